@@ -1,0 +1,1 @@
+"""stabctl: controller design and linear analysis for transient stability with energy storage."""

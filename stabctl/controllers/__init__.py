@@ -1,0 +1,1 @@
+"""Control laws and the signals they see."""

@@ -1,0 +1,21 @@
+"""What can go wrong, each as one sentence that names the object, the value and the remedy."""
+
+
+class StabctlError(Exception):
+    """Base of every error a user can cause; its text is one sentence."""
+
+
+class CaseError(StabctlError):
+    """A mistake in a case: file, row, column, value and what is allowed."""
+
+
+class PowerFlowError(StabctlError):
+    """The load flow has no solution, or none was found; names the worst bus."""
+
+
+class EquilibriumError(StabctlError):
+    """The machines and their controls have no start at the load flow; names device and limit."""
+
+
+class StudyError(StabctlError):
+    """A study asks for what the case does not have (fault place, machine, storage, step, time)."""
