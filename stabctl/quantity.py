@@ -25,9 +25,8 @@ class Range(NamedTuple):
         return isinstance(x, int | float) and (self.low < x if self.open_low else self.low <= x) and x <= self.high
 
     def __str__(self) -> str:
-        if self.high == math.inf:
-            return f"{'more than' if self.open_low else 'at least'} {self.low:g}"
-        return f"{'more than' if self.open_low else 'from'} {self.low:g} {'and at most' if self.open_low else 'to'} {self.high:g}"
+        low = f"{'more than' if self.open_low else 'at least'} {self.low:g}"
+        return low if self.high == math.inf else f"{low} and at most {self.high:g}"
 
 
 ANY = Range()

@@ -1,0 +1,174 @@
+"""Checks of a case: the first mistake is raised with its place, unusual rows are returned as sentences."""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from stabctl.errors import CaseError
+from stabctl.models import ALL
+from stabctl.quantity import fields
+
+if TYPE_CHECKING:
+    from stabctl.case import Case
+
+
+def fail(table: str, row: int, column: str, text: str) -> NoReturn:
+    """Raise a `CaseError` at a row (0 is the first below the header) and column of a table."""
+    error = CaseError(f"{table}.csv row {row + 2}, column {column}: {text}")
+    error.table, error.row, error.column, error.text = table, row, column, text
+    raise error
+
+
+def check(case: "Case") -> Iterator[str]:
+    """Raise the first mistake of the case; yield the sentences of what is unusual."""
+    from stabctl.case import TABLES
+
+    for quantity in ("base_mva", "frequency_hz"):
+        value = getattr(case, quantity)
+        if not (isinstance(value, int | float) and 0 < value < math.inf):
+            raise CaseError(f"case.toml, {quantity}: {value!r} is not allowed; it must be a number more than 0.")
+    for name, record in TABLES.items():
+        _values(name, record, getattr(case, name))
+    for name in ("buses", "machines"):
+        if not getattr(case, name):
+            raise CaseError(f"{name}.csv: the table has no row; a case needs at least one.")
+    _unique("buses", "bus", [b.bus for b in case.buses])
+    _unique("machines", "machine", [m.machine for m in case.machines])
+    _unique("links", "link", [k.link for k in case.links])
+    _buses(case)
+    _branches(case)
+    _loads(case)
+    yield from _devices(case)
+    _storage(case)
+    _connected(case)
+
+
+def _values(table: str, record: type, rows: Sequence[Any]) -> None:
+    """Every value of the right kind, finite and within its range."""
+    for f in fields(record).values():
+        for i, row in enumerate(rows):
+            value = getattr(row, f.name)
+            good = value in f.choices if f.choices else isinstance(value, str) if f.kind is str else _number(value, f)
+            if not good:
+                fail(table, i, f.column, f"{value!r} is not allowed; it must be {f.expected()}.")
+
+
+def _number(value: object, f: Any) -> bool:
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    kind = whole if f.kind is int else whole or isinstance(value, float)
+    return kind and math.isfinite(value) and value in f.allowed
+
+
+def _unique(table: str, column: str, keys: Sequence[object]) -> None:
+    seen: dict[object, int] = {}
+    for i, key in enumerate(keys):
+        if key in seen:
+            fail(table, i, column, f"{column} {key} stands already in row {seen[key] + 2}; each may stand once.")
+        seen[key] = i
+
+
+def _buses(case: "Case") -> None:
+    """Every bus that is named exists; one bus swings, and it has a machine, as every pv bus has."""
+    known = {b.bus for b in case.buses}
+    places = (
+        ("branches", case.branches, ("from_bus", "to_bus")),
+        ("machines", case.machines, ("bus", "storage_bus")),
+        ("loads", case.loads, ("bus",)),
+        ("links", case.links, ("from_bus", "to_bus")),
+        ("storage", case.storage, ("bus",)),
+    )
+    for table, rows, columns in places:
+        for i, row in enumerate(rows):
+            for column in columns:
+                if getattr(row, column) not in known:
+                    fail(table, i, column, f"there is no bus {getattr(row, column)}; name a bus of buses.csv.")
+    swings = [i for i, b in enumerate(case.buses) if b.kind == "swing"]
+    if not swings:
+        raise CaseError("buses.csv, column kind: no bus is the swing bus; exactly one must be.")
+    if len(swings) > 1:
+        first = case.buses[swings[0]].bus
+        fail("buses", swings[1], "kind", f"bus {first} is the swing bus already; exactly one bus may be.")
+    driven = {m.bus for m in case.machines}
+    for i, b in enumerate(case.buses):
+        if b.kind != "pq" and b.bus not in driven:
+            fail("buses", i, "kind", f"{b.kind!r} bus {b.bus} has no machine; it must be pq.")
+        if b.kind == "pq" and b.bus in driven:
+            fail("buses", i, "kind", f"bus {b.bus} has a machine; it must be pv or swing, not pq.")
+
+
+def _branches(case: "Case") -> None:
+    for i, k in enumerate(case.branches):
+        if k.r == 0 and k.x == 0:
+            fail("branches", i, "x_pu", f"branch {k.from_bus}-{k.to_bus} has no impedance; r or x must differ from 0.")
+        if k.from_bus == k.to_bus:
+            fail("branches", i, "to_bus", f"branch {k.from_bus}-{k.to_bus} ends where it starts; name two buses.")
+
+
+def _loads(case: "Case") -> None:
+    for i, load in enumerate(case.loads):
+        for part in "pq":
+            total = getattr(load, f"{part}_power") + getattr(load, f"{part}_current")
+            if total > 1 + 1e-9:
+                fail("loads", i, f"{part}_current", f"shares of {part} sum to {total:g}; they must not exceed 1.")
+
+
+def _devices(case: "Case") -> Iterator[str]:
+    """Parameters in range; one machine model each; controls that belong to the machine and to each other."""
+    numbers = {m.machine for m in case.machines}
+    has: dict[tuple[int, str], str] = {}
+    for model, rows in case.devices.items():
+        if model not in ALL:
+            raise CaseError(f"{model}.csv: there is no such device; known are {', '.join(ALL)}.")
+        device, table = ALL[model], list(rows.items())
+        _values(model, device.Par, [par for _, par in table])
+        for i, (number, par) in enumerate(table):
+            if number not in numbers:
+                fail(model, i, "machine", f"there is no machine {number}; name a machine of machines.csv.")
+            if (number, device.ROLE) in has:
+                other = has[number, device.ROLE]
+                fail(model, i, "machine", f"machine {number} has its {device.ROLE} in {other}.csv already; keep one.")
+            has[number, device.ROLE] = model
+            columns = {f.name: f.column for f in fields(device.Par).values()}
+            for name, column in columns.items():
+                top = name[:-3] + "max"
+                if name.endswith("min") and top in columns and getattr(par, name) > getattr(par, top):
+                    fail(model, i, column, f"{getattr(par, name):g} is above {top} = {getattr(par, top):g}.")
+            for name, text in getattr(par, "fatal", tuple)():
+                fail(model, i, columns[name], f"{getattr(par, name):g} of machine {number} {text}.")
+            for name, text in getattr(par, "odd", tuple)():
+                value = getattr(par, name)
+                yield f"{model}.csv row {i + 2}, column {columns[name]}: {value:g} of machine {number} {text}."
+    for i, m in enumerate(case.machines):
+        if (m.machine, "machine") not in has:
+            fail("machines", i, "machine", f"machine {m.machine} has no row in genrou.csv or gencls.csv; give it one.")
+    for model, rows in case.devices.items():
+        for i, number in enumerate(rows):
+            role = ALL[model].ROLE
+            if role == "exciter" and has[number, "machine"] == "gencls":
+                fail(model, i, "machine", f"machine {number} is classical (gencls.csv) and takes no exciter.")
+            if role == "stabiliser" and (number, "exciter") not in has:
+                fail(model, i, "machine", f"machine {number} has no exciter for its stabiliser to act on.")
+
+
+def _storage(case: "Case") -> None:
+    numbers = {m.machine for m in case.machines}
+    for i, s in enumerate(case.storage):
+        if s.machine not in numbers:
+            fail("storage", i, "machine", f"there is no machine {s.machine}; name a machine of machines.csv.")
+        if s.efficiency == 0:
+            fail("storage", i, "efficiency", "0 is not allowed; it must be a number more than 0 and at most 1.")
+
+
+def _connected(case: "Case") -> None:
+    """Every bus is reached from the swing bus."""
+    neighbours: dict[int, list[int]] = {b.bus: [] for b in case.buses}
+    for k in case.branches:
+        neighbours[k.from_bus].append(k.to_bus)
+        neighbours[k.to_bus].append(k.from_bus)
+    reached = {next(b.bus for b in case.buses if b.kind == "swing")}
+    front = list(reached)
+    while front:
+        front = [n for bus in front for n in neighbours[bus] if n not in reached and not reached.add(n)]
+    for i, b in enumerate(case.buses):
+        if b.bus not in reached:
+            fail("buses", i, "bus", f"bus {b.bus} is cut off from the swing bus; connect it by a branch or remove it.")

@@ -1,0 +1,56 @@
+"""The two decorators of compiled code, and the cache that follows the sources.
+
+`kernel` is a device or a part of one: melted into its entry point, never stored. `entry` is an entry point:
+the only thing kept on disk. numba does not notice an edit in a called file, so the cache folder is keyed by a
+hash of every source that holds a kernel; it lies in the user's cache folder, so that the package may be read-only.
+"""
+
+import hashlib
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+import platformdirs
+
+_PACKAGE = Path(__file__).parent
+
+
+def _source_hash() -> str:
+    digest = hashlib.sha256(numba.__version__.encode())
+    for path in sorted(_PACKAGE.rglob("*.py")):
+        text = path.read_bytes()
+        if b"@kernel" in text or b"@entry" in text or path.parent.name == "models":
+            digest.update(text)
+    return digest.hexdigest()[:16]
+
+
+def _cache_folder() -> Path:
+    wanted = Path(platformdirs.user_cache_dir("stabctl")) / _source_hash()
+    try:
+        wanted.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=wanted):
+            return wanted
+    except OSError:
+        return Path(tempfile.gettempdir()) / "stabctl" / wanted.name
+
+
+FOLDER = _cache_folder()
+
+kernel = numba.njit(error_model="numpy", forceinline=True, no_cfunc_wrapper=True)
+
+
+def entry(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile `function` as an entry point whose machine code is kept in `FOLDER`."""
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(FOLDER)
+    try:
+        return numba.njit(error_model="numpy", cache=True)(function)
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+def is_cold(name: str) -> bool:
+    """Has the entry point `name` no machine code on disk yet (its first call compiles for some seconds)?"""
+    return not any(FOLDER.rglob(f"*.{name}-*.nbc"))

@@ -1,0 +1,60 @@
+"""PSS: stabiliser on speed, K sTw/(1+sTw) (1+sT1)/(1+sT2) (1+sT3)/(1+sT4), limited."""
+
+from typing import Annotated, NamedTuple
+
+from stabctl.compiled import kernel
+from stabctl.quantity import NOT_NEGATIVE, Range
+
+from .blocks import clip, lag_rate, lead_lag
+
+NAME = "PSS"
+ROLE = "stabiliser"
+HELD: dict[str, tuple[str, str]] = {}
+
+
+class Par(NamedTuple):
+    """Constants of one stabiliser."""
+
+    K: Annotated[float, "pu", "gain, signal over speed deviation"]
+    Tw: Annotated[float, "s", "washout", Range(1e-3)]
+    T1: Annotated[float, "s", "first lead", NOT_NEGATIVE]
+    T2: Annotated[float, "s", "first lag", NOT_NEGATIVE]
+    T3: Annotated[float, "s", "second lead", NOT_NEGATIVE]
+    T4: Annotated[float, "s", "second lag", NOT_NEGATIVE]
+    Vmax: Annotated[float, "pu", "output limit"] = 0.1
+    Vmin: Annotated[float, "pu", "output limit"] = -0.1
+
+
+class State(NamedTuple):
+    """Washout and two lead-lags."""
+
+    washout: Annotated[float, "pu", "slow part of the speed"]
+    lag1: Annotated[float, "pu", "lagged signal of the first lead-lag"]
+    lag2: Annotated[float, "pu", "lagged signal of the second lead-lag"]
+
+
+class Input(NamedTuple):
+    """Signals at a stabiliser."""
+
+    omega: Annotated[float, "pu", "speed"]
+
+
+@kernel
+def stages(x, u, p):
+    """Signal after the washout, and after the first lead-lag (pu)."""
+    fast = p.K * (u.omega - x.washout)
+    return fast, lead_lag(p.T1, p.T2, fast, x.lag1)
+
+
+@kernel
+def output(x, u, p):
+    """Stabilising signal (pu)."""
+    fast, first = stages(x, u, p)
+    return clip(lead_lag(p.T3, p.T4, first, x.lag2), p.Vmin, p.Vmax)
+
+
+@kernel
+def flow(x, u, y, p):
+    """State rates (1/s)."""
+    fast, first = stages(x, u, p)
+    return State(lag_rate(p.Tw, u.omega, x.washout), lag_rate(p.T2, fast, x.lag1), lag_rate(p.T4, first, x.lag2))

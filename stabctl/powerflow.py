@@ -1,0 +1,111 @@
+"""Load flow by Newton's method in polar coordinates, sparse."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
+
+from stabctl import network
+from stabctl.case import Case
+from stabctl.errors import PowerFlowError
+
+TOLERANCE = 1e-10  # pu   largest power mismatch
+
+
+@dataclass(frozen=True, repr=False)
+class Flow:
+    """A solved load flow: voltages of the buses and power of the machines, pu on the system base, in table order."""
+
+    case: Case
+    V: np.ndarray  # (buses) complex, pu
+    S: np.ndarray  # (machines) complex, pu   power produced
+    iterations: int
+
+    def __str__(self) -> str:
+        low, high = np.abs(self.V).argmin(), np.abs(self.V).argmax()
+        number = [b.bus for b in self.case.buses]
+        return (
+            f"load flow of {self.case.name}: {self.iterations} iterations, {self.S.real.sum() * self.case.base_mva:.1f} MW "
+            f"produced, voltages from {abs(self.V[low]):.3f} pu (bus {number[low]}) to {abs(self.V[high]):.3f} pu "
+            f"(bus {number[high]})"
+        )
+
+    __repr__ = __str__
+
+
+def demand(case: Case, place: dict[int, int] | None = None) -> np.ndarray:
+    """Complex power (pu) drawn at every bus by loads and HVDC terminals, at load-flow voltage."""
+    place = place or {b.bus: i for i, b in enumerate(case.buses)}
+    S = np.zeros(len(case.buses), complex)
+    for load in case.loads:
+        S[place[load.bus]] += (load.p + 1j * load.q) / case.base_mva
+    for link in case.links:
+        S[place[link.from_bus]] += link.p / case.base_mva
+        S[place[link.to_bus]] -= (link.p - link.loss) / case.base_mva
+    return S
+
+
+def solve(case: Case, limit: int = 30) -> Flow:
+    """The load flow of a case; `PowerFlowError` names the worst bus where Newton finds no solution."""
+    net = network.grid(case)
+    Y = network.admittance(net)
+    drawn = demand(case, net.place)
+    wanted = -drawn
+    for m, bus in zip(case.machines, net.machine_bus, strict=True):
+        wanted[bus] += m.p / case.base_mva
+    kind = np.array([b.kind for b in case.buses])
+    pv, pq = np.flatnonzero(kind == "pv"), np.flatnonzero(kind == "pq")
+    size, angle = np.array([b.v for b in case.buses]), np.deg2rad([b.angle for b in case.buses])
+    V, iterations = _newton(case, Y, size, angle, wanted, pv, pq, limit)
+    injected = V * (Y @ V).conj() + drawn
+    return Flow(case, V, _shared(case, net.machine_bus, injected), iterations)
+
+
+def _newton(
+    case: Case,
+    Y: sp.csc_matrix,
+    size: np.ndarray,
+    angle: np.ndarray,
+    wanted: np.ndarray,
+    pv: np.ndarray,
+    pq: np.ndarray,
+    limit: int,
+) -> tuple[np.ndarray, int]:
+    """Voltages (pu) at which the injections are `wanted`, and the steps it took."""
+    pvpq = np.r_[pv, pq]
+    for iteration in range(limit + 1):
+        V = size * np.exp(1j * angle)
+        current = Y @ V
+        miss = V * current.conj() - wanted
+        F = np.r_[miss.real[pvpq], miss.imag[pq]]
+        if not np.isfinite(F).all() or (len(pq) and size[pq].min() <= 0):
+            break
+        if len(F) == 0 or np.abs(F).max() < TOLERANCE:
+            return V, iteration
+        worst = pvpq[np.abs(miss[pvpq]).argmax()], np.abs(miss[pvpq]).max()
+        dV, dI, unit = sp.diags(V), sp.diags(current), sp.diags(V / size)
+        da = (1j * dV @ (dI - Y @ dV).conj()).tocsr()
+        dm = (dV @ (Y @ unit).conj() + dI.conj() @ unit).tocsr()
+        J = sp.bmat([[da[pvpq][:, pvpq].real, dm[pvpq][:, pq].real], [da[pq][:, pvpq].imag, dm[pq][:, pq].imag]])
+        try:
+            step = splu(J.tocsc()).solve(-F)
+        except RuntimeError:
+            break
+        angle[pvpq] += step[: len(pvpq)]
+        size[pq] += step[len(pvpq) :]
+    bus, mismatch = worst
+    raise PowerFlowError(
+        f"The load flow of {case.name} found no solution in {iteration} steps: the power mismatch is worst at bus "
+        f"{case.buses[bus].bus} with {mismatch * case.base_mva:.4g} MVA; check its load, the lines to it and its voltage."
+    )
+
+
+def _shared(case: Case, machine_bus: np.ndarray, injected: np.ndarray) -> np.ndarray:
+    """Power (pu) of every machine: dispatched, the bus's remainder shared by machine base."""
+    S = np.array([m.p for m in case.machines], complex) / case.base_mva
+    base = np.array([m.base for m in case.machines])
+    for bus in np.unique(machine_bus):
+        here = machine_bus == bus
+        S[here] += (injected[bus] - S[here].sum()) * base[here] / base[here].sum()
+    return S

@@ -1,0 +1,227 @@
+"""A case as a folder: one CSV table a kind of row, units in the header, and `case.toml`.
+
+Tables: buses, branches, machines, loads, links, storage, and one per device model, keyed by machine number. A folder
+whose case.toml says `extends = "other"` holds only what differs: a table row replaces the given columns of the row
+with the same key (bus or machine number) of the other case.
+"""
+
+import csv
+import difflib
+import io
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from stabctl.case import TABLES, Case
+from stabctl.errors import CaseError
+from stabctl.models import ALL
+from stabctl.quantity import Field, fields
+
+PACKAGED = Path(__file__).parent.parent / "cases"
+KEYS = {"buses": "bus", "machines": "machine"}
+ABOUT = {"name": str, "title": str, "source": str, "base_mva": float, "frequency_hz": float, "extends": str}
+
+Row = dict[str, Any]
+Table = dict[str, tuple[list[Row], list[int]]]  # table -> rows, line numbers
+
+
+def packaged() -> list[str]:
+    """Names of the cases that come with the package."""
+    return sorted(p.parent.name for p in PACKAGED.glob("*/case.toml"))
+
+
+def load(name: str | Path) -> Case:
+    """A packaged case by its name, or the case in a folder. Raises `CaseError` with the place of the mistake."""
+    folder = Path(name)
+    if str(name) in packaged():
+        folder = PACKAGED / str(name)
+    elif not folder.is_dir():
+        raise CaseError(f"There is no case {str(name)!r}: name a folder, or one of {', '.join(packaged())}.")
+    about = _about(folder)
+    tables = _tables(folder, partial="extends" in about)
+    if "extends" in about:
+        return _overlay(folder, about, tables)
+    return _build(folder, about, tables)
+
+
+def _about(folder: Path) -> Row:
+    path = folder / "case.toml"
+    try:
+        about = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise CaseError(f"{path}: the file is missing; a case folder needs one.") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
+        raise CaseError(f"{path}: it cannot be read as TOML ({error}).") from None
+    for key, value in about.items():
+        if key not in ABOUT:
+            raise CaseError(f"{path}: {key!r} is not a known entry; known are {', '.join(ABOUT)}.")
+        kind = ABOUT[key]
+        if isinstance(value, bool) or not isinstance(value, str if kind is str else int | float):
+            raise CaseError(f"{path}, {key}: {value!r} is not allowed; it must be a {'text' if kind is str else 'number'}.")
+    return about
+
+
+def _tables(folder: Path, partial: bool) -> Table:
+    tables: Table = {}
+    for path in sorted(folder.glob("*.csv")):
+        name = path.stem
+        if name in TABLES:
+            columns, key = dict(fields(TABLES[name])), KEYS.get(name)
+        elif name in ALL:
+            number = fields(TABLES["machines"])["machine"]
+            columns, key = {"machine": number, **fields(ALL[name].Par)}, "machine"
+        else:
+            raise CaseError(f"{path}: there is no table {name!r}; known are {', '.join([*TABLES, *ALL])}.")
+        tables[name] = _rows(path, columns, key if partial else None)
+    return tables
+
+
+def _rows(path: Path, columns: dict[str, Field], partial_key: str | None) -> tuple[list[Row], list[int]]:
+    """Rows as dictionaries by field name. With `partial_key` only that column must be there."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (UnicodeDecodeError, OSError) as error:
+        raise CaseError(f"{path}: it cannot be read as a UTF-8 text ({error}).") from None
+    by_header = {f.column: f for f in columns.values()}
+    rows, lines, header = [], [], None
+    try:
+        reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+        for cells in reader:
+            cells = [c.strip() for c in cells]
+            if not any(cells):
+                continue
+            if header is None:
+                header = _header(path, cells, by_header, partial_key)
+                continue
+            if len(cells) != len(header):
+                text = f"has {len(cells)} cells; the header has {len(header)}."
+                raise CaseError(f"{path} row {reader.line_num}: the row {text}")
+            given = zip(header, cells, strict=True)
+            row = {f.name: _value(path, reader.line_num, f, c) for f, c in given if c or f.required}
+            if partial_key is None:
+                row = {f.name: f.default for f in columns.values() if not f.required} | row
+            rows.append(row)
+            lines.append(reader.line_num)
+    except csv.Error as error:
+        raise CaseError(f"{path}: it cannot be read as CSV ({error}).") from None
+    if header is None:
+        raise CaseError(f"{path}: the table has no header; it must be {', '.join(by_header)}.")
+    return rows, lines
+
+
+def _header(path: Path, cells: list[str], by_header: dict[str, Field], partial_key: str | None) -> list[Field]:
+    for i, cell in enumerate(cells):
+        if cell not in by_header:
+            near = difflib.get_close_matches(cell, by_header, 1, 0.5)
+            hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(by_header)}."
+            raise CaseError(f"{path} row 1: {cell!r} is not a column of this table; {hint}")
+        if cell in cells[:i]:
+            raise CaseError(f"{path} row 1: column {cell!r} stands twice; each may stand once.")
+    needed = [c for c, f in by_header.items() if (f.name == partial_key if partial_key else f.required)]
+    for column in needed:
+        if column not in cells:
+            raise CaseError(f"{path} row 1: column {column!r} ({by_header[column].meaning}) is missing.")
+    return [by_header[c] for c in cells]
+
+
+def _value(path: Path, line: int, f: Field, cell: str) -> Any:
+    try:
+        return f.kind(cell)
+    except ValueError:
+        raise CaseError(f"{path} row {line}, column {f.column}: {cell!r} is not allowed; it must be {f.expected()}.") from None
+
+
+def _build(folder: Path, about: Row, tables: Table) -> Case:
+    for name in ("buses", "branches", "machines"):
+        if name not in tables:
+            raise CaseError(f"{folder / name}.csv: the table is missing; a case folder needs one.")
+    rows = {name: tuple(record(**row) for row in tables[name][0]) for name, record in TABLES.items() if name in tables}
+    devices: dict[str, dict[int, Any]] = {}
+    for name, device in ALL.items():
+        if name in tables:
+            devices[name] = _keyed(folder / f"{name}.csv", device.Par, *tables[name])
+    given = {key: value for key, value in about.items() if key != "extends"}
+    return _located(folder, tables, {"name": folder.name} | given | rows | {"devices": devices})
+
+
+def _keyed(path: Path, record: type, rows: list[Row], lines: list[int]) -> dict[int, Any]:
+    filled = dict.fromkeys(record._fields, 0.0)
+    table: dict[int, Any] = {}
+    for row, line in zip(rows, lines, strict=True):
+        number = row["machine"]
+        if number in table:
+            raise CaseError(f"{path} row {line}, column machine: machine {number} stands already; each may stand once.")
+        table[number] = record(**{k: v for k, v in (filled | row).items() if k != "machine"})
+    return table
+
+
+def _located(folder: Path, tables: Table, arguments: dict[str, Any]) -> Case:
+    """The case; a mistake in it is told with folder and line of the file."""
+    try:
+        return Case(**arguments)
+    except CaseError as error:
+        if not hasattr(error, "table"):
+            raise CaseError(f"{folder / ''}{error}".replace(f"{folder / ''}", f"{folder}/")) from None
+        lines = tables[error.table][1] if error.table in tables else []
+        line = lines[error.row] if error.row < len(lines) else error.row + 2
+        path = folder / f"{error.table}.csv"
+        raise CaseError(f"{path} row {line}, column {error.column}: {error.text}") from None
+
+
+def _overlay(folder: Path, about: Row, tables: Table) -> Case:
+    base = folder.parent / about["extends"]
+    if base.resolve() == folder.resolve() or "extends" in _about(base if base.is_dir() else PACKAGED / about["extends"]):
+        raise CaseError(f"{folder / 'case.toml'}, extends: {about['extends']!r} is itself an overlay; name a full case.")
+    case = load(base if base.is_dir() else about["extends"])
+    changed: dict[str, Any] = {k: getattr(case, k) for k in (*TABLES, "title", "source", "base_mva", "frequency_hz")}
+    devices = {model: dict(rows) for model, rows in case.devices.items()}
+    for name, (rows, lines) in tables.items():
+        path = folder / f"{name}.csv"
+        if name in TABLES and name not in KEYS:
+            changed[name] = tuple(TABLES[name](**row) for row in rows)
+            continue
+        key = KEYS.get(name, "machine")
+        known = {getattr(r, key): r for r in changed[name]} if name in TABLES else devices.get(name, {})
+        for row, line in zip(rows, lines, strict=True):
+            number = row.pop(key)
+            if number not in known:
+                raise CaseError(f"{path} row {line}, column {key}: {case.name} has no {key} {number} to change.")
+            known[number] = known[number]._replace(**row)
+        if name in TABLES:
+            changed[name] = tuple(known.values())
+    given = {key: value for key, value in about.items() if key != "extends"}
+    return _located(folder, {}, changed | {"devices": devices, "name": folder.name} | given)
+
+
+def write(case: Case, folder: str | Path) -> Path:
+    """Write the case into a folder (made if need be), so that `load` gives it back; the folder."""
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    about = {k: getattr(case, k) for k in ABOUT if k != "extends"}
+    lines = [f"{k} = {_toml(v)}" for k, v in about.items()]
+    (folder / "case.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    for name, record in TABLES.items():
+        if getattr(case, name):
+            columns = fields(record)
+            _save(folder / f"{name}.csv", columns, [[getattr(r, c) for c in columns] for r in getattr(case, name)])
+    machine = fields(TABLES["machines"])["machine"]
+    for name, rows in case.devices.items():
+        columns = fields(ALL[name].Par)
+        cells = [[number, *(getattr(par, c) for c in columns)] for number, par in rows.items()]
+        _save(folder / f"{name}.csv", {"machine": machine, **columns}, cells)
+    return folder
+
+
+def _toml(value: str | float) -> str:
+    if not isinstance(value, str):
+        return repr(float(value))
+    for plain, escaped in (("\\", "\\\\"), ('"', '\\"'), ("\n", "\\n")):
+        value = value.replace(plain, escaped)
+    return f'"{value}"'
+
+
+def _save(path: Path, columns: Any, cells: list[list[Any]]) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow([f.column for f in columns.values()])
+        writer.writerows([format(c, ".15g") if isinstance(c, float) and float(format(c, ".15g")) == c else c for c in row] for row in cells)
