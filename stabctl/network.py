@@ -42,12 +42,23 @@ INTACT = Branch()
 
 
 class Switching(NamedTuple):
-    """Everything that has happened to a network; the default is nothing."""
+    """Everything that has happened to a network; the default is nothing. Rows are those of the case's tables."""
 
-    branches: Mapping[int, Branch] = {}  # row of the branch table -> its state
-    shunts: Mapping[int, complex] = {}  # row of the bus -> admittance added (faults, load steps), pu
+    branches: tuple[tuple[int, Branch], ...] = ()  # row of the branch, its state
+    faults: tuple[tuple[int, complex], ...] = ()  # row of the bus, fault admittance, pu
+    shunts: tuple[tuple[int, complex], ...] = ()  # row of the bus, admittance switched in, pu
     tripped: frozenset[int] = frozenset()  # rows of machines
-    load_steps: tuple[tuple[int, float, float], ...] = ()  # row of the bus, P and Q at its first voltage, pu
+    loads: tuple[tuple[int, complex], ...] = ()  # row of the bus, power added at its load-flow voltage, pu
+
+    @property
+    def faulted(self) -> bool:
+        """Is a fault on?"""
+        return bool(self.faults) or any(
+            s.fault_at is not None and (s.from_closed or s.to_closed) for _, s in self.branches
+        )
+
+
+UNSWITCHED = Switching()
 
 
 def grid(case: Case) -> Grid:
@@ -96,15 +107,14 @@ def two_port(z: complex, charging: float, state: Branch = INTACT) -> np.ndarray:
     return out
 
 
-def admittance(net: Grid, switching: Switching | None = None) -> sp.csc_matrix:
+def admittance(net: Grid, switching: Switching = UNSWITCHED) -> sp.csc_matrix:
     """Bus admittance matrix (pu) of branches and shunts; machines and loads are not in it."""
-    switching = switching or Switching()
     y, half = 1 / net.z, 0.5j * net.charging
     ports = np.array([[y + half, -y], [-y, y + half]])
-    for k, state in switching.branches.items():
+    for k, state in switching.branches:
         ports[:, :, k] = two_port(net.z[k], net.charging[k], state)
     shunt = net.shunt.copy()
-    for bus, extra in switching.shunts.items():
+    for bus, extra in (*switching.faults, *switching.shunts):
         shunt[bus] += extra
     t, d = net.ratio, np.arange(len(shunt))
     values = np.r_[
@@ -114,12 +124,12 @@ def admittance(net: Grid, switching: Switching | None = None) -> sp.csc_matrix:
     return sp.csc_matrix((values, (rows, columns)), shape=(len(shunt),) * 2)
 
 
-def islands(net: Grid, switching: Switching | None = None) -> np.ndarray:
+def islands(net: Grid, switching: Switching = UNSWITCHED) -> np.ndarray:
     """Number of the island of every bus, counted from 0; branches closed at both ends connect."""
     from scipy.sparse.csgraph import connected_components
 
     closed = np.ones(len(net.frm), bool)
-    for k, state in (switching.branches if switching else {}).items():
+    for k, state in switching.branches:
         closed[k] = state.from_closed and state.to_closed
     links = sp.csr_matrix((np.ones(closed.sum()), (net.frm[closed], net.to[closed])), shape=(len(net.shunt),) * 2)
     return connected_components(links, directed=False)[1]

@@ -74,16 +74,19 @@ def _newton(
 ) -> tuple[np.ndarray, int]:
     """Voltages (pu) at which the injections are `wanted`, and the steps it took."""
     pvpq = np.r_[pv, pq]
+    worst = (0, np.inf)
     for iteration in range(limit + 1):
         V = size * np.exp(1j * angle)
         current = Y @ V
         miss = V * current.conj() - wanted
         F = np.r_[miss.real[pvpq], miss.imag[pq]]
-        if not np.isfinite(F).all() or (len(pq) and size[pq].min() <= 0):
-            break
         if len(F) == 0 or np.abs(F).max() < TOLERANCE:
             return V, iteration
+        if not np.isfinite(F).all():
+            break
         worst = pvpq[np.abs(miss[pvpq]).argmax()], np.abs(miss[pvpq]).max()
+        if len(pq) and size[pq].min() <= 0:
+            break
         dV, dI, unit = sp.diags(V), sp.diags(current), sp.diags(V / size)
         da = (1j * dV @ (dI - Y @ dV).conj()).tocsr()
         dm = (dV @ (Y @ unit).conj() + dI.conj() @ unit).tocsr()

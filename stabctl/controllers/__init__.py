@@ -1,1 +1,5 @@
-"""Control laws and the signals they see."""
+"""Control laws of the storage devices, and the signals they see."""
+
+from .bang_bang import BangBang
+
+__all__ = ["BangBang"]

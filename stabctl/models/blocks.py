@@ -27,15 +27,15 @@ def magnitude(re, im):
 @kernel
 def at_least(x, low):
     """x, but never below `low`."""
-    return low if x.real < low else x
+    return low if x.real < low.real else x
 
 
 @kernel
 def clip(x, low, high):
     """x between its limits."""
-    if x.real < low:
+    if x.real < low.real:
         return low
-    if x.real > high:
+    if x.real > high.real:
         return high
     return x
 

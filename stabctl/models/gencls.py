@@ -2,7 +2,7 @@
 
 2H domega/dt = Pm - Pe - D (omega - 1), ddelta/dt = wb (omega - 1), Pe the power of the source (the paper, eq. (1)-(4)).
 No speed factor stands on the source, so that a lossless system conserves its energy function.
-Per unit on the machine's own MVA; `base` carries currents to the system base.
+Per unit on the machine's own MVA; `mva` carries currents to the system base.
 """
 
 from typing import Annotated, NamedTuple
@@ -24,7 +24,7 @@ __all__ = ["HELD", "NAME", "ROLE", "Input", "Output", "Par", "State", "flow", "n
 class Par(NamedTuple):
     """Constants of one machine."""
 
-    base: Annotated[float, "-", "machine MVA over system MVA", FROM_CASE]
+    mva: Annotated[float, "-", "machine MVA over system MVA", FROM_CASE]
     wb: Annotated[float, "rad/s", "base speed, 2 pi f", FROM_CASE]
     H: Annotated[float, "s", "inertia constant", POSITIVE]
     D: Annotated[float, "pu", "damping power over speed deviation"]
@@ -43,7 +43,7 @@ class State(NamedTuple):
 def norton(x, Efd, p):
     """Short-circuit current of the source (pu system), real and imaginary part."""
     er, ei = Efd * np.cos(x.delta), Efd * np.sin(x.delta)
-    k = p.base / (p.ra * p.ra + p.x1d * p.x1d)
+    k = p.mva / (p.ra * p.ra + p.x1d * p.x1d)
     return k * (p.ra * er + p.x1d * ei), k * (p.ra * ei - p.x1d * er)
 
 
@@ -56,7 +56,7 @@ def output(x, Efd, v, p):
     k = 1 / (p.ra * p.ra + p.x1d * p.x1d)
     iq, id_ = k * (p.ra * er + p.x1d * ei), k * (p.x1d * er - p.ra * ei)
     vt = magnitude(vr, vi)
-    return Output(id_, iq, Efd * iq, p.base * (vr * iq - vi * id_), vt, vt)
+    return Output(id_, iq, Efd * iq, p.mva * (vr * iq - vi * id_), vt, vt)
 
 
 @kernel
@@ -69,7 +69,7 @@ def flow(x, u, y, p):
 @kernel
 def admittance(p):
     """Norton admittance 1/(ra + j x'd) (pu system), real and imaginary part."""
-    k = p.base / (p.ra * p.ra + p.x1d * p.x1d)
+    k = p.mva / (p.ra * p.ra + p.x1d * p.x1d)
     return k * p.ra, -k * p.x1d
 
 

@@ -1,6 +1,6 @@
 """GENROU: synchronous machine with one field and three damper circuits, x''q = x''d.
 
-Round rotor, or salient pole where x'q = xq. Per unit on the machine's own MVA; `base` carries currents to the
+Round rotor, or salient pole where x'q = xq. Per unit on the machine's own MVA; `mva` carries currents to the
 system base. The source behind ra + j x'' is omega (psi''d + j psi''q) exp(j delta). Saturation is that of the flux
 psi'' on both axes, quadratic through S10 and S12 (S12 = 0: none).
 Source: Kundur, Power System Stability and Control, ch. 3-4; saturation as in PSS/E GENROU.
@@ -26,7 +26,7 @@ __all__ = ["HELD", "NAME", "ROLE", "Input", "Output", "Par", "State", "flow", "n
 class Par(NamedTuple):
     """Constants of one machine."""
 
-    base: Annotated[float, "-", "machine MVA over system MVA", FROM_CASE]
+    mva: Annotated[float, "-", "machine MVA over system MVA", FROM_CASE]
     wb: Annotated[float, "rad/s", "base speed, 2 pi f", FROM_CASE]
     H: Annotated[float, "s", "inertia constant", POSITIVE]
     D: Annotated[float, "pu", "damping torque over speed deviation"]
@@ -84,7 +84,7 @@ def norton(x, Efd, p):
     psid, psiq = source(x, p)
     s, c = np.sin(x.delta), np.cos(x.delta)
     er, ei = x.omega * (c * psid - s * psiq), x.omega * (s * psid + c * psiq)
-    k = p.base / (p.ra * p.ra + p.x2 * p.x2)
+    k = p.mva / (p.ra * p.ra + p.x2 * p.x2)
     return k * (p.ra * er + p.x2 * ei), k * (p.ra * ei - p.x2 * er)
 
 
@@ -102,7 +102,7 @@ def output(x, Efd, v, p):
         id_,
         iq,
         psid * iq - psiq * id_,
-        p.base * (vr * iq - vi * id_),
+        p.mva * (vr * iq - vi * id_),
         magnitude(vr, vi),
         magnitude(vr - slip * psid, vi - slip * psiq),
     )
@@ -141,7 +141,7 @@ def flow(x, u, y, p):
 @kernel
 def admittance(p):
     """Norton admittance 1/(ra + j x'') (pu system), real and imaginary part."""
-    k = p.base / (p.ra * p.ra + p.x2 * p.x2)
+    k = p.mva / (p.ra * p.ra + p.x2 * p.x2)
     return k * p.ra, -k * p.x2
 
 

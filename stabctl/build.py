@@ -1,0 +1,120 @@
+"""Case and load flow -> the plant the kernels take, on the system base.
+
+One constructor: every table is a contiguous, writeable copy, since anything else would silently be compiled again.
+"""
+
+from types import ModuleType
+
+import numpy as np
+
+from stabctl import system
+from stabctl.case import Case, Storage
+from stabctl.controllers.signals import Par as Law
+from stabctl.models import ALL, load, storage
+from stabctl.network import Grid
+from stabctl.powerflow import Flow
+from stabctl.system import Plant, records
+
+MACHINES = ("gencls", "genrou")
+
+
+def plant(case: Case, flow: Flow, net: Grid) -> tuple[Plant, np.ndarray]:
+    """Every device of the case, and the admittance (buses, pu) of the part of the loads that is constant impedance."""
+    rows = {m.machine: i for i, m in enumerate(case.machines)}
+    tables: dict[str, np.ndarray] = {}
+    for name, device in ALL.items():
+        tables[name], tables[f"{name}_machine"] = _devices(case, name, device, rows)
+    tables |= _storage(case, net, rows)
+    tables["law"] = records(Law, len(case.storage))
+    tables["load"], tables["load_bus"], fixed = _loads(case, flow, net)
+    tables["machine_bus"] = net.machine_bus.astype(np.int64)
+    inertia = np.zeros(len(case.machines))
+    for name in MACHINES:
+        inertia[tables[f"{name}_machine"]] = tables[name].H * tables[name].mva
+    tables["inertia"], tables["rotor"] = inertia, np.zeros(len(case.machines), np.int64)
+    buses = np.concatenate([tables["load_bus"], tables["storage_bus"]])
+    tables["draw_bus"], slot = np.unique(buses, return_inverse=True)
+    n = len(tables["load"])
+    tables["load_slot"], tables["storage_slot"] = slot[:n].astype(np.int64), slot[n:].astype(np.int64)
+    widths = [len(k.State._fields) for k in system.FAMILIES]
+    owners = [np.repeat(tables[f"{f}_machine"], w) for f, w in zip(system.NAMES, widths, strict=True)]
+    tables["owner"] = np.concatenate(owners).astype(np.int64)
+    tables |= {"held": np.zeros(0, np.int64), "held_low": np.zeros(0), "held_high": np.zeros(0)}
+    made = Plant(**tables)
+    for name in MACHINES:
+        width = len(ALL[name].State._fields)
+        where = tables[f"{name}_machine"]
+        made.rotor[where] = system.first_state(made, name) + width * np.arange(len(where))
+    return made._replace(**held(made)), fixed
+
+
+def _devices(case: Case, name: str, device: ModuleType, rows: dict[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    table = case.devices.get(name, {})
+    out = records(device.Par, len(table))
+    where = np.array([rows[number] for number in table], np.int64)
+    for field in device.Par._fields:
+        out[field] = [getattr(par, field) for par in table.values()]
+    if device.ROLE == "machine":
+        out["mva"] = np.array([case.machines[i].base for i in where]) / case.base_mva
+        out["wb"] = 2 * np.pi * case.frequency_hz
+    return out, where
+
+
+def held(plant: Plant) -> dict[str, np.ndarray]:
+    """Places in z, and limits, of the states that a model lists in HELD."""
+    place, low, high = [], [], []
+    for name, device in ALL.items():
+        first, width, table = system.first_state(plant, name), len(device.State._fields), getattr(plant, name)
+        for state, (least, most) in device.HELD.items():
+            place.append(first + device.State._fields.index(state) + width * np.arange(len(table)))
+            low.append(table[least])
+            high.append(table[most])
+    return {
+        "held": np.concatenate(place).astype(np.int64),
+        "held_low": np.concatenate(low).astype(float),
+        "held_high": np.concatenate(high).astype(float),
+    }
+
+
+def _storage(case: Case, net: Grid, rows: dict[int, int]) -> dict[str, np.ndarray]:
+    """The storage devices in pu on the system base; energy in pu seconds."""
+    out = records(storage.Par, len(case.storage))
+    part = {"power": "Pp", "current": "Pc", "conductance": "Pg"}
+    for row, s in zip(out, case.storage, strict=True):
+        row[part[s.characteristic]] = s.rating / case.base_mva
+        row["vlow"], row["T"], row["efficiency"] = 0.5, s.lag, np.sqrt(s.efficiency)
+        row["ramp"] = s.ramp / s.rating if s.rating else 0.0
+        row["capacity"] = s.energy * 3600 / case.base_mva
+    return {
+        "storage": out,
+        "storage_machine": np.array([rows[s.machine] for s in case.storage], np.int64),
+        "storage_bus": np.array([net.place[s.bus] for s in case.storage], np.int64),
+    }
+
+
+def stored(case: Case) -> np.ndarray:
+    """Energy (pu s) in every storage device at the start."""
+    return np.array([_start_energy(s) for s in case.storage]) * 3600 / case.base_mva
+
+
+def _start_energy(s: Storage) -> float:
+    return s.energy * s.charge
+
+
+def _loads(case: Case, flow: Flow, net: Grid) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Voltage-dependent parts of loads and HVDC terminals, their buses, and the admittance of the rest."""
+    rows = [(b.bus, b.p, b.q, b.p_power, b.q_power, b.p_current, b.q_current, b.v_low) for b in case.loads]
+    for k in case.links:
+        rows += [(k.from_bus, k.p, 0, 0, 0, 1, 1, 0.5), (k.to_bus, -(k.p - k.loss), 0, 0, 0, 1, 1, 0.5)]
+    fixed = np.zeros(len(case.buses), complex)
+    out = []
+    for bus, p, q, pp, qp, pc, qc, vlow in rows:
+        b, V = net.place[bus], abs(flow.V[net.place[bus]])
+        P, Q = p / case.base_mva, q / case.base_mva
+        fixed[b] += ((1 - pp - pc) * P - 1j * (1 - qp - qc) * Q) / V**2
+        if pp * P or qp * Q or pc * P or qc * Q:
+            out.append((b, pp * P, qp * Q, pc * P / V, qc * Q / V, vlow))
+    table = records(load.Par, len(out))
+    for j, values in enumerate(out):
+        table[j] = values[1:]
+    return table, np.array([o[0] for o in out], np.int64), fixed

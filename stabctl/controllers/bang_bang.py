@@ -1,0 +1,29 @@
+"""Bang-bang law: full power by the sign of the speed deviation (the paper, section 5, eq. (40) and Table 3)."""
+
+from dataclasses import dataclass
+
+from stabctl.compiled import kernel
+
+from .signals import Par
+
+KIND = 1.0
+
+
+@kernel
+def order(seen, p):  # noqa: ANN001, ANN201
+    """Order in ratings: absorb (1) when fast, inject (-1) when slow, idle within the deadband or at low voltage."""
+    if seen.voltage < p.gate or -p.deadband <= seen.deviation <= p.deadband:
+        return 0.0
+    return 1.0 if seen.deviation > 0 else -1.0
+
+
+@dataclass(frozen=True)
+class BangBang:
+    """The bang-bang law with its two thresholds."""
+
+    deadband_hz: float = 0.1  # Hz   speed deviation without action
+    min_voltage: float = 0.8  # pu   voltage below which the device idles
+
+    def par(self, frequency_hz: float) -> Par:
+        """Constants in pu."""
+        return Par(KIND, self.deadband_hz / frequency_hz, self.min_voltage)

@@ -1,0 +1,166 @@
+"""A simulation that can be advanced an interval at a time, and the run from start to end in one call."""
+
+import time
+from collections.abc import Iterable
+
+import numpy as np
+
+from stabctl.controllers import BangBang
+from stabctl.equilibrium import Point
+from stabctl.errors import StudyError
+from stabctl.system import buffers
+
+from . import events as ev
+from . import stepper
+from .nets import Stage, stage
+from .outcome import Outcome, outcome
+from .stepper import Rules
+from .trajectory import Trajectory
+
+STEP = 1 / 120  # s   default
+REACH = 2.5  # largest |step * eigenvalue| that RK4 carries, with a margin (it is unstable beyond 2.785)
+
+
+class Simulation:
+    """A system in motion. `advance` carries it on; storage orders may be set between calls where `control` is None.
+
+    Args: the operating point; what happens; the storage law (None: orders as set in `orders`); the largest step (s);
+    when to give up; whether to keep the rows of the trajectory. Raises `StudyError` for impossible events or step.
+    """
+
+    def __init__(
+        self,
+        point: Point,
+        events: Iterable[ev.Event] = (),
+        control: BangBang | None = None,
+        step: float | None = None,
+        rules: Rules = Rules(),  # noqa: B008
+        record: bool = True,
+        start: float = 0.0,
+    ) -> None:
+        self.point, self.rules, self.recording = point, rules, record
+        self.step = _checked_step(point, step)
+        self.changes = ev.timeline(point.case, point.net, events)
+        self.time, self.wall_s, self.steps = start, 0.0, 0
+        self.outcome: Outcome | None = None
+        self._at = 0
+        while self._at + 1 < len(self.changes) and self.changes[self._at + 1].at <= start + 1e-9:
+            self._at += 1
+        self._stage = self._enter()
+        if control is not None:
+            law = control.par(point.case.frequency_hz)
+            for name in law._fields:
+                point.plant.law[name] = getattr(law, name)
+        else:
+            point.plant.law["kind"] = 0.0
+        self._buffers = buffers(point.plant, len(point.V))
+        self._buffers.z[:] = point.z
+        self._work = stepper.scratch(self._buffers, point.plant)
+        self._width = len(point.z) + 3 * len(point.case.machines) + len(point.case.storage)
+        self._times: list[np.ndarray] = []
+        self._rows: list[np.ndarray] = []
+
+    @property
+    def orders(self) -> np.ndarray:
+        """Orders (devices) wanted from outside, in ratings, absorbing positive; set them in place."""
+        return self._work.wish
+
+    @property
+    def speed(self) -> np.ndarray:
+        """Speeds (machines) now, pu."""
+        return self._buffers.z[self.point.plant.rotor + 1]
+
+    @property
+    def angle(self) -> np.ndarray:
+        """Angles (machines) now, rad."""
+        return self._buffers.z[self.point.plant.rotor]
+
+    @property
+    def V(self) -> np.ndarray:
+        """Voltages (buses) now, complex, pu."""
+        return self._work.volt.copy()
+
+    def advance(self, until: float) -> bool:
+        """Carry on to `until` (s), landing on every event on the way; is the system still to be carried on?"""
+        while self.outcome is None and self.time < until - 1e-9:
+            following = self.changes[self._at + 1].at if self._at + 1 < len(self.changes) else np.inf
+            target = min(until, following)
+            if target > self.time + 1e-9:
+                self._segment(target)
+            if self.outcome is None and following <= target + 1e-9:
+                self._at += 1
+                self._stage = self._enter()
+        return self.outcome is None
+
+    def finish(self) -> Trajectory:
+        """The trajectory so far, its last row at the present instant."""
+        if self.outcome is None:
+            self.outcome = outcome(self.point, stepper.DONE, self.time, self._stage, self._work, self.rules)
+        if self.recording and self._verdict_has_voltage():
+            self._call(0.0, 0, True)
+        rows = np.concatenate(self._rows) if self._rows else np.empty((0, self._width))
+        times = np.concatenate(self._times) if self._times else np.empty(0)
+        rows.setflags(write=False)
+        times.setflags(write=False)
+        peak = self._work.peak.copy()
+        return Trajectory(self.point, self.outcome, times, rows, peak, self.step, self.steps, self.wall_s)
+
+    def _verdict_has_voltage(self) -> bool:
+        return not (self.outcome is not None and self.outcome.bus is not None)
+
+    def _enter(self) -> Stage:
+        return stage(self.point, self.changes[self._at].switching)
+
+    def _segment(self, target: float) -> None:
+        steps = max(1, int(np.ceil((target - self.time) / self.step - 1e-6)))
+        h = (target - self.time) / steps
+        verdict, made = self._call(h, steps, False)
+        self.time = target if made == steps else self.time + h * made
+        self.steps += made
+        if verdict != stepper.DONE:
+            self.outcome = outcome(self.point, verdict, self.time, self._stage, self._work, self.rules)
+
+    def _call(self, h: float, steps: int, last: bool) -> tuple[int, int]:
+        history = np.empty((steps + last if self.recording else 0, self._width))
+        now = self._stage
+        before = time.perf_counter()
+        verdict, made, _ = stepper.advance(
+            self._buffers, now.plant, now.net, self._work, self.rules, h, steps, last, 1, history
+        )
+        self.wall_s += time.perf_counter() - before
+        if self.recording:
+            self._times.append(self.time + h * np.arange(made + last))
+            self._rows.append(history[: made + last])
+        return verdict, made
+
+
+def _checked_step(point: Point, step: float | None) -> float:
+    longest = REACH / point.fastest
+    if step is None:
+        return min(STEP, longest / 2)
+    if not 0 < step < np.inf:
+        raise StudyError(f"The step {step:g} s is not allowed; it must be more than 0.")
+    if step > longest:
+        raise StudyError(
+            f"The step {step:.4g} s is too long for {point.case.name}, whose fastest eigenvalue is near "
+            f"{point.fastest:.0f} 1/s; give at most {longest:.3g} s."
+        )
+    return step
+
+
+def run(
+    point: Point,
+    events: Iterable[ev.Event] = (),
+    until: float = 10.0,
+    control: BangBang | None = None,
+    step: float | None = None,
+    rules: Rules = Rules(),  # noqa: B008
+    record: bool = True,
+    start: float = 0.0,
+) -> Trajectory:
+    """Simulate an operating point under events until `until` (s); arguments as in `Simulation`."""
+    if not start < until < np.inf:
+        raise StudyError(f"The run ends at {until:g} s; it must end after its start at {start:g} s.")
+    simulation = Simulation(point, events, control, step, rules, record, start)
+    simulation.advance(until)
+    return simulation.finish()

@@ -1,0 +1,221 @@
+"""The compiled loop: RK4 on the states at a fixed step, network voltages by substitution, orders once per step."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from stabctl import system
+from stabctl.compiled import entry, kernel
+from stabctl.controllers import laws
+from stabctl.controllers.signals import Seen
+from stabctl.models.blocks import copy, magnitude
+from stabctl.system import Buffers, Plant
+
+from .substitution import Factors
+from .voltages import FAILED, settle
+
+DONE, SLIPPED, NO_VOLTAGE, LOW_VOLTAGE, RUNAWAY = range(5)
+
+
+class Net(NamedTuple):
+    """The network between two events."""
+
+    factors: Factors
+    island: np.ndarray  # (machines) its island, -1 once tripped or dead
+    alive: np.ndarray  # (buses) has a machine in its island
+    faulted: bool  # a fault is on: low voltages do not count
+
+
+class Rules(NamedTuple):
+    """When a run ends early."""
+
+    slip: float = 3.5  # rad   change of an angle against the COI of its island
+    low_voltage_s: float = 0.5  # s     a load below its voltage threshold that long, without a fault (0: never)
+    slowest: float = 0.5  # pu    speed of a machine
+    fastest: float = 1.5  # pu
+
+
+class Scratch(NamedTuple):
+    """Work space of one run. `volt` and `current` are complex views of b.s.v and b.r.g."""
+
+    volt: np.ndarray
+    current: np.ndarray
+    new: np.ndarray
+    work: np.ndarray
+    source: np.ndarray
+    past: np.ndarray
+    kept: np.ndarray
+    x0: np.ndarray
+    sum: np.ndarray
+    angle0: np.ndarray  # (machines) rad   angles before the first event
+    peak: np.ndarray  # (machines) rad   largest change of angle against the COI so far
+    low: np.ndarray  # (loads) s     time below the threshold
+    wish: np.ndarray  # (storage)    orders wanted by a controller outside the loop
+    weight: np.ndarray  # (machines) inertia, speed, acceleration and angle of the islands
+    fast: np.ndarray
+    rate: np.ndarray
+    turn: np.ndarray
+    bus: np.ndarray  # (1) bus to blame
+    rotor: np.ndarray  # (1) machine to blame
+
+
+def scratch(b: Buffers, plant: Plant) -> Scratch:
+    """Work space for the buffers of one run, at its start."""
+    n, nx, m = len(b.s.v), len(b.f) - b.r.g.size, len(plant.machine_bus)
+    volt, current = b.s.v.reshape(-1).view(complex), b.r.g.reshape(-1).view(complex)
+    blank = np.zeros((5, n), complex)
+    return Scratch(
+        volt, current, *(row.copy() for row in blank), np.zeros(nx), np.zeros(nx), b.z[plant.rotor].copy(), np.zeros(m),
+        np.zeros(len(plant.load)), np.zeros(len(plant.storage)), *np.zeros((4, m)), np.zeros(1, int), np.zeros(1, int)
+    )  # fmt: skip
+
+
+@kernel
+def extrapolate(v, past, kept):
+    """Guess of v half a step ahead, from its value and the one half a step ago."""
+    for i in range(len(v)):
+        now = v[i]
+        v[i] = 2 * now - past[i]
+        past[i] = now
+        kept[i] = v[i]
+
+
+@kernel
+def centre(b, plant, net, q):
+    """Sums of inertia and of inertia times speed, acceleration and angle change, per island."""
+    for k in range(len(q.weight)):
+        q.weight[k] = q.fast[k] = q.rate[k] = q.turn[k] = 0.0
+    for i in range(len(plant.rotor)):
+        k, h, at = net.island[i], plant.inertia[i], plant.rotor[i]
+        if k >= 0:
+            q.weight[k] += h
+            q.fast[k] += h * b.z[at + 1]
+            q.rate[k] += h * b.f[at + 1]
+            q.turn[k] += h * (b.z[at] - q.angle0[i])
+
+
+@kernel
+def decide(b, plant, net, q, h):
+    """New orders of the storage devices, each against the rest of its machine's island; has one changed?"""
+    changed = False
+    for j in range(len(plant.storage)):
+        i = plant.storage_machine[j]
+        k, own, at = net.island[i], plant.inertia[i], plant.rotor[i]
+        wanted = 0.0
+        if k >= 0 and q.weight[k] > own:
+            rest = q.weight[k] - own
+            v = b.s.v[plant.storage_bus[j]]
+            seen = Seen(
+                b.z[at + 1] - (q.fast[k] - own * b.z[at + 1]) / rest,
+                b.f[at + 1] - (q.rate[k] - own * b.f[at + 1]) / rest,
+                magnitude(v[0], v[1]),
+            )
+            wanted = laws.order(seen, plant.law[j], q.wish[j])
+        reach = plant.storage[j].ramp * h
+        now = b.s.order[j]
+        if reach > 0:
+            wanted = min(max(wanted, now - reach), now + reach)
+        changed |= wanted != now
+        b.s.order[j] = wanted
+    return changed
+
+
+@kernel
+def judge(b, plant, net, q, rules, h):
+    """Has a machine lost synchronism or run away, or a load lost its voltage? Keeps the peaks."""
+    verdict, worst = DONE, 0.0
+    centre(b, plant, net, q)
+    for i in range(len(plant.rotor)):
+        k, at = net.island[i], plant.rotor[i]
+        if k < 0:
+            continue
+        move = abs(b.z[at] - q.angle0[i] - q.turn[k] / q.weight[k])
+        if move > q.peak[i]:
+            q.peak[i] = move
+        if not move < rules.slip and not move <= worst:
+            verdict, worst, q.rotor[0] = SLIPPED, move, i
+        if verdict == DONE and not rules.slowest < b.z[at + 1] < rules.fastest:
+            verdict, q.rotor[0] = RUNAWAY, i
+    if verdict == DONE and rules.low_voltage_s > 0 and not net.faulted:
+        for j in range(len(plant.load)):
+            v = b.s.v[plant.load_bus[j]]
+            low = v[0] * v[0] + v[1] * v[1] < plant.load[j].vlow * plant.load[j].vlow
+            q.low[j] = q.low[j] + h if low and net.alive[plant.load_bus[j]] else 0.0
+            if q.low[j] > rules.low_voltage_s:
+                verdict, q.bus[0] = LOW_VOLTAGE, plant.load_bus[j]
+    return verdict
+
+
+@kernel
+def record(b, row):
+    """z, then field voltage, mechanical and terminal power of the machines, and the storage powers."""
+    at, m = len(b.z), len(b.w.efd)
+    copy(b.z, row)
+    for i in range(m):
+        row[at + i] = b.w.efd[i]
+        row[at + m + i] = b.w.pm[i]
+        row[at + 2 * m + i] = b.w.stator[i].Pt
+    for j in range(len(b.w.absorbed)):
+        row[at + 3 * m + j] = b.w.absorbed[j]
+
+
+@kernel
+def freeze(b, plant, net):
+    """Stops a machine that is off, with its controls."""
+    for k in range(len(plant.owner)):
+        if net.island[plant.owner[k]] < 0:
+            b.f[k] = 0
+
+
+@entry
+def advance(b, plant, net, q, rules, h, steps, last, every, history):
+    """`steps` steps of h seconds on one network; (verdict, steps made, substitutions).
+
+    Row k of `history` (if it has rows) is the record at the start of step k*every; with `last`, one more row at the end.
+    """
+    nx = len(q.x0)
+    solves, whole = 0, True
+    for i in range(len(net.island)):
+        whole &= net.island[i] >= 0
+    for i in range(len(q.volt)):
+        if not net.alive[i]:
+            q.volt[i] = 0
+    copy(q.volt, q.past)
+    for step in range(steps + last):
+        copy(q.volt, q.kept)
+        n = settle(b, plant, net, q)
+        centre(b, plant, net, q)
+        if n < FAILED and decide(b, plant, net, q, h):
+            n = settle(b, plant, net, q)
+        copy(b.z, q.x0)
+        for stage in range(4):
+            if stage:
+                if stage != 2:
+                    extrapolate(q.volt, q.past, q.kept)
+                else:
+                    copy(q.volt, q.kept)
+                n = settle(b, plant, net, q)
+            solves += n
+            if n == FAILED:
+                return NO_VOLTAGE, step, solves
+            system.rates(b.s, plant, b.w, b.r)
+            system.hold(b.z, b.f, plant)
+            if not whole:
+                freeze(b, plant, net)
+            if stage == 0 and step % every == 0 and step // every < len(history):
+                record(b, history[step // every])
+            if stage == 0 and step == steps:
+                return DONE, steps, solves
+            weight = h / 6 if stage == 0 or stage == 3 else h / 3
+            reach = h if stage == 2 else h / 2
+            for k in range(nx):
+                total = weight * b.f[k] + (q.sum[k] if stage else q.x0[k])
+                q.sum[k] = total
+                b.z[k] = total if stage == 3 else q.x0[k] + reach * b.f[k]
+            for k in range(len(plant.held)):
+                i = plant.held[k]
+                b.z[i] = min(max(b.z[i], plant.held_low[k]), plant.held_high[k])
+        verdict = judge(b, plant, net, q, rules, h)
+        if verdict != DONE:
+            return verdict, step + 1, solves
+    return DONE, steps, solves
