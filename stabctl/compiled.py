@@ -1,8 +1,9 @@
-"""The two decorators of compiled code, and the cache that follows the sources.
+"""The decorators of compiled code, and the cache that follows the sources.
 
-`kernel` is a device or a part of one: melted into its entry point, never stored. `entry` is an entry point:
-the only thing kept on disk. numba does not notice an edit in a called file, so the cache folder is keyed by a
-hash of every source that holds a kernel; it lies in the user's cache folder, so that the package may be read-only.
+`kernel` is a device or a part of one: melted into its entry point, never stored; `apart` is the same for what is called
+seldom, compiled once instead of at every call. `entry` is an entry point: the only thing kept on disk. numba does not
+notice an edit in a called file, so the cache folder is keyed by a hash of every source that holds a kernel; it lies in
+the user's cache folder, so that the package may be read-only.
 """
 
 import hashlib
@@ -21,7 +22,7 @@ def _source_hash() -> str:
     digest = hashlib.sha256(numba.__version__.encode())
     for path in sorted(_PACKAGE.rglob("*.py")):
         text = path.read_bytes()
-        if b"@kernel" in text or b"@entry" in text or path.parent.name == "models":
+        if b"@kernel" in text or b"@apart" in text or b"@entry" in text or path.parent.name == "models":
             digest.update(text)
     return digest.hexdigest()[:16]
 
@@ -39,6 +40,7 @@ def _cache_folder() -> Path:
 FOLDER = _cache_folder()
 
 kernel = numba.njit(error_model="numpy", forceinline=True, no_cfunc_wrapper=True)
+apart = numba.njit(error_model="numpy", no_cfunc_wrapper=True)
 
 
 def entry(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -6,7 +6,6 @@ of all machines together gives all blocks.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -38,7 +37,7 @@ class Point:
     fastest: float  # 1/s   largest eigenvalue of a machine and its controls at given voltage
 
     def admittance(self, switching: network.Switching = network.UNSWITCHED) -> sp.csc_matrix:
-        """Network admittance (pu) with the loads' impedance parts and the Norton admittances of the machines that are on."""
+        """Network admittance (pu) of branches, the loads' impedance parts and the machines that are on."""
         own = norton_admittances(self.plant)
         own[list(switching.tripped)] = 0
         n, d, m = len(self.fixed), np.arange(len(self.fixed)), self.net.machine_bus
@@ -129,7 +128,7 @@ def _guess(b: system.Buffers, case: Case, flow: Flow, net: Grid, plant: Plant) -
 
 
 def _newton(b: system.Buffers, case: Case, plant: Plant, current: np.ndarray, limit: int) -> tuple[int, float]:
-    """Bring rates to zero and the sources' currents (pu, Norton) to `current`; the steps, the fastest eigenvalue (1/s)."""
+    """Bring rates to zero and the sources' currents (pu, Norton) to `current`; steps, fastest eigenvalue."""
     m = len(case.machines)
     table = layout.colours(plant, m)
     n, on = sizes(plant, m), np.zeros(m, np.int64)
@@ -151,8 +150,8 @@ def _newton(b: system.Buffers, case: Case, plant: Plant, current: np.ndarray, li
             _step(b.z, J[own[i]][:, live], f[own[i]], table[live, i])
     worst = int(np.argmax(np.where(np.isfinite(residual), residual, np.inf)))
     raise EquilibriumError(
-        f"Machine {case.machines[worst].machine} of {case.name} has no start at its load-flow power after {limit} steps "
-        f"(residual {residual[worst]:.1e}); check its reactances, and the power it is asked for."
+        f"Machine {case.machines[worst].machine} of {case.name} has no start at its load-flow power after {limit} "
+        f"steps (residual {residual[worst]:.1e}); check its reactances, and the power it is asked for."
     )
 
 
@@ -207,9 +206,6 @@ def _binding(b: system.Buffers, case: Case, plant: Plant, machine: int) -> tuple
 def _beyond(case: Case, place: layout.Place, name: str, limit: float, what: str) -> str:
     machine = case.machines[place.machine]
     return (
-        f"{ALL[place.family].NAME} of machine {machine.machine} at bus {machine.bus} cannot start: {name} = {limit:g} pu "
-        f"{what} at the load flow; widen {name} in {place.family}.csv or change the machine's power or voltage."
+        f"{ALL[place.family].NAME} of machine {machine.machine} at bus {machine.bus} cannot start: {name} = "
+        f"{limit:g} pu {what} at the load flow; widen {name} in {place.family}.csv or change the machine's power or voltage."
     )
-
-
-__all__: list[Any] = ["Point", "norton_admittances", "solve"]

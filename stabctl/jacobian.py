@@ -10,7 +10,7 @@ STEP = 1e-30
 
 
 @entry
-def jacobian(b, plant, on, columns, J):  # noqa: ANN001, ANN201
+def jacobian(b, plant, on, columns, J):
     """Fill J[:, k] with the derivative of f along the places `columns[k]` of z (a row of -1 ends a shorter one).
 
     Each row of `columns` is perturbed at once: its places must not act on the same rows of f. f(z) is left in b.f.

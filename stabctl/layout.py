@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stabctl import system
 from stabctl.case import Case
 from stabctl.models import ALL
 from stabctl.system import FAMILIES, NAMES, Plant, sizes
@@ -51,6 +50,3 @@ def colours(plant: Plant, buses: int) -> np.ndarray:
     for i, places in enumerate(own):
         table[: len(places), i] = places
     return table
-
-
-__all__ = ["Place", "colours", "label", "states", "system"]

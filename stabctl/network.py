@@ -117,9 +117,7 @@ def admittance(net: Grid, switching: Switching = UNSWITCHED) -> sp.csc_matrix:
     for bus, extra in (*switching.faults, *switching.shunts):
         shunt[bus] += extra
     t, d = net.ratio, np.arange(len(shunt))
-    values = np.r_[
-        ports[0, 0] / np.abs(t) ** 2, ports[0, 1] / t.conj(), ports[1, 0] / t, ports[1, 1], shunt
-    ]
+    values = np.r_[ports[0, 0] / np.abs(t) ** 2, ports[0, 1] / t.conj(), ports[1, 0] / t, ports[1, 1], shunt]
     rows, columns = np.r_[net.frm, net.frm, net.to, net.to, d], np.r_[net.frm, net.to, net.frm, net.to, d]
     return sp.csc_matrix((values, (rows, columns)), shape=(len(shunt),) * 2)
 

@@ -25,9 +25,10 @@ class Flow:
     def __str__(self) -> str:
         low, high = np.abs(self.V).argmin(), np.abs(self.V).argmax()
         number = [b.bus for b in self.case.buses]
+        produced = self.S.real.sum() * self.case.base_mva
         return (
-            f"load flow of {self.case.name}: {self.iterations} iterations, {self.S.real.sum() * self.case.base_mva:.1f} MW "
-            f"produced, voltages from {abs(self.V[low]):.3f} pu (bus {number[low]}) to {abs(self.V[high]):.3f} pu "
+            f"load flow of {self.case.name}: {self.iterations} iterations, {produced:.1f} MW produced, "
+            f"voltages from {abs(self.V[low]):.3f} pu (bus {number[low]}) to {abs(self.V[high]):.3f} pu "
             f"(bus {number[high]})"
         )
 
@@ -100,7 +101,7 @@ def _newton(
     bus, mismatch = worst
     raise PowerFlowError(
         f"The load flow of {case.name} found no solution in {iteration} steps: the power mismatch is worst at bus "
-        f"{case.buses[bus].bus} with {mismatch * case.base_mva:.4g} MVA; check its load, the lines to it and its voltage."
+        f"{case.buses[bus].bus} with {mismatch * case.base_mva:.4g} MVA; check its load, lines and voltage."
     )
 
 

@@ -10,7 +10,7 @@ KIND = 1.0
 
 
 @kernel
-def order(seen, p):  # noqa: ANN001, ANN201
+def order(seen, p):
     """Order in ratings: absorb (1) when fast, inject (-1) when slow, idle within the deadband or at low voltage."""
     if seen.voltage < p.gate or -p.deadband <= seen.deviation <= p.deadband:
         return 0.0

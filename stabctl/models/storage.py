@@ -49,9 +49,7 @@ class Output(NamedTuple):
 def share(x, order, p):
     """Share of the rating in use: the lagged order, or nothing where the store is full or empty."""
     now = lag(p.T, order, x.share)
-    if p.capacity > 0 and (
-        (x.energy.real >= p.capacity and now.real > 0) or (x.energy.real <= 0 and now.real < 0)
-    ):
+    if p.capacity > 0 and ((x.energy.real >= p.capacity and now.real > 0) or (x.energy.real <= 0 and now.real < 0)):
         return 0 * now
     return now
 

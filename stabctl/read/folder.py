@@ -57,7 +57,9 @@ def _about(folder: Path) -> Row:
             raise CaseError(f"{path}: {key!r} is not a known entry; known are {', '.join(ABOUT)}.")
         kind = ABOUT[key]
         if isinstance(value, bool) or not isinstance(value, str if kind is str else int | float):
-            raise CaseError(f"{path}, {key}: {value!r} is not allowed; it must be a {'text' if kind is str else 'number'}.")
+            raise CaseError(
+                f"{path}, {key}: {value!r} is not allowed; it must be a {'text' if kind is str else 'number'}."
+            )
     return about
 
 
@@ -128,7 +130,9 @@ def _value(path: Path, line: int, f: Field, cell: str) -> Any:
     try:
         return f.kind(cell)
     except ValueError:
-        raise CaseError(f"{path} row {line}, column {f.column}: {cell!r} is not allowed; it must be {f.expected()}.") from None
+        raise CaseError(
+            f"{path} row {line}, column {f.column}: {cell!r} is not allowed; it must be {f.expected()}."
+        ) from None
 
 
 def _build(folder: Path, about: Row, tables: Table) -> Case:
@@ -170,8 +174,12 @@ def _located(folder: Path, tables: Table, arguments: dict[str, Any]) -> Case:
 
 def _overlay(folder: Path, about: Row, tables: Table) -> Case:
     base = folder.parent / about["extends"]
-    if base.resolve() == folder.resolve() or "extends" in _about(base if base.is_dir() else PACKAGED / about["extends"]):
-        raise CaseError(f"{folder / 'case.toml'}, extends: {about['extends']!r} is itself an overlay; name a full case.")
+    if base.resolve() == folder.resolve() or "extends" in _about(
+        base if base.is_dir() else PACKAGED / about["extends"]
+    ):
+        raise CaseError(
+            f"{folder / 'case.toml'}, extends: {about['extends']!r} is itself an overlay; name a full case."
+        )
     case = load(base if base.is_dir() else about["extends"])
     changed: dict[str, Any] = {k: getattr(case, k) for k in (*TABLES, "title", "source", "base_mva", "frequency_hz")}
     devices = {model: dict(rows) for model, rows in case.devices.items()}
@@ -224,4 +232,7 @@ def _save(path: Path, columns: Any, cells: list[list[Any]]) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow([f.column for f in columns.values()])
-        writer.writerows([format(c, ".15g") if isinstance(c, float) and float(format(c, ".15g")) == c else c for c in row] for row in cells)
+        writer.writerows(
+            [format(c, ".15g") if isinstance(c, float) and float(format(c, ".15g")) == c else c for c in row]
+            for row in cells
+        )

@@ -109,13 +109,17 @@ def locate(case: Case, text: str) -> Place:
         raise StudyError(f"There is no bus {text} in {case.name}.")
     match = _LINE.match(text)
     if not match:
-        raise StudyError(f"{text!r} is not a place; write a bus as 83, a circuit as 7-8 or 7-8#2, a point on it as 7-8@0.4.")
+        raise StudyError(
+            f"{text!r} is not a place; write a bus as 83, a circuit as 7-8 or 7-8#2, a point on it as 7-8@0.4."
+        )
     a, b, circuit = int(match[1]), int(match[2]), int(match[3] or 1)
     rows = [i for i, k in enumerate(case.branches) if {k.from_bus, k.to_bus} == {a, b}]
     if not rows:
         raise StudyError(f"There is no branch {a}-{b} in {case.name}.")
     if not 1 <= circuit <= len(rows):
-        raise StudyError(f"Branch {a}-{b} of {case.name} has {len(rows)} circuit{'s' * (len(rows) > 1)}, not a number {circuit}.")
+        raise StudyError(
+            f"Branch {a}-{b} of {case.name} has {len(rows)} circuit{'s' * (len(rows) > 1)}, not a number {circuit}."
+        )
     row = rows[circuit - 1]
     if match[4] is None:
         return Place(None, row)
@@ -128,7 +132,9 @@ def locate(case: Case, text: str) -> Place:
     return Place(None, row, along if case.branches[row].from_bus == a else 1 - along)
 
 
-def contingency(fault: str, clear: float, trip: Iterable[str] = (), at: float = 1.0, impedance: complex = 0j) -> tuple[Event, ...]:
+def contingency(
+    fault: str, clear: float, trip: Iterable[str] = (), at: float = 1.0, impedance: complex = 0j
+) -> tuple[Event, ...]:
     """A fault at `at` (s), cleared after `clear` (s) by opening the faulted circuit and those in `trip`."""
     if not clear >= 0:
         raise StudyError(f"The clearing time {clear:g} s is negative; give a time of at least 0.")

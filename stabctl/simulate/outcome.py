@@ -81,7 +81,9 @@ def _cut_off(point: Point, now: Stage) -> str:
     parts = []
     for k in (k for k in range(where.max() + 1) if k != main):
         buses = [b.bus for b, island in zip(point.case.buses, where, strict=True) if island == k]
-        machines = [m.machine for m, at in zip(point.case.machines, point.net.machine_bus, strict=True) if where[at] == k]
+        machines = [
+            m.machine for m, at in zip(point.case.machines, point.net.machine_bus, strict=True) if where[at] == k
+        ]
         rest = f"with {_listed('machine', machines)}" if machines else "without a machine: dead, its load lost"
         parts.append(f"{_listed('bus', buses)} {rest}")
     return f"The switching cut off {'; and '.join(parts)}."

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -46,13 +47,12 @@ class Simulation:
         self._at = 0
         while self._at + 1 < len(self.changes) and self.changes[self._at + 1].at <= start + 1e-9:
             self._at += 1
-        self._stage = self._enter()
+        self._law = point.plant.law.copy()
         if control is not None:
             law = control.par(point.case.frequency_hz)
             for name in law._fields:
-                point.plant.law[name] = getattr(law, name)
-        else:
-            point.plant.law["kind"] = 0.0
+                self._law[name] = getattr(law, name)
+        self._stage = self._enter()
         self._buffers = buffers(point.plant, len(point.V))
         self._buffers.z[:] = point.z
         self._work = stepper.scratch(self._buffers, point.plant)
@@ -96,7 +96,8 @@ class Simulation:
         """The trajectory so far, its last row at the present instant."""
         if self.outcome is None:
             self.outcome = outcome(self.point, stepper.DONE, self.time, self._stage, self._work, self.rules)
-        if self.recording and self._verdict_has_voltage():
+        collapsed = self.outcome.bus is not None
+        if self.recording and not collapsed:
             self._call(0.0, 0, True)
         rows = np.concatenate(self._rows) if self._rows else np.empty((0, self._width))
         times = np.concatenate(self._times) if self._times else np.empty(0)
@@ -105,11 +106,9 @@ class Simulation:
         peak = self._work.peak.copy()
         return Trajectory(self.point, self.outcome, times, rows, peak, self.step, self.steps, self.wall_s)
 
-    def _verdict_has_voltage(self) -> bool:
-        return not (self.outcome is not None and self.outcome.bus is not None)
-
     def _enter(self) -> Stage:
-        return stage(self.point, self.changes[self._at].switching)
+        entered = stage(self.point, self.changes[self._at].switching)
+        return replace(entered, plant=entered.plant._replace(law=self._law))
 
     def _segment(self, target: float) -> None:
         steps = max(1, int(np.ceil((target - self.time) / self.step - 1e-6)))

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stabctl import system
-from stabctl.compiled import entry, kernel
+from stabctl.compiled import apart, entry, kernel
 from stabctl.controllers import laws
 from stabctl.controllers.signals import Seen
 from stabctl.models.blocks import copy, magnitude
@@ -43,6 +43,7 @@ class Scratch(NamedTuple):
     new: np.ndarray
     work: np.ndarray
     source: np.ndarray
+    seen: np.ndarray  # (buses that draw) voltages before an iteration
     past: np.ndarray
     kept: np.ndarray
     x0: np.ndarray
@@ -63,7 +64,7 @@ def scratch(b: Buffers, plant: Plant) -> Scratch:
     """Work space for the buffers of one run, at its start."""
     n, nx, m = len(b.s.v), len(b.f) - b.r.g.size, len(plant.machine_bus)
     volt, current = b.s.v.reshape(-1).view(complex), b.r.g.reshape(-1).view(complex)
-    blank = np.zeros((5, n), complex)
+    blank = np.zeros((6, n), complex)
     return Scratch(
         volt, current, *(row.copy() for row in blank), np.zeros(nx), np.zeros(nx), b.z[plant.rotor].copy(), np.zeros(m),
         np.zeros(len(plant.load)), np.zeros(len(plant.storage)), *np.zeros((4, m)), np.zeros(1, int), np.zeros(1, int)
@@ -71,16 +72,15 @@ def scratch(b: Buffers, plant: Plant) -> Scratch:
 
 
 @kernel
-def extrapolate(v, past, kept):
+def extrapolate(v, past):
     """Guess of v half a step ahead, from its value and the one half a step ago."""
     for i in range(len(v)):
         now = v[i]
         v[i] = 2 * now - past[i]
         past[i] = now
-        kept[i] = v[i]
 
 
-@kernel
+@apart
 def centre(b, plant, net, q):
     """Sums of inertia and of inertia times speed, acceleration and angle change, per island."""
     for k in range(len(q.weight)):
@@ -94,7 +94,7 @@ def centre(b, plant, net, q):
             q.turn[k] += h * (b.z[at] - q.angle0[i])
 
 
-@kernel
+@apart
 def decide(b, plant, net, q, h):
     """New orders of the storage devices, each against the rest of its machine's island; has one changed?"""
     changed = False
@@ -120,7 +120,7 @@ def decide(b, plant, net, q, h):
     return changed
 
 
-@kernel
+@apart
 def judge(b, plant, net, q, rules, h):
     """Has a machine lost synchronism or run away, or a load lost its voltage? Keeps the peaks."""
     verdict, worst = DONE, 0.0
@@ -146,7 +146,7 @@ def judge(b, plant, net, q, rules, h):
     return verdict
 
 
-@kernel
+@apart
 def record(b, row):
     """z, then field voltage, mechanical and terminal power of the machines, and the storage powers."""
     at, m = len(b.z), len(b.w.efd)
@@ -159,7 +159,7 @@ def record(b, row):
         row[at + 3 * m + j] = b.w.absorbed[j]
 
 
-@kernel
+@apart
 def freeze(b, plant, net):
     """Stops a machine that is off, with its controls."""
     for k in range(len(plant.owner)):
@@ -171,7 +171,7 @@ def freeze(b, plant, net):
 def advance(b, plant, net, q, rules, h, steps, last, every, history):
     """`steps` steps of h seconds on one network; (verdict, steps made, substitutions).
 
-    Row k of `history` (if it has rows) is the record at the start of step k*every; with `last`, one more row at the end.
+    Row k of `history` (if it has rows) is the record at the start of step k*every; with `last`, one more at the end.
     """
     nx = len(q.x0)
     solves, whole = 0, True
@@ -182,19 +182,20 @@ def advance(b, plant, net, q, rules, h, steps, last, every, history):
             q.volt[i] = 0
     copy(q.volt, q.past)
     for step in range(steps + last):
-        copy(q.volt, q.kept)
-        n = settle(b, plant, net, q)
-        centre(b, plant, net, q)
-        if n < FAILED and decide(b, plant, net, q, h):
-            n = settle(b, plant, net, q)
-        copy(b.z, q.x0)
         for stage in range(4):
-            if stage:
-                if stage != 2:
-                    extrapolate(q.volt, q.past, q.kept)
-                else:
-                    copy(q.volt, q.kept)
+            if stage == 1 or stage == 3:
+                extrapolate(q.volt, q.past)
+            copy(q.volt, q.kept)
+            decided = stage > 0
+            while True:
                 n = settle(b, plant, net, q)
+                if decided or n == FAILED:
+                    break
+                decided = True
+                copy(b.z, q.x0)
+                centre(b, plant, net, q)
+                if not decide(b, plant, net, q, h):
+                    break
             solves += n
             if n == FAILED:
                 return NO_VOLTAGE, step, solves

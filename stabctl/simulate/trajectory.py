@@ -67,17 +67,17 @@ class Trajectory:
         return np.ascontiguousarray(self._part("v")).view(complex)
 
     @property
-    def Efd(self) -> np.ndarray:  # noqa: N802
+    def Efd(self) -> np.ndarray:
         """Field voltages (rows, machines), pu."""
         return self._part("efd")
 
     @property
-    def Pm(self) -> np.ndarray:  # noqa: N802
+    def Pm(self) -> np.ndarray:
         """Mechanical powers (rows, machines), pu of the machine's base."""
         return self._part("pm")
 
     @property
-    def Pe(self) -> np.ndarray:  # noqa: N802
+    def Pe(self) -> np.ndarray:
         """Terminal powers (rows, machines), MW."""
         return self._part("pt") * self.point.case.base_mva
 
@@ -110,7 +110,9 @@ class Trajectory:
             "voltage_angle": ("bus", np.angle(self.V), "rad", "voltage angle"),
             "storage": ("device", self.storage, "MW", "power of the storage device, absorbing positive"),
         }
-        data = {k: (("time", dim), a, {"units": unit, "long_name": text}) for k, (dim, a, unit, text) in signals.items()}
+        data = {
+            k: (("time", dim), a, {"units": unit, "long_name": text}) for k, (dim, a, unit, text) in signals.items()
+        }
         coords = {
             "time": ("time", self.time, {"units": "s"}),
             "machine": [m.machine for m in case.machines],
@@ -147,12 +149,15 @@ class Trajectory:
         elif path.suffix == ".nc":
             self.to_xarray().to_netcdf(path, engine="scipy")
         else:
-            raise StudyError(f"The file {path.name!r} ends in {path.suffix or 'nothing'}; give a name ending in .csv or .nc.")
+            raise StudyError(
+                f"The file {path.name!r} ends in {path.suffix or 'nothing'}; give a name ending in .csv or .nc."
+            )
         return path
 
     def __str__(self) -> str:
         return (
-            f"{self.point.case.name}: {self.outcome} Largest change of angle {self.max_angle_from_coi_deg:.1f} degrees; "
+            f"{self.point.case.name}: {self.outcome} Largest change of angle "
+            f"{self.max_angle_from_coi_deg:.1f} degrees; "
             f"{self.steps} steps of {1e3 * self.step:.3g} ms in {self.wall_s:.3f} s."
         )
 

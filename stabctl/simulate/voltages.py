@@ -1,15 +1,15 @@
-"""Network voltages at the present states: substitution with the factors at hand, Newton where that does not contract."""
+"""Network voltages at the present states: substitution with factors, Newton where that does not contract."""
 
 import numpy as np
 
 from stabctl import system
-from stabctl.compiled import kernel
+from stabctl.compiled import apart, kernel
 from stabctl.models import load, storage
 from stabctl.models.blocks import copy
 
-from .substitution import solve
+from .substitution import solve, solve_apart
 
-TOLERANCE = 1e-7  # pu   change of a voltage at which the iteration ends
+TOLERANCE = 1e-7  # pu   error of a voltage at which the iteration ends
 LIMIT = 30  # -    substitutions before Newton is called
 NEWTON = 40  # -    Newton steps
 FAILED = 1000  # -    answer of `settle` where no solution was found
@@ -17,123 +17,137 @@ TINY = 1e-30  # complex step
 
 
 @kernel
-def settle(b, plant, net, q):  # noqa: ANN001, ANN201
+def settle(b, plant, net, q):
     """Bring b.s.v to the solution of Y v = i(v); the number of substitutions, or FAILED (bus in q.bus[0])."""
     system.sources(b.s, plant, net.island, b.r.g)
     copy(q.current, q.source)
+    d, before = plant.draw_bus, 0.0
     for iteration in range(1, LIMIT):
-        copy(q.source, q.current)
-        system.draws(b.s, plant, b.r.g)
-        solve(net.factors, q.current, q.work, q.new)
-        change = 0.0
-        for i in range(len(q.new)):
-            d = q.new[i] - q.volt[i]
-            change = max(change, d.real * d.real + d.imag * d.imag)
-            q.volt[i] = q.new[i]
-        if change < TOLERANCE * TOLERANCE:
-            return iteration
-    for i in range(len(q.volt)):
-        q.volt[i] = q.kept[i]
-    return newton(b, plant, net, q)
-
-
-@kernel
-def newton(b, plant, net, q):  # noqa: ANN001, ANN201
-    """The same by Newton on the buses that draw, v_d - a_d - Z i(v_d) = 0, steps halved until the residual falls."""
-    d = plant.draw_bus
-    n = len(d)
-    copy(q.source, q.current)
-    solve(net.factors, q.current, q.work, q.new)
-    a, Z = np.zeros(n, np.complex128), np.zeros((n, n), np.complex128)
-    for i in range(n):
-        a[i] = q.new[d[i]]
-    for j in range(n):
-        for i in range(len(q.current)):
-            q.current[i] = 0
-        q.current[d[j]] = 1
-        solve(net.factors, q.current, q.work, q.new)
-        for i in range(n):
-            Z[i, j] = q.new[d[i]]
-    F, trial = np.zeros(2 * n), np.zeros(2 * n)
-    worst = residual(b, plant, q, a, Z, F)
-    for _ in range(NEWTON):
-        if worst < TOLERANCE:
+        if iteration > 1:
             copy(q.source, q.current)
-            system.draws(b.s, plant, b.r.g)
-            solve(net.factors, q.current, q.work, q.new)
-            copy(q.new, q.volt)
-            return LIMIT
-        J = slopes(b, plant, Z)
-        eliminate(J, F)
-        scale, better = 1.0, False
+        for i in range(len(d)):
+            q.seen[i] = q.volt[d[i]]
+        system.draws(b.s, plant, b.r.g)
+        solve(net.factors, q.current, q.work, q.volt)
+        change = 0.0
+        for i in range(len(d)):
+            miss = q.volt[d[i]] - q.seen[i]
+            change = max(change, miss.real * miss.real + miss.imag * miss.imag)
+        # squares of the last change, and of the error left: change * (change / the change before)
+        if change < TOLERANCE * TOLERANCE or change * change < TOLERANCE * TOLERANCE * before:
+            return iteration
+        before = change
+    copy(q.kept, q.volt)
+    found = newton(
+        net.factors, q.source, q.volt, q.current, q.work, q.new, d, q.bus,
+        plant.load, plant.load_slot, plant.storage, plant.storage_slot, b.s.storage, b.s.order,
+    )  # fmt: skip
+    return LIMIT if found else FAILED
+
+
+@apart
+def newton(factors, source, volt, current, work, new, bus, blame, loads, load_slot, stores, store_slot, states, order):
+    """Voltages by Newton on the buses that draw, v - a - Z i(v) = 0, steps halved until the residual falls; found?
+
+    a and Z are the voltages without draws and the impedances between the buses; `volt` starts as the guess and ends
+    as the solution, or `blame[0]` is the bus with the largest residual.
+    """
+    n = len(bus)
+    a, Z = np.zeros(n, np.complex128), np.zeros((n, n), np.complex128)
+    solve_apart(factors, source, work, new)
+    for i in range(n):
+        a[i] = new[bus[i]]
+    for j in range(n):
+        for i in range(len(current)):
+            current[i] = 0
+        current[bus[j]] = 1
+        solve_apart(factors, current, work, new)
         for i in range(n):
-            trial[2 * i], trial[2 * i + 1] = q.volt[d[i]].real, q.volt[d[i]].imag
+            Z[i, j] = new[bus[i]]
+    v, tried, i_v = np.zeros((n, 2), np.complex128), np.zeros((n, 2), np.complex128), np.zeros((3, n, 2), np.complex128)
+    F, J, before, worst = np.zeros(2 * n), np.zeros((2 * n, 2 * n)), np.inf, 0
+    for i in range(n):
+        v[i, 0], v[i, 1] = volt[bus[i]].real, volt[bus[i]].imag
+    for _ in range(NEWTON):
+        scale = 1.0
         for _halving in range(12):
             for i in range(n):
-                q.volt[d[i]] = trial[2 * i] - scale * F[2 * i] + 1j * (trial[2 * i + 1] - scale * F[2 * i + 1])
-            now = residual(b, plant, q, a, Z, J[0])
-            if now < worst:
-                better = True
+                for k in range(2):
+                    tried[i, k] = v[i, k].real - scale * F[2 * i + k]
+            drawn(tried, loads, load_slot, stores, store_slot, states, order, i_v[0])
+            now, worst = residual(tried, a, Z, i_v[0], J[0])
+            if now < before:
                 break
             scale *= 0.5
-        if not better:
+        if not now < before:
             break
-        worst = residual(b, plant, q, a, Z, F)
-    highest = 0.0
-    for i in range(n):
-        size = F[2 * i] * F[2 * i] + F[2 * i + 1] * F[2 * i + 1]
-        if size >= highest:
-            highest, q.bus[0] = size, d[i]
-    return FAILED
+        before = now
+        if now < TOLERANCE:
+            copy(source, current)
+            for i in range(n):
+                current[bus[i]] += i_v[0, i, 0].real + 1j * i_v[0, i, 1].real
+            solve_apart(factors, current, work, volt)
+            return True
+        for i in range(2 * n):
+            F[i] = J[0, i]
+        for i in range(n):
+            v[i, 0], v[i, 1] = tried[i, 0], tried[i, 1]
+        for k in range(2):
+            for i in range(n):
+                tried[i, k] = v[i, k] + 1j * TINY
+                tried[i, 1 - k] = v[i, 1 - k]
+            drawn(tried, loads, load_slot, stores, store_slot, states, order, i_v[1 + k])
+        slopes(Z, i_v, J)
+        eliminate(J, F)
+    blame[0] = bus[worst]
+    return False
 
 
-@kernel
-def residual(b, plant, q, a, Z, F):  # noqa: ANN001, ANN201, N803
-    """Fill F with v_d - a - Z i(v_d) (pairs) and give its largest magnitude."""
-    d = plant.draw_bus
-    for i in range(len(d)):
-        b.r.g[d[i], 0] = b.r.g[d[i], 1] = 0
-    system.draws(b.s, plant, b.r.g)
-    worst = 0.0
-    for i in range(len(d)):
-        miss = q.volt[d[i]] - a[i]
-        for j in range(len(d)):
-            miss -= Z[i, j] * q.current[d[j]]
+@apart
+def drawn(v, loads, load_slot, stores, store_slot, states, order, out):
+    """Currents (pairs) that loads and storage inject at voltages v (pairs) of the buses that draw."""
+    for i in range(len(v)):
+        out[i, 0] = out[i, 1] = 0
+    for j in range(len(loads)):
+        re, im = load.output(v[load_slot[j]], loads[j])
+        out[load_slot[j], 0] += re
+        out[load_slot[j], 1] += im
+    for j in range(len(stores)):
+        y = storage.output(states[j], order[j], v[store_slot[j]], stores[j])
+        out[store_slot[j], 0] += y.re
+        out[store_slot[j], 1] += y.im
+
+
+@apart
+def residual(v, a, Z, drawn, F):
+    """Fill F with v - a - Z i (pairs); its largest magnitude, and where."""
+    highest, worst = 0.0, 0
+    for i in range(len(a)):
+        miss = v[i, 0].real + 1j * v[i, 1].real - a[i]
+        for j in range(len(a)):
+            miss -= Z[i, j] * (drawn[j, 0].real + 1j * drawn[j, 1].real)
         F[2 * i], F[2 * i + 1] = miss.real, miss.imag
-        worst = max(worst, abs(miss))
-    return worst
+        size = miss.real * miss.real + miss.imag * miss.imag
+        if not size <= highest:
+            highest, worst = size, i
+    return np.sqrt(highest), worst
 
 
-@kernel
-def slopes(b, plant, Z):  # noqa: ANN001, ANN201, N803
-    """Jacobian of the residual: 1 - Z di/dv in pairs, di/dv by complex step of loads and storage."""
-    n = len(plant.draw_bus)
-    D, J = np.zeros((n, 2, 2)), np.zeros((2 * n, 2 * n))
-    step = 1j * TINY
-    for k in range(2):
-        for j in range(len(plant.load)):
-            v, i = b.s.v[plant.load_bus[j]], plant.load_slot[j]
-            re, im = load.output((v[0] + step * (1 - k), v[1] + step * k), plant.load[j])
-            D[i, 0, k] += re.imag / TINY
-            D[i, 1, k] += im.imag / TINY
-        for j in range(len(plant.storage)):
-            v, i = b.s.v[plant.storage_bus[j]], plant.storage_slot[j]
-            bent = (v[0] + step * (1 - k), v[1] + step * k)
-            y = storage.output(b.s.storage[j], b.s.order[j], bent, plant.storage[j])
-            D[i, 0, k] += y.re.imag / TINY
-            D[i, 1, k] += y.im.imag / TINY
+@apart
+def slopes(Z, bent, J):
+    """Jacobian of the residual, 1 - Z di/dv in pairs; `bent[1 + k]` are the currents at component k + j TINY."""
+    n = len(Z)
     for i in range(n):
-        J[2 * i, 2 * i] = J[2 * i + 1, 2 * i + 1] = 1.0
         for j in range(n):
-            r, x = Z[i, j].real, Z[i, j].imag
             for k in range(2):
-                J[2 * i, 2 * j + k] -= r * D[j, 0, k] - x * D[j, 1, k]
-                J[2 * i + 1, 2 * j + k] -= x * D[j, 0, k] + r * D[j, 1, k]
-    return J
+                here = 1.0 if i == j else 0.0
+                g, h = bent[1 + k, j, 0].imag / TINY, bent[1 + k, j, 1].imag / TINY
+                J[2 * i, 2 * j + k] = here * (1 - k) - Z[i, j].real * g + Z[i, j].imag * h
+                J[2 * i + 1, 2 * j + k] = here * k - Z[i, j].imag * g - Z[i, j].real * h
 
 
-@kernel
-def eliminate(A, x):  # noqa: ANN001, ANN201, N803
+@apart
+def eliminate(A, x):
     """x = inv(A) x by Gaussian elimination with row pivoting; A is spent."""
     n = len(x)
     for k in range(n):
