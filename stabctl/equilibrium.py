@@ -5,7 +5,8 @@ network, whose voltages are known here, so that the Jacobian falls into one smal
 of all machines together gives all blocks.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -35,6 +36,7 @@ class Point:
     fixed: np.ndarray  # (buses) admittance of the constant-impedance part of the loads, pu
     iterations: int
     fastest: float  # 1/s   largest eigenvalue of a machine and its controls at given voltage
+    stages: dict[network.Switching, Any] = field(default_factory=dict, compare=False)  # networks met so far
 
     def admittance(self, switching: network.Switching = network.UNSWITCHED) -> sp.csc_matrix:
         """Network admittance (pu) of branches, the loads' impedance parts and the machines that are on."""
@@ -114,10 +116,10 @@ def _opened(plant: Plant) -> Plant:
 
 
 def _guess(b: system.Buffers, case: Case, flow: Flow, net: Grid, plant: Plant) -> None:
-    """Everything 1, rotors on the q axis of V + (ra + j xq) I."""
+    """Everything 1, rotors on the q axis of V + (ra + j xq) I, storage idle."""
     V = flow.V[net.machine_bus]
     n = sizes(plant, len(case.machines))
-    b.z[: n.states] = 1
+    b.z[: system.first_state(plant, "storage")] = 1
     b.z[n.states + n.voltages : n.states + n.voltages + 2 * n.machines] = 1
     b.s.v[:, 0], b.s.v[:, 1] = V.real, V.imag
     for model, family in ((gencls, "gencls"), (genrou, "genrou")):

@@ -25,6 +25,12 @@ class Stage:
 
 def stage(point: Point, switching: Switching) -> Stage:
     """The system of an operating point under a switching. Islands without a machine are dead: no voltage, load lost."""
+    if switching not in point.stages:
+        point.stages[switching] = _stage(point, switching)
+    return point.stages[switching]
+
+
+def _stage(point: Point, switching: Switching) -> Stage:
     where = network.islands(point.net, switching)
     on = np.array([i not in switching.tripped for i in range(len(point.net.machine_bus))])
     alive = np.isin(where, where[point.net.machine_bus[on]])

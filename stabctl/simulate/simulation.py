@@ -1,7 +1,7 @@
 """A simulation that can be advanced an interval at a time, and the run from start to end in one call."""
 
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +19,7 @@ from .stepper import Rules
 from .trajectory import Trajectory
 
 STEP = 1 / 120  # s   default
+AT_ONCE = 1200  # steps in one call of the compiled loop, between which Ctrl-C and progress have their turn
 REACH = 2.5  # largest |step * eigenvalue| that RK4 carries, with a margin (it is unstable beyond 2.785)
 
 
@@ -26,7 +27,8 @@ class Simulation:
     """A system in motion. `advance` carries it on; storage orders may be set between calls where `control` is None.
 
     Args: the operating point; what happens; the storage law (None: orders as set in `orders`); the largest step (s);
-    when to give up; whether to keep the rows of the trajectory. Raises `StudyError` for impossible events or step.
+    when to give up; whether to keep the rows of the trajectory; the first instant (s); what is told the time (s) now
+    and then. Raises `StudyError` for impossible events or step.
     """
 
     def __init__(
@@ -38,7 +40,9 @@ class Simulation:
         rules: Rules = Rules(),  # noqa: B008
         record: bool = True,
         start: float = 0.0,
+        progress: Callable[[float], None] | None = None,
     ) -> None:
+        self.progress = progress
         self.point, self.rules, self.recording = point, rules, record
         self.step = _checked_step(point, step)
         self.changes = ev.timeline(point.case, point.net, events)
@@ -112,12 +116,16 @@ class Simulation:
 
     def _segment(self, target: float) -> None:
         steps = max(1, int(np.ceil((target - self.time) / self.step - 1e-6)))
-        h = (target - self.time) / steps
-        verdict, made = self._call(h, steps, False)
-        self.time = target if made == steps else self.time + h * made
-        self.steps += made
-        if verdict != stepper.DONE:
-            self.outcome = outcome(self.point, verdict, self.time, self._stage, self._work, self.rules)
+        start, h, done = self.time, (target - self.time) / steps, 0
+        while done < steps and self.outcome is None:
+            verdict, made = self._call(h, min(steps - done, AT_ONCE), False)
+            done += made
+            self.time = target if done == steps else start + h * done
+            self.steps += made
+            if verdict != stepper.DONE:
+                self.outcome = outcome(self.point, verdict, self.time, self._stage, self._work, self.rules)
+            if self.progress:
+                self.progress(self.time)
 
     def _call(self, h: float, steps: int, last: bool) -> tuple[int, int]:
         history = np.empty((steps + last if self.recording else 0, self._width))
@@ -156,10 +164,11 @@ def run(
     rules: Rules = Rules(),  # noqa: B008
     record: bool = True,
     start: float = 0.0,
+    progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
     """Simulate an operating point under events until `until` (s); arguments as in `Simulation`."""
     if not start < until < np.inf:
         raise StudyError(f"The run ends at {until:g} s; it must end after its start at {start:g} s.")
-    simulation = Simulation(point, events, control, step, rules, record, start)
+    simulation = Simulation(point, events, control, step, rules, record, start, progress)
     simulation.advance(until)
     return simulation.finish()

@@ -1,0 +1,143 @@
+"""Critical clearing time: the longest fault, on a grid of clearing times, that the system survives."""
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from stabctl.controllers import BangBang
+from stabctl.equilibrium import Point
+from stabctl.errors import StudyError
+from stabctl.simulate.events import contingency
+from stabctl.simulate.outcome import Kind
+from stabctl.simulate.simulation import run
+from stabctl.simulate.stepper import Rules
+
+Status = Literal["found", "unstable_at_zero", "stable_at_limit"]
+PROBES = (0.5, 1.0, 2.0, 4.0)  # cycles above the answer at which monotony is checked
+
+
+class Run(NamedTuple):
+    """One simulation of the search."""
+
+    cycles: float
+    stable: bool
+    outcome: Kind
+    machine: int | None  # that went first
+    time_s: float  # s   end of the run, from the fault on
+
+
+@dataclass(frozen=True)
+class Clearing:
+    """A critical clearing time, and how it was found."""
+
+    case: str
+    fault: str
+    trip: tuple[str, ...]
+    status: Status
+    cycles: float | None  # last stable clearing time on the grid
+    seconds: float | None
+    resolution_cycles: float
+    limit_cycles: float
+    observed_s: float  # s   watched after clearing
+    monotone: bool  # no longer fault that was tried was survived
+    machine: int | None  # goes first just beyond
+    runs: tuple[Run, ...]
+    wall_s: float
+
+    def __str__(self) -> str:
+        what = f"{self.case}, fault {self.fault}" + (f", trip {', '.join(self.trip)}" if self.trip else "")
+        watched = f"observed {self.observed_s:g} s after clearing, {len(self.runs)} runs"
+        if self.status == "unstable_at_zero":
+            return f"{what}: unstable even when cleared at once ({watched})."
+        if self.status == "stable_at_limit":
+            return f"{what}: stable up to the search limit of {self.limit_cycles:g} cycles ({watched})."
+        first = f"; machine {self.machine} goes first beyond" if self.machine is not None else ""
+        text = f"{what}: critical clearing time {self.cycles:g} cycles ({self.seconds:.4f} s){first} ({watched})."
+        again = [r.cycles for r in self.runs if r.stable and r.cycles > self.cycles]
+        return text if self.monotone else f"{text} Stability is not monotone: stable again at {again[0]:g} cycles."
+
+
+def clearing_time(
+    point: Point,
+    fault: str,
+    trip: Iterable[str] = (),
+    control: BangBang | None = None,
+    resolution_cycles: float = 0.125,
+    limit_cycles: float = 60.0,
+    observed_s: float = 5.0,
+    step: float | None = None,
+    rules: Rules = Rules(),
+    impedance: complex = 0j,
+    progress: Callable[[Run], None] | None = None,
+) -> Clearing:
+    """The critical clearing time of a fault, cleared by opening its circuit and those in `trip`.
+
+    By doubling and bisection on multiples of the resolution; at a resolution of a cycle or more, cycle by cycle from
+    zero as the paper did. Some longer faults are tried too, to see whether stability is monotone.
+
+    Args: operating point (its case's storage acts under `control`); fault and circuits as in `simulate.events`;
+    grid and limit (cycles); time watched after clearing (s); step (s); when a run ends; fault impedance (pu);
+    what is told every run. Raises `StudyError` for impossible places or grids.
+    """
+    if not 0 < resolution_cycles <= limit_cycles < np.inf:
+        raise StudyError(
+            f"The resolution of {resolution_cycles:g} cycles is not allowed; it must be more than 0 and at most the "
+            f"search limit of {limit_cycles:g} cycles."
+        )
+    if not 0 < observed_s < np.inf:
+        raise StudyError(f"The observation of {observed_s:g} s is not allowed; it must be more than 0.")
+    hz, trip = point.case.frequency_hz, tuple(trip)
+    began, runs = time.perf_counter(), {}
+    last = int(np.floor(limit_cycles / resolution_cycles + 1e-9))
+
+    def survives(k: int) -> bool:
+        if k not in runs:
+            clear = k * resolution_cycles / hz
+            happens = contingency(fault, clear, trip, 0.0, impedance)
+            end = run(point, happens, clear + observed_s, control, step, rules, record=False).outcome
+            runs[k] = Run(k * resolution_cycles, end.stable, end.kind, end.machine, end.time_s)
+            if progress:
+                progress(runs[k])
+        return runs[k].stable
+
+    critical, status = _search(survives, last, resolution_cycles)
+    if status == "found":
+        for cycles in PROBES:
+            survives(min(critical + max(1, round(cycles / resolution_cycles)), last))
+    beyond = runs.get(critical + 1)
+    return Clearing(
+        point.case.name,
+        str(fault),
+        trip,
+        status,
+        critical * resolution_cycles if status == "found" else None,
+        critical * resolution_cycles / hz if status == "found" else None,
+        resolution_cycles,
+        limit_cycles,
+        observed_s,
+        not any(r.stable for k, r in runs.items() if k > critical),
+        beyond.machine if beyond else None,
+        tuple(runs[k] for k in sorted(runs)),
+        time.perf_counter() - began,
+    )
+
+
+def _search(survives: Callable[[int], bool], last: int, resolution: float) -> tuple[int, Status]:
+    """Last grid point that is survived from zero on, and what it means."""
+    if not survives(0):
+        return 0, "unstable_at_zero"
+    if resolution >= 1:
+        first_lost = next((k for k in range(1, last + 1) if not survives(k)), None)
+        return (last, "stable_at_limit") if first_lost is None else (first_lost - 1, "found")
+    low, high = 0, min(last, max(1, round(4 / resolution)))
+    while survives(high):
+        if high == last:
+            return last, "stable_at_limit"
+        low, high = high, min(last, 2 * high)
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if survives(middle) else (low, middle)
+    return low, "found"

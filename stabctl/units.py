@@ -1,0 +1,34 @@
+"""Times and sizes as planners write them: `6cyc`, `0.1s`, `100ms`; `5%mva`, `5%dispatch`, `50MW`."""
+
+import math
+import re
+
+from stabctl.errors import StudyError
+
+_QUANTITY = re.compile(r"^\s*([0-9.]+(?:[eE][+-]?[0-9]+)?)\s*([a-zA-Z%]*)\s*$")
+
+
+def seconds(text: str, frequency_hz: float) -> float:
+    """A duration in seconds; cycles are those of the case's frequency. `StudyError` where it is not one."""
+    value, unit = _split(text)
+    scale = {"cyc": 1 / frequency_hz, "cycles": 1 / frequency_hz, "s": 1.0, "": 1.0, "ms": 1e-3}
+    if math.isnan(value) or unit not in scale:
+        raise StudyError(f"{text!r} is not a time; write it as 6cyc, 0.1s or 100ms.")
+    return value * scale[unit]
+
+
+def size(text: str) -> tuple[float, str]:
+    """A storage size: its number and what it is of, "mw", "%mva" or "%dispatch"."""
+    value, unit = _split(text)
+    if math.isnan(value) or unit.lower() not in ("mw", "%mva", "%dispatch"):
+        raise StudyError(f"{text!r} is not a storage size; write it as 50MW, 5%mva or 5%dispatch.")
+    return value, unit.lower()
+
+
+def _split(text: str) -> tuple[float, str]:
+    match = _QUANTITY.match(str(text))
+    try:
+        value = float(match[1]) if match else math.nan
+    except ValueError:
+        value = math.nan
+    return (value if math.isfinite(value) else math.nan), match[2] if match else ""
