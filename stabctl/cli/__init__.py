@@ -1,1 +1,43 @@
 """The command line: parses, calls, prints."""
+
+import sys
+
+import typer
+
+from stabctl.errors import StabctlError
+
+from . import cases, clearing_time, powerflow, simulate
+
+app = typer.Typer(
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    no_args_is_help=True,
+    help="Controller design and linear analysis for transient stability with energy storage.",
+)
+app.command("cases")(cases.cases)
+app.command("powerflow")(powerflow.powerflow)
+app.command("simulate")(simulate.simulate)
+app.command("clearing-time")(clearing_time.clearing_time)
+
+
+def main() -> None:
+    """Run the command line; a user's mistake is one line on stderr and exit code 2."""
+    try:
+        code = app(standalone_mode=False)
+    except StabctlError as error:
+        code = _complain(str(error))
+    except OSError as error:
+        code = _complain(f"{error.strerror or error}: {error.filename}" if error.filename else str(error))
+    except KeyboardInterrupt:
+        code = _complain("interrupted.", 130)
+    except Exception as error:
+        if not hasattr(error, "format_message"):
+            raise
+        code = _complain(error.format_message(), getattr(error, "exit_code", 2))
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _complain(sentence: str, code: int = 2) -> int:
+    print("stabctl:", " ".join(sentence.split()), file=sys.stderr)
+    return code

@@ -1,0 +1,5 @@
+"""python -m stabctl."""
+
+from stabctl.cli import main
+
+main()

@@ -1,0 +1,33 @@
+"""stabctl cases: what comes with the package."""
+
+from .shared import Json, console, print_json
+
+
+def cases(as_json: Json = False) -> None:
+    """List the packaged cases."""
+    from stabctl import read
+
+    found = [read.load(name) for name in read.packaged()]
+    if as_json:
+        rows = [
+            {
+                "name": c.name,
+                "title": c.title,
+                "machines": len(c.machines),
+                "buses": len(c.buses),
+                "branches": len(c.branches),
+                "loads": len(c.loads),
+                "links": len(c.links),
+                "source": c.source,
+            }
+            for c in found
+        ]
+        print_json({"cases": rows})
+        return
+    from rich.table import Table
+
+    table = Table("case", "machines", "buses", "branches", "loads", "HVDC", "what it is")
+    for c in found:
+        sizes = (len(part) for part in (c.machines, c.buses, c.branches, c.loads, c.links))
+        table.add_row(c.name, *map(str, sizes), c.title)
+    console().print(table)

@@ -1,0 +1,129 @@
+"""What several commands share: cases, storage, output."""
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from stabctl.case import Case
+    from stabctl.controllers import BangBang
+    from stabctl.equilibrium import Point
+
+CaseName = Annotated[str, typer.Argument(metavar="CASE", help="A packaged case, or a folder.")]
+Classical = Annotated[bool, typer.Option("--classical", help="Classical machines, without controls.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Fault = Annotated[str, typer.Option("--fault", help="83 (a bus), 7-8@0.4 (along a line, from the first bus named).")]
+Trip = Annotated[list[str] | None, typer.Option("--trip", help="Circuit opened at clearing: 83-33, 7-8#2. Repeatable.")]
+Size = Annotated[str | None, typer.Option("--storage", help="A device at every machine: 5%mva, 5%dispatch or 50MW.")]
+SizeAt = Annotated[str | None, typer.Option("--storage-at", help="Devices at machines: 14=50MW,13@33=20MW.")]
+Control = Annotated[
+    Literal["none", "bang-bang"] | None, typer.Option("--control", help="Storage law; bang-bang where there is storage.")
+]
+Characteristic = Annotated[
+    Literal["power", "current", "conductance"], typer.Option("--characteristic", help="What is constant in a device.")
+]
+Lag = Annotated[float, typer.Option("--lag", help="Time constant from order to power, s.")]
+Deadband = Annotated[float, typer.Option("--deadband", help="Speed deviation without action, Hz.")]
+MinVoltage = Annotated[float, typer.Option("--min-voltage", help="Voltage below which a device idles, pu.")]
+FaultImpedance = Annotated[str, typer.Option("--fault-impedance", help="R,X of the fault, pu (0,0: bolted).")]
+Angle = Annotated[float, typer.Option("--max-angle", help="Change of angle against the COI that loses synchronism, rad.")]
+Step = Annotated[float | None, typer.Option("--step", help="Time step, s (default: at most 1/120).")]
+
+
+def load(name: str, classical: bool = False) -> "Case":
+    """The case; what is unusual in it goes to stderr."""
+    from stabctl import read
+
+    case = read.load(name)
+    for sentence in case.warnings:
+        print(f"stabctl: warning: {sentence}", file=sys.stderr)
+    return case.classical() if classical else case
+
+
+def start(case: "Case", storage: str | None = None, storage_at: str | None = None, **options: Any) -> "Point":
+    """The operating point of the case with its storage devices."""
+    from stabctl import compiled, equilibrium, fleet, powerflow
+    from stabctl.errors import StudyError
+
+    if storage and storage_at:
+        raise StudyError("--storage and --storage-at exclude each other; give one of them.")
+    if options.get("lag", 0.0) < 0:
+        raise StudyError(f"--lag {options['lag']:g} s is not allowed; it must be at least 0.")
+    flow = powerflow.solve(case)
+    if storage:
+        case = case.with_storage(fleet.everywhere(case, storage, flow, **options))
+    elif storage_at:
+        case = case.with_storage(fleet.chosen(case, storage_at, flow, **options))
+    if compiled.is_cold("jacobian") or compiled.is_cold("advance"):
+        print("stabctl: compiling the equations once, some 20 to 60 seconds ...", file=sys.stderr)
+    return equilibrium.solve(case, flow)
+
+
+def law(case: "Case", control: str | None, deadband: float, min_voltage: float) -> "BangBang | None":
+    """The control law: bang-bang where there is storage, unless told otherwise."""
+    from stabctl.controllers import BangBang
+    from stabctl.errors import StudyError
+
+    if not 0 <= deadband < float("inf") or not 0 <= min_voltage < float("inf"):
+        raise StudyError(f"--deadband {deadband:g} and --min-voltage {min_voltage:g} must be at least 0.")
+    if control == "bang-bang" and not case.storage:
+        raise StudyError("--control bang-bang needs storage devices; give --storage or --storage-at.")
+    wanted = control or ("bang-bang" if case.storage else "none")
+    return BangBang(deadband, min_voltage) if wanted == "bang-bang" else None
+
+
+def impedance(text: str) -> complex:
+    """A fault impedance written as R,X (pu)."""
+    from stabctl.errors import StudyError
+
+    try:
+        r, x = (float(part) for part in text.split(","))
+    except ValueError:
+        r = x = float("nan")
+    if not (abs(complex(r, x)) < float("inf") and r >= 0):
+        raise StudyError(f"--fault-impedance {text!r} is not allowed; write R,X in pu, as 0.01,0.05, with R at least 0.")
+    return complex(r, x)
+
+
+def rules(max_angle: float) -> Any:
+    """When a run ends."""
+    from stabctl.errors import StudyError
+    from stabctl.simulate.stepper import Rules
+
+    if not 0 < max_angle < float("inf"):
+        raise StudyError(f"--max-angle {max_angle:g} rad is not allowed; it must be more than 0.")
+    return Rules(slip=max_angle)
+
+
+def print_json(record: dict[str, Any]) -> None:
+    """One JSON object on stdout."""
+    print(json.dumps(record, allow_nan=False))
+
+
+def console(stderr: bool = False) -> "Console":
+    """Where tables (stdout) and progress (stderr) go."""
+    from rich.console import Console
+
+    return Console(stderr=stderr, highlight=False)
+
+
+@contextmanager
+def progress(text: str, total: float | None) -> Iterator[Any]:
+    """A progress bar on a terminal's stderr; yields what is told (done so far)."""
+    if not sys.stderr.isatty():
+        yield lambda _done: None
+        return
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console(stderr=True), transient=True) as bar:
+        task = bar.add_task(text, total=total)
+        yield lambda done: bar.update(task, completed=done)
+
+

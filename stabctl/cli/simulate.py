@@ -1,0 +1,98 @@
+"""stabctl simulate: a fault, its clearing, and what becomes of the system."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from . import shared
+
+if TYPE_CHECKING:
+    from stabctl.simulate.trajectory import Trajectory
+
+FaultOrNone = Annotated[str | None, typer.Option("--fault", help="83 (a bus), 7-8@0.4 (along a line).")]
+Clear = Annotated[str | None, typer.Option("--clear", help="Clearing time: 6cyc, 0.1s, 100ms.")]
+At = Annotated[float, typer.Option("--at", help="Instant of the fault, s.")]
+Until = Annotated[float, typer.Option("--until", help="End of the run, s.")]
+Out = Annotated[Path | None, typer.Option("--out", help="Write the trajectory to FILE.nc or FILE.csv.")]
+Plot = Annotated[Path | None, typer.Option("--plot", help="Draw speeds, angles, voltages, storage to FILE.png or .svg.")]
+
+
+def simulate(
+    case: shared.CaseName,
+    fault: FaultOrNone = None,
+    clear: Clear = None,
+    trip: shared.Trip = None,
+    at: At = 1.0,
+    until: Until = 10.0,
+    step: shared.Step = None,
+    control: shared.Control = None,
+    storage: shared.Size = None,
+    storage_at: shared.SizeAt = None,
+    characteristic: shared.Characteristic = "power",
+    lag: shared.Lag = 0.0,
+    deadband: shared.Deadband = 0.1,
+    min_voltage: shared.MinVoltage = 0.8,
+    fault_impedance: shared.FaultImpedance = "0,0",
+    max_angle: shared.Angle = 3.5,
+    out: Out = None,
+    plot: Plot = None,
+    classical: shared.Classical = False,
+    as_json: shared.Json = False,
+) -> None:
+    """Simulate a fault, cleared by opening its circuit and those of --trip, with or without storage."""
+    from stabctl.errors import StudyError
+    from stabctl.simulate.events import contingency
+    from stabctl.simulate.simulation import run
+    from stabctl.units import seconds
+
+    if fault and not clear:
+        raise StudyError("--fault needs --clear; give a clearing time such as 6cyc.")
+    if clear and not (fault or trip):
+        raise StudyError("--clear needs --fault or --trip; give a place such as 83 or 7-8@0.4.")
+    for path, endings in ((out, (".csv", ".nc")), (plot, (".png", ".svg"))):
+        if path and path.suffix not in endings:
+            raise StudyError(f"The file {path.name!r} must end in {' or '.join(endings)}.")
+    loaded = shared.load(case, classical)
+    events = ()
+    if fault or trip:
+        duration = seconds(clear, loaded.frequency_hz) if clear else 0.0
+        events = contingency(fault, duration, trip or (), at, shared.impedance(fault_impedance))
+    options = {"characteristic": characteristic, "lag": lag}
+    point = shared.start(loaded, storage, storage_at, **options)
+    steering = shared.law(point.case, control, deadband, min_voltage)
+    with shared.progress("simulating", until) as tell:
+        result = run(point, events, until, steering, step, shared.rules(max_angle), progress=tell)
+    if out:
+        result.save(out)
+    if plot:
+        from stabctl.report.trajectories import overview
+
+        overview(result).savefig(plot, dpi=150)
+    _show(result, as_json, [p for p in (out, plot) if p])
+
+
+def _show(result: "Trajectory", as_json: bool, written: list[Path]) -> None:
+    end = result.outcome
+    record = {
+        "outcome": end.kind.value,
+        "message": end.message,
+        "machine": end.machine,
+        "time_s": end.time_s,
+        "max_angle_from_coi_deg": result.max_angle_from_coi_deg,
+        "steps": result.steps,
+        "wall_s": result.wall_s,
+    }
+    if as_json:
+        shared.print_json(record | {"bus": end.bus, "stable": end.stable})
+        return
+    from rich.table import Table
+
+    table = Table("", result.point.case.name, show_header=True)
+    table.add_row("outcome", end.kind.value.replace("_", " "))
+    table.add_row("", end.message)
+    table.add_row("largest change of angle from the COI", f"{result.max_angle_from_coi_deg:.1f} degrees")
+    table.add_row("simulated", f"{result.steps} steps in {result.wall_s:.3f} s")
+    for path in written:
+        table.add_row("written", str(path))
+    shared.console().print(table)
