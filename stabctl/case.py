@@ -9,7 +9,9 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple
 
+from stabctl.check import check
 from stabctl.errors import StudyError
+from stabctl.models import gencls
 from stabctl.quantity import NOT_NEGATIVE, POSITIVE, SHARE
 
 Characteristic = Literal["power", "current", "conductance"]
@@ -110,11 +112,9 @@ class Case:
     warnings: tuple[str, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
-        from stabctl.check import check
-
         frozen = {model: MappingProxyType(dict(rows)) for model, rows in self.devices.items() if rows}
         object.__setattr__(self, "devices", MappingProxyType(frozen))
-        object.__setattr__(self, "warnings", tuple(check(self)))
+        object.__setattr__(self, "warnings", tuple(check(self, TABLES)))
 
     def machine(self, number: int) -> Machine:
         """The machine of that number; `StudyError` where there is none."""
@@ -134,8 +134,6 @@ class Case:
 
     def classical(self) -> "Case":
         """The same case with every machine a constant voltage behind x'd, without controls (GENCLS)."""
-        from stabctl.models import gencls
-
         rows = {}
         for m in self.machines:
             p = self.devices["gencls"][m.machine] if m.machine in self.devices.get("gencls", {}) else None

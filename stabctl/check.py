@@ -1,7 +1,7 @@
 """Checks of a case: the first mistake is raised with its place, unusual rows are returned as sentences."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from stabctl.errors import CaseError
@@ -19,15 +19,13 @@ def fail(table: str, row: int, column: str, text: str) -> NoReturn:
     raise error
 
 
-def check(case: "Case") -> Iterator[str]:
-    """Raise the first mistake of the case; yield the sentences of what is unusual."""
-    from stabctl.case import TABLES
-
+def check(case: "Case", tables: Mapping[str, type]) -> Iterator[str]:
+    """Raise the first mistake of the case (`tables`: its tables and their records); yield sentences on the unusual."""
     for quantity in ("base_mva", "frequency_hz"):
         value = getattr(case, quantity)
         if not (isinstance(value, int | float) and 0 < value < math.inf):
             raise CaseError(f"case.toml, {quantity}: {value!r} is not allowed; it must be a number more than 0.")
-    for name, record in TABLES.items():
+    for name, record in tables.items():
         _values(name, record, getattr(case, name))
     for name in ("buses", "machines"):
         if not getattr(case, name):

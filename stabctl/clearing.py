@@ -13,7 +13,7 @@ from stabctl.errors import StudyError
 from stabctl.simulate.events import contingency
 from stabctl.simulate.outcome import Kind
 from stabctl.simulate.simulation import run
-from stabctl.simulate.stepper import Rules
+from stabctl.simulate.stepper import DEFAULT, Rules
 
 Status = Literal["found", "unstable_at_zero", "stable_at_limit"]
 PROBES = (0.5, 1.0, 2.0, 4.0)  # cycles above the answer at which monotony is checked
@@ -69,7 +69,7 @@ def clearing_time(
     limit_cycles: float = 60.0,
     observed_s: float = 5.0,
     step: float | None = None,
-    rules: Rules = Rules(),
+    rules: Rules = DEFAULT,
     impedance: complex = 0j,
     progress: Callable[[Run], None] | None = None,
 ) -> Clearing:

@@ -1,9 +1,10 @@
 """The decorators of compiled code, and the cache that follows the sources.
 
-`kernel` is a device or a part of one: melted into its entry point, never stored; `apart` is the same for what is called
-seldom, compiled once instead of at every call. `entry` is an entry point: the only thing kept on disk. numba does not
-notice an edit in a called file, so the cache folder is keyed by a hash of every source that holds a kernel; it lies in
-the user's cache folder, so that the package may be read-only.
+`kernel` is a device or a part of one: plain Python when called from Python, melted into the entry point when called
+from there, never stored. `apart` is the same for what is called seldom, compiled once instead of at every call. `entry`
+is an entry point: the only thing kept on disk. numba does not notice an edit in a called file, so the cache folder is
+keyed by a hash of every source that holds a kernel; it lies in the user's cache folder, so that the package may be
+read-only.
 """
 
 import hashlib
@@ -14,6 +15,7 @@ from typing import Any
 
 import numba
 import platformdirs
+from numba.extending import register_jitable
 
 _PACKAGE = Path(__file__).parent
 
@@ -39,8 +41,9 @@ def _cache_folder() -> Path:
 
 FOLDER = _cache_folder()
 
-kernel = numba.njit(error_model="numpy", forceinline=True, no_cfunc_wrapper=True)
-apart = numba.njit(error_model="numpy", no_cfunc_wrapper=True)
+_BARE = {"error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": True}
+kernel = register_jitable(forceinline=True, **_BARE)
+apart = register_jitable(**_BARE)
 
 
 def entry(function: Callable[..., Any]) -> Callable[..., Any]:

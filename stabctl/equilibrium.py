@@ -63,7 +63,7 @@ def norton_admittances(plant: Plant) -> np.ndarray:
     out = np.zeros(len(plant.machine_bus), complex)
     for model, family in ((gencls, "gencls"), (genrou, "genrou")):
         for par, i in zip(getattr(plant, family), getattr(plant, f"{family}_machine"), strict=True):
-            out[i] = complex(*model.admittance.py_func(par))
+            out[i] = complex(*model.admittance(par))
     return out
 
 
@@ -105,11 +105,11 @@ def _opened(plant: Plant) -> Plant:
     tables = {}
     for name in ALL:
         table = getattr(plant, name).copy()
-        for field in table.dtype.names:
-            if field.endswith(("max", "min")):
-                table[field] = 1e9 if field.endswith("max") else -1e9
-            elif field in ROTOR_CIRCUITS:
-                table[field] = np.where(table[field] > 0, table[field], 1.0)
+        for column in table.dtype.names:
+            if column.endswith(("max", "min")):
+                table[column] = 1e9 if column.endswith("max") else -1e9
+            elif column in ROTOR_CIRCUITS:
+                table[column] = np.where(table[column] > 0, table[column], 1.0)
         tables[name] = table
     opened = plant._replace(**tables)
     return opened._replace(**build.held(opened))
@@ -126,7 +126,7 @@ def _guess(b: system.Buffers, case: Case, flow: Flow, net: Grid, plant: Plant) -
         where = getattr(plant, f"{family}_machine")
         for par, i in zip(getattr(plant, family), where, strict=True):
             current = (flow.S[i] / V[i]).conj() / par.mva
-            b.z[plant.rotor[i]] = np.angle(V[i] + complex(*model.behind.py_func(par)) * current)
+            b.z[plant.rotor[i]] = np.angle(V[i] + complex(*model.behind(par)) * current)
 
 
 def _newton(b: system.Buffers, case: Case, plant: Plant, current: np.ndarray, limit: int) -> tuple[int, float]:
@@ -206,8 +206,8 @@ def _binding(b: system.Buffers, case: Case, plant: Plant, machine: int) -> tuple
 
 
 def _beyond(case: Case, place: layout.Place, name: str, limit: float, what: str) -> str:
-    machine = case.machines[place.machine]
+    m, model = case.machines[place.machine], ALL[place.family].NAME
     return (
-        f"{ALL[place.family].NAME} of machine {machine.machine} at bus {machine.bus} cannot start: {name} = "
-        f"{limit:g} pu {what} at the load flow; widen {name} in {place.family}.csv or change the machine's power or voltage."
+        f"{model} of machine {m.machine} at bus {m.bus} cannot start: {name} = {limit:g} pu {what} at the load flow; "
+        f"widen {name} in {place.family}.csv or change the machine's power or voltage."
     )

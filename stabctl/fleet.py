@@ -18,7 +18,9 @@ def everywhere(case: Case, rating: str, flow: Flow | None = None, **options: Any
     return tuple(_device(case, m, rating, flow, m.storage_bus, options) for m in case.machines)
 
 
-def chosen(case: Case, ratings: str | Mapping[int, str], flow: Flow | None = None, **options: Any) -> tuple[Storage, ...]:
+def chosen(
+    case: Case, ratings: str | Mapping[int, str], flow: Flow | None = None, **options: Any
+) -> tuple[Storage, ...]:
     """Devices at the machines named, `14=50MW,13@33=20MW`: machine, its bus where it is not the storage bus, rating."""
     if not isinstance(ratings, str):
         ratings = ",".join(f"{machine}={rating}" for machine, rating in ratings.items())

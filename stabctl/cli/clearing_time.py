@@ -61,7 +61,13 @@ def clearing_time(
 def _show(found: "Clearing", as_json: bool) -> None:
     if as_json:
         runs = [
-            {"cycles": r.cycles, "stable": r.stable, "outcome": r.outcome.value, "machine": r.machine, "time_s": r.time_s}
+            {
+                "cycles": r.cycles,
+                "stable": r.stable,
+                "outcome": r.outcome.value,
+                "machine": r.machine,
+                "time_s": r.time_s,
+            }
             for r in found.runs
         ]
         shared.print_json(

@@ -23,7 +23,8 @@ Trip = Annotated[list[str] | None, typer.Option("--trip", help="Circuit opened a
 Size = Annotated[str | None, typer.Option("--storage", help="A device at every machine: 5%mva, 5%dispatch or 50MW.")]
 SizeAt = Annotated[str | None, typer.Option("--storage-at", help="Devices at machines: 14=50MW,13@33=20MW.")]
 Control = Annotated[
-    Literal["none", "bang-bang"] | None, typer.Option("--control", help="Storage law; bang-bang where there is storage.")
+    Literal["none", "bang-bang"] | None,
+    typer.Option("--control", help="Storage law; bang-bang where there is storage."),
 ]
 Characteristic = Annotated[
     Literal["power", "current", "conductance"], typer.Option("--characteristic", help="What is constant in a device.")
@@ -32,7 +33,9 @@ Lag = Annotated[float, typer.Option("--lag", help="Time constant from order to p
 Deadband = Annotated[float, typer.Option("--deadband", help="Speed deviation without action, Hz.")]
 MinVoltage = Annotated[float, typer.Option("--min-voltage", help="Voltage below which a device idles, pu.")]
 FaultImpedance = Annotated[str, typer.Option("--fault-impedance", help="R,X of the fault, pu (0,0: bolted).")]
-Angle = Annotated[float, typer.Option("--max-angle", help="Change of angle against the COI that loses synchronism, rad.")]
+Angle = Annotated[
+    float, typer.Option("--max-angle", help="Change of angle against the COI that loses synchronism, rad.")
+]
 Step = Annotated[float | None, typer.Option("--step", help="Time step, s (default: at most 1/120).")]
 
 
@@ -87,7 +90,9 @@ def impedance(text: str) -> complex:
     except ValueError:
         r = x = float("nan")
     if not (abs(complex(r, x)) < float("inf") and r >= 0):
-        raise StudyError(f"--fault-impedance {text!r} is not allowed; write R,X in pu, as 0.01,0.05, with R at least 0.")
+        raise StudyError(
+            f"--fault-impedance {text!r} is not allowed; write R,X in pu, as 0.01,0.05, with R at least 0."
+        )
     return complex(r, x)
 
 
@@ -121,9 +126,13 @@ def progress(text: str, total: float | None) -> Iterator[Any]:
         return
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
     with Progress(*columns, console=console(stderr=True), transient=True) as bar:
         task = bar.add_task(text, total=total)
         yield lambda done: bar.update(task, completed=done)
-
-

@@ -15,7 +15,9 @@ Clear = Annotated[str | None, typer.Option("--clear", help="Clearing time: 6cyc,
 At = Annotated[float, typer.Option("--at", help="Instant of the fault, s.")]
 Until = Annotated[float, typer.Option("--until", help="End of the run, s.")]
 Out = Annotated[Path | None, typer.Option("--out", help="Write the trajectory to FILE.nc or FILE.csv.")]
-Plot = Annotated[Path | None, typer.Option("--plot", help="Draw speeds, angles, voltages, storage to FILE.png or .svg.")]
+Plot = Annotated[
+    Path | None, typer.Option("--plot", help="Draw speeds, angles, voltages, storage to FILE.png or .svg.")
+]
 
 
 def simulate(

@@ -15,7 +15,7 @@ from . import events as ev
 from . import stepper
 from .nets import Stage, stage
 from .outcome import Outcome, outcome
-from .stepper import Rules
+from .stepper import DEFAULT, Rules
 from .trajectory import Trajectory
 
 STEP = 1 / 120  # s   default
@@ -37,7 +37,7 @@ class Simulation:
         events: Iterable[ev.Event] = (),
         control: BangBang | None = None,
         step: float | None = None,
-        rules: Rules = Rules(),  # noqa: B008
+        rules: Rules = DEFAULT,
         record: bool = True,
         start: float = 0.0,
         progress: Callable[[float], None] | None = None,
@@ -161,7 +161,7 @@ def run(
     until: float = 10.0,
     control: BangBang | None = None,
     step: float | None = None,
-    rules: Rules = Rules(),  # noqa: B008
+    rules: Rules = DEFAULT,
     record: bool = True,
     start: float = 0.0,
     progress: Callable[[float], None] | None = None,

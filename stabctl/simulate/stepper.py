@@ -35,6 +35,9 @@ class Rules(NamedTuple):
     fastest: float = 1.5  # pu
 
 
+DEFAULT = Rules()
+
+
 class Scratch(NamedTuple):
     """Work space of one run. `volt` and `current` are complex views of b.s.v and b.r.g."""
 

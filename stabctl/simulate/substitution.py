@@ -59,4 +59,7 @@ def solve(F, current, work, v):
         v[i] = work[F.cols[i]]
 
 
-solve_apart = apart(solve.py_func)
+@apart
+def solve_apart(F, current, work, v):
+    """The same, compiled once."""
+    solve(F, current, work, v)

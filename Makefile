@@ -1,0 +1,44 @@
+PYTHON ?= python3
+BIN := .venv/bin
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+help:  ## this list
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+
+demo: .venv/demo  ## set up and run the two-area case: verdict table, pictures in reports/
+	$(BIN)/python sims/two_area.py
+
+test: .venv/test  ## set up and run the tests
+	$(BIN)/python -m pytest
+
+lint: .venv/dev  ## style and import walls
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports
+
+reproduce: .venv/demo  ## every study of analysis/ and sims/, into reports/
+	@for study in analysis/*.py sims/*.py; do echo "== $$study"; $(BIN)/python $$study || exit 1; done
+
+bench: .venv/demo  ## measure speed on this machine
+	$(BIN)/python benchmarks/core.py
+
+clean:  ## remove the virtual environment and everything generated
+	rm -rf .venv reports/*.png reports/*.html build dist
+
+.venv/bin/python:
+	$(PYTHON) tools/venv.py .venv
+
+.venv/demo: pyproject.toml | .venv/bin/python
+	$(BIN)/python -m pip install -q -e .
+	@touch $@
+
+.venv/test: pyproject.toml | .venv/bin/python
+	$(BIN)/python -m pip install -q -e '.[test]'
+	@touch $@
+
+.venv/dev: pyproject.toml | .venv/bin/python
+	$(BIN)/python -m pip install -q -e '.[dev]'
+	@touch $@
+
+.PHONY: help demo test lint reproduce bench clean
+.DEFAULT_GOAL := help
