@@ -55,11 +55,12 @@ def simulate(
     for path, endings in ((out, (".csv", ".nc")), (plot, (".png", ".svg"))):
         if path and path.suffix not in endings:
             raise StudyError(f"The file {path.name!r} must end in {' or '.join(endings)}.")
+    through = shared.impedance(fault_impedance)
     loaded = shared.load(case, classical)
     events = ()
     if fault or trip:
         duration = seconds(clear, loaded.frequency_hz) if clear else 0.0
-        events = contingency(fault, duration, trip or (), at, shared.impedance(fault_impedance))
+        events = contingency(fault, duration, trip or (), at, through)
     options = {"characteristic": characteristic, "lag": lag}
     point = shared.start(loaded, storage, storage_at, **options)
     steering = shared.law(point.case, control, deadband, min_voltage)

@@ -133,17 +133,17 @@ def locate(case: Case, text: str) -> Place:
 
 
 def contingency(
-    fault: str, clear: float, trip: Iterable[str] = (), at: float = 1.0, impedance: complex = 0j
+    fault: str | None, clear: float, trip: Iterable[str] = (), at: float = 1.0, impedance: complex = 0j
 ) -> tuple[Event, ...]:
-    """A fault at `at` (s), cleared after `clear` (s) by opening the faulted circuit and those in `trip`."""
+    """A fault (pu impedance) at `at` (s), cleared after `clear` (s) by opening its circuit and those in `trip`."""
     if not clear >= 0:
         raise StudyError(f"The clearing time {clear:g} s is negative; give a time of at least 0.")
     off, opened = at + clear, list(trip)
-    on_line = "-" in str(fault)
+    on_line = fault is not None and "-" in fault
     if on_line:
-        opened.insert(0, str(fault).split("@")[0])
+        opened.insert(0, fault.split("@")[0])
     events: list[Event] = [Open(name, off) for name in opened]
-    if clear > 0:
+    if fault is not None and clear > 0:
         events.append(Fault(fault, at, impedance))
         if not on_line:
             events.append(Clear(fault, off))

@@ -96,7 +96,7 @@ class Trajectory:
         return [f"{s.machine}@{s.bus}" for s in self.point.case.storage]
 
     def to_xarray(self) -> "xr.Dataset":
-        """Every signal with its units; dimensions time, machine, bus and device."""
+        """Every signal with its units; dimensions time, machine, bus and, where there is storage, device."""
         import xarray as xr
 
         case = self.point.case
@@ -108,8 +108,9 @@ class Trajectory:
             "electrical_power": ("machine", self.Pe, "MW", "terminal power"),
             "voltage": ("bus", np.abs(self.V), "pu", "voltage magnitude"),
             "voltage_angle": ("bus", np.angle(self.V), "rad", "voltage angle"),
-            "storage": ("device", self.storage, "MW", "power of the storage device, absorbing positive"),
         }
+        if case.storage:
+            signals["storage"] = ("device", self.storage, "MW", "power of the storage device, absorbing positive")
         data = {
             k: (("time", dim), a, {"units": unit, "long_name": text}) for k, (dim, a, unit, text) in signals.items()
         }
@@ -117,8 +118,9 @@ class Trajectory:
             "time": ("time", self.time, {"units": "s"}),
             "machine": [m.machine for m in case.machines],
             "bus": [b.bus for b in case.buses],
-            "device": np.array(self.devices(), dtype=str),
         }
+        if case.storage:
+            coords["device"] = self.devices()
         about = {"case": case.name, "outcome": self.outcome.kind.value, "message": self.outcome.message}
         return xr.Dataset(data, coords, about | {"step_s": self.step})
 
