@@ -26,7 +26,7 @@ clean:  ## remove the virtual environment and everything generated
 	rm -rf .venv reports/*.png reports/*.html build dist
 
 .venv/bin/python:
-	$(PYTHON) tools/venv.py .venv
+	$(PYTHON) tools/make_venv.py .venv
 
 .venv/demo: pyproject.toml | .venv/bin/python
 	$(BIN)/python -m pip install -q -e .
