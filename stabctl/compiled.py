@@ -8,6 +8,7 @@ read-only.
 """
 
 import hashlib
+import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -56,6 +57,7 @@ def entry(function: Callable[..., Any]) -> Callable[..., Any]:
         numba.config.CACHE_DIR = before
 
 
-def is_cold(name: str) -> bool:
-    """Has the entry point `name` no machine code on disk yet (its first call compiles for some seconds)?"""
-    return not any(FOLDER.rglob(f"*.{name}-*.nbc"))
+def announce() -> None:
+    """Say on stderr that the first call will compile, where the entry points have no machine code on disk yet."""
+    if not all(any(FOLDER.rglob(f"*.{name}-*.nbc")) for name in ("jacobian", "advance")):
+        print("stabctl: compiling the equations once, some 20 to 60 seconds ...", file=sys.stderr, flush=True)

@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 import tempfile
+import urllib.parse
 import urllib.request
 import venv
 from pathlib import Path
@@ -31,7 +32,7 @@ def _fetch_pip(python: Path) -> None:
         wheel = next(f for f in files if f["packagetype"] == "bdist_wheel")
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / wheel["filename"]
-            urllib.request.urlretrieve(wheel["url"], path)
+            urllib.request.urlretrieve(urllib.parse.urljoin(INDEX, wheel["url"]), path)
             subprocess.run([python, f"{path}/pip", "install", "-q", str(path)], check=True)
     except (OSError, StopIteration, subprocess.CalledProcessError) as error:
         sys.exit(f"Python has no ensurepip and pip cannot be fetched ({error}); install python3-venv and try again.")

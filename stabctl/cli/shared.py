@@ -63,8 +63,7 @@ def start(case: "Case", storage: str | None = None, storage_at: str | None = Non
         case = case.with_storage(fleet.everywhere(case, storage, flow, **options))
     elif storage_at:
         case = case.with_storage(fleet.chosen(case, storage_at, flow, **options))
-    if compiled.is_cold("jacobian") or compiled.is_cold("advance"):
-        print("stabctl: compiling the equations once, some 20 to 60 seconds ...", file=sys.stderr)
+    compiled.announce()
     return equilibrium.solve(case, flow)
 
 
