@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from stabctl.controllers import BangBang
+from stabctl.controllers import Law
 from stabctl.equilibrium import Point
 from stabctl.errors import StudyError
 from stabctl.simulate.events import contingency
@@ -64,7 +64,7 @@ def clearing_time(
     point: Point,
     fault: str,
     trip: Iterable[str] = (),
-    control: BangBang | None = None,
+    control: Law | None = None,
     resolution_cycles: float = 0.125,
     limit_cycles: float = 60.0,
     observed_s: float = 5.0,

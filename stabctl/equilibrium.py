@@ -24,7 +24,7 @@ TOLERANCE = 1e-11  # largest residual, 1/s and pu
 ROTOR_CIRCUITS = ("T1d", "T2d", "T1q", "T2q")
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Point:
     """An operating point: the plant, its network, and z at which nothing moves."""
 

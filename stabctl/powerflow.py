@@ -13,7 +13,7 @@ from stabctl.errors import PowerFlowError
 TOLERANCE = 1e-10  # pu   largest power mismatch
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Flow:
     """A solved load flow: voltages of the buses and power of the machines, pu on the system base, in table order."""
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from stabctl.compiled import kernel
 
-from .signals import Par
+from .signals import Device, Par
 
 KIND = 1.0
 
@@ -24,6 +24,6 @@ class BangBang:
     deadband_hz: float = 0.1  # Hz   speed deviation without action
     min_voltage: float = 0.8  # pu   voltage below which the device idles
 
-    def par(self, frequency_hz: float) -> Par:
+    def par(self, device: Device) -> Par:
         """Constants in pu."""
-        return Par(KIND, self.deadband_hz / frequency_hz, self.min_voltage)
+        return Par(KIND, self.deadband_hz / device.frequency, self.min_voltage)

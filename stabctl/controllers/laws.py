@@ -2,9 +2,9 @@
 
 from stabctl.compiled import kernel
 
-from . import bang_bang
+from . import bang_bang, feedback
 
-OUTSIDE = 0.0  # orders are set from outside and held
+OUTSIDE = 0.0  # kind of a device whose orders are set from outside and held
 
 
 @kernel
@@ -12,4 +12,6 @@ def order(seen, p, held):
     """Order of one device in ratings (absorbing positive); `held` is the one it has."""
     if p.kind == bang_bang.KIND:
         return bang_bang.order(seen, p)
+    if p.kind == feedback.LINEAR or p.kind == feedback.BRAKING:
+        return feedback.order(seen, p)
     return held

@@ -17,3 +17,13 @@ class Par(NamedTuple):
     kind: Annotated[float, "-", "number of the law in `laws.order`"]
     deadband: Annotated[float, "pu", "speed deviation without action"]
     gate: Annotated[float, "pu", "voltage below which the device idles"]
+    speed_gain: Annotated[float, "1/pu", "order over speed deviation"] = 0.0
+    acceleration_gain: Annotated[float, "s/pu", "order over acceleration"] = 0.0
+
+
+class Device(NamedTuple):
+    """What a law needs to know of a device to set its constants."""
+
+    rating: Annotated[float, "MW", "largest power"]
+    machine: Annotated[float, "MVA", "base of its machine"]
+    frequency: Annotated[float, "Hz", "of the system"]

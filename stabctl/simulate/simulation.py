@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stabctl.controllers import BangBang
+from stabctl.controllers import Device, Law
 from stabctl.equilibrium import Point
 from stabctl.errors import StudyError
 from stabctl.system import buffers
@@ -35,7 +35,7 @@ class Simulation:
         self,
         point: Point,
         events: Iterable[ev.Event] = (),
-        control: BangBang | None = None,
+        control: Law | None = None,
         step: float | None = None,
         rules: Rules = DEFAULT,
         record: bool = True,
@@ -53,9 +53,9 @@ class Simulation:
             self._at += 1
         self._law = point.plant.law.copy()
         if control is not None:
-            law = control.par(point.case.frequency_hz)
-            for name in law._fields:
-                self._law[name] = getattr(law, name)
+            for j, s in enumerate(point.case.storage):
+                device = Device(s.rating, point.case.machine(s.machine).base, point.case.frequency_hz)
+                self._law[j] = tuple(control.par(device))
         self._stage = self._enter()
         self._buffers = buffers(point.plant, len(point.V))
         self._buffers.z[:] = point.z
@@ -63,6 +63,8 @@ class Simulation:
         self._width = len(point.z) + 3 * len(point.case.machines) + len(point.case.storage)
         self._times: list[np.ndarray] = []
         self._rows: list[np.ndarray] = []
+        self._call(0.0, 0, False)  # compiles, or loads the machine code, outside the time that is measured
+        self.wall_s = 0.0
 
     @property
     def orders(self) -> np.ndarray:
@@ -105,9 +107,9 @@ class Simulation:
             self._call(0.0, 0, True)
         rows = np.concatenate(self._rows) if self._rows else np.empty((0, self._width))
         times = np.concatenate(self._times) if self._times else np.empty(0)
-        rows.setflags(write=False)
-        times.setflags(write=False)
         peak = self._work.peak.copy()
+        for array in (rows, times, peak):
+            array.setflags(write=False)
         return Trajectory(self.point, self.outcome, times, rows, peak, self.step, self.steps, self.wall_s)
 
     def _enter(self) -> Stage:
@@ -159,7 +161,7 @@ def run(
     point: Point,
     events: Iterable[ev.Event] = (),
     until: float = 10.0,
-    control: BangBang | None = None,
+    control: Law | None = None,
     step: float | None = None,
     rules: Rules = DEFAULT,
     record: bool = True,
