@@ -16,6 +16,7 @@ from stabctl.case import Case
 from stabctl.errors import EquilibriumError
 from stabctl.jacobian import jacobian
 from stabctl.models import ALL, gencls, genrou
+from stabctl.models.blocks import SHORT
 from stabctl.network import Grid
 from stabctl.powerflow import Flow
 from stabctl.system import Plant, buffers, sizes
@@ -35,7 +36,7 @@ class Point:
     z: np.ndarray
     fixed: np.ndarray  # (buses) admittance of the constant-impedance part of the loads, pu
     iterations: int
-    fastest: float  # 1/s   largest eigenvalue of a machine and its controls at given voltage
+    fastest: float  # 1/s   largest eigenvalue of a machine with its controls at given voltage, or of a device
     stages: dict[network.Switching, Any] = field(default_factory=dict, compare=False)  # networks met so far
 
     def admittance(self, switching: network.Switching = network.UNSWITCHED) -> sp.csc_matrix:
@@ -79,6 +80,7 @@ def solve(case: Case, flow: Flow | None = None, limit: int = 30) -> Point:
     current = (flow.S / flow.V[net.machine_bus]).conj() + norton_admittances(plant) * flow.V[net.machine_bus]
     iterations, fastest = _newton(b, case, _opened(alone), current, limit)
     _check_limits(b, case, alone)
+    lags = plant.storage["T"][plant.storage["T"] >= SHORT]
     z = np.zeros(n.states + 2 * len(flow.V) + 2 * m + n.storage)
     z[: n.states] = b.z.real[: n.states]
     z[n.states : n.states + 2 * len(flow.V)] = flow.V.view(float)
@@ -86,7 +88,7 @@ def solve(case: Case, flow: Flow | None = None, limit: int = 30) -> Point:
     if n.storage:
         first = system.first_state(plant, "storage")
         z[first : first + 2 * n.storage].reshape(-1, 2)[:, 1] = build.stored(case)
-    return Point(case, flow, net, plant, z, fixed, iterations, fastest)
+    return Point(case, flow, net, plant, z, fixed, iterations, max([fastest, *(1 / lags)]))
 
 
 def _each_on_its_own_bus(plant: Plant) -> Plant:

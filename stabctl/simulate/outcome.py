@@ -62,8 +62,8 @@ def outcome(point: Point, verdict: int, t: float, now: Stage, blame: stepper.Scr
             return Outcome(Kind.VOLTAGE_COLLAPSE, f"{text} {cut}".strip(), t, bus=bus)
         case stepper.LOW_VOLTAGE:
             text = (
-                f"Voltage collapse at bus {bus} at {t:.3f} s: its voltage has been too low for its load for "
-                f"{rules.low_voltage_s:g} s after the fault."
+                f"Voltage collapse at bus {bus} at {t:.3f} s: its voltage stayed below what its load needs "
+                f"for {rules.low_voltage_s:g} s without a fault."
             )
             return Outcome(Kind.VOLTAGE_COLLAPSE, f"{text} {cut}".strip(), t, bus=bus)
     if cut:
