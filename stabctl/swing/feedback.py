@@ -42,8 +42,9 @@ class Response:
     trajectory: Trajectory
 
     def __str__(self) -> str:
-        swing = f"angle {self.min_angle:.4f} to {self.peak_angle:.4f} rad, speed {self.min_speed:.4f} to {self.max_speed:.4f} rad/s"
-        return f"{self.name}: {'stable' if self.stable else 'lost'}, {swing}, damping {self.damping:.3f}"
+        angle = f"angle {self.min_angle:.4f} to {self.peak_angle:.4f} rad"
+        speed = f"speed {self.min_speed:.4f} to {self.max_speed:.4f} rad/s"
+        return f"{self.name}: {'stable' if self.stable else 'lost'}, {angle}, {speed}, damping {self.damping:.3f}"
 
 
 @dataclass(frozen=True)

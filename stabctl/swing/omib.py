@@ -13,8 +13,8 @@ from typing import Annotated
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from stabctl.guard import guard
 from stabctl.errors import StudyError
+from stabctl.guard import guard
 from stabctl.quantity import POSITIVE
 
 TIGHT = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-12}
