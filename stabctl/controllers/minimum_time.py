@@ -97,9 +97,7 @@ class MinimumTime:
 
     def mirrored(self) -> "MinimumTime":
         """Angle, speed, co-states and power with the opposite sign."""
-        return replace(
-            self, x1=-self.x1, x2=-self.x2, lambda1=-self.lambda1, lambda2=-self.lambda2, Pc=-self.Pc
-        )
+        return replace(self, x1=-self.x1, x2=-self.x2, lambda1=-self.lambda1, lambda2=-self.lambda2, Pc=-self.Pc)
 
 
 def rates(p: Problem, y: Array, Pc: float) -> Array:
@@ -173,8 +171,8 @@ def by_collocation(p: Problem, guess: tuple[float, float] = (-0.03, 0.005)) -> M
     """Minimum time as a boundary-value problem with free durations, by `scipy.integrate.solve_bvp`.
 
     Starts from a device that absorbs all the while and `guess` for (lambda1, lambda2) at release. Where the solution
-    has lambda2 < 0 somewhere, an injecting arc is put in front, its power moved from Pc_max to Pc_min in steps. Raises StudyError where
-    the collocation does not converge.
+    has lambda2 < 0 somewhere, an injecting arc is put in front and its power moved from Pc_max to Pc_min in steps.
+    Raises StudyError where the collocation does not converge.
     """
     if p.x2 < 0:
         return by_collocation(p.mirrored(), (-guess[0], -guess[1])).mirrored()
@@ -275,6 +273,8 @@ def _solution(p: Problem, arcs: Arcs) -> MinimumTime:
     Pc = np.concatenate([np.full(t.size, Pc) for t, _, Pc in arcs])
     y[2:] *= -1 / (hamiltonian(p, y[:, 0], Pc[0]) - 1)
     switches = tuple(float(t[0]) for t, _, _ in arcs[1:])
-    how = "no switch" if not switches else f"one switch, at {switches[0]:.6f} s from {arcs[0][2]:g} to {arcs[1][2]:g} pu"
+    how = (
+        "no switch" if not switches else f"one switch, at {switches[0]:.6f} s from {arcs[0][2]:g} to {arcs[1][2]:g} pu"
+    )
     outcome = f"speed brought to zero {t[-1]:.6f} s after release at {y[0, -1]:.6f} rad, {how}"
     return MinimumTime(outcome, float(t[-1]), switches, t, *y, Pc, hamiltonian(p, y, Pc))

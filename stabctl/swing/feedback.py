@@ -20,12 +20,14 @@ class Feedback(NamedTuple):
     size: bool = False  # (14): the size of the acceleration with the sign of the speed
 
 
-FOUR = (
-    Feedback("acceleration", Ka=-0.004),
-    Feedback("speed", Kv=0.02),
-    Feedback("speed and acceleration", Kv=0.02, Ka=-0.004),
-    Feedback("size of acceleration, sign of speed", Ka=0.007, size=True),
-)
+def four(Kv: float = 0.02, Ka: float = -0.004, Ka_size: float = 0.007) -> tuple[Feedback, ...]:
+    """The four combinations of section 3 with their gains."""
+    return (
+        Feedback("acceleration", Ka=Ka),
+        Feedback("speed", Kv=Kv),
+        Feedback("speed and acceleration", Kv=Kv, Ka=Ka),
+        Feedback("size of acceleration, sign of speed", Ka=Ka_size, size=True),
+    )
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,7 @@ def respond(m: OMIB, clearing: float, feedback: Feedback, until: float = 5.0) ->
     return Response(feedback.name, run.stable, *swing, damping, run)
 
 
-def compare(m: OMIB, cycles: float = 15, laws: tuple[Feedback, ...] = FOUR, until: float = 5.0) -> Comparison:
-    """Figure 7: every law on a fault of so many cycles."""
-    responses = tuple(respond(m, m.seconds(cycles), law, until) for law in laws)
+def compare(m: OMIB, cycles: float = 15, laws: tuple[Feedback, ...] | None = None, until: float = 5.0) -> Comparison:
+    """Figure 7: every law (by default the four) on a fault of so many cycles, to `until` (s)."""
+    responses = tuple(respond(m, m.seconds(cycles), law, until) for law in laws or four())
     return Comparison(m.start, cycles, separatrix(m), responses)

@@ -12,7 +12,7 @@ from stabctl.controllers.minimum_time import Problem
 from stabctl.guard import guard
 from stabctl.quantity import POSITIVE
 from stabctl.swing.equal_area import Critical, EqualArea, critical, equal_area
-from stabctl.swing.omib import OMIB, during_fault
+from stabctl.swing.omib import FREQUENCY, INERTIA, OMIB, POWER, REACTANCE, VOLTAGE, during_fault
 
 
 @dataclass(frozen=True)
@@ -22,15 +22,15 @@ class Equivalent:
     Raises StudyError where a value is out of range or Pm1 has no equilibrium.
     """
 
-    H1: Annotated[float, "s", "inertia constant of machine 1", POSITIVE] = 1.0
-    HCOI: Annotated[float, "s", "inertia constant of all others", POSITIVE] = 6.0
-    V1: Annotated[float, "pu", "voltage of machine 1", POSITIVE] = 1.0
-    VCOI: Annotated[float, "pu", "voltage of the others", POSITIVE] = 1.0
-    X: Annotated[float, "pu", "reactance between the two voltages", POSITIVE] = 1.0
-    Pm1: Annotated[float, "pu", "mechanical power of machine 1, PmCOI = -Pm1", POSITIVE] = 0.5
+    H1: Annotated[float, "s", "inertia constant of machine 1", INERTIA] = 1.0
+    HCOI: Annotated[float, "s", "inertia constant of all others", INERTIA] = 6.0
+    V1: Annotated[float, "pu", "voltage of machine 1", VOLTAGE] = 1.0
+    VCOI: Annotated[float, "pu", "voltage of the others", VOLTAGE] = 1.0
+    X: Annotated[float, "pu", "reactance between the two voltages", REACTANCE] = 1.0
+    Pm1: Annotated[float, "pu", "mechanical power of machine 1, PmCOI = -Pm1", POWER] = 0.5
     base: Annotated[float, "MVA", "base of the per-unit values", POSITIVE] = 100.0
-    Xpost: Annotated[float | None, "pu", "reactance after clearing, X where left out", POSITIVE] = None
-    fb: Annotated[float, "Hz", "base frequency", POSITIVE] = 60.0
+    Xpost: Annotated[float | None, "pu", "reactance after clearing, X where left out", REACTANCE] = None
+    fb: Annotated[float, "Hz", "base frequency", FREQUENCY] = 60.0
 
     def __post_init__(self) -> None:
         guard(self)
