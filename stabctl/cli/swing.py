@@ -158,7 +158,7 @@ def minimum_time_command(
             ("duration_s", "lambda1_start", "lambda2_start", "angle_end_rad", "switches")
         )
         if found.feasible:
-            values = (found.T, found.lambda1[0], found.lambda2[0], found.x1[-1], len(found.switches))
+            values = (found.duration, found.lambda1[0], found.lambda2[0], found.x1[-1], len(found.switches))
             record = dict(zip(record, values, strict=True))
         else:
             record["outcome"] = found.outcome
@@ -169,12 +169,12 @@ def minimum_time_command(
         return
     lines = [
         ("release", f"{problem.x1:.6f} rad, {problem.x2:.6f} rad/s"),
-        ("duration T", f"{found.T:.6f} s"),
+        ("duration T", f"{found.duration:.6f} s"),
         ("co-states at release", f"{found.lambda1[0]:.6f} s/rad, {found.lambda2[0]:.7f} s^2/rad"),
         ("angle at the end", f"{found.x1[-1]:.6f} rad"),
         ("switches", ", ".join(f"{t:.6f} s" for t in found.switches) or "none"),
         ("largest Hamiltonian", f"{abs(found.hamiltonian).max():.1e}"),
-        ("T by collocation differs by", f"{abs(by_collocation(problem).T - found.T):.1e} s"),
+        ("T by collocation differs by", f"{abs(by_collocation(problem).duration - found.duration):.1e} s"),
     ]
     _print_table("Minimum-time control", ("", ""), lines)
 

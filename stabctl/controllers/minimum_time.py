@@ -16,6 +16,7 @@ the device lets go. A solution that this limit stops ends there with lambda1 >= 
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Annotated
 
 import numpy as np
@@ -30,6 +31,7 @@ from stabctl.quantity import ANY, POSITIVE
 Array = NDArray[np.float64]
 Arcs = list[tuple[Array, Array, float]]  # times (n,), (x1, x2, lambda1, lambda2) (4, n), P_C
 TIGHT = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
+TOL = 1e-8  # relative residual of the collocation
 
 
 @dataclass(frozen=True)
@@ -74,10 +76,10 @@ class Problem:
 
 @dataclass(frozen=True)
 class MinimumTime:
-    """The optimal control from release on; the arrays (n,) are empty and T is nan where there is none."""
+    """The optimal control from release on; the arrays (n,) are empty and the duration is nan where there is none."""
 
     outcome: str
-    T: float  # s
+    duration: float  # s, T of (29)
     switches: tuple[float, ...]  # s after release
     t: Array  # s after release
     x1: Array  # rad
@@ -90,7 +92,7 @@ class MinimumTime:
     @property
     def feasible(self) -> bool:
         """There is a control that brings the speed to zero in time."""
-        return math.isfinite(self.T)
+        return math.isfinite(self.duration)
 
     def __str__(self) -> str:
         return self.outcome
@@ -133,7 +135,8 @@ def by_shooting(p: Problem) -> MinimumTime:
 
     The end angle alone fixes all of the end (x2 = lambda1 = 0, and H = 0 scales the co-states), so the extremals are
     one family; the one that passes through the state at release is found. Where an extremal would end past the limit
-    the family goes on with lambda1 >= 0 at the limit.
+    the family goes on with lambda1 >= 0 at the limit. Of several extremals the shortest is taken. Raises StudyError
+    where none is found although one exists, which only rounding at the very limit can cause.
     """
     if p.x2 < 0:
         return by_shooting(p.mirrored()).mirrored()
@@ -148,23 +151,18 @@ def by_shooting(p: Problem) -> MinimumTime:
         return np.array([x1, 0.0, scale * math.sin(slope), math.cos(slope)])
 
     def miss(s: float) -> float:
-        pieces = _back(p, end(s))
-        return float(pieces[-1][1][1, -1]) - p.x2
+        return float(_back(p, end(s))[-1][1][1, -1]) - p.x2
 
-    best = None
     grid = np.concatenate([np.linspace(0, 1, 33), np.linspace(1, 2, 9)[1:]])
     misses = [miss(s) for s in grid]
-    for i in range(len(grid)):
-        if abs(misses[i]) < 1e-9 * p.x2:
-            s = grid[i]
-        elif i and misses[i - 1] < 0 < misses[i]:
-            s = brentq(miss, grid[i - 1], grid[i], xtol=1e-15)
-        else:
-            continue
-        pieces = _back(p, end(s))
-        if best is None or pieces[-1][0][-1] < best[-1][0][-1]:
-            best = pieces
-    return _solution(p, [(best[-1][0][-1] - t[::-1], y[:, ::-1], Pc) for t, y, Pc in best[::-1]])
+    hits = [s for s, m in zip(grid, misses, strict=True) if abs(m) < 1e-9 * p.x2]
+    pairs = zip(pairwise(grid), pairwise(misses), strict=True)
+    hits += [brentq(miss, *ends, xtol=1e-15) for ends, (low, high) in pairs if low * high < 0]
+    if not hits:
+        raise StudyError(f"no control was found to stop before {p.limit:.4f} rad: move the release a little")
+    T, s = min((_back(p, end(s))[-1][0][-1], s) for s in hits)
+    arcs = _back(p, end(s), T / 200)
+    return _solution(p, [(T - t[::-1], y[:, ::-1], Pc) for t, y, Pc in arcs[::-1]])
 
 
 def by_collocation(p: Problem, guess: tuple[float, float] = (-0.03, 0.005)) -> MinimumTime:
@@ -180,16 +178,16 @@ def by_collocation(p: Problem, guess: tuple[float, float] = (-0.03, 0.005)) -> M
         return infeasible(p)
     t, states = _absorbing(p)
     costates = [guess[0] * (1 - t / t[-1]), np.full(t.size, guess[1])]
-    arcs = _collocate(p, (p.Pc_max,), [(t, np.vstack([states, costates]))], 1e-10)
+    arcs = _collocate(p, (p.Pc_max,), [(t, np.vstack([states, costates]))], TOL)
     t, y, _ = arcs[0]
     if (y[3] < 0).any():
         rise = int(np.flatnonzero(y[3] < 0)[-1]) + 1
         arcs = [(t[: rise + 1], y[:, : rise + 1], p.Pc_max), (t[rise:], y[:, rise:], p.Pc_max)]
         for part in np.linspace(0, 1, 9):  # with both powers equal the guess is a solution; then they part
             first = p.Pc_max + part * (p.Pc_min - p.Pc_max)
-            arcs = _collocate(p, (first, p.Pc_max), [(t, y) for t, y, _ in arcs], 1e-10 if part == 1 else 1e-4)
+            arcs = _collocate(p, (first, p.Pc_max), [(t, y) for t, y, _ in arcs], TOL if part == 1 else 1e-3)
         if arcs[-1][1][0, -1] > p.limit:
-            arcs = _collocate(p, (p.Pc_min, p.Pc_max), [(t, y) for t, y, _ in arcs], 1e-10, at_limit=True)
+            arcs = _collocate(p, (p.Pc_min, p.Pc_max), [(t, y) for t, y, _ in arcs], TOL, at_limit=True)
     return _solution(p, arcs)
 
 
@@ -216,8 +214,8 @@ def _absorbing(p: Problem) -> tuple[Array, Array]:
     return run.t, run.y
 
 
-def _back(p: Problem, end: Array) -> Arcs:
-    """The extremal that ends in `end`, as arcs back to the angle at release; their times count from the end."""
+def _back(p: Problem, end: Array, step: float = math.inf) -> Arcs:
+    """The extremal that ends in `end`, as arcs back to the angle at release; their times (s) count from the end."""
 
     def angle(_t: float, y: Array) -> float:
         return y[0] - p.x1
@@ -233,7 +231,7 @@ def _back(p: Problem, end: Array) -> Arcs:
     longest = 100 * math.sqrt(p.M / p.Pmax)
     arcs, t, y = [], 0.0, end
     for Pc, events in ((p.Pc_max, (angle, rest, switch)), (p.Pc_min, (angle, rest))):
-        run = solve_ivp(lambda _, y, Pc=Pc: -rates(p, y, Pc), (t, longest), y, events=events, **TIGHT)
+        run = solve_ivp(lambda _, y, Pc=Pc: -rates(p, y, Pc), (t, longest), y, events=events, max_step=step, **TIGHT)
         arcs.append((run.t, run.y, Pc))
         t, y = run.t[-1], run.y[:, -1]
         if run.t_events[0].size or run.t_events[1].size:

@@ -25,7 +25,7 @@ class Discretised:
     """The minimum time found by the convex programme; nan where there is none."""
 
     outcome: str
-    T: float  # s
+    duration: float  # s, T of (29)
     Pc: Array  # pu, one value for each of the n steps
 
     def __str__(self) -> str:
@@ -102,7 +102,7 @@ def by_convex_programme(p: Problem, n: int = 100, resolution: float = 1e-7) -> D
     """Minimum time (s) to the relative `resolution` with P_C constant over each of `n` steps."""
     if p.x2 < 0:
         found = by_convex_programme(p.mirrored(), n, resolution)
-        return Discretised(found.outcome, found.T, -found.Pc)
+        return Discretised(found.outcome, found.duration, -found.Pc)
     if math.isnan(stop_angle(p)):
         return Discretised(infeasible(p).outcome, math.nan, np.empty(0))
     programme = Programme(p, n)

@@ -146,10 +146,11 @@ def _areas(ax: "Axes", area: EqualArea, title: str = "") -> None:
     after = (area.angle >= area.clearing) & (area.angle <= area.stop)
     ax.fill_between(area.angle, area.Pe_fault, area.Pm, where=during, color="tab:red", alpha=0.35, label="$A1$")
     ax.fill_between(area.angle, area.Pm, lifted, where=after, color="tab:green", alpha=0.35, label="$A2$")
-    marks = {"$\\delta_0$": area.start, "$\\delta_{cl}$": area.clearing, "$\\delta_1$": area.stop}
+    end = "$\\delta_1$" if area.stable else "$\\delta_u$"
+    marks = {"$\\delta_0$": area.start, "$\\delta_{cl}$": area.clearing, end: area.stop}
     top = 1.3 * max(lifted.max(), area.Pm)
     for name, angle in marks.items():
-        ax.axvline(angle, color="grey", lw=0.8, ls=":")
+        ax.axvline(angle, 0, 0.88, color="grey", lw=0.8, ls=":")
         ax.annotate(name, (angle, 0), (3, 4), textcoords="offset points")
     fate = f"rest at {area.stop:.3f} rad" if area.stable else "lost"
     ax.set_title(f"{title} A1 = {area.A1:.4f}, A2 = {area.A2:.4f} pu rad: {fate}".strip(), fontsize=10, loc="left")
