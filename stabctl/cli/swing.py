@@ -167,6 +167,10 @@ def minimum_time_command(
     if not found.feasible:
         typer.echo(found.outcome)
         return
+    try:
+        difference = f"{by_collocation(problem).duration - found.duration:.1e} s"
+    except StudyError:
+        difference = "not converged"
     lines = [
         ("release", f"{problem.x1:.6f} rad, {problem.x2:.6f} rad/s"),
         ("duration T", f"{found.duration:.6f} s"),
@@ -174,7 +178,7 @@ def minimum_time_command(
         ("angle at the end", f"{found.x1[-1]:.6f} rad"),
         ("switches", ", ".join(f"{t:.6f} s" for t in found.switches) or "none"),
         ("largest Hamiltonian", f"{abs(found.hamiltonian).max():.1e}"),
-        ("T by collocation differs by", f"{abs(by_collocation(problem).duration - found.duration):.1e} s"),
+        ("T by collocation differs by", difference),
     ]
     _print_table("Minimum-time control", ("", ""), lines)
 

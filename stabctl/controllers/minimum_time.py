@@ -165,20 +165,22 @@ def by_shooting(p: Problem) -> MinimumTime:
     return _solution(p, [(T - t[::-1], y[:, ::-1], Pc) for t, y, Pc in arcs[::-1]])
 
 
-def by_collocation(p: Problem, guess: tuple[float, float] = (-0.03, 0.005)) -> MinimumTime:
+def by_collocation(p: Problem, guess: tuple[float, float] | None = None) -> MinimumTime:
     """Minimum time as a boundary-value problem with free durations, by `scipy.integrate.solve_bvp`.
 
-    Starts from a device that absorbs all the while and `guess` for (lambda1, lambda2) at release. Where the solution
-    has lambda2 < 0 somewhere, an injecting arc is put in front and its power moved from Pc_max to Pc_min in steps.
+    Starts from a device that absorbs all the while, with its own co-states or those of `guess`, (lambda1, lambda2) at
+    release. Where the solution has lambda2 < 0 somewhere, an injecting arc is put in front and its power moved from
+    Pc_max to Pc_min in steps. Where there are several extremals this is one of them, not always the shortest.
     Raises StudyError where the collocation does not converge.
     """
     if p.x2 < 0:
-        return by_collocation(p.mirrored(), (-guess[0], -guess[1])).mirrored()
+        return by_collocation(p.mirrored(), guess and (-guess[0], -guess[1])).mirrored()
     if math.isnan(stop_angle(p)):
         return infeasible(p)
-    t, states = _absorbing(p)
-    costates = [guess[0] * (1 - t / t[-1]), np.full(t.size, guess[1])]
-    arcs = _collocate(p, (p.Pc_max,), [(t, np.vstack([states, costates]))], TOL)
+    t, y = _absorbing(p)
+    if guess is not None:
+        y[2:] = guess[0] * (1 - t / t[-1]), np.full(t.size, guess[1])
+    arcs = _collocate(p, (p.Pc_max,), [(t, y)], TOL)
     t, y, _ = arcs[0]
     if (y[3] < 0).any():
         rise = int(np.flatnonzero(y[3] < 0)[-1]) + 1
@@ -203,15 +205,19 @@ def infeasible(p: Problem) -> MinimumTime:
 
 
 def _absorbing(p: Problem) -> tuple[Array, Array]:
-    """Times (n,) and states (2, n) from release to rest while the device absorbs Pc_max."""
+    """Times (n,) from release to rest and (4, n) states and co-states while the device absorbs Pc_max throughout."""
 
     def rest(_t: float, y: Array) -> float:
         return y[1]
 
     rest.terminal, rest.direction = True, -1
-    span = (0, 100 * math.sqrt(p.M / p.Pmax))
-    run = solve_ivp(lambda _, y: (y[1], p.acceleration(y[0], p.Pc_max)), span, (p.x1, p.x2), events=rest, **TIGHT)
-    return run.t, run.y
+    span, start = (0, 100 * math.sqrt(p.M / p.Pmax)), (p.x1, p.x2, 0.0, 0.0)
+    T = solve_ivp(lambda _, y: rates(p, y, p.Pc_max), span, start, events=rest, **TIGHT).t[-1]
+    end = np.array([stop_angle(p), 0.0, 0.0, 1.0])
+    run = solve_ivp(lambda _, y: rates(p, y, p.Pc_max), (T, 0), end, max_step=T / 40, **TIGHT)
+    y = run.y[:, ::-1].copy()
+    y[2:] /= 1 - hamiltonian(p, y[:, -1], p.Pc_max)
+    return run.t[::-1], y
 
 
 def _back(p: Problem, end: Array, step: float = math.inf) -> Arcs:
@@ -231,10 +237,22 @@ def _back(p: Problem, end: Array, step: float = math.inf) -> Arcs:
     longest = 100 * math.sqrt(p.M / p.Pmax)
     arcs, t, y = [], 0.0, end
     for Pc, events in ((p.Pc_max, (angle, rest, switch)), (p.Pc_min, (angle, rest))):
-        run = solve_ivp(lambda _, y, Pc=Pc: -rates(p, y, Pc), (t, longest), y, events=events, max_step=step, **TIGHT)
-        arcs.append((run.t, run.y, Pc))
-        t, y = run.t[-1], run.y[:, -1]
-        if run.t_events[0].size or run.t_events[1].size:
+        run = solve_ivp(
+            lambda _, y, Pc=Pc: -rates(p, y, Pc),
+            (t, longest),
+            y,
+            events=events,
+            max_step=step,
+            dense_output=True,
+            **TIGHT,
+        )
+        times, path = run.t, run.y
+        if run.t_events[0].size == 0 and path[0, -1] < p.x1:  # the angle was passed both ways within the last step
+            t = brentq(lambda t, run=run: run.sol(t)[0] - p.x1, times[-2], times[-1], xtol=1e-15)
+            times, path = np.append(times[:-1], t), np.column_stack([path[:, :-1], run.sol(t)])
+        arcs.append((times, path, Pc))
+        t, y = times[-1], path[:, -1]
+        if run.t_events[0].size or run.t_events[1].size or y[0] <= p.x1:
             break
     return arcs
 
@@ -257,7 +275,7 @@ def _collocate(
     lengths = np.array([t[-1] - t[0] for t, _ in guess])
     y = np.vstack([[np.interp(t[0] + tau * (t[-1] - t[0]), t, row) for row in y] for t, y in guess])
     found = solve_bvp(field, ends, tau, y, p=lengths, tol=tol, max_nodes=20000)
-    if not found.success or found.p.min() <= 0:
+    if not found.success or found.p.min() <= 0 or found.y[1::4].min() < -1e-6 * p.x2:
         raise StudyError(f"the collocation found no solution ({found.message.rstrip('.')}): use shooting")
     begins = np.concatenate([[0.0], np.cumsum(found.p)])
     pieces = enumerate(powers)

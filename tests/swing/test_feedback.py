@@ -35,7 +35,7 @@ def test_acceleration_feedback_is_negative_inertia():
     after = run.t > 0.25
     lighter = OMIB(H=PAPER.H * (PAPER.M + law.Ka) / PAPER.M)
     U = energy(lighter, run.angle[after], run.speed[after])
-    assert np.ptp(U) < 1e-9 * U[0]  # 3e-12
+    assert np.ptp(U) < 1e-9 * U[0]  # 1e-11
     assert U[0] < critical_energy(PAPER) < energy(PAPER, run.angle[after][0], run.speed[after][0])
 
 
@@ -44,7 +44,7 @@ def test_speed_feedback_takes_the_energy_that_the_device_absorbs():
     after = run.t > 0.25
     t, U = run.t[after], energy(PAPER, run.angle[after], run.speed[after])
     absorbed = np.trapezoid(run.power[after] * run.speed[after], t)
-    assert U[0] - U[-1] == pytest.approx(absorbed, rel=1e-5)  # 4e-7
+    assert U[0] - U[-1] == pytest.approx(absorbed, rel=1e-5)  # 1e-6, of the trapezoids
     assert (np.diff(U) < 1e-12).all()
 
 
@@ -64,7 +64,7 @@ def test_four_laws_of_the_paper():
     assert min(swing) == swing[3]
     assert [r.min_speed for r in found] == pytest.approx([-10.8707, -8.1931, -8.6923, -7.3056], abs=5e-5)
     assert swing[2] > swing[1]  # against the text of the paper: 16.546 > 16.047 rad/s
-    assert abs(found[0].damping) < 1e-9  # 1e-13
+    assert abs(found[0].damping) < 1e-9  # 5e-14
     assert [r.damping for r in found[1:]] == pytest.approx([0.134, 0.133, 0.181], abs=1e-3)
 
 

@@ -36,7 +36,7 @@ def test_energy_is_conserved_after_clearing(m, part):
     run = simulate(m, t, until=t + 2)
     after = run.t > t
     U = energy(m, run.angle[after], run.speed[after])
-    assert np.ptp(U) < 1e-8 * max(critical_energy(m), U[0])  # 2e-9
+    assert np.ptp(U) < 1e-10 * max(critical_energy(m), U[0])  # 1e-11
 
 
 @given(machines(), st.floats(0.01, 1))
@@ -61,26 +61,26 @@ def test_simulated_critical_time_is_the_equal_area_one(m, power):
         unit = math.sqrt(m.M / m.Pmax_post)
         assert not simulate(m, 1e-6 * unit, against_speed(power * m.Pm), 1e3 * unit, decide=True).stable
         return
-    assert simulated_critical_time(m, power * m.Pm, 1e-8) == pytest.approx(expected, rel=1e-6)  # 2e-8
+    assert simulated_critical_time(m, power * m.Pm, 1e-8) == pytest.approx(expected, rel=1e-7)  # 3e-9
 
 
 @pytest.mark.parametrize("t", [0.01, 0.1, 0.25, 1.0])
 def test_bolted_fault_in_closed_form_is_the_simulation(t):
     run = simulate(PAPER, t, until=t + 0.1)
     i = np.flatnonzero(run.t == t)[0]
-    assert abs(np.subtract((run.angle[i], run.speed[i]), bolted(PAPER, t))).max() < 1e-10  # 1e-13
+    assert abs(np.subtract((run.angle[i], run.speed[i]), bolted(PAPER, t))).max() < 1e-12  # 1e-14
 
 
 def test_partial_fault_agrees_with_its_simulation():
     m = OMIB(Xfault=3.0)
     run = simulate(m, 0.2, until=0.3)
     i = np.flatnonzero(run.t == 0.2)[0]
-    assert abs(np.subtract((run.angle[i], run.speed[i]), during_fault(m, 0.2))).max() < 1e-10  # 1e-13
+    assert abs(np.subtract((run.angle[i], run.speed[i]), during_fault(m, 0.2))).max() < 1e-10  # 1e-12
 
 
 def test_stability_region_is_where_simulations_return():
     border = separatrix(PAPER)
-    assert np.ptp(energy(PAPER, border.angle, border.speed)) < 1e-12  # 4e-16
+    assert np.ptp(energy(PAPER, border.angle, border.speed)) < 1e-14  # 4e-16
     for part, returns in ((0.999, True), (1.001, False)):
         t = part * critical(PAPER).time
         assert inside(PAPER, *bolted(PAPER, t)) == returns == simulate(PAPER, t, until=20, decide=True).stable
