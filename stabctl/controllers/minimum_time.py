@@ -26,11 +26,12 @@ from scipy.optimize import brentq
 
 from stabctl.errors import StudyError
 from stabctl.guard import guard
-from stabctl.quantity import ANY, POSITIVE
+from stabctl.quantity import ANY, POSITIVE, Range
 
 Array = NDArray[np.float64]
 Arcs = list[tuple[Array, Array, float]]  # times (n,), (x1, x2, lambda1, lambda2) (4, n), P_C
 TIGHT = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
+DEVICE = Range(-1e3, 1e3)  # pu, wide enough for every device
 TOL = 1e-8  # relative residual of the collocation
 
 
@@ -47,8 +48,8 @@ class Problem:
     M1: Annotated[float, "s^2/rad", "moment of inertia of the machine with the device", POSITIVE]
     Pm: Annotated[float, "pu", "mechanical power", ANY]
     Pmax: Annotated[float, "pu", "crest of the power-angle curve", POSITIVE]
-    Pc_min: Annotated[float, "pu", "least absorbed power", ANY]
-    Pc_max: Annotated[float, "pu", "greatest absorbed power", ANY]
+    Pc_min: Annotated[float, "pu", "least absorbed power", DEVICE]
+    Pc_max: Annotated[float, "pu", "greatest absorbed power", DEVICE]
 
     def __post_init__(self) -> None:
         guard(self)
