@@ -115,10 +115,12 @@ def hamiltonian(p: Problem, y: Array, Pc: ArrayLike) -> Array:
 
 
 def stop_angle(p: Problem) -> float:
-    """Angle (rad) where the machine rests when the device absorbs all the while (x2 > 0); nan where it does not.
+    """Angle (rad) where the machine rests when the device brakes with all its power; nan where it does not in time.
 
-    No control makes it rest earlier, so where this is nan or past the limit there is no control at all.
+    No control makes it rest nearer to the release, so where this is nan there is no control at all.
     """
+    if p.x2 < 0:
+        return -stop_angle(p.mirrored())
     decelerate = p.Pm - p.Pc_max * p.M / p.M1
 
     def square(x1: float) -> float:  # x2^2 M/2, by the energy (24)
@@ -139,11 +141,11 @@ def by_shooting(p: Problem) -> MinimumTime:
     the family goes on with lambda1 >= 0 at the limit. Of several extremals the shortest is taken. Raises StudyError
     where none is found although one exists, which only rounding at the very limit can cause.
     """
-    if p.x2 < 0:
-        return by_shooting(p.mirrored()).mirrored()
     nearest = stop_angle(p)
     if math.isnan(nearest):
         return infeasible(p)
+    if p.x2 < 0:
+        return by_shooting(p.mirrored()).mirrored()
 
     def end(s: float) -> Array:  # co-states in any scale: s to 1 is the end angle, from 1 to 2 lambda1 at the limit
         x1 = nearest + min(s, 1 - 1e-9) * (p.limit - nearest)
@@ -174,10 +176,10 @@ def by_collocation(p: Problem, guess: tuple[float, float] | None = None) -> Mini
     Pc_max to Pc_min in steps. Where there are several extremals this is one of them, not always the shortest.
     Raises StudyError where the collocation does not converge.
     """
-    if p.x2 < 0:
-        return by_collocation(p.mirrored(), guess and (-guess[0], -guess[1])).mirrored()
     if math.isnan(stop_angle(p)):
         return infeasible(p)
+    if p.x2 < 0:
+        return by_collocation(p.mirrored(), guess and (-guess[0], -guess[1])).mirrored()
     t, y = _absorbing(p)
     if guess is not None:
         y[2:] = guess[0] * (1 - t / t[-1]), np.full(t.size, guess[1])

@@ -100,11 +100,11 @@ class Programme:
 
 def by_convex_programme(p: Problem, n: int = 100, resolution: float = 1e-7) -> Discretised:
     """Minimum time (s) to the relative `resolution` with P_C constant over each of `n` steps."""
+    if math.isnan(stop_angle(p)):
+        return Discretised(infeasible(p).outcome, math.nan, np.empty(0))
     if p.x2 < 0:
         found = by_convex_programme(p.mirrored(), n, resolution)
         return Discretised(found.outcome, found.duration, -found.Pc)
-    if math.isnan(stop_angle(p)):
-        return Discretised(infeasible(p).outcome, math.nan, np.empty(0))
     programme = Programme(p, n)
     low = p.x2 / float((p.Pmax - p.Pm) / p.M + p.Pc_max / p.M1)
     high, Pc = low, np.full(n, p.Pc_max)

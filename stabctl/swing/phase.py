@@ -58,7 +58,7 @@ def inside(m: OMIB, angle: ArrayLike, speed: ArrayLike) -> NDArray[np.bool_]:
     return turn & (energy(m, angle, speed) < critical_energy(m))
 
 
-def portrait(m: OMIB, cycles: tuple[float, ...] = (6, 12, 15), until: float = 1.5) -> Portrait:
-    """Figure 3: faults of so many cycles, simulated to `until` (s)."""
-    runs = tuple(simulate(m, m.seconds(n), until=until) for n in cycles)
+def portrait(m: OMIB, cycles: tuple[float, ...] = (6, 12, 15), after: float = 1.5) -> Portrait:
+    """Figure 3: faults of so many cycles, simulated for `after` (s) past clearing."""
+    runs = tuple(simulate(m, m.seconds(n), until=m.seconds(n) + after) for n in cycles)
     return Portrait(m.start, separatrix(m), table1(m, cycles), runs)

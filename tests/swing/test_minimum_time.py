@@ -177,6 +177,7 @@ def test_infeasible_is_an_outcome():
         assert math.isnan(found.duration)
         assert found.t.size == 0
     assert str(found) == by_convex_programme(p).outcome
+    assert "at -2.6180 rad: the least absorbed power, -0.5 pu" in str(by_shooting(p.mirrored()))
     assert "before the unstable equilibrium at 2.6180 rad" in str(found)
 
 
