@@ -147,8 +147,10 @@ def by_shooting(p: Problem) -> MinimumTime:
     if p.x2 < 0:
         return by_shooting(p.mirrored()).mirrored()
 
+    first = nearest - 1e-6 * (nearest - p.x1)  # just too near, so that the misses change sign
+
     def end(s: float) -> Array:  # co-states in any scale: s to 1 is the end angle, from 1 to 2 lambda1 at the limit
-        x1 = nearest + min(s, 1 - 1e-9) * (p.limit - nearest)
+        x1 = first + min(s, 1 - 1e-9) * (p.limit - first)
         slope = math.pi / 2 * max(s - 1, 0.0)
         scale = math.sqrt(p.Pmax / p.M)
         return np.array([x1, 0.0, scale * math.sin(slope), math.cos(slope)])
@@ -158,9 +160,8 @@ def by_shooting(p: Problem) -> MinimumTime:
 
     grid = np.concatenate([np.linspace(0, 1, 33), np.linspace(1, 2, 9)[1:]])
     misses = [miss(s) for s in grid]
-    hits = [s for s, m in zip(grid, misses, strict=True) if abs(m) < 1e-9 * p.x2]
     pairs = zip(pairwise(grid), pairwise(misses), strict=True)
-    hits += [brentq(miss, *ends, xtol=1e-15) for ends, (low, high) in pairs if low * high < 0]
+    hits = [brentq(miss, *ends, xtol=1e-15) for ends, (low, high) in pairs if low * high <= 0]
     if not hits:
         raise StudyError(f"no control was found to stop before {p.limit:.4f} rad: move the release a little")
     T, s = min((_back(p, end(s))[-1][0][-1], s) for s in hits)

@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad, solve_ivp
 
@@ -49,6 +49,7 @@ def time_with_one_switch(p, at):
 
 
 @given(problems(-2.5))
+@example(replace(TABLE2, x1=-1.53125, x2=0.5, Pm=0.072265625, Pc_min=0.0, Pc_max=0.0))
 @settings(max_examples=15, deadline=None)
 def test_shooting_fulfils_the_minimum_principle_and_is_never_beaten(p):
     found = by_shooting(p)
