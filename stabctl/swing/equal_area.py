@@ -151,6 +151,8 @@ def _time_in_fault(m: OMIB, angle: float) -> float:
     def rate(z: float) -> float:  # d = start + z^2 takes away the root at the start, where the speed is zero
         if z == 0:
             return math.sqrt(2 * m.M / (m.Pm - m.Pmax_fault * math.sin(m.start)))
-        return 2 * z / math.sqrt(2 / m.M * accelerating(m, m.start + z**2))
+        # the area without its cancelling cosines
+        area = m.Pm * z**2 - 2 * m.Pmax_fault * math.sin(m.start + z**2 / 2) * math.sin(z**2 / 2)
+        return 2 * z / math.sqrt(2 / m.M * area)
 
     return quad(rate, 0, math.sqrt(angle - m.start), epsabs=1e-13, epsrel=1e-12, limit=200)[0]

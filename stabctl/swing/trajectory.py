@@ -121,8 +121,8 @@ def _advance(
     rest.terminal, rest.direction, limit.terminal = to_rest, -side, to_limit
     step = 0.2 * np.sqrt(m.M / m.Pmax_post)
     run = solve_ivp(rates, span, y, events=(extreme, rest, limit), dense_output=True, max_step=step, **TIGHT)
-    even = np.linspace(*run.t[[0, -1]], 2 + int(1000 * (run.t[-1] - run.t[0])))
-    t = np.union1d(np.union1d(even, run.t), run.t_events[EXTREME])
+    even = np.linspace(*run.t[[0, -1]], 2 + int(20 * (run.t[-1] - run.t[0]) / step))
+    t = run.t if to_limit else np.union1d(np.union1d(even, run.t), run.t_events[EXTREME])
     angle, speed = run.sol(t)
     if run.t_events[REST].size and to_rest:
         speed[-1] = run.y[1, -1] = 0.0
