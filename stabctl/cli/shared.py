@@ -107,7 +107,7 @@ def rules(max_angle: float) -> Any:
 
 def print_json(record: dict[str, Any]) -> None:
     """One JSON object on stdout."""
-    print(json.dumps(record, allow_nan=False))
+    print(json.dumps(record, allow_nan=False, default=lambda number: number.item()))
 
 
 def console(stderr: bool = False) -> "Console":
