@@ -30,7 +30,7 @@ def test_two_machines_are_their_own_equivalent(two):
     point = equilibrium.solve(two)
     E = point.z[-4:-2]
     assert (found.H1, found.HCOI, found.base) == (1.0, 6.0, 100)
-    assert pytest.approx(E[0] * E[1] / 1.0, rel=1e-12) == 1 / found.X  # X = 0.25 + 1/2 + 0.25
+    assert 1 / found.X == pytest.approx(E[0] * E[1], rel=1e-12)  # X = 0.25 + 1/2 + 0.25
     assert found.Pm1 == pytest.approx(0.5, abs=1e-9)
     assert found.omib.start == pytest.approx(np.ptp(point.z[point.plant.rotor]), abs=1e-9)
 
@@ -44,7 +44,7 @@ def test_its_critical_time_is_that_of_the_simulation(two):
 def test_one_machine_of_a_large_case(two):
     case = read.load("wnaps")
     found = equivalent(case, 14)
-    assert pytest.approx(6.5 * 23) == found.H1
+    assert found.H1 == pytest.approx(6.5 * 23)
     assert (
         pytest.approx(sum(case.devices["genrou"][m.machine].H * m.base for m in case.machines) / 100)
         == found.H1 + found.HCOI
