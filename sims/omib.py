@@ -34,5 +34,5 @@ save(fault_in_time(lost, simulate(m, clearing, until=0.8)), reports / "figure05_
 laws = compare(m)
 print(laws)
 second, third = (r.max_speed - r.min_speed for r in laws.responses[1:3])
-print(f"The third law swings {third:.2f} rad/s wide, the second {second:.2f}; the paper's text has the third less wide.")
+print(f"The third law swings {third:.2f} rad/s wide, the second {second:.2f}; the text has the third narrower.")
 save(feedback(laws), reports / "figure07_feedback.png")
