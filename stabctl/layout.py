@@ -9,7 +9,6 @@ from stabctl.case import Case
 from stabctl.models import ALL
 from stabctl.system import FAMILIES, NAMES, Plant, sizes
 
-
 WORDS = {
     "delta": "angle",
     "omega": "speed",

@@ -5,8 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from stabctl.equilibrium import Point
-from .signals import Signal
 from stabctl.system import sizes
+
+from .signals import Signal
 
 
 class Draw(NamedTuple):

@@ -7,8 +7,9 @@ import numpy as np
 
 from stabctl import network
 from stabctl.equilibrium import Point
-from .signals import Signal, circuit
 from stabctl.system import sizes
+
+from .signals import Signal, circuit
 
 STEP = 1e-30
 

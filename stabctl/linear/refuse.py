@@ -31,8 +31,8 @@ def moving(point: Point, alone: Private, b: Buffers) -> None:
         )
     if not miss[bus] < STILL:
         raise LinearisationError(
-            f"The point of {point.case.name} is no equilibrium: the currents at bus {point.case.buses[bus].bus} miss by "
-            f"{miss[bus]:.3g} pu; linearise a point that equilibrium.solve gave."
+            f"The point of {point.case.name} is no equilibrium: the currents at bus {point.case.buses[bus].bus} "
+            f"miss by {miss[bus]:.3g} pu; linearise a point that equilibrium.solve gave."
         )
 
 
@@ -44,8 +44,8 @@ def limited(point: Point, alone: Private) -> None:
         if held > 0 and not 0 < energy < held:
             what = "full" if energy >= held else "empty"
             raise LinearisationError(
-                f"The store of ESD {s.machine}@{s.bus} is {what}: only one side has a derivative there; start it between "
-                f"empty and full."
+                f"The store of ESD {s.machine}@{s.bus} is {what}: only one side has a derivative there; "
+                f"start it between empty and full."
             )
     rows = _jumps(point, alone)
     if not len(rows):

@@ -1,0 +1,70 @@
+"""Eigenvalues and eigenvectors of a linear model, its zero of the angle reference taken out exactly.
+
+All angles may turn together: A r = 0 with r = 1 at every angle, 0 elsewhere. In a basis that begins with r this zero
+stands alone, A' = [0 a; 0 A22]. A second zero (nothing holds the frequency) would make A defective, and its double zero
+split into a pair of some 1e-7 that looks unstable; in A22 it is a simple one, as accurate as the rest.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg as sl
+
+NEAR = 1e-9  # eigenvalues this close (relative) share one eigenspace
+ZERO = 1e-7  # 1/s   an eigenvalue this small is zero
+
+
+class Eigen(NamedTuple):
+    """A V = V diag(eigenvalues), W^H V = I, conjugate pairs side by side, by frequency."""
+
+    values: np.ndarray  # (n) complex, 1/s
+    right: np.ndarray  # (n, n) V, a column per mode
+    left: np.ndarray  # (n, n) W, a column per mode
+
+
+def eigen(A: np.ndarray, angles: np.ndarray) -> Eigen:
+    """Eigenvalues and both sets of eigenvectors; `angles` are the places of the machine angles.
+
+    Where a zero is defective its right vector is a generalised one: A v is a turn of all angles, not zero.
+    """
+    n = len(A)
+    axis, turned = _reflected(A, angles)
+    values, Z, Y = sl.eig(turned[1:, 1:], left=True, right=True, check_finite=False)
+    values = np.where(np.abs(values) < ZERO, 0, values)
+    Z = _paired(values, Y, Z)
+    a = turned[0, 1:] @ Y
+    coupling = np.divide(a, values, out=np.zeros_like(a), where=values != 0)
+    V, W = np.zeros((n, n), complex), np.zeros((n, n), complex)
+    V[0, 0] = W[0, 0] = 1
+    V[0, 1:], V[1:, 1:] = coupling, Y
+    W[1:, 1:], W[1:, 0] = Z, -(Z @ coupling.conj())
+    V, W, values = axis(V), axis(W), np.r_[0j, values]
+    order = np.lexsort((-values.imag, values.real, np.abs(values.imag)))
+    order = np.r_[0, order[order != 0]]
+    return Eigen(values[order], V[:, order], W[:, order])
+
+
+def _reflected(A: np.ndarray, angles: np.ndarray) -> tuple:
+    """The reflection H that carries the first axis to r, as a function on columns, and H A H."""
+    first = np.zeros(len(A))
+    first[angles] = 1 / np.sqrt(len(angles))
+    u = -first
+    u[0] += 1
+    u /= np.linalg.norm(u) or 1.0
+
+    def axis(M: np.ndarray) -> np.ndarray:
+        return M - 2 * np.outer(u, u @ M)
+
+    return axis, axis(axis(A.T).T)
+
+
+def _paired(values: np.ndarray, Y: np.ndarray, Z: np.ndarray) -> np.ndarray:
+    """Left vectors scaled to W^H V = I, within groups of eigenvalues that coincide."""
+    Z = Z / np.einsum("ij,ij->j", Z.conj(), Y).conj()
+    order = np.lexsort((values.imag, values.real))
+    gaps = np.abs(np.diff(values[order])) > NEAR * np.maximum(1, np.abs(values[order][1:]))
+    for group in np.split(order, np.flatnonzero(gaps) + 1):
+        if len(group) > 1:
+            raw = Z[:, group] / np.linalg.norm(Z[:, group], axis=0)
+            Z[:, group] = raw @ np.linalg.pinv(Y[:, group].conj().T @ raw)
+    return Z
