@@ -48,7 +48,7 @@ def reading(point: Point, signal: Signal) -> Reading:
 
 
 def angle_rate(point: Point, bus: int) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
-    """Places of a bus voltage, and the slopes of its angle along both components over wb: frequency per voltage rate."""
+    """Places of a bus voltage, and the slopes of its angle along both components, over wb."""
     n = sizes(point.plant, len(point.V))
     v = n.states + 2 * point.net.place[bus] + np.arange(2)
     wb = 2 * np.pi * point.case.frequency_hz

@@ -51,8 +51,8 @@ class Mode:
         return -self.eigenvalue.real / size if size else 1.0
 
     def __str__(self) -> str:
-        s = self.eigenvalue
-        return f"{s.real:.4f} {s.imag:+.4f}j 1/s: {self.frequency_hz:.3f} Hz, damping {round(self.damping_ratio, 4) + 0.0:.4f}; {self.label}"
+        s, ratio = self.eigenvalue, round(self.damping_ratio, 4) + 0.0
+        return f"{s.real:.4f} {s.imag:+.4f}j 1/s: {self.frequency_hz:.3f} Hz, damping {ratio:.4f}; {self.label}"
 
     __repr__ = __str__
 
@@ -159,8 +159,8 @@ class Modes:
         worst = min(self.swings(), key=lambda k: self.damping_ratio[k], default=None)
         text = f"{self.linear.point.case.name}: {len(self)} eigenvalues, {len(self.swings())} electromechanical modes"
         if worst is not None:
-            text += f", the least damped {self.frequency_hz[worst]:.3f} Hz with ratio {round(self.damping_ratio[worst], 4) + 0.0:.4f}"
-            text += f" ({self.label(worst)})"
+            ratio = round(self.damping_ratio[worst], 4) + 0.0
+            text += f", the least damped {self.frequency_hz[worst]:.3f} Hz with ratio {ratio:.4f} ({self.label(worst)})"
         return text + ("." if self.stable else "; the operating point is unstable.")
 
     __repr__ = __str__

@@ -82,7 +82,7 @@ def _split(modes: Modes, slow: list[int]) -> Areas:
 
 
 def _rows(modes: Modes, slow: list[int]) -> np.ndarray:
-    """Angles of the machines in the common motion and the slow swings (machines, count), real, each column of norm 1."""
+    """Angles of the machines in the common motion and the slow swings (machines, count), real, columns of norm 1."""
     angles = modes.right[modes.linear.angles()][:, slow]
     turn = np.exp(-0.5j * np.angle((angles**2).sum(axis=0)))
     columns = np.column_stack([np.ones(len(angles)), (angles * turn).real])

@@ -1,7 +1,7 @@
 """Root locus: eigenvalues against a gain or a parameter, every one followed from value to value.
 
-From one value to the next an eigenvalue is expected at s + w^H (A' - A) v, its first-order move; the new eigenvalues are
-matched to the expected ones so that the sum of the distances is least.
+From one value to the next an eigenvalue is expected at s + w^H (A' - A) v, its first-order move; the new eigenvalues
+are matched to the expected ones so that the sum of the distances is least.
 """
 
 from collections.abc import Callable, Iterable, Sequence

@@ -7,6 +7,7 @@ import numpy as np
 import scipy.linalg as sl
 
 from stabctl.errors import StudyError
+from stabctl.layout import unique
 from stabctl.linear import Model
 
 from .analysis import Modes
@@ -31,7 +32,7 @@ def modal(modes: Modes, keep: Iterable[int], static: bool = True) -> Reduced:
     if 0 not in chosen and defective[chosen].any():
         chosen = np.r_[0, chosen]
     T, labels = _real_basis(modes, chosen)
-    L = np.linalg.pinv(T) if not len(chosen) else _left_basis(modes, chosen)
+    L = _left_basis(modes, chosen)
     A, B, C = L @ linear.A @ T, L @ linear.B, linear.C @ T
     D = linear.D.copy()
     if static:
@@ -45,8 +46,8 @@ def balanced(modes: Modes, order: int) -> Reduced:
     """The model of `order` states: unstable and zero modes kept, the stable rest balanced and truncated (square root).
 
     hankel holds the singular values of the rest; twice the sum of those left out bounds the error at any frequency.
-    Source: M. Green, D. Limebeer, Linear Robust Control, ch. 9. `StudyError` without inputs or outputs, or where `order`
-    is not between the number of kept modes and of states.
+    Source: M. Green, D. Limebeer, Linear Robust Control, ch. 9. `StudyError` without inputs or outputs, or where
+    `order` is not between the number of kept modes and of states.
     """
     linear = modes.linear
     if not linear.inputs or not linear.outputs:
@@ -95,7 +96,7 @@ def _real_basis(modes: Modes, chosen: np.ndarray) -> tuple[np.ndarray, tuple[str
         name = f"{text}, {s.imag / (2 * np.pi):.3g} Hz" if s.imag else text
         columns += [v.real, v.imag] if s.imag else [v.real]
         labels += [f"{name}, cosine", f"{name}, sine"] if s.imag else [name]
-    return np.column_stack(columns), tuple(_distinct(labels))
+    return np.column_stack(columns), unique(labels)
 
 
 def _left_basis(modes: Modes, chosen: np.ndarray) -> np.ndarray:
@@ -118,9 +119,3 @@ def _factor(X: np.ndarray) -> np.ndarray:
     """F with F F' = X, X symmetric and not negative but for rounding."""
     values, vectors = np.linalg.eigh((X + X.T) / 2)
     return vectors * np.sqrt(np.maximum(values, 0))
-
-
-def _distinct(labels: list[str]) -> tuple[str, ...]:
-    from stabctl.layout import unique
-
-    return unique(labels)

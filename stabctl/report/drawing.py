@@ -80,14 +80,16 @@ def compass(mode: Mode) -> str:
             continue
         tip = _polar(radius * p.magnitude, p.angle_deg)
         out.append(
-            f'<g class="{_side(p, lead)}"><title>machine {p.machine}: {p.magnitude:.2f} at {p.angle_deg:.0f} degrees'
-            f'</title><line x2="{tip[0]:.1f}" y2="{tip[1]:.1f}"/><circle cx="{tip[0]:.1f}" cy="{tip[1]:.1f}" r="3"/></g>'
+            f'<g class="{_side(p, lead)}">'
+            f"<title>machine {p.machine}: {p.magnitude:.2f} at {p.angle_deg:.0f} degrees</title>"
+            f'<line x2="{tip[0]:.1f}" y2="{tip[1]:.1f}"/><circle cx="{tip[0]:.1f}" cy="{tip[1]:.1f}" r="3"/></g>'
         )
     for p, angle in zip(named, _spread([p.angle_deg for p in named], 17.0), strict=True):
         tip, rim, at = _polar(radius * p.magnitude, p.angle_deg), _polar(radius + 8, angle), _polar(radius + 20, angle)
         out.append(f'<line class="leader" x1="{tip[0]:.1f}" y1="{tip[1]:.1f}" x2="{rim[0]:.1f}" y2="{rim[1]:.1f}"/>')
         out.append(
-            f'<text class="{_side(p, lead)}" x="{at[0]:.1f}" y="{at[1] + 4:.1f}" text-anchor="middle">{p.machine}</text>'
+            f'<text class="{_side(p, lead)}" x="{at[0]:.1f}" y="{at[1] + 4:.1f}" text-anchor="middle">'
+            f"{p.machine}</text>"
         )
     return "".join([*out, "</svg>"])
 

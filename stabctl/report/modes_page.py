@@ -21,14 +21,17 @@ h1{font-size:1.5rem;margin:.2em 0}h2{font-size:1.2rem;margin:1.8em 0 .4em}h3{fon
 p{margin:.4em 0}.soft,.key{color:var(--soft);font-size:.875rem}
 .scroll{overflow-x:auto}table{border-collapse:collapse;font-size:.875rem;font-variant-numeric:tabular-nums}
 th,td{padding:.3em .7em;border-bottom:1px solid var(--line);text-align:right;white-space:nowrap}
-th{color:var(--soft);font-weight:600}td.text,th.text{text-align:left}td.text:first-child{white-space:normal;min-width:9rem}tr.swing td{font-weight:600}tr.grows td{color:var(--bad)}
+th{color:var(--soft);font-weight:600}td.text,th.text{text-align:left}
+td.text:first-child{white-space:normal;min-width:9rem}
+tr.swing td{font-weight:600}tr.grows td{color:var(--bad)}
 .cards{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,320px),1fr));gap:.8rem}
 .card{background:var(--card);border-radius:8px;padding:.8rem;min-width:0}
 .bar{display:grid;grid-template-columns:minmax(0,11rem) 1fr 2.6rem;gap:.5rem;align-items:center;font-size:.8125rem}
 .bar i{display:block;height:.6rem;background:var(--a);border-radius:2px}.bar b{font-weight:400;text-align:right}
 .area{display:inline-block;margin:.15rem;padding:.1rem .5rem;border:1px solid var(--line);border-radius:4px}
 .area.first{border-color:var(--a);color:var(--a)}
-svg{width:100%;height:auto;font:12px system-ui,sans-serif}svg text{fill:var(--soft)}svg.compass{max-width:300px;display:block;
+svg{width:100%;height:auto;font:12px system-ui,sans-serif}svg text{fill:var(--soft)}
+svg.compass{max-width:300px;display:block;
 margin:0 auto}.plane{max-width:680px}
 svg text.ray{paint-order:stroke;stroke:var(--paper);stroke-width:4px}
 .grid{stroke:var(--line);fill:none}.axis{stroke:var(--soft)}line.ray{stroke:var(--soft);stroke-dasharray:5 4}
@@ -58,7 +61,8 @@ def page(modes: Modes, areas: Areas | None, band: tuple[float, float]) -> str:
         f'<p class="soft">Data: {escape(case.source)}</p>' if case.source else "",
     ]
     title = f"Modes of {escape(case.name)}"
-    head = f'<meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1"><title>{title}</title>'
+    head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">'
+    head += f"<title>{title}</title>"
     body = "\n".join(parts)
     return (
         f'<!doctype html>\n<html lang="en"><head>{head}<style>{STYLE}</style></head>\n<body>\n{body}\n</body></html>\n'
@@ -92,10 +96,8 @@ def _table(modes: Sequence[Mode]) -> str:
         rows.append(f'<tr class="{kind}"><td class="text">{escape(m.label)}</td>{cells}{leading}</tr>')
     heads = "".join(f"<th>{h}</th>" for h in ("Hz", "damping, %", "real, 1/s", "imag, rad/s"))
     heads = f'<th class="text">mode</th>{heads}<th class="text">leading state</th>'
-    note = '<p class="soft">Bold: machines swing against each other. The other modes bear the name of their leading state.</p>'
-    return (
-        f'<div class="scroll"><table><thead><tr>{heads}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>{note}'
-    )
+    note = "Bold: machines swing against each other. The other modes bear the name of their leading state."
+    return f'<div class="scroll"><table><thead><tr>{heads}</tr></thead><tbody>{"".join(rows)}</tbody></table></div><p class="soft">{note}</p>'
 
 
 def _cards(swings: Sequence[Mode]) -> str:
@@ -103,8 +105,8 @@ def _cards(swings: Sequence[Mode]) -> str:
         return ""
     note = (
         "<h2>Swings: shape and participation</h2><p class='soft'>Arrows are the speeds of the machines, the largest of "
-        "length 1; colours tell the two sides; the four largest of each side are named. Bars are the largest participations, in "
-        "percent of all.</p>"
+        "length 1; colours tell the two sides; the four largest of each side are named. Bars are the largest "
+        "participations, in percent of all.</p>"
     )
     return f'{note}<div class="cards">{"".join(_card(m) for m in swings)}</div>'
 
