@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stabctl.case import Case
-from stabctl.errors import StudyError
+from stabctl.errors import CaseError, StudyError
 from stabctl.linear.signals import circuit
 
 from .analysis import Modes
@@ -102,7 +102,15 @@ def _references(rows: np.ndarray) -> list[int]:
 
 
 def opened(case: Case, circuits: Iterable[str]) -> Case:
-    """The case with some circuits, named `7-8` or `7-8#2`, out of service, for its areas after the change."""
-    gone = [circuit(case, text)[0] for text in circuits]
+    """The case with some circuits, named `7-8` or `7-8#2`, out of service, for its areas after the change.
+
+    `StudyError` for a circuit that is not there, or where a part of the network is cut off.
+    """
+    named = list(circuits)
+    gone = [circuit(case, text)[0] for text in named]
     kept = tuple(k for i, k in enumerate(case.branches) if i not in gone)
-    return replace(case, branches=kept)
+    try:
+        return replace(case, branches=kept) if gone else case
+    except CaseError as error:
+        why = getattr(error, "text", str(error)).partition(";")[0]
+        raise StudyError(f"Without {', '.join(named)} {case.name} has no operating point: {why}.") from None

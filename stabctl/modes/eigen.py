@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as sl
+from scipy.sparse.csgraph import connected_components
 
 NEAR = 1e-9  # eigenvalues this close (relative) share one eigenspace
 ZERO = 1e-7  # 1/s   an eigenvalue this small is zero
@@ -61,10 +62,10 @@ def _reflected(A: np.ndarray, angles: np.ndarray) -> tuple:
 def _paired(values: np.ndarray, Y: np.ndarray, Z: np.ndarray) -> np.ndarray:
     """Left vectors scaled to W^H V = I, within groups of eigenvalues that coincide."""
     Z = Z / np.einsum("ij,ij->j", Z.conj(), Y).conj()
-    order = np.lexsort((values.imag, values.real))
-    gaps = np.abs(np.diff(values[order])) > NEAR * np.maximum(1, np.abs(values[order][1:]))
-    for group in np.split(order, np.flatnonzero(gaps) + 1):
-        if len(group) > 1:
+    near = np.abs(values[:, None] - values) <= NEAR * np.maximum(1, np.abs(values))
+    if np.count_nonzero(near) > len(values):
+        member = connected_components(near, directed=False)[1]
+        for group in (np.flatnonzero(member == g) for g in np.flatnonzero(np.bincount(member) > 1)):
             raw = Z[:, group] / np.linalg.norm(Z[:, group], axis=0)
             Z[:, group] = raw @ np.linalg.pinv(Y[:, group].conj().T @ raw)
     return Z
