@@ -28,42 +28,40 @@ def eigen(A: np.ndarray, angles: np.ndarray) -> Eigen:
 
     Where a zero is defective its right vector is a generalised one: A v is a turn of all angles, not zero.
     """
-    n = len(A)
-    axis, turned = _reflected(A, angles)
+    turned = A.copy(order="F")
+    _reflect(turned, angles)
+    _reflect(turned.T, angles)
     values, Z, Y = sl.eig(turned[1:, 1:], left=True, right=True, check_finite=False)
-    values = np.where(np.abs(values) < ZERO, 0, values)
+    order = np.lexsort((-values.imag, values.real, np.abs(values.imag)))
+    values, Z, Y = np.where(np.abs(values) < ZERO, 0, values)[order], Z[:, order], Y[:, order]
     Z = _paired(values, Y, Z)
     a = turned[0, 1:] @ Y
     coupling = np.divide(a, values, out=np.zeros_like(a), where=values != 0)
-    V, W = np.zeros((n, n), complex), np.zeros((n, n), complex)
+    V, W = np.zeros((2, *A.shape), complex).transpose(0, 2, 1)
     V[0, 0] = W[0, 0] = 1
     V[0, 1:], V[1:, 1:] = coupling, Y
     W[1:, 1:], W[1:, 0] = Z, -(Z @ coupling.conj())
-    V, W, values = axis(V), axis(W), np.r_[0j, values]
-    order = np.lexsort((-values.imag, values.real, np.abs(values.imag)))
-    order = np.r_[0, order[order != 0]]
-    return Eigen(values[order], V[:, order], W[:, order])
+    _reflect(V, angles)
+    _reflect(W, angles)
+    return Eigen(np.r_[0j, values], V, W)
 
 
-def _reflected(A: np.ndarray, angles: np.ndarray) -> tuple:
-    """The reflection H that carries the first axis to r, as a function on columns, and H A H."""
-    first = np.zeros(len(A))
-    first[angles] = 1 / np.sqrt(len(angles))
-    u = -first
+def _reflect(M: np.ndarray, angles: np.ndarray) -> None:
+    """M := H M, H the reflection that carries the first axis to r."""
+    u = np.zeros(len(M))
+    u[angles] = -1 / np.sqrt(len(angles))
     u[0] += 1
-    u /= np.linalg.norm(u) or 1.0
-
-    def axis(M: np.ndarray) -> np.ndarray:
-        return M - 2 * np.outer(u, u @ M)
-
-    return axis, axis(axis(A.T).T)
+    rows = np.flatnonzero(u)
+    u = u[rows] / (np.linalg.norm(u) or 1.0)
+    M[rows] -= 2 * np.outer(u, u @ M[rows])
 
 
 def _paired(values: np.ndarray, Y: np.ndarray, Z: np.ndarray) -> np.ndarray:
     """Left vectors scaled to W^H V = I, within groups of eigenvalues that coincide."""
     Z = Z / np.einsum("ij,ij->j", Z.conj(), Y).conj()
-    near = np.abs(values[:, None] - values) <= NEAR * np.maximum(1, np.abs(values))
-    if np.count_nonzero(near) > len(values):
+    upper = np.sort(values.real[values.imag >= 0])
+    if (np.diff(upper) <= NEAR * np.maximum(1, np.abs(values).max())).any():
+        near = np.abs(values[:, None] - values) <= NEAR * np.maximum(1, np.abs(values))
         member = connected_components(near, directed=False)[1]
         for group in (np.flatnonzero(member == g) for g in np.flatnonzero(np.bincount(member) > 1)):
             raw = Z[:, group] / np.linalg.norm(Z[:, group], axis=0)

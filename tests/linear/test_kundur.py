@@ -41,7 +41,7 @@ def test_our_modes_against_the_book(modes, control):
     ours, book = m.eigenvalues[m.swings()], np.array(BOOK[control])
     # Measured: manual -0.153+3.419j -0.623+6.750j -0.634+6.943j; thyristor 0.033+3.822j -0.625+7.048j -0.626+7.245j;
     # pss -0.519+3.849j -1.980+8.068j -2.050+8.366j
-    assert np.abs(hertz(ours) - hertz(book)).max() < 0.02  # 0.013, 0.017, 0.012
+    assert np.abs(hertz(ours) - hertz(book)).max() < 0.02  # 0.012, 0.017, 0.013
     off = ratio(ours) - ratio(book)
     assert abs(off[0]) < 0.015  # inter-area: 0.012, -0.001, 0.002
     assert off[1:] == pytest.approx(0.018, abs=0.003)  # local, too well damped: 0.020 0.019, 0.020 0.019, 0.017 0.017
@@ -50,7 +50,7 @@ def test_our_modes_against_the_book(modes, control):
 @pytest.mark.parametrize("control", ["manual", "thyristor"])
 def test_the_book_is_reproduced_with_its_own_assumptions(control):
     off = swings(Option(control)) - np.array(BOOK[control])
-    assert np.abs(off.real).max() < 0.0011  # 0.0004, 0.0009
+    assert np.abs(off.real).max() < 0.0011  # 0.0003, 0.0009
     assert np.abs(off.imag).max() < 0.013  # 0.012, 0.004
 
 
@@ -67,7 +67,7 @@ def test_what_parts_our_modes_from_the_book(modes, control):
     m = modes(f"two_area_{control}")
     ours = m.eigenvalues[m.swings()]
     like_ours = swings(Option(control, incremental=False, speed_voltage=True, constant_power=True))
-    assert np.abs(ratio(ours) - ratio(like_ours)).max() < 0.006  # 0.003, 0.003, 0.005
+    assert np.abs(ratio(ours) - ratio(like_ours)).max() < 0.006  # 0.003, 0.003, 0.004
     assert np.abs(hertz(ours) - hertz(like_ours)).max() < 0.018  # 0.004, 0.008, 0.017
 
 
@@ -97,4 +97,4 @@ def test_the_curve_of_saturation_matters_little(modes, control):
     rows = {n: par._replace(S10=s10, S12=s12) for n, par in case.devices["genrou"].items()}
     tangent = analyse(linearise(equilibrium.solve(replace(case, devices={**case.devices, "genrou": rows}))))
     moved = tangent.damping_ratio[tangent.swings()] - m.damping_ratio[m.swings()]
-    assert np.abs(moved).max() < 0.004  # 0.0002, 0.0012, 0.0032
+    assert np.abs(moved).max() < 0.004  # 0.0002, 0.0011, 0.0033

@@ -37,7 +37,7 @@ def test_coloured_steps_equal_one_place_at_a_time(point):
     b = system.buffers(p.plant, len(p.V), complex)
     b.z[:] = p.z
     one = jacobian.columns_of(b, p.plant, np.arange(len(p.z)))
-    assert np.abs(F - one).max() < 1e-10 * np.abs(one).max()  # 1e-16
+    assert np.abs(F - one).max() == 0
 
 
 def test_the_states_follow_the_algebra_of_the_descriptor_form(point):
@@ -57,14 +57,14 @@ def test_a_turn_of_all_angles_changes_nothing(modes):
     m = modes("wnaps").linear
     r = np.zeros(len(m.A))
     r[m.angles()] = 1
-    assert np.abs(m.A @ r).max() < 1e-9  # 5e-13
+    assert np.abs(m.A @ r).max() < 1e-9  # 1e-12
 
 
 def test_power_balance_at_a_storage_bus(point):
     """Absorbed power enters the bus through its circuits: dP of the lines into bus 8 sums to the power drawn there."""
     lines = ["flow:7-8", "flow:7-8#2", "flow:9-8", "flow:9-8#2", "flow:8-7", "flow:8-7#2", "flow:8-9", "flow:8-9#2"]
     m = linearise(point("two_area"), ["storage:8"], lines)
-    assert m.D[4:].sum() == pytest.approx(-1.0, abs=1e-9)  # 1e-14
+    assert m.D[4:].sum() == pytest.approx(-1.0, abs=1e-9)  # 6e-16
     assert m.D[:4].sum() != pytest.approx(1.0, abs=1e-3)  # the losses of the lines change too: 0.94
 
 

@@ -21,9 +21,9 @@ def test_storage_damping_at_both_ends_of_the_tie(point):
     assert locus.eigenvalues[-1, inter].real < 0
     slope = (locus.eigenvalues[1] - locus.eigenvalues[0]) / gains[1]
     first = analyse(model).residues()
-    assert slope[inter] == pytest.approx(first[inter], rel=0.02)  # 3e-3 off, curvature over one unit of gain
+    assert slope[inter] == pytest.approx(first[inter], rel=2e-3)  # 7e-4: the curvature over one unit of gain
     end = np.linalg.eigvals(model.A + 60 * model.B @ model.C / (1 - 60 * model.D[0, 0]))
-    assert np.abs(np.sort_complex(locus.eigenvalues[-1]) - np.sort_complex(end)).max() < 1e-5  # 2e-8
+    assert np.abs(np.sort_complex(locus.eigenvalues[-1]) - np.sort_complex(end)).max() < 1e-5  # 3e-13
 
 
 def test_branches_do_not_jump(point):
@@ -31,7 +31,7 @@ def test_branches_do_not_jump(point):
     coarse = feedback_locus(model, 0, 0, np.linspace(0, 40, 11))
     fine = feedback_locus(model, 0, 0, np.linspace(0, 40, 201))
     swings = coarse.start.swings()
-    assert np.abs(coarse.eigenvalues[-1, swings] - fine.eigenvalues[-1, swings]).max() < 1e-6  # 1e-10
+    assert np.abs(coarse.eigenvalues[-1, swings] - fine.eigenvalues[-1, swings]).max() < 1e-6  # 0
 
 
 def test_stabiliser_gain(point):
@@ -53,7 +53,7 @@ def test_one_machine_only(point):
     case = point("two_area_pss").case
     changed = analyse(linearise(equilibrium.solve(replace(case, devices={**case.devices, "pss": rows}))))
     found, wanted = np.sort_complex(locus.eigenvalues[-1]), np.sort_complex(changed.eigenvalues)
-    assert np.abs(found - wanted).max() < 1e-6  # 2e-9
+    assert np.abs(found - wanted).max() < 1e-6  # 0
 
 
 def test_mistakes_are_named(point):

@@ -16,10 +16,11 @@ CASES = ["two_area", "two_area_manual", "two_area_pss", "ieee39", "wnaps"]
 def test_both_sets_of_vectors_belong_together(modes, name):
     m = modes(name)
     n = len(m)
-    assert np.abs(m.left.conj().T @ m.right - np.eye(n)).max() < 1e-8  # wnaps 2.7e-10
+    assert np.abs(m.left.conj().T @ m.right - np.eye(n)).max() < 1e-8  # wnaps 2.6e-10
     proper = m.eigenvalues != 0
     V, s = m.right[:, proper], m.eigenvalues[proper]
-    assert np.abs(m.linear.A @ V - V * s).max() < 1e-7 * np.abs(V).max()  # wnaps 2e-10
+    miss = np.linalg.norm(m.linear.A @ V - V * s, axis=0) / np.linalg.norm(V, axis=0)
+    assert miss.max() < 1e-7  # 7e-10 (ieee39)
     pairs = m.eigenvalues[m.eigenvalues.imag > 0]
     assert np.array_equal(m.eigenvalues[m.eigenvalues.imag < 0], pairs.conj())
 
@@ -27,8 +28,8 @@ def test_both_sets_of_vectors_belong_together(modes, name):
 @pytest.mark.parametrize("name", CASES)
 def test_participation_sums_to_one(modes, name):
     m = modes(name)
-    assert np.abs(m.participation.sum(axis=0) - 1).max() < 1e-8  # over states, wnaps 2e-12
-    assert np.abs(m.participation.sum(axis=1) - 1).max() < 1e-8  # over modes, wnaps 3e-11
+    assert np.abs(m.participation.sum(axis=0) - 1).max() < 1e-8  # over the states 6e-15
+    assert np.abs(m.participation.sum(axis=1) - 1).max() < 1e-8  # over the modes 2e-13
     assert m.shares.sum(axis=0) == pytest.approx(1)
 
 
@@ -41,7 +42,7 @@ def test_participation_of_the_reference(modes, reference):
             s = complex(float(row["real_1_per_s"]), float(row["imag_rad_per_s"]))
             k = int(np.abs(m.eigenvalues - s).argmin())
             listed = float(row["sum_participation_of_angle_and_speed_states"])
-            assert m.shares[rotor, k].sum() == pytest.approx(listed, abs=2e-3), row  # 5e-5, rounding of the list
+            assert m.shares[rotor, k].sum() == pytest.approx(listed, abs=1e-4), row  # 5e-5, rounding of the list
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -117,7 +118,7 @@ def test_residues_are_derivatives_of_the_eigenvalues(point):
                 ends.append(values[np.abs(m.eigenvalues[:, None] + gain * residues[:, None] - values).argmin(axis=1)])
             derivative = (ends[0] - ends[1]) / (2 * k)
             worst = np.abs(derivative - residues)[m.swings()].max()
-            assert worst < 1e-4 * np.abs(residues).max()  # 5e-7
+            assert worst < 1e-6 * np.abs(residues).max()  # 2e-8
 
 
 def test_residues_sum_to_the_transfer_function(point):
@@ -125,7 +126,7 @@ def test_residues_sum_to_the_transfer_function(point):
     m = analyse(model)
     s = 2j
     direct = (model.C @ np.linalg.solve(s * np.eye(len(m)) - model.A, model.B) + model.D)[0, 0]
-    assert (m.residues() / (s - m.eigenvalues)).sum() + model.D[0, 0] == pytest.approx(direct, rel=1e-9)  # 1e-13
+    assert (m.residues() / (s - m.eigenvalues)).sum() + model.D[0, 0] == pytest.approx(direct, rel=1e-9)  # 3e-14
 
 
 def test_unknown_labels_and_bands_are_refused(modes):

@@ -28,7 +28,7 @@ def test_load_step_simulated_and_linear(point):
 
     (large, moved), (small, _) = difference(40.0), difference(20.0)
     assert large / small == pytest.approx(4, rel=0.05)  # 3.98
-    assert large < 0.1 * moved  # 3e-2 of it
+    assert large < 0.1 * moved  # 0.05 of it
 
 
 def test_storage_order_simulated_and_linear(point):
@@ -46,7 +46,7 @@ def test_storage_order_simulated_and_linear(point):
         return _difference(model, t.time, np.vstack([t.speed.T, rest]) - 1, share)
 
     (large, _), (small, _) = difference(0.4), difference(0.2)
-    assert large / small == pytest.approx(4, rel=0.05)  # 4.01
+    assert large / small == pytest.approx(4, rel=0.05)  # 3.94
 
 
 def test_the_nonlinear_system_has_the_linear_one_as_its_tangent(point):
@@ -80,7 +80,7 @@ def test_python_control_simulates_the_nonlinear_system(point):
     )
     ours = run(p, [LoadStep(7, 0.0, p=20.0)], until=1.0, step=1 / 480)
     there = np.array([np.interp(T, ours.time, s) for s in ours.speed.T]) - 1
-    assert np.abs(answer.outputs - there).max() < 1e-7  # 2e-8
+    assert np.abs(answer.outputs - there).max() < 1e-7  # 8e-9
 
 
 def test_a_loop_closes_with_interconnect(point):
@@ -89,4 +89,4 @@ def test_a_loop_closes_with_interconnect(point):
     gain = control.ss([], [], [], [[30.0]], inputs=["speed GENROU 1"], outputs=["P storage bus 5"], name="damping")
     loop = control.interconnect([plant, gain], inputs=[], outputs=["speed GENROU 1"])
     assert loop.nstates == plant.nstates
-    assert np.abs(loop.dynamics(0, np.zeros(loop.nstates), [])).max() < 1e-9  # 1e-13
+    assert np.abs(loop.dynamics(0, np.zeros(loop.nstates), [])).max() < 1e-9  # 4e-15

@@ -25,7 +25,7 @@ def test_modal_truncation_keeps_its_modes(whole):
     assert small.states[1] == "machine 34 against the rest, 0.207 Hz, cosine"
     found = np.sort_complex(np.linalg.eigvals(small.A))
     wanted = np.r_[whole.eigenvalues[keep], whole.eigenvalues[whole.swings()[:6]].conj()]
-    assert np.abs(found - np.sort_complex(wanted)).max() < 1e-8  # 1e-12
+    assert np.abs(found - np.sort_complex(wanted)).max() < 1e-8  # 4e-14
     assert small.to_control().nstates == 13
 
 
@@ -33,7 +33,7 @@ def test_all_modes_give_the_whole_model(whole):
     same = modal(whole, range(len(whole)))
     s = 3j
     full = _response(whole.linear, s)
-    assert np.abs(_response(same, s) - full).max() < 1e-7 * np.abs(full).max()  # 1e-10
+    assert np.abs(_response(same, s) - full).max() < 1e-9 * np.abs(full).max()  # 2e-13
 
 
 def test_balanced_reduction_meets_its_bound(whole):
@@ -44,9 +44,9 @@ def test_balanced_reduction_meets_its_bound(whole):
     for f in np.geomspace(1e-3, 10, 60):
         s = 2j * np.pi * f
         worst = max(worst, np.linalg.norm(_response(small, s) - _response(whole.linear, s), 2))
-    assert worst <= bound  # 5e-6 against 1e-4
+    assert worst <= bound  # 4e-7 against 2e-6
     peak = max(np.linalg.norm(_response(whole.linear, 2j * np.pi * f), 2) for f in np.geomspace(0.1, 2, 60))
-    assert worst < 0.05 * peak
+    assert worst < 1e-3 * peak  # 1.2e-4
 
 
 def test_balanced_keeps_the_zero(whole):
