@@ -67,7 +67,7 @@ class Motion:
         z, f = self._settled(x, u)
         out = np.empty(len(self._readings))
         for k, reading in enumerate(self._readings):
-            out[k] = self._frequency(k, z, f, u) if reading is None else reading.value(z[reading.places])
+            out[k] = self._frequency(k, z, f) if reading is None else reading.value(z[reading.places])
         return out - self._start
 
     def _settled(self, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -91,7 +91,7 @@ class Motion:
             if not np.isfinite(now):
                 break
             if now > 0.3 * before:
-                factor = splu(self._slopes(z, u))
+                factor = splu(self._slopes(z))
             before = now
             v -= factor.solve(miss)
         raise StudyError("The network has no voltages at this state; the disturbance is too large for it.")
@@ -104,14 +104,14 @@ class Motion:
                 current[d.bus] += value * d.current_of(V[d.bus])
         return current.view(float)
 
-    def _slopes(self, z: np.ndarray, u: np.ndarray) -> sp.csc_matrix:
+    def _slopes(self, z: np.ndarray) -> sp.csc_matrix:
         """gv at z: the devices by complex step; what inputs draw is left out, which only slows Newton."""
         J = np.zeros((len(self._alone.columns), len(self._alone.owner)))
         J[-2:] = local.voltage_slopes(self._alone, local.at(self._alone, z))
         F = local.assemble(self._alone, J, len(self._point.V))
         return (F[self._nx :, self._nx : self._nx + 2 * len(self._point.V)] - local.real(self._Y)).tocsc()
 
-    def _frequency(self, k: int, z: np.ndarray, f: np.ndarray, u: np.ndarray) -> float:
+    def _frequency(self, k: int, z: np.ndarray, f: np.ndarray) -> float:
         """Rate of the angle of a bus over wb, from v' = -inv(gv) gx x'."""
         n = 2 * len(self._point.V)
         alone, rows = self._alone, self._d.rows

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from stabctl import equilibrium
 from stabctl.case import Case
@@ -102,15 +101,17 @@ def _values(values: Iterable[float]) -> np.ndarray:
 
 
 def _follow(name: str, values: np.ndarray, linear: Linear, matrix: Callable[[float], np.ndarray]) -> Locus:
+    from scipy.optimize import linear_sum_assignment
+
     first = replace(linear, A=matrix(values[0]))
     start = analyse(first)
-    A, now = first.A, (start.eigenvalues, start.right, start.left)
+    A, (s, V, W) = first.A, (start.eigenvalues, start.right, start.left)
     rows = [start.eigenvalues]
     for value in values[1:]:
         new = matrix(value)
-        expected = now[0] + np.einsum("ij,ij->j", now[2].conj(), (new - A) @ now[1])
-        s, V, W = eigen(new, linear.angles())
-        order = linear_sum_assignment(np.abs(expected[:, None] - s))[1]
-        A, now = new, (s[order], V[:, order], W[:, order])
-        rows.append(now[0])
+        expected = s + np.einsum("ij,ij->j", W.conj(), (new - A) @ V)
+        found = eigen(new, linear.angles())
+        order = linear_sum_assignment(np.abs(expected[:, None] - found.values))[1]
+        A, (s, V, W) = new, (found.values[order], found.right[:, order], found.left[:, order])
+        rows.append(s)
     return Locus(name, values, np.array(rows), start)

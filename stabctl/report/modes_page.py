@@ -97,7 +97,7 @@ def _table(modes: Sequence[Mode]) -> str:
     heads = "".join(f"<th>{h}</th>" for h in ("Hz", "damping, %", "real, 1/s", "imag, rad/s"))
     heads = f'<th class="text">mode</th>{heads}<th class="text">leading state</th>'
     note = "Bold: machines swing against each other. The other modes bear the name of their leading state."
-    table = f'<table><thead><tr>{heads}</tr></thead><tbody>{"".join(rows)}</tbody></table>'
+    table = f"<table><thead><tr>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
     return f'<div class="scroll">{table}</div><p class="soft">{note}</p>'
 
 

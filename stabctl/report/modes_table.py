@@ -33,15 +33,16 @@ def table(modes: Modes, chosen: Iterable[int]) -> "Table":
     """A row for each of the chosen modes."""
     from rich.table import Table
 
-    out = Table("real, 1/s", "imag, rad/s", "frequency, Hz", "damping ratio", "swing", "mode", "leading state")
-    for column in out.columns[:4]:
+    out = Table("Hz", "damping ratio", "real, 1/s", "imag, rad/s", "swing", "mode")
+    for column in out.columns[:5]:
+        column.no_wrap = True
         column.justify = "right"
     for k in chosen:
         m = modes.mode(k)
         swing = "yes" if m.electromechanical else ""
         s = m.eigenvalue
-        numbers = f"{s.real:.4f}", f"{s.imag:.4f}", f"{m.frequency_hz:.4f}", number(m.damping_ratio, 4)
-        out.add_row(*numbers, swing, m.label, m.participation[0].state)
+        ratio, real = number(m.damping_ratio, 4), number(s.real, 4)
+        out.add_row(f"{m.frequency_hz:.4f}", ratio, real, f"{s.imag:.4f}", swing, m.label)
     return out
 
 

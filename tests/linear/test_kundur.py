@@ -1,11 +1,12 @@
 """Kundur, Power System Stability and Control, Example 12.6: his figures, ours, and what lies between.
 
-The book's own machine, written out in `textbook`, gives its figures to the last digit printed (manual, thyristor). Three
-things part it from the derivative of our simulated equations, each measured here:
+The book's own machine, written out in `textbook`, gives its figures to the last digit printed (manual, thyristor).
+Three things part it from the derivative of our simulated equations, each measured here:
 
-- saturation: the book's linearisation takes the *incremental* saturation on both axes at once; the derivative of a total
-  flux saturates incrementally along the flux only. This is the largest part: 0.014 to 0.019 in the damping ratio of the
-  local modes. The curve itself matters less: ours is a quadratic through the book's exponential at 1.0 and 1.2 pu.
+- saturation: the book's linearisation takes the *incremental* saturation on both axes at once; the derivative of a
+  total flux saturates incrementally along the flux only. This is the largest part: 0.014 to 0.019 in the damping ratio
+  of the local modes. The curve itself matters less: ours is a quadratic through the book's exponential at 1.0 and
+  1.2 pu.
 - the book keeps the mechanical torque, we keep the power (Pm / w): 0.005.
 - we keep the speed in the stator voltage, the book does not: -0.001 (manual), -0.007 (thyristor).
 """
@@ -55,7 +56,7 @@ def test_the_book_is_reproduced_with_its_own_assumptions(control):
 
 
 def test_the_book_with_stabilisers():
-    """With the printed constants the local modes come out 0.09 1/s better damped than printed; the cause is not known."""
+    """With the printed constants the local modes come out 0.09 1/s better damped than printed; why is not known."""
     off = swings(Option("pss")) - np.array(BOOK["pss"])
     assert np.abs(off.imag).max() < 0.07  # 0.067, 0.023, 0.032
     assert off.real == pytest.approx([-0.011, -0.082, -0.092], abs=0.001)
@@ -88,7 +89,7 @@ def test_each_difference_alone(change, manual, thyristor):
 
 @pytest.mark.parametrize("control", BOOK)
 def test_the_curve_of_saturation_matters_little(modes, control):
-    """The quadratic laid along the book's exponential at the operating flux, 1.075 pu, instead of through its points."""
+    """The quadratic laid along the book's exponential at the operating flux, 1.075 pu, not through its points."""
     m = modes(f"two_area_{control}")
     case = m.linear.point.case
     taken = ASAT * np.exp(BSAT * (1.075 - PSIT1))

@@ -2,7 +2,8 @@
 
 Per unit on the machine's base. Mutual fluxes psi_ad, psi_aq are unknowns beside the bus voltages:
 
-    psi_ad + psi_I,d = Lad (-id + ifd + i1d),  psi_aq + psi_I,q = Laq (-iq + i1q + i2q),  ifd = (psi_fd - psi_ad)/Lfd, ...
+    psi_ad + psi_I,d = Lad (-id + ifd + i1d),  psi_aq + psi_I,q = Laq (-iq + i1q + i2q)
+    ifd = (psi_fd - psi_ad)/Lfd, and the other rotor currents alike
 
 psi_I is what saturation takes, Asat exp(Bsat (psi_at - psi_T1)) along the total flux. `incremental` is the book's
 linearisation (section 3.8.2, 12.3): the incremental saturation factor on both axes, whichever way the flux moves;
