@@ -6,7 +6,7 @@ import typer
 
 from stabctl.errors import StabctlError
 
-from . import cases, clearing_time, powerflow, simulate, swing
+from . import cases, clearing_time, linearize, modes, powerflow, simulate, swing
 
 app = typer.Typer(
     add_completion=False,
@@ -19,6 +19,8 @@ app.command("cases")(cases.cases)
 app.command("powerflow")(powerflow.powerflow)
 app.command("simulate")(simulate.simulate)
 app.command("clearing-time")(clearing_time.clearing_time)
+app.command("modes")(modes.modes)
+app.command("linearize")(linearize.linearize)
 app.add_typer(swing.app, name="swing")
 
 
