@@ -1,6 +1,6 @@
 """Checks of a case: the first mistake is raised with its place, unusual rows are returned as sentences."""
 
-import math
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -10,6 +10,9 @@ from stabctl.quantity import fields
 
 if TYPE_CHECKING:
     from stabctl.case import Case
+
+
+LARGEST = sys.float_info.max
 
 
 def fail(table: str, row: int, column: str, text: str) -> NoReturn:
@@ -23,8 +26,10 @@ def check(case: "Case", tables: Mapping[str, type]) -> Iterator[str]:
     """Raise the first mistake of the case (`tables`: its tables and their records); yield sentences on the unusual."""
     for quantity in ("base_mva", "frequency_hz"):
         value = getattr(case, quantity)
-        if not (isinstance(value, int | float) and 0 < value < math.inf):
+        if not (isinstance(value, int | float) and 0 < value <= LARGEST):
             raise CaseError(f"case.toml, {quantity}: {value!r} is not allowed; it must be a number more than 0.")
+    if not _text(case.name):
+        raise CaseError(f"case.toml, name: {case.name!r} is not allowed; it must be a text of one line.")
     for name, record in tables.items():
         _values(name, record, getattr(case, name))
     for name in ("buses", "machines"):
@@ -46,15 +51,19 @@ def _values(table: str, record: type, rows: Sequence[Any]) -> None:
     for f in fields(record).values():
         for i, row in enumerate(rows):
             value = getattr(row, f.name)
-            good = value in f.choices if f.choices else isinstance(value, str) if f.kind is str else _number(value, f)
+            good = value in f.choices if f.choices else _text(value) if f.kind is str else _number(value, f)
             if not good:
                 fail(table, i, f.column, f"{value!r} is not allowed; it must be {f.expected()}.")
+
+
+def _text(value: object) -> bool:
+    return isinstance(value, str) and value.isprintable()
 
 
 def _number(value: object, f: Any) -> bool:
     whole = isinstance(value, int) and not isinstance(value, bool)
     kind = whole if f.kind is int else whole or isinstance(value, float)
-    return kind and math.isfinite(value) and value in f.allowed
+    return kind and -LARGEST <= value <= LARGEST and value in f.allowed
 
 
 def _unique(table: str, column: str, keys: Sequence[object]) -> None:
