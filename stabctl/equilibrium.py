@@ -122,6 +122,7 @@ def _guess(b: system.Buffers, case: Case, flow: Flow, net: Grid, plant: Plant) -
     V = flow.V[net.machine_bus]
     n = sizes(plant, len(case.machines))
     b.z[: system.first_state(plant, "storage")] = 1
+    b.z[plant.held] = np.clip(1, plant.held_low, plant.held_high)  # a bypassed state stays where it is
     b.z[n.states + n.voltages : n.states + n.voltages + 2 * n.machines] = 1
     b.s.v[:, 0], b.s.v[:, 1] = V.real, V.imag
     for model, family in ((gencls, "gencls"), (genrou, "genrou")):
