@@ -5,13 +5,11 @@ value (`.real`) is a limiter: its unlimited path is taken. What is left is smoot
 """
 
 import ast
-import inspect
-import textwrap
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import sympy
-from numba.core.registry import CPUDispatcher
 
 from stabctl import system
 from stabctl.models import blocks
@@ -39,11 +37,10 @@ class Unlimited(ast.NodeTransformer):
 def kernels(module):
     """name -> syntax tree of every kernel written in the module, without its decorator."""
     found = {}
-    for name, value in vars(module).items():
-        if isinstance(value, CPUDispatcher) and value.py_func.__module__ == module.__name__:
-            tree = ast.parse(textwrap.dedent(inspect.getsource(value.py_func)))
-            tree.body[0].decorator_list = []
-            found[name] = tree
+    for node in ast.parse(Path(module.__file__).read_text()).body:
+        if isinstance(node, ast.FunctionDef) and [getattr(d, "id", "") for d in node.decorator_list] == ["kernel"]:
+            node.decorator_list = []
+            found[node.name] = ast.Module([node], [])
     return found
 
 
@@ -65,6 +62,11 @@ class Row(list):
 
     def __getattr__(self, name):
         return self[self.names.index(name)]
+
+
+def named(record):
+    """A record with its fields as plain numbers (a field T of a numpy record is taken for its transpose)."""
+    return SimpleNamespace(**{name: float(record[name]) for name in record.dtype.names})
 
 
 def f_of_z(plant, buses):
@@ -93,6 +95,8 @@ def f_of_z(plant, buses):
     w = system.Wires([0] * m, [0] * m, [0] * m, stator, stator, [0] * n.storage)
     g = np.zeros((buses, 2), object)
     r = system.Rates(*rows, g)
+    tables = {name: [named(row) for row in getattr(plant, name)] for name in (*NAMES, "load")}
+    plant = plant._replace(**tables)
     wiring["rates"](s, plant, w, r)
     wiring["sources"](s, plant, np.zeros(m, int), g)
     wiring["draws"](s, plant, g)
