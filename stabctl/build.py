@@ -37,7 +37,7 @@ def plant(case: Case, flow: Flow, net: Grid) -> tuple[Plant, np.ndarray]:
     n = len(tables["load"])
     tables["load_slot"], tables["storage_slot"] = slot[:n].astype(np.int64), slot[n:].astype(np.int64)
     widths = [len(k.State._fields) for k in system.FAMILIES]
-    owners = [np.repeat(tables[f"{f}_machine"], w) for f, w in zip(system.NAMES, widths, strict=True)]
+    owners = [np.repeat(tables[f"{f}_machine"], w) for f, w in zip(system.NAMES, widths, strict=True) if f in ALL]
     tables["owner"] = np.concatenate(owners).astype(np.int64)
     tables |= {"held": np.zeros(0, np.int64), "held_low": np.zeros(0), "held_high": np.zeros(0)}
     made = Plant(**tables)
