@@ -1,4 +1,7 @@
-"""Network voltages at the present states: substitution with factors, Newton where that does not contract."""
+"""Network voltages at the present states: substitution with factors, Newton where that does not contract.
+
+Newton starts from the voltages before, then from zero: a load that breaks down has a solution below its threshold.
+"""
 
 import numpy as np
 
@@ -38,11 +41,16 @@ def settle(b, plant, net, q):
             return iteration
         before = change
     copy(q.kept, q.volt)
-    found = newton(
-        net.factors, q.source, q.volt, q.current, q.work, q.new, d, q.bus,
-        plant.load, plant.load_slot, plant.storage, plant.storage_slot, b.s.storage, b.s.order,
-    )  # fmt: skip
-    return LIMIT if found else FAILED
+    for _attempt in range(2):
+        if newton(
+            net.factors, q.source, q.volt, q.current, q.work, q.new, d, q.bus,
+            plant.load, plant.load_slot, plant.storage, plant.storage_slot, b.s.storage, b.s.order,
+        ):  # fmt: skip
+            return LIMIT
+        for i in range(len(q.volt)):
+            q.volt[i] = 0  # the second time from below, where the loads are admittances
+    copy(q.kept, q.volt)
+    return FAILED
 
 
 @apart
