@@ -76,14 +76,14 @@ def _cut_off(point: Point, now: Stage) -> str:
     where = now.island_of_bus
     if where.max() == 0:
         return ""
-    weight = np.bincount(where[point.net.machine_bus], point.plant.inertia, minlength=where.max() + 1)
+    on = now.net.island >= 0
+    weight = np.bincount(where[point.net.machine_bus], point.plant.inertia * on, minlength=where.max() + 1)
     main = int(weight.argmax())
     parts = []
     for k in (k for k in range(where.max() + 1) if k != main):
         buses = [b.bus for b, island in zip(point.case.buses, where, strict=True) if island == k]
-        machines = [
-            m.machine for m, at in zip(point.case.machines, point.net.machine_bus, strict=True) if where[at] == k
-        ]
+        places = zip(point.case.machines, point.net.machine_bus, on, strict=True)
+        machines = [m.machine for m, at, runs in places if where[at] == k and runs]
         rest = f"with {_listed('machine', machines)}" if machines else "without a machine: dead, its load lost"
         parts.append(f"{_listed('bus', buses)} {rest}")
     return f"The switching cut off {'; and '.join(parts)}."
