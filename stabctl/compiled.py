@@ -25,7 +25,12 @@ def _source_hash() -> str:
     digest = hashlib.sha256(numba.__version__.encode())
     for path in sorted(_PACKAGE.rglob("*.py")):
         text = path.read_bytes()
-        if b"@kernel" in text or b"@apart" in text or b"@entry" in text or path.parent.name in ("models", "controllers"):
+        if (
+            b"@kernel" in text
+            or b"@apart" in text
+            or b"@entry" in text
+            or path.parent.name in ("models", "controllers")
+        ):
             digest.update(text)
     return digest.hexdigest()[:16]
 
