@@ -30,7 +30,10 @@ KINDS = {  # name -> devices of machine 1; between them every model of models.AL
     "sexs with TB, TC": {"genrou": ROUND, "sexs": SEXS._replace(TB=10.0, TC=1.0), "pss": PSS},
     "sexs bypassed": {"genrou": ROUND, "sexs": SEXS._replace(TR=0.0, TA=0.0, KA=15.0)},
     "exst3 bus-fed": {"genrou": ROUND, "exst3": EXST3, "pss": PSS, "tgov": HYDRO},
-    "exst3 inner feedback": {"genrou": ROUND, "exst3": EXST3._replace(TR=0.0, KA=50.0, TA=0.2, VImax=0.2, KG=0.1, KJ=2.0)},
+    "exst3 inner feedback": {
+        "genrou": ROUND,
+        "exst3": EXST3._replace(TR=0.0, KA=50.0, TA=0.2, VImax=0.2, KG=0.1, KJ=2.0),
+    },
     "exdc2": {"genrou": SATURATED, "exdc2": EXDC2, "pss": PSS},
     "exdc2 bypassed": {"genrou": ROUND, "exdc2": EXDC2._replace(TR=0.0, TA=0.0, TB=0.0, KA=20.0, SE2=0.0)},
     "pss bypassed": {"genrou": ROUND, "sexs": SEXS, "pss": PSS._replace(T2=0.0, T4=0.0)},

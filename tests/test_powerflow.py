@@ -81,7 +81,9 @@ def test_machines_at_one_bus_share_by_their_bases(cases):
     assert split.V == pytest.approx(single.V, abs=1e-12)
     assert split.S[0] == split.S[1] == pytest.approx(single.S[0] / 2, abs=1e-10)
     case = cases("wnaps")  # machines 8 and 9 stand at one high-voltage bus, 10 and 11 too
-    uneven = replace(case, machines=tuple(m._replace(base=2 * m.base if m.machine == 1 else m.base) for m in case.machines))
+    uneven = replace(
+        case, machines=tuple(m._replace(base=2 * m.base if m.machine == 1 else m.base) for m in case.machines)
+    )
     assert powerflow.solve(uneven).S == pytest.approx(powerflow.solve(case).S, abs=1e-9)
 
 
@@ -106,7 +108,9 @@ def test_taps_phase_shifts_shunts_and_links_stand_where_the_format_says():
 
 def test_no_solution_names_case_bus_mismatch_and_remedy():
     case = replace(small({"gencls": CLASSICAL}), loads=(Load(2, 9000.0, 0.0),))
-    with pytest.raises(PowerFlowError, match=r"^The load flow of small found no solution .* at bus [123] with .* MVA; "):
+    with pytest.raises(
+        PowerFlowError, match=r"^The load flow of small found no solution .* at bus [123] with .* MVA; "
+    ):
         powerflow.solve(case)
 
 
@@ -119,7 +123,14 @@ def test_the_bus_it_names_is_the_overloaded_one(cases):
 
 
 def test_one_bus_needs_no_iteration():
-    case = Case("one", (Bus(1, "swing"),), (), (Machine(1, 1, 100.0, 0.0, 1),), {"gencls": {1: CLASSICAL}}, (Load(1, 50.0, 10.0),))
+    case = Case(
+        "one",
+        (Bus(1, "swing"),),
+        (),
+        (Machine(1, 1, 100.0, 0.0, 1),),
+        {"gencls": {1: CLASSICAL}},
+        (Load(1, 50.0, 10.0),),
+    )
     flow = powerflow.solve(case)
     assert flow.iterations == 0
     assert flow.S[0] == pytest.approx(0.5 + 0.1j, abs=1e-12)

@@ -171,7 +171,12 @@ class TestBangBangLaw:
             assert order == np.sign(deviation)
 
     def test_edges(self):
-        for deviation, voltage, want in ((0.1 / 60, 1.0, 0), (0.1001 / 60, 1.0, 1), (-0.1001 / 60, 0.8, -1), (0.1, 0.7999, 0)):
+        for deviation, voltage, want in (
+            (0.1 / 60, 1.0, 0),
+            (0.1001 / 60, 1.0, 1),
+            (-0.1001 / 60, 0.8, -1),
+            (0.1, 0.7999, 0),
+        ):
             assert bang_bang.order(Seen(deviation, 0.0, voltage), self.PAR) == want
 
 
@@ -214,7 +219,9 @@ def test_it_works_in_both_directions_and_calms_down(bang):
 @pytest.mark.parametrize("lag", [0.0, 0.1])
 def test_the_device_of_a_tripped_machine_idles(cases, lag):
     case = cases("two_area")
-    point = equilibrium.solve(case.with_storage(Storage(m.machine, m.storage_bus, 50.0, lag=lag) for m in case.machines))
+    point = equilibrium.solve(
+        case.with_storage(Storage(m.machine, m.storage_bus, 50.0, lag=lag) for m in case.machines)
+    )
     events = [Fault("7", 0.5), Clear("7", 0.6), TripMachine(1, 0.8)]
     run = simulation.run(point, events, 4.0, control=BangBang(), rules=KEEP_ON)
     before, after = run.time < 0.8, run.time > 0.8 + 12 * lag

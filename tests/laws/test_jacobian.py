@@ -21,7 +21,9 @@ SOURCES = sorted((Path(stabctl.__file__).parent / "models").glob("*.py"))
 def test_complex_step_equals_sympy(kind):
     """At a point off the equilibrium, above the knees of saturation and within all limits."""
     case = with_shares(small(KINDS[kind]), p_current=0.3, q_power=0.5, p_power=0.4)
-    case = case.with_storage([Storage(1, 2, 40.0, "power", energy=1.0, lag=0.1, efficiency=0.8), Storage(2, 3, 20.0, "current")])
+    case = case.with_storage(
+        [Storage(1, 2, 40.0, "power", energy=1.0, lag=0.1, efficiency=0.8), Storage(2, 3, 20.0, "current")]
+    )
     point = equilibrium.solve(case)
     plant, buses = point.plant, len(point.V)
     n = sizes(plant, buses)
@@ -56,7 +58,15 @@ def offences(tree):
     for node in ast.walk(tree):
         if isinstance(node, ast.Attribute) and node.attr == "real" and id(node) not in in_conditions:
             yield f"line {node.lineno}: .real as a value"
-        if isinstance(node, ast.Attribute) and node.attr in ("imag", "conj", "conjugate", "sign", "abs", "angle", "hypot"):
+        if isinstance(node, ast.Attribute) and node.attr in (
+            "imag",
+            "conj",
+            "conjugate",
+            "sign",
+            "abs",
+            "angle",
+            "hypot",
+        ):
             yield f"line {node.lineno}: .{node.attr}"
         if isinstance(node, ast.Name) and node.id in ("abs", "min", "max", "sign", "complex", "round"):
             yield f"line {node.lineno}: {node.id}"
@@ -72,7 +82,16 @@ def test_kernels_use_nothing_that_complex_step_gets_wrong(module):
 
 
 def test_the_rule_finds_what_it_forbids():
-    for bad in ("abs(x)", "x.real", "np.abs(x)", "x.conj()", "max(x, 1)", "np.sign(x)", "1j * x", "y if x > 0 else x.imag"):
+    for bad in (
+        "abs(x)",
+        "x.real",
+        "np.abs(x)",
+        "x.conj()",
+        "max(x, 1)",
+        "np.sign(x)",
+        "1j * x",
+        "y if x > 0 else x.imag",
+    ):
         assert list(offences(ast.parse(bad)))
     for good in ("y if x.real > 0 else x", "np.sqrt(x)", "x.re * 2"):
         assert not list(offences(ast.parse(good)))

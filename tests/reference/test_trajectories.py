@@ -133,5 +133,13 @@ class TestStorage:
         found = differences(controlled, reference / "two_area", self.NAME, (1, 1 + 10 * CYCLE), 9.9, same)
         assert_within(
             found,
-            {"speed": 2.3e-5, "angle": 7.7e-3, "terminal": 9.2e-4, "hv": 6.8e-4, "Efd": 5.1e-2, "Pm": 1.3e-4, "Pe": 0.13},
+            {
+                "speed": 2.3e-5,
+                "angle": 7.7e-3,
+                "terminal": 9.2e-4,
+                "hv": 6.8e-4,
+                "Efd": 5.1e-2,
+                "Pm": 1.3e-4,
+                "Pe": 0.13,
+            },
         )
