@@ -78,13 +78,13 @@ def test_voltages_and_powers_of_the_reference(cases, reference, name):
 def test_machines_at_one_bus_share_by_their_bases(cases):
     one = small({"gencls": CLASSICAL})
     single, split = powerflow.solve(one), powerflow.solve(doubled(one))
-    assert split.V == pytest.approx(single.V, abs=1e-12)
+    assert pytest.approx(single.V, abs=1e-12) == split.V
     assert split.S[0] == split.S[1] == pytest.approx(single.S[0] / 2, abs=1e-10)
     case = cases("wnaps")  # machines 8 and 9 stand at one high-voltage bus, 10 and 11 too
     uneven = replace(
         case, machines=tuple(m._replace(base=2 * m.base if m.machine == 1 else m.base) for m in case.machines)
     )
-    assert powerflow.solve(uneven).S == pytest.approx(powerflow.solve(case).S, abs=1e-9)
+    assert pytest.approx(powerflow.solve(case).S, abs=1e-9) == powerflow.solve(uneven).S
 
 
 def test_remainder_of_reactive_power_is_shared_by_base_where_bases_differ():

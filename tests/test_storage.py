@@ -8,7 +8,7 @@ from systems import KINDS, small
 
 from stabctl import equilibrium
 from stabctl.case import Storage
-from stabctl.controllers import BangBang, bang_bang
+from stabctl.controllers import BangBang, Device, Feedback, bang_bang, feedback
 from stabctl.controllers.signals import Par, Seen
 from stabctl.models import load, storage
 from stabctl.simulate import simulation
@@ -31,17 +31,17 @@ def test_power_against_voltage(kind):
     field, exponent = ROLES[kind]
     par = IDLE._replace(**{field: 0.4})
     for size in (0.5, 0.8, 1.0, 1.1):
-        assert absorbed(par, size).P == pytest.approx(0.4 * size**exponent, rel=1e-14)
-        assert absorbed(par, size, -1.0).P == pytest.approx(-0.4 * size**exponent, rel=1e-14)
+        assert pytest.approx(0.4 * size**exponent, rel=1e-14) == absorbed(par, size).P
+        assert pytest.approx(-0.4 * size**exponent, rel=1e-14) == absorbed(par, size, -1.0).P
 
 
 @pytest.mark.parametrize("kind", ROLES)
 def test_below_its_lowest_voltage_it_passes_continuously_to_a_conductance(kind):
     par = IDLE._replace(**{ROLES[kind][0]: 0.4})
     at = absorbed(par, 0.5).P
-    assert absorbed(par, 0.5 - 1e-9).P == pytest.approx(at, rel=1e-7)
+    assert pytest.approx(at, rel=1e-7) == absorbed(par, 0.5 - 1e-9).P
     for size in (0.4, 0.1, 0.0):
-        assert absorbed(par, size).P == pytest.approx(at * (size / 0.5) ** 2, abs=1e-15)
+        assert pytest.approx(at * (size / 0.5) ** 2, abs=1e-15) == absorbed(par, size).P
 
 
 @given(size=st.floats(0, 1.5), order=st.floats(-1, 1), angle=st.floats(-3, 3))
@@ -59,17 +59,17 @@ def test_a_load_draws_what_its_shares_say_and_is_continuous_at_its_threshold(siz
     S = -v * complex(*load.output((v.real, v.imag), par)).conjugate()
     m = max(size, 0.5)
     want = ((0.5 + 0.2j) / m**2 + (0.3 + 0.1j) / m) * size**2
-    assert S == pytest.approx(want, abs=1e-13)
+    assert pytest.approx(want, abs=1e-13) == S
 
 
 def test_full_and_empty_stop_only_the_direction_that_goes_on():
     par = IDLE._replace(Pp=0.4, capacity=10.0)
     full, empty = storage.State(0.0, 10.0), storage.State(0.0, 0.0)
     assert absorbed(par, 1.0, 1.0, state=full).P == 0
-    assert absorbed(par, 1.0, -1.0, state=full).P == pytest.approx(-0.4)
+    assert pytest.approx(-0.4) == absorbed(par, 1.0, -1.0, state=full).P
     assert absorbed(par, 1.0, -1.0, state=empty).P == 0
-    assert absorbed(par, 1.0, 1.0, state=empty).P == pytest.approx(0.4)
-    assert absorbed(par._replace(capacity=0.0), 1.0, -1.0, state=empty).P == pytest.approx(-0.4)
+    assert pytest.approx(0.4) == absorbed(par, 1.0, 1.0, state=empty).P
+    assert pytest.approx(-0.4) == absorbed(par._replace(capacity=0.0), 1.0, -1.0, state=empty).P
 
 
 def driven(orders, until=2.0, step=1 / 100, **options):
@@ -157,10 +157,10 @@ def test_a_store_with_lag_and_limits_starts_at_rest():
 
 
 class TestBangBangLaw:
-    PAR = BangBang().par(60.0)
+    PAR = BangBang().par(Device(50.0, 900.0, 60.0))
 
     def test_constants(self):
-        assert self.PAR == Par(bang_bang.KIND, 0.1 / 60, 0.8)
+        assert Par(bang_bang.KIND, 0.1 / 60, 0.8) == self.PAR
 
     @given(st.floats(-1, 1), st.floats(0, 1.5))
     def test_it_absorbs_when_fast_injects_when_slow_and_idles_inside_deadband_and_gate(self, deviation, voltage):
@@ -178,6 +178,26 @@ class TestBangBangLaw:
             (0.1, 0.7999, 0),
         ):
             assert bang_bang.order(Seen(deviation, 0.0, voltage), self.PAR) == want
+
+
+class TestFeedbackLaw:
+    DEVICE = Device(50.0, 900.0, 60.0)
+
+    @given(st.floats(-0.05, 0.05), st.floats(-0.1, 0.1), st.floats(0, 1.2))
+    def test_power_is_gain_times_speed_and_acceleration_on_the_machine_base_within_the_rating(self, slip, rate, size):
+        """P = S (Kv w + Ka w') with w in rad/s (the paper, eq. (13)), limited to the rating, idle at low voltage."""
+        law = Feedback(speed_gain=0.02, acceleration_gain=0.01)
+        order = feedback.order(Seen(slip, rate, size), law.par(self.DEVICE))
+        wb = 2 * np.pi * 60
+        want = np.clip(900 * (0.02 * wb * slip + 0.01 * wb * rate), -50, 50)
+        assert 50 * order == pytest.approx(want if size >= 0.8 and slip else 0, abs=1e-9)
+
+    @given(st.floats(-0.05, 0.05), st.floats(-0.1, 0.1))
+    def test_braking_never_feeds_the_swing(self, slip, rate):
+        """Eq. (14): the power has the sign of the speed and the size of the acceleration."""
+        order = feedback.order(Seen(slip, rate, 1.0), Feedback(0.0, 0.001, braking=True).par(self.DEVICE))
+        assert order * slip >= 0
+        assert abs(order) == pytest.approx(min(abs(rate) * 0.001 * 2 * np.pi * 60 * 18, 1) * (slip != 0), abs=1e-12)
 
 
 @pytest.fixture(scope="module")

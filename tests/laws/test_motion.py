@@ -32,7 +32,7 @@ def lossless_two_area(case):
 
 
 def energy(point, run):
-    """Kinetic and potential energy (pu s of the system base, each) of a lossless classical system on its intact network.
+    """Kinetic and potential energy (pu s, each) of a lossless classical system on its intact network.
 
     E = sum H wb (w - 1)^2 - sum Pm delta - sum_{i<j} E_i E_j B_ij cos(delta_i - delta_j)   (the paper, section 3)
     """
