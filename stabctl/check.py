@@ -1,6 +1,5 @@
 """Checks of a case: the first mistake is raised with its place, unusual rows are returned as sentences."""
 
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -12,7 +11,8 @@ if TYPE_CHECKING:
     from stabctl.case import Case
 
 
-LARGEST = sys.float_info.max
+LARGEST = 1e12  # beyond it numbers are taken for mistakes
+LEAST_IMPEDANCE = 1e-9  # pu
 
 
 def fail(table: str, row: int, column: str, text: str) -> NoReturn:
@@ -26,8 +26,8 @@ def check(case: "Case", tables: Mapping[str, type]) -> Iterator[str]:
     """Raise the first mistake of the case (`tables`: its tables and their records); yield sentences on the unusual."""
     for quantity in ("base_mva", "frequency_hz"):
         value = getattr(case, quantity)
-        if not (isinstance(value, int | float) and 0 < value <= LARGEST):
-            raise CaseError(f"case.toml, {quantity}: {value!r} is not allowed; it must be a number more than 0.")
+        if not (isinstance(value, int | float) and 1e-6 <= value <= 1e9):
+            raise CaseError(f"case.toml, {quantity}: {value!r} is not allowed; it must be a number from 1e-6 to 1e9.")
     if not _text(case.name):
         raise CaseError(f"case.toml, name: {case.name!r} is not allowed; it must be a text of one line.")
     for name, record in tables.items():
@@ -105,8 +105,9 @@ def _buses(case: "Case") -> None:
 
 def _branches(case: "Case") -> None:
     for i, k in enumerate(case.branches):
-        if k.r == 0 and k.x == 0:
-            fail("branches", i, "x_pu", f"branch {k.from_bus}-{k.to_bus} has no impedance; r or x must differ from 0.")
+        if abs(complex(k.r, k.x)) < LEAST_IMPEDANCE:
+            text = f"has no impedance; r or x must be at least {LEAST_IMPEDANCE:g} pu in size."
+            fail("branches", i, "x_pu", f"branch {k.from_bus}-{k.to_bus} {text}")
         if k.from_bus == k.to_bus:
             fail("branches", i, "to_bus", f"branch {k.from_bus}-{k.to_bus} ends where it starts; name two buses.")
 
@@ -162,8 +163,6 @@ def _storage(case: "Case") -> None:
     for i, s in enumerate(case.storage):
         if s.machine not in numbers:
             fail("storage", i, "machine", f"there is no machine {s.machine}; name a machine of machines.csv.")
-        if s.efficiency == 0:
-            fail("storage", i, "efficiency", "0 is not allowed; it must be a number more than 0 and at most 1.")
 
 
 def _connected(case: "Case") -> None:

@@ -1,6 +1,7 @@
 """The command line: parses, calls, prints."""
 
 import sys
+import warnings
 
 import typer
 
@@ -26,6 +27,7 @@ app.add_typer(swing.app, name="swing")
 
 def main() -> None:
     """Run the command line; a user's mistake is one line on stderr and exit code 2."""
+    warnings.simplefilter("ignore", RuntimeWarning)
     try:
         code = app(standalone_mode=False)
     except StabctlError as error:
@@ -37,6 +39,9 @@ def main() -> None:
     except Exception as error:
         if not hasattr(error, "format_message"):
             raise
+        if type(error).__name__ == "NoArgsIsHelpError":
+            print(error.format_message())
+            sys.exit(0)
         code = _complain(error.format_message(), getattr(error, "exit_code", 2))
     sys.exit(code if isinstance(code, int) else 0)
 

@@ -35,7 +35,7 @@ def load(name: str | Path) -> Case:
     folder = Path(name)
     if str(name) in packaged():
         folder = PACKAGED / str(name)
-    elif "\0" in str(name) or not folder.is_dir():
+    elif not str(name).strip() or "\0" in str(name) or not folder.is_dir():
         raise CaseError(f"There is no case {str(name)!r}: name a folder, or one of {', '.join(packaged())}.")
     about = _about(folder)
     tables = _tables(folder, partial="extends" in about)
@@ -47,7 +47,7 @@ def load(name: str | Path) -> Case:
 def _about(folder: Path) -> Row:
     path = folder / "case.toml"
     try:
-        about = tomllib.loads(path.read_text(encoding="utf-8"))
+        about = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise CaseError(f"{path}: the file is missing; a case folder needs one.") from None
     except (ValueError, OSError, RecursionError) as error:
@@ -116,6 +116,7 @@ def _header(path: Path, cells: list[str], by_header: dict[str, Field], partial_k
         if cell not in by_header:
             near = difflib.get_close_matches(cell, by_header, 1, 0.5)
             hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(by_header)}."
+            hint = "separate the cells by commas." if ";" in cell else hint
             raise CaseError(f"{path} row 1: {cell!r} is not a column of this table; {hint}")
         if cell in cells[:i]:
             raise CaseError(f"{path} row 1: column {cell!r} stands twice; each may stand once.")
@@ -128,6 +129,8 @@ def _header(path: Path, cells: list[str], by_header: dict[str, Field], partial_k
 
 def _value(path: Path, line: int, f: Field, cell: str) -> Any:
     try:
+        if "_" in cell and f.kind is not str:
+            raise ValueError
         return f.kind(cell)
     except ValueError:
         raise CaseError(

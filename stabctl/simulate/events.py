@@ -157,15 +157,28 @@ def timeline(case: Case, net: Grid, events: Iterable[Event]) -> tuple[Change, ..
     changes, now = [Change(0.0)], _State(case, net)
     for event in sorted(events, key=lambda e: e.at):
         if not 0 <= event.at < float("inf"):
-            raise StudyError(f"The time {event.at:g} s of {event} is not allowed; it must be at least 0.")
+            raise StudyError(f"The time {event.at:g} s of the {_named(event)} is not allowed; it must be at least 0.")
         for name, value in vars(event).items():
             if isinstance(value, int | float | complex) and not cmath.isfinite(value):
-                raise StudyError(f"The {name} {value} of {event} is not allowed; it must be a finite number.")
+                raise StudyError(f"The {name} {value} of the {_named(event)} is not allowed; it must be finite.")
         now.apply(event)
         if event.at - changes[-1].at < 1e-9 and len(changes) > 1:
             changes.pop()
         changes.append(Change(event.at, now.switching()))
     return tuple(changes)
+
+
+def _named(event: Event) -> str:
+    """An event in words."""
+    match event:
+        case Fault(place) | Clear(place):
+            return f"fault at {place}"
+        case Open(name):
+            return f"opening of {name}"
+        case TripMachine(number):
+            return f"trip of machine {number}"
+        case LoadStep(bus) | SwitchShunt(bus):
+            return f"step at bus {bus}"
 
 
 class _State:
@@ -193,7 +206,8 @@ class _State:
             case Fault(place, _, impedance):
                 if complex(impedance).real < 0:
                     raise StudyError(
-                        f"The impedance {impedance} of {event} is not allowed; its real part must be at least 0."
+                        f"The impedance {impedance} pu of the fault at {place} is not allowed; its resistance must be "
+                        "at least 0."
                     )
                 self._fault(place, 1 / impedance if abs(impedance) * BOLTED > 1 else BOLTED + 0j)
             case Clear(place):

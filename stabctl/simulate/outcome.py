@@ -58,7 +58,7 @@ def outcome(point: Point, verdict: int, t: float, now: Stage, blame: stepper.Scr
             kind = Kind.ISLANDED if cut else Kind.LOST_SYNCHRONISM
             return Outcome(kind, f"{text} {cut}".strip(), t, machine=number)
         case stepper.NO_VOLTAGE:
-            text = f"Voltage collapse at bus {bus} at {t:.3f} s: the network has no voltages that carry its loads."
+            text = f"Voltage collapse at bus {bus} at {t:.3f} s: no voltages carry the loads and storage."
             return Outcome(Kind.VOLTAGE_COLLAPSE, f"{text} {cut}".strip(), t, bus=bus)
         case stepper.LOW_VOLTAGE:
             text = (

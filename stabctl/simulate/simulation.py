@@ -19,6 +19,7 @@ from .stepper import DEFAULT, Rules
 from .trajectory import Trajectory
 
 STEP = 1 / 120  # s   default
+MOST = 50_000_000  # steps of one run
 AT_ONCE = 1200  # steps in one call of the compiled loop, between which Ctrl-C and progress have their turn
 REACH = 2.5  # largest |step * eigenvalue| that RK4 carries, with a margin (it is unstable beyond 2.785)
 
@@ -118,6 +119,8 @@ class Simulation:
 
     def _segment(self, target: float) -> None:
         steps = max(1, int(np.ceil((target - self.time) / self.step - 1e-6)))
+        if steps > MOST:
+            raise StudyError(f"{steps:.2g} steps to {target:g} s are too many; give a longer step or a shorter run.")
         start, h, done = self.time, (target - self.time) / steps, 0
         while done < steps and self.outcome is None:
             verdict, made = self._call(h, min(steps - done, AT_ONCE), False)
