@@ -27,7 +27,9 @@ def check(case: "Case", tables: Mapping[str, type]) -> Iterator[str]:
     for quantity in ("base_mva", "frequency_hz"):
         value = getattr(case, quantity)
         if not (isinstance(value, int | float) and 1e-6 <= value <= 1e9):
-            raise CaseError(f"case.toml, {quantity}: {value!r} is not allowed; it must be a number from 1e-6 to 1e9.")
+            raise CaseError(
+                f"case.toml, {quantity}: {_short(value)} is not allowed; it must be a number from 1e-6 to 1e9."
+            )
     if not _text(case.name):
         raise CaseError(f"case.toml, name: {case.name!r} is not allowed; it must be a text of one line.")
     for name, record in tables.items():
@@ -53,7 +55,14 @@ def _values(table: str, record: type, rows: Sequence[Any]) -> None:
             value = getattr(row, f.name)
             good = value in f.choices if f.choices else _text(value) if f.kind is str else _number(value, f)
             if not good:
-                fail(table, i, f.column, f"{value!r} is not allowed; it must be {f.expected()}.")
+                large = isinstance(value, int | float) and abs(value) > LARGEST
+                limit = f" of at most {LARGEST:g} in size" if large else ""
+                fail(table, i, f.column, f"{_short(value)} is not allowed; it must be {f.expected()}{limit}.")
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return text if len(text) < 40 else text[:36] + "..."
 
 
 def _text(value: object) -> bool:

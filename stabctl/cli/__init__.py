@@ -7,7 +7,7 @@ import typer
 
 from stabctl.errors import StabctlError
 
-from . import cases, clearing_time, linearize, modes, powerflow, simulate, swing
+from . import cases, clearing_time, linearize, modes, powerflow, simulate, swing, tables
 
 app = typer.Typer(
     add_completion=False,
@@ -17,6 +17,7 @@ app = typer.Typer(
     help="Controller design and linear analysis for transient stability with energy storage.",
 )
 app.command("cases")(cases.cases)
+app.command("tables")(tables.tables)
 app.command("powerflow")(powerflow.powerflow)
 app.command("simulate")(simulate.simulate)
 app.command("clearing-time")(clearing_time.clearing_time)
