@@ -12,6 +12,7 @@ from stabctl.equilibrium import Point
 from stabctl.errors import StudyError
 from stabctl.simulate.events import contingency
 from stabctl.simulate.outcome import Kind
+from stabctl.simulate.sampled import Sampled
 from stabctl.simulate.simulation import run
 from stabctl.simulate.stepper import DEFAULT, Rules
 
@@ -64,7 +65,7 @@ def clearing_time(
     point: Point,
     fault: str,
     trip: Iterable[str] = (),
-    control: Law | None = None,
+    control: Law | Sampled | None = None,
     resolution_cycles: float = 0.125,
     limit_cycles: float = 60.0,
     observed_s: float = 5.0,
@@ -78,7 +79,7 @@ def clearing_time(
     By doubling and bisection on multiples of the resolution; at a resolution of a cycle or more, cycle by cycle from
     zero as the paper did. Some longer faults are tried too, to see whether stability is monotone.
 
-    Args: operating point (its case's storage acts under `control`); fault and circuits as in `simulate.events`;
+    Args: operating point (its case's storage acts under `control`, a law or a sampled controller); fault and circuits as in `simulate.events`;
     grid and limit (cycles); time watched after clearing (s); step (s); when a run ends; fault impedance (pu);
     what is told every run. Raises `StudyError` for impossible places or grids.
     """

@@ -1,0 +1,90 @@
+"""The q-axis flux of machines with subtransient dynamics: it turns the angle of E'' into that of the rotor.
+
+The stator is omega (psi''d + j psi''q) exp(j delta) = E'' = V + (ra + j x'') I, so that
+
+    delta = arg E'' - asin(psi''q / |E''|).
+
+psi''q follows from the current alone, without field voltage (Kundur, ch. 3-4; names as in `models.genrou`):
+
+    T'q de/dt = -e - (xq - x'q)(iq + (x'q - x'')/b^2 (e - k - b iq)) - iron,   b = x'q - xl,
+    T''q dk/dt = e - k - b iq,   psi''q = a e + (1 - a) k,   a = (x'' - xl)/b,   iq = Re(I exp(-j delta)),
+    iron = S(|psi''|)/|psi''| psi''q (xq - xl)/(xd - xl).
+A classical machine has no such flux: delta = arg E'.
+"""
+
+import numpy as np
+from scipy.linalg import expm
+
+from .machines import Machines
+
+START = 200  # damped substitutions for the flux at a steady start
+
+
+class Flux:
+    """Flux observers (seeds, round machines), advanced a frame at a time with the mean current of the frame."""
+
+    def __init__(self, known: Machines, T: float, V: np.ndarray, I: np.ndarray, E: np.ndarray) -> None:
+        f, self.at = known.flux, known.round
+        n, b = len(self.at), known.flux["x1q"] - known.flux["xl"]
+        self._share = (f["x2"] - f["xl"]) / b
+        k, wide = (f["x1q"] - f["x2"]) / (b * b), f["xq"] - f["x1q"]
+        A, B = np.zeros((n, 2, 2)), np.zeros((n, 2, 2))  # inputs: iq, iron
+        A[:, 0, 0], A[:, 0, 1], B[:, 0, 0], B[:, 0, 1] = -1 - wide * k, wide * k, -wide * (1 - k * b), -1
+        A[:, 1, 0], A[:, 1, 1], B[:, 1, 0] = 1, -1, -b
+        self._rest = -np.linalg.solve(A, B) if n else B
+        speed = np.stack([f["T1q"], f["T2q"]], -1)
+        speed = np.divide(1.0, speed, out=np.zeros_like(speed), where=speed > 0)[..., None]
+        whole = np.zeros((n, 4, 4))
+        whole[:, :2, :2], whole[:, :2, 2:] = speed * A, speed * B
+        whole = np.array([expm(w * T) for w in whole]).reshape(n, 4, 4)
+        self._A, self._B = whole[:, :2, :2], whole[:, :2, 2:]
+        self._mva = known.mva[self.at]
+        steep = np.maximum(1.2 * f["S12"], 1e-12)
+        ratio = np.sqrt(f["S10"] / steep)
+        self._knee = (1 - 1.2 * ratio) / (1 - ratio)
+        self._slope = steep / (1.2 - self._knee) ** 2 * (f["xq"] - f["xl"]) / (f["xd"] - f["xl"]) * (f["S12"] > 0)
+        self._start(V, I, E[:, self.at])
+
+    @property
+    def psi(self) -> np.ndarray:
+        """psi''q (seeds, round machines), pu."""
+        return self._share * self.x[..., 0] + (1 - self._share) * self.x[..., 1]
+
+    def turn(self, E: np.ndarray) -> np.ndarray:
+        """asin(psi''q / |E''|) (seeds, machines), rad; 0 of classical machines."""
+        out = np.zeros(E.shape)
+        out[:, self.at] = self._turn(E[:, self.at])
+        return out
+
+    def predict(self, I: np.ndarray, delta: np.ndarray, received: np.ndarray) -> None:
+        """A frame on, to the instant of the currents I (pu system) and angles delta (rad, predicted)."""
+        now = np.real(I[:, self.at] * np.exp(-1j * delta[:, self.at])) / self._mva
+        now = np.where(received[:, self.at], now, self.iq)
+        u = np.stack([(self.iq + now) / 2, self._iron], -1)
+        self.x = (self._A @ self.x[..., None] + self._B @ u[..., None])[..., 0]
+
+    def settle(self, I: np.ndarray, E: np.ndarray, delta: np.ndarray, received: np.ndarray) -> None:
+        """Keep current and saturation at the angles as they were found."""
+        here = received[:, self.at]
+        now = np.real(I[:, self.at] * np.exp(-1j * delta[:, self.at])) / self._mva
+        self.iq = np.where(here, now, self.iq)
+        self._iron = np.where(here, self._saturation(np.abs(E[:, self.at])) * self.psi, self._iron)
+
+    def _turn(self, E: np.ndarray) -> np.ndarray:
+        return np.arcsin(np.clip(self.psi / np.abs(E), -0.999, 0.999))
+
+    def _start(self, V: np.ndarray, I: np.ndarray, E: np.ndarray) -> None:
+        """The flux at rest with the phasors of the start."""
+        current, ratio = I[:, self.at] / self._mva, self._saturation(np.abs(E))
+        self.iq, self._iron = np.zeros(E.shape), np.zeros(E.shape)
+        self.x = np.zeros((*E.shape, 2))
+        for _ in range(START):
+            delta = np.angle(E) - self._turn(E)
+            self.iq = np.real(current * np.exp(-1j * delta))
+            self._iron = ratio * self.psi
+            rest = (self._rest @ np.stack([self.iq, self._iron], -1)[..., None])[..., 0]
+            self.x = 0.8 * self.x + 0.2 * rest
+
+    def _saturation(self, flux: np.ndarray) -> np.ndarray:
+        """iron over psi''q: S(flux)/flux, S quadratic as in `models.blocks`, scaled by the air gap."""
+        return self._slope * np.maximum(flux - self._knee, 0.0) ** 2 / flux
