@@ -1,9 +1,9 @@
 """Kalman filters of all machines and seeds: one filterpy filter each, or all at once with the same numbers.
 
     predict   x = F x + B u,  P = F P F' + Q
-    gate      y = z - delta (wrapped), S = P11 + R, NIS = y^2/S; beyond the 0.999 quantile of chi-square(1) the report
+    gate      y = z - h x (wrapped), S = h P h' + R, NIS = y^2/S; beyond the 0.999 quantile of chi-square(1) the report
               is left out; after two such in a row the third opens the filter (P + opened) and is taken
-    update    K = P h'/S, x = x + K y, P = (1 - K h) P (1 - K h)' + K R K', h = [1 0 0]
+    update    K = P h'/S, x = x + K y, P = (1 - K h) P (1 - K h)' + K R K', h = [1 0 0 1]
 A lost report is a prediction without an update.
 """
 
@@ -15,17 +15,17 @@ from .noise import Model
 
 GATE = 10.827566170662733  # chi-square, one degree of freedom, 0.999
 TURNED_DOWN = 2  # reports left out before the filter opens
-h = np.array([[1.0, 0.0, 0.0]])
+h = np.array([[1.0, 0.0, 0.0, 1.0]])
 
 
 class Bank(Protocol):
     """Filters of (seeds, machines)."""
 
-    x: np.ndarray  # (seeds, machines, 3)
-    P: np.ndarray  # (seeds, machines, 3, 3)
+    x: np.ndarray  # (seeds, machines, 4)
+    P: np.ndarray  # (seeds, machines, 4, 4)
 
     def predict(self, u: np.ndarray, Q: np.ndarray) -> None:
-        """One frame on; u (seeds, machines, 3) as in `noise.Model`, Q (seeds, machines, 3, 3)."""
+        """One frame on; u (seeds, machines, 4) as in `noise.Model`, Q (seeds, machines, 4, 4)."""
         ...
 
     def update(self, z: np.ndarray, R: np.ndarray, received: np.ndarray) -> np.ndarray:
@@ -52,20 +52,22 @@ class Batched:
 
     def update(self, z: np.ndarray, R: np.ndarray, received: np.ndarray) -> np.ndarray:
         """As in `Bank`."""
-        y = wrapped(z - self.x[..., 0])
-        nis = y * y / (self.P[..., 0, 0] + R)
+        row = self.P[..., 0] + self.P[..., 3]  # h P
+        y = wrapped(z - self.x[..., 0] - self.x[..., 3])
+        nis = y * y / (row[..., 0] + row[..., 3] + R)
         beyond = received & (nis > GATE)
         opening = beyond & (self._turned_down >= TURNED_DOWN)
         taken = received & (~beyond | opening)
         self._turned_down = np.where(taken, 0, self._turned_down + beyond)
         if opening.any():
             self.P = self.P + opening[..., None, None] * self.model.opened
-        row = self.P[..., 0]
-        K = np.where(taken, 1 / (row[..., 0] + R), 0.0)[..., None] * row
+            row = self.P[..., 0] + self.P[..., 3]
+        S = row[..., 0] + row[..., 3] + R
+        K = np.where(taken, 1 / S, 0.0)[..., None] * row
         self.x = self.x + K * np.where(taken, y, 0.0)[..., None]
-        # (1 - K h) P (1 - K h)' + K R K' = P - K p' - p K' + K K' (p1 + R), p the first row of P
+        # (1 - K h) P (1 - K h)' + K R K' = P - K p' - p K' + K S K', p = P h'
         both = K[..., :, None] * row[..., None, :]
-        square = K[..., :, None] * K[..., None, :] * np.where(taken, row[..., 0] + R, 0.0)[..., None, None]
+        square = K[..., :, None] * K[..., None, :] * np.where(taken, S, 0.0)[..., None, None]
         self.P = self.P - both - both.swapaxes(-1, -2) + square
         return np.where(received, nis, np.nan)
 
@@ -84,24 +86,24 @@ class Filterpy:
         self._turned_down = np.zeros(self.shape, int)
         self.filters = {}
         for at in np.ndindex(self.shape):
-            kf = self.filters[at] = KalmanFilter(dim_x=3, dim_z=1, dim_u=3)
+            kf = self.filters[at] = KalmanFilter(dim_x=4, dim_z=1, dim_u=4)
             kf.F, kf.B, kf.H = model.F[at[1]], model.B[at[1]], h
-            kf.x, kf.P = x[at].reshape(3, 1).copy(), P[at].copy()
+            kf.x, kf.P = x[at].reshape(4, 1).copy(), P[at].copy()
 
     @property
     def x(self) -> np.ndarray:
-        """States (seeds, machines, 3)."""
-        return np.array([kf.x[:, 0] for kf in self.filters.values()]).reshape(*self.shape, 3)
+        """States (seeds, machines, 4)."""
+        return np.array([kf.x[:, 0] for kf in self.filters.values()]).reshape(*self.shape, 4)
 
     @property
     def P(self) -> np.ndarray:
-        """Covariances (seeds, machines, 3, 3)."""
-        return np.array([kf.P for kf in self.filters.values()]).reshape(*self.shape, 3, 3)
+        """Covariances (seeds, machines, 4, 4)."""
+        return np.array([kf.P for kf in self.filters.values()]).reshape(*self.shape, 4, 4)
 
     def predict(self, u: np.ndarray, Q: np.ndarray) -> None:
         """As in `Bank`."""
         for at, kf in self.filters.items():
-            kf.predict(u=u[at].reshape(3, 1), Q=Q[at])
+            kf.predict(u=u[at].reshape(4, 1), Q=Q[at])
 
     def update(self, z: np.ndarray, R: np.ndarray, received: np.ndarray) -> np.ndarray:
         """As in `Bank`."""
@@ -110,16 +112,16 @@ class Filterpy:
             if not received[at]:
                 kf.update(None)
                 continue
-            y = wrapped(z[at] - kf.x[0, 0])
-            nis[at] = y * y / (kf.P[0, 0] + R[at])
+            y = wrapped(z[at] - (h @ kf.x)[0, 0])
+            nis[at] = y * y / ((h @ kf.P @ h.T)[0, 0] + R[at])
             if nis[at] > GATE:
                 if self._turned_down[at] < TURNED_DOWN:
                     self._turned_down[at] += 1
                     kf.update(None)
                     continue
-                kf.P = kf.P + self.model.opened
+                kf.P = kf.P + self.model.opened[at[1]]
             self._turned_down[at] = 0
-            kf.update(kf.x[0, 0] + y, R=R[at])
+            kf.update((h @ kf.x)[0, 0] + y, R=R[at])
         return nis
 
     def open(self, where: np.ndarray) -> None:

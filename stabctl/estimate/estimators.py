@@ -14,7 +14,7 @@ import numpy as np
 from .bank import ENGINES, Bank, wrapped
 from .flux import Flux
 from .machines import Machines
-from .noise import Model, Tuning, angle_variance, model, power_variance, process
+from .noise import Tuning, angle_variance, model, power_variance, process
 from .pmu import Frame, Pmu
 
 Kind = Literal["ideal", "frequency", "kinematic", "kalman"]
@@ -75,9 +75,6 @@ class Filtered:
         self._engine, self._Z = ENGINES[engine], (known.ra + 1j * known.x) / known.mva
         self._H = known.H if swing else np.full(len(known.H), 0.5)
         self._D = known.D if swing else np.zeros(len(known.H))
-        walk = tuning.walk if swing else tuning.jerk
-        opened = (tuning.open_speed, tuning.open_power if swing else tuning.open_power / 5)
-        self.model: Model = model(self._H, self._D, known.frequency_hz, self._T, walk, opened)
         self.bank: Bank | None = None
 
     def step(self, frame: Frame) -> Estimate:
@@ -87,16 +84,17 @@ class Filtered:
             return self._begin(frame, E, R, P, var)
         here, m = frame.received, self._missing + 1
         dP = np.where(here, P - self._P, 0.0)
-        u = np.stack([self._P, m * dP, m * m * dP], -1)
+        u = np.stack([self._P, m * dP, m * m * dP, 0 * dP], -1)
+        x = self.bank.x
+        delta = (x * self.model.F[:, 0] + u * self.model.B[:, 0]).sum(-1)
+        turned = self._flux.predict(frame.I, E, delta, here, m)
         held = (self._var + np.where(here, var, self._var)) / 4
         if self.swing:
-            pull = self.tuning.share * (self.bank.x[..., 2] - self._P)
+            pull = self.tuning.share * (x[..., 2] - self._P)
             held = held + pull * pull
-        self.bank.predict(u, process(self.model, held, dP, m))
+        self.bank.predict(u, process(self.model, held, dP, m, turned))
         if (m > FORGOTTEN / self._T).any():
             self.bank.open(m > FORGOTTEN / self._T)
-        delta = self.bank.x[..., 0]
-        self._flux.predict(frame.I, delta, here)
         z = np.angle(E) - self._flux.turn(E)
         nis = self.bank.update(z, R, here)
         self._flux.settle(frame.I, E, self.bank.x[..., 0], here)
@@ -124,8 +122,11 @@ class Filtered:
     def _begin(self, frame: Frame, E: np.ndarray, R: np.ndarray, P: np.ndarray, var: np.ndarray) -> Estimate:
         self._flux = Flux(self.known, self._T, frame.V, frame.I, E)
         z = np.angle(E) - self._flux.turn(E)
-        none = np.zeros(z.shape)
-        x0, P0 = np.stack([z, none, P], -1), np.zeros((*z.shape, 3, 3))
+        none, t, known = np.zeros(z.shape), self.tuning, self.known
+        walk = t.walk if self.swing else t.jerk
+        opened = (1.0, t.open_speed, t.open_power if self.swing else t.open_rate, t.open_turn)
+        self.model = model(self._H, self._D, known.frequency_hz, self._T, walk, opened, self._flux.memory)
+        x0, P0 = np.stack([z, none, P, none], -1), np.zeros((*z.shape, 4, 4))
         P0[..., 0, 0], P0[..., 1, 1], P0[..., 2, 2] = R, 1e-4**2, var + (0 if self.swing else 1e-3**2)
         self.bank = self._engine(self.model, x0, P0)
         self._P, self._var, self._missing = P, var, np.zeros(z.shape, int)

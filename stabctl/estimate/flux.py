@@ -9,6 +9,8 @@ psi''q follows from the current alone, without field voltage (Kundur, ch. 3-4; n
     T'q de/dt = -e - (xq - x'q)(iq + (x'q - x'')/b^2 (e - k - b iq)) - iron,   b = x'q - xl,
     T''q dk/dt = e - k - b iq,   psi''q = a e + (1 - a) k,   a = (x'' - xl)/b,   iq = Re(I exp(-j delta)),
     iron = S(|psi''|)/|psi''| psi''q (xq - xl)/(xd - xl).
+The instant at which a current jumps within a frame is not known; what that leaves of the flux, b, is a state of the
+filter (`noise.py`). It fades as the flux's answer to a current does, by `memory` in a frame.
 A classical machine has no such flux: delta = arg E'.
 """
 
@@ -38,6 +40,12 @@ class Flux:
         whole[:, :2, :2], whole[:, :2, 2:] = speed * A, speed * B
         whole = np.array([expm(w * T) for w in whole]).reshape(n, 4, 4)
         self._A, self._B = whole[:, :2, :2], whole[:, :2, 2:]
+        out = np.stack([self._share, 1 - self._share], -1)
+        self._answer = np.einsum("ni,ni->n", out, self._B[..., 0])
+        left = np.einsum("ni,nij,nj->n", out, self._A, self._B[..., 0])
+        self._left = np.clip(np.divide(left, self._answer, out=np.zeros(n), where=self._answer != 0), 0.0, 0.999)
+        self.memory = np.zeros(E.shape[1])
+        self.memory[self.at] = self._left
         self._mva = known.mva[self.at]
         steep = np.maximum(1.2 * f["S12"], 1e-12)
         ratio = np.sqrt(f["S10"] / steep)
@@ -56,12 +64,19 @@ class Flux:
         out[:, self.at] = self._turn(E[:, self.at])
         return out
 
-    def predict(self, I: np.ndarray, delta: np.ndarray, received: np.ndarray) -> None:
-        """A frame on, to the instant of the currents I (pu system) and angles delta (rad, predicted)."""
+    def predict(self, I: np.ndarray, E: np.ndarray, delta: np.ndarray, here: np.ndarray, m: np.ndarray) -> np.ndarray:
+        """A frame on, to currents I and voltages E (pu) at angles delta (rad, predicted); f of `noise.process`, rad.
+
+        Where no report is `here` the current is held; m frames have passed since the last one, of which the flux
+        remembers 1/(1 - memory).
+        """
         now = np.real(I[:, self.at] * np.exp(-1j * delta[:, self.at])) / self._mva
-        now = np.where(received[:, self.at], now, self.iq)
-        u = np.stack([(self.iq + now) / 2, self._iron], -1)
+        jump = np.where(here[:, self.at], now - self.iq, 0.0) * np.minimum(m[:, self.at], 1 / (1 - self._left))
+        u = np.stack([self.iq + jump / 2, self._iron], -1)
         self.x = (self._A @ self.x[..., None] + self._B @ u[..., None])[..., 0]
+        f = np.zeros(E.shape)
+        f[:, self.at] = self._answer * jump / np.abs(E[:, self.at])
+        return f
 
     def settle(self, I: np.ndarray, E: np.ndarray, delta: np.ndarray, received: np.ndarray) -> None:
         """Keep current and saturation at the angles as they were found."""

@@ -1,20 +1,23 @@
 """Covariances of measurement and process, derived from the noise of the phasors.
 
-State of a machine: x = [delta (rad), s = omega - 1 (pu), Pm (pu machine)], known input the air-gap power P:
+State of a machine: x = [delta (rad), s = omega - 1 (pu), Pm (pu machine), b (rad)], input the air-gap power P:
 
-    d delta/dt = wb s,   2H ds/dt = Pm - P - D s,   dPm/dt = white noise of density q.
+    d delta/dt = wb s,   2H ds/dt = Pm - P - D s,   dPm/dt = white noise of density q,   b -> r b in a frame.
+b is what the q-axis flux is not known to (`flux.py`); it is 0 in a classical machine.
 
-Measurement: the angle of E = V + Z I. With relative errors e = m + j a of V and I, a = V/E and b = Z I/E,
-    var arg E = sa^2 (Re^2 a + Re^2 b) + sm^2 (Im^2 a + Im^2 b),                                   (R)
+Measurement: z = delta + b, the angle of E = V + Z I less that of its flux. With relative errors e = m + j a of V and I,
+a = V/E and g = Z I/E,
+    var arg E = sa^2 (Re^2 a + Re^2 g) + sm^2 (Im^2 a + Im^2 g),                                   (R)
 and, with S = E conj(I) = P + jQ, from the power's own errors
     var P = 2 sm^2 P^2 + 2 sa^2 Q^2.                                                                (P)
 
-Process over a frame T, four sources added:
+Process over a frame T, three sources added:
     walk   q * integral of g g', g(t) = [wb t^2/4H, t/2H, 1];
-    power  (var P + (share (Pm - P))^2) / (2H)^2 * g g', g = [wb T^2/2, T, 0];   share: how wrong the model may be
-    jump   P went from P0 to P1 at an unknown instant of the interval T since the last report: with u = (T - instant)/T
-           uniform, delta has moved by -c u^2 dP, s by -d u dP, c = wb T^2/4H, d = T/2H; means dP c/3 and dP d/2 (the
-           same as of a ramp), covariance dP^2 [[4/45 c^2, cd/12], [cd/12, d^2/12]].
+    push   (var P + (share (Pm - P))^2) * g g', g = [c, d, 0, 0], c = wb T^2/4H, d = T/2H; share: the model's own error
+    jump   P went from P0 to P1 at an unknown instant of the time T since the last report: u = (T - instant)/T being
+           uniform, delta has moved by -c u^2 dP, s by -d u dP, b by f (u - 1/2), f the flux's answer to the current's
+           own jump. Means -dP c/3 and -dP d/2 (the same as of a ramp), covariance r r' times that of (u^2, u, 0, u),
+           r = [-c dP, -d dP, 0, f]: var u^2 = 4/45, var u = cov(u, u^2) = 1/12.
 """
 
 from typing import NamedTuple
@@ -29,44 +32,53 @@ class Tuning(NamedTuple):
     share: float = 0.05  # -          of the accelerating power that the model may be wrong by
     jerk: float = 0.05  # pu/s/s^0.5 of the acceleration, kinematic model
     open_speed: float = 0.01  # pu   standard deviation of the speed after re-opening
-    open_power: float = 0.3  # pu   and of the mechanical power (of 2H times the acceleration)
+    open_power: float = 0.3  # pu   and of the mechanical power
+    open_rate: float = 0.05  # pu/s and of the acceleration, kinematic model
+    open_turn: float = 0.3  # rad  and of the angle of the flux
 
 
 class Model(NamedTuple):
-    """Discrete model of every machine over one frame; x' = F x + B u, u = [P0, m dP, m^2 dP], m frames since P0."""
+    """Discrete model of every machine over one frame; x' = F x + B u, u = [P0, m dP, m^2 dP, 0], m frames since P0."""
 
-    F: np.ndarray  # (machines, 3, 3)
-    B: np.ndarray  # (machines, 3, 3)
-    walk: np.ndarray  # (machines, 3, 3)   covariance of the random walk
-    push: np.ndarray  # (machines, 3, 3)   covariance per variance of a power held over the frame
-    jump: np.ndarray  # (machines, 3, 3)   covariance per square of a jump at an unknown instant of one frame
-    opened: np.ndarray  # (3, 3)   added on re-opening
+    F: np.ndarray  # (machines, 4, 4)
+    B: np.ndarray  # (machines, 4, 4)
+    walk: np.ndarray  # (machines, 4, 4)   covariance of the random walk
+    push: np.ndarray  # (machines, 4, 4)   covariance per variance of a power held over the frame
+    c: np.ndarray  # (machines) rad/pu   what a unit of power does to the angle in a frame
+    d: np.ndarray  # (machines)          and to the speed
+    opened: np.ndarray  # (machines, 4, 4)   added on re-opening
 
 
-def model(H: np.ndarray, D: np.ndarray, hz: float, T: float, walk: float, opened: tuple[float, float]) -> Model:
-    """The swing model of machines (H in s, D in pu) over a frame of T seconds; exact but for D T/2H in B."""
+JUMP = np.array([[4 / 45, 1 / 12, 0, 1 / 12], [1 / 12, 1 / 12, 0, 1 / 12], [0, 0, 0, 0], [1 / 12, 1 / 12, 0, 1 / 12]])
+
+
+def model(
+    H: np.ndarray, D: np.ndarray, hz: float, T: float, walk: float, opened: tuple[float, ...], memory: np.ndarray
+) -> Model:
+    """The swing model of machines (H in s, D in pu) over a frame of T seconds; exact but for D T/2H in B.
+
+    `opened`: standard deviations of angle, speed, power and flux angle after re-opening; `memory`: r, 0 without flux.
+    """
     from scipy.linalg import expm
 
     wb, n = 2 * np.pi * hz, len(H)
-    A, B = np.zeros((n, 3, 3)), np.zeros((n, 3, 3))
-    A[:, 0, 1], A[:, 1, 1], A[:, 1, 2] = wb, -D / (2 * H), 1 / (2 * H)
-    F = np.array([expm(a * T) for a in A])
-    c, d = wb * T**2 / (4 * H), T / (2 * H)
+    a, b, one, none = wb / (2 * H), 1 / (2 * H), np.ones(n), np.zeros(n)
+    A, F, B = np.zeros((n, 3, 3)), np.zeros((n, 4, 4)), np.zeros((n, 4, 4))
+    A[:, 0, 1], A[:, 1, 1], A[:, 1, 2] = wb, -D * b, b
+    F[:, :3, :3], F[:, 3, 3] = np.array([expm(k * T) for k in A]), memory
+    c, d = a * T**2 / 2, b * T
     B[:, 0, 0], B[:, 0, 2], B[:, 1, 0], B[:, 1, 1] = -c, -c / 3, -d, -d / 2
-    a, b, one = wb / (2 * H), 1 / (2 * H), np.ones(n)
-    Q = _symmetric(
-        [a * a * T**5 / 20, a * b * T**4 / 8, a * T**3 / 6, b * b * T**3 / 3, b * T**2 / 2, one * T],
-    )
-    push = _symmetric([c * c, c * d, 0 * c, d * d, 0 * c, 0 * c])
-    jump = _symmetric([4 / 45 * c * c, c * d / 12, 0 * c, d * d / 12, 0 * c, 0 * c])
-    return Model(F, B, walk**2 * Q, push, jump, np.diag([1.0, opened[0] ** 2, opened[1] ** 2]))
+    Q = _symmetric(a * a * T**5 / 20, a * b * T**4 / 8, a * T**3 / 6, b * b * T**3 / 3, b * T**2 / 2, one * T)
+    again = np.array([np.diag(opened) ** 2] * n)
+    again[:, 3, 3] *= memory > 0
+    return Model(F, B, walk**2 * Q, _symmetric(c * c, c * d, none, d * d, none, none), c, d, again)
 
 
-def process(model: Model, pushed: np.ndarray, jumped: np.ndarray, frames: np.ndarray) -> np.ndarray:
-    """Process covariance (seeds, machines, 3, 3): variance held, size of the jump, frames since P was last known."""
+def process(model: Model, pushed: np.ndarray, jumped: np.ndarray, frames: np.ndarray, turned: np.ndarray) -> np.ndarray:
+    """Process covariance (seeds, machines, 4, 4): variance held, jump of P, frames since P was last known, f."""
     m = frames * 1.0
-    reach = np.stack([jumped * m * m, jumped * m, 0 * m], -1)
-    return model.walk + pushed[..., None, None] * model.push + reach[..., :, None] * reach[..., None, :] * model.jump
+    r = np.stack([-model.c * jumped * m * m, -model.d * jumped * m, 0 * m, turned], -1)
+    return model.walk + pushed[..., None, None] * model.push + r[..., :, None] * r[..., None, :] * JUMP
 
 
 def angle_variance(V: np.ndarray, ZI: np.ndarray, E: np.ndarray, angle: float, magnitude: float) -> np.ndarray:
@@ -80,7 +92,9 @@ def power_variance(S: np.ndarray, angle: float, magnitude: float) -> np.ndarray:
     return 2 * magnitude**2 * S.real**2 + 2 * angle**2 * S.imag**2
 
 
-def _symmetric(upper: list[np.ndarray]) -> np.ndarray:
-    """(machines, 3, 3) from the upper triangle, row by row."""
-    a, b, c, d, e, f = upper
-    return np.stack([np.stack([a, b, c], -1), np.stack([b, d, e], -1), np.stack([c, e, f], -1)], -2)
+def _symmetric(*upper: np.ndarray) -> np.ndarray:
+    """(machines, 4, 4) from the upper triangle of its first three rows and columns, row by row."""
+    out = np.zeros((len(upper[0]), 4, 4))
+    for (i, j), values in zip([(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)], upper, strict=True):
+        out[:, i, j] = out[:, j, i] = values
+    return out
