@@ -24,8 +24,8 @@ class Bank(Protocol):
     x: np.ndarray  # (seeds, machines, 4)
     P: np.ndarray  # (seeds, machines, 4, 4)
 
-    def predict(self, u: np.ndarray, Q: np.ndarray) -> None:
-        """One frame on; u (seeds, machines, 4) as in `noise.Model`, Q (seeds, machines, 4, 4)."""
+    def predict(self, u: np.ndarray, F: np.ndarray, Q: np.ndarray) -> None:
+        """One frame on; u (seeds, machines, 4) as in `noise.Model`, F and Q (seeds, machines, 4, 4)."""
         ...
 
     def update(self, z: np.ndarray, R: np.ndarray, received: np.ndarray) -> np.ndarray:
@@ -44,9 +44,8 @@ class Batched:
         self.model, self.x, self.P = model, x.copy(), P.copy()
         self._turned_down = np.zeros(x.shape[:2], int)
 
-    def predict(self, u: np.ndarray, Q: np.ndarray) -> None:
+    def predict(self, u: np.ndarray, F: np.ndarray, Q: np.ndarray) -> None:
         """As in `Bank`."""
-        F = self.model.F
         self.x = (F @ self.x[..., None] + self.model.B @ u[..., None])[..., 0]
         self.P = F @ self.P @ F.swapaxes(-1, -2) + Q
 
@@ -87,7 +86,7 @@ class Filterpy:
         self.filters = {}
         for at in np.ndindex(self.shape):
             kf = self.filters[at] = KalmanFilter(dim_x=4, dim_z=1, dim_u=4)
-            kf.F, kf.B, kf.H = model.F[at[1]], model.B[at[1]], h
+            kf.B, kf.H = model.B[at[1]], h
             kf.x, kf.P = x[at].reshape(4, 1).copy(), P[at].copy()
 
     @property
@@ -100,10 +99,10 @@ class Filterpy:
         """Covariances (seeds, machines, 4, 4)."""
         return np.array([kf.P for kf in self.filters.values()]).reshape(*self.shape, 4, 4)
 
-    def predict(self, u: np.ndarray, Q: np.ndarray) -> None:
+    def predict(self, u: np.ndarray, F: np.ndarray, Q: np.ndarray) -> None:
         """As in `Bank`."""
         for at, kf in self.filters.items():
-            kf.predict(u=u[at].reshape(4, 1), Q=Q[at])
+            kf.predict(u=u[at].reshape(4, 1), F=F[at], Q=Q[at])
 
     def update(self, z: np.ndarray, R: np.ndarray, received: np.ndarray) -> np.ndarray:
         """As in `Bank`."""

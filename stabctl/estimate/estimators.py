@@ -84,15 +84,17 @@ class Filtered:
             return self._begin(frame, E, R, P, var)
         here, m = frame.received, self._missing + 1
         dP = np.where(here, P - self._P, 0.0)
-        u = np.stack([self._P, m * dP, m * m * dP, 0 * dP], -1)
-        x = self.bank.x
+        x, k = self.bank.x, self._flux.coupling
+        u = np.stack([self._P, m * dP, m * m * dP, -k * x[..., 0]], -1)
+        F = np.tile(self.model.F, (len(k), 1, 1, 1))
+        F[..., 3, 0] = k
         delta = (x * self.model.F[:, 0] + u * self.model.B[:, 0]).sum(-1)
         turned = self._flux.predict(frame.I, E, delta, here, m)
         held = (self._var + np.where(here, var, self._var)) / 4
         if self.swing:
             pull = self.tuning.share * (x[..., 2] - self._P)
             held = held + pull * pull
-        self.bank.predict(u, process(self.model, held, dP, m, turned))
+        self.bank.predict(u, F, process(self.model, held, dP, m, turned))
         if (m > FORGOTTEN / self._T).any():
             self.bank.open(m > FORGOTTEN / self._T)
         z = np.angle(E) - self._flux.turn(E)

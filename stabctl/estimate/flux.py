@@ -10,7 +10,8 @@ psi''q follows from the current alone, without field voltage (Kundur, ch. 3-4; n
     T''q dk/dt = e - k - b iq,   psi''q = a e + (1 - a) k,   a = (x'' - xl)/b,   iq = Re(I exp(-j delta)),
     iron = S(|psi''|)/|psi''| psi''q (xq - xl)/(xd - xl).
 The instant at which a current jumps within a frame is not known; what that leaves of the flux, b, is a state of the
-filter (`noise.py`). It fades as the flux's answer to a current does, by `memory` in a frame.
+filter (`noise.py`). It fades as the flux's answer to a current does, by `memory` in a frame, and grows with
+an error of the angle, by which the current is turned: k = -answer id / |E''|.
 A classical machine has no such flux: delta = arg E'.
 """
 
@@ -46,6 +47,7 @@ class Flux:
         self._left = np.clip(np.divide(left, self._answer, out=np.zeros(n), where=self._answer != 0), 0.0, 0.999)
         self.memory = np.zeros(E.shape[1])
         self.memory[self.at] = self._left
+        self.coupling = np.zeros(E.shape)
         self._mva = known.mva[self.at]
         steep = np.maximum(1.2 * f["S12"], 1e-12)
         ratio = np.sqrt(f["S10"] / steep)
@@ -81,8 +83,11 @@ class Flux:
     def settle(self, I: np.ndarray, E: np.ndarray, delta: np.ndarray, received: np.ndarray) -> None:
         """Keep current and saturation at the angles as they were found."""
         here = received[:, self.at]
-        now = np.real(I[:, self.at] * np.exp(-1j * delta[:, self.at])) / self._mva
-        self.iq = np.where(here, now, self.iq)
+        now = I[:, self.at] * np.exp(-1j * delta[:, self.at]) / self._mva
+        self.iq = np.where(here, now.real, self.iq)
+        self.coupling[:, self.at] = np.where(
+            here, self._answer * now.imag / np.abs(E[:, self.at]), self.coupling[:, self.at]
+        )
         self._iron = np.where(here, self._saturation(np.abs(E[:, self.at])) * self.psi, self._iron)
 
     def _turn(self, E: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 State of a machine: x = [delta (rad), s = omega - 1 (pu), Pm (pu machine), b (rad)], input the air-gap power P:
 
-    d delta/dt = wb s,   2H ds/dt = Pm - P - D s,   dPm/dt = white noise of density q,   b -> r b in a frame.
+    d delta/dt = wb s,   2H ds/dt = Pm - P - D s,   dPm/dt = white noise of density q,   b -> r b + k (delta - its estimate) in a frame.
 b is what the q-axis flux is not known to (`flux.py`); it is 0 in a classical machine.
 
 Measurement: z = delta + b, the angle of E = V + Z I less that of its flux. With relative errors e = m + j a of V and I,
@@ -38,9 +38,9 @@ class Tuning(NamedTuple):
 
 
 class Model(NamedTuple):
-    """Discrete model of every machine over one frame; x' = F x + B u, u = [P0, m dP, m^2 dP, 0], m frames since P0."""
+    """Discrete model of every machine over one frame; x' = F x + B u, u = [P0, m dP, m^2 dP, -k delta], m frames since P0."""
 
-    F: np.ndarray  # (machines, 4, 4)
+    F: np.ndarray  # (machines, 4, 4)   without k, which changes
     B: np.ndarray  # (machines, 4, 4)
     walk: np.ndarray  # (machines, 4, 4)   covariance of the random walk
     push: np.ndarray  # (machines, 4, 4)   covariance per variance of a power held over the frame
@@ -67,7 +67,7 @@ def model(
     A[:, 0, 1], A[:, 1, 1], A[:, 1, 2] = wb, -D * b, b
     F[:, :3, :3], F[:, 3, 3] = np.array([expm(k * T) for k in A]), memory
     c, d = a * T**2 / 2, b * T
-    B[:, 0, 0], B[:, 0, 2], B[:, 1, 0], B[:, 1, 1] = -c, -c / 3, -d, -d / 2
+    B[:, 0, 0], B[:, 0, 2], B[:, 1, 0], B[:, 1, 1], B[:, 3, 3] = -c, -c / 3, -d, -d / 2, 1
     Q = _symmetric(a * a * T**5 / 20, a * b * T**4 / 8, a * T**3 / 6, b * b * T**3 / 3, b * T**2 / 2, one * T)
     again = np.array([np.diag(opened) ** 2] * n)
     again[:, 3, 3] *= memory > 0
