@@ -2,7 +2,7 @@
 
     predict   x = F x + B u,  P = F P F' + Q
     gate      y = z - h x (wrapped), S = h P h' + R, NIS = y^2/S; beyond the 0.999 quantile of chi-square(1) the report
-              is left out; after two such in a row the third opens the filter (P + opened) and is taken
+              is left out; after two such in a row the third opens the filter (P + y^2 opened) and is taken
     update    K = P h'/S, x = x + K y, P = (1 - K h) P (1 - K h)' + K R K', h = [1 0 0 1]
 A lost report is a prediction without an update.
 """
@@ -11,10 +11,9 @@ from typing import Protocol
 
 import numpy as np
 
-from .noise import Model
+from .noise import TURNED_DOWN, Model
 
 GATE = 10.827566170662733  # chi-square, one degree of freedom, 0.999
-TURNED_DOWN = 2  # reports left out before the filter opens
 h = np.array([[1.0, 0.0, 0.0, 1.0]])
 
 
@@ -59,7 +58,7 @@ class Batched:
         taken = received & (~beyond | opening)
         self._turned_down = np.where(taken, 0, self._turned_down + beyond)
         if opening.any():
-            self.P = self.P + opening[..., None, None] * self.model.opened
+            self.P = self.P + (opening * y * y)[..., None, None] * self.model.opened
             row = self.P[..., 0] + self.P[..., 3]
         S = row[..., 0] + row[..., 3] + R
         K = np.where(taken, 1 / S, 0.0)[..., None] * row
@@ -118,7 +117,7 @@ class Filterpy:
                     self._turned_down[at] += 1
                     kf.update(None)
                     continue
-                kf.P = kf.P + self.model.opened[at[1]]
+                kf.P = kf.P + y * y * self.model.opened[at[1]]
             self._turned_down[at] = 0
             kf.update((h @ kf.x)[0, 0] + y, R=R[at])
         return nis

@@ -79,9 +79,9 @@ class Filtered:
 
     def step(self, frame: Frame) -> Estimate:
         """Predict with the mean power since the last report, gate and take the new angles."""
-        E, R, P, var = self._measured(frame)
+        ZI, E, P, var = self._measured(frame)
         if self.bank is None:
-            return self._begin(frame, E, R, P, var)
+            return self._begin(frame, ZI, E, P, var)
         here, m = frame.received, self._missing + 1
         dP = np.where(here, P - self._P, 0.0)
         x, k = self.bank.x, self._flux.coupling
@@ -97,7 +97,7 @@ class Filtered:
         self.bank.predict(u, F, process(self.model, held, dP, m, turned))
         if (m > FORGOTTEN / self._T).any():
             self.bank.open(m > FORGOTTEN / self._T)
-        z = np.angle(E) - self._flux.turn(E)
+        z, R = self._turned(frame.V, ZI, E)
         nis = self.bank.update(z, R, here)
         self._flux.settle(frame.I, E, self.bank.x[..., 0], here)
         self._P, self._var = np.where(here, P, self._P), np.where(here, var, self._var)
@@ -110,24 +110,26 @@ class Filtered:
         return np.einsum("...i,...i", e, np.linalg.solve(self.bank.P[..., :2, :2], e[..., None])[..., 0])
 
     def _measured(self, frame: Frame) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Internal voltage E (pu), variance of its angle, air-gap power (pu machine) and its variance."""
+        """Z I and internal voltage E (pu), air-gap power (pu machine) and its variance."""
         ZI = self._Z * frame.I
         E = frame.V + ZI
         E = np.where(np.abs(E) < 1e-3, 1e-3, E)
-        R = angle_variance(frame.V, ZI, E, self._angle, self._magnitude) + self._floor
         if not self.swing:
-            none = np.zeros(R.shape)
-            return E, R, none, none
-        S = E * frame.I.conj()
-        return E, R, S.real / self.known.mva, power_variance(S, self._angle, self._magnitude) / self.known.mva**2
+            return ZI, E, np.zeros(E.shape), np.zeros(E.shape)
+        S = E * frame.I.conj() / self.known.mva
+        return ZI, E, S.real, power_variance(S, self._angle, self._magnitude)
 
-    def _begin(self, frame: Frame, E: np.ndarray, R: np.ndarray, P: np.ndarray, var: np.ndarray) -> Estimate:
+    def _turned(self, V: np.ndarray, ZI: np.ndarray, E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The rotor's angle (rad) as measured, and its variance."""
+        turn = self._flux.turn(E)
+        return np.angle(E) - turn, angle_variance(V, ZI, E, turn, self._angle, self._magnitude) + self._floor
+
+    def _begin(self, frame: Frame, ZI: np.ndarray, E: np.ndarray, P: np.ndarray, var: np.ndarray) -> Estimate:
         self._flux = Flux(self.known, self._T, frame.V, frame.I, E)
-        z = np.angle(E) - self._flux.turn(E)
-        none, t, known = np.zeros(z.shape), self.tuning, self.known
-        walk = t.walk if self.swing else t.jerk
-        opened = (1.0, t.open_speed, t.open_power if self.swing else t.open_rate, t.open_turn)
-        self.model = model(self._H, self._D, known.frequency_hz, self._T, walk, opened, self._flux.memory)
+        z, R = self._turned(frame.V, ZI, E)
+        none, hz = np.zeros(z.shape), self.known.frequency_hz
+        walk = self.tuning.walk if self.swing else self.tuning.jerk
+        self.model = model(self._H, self._D, hz, self._T, walk, self._flux.memory, self.swing)
         x0, P0 = np.stack([z, none, P, none], -1), np.zeros((*z.shape, 4, 4))
         P0[..., 0, 0], P0[..., 1, 1], P0[..., 2, 2] = R, 1e-4**2, var + (0 if self.swing else 1e-3**2)
         self.bank = self._engine(self.model, x0, P0)

@@ -5,9 +5,9 @@ State of a machine: x = [delta (rad), s = omega - 1 (pu), Pm (pu machine), b (ra
     d delta/dt = wb s,   2H ds/dt = Pm - P - D s,   dPm/dt = white noise of density q,   b -> r b + k (delta - its estimate) in a frame.
 b is what the q-axis flux is not known to (`flux.py`); it is 0 in a classical machine.
 
-Measurement: z = delta + b, the angle of E = V + Z I less that of its flux. With relative errors e = m + j a of V and I,
-a = V/E and g = Z I/E,
-    var arg E = sa^2 (Re^2 a + Re^2 g) + sm^2 (Im^2 a + Im^2 g),                                   (R)
+Measurement: z = delta + b = arg E - asin(psi/|E|), E = V + Z I. An error of E moves z by Im(dE/E) + t Re(dE/E),
+t = tan asin(psi/|E|), so that with errors of standard deviation sa (rad) and sm (relative) in V and I
+    var z = sum over a = V/E, a = Z I/E of  sa^2 (Re a - t Im a)^2 + sm^2 (Im a + t Re a)^2,        (R)
 and, with S = E conj(I) = P + jQ, from the power's own errors
     var P = 2 sm^2 P^2 + 2 sa^2 Q^2.                                                                (P)
 
@@ -25,16 +25,15 @@ from typing import NamedTuple
 import numpy as np
 
 
+TURNED_DOWN = 2  # reports in a row that the gate leaves out before it opens
+
+
 class Tuning(NamedTuple):
     """What is assumed of the machines beyond the noise of the phasors."""
 
     walk: float = 0.05  # pu/s^0.5   of the mechanical power
     share: float = 0.05  # -          of the accelerating power that the model may be wrong by
     jerk: float = 0.05  # pu/s/s^0.5 of the acceleration, kinematic model
-    open_speed: float = 0.01  # pu   standard deviation of the speed after re-opening
-    open_power: float = 0.3  # pu   and of the mechanical power
-    open_rate: float = 0.05  # pu/s and of the acceleration, kinematic model
-    open_turn: float = 0.3  # rad  and of the angle of the flux
 
 
 class Model(NamedTuple):
@@ -46,18 +45,18 @@ class Model(NamedTuple):
     push: np.ndarray  # (machines, 4, 4)   covariance per variance of a power held over the frame
     c: np.ndarray  # (machines) rad/pu   what a unit of power does to the angle in a frame
     d: np.ndarray  # (machines)          and to the speed
-    opened: np.ndarray  # (machines, 4, 4)   added on re-opening
+    opened: np.ndarray  # (machines, 4, 4)   added on re-opening, per square of the innovation
 
 
 JUMP = np.array([[4 / 45, 1 / 12, 0, 1 / 12], [1 / 12, 1 / 12, 0, 1 / 12], [0, 0, 0, 0], [1 / 12, 1 / 12, 0, 1 / 12]])
 
 
-def model(
-    H: np.ndarray, D: np.ndarray, hz: float, T: float, walk: float, opened: tuple[float, ...], memory: np.ndarray
-) -> Model:
+def model(H: np.ndarray, D: np.ndarray, hz: float, T: float, walk: float, memory: np.ndarray, swing: bool) -> Model:
     """The swing model of machines (H in s, D in pu) over a frame of T seconds; exact but for D T/2H in B.
 
-    `opened`: standard deviations of angle, speed, power and flux angle after re-opening; `memory`: r, 0 without flux.
+    `memory` is r, 0 without flux. On re-opening an innovation y may come from an error of the angle, of the flux, or of
+    the speed (and, where no power is measured, of the acceleration) within `TURNED_DOWN` + 1 frames: each gets as much
+    variance as would explain y alone.
     """
     from scipy.linalg import expm
 
@@ -69,9 +68,10 @@ def model(
     c, d = a * T**2 / 2, b * T
     B[:, 0, 0], B[:, 0, 2], B[:, 1, 0], B[:, 1, 1], B[:, 3, 3] = -c, -c / 3, -d, -d / 2, 1
     Q = _symmetric(a * a * T**5 / 20, a * b * T**4 / 8, a * T**3 / 6, b * b * T**3 / 3, b * T**2 / 2, one * T)
-    again = np.array([np.diag(opened) ** 2] * n)
-    again[:, 3, 3] *= memory > 0
-    return Model(F, B, walk**2 * Q, _symmetric(c * c, c * d, none, d * d, none, none), c, d, again)
+    since = (TURNED_DOWN + 1) * T
+    alone = np.stack([one, one / (wb * since), 0 * one if swing else one / (a * since**2), one * (memory > 0)], -1)
+    opened = alone[:, :, None] ** 2 * np.eye(4)
+    return Model(F, B, walk**2 * Q, _symmetric(c * c, c * d, none, d * d, none, none), c, d, opened)
 
 
 def process(model: Model, pushed: np.ndarray, jumped: np.ndarray, frames: np.ndarray, turned: np.ndarray) -> np.ndarray:
@@ -81,10 +81,15 @@ def process(model: Model, pushed: np.ndarray, jumped: np.ndarray, frames: np.nda
     return model.walk + pushed[..., None, None] * model.push + r[..., :, None] * r[..., None, :] * JUMP
 
 
-def angle_variance(V: np.ndarray, ZI: np.ndarray, E: np.ndarray, angle: float, magnitude: float) -> np.ndarray:
-    """(R): variance (rad^2) of the angle of E = V + Z I; standard deviations of angle (rad) and magnitude (-)."""
-    a, b = V / E, ZI / E
-    return angle**2 * (a.real**2 + b.real**2) + magnitude**2 * (a.imag**2 + b.imag**2)
+def angle_variance(
+    V: np.ndarray, ZI: np.ndarray, E: np.ndarray, turn: np.ndarray, angle: float, magnitude: float
+) -> np.ndarray:
+    """(R): variance (rad^2) of arg E - turn; standard deviations of angle (rad) and magnitude (-)."""
+    t, out = np.tan(turn), 0.0
+    for part in (V / E, ZI / E):
+        along, across = part.real - t * part.imag, part.imag + t * part.real
+        out = out + angle**2 * along**2 + magnitude**2 * across**2
+    return out
 
 
 def power_variance(S: np.ndarray, angle: float, magnitude: float) -> np.ndarray:
