@@ -51,22 +51,22 @@ class Batched:
     def update(self, z: np.ndarray, R: np.ndarray, received: np.ndarray) -> np.ndarray:
         """As in `Bank`."""
         row = self.P[..., 0] + self.P[..., 3]  # h P
-        y = wrapped(z - self.x[..., 0] - self.x[..., 3])
-        nis = y * y / (row[..., 0] + row[..., 3] + R)
-        beyond = received & (nis > GATE)
-        opening = beyond & (self._turned_down >= TURNED_DOWN)
-        taken = received & (~beyond | opening)
-        self._turned_down = np.where(taken, 0, self._turned_down + beyond)
-        if opening.any():
-            self.P = self.P + (opening * y * y)[..., None, None] * self.model.opened
-            row = self.P[..., 0] + self.P[..., 3]
         S = row[..., 0] + row[..., 3] + R
-        K = np.where(taken, 1 / S, 0.0)[..., None] * row
-        self.x = self.x + K * np.where(taken, y, 0.0)[..., None]
-        # (1 - K h) P (1 - K h)' + K R K' = P - K p' - p K' + K S K', p = P h'
-        both = K[..., :, None] * row[..., None, :]
-        square = K[..., :, None] * K[..., None, :] * np.where(taken, S, 0.0)[..., None, None]
-        self.P = self.P - both - both.swapaxes(-1, -2) + square
+        y = wrapped(z - self.x[..., 0] - self.x[..., 3])
+        nis = y * y / S
+        taken, beyond = received, received & (nis > GATE)
+        if beyond.any():
+            opening = beyond & (self._turned_down >= TURNED_DOWN)
+            taken = received & (~beyond | opening)
+            self.P += (opening * y * y)[..., None, None] * self.model.opened
+            row = self.P[..., 0] + self.P[..., 3]
+            S = row[..., 0] + row[..., 3] + R
+        self._turned_down = (self._turned_down + beyond) * ~taken
+        gain = taken / S
+        K = gain[..., None] * row
+        self.x += K * np.where(taken, y, 0.0)[..., None]
+        # (1 - K h) P (1 - K h)' + K R K' = P - p p'/S where K = p/S, p = P h'
+        self.P -= K[..., :, None] * row[..., None, :]
         return np.where(received, nis, np.nan)
 
     def open(self, where: np.ndarray) -> None:
@@ -86,6 +86,7 @@ class Filterpy:
         for at in np.ndindex(self.shape):
             kf = self.filters[at] = KalmanFilter(dim_x=4, dim_z=1, dim_u=4)
             kf.B, kf.H = model.B[at[1]], h
+            kf.inv = np.reciprocal  # the innovation is a scalar
             kf.x, kf.P = x[at].reshape(4, 1).copy(), P[at].copy()
 
     @property
@@ -110,16 +111,18 @@ class Filterpy:
             if not received[at]:
                 kf.update(None)
                 continue
-            y = wrapped(z[at] - (h @ kf.x)[0, 0])
-            nis[at] = y * y / ((h @ kf.P @ h.T)[0, 0] + R[at])
+            x, P = kf.x, kf.P
+            seen = x[0, 0] + x[3, 0]
+            y = wrapped(z[at] - seen)
+            nis[at] = y * y / (P[0, 0] + P[0, 3] + P[3, 0] + P[3, 3] + R[at])
             if nis[at] > GATE:
                 if self._turned_down[at] < TURNED_DOWN:
                     self._turned_down[at] += 1
                     kf.update(None)
                     continue
-                kf.P = kf.P + y * y * self.model.opened[at[1]]
+                kf.P = P + y * y * self.model.opened[at[1]]
             self._turned_down[at] = 0
-            kf.update((h @ kf.x)[0, 0] + y, R=R[at])
+            kf.update(np.array([[seen + y]]), R=np.array([[R[at]]]), H=h)
         return nis
 
     def open(self, where: np.ndarray) -> None:
@@ -132,4 +135,4 @@ ENGINES = {"batched": Batched, "filterpy": Filterpy}
 
 def wrapped(angle: np.ndarray) -> np.ndarray:
     """An angle (rad) within -pi..pi."""
-    return (angle + np.pi) % (2 * np.pi) - np.pi
+    return angle - 2 * np.pi * np.rint(angle / (2 * np.pi))

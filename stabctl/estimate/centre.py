@@ -47,7 +47,7 @@ class Centre:
         whole = island.max(initial=0) == 0 and island.min(initial=0) == 0
         H = self.H * heard if whole else self.H * heard * (island >= 0)
         sums = [_rest(w, island, whole) for w in (H, H * rs, H * ra, H * H * rvar)]
-        everyone = self.H + _rest(np.broadcast_to(self.H, H.shape) * (island >= 0), island, whole)
+        everyone = self.H.sum() if whole else self.H + _rest(self.H * (island >= 0), island, whole)
         weight = np.where(sums[0] > 0, sums[0], 1.0)
         usable = valid & (island >= 0) & (sums[0] > 0) & (sums[0] + self.H >= ENOUGH * everyone)
         sigma = np.sqrt(var + sums[3] / weight**2)

@@ -85,8 +85,10 @@ class Filtered:
         here, m = frame.received, self._missing + 1
         dP = np.where(here, P - self._P, 0.0)
         x, k = self.bank.x, self._flux.coupling
-        u = np.stack([self._P, m * dP, m * m * dP, -k * x[..., 0]], -1)
-        F = np.tile(self.model.F, (len(k), 1, 1, 1))
+        u, F = np.empty(x.shape), np.empty((*x.shape, 4))
+        u[..., 0], u[..., 1], u[..., 3] = self._P, m * dP, -k * x[..., 0]
+        u[..., 2] = m * u[..., 1]
+        F[:] = self.model.F
         F[..., 3, 0] = k
         delta = (x * self.model.F[:, 0] + u * self.model.B[:, 0]).sum(-1)
         turned = self._flux.predict(frame.I, E, delta, here, m)
@@ -95,7 +97,7 @@ class Filtered:
             pull = self.tuning.share * (x[..., 2] - self._P)
             held = held + pull * pull
         self.bank.predict(u, F, process(self.model, held, dP, m, turned))
-        if (m > FORGOTTEN / self._T).any():
+        if m.max() > FORGOTTEN / self._T:
             self.bank.open(m > FORGOTTEN / self._T)
         z, R = self._turned(frame.V, ZI, E)
         nis = self.bank.update(z, R, here)

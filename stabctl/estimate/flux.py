@@ -27,8 +27,9 @@ class Flux:
     """Flux observers (seeds, round machines), advanced a frame at a time with the mean current of the frame."""
 
     def __init__(self, known: Machines, T: float, V: np.ndarray, I: np.ndarray, E: np.ndarray) -> None:
-        f, self.at = known.flux, known.round
-        n, b = len(self.at), known.flux["x1q"] - known.flux["xl"]
+        f, n = known.flux, len(known.round)
+        self.at = slice(None) if n == len(known.H) else known.round
+        b = known.flux["x1q"] - known.flux["xl"]
         self._share = (f["x2"] - f["xl"]) / b
         k, wide = (f["x1q"] - f["x2"]) / (b * b), f["xq"] - f["x1q"]
         A, B = np.zeros((n, 2, 2)), np.zeros((n, 2, 2))  # inputs: iq, iron
@@ -45,6 +46,7 @@ class Flux:
         self._answer = np.einsum("ni,ni->n", out, self._B[..., 0])
         left = np.einsum("ni,nij,nj->n", out, self._A, self._B[..., 0])
         self._left = np.clip(np.divide(left, self._answer, out=np.zeros(n), where=self._answer != 0), 0.0, 0.999)
+        self._span = 1 / (1 - self._left)
         self.memory = np.zeros(E.shape[1])
         self.memory[self.at] = self._left
         self.coupling = np.zeros(E.shape)
@@ -55,15 +57,10 @@ class Flux:
         self._slope = steep / (1.2 - self._knee) ** 2 * (f["xq"] - f["xl"]) / (f["xd"] - f["xl"]) * (f["S12"] > 0)
         self._start(V, I, E[:, self.at])
 
-    @property
-    def psi(self) -> np.ndarray:
-        """psi''q (seeds, round machines), pu."""
-        return self._share * self.x[..., 0] + (1 - self._share) * self.x[..., 1]
-
     def turn(self, E: np.ndarray) -> np.ndarray:
         """asin(psi''q / |E''|) (seeds, machines), rad; 0 of classical machines."""
         out = np.zeros(E.shape)
-        out[:, self.at] = self._turn(E[:, self.at])
+        out[:, self.at] = self._turn(np.abs(E[:, self.at]))
         return out
 
     def predict(self, I: np.ndarray, E: np.ndarray, delta: np.ndarray, here: np.ndarray, m: np.ndarray) -> np.ndarray:
@@ -72,38 +69,46 @@ class Flux:
         Where no report is `here` the current is held; m frames have passed since the last one, of which the flux
         remembers 1/(1 - memory).
         """
-        now = np.real(I[:, self.at] * np.exp(-1j * delta[:, self.at])) / self._mva
-        jump = np.where(here[:, self.at], now - self.iq, 0.0) * np.minimum(m[:, self.at], 1 / (1 - self._left))
-        u = np.stack([self.iq + jump / 2, self._iron], -1)
-        self.x = (self._A @ self.x[..., None] + self._B @ u[..., None])[..., 0]
+        at = self.at
+        now = np.real(I[:, at] * np.exp(-1j * delta[:, at])) / self._mva
+        jump = np.where(here[:, at], now - self.iq, 0.0) * np.minimum(m[:, at], self._span)
+        u = np.empty((*jump.shape, 2, 1))
+        u[..., 0, 0], u[..., 1, 0] = self.iq + jump / 2, self._iron
+        self.x = self._A @ self.x + self._B @ u
+        self.psi = self._psi()
         f = np.zeros(E.shape)
-        f[:, self.at] = self._answer * jump / np.abs(E[:, self.at])
+        f[:, at] = self._answer * jump / np.abs(E[:, at])
         return f
 
     def settle(self, I: np.ndarray, E: np.ndarray, delta: np.ndarray, received: np.ndarray) -> None:
         """Keep current and saturation at the angles as they were found."""
-        here = received[:, self.at]
-        now = I[:, self.at] * np.exp(-1j * delta[:, self.at]) / self._mva
+        at = self.at
+        here, size = received[:, at], np.abs(E[:, at])
+        now = I[:, at] * np.exp(-1j * delta[:, at]) / self._mva
         self.iq = np.where(here, now.real, self.iq)
-        self.coupling[:, self.at] = np.where(
-            here, self._answer * now.imag / np.abs(E[:, self.at]), self.coupling[:, self.at]
-        )
-        self._iron = np.where(here, self._saturation(np.abs(E[:, self.at])) * self.psi, self._iron)
+        self.coupling[:, at] = np.where(here, self._answer * now.imag / size, self.coupling[:, at])
+        if self._slope.any():
+            self._iron = np.where(here, self._saturation(size) * self.psi, self._iron)
 
-    def _turn(self, E: np.ndarray) -> np.ndarray:
-        return np.arcsin(np.clip(self.psi / np.abs(E), -0.999, 0.999))
+    def _psi(self) -> np.ndarray:
+        """psi''q (seeds, round machines), pu."""
+        e, k = self.x[..., 0, 0], self.x[..., 1, 0]
+        return k + self._share * (e - k)
+
+    def _turn(self, size: np.ndarray) -> np.ndarray:
+        return np.arcsin(np.clip(self.psi / size, -0.999, 0.999))
 
     def _start(self, V: np.ndarray, I: np.ndarray, E: np.ndarray) -> None:
         """The flux at rest with the phasors of the start."""
-        current, ratio = I[:, self.at] / self._mva, self._saturation(np.abs(E))
-        self.iq, self._iron = np.zeros(E.shape), np.zeros(E.shape)
-        self.x = np.zeros((*E.shape, 2))
+        current, size = I[:, self.at] / self._mva, np.abs(E)
+        ratio = self._saturation(size)
+        self.x, self.psi = np.zeros((*E.shape, 2, 1)), np.zeros(E.shape)
         for _ in range(START):
-            delta = np.angle(E) - self._turn(E)
+            delta = np.angle(E) - self._turn(size)
             self.iq = np.real(current * np.exp(-1j * delta))
             self._iron = ratio * self.psi
-            rest = (self._rest @ np.stack([self.iq, self._iron], -1)[..., None])[..., 0]
-            self.x = 0.8 * self.x + 0.2 * rest
+            self.x = 0.8 * self.x + 0.2 * (self._rest @ np.stack([self.iq, self._iron], -1)[..., None])
+            self.psi = self._psi()
 
     def _saturation(self, flux: np.ndarray) -> np.ndarray:
         """iron over psi''q: S(flux)/flux, S quadratic as in `models.blocks`, scaled by the air gap."""

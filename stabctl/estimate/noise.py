@@ -76,20 +76,24 @@ def model(H: np.ndarray, D: np.ndarray, hz: float, T: float, walk: float, memory
 
 def process(model: Model, pushed: np.ndarray, jumped: np.ndarray, frames: np.ndarray, turned: np.ndarray) -> np.ndarray:
     """Process covariance (seeds, machines, 4, 4): variance held, jump of P, frames since P was last known, f."""
-    m = frames * 1.0
-    r = np.stack([-model.c * jumped * m * m, -model.d * jumped * m, 0 * m, turned], -1)
-    return model.walk + pushed[..., None, None] * model.push + r[..., :, None] * r[..., None, :] * JUMP
+    r = np.zeros((*turned.shape, 4))
+    late = frames * jumped
+    r[..., 0], r[..., 1], r[..., 3] = -model.c * late * frames, -model.d * late, turned
+    Q = r[..., :, None] * r[..., None, :]
+    Q *= JUMP
+    Q += model.walk
+    Q += pushed[..., None, None] * model.push
+    return Q
 
 
 def angle_variance(
     V: np.ndarray, ZI: np.ndarray, E: np.ndarray, turn: np.ndarray, angle: float, magnitude: float
 ) -> np.ndarray:
     """(R): variance (rad^2) of arg E - turn; standard deviations of angle (rad) and magnitude (-)."""
-    t, out = np.tan(turn), 0.0
-    for part in (V / E, ZI / E):
-        along, across = part.real - t * part.imag, part.imag + t * part.real
-        out = out + angle**2 * along**2 + magnitude**2 * across**2
-    return out
+    tilted, inverse = 1 - 1j * np.tan(turn), 1 / E  # Re(a tilted*) = Re a - t Im a, Im(a tilted*) = Im a + t Re a
+    inverse *= tilted.conj()
+    v, i = V * inverse, ZI * inverse
+    return angle**2 * (v.real**2 + i.real**2) + magnitude**2 * (v.imag**2 + i.imag**2)
 
 
 def power_variance(S: np.ndarray, angle: float, magnitude: float) -> np.ndarray:
