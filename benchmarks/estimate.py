@@ -8,6 +8,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 import statistics
 import time
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
@@ -24,15 +25,13 @@ FRAMES = 240
 
 def frames(case: str, seeds: int) -> tuple[Simulation, list[Frame]]:
     """The reports of a fault at bus 83 of the case, cleared after four cycles."""
-    import numpy as np
-
     point = equilibrium.solve(read.load(case))
     simulation = Simulation(point, contingency("83", 4 / 60, ["83-33"]), record=False)
-    pmu, terminals, seen = Pmu(), Terminals(point), []
+    pmu, terminals, seen = Pmu(), Terminals(simulation), []
     instrument = Instrument(pmu, range(seeds), len(point.case.machines), point.case.frequency_hz)
     for k in range(FRAMES):
         simulation.advance(k / pmu.rate)
-        V, I = terminals.phasors(simulation.signals, simulation.V, simulation.island >= 0)
+        V, I = terminals.phasors()
         truth = (np.tile(part, (seeds, 1)) for part in (V, I, simulation.speed - 1))
         seen.append(instrument.report(simulation.time, *truth))
     return simulation, seen
@@ -40,18 +39,16 @@ def frames(case: str, seeds: int) -> tuple[Simulation, list[Frame]]:
 
 def per_frame(simulation: Simulation, seen: list[Frame], engine: Engine) -> tuple[float, float]:
     """Median seconds of a frame: of the estimates, and with the deviations from the COI of the rest."""
-    import numpy as np
-
     pmu, known = Pmu(), machines(simulation.point)
     made: Estimator = estimator("kalman", known, pmu, engine=engine)
     centre = Centre(known.inertia, pmu.rate, pmu.own_frames, pmu.remote_frames)
     island, walls = np.zeros(seen[0].V.shape, int), []
     for frame in seen:
-        before = time.thread_time()
+        before = time.perf_counter()
         estimate = made.step(frame)
-        between = time.thread_time()
+        between = time.perf_counter()
         centre.step(estimate, island)
-        walls.append((between - before, time.thread_time() - before))
+        walls.append((between - before, time.perf_counter() - before))
     return tuple(statistics.median(column) for column in zip(*walls[1:], strict=True))
 
 

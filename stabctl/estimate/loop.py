@@ -67,7 +67,7 @@ class Pilot:
         self.estimator = estimator(driven.kind, known, pmu, driven.tuning, driven.engine)
         self.centre = Centre(known.inertia, pmu.rate, pmu.own_frames, pmu.remote_frames)
         self._exact = Centre(self.true.inertia, pmu.rate, 0, 0)
-        self._terminals = Terminals(point)
+        self._terminals = [Terminals(s) for s in simulations]
         self._machine, self._bus = point.plant.storage_machine, point.plant.storage_bus
         devices = [Device(s.rating, case.machine(s.machine).base, case.frequency_hz) for s in case.storage]
         self._par = [driven.law.par(device) for device in devices]
@@ -81,7 +81,7 @@ class Pilot:
         """One frame: look, estimate, order."""
         now, dev, est, wall = self._frame(self.simulations[0].time)
         orders = np.zeros((len(self.simulations), len(self._par)))
-        before = time.thread_time()
+        before = time.perf_counter()
         for k, simulation in enumerate(self.simulations):
             if len(self._par):
                 size = np.abs(now.volts[k]) * (
@@ -92,7 +92,7 @@ class Pilot:
                         seen = Seen(dev.speed[k, i], dev.acceleration[k, i], size[j])
                         orders[k, j] = order(seen, par, 0.0)
                 simulation.orders[:] = orders[k]
-        wall += time.thread_time() - before
+        wall += time.perf_counter() - before
         alive = np.array([s.outcome is None for s in self.simulations])
         self._rows.append(
             (
@@ -113,10 +113,10 @@ class Pilot:
         truth = [self._true(k, s) for k, s in enumerate(self.simulations)]
         V, I, slip, delta, island, volts = (np.array(part) for part in zip(*truth, strict=True))
         seen = self.instrument.report(at, V, I, slip)
-        before = time.thread_time()
+        before = time.perf_counter()
         estimate = self.estimator.step(seen)
         deviation = self.centre.step(estimate, island)
-        wall = time.thread_time() - before
+        wall = time.perf_counter() - before
         exact = self._exact.step(_truly(estimate, slip), island).speed
         error = np.full(slip.shape, np.nan)
         if isinstance(self.estimator, Filtered) and not self.driven.pmu.own_frames:
@@ -126,9 +126,8 @@ class Pilot:
     def _true(self, k: int, s: Simulation) -> tuple:
         """Phasors, speeds, angles, islands and device voltages of a simulation; the last ones where it has ended."""
         if self._last[k] is None or s.outcome is None:
-            V, on = s.V, s.island >= 0
-            terminal, current = self._terminals.phasors(s.signals, V, on)
-            self._last[k] = terminal, current, s.speed - 1, s.angle.copy(), s.island.copy(), V[self._bus]
+            V, I = self._terminals[k].phasors()
+            self._last[k] = V, I, s.speed - 1, s.angle.copy(), s.island.copy(), s.V[self._bus]
         return self._last[k]
 
 

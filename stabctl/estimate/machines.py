@@ -6,7 +6,7 @@ import numpy as np
 
 from stabctl.equilibrium import Point, norton_admittances
 from stabctl.models import gencls, genrou
-from stabctl.system import Plant
+from stabctl.simulate.simulation import Simulation
 
 FIELDS = ("xl", "xd", "xq", "x1q", "x2", "T1q", "T2q", "S10", "S12")  # of GENROU, for the q-axis flux
 
@@ -57,18 +57,25 @@ def machines(point: Point, inertia: float = 1.0, reactance: float = 1.0) -> Mach
 
 
 class Terminals:
-    """True phasors at the terminals: V, and I = Norton current - y V (system base, out of the machine)."""
+    """True phasors at the terminals of a simulation: V, and I = Norton current - y V (system base, out of the machine).
 
-    def __init__(self, point: Point) -> None:
-        self.plant: Plant = point.plant
-        self.admittance = norton_admittances(point.plant)
+    The machines' own equations are evaluated on whole columns, which share the memory of the simulation.
+    """
 
-    def phasors(self, signals: object, V: np.ndarray, on: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Voltages and currents (machines), pu, of named states (`system.Signals`), bus voltages and who is on."""
-        plant, source = self.plant, np.zeros(len(self.admittance), complex)
+    def __init__(self, simulation: Simulation) -> None:
+        self.simulation, plant = simulation, simulation.point.plant
+        self._bus, self._admittance = plant.machine_bus, norton_admittances(plant)
+        self._field, self._parts = simulation.signals.field, []
         for model, family in ((gencls, "gencls"), (genrou, "genrou")):
-            at = getattr(plant, f"{family}_machine")
-            re, im = model.norton(getattr(signals, family), signals.field[at], getattr(plant, family))
-            source[at] = re + 1j * im
-        at_terminal = V[plant.machine_bus]
-        return at_terminal, np.where(on, source - self.admittance * at_terminal, 0)
+            table, state = getattr(plant, family), getattr(simulation.signals, family)
+            x = model.State(*(np.asarray(state[name]) for name in model.State._fields))
+            p = model.Par(*(np.asarray(table[name]) for name in model.Par._fields))
+            if len(table):
+                self._parts.append((model.norton, x, p, getattr(plant, f"{family}_machine")))
+
+    def phasors(self) -> tuple[np.ndarray, np.ndarray]:
+        """Voltages and currents (machines), pu, now."""
+        V, source = self.simulation.V[self._bus], np.zeros(len(self._admittance), complex)
+        for norton, x, p, at in self._parts:
+            source.real[at], source.imag[at] = norton(x, self._field[at], p)
+        return V, np.where(self.simulation.island >= 0, source - self._admittance * V, 0)
