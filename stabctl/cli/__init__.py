@@ -6,7 +6,7 @@ import typer
 
 from stabctl.errors import StabctlError
 
-from . import cases, clearing_time, powerflow, simulate
+from . import cases, clearing_time, estimate, powerflow, simulate
 
 app = typer.Typer(
     add_completion=False,
@@ -19,6 +19,7 @@ app.command("cases")(cases.cases)
 app.command("powerflow")(powerflow.powerflow)
 app.command("simulate")(simulate.simulate)
 app.command("clearing-time")(clearing_time.clearing_time)
+app.command("estimate")(estimate.estimate)
 
 
 def main() -> None:

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from stabctl.case import Case
     from stabctl.controllers import BangBang
     from stabctl.equilibrium import Point
+    from stabctl.estimate.estimators import Engine
+    from stabctl.estimate.loop import Driven
 
 CaseName = Annotated[str, typer.Argument(metavar="CASE", help="A packaged case, or a folder.")]
 Classical = Annotated[bool, typer.Option("--classical", help="Classical machines, without controls.")]
@@ -37,6 +39,16 @@ Angle = Annotated[
     float, typer.Option("--max-angle", help="Change of angle against the COI that loses synchronism, rad.")
 ]
 Step = Annotated[float | None, typer.Option("--step", help="Time step, s (default: at most 1/120).")]
+
+Estimator = Annotated[
+    Literal["ideal", "frequency", "kinematic", "kalman"],
+    typer.Option("--estimator", help="What the storage law sees: true speeds, or estimates from PMU signals."),
+]
+PmuRate = Annotated[int, typer.Option("--pmu-rate", help="PMU reports per second.")]
+PmuNoise = Annotated[float, typer.Option("--pmu-noise-mrad", help="Noise of phasor angles; magnitudes per mille.")]
+Latency = Annotated[float, typer.Option("--latency-ms", help="Latency of the reports of other machines.")]
+Loss = Annotated[float, typer.Option("--loss", help="Share of the reports that never arrive.")]
+Seed = Annotated[int, typer.Option("--seed", help="Seed of noise and losses.")]
 
 
 def load(name: str, classical: bool = False) -> "Case":
@@ -78,6 +90,34 @@ def law(case: "Case", control: str | None, deadband: float, min_voltage: float) 
         raise StudyError("--control bang-bang needs storage devices; give --storage or --storage-at.")
     wanted = control or ("bang-bang" if case.storage else "none")
     return BangBang(deadband, min_voltage) if wanted == "bang-bang" else None
+
+
+def driven(
+    law: "BangBang", estimator: str, rate: int, noise: float, latency: float, loss: float, seed: int, engine: "Engine"
+) -> "Driven":
+    """The law driven by an estimator on PMU signals."""
+    from stabctl.errors import StudyError
+    from stabctl.estimate.loop import Driven
+    from stabctl.estimate.pmu import Pmu
+
+    if seed < 0:
+        raise StudyError(f"--seed {seed} is not allowed; it must be at least 0.")
+    pmu = Pmu(rate, angle_mrad=noise, magnitude=1e-3 * noise, latency_ms=latency, loss=loss)
+    return Driven(law, estimator, pmu, seed, engine)
+
+
+def steering(
+    law: "BangBang | None", estimator: str, rate: int, noise: float, latency: float, loss: float, seed: int,
+    engine: "Engine" = "filterpy",
+) -> "BangBang | Driven | None":
+    """What sets the orders: the law itself where the estimator is ideal."""  # fmt: skip
+    from stabctl.errors import StudyError
+
+    if estimator == "ideal":
+        return law
+    if law is None:
+        raise StudyError(f"--estimator {estimator} needs storage devices under control; give --storage.")
+    return driven(law, estimator, rate, noise, latency, loss, seed, engine)
 
 
 def impedance(text: str) -> complex:

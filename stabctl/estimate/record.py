@@ -49,31 +49,48 @@ class Record:
     wall_s: np.ndarray  # (frames) s   of the estimator and the controller, all seeds
     runs: tuple[Trajectory, ...] = ()
 
-    def score(self, since: float, until: float, deadband_hz: float | None = None) -> Score:
-        """Judge from `since` to `until` (s); the deadband is the law's own unless given."""
+    @property
+    def deadband(self) -> float:
+        """Speed deviation (pu) without action: the law's own, 0 where it has none."""
+        return getattr(self.driven.law, "deadband_hz", 0.0) / self.point.case.frequency_hz
+
+    @property
+    def wanted(self) -> np.ndarray:
+        """Bang-bang orders (frames, seeds, machines) by the true deviations: absorb 1, inject -1, idle 0."""
+        return np.sign(self.deviation) * (np.abs(self.deviation) > self.deadband)
+
+    @property
+    def given(self) -> np.ndarray:
+        """The same by the estimated deviations."""
+        return np.sign(self.deviation_estimated) * (np.abs(self.deviation_estimated) > self.deadband)
+
+    def commands(self, before: float = np.inf) -> int:
+        """Machine-frames before an instant (s) with a bang-bang order by the estimates."""
+        return int(np.count_nonzero(self.given[self.time < before - 1e-9]))
+
+    def score(self, since: float, until: float) -> Score:
+        """Judge from `since` to `until` (s). `StudyError` where no running machine was seen in between."""
         rows = (self.time >= since - 1e-9) & (self.time <= until + 1e-9)
         counted = self.on[rows]
         if not counted.any():
-            raise StudyError(f"No frame lies between {since:g} and {until:g} s with the system in synchronism.")
-        hz = self.point.case.frequency_hz
-        band = getattr(self.driven.law, "deadband_hz", 0.0) if deadband_hz is None else deadband_hz
-        true, seen = self.deviation[rows] * hz, self.deviation_estimated[rows] * hz
-        error = 1e3 * (seen - true)[counted]
-        wanted, given = (np.sign(d) * (np.abs(d) > band) for d in (true, seen))
+            raise StudyError(
+                f"No frame lies between {since:g} and {until:g} s with {self.point.case.name} in synchronism; "
+                "clear the fault earlier or give more storage."
+            )
+        error = (self.deviation_estimated - self.deviation)[rows][counted] * 1e3 * self.point.case.frequency_hz
+        wanted, given = self.wanted[rows][counted], self.given[rows][counted]
         return Score(
             float(np.sqrt(np.mean(error**2))),
             float(np.percentile(np.abs(error), 99)),
             self._delay(rows, counted),
-            float(np.mean((wanted != given)[counted])),
-            float(np.mean((wanted * given < 0)[counted])),
+            float(np.mean(wanted != given)),
+            float(np.mean(wanted * given < 0)),
             float(1e3 * np.median(self.wall_s) / len(self.seeds)),
         )
 
-    def commands(self, before: float = np.inf) -> int:
-        """Machine-frames before an instant (s) in which a bang-bang order would not have been idle."""
-        band = getattr(self.driven.law, "deadband_hz", 0.0) / self.point.case.frequency_hz
-        rows = self.time < before - 1e-9
-        return int((np.abs(self.deviation_estimated[rows]) > band).sum())
+    def after(self, clearing: float, until: float) -> Score:
+        """Judge from `SETTLED` after the clearing of the fault (s) on."""
+        return self.score(clearing + SETTLED, until)
 
     def _delay(self, rows: np.ndarray, counted: np.ndarray) -> float:
         """The shift (ms) of the truth, linear between frames, with the least square error; to a tenth."""
