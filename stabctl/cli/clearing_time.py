@@ -48,7 +48,8 @@ def clearing_time(
     hz = loaded.frequency_hz
     point = shared.start(loaded, storage, storage_at, characteristic=characteristic, lag=lag)
     law = shared.law(point.case, control, deadband, min_voltage)
-    steering = shared.steering(law, estimator, pmu_rate, pmu_noise_mrad, latency_ms, loss, seed, "batched")
+    signals = shared.pmu(pmu_rate, pmu_noise_mrad, latency_ms, loss)
+    steering = shared.steering(law, estimator, signals, seed, "batched")
     with shared.progress("searching", None) as tell:
         found = clearing_time(
             point,

@@ -45,7 +45,7 @@ def estimate(
     """Estimate speeds against the rest of the system from PMU signals, through a fault, and judge them."""
     from stabctl.controllers import BangBang
     from stabctl.errors import StudyError
-    from stabctl.estimate.loop import watch
+    from stabctl.estimate.loop import Driven, watch
     from stabctl.simulate.events import contingency
     from stabctl.units import seconds
 
@@ -58,7 +58,7 @@ def estimate(
     events = contingency(fault, off, trip or (), at, shared.impedance(fault_impedance))
     point = shared.start(loaded, storage, storage_at, characteristic=characteristic, lag=lag)
     law = shared.law(point.case, None, deadband, min_voltage) or BangBang(deadband, min_voltage)
-    driven = shared.driven(law, estimator, pmu_rate, pmu_noise_mrad, latency_ms, loss, seed, "filterpy")
+    driven = Driven(law, estimator, shared.pmu(pmu_rate, pmu_noise_mrad, latency_ms, loss), seed)
     end = at + off + observe
     found = watch(point, events, end, driven, step=step, rules=shared.rules(max_angle))
     if plot:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from stabctl.equilibrium import Point
     from stabctl.estimate.estimators import Engine
     from stabctl.estimate.loop import Driven
+    from stabctl.estimate.pmu import Pmu
 
 CaseName = Annotated[str, typer.Argument(metavar="CASE", help="A packaged case, or a folder.")]
 Classical = Annotated[bool, typer.Option("--classical", help="Classical machines, without controls.")]
@@ -92,32 +93,25 @@ def law(case: "Case", control: str | None, deadband: float, min_voltage: float) 
     return BangBang(deadband, min_voltage) if wanted == "bang-bang" else None
 
 
-def driven(
-    law: "BangBang", estimator: str, rate: int, noise: float, latency: float, loss: float, seed: int, engine: "Engine"
-) -> "Driven":
-    """The law driven by an estimator on PMU signals."""
-    from stabctl.errors import StudyError
-    from stabctl.estimate.loop import Driven
+def pmu(rate: int, noise_mrad: float, latency_ms: float, loss: float) -> "Pmu":
+    """The PMUs of the options; noise of angles (mrad) and, as large, of magnitudes (per mille)."""
     from stabctl.estimate.pmu import Pmu
 
-    if seed < 0:
-        raise StudyError(f"--seed {seed} is not allowed; it must be at least 0.")
-    pmu = Pmu(rate, angle_mrad=noise, magnitude=1e-3 * noise, latency_ms=latency, loss=loss)
-    return Driven(law, estimator, pmu, seed, engine)
+    return Pmu(rate, angle_mrad=noise_mrad, magnitude=1e-3 * noise_mrad, latency_ms=latency_ms, loss=loss)
 
 
 def steering(
-    law: "BangBang | None", estimator: str, rate: int, noise: float, latency: float, loss: float, seed: int,
-    engine: "Engine" = "filterpy",
+    law: "BangBang | None", estimator: str, pmu: "Pmu", seed: int, engine: "Engine" = "filterpy"
 ) -> "BangBang | Driven | None":
-    """What sets the orders: the law itself where the estimator is ideal."""  # fmt: skip
+    """What sets the orders: the law itself where the estimator is ideal, else the law on PMU signals."""
     from stabctl.errors import StudyError
+    from stabctl.estimate.loop import Driven
 
     if estimator == "ideal":
         return law
     if law is None:
         raise StudyError(f"--estimator {estimator} needs storage devices under control; give --storage.")
-    return driven(law, estimator, rate, noise, latency, loss, seed, engine)
+    return Driven(law, estimator, pmu, seed, engine)
 
 
 def impedance(text: str) -> complex:

@@ -70,7 +70,8 @@ def simulate(
     options = {"characteristic": characteristic, "lag": lag}
     point = shared.start(loaded, storage, storage_at, **options)
     law = shared.law(point.case, control, deadband, min_voltage)
-    steering = shared.steering(law, estimator, pmu_rate, pmu_noise_mrad, latency_ms, loss, seed)
+    signals = shared.pmu(pmu_rate, pmu_noise_mrad, latency_ms, loss)
+    steering = shared.steering(law, estimator, signals, seed)
     with shared.progress("simulating", until) as tell:
         result = run(point, events, until, steering, step, shared.rules(max_angle), progress=tell)
     if out:

@@ -14,7 +14,7 @@ import numpy as np
 from .bank import ENGINES, Bank, wrapped
 from .flux import Flux
 from .machines import Machines
-from .noise import Tuning, angle_variance, model, power_variance, process
+from .noise import TUNING, Tuning, angle_variance, model, power_variance, process
 from .pmu import Frame, Pmu
 
 Kind = Literal["ideal", "frequency", "kinematic", "kalman"]
@@ -146,7 +146,11 @@ class Filtered:
 
 
 def estimator(
-    kind: Kind, known: Machines, pmu: Pmu, tuning: Tuning = Tuning(), engine: Engine = "filterpy"  # noqa: B008
+    kind: Kind,
+    known: Machines,
+    pmu: Pmu,
+    tuning: Tuning = TUNING,
+    engine: Engine = "filterpy",
 ) -> Estimator:
     """The estimator of that kind."""
     make: dict[str, Callable[[], Estimator]] = {

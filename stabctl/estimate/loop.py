@@ -1,12 +1,12 @@
 """The estimator in the loop: PMU frames, estimates, deviations from the COI of the rest, orders, held for a frame.
 
-    Simulation -> V, I -> Instrument -> Estimator -> Centre -> law -> orders -> Simulation
-    (true)        noise, loss, delay    s, ds/dt     own - rest        (one frame)
+Simulation -> V, I -> Instrument -> Estimator -> Centre -> law -> orders -> Simulation
+(true)        noise, loss, delay    s, ds/dt     own - rest        (one frame)
 """
 
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from stabctl.simulate.stepper import DEFAULT, Rules
 from .centre import Centre
 from .estimators import Engine, Filtered, Kind, estimator
 from .machines import Terminals, machines
-from .noise import Tuning
+from .noise import TUNING, Tuning
 from .pmu import Instrument, Pmu
 from .record import Record
 
@@ -34,12 +34,12 @@ class Driven:
     `inertia` and `reactance` multiply every H and x that the estimator believes in.
     """
 
-    law: Law = BangBang()
+    law: Law = field(default_factory=BangBang)
     kind: Kind = "kalman"
-    pmu: Pmu = Pmu()
+    pmu: Pmu = field(default_factory=Pmu)
     seed: int = 1
     engine: Engine = "filterpy"
-    tuning: Tuning = Tuning()
+    tuning: Tuning = TUNING
     inertia: float = 1.0
     reactance: float = 1.0
 
@@ -149,7 +149,7 @@ def watch(
     point: Point,
     events: Iterable[Event],
     until: float,
-    driven: Driven = Driven(),  # noqa: B008
+    driven: Driven,
     seeds: Sequence[int] | None = None,
     step: float | None = None,
     rules: Rules = DEFAULT,

@@ -1,8 +1,9 @@
 """Covariances of measurement and process, derived from the noise of the phasors.
 
-State of a machine: x = [delta (rad), s = omega - 1 (pu), Pm (pu machine), b (rad)], input the air-gap power P:
+State of a machine: x = [delta (rad), s = omega - 1 (pu), Pm (pu machine), b (rad)]; input the air-gap power P:
 
-    d delta/dt = wb s,   2H ds/dt = Pm - P - D s,   dPm/dt = white noise of density q,   b -> r b + k (delta - its estimate) in a frame.
+    d delta/dt = wb s,   2H ds/dt = Pm - P - D s,   dPm/dt = white noise of density q,
+    b -> r b + k (delta - its estimate) in a frame.
 b is what the q-axis flux is not known to (`flux.py`); it is 0 in a classical machine.
 
 Measurement: z = delta + b = arg E - asin(psi/|E|), E = V + Z I. An error of E moves z by Im(dE/E) + t Re(dE/E),
@@ -24,7 +25,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-
 TURNED_DOWN = 2  # reports in a row that the gate leaves out before it opens
 
 
@@ -36,8 +36,11 @@ class Tuning(NamedTuple):
     jerk: float = 0.05  # pu/s/s^0.5 of the acceleration, kinematic model
 
 
+TUNING = Tuning()
+
+
 class Model(NamedTuple):
-    """Discrete model of every machine over one frame; x' = F x + B u, u = [P0, m dP, m^2 dP, -k delta], m frames since P0."""
+    """Model of every machine over a frame: x' = F x + B u, u = [P0, m dP, m^2 dP, -k delta], m frames since P0."""
 
     F: np.ndarray  # (machines, 4, 4)   without k, which changes
     B: np.ndarray  # (machines, 4, 4)

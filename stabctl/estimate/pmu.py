@@ -95,7 +95,7 @@ class Instrument:
 
     def report(self, time: float, V: np.ndarray, I: np.ndarray, slip: np.ndarray) -> Frame:
         """The frame at `time` (s) of true voltages and currents (pu)."""
-        p, (seeds, m) = self.pmu, self.shape
+        p, m = self.pmu, self.shape[1]
         V, I = self._filtered(V, I)
         frequency, rocof = self._rates(V)
         draws = np.array([r.standard_normal((6, m)) for r in self._random]).transpose(1, 0, 2)

@@ -29,7 +29,7 @@ class Score(NamedTuple):
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Record:
-    """Arrays (frames, seeds, machines) unless told otherwise; `sigma` are standard deviations as the filter has them."""
+    """Arrays (frames, seeds, machines) unless told otherwise; `sigma` as the filter has it."""
 
     point: Point
     driven: "Driven"

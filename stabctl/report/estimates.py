@@ -43,7 +43,12 @@ def commands(found: Record, machines: Sequence[int] | None = None, seed: int = 0
         ax.set_yticks((-1, 0, 1), ("inject", "idle", "absorb"))
         ax.set_title(f"machine {case.machines[i].machine}", loc="left", fontsize="small")
     axes[0, 0].legend(
-        axes[0, 0].lines, ("by true speeds", "by estimates"), frameon=False, fontsize="small", ncols=2, loc="upper right"
+        axes[0, 0].lines,
+        ("by true speeds", "by estimates"),
+        frameon=False,
+        fontsize="small",
+        ncols=2,
+        loc="upper right",
     )
     axes[-1, 0].set_xlabel("time, s")
     fig.suptitle(str(found), fontsize="medium")
