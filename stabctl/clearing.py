@@ -80,8 +80,8 @@ def clearing_time(
     zero as the paper did. Some longer faults are tried too, to see whether stability is monotone.
 
     Args: operating point (its case's storage acts under `control`, a law or a sampled controller); fault and circuits
-    as in `simulate.events`; grid and limit (cycles); time watched after clearing (s); step (s); when a run ends; fault impedance (pu);
-    what is told every run. Raises `StudyError` for impossible places or grids.
+    as in `simulate.events`; grid and limit (cycles); time watched after clearing (s); step (s); when a run ends; fault
+    impedance (pu); what is told every run. Raises `StudyError` for impossible places or grids.
     """
     if not 0 < resolution_cycles <= limit_cycles < np.inf:
         raise StudyError(

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from stabctl.controllers import BangBang
 from stabctl.equilibrium import Point
 from stabctl.errors import StudyError
 from stabctl.simulate.trajectory import Trajectory
@@ -51,8 +52,9 @@ class Record:
 
     @property
     def deadband(self) -> float:
-        """Speed deviation (pu) without action: the law's own, 0 where it has none."""
-        return getattr(self.driven.law, "deadband_hz", 0.0) / self.point.case.frequency_hz
+        """Speed deviation (pu) without action of the bang-bang law: the default one where another law acts."""
+        law = self.driven.law if isinstance(self.driven.law, BangBang) else BangBang()
+        return law.deadband_hz / self.point.case.frequency_hz
 
     @property
     def wanted(self) -> np.ndarray:
