@@ -24,8 +24,7 @@ STUDIES = {  # case, fault, circuit opened, classical machines, storage
 }
 CURVES = ("two_area", "wnaps")
 LATENCIES, NOISES = (0, 25, 50, 75, 100, 150, 200), (0.5, 2, 5, 10, 20)
-SEEDS = range(1, 6)
-DRIVEN = Driven(engine="batched")
+SEEDS, DRIVEN = range(1, 6), Driven(engine="batched")
 
 
 def start(case: str, classical: bool, storage: str) -> Point:

@@ -93,9 +93,8 @@ def angle_variance(
     V: np.ndarray, ZI: np.ndarray, E: np.ndarray, turn: np.ndarray, angle: float, magnitude: float
 ) -> np.ndarray:
     """(R): variance (rad^2) of arg E - turn; standard deviations of angle (rad) and magnitude (-)."""
-    tilted, inverse = 1 - 1j * np.tan(turn), 1 / E  # Re(a tilted*) = Re a - t Im a, Im(a tilted*) = Im a + t Re a
-    inverse *= tilted.conj()
-    v, i = V * inverse, ZI * inverse
+    tilt = (1 + 1j * np.tan(turn)) / E  # Re a - t Im a and Im a + t Re a are the parts of a (1 + j t)
+    v, i = V * tilt, ZI * tilt
     return angle**2 * (v.real**2 + i.real**2) + magnitude**2 * (v.imag**2 + i.imag**2)
 
 
