@@ -49,7 +49,7 @@ PmuRate = Annotated[int, typer.Option("--pmu-rate", help="PMU reports per second
 PmuNoise = Annotated[float, typer.Option("--pmu-noise-mrad", help="Noise of phasor angles; magnitudes per mille.")]
 Latency = Annotated[float, typer.Option("--latency-ms", help="Latency of the reports of other machines.")]
 Loss = Annotated[float, typer.Option("--loss", help="Share of the reports that never arrive.")]
-Seed = Annotated[int, typer.Option("--seed", help="Seed of noise and losses.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of noise and losses.")]
 
 
 def load(name: str, classical: bool = False) -> "Case":

@@ -29,7 +29,7 @@ def speeds(found: Record, machines: Sequence[int] | None = None, seed: int = 0) 
     axes[0, 0].legend(frameon=False, fontsize="small", ncols=2)
     axes[-1, 0].set_xlabel("time, s")
     fig.supylabel("own speed less the COI speed of the rest, mHz", fontsize="medium")
-    fig.suptitle(str(found), fontsize="medium")
+    fig.suptitle(_title(found, seed), fontsize="medium")
     return fig
 
 
@@ -51,7 +51,7 @@ def commands(found: Record, machines: Sequence[int] | None = None, seed: int = 0
         loc="upper right",
     )
     axes[-1, 0].set_xlabel("time, s")
-    fig.suptitle(str(found), fontsize="medium")
+    fig.suptitle(_title(found, seed), fontsize="medium")
     return fig
 
 
@@ -68,6 +68,11 @@ def clearing(
     axes[0, 0].set_ylabel("critical clearing time, cycles")
     axes[0, 0].legend(frameon=False, title="dashed: with true speeds", fontsize="small")
     return fig
+
+
+def _title(found: Record, seed: int) -> str:
+    outcome = f": {found.runs[seed].outcome.message}" if found.runs else ""
+    return f"{found.point.case.name}, {found.driven.kind} estimator, seed {found.seeds[seed]}{outcome}"
 
 
 def _rows(found: Record, machines: Sequence[int] | None) -> list[int]:

@@ -35,7 +35,9 @@ def test_classical_internal_voltage_is_the_source(study, name):
     point, events, _, _ = study(name)
     _, rows = looked_at(point, events, 3)
     for _, _, E, delta in rows:
-        assert np.abs(E[0] - point.z[-2 * E.size - len(point.case.storage) :][: E.size] * np.exp(1j * delta)).max() < 1e-4
+        assert (
+            np.abs(E[0] - point.z[-2 * E.size - len(point.case.storage) :][: E.size] * np.exp(1j * delta)).max() < 1e-4
+        )
 
 
 @pytest.mark.parametrize("name", ["two_area", "wnaps"])
@@ -45,9 +47,9 @@ def test_flux_at_rest_turns_the_subtransient_voltage_onto_the_rotor(study, name)
     flux = Flux(known, 1 / RATE, V, I, E)
     assert np.abs(wrapped(np.angle(E) - flux.turn(E) - delta)).max() < 1e-8
     assert np.abs(np.angle(E) - delta).max() > 0.5  # 0.53 rad: what it is about
-    
 
-@pytest.mark.parametrize(("name", "cycles", "most"), [("two_area", 6, 0.02), ("wnaps", 3, 0.02)])
+
+@pytest.mark.parametrize(("name", "cycles", "most"), [("two_area", 6, 0.005), ("wnaps", 3, 0.005)])
 def test_flux_follows_the_rotor_through_a_fault(study, name, cycles, most):
     """At the true angles; what is left half a second after clearing comes from the instants of the jumps."""
     point, _, _, (fault, trip) = study(name)
@@ -61,5 +63,4 @@ def test_flux_follows_the_rotor_through_a_fault(study, name, cycles, most):
         flux.settle(I, E, delta[None], there)
         if k / RATE > cleared + 0.5:
             worst = max(worst, np.abs(wrapped(np.angle(E) - flux.turn(E) - delta)).max())
-    assert worst < most
-    print(worst)
+    assert worst < most  # 0.0028, 0.0031 rad
