@@ -6,7 +6,7 @@ import pytest
 
 from stabctl import equilibrium, fleet, read
 
-STUDIES = {  # case, classical machines, storage, fault, circuit opened, cycles until clearing (0.9 of the critical time)
+STUDIES = {  # case, classical, storage, fault, circuit opened, cycles until clearing (0.9 of the critical)
     "ieee39 classical": ("ieee39", True, "5%mva", "16", "16-17", 8),
     "two_area classical": ("two_area", True, "50MW", "7", "7-8", 8),
     "two_area": ("two_area", False, "50MW", "7", "7-8", 11),
