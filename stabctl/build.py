@@ -37,7 +37,7 @@ def plant(case: Case, flow: Flow, net: Grid) -> tuple[Plant, np.ndarray]:
     n = len(tables["load"])
     tables["load_slot"], tables["storage_slot"] = slot[:n].astype(np.int64), slot[n:].astype(np.int64)
     widths = [len(k.State._fields) for k in system.FAMILIES]
-    owners = [np.repeat(tables[f"{f}_machine"], w) for f, w in zip(system.NAMES, widths, strict=True)]
+    owners = [np.repeat(tables[f"{f}_machine"], w) for f, w in zip(system.NAMES, widths, strict=True) if f in ALL]
     tables["owner"] = np.concatenate(owners).astype(np.int64)
     tables |= {"held": np.zeros(0, np.int64), "held_low": np.zeros(0), "held_high": np.zeros(0)}
     made = Plant(**tables)
@@ -61,7 +61,7 @@ def _devices(case: Case, name: str, device: ModuleType, rows: dict[int, int]) ->
 
 
 def held(plant: Plant) -> dict[str, np.ndarray]:
-    """Places in z, and limits, of the states that a model lists in HELD."""
+    """Places in z, and limits, of the states that a model lists in HELD, and of the energies in store."""
     place, low, high = [], [], []
     for name, device in ALL.items():
         first, width, table = system.first_state(plant, name), len(device.State._fields), getattr(plant, name)
@@ -69,6 +69,10 @@ def held(plant: Plant) -> dict[str, np.ndarray]:
             place.append(first + device.State._fields.index(state) + width * np.arange(len(table)))
             low.append(table[least])
             high.append(table[most])
+    capacity = plant.storage["capacity"]
+    place.append(system.first_state(plant, "storage") + 1 + 2 * np.arange(len(capacity)))
+    low.append(np.where(capacity > 0, 0.0, -np.inf))
+    high.append(np.where(capacity > 0, capacity, np.inf))
     return {
         "held": np.concatenate(place).astype(np.int64),
         "held_low": np.concatenate(low).astype(float),

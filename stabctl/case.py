@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from stabctl.check import check
 from stabctl.errors import StudyError
 from stabctl.models import gencls
-from stabctl.quantity import NOT_NEGATIVE, POSITIVE, SHARE
+from stabctl.quantity import NOT_NEGATIVE, POSITIVE, RATIO, SHARE, Range
 
 Characteristic = Literal["power", "current", "conductance"]
 
@@ -22,7 +22,7 @@ class Bus(NamedTuple):
 
     bus: Annotated[int, "-", "bus number", POSITIVE]
     kind: Annotated[Literal["swing", "pv", "pq"], "-", "role in the load flow"]
-    v: Annotated[float, "pu", "voltage set-point (swing, pv), first guess (pq)", POSITIVE] = 1.0
+    v: Annotated[float, "pu", "voltage set-point (swing, pv), first guess (pq)", RATIO] = 1.0
     angle: Annotated[float, "deg", "angle of the swing bus; elsewhere a first guess"] = 0.0
     g: Annotated[float, "MW", "shunt conductance, consumption at 1 pu"] = 0.0
     b: Annotated[float, "Mvar", "shunt susceptance, production at 1 pu"] = 0.0
@@ -37,7 +37,7 @@ class Branch(NamedTuple):
     r: Annotated[float, "pu", "series resistance"]
     x: Annotated[float, "pu", "series reactance (negative: series capacitor)"]
     b: Annotated[float, "pu", "total charging susceptance"] = 0.0
-    tap: Annotated[float, "-", "turns ratio on the from side (1: a line)", POSITIVE] = 1.0
+    tap: Annotated[float, "-", "turns ratio on the from side (1: a line)", RATIO] = 1.0
     phase: Annotated[float, "deg", "phase shift"] = 0.0
 
 
@@ -46,7 +46,7 @@ class Machine(NamedTuple):
 
     machine: Annotated[int, "-", "machine number", POSITIVE]
     bus: Annotated[int, "-", "terminal bus"]
-    base: Annotated[float, "MVA", "machine base", POSITIVE]
+    base: Annotated[float, "MVA", "machine base", Range(1e-6)]
     p: Annotated[float, "MW", "dispatched power (at the swing bus a first guess)"]
     storage_bus: Annotated[int, "-", "bus of its storage device: high-voltage side, or terminal where there is none"]
 
@@ -85,7 +85,7 @@ class Storage(NamedTuple):
     charge: Annotated[float, "-", "state of charge at the start", SHARE] = 0.5
     ramp: Annotated[float, "MW/s", "largest change of power (0: unlimited)", NOT_NEGATIVE] = 0.0
     lag: Annotated[float, "s", "time constant from order to power", NOT_NEGATIVE] = 0.0
-    efficiency: Annotated[float, "-", "of the round trip", SHARE] = 1.0
+    efficiency: Annotated[float, "-", "of the round trip", Range(0.01, 1.0)] = 1.0
 
 
 TABLES: Mapping[str, type] = MappingProxyType(

@@ -1,6 +1,5 @@
 """Checks of a case: the first mistake is raised with its place, unusual rows are returned as sentences."""
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -10,6 +9,10 @@ from stabctl.quantity import fields
 
 if TYPE_CHECKING:
     from stabctl.case import Case
+
+
+LARGEST = 1e12  # beyond it numbers are taken for mistakes
+LEAST_IMPEDANCE = 1e-9  # pu
 
 
 def fail(table: str, row: int, column: str, text: str) -> NoReturn:
@@ -23,8 +26,12 @@ def check(case: "Case", tables: Mapping[str, type]) -> Iterator[str]:
     """Raise the first mistake of the case (`tables`: its tables and their records); yield sentences on the unusual."""
     for quantity in ("base_mva", "frequency_hz"):
         value = getattr(case, quantity)
-        if not (isinstance(value, int | float) and 0 < value < math.inf):
-            raise CaseError(f"case.toml, {quantity}: {value!r} is not allowed; it must be a number more than 0.")
+        if not (isinstance(value, int | float) and 1e-6 <= value <= 1e9):
+            raise CaseError(
+                f"case.toml, {quantity}: {_short(value)} is not allowed; it must be a number from 1e-6 to 1e9."
+            )
+    if not _text(case.name):
+        raise CaseError(f"case.toml, name: {case.name!r} is not allowed; it must be a text of one line.")
     for name, record in tables.items():
         _values(name, record, getattr(case, name))
     for name in ("buses", "machines"):
@@ -46,15 +53,26 @@ def _values(table: str, record: type, rows: Sequence[Any]) -> None:
     for f in fields(record).values():
         for i, row in enumerate(rows):
             value = getattr(row, f.name)
-            good = value in f.choices if f.choices else isinstance(value, str) if f.kind is str else _number(value, f)
+            good = value in f.choices if f.choices else _text(value) if f.kind is str else _number(value, f)
             if not good:
-                fail(table, i, f.column, f"{value!r} is not allowed; it must be {f.expected()}.")
+                large = isinstance(value, int | float) and abs(value) > LARGEST
+                limit = f" of at most {LARGEST:g} in size" if large else ""
+                fail(table, i, f.column, f"{_short(value)} is not allowed; it must be {f.expected()}{limit}.")
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return text if len(text) < 40 else text[:36] + "..."
+
+
+def _text(value: object) -> bool:
+    return isinstance(value, str) and value.isprintable()
 
 
 def _number(value: object, f: Any) -> bool:
     whole = isinstance(value, int) and not isinstance(value, bool)
     kind = whole if f.kind is int else whole or isinstance(value, float)
-    return kind and math.isfinite(value) and value in f.allowed
+    return kind and -LARGEST <= value <= LARGEST and value in f.allowed
 
 
 def _unique(table: str, column: str, keys: Sequence[object]) -> None:
@@ -96,8 +114,9 @@ def _buses(case: "Case") -> None:
 
 def _branches(case: "Case") -> None:
     for i, k in enumerate(case.branches):
-        if k.r == 0 and k.x == 0:
-            fail("branches", i, "x_pu", f"branch {k.from_bus}-{k.to_bus} has no impedance; r or x must differ from 0.")
+        if abs(complex(k.r, k.x)) < LEAST_IMPEDANCE:
+            text = f"has no impedance; r or x must be at least {LEAST_IMPEDANCE:g} pu in size."
+            fail("branches", i, "x_pu", f"branch {k.from_bus}-{k.to_bus} {text}")
         if k.from_bus == k.to_bus:
             fail("branches", i, "to_bus", f"branch {k.from_bus}-{k.to_bus} ends where it starts; name two buses.")
 
@@ -153,8 +172,6 @@ def _storage(case: "Case") -> None:
     for i, s in enumerate(case.storage):
         if s.machine not in numbers:
             fail("storage", i, "machine", f"there is no machine {s.machine}; name a machine of machines.csv.")
-        if s.efficiency == 0:
-            fail("storage", i, "efficiency", "0 is not allowed; it must be a number more than 0 and at most 1.")
 
 
 def _connected(case: "Case") -> None:

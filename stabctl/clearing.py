@@ -52,7 +52,8 @@ class Clearing:
         what = f"{self.case}, fault {self.fault}" + (f", trip {', '.join(self.trip)}" if self.trip else "")
         watched = f"observed {self.observed_s:g} s after clearing, {len(self.runs)} runs"
         if self.status == "unstable_at_zero":
-            return f"{what}: unstable even when cleared at once ({watched})."
+            first = f"; machine {self.machine} goes first" if self.machine is not None else ""
+            return f"{what}: unstable even when cleared at once{first} ({watched})."
         if self.status == "stable_at_limit":
             return f"{what}: stable up to the search limit of {self.limit_cycles:g} cycles ({watched})."
         first = f"; machine {self.machine} goes first beyond" if self.machine is not None else ""
@@ -108,7 +109,7 @@ def clearing_time(
     if status == "found":
         for cycles in PROBES:
             survives(min(critical + max(1, round(cycles / resolution_cycles)), last))
-    beyond = runs.get(critical + 1)
+    beyond = runs.get(0 if status == "unstable_at_zero" else critical + 1)
     return Clearing(
         point.case.name,
         str(fault),

@@ -25,7 +25,12 @@ def _source_hash() -> str:
     digest = hashlib.sha256(numba.__version__.encode())
     for path in sorted(_PACKAGE.rglob("*.py")):
         text = path.read_bytes()
-        if b"@kernel" in text or b"@apart" in text or b"@entry" in text or path.parent.name == "models":
+        if (
+            b"@kernel" in text
+            or b"@apart" in text
+            or b"@entry" in text
+            or path.parent.name in ("models", "controllers")
+        ):
             digest.update(text)
     return digest.hexdigest()[:16]
 
@@ -41,6 +46,7 @@ def _cache_folder() -> Path:
 
 
 FOLDER = _cache_folder()
+_entries: list[Any] = []
 
 _BARE = {"error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": True}
 kernel = register_jitable(forceinline=True, **_BARE)
@@ -52,12 +58,13 @@ def entry(function: Callable[..., Any]) -> Callable[..., Any]:
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(FOLDER)
     try:
-        return numba.njit(error_model="numpy", cache=True)(function)
+        _entries.append(numba.njit(error_model="numpy", cache=True)(function))
+        return _entries[-1]
     finally:
         numba.config.CACHE_DIR = before
 
 
 def announce() -> None:
-    """Say on stderr that the first call will compile, where the entry points have no machine code on disk yet."""
-    if not all(any(FOLDER.rglob(f"*.{name}-*.nbc")) for name in ("jacobian", "advance")):
+    """Say on stderr that the first call will compile, where an entry point met so far has no machine code on disk."""
+    if not all(any(Path(e._cache.cache_path).glob(f"*.{e.__name__}-*.nbc")) for e in _entries):
         print("stabctl: compiling the equations once, some 20 to 60 seconds ...", file=sys.stderr, flush=True)

@@ -78,7 +78,10 @@ def solve(case: Case, flow: Flow | None = None, limit: int = 30) -> Point:
     b = buffers(alone, m, complex)
     _guess(b, case, flow, net, alone)
     current = (flow.S / flow.V[net.machine_bus]).conj() + norton_admittances(plant) * flow.V[net.machine_bus]
-    iterations, fastest = _newton(b, case, _opened(alone), current, limit)
+    iterations, opened = 0, _opened(alone)
+    for share in (0.0, 0.25, 0.5, 0.75, 1.0) if plant.genrou["S12"].any() else (1.0,):
+        made, fastest = _newton(b, case, _saturated(opened, share), current, limit)
+        iterations += made
     _check_limits(b, case, alone)
     lags = plant.storage["T"][plant.storage["T"] >= SHORT]
     z = np.zeros(n.states + 2 * len(flow.V) + 2 * m + n.storage)
@@ -117,11 +120,20 @@ def _opened(plant: Plant) -> Plant:
     return opened._replace(**build.held(opened))
 
 
+def _saturated(plant: Plant, share: float) -> Plant:
+    """The plant with a share of its saturation: each start is the guess of the next."""
+    table = plant.genrou.copy()
+    table["S10"] *= share
+    table["S12"] *= share
+    return plant._replace(genrou=table)
+
+
 def _guess(b: system.Buffers, case: Case, flow: Flow, net: Grid, plant: Plant) -> None:
     """Everything 1, rotors on the q axis of V + (ra + j xq) I, storage idle."""
     V = flow.V[net.machine_bus]
     n = sizes(plant, len(case.machines))
     b.z[: system.first_state(plant, "storage")] = 1
+    b.z[plant.held] = np.clip(1, plant.held_low, plant.held_high)  # a bypassed state stays where it is
     b.z[n.states + n.voltages : n.states + n.voltages + 2 * n.machines] = 1
     b.s.v[:, 0], b.s.v[:, 1] = V.real, V.imag
     for model, family in ((gencls, "gencls"), (genrou, "genrou")):
@@ -138,6 +150,7 @@ def _newton(b: system.Buffers, case: Case, plant: Plant, current: np.ndarray, li
     n, on = sizes(plant, m), np.zeros(m, np.int64)
     J = np.empty((len(b.f), len(table)))
     rows = [[k for k in table[:-2, i] if 0 <= k < n.states] for i in range(m)]
+    residual = np.zeros(m)
     for iteration in range(limit + 1):
         jacobian(b, plant, on, table, J)
         f = b.f.real.copy()
@@ -155,7 +168,7 @@ def _newton(b: system.Buffers, case: Case, plant: Plant, current: np.ndarray, li
     worst = int(np.argmax(np.where(np.isfinite(residual), residual, np.inf)))
     raise EquilibriumError(
         f"Machine {case.machines[worst].machine} of {case.name} has no start at its load-flow power after {limit} "
-        f"steps (residual {residual[worst]:.1e}); check its reactances, and the power it is asked for."
+        f"steps (residual {residual[worst]:.1e}); check its reactances, its saturation and the power it is asked for."
     )
 
 

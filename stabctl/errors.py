@@ -17,5 +17,9 @@ class EquilibriumError(StabctlError):
     """The machines and their controls have no start at the load flow; names device and limit."""
 
 
+class LinearisationError(StabctlError):
+    """An operating point has no linear model: it moves, or rests on a limit; names the state or the limit."""
+
+
 class StudyError(StabctlError):
     """A study asks for what the case does not have (fault place, machine, storage, step, time)."""

@@ -24,7 +24,7 @@ def chosen(
     """Devices at the machines named, `14=50MW,13@33=20MW`: machine, its bus where it is not the storage bus, rating."""
     if not isinstance(ratings, str):
         ratings = ",".join(f"{machine}={rating}" for machine, rating in ratings.items())
-    devices = []
+    devices: list[Storage] = []
     for part in ratings.split(","):
         match = _AT.match(part)
         if not match:
@@ -33,6 +33,8 @@ def chosen(
         bus = int(match[2]) if match[2] else machine.storage_bus
         if bus not in {b.bus for b in case.buses}:
             raise StudyError(f"There is no bus {bus} in {case.name} for the storage of machine {machine.machine}.")
+        if any((d.machine, d.bus) == (machine.machine, bus) for d in devices):
+            raise StudyError(f"Machine {machine.machine} has two storage devices at bus {bus}; give it one.")
         devices.append(_device(case, machine, match[3], flow, bus, options))
     return tuple(devices)
 

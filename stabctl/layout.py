@@ -1,5 +1,6 @@
 """Who owns which place of z: machine and name of every state and set-point."""
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -7,6 +8,23 @@ import numpy as np
 from stabctl.case import Case
 from stabctl.models import ALL
 from stabctl.system import FAMILIES, NAMES, Plant, sizes
+
+WORDS = {
+    "delta": "angle",
+    "omega": "speed",
+    "eq": "field flux",
+    "kd": "damper flux d",
+    "ed": "rotor flux q",
+    "kq": "damper flux q",
+    "vm": "transducer",
+    "va": "lead-lag",
+    "vr": "regulator",
+    "efd": "field voltage",
+    "vf": "feedback",
+    "lag1": "first lag",
+    "lag2": "second lag",
+    "share": "power",
+}
 
 
 class Place(NamedTuple):
@@ -28,10 +46,21 @@ def states(plant: Plant) -> tuple[Place, ...]:
 
 
 def label(case: Case, place: Place) -> str:
-    """A state in words, e.g. "omega GENROU 14"."""
+    """A state in words, e.g. "speed GENROU 14"."""
+    name = WORDS.get(place.name, place.name)
     if place.family == "storage":
-        return f"{place.name} ESD {case.storage[place.device].machine}@{case.storage[place.device].bus}"
-    return f"{place.name} {ALL[place.family].NAME} {case.machines[place.machine].machine}"
+        return f"{name} ESD {case.storage[place.device].machine}@{case.storage[place.device].bus}"
+    return f"{name} {ALL[place.family].NAME} {case.machines[place.machine].machine}"
+
+
+def unique(labels: Iterable[str]) -> tuple[str, ...]:
+    """The labels, a repeated one followed by its number."""
+    seen: dict[str, int] = {}
+    out = []
+    for text in labels:
+        seen[text] = seen.get(text, 0) + 1
+        out.append(text if seen[text] == 1 else f"{text} ({seen[text]})")
+    return tuple(out)
 
 
 def colours(plant: Plant, buses: int) -> np.ndarray:

@@ -33,6 +33,7 @@ ANY = Range()
 POSITIVE = Range(0.0, open_low=True)
 NOT_NEGATIVE = Range(0.0)
 SHARE = Range(0.0, 1.0)
+RATIO = Range(0.01, 100.0)
 FROM_CASE = "filled from the case, not a column"
 
 _SUFFIX = {"-": "", "MW/s": "_mw_per_s"}

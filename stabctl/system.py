@@ -22,7 +22,7 @@ NAMES = tuple(k.__name__.rpartition(".")[2] for k in FAMILIES)
 # storage_bus, load_bus, machine_bus   rows of the buses they stand at
 # load, law     constants of loads (models.load.Par) and of the storage controllers (controllers.signals.Par)
 # load_slot, storage_slot   entries of draw_bus, the distinct buses of loads and storage
-# owner         row of the machine of every state
+# owner         row of the machine of every state but those of the storage, which outlasts its machine
 # rotor         place of each machine's angle in z; its speed follows
 # inertia       H on the system base, s
 # held, held_low, held_high   places and limits of the states that stop at limits

@@ -11,7 +11,8 @@ _QUANTITY = re.compile(r"^\s*([0-9.]+(?:[eE][+-]?[0-9]+)?)\s*([a-zA-Z%]*)\s*$")
 def seconds(text: str, frequency_hz: float) -> float:
     """A duration in seconds; cycles are those of the case's frequency. `StudyError` where it is not one."""
     value, unit = _split(text)
-    scale = {"cyc": 1 / frequency_hz, "cycles": 1 / frequency_hz, "s": 1.0, "": 1.0, "ms": 1e-3}
+    unit = unit.lower()
+    scale = {"cyc": 1 / frequency_hz, "cycles": 1 / frequency_hz, "s": 1.0, "ms": 1e-3}
     if math.isnan(value) or unit not in scale:
         raise StudyError(f"{text!r} is not a time; write it as 6cyc, 0.1s or 100ms.")
     return value * scale[unit]

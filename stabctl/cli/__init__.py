@@ -1,12 +1,13 @@
 """The command line: parses, calls, prints."""
 
 import sys
+import warnings
 
 import typer
 
 from stabctl.errors import StabctlError
 
-from . import cases, clearing_time, estimate, powerflow, simulate
+from . import cases, clearing_time, estimate, linearize, modes, powerflow, simulate, swing, tables
 
 app = typer.Typer(
     add_completion=False,
@@ -16,14 +17,19 @@ app = typer.Typer(
     help="Controller design and linear analysis for transient stability with energy storage.",
 )
 app.command("cases")(cases.cases)
+app.command("tables")(tables.tables)
 app.command("powerflow")(powerflow.powerflow)
 app.command("simulate")(simulate.simulate)
 app.command("clearing-time")(clearing_time.clearing_time)
 app.command("estimate")(estimate.estimate)
+app.command("modes")(modes.modes)
+app.command("linearize")(linearize.linearize)
+app.add_typer(swing.app, name="swing")
 
 
 def main() -> None:
     """Run the command line; a user's mistake is one line on stderr and exit code 2."""
+    warnings.simplefilter("ignore", RuntimeWarning)
     try:
         code = app(standalone_mode=False)
     except StabctlError as error:
@@ -35,6 +41,9 @@ def main() -> None:
     except Exception as error:
         if not hasattr(error, "format_message"):
             raise
+        if type(error).__name__ == "NoArgsIsHelpError":
+            print(error.format_message())
+            sys.exit(0)
         code = _complain(error.format_message(), getattr(error, "exit_code", 2))
     sys.exit(code if isinstance(code, int) else 0)
 

@@ -21,9 +21,17 @@ if TYPE_CHECKING:
 CaseName = Annotated[str, typer.Argument(metavar="CASE", help="A packaged case, or a folder.")]
 Classical = Annotated[bool, typer.Option("--classical", help="Classical machines, without controls.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
-Fault = Annotated[str, typer.Option("--fault", help="83 (a bus), 7-8@0.4 (along a line, from the first bus named).")]
-Trip = Annotated[list[str] | None, typer.Option("--trip", help="Circuit opened at clearing: 83-33, 7-8#2. Repeatable.")]
-Size = Annotated[str | None, typer.Option("--storage", help="A device at every machine: 5%mva, 5%dispatch or 50MW.")]
+Fault = Annotated[
+    str, typer.Option("--fault", help="83 (a bus), 7-8@0.4 (along it from the first bus named; 7-8: half-way).")
+]
+Trip = Annotated[
+    list[str] | None,
+    typer.Option("--trip", help="Circuit opened at clearing (--at where there is no fault): 83-33, 7-8#2. Repeatable."),
+]
+Size = Annotated[
+    str | None,
+    typer.Option("--storage", help="A device at every machine, for the case's own: 5%mva, 5%dispatch or 50MW."),
+]
 SizeAt = Annotated[str | None, typer.Option("--storage-at", help="Devices at machines: 14=50MW,13@33=20MW.")]
 Control = Annotated[
     Literal["none", "bang-bang"] | None,
@@ -66,15 +74,16 @@ def start(case: "Case", storage: str | None = None, storage_at: str | None = Non
     """The operating point of the case with its storage devices."""
     from stabctl import compiled, equilibrium, fleet, powerflow
     from stabctl.errors import StudyError
+    from stabctl.simulate import stepper  # noqa: F401
 
-    if storage and storage_at:
+    if storage is not None and storage_at is not None:
         raise StudyError("--storage and --storage-at exclude each other; give one of them.")
-    if options.get("lag", 0.0) < 0:
+    if not 0 <= options.get("lag", 0.0) < float("inf"):
         raise StudyError(f"--lag {options['lag']:g} s is not allowed; it must be at least 0.")
     flow = powerflow.solve(case)
-    if storage:
+    if storage is not None:
         case = case.with_storage(fleet.everywhere(case, storage, flow, **options))
-    elif storage_at:
+    elif storage_at is not None:
         case = case.with_storage(fleet.chosen(case, storage_at, flow, **options))
     compiled.announce()
     return equilibrium.solve(case, flow)
@@ -85,8 +94,9 @@ def law(case: "Case", control: str | None, deadband: float, min_voltage: float) 
     from stabctl.controllers import BangBang
     from stabctl.errors import StudyError
 
-    if not 0 <= deadband < float("inf") or not 0 <= min_voltage < float("inf"):
-        raise StudyError(f"--deadband {deadband:g} and --min-voltage {min_voltage:g} must be at least 0.")
+    for name, value in (("deadband", deadband), ("min-voltage", min_voltage)):
+        if not 0 <= value < float("inf"):
+            raise StudyError(f"--{name} {value:g} is not allowed; it must be at least 0.")
     if control == "bang-bang" and not case.storage:
         raise StudyError("--control bang-bang needs storage devices; give --storage or --storage-at.")
     wanted = control or ("bang-bang" if case.storage else "none")
@@ -141,7 +151,7 @@ def rules(max_angle: float) -> Any:
 
 def print_json(record: dict[str, Any]) -> None:
     """One JSON object on stdout."""
-    print(json.dumps(record, allow_nan=False))
+    print(json.dumps(record, allow_nan=False, default=lambda number: number.item()))
 
 
 def console(stderr: bool = False) -> "Console":

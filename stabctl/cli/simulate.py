@@ -10,7 +10,9 @@ from . import shared
 if TYPE_CHECKING:
     from stabctl.simulate.trajectory import Trajectory
 
-FaultOrNone = Annotated[str | None, typer.Option("--fault", help="83 (a bus), 7-8@0.4 (along a line).")]
+FaultOrNone = Annotated[
+    str | None, typer.Option("--fault", help="83 (a bus), 7-8@0.4 (along it from the first bus named; 7-8: half-way).")
+]
 Clear = Annotated[str | None, typer.Option("--clear", help="Clearing time: 6cyc, 0.1s, 100ms.")]
 At = Annotated[float, typer.Option("--at", help="Instant of the fault, s.")]
 Until = Annotated[float, typer.Option("--until", help="End of the run, s.")]
@@ -59,13 +61,19 @@ def simulate(
     if clear and not (fault or trip):
         raise StudyError("--clear needs --fault or --trip; give a place such as 83 or 7-8@0.4.")
     for path, endings in ((out, (".csv", ".nc")), (plot, (".png", ".svg"))):
-        if path and path.suffix not in endings:
+        if path and path.suffix.lower() not in endings:
             raise StudyError(f"The file {path.name!r} must end in {' or '.join(endings)}.")
+        if path and not path.parent.is_dir():
+            raise StudyError(f"There is no folder {str(path.parent)!r} to write {path.name!r} into; make it first.")
     through = shared.impedance(fault_impedance)
     loaded = shared.load(case, classical)
     events = ()
     if fault or trip:
         duration = seconds(clear, loaded.frequency_hz) if clear else 0.0
+        if not at + duration < until:
+            raise StudyError(
+                f"The run ends at {until:g} s, before the clearing at {at + duration:g} s; give a later --until."
+            )
         events = contingency(fault, duration, trip or (), at, through)
     options = {"characteristic": characteristic, "lag": lag}
     point = shared.start(loaded, storage, storage_at, **options)
@@ -73,7 +81,8 @@ def simulate(
     signals = shared.pmu(pmu_rate, pmu_noise_mrad, latency_ms, loss)
     steering = shared.steering(law, estimator, signals, seed)
     with shared.progress("simulating", until) as tell:
-        result = run(point, events, until, steering, step, shared.rules(max_angle), progress=tell)
+        keep = out is not None or plot is not None
+        result = run(point, events, until, steering, step, shared.rules(max_angle), keep, progress=tell)
     if out:
         result.save(out)
     if plot:

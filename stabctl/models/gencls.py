@@ -10,7 +10,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from stabctl.compiled import kernel
-from stabctl.quantity import FROM_CASE, NOT_NEGATIVE, POSITIVE
+from stabctl.quantity import FROM_CASE, NOT_NEGATIVE, POSITIVE, Range
 
 from .blocks import magnitude
 from .stator import Input, Output
@@ -26,7 +26,7 @@ class Par(NamedTuple):
 
     mva: Annotated[float, "-", "machine MVA over system MVA", FROM_CASE]
     wb: Annotated[float, "rad/s", "base speed, 2 pi f", FROM_CASE]
-    H: Annotated[float, "s", "inertia constant", POSITIVE]
+    H: Annotated[float, "s", "inertia constant", Range(0.01)]
     D: Annotated[float, "pu", "damping power over speed deviation"]
     ra: Annotated[float, "pu", "armature resistance", NOT_NEGATIVE]
     x1d: Annotated[float, "pu", "transient reactance", POSITIVE]

@@ -3,7 +3,8 @@
 order -> [1/(1+sT)] -> share -> (stops where the store is full or empty) -> power = share * rating * {1, V, V^2}
 The power against voltage is constant power, constant current or constant conductance (Pp, Pc, Pg); below vlow all of
 it is a conductance. Stored energy grows with k times the absorbed and falls with 1/k times the injected power,
-k^2 the round-trip efficiency. T = 0 and capacity = 0 (unlimited) are the paper's ideal device.
+k^2 the round-trip efficiency; a full or empty store stops at once, whatever ramp and lag. T = 0 and capacity = 0
+(unlimited) are the paper's ideal device.
 """
 
 from typing import Annotated, NamedTuple

@@ -35,7 +35,7 @@ def load(name: str | Path) -> Case:
     folder = Path(name)
     if str(name) in packaged():
         folder = PACKAGED / str(name)
-    elif not folder.is_dir():
+    elif not str(name).strip() or "\0" in str(name) or not folder.is_dir():
         raise CaseError(f"There is no case {str(name)!r}: name a folder, or one of {', '.join(packaged())}.")
     about = _about(folder)
     tables = _tables(folder, partial="extends" in about)
@@ -47,10 +47,10 @@ def load(name: str | Path) -> Case:
 def _about(folder: Path) -> Row:
     path = folder / "case.toml"
     try:
-        about = tomllib.loads(path.read_text(encoding="utf-8"))
+        about = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise CaseError(f"{path}: the file is missing; a case folder needs one.") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
+    except (ValueError, OSError, RecursionError) as error:
         raise CaseError(f"{path}: it cannot be read as TOML ({error}).") from None
     for key, value in about.items():
         if key not in ABOUT:
@@ -116,6 +116,7 @@ def _header(path: Path, cells: list[str], by_header: dict[str, Field], partial_k
         if cell not in by_header:
             near = difflib.get_close_matches(cell, by_header, 1, 0.5)
             hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(by_header)}."
+            hint = "separate the cells by commas." if ";" in cell else hint
             raise CaseError(f"{path} row 1: {cell!r} is not a column of this table; {hint}")
         if cell in cells[:i]:
             raise CaseError(f"{path} row 1: column {cell!r} stands twice; each may stand once.")
@@ -128,6 +129,8 @@ def _header(path: Path, cells: list[str], by_header: dict[str, Field], partial_k
 
 def _value(path: Path, line: int, f: Field, cell: str) -> Any:
     try:
+        if "_" in cell and f.kind is not str:
+            raise ValueError
         return f.kind(cell)
     except ValueError:
         raise CaseError(
@@ -159,46 +162,57 @@ def _keyed(path: Path, record: type, rows: list[Row], lines: list[int]) -> dict[
     return table
 
 
-def _located(folder: Path, tables: Table, arguments: dict[str, Any]) -> Case:
-    """The case; a mistake in it is told with folder and line of the file."""
+def _located(folder: Path, tables: Table, arguments: dict[str, Any], base: Path | None = None) -> Case:
+    """The case; a mistake in it is told with folder and line of the file (line 0: a row of the folder `base`)."""
     try:
         return Case(**arguments)
     except CaseError as error:
         if not hasattr(error, "table"):
-            raise CaseError(f"{folder / ''}{error}".replace(f"{folder / ''}", f"{folder}/")) from None
+            raise CaseError(f"{folder}/{error}") from None
         lines = tables[error.table][1] if error.table in tables else []
-        line = lines[error.row] if error.row < len(lines) else error.row + 2
-        path = folder / f"{error.table}.csv"
-        raise CaseError(f"{path} row {line}, column {error.column}: {error.text}") from None
+        line = lines[error.row] if error.row < len(lines) else 0
+        path = (folder if line else base or folder) / f"{error.table}.csv"
+        raise CaseError(f"{path} row {line or error.row + 2}, column {error.column}: {error.text}") from None
+
+
+def _extended(folder: Path, name: str) -> Path | None:
+    """The folder of the case an overlay names: one beside it, or a packaged one."""
+    beside = folder.parent / name
+    if name.isprintable() and name and (beside / "case.toml").is_file():
+        return beside
+    return PACKAGED / name if name in packaged() else None
 
 
 def _overlay(folder: Path, about: Row, tables: Table) -> Case:
-    base = folder.parent / about["extends"]
-    if base.resolve() == folder.resolve() or "extends" in _about(
-        base if base.is_dir() else PACKAGED / about["extends"]
-    ):
-        raise CaseError(
-            f"{folder / 'case.toml'}, extends: {about['extends']!r} is itself an overlay; name a full case."
-        )
-    case = load(base if base.is_dir() else about["extends"])
+    base, place = _extended(folder, about["extends"]), f"{folder / 'case.toml'}, extends: "
+    if base is None:
+        known = ", ".join(packaged())
+        raise CaseError(f"{place}there is no case {about['extends']!r}; name a folder beside, or one of {known}.")
+    if base.resolve() == folder.resolve() or "extends" in _about(base):
+        raise CaseError(f"{place}{about['extends']!r} is itself an overlay; name a full case.")
+    case = load(base)
     changed: dict[str, Any] = {k: getattr(case, k) for k in (*TABLES, "title", "source", "base_mva", "frequency_hz")}
     devices = {model: dict(rows) for model, rows in case.devices.items()}
+    located: Table = {}
     for name, (rows, lines) in tables.items():
         path = folder / f"{name}.csv"
         if name in TABLES and name not in KEYS:
-            changed[name] = tuple(TABLES[name](**row) for row in rows)
+            changed[name], located[name] = tuple(TABLES[name](**row) for row in rows), (rows, lines)
             continue
         key = KEYS.get(name, "machine")
         known = {getattr(r, key): r for r in changed[name]} if name in TABLES else devices.get(name, {})
+        line_of = dict.fromkeys(known, 0)
         for row, line in zip(rows, lines, strict=True):
             number = row.pop(key)
             if number not in known:
                 raise CaseError(f"{path} row {line}, column {key}: {case.name} has no {key} {number} to change.")
             known[number] = known[number]._replace(**row)
+            line_of[number] = line
+        located[name] = rows, [line_of[number] for number in known]
         if name in TABLES:
             changed[name] = tuple(known.values())
     given = {key: value for key, value in about.items() if key != "extends"}
-    return _located(folder, {}, changed | {"devices": devices, "name": folder.name} | given)
+    return _located(folder, located, changed | {"devices": devices, "name": folder.name} | given, base)
 
 
 def write(case: Case, folder: str | Path) -> Path:

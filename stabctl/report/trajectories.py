@@ -21,16 +21,19 @@ def overview(run: Trajectory) -> "Figure":
     centre = run.angle @ run.point.plant.inertia / run.point.plant.inertia.sum()
     places = [run.point.net.place[m.storage_bus] for m in case.machines]
     panels = [
-        ("speed deviation, Hz", (run.speed - 1) * case.frequency_hz, names),
-        ("angle from the COI, deg", np.rad2deg(run.angle - centre[:, None]), names),
-        ("voltage, pu", np.abs(run.V[:, places]), [f"bus {m.storage_bus}" for m in case.machines]),
+        ("speed deviation, Hz", (run.speed - 1) * case.frequency_hz, names, 0.01),
+        ("angle from the COI, deg", np.rad2deg(run.angle - centre[:, None]), names, 1.0),
+        ("voltage, pu", np.abs(run.V[:, places]), [f"bus {m.storage_bus}" for m in case.machines], 0.01),
     ]
     if case.storage:
-        panels.append(("storage, MW absorbed", run.storage, [f"ESD {name}" for name in run.devices()]))
+        panels.append(("storage, MW absorbed", run.storage, [f"ESD {name}" for name in run.devices()], 1.0))
     fig, axes = figure(9, 2.3 * len(panels) + 0.6, len(panels), sharex=True)
-    for ax, (label, values, labels) in zip(axes[:, 0], panels, strict=True):
+    for ax, (label, values, labels, least) in zip(axes[:, 0], panels, strict=True):
         _lines(ax, run.time, values, labels)
         ax.set_ylabel(label)
+        middle, span = sum(ax.get_ylim()) / 2, ax.get_ylim()[1] - ax.get_ylim()[0]
+        if span < least:
+            ax.set_ylim(middle - least / 2, middle + least / 2)
         legend(ax, len(labels))
     axes[-1, 0].set_xlabel("time, s")
     fig.suptitle(f"{case.name}: {run.outcome.message}", fontsize="medium", wrap=True)

@@ -4,6 +4,7 @@ Places are written as planners write them: `83` a bus, `7-8` the first circuit b
 `7-8@0.4` a place along it, measured from the first bus named.
 """
 
+import cmath
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -87,7 +88,8 @@ class Change:
     switching: Switching = field(default_factory=Switching)
 
 
-_LINE = re.compile(r"^(\d+)-(\d+)(?:#(\d+))?(?:@([0-9.eE+-]+))?$")
+_NUMBER = r"([0-9]{1,18})"
+_LINE = re.compile(rf"^{_NUMBER}-{_NUMBER}(?:#{_NUMBER})?(?:@([0-9.eE+-]+))?$")
 
 
 def branch(case: Case, text: str) -> tuple[int, bool]:
@@ -102,7 +104,7 @@ def branch(case: Case, text: str) -> tuple[int, bool]:
 def locate(case: Case, text: str) -> Place:
     """The place a text names in the case; `StudyError` says what is wrong with it."""
     text = str(text).strip()
-    if text.isascii() and text.isdigit():
+    if re.fullmatch(_NUMBER, text):
         for i, b in enumerate(case.buses):
             if b.bus == int(text):
                 return Place(i)
@@ -155,12 +157,28 @@ def timeline(case: Case, net: Grid, events: Iterable[Event]) -> tuple[Change, ..
     changes, now = [Change(0.0)], _State(case, net)
     for event in sorted(events, key=lambda e: e.at):
         if not 0 <= event.at < float("inf"):
-            raise StudyError(f"The time {event.at:g} s of {event} is not allowed; it must be at least 0.")
+            raise StudyError(f"The time {event.at:g} s of the {_named(event)} is not allowed; it must be at least 0.")
+        for name, value in vars(event).items():
+            if isinstance(value, int | float | complex) and not cmath.isfinite(value):
+                raise StudyError(f"The {name} {value} of the {_named(event)} is not allowed; it must be finite.")
         now.apply(event)
         if event.at - changes[-1].at < 1e-9 and len(changes) > 1:
             changes.pop()
         changes.append(Change(event.at, now.switching()))
     return tuple(changes)
+
+
+def _named(event: Event) -> str:
+    """An event in words."""
+    match event:
+        case Fault(place) | Clear(place):
+            return f"fault at {place}"
+        case Open(name):
+            return f"opening of {name}"
+        case TripMachine(number):
+            return f"trip of machine {number}"
+        case LoadStep(bus) | SwitchShunt(bus):
+            return f"step at bus {bus}"
 
 
 class _State:
@@ -186,7 +204,12 @@ class _State:
     def apply(self, event: Event) -> None:
         match event:
             case Fault(place, _, impedance):
-                self._fault(place, 1 / impedance if impedance else BOLTED + 0j)
+                if complex(impedance).real < 0:
+                    raise StudyError(
+                        f"The impedance {impedance} pu of the fault at {place} is not allowed; its resistance must be "
+                        "at least 0."
+                    )
+                self._fault(place, 1 / impedance if abs(impedance) * BOLTED > 1 else BOLTED + 0j)
             case Clear(place):
                 self._clear(place)
             case Open(name, _, end):

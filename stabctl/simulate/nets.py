@@ -7,6 +7,7 @@ import scipy.sparse as sp
 
 from stabctl import network
 from stabctl.equilibrium import Point
+from stabctl.errors import StudyError
 from stabctl.network import Switching
 from stabctl.system import Plant
 
@@ -42,7 +43,14 @@ def _stage(point: Point, switching: Switching) -> Stage:
         Y = (keep @ Y @ keep + gone).tocsc()
     numbers = np.unique(island[island >= 0])
     compact = np.where(island >= 0, np.searchsorted(numbers, island), -1).astype(np.int64)
-    return Stage(Net(factor(Y), compact, alive, switching.faulted), plant, where)
+    try:
+        factors = factor(Y)
+    except RuntimeError:
+        raise StudyError(
+            f"The network of {point.case.name} has no solution after its switchings: an admittance cancels another; "
+            "check shunts and series capacitors."
+        ) from None
+    return Stage(Net(factors, compact, alive, switching.faulted), plant, where)
 
 
 def _stepped(point: Point, switching: Switching) -> tuple[Plant, np.ndarray]:

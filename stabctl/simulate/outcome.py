@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,36 +40,59 @@ class Outcome:
         return self.message
 
 
-def outcome(point: Point, verdict: int, t: float, now: Stage, blame: stepper.Scratch, rules: stepper.Rules) -> Outcome:
-    """The outcome of a run that ended at t (s) with a verdict of the stepper."""
-    case = point.case
-    number = case.machines[blame.rotor[0]].machine
-    bus = case.buses[blame.bus[0]].bus
-    cut = _cut_off(point, now)
-    match verdict:
+class End(NamedTuple):
+    """How the stepper left the system."""
+
+    verdict: int  # of the stepper
+    time: float  # s
+    stage: Stage
+    speed: np.ndarray  # (machines) pu
+    machine: int  # row of the machine to blame
+    bus: int  # row of the bus to blame
+    taken_off: tuple[str, ...]  # sentences on the machines that ran away alone
+
+
+def outcome(point: Point, end: End, rules: stepper.Rules) -> Outcome:
+    """The outcome of a run that ended so."""
+    number, bus, t = point.case.machines[end.machine].machine, point.case.buses[end.bus].bus, end.time
+    cut = " ".join((_cut_off(point, end.stage), *end.taken_off)).strip()
+    if not (end.stage.net.island >= 0).any():
+        return Outcome(Kind.VOLTAGE_COLLAPSE, f"No machine is on at {t:.3f} s: the system is dead. {cut}".strip(), t)
+    kind, machine, blamed = Kind.ISLANDED if cut else Kind.STABLE, None, None
+    match end.verdict:
         case stepper.SLIPPED:
-            where = " in its island" if cut else ""
+            kind, machine, where = Kind.LOST_SYNCHRONISM, number, " of its island" if cut else ""
             text = (
                 f"Machine {number} lost synchronism at {t:.3f} s: its angle moved {np.rad2deg(rules.slip):.0f} degrees "
                 f"against the centre of inertia{where}."
             )
-            return Outcome(Kind.LOST_SYNCHRONISM, f"{text} {cut}".strip(), t, machine=number)
         case stepper.RUNAWAY:
+            kind, machine = Kind.ISLANDED if cut else Kind.LOST_SYNCHRONISM, number
             text = f"Machine {number} left {rules.slowest:g} to {rules.fastest:g} pu of speed at {t:.3f} s."
-            kind = Kind.ISLANDED if cut else Kind.LOST_SYNCHRONISM
-            return Outcome(kind, f"{text} {cut}".strip(), t, machine=number)
         case stepper.NO_VOLTAGE:
-            text = f"Voltage collapse at bus {bus} at {t:.3f} s: the network has no voltages that carry its loads."
-            return Outcome(Kind.VOLTAGE_COLLAPSE, f"{text} {cut}".strip(), t, bus=bus)
+            kind, blamed = Kind.VOLTAGE_COLLAPSE, bus
+            text = f"Voltage collapse at bus {bus} at {t:.3f} s: no voltages carry the loads and storage."
         case stepper.LOW_VOLTAGE:
+            kind, blamed = Kind.VOLTAGE_COLLAPSE, bus
             text = (
                 f"Voltage collapse at bus {bus} at {t:.3f} s: its voltage stayed below what its load needs "
                 f"for {rules.low_voltage_s:g} s without a fault."
             )
-            return Outcome(Kind.VOLTAGE_COLLAPSE, f"{text} {cut}".strip(), t, bus=bus)
-    if cut:
-        return Outcome(Kind.ISLANDED, f"{cut} Every island stayed in synchronism until {t:.3f} s.", t)
-    return Outcome(Kind.STABLE, f"All machines stayed in synchronism until {t:.3f} s.", t)
+        case _ if cut:
+            text = f"Every island stayed in synchronism until {t:.3f} s{_frequencies(point, end)}."
+        case _:
+            text = f"All machines stayed in synchronism until {t:.3f} s."
+    sentences = (cut, text) if end.verdict == stepper.DONE else (text, cut)
+    return Outcome(kind, " ".join(sentences).strip(), t, machine, blamed)
+
+
+def _frequencies(point: Point, end: End) -> str:
+    """The frequency of every island at the end, in words."""
+    island, H = end.stage.net.island, point.plant.inertia
+    numbers = [k for k in np.unique(island) if k >= 0]
+    found = [end.speed[island == k] @ H[island == k] / H[island == k].sum() for k in numbers]
+    shown = ", ".join(f"{f * point.case.frequency_hz:.2f}" for f in sorted(found)[:8])
+    return f"; {'they run' if len(found) > 1 else 'it runs'} at {shown} Hz"
 
 
 def _cut_off(point: Point, now: Stage) -> str:
@@ -76,14 +100,14 @@ def _cut_off(point: Point, now: Stage) -> str:
     where = now.island_of_bus
     if where.max() == 0:
         return ""
-    weight = np.bincount(where[point.net.machine_bus], point.plant.inertia, minlength=where.max() + 1)
+    on = now.net.island >= 0
+    weight = np.bincount(where[point.net.machine_bus], point.plant.inertia * on, minlength=where.max() + 1)
     main = int(weight.argmax())
     parts = []
     for k in (k for k in range(where.max() + 1) if k != main):
         buses = [b.bus for b, island in zip(point.case.buses, where, strict=True) if island == k]
-        machines = [
-            m.machine for m, at in zip(point.case.machines, point.net.machine_bus, strict=True) if where[at] == k
-        ]
+        places = zip(point.case.machines, point.net.machine_bus, on, strict=True)
+        machines = [m.machine for m, at, runs in places if where[at] == k and runs]
         rest = f"with {_listed('machine', machines)}" if machines else "without a machine: dead, its load lost"
         parts.append(f"{_listed('bus', buses)} {rest}")
     return f"The switching cut off {'; and '.join(parts)}."
@@ -93,6 +117,3 @@ def _listed(noun: str, numbers: list[int]) -> str:
     plural = {"bus": "buses"}.get(noun, noun + "s")
     shown = ", ".join(map(str, numbers[:8])) + (f" and {len(numbers) - 8} more" if len(numbers) > 8 else "")
     return f"{noun if len(numbers) == 1 else plural} {shown}"
-
-
-__all__ = ["Kind", "Outcome", "outcome"]

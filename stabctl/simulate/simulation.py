@@ -14,12 +14,13 @@ from stabctl.system import Signals, buffers
 from . import events as ev
 from . import stepper
 from .nets import Stage, stage
-from .outcome import Outcome, outcome
+from .outcome import End, Outcome, outcome
 from .sampled import Sampled, carry
 from .stepper import DEFAULT, Rules
 from .trajectory import Trajectory
 
 STEP = 1 / 120  # s   default
+MOST = 50_000_000  # steps of one run
 AT_ONCE = 1200  # steps in one call of the compiled loop, between which Ctrl-C and progress have their turn
 REACH = 2.5  # largest |step * eigenvalue| that RK4 carries, with a margin (it is unstable beyond 2.785)
 
@@ -49,6 +50,7 @@ class Simulation:
         self.changes = ev.timeline(point.case, point.net, events)
         self.time, self.wall_s, self.steps = start, 0.0, 0
         self.outcome: Outcome | None = None
+        self._taken_off: list[str] = []
         self._at = 0
         while self._at + 1 < len(self.changes) and self.changes[self._at + 1].at <= start + 1e-9:
             self._at += 1
@@ -112,7 +114,7 @@ class Simulation:
     def finish(self) -> Trajectory:
         """The trajectory so far, its last row at the present instant."""
         if self.outcome is None:
-            self.outcome = outcome(self.point, stepper.DONE, self.time, self._stage, self._work, self.rules)
+            self.outcome = self._end(stepper.DONE)
         collapsed = self.outcome.bus is not None
         if self.recording and not collapsed:
             self._call(0.0, 0, True)
@@ -129,16 +131,42 @@ class Simulation:
 
     def _segment(self, target: float) -> None:
         steps = max(1, int(np.ceil((target - self.time) / self.step - 1e-6)))
+        if steps > MOST:
+            raise StudyError(f"{steps:.2g} steps to {target:g} s are too many; give a longer step or a shorter run.")
         start, h, done = self.time, (target - self.time) / steps, 0
         while done < steps and self.outcome is None:
             verdict, made = self._call(h, min(steps - done, AT_ONCE), False)
             done += made
             self.time = target if done == steps else start + h * done
             self.steps += made
-            if verdict != stepper.DONE:
-                self.outcome = outcome(self.point, verdict, self.time, self._stage, self._work, self.rules)
+            if verdict == stepper.RUNAWAY and self._alone():
+                self._take_off()
+            elif verdict != stepper.DONE:
+                self.outcome = self._end(verdict)
             if self.progress:
                 self.progress(self.time)
+
+    def _end(self, verdict: int) -> Outcome:
+        blame = self._work.rotor[0], self._work.bus[0]
+        end = End(verdict, self.time, self._stage, self.speed, *map(int, blame), tuple(self._taken_off))
+        return outcome(self.point, end, self.rules)
+
+    def _alone(self) -> bool:
+        """Has the machine that ran away an island of its own, while others run elsewhere?"""
+        island = self._stage.net.island
+        return (island == island[self._work.rotor[0]]).sum() == 1 and (island >= 0).sum() > 1
+
+    def _take_off(self) -> None:
+        """Trip the machine that ran away, as its overspeed protection would, from now on."""
+        row = int(self._work.rotor[0])
+        gone = [c.switching._replace(tripped=c.switching.tripped | {row}) for c in self.changes[self._at :]]
+        later = (replace(c, switching=s) for c, s in zip(self.changes[self._at :], gone, strict=True))
+        self.changes = (*self.changes[: self._at], *later)
+        self._stage = self._enter()
+        self._taken_off.append(
+            f"Machine {self.point.case.machines[row].machine}, alone in its island, left {self.rules.slowest:g} to "
+            f"{self.rules.fastest:g} pu of speed at {self.time:.3f} s and was taken off."
+        )
 
     def _call(self, h: float, steps: int, last: bool) -> tuple[int, int]:
         history = np.empty((steps + last if self.recording else 0, self._width))

@@ -146,9 +146,9 @@ class Trajectory:
     def save(self, path: str | Path) -> Path:
         """Write to a .csv or NetCDF (.nc) file, by the ending; the path."""
         path = Path(path)
-        if path.suffix == ".csv":
+        if path.suffix.lower() == ".csv":
             self.to_dataframe().to_csv(path, index=False)
-        elif path.suffix == ".nc":
+        elif path.suffix.lower() == ".nc":
             self.to_xarray().to_netcdf(path, engine="scipy")
         else:
             raise StudyError(

@@ -1,4 +1,9 @@
-"""Network voltages at the present states: substitution with factors, Newton where that does not contract."""
+"""Network voltages at the present states: substitution with factors, Newton where that does not contract.
+
+Newton first lowers the residual at every step; where that ends at a kink, it follows v' = inv(Y) i(v) - v to its rest
+in long implicit steps (pseudo-transient continuation), and in the end does the same from zero voltage: a load that
+breaks down has a solution below its threshold.
+"""
 
 import numpy as np
 
@@ -38,16 +43,25 @@ def settle(b, plant, net, q):
             return iteration
         before = change
     copy(q.kept, q.volt)
-    found = newton(
-        net.factors, q.source, q.volt, q.current, q.work, q.new, d, q.bus,
-        plant.load, plant.load_slot, plant.storage, plant.storage_slot, b.s.storage, b.s.order,
-    )  # fmt: skip
-    return LIMIT if found else FAILED
+    for attempt in range(3):
+        if newton(
+            net.factors, q.source, q.volt, q.current, q.work, q.new, d, q.bus, attempt > 0,
+            plant.load, plant.load_slot, plant.storage, plant.storage_slot, b.s.storage, b.s.order,
+        ):  # fmt: skip
+            return LIMIT
+        for i in range(len(q.volt) if attempt == 1 else 0):
+            q.volt[i] = 0
+    copy(q.kept, q.volt)
+    return FAILED
 
 
 @apart
-def newton(factors, source, volt, current, work, new, bus, blame, loads, load_slot, stores, store_slot, states, order):
+def newton(
+    factors, source, volt, current, work, new, bus, blame, slow, loads, load_slot, stores, store_slot, states, order
+):
     """Voltages by Newton on the buses that draw, v - a - Z i(v) = 0, steps halved until the residual falls; found?
+
+    With `slow`, the steps are those of an implicit Euler method, of a length that grows as the residual falls.
 
     a and Z are the voltages without draws and the impedances between the buses; `volt` starts as the guess and ends
     as the solution, or `blame[0]` is the bus with the largest residual.
@@ -68,7 +82,8 @@ def newton(factors, source, volt, current, work, new, bus, blame, loads, load_sl
     F, J, before, worst = np.zeros(2 * n), np.zeros((2 * n, 2 * n)), np.inf, 0
     for i in range(n):
         v[i, 0], v[i, 1] = volt[bus[i]].real, volt[bus[i]].imag
-    for _ in range(NEWTON):
+    pace = 0.3
+    for _ in range(3 * NEWTON if slow else NEWTON):
         scale = 1.0
         for _halving in range(12):
             for i in range(n):
@@ -76,11 +91,13 @@ def newton(factors, source, volt, current, work, new, bus, blame, loads, load_sl
                     tried[i, k] = v[i, k].real - scale * F[2 * i + k]
             drawn(tried, loads, load_slot, stores, store_slot, states, order, i_v[0])
             now, worst = residual(tried, a, Z, i_v[0], J[0])
-            if now < before:
+            if now < before or slow:
                 break
             scale *= 0.5
-        if not now < before:
+        if not now < (np.inf if slow else before):
             break
+        if before < np.inf:
+            pace = min(max(pace * before / now, 0.05), 1e6)
         before = now
         if now < TOLERANCE:
             copy(source, current)
@@ -98,6 +115,8 @@ def newton(factors, source, volt, current, work, new, bus, blame, loads, load_sl
                 tried[i, 1 - k] = v[i, 1 - k]
             drawn(tried, loads, load_slot, stores, store_slot, states, order, i_v[1 + k])
         slopes(Z, i_v, J)
+        for i in range(2 * n if slow else 0):
+            J[i, i] += 1 / pace
         eliminate(J, F)
     blame[0] = bus[worst]
     return False

@@ -1,0 +1,61 @@
+"""Speed of the linear analysis of wnaps on one core: linearise, then all eigenvalues with both sets of vectors.
+
+Run: python benchmarks/linear.py. The aim is 0.12 s for both together.
+"""
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import scipy.linalg as sl
+
+from stabctl import equilibrium, read
+from stabctl.linear import descriptor, linearise, local
+from stabctl.linear.model import eliminated
+from stabctl.linear.refuse import limited
+from stabctl.modes import analyse
+from stabctl.modes.eigen import eigen
+
+RUNS = 15
+
+
+def best(call: Callable[[], object]) -> float:
+    """Shortest of some calls, ms."""
+    times = []
+    for _ in range(RUNS):
+        start = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - start)
+    return 1e3 * min(times)
+
+
+def main() -> None:
+    """Measure and print, part by part."""
+    point = equilibrium.solve(read.load("wnaps"))
+    model, form = linearise(point), descriptor(point)
+    alone = local.private(point.plant)
+    A, angles = model.A, model.angles()
+    square = np.random.default_rng(0).normal(size=A.shape)
+    whole = best(lambda: analyse(linearise(point)))
+    parts = {
+        "linearise": best(lambda: linearise(point)),
+        "  private terminals and their layout": best(lambda: local.private(point.plant)),
+        "  coloured complex steps": best(lambda: local.derivatives(alone, local.at(alone, point.z))),
+        "  is a limit at rest?": best(lambda: limited(point, alone)),
+        "  elimination of the voltages": best(lambda: eliminated(form)),
+        "eigenvalues and both sets of vectors": best(lambda: eigen(A, angles)),
+        "  LAPACK alone": best(lambda: sl.eig(A[1:, 1:], left=True, right=True, check_finite=False)),
+        "for scale: a product of two such matrices": best(lambda: square @ square),
+    }
+    print(f"{model}; best of {RUNS}, one core, ms")
+    for name, value in ({"both together": whole} | parts).items():
+        print(f"{value:9.2f}  {name}")
+
+
+if __name__ == "__main__":
+    main()

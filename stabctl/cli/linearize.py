@@ -1,0 +1,37 @@
+"""stabctl linearize: named matrices A, B, C, D of a case for other tools."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from . import shared
+
+Inputs = Annotated[str, typer.Option("--inputs", help="storage:33,exciter:14,governor,load_p:8; a kind alone: all.")]
+Outputs = Annotated[str, typer.Option("--outputs", help="speed,angle:14,coi_speed,voltage:33,frequency:33,flow:7-8.")]
+Out = Annotated[Path, typer.Option("--out", help="File to write, FILE.npz or FILE.mat.")]
+
+
+def linearize(
+    case: shared.CaseName,
+    out: Out,
+    inputs: Inputs = "storage",
+    outputs: Outputs = "speed",
+    storage: shared.Size = None,
+    storage_at: shared.SizeAt = None,
+    lag: shared.Lag = 0.0,
+    classical: shared.Classical = False,
+    as_json: shared.Json = False,
+) -> None:
+    """Linearise a case at its operating point and export the model."""
+    from stabctl.linear import linearise
+
+    point = shared.start(shared.load(case, classical), storage, storage_at, lag=lag)
+    named = [[part for part in text.split(",") if part.strip()] for text in (inputs, outputs)]
+    model = linearise(point, *named)
+    path = model.save(out)
+    if as_json:
+        labels = {k: list(getattr(model, k)) for k in ("states", "inputs", "outputs")}
+        shared.print_json({"file": str(path), **labels})
+        return
+    shared.console().print(f"{model}; written: {path}")

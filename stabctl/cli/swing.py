@@ -1,0 +1,194 @@
+"""`stabctl swing`: the theory on one and two machines, with the values of the paper's tables as defaults."""
+
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from .shared import Json, console, print_json
+
+app = typer.Typer(no_args_is_help=True, help="One and two machines: Table 1, equal area, feedback laws, minimum time.")
+
+Plot = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Write the picture to this file.")]
+Inertia = Annotated[float, typer.Option("--H", help="Inertia constant, s.")]
+Mechanical = Annotated[float, typer.Option("--Pm", help="Mechanical power, pu.")]
+Reactance = Annotated[float, typer.Option("--X", help="Reactance between the two voltages, pu.")]
+Cycles = Annotated[float, typer.Option("--cycles", help="Duration of the fault, cycles.")]
+
+
+@app.command("table1")
+def table1_command(
+    H: Inertia = 3.0,
+    Pm: Mechanical = 0.5,
+    X: Reactance = 0.95,
+    cycles: Annotated[list[float] | None, typer.Option("--cycles", help="Duration, cycles; may be repeated.")] = None,
+    as_json: Json = False,
+    plot: Plot = None,
+) -> None:
+    """Angle and speed when a bolted fault is cleared; the picture is the phase plane."""
+    from stabctl.swing.omib import OMIB, table1
+    from stabctl.swing.phase import portrait
+
+    m, lengths = OMIB(H, Pm, X), tuple(cycles or (6.0, 12.0, 15.0))
+    rows = table1(m, lengths)
+    if plot:
+        from stabctl.report.swing_figures import phase_plane, save
+
+        save(phase_plane(portrait(m, lengths)), plot)
+    if as_json:
+        print_json({"rows": [{"cycles": r.cycles, "angle_rad": r.angle, "speed_rad_s": r.speed} for r in rows]})
+        return
+    lines = [(f"{r.cycles:g}", f"{r.angle:.4f}", f"{r.speed:.4f}") for r in rows]
+    _print_table(f"State at clearing, from {m.start:.4f} rad", ("cycles", "angle (rad)", "speed (rad/s)"), lines)
+
+
+@app.command("equal-area")
+def equal_area_command(
+    H: Inertia = 3.0,
+    Pm: Mechanical = 0.5,
+    X: Reactance = 0.95,
+    Pc: Annotated[float, typer.Option("--Pc", help="Power absorbed from clearing on, pu.")] = 0.0,
+    cycles: Annotated[float | None, typer.Option("--cycles", help="Show this fault, not the critical one.")] = None,
+    as_json: Json = False,
+    plot: Plot = None,
+) -> None:
+    """Critical clearing angle and time by the equal-area criterion; the picture shows the areas."""
+    from stabctl.swing.equal_area import critical, equal_area
+    from stabctl.swing.omib import OMIB, during_fault
+
+    m = OMIB(H, Pm, X)
+    found = critical(m, Pc)
+    area = equal_area(m, found.angle if cycles is None else during_fault(m, m.seconds(cycles))[0], Pc)
+    if plot:
+        from stabctl.report.swing_figures import power_angle, save
+
+        save(power_angle(area), plot)
+    if as_json:
+        print_json({"critical_angle_rad": found.angle, "critical_time_s": found.time, "critical_cycles": found.cycles})
+        return
+    lines = [
+        ("critical clearing angle", f"{found.angle:.6f} rad"),
+        ("critical clearing time", f"{found.time:.6f} s"),
+        ("", f"{found.cycles:.3f} cycles"),
+        ("shown: cleared at", f"{area.clearing:.4f} rad"),
+        ("accelerating area A1", f"{area.A1:.4f} pu rad"),
+        ("decelerating area A2", f"{area.A2:.4f} pu rad"),
+        ("unstable equilibrium", f"{area.unstable:.4f} rad"),
+    ]
+    _print_table("Equal area", ("", ""), lines)
+
+
+@app.command("feedback")
+def feedback_command(
+    H: Inertia = 3.0,
+    Pm: Mechanical = 0.5,
+    X: Reactance = 0.95,
+    cycles: Cycles = 15,
+    Kv: Annotated[float, typer.Option("--Kv", help="Gain of the speed in (13), pu/(rad/s).")] = 0.02,
+    Ka: Annotated[float, typer.Option("--Ka", help="Gain of the acceleration in (13), pu/(rad/s^2).")] = -0.004,
+    Ka_size: Annotated[float, typer.Option("--Ka-size", help="Gain of law (14), pu/(rad/s^2).")] = 0.007,
+    as_json: Json = False,
+    plot: Plot = None,
+) -> None:
+    """The four speed and acceleration feedback laws on one fault; the picture is the phase plane."""
+    from stabctl.swing.feedback import compare, four
+    from stabctl.swing.omib import OMIB
+
+    found = compare(OMIB(H, Pm, X), cycles, four(Kv, Ka, Ka_size))
+    if plot:
+        from stabctl.report.swing_figures import feedback, save
+
+        save(feedback(found), plot)
+    if as_json:
+        laws = [
+            {
+                "name": r.name,
+                "stable": r.stable,
+                "peak_angle_rad": r.peak_angle,
+                "min_angle_rad": r.min_angle,
+                "max_speed_rad_s": r.max_speed,
+                "min_speed_rad_s": r.min_speed,
+            }
+            for r in found.responses
+        ]
+        print_json({"laws": laws})
+        return
+    heads = ("law", "", "angle (rad)", "speed (rad/s)", "damping ratio")
+    lines = [
+        (
+            r.name,
+            "stable" if r.stable else "lost",
+            f"{r.min_angle:.3f} to {r.peak_angle:.3f}",
+            f"{r.min_speed:.3f} to {r.max_speed:.3f}",
+            "-" if math.isnan(r.damping) else f"{r.damping:.3f}",
+        )
+        for r in found.responses
+    ]
+    _print_table(f"Feedback laws after a fault of {cycles:g} cycles", heads, lines)
+
+
+@app.command("minimum-time")
+def minimum_time_command(
+    H1: Annotated[float, typer.Option("--H1", help="Inertia constant of machine 1, s.")] = 1.0,
+    HCOI: Annotated[float, typer.Option("--HCOI", help="Inertia constant of all others, s.")] = 6.0,
+    Pm: Mechanical = 0.5,
+    X: Reactance = 1.0,
+    cycles: Cycles = 6,
+    Pc: Annotated[float, typer.Option("--Pc", help="Greatest absorbed power, pu.")] = 0.5,
+    Pc_min: Annotated[float | None, typer.Option("--Pc-min", help="Least absorbed power, pu; else -Pc.")] = None,
+    as_json: Json = False,
+    plot: Plot = None,
+) -> None:
+    """Bring the relative speed of two machines to zero in the least time; the picture is states and power."""
+    from stabctl.controllers.minimum_time import by_collocation, by_shooting
+    from stabctl.errors import StudyError
+    from stabctl.swing.two_machine import Equivalent
+
+    problem = Equivalent(H1, HCOI, X=X, Pm1=Pm).release(cycles, -Pc if Pc_min is None else Pc_min, Pc)
+    found = by_shooting(problem)
+    if plot:
+        from stabctl.report.swing_figures import optimal, save
+
+        if not found.feasible:
+            raise StudyError(f"there is no picture, because {found.outcome}")
+        save(optimal(found), plot)
+    if as_json:
+        record: dict[str, Any] = dict.fromkeys(
+            ("duration_s", "lambda1_start", "lambda2_start", "angle_end_rad", "switches")
+        )
+        if found.feasible:
+            values = (found.duration, found.lambda1[0], found.lambda2[0], found.x1[-1], len(found.switches))
+            record = dict(zip(record, values, strict=True))
+        else:
+            record["outcome"] = found.outcome
+        print_json(record)
+        return
+    if not found.feasible:
+        typer.echo(found.outcome)
+        return
+    try:
+        difference = f"{by_collocation(problem).duration - found.duration:.1e} s"
+    except StudyError:
+        difference = "not converged"
+    lines = [
+        ("release", f"{problem.x1:.6f} rad, {problem.x2:.6f} rad/s"),
+        ("duration T", f"{found.duration:.6f} s"),
+        ("co-states at release", f"{found.lambda1[0]:.6f} s/rad, {found.lambda2[0]:.7f} s^2/rad"),
+        ("angle at the end", f"{found.x1[-1]:.6f} rad"),
+        ("switches", ", ".join(f"{t:.6f} s" for t in found.switches) or "none"),
+        ("largest Hamiltonian", f"{abs(found.hamiltonian).max():.1e}"),
+        ("T by collocation differs by", difference),
+    ]
+    _print_table("Minimum-time control", ("", ""), lines)
+
+
+def _print_table(title: str, heads: tuple[str, ...], lines: list[tuple[str, ...]]) -> None:
+    from rich.table import Table
+
+    table = Table(title=title, show_header=any(heads))
+    for i, head in enumerate(heads):
+        table.add_column(head, justify="left" if i == 0 else "right")
+    for line in lines:
+        table.add_row(*line)
+    console().print(table)

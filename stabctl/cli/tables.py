@@ -1,0 +1,47 @@
+"""stabctl tables: what stands in the tables of a case."""
+
+from typing import Annotated
+
+import typer
+
+from .shared import Json, console, print_json
+
+Name = Annotated[str | None, typer.Argument(metavar="[TABLE]", help="One table only, such as buses or genrou.")]
+
+
+def tables(name: Name = None, as_json: Json = False) -> None:
+    """List the columns of a case's tables: unit, meaning, what is allowed, default."""
+    from stabctl.case import TABLES
+    from stabctl.errors import StudyError
+    from stabctl.models import ALL
+    from stabctl.quantity import fields
+
+    machine = fields(TABLES["machines"])["machine"]
+    known = {table: list(fields(record).values()) for table, record in TABLES.items()}
+    known |= {model: [machine, *fields(device.Par).values()] for model, device in ALL.items()}
+    if name is not None and name not in known:
+        raise StudyError(f"There is no table {name!r}; known are {', '.join(known)}.")
+    shown = known if name is None else {name: known[name]}
+    if as_json:
+        rows = {
+            table: [
+                {
+                    "column": f.column,
+                    "meaning": f.meaning,
+                    "allowed": f.expected(),
+                    "default": None if f.required else f.default,
+                }
+                for f in columns
+            ]
+            for table, columns in shown.items()
+        }
+        print_json({"tables": rows})
+        return
+    from rich.table import Table
+
+    for table, columns in shown.items():
+        out = Table("column", "meaning", "allowed", "default", title=f"{table}.csv", title_justify="left")
+        out.columns[0].no_wrap = True
+        for f in columns:
+            out.add_row(f.column, f.meaning, f.expected(), "must be given" if f.required else str(f.default))
+        console().print(out)

@@ -1,0 +1,51 @@
+"""Modes as a table on the terminal and as the record of `--json`."""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from stabctl.modes import Modes
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+def record(modes: Modes) -> dict[str, Any]:
+    """Every eigenvalue (both of a pair): frequency, damping, label, ten largest participations, mode shape."""
+    rows = []
+    for k in range(len(modes)):
+        m = modes.mode(k)
+        rows.append(
+            {
+                "real": m.eigenvalue.real,
+                "imag": m.eigenvalue.imag,
+                "frequency_hz": m.frequency_hz,
+                "damping_ratio": m.damping_ratio,
+                "electromechanical": m.electromechanical,
+                "label": m.label,
+                "participation": [{"state": p.state, "share": p.share} for p in m.participation],
+                "shape": [{"machine": p.machine, "magnitude": p.magnitude, "angle_deg": p.angle_deg} for p in m.shape],
+            }
+        )
+    return {"states": len(modes.linear.states), "modes": rows}
+
+
+def table(modes: Modes, chosen: Iterable[int]) -> "Table":
+    """A row for each of the chosen modes."""
+    from rich.table import Table
+
+    out = Table("Hz", "damping ratio", "real, 1/s", "imag, rad/s", "swing", "mode")
+    for column in out.columns[:5]:
+        column.no_wrap = True
+        column.justify = "right"
+    for k in chosen:
+        m = modes.mode(k)
+        swing = "yes" if m.electromechanical else ""
+        s = m.eigenvalue
+        ratio, real = number(m.damping_ratio, 4), number(s.real, 4)
+        out.add_row(f"{m.frequency_hz:.4f}", ratio, real, f"{s.imag:.4f}", swing, m.label)
+    return out
+
+
+def number(value: float, digits: int) -> str:
+    """A number with so many decimals, without the sign of a zero."""
+    return f"{round(value, digits) + 0.0:.{digits}f}"

@@ -1,0 +1,71 @@
+"""Small systems for the laws: one machine of every kind against a large classical one.
+
+machine 1 -- bus 1 --- bus 2 (load) === bus 3 -- machine 2 (swing, GENCLS, ten times as large)
+"""
+
+from dataclasses import replace
+
+from stabctl.case import Branch, Bus, Case, Load, Machine
+from stabctl.models import exdc2, exst3, gencls, genrou, pss, sexs, tgov
+
+ROUND = genrou.Par(0, 0, 4.0, 0.5, 0.003, 0.15, 1.8, 0.3, 0.22, 7.0, 0.03, 1.7, 0.5, 0.4, 0.05)
+SATURATED = ROUND._replace(S10=0.1, S12=0.4)
+SALIENT = ROUND._replace(xd=1.1, xq=0.7, x1q=0.7, T1q=0.5)
+CLASSICAL = gencls.Par(0, 0, 4.0, 1.0, 0.002, 0.3)
+SEXS = sexs.Par(0.01, 200.0, 0.05)
+EXST3 = exst3.Par(0.01, 200.0, 0.02, 10.0, 1.0, 5.0, -5.0, 0.1, -0.1, KP=1.2)
+EXDC2 = exdc2.Par(0.02, 40.0, 0.05, 1.0, 0.5, 6.0, -6.0, 1.0, 0.5, 0.05, TF=1.0, E1=1.2, SE1=0.05, E2=2.4, SE2=0.3)
+PSS = pss.Par(5.0, 10.0, 0.05, 0.02, 0.1, 0.03)
+STEAM = tgov.Par(20.0, 0.1, 0.5, 0.0, 1.25, 5.0)
+HYDRO = tgov.Par(20.0, 0.5, 5.0, 1.0, -1.0, 0.5)
+
+KINDS = {  # name -> devices of machine 1; between them every model of models.ALL and every branch of its equations
+    "classical": {"gencls": CLASSICAL},
+    "classical with governor": {"gencls": CLASSICAL, "tgov": STEAM},
+    "bare": {"genrou": ROUND},
+    "saturated": {"genrou": SATURATED, "sexs": SEXS},
+    "salient": {"genrou": SALIENT, "sexs": SEXS, "tgov": HYDRO},
+    "open rotor circuit": {"genrou": ROUND._replace(T1q=0.0), "exst3": EXST3},
+    "sexs, pss, steam": {"genrou": ROUND, "sexs": SEXS, "pss": PSS, "tgov": STEAM},
+    "sexs with TB, TC": {"genrou": ROUND, "sexs": SEXS._replace(TB=10.0, TC=1.0), "pss": PSS},
+    "sexs bypassed": {"genrou": ROUND, "sexs": SEXS._replace(TR=0.0, TA=0.0, KA=15.0)},
+    "exst3 bus-fed": {"genrou": ROUND, "exst3": EXST3, "pss": PSS, "tgov": HYDRO},
+    "exst3 inner feedback": {
+        "genrou": ROUND,
+        "exst3": EXST3._replace(TR=0.0, KA=50.0, TA=0.2, VImax=0.2, KG=0.1, KJ=2.0),
+    },
+    "exdc2": {"genrou": SATURATED, "exdc2": EXDC2, "pss": PSS},
+    "exdc2 bypassed": {"genrou": ROUND, "exdc2": EXDC2._replace(TR=0.0, TA=0.0, TB=0.0, KA=20.0, SE2=0.0)},
+    "pss bypassed": {"genrou": ROUND, "sexs": SEXS, "pss": PSS._replace(T2=0.0, T4=0.0)},
+    "governor bypassed": {"genrou": ROUND, "sexs": SEXS, "tgov": STEAM._replace(Ts=0.0, Tc=0.0, T5=0.0)},
+}
+
+
+def small(devices, p=300.0, load=None, base=400.0, v=1.02):
+    """Machine 1 with these devices, `p` MW, against the large classical machine 2."""
+    return Case(
+        name="small",
+        buses=(Bus(1, "pv", v), Bus(2, "pq"), Bus(3, "swing", 1.0)),
+        branches=(Branch(1, 2, 0.001, 0.02), Branch(2, 3, 0.005, 0.05, 0.1), Branch(2, 3, 0.005, 0.05, 0.1)),
+        machines=(Machine(1, 1, base, p, 2), Machine(2, 3, 4000.0, 0.0, 3)),
+        devices={**{k: {1: par} for k, par in devices.items()}, "gencls": _classical(devices)},
+        loads=(load or Load(2, 200.0, 50.0),),
+    )
+
+
+def _classical(devices):
+    own = {1: devices["gencls"]} if "gencls" in devices else {}
+    return own | {2: gencls.Par(0, 0, 5.0, 2.0, 0.0, 0.2)}
+
+
+def doubled(case):
+    """The same system with machine 1 split into two equal ones, 1 and 101, at its bus."""
+    one, *others = case.machines
+    half = one._replace(base=one.base / 2, p=one.p / 2)
+    devices = {k: {**rows, 101: rows[1]} if 1 in rows else rows for k, rows in case.devices.items()}
+    return replace(case, machines=(half, half._replace(machine=101), *others), devices=devices)
+
+
+def with_shares(case, **shares):
+    """The same case, its loads of these shares (`p_current=1` ...)."""
+    return replace(case, loads=tuple(load._replace(**shares) for load in case.loads))
