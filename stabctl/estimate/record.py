@@ -109,7 +109,7 @@ class Record:
         if 0 < k < len(shifts) - 1:
             a, b, c = cost[k - 1 : k + 2]
             bend = a - 2 * b + c
-            return round(float(shifts[k] + (0.5 * (a - c) / bend if bend > 0 else 0.0)), 1)
+            return round(float(shifts[k] + (0.5 * (a - c) / bend if bend > 0 else 0.0)), 1) + 0.0
         return float(shifts[k])
 
     def __str__(self) -> str:
