@@ -10,10 +10,11 @@ psi''q follows from the current alone, without field voltage (Kundur, ch. 3-4; n
     T''q dk/dt = e - k - b iq,   psi''q = a e + (1 - a) k,   a = (x'' - xl)/b,   iq = Re(I exp(-j delta)),
     iron = S(|psi''|)/|psi''| psi''q (xq - xl)/(xd - xl).
 The instant at which a current jumps within a frame is not known; what that leaves of the flux, b, is a state of the
-filter (`noise.py`). It fades as the flux's answer to a current does, by `memory` in a frame, and grows with
-an error of the angle, by which the current is turned: k = -answer id / |E''|.
-A classical machine has no such flux: delta = arg E'. Without it the speeds of `two_area` after a fault are known to 27 mHz
-behind x'' or x'd and 35 behind xq, with it to 8; those of `wnaps` to 8, 13 and 4.
+filter (`noise.py`). It fades as the flux's answer to a current does, by `memory` in a frame, and grows with an error of
+the angle, by which the current is turned: k = -answer id / |E''|.
+A classical machine has no such flux: delta = arg E'.
+Without the flux the speeds of `two_area` after a fault are known to 27 mHz behind x'' or x'd and to 35 behind xq, with
+it to 8; those of `wnaps` to 8, to 13, and to 4.
 """
 
 import numpy as np
