@@ -21,6 +21,7 @@ reproduce: .venv/demo  ## every study of analysis/ and sims/, into reports/
 
 bench: .venv/demo  ## measure speed on this machine
 	$(BIN)/python benchmarks/core.py
+	$(BIN)/python benchmarks/estimate.py
 	$(BIN)/python benchmarks/linear.py
 
 clean:  ## remove the virtual environment and everything generated

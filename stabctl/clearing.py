@@ -12,10 +12,12 @@ from stabctl.equilibrium import Point
 from stabctl.errors import StudyError
 from stabctl.simulate.events import contingency
 from stabctl.simulate.outcome import Kind
+from stabctl.simulate.sampled import Sampled
 from stabctl.simulate.simulation import run
 from stabctl.simulate.stepper import DEFAULT, Rules
 
 Status = Literal["found", "unstable_at_zero", "stable_at_limit"]
+QUIET = 0.5  # s   before the fault, in which a sampled controller sees the system at rest
 PROBES = (0.5, 1.0, 2.0, 4.0)  # cycles above the answer at which monotony is checked
 
 
@@ -65,7 +67,7 @@ def clearing_time(
     point: Point,
     fault: str,
     trip: Iterable[str] = (),
-    control: Law | None = None,
+    control: Law | Sampled | None = None,
     resolution_cycles: float = 0.125,
     limit_cycles: float = 60.0,
     observed_s: float = 5.0,
@@ -79,9 +81,9 @@ def clearing_time(
     By doubling and bisection on multiples of the resolution; at a resolution of a cycle or more, cycle by cycle from
     zero as the paper did. Some longer faults are tried too, to see whether stability is monotone.
 
-    Args: operating point (its case's storage acts under `control`); fault and circuits as in `simulate.events`;
-    grid and limit (cycles); time watched after clearing (s); step (s); when a run ends; fault impedance (pu);
-    what is told every run. Raises `StudyError` for impossible places or grids.
+    Args: operating point (its case's storage acts under `control`, a law or a sampled controller); fault and circuits
+    as in `simulate.events`; grid and limit (cycles); time watched after clearing (s); step (s); when a run ends; fault
+    impedance (pu); what is told every run. Raises `StudyError` for impossible places or grids.
     """
     if not 0 < resolution_cycles <= limit_cycles < np.inf:
         raise StudyError(
@@ -91,15 +93,16 @@ def clearing_time(
     if not 0 < observed_s < np.inf:
         raise StudyError(f"The observation of {observed_s:g} s is not allowed; it must be more than 0.")
     hz, trip = point.case.frequency_hz, tuple(trip)
+    at = QUIET if isinstance(control, Sampled) else 0.0
     began, runs = time.perf_counter(), {}
     last = int(np.floor(limit_cycles / resolution_cycles + 1e-9))
 
     def survives(k: int) -> bool:
         if k not in runs:
             clear = k * resolution_cycles / hz
-            happens = contingency(fault, clear, trip, 0.0, impedance)
-            end = run(point, happens, clear + observed_s, control, step, rules, record=False).outcome
-            runs[k] = Run(k * resolution_cycles, end.stable, end.kind, end.machine, end.time_s)
+            happens = contingency(fault, clear, trip, at, impedance)
+            end = run(point, happens, at + clear + observed_s, control, step, rules, record=False).outcome
+            runs[k] = Run(k * resolution_cycles, end.stable, end.kind, end.machine, end.time_s - at)
             if progress:
                 progress(runs[k])
         return runs[k].stable

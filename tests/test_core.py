@@ -8,7 +8,6 @@ import pytest
 
 from stabctl import equilibrium, fleet, powerflow, read
 from stabctl.case import Branch, Bus, Storage
-from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang, Feedback
 from stabctl.errors import EquilibriumError, StudyError
 from stabctl.simulate import stepper

@@ -31,6 +31,12 @@ def clearing_time(
     min_voltage: shared.MinVoltage = 0.8,
     fault_impedance: shared.FaultImpedance = "0,0",
     max_angle: shared.Angle = 3.5,
+    estimator: shared.Estimator = "ideal",
+    pmu_rate: shared.PmuRate = 60,
+    pmu_noise_mrad: shared.PmuNoise = 2.0,
+    latency_ms: shared.Latency = 50.0,
+    loss: shared.Loss = 0.02,
+    seed: shared.Seed = 1,
     classical: shared.Classical = False,
     as_json: shared.Json = False,
 ) -> None:
@@ -41,12 +47,15 @@ def clearing_time(
     loaded = shared.load(case, classical)
     hz = loaded.frequency_hz
     point = shared.start(loaded, storage, storage_at, characteristic=characteristic, lag=lag)
+    law = shared.law(point.case, control, deadband, min_voltage)
+    signals = shared.pmu(pmu_rate, pmu_noise_mrad, latency_ms, loss)
+    steering = shared.steering(law, estimator, signals, seed, "batched")
     with shared.progress("searching", None) as tell:
         found = clearing_time(
             point,
             fault,
             trip or (),
-            shared.law(point.case, control, deadband, min_voltage),
+            steering,
             seconds(resolution, hz) * hz,
             seconds(limit, hz) * hz,
             observe,

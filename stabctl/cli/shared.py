@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from stabctl.case import Case
     from stabctl.controllers import BangBang
     from stabctl.equilibrium import Point
+    from stabctl.estimate.estimators import Engine
+    from stabctl.estimate.loop import Driven
+    from stabctl.estimate.pmu import Pmu
 
 CaseName = Annotated[str, typer.Argument(metavar="CASE", help="A packaged case, or a folder.")]
 Classical = Annotated[bool, typer.Option("--classical", help="Classical machines, without controls.")]
@@ -45,6 +48,16 @@ Angle = Annotated[
     float, typer.Option("--max-angle", help="Change of angle against the COI that loses synchronism, rad.")
 ]
 Step = Annotated[float | None, typer.Option("--step", help="Time step, s (default: at most 1/120).")]
+
+Estimator = Annotated[
+    Literal["ideal", "frequency", "kinematic", "kalman"],
+    typer.Option("--estimator", help="What the storage law sees: true speeds, or estimates from PMU signals."),
+]
+PmuRate = Annotated[int, typer.Option("--pmu-rate", help="PMU reports per second.")]
+PmuNoise = Annotated[float, typer.Option("--pmu-noise-mrad", help="Noise of phasor angles; magnitudes per mille.")]
+Latency = Annotated[float, typer.Option("--latency-ms", help="Latency of the reports of other machines.")]
+Loss = Annotated[float, typer.Option("--loss", help="Share of the reports that never arrive.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of noise and losses.")]
 
 
 def load(name: str, classical: bool = False) -> "Case":
@@ -83,6 +96,27 @@ def law(case: "Case", control: str | None, deadband: float, min_voltage: float) 
         raise StudyError("--control bang-bang needs storage devices; give --storage or --storage-at.")
     steering = BangBang(deadband, min_voltage)
     return steering if (control or ("bang-bang" if case.storage else "none")) == "bang-bang" else None
+
+
+def pmu(rate: int, noise_mrad: float, latency_ms: float, loss: float) -> "Pmu":
+    """The PMUs of the options; noise of angles (mrad) and, as large, of magnitudes (per mille)."""
+    from stabctl.estimate.pmu import Pmu
+
+    return Pmu(rate, angle_mrad=noise_mrad, magnitude=1e-3 * noise_mrad, latency_ms=latency_ms, loss=loss)
+
+
+def steering(
+    law: "BangBang | None", estimator: str, pmu: "Pmu", seed: int, engine: "Engine" = "filterpy"
+) -> "BangBang | Driven | None":
+    """What sets the orders: the law itself where the estimator is ideal, else the law on PMU signals."""
+    from stabctl.errors import StudyError
+    from stabctl.estimate.loop import Driven
+
+    if estimator == "ideal":
+        return law
+    if law is None:
+        raise StudyError(f"--estimator {estimator} needs storage devices under control; give --storage.")
+    return Driven(law, estimator, pmu, seed, engine)
 
 
 def impedance(text: str) -> complex:

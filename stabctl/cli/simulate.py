@@ -39,6 +39,12 @@ def simulate(
     min_voltage: shared.MinVoltage = 0.8,
     fault_impedance: shared.FaultImpedance = "0,0",
     max_angle: shared.Angle = 3.5,
+    estimator: shared.Estimator = "ideal",
+    pmu_rate: shared.PmuRate = 60,
+    pmu_noise_mrad: shared.PmuNoise = 2.0,
+    latency_ms: shared.Latency = 50.0,
+    loss: shared.Loss = 0.02,
+    seed: shared.Seed = 1,
     out: Out = None,
     plot: Plot = None,
     classical: shared.Classical = False,
@@ -67,7 +73,9 @@ def simulate(
         events = contingency(fault, duration, trip or (), at, through)
     options = {"characteristic": characteristic, "lag": lag}
     point = shared.start(loaded, storage, storage_at, **options)
-    steering = shared.law(point.case, control, deadband, min_voltage)
+    law = shared.law(point.case, control, deadband, min_voltage)
+    signals = shared.pmu(pmu_rate, pmu_noise_mrad, latency_ms, loss)
+    steering = shared.steering(law, estimator, signals, seed)
     with shared.progress("simulating", until) as tell:
         keep = out is not None or plot is not None
         result = run(point, events, until, steering, step, shared.rules(max_angle), keep, progress=tell)

@@ -8,7 +8,8 @@ from typing import Protocol
 
 from .bang_bang import BangBang
 from .feedback import Feedback
-from .signals import Device, Par
+from .laws import order
+from .signals import Device, Par, Seen
 
 
 class Law(Protocol):
@@ -19,4 +20,4 @@ class Law(Protocol):
         ...
 
 
-__all__ = ["BangBang", "Device", "Feedback", "Law", "Par"]
+__all__ = ["BangBang", "Device", "Feedback", "Law", "Par", "Seen", "order"]

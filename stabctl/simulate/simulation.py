@@ -10,12 +10,13 @@ from stabctl import compiled
 from stabctl.controllers import Device, Law
 from stabctl.equilibrium import Point
 from stabctl.errors import StudyError
-from stabctl.system import buffers
+from stabctl.system import Signals, buffers
 
 from . import events as ev
 from . import stepper
 from .nets import Stage, stage
 from .outcome import End, Outcome, outcome
+from .sampled import Sampled, carry
 from .stepper import DEFAULT, Rules
 from .trajectory import Trajectory
 
@@ -95,6 +96,16 @@ class Simulation:
             self._buffers, self._stage.plant, self._stage.net, self._work, self.rules, 0.0, 0, True, NO_ROWS
         )
         return self._work.volt.copy()
+
+    @property
+    def signals(self) -> Signals:
+        """Named views of states and set-points now; to read."""
+        return self._buffers.s
+
+    @property
+    def island(self) -> np.ndarray:
+        """Islands (machines) now, by number; -1 of a machine that is off."""
+        return self._stage.net.island
 
     def advance(self, until: float) -> bool:
         """Carry on to `until` (s), landing on every event on the way; is the system still to be carried on?"""
@@ -202,19 +213,26 @@ def run(
     point: Point,
     events: Iterable[ev.Event] = (),
     until: float = 10.0,
-    control: Law | None = None,
+    control: Law | Sampled | None = None,
     step: float | None = None,
     rules: Rules = DEFAULT,
     record: bool = True,
     start: float = 0.0,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
-    """Simulate an operating point under events until `until` (s); arguments as in `Simulation`."""
+    """Simulate an operating point under events until `until` (s); arguments as in `Simulation`.
+
+    A law runs inside the compiled loop, a sampled controller between intervals of its rate.
+    """
     if not start < until < np.inf:
         raise StudyError(f"The run ends at {until:g} s; it must end after its start at {start:g} s.")
-    simulation = Simulation(point, events, control, step, rules, record, start, progress)
+    sampled = isinstance(control, Sampled)
+    simulation = Simulation(point, events, None if sampled else control, step, rules, record, start, progress)
     latest = simulation.changes[-1].at
     if latest >= until:
         raise StudyError(f"The run ends at {until:g} s, before the last event at {latest:g} s; give it a later end.")
-    simulation.advance(until)
+    if sampled:
+        carry([simulation], control.pilot([simulation]), control.rate, until)
+    else:
+        simulation.advance(until)
     return simulation.finish()

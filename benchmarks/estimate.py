@@ -1,0 +1,67 @@
+"""Time of the estimators per frame of the 34 machines of wnaps (a frame at 60 per second is 16.7 ms): medians."""
+
+import os
+
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(variable, "1")
+
+import statistics
+import time
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from stabctl import equilibrium, read
+from stabctl.estimate.centre import Centre
+from stabctl.estimate.estimators import Engine, Estimator, estimator
+from stabctl.estimate.machines import Terminals, machines
+from stabctl.estimate.pmu import Frame, Instrument, Pmu
+from stabctl.simulate.events import contingency
+from stabctl.simulate.simulation import Simulation
+
+FRAMES = 240
+
+
+def frames(case: str, seeds: int) -> tuple[Simulation, list[Frame]]:
+    """The reports of a fault at bus 83 of the case, cleared after four cycles."""
+    point = equilibrium.solve(read.load(case))
+    simulation = Simulation(point, contingency("83", 4 / 60, ["83-33"]), record=False)
+    pmu, terminals, seen = Pmu(), Terminals(simulation), []
+    instrument = Instrument(pmu, range(seeds), len(point.case.machines), point.case.frequency_hz)
+    for k in range(FRAMES):
+        simulation.advance(k / pmu.rate)
+        V, I = terminals.phasors()
+        truth = (np.tile(part, (seeds, 1)) for part in (V, I, simulation.speed - 1))
+        seen.append(instrument.report(simulation.time, *truth))
+    return simulation, seen
+
+
+def per_frame(simulation: Simulation, seen: list[Frame], engine: Engine) -> tuple[float, float]:
+    """Median seconds of a frame: of the estimates, and with the deviations from the COI of the rest."""
+    pmu, known = Pmu(), machines(simulation.point)
+    made: Estimator = estimator("kalman", known, pmu, engine=engine)
+    centre = Centre(known.inertia, pmu.rate, pmu.own_frames, pmu.remote_frames)
+    island, walls = np.zeros(seen[0].V.shape, int), []
+    for frame in seen:
+        before = time.perf_counter()
+        estimate = made.step(frame)
+        between = time.perf_counter()
+        centre.step(estimate, island)
+        walls.append((between - before, time.perf_counter() - before))
+    return tuple(statistics.median(column) for column in zip(*walls[1:], strict=True))
+
+
+def main() -> None:
+    """Measure and print."""
+    table = Table("engine", "seeds", "estimates, ms", "with COI, ms", "of one seed, ms", "wanted, ms")
+    for engine, seeds, wanted in (("filterpy", 1, 4.0), ("batched", 1, 0.2), ("batched", 20, 0.2)):
+        simulation, seen = frames("wnaps", seeds)
+        alone, whole = (1e3 * s for s in per_frame(simulation, seen, engine))
+        cells = (f"{alone:.3f}", f"{whole:.3f}", f"{whole / seeds:.3f}", f"{wanted:g}")
+        table.add_row(engine, str(seeds), *cells)
+    Console(highlight=False).print(table)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,88 @@
+"""stabctl estimate: how well the speeds are known from PMU signals, with the controller in the loop."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from . import shared
+
+if TYPE_CHECKING:
+    from stabctl.estimate.record import Record, Score
+
+Clear = Annotated[str, typer.Option("--clear", help="Clearing time: 6cyc, 0.1s, 100ms.")]
+At = Annotated[float, typer.Option("--at", help="Instant of the fault, s.")]
+Observe = Annotated[float, typer.Option("--observe", help="Time watched after clearing, s.")]
+Plot = Annotated[Path | None, typer.Option("--plot", help="Draw true and estimated speeds to FILE.png or .svg.")]
+
+
+def estimate(
+    case: shared.CaseName,
+    fault: shared.Fault,
+    clear: Clear,
+    trip: shared.Trip = None,
+    at: At = 1.0,
+    observe: Observe = 5.0,
+    step: shared.Step = None,
+    storage: shared.Size = None,
+    storage_at: shared.SizeAt = None,
+    characteristic: shared.Characteristic = "power",
+    lag: shared.Lag = 0.0,
+    deadband: shared.Deadband = 0.1,
+    min_voltage: shared.MinVoltage = 0.8,
+    fault_impedance: shared.FaultImpedance = "0,0",
+    max_angle: shared.Angle = 3.5,
+    estimator: shared.Estimator = "kalman",
+    pmu_rate: shared.PmuRate = 60,
+    pmu_noise_mrad: shared.PmuNoise = 2.0,
+    latency_ms: shared.Latency = 50.0,
+    loss: shared.Loss = 0.02,
+    seed: shared.Seed = 1,
+    plot: Plot = None,
+    classical: shared.Classical = False,
+    as_json: shared.Json = False,
+) -> None:
+    """Estimate speeds against the rest of the system from PMU signals, through a fault, and judge them."""
+    from stabctl.controllers import BangBang
+    from stabctl.errors import StudyError
+    from stabctl.estimate.loop import Driven, watch
+    from stabctl.simulate.events import contingency
+    from stabctl.units import seconds
+
+    if not 0.05 < observe < float("inf"):
+        raise StudyError(f"--observe {observe:g} s is not allowed; it must be more than 0.05.")
+    if plot and plot.suffix not in (".png", ".svg"):
+        raise StudyError(f"The file {plot.name!r} must end in .png or .svg.")
+    loaded = shared.load(case, classical)
+    off = seconds(clear, loaded.frequency_hz)
+    events = contingency(fault, off, trip or (), at, shared.impedance(fault_impedance))
+    point = shared.start(loaded, storage, storage_at, characteristic=characteristic, lag=lag)
+    law = shared.law(point.case, None, deadband, min_voltage) or BangBang(deadband, min_voltage)
+    driven = Driven(law, estimator, shared.pmu(pmu_rate, pmu_noise_mrad, latency_ms, loss), seed)
+    end = at + off + observe
+    found = watch(point, events, end, driven, step=step, rules=shared.rules(max_angle))
+    if plot:
+        from stabctl.report.estimates import speeds
+
+        speeds(found).savefig(plot, dpi=150)
+    _show(found, found.after(at + off, end), as_json, plot)
+
+
+def _show(found: "Record", score: "Score", as_json: bool, plot: Path | None) -> None:
+    end = found.runs[0].outcome
+    if as_json:
+        shared.print_json(score._asdict() | {"outcome": end.kind.value, "message": end.message})
+        return
+    from rich.table import Table
+
+    table = Table("", str(found))
+    table.add_row("outcome", end.message)
+    table.add_row("error, root mean square", f"{score.rmse_mhz:.1f} mHz")
+    table.add_row("error, 99th percentile", f"{score.p99_mhz:.1f} mHz")
+    table.add_row("delay", f"{score.delay_ms:.1f} ms")
+    table.add_row("wrong commands", f"{100 * score.wrong_command_share:.2f} %")
+    table.add_row("opposite commands", f"{100 * score.opposite_command_share:.2f} %")
+    table.add_row("computing", f"{score.cpu_ms_per_frame:.2f} ms per frame")
+    if plot:
+        table.add_row("written", str(plot))
+    shared.console().print(table)

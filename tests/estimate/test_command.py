@@ -1,0 +1,69 @@
+"""stabctl estimate, and the estimator's options of simulate and clearing-time."""
+
+import json
+import sys
+
+import pytest
+
+from stabctl import cli
+
+FAULT = ("two_area", "--fault", "7", "--trip", "7-8", "--storage", "50MW")
+
+
+@pytest.fixture
+def stabctl(monkeypatch, capsys):
+    """Calls the command line; (exit code, stdout, stderr)."""
+
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["stabctl", *map(str, words)])
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        out, err = capsys.readouterr()
+        return stop.value.code, out, err
+
+    return call
+
+
+def test_estimate_prints_its_measures_and_draws(stabctl, tmp_path):
+    picture = tmp_path / "speeds.png"
+    words = ("estimate", *FAULT, "--clear", "11cyc", "--observe", 2)
+    code, out, err = stabctl(*words, "--json", "--plot", picture)
+    record = json.loads(out)
+    assert (code, err) == (0, "")
+    names = ("rmse_mhz", "p99_mhz", "delay_ms", "wrong_command_share", "opposite_command_share", "cpu_ms_per_frame")
+    assert set(names) < set(record)
+    assert record["rmse_mhz"] < 15
+    assert record["outcome"] == "stable"
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    again = json.loads(stabctl(*words, "--json")[1])
+    assert all(again[k] == record[k] for k in names[:-1])
+    assert "mHz" in stabctl(*words, "--classical", "--clear", "8cyc")[1]
+
+
+def test_simulate_and_clearing_time_take_an_estimator(stabctl):
+    simulate = ("simulate", *FAULT, "--clear", "11cyc", "--until", 3, "--json")
+    kalman, ideal = (json.loads(stabctl(*simulate, "--estimator", kind)[1]) for kind in ("kalman", "ideal"))
+    assert kalman["stable"]
+    assert kalman["max_angle_from_coi_deg"] != ideal["max_angle_from_coi_deg"]
+    words = ("clearing-time", *FAULT, "--resolution", "0.5cyc", "--estimator", "kalman", "--latency-ms", 100, "--json")
+    assert json.loads(stabctl(*words)[1])["cycles"] == 12.0
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("simulate", "two_area", "--fault", "7", "--clear", "6cyc", "--estimator", "kalman"), "needs storage devices"),
+        (("estimate", *FAULT, "--clear", "6cyc", "--pmu-rate", 61), "not one of"),
+        (("estimate", *FAULT, "--clear", "6cyc", "--loss", 1.5), "not allowed"),
+        (("estimate", *FAULT, "--clear", "6cyc", "--seed", -1), "--seed"),
+        (("estimate", *FAULT, "--clear", "6cyc", "--latency-ms", "nan"), "not allowed"),
+        (("estimate", *FAULT, "--clear", "6cyc", "--plot", "x.pdf"), "must end in"),
+        (("estimate", *FAULT, "--clear", "6cyc", "--observe", 0), "--observe"),
+        (("estimate", *FAULT, "--clear", "120cyc", "--observe", 5), "in synchronism"),
+    ],
+)
+def test_a_mistake_is_one_line(stabctl, words, says):
+    code, out, err = stabctl(*words)
+    assert (code, out) == (2, "")
+    assert len(err.splitlines()) == 1
+    assert says in err
