@@ -6,7 +6,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from stabctl import compiled, equilibrium, fleet, read
+from stabctl import equilibrium, fleet, read
 from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang
 from stabctl.report import clearing, trajectories
@@ -22,7 +22,6 @@ def main() -> None:
     """Simulate, print the verdicts, draw."""
     REPORTS.mkdir(exist_ok=True)
     console = Console(highlight=False)
-    compiled.announce()
     case = read.load("two_area")
     points = {
         "without storage": (equilibrium.solve(case), None),

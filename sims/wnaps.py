@@ -5,7 +5,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from stabctl import compiled, equilibrium, fleet, powerflow, read
+from stabctl import equilibrium, fleet, powerflow, read
 from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang
 from stabctl.report import clearing, trajectories
@@ -22,7 +22,6 @@ def main() -> None:
     """Simulate, print Table 4 in both readings, draw."""
     REPORTS.mkdir(exist_ok=True)
     console = Console(highlight=False)
-    compiled.announce()
     case = read.load("wnaps")
     events = contingency(FAULT, 6 / case.frequency_hz, TRIP)
     bare = run(equilibrium.solve(case), events)

@@ -8,8 +8,9 @@ from types import ModuleType
 import numpy as np
 
 from stabctl import system
-from stabctl.case import Case, Storage
-from stabctl.controllers.signals import Par as Law
+from stabctl.case import Case
+from stabctl.controllers.signals import Par as LawPar
+from stabctl.errors import EquilibriumError
 from stabctl.models import ALL, load, storage
 from stabctl.network import Grid
 from stabctl.powerflow import Flow
@@ -25,7 +26,7 @@ def plant(case: Case, flow: Flow, net: Grid) -> tuple[Plant, np.ndarray]:
     for name, device in ALL.items():
         tables[name], tables[f"{name}_machine"] = _devices(case, name, device, rows)
     tables |= _storage(case, net, rows)
-    tables["law"] = records(Law, len(case.storage))
+    tables["law"] = records(LawPar, len(case.storage))
     tables["load"], tables["load_bus"], fixed = _loads(case, flow, net)
     tables["machine_bus"] = net.machine_bus.astype(np.int64)
     inertia = np.zeros(len(case.machines))
@@ -39,7 +40,7 @@ def plant(case: Case, flow: Flow, net: Grid) -> tuple[Plant, np.ndarray]:
     widths = [len(k.State._fields) for k in system.FAMILIES]
     owners = [np.repeat(tables[f"{f}_machine"], w) for f, w in zip(system.NAMES, widths, strict=True) if f in ALL]
     tables["owner"] = np.concatenate(owners).astype(np.int64)
-    tables |= {"held": np.zeros(0, np.int64), "held_low": np.zeros(0), "held_high": np.zeros(0)}
+    tables |= dict.fromkeys(("held", "held_low", "held_high", "held_machine"), np.zeros(0))
     made = Plant(**tables)
     for name in MACHINES:
         width = len(ALL[name].State._fields)
@@ -62,21 +63,24 @@ def _devices(case: Case, name: str, device: ModuleType, rows: dict[int, int]) ->
 
 def held(plant: Plant) -> dict[str, np.ndarray]:
     """Places in z, and limits, of the states that a model lists in HELD, and of the energies in store."""
-    place, low, high = [], [], []
+    place, low, high, scale = [], [], [], []
     for name, device in ALL.items():
         first, width, table = system.first_state(plant, name), len(device.State._fields), getattr(plant, name)
-        for state, (least, most) in device.HELD.items():
+        for state, (least, most, *of) in device.HELD.items():
             place.append(first + device.State._fields.index(state) + width * np.arange(len(table)))
             low.append(table[least])
             high.append(table[most])
+            scale.append(getattr(plant, f"{name}_machine") if of else np.full(len(table), -1))
     capacity = plant.storage["capacity"]
     place.append(system.first_state(plant, "storage") + 1 + 2 * np.arange(len(capacity)))
     low.append(np.where(capacity > 0, 0.0, -np.inf))
     high.append(np.where(capacity > 0, capacity, np.inf))
+    scale.append(np.full(len(capacity), -1))
     return {
         "held": np.concatenate(place).astype(np.int64),
         "held_low": np.concatenate(low).astype(float),
         "held_high": np.concatenate(high).astype(float),
+        "held_machine": np.concatenate(scale).astype(np.int64),
     }
 
 
@@ -98,11 +102,7 @@ def _storage(case: Case, net: Grid, rows: dict[int, int]) -> dict[str, np.ndarra
 
 def stored(case: Case) -> np.ndarray:
     """Energy (pu s) in every storage device at the start."""
-    return np.array([_start_energy(s) for s in case.storage]) * 3600 / case.base_mva
-
-
-def _start_energy(s: Storage) -> float:
-    return s.energy * s.charge
+    return np.array([s.energy * s.charge for s in case.storage]) * 3600 / case.base_mva
 
 
 def _loads(case: Case, flow: Flow, net: Grid) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -115,6 +115,11 @@ def _loads(case: Case, flow: Flow, net: Grid) -> tuple[np.ndarray, np.ndarray, n
     for bus, p, q, pp, qp, pc, qc, vlow in rows:
         b, V = net.place[bus], abs(flow.V[net.place[bus]])
         P, Q = p / case.base_mva, q / case.base_mva
+        if vlow > V:
+            raise EquilibriumError(
+                f"The load at bus {bus} of {case.name} cannot start: its v_low = {vlow:g} pu, below which it is an "
+                f"admittance, is above its load-flow voltage of {V:.3f} pu; lower v_low_pu in loads.csv."
+            )
         fixed[b] += ((1 - pp - pc) * P - 1j * (1 - qp - qc) * Q) / V**2
         if pp * P or qp * Q or pc * P or qc * Q:
             out.append((b, pp * P, qp * Q, pc * P / V, qc * Q / V, vlow))

@@ -1,11 +1,11 @@
 """A power system as frozen tables, in the units of its files; every case that exists is a valid one.
 
 Network per-unit values stand on the case's `base_mva`, machine and control values on the machine's own `base_mva`.
-Conversion to the units of the equations happens once, in `network.grid` and `system.plant`.
+Conversion to the units of the equations happens once, in `network.grid` and `build.plant`.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -38,7 +38,7 @@ class Branch(NamedTuple):
     x: Annotated[float, "pu", "series reactance (negative: series capacitor)"]
     b: Annotated[float, "pu", "total charging susceptance"] = 0.0
     tap: Annotated[float, "-", "turns ratio on the from side (1: a line)", RATIO] = 1.0
-    phase: Annotated[float, "deg", "phase shift"] = 0.0
+    phase: Annotated[float, "deg", "angle by which the from side leads"] = 0.0
 
 
 class Machine(NamedTuple):
@@ -116,6 +116,10 @@ class Case:
         object.__setattr__(self, "devices", MappingProxyType(frozen))
         object.__setattr__(self, "warnings", tuple(check(self, TABLES)))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        plain = {f.name: getattr(self, f.name) for f in fields(self) if f.init and f.name != "warnings"}
+        return _made, (plain | {"devices": {model: dict(rows) for model, rows in self.devices.items()}},)
+
     def machine(self, number: int) -> Machine:
         """The machine of that number; `StudyError` where there is none."""
         for m in self.machines:
@@ -148,3 +152,8 @@ class Case:
         return f"{self.name}: {self.title} ({shape}, {len(self.loads)} loads, {len(self.links)} HVDC links)"
 
     __repr__ = __str__
+
+
+def _made(parts: dict[str, Any]) -> Case:
+    """A case from its parts (how it is copied between processes)."""
+    return Case(**parts)

@@ -8,6 +8,7 @@ read-only.
 """
 
 import hashlib
+import os
 import sys
 import tempfile
 from collections.abc import Callable
@@ -42,11 +43,16 @@ def _cache_folder() -> Path:
         with tempfile.TemporaryFile(dir=wanted):
             return wanted
     except OSError:
-        return Path(tempfile.gettempdir()) / "stabctl" / wanted.name
+        own = Path(tempfile.gettempdir()) / f"stabctl-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
+        own.mkdir(mode=0o700, exist_ok=True)
+        if own.stat().st_mode & 0o077 or own.is_symlink():  # somebody else could plant machine code there
+            own = Path(tempfile.mkdtemp(prefix="stabctl-"))
+        return own / wanted.name
 
 
 FOLDER = _cache_folder()
 _entries: list[Any] = []
+_announced: list[bool] = []
 
 _BARE = {"error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": True}
 kernel = register_jitable(forceinline=True, **_BARE)
@@ -65,6 +71,7 @@ def entry(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def announce() -> None:
-    """Say on stderr that the first call will compile, where an entry point met so far has no machine code on disk."""
-    if not all(any(Path(e._cache.cache_path).glob(f"*.{e.__name__}-*.nbc")) for e in _entries):
+    """Say on stderr, once, that the next call compiles, where an entry point met so far has no machine code on disk."""
+    if not _announced and not all(any(Path(e._cache.cache_path).glob(f"*.{e.__name__}-*.nbc")) for e in _entries):
+        _announced.append(True)
         print("stabctl: compiling the equations once, some 20 to 60 seconds ...", file=sys.stderr, flush=True)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from stabctl import build, layout, network, powerflow, system
+from stabctl import build, compiled, layout, network, powerflow, system
 from stabctl.case import Case
 from stabctl.errors import EquilibriumError
 from stabctl.jacobian import jacobian
@@ -22,6 +22,7 @@ from stabctl.powerflow import Flow
 from stabctl.system import Plant, buffers, sizes
 
 TOLERANCE = 1e-11  # largest residual, 1/s and pu
+ROUNDOFF = 1e-15  # the same over the largest slope of its equation: a fast block cannot come closer
 ROTOR_CIRCUITS = ("T1d", "T2d", "T1q", "T2q")
 
 
@@ -52,6 +53,9 @@ class Point:
         """Bus voltages (buses), complex, pu."""
         return self.flow.V
 
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"stages": {}}
+
     def __str__(self) -> str:
         n = sizes(self.plant, len(self.V))
         return f"operating point of {self.case.name}: {n.states} states, found in {self.iterations} Newton steps"
@@ -70,6 +74,7 @@ def norton_admittances(plant: Plant) -> np.ndarray:
 
 def solve(case: Case, flow: Flow | None = None, limit: int = 30) -> Point:
     """The operating point of a case at its load flow. `EquilibriumError` names device, machine and limit."""
+    compiled.announce()
     flow = flow or powerflow.solve(case)
     net = network.grid(case)
     plant, fixed = build.plant(case, flow, net)
@@ -159,7 +164,8 @@ def _newton(b: system.Buffers, case: Case, plant: Plant, current: np.ndarray, li
         residual = np.array([np.abs(f[r]).max() for r in own])
         if not np.isfinite(residual).all():
             break
-        if residual.max() < TOLERANCE:
+        slope = np.array([np.abs(J[r]).max(initial=1.0) for r in own])
+        if residual.max() < TOLERANCE or (residual / slope).max() < ROUNDOFF:
             blocks = [J[rows[i]][:, : len(rows[i])] for i in range(m)]
             return iteration, max(float(np.abs(np.linalg.eigvals(A)).max()) for A in blocks)
         for i in range(m):
@@ -185,8 +191,9 @@ def _check_limits(b: system.Buffers, case: Case, plant: Plant) -> None:
         if np.cos(b.z[plant.rotor[i]].real - np.angle(b.s.v[i, 0] + 1j * b.s.v[i, 1]).real) < -0.5:
             raise EquilibriumError(f"Machine {m.machine} of {case.name} starts upside down; check its reactances.")
     places = layout.states(plant)
-    for k, low, high in zip(plant.held, plant.held_low, plant.held_high, strict=True):
-        value = b.z[k].real
+    size = np.abs(b.s.v[:, 0] + 1j * b.s.v[:, 1])
+    for k, low, high, m in zip(plant.held, plant.held_low, plant.held_high, plant.held_machine, strict=True):
+        value = b.z[k].real / (size[m] if m >= 0 else 1.0)
         if not low <= value <= high:
             place = places[k]
             name = ALL[place.family].HELD[place.name][int(value > high)]

@@ -20,7 +20,7 @@ def jacobian(b, plant, on, columns, J):
             if c >= 0:
                 b.z[c] += 1j * STEP
         system.rates(b.s, plant, b.w, b.r)
-        system.hold(b.z, b.f, plant)
+        system.hold(b.z, b.f, plant, b.w)
         system.sources(b.s, plant, on, b.r.g)
         system.draws(b.s, plant, b.r.g)
         for c in columns[k]:

@@ -112,6 +112,8 @@ def admittance(net: Grid, switching: Switching = UNSWITCHED) -> sp.csc_matrix:
     y, half = 1 / net.z, 0.5j * net.charging
     ports = np.array([[y + half, -y], [-y, y + half]])
     for k, state in switching.branches:
+        if state.fault_at == 0:  # on the bus's side of the ratio
+            state = state._replace(fault_admittance=state.fault_admittance * abs(net.ratio[k]) ** 2)
         ports[:, :, k] = two_port(net.z[k], net.charging[k], state)
     shunt = net.shunt.copy()
     for bus, extra in (*switching.faults, *switching.shunts):

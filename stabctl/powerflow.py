@@ -58,7 +58,11 @@ def solve(case: Case, limit: int = 30) -> Flow:
     kind = np.array([b.kind for b in case.buses])
     pv, pq = np.flatnonzero(kind == "pv"), np.flatnonzero(kind == "pq")
     size, angle = np.array([b.v for b in case.buses]), np.deg2rad([b.angle for b in case.buses])
-    V, iterations = _newton(case, Y, size, angle, wanted, pv, pq, limit)
+    flat = np.where(kind == "pq", 1.0, size), np.full(len(kind), angle[kind == "swing"][0])
+    try:
+        V, iterations = _newton(case, Y, size, angle, wanted, pv, pq, limit)
+    except PowerFlowError:
+        V, iterations = _newton(case, Y, *flat, wanted, pv, pq, limit)
     injected = V * (Y @ V).conj() + drawn
     return Flow(case, V, _shared(case, net.machine_bus, injected), iterations)
 
@@ -73,31 +77,42 @@ def _newton(
     pq: np.ndarray,
     limit: int,
 ) -> tuple[np.ndarray, int]:
-    """Voltages (pu) at which the injections are `wanted`, and the steps it took."""
+    """Voltages (pu) at which the injections are `wanted`, and the steps it took; halved until the mismatch falls."""
     pvpq = np.r_[pv, pq]
-    worst = (0, np.inf)
-    for iteration in range(limit + 1):
+    worst, iteration = (0, np.inf), 0
+
+    def mismatch(size: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
         V = size * np.exp(1j * angle)
         current = Y @ V
         miss = V * current.conj() - wanted
         F = np.r_[miss.real[pvpq], miss.imag[pq]]
-        if len(F) == 0 or np.abs(F).max() < TOLERANCE:
-            return V, iteration
-        if not np.isfinite(F).all():
-            break
-        worst = pvpq[np.abs(miss[pvpq]).argmax()], np.abs(miss[pvpq]).max()
-        if len(pq) and size[pq].min() <= 0:
-            break
-        dV, dI, unit = sp.diags(V), sp.diags(current), sp.diags(V / size)
-        da = (1j * dV @ (dI - Y @ dV).conj()).tocsr()
-        dm = (dV @ (Y @ unit).conj() + dI.conj() @ unit).tocsr()
-        J = sp.bmat([[da[pvpq][:, pvpq].real, dm[pvpq][:, pq].real], [da[pq][:, pvpq].imag, dm[pq][:, pq].imag]])
-        try:
-            step = splu(J.tocsc()).solve(-F)
-        except RuntimeError:
-            break
-        angle[pvpq] += step[: len(pvpq)]
-        size[pq] += step[len(pvpq) :]
+        good = np.isfinite(F).all() and (not len(pq) or size[pq].min() > 0)
+        return V, current, miss, F, float(np.abs(F).max(initial=0.0)) if good else np.inf
+
+    with np.errstate(all="ignore"):
+        V, current, miss, F, now = mismatch(size, angle)
+        for iteration in range(limit + 1):
+            if now < TOLERANCE:
+                return V, iteration
+            if now == np.inf:
+                break
+            worst = pvpq[np.abs(miss[pvpq]).argmax()], np.abs(miss[pvpq]).max()
+            dV, dI, unit = sp.diags(V), sp.diags(current), sp.diags(V / size)
+            da = (1j * dV @ (dI - Y @ dV).conj()).tocsr()
+            dm = (dV @ (Y @ unit).conj() + dI.conj() @ unit).tocsr()
+            J = sp.bmat([[da[pvpq][:, pvpq].real, dm[pvpq][:, pq].real], [da[pq][:, pvpq].imag, dm[pq][:, pq].imag]])
+            try:
+                step = splu(J.tocsc()).solve(-F)
+            except RuntimeError:
+                break
+            for halving in range(8):
+                tried = size.copy(), angle.copy()
+                tried[1][pvpq] += step[: len(pvpq)] / 2**halving
+                tried[0][pq] += step[len(pvpq) :] / 2**halving
+                V, current, miss, F, then = mismatch(*tried)
+                if then < now:
+                    break
+            (size, angle), now = tried, then
     bus, mismatch = worst
     raise PowerFlowError(
         f"The load flow of {case.name} found no solution in {iteration} steps: the power mismatch is worst at bus "

@@ -83,9 +83,3 @@ def fields(record: type) -> Mapping[str, Field]:
         default = record._field_defaults.get(name, NotImplemented)
         found[name] = Field(name, str if choices else kind, choices, unit, meaning, allowed, default)
     return types.MappingProxyType(found)
-
-
-def describe(record: type) -> Mapping[str, tuple[str, str]]:
-    """Unit and meaning of every field of a record, those filled from the case included."""
-    hints = get_type_hints(record, include_extras=True)
-    return {name: (get_args(hint)[1], get_args(hint)[2]) for name, hint in hints.items()}

@@ -26,12 +26,13 @@ NAMES = tuple(k.__name__.rpartition(".")[2] for k in FAMILIES)
 # rotor         place of each machine's angle in z; its speed follows
 # inertia       H on the system base, s
 # held, held_low, held_high   places and limits of the states that stop at limits
+# held_machine  row of the machine whose terminal voltage scales the limits, or -1
 Plant = namedtuple(
     "Plant",
     (
         *(part for name in NAMES for part in (name, f"{name}_machine")),
         *("storage_bus", "law", "load", "load_bus", "draw_bus", "load_slot", "storage_slot", "machine_bus"),
-        *("owner", "rotor", "inertia", "held", "held_low", "held_high"),
+        *("owner", "rotor", "inertia", "held", "held_low", "held_high", "held_machine"),
     ),
 )
 
@@ -207,9 +208,26 @@ def rates(s, plant, w, r):
 
 
 @kernel
-def hold(z, f, plant):
+def bounds(k, plant, w):
+    """Limits of the k-th state that stops at limits; some are per unit of the terminal voltage."""
+    m = plant.held_machine[k]
+    scale = w.stator[m].vt.real if m >= 0 else 1.0
+    return plant.held_low[k] * scale, plant.held_high[k] * scale
+
+
+@kernel
+def hold(z, f, plant, w):
     """Stops the states that rest at a limit (non-windup)."""
     for k in range(len(plant.held)):
         i = plant.held[k]
-        if (z[i].real >= plant.held_high[k] and f[i].real > 0) or (z[i].real <= plant.held_low[k] and f[i].real < 0):
+        low, high = bounds(k, plant, w)
+        if (z[i].real >= high and f[i].real > 0) or (z[i].real <= low and f[i].real < 0):
             f[i] = 0
+
+
+@kernel
+def confine(z, plant, w):
+    """Brings the states that stop at limits back to them."""
+    for k in range(len(plant.held)):
+        low, high = bounds(k, plant, w)
+        z[plant.held[k]] = min(max(z[plant.held[k]], low), high)

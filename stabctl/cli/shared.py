@@ -72,9 +72,8 @@ def load(name: str, classical: bool = False) -> "Case":
 
 def start(case: "Case", storage: str | None = None, storage_at: str | None = None, **options: Any) -> "Point":
     """The operating point of the case with its storage devices."""
-    from stabctl import compiled, equilibrium, fleet, powerflow
+    from stabctl import equilibrium, fleet, powerflow
     from stabctl.errors import StudyError
-    from stabctl.simulate import stepper  # noqa: F401
 
     if storage is not None and storage_at is not None:
         raise StudyError("--storage and --storage-at exclude each other; give one of them.")
@@ -85,7 +84,6 @@ def start(case: "Case", storage: str | None = None, storage_at: str | None = Non
         case = case.with_storage(fleet.everywhere(case, storage, flow, **options))
     elif storage_at is not None:
         case = case.with_storage(fleet.chosen(case, storage_at, flow, **options))
-    compiled.announce()
     return equilibrium.solve(case, flow)
 
 
@@ -94,13 +92,10 @@ def law(case: "Case", control: str | None, deadband: float, min_voltage: float) 
     from stabctl.controllers import BangBang
     from stabctl.errors import StudyError
 
-    for name, value in (("deadband", deadband), ("min-voltage", min_voltage)):
-        if not 0 <= value < float("inf"):
-            raise StudyError(f"--{name} {value:g} is not allowed; it must be at least 0.")
     if control == "bang-bang" and not case.storage:
         raise StudyError("--control bang-bang needs storage devices; give --storage or --storage-at.")
-    wanted = control or ("bang-bang" if case.storage else "none")
-    return BangBang(deadband, min_voltage) if wanted == "bang-bang" else None
+    steering = BangBang(deadband, min_voltage)
+    return steering if (control or ("bang-bang" if case.storage else "none")) == "bang-bang" else None
 
 
 def pmu(rate: int, noise_mrad: float, latency_ms: float, loss: float) -> "Pmu":

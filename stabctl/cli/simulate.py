@@ -70,10 +70,6 @@ def simulate(
     events = ()
     if fault or trip:
         duration = seconds(clear, loaded.frequency_hz) if clear else 0.0
-        if not at + duration < until:
-            raise StudyError(
-                f"The run ends at {until:g} s, before the clearing at {at + duration:g} s; give a later --until."
-            )
         events = contingency(fault, duration, trip or (), at, through)
     options = {"characteristic": characteristic, "lag": lag}
     point = shared.start(loaded, storage, storage_at, **options)

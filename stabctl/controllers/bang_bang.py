@@ -1,8 +1,11 @@
 """Bang-bang law: full power by the sign of the speed deviation (the paper, section 5, eq. (40) and Table 3)."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from stabctl.compiled import kernel
+from stabctl.guard import guard
+from stabctl.quantity import NOT_NEGATIVE
 
 from .signals import Device, Par
 
@@ -21,8 +24,11 @@ def order(seen, p):
 class BangBang:
     """The bang-bang law with its two thresholds."""
 
-    deadband_hz: float = 0.1  # Hz   speed deviation without action
-    min_voltage: float = 0.8  # pu   voltage below which the device idles
+    deadband_hz: Annotated[float, "Hz", "speed deviation without action", NOT_NEGATIVE] = 0.1
+    min_voltage: Annotated[float, "pu", "voltage below which the device idles", NOT_NEGATIVE] = 0.8
+
+    def __post_init__(self) -> None:
+        guard(self)
 
     def par(self, device: Device) -> Par:
         """Constants in pu."""

@@ -6,8 +6,11 @@ sees the acceleration of the step before, which comes to the same within a few s
 
 from dataclasses import dataclass
 from math import pi
+from typing import Annotated
 
 from stabctl.compiled import kernel
+from stabctl.guard import guard
+from stabctl.quantity import NOT_NEGATIVE
 
 from .signals import Device, Par
 
@@ -30,11 +33,14 @@ def order(seen, p):
 class Feedback:
     """Speed and acceleration feedback; gains in pu of the machine's base, as in the one-machine theory."""
 
-    speed_gain: float = 0.0  # pu/(rad/s)    Kv
-    acceleration_gain: float = 0.0  # pu/(rad/s^2)  Ka
+    speed_gain: Annotated[float, "pu/(rad/s)", "Kv"] = 0.0
+    acceleration_gain: Annotated[float, "pu/(rad/s^2)", "Ka"] = 0.0
     braking: bool = False  # eq. (14) instead of (13)
-    deadband_hz: float = 0.0  # Hz   speed deviation without action
-    min_voltage: float = 0.8  # pu   voltage below which the device idles
+    deadband_hz: Annotated[float, "Hz", "speed deviation without action", NOT_NEGATIVE] = 0.0
+    min_voltage: Annotated[float, "pu", "voltage below which the device idles", NOT_NEGATIVE] = 0.8
+
+    def __post_init__(self) -> None:
+        guard(self)
 
     def par(self, device: Device) -> Par:
         """Constants in orders over pu of speed."""

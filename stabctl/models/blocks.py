@@ -41,14 +41,6 @@ def clip(x, low, high):
 
 
 @kernel
-def held(rate, x, low, high):
-    """Rate of an integrator that stops at limits which themselves move (non-windup)."""
-    if (x.real >= high.real and rate.real > 0) or (x.real <= low.real and rate.real < 0):
-        return 0 * x
-    return rate
-
-
-@kernel
 def lag(T, u, x):
     """u -> [ 1/(1 + sT) ] -> y, state x; bypassed where T < SHORT."""
     return x if T >= SHORT else u

@@ -12,12 +12,12 @@ from typing import Annotated, NamedTuple
 from stabctl.compiled import kernel
 from stabctl.quantity import NOT_NEGATIVE, POSITIVE, Range
 
-from .blocks import SHORT, clip, held, lag, lag_rate, lead_lag, quadratic_saturation
+from .blocks import SHORT, clip, lag, lag_rate, lead_lag, quadratic_saturation
 from .exciter import Input
 
 NAME = "EXDC2"
 ROLE = "exciter"
-HELD: dict[str, tuple[str, str]] = {}
+HELD = {"vr": ("VRmin", "VRmax", "vt")}
 __all__ = ["HELD", "NAME", "ROLE", "Input", "Par", "State", "flow", "output"]
 
 
@@ -34,7 +34,7 @@ class Par(NamedTuple):
     KE: Annotated[float, "pu", "exciter constant"]
     TE: Annotated[float, "s", "exciter time constant", Range(1e-3)]
     KF: Annotated[float, "pu", "stabilising feedback gain", NOT_NEGATIVE]
-    TF: Annotated[float, "s", "stabilising feedback lag", Range(1e-3)] = 1.0
+    TF: Annotated[float, "s", "stabilising feedback lag (0: no feedback)", NOT_NEGATIVE] = 1.0
     E1: Annotated[float, "pu", "field voltage of SE1", POSITIVE] = 3.0
     SE1: Annotated[float, "pu", "saturation at E1", NOT_NEGATIVE] = 0.0
     E2: Annotated[float, "pu", "field voltage of SE2", POSITIVE] = 4.0
@@ -59,7 +59,8 @@ class State(NamedTuple):
 @kernel
 def demand(x, u, p):
     """Control error, and the regulator output it asks for (pu)."""
-    error = u.vref - lag(p.TR, u.vt, x.vm) + u.vs - p.KF / p.TF * (x.efd - x.vf)
+    damping = p.KF / p.TF * (x.efd - x.vf) if p.TF >= SHORT else 0 * x.efd
+    error = u.vref - lag(p.TR, u.vt, x.vm) + u.vs - damping
     return error, p.KA * lead_lag(p.TC, p.TB, error, x.va)
 
 
@@ -73,13 +74,12 @@ def output(x, u, p):
 def flow(x, u, y, p):
     """State rates (1/s); y is this exciter's own output."""
     error, wanted = demand(x, u, p)
-    low, high = p.VRmin * u.vt, p.VRmax * u.vt
-    vr = clip(lag(p.TA, wanted, x.vr), low, high)
+    vr = clip(lag(p.TA, wanted, x.vr), p.VRmin * u.vt, p.VRmax * u.vt)
     iron = quadratic_saturation(y, p.E1, p.SE1, p.E2, p.SE2) if p.SE2 > 0 else 0 * y
     return State(
         lag_rate(p.TR, u.vt, x.vm),
         lag_rate(p.TB, error, x.va),
-        held((wanted - x.vr) / p.TA, x.vr, low, high) if p.TA >= SHORT else 0 * x.vr,
+        lag_rate(p.TA, wanted, x.vr),
         (vr - p.KE * y - iron) / p.TE,
-        (y - x.vf) / p.TF,
+        lag_rate(p.TF, y, x.vf),
     )

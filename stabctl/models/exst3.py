@@ -5,12 +5,13 @@ Vref + Vs -----------> + -> VI limits -> KJ (1+sTC)/(1+sTB) -> (+) -> [KA/(1+sTA
           VE = KP ve, Efd <= Emax                                 (-) min(VGmax, KG Efd)
 """
 
+from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
 from stabctl.compiled import kernel
-from stabctl.quantity import NOT_NEGATIVE, POSITIVE, Range
+from stabctl.quantity import NOT_NEGATIVE, POSITIVE
 
-from .blocks import clip, lag, lag_rate, lead_lag
+from .blocks import SHORT, clip, lag, lag_rate, lead_lag
 from .exciter import Input
 
 NAME = "EXST3"
@@ -24,7 +25,7 @@ class Par(NamedTuple):
 
     TR: Annotated[float, "s", "voltage transducer", NOT_NEGATIVE]
     KA: Annotated[float, "pu", "regulator gain", POSITIVE]
-    TA: Annotated[float, "s", "regulator lag", Range(1e-3)]
+    TA: Annotated[float, "s", "regulator lag", NOT_NEGATIVE]
     TB: Annotated[float, "s", "lag of the first stage", NOT_NEGATIVE]
     TC: Annotated[float, "s", "lead of the first stage", NOT_NEGATIVE]
     VRmax: Annotated[float, "pu", "regulator limit"]
@@ -37,6 +38,11 @@ class Par(NamedTuple):
     KG: Annotated[float, "pu", "inner feedback gain", NOT_NEGATIVE] = 0.0
     VGmax: Annotated[float, "pu", "inner feedback limit"] = 5.0
 
+    def fatal(self) -> Iterator[tuple[str, str]]:
+        """Field and sentence of everything the equations cannot be formed with."""
+        if self.KG > 0 and self.TA < SHORT:
+            yield "TA", f"must be at least {SHORT:g} s beside an inner feedback KG = {self.KG:g}"
+
 
 class State(NamedTuple):
     """Transducer, first stage and regulator."""
@@ -47,14 +53,23 @@ class State(NamedTuple):
 
 
 @kernel
+def demand(x, u, p):
+    """Control error, and the signal after the first stage (pu)."""
+    error = p.KJ * clip(u.vref - lag(p.TR, u.vt, x.vm) + u.vs, p.VImin, p.VImax)
+    return error, lead_lag(p.TC, p.TB, error, x.va)
+
+
+@kernel
 def output(x, u, p):
     """Field voltage Efd = min(VR KP VE, Emax) (pu)."""
-    return clip(clip(x.vr, p.VRmin, p.VRmax) * p.KP * u.ve, -p.Emax, p.Emax)
+    error, first = demand(x, u, p)
+    vr = clip(lag(p.TA, p.KA * first, x.vr), p.VRmin, p.VRmax)
+    return clip(vr * p.KP * u.ve, -p.Emax, p.Emax)
 
 
 @kernel
 def flow(x, u, y, p):
     """State rates (1/s); y is this exciter's own output."""
-    error = p.KJ * clip(u.vref - lag(p.TR, u.vt, x.vm) + u.vs, p.VImin, p.VImax)
-    drive = p.KA * (lead_lag(p.TC, p.TB, error, x.va) - clip(p.KG * y, -p.VGmax, p.VGmax))
-    return State(lag_rate(p.TR, u.vt, x.vm), lag_rate(p.TB, error, x.va), (drive - x.vr) / p.TA)
+    error, first = demand(x, u, p)
+    drive = p.KA * (first - clip(p.KG * y, -p.VGmax, p.VGmax))
+    return State(lag_rate(p.TR, u.vt, x.vm), lag_rate(p.TB, error, x.va), lag_rate(p.TA, drive, x.vr))

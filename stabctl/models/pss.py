@@ -3,9 +3,9 @@
 from typing import Annotated, NamedTuple
 
 from stabctl.compiled import kernel
-from stabctl.quantity import NOT_NEGATIVE, Range
+from stabctl.quantity import NOT_NEGATIVE
 
-from .blocks import clip, lag_rate, lead_lag
+from .blocks import SHORT, clip, lag_rate, lead_lag
 
 NAME = "PSS"
 ROLE = "stabiliser"
@@ -16,7 +16,7 @@ class Par(NamedTuple):
     """Constants of one stabiliser."""
 
     K: Annotated[float, "pu", "gain, signal over speed deviation"]
-    Tw: Annotated[float, "s", "washout", Range(1e-3)]
+    Tw: Annotated[float, "s", "washout", NOT_NEGATIVE]
     T1: Annotated[float, "s", "first lead", NOT_NEGATIVE]
     T2: Annotated[float, "s", "first lag", NOT_NEGATIVE]
     T3: Annotated[float, "s", "second lead", NOT_NEGATIVE]
@@ -42,7 +42,7 @@ class Input(NamedTuple):
 @kernel
 def stages(x, u, p):
     """Signal after the washout, and after the first lead-lag (pu)."""
-    fast = p.K * (u.omega - x.washout)
+    fast = p.K * (u.omega - (x.washout if p.Tw >= SHORT else 1.0))
     return fast, lead_lag(p.T1, p.T2, fast, x.lag1)
 
 

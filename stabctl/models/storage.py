@@ -47,19 +47,19 @@ class Output(NamedTuple):
 
 
 @kernel
-def share(x, order, p):
-    """Share of the rating in use: the lagged order, or nothing where the store is full or empty."""
-    now = lag(p.T, order, x.share)
-    if p.capacity > 0 and ((x.energy.real >= p.capacity and now.real > 0) or (x.energy.real <= 0 and now.real < 0)):
-        return 0 * now
-    return now
+def allowed(share, x, p):
+    """The share, or nothing where a full store would absorb or an empty one inject."""
+    if p.capacity > 0 and ((x.energy.real >= p.capacity and share.real > 0) or (x.energy.real <= 0 and share.real < 0)):
+        return 0 * share
+    return share
 
 
 @kernel
 def output(x, order, v, p):
     """Current into the network -share (Pp/m^2 + Pc/m + Pg) V, m = max(|V|, vlow), and the power absorbed."""
     m = at_least(magnitude(v[0], v[1]), p.vlow)
-    g = share(x, order, p) * ((p.Pp / m + p.Pc) / m + p.Pg)
+    share = allowed(lag(p.T, allowed(order, x, p), x.share), x, p)
+    g = share * ((p.Pp / m + p.Pc) / m + p.Pg)
     return Output(-g * v[0], -g * v[1], g * (v[0] * v[0] + v[1] * v[1]))
 
 
@@ -67,4 +67,4 @@ def output(x, order, v, p):
 def flow(x, order, y, p):
     """State rates (1/s); y is this device's own output."""
     way = p.efficiency if y.P.real > 0 else 1 / p.efficiency
-    return State(lag_rate(p.T, order, x.share), way * y.P)
+    return State(lag_rate(p.T, allowed(order, x, p), x.share), way * y.P)

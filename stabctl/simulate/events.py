@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 
 from stabctl.case import Case
 from stabctl.errors import StudyError
-from stabctl.network import BOLTED, Branch, Grid, Switching
+from stabctl.network import BOLTED, Branch, Switching
 
 
 @dataclass(frozen=True)
@@ -152,9 +152,9 @@ def contingency(
     return tuple(events)
 
 
-def timeline(case: Case, net: Grid, events: Iterable[Event]) -> tuple[Change, ...]:
+def timeline(case: Case, events: Iterable[Event]) -> tuple[Change, ...]:
     """The network after each instant at which something happens, in order of time; the first is the intact one at 0."""
-    changes, now = [Change(0.0)], _State(case, net)
+    changes, now = [Change(0.0)], _State(case)
     for event in sorted(events, key=lambda e: e.at):
         if not 0 <= event.at < float("inf"):
             raise StudyError(f"The time {event.at:g} s of the {_named(event)} is not allowed; it must be at least 0.")
@@ -184,8 +184,8 @@ def _named(event: Event) -> str:
 class _State:
     """What has happened so far."""
 
-    def __init__(self, case: Case, net: Grid) -> None:
-        self.case, self.net = case, net
+    def __init__(self, case: Case) -> None:
+        self.case = case
         self.branches: dict[int, Branch] = {}
         self.faults: dict[int, complex] = {}
         self.shunts: dict[int, complex] = {}

@@ -14,6 +14,8 @@ from stabctl.system import Plant
 from .stepper import Net
 from .substitution import factor
 
+MOST = 200  # networks kept for each operating point
+
 
 @dataclass(frozen=True)
 class Stage:
@@ -26,6 +28,8 @@ class Stage:
 
 def stage(point: Point, switching: Switching) -> Stage:
     """The system of an operating point under a switching. Islands without a machine are dead: no voltage, load lost."""
+    if len(point.stages) > MOST:
+        point.stages.clear()
     if switching not in point.stages:
         point.stages[switching] = _stage(point, switching)
     return point.stages[switching]

@@ -67,7 +67,7 @@ def outcome(point: Point, end: End, rules: stepper.Rules) -> Outcome:
                 f"against the centre of inertia{where}."
             )
         case stepper.RUNAWAY:
-            kind, machine = Kind.ISLANDED if cut else Kind.LOST_SYNCHRONISM, number
+            kind, machine = Kind.LOST_SYNCHRONISM, number
             text = f"Machine {number} left {rules.slowest:g} to {rules.fastest:g} pu of speed at {t:.3f} s."
         case stepper.NO_VOLTAGE:
             kind, blamed = Kind.VOLTAGE_COLLAPSE, bus

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from stabctl import compiled
 from stabctl.controllers import Device, Law
 from stabctl.equilibrium import Point
 from stabctl.errors import StudyError
@@ -20,7 +21,9 @@ from .stepper import DEFAULT, Rules
 from .trajectory import Trajectory
 
 STEP = 1 / 120  # s   default
+LEAST_STEP = 1e-7  # s
 MOST = 50_000_000  # steps of one run
+NO_ROWS = np.empty((0, 0))
 AT_ONCE = 1200  # steps in one call of the compiled loop, between which Ctrl-C and progress have their turn
 REACH = 2.5  # largest |step * eigenvalue| that RK4 carries, with a margin (it is unstable beyond 2.785)
 
@@ -45,12 +48,13 @@ class Simulation:
         progress: Callable[[float], None] | None = None,
     ) -> None:
         self.progress = progress
-        self.point, self.rules, self.recording = point, rules, record
+        self.point, self.rules, self.recording = point, Rules(*map(float, rules)), record
         self.step = _checked_step(point, step)
-        self.changes = ev.timeline(point.case, point.net, events)
+        self.changes = ev.timeline(point.case, events)
         self.time, self.wall_s, self.steps = start, 0.0, 0
         self.outcome: Outcome | None = None
         self._taken_off: list[str] = []
+        self._verdict, self._finished = stepper.DONE, None
         self._at = 0
         while self._at + 1 < len(self.changes) and self.changes[self._at + 1].at <= start + 1e-9:
             self._at += 1
@@ -66,6 +70,7 @@ class Simulation:
         self._width = len(point.z) + 3 * len(point.case.machines) + len(point.case.storage)
         self._times: list[np.ndarray] = []
         self._rows: list[np.ndarray] = []
+        compiled.announce()
         self._call(0.0, 0, False)  # compiles, or loads the machine code, outside the time that is measured
         self.wall_s = 0.0
 
@@ -87,6 +92,9 @@ class Simulation:
     @property
     def V(self) -> np.ndarray:
         """Voltages (buses) now, complex, pu."""
+        stepper.advance(
+            self._buffers, self._stage.plant, self._stage.net, self._work, self.rules, 0.0, 0, True, NO_ROWS
+        )
         return self._work.volt.copy()
 
     @property
@@ -113,17 +121,19 @@ class Simulation:
 
     def finish(self) -> Trajectory:
         """The trajectory so far, its last row at the present instant."""
+        if self._finished is not None:
+            return self._finished
         if self.outcome is None:
             self.outcome = self._end(stepper.DONE)
-        collapsed = self.outcome.bus is not None
-        if self.recording and not collapsed:
+        if self.recording and self._verdict != stepper.NO_VOLTAGE:
             self._call(0.0, 0, True)
         rows = np.concatenate(self._rows) if self._rows else np.empty((0, self._width))
         times = np.concatenate(self._times) if self._times else np.empty(0)
         peak = self._work.peak.copy()
         for array in (rows, times, peak):
             array.setflags(write=False)
-        return Trajectory(self.point, self.outcome, times, rows, peak, self.step, self.steps, self.wall_s)
+        self._finished = Trajectory(self.point, self.outcome, times, rows, peak, self.step, self.steps, self.wall_s)
+        return self._finished
 
     def _enter(self) -> Stage:
         entered = stage(self.point, self.changes[self._at].switching)
@@ -147,6 +157,7 @@ class Simulation:
                 self.progress(self.time)
 
     def _end(self, verdict: int) -> Outcome:
+        self._verdict = verdict
         blame = self._work.rotor[0], self._work.bus[0]
         end = End(verdict, self.time, self._stage, self.speed, *map(int, blame), tuple(self._taken_off))
         return outcome(self.point, end, self.rules)
@@ -172,8 +183,10 @@ class Simulation:
         history = np.empty((steps + last if self.recording else 0, self._width))
         now = self._stage
         before = time.perf_counter()
-        verdict, made, _ = stepper.advance(
-            self._buffers, now.plant, now.net, self._work, self.rules, h, steps, last, 1, history
+        if not np.isfinite(self.orders).all():
+            raise StudyError(f"The storage orders {self.orders} are not finite numbers; set them between -1 and 1.")
+        verdict, made = stepper.advance(
+            self._buffers, now.plant, now.net, self._work, self.rules, h, steps, last, history
         )
         self.wall_s += time.perf_counter() - before
         if self.recording:
@@ -186,8 +199,8 @@ def _checked_step(point: Point, step: float | None) -> float:
     longest = REACH / point.fastest
     if step is None:
         return min(STEP, longest / 2)
-    if not 0 < step < np.inf:
-        raise StudyError(f"The step {step:g} s is not allowed; it must be more than 0.")
+    if not LEAST_STEP <= step < np.inf:
+        raise StudyError(f"The step {step:g} s is not allowed; it must be at least {LEAST_STEP:g} s.")
     if step > longest:
         raise StudyError(
             f"The step {step:.4g} s is too long for {point.case.name}, whose fastest eigenvalue is near "
@@ -215,6 +228,9 @@ def run(
         raise StudyError(f"The run ends at {until:g} s; it must end after its start at {start:g} s.")
     sampled = isinstance(control, Sampled)
     simulation = Simulation(point, events, None if sampled else control, step, rules, record, start, progress)
+    latest = simulation.changes[-1].at
+    if latest >= until:
+        raise StudyError(f"The run ends at {until:g} s, before the last event at {latest:g} s; give it a later end.")
     if sampled:
         carry([simulation], control.pilot([simulation]), control.rate, until)
     else:

@@ -11,7 +11,7 @@ from stabctl.controllers.signals import Seen
 from stabctl.models.blocks import copy, magnitude
 from stabctl.system import Buffers, Plant
 
-from .substitution import Factors
+from .substitution import Factors, solve_apart
 from .voltages import FAILED, settle
 
 DONE, SLIPPED, NO_VOLTAGE, LOW_VOLTAGE, RUNAWAY = range(5)
@@ -104,7 +104,7 @@ def decide(b, plant, net, q, h):
     for j in range(len(plant.storage)):
         i = plant.storage_machine[j]
         k, own, at = net.island[i], plant.inertia[i], plant.rotor[i]
-        wanted = 0.0
+        wanted = q.wish[j] if k >= 0 and plant.law[j].kind == laws.OUTSIDE else 0.0
         if k >= 0 and q.weight[k] > own:
             rest = q.weight[k] - own
             v = b.s.v[plant.storage_bus[j]]
@@ -114,9 +114,10 @@ def decide(b, plant, net, q, h):
                 magnitude(v[0], v[1]),
             )
             wanted = laws.order(seen, plant.law[j], q.wish[j])
+        wanted = min(max(wanted, -1.0), 1.0)
         reach = plant.storage[j].ramp * h
         now = b.s.order[j]
-        if reach > 0:
+        if plant.storage[j].ramp > 0:
             wanted = min(max(wanted, now - reach), now + reach)
         changed |= wanted != now
         b.s.order[j] = wanted
@@ -150,14 +151,15 @@ def judge(b, plant, net, q, rules, h):
 
 
 @apart
-def record(b, row):
-    """z, then field voltage, mechanical and terminal power of the machines, and the storage powers."""
+def record(b, net, row):
+    """z, then field voltage, mechanical and terminal power of the machines (0 once off), and the storage powers."""
     at, m = len(b.z), len(b.w.efd)
     copy(b.z, row)
     for i in range(m):
-        row[at + i] = b.w.efd[i]
-        row[at + m + i] = b.w.pm[i]
-        row[at + 2 * m + i] = b.w.stator[i].Pt
+        on = 1.0 if net.island[i] >= 0 else 0.0
+        row[at + i] = on * b.w.efd[i]
+        row[at + m + i] = on * b.w.pm[i]
+        row[at + 2 * m + i] = on * b.w.stator[i].Pt
     for j in range(len(b.w.absorbed)):
         row[at + 3 * m + j] = b.w.absorbed[j]
 
@@ -170,14 +172,36 @@ def freeze(b, plant, net):
             b.f[k] = 0
 
 
-@entry
-def advance(b, plant, net, q, rules, h, steps, last, every, history):
-    """`steps` steps of h seconds on one network; (verdict, steps made, substitutions).
+@apart
+def from_above(b, plant, net, q):
+    """Start the search for voltages from those without draws: of several solutions the loads live on the highest."""
+    system.sources(b.s, plant, net.island, b.r.g)
+    solve_apart(net.factors, q.current, q.work, q.volt)
+    for i in range(len(q.volt)):
+        if not net.alive[i]:
+            q.volt[i] = 0
 
-    Row k of `history` (if it has rows) is the record at the start of step k*every; with `last`, one more at the end.
+
+@apart
+def sunk(b, plant, net):
+    """Is a load near or below its threshold although no fault is on?"""
+    if net.faulted:
+        return False
+    for j in range(len(plant.load)):
+        v, edge = b.s.v[plant.load_bus[j]], 1.1 * plant.load[j].vlow
+        if v[0] * v[0] + v[1] * v[1] < edge * edge and net.alive[plant.load_bus[j]]:
+            return True
+    return False
+
+
+@entry
+def advance(b, plant, net, q, rules, h, steps, last, history):
+    """`steps` steps of h seconds on one network; (verdict, steps made).
+
+    Row k of `history` (if it has rows) is the record at the start of step k; with `last`, one more at the end.
     """
     nx = len(q.x0)
-    solves, whole = 0, True
+    whole = True
     for i in range(len(net.island)):
         whole &= net.island[i] >= 0
     for i in range(len(q.volt)):
@@ -185,6 +209,8 @@ def advance(b, plant, net, q, rules, h, steps, last, every, history):
             q.volt[i] = 0
     copy(q.volt, q.past)
     for step in range(steps + last):
+        if sunk(b, plant, net):
+            from_above(b, plant, net, q)
         for stage in range(4):
             if stage == 1 or stage == 3:
                 extrapolate(q.volt, q.past)
@@ -199,27 +225,24 @@ def advance(b, plant, net, q, rules, h, steps, last, every, history):
                 centre(b, plant, net, q)
                 if not decide(b, plant, net, q, h):
                     break
-            solves += n
             if n == FAILED:
-                return NO_VOLTAGE, step, solves
+                return NO_VOLTAGE, step
             system.rates(b.s, plant, b.w, b.r)
-            system.hold(b.z, b.f, plant)
+            system.hold(b.z, b.f, plant, b.w)
             if not whole:
                 freeze(b, plant, net)
-            if stage == 0 and step % every == 0 and step // every < len(history):
-                record(b, history[step // every])
+            if stage == 0 and step < len(history):
+                record(b, net, history[step])
             if stage == 0 and step == steps:
-                return DONE, steps, solves
+                return DONE, steps
             weight = h / 6 if stage == 0 or stage == 3 else h / 3
             reach = h if stage == 2 else h / 2
             for k in range(nx):
                 total = weight * b.f[k] + (q.sum[k] if stage else q.x0[k])
                 q.sum[k] = total
                 b.z[k] = total if stage == 3 else q.x0[k] + reach * b.f[k]
-            for k in range(len(plant.held)):
-                i = plant.held[k]
-                b.z[i] = min(max(b.z[i], plant.held_low[k]), plant.held_high[k])
+            system.confine(b.z, plant, b.w)
         verdict = judge(b, plant, net, q, rules, h)
         if verdict != DONE:
-            return verdict, step + 1, solves
-    return DONE, steps, solves
+            return verdict, step + 1
+    return DONE, steps

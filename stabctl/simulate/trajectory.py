@@ -9,7 +9,7 @@ import numpy as np
 
 from stabctl.equilibrium import Point
 from stabctl.errors import StudyError
-from stabctl.system import sizes
+from stabctl.system import first_state, sizes
 
 from .outcome import Outcome
 
@@ -48,23 +48,23 @@ class Trajectory:
     @cached_property
     def angle(self) -> np.ndarray:
         """Rotor angles against the synchronous frame (rows, machines), rad."""
-        return self.rows[:, self.point.plant.rotor]
+        return _fixed(self.rows[:, self.point.plant.rotor])
 
     @cached_property
     def speed(self) -> np.ndarray:
         """Rotor speeds (rows, machines), pu."""
-        return self.rows[:, self.point.plant.rotor + 1]
+        return _fixed(self.rows[:, self.point.plant.rotor + 1])
 
     @cached_property
     def coi_speed(self) -> np.ndarray:
-        """Speed of the centre of inertia of all machines (rows), pu."""
+        """Speed of the centre of inertia of all machines (rows), pu; for one island with every machine on."""
         H = self.point.plant.inertia
         return self.speed @ H / H.sum()
 
     @cached_property
     def V(self) -> np.ndarray:
         """Bus voltages (rows, buses), complex, pu."""
-        return np.ascontiguousarray(self._part("v")).view(complex)
+        return _fixed(np.ascontiguousarray(self._part("v")).view(complex))
 
     @property
     def Efd(self) -> np.ndarray:
@@ -85,6 +85,18 @@ class Trajectory:
     def storage(self) -> np.ndarray:
         """Power of the storage devices (rows, devices), MW, absorbing positive."""
         return self._part("absorbed") * self.point.case.base_mva
+
+    @property
+    def energy(self) -> np.ndarray:
+        """Energy in the storage devices (rows, devices), MWh; against the start where it is unlimited."""
+        first = first_state(self.point.plant, "storage") + 1
+        places = first + 2 * np.arange(len(self.point.case.storage))
+        return self.rows[:, places] * self.point.case.base_mva / 3600
+
+    @property
+    def order(self) -> np.ndarray:
+        """Orders of the storage devices (rows, devices), in ratings, absorbing positive."""
+        return self._part("order")
 
     @property
     def max_angle_from_coi_deg(self) -> float:
@@ -111,6 +123,8 @@ class Trajectory:
         }
         if case.storage:
             signals["storage"] = ("device", self.storage, "MW", "power of the storage device, absorbing positive")
+            signals["storage_order"] = ("device", self.order, "1", "order of the storage device, in ratings")
+            signals["storage_energy"] = ("device", self.energy, "MWh", "energy in the storage device")
         data = {
             k: (("time", dim), a, {"units": unit, "long_name": text}) for k, (dim, a, unit, text) in signals.items()
         }
@@ -164,3 +178,8 @@ class Trajectory:
         )
 
     __repr__ = __str__
+
+
+def _fixed(array: np.ndarray) -> np.ndarray:
+    array.setflags(write=False)
+    return array

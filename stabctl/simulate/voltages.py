@@ -37,9 +37,12 @@ def settle(b, plant, net, q):
         change = 0.0
         for i in range(len(d)):
             miss = q.volt[d[i]] - q.seen[i]
-            change = max(change, miss.real * miss.real + miss.imag * miss.imag)
-        # squares of the last change, and of the error left: change * (change / the change before)
-        if change < TOLERANCE * TOLERANCE or change * change < TOLERANCE * TOLERANCE * before:
+            size = miss.real * miss.real + miss.imag * miss.imag
+            if not size <= change:
+                change = size
+        # the changes fall like a geometric series, whose rest is the error left
+        change = np.sqrt(change)
+        if change < TOLERANCE or change * change < TOLERANCE * (before - change):
             return iteration
         before = change
     copy(q.kept, q.volt)

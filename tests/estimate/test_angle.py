@@ -21,7 +21,7 @@ def looked_at(point, events, until):
     terminals, rows = Terminals(simulation), []
     for k in range(round(until * RATE)):
         simulation.advance(k / RATE)
-        V, I = terminals.phasors()
+        V, I = terminals.phasors(simulation.V)
         rows.append((V[None], I[None], (V + (known.ra + 1j * known.x) / known.mva * I)[None], simulation.angle.copy()))
     return known, rows
 
@@ -29,7 +29,7 @@ def looked_at(point, events, until):
 def test_power_at_the_terminals_is_that_of_the_load_flow(study):
     for name in ("two_area", "ieee39 classical"):
         point = study(name)[0]
-        V, I = Terminals(Simulation(point)).phasors()
+        V, I = Terminals(Simulation(point)).phasors(point.V)
         assert np.abs(V * I.conj() - point.flow.S).max() < 1e-9  # 7e-12
 
 

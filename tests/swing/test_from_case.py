@@ -76,7 +76,7 @@ def test_negative_acceleration_gain_lightens_the_rotor():
     """With (13) and Ka < 0 the law injects while the machine accelerates: its order has the sign of Ka times a."""
     case = read.load("two_area")
     point = equilibrium.solve(case.with_storage(fleet.chosen(case, "1=100MW")))
-    run_ = run(point, contingency("7-8@0.4", 0.1), until=1.05, control=Feedback(0.0, -0.004, min_voltage=0.0))
+    run_ = run(point, contingency("7-8@0.4", 0.1), until=1.2, control=Feedback(0.0, -0.004, min_voltage=0.0))
     during = (run_.time > 1.02) & (run_.time < 1.05)
     assert (run_.storage[during, 0] < 0).all()
 
