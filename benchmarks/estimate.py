@@ -31,7 +31,7 @@ def frames(case: str, seeds: int) -> tuple[Simulation, list[Frame]]:
     instrument = Instrument(pmu, range(seeds), len(point.case.machines), point.case.frequency_hz)
     for k in range(FRAMES):
         simulation.advance(k / pmu.rate)
-        V, I = terminals.phasors()
+        V, I = terminals.phasors(simulation.V)
         truth = (np.tile(part, (seeds, 1)) for part in (V, I, simulation.speed - 1))
         seen.append(instrument.report(simulation.time, *truth))
     return simulation, seen

@@ -13,8 +13,8 @@ The instant at which a current jumps within a frame is not known; what that leav
 filter (`noise.py`). It fades as the flux's answer to a current does, by `memory` in a frame, and grows with an error of
 the angle, by which the current is turned: k = -answer id / |E''|.
 A classical machine has no such flux: delta = arg E'.
-Without the flux the speeds of `two_area` after a fault are known to 27 mHz behind x'' or x'd and to 35 behind xq, with
-it to 8; those of `wnaps` to 8, to 13, and to 4.
+Without the flux the speeds of `two_area` after a fault are known to 25 mHz behind x'', 30 behind x'd and 42 behind xq,
+with it to 6; those of `wnaps` to 8, 10, 18 and 4.
 """
 
 import numpy as np

@@ -75,11 +75,11 @@ class Pilot:
         self._last = [None] * len(simulations)
         self._rows: list[tuple] = []
         for k in range(round(WARM * pmu.rate)):
-            self._frame(simulations[0].time - WARM + k / pmu.rate)
+            self._frame(simulations[0].time - WARM + k / pmu.rate, point.V)
 
     def __call__(self) -> None:
         """One frame: look, estimate, order."""
-        now, dev, est, wall = self._frame(self.simulations[0].time)
+        now, dev, est, wall = self._frame(self.simulations[0].time, None)
         orders = np.zeros((len(self.simulations), len(self._par)))
         before = time.perf_counter()
         for k, simulation in enumerate(self.simulations):
@@ -108,9 +108,9 @@ class Pilot:
             column.setflags(write=False)
         return Record(self.simulations[0].point, self.driven, self.seeds, *columns)
 
-    def _frame(self, at: float) -> tuple:
-        """Truth, deviations, estimates and the seconds that the controller took."""
-        truth = [self._true(k, s) for k, s in enumerate(self.simulations)]
+    def _frame(self, at: float, resting: np.ndarray | None) -> tuple:
+        """Truth, deviations, estimates and the seconds that the controller took; bus voltages where still at rest."""
+        truth = [self._true(k, s, resting) for k, s in enumerate(self.simulations)]
         V, I, slip, delta, island, volts = (np.array(part) for part in zip(*truth, strict=True))
         seen = self.instrument.report(at, V, I, slip)
         before = time.perf_counter()
@@ -123,11 +123,12 @@ class Pilot:
             error = self.estimator.error(delta, slip)
         return _Truth(slip, exact, error, island >= 0, volts), deviation, estimate, wall
 
-    def _true(self, k: int, s: Simulation) -> tuple:
+    def _true(self, k: int, s: Simulation, resting: np.ndarray | None) -> tuple:
         """Phasors, speeds, angles, islands and device voltages of a simulation; the last ones where it has ended."""
         if self._last[k] is None or s.outcome is None:
-            V, I = self._terminals[k].phasors()
-            self._last[k] = V, I, s.speed - 1, s.angle.copy(), s.island.copy(), s.V[self._bus]
+            everywhere = s.V if resting is None else resting
+            V, I = self._terminals[k].phasors(everywhere)
+            self._last[k] = V, I, s.speed - 1, s.angle.copy(), s.island.copy(), everywhere[self._bus]
         return self._last[k]
 
 

@@ -73,9 +73,9 @@ class Terminals:
             if len(table):
                 self._parts.append((model.norton, x, p, getattr(plant, f"{family}_machine")))
 
-    def phasors(self) -> tuple[np.ndarray, np.ndarray]:
-        """Voltages and currents (machines), pu, now."""
-        V, source = self.simulation.V[self._bus], np.zeros(len(self._admittance), complex)
+    def phasors(self, everywhere: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Voltages and currents (machines), pu, now, of the bus voltages."""
+        V, source = everywhere[self._bus], np.zeros(len(self._admittance), complex)
         for norton, x, p, at in self._parts:
             source.real[at], source.imag[at] = norton(x, self._field[at], p)
         return V, np.where(self.simulation.island >= 0, source - self._admittance * V, 0)

@@ -1,8 +1,11 @@
 """The internal angle: exact in a classical machine, followed through the q-axis flux in a full one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from stabctl import equilibrium, read
 from stabctl.estimate.bank import wrapped
 from stabctl.estimate.flux import Flux
 from stabctl.estimate.machines import Terminals, machines
@@ -18,7 +21,7 @@ def looked_at(point, events, until):
     terminals, rows = Terminals(simulation), []
     for k in range(round(until * RATE)):
         simulation.advance(k / RATE)
-        V, I = terminals.phasors()
+        V, I = terminals.phasors(simulation.V)
         rows.append((V[None], I[None], (V + (known.ra + 1j * known.x) / known.mva * I)[None], simulation.angle.copy()))
     return known, rows
 
@@ -26,7 +29,7 @@ def looked_at(point, events, until):
 def test_power_at_the_terminals_is_that_of_the_load_flow(study):
     for name in ("two_area", "ieee39 classical"):
         point = study(name)[0]
-        V, I = Terminals(Simulation(point)).phasors()
+        V, I = Terminals(Simulation(point)).phasors(point.V)
         assert np.abs(V * I.conj() - point.flow.S).max() < 1e-9  # 7e-12
 
 
@@ -62,3 +65,16 @@ def test_flux_follows_the_rotor_through_a_fault(study, name, cycles, most):
         if k / RATE > cleared + 0.5:
             worst = max(worst, np.abs(wrapped(np.angle(E) - flux.turn(E) - delta)).max())
     assert worst < most  # 0.0028, 0.0031 rad
+
+
+def test_a_saturated_machine_too():
+    case = read.load("two_area")
+    rows = {m: p._replace(S10=0.05, S12=0.3) for m, p in case.devices["genrou"].items()}
+    point = equilibrium.solve(replace(case, devices={**case.devices, "genrou": rows}))
+    known, ((V, I, E, delta), *_) = looked_at(point, (), 1 / RATE)
+    flux = Flux(known, 1 / RATE, V, I, E)
+    assert np.abs(wrapped(np.angle(E) - flux.turn(E) - delta)).max() < 1e-8
+    for _ in range(60):
+        flux.predict(I, E, delta[None], V == V, np.ones(V.shape))
+        flux.settle(I, E, delta[None], V == V)
+    assert np.abs(wrapped(np.angle(E) - flux.turn(E) - delta)).max() < 1e-8
