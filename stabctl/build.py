@@ -17,6 +17,7 @@ from stabctl.powerflow import Flow
 from stabctl.system import Plant, records
 
 MACHINES = ("gencls", "genrou")
+LIMITS = ("held", "held_low", "held_high", "moving", "moving_low", "moving_high", "moving_machine")
 
 
 def plant(case: Case, flow: Flow, net: Grid) -> tuple[Plant, np.ndarray]:
@@ -40,7 +41,7 @@ def plant(case: Case, flow: Flow, net: Grid) -> tuple[Plant, np.ndarray]:
     widths = [len(k.State._fields) for k in system.FAMILIES]
     owners = [np.repeat(tables[f"{f}_machine"], w) for f, w in zip(system.NAMES, widths, strict=True) if f in ALL]
     tables["owner"] = np.concatenate(owners).astype(np.int64)
-    tables |= dict.fromkeys(("held", "held_low", "held_high", "held_machine"), np.zeros(0))
+    tables |= dict.fromkeys(LIMITS, np.zeros(0))
     made = Plant(**tables)
     for name in MACHINES:
         width = len(ALL[name].State._fields)
@@ -76,12 +77,16 @@ def held(plant: Plant) -> dict[str, np.ndarray]:
     low.append(np.where(capacity > 0, 0.0, -np.inf))
     high.append(np.where(capacity > 0, capacity, np.inf))
     scale.append(np.full(len(capacity), -1))
+    all_of = [np.concatenate(part) for part in (place, low, high, scale)]
+    fixed, moves = ([part[all_of[3] < 0] for part in all_of], [part[all_of[3] >= 0] for part in all_of])
     return {
-        "held": np.concatenate(place).astype(np.int64),
-        "held_low": np.concatenate(low).astype(float),
-        "held_high": np.concatenate(high).astype(float),
-        "held_machine": np.concatenate(scale).astype(np.int64),
+        **dict(zip(("held", "held_low", "held_high"), _typed(fixed), strict=False)),
+        **dict(zip(("moving", "moving_low", "moving_high", "moving_machine"), _typed(moves), strict=True)),
     }
+
+
+def _typed(parts: list[np.ndarray]) -> list[np.ndarray]:
+    return [part.astype(kind) for part, kind in zip(parts, (np.int64, float, float, np.int64), strict=True)]
 
 
 def _storage(case: Case, net: Grid, rows: dict[int, int]) -> dict[str, np.ndarray]:

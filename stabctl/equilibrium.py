@@ -139,6 +139,7 @@ def _guess(b: system.Buffers, case: Case, flow: Flow, net: Grid, plant: Plant) -
     n = sizes(plant, len(case.machines))
     b.z[: system.first_state(plant, "storage")] = 1
     b.z[plant.held] = np.clip(1, plant.held_low, plant.held_high)  # a bypassed state stays where it is
+    b.z[plant.moving] = np.clip(1, plant.moving_low, plant.moving_high) * np.abs(V[plant.moving_machine])
     b.z[n.states + n.voltages : n.states + n.voltages + 2 * n.machines] = 1
     b.s.v[:, 0], b.s.v[:, 1] = V.real, V.imag
     for model, family in ((gencls, "gencls"), (genrou, "genrou")):
@@ -191,9 +192,11 @@ def _check_limits(b: system.Buffers, case: Case, plant: Plant) -> None:
         if np.cos(b.z[plant.rotor[i]].real - np.angle(b.s.v[i, 0] + 1j * b.s.v[i, 1]).real) < -0.5:
             raise EquilibriumError(f"Machine {m.machine} of {case.name} starts upside down; check its reactances.")
     places = layout.states(plant)
-    size = np.abs(b.s.v[:, 0] + 1j * b.s.v[:, 1])
-    for k, low, high, m in zip(plant.held, plant.held_low, plant.held_high, plant.held_machine, strict=True):
-        value = b.z[k].real / (size[m] if m >= 0 else 1.0)
+    size = np.abs(b.s.v[:, 0] + 1j * b.s.v[:, 1])[plant.moving_machine]
+    reached = np.r_[b.z.real[plant.held], b.z.real[plant.moving] / size]
+    stops = np.r_[plant.held, plant.moving]
+    lows, highs = np.r_[plant.held_low, plant.moving_low], np.r_[plant.held_high, plant.moving_high]
+    for k, value, low, high in zip(stops, reached, lows, highs, strict=True):
         if not low <= value <= high:
             place = places[k]
             name = ALL[place.family].HELD[place.name][int(value > high)]

@@ -48,7 +48,10 @@ def demand(case: Case, place: dict[int, int] | None = None) -> np.ndarray:
 
 
 def solve(case: Case, limit: int = 30) -> Flow:
-    """The load flow of a case; `PowerFlowError` names the worst bus where Newton finds no solution."""
+    """The load flow of a case, from the voltages in its table or else from a flat start.
+
+    Raises `PowerFlowError`, which names the worst bus, where Newton finds no solution from either.
+    """
     net = network.grid(case)
     Y = network.admittance(net)
     drawn = demand(case, net.place)
@@ -61,8 +64,11 @@ def solve(case: Case, limit: int = 30) -> Flow:
     flat = np.where(kind == "pq", 1.0, size), np.full(len(kind), angle[kind == "swing"][0])
     try:
         V, iterations = _newton(case, Y, size, angle, wanted, pv, pq, limit)
-    except PowerFlowError:
-        V, iterations = _newton(case, Y, *flat, wanted, pv, pq, limit)
+    except PowerFlowError as as_given:
+        try:
+            V, iterations = _newton(case, Y, *flat, wanted, pv, pq, limit)
+        except PowerFlowError:
+            raise as_given from None
     injected = V * (Y @ V).conj() + drawn
     return Flow(case, V, _shared(case, net.machine_bus, injected), iterations)
 
@@ -112,11 +118,14 @@ def _newton(
                 V, current, miss, F, then = mismatch(*tried)
                 if then < now:
                     break
+            else:
+                break
             (size, angle), now = tried, then
-    bus, mismatch = worst
+    (bus, largest), low = worst, int(np.argmin(size))
     raise PowerFlowError(
-        f"The load flow of {case.name} found no solution in {iteration} steps: the power mismatch is worst at bus "
-        f"{case.buses[bus].bus} with {mismatch * case.base_mva:.4g} MVA; check its load, lines and voltage."
+        f"The load flow of {case.name} found no solution in {iteration} steps: nearest to one, power is missed most at "
+        f"bus {case.buses[bus].bus} by {largest * case.base_mva:.4g} MVA, and the voltage is lowest at bus "
+        f"{case.buses[low].bus} with {size[low]:.3g} pu; check their loads, lines and voltages."
     )
 
 

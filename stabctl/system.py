@@ -26,13 +26,14 @@ NAMES = tuple(k.__name__.rpartition(".")[2] for k in FAMILIES)
 # rotor         place of each machine's angle in z; its speed follows
 # inertia       H on the system base, s
 # held, held_low, held_high   places and limits of the states that stop at limits
-# held_machine  row of the machine whose terminal voltage scales the limits, or -1
+# moving, moving_low, moving_high, moving_machine   the same for limits per unit of a machine's terminal voltage
 Plant = namedtuple(
     "Plant",
     (
         *(part for name in NAMES for part in (name, f"{name}_machine")),
         *("storage_bus", "law", "load", "load_bus", "draw_bus", "load_slot", "storage_slot", "machine_bus"),
-        *("owner", "rotor", "inertia", "held", "held_low", "held_high", "held_machine"),
+        *("owner", "rotor", "inertia", "held", "held_low", "held_high"),
+        *("moving", "moving_low", "moving_high", "moving_machine"),
     ),
 )
 
@@ -141,10 +142,11 @@ def draws(s, plant, g):
         g[b, 0] += re
         g[b, 1] += im
     for j in range(len(plant.storage)):
-        b = plant.storage_bus[j]
-        y = storage.output(s.storage[j], s.order[j], s.v[b], plant.storage[j])
-        g[b, 0] += y.re
-        g[b, 1] += y.im
+        if s.order[j] != 0 or s.storage[j].share != 0:
+            b = plant.storage_bus[j]
+            y = storage.output(s.storage[j], s.order[j], s.v[b], plant.storage[j])
+            g[b, 0] += y.re
+            g[b, 1] += y.im
 
 
 @kernel
@@ -208,20 +210,16 @@ def rates(s, plant, w, r):
 
 
 @kernel
-def bounds(k, plant, w):
-    """Limits of the k-th state that stops at limits; some are per unit of the terminal voltage."""
-    m = plant.held_machine[k]
-    scale = w.stator[m].vt.real if m >= 0 else 1.0
-    return plant.held_low[k] * scale, plant.held_high[k] * scale
-
-
-@kernel
 def hold(z, f, plant, w):
     """Stops the states that rest at a limit (non-windup)."""
     for k in range(len(plant.held)):
         i = plant.held[k]
-        low, high = bounds(k, plant, w)
-        if (z[i].real >= high and f[i].real > 0) or (z[i].real <= low and f[i].real < 0):
+        if (z[i].real >= plant.held_high[k] and f[i].real > 0) or (z[i].real <= plant.held_low[k] and f[i].real < 0):
+            f[i] = 0
+    for k in range(len(plant.moving)):
+        i, v = plant.moving[k], w.stator[plant.moving_machine[k]].vt
+        low, high = plant.moving_low[k] * v, plant.moving_high[k] * v
+        if (z[i].real >= high.real and f[i].real > 0) or (z[i].real <= low.real and f[i].real < 0):
             f[i] = 0
 
 
@@ -229,5 +227,8 @@ def hold(z, f, plant, w):
 def confine(z, plant, w):
     """Brings the states that stop at limits back to them."""
     for k in range(len(plant.held)):
-        low, high = bounds(k, plant, w)
-        z[plant.held[k]] = min(max(z[plant.held[k]], low), high)
+        i = plant.held[k]
+        z[i] = min(max(z[i], plant.held_low[k]), plant.held_high[k])
+    for k in range(len(plant.moving)):
+        i, v = plant.moving[k], w.stator[plant.moving_machine[k]].vt
+        z[i] = min(max(z[i], plant.moving_low[k] * v), plant.moving_high[k] * v)

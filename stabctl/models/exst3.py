@@ -62,8 +62,7 @@ def demand(x, u, p):
 @kernel
 def output(x, u, p):
     """Field voltage Efd = min(VR KP VE, Emax) (pu)."""
-    error, first = demand(x, u, p)
-    vr = clip(lag(p.TA, p.KA * first, x.vr), p.VRmin, p.VRmax)
+    vr = clip(x.vr if p.TA >= SHORT else p.KA * demand(x, u, p)[1], p.VRmin, p.VRmax)
     return clip(vr * p.KP * u.ve, -p.Emax, p.Emax)
 
 
