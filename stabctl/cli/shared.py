@@ -1,6 +1,7 @@
 """What several commands share: cases, storage, output."""
 
 import json
+import math
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -145,8 +146,17 @@ def rules(max_angle: float) -> Any:
 
 
 def print_json(record: dict[str, Any]) -> None:
-    """One JSON object on stdout."""
-    print(json.dumps(record, allow_nan=False, default=lambda number: number.item()))
+    """One JSON object on stdout; a number beyond the floating-point range is null, which JSON has for it."""
+    print(json.dumps(_plain(record), allow_nan=False))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(inner) for inner in value]
+    value = value.item() if hasattr(value, "item") else value
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def console(stderr: bool = False) -> "Console":

@@ -10,6 +10,8 @@ from stabctl.swing.omib import OMIB
 from stabctl.swing.phase import Separatrix, separatrix
 from stabctl.swing.trajectory import Law, Trajectory, simulate
 
+GREATEST = 10.0  # pu/(rad/s), pu/(rad/s^2)   beyond it the motion is too stiff to follow
+
 
 class Feedback(NamedTuple):
     """Gains of law (13) or, with `size`, of law (14)."""
@@ -65,8 +67,9 @@ class Comparison:
 def law_of(m: OMIB, feedback: Feedback) -> Law:
     """The law as P_C of the machine. Raises StudyError where the gain leaves no single acceleration."""
     name, Kv, Ka, size = feedback
-    if not (math.isfinite(Kv) and math.isfinite(Ka)):
-        raise StudyError(f"law '{name}': the gains Kv = {Kv:g} and Ka = {Ka:g} must be finite numbers")
+    if not (abs(Kv) <= GREATEST and abs(Ka) <= GREATEST):
+        sizes = f"must be numbers of at most {GREATEST:g} in size"
+        raise StudyError(f"law '{name}': the gains Kv = {Kv:g} and Ka = {Ka:g} {sizes}")
     if Ka <= -m.M or (size and Ka >= m.M):
         allowed = f"between -{m.M:.6g} and {m.M:.6g}" if size else f"above -{m.M:.6g}"
         raise StudyError(f"law '{name}': Ka = {Ka:g} pu/(rad/s^2) must be {allowed}, the inertia 2H/wb of the machine")

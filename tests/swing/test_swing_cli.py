@@ -82,3 +82,9 @@ def test_help_imports_nothing_heavy():
     heavy = "('numpy', 'scipy', 'matplotlib', 'cvxpy')"
     code = f"import sys, stabctl.cli.swing; print([m for m in {heavy} if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+def test_gains_that_throw_the_machine_out_of_range_still_give_json():
+    laws = record("feedback", "--Kv", "-10")["laws"]
+    assert not laws[1]["stable"]
+    assert isinstance(run("feedback", "--Kv", "1e308").exception, StudyError)
