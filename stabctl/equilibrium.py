@@ -15,7 +15,7 @@ from stabctl import build, compiled, layout, network, powerflow, system
 from stabctl.case import Case
 from stabctl.errors import EquilibriumError
 from stabctl.jacobian import jacobian
-from stabctl.models import ALL, gencls, genrou
+from stabctl.models import ALL
 from stabctl.models.blocks import SHORT
 from stabctl.network import Grid
 from stabctl.powerflow import Flow
@@ -66,7 +66,8 @@ class Point:
 def norton_admittances(plant: Plant) -> np.ndarray:
     """Admittance (machines, complex, pu system) of every machine's source."""
     out = np.zeros(len(plant.machine_bus), complex)
-    for model, family in ((gencls, "gencls"), (genrou, "genrou")):
+    for family in build.MACHINES:
+        model = ALL[family]
         for par, i in zip(getattr(plant, family), getattr(plant, f"{family}_machine"), strict=True):
             out[i] = complex(*model.admittance(par))
     return out
@@ -142,7 +143,8 @@ def _guess(b: system.Buffers, case: Case, flow: Flow, net: Grid, plant: Plant) -
     b.z[plant.moving] = np.clip(1, plant.moving_low, plant.moving_high) * np.abs(V[plant.moving_machine])
     b.z[n.states + n.voltages : n.states + n.voltages + 2 * n.machines] = 1
     b.s.v[:, 0], b.s.v[:, 1] = V.real, V.imag
-    for model, family in ((gencls, "gencls"), (genrou, "genrou")):
+    for family in build.MACHINES:
+        model = ALL[family]
         where = getattr(plant, f"{family}_machine")
         for par, i in zip(getattr(plant, family), where, strict=True):
             current = (flow.S[i] / V[i]).conj() / par.mva

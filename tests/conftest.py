@@ -1,13 +1,14 @@
 """Fixtures: packaged cases and their operating points, made once, and the folder of reference data."""
 
 import os
+import sys
 from functools import cache
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
 
-from stabctl import equilibrium, read
+from stabctl import cli, equilibrium, read
 
 settings.register_profile(
     "stabctl",
@@ -39,3 +40,17 @@ def reference():
     if not folder.is_dir():
         pytest.skip(f"no reference data in {folder}; set STABCTL_REFERENCE to their folder")
     return folder
+
+
+@pytest.fixture
+def stabctl(monkeypatch, capsys):
+    """Calls the command line; (exit code, stdout, stderr)."""
+
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["stabctl", *map(str, words)])
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        out, err = capsys.readouterr()
+        return stop.value.code, out, err
+
+    return call

@@ -9,22 +9,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from stabctl import cli
-
-
-@pytest.fixture
-def stabctl(monkeypatch, capsys):
-    """Calls the command line; (exit code, stdout, stderr)."""
-
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["stabctl", *map(str, words)])
-        with pytest.raises(SystemExit) as stop:
-            cli.main()
-        out, err = capsys.readouterr()
-        return stop.value.code, out, err
-
-    return call
-
 
 def complaint(result):
     """The one line of a mistake."""

@@ -1,27 +1,10 @@
 """stabctl estimate, and the estimator's options of simulate and clearing-time."""
 
 import json
-import sys
 
 import pytest
 
-from stabctl import cli
-
 FAULT = ("two_area", "--fault", "7", "--trip", "7-8", "--storage", "50MW")
-
-
-@pytest.fixture
-def stabctl(monkeypatch, capsys):
-    """Calls the command line; (exit code, stdout, stderr)."""
-
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["stabctl", *map(str, words)])
-        with pytest.raises(SystemExit) as stop:
-            cli.main()
-        out, err = capsys.readouterr()
-        return stop.value.code, out, err
-
-    return call
 
 
 def test_estimate_prints_its_measures_and_draws(stabctl, tmp_path):
