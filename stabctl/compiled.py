@@ -60,11 +60,11 @@ apart = register_jitable(**_BARE)
 
 
 def entry(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile `function` as an entry point whose machine code is kept in `FOLDER`."""
+    """Compile `function` as an entry point, free of the interpreter lock, whose machine code is kept in `FOLDER`."""
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(FOLDER)
     try:
-        _entries.append(numba.njit(error_model="numpy", cache=True)(function))
+        _entries.append(numba.njit(error_model="numpy", cache=True, nogil=True)(function))
         return _entries[-1]
     finally:
         numba.config.CACHE_DIR = before
