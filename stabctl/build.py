@@ -26,7 +26,9 @@ def plant(case: Case, flow: Flow, net: Grid) -> tuple[Plant, np.ndarray]:
     tables: dict[str, np.ndarray] = {}
     for name, device in ALL.items():
         tables[name], tables[f"{name}_machine"] = _devices(case, name, device, rows)
-    tables |= _storage(case, net, rows)
+    tables["storage"] = devices(case)
+    tables["storage_machine"] = np.array([rows[s.machine] for s in case.storage], np.int64)
+    tables["storage_bus"] = np.array([net.place[s.bus] for s in case.storage], np.int64)
     tables["law"] = records(LawPar, len(case.storage))
     tables["load"], tables["load_bus"], fixed = _loads(case, flow, net)
     tables["machine_bus"] = net.machine_bus.astype(np.int64)
@@ -89,7 +91,7 @@ def _typed(parts: list[np.ndarray]) -> list[np.ndarray]:
     return [part.astype(kind) for part, kind in zip(parts, (np.int64, float, float, np.int64), strict=True)]
 
 
-def _storage(case: Case, net: Grid, rows: dict[int, int]) -> dict[str, np.ndarray]:
+def devices(case: Case) -> np.ndarray:
     """The storage devices in pu on the system base; energy in pu seconds."""
     out = records(storage.Par, len(case.storage))
     part = {"power": "Pp", "current": "Pc", "conductance": "Pg"}
@@ -98,11 +100,7 @@ def _storage(case: Case, net: Grid, rows: dict[int, int]) -> dict[str, np.ndarra
         row["vlow"], row["T"], row["efficiency"] = 0.5, s.lag, np.sqrt(s.efficiency)
         row["ramp"] = s.ramp / s.rating if s.rating else 0.0
         row["capacity"] = s.energy * 3600 / case.base_mva
-    return {
-        "storage": out,
-        "storage_machine": np.array([rows[s.machine] for s in case.storage], np.int64),
-        "storage_bus": np.array([net.place[s.bus] for s in case.storage], np.int64),
-    }
+    return out
 
 
 def stored(case: Case) -> np.ndarray:

@@ -5,7 +5,8 @@ network, whose voltages are known here, so that the Jacobian falls into one smal
 of all machines together gives all blocks.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -47,6 +48,12 @@ class Point:
         n, d, m = len(self.fixed), np.arange(len(self.fixed)), self.net.machine_bus
         added = sp.csc_matrix((np.r_[self.fixed, own], (np.r_[d, m], np.r_[d, m])), shape=(n, n))
         return network.admittance(self.net, switching) + added
+
+    def resized(self, ratings: Iterable[float]) -> "Point":
+        """The same point, its storage devices of other ratings (devices, MW): at rest they change nothing else."""
+        pairs = zip(self.case.storage, ratings, strict=True)
+        case = self.case.with_storage(s._replace(rating=float(rating)) for s, rating in pairs)
+        return replace(self, case=case, plant=self.plant._replace(storage=build.devices(case)))
 
     @property
     def V(self) -> np.ndarray:

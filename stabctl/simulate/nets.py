@@ -9,7 +9,6 @@ from stabctl import network
 from stabctl.equilibrium import Point
 from stabctl.errors import StudyError
 from stabctl.network import Switching
-from stabctl.system import Plant
 
 from .stepper import Net
 from .substitution import factor
@@ -22,7 +21,7 @@ class Stage:
     """The system between two events."""
 
     net: Net
-    plant: Plant
+    load: np.ndarray  # the plant's loads, with their steps
     island_of_bus: np.ndarray  # (buses)
 
 
@@ -40,7 +39,7 @@ def _stage(point: Point, switching: Switching) -> Stage:
     on = np.array([i not in switching.tripped for i in range(len(point.net.machine_bus))])
     alive = np.isin(where, where[point.net.machine_bus[on]])
     island = np.where(on, where[point.net.machine_bus], -1).astype(np.int64)
-    plant, added = _stepped(point, switching)
+    load, added = _stepped(point, switching)
     Y = point.admittance(switching) + sp.diags(added, format="csc")
     if not alive.all():
         keep, gone = sp.diags(alive.astype(float)), sp.diags((~alive).astype(float))
@@ -54,14 +53,14 @@ def _stage(point: Point, switching: Switching) -> Stage:
             f"The network of {point.case.name} has no solution after its switchings: an admittance cancels another; "
             "check shunts and series capacitors."
         ) from None
-    return Stage(Net(factors, compact, alive, switching.faulted), plant, where)
+    return Stage(Net(factors, compact, alive, switching.faulted), load, where)
 
 
-def _stepped(point: Point, switching: Switching) -> tuple[Plant, np.ndarray]:
-    """The plant with its load steps, and the admittance (buses, pu) they add."""
+def _stepped(point: Point, switching: Switching) -> tuple[np.ndarray, np.ndarray]:
+    """The plant's loads with their steps, and the admittance (buses, pu) that is added."""
     added = np.zeros(len(point.fixed), complex)
     if not switching.loads:
-        return point.plant, added
+        return point.plant.load, added
     table = point.plant.load.copy()
     shares = {point.net.place[load.bus]: load for load in reversed(point.case.loads)}
     for bus, power in switching.loads:
@@ -77,4 +76,4 @@ def _stepped(point: Point, switching: Switching) -> tuple[Plant, np.ndarray]:
         table["Qc"][j] += of.q_current * power.imag / V
         rest = (1 - of.p_power - of.p_current) * power.real - 1j * (1 - of.q_power - of.q_current) * power.imag
         added[bus] += rest / V**2
-    return point.plant._replace(load=table), added
+    return table, added

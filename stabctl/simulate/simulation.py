@@ -14,7 +14,7 @@ from stabctl.system import Signals, buffers
 
 from . import events as ev
 from . import stepper
-from .nets import Stage, stage
+from .nets import stage
 from .outcome import End, Outcome, outcome
 from .sampled import Sampled, carry
 from .stepper import DEFAULT, Rules
@@ -63,7 +63,7 @@ class Simulation:
             for j, s in enumerate(point.case.storage):
                 device = Device(s.rating, point.case.machine(s.machine).base, point.case.frequency_hz)
                 self._law[j] = tuple(control.par(device))
-        self._stage = self._enter()
+        self._enter()
         self._buffers = buffers(point.plant, len(point.V))
         self._buffers.z[:] = point.z
         self._work = stepper.scratch(self._buffers, point.plant)
@@ -93,7 +93,7 @@ class Simulation:
     def V(self) -> np.ndarray:
         """Voltages (buses) now, complex, pu."""
         stepper.advance(
-            self._buffers, self._stage.plant, self._stage.net, self._work, self.rules, 0.0, 0, True, NO_ROWS
+            self._buffers, self._plant, self._stage.net, self._work, self.rules, 0.0, 0, True, NO_ROWS
         )
         return self._work.volt.copy()
 
@@ -116,7 +116,7 @@ class Simulation:
                 self._segment(target)
             if self.outcome is None and following <= target + 1e-9:
                 self._at += 1
-                self._stage = self._enter()
+                self._enter()
         return self.outcome is None
 
     def finish(self) -> Trajectory:
@@ -135,9 +135,9 @@ class Simulation:
         self._finished = Trajectory(self.point, self.outcome, times, rows, peak, self.step, self.steps, self.wall_s)
         return self._finished
 
-    def _enter(self) -> Stage:
-        entered = stage(self.point, self.changes[self._at].switching)
-        return replace(entered, plant=entered.plant._replace(law=self._law))
+    def _enter(self) -> None:
+        self._stage = stage(self.point, self.changes[self._at].switching)
+        self._plant = self.point.plant._replace(load=self._stage.load, law=self._law)
 
     def _segment(self, target: float) -> None:
         steps = max(1, int(np.ceil((target - self.time) / self.step - 1e-6)))
@@ -173,7 +173,7 @@ class Simulation:
         gone = [c.switching._replace(tripped=c.switching.tripped | {row}) for c in self.changes[self._at :]]
         later = (replace(c, switching=s) for c, s in zip(self.changes[self._at :], gone, strict=True))
         self.changes = (*self.changes[: self._at], *later)
-        self._stage = self._enter()
+        self._enter()
         self._taken_off.append(
             f"Machine {self.point.case.machines[row].machine}, alone in its island, left {self.rules.slowest:g} to "
             f"{self.rules.fastest:g} pu of speed at {self.time:.3f} s and was taken off."
@@ -181,12 +181,11 @@ class Simulation:
 
     def _call(self, h: float, steps: int, last: bool) -> tuple[int, int]:
         history = np.empty((steps + last if self.recording else 0, self._width))
-        now = self._stage
         before = time.perf_counter()
         if not np.isfinite(self.orders).all():
             raise StudyError(f"The storage orders {self.orders} are not finite numbers; set them between -1 and 1.")
         verdict, made = stepper.advance(
-            self._buffers, now.plant, now.net, self._work, self.rules, h, steps, last, history
+            self._buffers, self._plant, self._stage.net, self._work, self.rules, h, steps, last, history
         )
         self.wall_s += time.perf_counter() - before
         if self.recording:

@@ -1,0 +1,91 @@
+"""What a fleet of storage devices must survive: a fault, what clears it, and when."""
+
+import tomllib
+from collections.abc import Iterable
+from importlib import resources
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from stabctl.case import Case
+from stabctl.errors import StudyError
+from stabctl.simulate.events import branch, contingency, locate, timeline
+from stabctl.units import seconds
+
+KEYS = {"fault": str, "trip": (str, list), "clear": str}
+SHOWN = 'write [[contingency]] with fault = "16", trip = "16-21", clear = "8.2cyc"'
+
+
+class Contingency(NamedTuple):
+    """A fault, the circuits opened with it, and the clearing time that is to be survived."""
+
+    fault: str
+    trip: tuple[str, ...]
+    clear: float  # s
+
+    @property
+    def name(self) -> str:
+        """As a planner says it: `16 trip 16-21`."""
+        return f"{self.fault} trip {', '.join(self.trip)}" if self.trip else self.fault
+
+
+def packaged(case: str) -> Path | None:
+    """The contingency file of a packaged case; None where it has none."""
+    file = resources.files("stabctl") / "cases" / case / "contingencies.toml"
+    return Path(str(file)) if file.is_file() else None
+
+
+def load(path: str | Path, case: Case) -> tuple[Contingency, ...]:
+    """The contingencies of a TOML file, for a case (whose cycles count). `StudyError` names file, row, key and value."""
+    path = Path(path)
+    try:
+        found = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise StudyError(f"The contingency file {path} cannot be read: {error.strerror or error}.") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise StudyError(f"The contingency file {path} is not TOML: {error}.") from None
+    rows = found.pop("contingency", None)
+    if found:
+        raise StudyError(f"{path}: the key {next(iter(found))!r} is not known; {SHOWN}.")
+    if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
+        raise StudyError(f"{path} holds no contingencies; {SHOWN}.")
+    return checked((_made(path, i, row, case) for i, row in enumerate(rows, start=1)), case)
+
+
+def _made(path: Path, i: int, row: dict[str, Any], case: Case) -> Contingency:
+    where = f"{path}, contingency {i}"
+    for key, value in row.items():
+        if key not in KEYS:
+            raise StudyError(f"{where}: the key {key!r} is not known; its keys are {', '.join(KEYS)}.")
+        if not isinstance(value, KEYS[key]) and not (key == "fault" and type(value) is int):
+            raise StudyError(f"{where}: {key} = {value!r} is not a text; {SHOWN}.")
+    for key in ("fault", "clear"):
+        if key not in row:
+            raise StudyError(f"{where}: {key} is missing; {SHOWN}.")
+    trip = row.get("trip", [])
+    names = [trip] if isinstance(trip, str) else trip
+    if not all(isinstance(name, str) for name in names):
+        raise StudyError(f"{where}: trip = {trip!r} does not name circuits; write them as texts, 16-21.")
+    try:
+        return Contingency(str(row["fault"]), tuple(names), seconds(row["clear"], case.frequency_hz))
+    except StudyError as error:
+        raise StudyError(f"{where}: {error}") from None
+
+
+def checked(contingencies: Iterable[Contingency], case: Case) -> tuple[Contingency, ...]:
+    """The contingencies, each possible in the case and met once; else `StudyError`."""
+    out = tuple(contingencies)
+    if not out:
+        raise StudyError("There is no contingency to survive; give at least one.")
+    for i, one in enumerate(out, start=1):
+        try:
+            locate(case, one.fault)
+            for name in one.trip:
+                branch(case, name)
+            timeline(case, contingency(one.fault, one.clear, one.trip, 0.0))
+        except StudyError as error:
+            raise StudyError(f"Contingency {i} ({one.name}): {error}") from None
+        if one.clear <= 0:
+            raise StudyError(f"Contingency {i} ({one.name}) is cleared after {one.clear:g} s; give a time above 0.")
+        if one in out[: i - 1]:
+            raise StudyError(f"Contingency {i} ({one.name}) is listed twice; take one out.")
+    return out

@@ -1,0 +1,93 @@
+"""The master programme: the cheapest fleet that every cut allows, near the best one known.
+
+    min  c's + f'z + rho 1'xi
+    s.t. D s >= b - xi,  0 <= s <= cap z,  |s - best| <= radius,  xi >= 0
+         0 <= z <= 1 (a linear programme, Clarabel), or z of 0 and 1 with at most K of them (HiGHS)
+
+Sizes are in units of the largest cap inside, so that the programme is well scaled.
+"""
+
+from typing import NamedTuple
+
+import cvxpy as cp
+import numpy as np
+
+from stabctl.errors import StudyError
+
+SLACK = 1e3  # rho, over the largest cost of a cap
+
+
+class Cut(NamedTuple):
+    """A half space d . s >= b that a contingency leaves (about) to the fleets that survive it."""
+
+    contingency: int
+    normal: np.ndarray  # (candidates) 1/MW
+    bound: float
+    at: np.ndarray  # (candidates) MW   the fleet on the border where it was found
+
+
+class Plan(NamedTuple):
+    """A solution of the master."""
+
+    mw: np.ndarray  # (candidates) MW
+    cost: float  # without slack
+    slack: float  # largest violation of a cut, relative
+
+
+class Master:
+    """The programme, built once for a number of candidates; cuts, centre and radius are parameters.
+
+    Args: largest sizes (candidates, MW); cost of a MW and of a site (candidates); at most so many sites (None: any
+    number, and a site's cost is spread over its cap); room for cuts.
+    """
+
+    def __init__(
+        self, cap: np.ndarray, cost_mw: np.ndarray, cost_site: np.ndarray, sites: int | None = None, room: int = 64
+    ) -> None:
+        self.unit, n = float(cap.max()), len(cap)
+        self.cap, self.sites, self.room = cap, sites, room
+        self.cost_mw, self.cost_site = cost_mw, cost_site
+        self.s, self.xi = cp.Variable(n, nonneg=True), cp.Variable(room, nonneg=True)
+        self.D, self.b = cp.Parameter((room, n)), cp.Parameter(room)
+        self.low, self.high = cp.Parameter(n), cp.Parameter(n, nonneg=True)
+        scale = float(np.max(cost_mw * cap + cost_site)) or 1.0
+        whole = sites is not None or bool(cost_site.any())
+        self.z = cp.Variable(n, boolean=True) if whole else None
+        rules = [self.D @ self.s >= self.b - self.xi, self.s >= self.low, self.s <= self.high]
+        price = (cost_mw * self.unit / scale) @ self.s + SLACK * cp.sum(self.xi)
+        if self.z is not None:
+            rules += [self.s <= cp.multiply(cap / self.unit, self.z)]
+            price += (cost_site / scale) @ self.z
+            if sites is not None:
+                rules.append(cp.sum(self.z) <= sites)
+        self.problem = cp.Problem(cp.Minimize(price), rules)
+        assert self.problem.is_dcp(dpp=True)
+
+    def cost(self, mw: np.ndarray) -> float:
+        """What a fleet costs."""
+        return float(self.cost_mw @ mw + self.cost_site @ (mw > 0))
+
+    def solve(self, cuts: list[Cut], best: np.ndarray | None = None, radius: float = np.inf) -> Plan:
+        """The cheapest fleet within `radius` (MW) of `best`; `StudyError` where the solver finds none."""
+        if len(cuts) > self.room:
+            bigger = Master(self.cap, self.cost_mw, self.cost_site, self.sites, 2 * len(cuts))
+            self.__dict__.update(bigger.__dict__)
+        D, b = np.zeros(self.D.shape), np.full(self.room, -1.0)
+        for row, cut in enumerate(cuts):
+            size = np.abs(cut.normal).max() * self.unit or 1.0
+            D[row], b[row] = cut.normal * self.unit / size, cut.bound / size
+        self.D.value, self.b.value = D, b
+        near = best is not None and radius < np.inf
+        self.low.value = np.maximum(best - radius, 0) / self.unit if near else np.zeros(len(self.cap))
+        self.high.value = (np.minimum(best + radius, self.cap) if near else self.cap) / self.unit
+        try:
+            self.problem.solve(solver=cp.CLARABEL if self.z is None else cp.HIGHS)
+        except cp.SolverError as error:
+            raise StudyError(
+                f"The siting programme of {len(cuts)} cuts was not solved ({error}); check costs and caps."
+            ) from None
+        if self.problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
+            raise StudyError(f"The siting programme is {self.problem.status}; check costs, caps and number of sites.")
+        mw = np.clip(self.s.value * self.unit, 0, self.cap)
+        mw[mw < 1e-6 * self.unit] = 0.0
+        return Plan(mw, self.cost(mw), float(self.xi.value.max()))

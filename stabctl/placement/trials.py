@@ -1,0 +1,76 @@
+"""Fleets put to the test: does a fleet of these sizes survive a contingency? Every question is simulated once."""
+
+import os
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+import numpy as np
+
+from stabctl.controllers import BangBang, Law
+from stabctl.equilibrium import Point
+from stabctl.simulate.events import contingency
+from stabctl.simulate.simulation import run
+from stabctl.simulate.stepper import DEFAULT, Rules
+from stabctl.simulate.trajectory import Trajectory
+
+from .contingency import Contingency
+
+DIGITS = 6  # of a size in MW, by which two fleets are the same
+T = TypeVar("T")
+
+
+class Trials:
+    """Simulations of the fleets of one operating point, whose case has a device at every candidate.
+
+    Args: the point; what is to be survived; largest sizes (candidates, MW), to which every fleet is cut; the storage
+    law; time watched after clearing (s); step (s); when a run ends; threads; what is told the number of runs so far.
+    """
+
+    def __init__(
+        self,
+        point: Point,
+        contingencies: Sequence[Contingency],
+        cap: np.ndarray,
+        law: Law | None = None,
+        observed_s: float = 5.0,
+        step: float | None = None,
+        rules: Rules = DEFAULT,
+        workers: int | None = None,
+        progress: Callable[[int], None] | None = None,
+    ) -> None:
+        self.point, self.contingencies, self.cap, self.law = point, tuple(contingencies), cap, law or BangBang()
+        self.observed_s, self.step, self.rules, self.progress = observed_s, step, rules, progress
+        self.simulations = 0
+        self._pool = ThreadPoolExecutor(workers or os.cpu_count())
+        self._known: dict[tuple[int, bytes], bool] = {}
+
+    def fleet(self, mw: np.ndarray) -> np.ndarray:
+        """The sizes (candidates, MW), none above its cap."""
+        return np.minimum(mw, self.cap)
+
+    def survives(self, mw: np.ndarray, k: int) -> bool:
+        """Does the fleet (candidates, MW; cut to the caps) survive contingency k?"""
+        mw = self.fleet(mw)
+        key = (k, np.round(mw, DIGITS).tobytes())
+        if key not in self._known:
+            self._known[key] = self.run(mw, k, record=False).outcome.stable
+        return self._known[key]
+
+    def each(self, ask: Callable[[int], T], which: Iterable[int] | None = None) -> list[T]:
+        """What `ask` answers for every contingency, or for these numbers, side by side."""
+        return list(self._pool.map(ask, range(len(self.contingencies)) if which is None else which))
+
+    def lost(self, mw: np.ndarray) -> list[int]:
+        """The contingencies that the fleet does not survive."""
+        return [k for k, survived in enumerate(self.each(lambda k: self.survives(mw, k))) if not survived]
+
+    def run(self, mw: np.ndarray, k: int, record: bool = True) -> Trajectory:
+        """The run of contingency k with this fleet (candidates, MW)."""
+        one = self.contingencies[k]
+        events = contingency(one.fault, one.clear, one.trip, 0.0)
+        self.simulations += 1
+        if self.progress:
+            self.progress(self.simulations)
+        until = one.clear + self.observed_s
+        return run(self.point.resized(mw), events, until, self.law, self.step, self.rules, record)
