@@ -1,0 +1,1 @@
+"""Where storage belongs and how large it should be."""
