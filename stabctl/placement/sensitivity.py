@@ -65,7 +65,8 @@ class Sensitivity:
         return self.J[rows, np.arange(len(rows))]
 
     def __str__(self) -> str:
-        lines = [f"{self.case}: MW taken from the machines per MW absorbed", "device     own   all machines   most taken from"]
+        lines = [f"{self.case}: MW taken from the machines per MW absorbed"]
+        lines.append("device     own   all machines   most taken from")
         for c, own, column in zip(self.candidates, self.own, self.J.T, strict=True):
             most = int(column.argmax())
             lines.append(f"{c!s:8} {own:5.3f} {column.sum():14.3f}   {self.machines[most]} ({column[most]:.3f})")
@@ -80,7 +81,7 @@ def everywhere(case: Case) -> tuple[Candidate, ...]:
 
 
 def checked(case: Case, candidates: Iterable[tuple[int, int]] | None) -> tuple[Candidate, ...]:
-    """The candidates (machine, bus), those of `everywhere` by default; `StudyError` where the case has no such place."""
+    """The candidates (machine, bus), by default `everywhere`; `StudyError` where the case has no such place."""
     if candidates is None:
         return everywhere(case)
     found = tuple(Candidate(int(machine), int(bus)) for machine, bus in candidates)
@@ -128,9 +129,7 @@ def sensitivity(
     return Sensitivity(case.name, numbers, found, J, point.plant.inertia.copy(), island, case.base_mva)
 
 
-def _settled(
-    point: Point, switching: Switching, served: np.ndarray
-) -> tuple[np.ndarray, sp.csc_matrix, sp.csc_matrix]:
+def _settled(point: Point, switching: Switching, served: np.ndarray) -> tuple[np.ndarray, sp.csc_matrix, sp.csc_matrix]:
     """z with the voltages of the switched network, and the slopes there: of the machines' w' and of the currents."""
     alone, z, n = local.private(point.plant), point.z.copy(), sizes(point.plant, len(point.V))
     places = slice(n.states, n.states + n.voltages)
