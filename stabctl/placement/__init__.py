@@ -1,1 +1,1 @@
-"""Where storage belongs and how large: convex siting and sizing, proved by simulation."""
+"""Where storage belongs and how large it should be."""

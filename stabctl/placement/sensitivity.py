@@ -1,0 +1,156 @@
+"""What a megawatt absorbed at a bus does to every machine at once, before any state has moved.
+
+States held, the currents still balance, 0 = gv dv + gu dP (as in `linear.descriptor`), and the speed of machine j
+changes at the rate dw' = fv dv. What its air gap transfers rises by J dP, J = -2 H dw'/dP = 2 H fv inv(gv) gu.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
+
+from stabctl import network
+from stabctl.case import Case
+from stabctl.equilibrium import Point
+from stabctl.errors import StudyError
+from stabctl.linear import INPUTS, inputs, local, signals
+from stabctl.network import UNSWITCHED, Switching
+from stabctl.system import sizes
+
+TOLERANCE = 1e-10  # pu   largest current mismatch of a bus
+LIMIT = 30  # Newton steps
+
+
+class Candidate(NamedTuple):
+    """A place for a storage device: the machine it would belong to, and its bus."""
+
+    machine: int
+    bus: int
+
+    def __str__(self) -> str:
+        return f"{self.machine}@{self.bus}"
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Sensitivity:
+    """Change of the machines' air-gap powers per megawatt absorbed at each candidate's bus, states held."""
+
+    case: str
+    machines: tuple[int, ...]
+    candidates: tuple[Candidate, ...]
+    J: np.ndarray  # (machines, candidates)   MW per MW
+    inertia: np.ndarray  # (machines) s   on the system base
+    island: np.ndarray  # (machines)   number of the island each stands in
+    base_mva: float
+
+    @property
+    def in_coi(self) -> np.ndarray:
+        """What of J moves a machine against its island's centre of inertia, J_j - H_j/sum H sum J (MW per MW)."""
+        same = self.island[:, None] == self.island
+        share = self.inertia[:, None] * same / (same @ self.inertia)[:, None]
+        return self.J - share @ self.J
+
+    @property
+    def acceleration(self) -> np.ndarray:
+        """Acceleration of every machine less that of the COI (machines, candidates), pu/s per MW."""
+        return -self.in_coi / (2 * self.inertia[:, None] * self.base_mva)
+
+    @property
+    def own(self) -> np.ndarray:
+        """J of every candidate's own machine (candidates)."""
+        rows = [self.machines.index(c.machine) for c in self.candidates]
+        return self.J[rows, np.arange(len(rows))]
+
+    def __str__(self) -> str:
+        lines = [f"{self.case}: MW taken from the machines per MW absorbed"]
+        lines.append("device     own   all machines   most taken from")
+        for c, own, column in zip(self.candidates, self.own, self.J.T, strict=True):
+            most = int(column.argmax())
+            lines.append(f"{c!s:8} {own:5.3f} {column.sum():14.3f}   {self.machines[most]} ({column[most]:.3f})")
+        return "\n".join(lines)
+
+    __repr__ = __str__
+
+
+def everywhere(case: Case) -> tuple[Candidate, ...]:
+    """A candidate at every machine's storage bus."""
+    return tuple(Candidate(m.machine, m.storage_bus) for m in case.machines)
+
+
+def checked(case: Case, candidates: Iterable[tuple[int, int]] | None) -> tuple[Candidate, ...]:
+    """The candidates (machine, bus), by default `everywhere`; `StudyError` where the case has no such place."""
+    if candidates is None:
+        return everywhere(case)
+    found = tuple(Candidate(int(machine), int(bus)) for machine, bus in candidates)
+    if not found:
+        raise StudyError(f"There is no candidate for storage in {case.name}; name at least one machine and its bus.")
+    buses = {b.bus for b in case.buses}
+    for c in found:
+        case.machine(c.machine)
+        if c.bus not in buses:
+            raise StudyError(f"There is no bus {c.bus} in {case.name} for the storage of machine {c.machine}.")
+        if found.count(c) > 1:
+            raise StudyError(f"The candidate {c} is named twice; name it once.")
+    return found
+
+
+def sensitivity(
+    point: Point, candidates: Iterable[tuple[int, int]] | None = None, switching: Switching = UNSWITCHED
+) -> Sensitivity:
+    """Sensitivities at an operating point, or just after its network has been switched, all states as they were.
+
+    Args: candidates (machine, bus), by default every machine's storage bus; the switching, without a fault: openings
+    and shunts. A bus that the switching leaves without a machine moves nobody. Raises `StudyError` for impossible
+    candidates, for a fault, a tripped machine or a load step, and where the switched network has no voltages.
+    """
+    case, found = point.case, checked(point.case, candidates)
+    if switching.faulted or switching.tripped or switching.loads:
+        raise StudyError(
+            f"The sensitivities of {case.name} are those of a network with all its machines and loads and no fault; "
+            "leave faults, tripped machines and load steps out of the switching."
+        )
+    where = network.islands(point.net, switching)
+    served = np.isin(where, where[point.net.machine_bus])
+    z, fv, gv = _settled(point, switching, served)
+    n = sizes(point.plant, len(point.V))
+    V = z[n.states : n.states + n.voltages].view(complex)
+    gu = np.zeros((n.voltages, len(found)))
+    for k, c in enumerate(found):
+        (signal,) = signals.chosen(case, [f"storage:{c.bus}"], INPUTS)
+        draw = inputs.draw(point, signal)
+        if served[draw.bus]:
+            gu[2 * draw.bus : 2 * draw.bus + 2, k] = draw.current_of(V[draw.bus : draw.bus + 1]).view(float)
+    J = 2 * point.plant.inertia[:, None] * (fv @ splu(gv).solve(gu))
+    numbers = tuple(m.machine for m in case.machines)
+    island = where[point.net.machine_bus]
+    return Sensitivity(case.name, numbers, found, J, point.plant.inertia.copy(), island, case.base_mva)
+
+
+def _settled(point: Point, switching: Switching, served: np.ndarray) -> tuple[np.ndarray, sp.csc_matrix, sp.csc_matrix]:
+    """z with the voltages of the switched network, and the slopes there: of the machines' w' and of the currents."""
+    alone, z, n = local.private(point.plant), point.z.copy(), sizes(point.plant, len(point.V))
+    places = slice(n.states, n.states + n.voltages)
+    v, Y = z[places], local.real(point.admittance(switching))
+    live = sp.diags(np.repeat(served, 2).astype(float), format="csc")
+    J = np.zeros((len(alone.columns), len(alone.owner)))
+    for _ in range(LIMIT):
+        b = local.at(alone, z)
+        J[-2:] = local.voltage_slopes(alone, b)
+        slopes = local.assemble(alone, J, len(point.V))[:, places].tocsr()
+        gv = (live @ (slopes[n.states :] - Y) - (sp.identity(n.voltages) - live)).tocsc()
+        miss = live @ (local.currents(alone, b.f.real.copy(), len(point.V)).view(float) - Y @ v)
+        if np.abs(miss).max() < TOLERANCE:
+            return z, slopes[point.plant.rotor + 1].tocsc(), gv
+        try:
+            v -= splu(gv).solve(miss)
+        except RuntimeError:
+            break
+        if not np.isfinite(v).all():
+            break
+    raise StudyError(
+        f"The network of {point.case.name} has no voltages just after this switching with the machines where they "
+        "were; leave it out, or choose an operating point with less load."
+    )

@@ -1,0 +1,213 @@
+"""Gramians of the critical swings, and a budget shared out by them: laws, python-control, brute force, optimality."""
+
+import itertools
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+from systems import CLASSICAL, doubled, small, with_shares
+
+from stabctl import equilibrium
+from stabctl.errors import StudyError
+from stabctl.linear import linearise
+from stabctl.modes import analyse, modal
+from stabctl.placement.allocation import Programme, allocate, by_gramian
+from stabctl.placement.gramians import critical, gramians
+from stabctl.placement.sensitivity import sensitivity
+
+CRITERIA = ["min-eigenvalue", "log-det"]
+
+
+@pytest.fixture(scope="module")
+def classical(cases):
+    return equilibrium.solve(cases("ieee39").classical())
+
+
+@pytest.fixture(scope="module")
+def found(classical):
+    """Gramians of the classical ieee39, undamped."""
+    return gramians(classical)
+
+
+def _criterion(W, criterion):
+    values = np.linalg.eigvalsh(W)
+    return values[0] if criterion == "min-eigenvalue" else np.log(values).sum()
+
+
+@pytest.mark.parametrize("decay", [0.0, 0.5])
+def test_python_control_finds_the_same_gramian_of_the_reduced_model(points, decay):
+    """Its Lyapunov equation of the modal model, in the coordinates of that model."""
+    p = points("two_area")
+    g = gramians(p, modes=3, decay=decay)
+    m = analyse(linearise(p, [f"storage:{c.bus}" for c in g.candidates]))
+    chosen = sorted(critical(m, 3), key=lambda k: -m.eigenvalues[k].real)
+    H = p.plant.inertia * p.case.base_mva
+    for first in range(3):
+        reduced = modal(m, [chosen[first]]).to_control()
+        scale = H @ np.abs(m.right[m.linear.speeds(), chosen[first]]) ** 2 / p.case.base_mva**2
+        block = slice(2 * first, 2 * first + 2)
+        for i in range(len(g.candidates)):
+            B = reduced.B[:, [i]]
+            W = scale * control.lyap(reduced.A - decay * np.eye(2), B @ B.T)
+            assert np.abs(g.W[i, block, block] - W).max() < 1e-9 * np.abs(W).max()
+
+
+def test_python_control_finds_the_same_gramian_of_all_swings_together(found):
+    for i in range(len(found.candidates)):
+        b = found.B[:, [i]]
+        W = control.lyap(found.A - found.decay * np.eye(len(found.A)), b @ b.T)
+        assert np.abs(found.W[i] - W).max() < 1e-12 * np.abs(W).max()  # 6e-16
+
+
+def test_a_trace_is_the_energy_of_a_blow():
+    """A blow of 1 MW s leaves undamped, lossless machines the energy sum H S a^2 against their COI; they keep it."""
+    case = with_shares(doubled(small({"gencls": CLASSICAL})), p_power=1, q_power=1)
+    rows = {n: par._replace(D=0.0, ra=0.0) for n, par in case.devices["gencls"].items()}
+    case = replace(case, branches=tuple(k._replace(r=0.0) for k in case.branches), devices={"gencls": rows})
+    p = equilibrium.solve(case)
+    g, s = gramians(p, [(1, 2), (2, 3)], decay=0.25), sensitivity(p, [(1, 2), (2, 3)])
+    assert len(g.modes) == 2
+    energy = (s.inertia * s.base_mva) @ s.acceleration**2
+    assert g.alone == pytest.approx(energy / 0.5, rel=1e-9)
+
+
+def test_the_share_of_one_swing(found):
+    """|c|^2 / (2 a - 2 Re s), as the trace of a block."""
+    for k, mode in enumerate(found.modes):
+        block = slice(2 * k, 2 * k + 2)
+        c2 = (found.B[block] ** 2).sum(axis=0)
+        there = np.trace(found.W[:, block, block], axis1=1, axis2=2)
+        assert there == pytest.approx(c2 / (2 * found.decay - 2 * mode.eigenvalue.real), rel=1e-9)
+
+
+def test_the_swings_that_decay_slowest_are_critical(points, found):
+    m = analyse(linearise(points("two_area")))
+    assert critical(m, 1) == [min(m.swings(), key=lambda k: -m.eigenvalues[k].real)]
+    assert critical(m, 9) == sorted(m.swings(), key=lambda k: -m.eigenvalues[k].real)
+    undamped = [mode.frequency_hz for mode in found.modes]
+    assert undamped == sorted(undamped)
+    assert [round(m.frequency_hz[k], 1) for k in critical(m, [1.4, 0.5, 0.6])] == [1.3, 0.6]
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+def test_no_pair_of_a_fine_grid_is_better(classical, criterion):
+    g = gramians(classical, [(2, 6), (3, 10)])
+    a = allocate(g, 100.0, 80.0, criterion)
+    grid = np.linspace(20, 80, 601)
+    values = np.array([_criterion(g.of(np.array([x, 100 - x])), criterion) for x in grid])
+    assert a.value >= values.max() * (1 - 1e-7 * np.sign(values.max()))
+    assert a.sizes[0] == pytest.approx(grid[values.argmax()], abs=0.11)  # 0.03, 0.01
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+def test_no_three_of_a_grid_are_better(classical, criterion):
+    g = gramians(classical, [(2, 6), (3, 10), (9, 29)])
+    a = allocate(g, 100.0, criterion=criterion)
+    shares = [(i, j, 100 - i - j) for i, j in itertools.product(range(101), repeat=2) if i + j <= 100]
+    values = np.array([_criterion(g.of(np.array(s, float)), criterion) for s in shares])
+    assert a.value >= values.max() * (1 - 1e-7 * np.sign(values.max()))
+    assert a.value == pytest.approx(values.max(), rel=1e-3)  # 1.4e-4, 2.8e-6
+    assert np.abs(a.sizes - shares[values.argmax()]).max() < 2  # 0.8, 0.5
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+def test_a_megawatt_is_worth_the_same_wherever_it_could_move(found, criterion):
+    """Karush-Kuhn-Tucker: one price between the caps, not less at a cap, not more where there is nothing."""
+    a = allocate(found, 400.0, 60.0, criterion)
+    assert a.sizes.sum() == pytest.approx(400, rel=1e-6)
+    full, none = a.sizes > 59.99, a.sizes < 1e-3
+    inside = ~full & ~none
+    assert full.any()
+    assert inside.sum() > 1
+    assert none.any()
+    price = a.worth[inside].mean()
+    assert a.worth[inside] == pytest.approx(price, rel=1e-4)  # 6e-9, 1e-6
+    assert (a.worth[full] >= price * (1 + 1e-3)).all()  # 1.02, 1.01 times
+    assert (a.worth[none] <= price * (1 - 1e-3)).all()  # 0.97, 0.62 times
+    assert 0 <= a.bound - a.value < 1e-6 * abs(a.value)  # 1e-10, 1.4e-8
+    even = _criterion(found.of(np.full(10, 40.0)), criterion)
+    assert a.value > even
+    assert a.value == pytest.approx(_criterion(found.of(a.sizes), criterion), rel=1e-9)
+
+
+def test_worth_is_the_slope_of_the_criterion(found):
+    """The gradient of log det, by central differences."""
+    a = allocate(found, 400.0, 60.0, "log-det")
+    for i in range(10):
+        step = 1e-3 * np.eye(10)[i]
+        above, below = (_criterion(found.of(a.sizes + k * step), "log-det") for k in (1, -1))
+        assert a.worth[i] == pytest.approx((above - below) / 2e-3, rel=1e-5)
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+def test_shares_do_not_depend_on_the_unit(found, criterion):
+    shares = [allocate(found, b, 0.2 * b, criterion).sizes / b for b in (1e-6, 100.0, 1e9)]
+    assert np.abs(np.diff(shares, axis=0)).max() < 1e-6
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+def test_a_programme_is_built_once(found, criterion):
+    once, W = Programme(found.W, criterion), found.W
+    for cap in (0.5, 0.15):
+        limit = np.full(10, cap)
+        assert once.solve(limit) == pytest.approx(Programme(W, criterion).solve(limit), abs=1e-4)
+    assert once.problem.is_dcp(dpp=True)
+
+
+def test_caps_that_are_the_budget_are_filled(found):
+    a = allocate(found, 100.0, dict.fromkeys(found.candidates, 10.0))
+    assert a.sizes == pytest.approx(10.0, rel=1e-6)
+
+
+def test_two_machines_on_one_bus_are_worth_the_same():
+    p = equilibrium.solve(doubled(small({"gencls": CLASSICAL})))
+    a = by_gramian(p, [(1, 2), (101, 2), (2, 3)], 50.0, modes=1, criterion="log-det")
+    assert a.worth[0] == pytest.approx(a.worth[1], rel=1e-12)
+
+
+def test_the_answer_is_a_fleet_and_prints_itself(classical, found):
+    a = allocate(found, 400.0, 60.0)
+    fleet = a.storage(lag=0.05)
+    assert classical.case.with_storage(fleet).storage == fleet
+    assert sum(s.rating for s in fleet) == pytest.approx(400, rel=1e-6)
+    assert list(a.sizes[list(a.ranking)]) == sorted(a.sizes, reverse=True)
+    text = str(a).splitlines()
+    assert text[0].startswith("ieee39: 400 MW by min-eigenvalue")
+    assert len(text) == 1 + len(found.modes) + 1 + 10
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"budget_mw": 101.0, "caps_mw": 10.0}, "101 MW does not fit: the caps of the 10 candidates hold 100"),
+        ({"caps_mw": 0.0}, "hold 0 MW"),
+        ({"budget_mw": 0.0}, "budget of 0 MW"),
+        ({"budget_mw": np.nan}, "budget of nan MW"),
+        ({"caps_mw": -1.0}, "cap of -1 MW of candidate 1@39"),
+        ({"caps_mw": np.nan}, "cap of nan MW"),
+        ({"caps_mw": [1.0, 2.0]}, "2 caps for 10 candidates"),
+        ({"caps_mw": {}}, "1@39 has no cap"),
+        ({"criterion": "trace"}, "'trace' is no criterion"),
+        ({"caps_mw": [100.0] + 9 * [0.0]}, "no accurate solution"),
+    ],
+)
+def test_what_cannot_be_shared_out_is_said(found, given, words):
+    with pytest.raises(StudyError, match=words):
+        allocate(found, **{"budget_mw": 100.0, **given})
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"decay": 0.0}, r"does not decay: it has no Gramian at a decay of 0 1/s; choose one above 1e-06"),
+        ({"decay": -1.0}, "decay -1 1/s is not allowed"),
+        ({"decay": np.inf}, "decay inf 1/s is not allowed"),
+        ({"modes": 0}, "0 swings"),
+        ({"modes": []}, "No swing of ieee39 is named"),
+        ({"candidates": [(1, 40)]}, "no bus 40"),
+    ],
+)
+def test_what_has_no_gramian_is_said(classical, given, words):
+    with pytest.raises(StudyError, match=words):
+        gramians(classical, **given)
