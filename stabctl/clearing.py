@@ -15,10 +15,12 @@ from stabctl.simulate.outcome import Kind
 from stabctl.simulate.sampled import Sampled
 from stabctl.simulate.simulation import run
 from stabctl.simulate.stepper import DEFAULT, Rules
+from stabctl.simulate.trajectory import Trajectory
 
 Status = Literal["found", "unstable_at_zero", "stable_at_limit"]
 QUIET = 0.5  # s   before the fault, in which a sampled controller sees the system at rest
 PROBES = (0.5, 1.0, 2.0, 4.0)  # cycles above the answer at which monotony is checked
+BELOW = 0.5  # cycles below the answer, where it must hold as well: a later swing may be lost between two that are not
 
 
 class Run(NamedTuple):
@@ -29,6 +31,55 @@ class Run(NamedTuple):
     outcome: Kind
     machine: int | None  # that went first
     time_s: float  # s   end of the run, from the fault on
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A fault and what clears it, to be simulated at clearing times on a grid: the criterion of every study of them.
+
+    Raises `StudyError` for impossible grids, and at the first run for impossible places.
+    """
+
+    point: Point
+    fault: str
+    trip: tuple[str, ...] = ()
+    control: Law | Sampled | None = None
+    resolution_cycles: float = 0.125
+    limit_cycles: float = 60.0
+    observed_s: float = 5.0  # s   watched after clearing
+    step: float | None = None
+    rules: Rules = DEFAULT
+    impedance: complex = 0j  # pu
+
+    def __post_init__(self) -> None:
+        if not 0 < self.resolution_cycles <= self.limit_cycles < np.inf:
+            raise StudyError(
+                f"The resolution of {self.resolution_cycles:g} cycles is not allowed; it must be more than 0 and at "
+                f"most the search limit of {self.limit_cycles:g} cycles."
+            )
+        if not 0 < self.observed_s < np.inf:
+            raise StudyError(f"The observation of {self.observed_s:g} s is not allowed; it must be more than 0.")
+
+    @property
+    def at(self) -> float:
+        """Instant of the fault, s."""
+        return QUIET if isinstance(self.control, Sampled) else 0.0
+
+    @property
+    def last(self) -> int:
+        """The last point of the grid."""
+        return int(np.floor(self.limit_cycles / self.resolution_cycles + 1e-9))
+
+    def cleared(self, k: int) -> float:
+        """Instant (s) of clearing at the grid's point k."""
+        return self.at + k * self.resolution_cycles / self.point.case.frequency_hz
+
+    def simulate(self, k: int, record: bool = False) -> Trajectory:
+        """The run cleared at the grid's point k, from the start until the observation ends."""
+        clear = k * self.resolution_cycles / self.point.case.frequency_hz
+        happens = contingency(self.fault, clear, self.trip, self.at, self.impedance)
+        until = self.at + clear + self.observed_s
+        return run(self.point, happens, until, self.control, self.step, self.rules, record)
 
 
 @dataclass(frozen=True)
@@ -79,30 +130,21 @@ def clearing_time(
     """The critical clearing time of a fault, cleared by opening its circuit and those in `trip`.
 
     By doubling and bisection on multiples of the resolution; at a resolution of a cycle or more, cycle by cycle from
-    zero as the paper did. Some longer faults are tried too, to see whether stability is monotone.
+    zero as the paper did. A fault half a cycle shorter must be survived too, and some longer ones are tried to see
+    whether stability is monotone.
 
     Args: operating point (its case's storage acts under `control`, a law or a sampled controller); fault and circuits
     as in `simulate.events`; grid and limit (cycles); time watched after clearing (s); step (s); when a run ends; fault
     impedance (pu); what is told every run. Raises `StudyError` for impossible places or grids.
     """
-    if not 0 < resolution_cycles <= limit_cycles < np.inf:
-        raise StudyError(
-            f"The resolution of {resolution_cycles:g} cycles is not allowed; it must be more than 0 and at most the "
-            f"search limit of {limit_cycles:g} cycles."
-        )
-    if not 0 < observed_s < np.inf:
-        raise StudyError(f"The observation of {observed_s:g} s is not allowed; it must be more than 0.")
-    hz, trip = point.case.frequency_hz, tuple(trip)
-    at = QUIET if isinstance(control, Sampled) else 0.0
-    began, runs = time.perf_counter(), {}
-    last = int(np.floor(limit_cycles / resolution_cycles + 1e-9))
+    trip = tuple(trip)
+    trial = Trial(point, fault, trip, control, resolution_cycles, limit_cycles, observed_s, step, rules, impedance)
+    began, runs, last = time.perf_counter(), {}, trial.last
 
     def survives(k: int) -> bool:
         if k not in runs:
-            clear = k * resolution_cycles / hz
-            happens = contingency(fault, clear, trip, at, impedance)
-            end = run(point, happens, at + clear + observed_s, control, step, rules, record=False).outcome
-            runs[k] = Run(k * resolution_cycles, end.stable, end.kind, end.machine, end.time_s - at)
+            end = trial.simulate(k).outcome
+            runs[k] = Run(k * resolution_cycles, end.stable, end.kind, end.machine, end.time_s - trial.at)
             if progress:
                 progress(runs[k])
         return runs[k].stable
@@ -118,7 +160,7 @@ def clearing_time(
         trip,
         status,
         critical * resolution_cycles if status == "found" else None,
-        critical * resolution_cycles / hz if status == "found" else None,
+        critical * resolution_cycles / point.case.frequency_hz if status == "found" else None,
         resolution_cycles,
         limit_cycles,
         observed_s,
@@ -141,7 +183,13 @@ def _search(survives: Callable[[int], bool], last: int, resolution: float) -> tu
         if high == last:
             return last, "stable_at_limit"
         low, high = high, min(last, 2 * high)
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (middle, high) if survives(middle) else (low, middle)
-    return low, "found"
+    held, below = {0, low}, max(1, round(BELOW / resolution))
+    while True:
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (middle, high) if survives(middle) else (low, middle)
+            held.add(low)
+        check = max(low - below, 0)
+        if any(check <= k < low for k in held) or survives(check):
+            return low, "found"
+        low, high = max(k for k in held if k < check), check

@@ -27,11 +27,13 @@ class Stage:
 
 def stage(point: Point, switching: Switching) -> Stage:
     """The system of an operating point under a switching. Islands without a machine are dead: no voltage, load lost."""
-    if len(point.stages) > MOST:
-        point.stages.clear()
-    if switching not in point.stages:
-        point.stages[switching] = _stage(point, switching)
-    return point.stages[switching]
+    found = point.stages.get(switching)  # held, because another thread may clear the store
+    if found is None:
+        found = _stage(point, switching)
+        if len(point.stages) >= MOST:
+            point.stages.clear()
+        point.stages[switching] = found
+    return found
 
 
 def _stage(point: Point, switching: Switching) -> Stage:

@@ -1,0 +1,100 @@
+"""stabctl screen: which line faults a system survives least long."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from . import shared
+
+if TYPE_CHECKING:
+    from stabctl.screen import Screen
+
+Below = Annotated[str | None, typer.Option("--below", help="List only pairs with shorter clearing times: 8cyc.")]
+Out = Annotated[Path | None, typer.Option("--out", help="Write the pairs to FILE.csv.")]
+Resolution = Annotated[str, typer.Option("--resolution", help="Grid of clearing times.")]
+Limit = Annotated[str, typer.Option("--limit", help="Longest clearing time tried.")]
+Observe = Annotated[float, typer.Option("--observe", help="Time watched after clearing, s.")]
+Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Threads (default: one per core).")]
+
+
+def screen(
+    case: shared.CaseName,
+    below: Below = None,
+    resolution: Resolution = "0.125cyc",
+    limit: Limit = "60cyc",
+    observe: Observe = 5.0,
+    step: shared.Step = None,
+    control: shared.Control = None,
+    storage: shared.Size = None,
+    storage_at: shared.SizeAt = None,
+    characteristic: shared.Characteristic = "power",
+    lag: shared.Lag = 0.0,
+    deadband: shared.Deadband = 0.1,
+    min_voltage: shared.MinVoltage = 0.8,
+    max_angle: shared.Angle = 3.5,
+    workers: Workers = None,
+    out: Out = None,
+    classical: shared.Classical = False,
+    as_json: shared.Json = False,
+) -> None:
+    """Find the critical clearing times of faults at both ends of every line, cleared by opening it; shortest first."""
+    from stabctl.errors import StudyError
+    from stabctl.screen import screen
+    from stabctl.units import seconds
+
+    if out and out.suffix.lower() != ".csv":
+        raise StudyError(f"The file {out.name!r} must end in .csv.")
+    if out and not out.parent.is_dir():
+        raise StudyError(f"There is no folder {str(out.parent)!r} to write {out.name!r} into; make it first.")
+    loaded = shared.load(case, classical)
+    hz = loaded.frequency_hz
+    point = shared.start(loaded, storage, storage_at, characteristic=characteristic, lag=lag)
+    with shared.progress("screening", 1.0) as tell:
+        found = screen(
+            point,
+            seconds(below, hz) * hz if below else None,
+            shared.law(point.case, control, deadband, min_voltage),
+            seconds(resolution, hz) * hz,
+            seconds(limit, hz) * hz,
+            observe,
+            step,
+            shared.rules(max_angle),
+            workers,
+            lambda done, total: tell(done / total),
+        )
+    if out:
+        found.save(out)
+    _show(found, out, as_json)
+
+
+def _show(found: "Screen", out: Path | None, as_json: bool) -> None:
+    if as_json:
+        keys = ("fault", "trip", "cycles", "status", "machine")
+        shared.print_json(
+            {
+                "case": found.case,
+                "pairs": [dict(zip(keys, p, strict=False)) for p in found.pairs],
+                "bridges": found.lines.bridges,
+                "twins": found.lines.twins,
+                "screened": found.screened,
+                "simulations": found.simulations,
+                "wall_s": found.wall_s,
+                "observed_s": found.observed_s,
+                "resolution_cycles": found.resolution_cycles,
+                "limit_cycles": found.limit_cycles,
+            }
+        )
+        return
+    from rich.table import Table
+
+    table = Table("fault at bus", "opened", "survived, cycles", "first to go")
+    for p in found.pairs:
+        shown = {"unstable_at_zero": "lost by the opening", "stable_at_limit": f"{found.limit_cycles:g} or more"}
+        first = "" if p.machine is None else f"machine {p.machine}"
+        table.add_row(p.fault, p.trip, shown.get(p.status, f"{p.cycles:g}" if p.cycles is not None else ""), first)
+    shared.console().print(table)
+    for sentence in found.remarks():
+        shared.console().print(sentence)
+    if out:
+        shared.console().print(f"written: {out}")
