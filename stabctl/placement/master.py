@@ -67,6 +67,10 @@ class Master:
         """What a fleet costs."""
         return float(self.cost_mw @ mw + self.cost_site @ (mw > 0))
 
+    def allows(self, mw: np.ndarray) -> bool:
+        """Has a fleet few enough sites?"""
+        return self.sites is None or int((mw > 0).sum()) <= self.sites
+
     def solve(self, cuts: list[Cut], best: np.ndarray | None = None, radius: float = np.inf) -> Plan:
         """The cheapest fleet within `radius` (MW) of `best`; `StudyError` where the solver finds none."""
         if len(cuts) > self.room:

@@ -1,5 +1,6 @@
 """Fleets put to the test: does a fleet of these sizes survive a contingency? Every question is simulated once."""
 
+import copy
 import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -10,7 +11,7 @@ import numpy as np
 from stabctl.controllers import BangBang, Law
 from stabctl.equilibrium import Point
 from stabctl.simulate.events import contingency
-from stabctl.simulate.simulation import run
+from stabctl.simulate.simulation import Simulation, run
 from stabctl.simulate.stepper import DEFAULT, Rules
 from stabctl.simulate.trajectory import Trajectory
 
@@ -41,9 +42,20 @@ class Trials:
     ) -> None:
         self.point, self.contingencies, self.cap, self.law = point, tuple(contingencies), cap, law or BangBang()
         self.observed_s, self.step, self.rules, self.progress = observed_s, step, rules, progress
-        self.simulations = 0
+        self._counted = [0]
         self._pool = ThreadPoolExecutor(workers or os.cpu_count())
         self._known: dict[tuple[int, bytes], bool] = {}
+
+    @property
+    def simulations(self) -> int:
+        """Runs so far, those of trials derived from these included."""
+        return self._counted[0]
+
+    def count(self) -> None:
+        """One more run."""
+        self._counted[0] += 1
+        if self.progress:
+            self.progress(self.simulations)
 
     def fleet(self, mw: np.ndarray) -> np.ndarray:
         """The sizes (candidates, MW), none above its cap."""
@@ -65,12 +77,31 @@ class Trials:
         """The contingencies that the fleet does not survive."""
         return [k for k, survived in enumerate(self.each(lambda k: self.survives(mw, k))) if not survived]
 
+    def fleets(self, k: int) -> int:
+        """Number of fleets that contingency k has been asked about."""
+        return sum(asked == k for asked, _ in self._known)
+
+    def only(self, kept: Sequence[int]) -> "Trials":
+        """The same for some of the contingencies."""
+        chosen = [self.contingencies[k] for k in kept]
+        new = self._like(chosen, self.observed_s, self.step)
+        new._known = {(kept.index(k), mw): known for (k, mw), known in self._known.items() if k in kept}
+        return new
+
+    def refined(self) -> "Trials":
+        """The same at half the step, watched twice as long."""
+        step = Simulation(self.point, step=self.step, record=False).step / 2
+        return self._like(self.contingencies, 2 * self.observed_s, step)
+
+    def _like(self, contingencies: Sequence[Contingency], observed_s: float, step: float | None) -> "Trials":
+        new = copy.copy(self)
+        new.contingencies, new.observed_s, new.step, new._known = tuple(contingencies), observed_s, step, {}
+        return new
+
     def run(self, mw: np.ndarray, k: int, record: bool = True) -> Trajectory:
         """The run of contingency k with this fleet (candidates, MW)."""
         one = self.contingencies[k]
         events = contingency(one.fault, one.clear, one.trip, 0.0)
-        self.simulations += 1
-        if self.progress:
-            self.progress(self.simulations)
+        self.count()
         until = one.clear + self.observed_s
         return run(self.point.resized(mw), events, until, self.law, self.step, self.rules, record)

@@ -1,0 +1,58 @@
+"""The proof: critical clearing times of a fleet and of its neighbours, by the criterion of `stabctl clearing-time`."""
+
+import numpy as np
+
+from stabctl.clearing import BELOW, Trial
+from stabctl.controllers import Law
+from stabctl.screen.search import Attempt, search
+from stabctl.simulate.sampled import Sampled
+
+from .siting import Evidence
+from .trials import Trials
+
+GRID = 0.125  # cycles
+LIMIT = 60.0  # cycles
+
+
+def critical_cycles(
+    trials: Trials, mw: np.ndarray, k: int, control: Law | Sampled | None = None
+) -> tuple[float | None, bool, int | None]:
+    """Critical clearing time (cycles) of contingency k with a fleet, whether its target is survived, who goes first.
+
+    On a grid of about 1/8 cycle that holds the target; None where it is unstable at any. `control`: another than the
+    trials' law.
+    """
+    one, law = trials.contingencies[k], control or trials.law
+    target = one.clear * trials.point.case.frequency_hz
+    steps = max(1, round(target / GRID))
+    grid = target / steps
+    limit = max(LIMIT, 2 * target)
+    point = trials.point.resized(trials.fleet(mw))
+    trial = Trial(point, one.fault, one.trip, law, grid, limit, trials.observed_s, trials.step, trials.rules)
+    told: dict[int, bool] = {}
+
+    def attempt(j: int) -> Attempt:
+        trials.count()
+        end = trial.simulate(j).outcome
+        told[j] = end.stable
+        return Attempt(end.stable, end.machine)
+
+    found = search(attempt, trial.last, steps, 2, max(1, round(BELOW / grid)))
+    stable = told[steps] if steps in told else attempt(steps).stable
+    cycles = None if found.status == "unstable_at_zero" else found.critical * grid
+    return cycles, stable, found.machine
+
+
+def evidence(trials: Trials, fleet: str, mw: np.ndarray, control: Law | Sampled | None = None) -> Evidence:
+    """A row of the table: the fleet (candidates, MW) put to every contingency."""
+    rows = trials.each(lambda k: critical_cycles(trials, mw, k, control))
+    return Evidence(fleet, float(trials.fleet(mw).sum()), tuple(r[0] for r in rows), tuple(r[1] for r in rows))
+
+
+def energies(trials: Trials, mw: np.ndarray) -> np.ndarray:
+    """Energy (candidates, MWh) that every device has to hold: the widest swing of its store over all contingencies."""
+
+    def swing(k: int) -> np.ndarray:
+        return np.ptp(trials.run(mw, k).energy, axis=0)
+
+    return np.max(trials.each(swing), axis=0)

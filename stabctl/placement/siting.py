@@ -1,0 +1,140 @@
+"""The answer of the siting programme: a fleet, what it costs, and the proof that it does what was asked."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from .contingency import Contingency
+
+
+class Site(NamedTuple):
+    """A storage device that was chosen."""
+
+    bus: int
+    machine: int
+    mw: float
+    mwh: float  # energy it took or gave in the hardest run, and so has to hold
+
+
+class Survived(NamedTuple):
+    """A contingency and how far the fleet carries it."""
+
+    contingency: Contingency
+    target_cycles: float
+    critical_cycles: float | None  # with the fleet, on a grid that holds the target; None: unstable at any
+    machine: int | None  # goes first just beyond
+    stable: bool  # simulated at the target
+    binding: bool  # lost with 3 % less of the fleet
+
+    @property
+    def margin_cycles(self) -> float:
+        """Cycles from the target to the critical clearing time."""
+        return (self.critical_cycles or 0.0) - self.target_cycles
+
+
+class Incurable(NamedTuple):
+    """A contingency that no fleet tried survives."""
+
+    contingency: Contingency
+    target_cycles: float
+    alone_cycles: float | None  # critical clearing time without storage
+    tried: int  # fleets
+
+    def __str__(self) -> str:
+        without = "at no clearing time" if self.alone_cycles is None else f"up to {self.alone_cycles:g} cycles"
+        return (
+            f"{self.contingency.name} at {self.target_cycles:g} cycles: none of {self.tried} fleets within the caps "
+            f"survives it (without storage it is survived {without}); it is left out."
+        )
+
+
+class Evidence(NamedTuple):
+    """A fleet near the one chosen, or another control of it, put to every contingency."""
+
+    fleet: str
+    mw: float
+    critical_cycles: tuple[float | None, ...]
+    stable: tuple[bool, ...]  # at the targets
+
+    @property
+    def lost(self) -> int:
+        """Contingencies that are lost."""
+        return self.stable.count(False)
+
+
+class Round(NamedTuple):
+    """A round of the programme; costs in those of a MW, as given."""
+
+    planned: float  # cost of the master's answer
+    reached: float  # of the same, scaled until it survives; inf where it cannot be
+    best: float  # of the best fleet so far
+    sites: int  # of the best fleet
+
+
+@dataclass(frozen=True)
+class Siting:
+    """The smallest (cheapest) fleet found that survives every contingency in the nonlinear simulation."""
+
+    case: str
+    sites: tuple[Site, ...]  # largest first
+    cost: float
+    lower_bound: float  # cost; estimated: what the cuts allow
+    uniform_mw: float | None  # smallest uniform fleet, by machine MVA, that survives all; None: none within the caps
+    uniform_percent: float | None  # of machine MVA
+    linear_mw: float | None  # the linear stage's allocation, scaled until it survives all
+    contingencies: tuple[Survived, ...]
+    incurable: tuple[Incurable, ...]
+    evidence: tuple[Evidence, ...]
+    history: tuple[Round, ...]
+    observed_s: float  # s   watched after clearing
+    simulations: int
+    wall_s: float
+
+    @property
+    def total_mw(self) -> float:
+        """Megawatts of the fleet."""
+        return sum(s.mw for s in self.sites)
+
+    @property
+    def total_mwh(self) -> float:
+        """Megawatt-hours of the fleet."""
+        return sum(s.mwh for s in self.sites)
+
+    @property
+    def gap(self) -> float:
+        """How far the cost is above the estimated bound, relative to the cost."""
+        return 1 - self.lower_bound / self.cost if self.cost else 0.0
+
+    def remarks(self) -> tuple[str, ...]:
+        """What was found, in sentences."""
+        said = [
+            f"{self.case}: {self.total_mw:.1f} MW and {1e3 * self.total_mwh:.0f} kWh at {len(self.sites)} sites survive "
+            f"{len(self.contingencies)} contingencies, each watched {self.observed_s:g} s after clearing "
+            f"({self.simulations} simulations in {self.wall_s:.1f} s)."
+        ]
+        if self.uniform_mw:
+            share = 100 * self.total_mw / self.uniform_mw
+            said.append(
+                f"A uniform fleet that does the same has {self.uniform_mw:.1f} MW ({self.uniform_percent:.2f} % of every "
+                f"machine's MVA): this one has {share:.0f} % of it."
+            )
+        else:
+            said.append("No uniform fleet within the caps does the same.")
+        said.append(
+            f"Cost {self.cost:.4g}, estimated lower bound {self.lower_bound:.4g} ({100 * self.gap:.1f} % below; an estimate, "
+            "since the fleets that survive need not form a convex set)."
+        )
+        said += [str(one) for one in self.incurable]
+        spared = [row.fleet for row in self.evidence if row.fleet.startswith("without") and not row.lost]
+        said += [f"The fleet {fleet} survives as well; it costs more for its rest or was kept by the tolerance." for fleet in spared]
+        return tuple(said)
+
+    def __str__(self) -> str:
+        lines = [self.remarks()[0], "   bus machine        MW       kWh"]
+        lines += [f"{s.bus:6d} {s.machine:7d} {s.mw:9.2f} {1e3 * s.mwh:9.1f}" for s in self.sites]
+        lines.append("contingency                 target  critical, cycles")
+        for c in self.contingencies:
+            found = "none" if c.critical_cycles is None else f"{c.critical_cycles:.2f}"
+            lines.append(
+                f"{c.contingency.name:26s} {c.target_cycles:7.2f} {found:>9s}" + ("  binding" if c.binding else "")
+            )
+        return "\n".join([*lines, *self.remarks()[1:]])
