@@ -81,6 +81,7 @@ def run_edited(code, folder):
 def test_code_of_a_page_runs_and_gives_what_it_shows(page, tmp_path, monkeypatch, stabctl):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.delenv("FORCE_COLOR", raising=False)
     monkeypatch.setenv("MPLBACKEND", "agg")
     targets = re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
     names, printed = {"__name__": page.stem}, None
