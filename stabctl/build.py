@@ -97,7 +97,7 @@ def devices(case: Case) -> np.ndarray:
     part = {"power": "Pp", "current": "Pc", "conductance": "Pg"}
     for row, s in zip(out, case.storage, strict=True):
         row[part[s.characteristic]] = s.rating / case.base_mva
-        row["vlow"], row["T"], row["efficiency"] = 0.5, s.lag, np.sqrt(s.efficiency)
+        row["vlow"], row["Tlag"], row["efficiency"] = 0.5, s.lag, np.sqrt(s.efficiency)
         row["ramp"] = s.ramp / s.rating if s.rating else 0.0
         row["capacity"] = s.energy * 3600 / case.base_mva
     return out

@@ -71,7 +71,12 @@ def entry(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def announce() -> None:
-    """Say on stderr, once, that the next call compiles, where an entry point met so far has no machine code on disk."""
-    if not _announced and not all(any(Path(e._cache.cache_path).glob(f"*.{e.__name__}-*.nbc")) for e in _entries):
+    """Say on stderr, once, that the next call compiles, where an entry point met so far has no machine code on disk.
+
+    With NUMBA_DISABLE_JIT=1 the equations run as the plain Python they are written in, and nothing is compiled.
+    """
+    if _announced or numba.config.DISABLE_JIT:
+        return
+    if not all(any(Path(e._cache.cache_path).glob(f"*.{e.__name__}-*.nbc")) for e in _entries):
         _announced.append(True)
         print("stabctl: compiling the equations once, some 20 to 60 seconds ...", file=sys.stderr, flush=True)

@@ -96,7 +96,7 @@ def solve(case: Case, flow: Flow | None = None, limit: int = 30) -> Point:
         made, fastest = _newton(b, case, _saturated(opened, share), current, limit)
         iterations += made
     _check_limits(b, case, alone)
-    lags = plant.storage["T"][plant.storage["T"] >= SHORT]
+    lags = plant.storage["Tlag"][plant.storage["Tlag"] >= SHORT]
     z = np.zeros(n.states + 2 * len(flow.V) + 2 * m + n.storage)
     z[: n.states] = b.z.real[: n.states]
     z[n.states : n.states + 2 * len(flow.V)] = flow.V.view(float)

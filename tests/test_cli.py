@@ -98,6 +98,11 @@ def test_clearing_time_json(stabctl):
     assert (limited["cycles"], limited["status"]) == (None, "stable_at_limit")
 
 
+def test_warnings_are_of_the_machines_that_are_used(stabctl):
+    assert "xl = " in stabctl("powerflow", "ieee39")[2]
+    assert not stabctl("powerflow", "ieee39", "--classical")[2]
+
+
 def test_classical_machines_everywhere(stabctl):
     words = ("two_area", "--classical", "--fault", "7", "--trip", "7-8", "--json")
     assert json.loads(stabctl("simulate", *words, "--clear", "3cyc")[1])["outcome"] == "stable"

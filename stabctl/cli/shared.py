@@ -66,9 +66,10 @@ def load(name: str, classical: bool = False) -> "Case":
     from stabctl import read
 
     case = read.load(name)
+    case = case.classical() if classical else case
     for sentence in case.warnings:
         print(f"stabctl: warning: {sentence}", file=sys.stderr)
-    return case.classical() if classical else case
+    return case
 
 
 def start(case: "Case", storage: str | None = None, storage_at: str | None = None, **options: Any) -> "Point":

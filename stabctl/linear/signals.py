@@ -169,9 +169,9 @@ def _belongs(case: Case, name: str, number: int) -> None:
         instead = "field" if name == "exciter" else "power"
         raise StudyError(f"Machine {number} of {case.name} has no {name}; use {instead}:{number}.")
     if name in ("field", "power"):
-        control = "exciter" if name == "field" else "governor"
+        control, article = ("exciter", "an") if name == "field" else ("governor", "a")
         if _model(case, number, control):
-            raise StudyError(f"Machine {number} of {case.name} has a {control}; use {control}:{number}.")
+            raise StudyError(f"Machine {number} of {case.name} has {article} {control}; use {control}:{number}.")
 
 
 def _device(case: Case, text: str) -> str:

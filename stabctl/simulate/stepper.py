@@ -154,7 +154,8 @@ def judge(b, plant, net, q, rules, h):
 def record(b, net, row):
     """z, then field voltage, mechanical and terminal power of the machines (0 once off), and the storage powers."""
     at, m = len(b.z), len(b.w.efd)
-    copy(b.z, row)
+    for k in range(at):
+        row[k] = b.z[k]
     for i in range(m):
         on = 1.0 if net.island[i] >= 0 else 0.0
         row[at + i] = on * b.w.efd[i]

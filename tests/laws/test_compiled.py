@@ -1,10 +1,12 @@
 """What is compiled is compiled once, and again when a source of a kernel changes."""
 
+import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import stabctl
@@ -87,3 +89,26 @@ def test_importing_the_core_imports_nothing_slow():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+PLAIN = """
+import sys
+import numpy as np
+from stabctl import equilibrium, read
+from stabctl.case import Storage
+from stabctl.controllers import BangBang
+from stabctl.simulate.events import contingency
+from stabctl.simulate.simulation import run
+case = read.load("two_area").with_storage([Storage(1, 5, 50.0)])
+result = run(equilibrium.solve(case), contingency("7-8", 0.05, at=0.05), 0.3, BangBang(0.01))
+np.save(sys.argv[1], result.rows)
+"""
+
+
+def test_plain_python_gives_the_same_and_meets_no_index_out_of_range(tmp_path):
+    rows = []
+    for disable in ("0", "1"):
+        where, out = os.environ | {"NUMBA_DISABLE_JIT": disable}, tmp_path / f"{disable}.npy"
+        subprocess.run([sys.executable, "-c", PLAIN, out], check=True, env=where)
+        rows.append(np.load(out))
+    assert np.abs(rows[0] - rows[1]).max() < 1e-10  # 5.5e-13

@@ -100,7 +100,7 @@ def test_every_kind_of_signal_has_a_place_in_some_case(point):
         ([], ["flow:1-2"], "no circuit '1-2'"),
         ([], ["flow:7-8#3"], "no circuit '7-8#3'"),
         ([], ["coi_speed:1"], "has no place"),
-        (["field:1"], [], "has a exciter; use exciter:1"),
+        (["field:1"], [], "has an exciter; use exciter:1"),
         (["order:1"], [], "its devices are none"),
         (["storage:8", "storage:8"], [], "named twice"),
     ],
