@@ -8,7 +8,7 @@ import typer
 
 from stabctl.errors import StabctlError
 
-from . import cases, clearing_time, estimate, linearize, modes, powerflow, screen, simulate, swing, tables
+from . import cases, clearing_time, estimate, linearize, modes, place, powerflow, screen, simulate, swing, tables
 
 app = typer.Typer(
     add_completion=False,
@@ -23,6 +23,7 @@ app.command("powerflow")(powerflow.powerflow)
 app.command("simulate")(simulate.simulate)
 app.command("clearing-time")(clearing_time.clearing_time)
 app.command("screen")(screen.screen)
+app.command("place")(place.place)
 app.command("estimate")(estimate.estimate)
 app.command("modes")(modes.modes)
 app.command("linearize")(linearize.linearize)

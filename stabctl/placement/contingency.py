@@ -8,9 +8,11 @@ from typing import Any, NamedTuple
 
 from stabctl.case import Case
 from stabctl.errors import StudyError
+from stabctl.screen import Screen
 from stabctl.simulate.events import branch, contingency, locate, timeline
 from stabctl.units import seconds
 
+COUNT, LONGER = 8, 1.2
 KEYS = {"fault": str, "trip": (str, list), "clear": str}
 SHOWN = 'write [[contingency]] with fault = "16", trip = "16-21", clear = "8.2cyc"'
 
@@ -28,14 +30,26 @@ class Contingency(NamedTuple):
         return f"{self.fault} trip {', '.join(self.trip)}" if self.trip else self.fault
 
 
-def packaged(case: str) -> Path | None:
+def packaged(case: str, classical: bool = False) -> Path | None:
     """The contingency file of a packaged case; None where it has none."""
-    file = resources.files("stabctl") / "cases" / case / "contingencies.toml"
+    file = resources.files("stabctl") / "cases" / case / f"contingencies{'_classical' * classical}.toml"
     return Path(str(file)) if file.is_file() else None
 
 
+def from_screen(found: Screen, hz: float, count: int = COUNT, longer: float = LONGER) -> tuple[Contingency, ...]:
+    """The most critical pairs of a screen, one for each machine that goes first, to be survived `longer` times as long.
+
+    Args: the screen, without storage; frequency (Hz); at most so many; share of the clearing times (1.2: a fifth more).
+    """
+    chosen: dict[int | None, Contingency] = {}
+    for pair in found.pairs:
+        if pair.cycles and pair.machine not in chosen:
+            chosen[pair.machine] = Contingency(pair.fault, (pair.trip,), longer * pair.cycles / hz)
+    return tuple(chosen.values())[:count]
+
+
 def load(path: str | Path, case: Case) -> tuple[Contingency, ...]:
-    """The contingencies of a TOML file, for a case (whose cycles count). `StudyError` names file, row, key and value."""
+    """The contingencies of a TOML file, in the cycles of a case. `StudyError` names file, row, key and value."""
     path = Path(path)
     try:
         found = tomllib.loads(path.read_text(encoding="utf-8"))

@@ -1,5 +1,7 @@
 """The proof: critical clearing times of a fleet and of its neighbours, by the criterion of `stabctl clearing-time`."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from stabctl.clearing import BELOW, Trial
@@ -12,6 +14,7 @@ from .trials import Trials
 
 GRID = 0.125  # cycles
 LIMIT = 60.0  # cycles
+MARGINS = (1.0, 1.02, 1.03, 1.05, 1.1)  # of the sizes, tried until half the step and twice the time change nothing
 
 
 def critical_cycles(
@@ -47,6 +50,20 @@ def evidence(trials: Trials, fleet: str, mw: np.ndarray, control: Law | Sampled 
     """A row of the table: the fleet (candidates, MW) put to every contingency."""
     rows = trials.each(lambda k: critical_cycles(trials, mw, k, control))
     return Evidence(fleet, float(trials.fleet(mw).sum()), tuple(r[0] for r in rows), tuple(r[1] for r in rows))
+
+
+def table(trials: Trials, mw: np.ndarray, others: Mapping[str, Sampled]) -> tuple[Evidence, ...]:
+    """The fleet (candidates, MW), less of it, without each site, more finely simulated, and under other controllers."""
+    rows = [evidence(trials, "x1", mw), evidence(trials, "x0.9", 0.9 * mw)]
+    for i in (int(i) for i in np.argsort(-mw) if mw[i] > 0):
+        s = trials.point.case.storage[i]
+        rest = np.where(np.arange(len(mw)) == i, 0.0, mw)
+        rows.append(evidence(trials, f"without {s.machine}@{s.bus}", rest))
+    finer = trials.refined()
+    enough = next((m for m in MARGINS if not finer.lost(m * mw)), None)
+    if enough:
+        rows.append(evidence(finer, f"x{enough:g}, half the step, twice as long", enough * mw))
+    return (*rows, *(evidence(trials, name, mw, control) for name, control in others.items()))
 
 
 def energies(trials: Trials, mw: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -10,34 +10,22 @@ from stabctl import equilibrium, powerflow
 from stabctl.case import Case, Storage
 from stabctl.controllers import Law
 from stabctl.errors import StudyError
-from stabctl.quantity import NOT_NEGATIVE
 from stabctl.simulate.sampled import Sampled
 from stabctl.simulate.stepper import DEFAULT, Rules
 from stabctl.units import size
 
-from .allocation import by_gramian
+from . import seeds
 from .contingency import Contingency, checked
-from .evidence import critical_cycles, energies, evidence
+from .evidence import critical_cycles, energies, table
 from .master import Master
 from .programme import Search
-from .scaling import critical_scaling, least, reach
 from .sensitivity import Candidate, sensitivity
 from .sensitivity import checked as checked_candidates
-from .siting import Evidence, Incurable, Site, Siting, Survived
+from .siting import Costs, Site, Siting, Survived
 from .trials import Trials
 
 UNIFORM = 0.05  # of machine MVA   the uniform fleet that is scaled
-BUDGET = 0.5  # of the uniform fleet, for the linear stage to share out
-MARGINS = (1.0, 1.02, 1.03, 1.05, 1.1)  # of the sizes, tried until half the step and twice the time change nothing
 LESS = 0.97  # of the fleet, at which a binding contingency is lost
-
-
-class Costs(NamedTuple):
-    """What storage costs, in any one currency."""
-
-    mw: float = 1.0  # per MW
-    site: float = 0.0  # per site
-    mwh: float = 0.0  # per MWh, by what a MW of each candidate takes in with the uniform fleet
 
 
 def place(
@@ -73,42 +61,48 @@ def place(
     devices = (Storage(c.machine, c.bus, float(mw), **options) for c, mw in zip(found, largest, strict=True))
     point = equilibrium.solve(case.with_storage(devices), flow)
 
-    def tell(_runs: int = 0) -> None:
-        if progress:
-            progress(trials.simulations, search.cost if search else np.inf)
+    search: Search | None = None
 
-    search = None
+    def tell(runs: int) -> None:
+        if progress:
+            progress(runs, search.cost if search else np.inf)
+
     trials = Trials(point, checked(contingencies, case), largest, law, observed_s, step, rules, workers, tell)
     uniform = UNIFORM * mva
-    trials, cures, incurable = _curable(trials, uniform)
-    J = sensitivity(point, found).J
+    trials, cures, incurable = seeds.curable(trials, uniform)
     price = np.full(len(found), costs.mw)
     if costs.mwh:
         price += costs.mwh * energies(trials, uniform) / trials.fleet(uniform)
-    search = Search(trials, Master(largest, price, np.full(len(found), costs.site), sites), J)
-    even, shared = _seeded(search, uniform, cures)
+    master = Master(largest, price, np.full(len(found), costs.site), sites)
+    search = Search(trials, master, sensitivity(point, found).J)
+    even = seeds.uniform_fleet(search, uniform, cures)
+    shared = seeds.linear_fleet(search, uniform)
+    for fleet in (even, shared):
+        if fleet is not None:
+            search.accept(fleet)
     search.run()
     if search.best is None:
         raise StudyError(_none_found(search, sites))
     best = search.best
-    rows = _evidence(search, even, others or {})
-    lost_with_less = trials.lost(LESS * best) if best.any() else []
+    rows = table(trials, best, others or {})
+    lost_with_less = trials.lost(LESS * best)
     proof = trials.each(lambda k: critical_cycles(trials, best, k))
+    energy = energies(trials, best)
     hz = case.frequency_hz
     survived = tuple(
         Survived(one, one.clear * hz, cycles, machine, stable, k in lost_with_less)
         for k, (one, (cycles, stable, machine)) in enumerate(zip(trials.contingencies, proof, strict=True))
     )
-    energy = energies(trials, best)
     order = [int(i) for i in np.argsort(-best) if best[i] > 0]
     return Siting(
         case.name,
         tuple(Site(found[i].bus, found[i].machine, float(best[i]), float(energy[i])) for i in order),
+        costs,
         search.cost,
         search.bound,
-        None if even is None else float(trials.fleet(even).sum()),
+        None if even is None else float(even.sum()),
         None if even is None else float(100 * (even / mva).max()),
-        None if shared is None else float(trials.fleet(shared).sum()),
+        None if shared is None else float(shared.sum()),
         survived,
         incurable,
         rows,
@@ -121,8 +115,8 @@ def place(
 
 def _check(costs: Costs, sites: int | None) -> None:
     for name, value in costs._asdict().items():
-        if value not in NOT_NEGATIVE or not np.isfinite(value):
-            raise StudyError(f"The cost of {value:g} per {name} is not allowed; it must be a finite number of at least 0.")
+        if not 0 <= value < np.inf:
+            raise StudyError(f"The cost of {value:g} per {name} is not allowed; it must be at least 0 and finite.")
     if costs.mw + costs.mwh == 0:
         raise StudyError("Neither a MW nor a MWh costs anything; give one of them a cost above 0.")
     if sites is not None and sites < 1:
@@ -142,87 +136,10 @@ def _caps(case: Case, cap: str, mva: np.ndarray, found: Sequence[Candidate], flo
     return out
 
 
-def _curable(trials: Trials, uniform: np.ndarray) -> tuple[Trials, list[tuple[np.ndarray, float]], tuple[Incurable, ...]]:
-    """The trials without what no fleet survives; for the others a fleet and its critical scaling; what is left out.
-
-    Tried are the uniform fleet and each candidate alone, from small to the caps.
-    """
-    alone = [np.where(np.arange(len(uniform)) == i, trials.cap / 4, 0.0) for i in range(len(uniform))]
-
-    def cure(k: int) -> tuple[np.ndarray, float] | None:
-        for mw in (uniform, *alone):
-            most = reach(trials, mw)
-            a = critical_scaling(lambda a: trials.survives(a * mw, k), most) if most else None
-            if a is not None:
-                return mw, a
-        return None
-
-    cures = trials.each(cure)
-    kept = [k for k, cured in enumerate(cures) if cured is not None]
-    hz, incurable = trials.point.case.frequency_hz, []
-    for k in (k for k, cured in enumerate(cures) if cured is None):
-        one = trials.contingencies[k]
-        without = critical_cycles(trials, np.zeros_like(uniform), k)[0]
-        incurable.append(Incurable(one, one.clear * hz, without, trials.fleets(k)))
-    if not kept:
-        raise StudyError(f"No contingency is survived by any fleet within the caps: {'; '.join(map(str, incurable))}")
-    return trials.only(kept), [cures[k] for k in kept], tuple(incurable)
-
-
-def _seeded(
-    search: Search, uniform: np.ndarray, cures: Sequence[tuple[np.ndarray, float]]
-) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Cuts and fleets to begin with: the smallest uniform fleet, and the linear stage's, that survive everything."""
-    trials = search.trials
-    for k, (mw, a) in enumerate(cures):
-        if a:
-            search.cut(a * mw, k)
-    if not any(a for _, a in cures):
-        search.accept(np.zeros_like(uniform))
-        return np.zeros_like(uniform), np.zeros_like(uniform)
-    scaled = least(trials, max(a for _, a in cures) * uniform) if all(mw is uniform for mw, _ in cures) else None
-    even = None if scaled is None else scaled.scaling * max(a for _, a in cures) * uniform
-    if even is not None:
-        search.accept(even)
-    return even, _by_linear_stage(search, float(trials.fleet(uniform).sum()) * BUDGET)
-
-
-def _by_linear_stage(search: Search, budget: float) -> np.ndarray | None:
-    """The allocation of the linear stage, scaled until it survives everything; cuts where it does."""
-    trials = search.trials
-    found = [(s.machine, s.bus) for s in trials.point.case.storage]
-    try:
-        mw = by_gramian(trials.point, found, budget, trials.cap, "log-det").sizes
-    except StudyError:
-        return None
-    scaled = least(trials, mw)
-    search.cut_near(mw, scaled)
-    if scaled is None:
-        return None
-    search.accept(scaled.scaling * mw)
-    return scaled.scaling * mw
-
-
 def _none_found(search: Search, sites: int | None) -> str:
+    trials = search.trials
     few = f" of at most {sites} site{'s' * (sites > 1)}" if sites is not None else ""
     return (
-        f"No fleet{few} within the caps was found that survives all {len(search.trials.contingencies)} contingencies of "
-        f"{search.trials.point.case.name}; raise the caps or the number of sites, or ask for less."
+        f"No fleet{few} within the caps was found that survives all {len(trials.contingencies)} contingencies of "
+        f"{trials.point.case.name}; raise the caps or the number of sites, or ask for less."
     )
-
-
-def _evidence(search: Search, even: np.ndarray | None, others: Mapping[str, Sampled]) -> tuple[Evidence, ...]:
-    """The fleet, smaller, without each site, more finely simulated, and under other controllers."""
-    trials, best = search.trials, search.best
-    rows = [evidence(trials, "x1", best), evidence(trials, "x0.9", 0.9 * best)]
-    for i in (int(i) for i in np.argsort(-best) if best[i] > 0):
-        rest = best.copy()
-        rest[i] = 0.0
-        rows.append(evidence(trials, f"without {trials.point.case.storage[i].bus}", rest))
-    finer = trials.refined()
-    for margin in MARGINS:
-        if not finer.lost(margin * best):
-            rows.append(evidence(finer, f"x{margin:g}, half the step, twice as long", margin * best))
-            break
-    rows += [evidence(trials, name, best, control) for name, control in others.items()]
-    return tuple(rows)

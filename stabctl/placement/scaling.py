@@ -1,6 +1,7 @@
 """Critical scalings: the least multiple of a fleet that survives one contingency, or all of them."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -65,7 +66,7 @@ def least(trials: Trials, mw: np.ndarray, fine: float = FINE) -> Scaled | None:
             return Scaled(0.0, {})
     near: dict[int, float] = {}
     while lost:
-        found = trials.each(lambda k: _above(trials, mw, k, low, high, most, fine), lost)
+        found = trials.each(partial(_above, trials, mw, low, high, most, fine), lost)
         if None in found:
             return None
         near |= dict(zip(lost, found, strict=True))
@@ -76,7 +77,7 @@ def least(trials: Trials, mw: np.ndarray, fine: float = FINE) -> Scaled | None:
     return Scaled(high, near | dict(zip(under, found, strict=True)))
 
 
-def _above(trials: Trials, mw: np.ndarray, k: int, low: float, high: float, most: float, fine: float) -> float | None:
+def _above(trials: Trials, mw: np.ndarray, low: float, high: float, most: float, fine: float, k: int) -> float | None:
     """Critical scaling of contingency k, which is lost at `low`."""
 
     def survives(a: float) -> bool:

@@ -6,6 +6,14 @@ from typing import NamedTuple
 from .contingency import Contingency
 
 
+class Costs(NamedTuple):
+    """What storage costs, in any one currency."""
+
+    mw: float = 1.0  # per MW
+    site: float = 0.0  # per site
+    mwh: float = 0.0  # per MWh, by what a MW of each candidate takes in with the uniform fleet
+
+
 class Site(NamedTuple):
     """A storage device that was chosen."""
 
@@ -76,7 +84,8 @@ class Siting:
 
     case: str
     sites: tuple[Site, ...]  # largest first
-    cost: float
+    costs: Costs
+    cost: float  # of the fleet
     lower_bound: float  # cost; estimated: what the cuts allow
     uniform_mw: float | None  # smallest uniform fleet, by machine MVA, that survives all; None: none within the caps
     uniform_percent: float | None  # of machine MVA
@@ -100,32 +109,41 @@ class Siting:
         return sum(s.mwh for s in self.sites)
 
     @property
+    def lower_bound_mw(self) -> float | None:
+        """The estimated lower bound in MW, where nothing but a MW costs anything."""
+        return None if self.costs.site or self.costs.mwh else self.lower_bound / self.costs.mw
+
+    @property
     def gap(self) -> float:
         """How far the cost is above the estimated bound, relative to the cost."""
         return 1 - self.lower_bound / self.cost if self.cost else 0.0
 
+    @property
+    def spared(self) -> tuple[Evidence, ...]:
+        """Fleets of less that survive everything all the same."""
+        return tuple(r for r in self.evidence if not r.lost and (r.fleet == "x0.9" or r.fleet.startswith("without")))
+
     def remarks(self) -> tuple[str, ...]:
         """What was found, in sentences."""
         said = [
-            f"{self.case}: {self.total_mw:.1f} MW and {1e3 * self.total_mwh:.0f} kWh at {len(self.sites)} sites survive "
-            f"{len(self.contingencies)} contingencies, each watched {self.observed_s:g} s after clearing "
+            f"{self.case}: {self.total_mw:.1f} MW and {1e3 * self.total_mwh:.0f} kWh at {len(self.sites)} sites "
+            f"survive {len(self.contingencies)} contingencies, each watched {self.observed_s:g} s after clearing "
             f"({self.simulations} simulations in {self.wall_s:.1f} s)."
         ]
         if self.uniform_mw:
             share = 100 * self.total_mw / self.uniform_mw
             said.append(
-                f"A uniform fleet that does the same has {self.uniform_mw:.1f} MW ({self.uniform_percent:.2f} % of every "
-                f"machine's MVA): this one has {share:.0f} % of it."
+                f"A uniform fleet that does the same has {self.uniform_mw:.1f} MW ({self.uniform_percent:.2f} % of "
+                f"every machine's MVA): this one has {share:.0f} % of it."
             )
         else:
             said.append("No uniform fleet within the caps does the same.")
         said.append(
-            f"Cost {self.cost:.4g}, estimated lower bound {self.lower_bound:.4g} ({100 * self.gap:.1f} % below; an estimate, "
-            "since the fleets that survive need not form a convex set)."
+            f"Cost {self.cost:.4g}, estimated lower bound {self.lower_bound:.4g} ({100 * self.gap:.1f} % below; an "
+            "estimate, since the fleets that survive need not form a convex set)."
         )
         said += [str(one) for one in self.incurable]
-        spared = [row.fleet for row in self.evidence if row.fleet.startswith("without") and not row.lost]
-        said += [f"The fleet {fleet} survives as well; it costs more for its rest or was kept by the tolerance." for fleet in spared]
+        said += [f"The fleet {row.fleet} survives everything too: it is not a least one." for row in self.spared]
         return tuple(said)
 
     def __str__(self) -> str:

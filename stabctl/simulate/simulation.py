@@ -92,9 +92,7 @@ class Simulation:
     @property
     def V(self) -> np.ndarray:
         """Voltages (buses) now, complex, pu."""
-        stepper.advance(
-            self._buffers, self._plant, self._stage.net, self._work, self.rules, 0.0, 0, True, NO_ROWS
-        )
+        stepper.advance(self._buffers, self._plant, self._stage.net, self._work, self.rules, 0.0, 0, True, NO_ROWS)
         return self._work.volt.copy()
 
     @property

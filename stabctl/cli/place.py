@@ -1,0 +1,149 @@
+"""stabctl place: where storage belongs and how large it must be."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from . import shared
+
+if TYPE_CHECKING:
+    from stabctl.case import Case
+    from stabctl.placement.contingency import Contingency
+    from stabctl.placement.siting import Siting
+
+File = Annotated[
+    Path | None,
+    typer.Option(
+        "--contingencies",
+        help="FILE.toml of [[contingency]] fault, trip, clear (default: the packaged one, else from a screen).",
+    ),
+]
+Sites = Annotated[int | None, typer.Option("--sites", help="At most so many sites.")]
+Cap = Annotated[str, typer.Option("--cap", help="Largest device: 30%mva, 100%dispatch or 500MW.")]
+CostMw = Annotated[float, typer.Option("--cost-mw", help="Cost of a MW.")]
+CostSite = Annotated[float, typer.Option("--cost-site", help="Cost of a site.")]
+CostMwh = Annotated[float, typer.Option("--cost-mwh", help="Cost of a MWh.")]
+Observe = Annotated[float, typer.Option("--observe", help="Time watched after clearing, s.")]
+Report = Annotated[Path | None, typer.Option("--report", help="Write a page with figures into this folder.")]
+Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Threads (default: one per core).")]
+Validate = Annotated[
+    list[Literal["frequency", "kinematic", "kalman"]] | None,
+    typer.Option("--validate", help="Put the fleet under estimates from PMU signals too. Repeatable."),
+]
+
+
+def place(
+    case: shared.CaseName,
+    contingencies: File = None,
+    sites: Sites = None,
+    cap: Cap = "30%mva",
+    cost_mw: CostMw = 1.0,
+    cost_site: CostSite = 0.0,
+    cost_mwh: CostMwh = 0.0,
+    observe: Observe = 5.0,
+    step: shared.Step = None,
+    characteristic: shared.Characteristic = "power",
+    lag: shared.Lag = 0.0,
+    deadband: shared.Deadband = 0.1,
+    min_voltage: shared.MinVoltage = 0.8,
+    max_angle: shared.Angle = 3.5,
+    validate: Validate = None,
+    seed: shared.Seed = 1,
+    workers: Workers = None,
+    report: Report = None,
+    classical: shared.Classical = False,
+    as_json: shared.Json = False,
+) -> None:
+    """Find the cheapest storage fleet that survives every contingency in simulation."""
+    from stabctl.controllers import BangBang
+    from stabctl.estimate.loop import Driven
+    from stabctl.estimate.pmu import Pmu
+    from stabctl.placement.place import place
+    from stabctl.placement.siting import Costs
+
+    loaded = shared.load(case, classical)
+    chosen = _contingencies(loaded, case, contingencies, classical)
+    law = BangBang(deadband, min_voltage)
+    with shared.progress("siting", None) as tell:
+        found = place(
+            loaded,
+            chosen,
+            cap,
+            Costs(cost_mw, cost_site, cost_mwh),
+            sites,
+            law=law,
+            observed_s=observe,
+            step=step,
+            rules=shared.rules(max_angle),
+            others={name: Driven(law, name, Pmu(), seed, "batched") for name in validate or ()},
+            workers=workers,
+            progress=lambda _runs, _cost: tell(None),
+            characteristic=characteristic,
+            lag=lag,
+        )
+    if as_json:
+        shared.print_json(_record(found))
+    else:
+        shared.console().print(str(found))
+    if report:
+        from stabctl.report.siting_page import write
+
+        print(write(found, report), file=sys.stderr if as_json else sys.stdout)
+
+
+def _contingencies(case: "Case", name: str, file: Path | None, classical: bool) -> "tuple[Contingency, ...]":
+    """Those of the file, the packaged ones, or the most critical ones of a screen."""
+    from stabctl import equilibrium
+    from stabctl.placement.contingency import from_screen, load, packaged
+    from stabctl.screen import screen
+
+    file = file or (packaged(name, classical) if not Path(name).is_dir() else None)
+    if file:
+        return load(file, case)
+    with shared.progress("screening", 1.0) as tell:
+        found = screen(equilibrium.solve(case), progress=lambda done, of: tell(done / of))
+    return from_screen(found, case.frequency_hz)
+
+
+def _record(found: "Siting") -> dict[str, Any]:
+    return {
+        "case": found.case,
+        "sites": [s._asdict() for s in found.sites],
+        "total_mw": found.total_mw,
+        "total_mwh": found.total_mwh,
+        "uniform_mw": found.uniform_mw,
+        "uniform_percent": found.uniform_percent,
+        "linear_mw": found.linear_mw,
+        "cost": found.cost,
+        "lower_bound": found.lower_bound,
+        "lower_bound_mw": found.lower_bound_mw,
+        "contingencies": [
+            {
+                "fault": c.contingency.fault,
+                "trip": list(c.contingency.trip),
+                "target_cycles": c.target_cycles,
+                "critical_cycles": c.critical_cycles,
+                "machine": c.machine,
+                "stable": c.stable,
+                "binding": c.binding,
+            }
+            for c in found.contingencies
+        ],
+        "incurable": [
+            {
+                "fault": c.contingency.fault,
+                "trip": list(c.contingency.trip),
+                "target_cycles": c.target_cycles,
+                "alone_cycles": c.alone_cycles,
+                "fleets_tried": c.tried,
+            }
+            for c in found.incurable
+        ],
+        "evidence": [e._asdict() for e in found.evidence],
+        "history": [h._asdict() for h in found.history],
+        "observed_s": found.observed_s,
+        "simulations": found.simulations,
+        "wall_s": found.wall_s,
+    }
