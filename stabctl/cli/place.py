@@ -29,8 +29,8 @@ Observe = Annotated[float, typer.Option("--observe", help="Time watched after cl
 Report = Annotated[Path | None, typer.Option("--report", help="Write a page with figures into this folder.")]
 Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Threads (default: one per core).")]
 Validate = Annotated[
-    list[Literal["frequency", "kinematic", "kalman"]] | None,
-    typer.Option("--validate", help="Put the fleet under estimates from PMU signals too. Repeatable."),
+    Literal["frequency", "kinematic", "kalman"] | None,
+    typer.Option("--validate", help="Put the fleet under estimates from PMU signals too."),
 ]
 
 
@@ -77,7 +77,7 @@ def place(
             observed_s=observe,
             step=step,
             rules=shared.rules(max_angle),
-            others={name: Driven(law, name, Pmu(), seed, "batched") for name in validate or ()},
+            others={validate: Driven(law, validate, Pmu(), seed, "batched")} if validate else {},
             workers=workers,
             progress=lambda _runs, _cost: tell(None),
             characteristic=characteristic,
