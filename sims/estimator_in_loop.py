@@ -29,7 +29,7 @@ TEXT = (
     "the rest, and the share of orders that differ from those by true speeds, over five seeds."
 )
 SPEEDS = "Estimated speeds follow the true ones within their band of three standard deviations, four machines."
-ORDERS = "Orders by estimates switch where those by true speeds do, a frame or two later."
+ORDERS = "Orders by estimates switch where those by true speeds do, a frame or two off, with some chatter at the edges."
 
 
 def start(case: str, classical: bool, storage: str) -> Point:

@@ -52,7 +52,7 @@ def study(reports: Path) -> Study:
     )
     text = (
         f"The longest fault that is survived: {longest}; by bisection on simulations "
-        f"{simulated_critical_time(m):.6f} s. The {faults.separatrix}."
+        f"{simulated_critical_time(m):.6f} s. Figure 3 has a {faults.separatrix}."
     )
     rows = (
         paper.OMIB_INERTIA.beside(m.H),

@@ -34,8 +34,11 @@ def main() -> int:
     scripts = [path for folder in options.folders for path in sorted(folder.glob("*.py"))]
     left_out = [path for path in scripts if needs_full(path) and not options.full]
     began = time.perf_counter()
-    with ThreadPoolExecutor(max(1, options.workers)) as pool:
+    pool = ThreadPoolExecutor(max(1, options.workers))
+    try:
         ran = list(pool.map(lambda s: run(s, options.out), [s for s in scripts if s not in left_out]))
+    finally:
+        pool.shutdown(cancel_futures=True)
     seconds = time.perf_counter() - began
     about = About(date.today().isoformat(), machine(), seconds, tuple(map(shown, left_out)))
     index = options.out / "index.html"

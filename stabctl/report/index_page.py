@@ -18,16 +18,17 @@ STYLE = """
 .facts{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,150px),1fr));gap:.8rem;margin:1rem 0}
 .card{background:var(--card);border-radius:8px;padding:.6rem .8rem}.card b{display:block;font-size:1.5rem}
 section{border-top:1px solid var(--line);margin-top:2rem}section h2{margin-top:1rem}
-nav ol,nav ul{padding-left:1.4rem;columns:20rem;margin:.4rem 0}nav li{break-inside:avoid}
-td.words,td.text{white-space:normal;min-width:6rem}.compared td.text{min-width:10rem}
+nav ol,nav ul{padding-left:1.4rem;columns:18rem;column-gap:2.4rem;margin:.4rem 0}nav li{break-inside:avoid}
+td.words,td.text{white-space:normal;min-width:5rem}.compared td.text{min-width:8rem}
+@media(max-width:600px){th,td{padding:.3em .4em}}
 td.mark{padding:.3em .2em;text-align:center;font-weight:700}.mark abbr{text-decoration:none}
 .differs{color:var(--bad)}.close{color:var(--b)}.printed,.given{color:var(--a)}
 td small{display:block;color:var(--soft)}ol.notes{font-size:.875rem;padding-left:1.4rem;margin:.4rem 0}
 .failed{color:var(--bad)}figure{margin:1.2rem 0}figcaption{font-size:.875rem;margin-top:.4rem}
 .picture input{position:absolute;opacity:0;pointer-events:none}
 .picture .frame{display:block;overflow-x:auto;background:#fff;border:1px solid var(--line);border-radius:8px;
-padding:.5rem;cursor:zoom-in}.picture img{display:block;width:100%;height:auto;margin:auto}
-.picture input:checked+.frame{cursor:zoom-out}.picture input:checked+.frame img{width:auto;max-width:none}
+padding:.5rem;cursor:zoom-in}.picture img{display:block;max-width:100%;height:auto;margin:auto}
+.picture input:checked+.frame{cursor:zoom-out}.picture input:checked+.frame img{max-width:none}
 .picture input:focus-visible+.frame{outline:3px solid var(--a)}
 @media print{nav,.key{display:none}td.text,td.words{white-space:normal}}
 """
@@ -107,7 +108,7 @@ def _section(study: Study, r: Ran, folder: Path) -> str:
 def _compared(study: Study) -> str:
     if not study.comparisons:
         return ""
-    heads = '<th></th><th class="text">in the paper</th><th>paper</th><th>ours</th><th>difference</th>'
+    heads = '<th></th><th class="text">in the paper</th><th>paper</th><th>ours, difference</th>'
     rows = "".join(_row(c, study.notes) for c in study.comparisons)
     notes = "".join(f"<li>{escape(note)}</li>" for note in study.notes)
     inside = f"<thead><tr>{heads}</tr></thead><tbody>{rows}</tbody>"
@@ -124,13 +125,13 @@ def _row(c: Comparison, notes: Sequence[str]) -> str:
     return (
         f'<tr><td class="mark {kind}"><abbr title="{c.verdict}">{sign}</abbr></td>'
         f'<td class="text">{escape(what)}{note}<small>{escape(p.where)}</small></td>'
-        f"<td{words}>{escape(p.text)}</td><td{words}>{escape(c.shown)}</td><td>{_difference(c)}</td></tr>"
+        f"<td{words}>{escape(p.text)}</td><td{words}>{escape(c.shown)}<small>{_difference(c)}</small></td></tr>"
     )
 
 
 def _difference(c: Comparison) -> str:
     if c.difference is None or c.shown == c.printed.text:
-        return "" if c.difference is None else "0"
+        return ""
     share = f" ({100 * c.relative:+.2g} %)" if c.relative is not None else ""
     return f"{c.difference:+.{c.printed.decimals}f}{share}"
 

@@ -14,8 +14,9 @@ MARKS = {  # sign and class
     Verdict.GIVEN: ("·", "given"),
 }
 KEY = (
-    "In the tables: = as printed (the same digits, or the same in words), ≈ within 1 %, ≠ differs, · a constant that is "
-    "given, not found. Ours has as many decimals as the paper's; small numbers point to the notes below the table."
+    "In the tables: = as printed (the same digits, or the same in words), ≈ within 1 %, ≠ differs, · a constant that "
+    "is given, not found. Ours has as many decimals as the paper's, with the difference below it; small numbers point "
+    "to the notes below the table. Pictures grow when touched."
 )
 UNEXPLAINED = "Not explained yet."
 
@@ -46,7 +47,8 @@ def summary(studies: Sequence[Study]) -> str:
     rows = "".join(_differs(c, s) for c, s in differ)
     heads = '<th class="text">what differs</th><th>paper</th><th>ours</th>'
     table = f'<div class="scroll"><table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table></div>'
-    return f'<h2 id="summary">In short</h2><div class="facts">{cards}</div>{table if differ else ""}<p class="key">{KEY}</p>'
+    list_of = table if differ else ""
+    return f'<h2 id="summary">In short</h2><div class="facts">{cards}</div>{list_of}<p class="key">{KEY}</p>'
 
 
 def contents(studies: Sequence[Study]) -> str:

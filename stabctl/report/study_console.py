@@ -15,10 +15,9 @@ def present(study: Callable[[Path], Study | Iterable[Study]]) -> None:
 
     A mistake is one line on stderr and exit code 2.
     """
-    from stabctl import compiled
-
     script, folder = Path(sys.argv[0]), Path(sys.argv[1] if len(sys.argv) > 1 else "reports")
-    compiled.announce()
+    if "stabctl.compiled" in sys.modules:
+        sys.modules["stabctl.compiled"].announce()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         found = study(folder)
@@ -38,7 +37,7 @@ def show(study: Study, folder: Path) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    console = Console(highlight=False, markup=False)
+    console = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 120)
     console.print(study.title, style="bold")
     for paragraph in study.text:
         console.print(paragraph)
