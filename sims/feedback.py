@@ -8,6 +8,7 @@ from stabctl.report.study_console import present
 from stabctl.swing.feedback import Response, compare
 from stabctl.swing.omib import OMIB
 
+TEXT = "The 15-cycle fault of section 2, with a device that absorbs P_C by one of four laws from clearing on."
 HEADS = "law", "angle, rad", "speed, rad/s", "damping ratio"
 
 
@@ -48,7 +49,7 @@ def study(reports: Path) -> Study:
         "7",
     )
     tables = (Table("The swing after 15 cycles", HEADS, numbers),)
-    return Study("Four feedback laws", "3", (), rows, tables, (picture,))
+    return Study("Four feedback laws", "3", (TEXT,), rows, tables, (picture,))
 
 
 def angle(r: Response) -> float:

@@ -56,7 +56,7 @@ def study(reports: Path) -> Study:
         f"Shooting: {control}. Collocation, from the paper's first guess of the co-states {paper.GUESS}: {from_guess}. "
         f"Convex programme: {convex}. The co-states at release are "
         f"{control.lambda1[0]:.5f} s/rad and {control.lambda2[0]:.6f} s²/rad.",
-        "In (32) the device acts with 1/M1 and the other powers with 1/M, as it must: it pushes one machine only.",
+        paper.ERRATA["4"],
     )
     tables = (Table("Critical clearing with absorbed power", ("P_C, pu", "s", "cycles"), longest),)
     return Study("Two machines and minimum time", "4", text, rows(pair, problem, control), tables, figures)

@@ -51,7 +51,7 @@ def study(reports: Path) -> Study:
     text = (
         f"Six cycles without storage: {bare.outcome} With 5 % of each machine's MVA at its high-voltage bus: "
         f"{held.outcome}",
-        "In the paper machine 13 is at bus 33 and machine 14 at bus 31; in the data it is the other way round.",
+        paper.ERRATA["6.2"],
     )
     return Study("The reduced Western system", "6.2", text, rows, pictures=figures)
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from html import escape
 
+LONG = 24  # characters, from where on a cell is a sentence
 CONTENT = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"  # the browser itself keeps to it
 STYLE = """
 :root{--ink:#1b1f24;--soft:#5b6470;--paper:#fff;--card:#f6f7f9;--line:#d5dae0;--a:#0072b2;--b:#c24f00;--bad:#c4002b}
@@ -36,10 +37,11 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A table of plain text that scrolls inside its own box; the first column is words."""
     top = "".join(f"<th{_text(k)}>{escape(h)}</th>" for k, h in enumerate(heads))
     body = "".join(
-        "<tr>" + "".join(f"<td{_text(k)}>{escape(cell)}</td>" for k, cell in enumerate(row)) + "</tr>" for row in rows
+        "<tr>" + "".join(f"<td{_text(k, cell)}>{escape(cell)}</td>" for k, cell in enumerate(row)) + "</tr>"
+        for row in rows
     )
     return f'<div class="scroll"><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>'
 
 
-def _text(column: int) -> str:
-    return "" if column else ' class="text"'
+def _text(column: int, cell: str = "") -> str:
+    return ' class="text"' if column == 0 else ' class="text words"' if len(cell) > LONG else ""

@@ -19,7 +19,8 @@ STYLE = """
 .card{background:var(--card);border-radius:8px;padding:.6rem .8rem}.card b{display:block;font-size:1.5rem}
 section{border-top:1px solid var(--line);margin-top:2rem}section h2{margin-top:1rem}
 nav ol,nav ul{padding-left:1.4rem;columns:18rem;column-gap:2.4rem;margin:.4rem 0}nav li{break-inside:avoid}
-td.words,td.text{white-space:normal;min-width:5rem}.compared td.text{min-width:8rem}
+section h3{margin:1.2em 0 .3em}th{white-space:normal;vertical-align:bottom}
+td.words,td.text{white-space:normal;min-width:5rem}td.text.words{min-width:14rem}.compared td.text{min-width:8rem}
 @media(max-width:600px){th,td{padding:.3em .4em}}
 td.mark{padding:.3em .2em;text-align:center;font-weight:700}.mark abbr{text-decoration:none}
 .differs{color:var(--bad)}.close{color:var(--b)}.printed,.given{color:var(--a)}

@@ -26,6 +26,13 @@ RESULTS = {
     "Figure 19": "power of the devices of machines 13 and 14",
 }
 
+ERRATA = {  # section: what its text is read with
+    "2": "Read with (1) as a second derivative, (2) as a first one, (8) and (9) with their constant of integration, "
+    "and V1 as the voltage of the machine.",
+    "4": "In (32) the device acts with 1/M1 and the other powers with 1/M, as they must: it pushes one machine only.",
+    "6.2": "In the paper machine 13 is at bus 33 and machine 14 at bus 31; in the data it is the other way round.",
+}
+
 # Section 2: one machine on an infinite bus
 OMIB_INERTIA = Printed("Section 2.1", "inertia H", "3", "s", given=True)
 OMIB_POWER = Printed("Section 2.1", "power before the fault", "0.5", "pu", given=True)
