@@ -7,7 +7,7 @@ from stabctl.report import paper, swing_figures
 from stabctl.report.study import Comparison, Study, draw
 from stabctl.report.study_console import present
 from stabctl.swing.equal_area import critical, equal_area, simulated_critical_time
-from stabctl.swing.omib import OMIB, during_fault
+from stabctl.swing.omib import OMIB, during_fault, table1
 from stabctl.swing.phase import Portrait, portrait
 from stabctl.swing.trajectory import simulate
 
@@ -60,18 +60,19 @@ def study(reports: Path) -> Study:
         paper.AREA.beside("equal" if same else "different"),
         paper.AREAS_15.beside("enough" if lost.stable else "too small"),
     )
-    title = "One machine on an infinite bus"
-    return Study(title, "2", (text, paper.ERRATA["2"]), rows, pictures=figures)
+    return Study("One machine on an infinite bus", "2", (text, paper.ERRATA["2"]), rows, pictures=figures)
 
 
 def table_1(m: OMIB, faults: Portrait) -> list[Comparison]:
     """Table 1, and what becomes of the faults in Figure 3."""
-    angle, speed, _ = paper.TABLE_1[0]
-    rows = [angle.beside(m.start), speed.beside(0.0)]
-    for c, run in zip(faults.cleared, faults.trajectories, strict=True):
-        angle, speed, fate = paper.TABLE_1[round(c.cycles)]
-        rows += [angle.beside(c.angle, FAULT), speed.beside(c.speed, FAULT)]
-        rows.append(fate.beside("stable" if run.stable else "lost"))
+    fates = {
+        c.cycles: "stable" if r.stable else "lost" for c, r in zip(faults.cleared, faults.trajectories, strict=True)
+    }
+    rows = []
+    for c in table1(m, tuple(paper.TABLE_1)):
+        angle, speed, *fate = paper.TABLE_1[c.cycles]
+        why = FAULT if fate else ""
+        rows += [angle.beside(c.angle, why), speed.beside(c.speed, why), *(f.beside(fates[c.cycles]) for f in fate)]
     return rows
 
 

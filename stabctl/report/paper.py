@@ -38,14 +38,14 @@ OMIB_INERTIA = Printed("Section 2.1", "inertia H", "3", "s", given=True)
 OMIB_POWER = Printed("Section 2.1", "power before the fault", "0.5", "pu", given=True)
 OMIB_REACTANCE = Printed("Section 2.1", "reactance, 1 and 3 pu in parallel", "0.75", "pu", given=True)
 OMIB_START = Printed("Section 2.1", "rotor angle before the fault", "0.4950", "rad")
-TABLE_1 = {  # cycles: angle, speed, fate
+TABLE_1 = {  # cycles: angle, speed and, where there is a fault, its fate
     cycles: (
         Printed(f"Table 1, {place}", f"angle after {cycles} cycles", angle, "rad"),
         Printed(f"Table 1, {place}", f"speed after {cycles} cycles", speed, "rad/s"),
-        Printed(f"Figure 3, {place}", f"fate after {cycles} cycles", fate),
+        *(Printed(f"Figure 3, {place}", f"fate after {cycles} cycles", text) for text in fate),
     )
-    for cycles, place, angle, speed, fate in (
-        (0, "A", "0.4950", "0", "stable"),
+    for cycles, place, angle, speed, *fate in (
+        (0, "A", "0.4950", "0"),
         (6, "B", "0.6519", "3.1374", "stable"),
         (12, "C", "1.1228", "6.2747", "stable"),
         (15, "D", "1.4753", "7.8421", "lost"),
