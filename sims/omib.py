@@ -1,6 +1,7 @@
 """Section 2 on one machine (Table 1, Figures 3 to 5): phase plane, equal area, a lost fault in time."""
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 
 from stabctl.report import paper, swing_figures
@@ -63,17 +64,15 @@ def study(reports: Path) -> Study:
     return Study("One machine on an infinite bus", "2", (text, paper.ERRATA["2"]), rows, pictures=figures)
 
 
-def table_1(m: OMIB, faults: Portrait) -> list[Comparison]:
+def table_1(m: OMIB, faults: Portrait) -> Iterator[Comparison]:
     """Table 1, and what becomes of the faults in Figure 3."""
     fates = {
         c.cycles: "stable" if r.stable else "lost" for c, r in zip(faults.cleared, faults.trajectories, strict=True)
     }
-    rows = []
     for c in table1(m, tuple(paper.TABLE_1)):
         angle, speed, *fate = paper.TABLE_1[c.cycles]
         why = FAULT if fate else ""
-        rows += [angle.beside(c.angle, why), speed.beside(c.speed, why), *(f.beside(fates[c.cycles]) for f in fate)]
-    return rows
+        yield from (angle.beside(c.angle, why), speed.beside(c.speed, why), *(f.beside(fates[c.cycles]) for f in fate))
 
 
 if __name__ == "__main__":
