@@ -23,6 +23,15 @@ class Site(NamedTuple):
     mwh: float  # energy it took or gave in the hardest run, and so has to hold
 
 
+class Place(NamedTuple):
+    """A candidate, and what the uniform fleet has there."""
+
+    bus: int
+    machine: int
+    cap_mw: float
+    uniform_mw: float | None  # None: no uniform fleet survives everything
+
+
 class Survived(NamedTuple):
     """A contingency and how far the fleet carries it."""
 
@@ -97,6 +106,8 @@ class Siting:
     observed_s: float  # s   watched after clearing
     simulations: int
     wall_s: float
+    places: tuple[Place, ...] = ()  # every candidate
+    title: str = ""  # of the case
 
     @property
     def total_mw(self) -> float:
