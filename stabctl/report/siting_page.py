@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 STYLE = """
-.lost{color:var(--bad)}table.evidence th{white-space:normal;vertical-align:bottom}
+.lost{color:var(--bad)}th{white-space:normal;vertical-align:bottom}
 table.evidence th:first-child,table.evidence td:first-child{position:sticky;left:0;background:var(--paper)}
 @media(max-width:600px){th,td{padding:.3em .4em}}
 """
@@ -27,11 +27,14 @@ EVIDENCE = (
     "1/8 cycle. x0.9: nine tenths of every device; without: all devices but this one (machine@bus). Red with a cross: "
     "the contingency is lost at its target. A least fleet has a cross in every row of less than itself."
 )
-COST = (
-    "Each round the master programme plans the cheapest fleet that the cuts so far allow; simulation scales it until it "
-    "survives every contingency; where that is cheaper than the best fleet so far, it takes its place. A round without "
-    "a mark in the second line planned a fleet of which no multiple survives."
-)
+NOTES = {
+    "sizes": "The uniform fleet has the same share of every machine's MVA, the smallest that survives everything.",
+    "history": (
+        "Each round the master programme plans the cheapest fleet that the cuts so far allow; simulation scales it "
+        "until it survives every contingency; where that is cheaper than the best fleet so far, it takes its place. A "
+        "round without a round mark planned a fleet of which no multiple survives."
+    ),
+}
 
 
 def write(siting: Siting, folder: str | Path, name: str = "") -> Path:
@@ -88,14 +91,16 @@ def _png(figure: "Figure") -> bytes:
 
 
 def _facts(siting: Siting) -> str:
-    facts = (
+    facts = [
         (siting.total_mw, "MW in the fleet found"),
-        (siting.uniform_mw, "MW in the smallest uniform fleet"),
-        (siting.linear_mw, "MW shared out by Gramians, scaled until it survives"),
-        (siting.lower_bound_mw, "MW, estimated lower bound"),
-    )
+        (siting.uniform_mw, "MW in the smallest uniform fleet that does the same"),
+        (siting.linear_mw, "MW in the fleet of the linear stage that does the same"),
+    ]
+    if siting.lower_bound_mw is not None:
+        facts.append((siting.lower_bound_mw, "MW, estimated lower bound"))
     cards = "".join(
-        f'<div class="card"><b>{number:.1f}</b>{escape(text)}</div>' for number, text in facts if number is not None
+        f'<div class="card"><b>{"none" if number is None else f"{number:.1f}"}</b>{escape(text)}</div>'
+        for number, text in facts
     )
     return f'<div class="facts">{cards}</div>'
 
@@ -114,9 +119,9 @@ def _contingencies(siting: Siting) -> str:
     rows = (
         (
             c.contingency.name,
-            f"{c.target_cycles:.2f}",
-            _cycles(c.critical_cycles),
-            f"{c.margin_cycles:+.2f}" if c.stable else "lost",
+            f"{c.target_cycles:.3f}",
+            "none" if c.critical_cycles is None else f"{c.critical_cycles:.3f}",
+            f"{c.margin_cycles:+.3f}" if c.stable else "lost",
             "yes" if c.binding else "",
             "" if c.machine is None else str(c.machine),
         )
@@ -148,16 +153,11 @@ def _row(row: Evidence, targets: Iterable[float]) -> str:
 
 
 def _margin(critical: float | None, target: float) -> str:
-    return "none" if critical is None else f"{round(critical - target, 2) + 0.0:+.2f}"
-
-
-def _cycles(value: float | None) -> str:
-    return "none" if value is None else f"{value:.2f}"
+    return "none" if critical is None else f"{round(critical - target, 3) + 0.0:+.3f}"
 
 
 def _picture(pictures: dict[str, Path], what: str, title: str, alt: str) -> str:
     if what not in pictures:
         return ""
-    note = COST if what == "history" else ""
-    caption = f"<figcaption><b>{title}.</b> {note}</figcaption>"
+    caption = f"<figcaption><b>{title}.</b> {NOTES[what]}</figcaption>"
     return f"<figure>{embedded.picture(pictures[what], title, alt, caption)}</figure>"

@@ -70,14 +70,14 @@ def test_the_page_says_what_the_record_holds(siting, tmp_path):
         ["bus 131", "31", "20.00", "269.0", "4.0"],
     ]
     assert cells(page, "Contingencies") == [
-        ["7-8@0.4 trip 7-8", "12.00", "12.25", "+0.25", "yes", "31"],
-        ["<9>", "6.00", "7.50", "+1.50", "", ""],
+        ["7-8@0.4 trip 7-8", "12.000", "12.250", "+0.250", "yes", "31"],
+        ["<9>", "6.000", "7.500", "+1.500", "", ""],
     ]
     lost = "\N{NO-BREAK SPACE}×"
     assert cells(page, "Evidence") == [
-        ["x1", "60.0", "+0.25", "+1.50"],
-        ["x0.9", "54.0", "-0.25" + lost, "+0.00"],
-        ["without 3@103", "20.0", "none" + lost, "+6.88" + lost],
+        ["x1", "60.0", "+0.250", "+1.500"],
+        ["x0.9", "54.0", "-0.250" + lost, "+0.000"],
+        ["without 3@103", "20.0", "none" + lost, "+6.875" + lost],
     ]
     assert page.count("class=lost") == 3
 
@@ -109,6 +109,7 @@ def test_without_a_uniform_fleet_rounds_or_places(siting, tmp_path):
     bare = replace(siting, uniform_mw=None, uniform_percent=None, linear_mw=None, places=(), history=(), sites=())
     page = siting_page.write(bare, tmp_path, "other").read_text(encoding="utf-8")
     assert "No uniform fleet" in page
+    assert page.count('"card"><b>none</b>') == 2
     assert [p.name for p in tmp_path.iterdir()] == ["placement_other.html"]
 
 
