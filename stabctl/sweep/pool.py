@@ -35,27 +35,29 @@ def cores() -> int:
 
 def rows(tasks: Iterable[Task], workers: int) -> Iterator[Row]:
     """The rows of the tasks, as they are found. Closing the iterator ends the workers and drops what they are at."""
-    waiting, lost, stillborn = deque(tasks), Counter(), 0
+    waiting, stillborn = deque(tasks), 0
     crew: list[Worker] = []
+    lost: Counter[str] = Counter()
     try:
         crew.append(Worker())
         while waiting or any(w.task for w in crew):
             ready = connection.wait([w.pipe for w in crew])
             for worker in [w for w in crew if w.pipe in ready]:
-                done, row = worker.task, None
                 try:
                     row = worker.pipe.recv()
                 except (EOFError, OSError):
                     crew.remove(worker)
-                    how = worker.end()
-                    if done is None:
+                    row, how, task = None, worker.end(), worker.task
+                    if task is None:
                         stillborn += 1
                         if stillborn == TRIES:
                             raise StudyError(f"The workers do not start: the process {how}.") from None
-                    elif (lost := lost + Counter([done.key]))[done.key] == TRIES:
-                        row = _given_up(done, how)
                     else:
-                        waiting.appendleft(done)
+                        lost[task.key] += 1
+                        if lost[task.key] == TRIES:
+                            row = _given_up(task, how)
+                        else:
+                            waiting.appendleft(task)
                     crew.append(Worker())
                 else:
                     stillborn = 0

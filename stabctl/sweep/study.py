@@ -61,13 +61,12 @@ def _crossed(place: str, keys: dict[str, Any]) -> Iterator[Job]:
 
 def _values(place: str, field: Field, value: object) -> list[Any]:
     """The alternatives of a key: those of a list and of the grids in it, of a grid, or the one value."""
-    if isinstance(value, list):
-        if not value:
-            raise StudyError(f"{place} = []: the list is empty; give at least one value.")
-        return [v for one in value for v in _values(place, field, [one] if one == [] else one)]
-    if isinstance(value, dict):
-        return [_value(place, field, one) for one in _grid(place, field, value)]
-    return [_value(place, field, value)]
+    if value == []:
+        raise StudyError(f"{place} = []: the list is empty; give at least one value.")
+    found = []
+    for one in value if isinstance(value, list) else [value]:
+        found += _grid(place, field, one) if isinstance(one, dict) else [one]
+    return [_value(place, field, one) for one in found]
 
 
 def _value(place: str, field: Field, value: object) -> Any:
