@@ -1,5 +1,7 @@
 """The same tasks on a Dask cluster, through its executor."""
 
+import logging
+import re
 from collections.abc import Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import suppress
@@ -20,15 +22,18 @@ def rows(tasks: Iterable[Task], address: str) -> Iterator[Row]:
 
     Closing the iterator cancels what has not begun. `StudyError` where no scheduler answers or it has no workers.
     """
+    if not re.fullmatch(r"((tcp|tls)://)?[^/\s]+:\d+", address):
+        raise StudyError(f"{address!r} is not the address of a Dask scheduler; write it as tcp://host:8786.")
     try:
         from distributed import Client, KilledWorker
     except ImportError:
         raise StudyError("Dask is not installed; install it with pip install 'stabctl[cluster]'.") from None
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # it prints tracebacks of what is told here
     try:
         client = Client(address, timeout=PATIENCE, set_as_default=False)
-    except (OSError, ValueError, TypeError, RuntimeError) as error:
+    except OSError as error:
         raise StudyError(
-            f"No Dask scheduler answers at {address!r} ({error}); start one with dask scheduler, give its address."
+            f"No Dask scheduler answers at {address} ({error}); start one with dask scheduler, and give its address."
         ) from None
     waiting, running = iter(tasks), {}
     try:

@@ -88,8 +88,12 @@ def test_what_befalls_the_cluster_is_a_sentence(write, raised, says):
 def test_no_scheduler_answers(write, tmp_path, monkeypatch):
     pytest.importorskip("distributed", reason="Dask is not installed: pip install 'stabctl[cluster]'")
     monkeypatch.setattr(cluster, "PATIENCE", 0.5)
-    for address in ("tcp://127.0.0.1:9", "nonsense://x", ""):
-        with pytest.raises(StudyError, match="No Dask scheduler answers"):
+    for address, says in (
+        ("tcp://127.0.0.1:9", "No Dask scheduler answers at tcp://127.0.0.1:9"),
+        ("nonsense://x:1", "not the address"),
+        ("", "not the address"),
+    ):
+        with pytest.raises(StudyError, match=says):
             run(write(TINY), tmp_path / "results.db", dask=address)
 
 

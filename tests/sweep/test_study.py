@@ -11,6 +11,7 @@ from stabctl import read
 from stabctl.errors import StudyError
 from stabctl.sweep import study
 from stabctl.sweep.job import Job, columns
+from stabctl.sweep.store import JOB
 from stabctl.sweep.task import fingerprint, key_of, tasks
 
 ROOT = Path(__file__).parents[2]
@@ -142,3 +143,9 @@ def test_a_key_follows_what_determines_the_result_and_nothing_else(write, cases,
 def test_packaged_studies_are_sound(name, count):
     path = ROOT / "sims" / f"{name}.toml"
     assert len(tasks(study.read(path), path)) == count
+
+
+def test_every_key_stands_in_the_documentation():
+    page = (ROOT / "docs" / "sweeps.md").read_text(encoding="utf-8")
+    missing = [column for column in JOB if f"| `{column}`" not in page and f", `{column}`" not in page]
+    assert missing == []
