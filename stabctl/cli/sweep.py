@@ -1,6 +1,7 @@
 """`stabctl sweep`: many runs from one study file, into one results file."""
 
 import csv
+import gc
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -30,6 +31,7 @@ def run_command(study: Study, out: Out, workers: Workers = None, dask: Dask = No
 
     if workers is not None and dask is not None:
         raise StudyError("--workers and --dask exclude each other; give one of them.")
+    gc.enable()  # unlike other commands, a sweep may be long
     with _progress() as tell:
         summary = run(study, out, workers, dask, retry, tell)
     for sentence in summary.warnings:

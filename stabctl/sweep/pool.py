@@ -107,9 +107,10 @@ def _start(process: multiprocessing.Process) -> None:
         with _surroundings():
             process.start()
         return
-    from multiprocessing import forkserver
+    from multiprocessing import forkserver, resource_tracker
 
     multiprocessing.set_forkserver_preload([WARM])
+    resource_tracker.ensure_running()  # before, as it unblocks Ctrl-C when it starts
     with _surroundings():
         forkserver.ensure_running()
     process.start()  # waits for a server that compiles, and may be interrupted

@@ -44,7 +44,8 @@ def read(path: str | Path) -> tuple[Job, ...]:
 def _crossed(place: str, keys: dict[str, Any]) -> Iterator[Job]:
     kind = keys.get("kind")
     if kind not in get_args(Kind):
-        raise StudyError(f"{place}, kind = {kind!r}: it must be one of {', '.join(get_args(Kind))}.")
+        what = f", kind = {kind!r}: it" if "kind" in keys else ": kind is missing; it"
+        raise StudyError(f"{place}{what} must be one of {', '.join(get_args(Kind))}.")
     known = {f.column: f for f in columns(kind).values()}
     for key in keys:
         if key not in known:

@@ -114,3 +114,17 @@ def test_a_full_disk_is_a_sentence_and_the_rows_so_far_are_kept(write, facts, un
     again = run(write(TINY), one.out, workers=2)
     assert (again.before, again.done) == (kept, 12 - kept)
     assert facts(one.out) == facts(undisturbed)
+
+
+@linux
+def test_ctrl_c_while_the_workers_are_readied_is_as_clean(write, sweep, tmp_path):
+    one = sweep(write(TINY), tmp_path / "results.db")
+    while not one.descendants():
+        assert one.process.poll() is None
+        time.sleep(0.01)
+    time.sleep(0.3)
+    os.killpg(one.process.pid, signal.SIGINT)
+    code, said = one.end()
+    assert code == 130
+    assert len(said.splitlines()) == 1, said
+    assert "0 of 12 jobs done" in said

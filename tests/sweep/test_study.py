@@ -53,7 +53,7 @@ def test_groups_belong_together_and_lie_over_what_stands_above(write):
     ("text", "says"),
     [
         ("kind = ", "TOML"),
-        ('case = "two_area"', "kind = None: it must be one of clearing-time, simulate"),
+        ('case = "two_area"', "kind is missing; it must be one of clearing-time, simulate"),
         ('kind = "dance"', "kind = 'dance'"),
         ('kind = "simulate"\ncase = "two_area"', "clear is missing"),
         (HEAD + 'falt = "7"', "falt: a simulate study has no such key"),
