@@ -8,7 +8,7 @@ import typer
 
 from stabctl.errors import StabctlError
 
-from . import cases, clearing_time, estimate, linearize, modes, powerflow, simulate, swing, tables
+from . import cases, clearing_time, estimate, linearize, modes, powerflow, simulate, sweep, swing, tables
 
 app = typer.Typer(
     add_completion=False,
@@ -26,6 +26,7 @@ app.command("estimate")(estimate.estimate)
 app.command("modes")(modes.modes)
 app.command("linearize")(linearize.linearize)
 app.add_typer(swing.app, name="swing")
+app.add_typer(sweep.app, name="sweep")
 
 
 def main() -> None:
