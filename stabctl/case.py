@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple
 
-from stabctl.check import check
+from stabctl import check
 from stabctl.errors import StudyError
 from stabctl.models import gencls
 from stabctl.quantity import NOT_NEGATIVE, POSITIVE, RATIO, SHARE, Range
@@ -114,7 +114,7 @@ class Case:
     def __post_init__(self) -> None:
         frozen = {model: MappingProxyType(dict(rows)) for model, rows in self.devices.items() if rows}
         object.__setattr__(self, "devices", MappingProxyType(frozen))
-        object.__setattr__(self, "warnings", tuple(check(self, TABLES)))
+        object.__setattr__(self, "warnings", tuple(check.check(self, TABLES)))
 
     def __reduce__(self) -> tuple[Any, ...]:
         plain = {f.name: getattr(self, f.name) for f in fields(self) if f.init and f.name != "warnings"}
@@ -133,8 +133,11 @@ class Case:
         return next((m for m in role_models if number in self.devices.get(m, {})), None)
 
     def with_storage(self, devices: Iterable[Storage]) -> "Case":
-        """The same case with these storage devices."""
-        return replace(self, storage=tuple(devices))
+        """The same case with these storage devices; nothing else is checked again."""
+        case = object.__new__(Case)
+        vars(case).update(vars(self), storage=tuple(devices))
+        check.storage(case, Storage)
+        return case
 
     def classical(self) -> "Case":
         """The same case with every machine a constant voltage behind x'd, without controls (GENCLS)."""

@@ -33,7 +33,8 @@ def check(case: "Case", tables: Mapping[str, type]) -> Iterator[str]:
     if not _text(case.name):
         raise CaseError(f"case.toml, name: {case.name!r} is not allowed; it must be a text of one line.")
     for name, record in tables.items():
-        _values(name, record, getattr(case, name))
+        if name != "storage":
+            _values(name, record, getattr(case, name))
     for name in ("buses", "machines"):
         if not getattr(case, name):
             raise CaseError(f"{name}.csv: the table has no row; a case needs at least one.")
@@ -44,8 +45,19 @@ def check(case: "Case", tables: Mapping[str, type]) -> Iterator[str]:
     _branches(case)
     _loads(case)
     yield from _devices(case)
-    _storage(case)
+    storage(case, tables["storage"])
     _connected(case)
+
+
+def storage(case: "Case", record: type) -> None:
+    """Raise the first mistake in the storage devices (their record) of a case that is sound otherwise."""
+    _values("storage", record, case.storage)
+    buses, numbers = {b.bus for b in case.buses}, {m.machine for m in case.machines}
+    for i, s in enumerate(case.storage):
+        if s.bus not in buses:
+            fail("storage", i, "bus", f"there is no bus {s.bus}; name a bus of buses.csv.")
+        if s.machine not in numbers:
+            fail("storage", i, "machine", f"there is no machine {s.machine}; name a machine of machines.csv.")
 
 
 def _values(table: str, record: type, rows: Sequence[Any]) -> None:
@@ -91,7 +103,6 @@ def _buses(case: "Case") -> None:
         ("machines", case.machines, ("bus", "storage_bus")),
         ("loads", case.loads, ("bus",)),
         ("links", case.links, ("from_bus", "to_bus")),
-        ("storage", case.storage, ("bus",)),
     )
     for table, rows, columns in places:
         for i, row in enumerate(rows):
@@ -165,13 +176,6 @@ def _devices(case: "Case") -> Iterator[str]:
                 fail(model, i, "machine", f"machine {number} is classical (gencls.csv) and takes no exciter.")
             if role == "stabiliser" and (number, "exciter") not in has:
                 fail(model, i, "machine", f"machine {number} has no exciter for its stabiliser to act on.")
-
-
-def _storage(case: "Case") -> None:
-    numbers = {m.machine for m in case.machines}
-    for i, s in enumerate(case.storage):
-        if s.machine not in numbers:
-            fail("storage", i, "machine", f"there is no machine {s.machine}; name a machine of machines.csv.")
 
 
 def _connected(case: "Case") -> None:

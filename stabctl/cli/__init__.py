@@ -8,7 +8,20 @@ import typer
 
 from stabctl.errors import StabctlError
 
-from . import cases, clearing_time, estimate, linearize, modes, place, powerflow, screen, simulate, swing, tables
+from . import (
+    cases,
+    clearing_time,
+    estimate,
+    linearize,
+    modes,
+    place,
+    powerflow,
+    screen,
+    simulate,
+    sweep,
+    swing,
+    tables,
+)
 
 app = typer.Typer(
     add_completion=False,
@@ -28,6 +41,7 @@ app.command("estimate")(estimate.estimate)
 app.command("modes")(modes.modes)
 app.command("linearize")(linearize.linearize)
 app.add_typer(swing.app, name="swing")
+app.add_typer(sweep.app, name="sweep")
 
 
 def main() -> None:

@@ -53,7 +53,10 @@ def evidence(trials: Trials, fleet: str, mw: np.ndarray, control: Law | Sampled 
 
 
 def table(trials: Trials, mw: np.ndarray, others: Mapping[str, Sampled]) -> tuple[Evidence, ...]:
-    """The fleet (candidates, MW), less of it, without each site, more finely simulated, and under other controllers."""
+    """The fleet (candidates, MW), less of it, without each site, more finely simulated, and under other controllers.
+
+    Where the fleet itself does not do for finer steps or another controller, the first of `MARGINS` that does is added.
+    """
     rows = [evidence(trials, "x1", mw), evidence(trials, "x0.9", 0.9 * mw)]
     for i in (int(i) for i in np.argsort(-mw) if mw[i] > 0):
         s = trials.point.case.storage[i]
@@ -63,7 +66,12 @@ def table(trials: Trials, mw: np.ndarray, others: Mapping[str, Sampled]) -> tupl
     enough = next((m for m in MARGINS if not finer.lost(m * mw)), None)
     if enough:
         rows.append(evidence(finer, f"x{enough:g}, half the step, twice as long", enough * mw))
-    return (*rows, *(evidence(trials, name, mw, control) for name, control in others.items()))
+    for name, control in others.items():
+        rows.append(evidence(trials, name, mw, control))
+        if rows[-1].lost:
+            larger = (evidence(trials, f"x{m:g}, {name}", m * mw, control) for m in MARGINS[1:])
+            rows += [row for row in [next((row for row in larger if not row.lost), None)] if row]
+    return tuple(rows)
 
 
 def energies(trials: Trials, mw: np.ndarray) -> np.ndarray:

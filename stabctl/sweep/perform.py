@@ -1,0 +1,124 @@
+"""A task -> its row. Whatever goes wrong in a job stays in its row."""
+
+import os
+import platform
+import time
+
+import numpy as np
+
+from stabctl import equilibrium, fleet, powerflow
+from stabctl.clearing import clearing_time
+from stabctl.controllers import BangBang
+from stabctl.equilibrium import Point
+from stabctl.errors import StabctlError, StudyError
+from stabctl.estimate.loop import Driven, watch
+from stabctl.simulate.events import contingency
+from stabctl.simulate.simulation import run
+from stabctl.simulate.stepper import DEFAULT, Rules
+from stabctl.simulate.trajectory import Trajectory
+from stabctl.units import seconds
+
+from .job import Job
+from .result import Result, Row, signed
+from .task import Task, circuits, pmu
+
+
+def perform(task: Task) -> Row:
+    """Do the job of a task."""
+    began = time.perf_counter()
+    try:
+        result = {"clearing-time": _clearing_time, "simulate": _simulate}[task.job.kind](task.job, _point(task))
+    except StabctlError as error:
+        result = Result("error", message=" ".join(str(error).split()))
+    except Exception as error:
+        text = f"{type(error).__name__}: {error}. This is a mistake in stabctl; please report it with the study file."
+        result = Result("bug", message=" ".join(text.split()))
+    where = f"{platform.node()}:{os.getpid()}"
+    return Row(task.key, task.job, signed(result, wall=time.perf_counter() - began, worker=where))
+
+
+def _point(task: Task) -> Point:
+    """The operating point with the storage of the job."""
+    job, case = task.job, task.case
+    flow = powerflow.solve(case)
+    if job.storage:
+        options = {"characteristic": job.characteristic, "lag": job.lag}
+        make = fleet.chosen if "=" in job.storage else fleet.everywhere
+        case = case.with_storage(() if job.storage == "none" else make(case, job.storage, flow, **options))
+    return equilibrium.solve(case, flow)
+
+
+def _steering(job: Job, point: Point) -> BangBang | Driven | None:
+    """The law where there is storage; under an estimator also without storage, to see how well it does."""
+    law = BangBang(job.deadband, job.min_voltage)
+    if job.estimator == "ideal":
+        return law if point.case.storage and job.control != "none" else None
+    if job.control == "none":
+        raise StudyError(f"The estimator {job.estimator!r} drives a control law; leave out control = 'none'.")
+    return Driven(law, job.estimator, pmu(job), job.seed, "batched" if job.kind == "clearing-time" else "filterpy")
+
+
+def _clearing_time(job: Job, point: Point) -> Result:
+    hz = point.case.frequency_hz
+    found = clearing_time(
+        point,
+        job.fault,
+        circuits(job.trip),
+        _steering(job, point),
+        seconds(job.resolution, hz) * hz,
+        seconds(job.limit, hz) * hz,
+        job.observe,
+        job.step or None,
+        _rules(job),
+        complex(job.fault_r, job.fault_x),
+    )
+    return Result(
+        "ok",
+        found.status,
+        cycles=found.cycles,
+        seconds=found.seconds,
+        monotone=int(found.monotone),
+        runs=len(found.runs),
+        machine=found.machine,
+        message=str(found),
+    )
+
+
+def _simulate(job: Job, point: Point) -> Result:
+    clear = seconds(job.clear, point.case.frequency_hz)
+    events = contingency(job.fault or None, clear, circuits(job.trip), job.at, complex(job.fault_r, job.fault_x))
+    steering, keep = _steering(job, point), bool(point.case.storage)
+    arguments = point, events, job.until, steering
+    if not isinstance(steering, Driven):
+        return _ended(run(*arguments, job.step or None, _rules(job), keep))
+    seen = watch(*arguments, step=job.step or None, rules=_rules(job), record=keep)
+    result = _ended(seen.runs[0])
+    try:
+        score = seen.after(job.at + clear, job.until)
+    except StudyError:  # synchronism was lost before there was anything to judge
+        return result
+    return result._replace(
+        rmse=score.rmse_mhz,
+        p99=score.p99_mhz,
+        delay=score.delay_ms,
+        wrong_command_share=score.wrong_command_share,
+        opposite_command_share=score.opposite_command_share,
+    )
+
+
+def _ended(run: Trajectory) -> Result:
+    end, kept = run.outcome, len(run.rows) > 0
+    return Result(
+        "ok",
+        end.kind.value,
+        machine=end.machine,
+        bus=end.bus,
+        time=end.time_s,
+        max_angle_from_coi=run.max_angle_from_coi_deg,
+        energy=float(np.ptp(run.energy, axis=0).sum()) if kept else None,
+        message=end.message,
+    )
+
+
+def _rules(job: Job) -> Rules:
+    return DEFAULT._replace(slip=job.max_angle)

@@ -1,0 +1,124 @@
+"""The results file: SQLite with a write-ahead log, a transaction a row, keyed by the content of the job.
+
+With synchronous = FULL a commit in the log is on the disk when it returns: neither a killed process nor lost power
+takes a row that was there or spoils the file; a commit cut short is as if it had not begun.
+"""
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from stabctl.errors import StudyError
+from stabctl.quantity import fields
+
+from .job import FORMAT, Job
+from .result import Result, Row
+
+OURS = int.from_bytes(b"STAB")  # application_id of the file
+PATIENCE = 30.0  # s   waited for a file that another process holds
+JOB = tuple(f.column for f in fields(Job).values())
+RESULT = tuple(f.column for f in fields(Result).values())
+COLUMNS = ("key", *JOB, *RESULT)
+
+SENTENCES = {
+    "SQLITE_FULL": "the disk is full; free some space and run the same command again, which goes on with what is there",
+    "SQLITE_IOERR": "it cannot be written or read (disk full, or failing); the rows so far are kept: run the same "
+    "command again when there is space",
+    "SQLITE_BUSY": "another program holds it; wait until that one is done, or close it",
+    "SQLITE_LOCKED": "another program holds it; wait until that one is done, or close it",
+    "SQLITE_NOTADB": "it is not a results file; name another one",
+    "SQLITE_CORRUPT": "it is damaged; keep a copy, and name another file",
+    "SQLITE_READONLY": "it may not be written; give yourself the right, or name another file",
+    "SQLITE_CANTOPEN": "it cannot be opened or made; name a file in a folder that exists and may be written",
+}
+
+
+class Store:
+    """A results file open for writing; made where there is none. `StudyError` where it is not ours or not usable."""
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        with _told(self.path):
+            self._base = sqlite3.connect(self.path, timeout=PATIENCE, isolation_level=None)
+            try:
+                self._open()
+            except BaseException:
+                self._base.close()
+                raise
+
+    def _open(self) -> None:
+        if not _is_ours(self._base, self.path):
+            self._base.execute("PRAGMA journal_mode = WAL")
+            self._base.execute("BEGIN IMMEDIATE")
+            if not _is_ours(self._base, self.path):
+                listed = ", ".join(f'"{name}"' for name in COLUMNS[1:])
+                self._base.execute(f"CREATE TABLE results (key TEXT PRIMARY KEY, {listed})")
+                self._base.execute(f"PRAGMA application_id = {OURS}")
+                self._base.execute(f"PRAGMA user_version = {FORMAT}")
+            self._base.execute("COMMIT")
+        self._base.execute("PRAGMA journal_mode = WAL")
+        self._base.execute("PRAGMA synchronous = FULL")
+
+    def __enter__(self) -> "Store":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._base.close()
+
+    def add(self, row: Row) -> None:
+        """Keep a row, for the one of the same key."""
+        given = row.job.given()
+        values = (row.key, *(given.get(column) for column in JOB), *row.result)
+        with _told(self.path):
+            self._base.execute(f"INSERT OR REPLACE INTO results VALUES ({', '.join('?' * len(values))})", values)
+
+    def statuses(self) -> dict[str, str]:
+        """Key -> status of every row."""
+        with _told(self.path):
+            return dict(self._base.execute("SELECT key, status FROM results"))
+
+
+def rows(path: str | Path) -> list[dict[str, Any]]:
+    """Every row of a results file, column -> value; the file is only read, also while a sweep writes it."""
+    path = Path(path)
+    if not path.is_file():
+        raise StudyError(f"There is no results file {path}; write one with stabctl sweep run STUDY.toml --out {path}.")
+    with _told(path):
+        base = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=PATIENCE)
+        try:
+            if not _is_ours(base, path):
+                return []
+            found = base.execute("SELECT * FROM results")
+            names = [column[0] for column in found.description]
+            return [dict(zip(names, row, strict=True)) for row in found]
+        finally:
+            base.close()
+
+
+def _is_ours(base: sqlite3.Connection, path: Path) -> bool:
+    """Is it a results file, undamaged, of this format? False where it is empty."""
+    ((owner,), (format_,)) = (base.execute(f"PRAGMA {name}").fetchone() for name in ("application_id", "user_version"))
+    if owner == OURS:
+        if format_ != FORMAT:
+            raise StudyError(
+                f"{path}: its rows have format {format_}, this stabctl writes {FORMAT}; name another file."
+            )
+        if base.execute("PRAGMA quick_check(1)").fetchone() != ("ok",):
+            raise StudyError(f"{path}: {SENTENCES['SQLITE_CORRUPT']}.")
+        return True
+    if owner or base.execute("SELECT count(*) FROM sqlite_master").fetchone() != (0,):
+        raise StudyError(f"{path}: it is a database of another program; name another file.")
+    return False
+
+
+@contextmanager
+def _told(path: Path) -> Iterator[None]:
+    """What SQLite complains of, as a sentence."""
+    try:
+        yield
+    except sqlite3.Error as error:
+        name = getattr(error, "sqlite_errorname", "")
+        said = next((text for start, text in SENTENCES.items() if name.startswith(start)), f"SQLite says {error}")
+        raise StudyError(f"{path}: {said}.") from None

@@ -1,0 +1,103 @@
+"""The same tasks on a Dask scheduler with two workers, all really started on this machine."""
+
+import subprocess
+import sys
+import time
+from concurrent.futures import CancelledError, Future
+
+import pytest
+
+from stabctl.errors import StudyError
+from stabctl.sweep import cluster, study
+from stabctl.sweep.run import run
+from stabctl.sweep.store import rows
+from stabctl.sweep.task import tasks
+
+from .conftest import TINY
+
+
+@pytest.fixture(scope="module")
+def scheduler(tmp_path_factory):
+    """Address of a Dask scheduler without workers, and what starts one."""
+    pytest.importorskip("distributed", reason="Dask is not installed: pip install 'stabctl[cluster]'")
+    folder, started = tmp_path_factory.mktemp("dask"), []
+    where = folder / "scheduler.json"
+
+    def start(program, *words):
+        command = [
+            sys.executable,
+            "-m",
+            f"distributed.cli.{program}",
+            "--scheduler-file",
+            where,
+            *words,
+            "--no-dashboard",
+        ]
+        started.append(subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
+        return started[-1]
+
+    start("dask_scheduler", "--host", "127.0.0.1", "--port", "0")
+    while not where.exists():
+        time.sleep(0.05)
+    from distributed import Client
+
+    with Client(scheduler_file=str(where), timeout=30, set_as_default=False) as client:
+        yield client, start
+    for process in started:
+        process.kill()
+        process.wait()
+
+
+def test_rows_are_those_of_this_machine(scheduler, write, facts, undisturbed, tmp_path):
+    client, start = scheduler
+    address = client.scheduler.address
+    with pytest.raises(StudyError, match="has no workers"):
+        run(write(TINY), tmp_path / "results.db", dask=address)
+    words = ("--nthreads", "1", "--nworkers", "1", "--host", "127.0.0.1", "--no-nanny")
+    workers = [start("dask_worker", *words) for _ in range(2)]
+    client.wait_for_workers(2, timeout=60)
+    summary = run(write(TINY), tmp_path / "results.db", dask=address)
+    assert (summary.done, summary.errors) == (12, 0)
+    assert facts(tmp_path / "results.db") == facts(undisturbed)
+    assert len({row["worker"] for row in rows(tmp_path / "results.db")}) == 2
+
+    def kill(done, _total):
+        if done == 3:
+            workers[0].kill()
+
+    assert run(write(TINY), tmp_path / "again.db", dask=address, progress=kill).done == 12
+    assert facts(tmp_path / "again.db") == facts(undisturbed)
+
+
+@pytest.mark.parametrize(
+    ("raised", "says"),
+    [
+        (CancelledError(), "went away; run the same command again"),
+        (ModuleNotFoundError("No module named 'stabctl'"), "No module named 'stabctl'"),
+    ],
+)
+def test_what_befalls_the_cluster_is_a_sentence(write, raised, says):
+    (task, *_), future = tasks(study.read(write(TINY)), "study.toml"), Future()
+    future.set_exception(raised)
+    with pytest.raises(StudyError, match=says):
+        cluster._row(future, task, "tcp://h:1", KeyError)
+    row = cluster._row(future, task, "tcp://h:1", type(raised))  # as if it were what Dask raises for a deadly job
+    assert (row.key, row.result.status) == (task.key, "error")
+
+
+def test_no_scheduler_answers(write, tmp_path, monkeypatch):
+    pytest.importorskip("distributed", reason="Dask is not installed: pip install 'stabctl[cluster]'")
+    monkeypatch.setattr(cluster, "PATIENCE", 0.5)
+    for address, says in (
+        ("tcp://127.0.0.1:9", "No Dask scheduler answers at tcp://127.0.0.1:9"),
+        ("nonsense://x:1", "not the address"),
+        ("", "not the address"),
+    ):
+        with pytest.raises(StudyError, match=says):
+            run(write(TINY), tmp_path / "results.db", dask=address)
+
+
+def test_without_dask(write, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(StudyError, match=r"pip install 'stabctl\[cluster\]'"):
+        run(write(TINY), tmp_path / "results.db", dask="tcp://127.0.0.1:9")

@@ -1,0 +1,83 @@
+"""`stabctl sweep`: exit codes, what is printed, tables."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from .conftest import TINY
+
+SIMS = Path(__file__).parents[2] / "sims"
+PAIR = 'kind = "simulate"\ncase = "two_area"\nmachines = "classical"\nfault = "7"\nclear = "3cyc"\n'
+
+
+def test_table_4_of_the_paper(stabctl, tmp_path):
+    out = tmp_path / "table4.db"
+    assert stabctl("sweep", "run", SIMS / "table4.toml", "--out", out)[0] == 0
+    found = json.loads(stabctl("sweep", "show", out, "--json")[1])
+    sizes = [f"{percent}%dispatch" for percent in (0, 5, 15, 20, 25, 30)]
+    assert [(row["storage"], row["cycles"]) for row in found["rows"]] == list(
+        zip(sizes, (5, 6, 7, 8, 8, 8), strict=True)
+    )
+
+
+def test_a_sweep_goes_on_where_it_stood_and_tells_of_errors(stabctl, write, tmp_path):
+    study, out = write(PAIR + "until_s = [1.01, 1.5]"), tmp_path / "results.db"
+    code, printed, said = stabctl("sweep", "run", study, "--out", out, "--workers", 1)
+    assert (code, printed) == (1, "")
+    assert "2 of 2 jobs done" in said
+    assert "1 ended in an error" in said
+    code, _, said = stabctl("sweep", "run", study, "--out", out)
+    assert code == 1
+    assert "2 of 2 jobs done, 2 of them from before" in said
+    code, _, said = stabctl("sweep", "run", study, "--out", out, "--retry", "--workers", 1)
+    assert code == 1
+    assert "2 of 2 jobs done, 1 of them from before" in said
+    code, printed, _ = stabctl("sweep", "show", out)
+    assert code == 0
+    assert "1 ok, 1 with an error" in printed
+    assert "until_s 1.01: The run ends at 1.01 s" in printed
+    more = write(PAIR + "until_s = 1.5", "more.toml")
+    assert stabctl("sweep", "run", more, "--out", out)[0] == 0  # the row is there, and no error
+
+
+def test_show_prints_what_varies_and_writes_all(stabctl, undisturbed, tmp_path):
+    code, printed, err = stabctl("sweep", "show", undisturbed, "--csv", tmp_path / "all.csv")
+    assert (code, err) == (0, "")
+    assert "12 ok, 0 with an error" in printed
+    assert "two_area" in printed.splitlines()[0]
+    head = next(line for line in printed.splitlines() if "fault" in line and "storage" in line)
+    assert "cycles" in head
+    assert "seed" not in head
+    record = json.loads(stabctl("sweep", "show", undisturbed, "--json")[1])
+    with (tmp_path / "all.csv").open() as file:
+        table = list(csv.DictReader(file))
+    assert (record["ok"], record["errors"], len(table)) == (12, 0, 12)
+    assert set(table[0]) == set(record["rows"][0])
+    assert [row["storage"] for row in record["rows"][:4]] == ["20MW", "50MW", "100MW", "none"]
+    assert [float(row["cycles"]) for row in table] == [row["cycles"] for row in record["rows"]]
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("run", "missing.toml", "--out", "x.db"), "missing.toml"),
+        (("run", "{study}"), "--out"),
+        (("run", "{study}", "--out", "nowhere/x.db"), "cannot be opened or made"),
+        (("run", "{study}", "--out", "x.db", "--workers", 0), "0 workers"),
+        (("run", "{study}", "--out", "x.db", "--workers", 1, "--dask", "tcp://h:1"), "exclude"),
+        (("run", "{study}", "--out", "{study}"), "not a results file"),
+        (("show", "missing.db"), "missing.db"),
+        (("show", "{study}"), "not a results file"),
+        (("show", "{study}", "--csv", "x.txt"), ".csv"),
+        (("dance",), "dance"),
+    ],
+)
+def test_a_mistake_is_one_line(stabctl, write, tmp_path, monkeypatch, words, says):
+    monkeypatch.chdir(tmp_path)
+    study = write(TINY)
+    code, out, err = stabctl("sweep", *(str(word).format(study=study) for word in words))
+    assert (code, out) == (2, "")
+    assert len(err.splitlines()) == 1
+    assert says in err

@@ -1,0 +1,77 @@
+"""What a job gives: the same as the call it stands for, or its sentence."""
+
+import pytest
+
+from stabctl import equilibrium, fleet
+from stabctl.clearing import clearing_time
+from stabctl.controllers import BangBang
+from stabctl.estimate.loop import Driven, watch
+from stabctl.simulate.events import contingency
+from stabctl.sweep import perform, study
+from stabctl.sweep.task import tasks
+
+SIMULATE = 'kind = "simulate"\ncase = "two_area"\nfault = "7"\ntrip = "7-8"\nclear = "11cyc"\nuntil_s = 3\n'
+
+
+@pytest.fixture
+def results(write):
+    def of(text):
+        path = write(text)
+        return [perform.perform(task).result for task in tasks(study.read(path), path)]
+
+    return of
+
+
+def test_a_clearing_time_is_that_of_the_call(results, cases):
+    head = 'kind = "clearing-time"\ncase = "two_area"\nfault = "7-8@0.2"\nresolution = "0.5cyc"\nobserve_s = 3\n'
+    (result,) = results(
+        head + 'storage = "5%dispatch"\nlag_s = 0.05\ncharacteristic = "conductance"\ndeadband_hz = 0.05'
+    )
+    case = cases("two_area")
+    devices = fleet.everywhere(case, "5%dispatch", characteristic="conductance", lag=0.05)
+    point = equilibrium.solve(case.with_storage(devices))
+    found = clearing_time(point, "7-8@0.2", (), BangBang(0.05), 0.5, observed_s=3)
+    assert (result.status, result.outcome, result.cycles, result.seconds) == (
+        "ok",
+        "found",
+        found.cycles,
+        found.seconds,
+    )
+    assert (result.machine, result.runs, result.monotone) == (found.machine, len(found.runs), found.monotone)
+    assert result.message == str(found)
+
+
+def test_a_simulation_under_an_estimator_is_that_of_the_call(results, cases):
+    ideal, kalman, alone = results(
+        SIMULATE + '[[job]]\nstorage = "50MW"\n[[job]]\nstorage = "50MW"\nestimator = "kalman"\nseed = 4\n'
+        '[[job]]\nstorage = "none"\nestimator = "kinematic"\nclear = "5cyc"'
+    )
+    case = cases("two_area")
+    point = equilibrium.solve(case.with_storage(fleet.everywhere(case, "50MW")))
+    seen = watch(point, contingency("7", 11 / 60, ["7-8"]), 3.0, Driven(seed=4))
+    assert kalman.rmse == seen.after(1 + 11 / 60, 3.0).rmse_mhz
+    assert kalman.max_angle_from_coi == seen.runs[0].max_angle_from_coi_deg != ideal.max_angle_from_coi
+    assert ideal.outcome == kalman.outcome == alone.outcome == "stable"
+    assert (ideal.rmse, alone.energy) == (None, None)
+    assert alone.rmse > kalman.rmse
+    assert 0 < ideal.energy < 4 * 50 * 2 / 3600  # MWh: never more than every device at full power all the time
+
+
+def test_what_a_job_is_refused_for_is_in_its_row(results):
+    late, controlled, good = results(
+        SIMULATE + '[[job]]\nuntil_s = 1.1\n[[job]]\nestimator = "kalman"\ncontrol = "none"\n[[job]]\n'
+    )
+    assert [r.status for r in (late, controlled, good)] == ["error", "error", "ok"]
+    assert "before the last event" in late.message
+    assert "drives a control law" in controlled.message
+    assert good.outcome == "lost_synchronism"
+    assert good.worker
+    assert good.version
+    assert good.wall > 0
+
+
+def test_a_failure_that_must_not_be_is_marked_as_one(results, monkeypatch):
+    monkeypatch.setattr(perform, "run", lambda *_: 1 / 0)
+    (result,) = results(SIMULATE)
+    assert result.status == "bug"
+    assert result.message.startswith("ZeroDivisionError: division by zero.")

@@ -1,0 +1,104 @@
+"""The results file: whose it is, what becomes of it, and the sentence for each mishap."""
+
+import sqlite3
+
+import pytest
+
+from stabctl.errors import StudyError
+from stabctl.sweep import store
+from stabctl.sweep.job import Job
+from stabctl.sweep.result import Result, Row
+from stabctl.sweep.store import Store, rows
+
+
+def row(key, **result):
+    return Row(key, Job("simulate", "two_area", fault="7", clear="6cyc"), Result("ok", **result))
+
+
+def test_a_row_comes_back_as_it_was(tmp_path):
+    path = tmp_path / "results.db"
+    with Store(path) as kept:
+        kept.add(row("a", outcome="stable", time=0.1 + 0.2, machine=3))
+        kept.add(row("b"))
+        kept.add(row("b", message="later"))
+        assert kept.statuses() == {"a": "ok", "b": "ok"}
+        assert [r["key"] for r in rows(path)] == ["a", "b"]  # read while it is open for writing
+    first, second = rows(path)
+    assert (first["time_s"], first["machine"], first["until_s"], first["resolution"]) == (0.1 + 0.2, 3, 10.0, None)
+    assert second["message"] == "later"
+    with sqlite3.connect(path) as base:
+        assert base.execute("PRAGMA journal_mode").fetchone() == ("wal",)
+
+
+def test_a_file_that_is_not_ours_is_left_as_it_is(tmp_path):
+    text, foreign = tmp_path / "notes.txt", tmp_path / "foreign.db"
+    text.write_text("not a database, but long enough to be taken for one " * 20)
+    with sqlite3.connect(foreign) as base:
+        base.execute("CREATE TABLE money (amount)")
+    for path, says in ((text, "it is not a results file"), (foreign, "another program")):
+        before = path.read_bytes()
+        for use in (Store, rows):
+            with pytest.raises(StudyError, match=says) as caught:
+                use(path)
+            assert str(path) in str(caught.value)
+        assert path.read_bytes() == before
+
+
+def test_rows_of_another_format_are_not_mixed(tmp_path):
+    path = tmp_path / "results.db"
+    Store(path).__exit__()
+    with sqlite3.connect(path) as base:
+        base.execute("PRAGMA user_version = 99")
+    with pytest.raises(StudyError, match="format 99"):
+        Store(path)
+
+
+def test_a_damaged_file(tmp_path):
+    path = tmp_path / "results.db"
+    with Store(path) as kept:
+        for k in range(200):
+            kept.add(row(f"{k:064}", message="x" * 200))
+    content = bytearray(path.read_bytes())
+    content[8192:12288] = b"\x55" * 4096
+    path.write_bytes(content)
+    for use in (Store, rows):
+        with pytest.raises(StudyError, match="it is damaged"):
+            use(path)
+
+
+def test_a_file_that_another_holds(tmp_path, monkeypatch):
+    path = tmp_path / "results.db"
+    monkeypatch.setattr(store, "PATIENCE", 0.1)
+    with Store(path) as kept:
+        holder = sqlite3.connect(path, isolation_level=None)
+        holder.execute("BEGIN IMMEDIATE")
+        with pytest.raises(StudyError, match="another program holds it"):
+            kept.add(row("a"))
+        holder.execute("ROLLBACK")
+        holder.close()
+        kept.add(row("a"))
+    assert len(rows(path)) == 1
+
+
+def test_a_full_disk_keeps_what_was_there(tmp_path):
+    path = tmp_path / "results.db"
+    with Store(path) as kept:
+        kept.add(row("a"))
+        kept._base.execute("PRAGMA max_page_count = 8")
+        with pytest.raises(StudyError, match="the disk is full"):
+            list(map(kept.add, (row(f"b{k}", message="x" * 1000) for k in range(100))))
+        there = len(kept.statuses())
+        assert there > 1
+        kept._base.execute("PRAGMA max_page_count = 1000")
+        kept.add(row("c"))
+        assert len(kept.statuses()) == there + 1
+    assert len(rows(path)) == there + 1
+
+
+def test_places_where_no_file_can_be(tmp_path):
+    for path in (tmp_path / "nowhere" / "results.db", tmp_path):
+        with pytest.raises(StudyError, match="cannot be opened or made"):
+            Store(path)
+    with pytest.raises(StudyError, match="There is no results file"):
+        rows(tmp_path / "missing.db")
+    assert not (tmp_path / "missing.db").exists()

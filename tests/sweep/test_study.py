@@ -1,0 +1,151 @@
+"""Study files: what is crossed, what is not, what is refused before anything runs, and the keys of the jobs."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from stabctl import read
+from stabctl.errors import StudyError
+from stabctl.sweep import study
+from stabctl.sweep.job import Job, columns
+from stabctl.sweep.store import JOB
+from stabctl.sweep.task import fingerprint, key_of, tasks
+
+ROOT = Path(__file__).parents[2]
+HEAD = 'kind = "simulate"\ncase = "two_area"\nfault = "7"\nclear = "6cyc"\n'
+
+
+def test_lists_and_grids_are_crossed(write):
+    jobs = study.read(
+        write(
+            'kind = "clearing-time"\ncase = "two_area"\n'
+            'fault = [83, { text = "7-8@{}", from = 0.0, to = 0.3, step = 0.1 }]\n'
+            "lag_s = { from = 0, to = 1, count = 3 }\nseed = { from = 5, to = 3, step = -1 }\n"
+        )
+    )
+    places = ("83", "7-8@0", "7-8@0.1", "7-8@0.2", "7-8@0.3")
+    assert [(j.fault, j.lag, j.seed) for j in jobs] == [
+        (f, lag, s) for f in places for lag in (0.0, 0.5, 1.0) for s in (5, 4, 3)
+    ]
+    assert {type(j.seed) for j in jobs} == {int}
+    assert jobs[0]._replace(fault="", lag=0.0, seed=1) == Job("clearing-time", "two_area")  # the rest are defaults
+
+
+def test_groups_belong_together_and_lie_over_what_stands_above(write):
+    jobs = study.read(
+        write(
+            HEAD + "deadband_hz = [0.1, 0.2]\n"
+            '[[job]]\nstorage = "none"\n'
+            '[[job]]\nstorage = "50MW"\nclear = ["6cyc", "7cyc"]\n'
+            '[[job]]\nstorage = "50MW"\ndeadband_hz = 0.2\n'  # stands already
+        )
+    )
+    pairs = [(j.storage, j.clear, j.deadband) for j in jobs]
+    assert pairs == [("none", "6cyc", d) for d in (0.1, 0.2)] + [
+        ("50MW", c, d) for c in ("6cyc", "7cyc") for d in (0.1, 0.2)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("kind = ", "TOML"),
+        ('case = "two_area"', "kind is missing; it must be one of clearing-time, simulate"),
+        ('kind = "dance"', "kind = 'dance'"),
+        ('kind = "simulate"\ncase = "two_area"', "clear is missing"),
+        (HEAD + 'falt = "7"', "falt: a simulate study has no such key"),
+        (HEAD + "observe_s = 3", "observe_s: a simulate study has no such key"),
+        (HEAD + "seed = 1.5", "seed = 1.5: it must be a whole number"),
+        (HEAD + "seed = true", "seed = True"),
+        (HEAD + 'lag_s = "slow"', "lag_s = 'slow': it must be a number at least 0"),
+        (HEAD + "lag_s = -1", "lag_s = -1"),
+        (HEAD + "until_s = inf", "until_s = inf"),
+        (HEAD + "until_s = nan", "until_s = nan"),
+        (HEAD + "control = 'magic'", "one of bang-bang, none"),
+        (HEAD + "storage = [['50MW']]", "storage = ['50MW']: it must be a text"),
+        (HEAD + "seed = []", "the list is empty"),
+        (HEAD + "seed = {from = 1, to = 3}", "a grid has from, to, and count or step"),
+        (HEAD + "seed = {from = 1, to = 3, step = 1, count = 3}", "a grid has"),
+        (HEAD + "seed = {from = 1, to = 3, stop = 1}", "a grid has"),
+        (HEAD + "seed = {from = 1, to = 3, step = -1}", "step must lead from 1 to 3"),
+        (HEAD + "seed = {from = 1, to = 3, step = 0}", "step must lead"),
+        (HEAD + "seed = {from = 1, to = 3, step = 'x'}", "step must be a number"),
+        (HEAD + "seed = {from = 1, to = 2, count = 4}", "whole number"),
+        (HEAD + "lag_s = {from = 0, to = 1, count = 1}", "count must be"),
+        (HEAD + "lag_s = {from = 0, to = 1, count = 2, text = '{}'}", "text must hold"),
+        (HEAD + "storage = {from = 0, to = 1, count = 2, text = 'MW'}", "text must hold"),
+        (HEAD + "seed = {from = 1, to = 1e12, step = 1}", "more than 1000000 jobs"),
+        (HEAD + "seed = {from = 1, to = 2e3, step = 1}\nlag_s = {from = 0, to = 1, count = 1000}", "more than 1000000"),
+        (HEAD + "[job]\nseed = 1", "[[job]]"),
+        (HEAD + "[[job]]\nseed = 1\n[[job]]\nseed = 'x'", "job 2, seed = 'x'"),
+        (HEAD.replace("two_area", "nowhere"), "case = 'nowhere'"),
+        (HEAD.replace('"7"', '["7", "99"]'), "fault = '99': There is no bus 99"),
+        (HEAD.replace("6cyc", "soon"), "clear = 'soon'"),
+        (HEAD + "trip = '7-8, 7-99'", "trip = '7-8, 7-99': There is no branch 7-99"),
+        (HEAD + "storage = '50'", "storage = '50'"),
+        (HEAD + "storage = '9=50MW'", "no machine 9"),
+        (HEAD + "pmu_rate = 61", "not one of"),
+    ],
+)
+def test_a_mistake_names_file_key_and_value(write, text, says):
+    path = write(text)
+    with pytest.raises(StudyError) as caught:
+        tasks(study.read(path), path)
+    sentence = str(caught.value)
+    assert says in sentence
+    assert str(path) in sentence
+    assert "\n" not in sentence
+
+
+@pytest.mark.parametrize("path", ["missing.toml", "."])
+def test_no_study_file(tmp_path, path):
+    with pytest.raises(StudyError, match=r"missing\.toml|TOML"):
+        study.read(tmp_path / path)
+
+
+def test_keys_are_the_same_in_every_process(write):
+    path = write(HEAD + 'storage = ["none", "5%mva", "1=50MW,2=20MW"]\nseed = [1, 2]')
+    here = [t.key for t in tasks(study.read(path), path)]
+    code = f"from stabctl.sweep import study, task; [print(t.key) for t in task.tasks(study.read({str(path)!r}), 'x')]"
+    environment = os.environ | {"PYTHONHASHSEED": "7", "PYTHONPATH": str(ROOT)}
+    there = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)
+    assert there.stdout.split() == here
+    assert len(set(here)) == 6
+
+
+def test_a_key_follows_what_determines_the_result_and_nothing_else(write, cases, tmp_path):
+    """Every field of a job and every number of the case count; where a folder lies and how 0.0 is written do not."""
+    two_area = cases("two_area")
+    read.write(two_area, tmp_path / "mine")
+    job = Job("simulate", "two_area", fault="7", clear="6cyc")
+    key = key_of(job, fingerprint(two_area))
+    own = tasks(study.read(write(HEAD.replace('"two_area"', '"mine"') + "lag_s = 0")), tmp_path / "study.toml")
+    assert [t.key for t in own] == [key]
+    other = {str: "other", int: 77, float: 77.5}
+    changed = [
+        job._replace(**{name: other[f.kind]}) for name, f in columns("simulate").items() if name not in ("kind", "case")
+    ]
+    keys = {key_of(one, fingerprint(two_area)) for one in changed}
+    assert len(keys | {key}) == len(changed) + 1
+    table = tmp_path / "mine" / "genrou.csv"
+    head, first, *rest = table.read_text().splitlines()
+    column = head.split(",").index("H_s")
+    cells = first.split(",")
+    cells[column] = repr(float(cells[column]) * (1 + 1e-12))
+    table.write_text("\n".join([head, ",".join(cells), *rest]))
+    assert fingerprint(read.load(tmp_path / "mine")) != fingerprint(two_area)
+
+
+@pytest.mark.parametrize(("name", "count"), [("table4", 6), ("fault_place", 42), ("estimator_monte_carlo", 41)])
+def test_packaged_studies_are_sound(name, count):
+    path = ROOT / "sims" / f"{name}.toml"
+    assert len(tasks(study.read(path), path)) == count
+
+
+def test_every_key_stands_in_the_documentation():
+    page = (ROOT / "docs" / "sweeps.md").read_text(encoding="utf-8")
+    missing = [column for column in JOB if f"| `{column}`" not in page and f", `{column}`" not in page]
+    assert missing == []
