@@ -22,8 +22,8 @@ ASKED = {"six, any number of sites": (6, None), "nine, at most 3 sites": (9, 3),
 HEADS = "contingencies", "found, MW", "sites", "share, %", "MW", "fleets tried", "runs", "survive all"
 TEXT = (
     "The fleets that survive need not form a convex set, so the bound of the programme is an estimate. Here all fleets "
-    "at two and three of the ten machines with shares of the total in twelfths are put to the contingencies, until one "
-    "is lost: do any do with less than the fleet that was found?"
+    "at two and three of the ten machines with shares of the total in twelfths and within the caps are put to the "
+    "contingencies, until one is lost: do any do with less than the fleet that was found?",
 )
 
 
@@ -42,9 +42,7 @@ def study(reports: Path) -> Study:
     return Study("A smaller fleet?", text=TEXT, tables=(Table("Pairs and triples", HEADS, tuple(rows)),))
 
 
-def search(
-    case: Case, contingencies: Sequence[Contingency], total: float
-) -> tuple[int, tuple[np.ndarray, ...], int]:
+def search(case: Case, contingencies: Sequence[Contingency], total: float) -> tuple[int, tuple[np.ndarray, ...], int]:
     """Fleets of `total` MW tried, those (candidates, MW) that survive everything, and runs."""
     devices = fleet.everywhere(case, CAP)
     cap = np.array([d.rating for d in devices])

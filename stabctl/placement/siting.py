@@ -125,6 +125,11 @@ class Siting:
         return None if self.costs.site or self.costs.mwh else self.lower_bound / self.costs.mw
 
     @property
+    def percent_of_uniform(self) -> float | None:
+        """The fleet's megawatts in percent of the uniform fleet's."""
+        return 100 * self.total_mw / self.uniform_mw if self.uniform_mw else None
+
+    @property
     def gap(self) -> float:
         """How far the cost is above the estimated bound, relative to the cost."""
         return 1 - self.lower_bound / self.cost if self.cost else 0.0
@@ -142,10 +147,9 @@ class Siting:
             f"({self.simulations} simulations in {self.wall_s:.1f} s)."
         ]
         if self.uniform_mw:
-            share = 100 * self.total_mw / self.uniform_mw
             said.append(
                 f"A uniform fleet that does the same has {self.uniform_mw:.1f} MW ({self.uniform_percent:.2f} % of "
-                f"every machine's MVA): this one has {share:.0f} % of it."
+                f"every machine's MVA): this one has {self.percent_of_uniform:.0f} % of it."
             )
         else:
             said.append("No uniform fleet within the caps does the same.")
@@ -153,9 +157,12 @@ class Siting:
             f"Cost {self.cost:.4g}, estimated lower bound {self.lower_bound:.4g} ({100 * self.gap:.1f} % below; an "
             "estimate, since the fleets that survive need not form a convex set)."
         )
-        said += [str(one) for one in self.incurable]
-        said += [f"The fleet {row.fleet} survives everything too: it is not a least one." for row in self.spared]
-        return tuple(said)
+        return (*said, *self.reservations())
+
+    def reservations(self) -> tuple[str, ...]:
+        """What is not cured, and where less would do, in sentences."""
+        less = (f"The fleet {row.fleet} survives everything too: it is not a least one." for row in self.spared)
+        return (*map(str, self.incurable), *less)
 
     def __str__(self) -> str:
         lines = [self.remarks()[0], "   bus machine        MW       kWh"]

@@ -146,7 +146,7 @@ def _evidence(siting: Siting) -> str:
 
 def _row(row: Evidence, targets: Iterable[float]) -> str:
     cells = "".join(
-        f'<td{"" if stable else " class=lost"}>{_margin(critical, target)}{"" if stable else "&nbsp;×"}</td>'
+        f"<td{'' if stable else ' class=lost'}>{_margin(critical, target)}{'' if stable else '&nbsp;×'}</td>"
         for critical, target, stable in zip(row.critical_cycles, targets, row.stable, strict=True)
     )
     return f'<tr><td class="text">{escape(row.fleet)}</td><td>{row.mw:.1f}</td>{cells}</tr>'
