@@ -22,8 +22,8 @@ ASKED = {  # page -> what it is, classical, contingencies, most sites
 }
 TEXT = (
     "Contingencies across the 39-bus system, each to be survived at the clearing time that a uniform fleet of 5 % of "
-    "every machine's MVA just survives. What do fewer megawatts in the right places do? The fleets were simulated against "
-    "every contingency; the bound is an estimate.",
+    "every machine's MVA just survives. What do fewer megawatts in the right places do? The fleets were simulated "
+    "against every contingency; the bound is an estimate.",
 )
 
 

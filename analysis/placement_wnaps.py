@@ -16,8 +16,8 @@ from stabctl.report.study_console import present
 FULL = True
 CASE, SEED = "wnaps", 1
 TEXT = (
-    "Eight contingencies that storage can cure, from the screen of all line faults, each to be survived at a clearing time "
-    "20 % above that without storage.",
+    "Eight contingencies that storage can cure, from the screen of all line faults, each to be survived at a clearing "
+    "time 20 % above that without storage.",
 )
 
 

@@ -23,9 +23,9 @@ table.evidence th:first-child,table.evidence td:first-child{position:sticky;left
 @media(max-width:600px){th,td{padding:.3em .4em}}
 """
 EVIDENCE = (
-    "Cycles between the time at which a contingency must be cleared and the longest that is survived, on a grid of about "
-    "1/8 cycle. x0.9: nine tenths of every device; without: all devices but this one (machine@bus). Red with a cross: "
-    "the contingency is lost at its target. A least fleet has a cross in every row of less than itself."
+    "Cycles between the time at which a contingency must be cleared and the longest that is survived, on a grid of "
+    "about 1/8 cycle. x0.9: nine tenths of every device; without: all devices but this one (machine@bus). Red with a "
+    "cross: the contingency is lost at its target. A least fleet has a cross in every row of less than itself."
 )
 NOTES = {
     "sizes": "The uniform fleet has the same share of every machine's MVA, the smallest that survives everything.",

@@ -13,6 +13,7 @@ from stabctl.errors import StudyError
 from stabctl.placement.contingency import Contingency
 from stabctl.placement.siting import Costs, Evidence, Incurable, Place, Round, Site, Siting, Survived
 from stabctl.report import siting_figures, siting_page
+from stabctl.report.siting_table import HEADS, row
 
 FIRST, SECOND, THIRD = (Contingency("7-8@0.4", ("7-8",), 0.2), Contingency("<9>", (), 0.1), Contingency("3", (), 0.3))
 
@@ -111,6 +112,22 @@ def test_without_a_uniform_fleet_rounds_or_places(siting, tmp_path):
     assert "No uniform fleet" in page
     assert page.count('"card"><b>none</b>') == 2
     assert [p.name for p in tmp_path.iterdir()] == ["placement_other.html"]
+
+
+def test_the_row_of_a_table_has_a_cell_below_every_head(siting):
+    cells = dict(zip(HEADS, row("two", siting), strict=True))
+    assert cells.pop("contingencies") == "two"
+    assert list(cells.values()) == ["765.0", "90.0", "60.0", "57.0", "7.8", "2", "321", "1.5"]
+    none = replace(siting, uniform_mw=None, linear_mw=None, costs=Costs(site=1.0))
+    assert row("none", none)[1:6] == ("none", "none", "60.0", "none", "none")
+
+
+def test_reservations_are_among_the_sentences(siting):
+    spared = replace(siting, evidence=(*siting.evidence, Evidence("without 31@131", 40.0, (12.0, 6.0), (True, True))))
+    incurable, less = spared.reservations()
+    assert incurable.startswith("3 at 18 cycles: none of 35 fleets")
+    assert less == "The fleet without 31@131 survives everything too: it is not a least one."
+    assert spared.remarks()[-2:] == (incurable, less)
 
 
 def test_labels_of_the_figures_stand_apart(siting):
