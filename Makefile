@@ -23,6 +23,7 @@ bench: .venv/demo  ## measure speed on this machine
 	$(BIN)/python benchmarks/core.py
 	$(BIN)/python benchmarks/estimate.py
 	$(BIN)/python benchmarks/linear.py
+	$(BIN)/python benchmarks/placement.py
 
 clean:  ## remove the virtual environment and everything generated
 	rm -rf .venv reports/*.png reports/*.html build dist

@@ -55,13 +55,13 @@ def screen(
             point,
             seconds(below, hz) * hz if below else None,
             shared.law(point.case, control, deadband, min_voltage),
-            seconds(resolution, hz) * hz,
-            seconds(limit, hz) * hz,
-            observe,
-            step,
-            shared.rules(max_angle),
-            workers,
-            lambda done, total: tell(done / total),
+            resolution_cycles=seconds(resolution, hz) * hz,
+            limit_cycles=seconds(limit, hz) * hz,
+            observed_s=observe,
+            step=step,
+            rules=shared.rules(max_angle),
+            workers=workers,
+            progress=lambda done, total: tell(done / total),
         )
     if out:
         found.save(out)

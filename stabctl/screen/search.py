@@ -8,7 +8,7 @@ from stabctl.clearing import Status
 from .margin import Margin
 
 FORETOLD = 10  # runs after which only the interval is cut
-HELD = 2.0  # energy the network takes up, against that of the run at clearing: errs to the unstable side
+HELD = 3.0  # energy the network takes up, against that of the run at clearing: errs to the unstable side
 REACH = 2.0  # how far below two unstable runs their line is believed, in multiples of their distance
 UPPER = 2 / 3  # where an interval is cut: an unstable run costs about a third of a stable one
 

@@ -3,7 +3,7 @@
 import csv
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -58,13 +58,9 @@ class Screen:
     resolution_cycles: float
     limit_cycles: float
     observed_s: float  # s   watched after clearing
+    screened: int  # pairs that were tried
     simulations: int
     wall_s: float
-
-    @property
-    def screened(self) -> int:
-        """Number of pairs that were tried."""
-        return 2 * len(self.lines.screened)
 
     def below(self, cycles: float) -> "Screen":
         """The pairs with a clearing time of less than these cycles, those among them that opening alone loses."""
@@ -117,6 +113,7 @@ def screen(
     observed_s: float = 5.0,
     step: float | None = None,
     rules: Rules = DEFAULT,
+    buses: Iterable[int] | None = None,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Screen:
@@ -126,33 +123,39 @@ def screen(
     (`search.search`). Bridges and circuits equal to another beside them are left out.
 
     Args: operating point (its case's storage acts under `control`); clearing time (cycles) from which on a pair is not
-    listed nor its answer sought; grid, limit, observation, step and end of a run as in `clearing_time`; threads
-    (default: one per core); what is told the pairs done and their number. The answers do not depend on the threads.
-    Raises `StudyError` for impossible grids, and where there is no line to open.
+    listed nor its answer sought; grid, limit, observation, step and end of a run as in `clearing_time`; the buses with
+    a fault (default: every end of a line); threads (default: one per core); what is told the pairs done and their
+    number. The answers do not depend on the threads. Raises `StudyError` for impossible grids, and where there is no
+    line to open.
     """
     limit = limit_cycles if below is None else min(limit_cycles, _up(below, resolution_cycles))
     Trial(point, "", (), control, resolution_cycles, limit, observed_s, step, rules)
     if workers is not None and workers < 1:
         raise StudyError(f"{workers} workers are not allowed; give at least 1.")
-    found = lines(point.case)
-    if not found.screened:
-        raise StudyError(f"{point.case.name} has no line whose opening leaves the network whole; there is no screen.")
+    found, wanted = lines(point.case), None if buses is None else {str(bus) for bus in buses}
     by_bus: dict[str, list[Trial]] = {}
     for name in found.screened:
         for bus in name.split("#")[0].split("-"):
-            trial = Trial(point, bus, (name,), control, resolution_cycles, limit, observed_s, step, rules)
-            by_bus.setdefault(bus, []).append(trial)
-    began, pairs, simulations = time.perf_counter(), [], 0
+            if wanted is None or bus in wanted:
+                trial = Trial(point, bus, (name,), control, resolution_cycles, limit, observed_s, step, rules)
+                by_bus.setdefault(bus, []).append(trial)
+    if not by_bus:
+        where = "" if wanted is None else f" at bus {', '.join(sorted(wanted))}"
+        raise StudyError(
+            f"{point.case.name} has no line{where} whose opening leaves the network whole; none to screen."
+        )
+    everything = [trial for trials in by_bus.values() for trial in trials]
+    began, pairs = time.perf_counter(), []
     pool = ThreadPoolExecutor(workers or os.cpu_count())
     try:
         for done in as_completed([pool.submit(_at_one_bus, trials) for trials in by_bus.values()]):
             pairs += done.result()
             if progress:
-                progress(len(pairs), 2 * len(found.screened))
+                progress(len(pairs), len(everything))
     finally:
         pool.shutdown(cancel_futures=True)
     simulations = sum(p.simulations for p in pairs) + len(by_bus)
-    order = {trial[:2]: k for k, trial in enumerate((t.fault, *t.trip) for trials in by_bus.values() for t in trials)}
+    order = {(t.fault, *t.trip): k for k, t in enumerate(everything)}
     pairs.sort(key=lambda p: (_rank(p), order[p[:2]]))
     whole = Screen(
         point.case.name,
@@ -161,6 +164,7 @@ def screen(
         resolution_cycles,
         limit,
         observed_s,
+        len(everything),
         simulations,
         time.perf_counter() - began,
     )
@@ -169,7 +173,7 @@ def screen(
 
 def _up(cycles: float, resolution: float) -> float:
     """The grid's first point at or above these cycles."""
-    return float(np.ceil(cycles / resolution - 1e-9) * resolution) if resolution > 0 else cycles
+    return max(float(np.ceil(cycles / resolution - 1e-9) * resolution), 0.0) if resolution > 0 else cycles
 
 
 def _distinct(pairs: Sequence[Pair]) -> list[str]:
