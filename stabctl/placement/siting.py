@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 from .contingency import Contingency
 
+FINER = "half the step, twice as long"
+
 
 class Costs(NamedTuple):
     """What storage costs, in any one currency."""
@@ -143,6 +145,16 @@ class Siting:
             "estimate, since the fleets that survive need not form a convex set)."
         )
         said += [str(one) for one in self.incurable]
+        for row in self.evidence:
+            if row.fleet.endswith(FINER):
+                lost = [c.contingency.name for c, ok in zip(self.contingencies, row.stable, strict=True) if not ok]
+                scale = row.fleet.split(",")[0]
+                said.append(
+                    f"At half the step, watched twice as long, {scale} of these sizes survives everything."
+                    if not lost
+                    else f"At half the step, watched twice as long, even {scale} of these sizes is lost to "
+                    f"{'; '.join(lost)}: watch longer (--observe)."
+                )
         said += [f"The fleet {row.fleet} survives everything too: it is not a least one." for row in self.spared]
         return tuple(said)
 
