@@ -132,7 +132,9 @@ class Siting:
             f"survive {len(self.contingencies)} contingencies, each watched {self.observed_s:g} s after clearing "
             f"({self.simulations} simulations in {self.wall_s:.1f} s)."
         ]
-        if self.uniform_mw:
+        if self.uniform_mw == 0:
+            said.append("Everything is survived without storage.")
+        elif self.uniform_mw:
             share = 100 * self.total_mw / self.uniform_mw
             said.append(
                 f"A uniform fleet that does the same has {self.uniform_mw:.1f} MW ({self.uniform_percent:.2f} % of "
@@ -140,10 +142,15 @@ class Siting:
             )
         else:
             said.append("No uniform fleet within the caps does the same.")
-        said.append(
-            f"Cost {self.cost:.4g}, estimated lower bound {self.lower_bound:.4g} ({100 * self.gap:.1f} % below; an "
-            "estimate, since the fleets that survive need not form a convex set)."
-        )
+        if self.linear_mw:
+            said.append(f"What the linear stage shares out does the same with {self.linear_mw:.1f} MW.")
+        elif self.linear_mw is None:
+            said.append("What the linear stage shares out does not do the same at any scale within the caps.")
+        if self.cost:
+            said.append(
+                f"Cost {self.cost:.4g}, estimated lower bound {self.lower_bound:.4g} ({100 * self.gap:.1f} % below; an "
+                "estimate, since the fleets that survive need not form a convex set)."
+            )
         said += [str(one) for one in self.incurable]
         for row in self.evidence:
             if row.fleet.endswith(FINER):
