@@ -123,7 +123,8 @@ class Siting:
     @property
     def spared(self) -> tuple[Evidence, ...]:
         """Fleets of less that survive everything all the same."""
-        return tuple(r for r in self.evidence if not r.lost and (r.fleet == "x0.9" or r.fleet.startswith("without")))
+        less = (r for r in self.evidence if r.fleet == "x0.9" or r.fleet.startswith("without"))
+        return tuple(r for r in less if self.sites and not r.lost)
 
     def remarks(self) -> tuple[str, ...]:
         """What was found, in sentences."""
