@@ -26,7 +26,8 @@ bench: .venv/demo  ## measure speed on this machine
 	$(BIN)/python benchmarks/placement.py
 
 clean:  ## remove the virtual environment and everything generated
-	rm -rf .venv reports/*.png reports/*.html reports/*.json build dist
+	rm -rf .venv build dist
+	git clean -fdqX reports
 
 .venv/bin/python:
 	$(PYTHON) tools/make_venv.py .venv

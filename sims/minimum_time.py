@@ -39,7 +39,7 @@ def study(reports: Path) -> Study:
             "figure10_states.png",
             "States and co-states",
             "The angle rises and levels off, the speed falls to zero; lambda1 rises to zero, lambda2 stays positive.",
-            "The paper's axis starts at the release too, at 0.60 s of its time.",
+            "From the release, at 0.60 s of the paper's time, to rest.",
             "10",
         ),
         draw(
