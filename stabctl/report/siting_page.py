@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 STYLE = """
-.lost{color:var(--bad)}th{white-space:normal;vertical-align:bottom}
+.lost{color:var(--bad)}th{white-space:normal;vertical-align:bottom}table.evidence th{white-space:nowrap}
+td.text:first-child{min-width:5.5rem}
 table.evidence th:first-child,table.evidence td:first-child{position:sticky;left:0;background:var(--paper)}
 @media(max-width:600px){th,td{padding:.3em .4em}}
 """
@@ -31,8 +32,8 @@ NOTES = {
     "sizes": "The uniform fleet has the same share of every machine's MVA, the smallest that survives everything.",
     "history": (
         "Each round the master programme plans the cheapest fleet that the cuts so far allow; simulation scales it "
-        "until it survives every contingency; where that is cheaper than the best fleet so far, it takes its place. A "
-        "round without a round mark planned a fleet of which no multiple survives."
+        "until it survives every contingency; where that is cheaper than the best fleet so far, it takes its place. Where "
+        "the round mark is missing, no multiple of the plan survives."
     ),
 }
 
@@ -136,7 +137,7 @@ def _contingencies(siting: Siting) -> str:
 
 
 def _evidence(siting: Siting) -> str:
-    names = (escape(c.contingency.name) for c in siting.contingencies)
+    names = (escape(c.contingency.name).replace(" trip ", "<br>trip ") for c in siting.contingencies)
     heads = "".join(f"<th>{name}</th>" for name in ("MW", *names))
     rows = "".join(_row(row, [c.target_cycles for c in siting.contingencies]) for row in siting.evidence)
     inside = f'<thead><tr><th class="text">fleet</th>{heads}</tr></thead><tbody>{rows}</tbody>'
