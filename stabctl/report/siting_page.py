@@ -32,8 +32,8 @@ NOTES = {
     "sizes": "The uniform fleet has the same share of every machine's MVA, the smallest that survives everything.",
     "history": (
         "Each round the master programme plans the cheapest fleet that the cuts so far allow; simulation scales it "
-        "until it survives every contingency; where that is cheaper than the best fleet so far, it takes its place. Where "
-        "the round mark is missing, no multiple of the plan survives."
+        "until it survives every contingency; where that is cheaper than the best fleet so far, it takes its place. "
+        "Where the round mark is missing, no multiple of the plan survives."
     ),
 }
 
