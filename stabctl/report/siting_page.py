@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 STYLE = """
 .lost{color:var(--bad)}th{white-space:normal;vertical-align:bottom}table.evidence th{white-space:nowrap}
-td.text:first-child{min-width:5.5rem}
+td.text:first-child{min-width:7.5rem}
 table.evidence th:first-child,table.evidence td:first-child{position:sticky;left:0;background:var(--paper)}
 @media(max-width:600px){th,td{padding:.3em .4em}}
 """
