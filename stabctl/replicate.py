@@ -1,4 +1,4 @@
-"""Large systems out of small ones: copies of a case side by side, tied into one network."""
+"""Large systems out of small ones: copies of a case, tied into one network."""
 
 from dataclasses import replace
 from typing import Any, TypeVar
@@ -12,19 +12,21 @@ from stabctl.errors import StudyError
 Row = TypeVar("Row", bound=Any)
 
 
-def replicate(case: Case, copies: int, tie_bus: int | None = None, x: float = 0.1, spread: float = 0.0) -> Case:
-    """`copies` of a case in a row, each tied to the next by a line of reactance `x` (pu) between their `tie_bus`es.
+def replicate(case: Case, copies: int, tie_bus: int | None = None, x: float = 0.01, spread: float = 0.0) -> Case:
+    """`copies` of a case as one, each after the first tied by a line of reactance `x` (pu) to that of half its number.
 
-    Copy k (from 0) has the bus and machine numbers of the original plus k times the least power of ten above both. The
-    ties carry nothing at the operating point, which is that of the case in every copy: only the first keeps its swing
-    bus, the machines of the others give its load-flow power. `tie_bus` is the swing bus unless given. Inertias of the
-    machines grow evenly from the first copy to the last by the share `spread`, which tells modes of copies apart.
-    `StudyError` for fewer than one copy, a bus that is not there, a line without reactance.
+    The ties run between the `tie_bus`es, the high-voltage bus of the swing machine unless given. Copy k (from 0) has
+    the bus and machine numbers of the original plus k times the least power of ten above both. The ties carry nothing
+    at the operating point, which is that of the case in every copy: only the first keeps its swing bus, the machines
+    of the others give its load-flow power. Inertias grow evenly from the first copy to the last by the share `spread`,
+    which tells the modes of the copies apart. `StudyError` for fewer than one copy, a bus that is not there, a line
+    without reactance.
     """
     if copies < 1:
         raise StudyError(f"{copies} copies of {case.name} are not possible; ask for at least 1.")
     swing = next(b.bus for b in case.buses if b.kind == "swing")
-    tie_bus = swing if tie_bus is None else tie_bus
+    if tie_bus is None:
+        tie_bus = next(m.storage_bus for m in case.machines if m.bus == swing)
     if tie_bus not in {b.bus for b in case.buses}:
         raise StudyError(f"There is no bus {tie_bus} in {case.name} to tie its copies at.")
     if not 0 < x < np.inf:
@@ -33,7 +35,7 @@ def replicate(case: Case, copies: int, tie_bus: int | None = None, x: float = 0.
     given = [m._replace(p=float(S.real) * case.base_mva) for m, S in zip(case.machines, flow.S, strict=True)]
     step = 10 ** len(str(max([b.bus for b in case.buses] + [m.machine for m in case.machines])))
     shifts = [k * step for k in range(copies)]
-    ties = [Branch(tie_bus + s, tie_bus + s + step, 0.0, x) for s in shifts[:-1]]
+    ties = [Branch(tie_bus + shifts[k // 2], tie_bus + shifts[k], 0.0, x) for k in range(1, copies)]
     growth = np.linspace(1, 1 + spread, copies)
     devices = {
         model: {
