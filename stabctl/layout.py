@@ -45,6 +45,12 @@ def states(plant: Plant) -> tuple[Place, ...]:
     return tuple(found)
 
 
+def of_machines(places: Iterable[Place], name: str, machines: int) -> np.ndarray:
+    """Rows (machines) of the state of that name among the places."""
+    found = {p.machine: k for k, p in enumerate(places) if p.name == name}
+    return np.array([found[i] for i in range(machines)])
+
+
 def label(case: Case, place: Place) -> str:
     """A state in words, e.g. "speed GENROU 14"."""
     name = WORDS.get(place.name, place.name)
