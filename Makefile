@@ -19,10 +19,12 @@ lint: .venv/dev  ## style and import walls
 reproduce: .venv/demo  ## every study of analysis/ and sims/, into reports/
 	@for study in analysis/*.py sims/*.py; do echo "== $$study"; $(BIN)/python $$study || exit 1; done
 
-bench: .venv/demo  ## measure speed on this machine
+bench: .venv/bench  ## measure speed on this machine, beside ANDES and TOPS
 	$(BIN)/python benchmarks/core.py
 	$(BIN)/python benchmarks/estimate.py
 	$(BIN)/python benchmarks/linear.py
+	$(BIN)/python benchmarks/peers.py
+	$(BIN)/python benchmarks/growth.py
 
 clean:  ## remove the virtual environment and everything generated
 	rm -rf .venv reports/*.png reports/*.html build dist
@@ -32,6 +34,10 @@ clean:  ## remove the virtual environment and everything generated
 
 .venv/demo: pyproject.toml | .venv/bin/python
 	$(BIN)/python -m pip install -q -e .
+	@touch $@
+
+.venv/bench: pyproject.toml | .venv/bin/python
+	$(BIN)/python -m pip install -q -e '.[bench]'
 	@touch $@
 
 .venv/test: pyproject.toml | .venv/bin/python

@@ -20,8 +20,8 @@ def test_every_copy_has_the_operating_point_of_the_case(name):
     case = read.load(name)
     alone, flow = powerflow.solve(case), powerflow.solve(replicate(case, 4))
     V, S = flow.V.reshape(4, -1), flow.S.reshape(4, -1)
-    assert np.abs(V - alone.V).max() < 1e-9  # 1e-12
-    assert np.abs(S - alone.S).max() < 1e-8  # 1e-11
+    assert np.abs(V - alone.V).max() < 1e-9  # 3e-14
+    assert np.abs(S - alone.S).max() < 1e-8  # 9e-13
     assert [b.kind for b in flow.case.buses].count("swing") == 1
 
 
@@ -31,7 +31,7 @@ def test_numbers_say_which_copy():
     three = replicate(case, 3)
     assert [m.machine for m in three.machines] == [k + i for k in (0, 100, 200) for i in (1, 2, 3, 4)]
     assert [(s.machine, s.bus) for s in three.storage][-1] == (204, 210)
-    assert {number for number in three.devices["sexs"]} == {m.machine for m in three.machines}
+    assert set(three.devices["sexs"]) == {m.machine for m in three.machines}
     assert [k.link for k in three.links] == ["dc", "dc 100", "dc 200"]
     ties = three.branches[-2:]
     assert [(k.from_bus, k.to_bus) for k in ties] == [(11, 111), (111, 211)]
@@ -42,8 +42,8 @@ def test_a_copy_far_from_the_fault_hardly_moves():
     point = equilibrium.solve(replicate(read.load("two_area"), 2, x=1e4))
     motion = run(point, contingency("7", 0.1, ["7-8"]), 2.0)
     alone = run(equilibrium.solve(read.load("two_area")), contingency("7", 0.1, ["7-8"]), 2.0)
-    assert np.abs(motion.speed[:, :4] - alone.speed).max() < 1e-6  # 3e-8
-    assert np.abs(motion.speed[:, 4:] - 1).max() < 1e-6  # 5e-8
+    assert np.abs(motion.speed[:, :4] - alone.speed).max() < 1e-6  # 9e-8
+    assert np.abs(motion.speed[:, 4:] - 1).max() < 1e-6  # 8e-8
 
 
 def test_ties_add_the_swings_between_copies():

@@ -31,18 +31,18 @@ def test_every_electromechanical_mode_is_found(sparse, modes):
     places = matched(sparse, every, sparse.band, sparse.damping)
     assert len(set(places)) == len(sparse)
     assert set(every.swings()) <= set(places)
-    assert np.abs(sparse.eigenvalues - every.eigenvalues[places]).max() < 1e-9  # 5e-14
+    assert np.abs(sparse.eigenvalues - every.eigenvalues[places]).max() < 1e-9  # 6e-14
     assert np.array_equal(sparse.electromechanical, every.electromechanical[places])
-    assert np.abs(sparse.participation - every.participation[:, places]).max() < 1e-8  # 1e-12
+    assert np.abs(sparse.participation - every.participation[:, places]).max() < 1e-8  # 1e-13
     assert [sparse.label(k) for k in range(len(sparse))] == [every.label(k) for k in places]
 
 
 def test_both_sets_of_vectors_belong_together(sparse, modes):
     A = modes("wnaps").linear.A
     V, W, s = sparse.right, sparse.left, sparse.eigenvalues
-    assert np.abs(W.conj().T @ V - np.eye(len(s))).max() < 1e-8  # 3e-13, over all shifts
+    assert np.abs(W.conj().T @ V - np.eye(len(s))).max() < 1e-8  # 1e-13, over all shifts
     for vectors, miss in ((V, A @ V - V * s), (W, A.T @ W - W * s.conj())):
-        assert (np.linalg.norm(miss, axis=0) / np.linalg.norm(vectors, axis=0)).max() < 1e-6
+        assert (np.linalg.norm(miss, axis=0) / np.linalg.norm(vectors, axis=0)).max() < 1e-8  # 7e-13
 
 
 def test_residues_are_those_of_all_modes(sparse, point):
@@ -50,7 +50,7 @@ def test_residues_are_those_of_all_modes(sparse, point):
     places = matched(sparse, every, sparse.band, sparse.damping)
     for output in range(2):
         left = sparse.observability()[output] * sparse.controllability()[:, 0]
-        assert np.abs(left - every.residues(output, 0)[places]).max() < 1e-9 * np.abs(left).max() + 1e-12
+        assert np.abs(left - every.residues(output, 0)[places]).max() < 1e-9 * np.abs(left).max()  # 1e-13
 
 
 def test_three_copies_have_three_of_each(sparse):
@@ -60,7 +60,7 @@ def test_three_copies_have_three_of_each(sparse):
     every = analyse(linearise(point))
     places = matched(few, every, few.band, few.damping)
     assert len(set(places)) == len(few) > 5
-    assert np.abs(few.eigenvalues - every.eigenvalues[places]).max() < 1e-9  # 1e-13
+    assert np.abs(few.eigenvalues - every.eigenvalues[places]).max() < 1e-9  # 8e-14
 
 
 def test_a_disc_holds_what_is_near_its_shift(point, modes):
