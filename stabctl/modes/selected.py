@@ -27,7 +27,7 @@ PRECISE = 1e-10  # relative precision of the eigenvalues of both searches, squar
 LOOSE = 1e-3  # relative precision of the search for eigenvalues that were missed
 
 LEAST = 1e-3  # of its frequency: half the diagonal of the smallest box
-CLEAR = 0.99  # of the distance from a shift to 0, where eigenvalues may be defective: largest radius
+CLEAR = 0.99  # of the distance from a shift to the real axis, where many eigenvalues may coincide: largest radius
 
 Product = Callable[[np.ndarray], np.ndarray]
 
@@ -79,16 +79,17 @@ def band(d: Descriptor, low_hz: float, high_hz: float, damping: tuple[float, flo
     slopes = tuple(-ratio / np.sqrt(1 - ratio**2) for ratio in reversed(damping))
     steps = int(np.ceil(np.log(high_hz / low_hz) / np.log(SLICE)))
     edges = 2 * np.pi * np.geomspace(low_hz, high_hz, steps + 1)
-    boxes: list[tuple[Box, Near | None]] = [(Box(-np.inf, np.inf, *pair), None) for pair in pairwise(edges)]
+    most = min(MOST, len(d.rows) // 2)
+    boxes: list[tuple[Box, Near | None, int]] = [(Box(-np.inf, np.inf, *pair), None, most) for pair in pairwise(edges)]
     known: dict[complex, Disc | None] = {}
     found: list[Eigen] = []
     while boxes:
-        whole, near = boxes.pop()
+        whole, near, count = boxes.pop()
         box = whole.fitted(*slopes)
         if box is None:
             continue
         if near is None or (not box.within(near) and box.reach() < near.radius):
-            near = _near(d, box.middle(), min(MOST, len(d.rows) // 2))
+            near = _near(d, box.middle(), count)
         if box.within(near):
             if near.shift not in known:
                 known[near.shift] = _completed(d, near)
@@ -96,10 +97,10 @@ def band(d: Descriptor, low_hz: float, high_hz: float, damping: tuple[float, flo
                 inside = box.holds(all_of.values)
                 found.append(Eigen(all_of.values[inside], all_of.right[:, inside], all_of.left[:, inside]))
                 continue
-            near = None
+            near, count = None, max(2, count // 2)
         if box.reach() < LEAST * box.top:
             raise StudyError(f"The modes near {box.middle():.4g} 1/s cannot be told apart; choose another band.")
-        boxes += [(half, near) for half in box.halves()]
+        boxes += [(half, near, count) for half in box.halves()]
     values, right, left = (np.concatenate(part, axis=-1) for part in zip(*found, strict=True))
     ratio = values.real / values.imag
     order = np.flatnonzero((ratio >= slopes[0]) & (ratio <= slopes[1]))
@@ -113,8 +114,10 @@ def _near(d: Descriptor, shift: complex, count: int) -> Near:
         raise StudyError(f"{count} modes of {n} states cannot be selected; ask for 1 to {n - 4}.")
     forward, backward = _resolvent(d, shift)
     s, V = _largest(forward, n, count + 1)
-    away = np.minimum(np.abs(1 / s), CLEAR * abs(shift))
-    inner = max(1, int((away < away[-1]).sum()))
+    away = np.minimum(np.abs(1 / s), CLEAR * abs(shift.imag) or np.inf)
+    inner = int((away < away[-1]).sum())
+    if not inner:
+        return Near(shift, float(away[0]), np.zeros(0, complex), V[:, :0], forward, backward)
     least = min(count // 2, inner - 1)
     m = least + 1 + int((away[least + 1 : inner + 1] / away[least:inner]).argmax())
     return Near(shift, float(np.sqrt(away[m - 1] * away[m])), shift + 1 / s[:m], V[:, :m], forward, backward)
@@ -123,13 +126,15 @@ def _near(d: Descriptor, shift: complex, count: int) -> Near:
 def _completed(d: Descriptor, near: Near) -> Disc | None:
     """The disc with left vectors; None where they do not belong to the right ones, or something is missing."""
     n, V = near.right.shape[0], near.right
-    s, W = _largest(near.backward, n, V.shape[1])
-    if np.abs(1 / s[-1]) > near.radius:
-        return None
-    W = W @ np.linalg.inv(V.conj().T @ W)
+    W = V
+    if V.shape[1]:
+        s, W = _largest(near.backward, n, V.shape[1])
+        if np.abs(1 / s[-1]) > near.radius:
+            return None
+        W = W @ np.linalg.inv(V.conj().T @ W)
     values = _rayleigh(d, V, W)
     rest = _largest(lambda b: _without(near.forward(b), V, W), n, 1, LOOSE)[0]
-    same = np.abs(values - near.values).max() <= AGREE * near.radius
+    same = np.abs(values - near.values).max(initial=0.0) <= AGREE * near.radius
     if not same or np.abs(1 / rest).min() < (1 - LOOSE) * near.radius:
         return None
     return Disc(near.shift, near.radius, values, V, W)

@@ -53,6 +53,15 @@ def test_residues_are_those_of_all_modes(sparse, point):
         assert np.abs(left - every.residues(output, 0)[places]).max() < 1e-9 * np.abs(left).max()  # 1e-13
 
 
+@pytest.mark.parametrize("name", ["two_area", "two_area_manual", "two_area_pss", "two_area_thyristor", "ieee39"])
+def test_small_systems_too(modes, point, name):
+    few, every = analyse(descriptor(point(name)), (0.05, 4), (-0.2, 0.6)), modes(name)
+    places = matched(few, every, few.band, few.damping)
+    assert len(set(places)) == len(few) >= 3
+    assert np.abs(few.eigenvalues - every.eigenvalues[places]).max() < 1e-8
+    assert len(analyse(descriptor(point(name)), (20, 25))) == 0
+
+
 def test_three_copies_have_three_of_each(sparse):
     """Copies tied at one bus: the modes of local swings nearly coincide, and none of them is lost."""
     point = equilibrium.solve(replicate(read.load("wnaps"), 3))
