@@ -21,7 +21,7 @@ from .master import Master
 from .programme import Search
 from .sensitivity import Candidate, sensitivity
 from .sensitivity import checked as checked_candidates
-from .siting import Costs, Site, Siting, Survived
+from .siting import Costs, Place, Site, Siting, Survived
 from .trials import Trials
 
 UNIFORM = 0.05  # of machine MVA   the uniform fleet that is scaled
@@ -110,6 +110,11 @@ def place(
         observed_s,
         trials.simulations,
         time.perf_counter() - began,
+        tuple(
+            Place(c.bus, c.machine, float(largest[i]), None if even is None else float(even[i]))
+            for i, c in enumerate(found)
+        ),
+        case.title,
     )
 
 

@@ -25,6 +25,15 @@ class Site(NamedTuple):
     mwh: float  # energy it took or gave in the hardest run, and so has to hold
 
 
+class Place(NamedTuple):
+    """A candidate, and what the uniform fleet has there."""
+
+    bus: int
+    machine: int
+    cap_mw: float
+    uniform_mw: float | None  # None: no uniform fleet survives everything
+
+
 class Survived(NamedTuple):
     """A contingency and how far the fleet carries it."""
 
@@ -99,6 +108,8 @@ class Siting:
     observed_s: float  # s   watched after clearing
     simulations: int
     wall_s: float
+    places: tuple[Place, ...] = ()  # every candidate
+    title: str = ""  # of the case
 
     @property
     def total_mw(self) -> float:
@@ -114,6 +125,11 @@ class Siting:
     def lower_bound_mw(self) -> float | None:
         """The estimated lower bound in MW, where nothing but a MW costs anything."""
         return None if self.costs.site or self.costs.mwh else self.lower_bound / self.costs.mw
+
+    @property
+    def percent_of_uniform(self) -> float | None:
+        """The fleet's megawatts in percent of the uniform fleet's."""
+        return 100 * self.total_mw / self.uniform_mw if self.uniform_mw else None
 
     @property
     def gap(self) -> float:
@@ -136,10 +152,9 @@ class Siting:
         if self.uniform_mw == 0:
             said.append("Everything is survived without storage.")
         elif self.uniform_mw:
-            share = 100 * self.total_mw / self.uniform_mw
             said.append(
                 f"A uniform fleet that does the same has {self.uniform_mw:.1f} MW ({self.uniform_percent:.2f} % of "
-                f"every machine's MVA): this one has {share:.0f} % of it."
+                f"every machine's MVA): this one has {self.percent_of_uniform:.0f} % of it."
             )
         else:
             said.append("No uniform fleet within the caps does the same.")
@@ -152,7 +167,11 @@ class Siting:
                 f"Cost {self.cost:.4g}, estimated lower bound {self.lower_bound:.4g} ({100 * self.gap:.1f} % below; an "
                 "estimate, since the fleets that survive need not form a convex set)."
             )
-        said += [str(one) for one in self.incurable]
+        return (*said, *self.reservations())
+
+    def reservations(self) -> tuple[str, ...]:
+        """What is not cured, what finer runs lose, and where less would do, in sentences."""
+        said = [str(one) for one in self.incurable]
         for row in self.evidence:
             if row.fleet.endswith(FINER):
                 lost = [c.contingency.name for c, ok in zip(self.contingencies, row.stable, strict=True) if not ok]

@@ -18,6 +18,8 @@ p{margin:.4em 0}.soft,.key{color:var(--soft);font-size:.875rem}a{color:var(--a)}
 th,td{padding:.3em .7em;border-bottom:1px solid var(--line);text-align:right;white-space:nowrap}
 th{color:var(--soft);font-weight:600}td.text,th.text{text-align:left}
 td.text:first-child{white-space:normal;min-width:9rem}
+.facts{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,150px),1fr));gap:.8rem;margin:1rem 0}
+.card{background:var(--card);border-radius:8px;padding:.6rem .8rem}.card b{display:block;font-size:1.5rem}
 @media print{:root{--ink:#000;--soft:#444;--paper:#fff;--card:#fff;--line:#999;--a:#00507d;--b:#8a3800;--bad:#8c0020}
 body{padding:0;max-width:none;font-size:11pt}.scroll{overflow:visible}figure,tr,.card{break-inside:avoid}
 h2,h3{break-after:avoid}}

@@ -1,22 +1,17 @@
 """The page of all studies, index.html: every table and figure of the paper beside ours, and what goes beyond."""
 
-import base64
 import re
-import struct
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 from typing import NamedTuple
 
-from . import index_summary
+from . import embedded, index_summary
 from .document import document, table
 from .index_summary import MARKS, anchor
 from .study import Comparison, Picture, Study
 
-TYPES = {".png": "image/png", ".svg": "image/svg+xml"}
 STYLE = """
-.facts{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,150px),1fr));gap:.8rem;margin:1rem 0}
-.card{background:var(--card);border-radius:8px;padding:.6rem .8rem}.card b{display:block;font-size:1.5rem}
 section{border-top:1px solid var(--line);margin-top:2rem}section h2{margin-top:1rem}
 nav ol,nav ul{padding-left:1.4rem;columns:18rem;column-gap:2.4rem;margin:.4rem 0}nav li{break-inside:avoid}
 section h3{margin:1.2em 0 .3em}th{white-space:normal;vertical-align:bottom}
@@ -25,12 +20,7 @@ td.words,td.text{white-space:normal;min-width:5rem}td.text.words{min-width:14rem
 td.mark{padding:.3em .2em;text-align:center;font-weight:700}.mark abbr{text-decoration:none}
 .differs{color:var(--bad)}.close{color:var(--b)}.printed,.given{color:var(--a)}
 td small{display:block;color:var(--soft)}ol.notes{font-size:.875rem;padding-left:1.4rem;margin:.4rem 0}
-.failed{color:var(--bad)}figure{margin:1.2rem 0}figcaption{font-size:.875rem;margin-top:.4rem}
-.picture input{position:absolute;opacity:0;pointer-events:none}
-.picture .frame{display:block;overflow-x:auto;background:#fff;border:1px solid var(--line);border-radius:8px;
-padding:.5rem;cursor:zoom-in}.picture img{display:block;max-width:100%;height:auto;margin:auto}
-.picture input:checked+.frame{cursor:zoom-out}.picture input:checked+.frame img{max-width:none}
-.picture input:focus-visible+.frame{outline:3px solid var(--a)}
+.failed{color:var(--bad)}
 @media print{nav,.key{display:none}td.text,td.words{white-space:normal}}
 """
 
@@ -66,7 +56,7 @@ def page(ran: Sequence[Ran], folder: Path, about: About) -> str:
     )
     return document(
         "The paper reproduced",
-        STYLE,
+        embedded.STYLE + STYLE,
         (
             introduction,
             index_summary.summary(studies),
@@ -144,13 +134,7 @@ def _picture(p: Picture, folder: Path) -> str:
     caption = f"<figcaption><b>{escape(title)}.</b> {escape(p.caption)} "
     caption += f'<span class="soft">{escape(shows)}</span></figcaption>'
     try:
-        data = (folder / p.file).read_bytes()
+        shown = embedded.picture(folder / p.file, p.title, p.alt, caption)
     except OSError:
-        return f'<figure><p class="failed">The picture {escape(p.file)} is missing.</p>{caption}</figure>'
-    source = f"data:{TYPES[Path(p.file).suffix]};base64,{base64.b64encode(data).decode()}"
-    size = ' width="{}" height="{}"'.format(*struct.unpack(">II", data[16:24])) if p.file.endswith(".png") else ""
-    return (
-        f'<figure id="{anchor(p.file)}"><label class="picture"><input type="checkbox" '
-        f'aria-label="Enlarge: {escape(p.title)}"><span class="frame">'
-        f'<img src="{source}" alt="{escape(p.alt)}"{size}></span></label>{caption}</figure>'
-    )
+        shown = f'<p class="failed">The picture {escape(p.file)} is missing.</p>{caption}'
+    return f'<figure id="{anchor(p.file)}">{shown}</figure>'

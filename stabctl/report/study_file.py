@@ -30,11 +30,11 @@ def read(path: Path) -> tuple[Study, ...]:
         raise StudyError(f"{path.name} holds no records of a study ({error}); run its script again.") from None
 
 
-def replace(path: Path, text: str) -> None:
-    """Write a text file so that what stood there stays until all of the new is on disk."""
-    with tempfile.NamedTemporaryFile("w", encoding="utf-8", dir=path.parent, suffix=path.suffix, delete=False) as file:
+def replace(path: Path, content: str | bytes) -> None:
+    """Write a file so that what stood there stays until all of the new is on disk."""
+    with tempfile.NamedTemporaryFile(dir=path.parent, suffix=path.suffix, delete=False) as file:
         try:
-            file.write(text)
+            file.write(content.encode() if isinstance(content, str) else content)
             file.flush()
             os.fsync(file.fileno())
         except BaseException:

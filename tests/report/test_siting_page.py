@@ -1,0 +1,173 @@
+"""The page of a siting study, of records made by hand."""
+
+import math
+import re
+from dataclasses import replace
+from html import unescape
+
+import pytest
+from matplotlib.image import imread
+from test_pictures import crowded
+
+from stabctl.errors import StudyError
+from stabctl.placement.contingency import Contingency
+from stabctl.placement.siting import Costs, Evidence, Incurable, Place, Round, Site, Siting, Survived
+from stabctl.report import siting_figures, siting_page
+from stabctl.report.siting_table import HEADS, row
+
+FIRST, SECOND, THIRD = (Contingency("7-8@0.4", ("7-8",), 0.2), Contingency("<9>", (), 0.1), Contingency("3", (), 0.3))
+
+
+@pytest.fixture
+def siting():
+    """34 candidates, two of them chosen; two contingencies and one that is incurable."""
+    places = tuple(Place(100 + k, k, 300.0 - k, 5.0 + k) for k in range(1, 35))
+    sites = (Site(103, 3, 40.0, 0.0123), Site(131, 31, 20.0, 0.004))
+    survived = (Survived(FIRST, 12.0, 12.25, 31, True, True), Survived(SECOND, 6.0, 7.5, None, True, False))
+    evidence = (
+        Evidence("x1", 60.0, (12.25, 7.5), (True, True)),
+        Evidence("x0.9", 54.0, (11.75, 6.0), (False, True)),
+        Evidence("without 3@103", 20.0, (None, 12.875), (False, False)),
+    )
+    history = (Round(10.0, math.inf, math.inf, 0), Round(50.0, 62.0, 62.0, 3), Round(59.0, 60.0, 60.0, 2))
+    return Siting(
+        "some",
+        sites,
+        Costs(),
+        60.0,
+        57.0,
+        765.0,
+        5.0,
+        90.0,
+        survived,
+        (Incurable(THIRD, 18.0, 15.0, 35),),
+        evidence,
+        history,
+        5.0,
+        321,
+        1.5,
+        places,
+        "A system & more",
+    )
+
+
+def cells(page, heading):
+    """Rows of the table below a heading, as text."""
+    part = page[page.index(f"<h2>{heading}</h2>") :]
+    body = re.search(r"<tbody>(.*?)</tbody>", part, re.DOTALL)[1]
+    rows = re.findall(r"<tr>(.*?)</tr>", body)
+    return [[unescape(cell) for cell in re.findall(r"<td[^>]*>(.*?)</td>", row)] for row in rows]
+
+
+def test_the_page_says_what_the_record_holds(siting, tmp_path):
+    path = siting_page.write(siting, tmp_path / "new")
+    page = path.read_text(encoding="utf-8")
+    assert path == tmp_path / "new" / "placement_some.html"
+    assert all(remark in unescape(page) for remark in siting.remarks())
+    assert "A system &amp; more" in page
+    assert re.findall(r'"card"><b>([\d.]+)', page) == ["60.0", "765.0", "90.0", "57.0"]
+    assert cells(page, "Sites") == [
+        ["bus 103", "3", "40.00", "297.0", "12.3"],
+        ["bus 131", "31", "20.00", "269.0", "4.0"],
+    ]
+    assert cells(page, "Contingencies") == [
+        ["7-8@0.4 trip 7-8", "12.000", "12.250", "+0.250", "yes", "31"],
+        ["<9>", "6.000", "7.500", "+1.500", "", ""],
+    ]
+    lost = "\N{NO-BREAK SPACE}×"
+    assert cells(page, "Evidence") == [
+        ["x1", "60.0", "+0.250", "+1.500"],
+        ["x0.9", "54.0", "-0.250" + lost, "+0.000"],
+        ["without 3@103", "20.0", "none" + lost, "+6.875" + lost],
+    ]
+    assert page.count("class=lost") == 3
+
+
+def test_the_page_needs_no_network_and_holds_its_figures(siting, tmp_path):
+    page = siting_page.write(siting, tmp_path).read_text(encoding="utf-8")
+    assert not re.search(r'(src|href)="(?!data:)', page)
+    assert "<script" not in page
+    assert page.count('src="data:image/png;base64,') == 2
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "placement_some.html",
+        "placement_some_history.png",
+        "placement_some_sizes.png",
+    ]
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+@pytest.mark.parametrize("dark", [False, True])
+def test_the_page_in_a_browser(siting, tmp_path, browse, width, dark):
+    seen = browse(siting_page.write(siting, tmp_path), width, dark)
+    assert seen["scroll"] <= seen["width"]
+    assert not any(seen[name] for name in ("beyond", "overlapping", "broken", "unnamed", "dead", "fetched", "console"))
+    assert seen["pictures"] == 2
+    ink, paper = (sum(map(int, re.findall(r"\d+", seen[name])[:3])) for name in ("ink", "paper"))
+    assert (ink > paper) == dark
+
+
+def test_without_a_uniform_fleet_rounds_or_places(siting, tmp_path):
+    bare = replace(siting, uniform_mw=None, uniform_percent=None, linear_mw=None, places=(), history=(), sites=())
+    page = siting_page.write(bare, tmp_path, "other").read_text(encoding="utf-8")
+    assert "No uniform fleet" in page
+    assert page.count('"card"><b>none</b>') == 2
+    assert [p.name for p in tmp_path.iterdir()] == ["placement_other.html"]
+
+
+def test_the_row_of_a_table_has_a_cell_below_every_head(siting):
+    cells = dict(zip(HEADS, row("two", siting), strict=True))
+    assert cells.pop("contingencies") == "two"
+    assert list(cells.values()) == ["765.0", "90.0", "60.0", "57.0", "7.8", "2", "321", "1.5"]
+    none = replace(siting, uniform_mw=None, linear_mw=None, costs=Costs(site=1.0))
+    assert row("none", none)[1:6] == ("none", "none", "60.0", "none", "none")
+
+
+def test_reservations_are_among_the_sentences(siting):
+    spared = replace(siting, evidence=(*siting.evidence, Evidence("without 31@131", 40.0, (12.0, 6.0), (True, True))))
+    incurable, less = spared.reservations()
+    assert incurable.startswith("3 at 18 cycles: none of 35 fleets")
+    assert less == "The fleet without 31@131 survives everything too: it is not a least one."
+    assert spared.remarks()[-2:] == (incurable, less)
+
+
+def test_labels_of_the_figures_stand_apart(siting):
+    uneven = tuple(p._replace(uniform_mw=None) for p in siting.places)
+    for figure in (
+        siting_figures.sizes(siting),
+        siting_figures.sizes(replace(siting, places=uneven[:2], uniform_mw=None)),
+        siting_figures.history(siting),
+        siting_figures.history(replace(siting, history=siting.history[:2], costs=Costs(site=1))),
+    ):
+        assert crowded(figure) == []
+
+
+def test_sites_stand_largest_first_beside_the_uniform_fleet(siting):
+    ax = siting_figures.sizes(siting).axes[0]
+    labels = [label.get_text() for label in ax.get_yticklabels()]
+    assert labels[:3] == ["machine 3 at 103", "machine 31 at 131", "machine 34 at 134"]
+    found, even = ([bar.get_width() for bar in bars] for bars in ax.containers)
+    assert found == [40.0, 20.0] + 32 * [0.0]
+    assert even == [8.0, 36.0] + [5.0 + k for k in range(34, 0, -1) if k not in (3, 31)]
+
+
+def test_a_folder_that_cannot_be_is_told_in_a_sentence(siting, tmp_path):
+    (tmp_path / "file").write_text("kept")
+    for folder in (tmp_path / "file", tmp_path / "file" / "below"):
+        with pytest.raises(StudyError, match=r"^The report cannot be written into .*; name a folder"):
+            siting_page.write(siting, folder)
+    assert (tmp_path / "file").read_text() == "kept"
+
+
+def test_a_page_stands_until_the_new_one_is_whole(siting, tmp_path, monkeypatch):
+    path = siting_page.write(siting, tmp_path)
+    before = path.read_bytes()
+
+    def fail(_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("stabctl.report.study_file.os.fsync", fail)
+    with pytest.raises(StudyError, match="No space left on device"):
+        siting_page.write(replace(siting, cost=1.0), tmp_path)
+    assert path.read_bytes() == before
+    assert imread(tmp_path / "placement_some_sizes.png").ndim == 3
+    assert len(list(tmp_path.iterdir())) == 3
