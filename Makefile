@@ -19,11 +19,13 @@ lint: .venv/dev  ## style and import walls
 reproduce: .venv/demo  ## every study, the paper beside ours in reports/index.html; FULL=1: the long ones too
 	$(BIN)/python tools/reproduce.py $(if $(FULL),--full)
 
-bench: .venv/demo  ## measure speed on this machine
+bench: .venv/bench  ## measure speed on this machine, beside ANDES and TOPS
 	$(BIN)/python benchmarks/core.py
 	$(BIN)/python benchmarks/estimate.py
 	$(BIN)/python benchmarks/linear.py
 	$(BIN)/python benchmarks/placement.py
+	$(BIN)/python benchmarks/peers.py
+	$(BIN)/python benchmarks/growth.py
 
 clean:  ## remove the virtual environment and everything generated
 	rm -rf .venv build dist
@@ -34,6 +36,10 @@ clean:  ## remove the virtual environment and everything generated
 
 .venv/demo: pyproject.toml | .venv/bin/python
 	$(BIN)/python -m pip install -q -e .
+	@touch $@
+
+.venv/bench: pyproject.toml | .venv/bin/python
+	$(BIN)/python -m pip install -q -e '.[bench]'
 	@touch $@
 
 .venv/test: pyproject.toml | .venv/bin/python

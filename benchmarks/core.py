@@ -5,17 +5,15 @@ import os
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
 
-import datetime
-import platform
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
+from machine import stated
 from rich.console import Console
 from rich.table import Table
 
@@ -93,18 +91,12 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         cold = whole_process(os.environ | {"XDG_CACHE_HOME": folder})
     rows.append(("the same with cold compilation of everything", cold, "30"))
-    table = Table("what", "seconds", "wanted, s", title=f"{_machine()}, one core, {datetime.date.today()}")
+    table = Table("what", "seconds", "wanted, s", title=stated())
     for what, seconds, wanted in rows:
         table.add_row(what, f"{seconds:.4f}" if seconds < 1 else f"{seconds:.2f}", wanted)
     console = Console(highlight=False)
     console.print(table)
     console.print(f"stepper over bound: {ten_seconds / bound:.2f} (wanted: at most 1.1)")
-
-
-def _machine() -> str:
-    info = Path("/proc/cpuinfo")
-    names = [k for k in info.read_text().splitlines() if k.startswith("model name")] if info.exists() else []
-    return names[0].partition(":")[2].strip() if names else platform.processor() or platform.machine()
 
 
 if __name__ == "__main__":

@@ -75,8 +75,8 @@ def norton_admittances(plant: Plant) -> np.ndarray:
     out = np.zeros(len(plant.machine_bus), complex)
     for family in build.MACHINES:
         model = ALL[family]
-        for par, i in zip(getattr(plant, family), getattr(plant, f"{family}_machine"), strict=True):
-            out[i] = complex(*model.admittance(par))
+        g, b = model.admittance(getattr(plant, family))
+        out[getattr(plant, f"{family}_machine")] = g + 1j * b
     return out
 
 

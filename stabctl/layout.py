@@ -45,6 +45,12 @@ def states(plant: Plant) -> tuple[Place, ...]:
     return tuple(found)
 
 
+def of_machines(places: Iterable[Place], name: str, machines: int) -> np.ndarray:
+    """Rows (machines) of the state of that name among the places."""
+    found = {p.machine: k for k, p in enumerate(places) if p.name == name}
+    return np.array([found[i] for i in range(machines)])
+
+
 def label(case: Case, place: Place) -> str:
     """A state in words, e.g. "speed GENROU 14"."""
     name = WORDS.get(place.name, place.name)
@@ -68,14 +74,12 @@ def colours(plant: Plant, buses: int) -> np.ndarray:
 
     Shape (most unknowns of a machine, machines). Storage is left out: it idles at an equilibrium.
     """
-    n = sizes(plant, buses)
-    own: list[list[int]] = [[] for _ in range(n.machines)]
-    for k, place in enumerate(states(plant)):
-        if place.family != "storage":
-            own[place.machine].append(k)
-    for i in range(n.machines):
-        own[i] += [n.states + n.voltages + i, n.states + n.voltages + n.machines + i]
-    table = np.full((max(map(len, own)), n.machines), -1, np.int64)
-    for i, places in enumerate(own):
-        table[: len(places), i] = places
+    n, owner = sizes(plant, buses), plant.owner
+    count, order = np.bincount(owner, minlength=n.machines), np.argsort(owner, kind="stable")
+    table = np.full((count.max(initial=0) + 2, n.machines), -1, np.int64)
+    first = np.repeat(np.cumsum(count) - count, count)
+    table[np.arange(len(owner)) - first, owner[order]] = order
+    every = np.arange(n.machines)
+    table[count, every] = n.states + n.voltages + every
+    table[count + 1, every] = n.states + n.voltages + n.machines + every
     return table

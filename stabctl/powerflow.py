@@ -133,7 +133,7 @@ def _shared(case: Case, machine_bus: np.ndarray, injected: np.ndarray) -> np.nda
     """Power (pu) of every machine: dispatched, the bus's remainder shared by machine base."""
     S = np.array([m.p for m in case.machines], complex) / case.base_mva
     base = np.array([m.base for m in case.machines])
-    for bus in np.unique(machine_bus):
-        here = machine_bus == bus
-        S[here] += (injected[bus] - S[here].sum()) * base[here] / base[here].sum()
-    return S
+    rest, whole = injected.copy(), np.zeros(len(injected))
+    np.add.at(rest, machine_bus, -S)
+    np.add.at(whole, machine_bus, base)
+    return S + rest[machine_bus] * base / whole[machine_bus]

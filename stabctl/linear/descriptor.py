@@ -7,6 +7,7 @@ y  = hx x + hv v + hu u
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -38,6 +39,24 @@ class Descriptor:
     rows: np.ndarray  # places of the states in z
     inputs: tuple[Signal, ...]
     outputs: tuple[Signal, ...]
+
+    @property
+    def name(self) -> str:
+        """Name of the case."""
+        return self.point.case.name
+
+    @cached_property
+    def states(self) -> tuple[str, ...]:
+        """Labels of the states."""
+        return layout.unique(layout.label(self.point.case, place) for place in self.places)
+
+    def speeds(self) -> np.ndarray:
+        """Places (machines) of the speeds among the states."""
+        return layout.of_machines(self.places, "omega", len(self.point.case.machines))
+
+    def angles(self) -> np.ndarray:
+        """Places (machines) of the angles among the states."""
+        return layout.of_machines(self.places, "delta", len(self.point.case.machines))
 
     def __str__(self) -> str:
         shape = f"{len(self.rows)} states, {self.gv.shape[0]} voltages"

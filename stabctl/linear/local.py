@@ -31,9 +31,7 @@ def private(plant: Plant) -> Private:
         machine_bus=np.arange(m), storage_bus=m + np.arange(ns), load_bus=m + ns + np.arange(nl)
     )  # fmt: skip
     n = system.sizes(alone, len(bus))
-    places = layout.states(alone)
-    owner = [m + p.device if p.family == "storage" else p.machine for p in places]
-    owner = np.r_[np.array(owner, int), np.repeat(np.arange(len(bus)), 2)]
+    owner = np.r_[plant.owner, m + np.repeat(np.arange(ns), 2), np.repeat(np.arange(len(bus)), 2)]
     machines = layout.colours(alone, len(bus))
     table = np.full((max(len(machines), 2) + 2, len(bus)), -1, np.int64)
     table[: len(machines), :m] = machines

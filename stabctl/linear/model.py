@@ -72,15 +72,11 @@ class Linear(Model):
 
     def speeds(self) -> np.ndarray:
         """Places (machines) of the speeds among the states."""
-        return self._of_machines("omega")
+        return layout.of_machines(self.places, "omega", len(self.point.case.machines))
 
     def angles(self) -> np.ndarray:
         """Places (machines) of the angles among the states."""
-        return self._of_machines("delta")
-
-    def _of_machines(self, name: str) -> np.ndarray:
-        found = {p.machine: k for k, p in enumerate(self.places) if p.name == name}
-        return np.array([found[i] for i in range(len(self.point.case.machines))])
+        return layout.of_machines(self.places, "delta", len(self.point.case.machines))
 
 
 def linearise(point: Point, inputs: Iterable[str | Signal] = (), outputs: Iterable[str | Signal] = ()) -> Linear:
@@ -101,7 +97,5 @@ def eliminated(d: Descriptor) -> Linear:
     matrices = [np.asarray(M) for M in (A, B, C, D)]
     for M in matrices:
         M.setflags(write=False)
-    case = d.point.case
-    labels = layout.unique(layout.label(case, place) for place in d.places)
     names = [tuple(s.label for s in signals) for signals in (d.inputs, d.outputs)]
-    return Linear(case.name, *matrices, labels, *names, d.point, d.places)
+    return Linear(d.name, *matrices, d.states, *names, d.point, d.places)

@@ -74,7 +74,7 @@ def _jumps(point: Point, alone: Private) -> np.ndarray:
     """Rows of f whose slopes differ between both sides of the point, along one direction that moves everything."""
     step = NUDGE * np.random.default_rng(0).choice([-1, 1], len(point.z)) * np.linspace(0.5, 1, len(point.z))
     sides = [local.derivatives(alone, local.at(alone, point.z + s)) for s in (step, -step)]
-    energy = [k for k, place in enumerate(layout.states(alone.plant)) if place.name == "energy"]
+    energy = first_state(alone.plant, "storage") + 1 + 2 * np.arange(len(alone.plant.storage))
     for J in sides:
         J[:, energy] = 0
     scale = np.maximum(*(np.abs(J).max(axis=0) for J in sides))

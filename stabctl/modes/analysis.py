@@ -4,12 +4,18 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.sparse.linalg import splu
 
 from stabctl.errors import StudyError
-from stabctl.linear import Linear
+from stabctl.linear import Descriptor, Linear
+from stabctl.linear.model import eliminated
 
-from . import naming
-from .eigen import ZERO, eigen
+from . import naming, selected
+from .eigen import ZERO, Eigen, eigen
+
+LARGE = 2000  # states beyond which only modes of a band are computed: all would take minutes
+BAND = (0.1, 2.5)  # Hz   electromechanical modes
+DAMPING = (-0.1, 0.3)  # damping ratios of a selection
 
 
 @dataclass(frozen=True)
@@ -166,12 +172,58 @@ class Modes:
     __repr__ = __str__
 
 
-def analyse(linear: Linear) -> Modes:
-    """Modes of a linear model."""
-    found = eigen(linear.A, linear.angles())
+@dataclass(frozen=True, repr=False)
+class Selected(Modes):
+    """Some modes, one of each pair: all of a band of frequency and of damping ratio, and no others."""
+
+    linear: Descriptor
+    band: tuple[float, float]  # Hz
+    damping: tuple[float, float]
+
+    def controllability(self) -> np.ndarray:
+        """W^H B (modes, inputs), B = fu - fv inv(gv) gu."""
+        d = self.linear
+        return self.left.conj().T @ (d.fu.toarray() - d.fv @ splu(d.gv).solve(d.gu.toarray()))
+
+    def observability(self) -> np.ndarray:
+        """C V (outputs, modes), C = hx - hv inv(gv) gx."""
+        d, factors = self.linear, splu(self.linear.gv)
+        currents = d.gx @ self.right
+        return d.hx @ self.right - d.hv @ (factors.solve(currents.real) + 1j * factors.solve(currents.imag))
+
+    def __str__(self) -> str:
+        low, high = self.damping
+        asked = f"{self.band[0]:g} to {self.band[1]:g} Hz with damping ratio {low:g} to {high:g}"
+        whole = super().__str__().partition(": ")[2].replace("eigenvalues", "modes", 1)
+        return f"{self.linear.name}, only modes of {asked} of {len(self.linear.states)} states: {whole}"
+
+    __repr__ = __str__
+
+
+def analyse(
+    model: Linear | Descriptor,
+    band: tuple[float, float] | None = None,
+    damping: tuple[float, float] = DAMPING,
+) -> Modes:
+    """Modes of a linear model: all of them; of a descriptor those of a band (Hz), by sparse shift-invert Arnoldi.
+
+    A descriptor without a band is treated as a linear model up to `LARGE` states, beyond as one with the band `BAND`.
+    `damping`: least and largest damping ratio in a band. Errors as in `selected.band`.
+    """
+    if isinstance(model, Descriptor):
+        if band is not None or len(model.rows) > LARGE:
+            band = BAND if band is None else band
+            return Selected(model, *_fixed(selected.band(model, *band, damping)), band, damping)
+        model = eliminated(model)
+    elif band is not None:
+        raise StudyError("Modes of a band alone are those of a descriptor; linearise with linear.descriptor.")
+    return Modes(model, *_fixed(eigen(model.A, model.angles())))
+
+
+def _fixed(found: Eigen) -> Eigen:
     for part in found:
         part.setflags(write=False)
-    return Modes(linear, *found)
+    return found
 
 
 def _place(labels: tuple[str, ...], wanted: str | int, what: str) -> int:

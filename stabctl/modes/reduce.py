@@ -27,6 +27,7 @@ def modal(modes: Modes, keep: Iterable[int], static: bool = True) -> Reduced:
     `StudyError` for modes there are none of, or nothing to keep.
     """
     linear = modes.linear
+    _all(modes)
     chosen = _whole_pairs(modes, keep)
     defective = np.abs(linear.A @ modes.right - modes.right * modes.eigenvalues).max(axis=0) > 1e-6
     if 0 not in chosen and defective[chosen].any():
@@ -50,6 +51,7 @@ def balanced(modes: Modes, order: int) -> Reduced:
     `order` is not between the number of kept modes and of states.
     """
     linear = modes.linear
+    _all(modes)
     if not linear.inputs or not linear.outputs:
         raise StudyError("Balancing needs inputs and outputs; linearise with some of both.")
     loose = np.flatnonzero(modes.eigenvalues.real >= 0)
@@ -72,6 +74,11 @@ def balanced(modes: Modes, order: int) -> Reduced:
         labels = [*_real_basis(modes, loose)[1], *labels]
     matrices = sl.block_diag(*(p[0] for p in parts)), np.vstack([p[1] for p in parts]), np.hstack([p[2] for p in parts])
     return Reduced(linear.name, *matrices, linear.D.copy(), tuple(labels), linear.inputs, linear.outputs, hankel)
+
+
+def _all(modes: Modes) -> None:
+    if len(modes) < len(modes.linear.states):
+        raise StudyError(f"A reduced model of {modes.linear.name} needs all its modes; analyse a linear model.")
 
 
 def _whole_pairs(modes: Modes, keep: Iterable[int]) -> np.ndarray:

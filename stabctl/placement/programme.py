@@ -18,7 +18,7 @@ from .siting import Round
 from .trials import Trials
 
 BINDING = 0.97  # of the largest critical scaling, from which a contingency gets a cut
-TOLERANCE = 1e-3  # relative gain of cost that is not worth another round
+TOLERANCE = 2e-3  # relative gain of cost that is not worth another round
 ROUNDS = 40
 FINAL = 1e-4  # relative width of the last scaling
 SAME = 1e-3  # of the largest size, by which two fleets on a border are one

@@ -70,7 +70,7 @@ def uniform_fleet(search: Search, uniform: np.ndarray, cures: Sequence[Cure]) ->
 
 
 def linear_fleet(search: Search, uniform: np.ndarray) -> np.ndarray | None:
-    """The cheapest allocation of the linear stage, scaled until it survives all, with cuts at its borders, or None."""
+    """The cheapest allocation of the linear stage, scaled until it survives all, with cuts there, or None."""
     trials, out = search.trials, None
     places = [(s.machine, s.bus) for s in trials.point.case.storage]
     for criterion in get_args(Criterion):
@@ -79,8 +79,8 @@ def linear_fleet(search: Search, uniform: np.ndarray) -> np.ndarray | None:
         except StudyError:
             continue
         scaled = least(trials, mw)
-        search.cut_near(mw, scaled)
         if scaled:
+            search.cut_near(mw, scaled)
             fleet = trials.fleet(scaled.scaling * mw)
             out = fleet if out is None or search.master.cost(fleet) < search.master.cost(out) else out
     return out

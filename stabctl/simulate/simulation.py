@@ -60,8 +60,9 @@ class Simulation:
             self._at += 1
         self._law = point.plant.law.copy()
         if control is not None:
+            base = {m.machine: m.base for m in point.case.machines}
             for j, s in enumerate(point.case.storage):
-                device = Device(s.rating, point.case.machine(s.machine).base, point.case.frequency_hz)
+                device = Device(s.rating, base[s.machine], point.case.frequency_hz)
                 self._law[j] = tuple(control.par(device))
         self._enter()
         self._buffers = buffers(point.plant, len(point.V))

@@ -1,0 +1,63 @@
+"""One system for every tool: the two-area case with the models that all of them have, and what is asked of it."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from stabctl import powerflow, read
+from stabctl.case import Case
+from stabctl.models import sexs, tgov
+
+STEP = 1 / 120  # s
+UNTIL = 10.0  # s
+FAULT_BUS, FAULT_ON, FAULT_OFF, FAULT_X = 7, 1.0, 1.1, 1e-4  # s, s, pu
+DROOP, T1, T2, T3 = 0.05, 0.5, 3.0, 10.0  # TGOV1: pu, s
+KA, TE, EMAX = 200.0, 0.05, 5.0  # SEXS without lead-lag: pu, s, pu
+
+
+class Answer(NamedTuple):
+    """What a tool found."""
+
+    V: np.ndarray  # (buses) complex, pu
+    eigenvalues: np.ndarray  # complex, 1/s
+    time: np.ndarray  # s
+    speed: np.ndarray  # (time, machines) pu
+
+
+def classical() -> Case:
+    """Classical machines without stator resistance, which not every tool has, with TGOV1; loads as admittances."""
+    case = read.load("two_area").classical()
+    rows = {number: par._replace(ra=0.0) for number, par in case.devices["gencls"].items()}
+    return _loads_fixed(_governed(replace(case, devices={"gencls": rows})))
+
+
+def full() -> Case:
+    """GENROU with SEXS and TGOV1, loads as admittances."""
+    case = read.load("two_area")
+    exciters = {m.machine: sexs.Par(0.0, KA, TE, Efdmax=EMAX, Efdmin=-EMAX) for m in case.machines}
+    kept = {"genrou": dict(case.devices["genrou"]), "sexs": exciters}
+    return _loads_fixed(_governed(replace(case, devices=kept)))
+
+
+def produced(case: Case) -> np.ndarray:
+    """Power (machines) at the load flow, pu on the machine's base."""
+    base = np.array([m.base for m in case.machines])
+    return powerflow.solve(case).S.real * case.base_mva / base
+
+
+def swings(eigenvalues: np.ndarray) -> np.ndarray:
+    """Eigenvalues of 0.3 to 2.5 Hz with a damping ratio below 0.5, the slowest first, one of each pair."""
+    s = eigenvalues[(eigenvalues.imag > 0.6 * np.pi) & (eigenvalues.imag < 5 * np.pi)]
+    s = s[-s.real < 0.5 * np.abs(s)]
+    return s[np.argsort(s.imag)]
+
+
+def _governed(case: Case) -> Case:
+    governors = {m.machine: tgov.Par(1 / DROOP, T1, T3, T2, 0.0, 0.0, 1.0, 0.0) for m in case.machines}
+    return replace(case, devices={**{k: dict(v) for k, v in case.devices.items()}, "tgov": governors})
+
+
+def _loads_fixed(case: Case) -> Case:
+    shares = dict.fromkeys(("p_current", "p_power", "q_current", "q_power"), 0.0)
+    return replace(case, loads=tuple(k._replace(**shares) for k in case.loads))

@@ -1,0 +1,103 @@
+"""Cost per bus against size: wnaps 1, 3, 10, 30 and 100 times, tied by a line each; a table, and reports/growth.png."""
+
+import os
+
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(variable, "1")
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from machine import stated
+from rich.console import Console
+from rich.table import Table
+
+from stabctl import equilibrium, powerflow, read
+from stabctl.linear import descriptor
+from stabctl.modes.selected import disc
+from stabctl.replicate import replicate
+from stabctl.report import style
+from stabctl.simulate.events import contingency
+from stabctl.simulate.simulation import Simulation
+
+COPIES = (1, 3, 10, 30, 100)
+RUNS = 5
+SHIFT, MODES = complex(-0.3, 2 * np.pi * 0.4), 12  # between areas
+WORKS = (
+    "load flow",
+    "start of the machines",
+    "one simulated second",
+    "linearisation, sparse",
+    "up to 12 modes at 0.4 Hz",
+)
+
+
+def timed(call: Callable[[], object]) -> float:
+    """Seconds of one call."""
+    before = time.perf_counter()
+    call()
+    return time.perf_counter() - before
+
+
+def second(point: equilibrium.Point) -> float:
+    """Seconds for one second from a four-cycle fault on, the two changes of the network in it."""
+    point.stages.clear()
+    simulation = Simulation(point, contingency("83", 4 / 60, ["83-33"], at=0.0), record=False)
+    return timed(lambda: simulation.advance(1.0))
+
+
+def works(copies: int) -> tuple[int, int, list[Callable[[], float]]]:
+    """Buses, states, and the works, each of which tells its seconds."""
+    case = replicate(read.load("wnaps"), copies, spread=0.05)
+    flow = powerflow.solve(case)
+    point = equilibrium.solve(case, flow)
+    form = descriptor(point)
+    calls = [
+        lambda: timed(lambda: powerflow.solve(case)),
+        lambda: timed(lambda: equilibrium.solve(case, flow)),
+        lambda: second(point),
+        lambda: timed(lambda: descriptor(point)),
+        lambda: timed(lambda: disc(form, SHIFT, MODES)),
+    ]
+    return len(case.buses), len(form.rows), calls
+
+
+def draw(buses: list[int], per_bus: np.ndarray, path: Path) -> None:
+    """Milliseconds per bus against buses, a line for each work."""
+    fig, axes = style.figure(7.5, 4.2)
+    ax = axes[0, 0]
+    for name, line, mark in zip(WORKS, per_bus.T, "os^Dv", strict=True):
+        ax.loglog(buses, line, marker=mark, label=name)
+    ax.set_xticks(buses, [str(n) for n in buses])
+    marks = [value for value in (0.05, 0.1, 0.2, 0.5, 1, 2, 5) if per_bus.min() / 2 < value < per_bus.max() * 2]
+    ax.set_yticks(marks, [f"{value:g}" for value in marks])
+    ax.minorticks_off()
+    ax.set(xlabel="buses (wnaps 1, 3, 10, 30 and 100 times)", ylabel="ms per bus")
+    style.legend(ax, len(WORKS))
+    path.parent.mkdir(exist_ok=True)
+    fig.savefig(path, dpi=150)
+
+
+def main() -> None:
+    """Measure, print and draw."""
+    systems = [works(copies) for copies in COPIES]
+    buses = [n for n, _, _ in systems]
+    rounds = [[[work() for work in calls] for _, _, calls in systems] for _ in range(RUNS)]  # sizes in turn
+    per_bus = 1e3 * np.min(rounds, axis=0) / np.array(buses)[:, None]
+    table = Table("buses", "states", *WORKS, title=f"ms per bus, best of {RUNS}; {stated()}")
+    for (n, states, _), row in zip(systems, per_bus, strict=True):
+        table.add_row(str(n), str(states), *(f"{ms:.3f}" for ms in row))
+    console = Console(highlight=False, width=120)
+    console.print(table)
+    slope = 1 + np.log(per_bus[-1] / per_bus[2]) / np.log(buses[-1] / buses[2])
+    listed = "; ".join(f"{name} {power:.2f}" for name, power in zip(WORKS, slope, strict=True))
+    console.print(f"cost ~ buses to the power, from {buses[2]} to {buses[-1]} buses: {listed}")
+    path = Path("reports/growth.png")
+    draw(buses, per_bus, path)
+    console.print(f"written: {path}")
+
+
+if __name__ == "__main__":
+    main()

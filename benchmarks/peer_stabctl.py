@@ -1,0 +1,33 @@
+"""The common system in stabctl: compiled RK4, network solved at every stage; exact derivatives."""
+
+from collections.abc import Callable
+
+from common import FAULT_BUS, FAULT_OFF, FAULT_ON, FAULT_X, STEP, UNTIL, Answer
+
+from stabctl import equilibrium, powerflow
+from stabctl.case import Case
+from stabctl.linear import linearise
+from stabctl.modes import analyse
+from stabctl.simulate.events import Clear, Fault
+from stabctl.simulate.simulation import run
+
+METHOD = "RK4"
+
+
+def works(case: Case) -> tuple[dict[str, Callable[[], Callable[[], object]]], Callable[[], Answer]]:
+    """The three works, each set up by a call, and the answer of the last of each."""
+    flow, kept = powerflow.solve(case), {}
+    events = [Fault(str(FAULT_BUS), FAULT_ON, 1j * FAULT_X), Clear(str(FAULT_BUS), FAULT_OFF)]
+
+    def motion() -> Callable[[], None]:
+        point = equilibrium.solve(case, flow)
+        return lambda: kept.update(run=run(point, events, UNTIL, step=STEP))
+
+    def eigenvalues() -> Callable[[], None]:
+        point = equilibrium.solve(case, flow)
+        return lambda: kept.update(modes=analyse(linearise(point)))
+
+    def answer() -> Answer:
+        return Answer(flow.V, kept["modes"].eigenvalues, kept["run"].time, kept["run"].speed)
+
+    return {"power flow": lambda: lambda: powerflow.solve(case), "10 s": motion, "eigenvalues": eigenvalues}, answer

@@ -1,0 +1,115 @@
+"""The same work on the same data in stabctl, ANDES and TOPS: medians of one run, beside how well the answers agree.
+
+A tool that is not installed is named and left out. The works are a load flow, ten seconds with a fault at 1/120 s, and
+a linearisation with all its eigenvalues; building the tool's own model (set-up) and generating code are not in them.
+"""
+
+import os
+
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(variable, "1")
+
+import importlib
+import statistics
+import tempfile
+import time
+import warnings
+from collections.abc import Callable
+from contextlib import redirect_stdout
+from io import StringIO
+
+import common
+import numpy as np
+from common import Answer
+from machine import stated
+from rich.console import Console
+from rich.table import Table
+
+ROUNDS = 5
+WORKS = ("power flow", "10 s", "eigenvalues")
+Tool = tuple[dict[str, Callable[[], Callable[[], object]]], Callable[[], Answer], str]
+
+
+def peer(name: str) -> object | None:
+    """The module that speaks to a tool; None, with a sentence, where the tool is not installed."""
+    try:
+        return importlib.import_module(f"peer_{name}")
+    except ImportError as error:
+        print(f"{name} is left out: {error}; pip install 'stabctl[bench]' brings it.")
+        return None
+
+
+def measured(tools: dict[str, Tool]) -> dict[tuple[str, str], tuple[float, float]]:
+    """Medians (s) of set-up and work of every tool, the tools in turn so that all meet the same machine."""
+    times: dict[tuple[str, str], list[tuple[float, float]]] = {}
+    for _ in range(ROUNDS):
+        for name, (works, _, _) in tools.items():
+            for work in WORKS:
+                before = time.perf_counter()
+                ready = works[work]()
+                between = time.perf_counter()
+                ready()
+                taken = between - before, time.perf_counter() - between
+                times.setdefault((name, work), []).append(taken)
+    return {key: tuple(statistics.median(column) for column in zip(*rows, strict=True)) for key, rows in times.items()}
+
+
+def agreement(own: Answer, other: Answer) -> dict[str, str]:
+    """Largest difference of another answer from the own, in every work."""
+    mine, theirs = common.swings(own.eigenvalues), common.swings(other.eigenvalues)
+    common_time = np.arange(0, common.UNTIL - 0.1, 0.05)
+    traces = [np.column_stack([np.interp(common_time, a.time, column) for column in a.speed.T]) for a in (own, other)]
+    largest, hertz = np.abs(traces[0] - 1).max(), 60e3
+    off = np.abs(traces[0] - traces[1]).max()
+    swings = f"{np.abs(mine - theirs).max():.1e} 1/s" if len(mine) == len(theirs) else "not the same swings"
+    V = [a.V * np.exp(-1j * np.angle(a.V[0])) for a in (own, other)]
+    return {
+        "power flow": f"{np.abs(V[0] - V[1]).max():.1e} pu",
+        "10 s": f"{off * hertz:.2g} mHz of {largest * hertz:.0f}",
+        "eigenvalues": swings,
+    }
+
+
+def compared(title: str, tools: dict[str, Tool], console: Console) -> None:
+    """Measure and print one system."""
+    with redirect_stdout(StringIO()):
+        medians = measured(tools)
+    answers = {name: answer() for name, (_, answer, _) in tools.items()}
+    table = Table("work", "tool", "method", "set-up, s", "seconds", "over stabctl", "largest difference", title=title)
+    for work in WORKS:
+        for name, (_, _, method) in tools.items():
+            setup, seconds = medians[name, work]
+            ratio = seconds / medians["stabctl", work][1]
+            same = "" if name == "stabctl" else agreement(answers["stabctl"], answers[name])[work]
+            how = method if work == "10 s" else ""
+            table.add_row(work, name, how, f"{setup:.3f}", f"{seconds:.4f}", f"{ratio:.1f}", same)
+    console.print(table)
+
+
+def main() -> None:
+    """Measure and print."""
+    warnings.filterwarnings("ignore")
+    console = Console(highlight=False, width=120)
+    own, andes, tops = (peer(name) for name in ("stabctl", "andes", "tops"))
+    with tempfile.TemporaryDirectory() as folder:
+        if andes:
+            before = time.perf_counter()
+            with redirect_stdout(StringIO()):
+                andes.empty(folder)
+            print(f"ANDES generated its code in {time.perf_counter() - before:.0f} s, once for all systems.")
+        for title, case in (
+            ("two_area, classical machines, TGOV1", common.classical()),
+            ("two_area, GENROU, SEXS, TGOV1", common.full()),
+        ):
+            tools: dict[str, Tool] = {"stabctl": (*own.works(case), own.METHOD)}
+            if andes:
+                tools["ANDES"] = (*andes.works(case, folder), andes.METHOD)
+            if tops and "gencls" in case.devices:
+                tools["TOPS"] = (*tops.works(case), tops.METHOD)
+            compared(f"{title}; medians of {ROUNDS}; {stated()}", tools, console)
+    print("With GENROU the stator voltage of stabctl is in proportion to the speed, that of ANDES is not; TOPS has no")
+    print("GENROU (its machine lacks the leakage reactance and the stator resistance).")
+
+
+if __name__ == "__main__":
+    main()
