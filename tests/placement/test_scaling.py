@@ -83,7 +83,9 @@ def test_the_least_multiple_is_that_of_the_hardest_contingency(start):
     trials = Planes([[1, 0], [0.5, 0.5], [0, 0.8]], [100, 100])
     found = least(trials, start * np.ones(2))
     assert found.scaling * start == pytest.approx(1 / 0.8, rel=2 * FINE)
-    assert set(found.near) == {2}
+    assert 2 in found.near
+    for k, scaling in found.near.items():
+        assert scaling * start == pytest.approx(1 / trials.needs[k].sum(), rel=2 * FINE)
     assert not trials.lost(found.scaling * start * np.ones(2))
     assert trials.lost((1 - 3 * FINE) * found.scaling * start * np.ones(2)) == [2]
 
@@ -108,7 +110,13 @@ def test_nothing_to_survive_with_nothing():
     trials = Planes([[1, 1]], [5, 5])
     assert least(trials, np.zeros(2)) is None
     free = Planes([[1e9, 1e9]], [5, 5])
-    assert least(free, np.ones(2)).scaling == 0.0
+    assert least(free, np.ones(2)).scaling < 1e-8
+    assert least(Planes(np.zeros((0, 2)), [5, 5]), np.ones(2)).scaling == 0.0
+
+
+def test_a_small_part_of_a_large_fleet_is_not_taken_for_nothing():
+    found = least(Planes([[1.0]], [1e6]), np.array([1e6]))
+    assert found.scaling == pytest.approx(1e-6, rel=2 * FINE)
 
 
 def test_a_contingency_lost_again_with_more_is_survived_beyond():
