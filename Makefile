@@ -16,8 +16,8 @@ lint: .venv/dev  ## style and import walls
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 
-reproduce: .venv/demo  ## every study of analysis/ and sims/, into reports/
-	@for study in analysis/*.py sims/*.py; do echo "== $$study"; $(BIN)/python $$study || exit 1; done
+reproduce: .venv/demo  ## every study, the paper beside ours in reports/index.html; FULL=1: the long ones too
+	$(BIN)/python tools/reproduce.py $(if $(FULL),--full)
 
 bench: .venv/demo  ## measure speed on this machine
 	$(BIN)/python benchmarks/core.py
@@ -26,7 +26,8 @@ bench: .venv/demo  ## measure speed on this machine
 	$(BIN)/python benchmarks/placement.py
 
 clean:  ## remove the virtual environment and everything generated
-	rm -rf .venv reports/*.png reports/*.html build dist
+	rm -rf .venv build dist
+	git clean -fdqX reports
 
 .venv/bin/python:
 	$(PYTHON) tools/make_venv.py .venv

@@ -2,36 +2,42 @@
 
 from pathlib import Path
 
-from rich.console import Console
-from rich.table import Table
-
 from stabctl import equilibrium, read
 from stabctl.linear import linearise
-from stabctl.modes import analyse, areas
+from stabctl.modes import Modes, analyse, areas
 from stabctl.report import modes_page
 from stabctl.report.modes_table import number
+from stabctl.report.study import Study, Table
+from stabctl.report.study_console import present
 
-REPORTS = Path("reports")
 BAND = 0.1, 2.5  # Hz
+HEADS = "case", "states", "swings", "slowest, Hz", "least damped, Hz", "damping ratio", "who", "areas"
 
 
-def main() -> None:
-    """Analyse, write the pages, print the summary."""
-    console = Console(highlight=False)
-    table = Table("case", "states", "swings", "slowest, Hz", "least damped, Hz", "damping ratio", "who", "areas")
+def study(reports: Path) -> Study:
+    """The modes of all cases; the pages are written beside."""
+    rows, pages = [], {}
     for name in read.packaged():
         modes = analyse(linearise(equilibrium.solve(read.load(name))))
         groups = areas(modes)
-        modes_page.write(REPORTS, modes, groups, BAND)
-        swings = modes.swings()
-        worst = min(swings, key=lambda k: modes.damping_ratio[k])
-        frequencies = (f"{modes.frequency_hz[k]:.3f}" for k in (swings[0], worst))
-        ratio = number(modes.damping_ratio[worst], 4)
-        split = str(len(groups.groups))
-        table.add_row(name, str(len(modes)), str(len(swings)), *frequencies, ratio, modes.label(worst), split)
-    console.print(table)
-    console.print(f"pages: {REPORTS}/CASE_modes.html")
+        pages[f"modes of {name}"] = modes_page.write(reports, modes, groups, BAND).name
+        rows.append(row(name, modes, len(groups.groups)))
+    text = (
+        "All eigenvalues of every packaged case by exact linearisation at its operating point, and its coherent areas."
+    )
+    return Study(
+        "Eigenvalues", text=(text,), tables=(Table("Swings of the packaged cases", HEADS, tuple(rows)),), pages=pages
+    )
+
+
+def row(name: str, modes: Modes, split: int) -> tuple[str, ...]:
+    """One case in the table."""
+    swings = modes.swings()
+    worst = min(swings, key=lambda k: modes.damping_ratio[k])
+    frequencies = (f"{modes.frequency_hz[k]:.3f}" for k in (swings[0], worst))
+    ratio = number(modes.damping_ratio[worst], 4)
+    return name, str(len(modes)), str(len(swings)), *frequencies, ratio, modes.label(worst), str(split)
 
 
 if __name__ == "__main__":
-    main()
+    present(study)

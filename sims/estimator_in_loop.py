@@ -3,28 +3,33 @@
 from dataclasses import replace
 from pathlib import Path
 
-from rich.console import Console
-from rich.table import Table
-
-from stabctl import compiled, equilibrium, fleet, read
+from stabctl import equilibrium, fleet, read
 from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang
 from stabctl.equilibrium import Point
 from stabctl.estimate.loop import Driven, watch
-from stabctl.estimate.pmu import Pmu
+from stabctl.estimate.record import Record
 from stabctl.report import estimates
+from stabctl.report.study import Study, Table, draw
+from stabctl.report.study_console import present
 from stabctl.simulate.events import contingency
 
-REPORTS = Path("reports")
 STUDIES = {  # case, fault, circuit opened, classical machines, storage
     "ieee39, classical": ("ieee39", "16", "16-17", True, "5%mva"),
     "two_area, classical": ("two_area", "7", "7-8", True, "50MW"),
     "two_area": ("two_area", "7", "7-8", False, "50MW"),
     "wnaps": ("wnaps", "83", "83-33", False, "5%mva"),
 }
-CURVES = ("two_area", "wnaps")
-LATENCIES, NOISES = (0, 25, 50, 75, 100, 150, 200), (0.5, 2, 5, 10, 20)
+KINDS = "frequency", "kinematic", "kalman"
 SEEDS, DRIVEN = range(1, 6), Driven(engine="batched")
+HEADS = "", "clearing, cycles", "RMSE, mHz", "99 %, mHz", "delay, ms", "wrong, %", "opposite, %"
+TEXT = (
+    "The paper's controller sees true speeds. Here it sees PMU phasors: 60 a second, 2 mrad of noise, 2 % lost, those "
+    "of other machines 50 ms late. Beside the critical clearing time stand the errors of the own speed less that of "
+    "the rest, and the share of orders that differ from those by true speeds, over five seeds."
+)
+SPEEDS = "Estimated speeds follow the true ones within their band of three standard deviations, four machines."
+ORDERS = "Orders by estimates switch where those by true speeds do, a frame or two off, with some chatter at the edges."
 
 
 def start(case: str, classical: bool, storage: str) -> Point:
@@ -34,46 +39,35 @@ def start(case: str, classical: bool, storage: str) -> Point:
     return equilibrium.solve(loaded.with_storage(fleet.everywhere(loaded, storage)))
 
 
-def main() -> None:
-    """Estimate, search, print, draw."""
-    REPORTS.mkdir(exist_ok=True)
-    console = Console(highlight=False, width=120)
-    compiled.announce()
-    points = {name: start(case, classical, size) for name, (case, _, _, classical, size) in STUDIES.items()}
-    table = Table("", "clearing, cycles", "RMSE, mHz", "99 %, mHz", "delay, ms", "wrong, %", "opposite, %")
-    ideal, drawn = {}, {}
-    for name, (_, fault, trip, _, _) in STUDIES.items():
-        ideal[name] = clearing_time(points[name], fault, [trip], BangBang()).cycles
-        table.add_row(name, f"{ideal[name]:g}", "", "", "", "", "")
-        clear = int(0.9 * ideal[name]) / points[name].case.frequency_hz
-        for kind in ("frequency", "kinematic", "kalman"):
+def study(reports: Path) -> Study:
+    """Clearing times with true speeds and with every estimator, and how good the estimates are."""
+    rows = []
+    for name, (case, fault, trip, classical, size) in STUDIES.items():
+        point = start(case, classical, size)
+        ideal = clearing_time(point, fault, [trip], BangBang()).cycles
+        rows.append((name, f"{ideal:g}", *[""] * 5))
+        clear = int(0.9 * ideal) / point.case.frequency_hz
+        for kind in KINDS:
             driven = replace(DRIVEN, kind=kind)
-            cycles = clearing_time(points[name], fault, [trip], driven).cycles
-            found = watch(points[name], contingency(fault, clear, [trip]), clear + 6, driven, SEEDS)
-            s = found.after(1 + clear, clear + 6)
-            numbers = (s.rmse_mhz, s.p99_mhz, s.delay_ms, 1e2 * s.wrong_command_share, 1e2 * s.opposite_command_share)
-            table.add_row(
-                f"  {kind}", f"{cycles:g}", *(f"{n:.1f}" for n in numbers[:3]), *(f"{n:.2f}" for n in numbers[3:])
-            )
-        drawn[name] = found
-    console.print(table)
+            cycles = clearing_time(point, fault, [trip], driven).cycles
+            found = watch(point, contingency(fault, clear, [trip]), clear + 6, driven, SEEDS)
+            rows.append((f"  {kind}", f"{cycles:g}", *quality(found, clear)))
+        if name == "two_area":
+            drawn = found
+    figures = (
+        draw(estimates.speeds(drawn), reports, "estimator_speeds.png", "True and estimated speeds", SPEEDS),
+        draw(estimates.commands(drawn), reports, "estimator_commands.png", "Orders", ORDERS),
+    )
+    tables = (Table("Bang-bang storage by true and by estimated speeds", HEADS, tuple(rows)),)
+    return Study("Estimator in the loop", text=(TEXT,), tables=tables, pictures=figures)
 
-    def cycles(name: str, pmu: Pmu) -> float:
-        _, fault, trip, _, _ = STUDIES[name]
-        return clearing_time(points[name], fault, [trip], replace(DRIVEN, pmu=pmu)).cycles
 
-    late = {name: [cycles(name, Pmu(latency_ms=ms)) for ms in LATENCIES] for name in CURVES}
-    noisy = {name: [cycles(name, Pmu(angle_mrad=a, magnitude=1e-3 * a)) for a in NOISES] for name in CURVES}
-    panels = {"latency of remote signals, ms": (LATENCIES, late), "phasor noise, mrad and per mille": (NOISES, noisy)}
-    figures = {
-        "estimator_speeds.png": estimates.speeds(drawn["two_area"]),
-        "estimator_commands.png": estimates.commands(drawn["two_area"]),
-        "estimator_clearing.png": estimates.clearing(panels, {name: ideal[name] for name in CURVES}),
-    }
-    for name, figure in figures.items():
-        figure.savefig(REPORTS / name, dpi=130)
-        console.print(f"wrote {REPORTS / name}")
+def quality(found: Record, clear: float) -> tuple[str, ...]:
+    """Errors of the estimates after clearing (s), and wrong orders."""
+    s = found.after(1 + clear, clear + 6)
+    wrong = (f"{1e2 * share:.2f}" for share in (s.wrong_command_share, s.opposite_command_share))
+    return *(f"{n:.1f}" for n in (s.rmse_mhz, s.p99_mhz, s.delay_ms)), *wrong
 
 
 if __name__ == "__main__":
-    main()
+    present(study)

@@ -1,70 +1,66 @@
-"""The paper's Case 2 (Figures 17 to 19, Table 4): fault at bus 83 of the reduced Western system, line 83-33 opened."""
+"""The paper's Case 2 (Figures 17 to 19): fault at bus 83 of the reduced Western system, line 83-33 opened."""
 
+from itertools import groupby
 from pathlib import Path
 
-from rich.console import Console
-from rich.table import Table
+import numpy as np
 
-from stabctl import equilibrium, fleet, powerflow, read
-from stabctl.clearing import clearing_time
+from stabctl import equilibrium, fleet, read
 from stabctl.controllers import BangBang
-from stabctl.report import clearing, trajectories
+from stabctl.report import paper, trajectories
+from stabctl.report.study import Study, draw
+from stabctl.report.study_console import present
 from stabctl.simulate.events import contingency
 from stabctl.simulate.simulation import run
 
-REPORTS = Path("reports")
 FAULT, TRIP = "83", ("83-33",)
 SHOWN = (1, 8, 13, 14, 16, 27, 34)
-PERCENT, PAPER = (0, 5, 15, 20, 25, 30), (0, 20, 40, 60, 60, 60)
+SPEEDS = "Left machine 14 runs away from the others; right, with storage, all swing and stay together."
+POWERS = "Device 13 absorbs once, briefly; device 14 absorbs, injects, and absorbs again."
+LOST = "Machine 14 goes first and ends the run, with machine 13 still in step; the paper has both lose synchronism."
+BUSES = "The published data of this system have 122 buses."
 
 
-def main() -> None:
-    """Simulate, print Table 4 in both readings, draw."""
-    REPORTS.mkdir(exist_ok=True)
-    console = Console(highlight=False)
+def study(reports: Path) -> Study:
+    """Six cycles without devices and with devices of 5 % of the machines' ratings."""
     case = read.load("wnaps")
-    events = contingency(FAULT, 6 / case.frequency_hz, TRIP)
+    events = contingency(FAULT, paper.CASE_2_CYCLES / case.frequency_hz, TRIP)
     bare = run(equilibrium.solve(case), events)
     held = run(equilibrium.solve(case.with_storage(fleet.everywhere(case, "5%mva"))), events, control=BangBang())
-    console.print(f"six cycles, no storage: {bare.outcome}")
-    console.print(f"six cycles, 5 % of MVA: {held.outcome}")
-    active = [name for name, p in zip(held.devices(), held.storage.T, strict=True) if abs(p).max() > 0]
-    console.print(f"devices that act: {', '.join(active)}")
-
-    rows = table_4()
-    table = Table("ESD power, % of dispatch", "paper, gain %", "whole cycles", "gain %", "1/8 cycle", "gain %")
-    for percent, gain, whole, fine in zip(PERCENT, PAPER, rows["whole cycles"], rows["1/8 cycle"], strict=True):
-        gains = (
-            f"{100 * (now / base[0] - 1):.0f}"
-            for now, base in ((whole, rows["whole cycles"]), (fine, rows["1/8 cycle"]))
-        )
-        first, second = gains
-        table.add_row(str(percent), str(gain), f"{whole:g}", first, f"{fine:g}", second)
-    console.print(table)
-    console.print("Machine 14 goes first and machine 13 stays in step; the paper has both lose synchronism.")
-
-    figures = {
-        "wnaps.png": trajectories.speeds({"without storage": bare, "with 5 % ESDs": held}, SHOWN),
-        "wnaps_storage.png": trajectories.storage(held, (13, 14)),
-        "wnaps_table4.png": clearing.against_size(PERCENT, rows, "ESD power, % of dispatched power"),
+    powers = dict(zip((s.machine for s in held.point.case.storage), held.storage.T, strict=True))
+    acting = " and ".join(str(machine) for machine, p in powers.items() if np.abs(p).max() > 0)
+    counted = {
+        "machines": case.machines,
+        "buses": case.buses,
+        "branches": case.branches,
+        "HVDC links": case.links,
+        "loads": case.loads,
     }
-    for name, figure in figures.items():
-        figure.savefig(REPORTS / name, dpi=130)
-        console.print(f"wrote {REPORTS / name}")
+    rows = (
+        *(printed.beside(len(counted[k]), BUSES if k == "buses" else "") for k, printed in paper.CASE_2_SIZES.items()),
+        paper.CASE_2_LOST.beside(str(bare.outcome.machine), LOST),
+        paper.CASE_2_HELD.beside("stable" if held.outcome.stable else "lost"),
+        paper.CASE_2_ACT.beside(acting),
+        *(printed.beside(actions(powers[machine])) for machine, printed in paper.CASE_2_ACTIONS.items()),
+    )
+    runs = {"without storage": bare, "with 5 % ESDs": held}
+    figures = (
+        draw(trajectories.speeds(runs, SHOWN), reports, "wnaps.png", "Speeds of machines", SPEEDS, "", "17, 18"),
+        draw(trajectories.storage(held, (13, 14)), reports, "wnaps_storage.png", "Power of devices", POWERS, "", "19"),
+    )
+    text = (
+        f"Six cycles without storage: {bare.outcome} With 5 % of each machine's MVA at its high-voltage bus: "
+        f"{held.outcome}",
+        paper.ERRATA["6.2"],
+    )
+    return Study("The reduced Western system", "6.2", text, rows, pictures=figures)
 
 
-def table_4() -> dict[str, list[float]]:
-    """Critical clearing times (cycles) by ESD power, on whole cycles as the paper took them and on eighths."""
-    case = read.load("wnaps_paper")
-    flow = powerflow.solve(case)
-    rows: dict[str, list[float]] = {"whole cycles": [], "1/8 cycle": []}
-    for percent in PERCENT:
-        devices = fleet.everywhere(case, f"{percent}%dispatch", flow, characteristic="conductance", lag=0.05)
-        point = equilibrium.solve(case.with_storage(devices), flow)
-        for name, resolution in (("whole cycles", 1.0), ("1/8 cycle", 0.125)):
-            rows[name].append(clearing_time(point, FAULT, TRIP, BangBang(), resolution).cycles)
-    return rows
+def actions(power: np.ndarray) -> str:
+    """What a device does in the order of time, idling left out."""
+    signs = [sign for sign, _ in groupby(np.sign(power)) if sign]
+    return ", ".join("absorbs" if sign > 0 else "injects" for sign, _ in groupby(signs)) or "idles"
 
 
 if __name__ == "__main__":
-    main()
+    present(study)

@@ -79,7 +79,7 @@ def place(
             rules=shared.rules(max_angle),
             others={validate: Driven(law, validate, Pmu(), seed, "batched")} if validate else {},
             workers=workers,
-            progress=lambda _runs, _cost: tell(None),
+            progress=lambda runs, cost: tell(None, f"{runs} runs, best cost {cost:.4g}"),
             characteristic=characteristic,
             lag=lag,
         )

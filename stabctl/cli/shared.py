@@ -169,9 +169,9 @@ def console(stderr: bool = False) -> "Console":
 
 @contextmanager
 def progress(text: str, total: float | None) -> Iterator[Any]:
-    """A progress bar on a terminal's stderr; yields what is told (done so far)."""
+    """A progress bar on a terminal's stderr; yields what is told (done so far, and what else there is to say)."""
     if not sys.stderr.isatty():
-        yield lambda _done: None
+        yield lambda _done, _said="": None
         return
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
@@ -184,4 +184,4 @@ def progress(text: str, total: float | None) -> Iterator[Any]:
     )
     with Progress(*columns, console=console(stderr=True), transient=True) as bar:
         task = bar.add_task(text, total=total)
-        yield lambda done: bar.update(task, completed=done)
+        yield lambda done, said="": bar.update(task, completed=done, description=f"{text} {said}".rstrip())

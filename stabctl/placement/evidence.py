@@ -9,7 +9,7 @@ from stabctl.controllers import Law
 from stabctl.screen.search import Attempt, search
 from stabctl.simulate.sampled import Sampled
 
-from .siting import Evidence
+from .siting import FINER, Evidence
 from .trials import Trials
 
 GRID = 0.125  # cycles
@@ -55,7 +55,8 @@ def evidence(trials: Trials, fleet: str, mw: np.ndarray, control: Law | Sampled 
 def table(trials: Trials, mw: np.ndarray, others: Mapping[str, Sampled]) -> tuple[Evidence, ...]:
     """The fleet (candidates, MW), less of it, without each site, more finely simulated, and under other controllers.
 
-    Where the fleet itself does not do for finer steps or another controller, the first of `MARGINS` that does is added.
+    Where the fleet itself does not do for finer steps or another controller, the first of `MARGINS` that does is shown,
+    or the last one where none does.
     """
     rows = [evidence(trials, "x1", mw), evidence(trials, "x0.9", 0.9 * mw)]
     for i in (int(i) for i in np.argsort(-mw) if mw[i] > 0):
@@ -63,14 +64,16 @@ def table(trials: Trials, mw: np.ndarray, others: Mapping[str, Sampled]) -> tupl
         rest = np.where(np.arange(len(mw)) == i, 0.0, mw)
         rows.append(evidence(trials, f"without {s.machine}@{s.bus}", rest))
     finer = trials.refined()
-    enough = next((m for m in MARGINS if not finer.lost(m * mw)), None)
-    if enough:
-        rows.append(evidence(finer, f"x{enough:g}, half the step, twice as long", enough * mw))
+    enough = next((m for m in MARGINS if not finer.lost(m * mw)), MARGINS[-1])
+    rows.append(evidence(finer, f"x{enough:g}, {FINER}", enough * mw))
     for name, control in others.items():
         rows.append(evidence(trials, name, mw, control))
         if rows[-1].lost:
-            larger = (evidence(trials, f"x{m:g}, {name}", m * mw, control) for m in MARGINS[1:])
-            rows += [row for row in [next((row for row in larger if not row.lost), None)] if row]
+            for margin in MARGINS[1:]:
+                larger = evidence(trials, f"x{margin:g}, {name}", margin * mw, control)
+                if not larger.lost:
+                    break
+            rows.append(larger)
     return tuple(rows)
 
 

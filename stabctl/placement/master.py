@@ -44,22 +44,26 @@ class Master:
     def __init__(
         self, cap: np.ndarray, cost_mw: np.ndarray, cost_site: np.ndarray, sites: int | None = None, room: int = 64
     ) -> None:
-        self.unit, n = float(cap.max()), len(cap)
-        self.cap, self.sites, self.room = cap, sites, room
-        self.cost_mw, self.cost_site = cost_mw, cost_site
+        self.cap, self.cost_mw, self.cost_site, self.sites = cap, cost_mw, cost_site, sites
+        self.unit = float(cap.max())
+        self._write(room)
+
+    def _write(self, room: int) -> None:
+        """The programme with room for so many cuts."""
+        n, self.room = len(self.cap), room
         self.s, self.xi = cp.Variable(n, nonneg=True), cp.Variable(room, nonneg=True)
         self.D, self.b = cp.Parameter((room, n)), cp.Parameter(room)
         self.low, self.high = cp.Parameter(n), cp.Parameter(n, nonneg=True)
-        scale = float(np.max(cost_mw * cap + cost_site)) or 1.0
-        whole = sites is not None or bool(cost_site.any())
+        whole = self.sites is not None or bool(self.cost_site.any())
         self.z = cp.Variable(n, boolean=True) if whole else None
+        scale = float(np.max(self.cost_mw * self.cap + self.cost_site)) or 1.0
         rules = [self.D @ self.s >= self.b - self.xi, self.s >= self.low, self.s <= self.high]
-        price = (cost_mw * self.unit / scale) @ self.s + SLACK * cp.sum(self.xi)
+        price = (self.cost_mw * self.unit / scale) @ self.s + SLACK * cp.sum(self.xi)
         if self.z is not None:
-            rules += [self.s <= cp.multiply(cap / self.unit, self.z)]
-            price += (cost_site / scale) @ self.z
-            if sites is not None:
-                rules.append(cp.sum(self.z) <= sites)
+            rules += [self.s <= cp.multiply(self.cap / self.unit, self.z)]
+            price += (self.cost_site / scale) @ self.z
+            if self.sites is not None:
+                rules.append(cp.sum(self.z) <= self.sites)
         self.problem = cp.Problem(cp.Minimize(price), rules)
         assert self.problem.is_dcp(dpp=True)
 
@@ -74,8 +78,7 @@ class Master:
     def solve(self, cuts: list[Cut], best: np.ndarray | None = None, radius: float = np.inf) -> Plan:
         """The cheapest fleet within `radius` (MW) of `best`; `StudyError` where the solver finds none."""
         if len(cuts) > self.room:
-            bigger = Master(self.cap, self.cost_mw, self.cost_site, self.sites, 2 * len(cuts))
-            self.__dict__.update(bigger.__dict__)
+            self._write(2 * len(cuts))
         D, b = np.zeros(self.D.shape), np.full(self.room, -1.0)
         for row, cut in enumerate(cuts):
             size = np.abs(cut.normal).max() * self.unit or 1.0

@@ -98,7 +98,9 @@ class Search:
             self.history.append(Round(plan.cost, cost, self.cost, sites))
             if self.progress:
                 self.progress(self.cost)
-            if not taken and self.best is not None:
+            if taken:
+                radius *= 2
+            elif self.best is not None:
                 radius = min(radius, np.abs(plan.mw - self.best).max()) / 2
                 if radius < TOLERANCE * self.best.max():
                     break

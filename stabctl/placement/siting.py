@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 from .contingency import Contingency
 
+FINER = "half the step, twice as long"
+
 
 class Costs(NamedTuple):
     """What storage costs, in any one currency."""
@@ -121,7 +123,8 @@ class Siting:
     @property
     def spared(self) -> tuple[Evidence, ...]:
         """Fleets of less that survive everything all the same."""
-        return tuple(r for r in self.evidence if not r.lost and (r.fleet == "x0.9" or r.fleet.startswith("without")))
+        less = (r for r in self.evidence if r.fleet == "x0.9" or r.fleet.startswith("without"))
+        return tuple(r for r in less if self.sites and not r.lost)
 
     def remarks(self) -> tuple[str, ...]:
         """What was found, in sentences."""
@@ -130,7 +133,9 @@ class Siting:
             f"survive {len(self.contingencies)} contingencies, each watched {self.observed_s:g} s after clearing "
             f"({self.simulations} simulations in {self.wall_s:.1f} s)."
         ]
-        if self.uniform_mw:
+        if self.uniform_mw == 0:
+            said.append("Everything is survived without storage.")
+        elif self.uniform_mw:
             share = 100 * self.total_mw / self.uniform_mw
             said.append(
                 f"A uniform fleet that does the same has {self.uniform_mw:.1f} MW ({self.uniform_percent:.2f} % of "
@@ -138,11 +143,26 @@ class Siting:
             )
         else:
             said.append("No uniform fleet within the caps does the same.")
-        said.append(
-            f"Cost {self.cost:.4g}, estimated lower bound {self.lower_bound:.4g} ({100 * self.gap:.1f} % below; an "
-            "estimate, since the fleets that survive need not form a convex set)."
-        )
+        if self.linear_mw:
+            said.append(f"What the linear stage shares out does the same with {self.linear_mw:.1f} MW.")
+        elif self.linear_mw is None:
+            said.append("What the linear stage shares out does not do the same at any scale within the caps.")
+        if self.cost:
+            said.append(
+                f"Cost {self.cost:.4g}, estimated lower bound {self.lower_bound:.4g} ({100 * self.gap:.1f} % below; an "
+                "estimate, since the fleets that survive need not form a convex set)."
+            )
         said += [str(one) for one in self.incurable]
+        for row in self.evidence:
+            if row.fleet.endswith(FINER):
+                lost = [c.contingency.name for c, ok in zip(self.contingencies, row.stable, strict=True) if not ok]
+                scale = row.fleet.split(",")[0]
+                said.append(
+                    f"At half the step, watched twice as long, {scale} of these sizes survives everything."
+                    if not lost
+                    else f"At half the step, watched twice as long, even {scale} of these sizes is lost to "
+                    f"{'; '.join(lost)}: watch longer (--observe)."
+                )
         said += [f"The fleet {row.fleet} survives everything too: it is not a least one." for row in self.spared]
         return tuple(said)
 

@@ -23,7 +23,7 @@ def against_place(
         ax.plot(places, values, "os"[k % 2] + "-", label=name)
     ax.axhline(cleared, color="0.35", linestyle="--", linewidth=1)
     ax.annotate(f"{cleared:g} cycles", (places[0], cleared), (0, 4), textcoords="offset points", color="0.35")
-    text = f"{cleared:g} cycles: lost without, stable with storage ({between[0]:.2f} to {between[1]:.2f})"
+    text = f"{cleared:g} cycles: lost without,\nstable with storage\n({between[0]:.2f} to {between[1]:.2f})"
     ax.axvspan(*between, color=COLOURS[4], alpha=0.25, label=text)
     ax.set_xlabel(f"place of the fault along {line}, fraction from its first bus")
     ax.set_ylabel("critical clearing time, cycles")

@@ -6,23 +6,12 @@ from pathlib import Path
 
 from stabctl.modes import Areas, Mode, Modes
 
+from .document import document
 from .drawing import compass, s_plane
 from .modes_table import number
 
 BARS = 5
 STYLE = """
-:root{--ink:#1b1f24;--soft:#5b6470;--paper:#fff;--card:#f6f7f9;--line:#d5dae0;--a:#0072b2;--b:#c24f00;--bad:#c4002b}
-@media(prefers-color-scheme:dark){:root{--ink:#e7eaee;--soft:#a3acb8;--paper:#14171b;--card:#1d2228;--line:#3a424c;
---a:#56b4e9;--b:#f0a040;--bad:#ff6b81}}
-*{box-sizing:border-box}
-body{margin:0 auto;padding:1rem;max-width:1100px;font:16px/1.5 system-ui,sans-serif;color:var(--ink);
-background:var(--paper)}
-h1{font-size:1.5rem;margin:.2em 0}h2{font-size:1.2rem;margin:1.8em 0 .4em}h3{font-size:1rem;margin:0}
-p{margin:.4em 0}.soft,.key{color:var(--soft);font-size:.875rem}
-.scroll{overflow-x:auto}table{border-collapse:collapse;font-size:.875rem;font-variant-numeric:tabular-nums}
-th,td{padding:.3em .7em;border-bottom:1px solid var(--line);text-align:right;white-space:nowrap}
-th{color:var(--soft);font-weight:600}td.text,th.text{text-align:left}
-td.text:first-child{white-space:normal;min-width:9rem}
 tr.swing td{font-weight:600}tr.grows td{color:var(--bad)}
 .cards{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,320px),1fr));gap:.8rem}
 .card{background:var(--card);border-radius:8px;padding:.8rem;min-width:0}
@@ -60,13 +49,7 @@ def page(modes: Modes, areas: Areas | None, band: tuple[float, float]) -> str:
         f"<h2>Oscillating modes from {band[0]:g} to {band[1]:g} Hz</h2>{_table(inside)}",
         f'<p class="soft">Data: {escape(case.source)}</p>' if case.source else "",
     ]
-    title = f"Modes of {escape(case.name)}"
-    head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">'
-    head += f"<title>{title}</title>"
-    body = "\n".join(parts)
-    return (
-        f'<!doctype html>\n<html lang="en"><head>{head}<style>{STYLE}</style></head>\n<body>\n{body}\n</body></html>\n'
-    )
+    return document(f"Modes of {case.name}", STYLE, parts)
 
 
 def write(folder: str | Path, modes: Modes, areas: Areas | None, band: tuple[float, float]) -> Path:

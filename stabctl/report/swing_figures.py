@@ -168,6 +168,7 @@ def _states(axes: "NDArray[Axes]", control: MinimumTime) -> None:
         ax.set_ylabel(name)
     for ax in axes[-1]:
         ax.set_xlabel("time after release (ms)")
+    axes[0, 0].figure.align_ylabels(axes)
 
 
 def _power(ax: "Axes", control: MinimumTime) -> None:

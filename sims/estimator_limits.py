@@ -1,0 +1,40 @@
+"""Critical clearing time with estimated speeds against the latency of remote signals and the noise of the phasors."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from stabctl import equilibrium, fleet, read
+from stabctl.clearing import clearing_time
+from stabctl.controllers import BangBang
+from stabctl.estimate.loop import Driven
+from stabctl.estimate.pmu import Pmu
+from stabctl.report import estimates
+from stabctl.report.study import Study, draw
+from stabctl.report.study_console import present
+
+FULL = True
+STUDIES = {"two_area": ("7", "7-8", "50MW"), "wnaps": ("83", "83-33", "5%mva")}
+LATENCIES, NOISES = (0, 25, 50, 75, 100, 150, 200), (0.5, 2, 5, 10, 20)
+DRIVEN = Driven(engine="batched")
+ALT = "Clearing time against latency and against noise, two cases: level at first, then lower."
+
+
+def study(reports: Path) -> Study:
+    """Two curves for every case, with the clearing time by true speeds beside."""
+    ideal, late, noisy = {}, {}, {}
+    for name, (fault, trip, size) in STUDIES.items():
+        case = read.load(name)
+        point = equilibrium.solve(case.with_storage(fleet.everywhere(case, size)))
+        ideal[name] = clearing_time(point, fault, [trip], BangBang()).cycles
+        pmus = [Pmu(latency_ms=ms) for ms in LATENCIES], [Pmu(angle_mrad=a, magnitude=1e-3 * a) for a in NOISES]
+        late[name], noisy[name] = (
+            [clearing_time(point, fault, [trip], replace(DRIVEN, pmu=pmu)).cycles for pmu in group] for group in pmus
+        )
+    panels = {"latency of remote signals, ms": (LATENCIES, late), "phasor noise, mrad and per mille": (NOISES, noisy)}
+    figure = estimates.clearing(panels, ideal)
+    picture = draw(figure, reports, "estimator_clearing.png", "Clearing time against latency and noise", ALT)
+    return Study("What latency and noise cost", pictures=(picture,))
+
+
+if __name__ == "__main__":
+    present(study)

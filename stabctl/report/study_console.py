@@ -1,0 +1,63 @@
+"""A study as a script: run, print, leave pictures and records in the folder of the reports."""
+
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from stabctl.errors import StabctlError
+
+from . import study_file
+from .study import Study
+
+
+def present(study: Callable[[Path], Study | Iterable[Study]]) -> None:
+    """Run a study of the script that is running, into reports/ or the folder that is its argument.
+
+    A mistake is one line on stderr and exit code 2.
+    """
+    script, folder = Path(sys.argv[0]), Path(sys.argv[1] if len(sys.argv) > 1 else "reports")
+    if "stabctl.compiled" in sys.modules:
+        sys.modules["stabctl.compiled"].announce()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        found = study(folder)
+        studies = (found,) if isinstance(found, Study) else tuple(found)
+        study_file.write(study_file.place(script, folder), studies)
+    except StabctlError as error:
+        sys.exit(_complain(str(error)))
+    except OSError as error:
+        sys.exit(_complain(f"{error.strerror or error}: {error.filename}" if error.filename else str(error)))
+    for record in studies:
+        show(record, folder)
+
+
+def show(study: Study, folder: Path) -> None:
+    """Print a record."""
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    console = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 120)
+    console.print(study.title, style="bold")
+    for paragraph in study.text:
+        console.print(paragraph)
+    if study.comparisons:
+        table = Table("the paper", "", "printed", "ours", "unit", "", "note")
+        for c in study.comparisons:
+            p, note = c.printed, str(study.notes.index(c.remark) + 1) if c.remark else ""
+            table.add_row(*map(escape, (p.where, p.what, p.text, c.shown, p.unit, str(c.verdict), note)))
+        console.print(table)
+    for number, note in enumerate(study.notes, 1):
+        console.print(f"{number}: {note}")
+    for given in study.tables:
+        table = Table(*map(escape, given.heads), title=escape(given.title), title_justify="left")
+        for row in given.rows:
+            table.add_row(*map(escape, row))
+        console.print(table)
+    for file in (*(p.file for p in study.pictures), *study.pages.values()):
+        console.print(f"wrote {folder / file}")
+
+
+def _complain(sentence: str) -> int:
+    print("stabctl:", " ".join(sentence.split()), file=sys.stderr)
+    return 2

@@ -1,0 +1,88 @@
+import json
+
+import pytest
+
+from stabctl.errors import StudyError
+from stabctl.report import paper, study_file
+from stabctl.report.study import Picture, Printed, Study, Table, Verdict
+
+NUMBER = Printed("Table 9", "angle", "0.6519", "rad")
+RECORD = Study(
+    "A title",
+    "2.1",
+    ("Words.", "More."),
+    (NUMBER.beside(0.652, "rounded"), Printed("Figure 9", "fate", "lost").beside("lost")),
+    (Table("Sizes", ("a", "b"), (("1", "2"), ("3", "4"))),),
+    (Picture("a.png", "A picture", "a line", of=("Figure 9",)),),
+    {"modes": "modes.html"},
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "ours", "verdict"),
+    [
+        ("0.6519", 0.65194, Verdict.AS_PRINTED),
+        ("0.6519", 0.65196, Verdict.CLOSE),
+        ("0.6519", 0.6583, Verdict.CLOSE),
+        ("0.6519", 0.6585, Verdict.DIFFERS),
+        ("0", -1e-9, Verdict.AS_PRINTED),
+        ("0", 0.6, Verdict.DIFFERS),
+        ("60", 59.6, Verdict.AS_PRINTED),
+        ("60", 73.2, Verdict.DIFFERS),
+        ("60", float("nan"), Verdict.DIFFERS),
+        ("lost", "lost", Verdict.AS_PRINTED),
+        ("lost", "stable", Verdict.DIFFERS),
+    ],
+)
+def test_a_result_agrees_in_the_digits_that_are_printed(text, ours, verdict):
+    assert Printed("Table 9", "it", text).beside(ours).verdict is verdict
+
+
+@pytest.mark.parametrize(("ours", "verdict"), [(0.5, Verdict.GIVEN), (0.5000001, Verdict.DIFFERS)])
+def test_a_constant_that_is_given_agrees_exactly(ours, verdict):
+    assert Printed("Table 9", "power", "0.5", "pu", given=True).beside(ours).verdict is verdict
+
+
+def test_difference_is_ours_less_the_papers():
+    c = NUMBER.beside(0.6619)
+    assert c.difference == pytest.approx(0.01, rel=1e-12)
+    assert c.relative == pytest.approx(0.01 / 0.6519, rel=1e-12)
+    assert Printed("Table 9", "speed", "0").beside(1).relative is None
+    assert str(c) == "Table 9, angle: paper 0.6519 rad, ours 0.6619 rad: differs"
+
+
+def test_records_come_back_from_their_file(tmp_path):
+    path = study_file.place(tmp_path / "sims" / "omib.py", tmp_path)
+    assert path.name == "sims_omib.json"
+    study_file.write(path, [RECORD, RECORD])
+    assert study_file.read(path) == (RECORD, RECORD)
+
+
+@pytest.mark.parametrize("text", ["", "[{}]", "{", "[1]", '{"title": 1}'])
+def test_a_file_without_records_is_one_sentence(text, tmp_path):
+    path = tmp_path / "sims_it.json"
+    path.write_text(text)
+    with pytest.raises(StudyError, match=r"^sims_it.json holds no records") as error:
+        study_file.read(path)
+    assert "\n" not in str(error.value)
+
+
+def test_what_stood_in_a_file_stays_when_writing_fails(tmp_path):
+    path = tmp_path / "index.html"
+    study_file.replace(path, "before")
+    with pytest.raises(UnicodeEncodeError):
+        study_file.replace(path, "after \ud800")
+    assert path.read_text() == "before"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_every_printed_number_stands_once():
+    printed = []
+    for value in vars(paper).values():
+        group = value.values() if isinstance(value, dict) else [value]
+        for entry in group:
+            printed += [p for p in (entry if isinstance(entry, tuple) else [entry]) if isinstance(p, Printed)]
+    assert len(printed) > 50
+    assert len({(p.where, p.what) for p in printed}) == len(printed)
+    assert all(p.value is not None or not p.text[0].isdigit() or " " in p.text for p in printed)
+    json.dumps(RECORD.to_dict(), allow_nan=False)

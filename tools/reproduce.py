@@ -1,0 +1,102 @@
+"""Run every study of analysis/ and sims/ and write reports/index.html, the paper beside ours.
+
+A study is a script that ends in `report.study_console.present`; each runs in a process of its own, so that one that
+fails is a sentence on the page and not the end of the others. One with a line `FULL = True` runs with --full only.
+"""
+
+import argparse
+import os
+import platform
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from datetime import date
+from pathlib import Path
+
+from stabctl.errors import StabctlError
+from stabctl.report import study_file
+from stabctl.report.index_page import About, Ran, page
+
+ROOT = Path(__file__).resolve().parent.parent
+FOLDERS = "analysis", "sims"
+
+
+def main() -> int:
+    """Parse, run, write; 1 where a study failed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--full", action="store_true", help="also the long studies")
+    parser.add_argument("--out", type=Path, default=ROOT / "reports", help="folder of the reports")
+    parser.add_argument("--workers", type=int, default=2, help="studies at a time")
+    parser.add_argument("folders", nargs="*", type=Path, default=[ROOT / name for name in FOLDERS])
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    scripts = [path for folder in options.folders for path in sorted(folder.glob("*.py"))]
+    left_out = [path for path in scripts if needs_full(path) and not options.full]
+    began = time.perf_counter()
+    pool = ThreadPoolExecutor(max(1, options.workers))
+    try:
+        ran = list(pool.map(lambda s: run(s, options.out), [s for s in scripts if s not in left_out]))
+    finally:
+        pool.shutdown(cancel_futures=True)
+    seconds = time.perf_counter() - began
+    about = About(date.today().isoformat(), machine(), seconds, tuple(map(shown, left_out)))
+    index = options.out / "index.html"
+    study_file.replace(index, page(ran, options.out, about))
+    print(f"wrote {index}: {sum(len(r.studies) for r in ran)} studies in {seconds:.0f} s")
+    return int(any(r.failure for r in ran))
+
+
+def needs_full(script: Path) -> bool:
+    """Does the script run with --full only?"""
+    return "FULL = True" in script.read_text(encoding="utf-8").splitlines()
+
+
+def run(script: Path, out: Path) -> Ran:
+    """Run one script and read its records."""
+    began, records = time.perf_counter(), study_file.place(script, out)
+    records.unlink(missing_ok=True)
+    path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
+    done = subprocess.run(
+        [sys.executable, script, out],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        errors="replace",
+        env=os.environ | {"PYTHONPATH": path},
+    )
+    seconds, name = time.perf_counter() - began, shown(script)
+    try:
+        if done.returncode:
+            raise StabctlError(why(done))
+        ran = Ran(name, seconds, study_file.read(records))
+    except StabctlError as error:
+        ran = Ran(name, seconds, failure=str(error))
+    print(f"{name}: {ran.failure or 'done'} ({seconds:.0f} s)", flush=True)
+    return ran
+
+
+def why(done: subprocess.CompletedProcess[str]) -> str:
+    """One sentence on a script that failed."""
+    if done.returncode < 0:
+        return f"It was ended by signal {-done.returncode}."
+    lines = done.stderr.strip().splitlines()
+    return lines[-1].removeprefix("stabctl: ") if lines else f"It ended with exit code {done.returncode}."
+
+
+def shown(script: Path) -> str:
+    """The script as a reader names it: sims/omib.py."""
+    return f"{script.parent.name}/{script.name}"
+
+
+def machine() -> str:
+    """The machine in words."""
+    return f"{os.cpu_count()} processors, {platform.system()} {platform.machine()}, Python {platform.python_version()}"
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        sys.exit(130)
