@@ -80,17 +80,17 @@ class Master:
         """The cheapest fleet within `radius` (MW) of `best`; `StudyError` where the solver finds none."""
         if len(cuts) > self.room:
             self._write(2 * len(cuts))
+        if not all(np.isfinite([*cut.normal, cut.bound]).all() for cut in cuts):
+            raise StudyError("The siting programme has a cut that is not of finite numbers; check costs and caps.")
         D, b = np.zeros(self.D.shape), np.full(self.room, -1.0)
         for row, cut in enumerate(cuts):
             does = cut.normal * self.cap
             most = np.abs(does).max() or 1.0
-            D[row], b[row] = does / (most if most < np.inf else 1.0), cut.bound / most
+            D[row], b[row] = does / most, cut.bound / most
         unit = np.where(self.cap > 0, self.cap, 1.0)
         near = best is not None and radius < np.inf
         self.low.value = np.maximum(best - radius, 0) / unit if near else np.zeros(len(unit))
         self.high.value = (np.minimum(best + radius, self.cap) if near else self.cap) / unit
-        if not (np.isfinite(D).all() and np.isfinite(b).all()):
-            raise StudyError("The siting programme has a cut that is not of finite numbers; check costs and caps.")
         self.D.value, self.b.value = D, b
         try:
             self.problem.solve(solver=cp.CLARABEL if self.z is None else cp.HIGHS)
