@@ -13,6 +13,8 @@ from stabctl.simulate.events import branch, contingency, locate, timeline
 from stabctl.units import seconds
 
 COUNT, LONGER = 8, 1.2
+LONGEST = 1_000_000  # bytes of a file
+LATEST = 10.0  # s   clearing, which in practice is a matter of cycles
 KEYS = {"fault": str, "trip": (str, list), "clear": str}
 SHOWN = 'write [[contingency]] with fault = "16", trip = "16-21", clear = "8.2cyc"'
 
@@ -52,17 +54,27 @@ def load(path: str | Path, case: Case) -> tuple[Contingency, ...]:
     """The contingencies of a TOML file, in the cycles of a case. `StudyError` names file, row, key and value."""
     path = Path(path)
     try:
-        found = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise StudyError(f"The contingency file {path} cannot be read: {error.strerror or error}.") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        with path.open("rb") as file:
+            text = file.read(LONGEST + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise StudyError(f"The contingency file {str(path)[:200]!r} cannot be read: {reason}.") from None
+    if len(text) > LONGEST:
+        raise StudyError(f"The contingency file {path} has more than {LONGEST} bytes; {SHOWN}.")
+    try:
+        found = tomllib.loads(text.decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:
         raise StudyError(f"The contingency file {path} is not TOML: {error}.") from None
     rows = found.pop("contingency", None)
     if found:
         raise StudyError(f"{path}: the key {next(iter(found))!r} is not known; {SHOWN}.")
     if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
         raise StudyError(f"{path} holds no contingencies; {SHOWN}.")
-    return checked((_made(path, i, row, case) for i, row in enumerate(rows, start=1)), case)
+    made = [_made(path, i, row, case) for i, row in enumerate(rows, start=1)]
+    try:
+        return checked(made, case)
+    except StudyError as error:
+        raise StudyError(f"{path}: {error}") from None
 
 
 def _made(path: Path, i: int, row: dict[str, Any], case: Case) -> Contingency:
@@ -98,8 +110,11 @@ def checked(contingencies: Iterable[Contingency], case: Case) -> tuple[Contingen
             timeline(case, contingency(one.fault, one.clear, one.trip, 0.0))
         except StudyError as error:
             raise StudyError(f"Contingency {i} ({one.name}): {error}") from None
-        if one.clear <= 0:
-            raise StudyError(f"Contingency {i} ({one.name}) is cleared after {one.clear:g} s; give a time above 0.")
+        if not 0 < one.clear <= LATEST:
+            raise StudyError(
+                f"Contingency {i} ({one.name}) is cleared after {one.clear:g} s; give a time above 0 and at most "
+                f"{LATEST:g} s."
+            )
         if one in out[: i - 1]:
             raise StudyError(f"Contingency {i} ({one.name}) is listed twice; take one out.")
     return out

@@ -4,7 +4,8 @@
     s.t. D s >= b - xi,  0 <= s <= cap z,  |s - best| <= radius,  xi >= 0
          0 <= z <= 1 (a linear programme, Clarabel), or z of 0 and 1 with at most K of them (HiGHS)
 
-Sizes are in units of the largest cap inside, so that the programme is well scaled.
+Inside, a size is a share of its cap and a cut is measured by the most that one device can do for it, so that the
+programme is well scaled.
 """
 
 from typing import NamedTuple
@@ -15,6 +16,7 @@ import numpy as np
 from stabctl.errors import StudyError
 
 SLACK = 1e3  # rho, over the largest cost of a cap
+NOTHING = 1e-6  # of a cap
 
 
 class Cut(NamedTuple):
@@ -31,21 +33,20 @@ class Plan(NamedTuple):
 
     mw: np.ndarray  # (candidates) MW
     cost: float  # without slack
-    slack: float  # largest violation of a cut, relative
+    slack: float  # largest violation of a cut, over the most that one device can do for it
 
 
 class Master:
     """The programme, built once for a number of candidates; cuts, centre and radius are parameters.
 
     Args: largest sizes (candidates, MW); cost of a MW and of a site (candidates); at most so many sites (None: any
-    number, and a site's cost is spread over its cap); room for cuts.
+    number); room for cuts.
     """
 
     def __init__(
         self, cap: np.ndarray, cost_mw: np.ndarray, cost_site: np.ndarray, sites: int | None = None, room: int = 64
     ) -> None:
         self.cap, self.cost_mw, self.cost_site, self.sites = cap, cost_mw, cost_site, sites
-        self.unit = float(cap.max())
         self._write(room)
 
     def _write(self, room: int) -> None:
@@ -58,9 +59,9 @@ class Master:
         self.z = cp.Variable(n, boolean=True) if whole else None
         scale = float(np.max(self.cost_mw * self.cap + self.cost_site)) or 1.0
         rules = [self.D @ self.s >= self.b - self.xi, self.s >= self.low, self.s <= self.high]
-        price = (self.cost_mw * self.unit / scale) @ self.s + SLACK * cp.sum(self.xi)
+        price = (self.cost_mw * self.cap / scale) @ self.s + SLACK * cp.sum(self.xi)
         if self.z is not None:
-            rules += [self.s <= cp.multiply(self.cap / self.unit, self.z)]
+            rules.append(self.s <= self.z)
             price += (self.cost_site / scale) @ self.z
             if self.sites is not None:
                 rules.append(cp.sum(self.z) <= self.sites)
@@ -79,14 +80,18 @@ class Master:
         """The cheapest fleet within `radius` (MW) of `best`; `StudyError` where the solver finds none."""
         if len(cuts) > self.room:
             self._write(2 * len(cuts))
+        if not all(np.isfinite([*cut.normal, cut.bound]).all() for cut in cuts):
+            raise StudyError("The siting programme has a cut that is not of finite numbers; check costs and caps.")
         D, b = np.zeros(self.D.shape), np.full(self.room, -1.0)
         for row, cut in enumerate(cuts):
-            size = np.abs(cut.normal).max() * self.unit or 1.0
-            D[row], b[row] = cut.normal * self.unit / size, cut.bound / size
-        self.D.value, self.b.value = D, b
+            does = cut.normal * self.cap
+            most = np.abs(does).max() or 1.0
+            D[row], b[row] = does / most, cut.bound / most
+        unit = np.where(self.cap > 0, self.cap, 1.0)
         near = best is not None and radius < np.inf
-        self.low.value = np.maximum(best - radius, 0) / self.unit if near else np.zeros(len(self.cap))
-        self.high.value = (np.minimum(best + radius, self.cap) if near else self.cap) / self.unit
+        self.low.value = np.maximum(best - radius, 0) / unit if near else np.zeros(len(unit))
+        self.high.value = (np.minimum(best + radius, self.cap) if near else self.cap) / unit
+        self.D.value, self.b.value = D, b
         try:
             self.problem.solve(solver=cp.CLARABEL if self.z is None else cp.HIGHS)
         except cp.SolverError as error:
@@ -95,6 +100,5 @@ class Master:
             ) from None
         if self.problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
             raise StudyError(f"The siting programme is {self.problem.status}; check costs, caps and number of sites.")
-        mw = np.clip(self.s.value * self.unit, 0, self.cap)
-        mw[mw < 1e-6 * self.unit] = 0.0
+        mw = np.where(self.s.value > NOTHING, np.clip(self.s.value, 0, 1) * self.cap, 0.0)
         return Plan(mw, self.cost(mw), float(self.xi.value.max()))

@@ -10,6 +10,7 @@ from .trials import Trials
 
 SCAN = 1.25  # ratio of neighbouring multiples of a scan
 FINE = 1e-3  # relative width of the final bracket
+LITTLE = 1e-3  # multiple below which nothing at all is tried
 FAR = 0.85  # of the scaling of a fleet, at which other contingencies are looked at
 
 
@@ -61,9 +62,9 @@ def least(trials: Trials, mw: np.ndarray, fine: float = FINE) -> Scaled | None:
         return None if trials.lost(mw) else Scaled(0.0, {})
     high = low = min(1.0, most)
     while not (lost := trials.lost(low * mw)):
-        high, low = low, low / SCAN
-        if low < 1e-3:
+        if low == 0:
             return Scaled(0.0, {})
+        high, low = low, low / SCAN if low > LITTLE else 0.0
     near: dict[int, float] = {}
     while lost:
         found = trials.each(partial(_above, trials, mw, low, high, most, fine), lost)

@@ -3,7 +3,8 @@
 import copy
 import os
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from threading import Event
 from typing import TypeVar
 
 import numpy as np
@@ -43,7 +44,7 @@ class Trials:
         self.point, self.contingencies, self.cap, self.law = point, tuple(contingencies), cap, law or BangBang()
         self.observed_s, self.step, self.rules, self.progress = observed_s, step, rules, progress
         self._counted = [0]
-        self._pool = ThreadPoolExecutor(workers or os.cpu_count())
+        self._pool, self._ended = ThreadPoolExecutor(workers or os.cpu_count()), Event()
         self._known: dict[tuple[int, bytes], bool] = {}
 
     @property
@@ -52,7 +53,9 @@ class Trials:
         return self._counted[0]
 
     def count(self) -> None:
-        """One more run."""
+        """One more run; `CancelledError` once the study has ended."""
+        if self._ended.is_set():
+            raise CancelledError
         self._counted[0] += 1
         if self.progress:
             self.progress(self.simulations)
@@ -71,7 +74,11 @@ class Trials:
 
     def each(self, ask: Callable[[int], T], which: Iterable[int] | None = None) -> list[T]:
         """What `ask` answers for every contingency, or for these numbers, side by side."""
-        return list(self._pool.map(ask, range(len(self.contingencies)) if which is None else which))
+        try:
+            return list(self._pool.map(ask, range(len(self.contingencies)) if which is None else which))
+        except BaseException:
+            self._ended.set()  # the other threads are in the middle of long searches, for which an exit would wait
+            raise
 
     def lost(self, mw: np.ndarray) -> list[int]:
         """The contingencies that the fleet does not survive."""
