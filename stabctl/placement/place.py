@@ -70,7 +70,7 @@ def place(
     trials = Trials(point, checked(contingencies, case), largest, law, observed_s, step, rules, workers, tell)
     uniform = UNIFORM * mva
     trials, cures, incurable = seeds.curable(trials, uniform)
-    price = np.full(len(found), costs.mw)
+    price = np.full(len(found), float(costs.mw))
     if costs.mwh:
         price += costs.mwh * energies(trials, uniform) / trials.fleet(uniform)
     master = Master(largest, price, np.full(len(found), costs.site), sites)

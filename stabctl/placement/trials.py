@@ -1,14 +1,14 @@
 """Fleets put to the test: does a fleet of these sizes survive a contingency? Every question is simulated once."""
 
 import copy
-import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
-from threading import Event
+from threading import Event, Lock
 from typing import TypeVar
 
 import numpy as np
 
+from stabctl import cores
 from stabctl.controllers import BangBang, Law
 from stabctl.equilibrium import Point
 from stabctl.simulate.events import contingency
@@ -26,7 +26,8 @@ class Trials:
     """Simulations of the fleets of one operating point, whose case has a device at every candidate.
 
     Args: the point; what is to be survived; largest sizes (candidates, MW), to which every fleet is cut; the storage
-    law; time watched after clearing (s); step (s); when a run ends; threads; what is told the number of runs so far.
+    law; time watched after clearing (s); step (s); when a run ends; threads (one per core); what is told the number of
+    runs so far. Raises `StudyError` for fewer than one thread.
     """
 
     def __init__(
@@ -43,8 +44,8 @@ class Trials:
     ) -> None:
         self.point, self.contingencies, self.cap, self.law = point, tuple(contingencies), cap, law or BangBang()
         self.observed_s, self.step, self.rules, self.progress = observed_s, step, rules, progress
-        self._counted = [0]
-        self._pool, self._ended = ThreadPoolExecutor(workers or os.cpu_count()), Event()
+        self._counted, self._lock = [0], Lock()
+        self._pool, self._ended = ThreadPoolExecutor(cores.used(workers)), Event()
         self._known: dict[tuple[int, bytes], bool] = {}
 
     @property
@@ -56,7 +57,8 @@ class Trials:
         """One more run; `CancelledError` once the study has ended."""
         if self._ended.is_set():
             raise CancelledError
-        self._counted[0] += 1
+        with self._lock:
+            self._counted[0] += 1
         if self.progress:
             self.progress(self.simulations)
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stabctl import cores
 from stabctl.clearing import BELOW, Status, Trial
 from stabctl.controllers import Law
 from stabctl.equilibrium import Point
@@ -130,8 +131,6 @@ def screen(
     """
     limit = limit_cycles if below is None else min(limit_cycles, _up(below, resolution_cycles))
     Trial(point, "", (), control, resolution_cycles, limit, observed_s, step, rules)
-    if workers is not None and workers < 1:
-        raise StudyError(f"{workers} workers are not allowed; give at least 1.")
     found, wanted = lines(point.case), None if buses is None else {str(bus) for bus in buses}
     by_bus: dict[str, list[Trial]] = {}
     for name in found.screened:
@@ -146,7 +145,7 @@ def screen(
         )
     everything = [trial for trials in by_bus.values() for trial in trials]
     began, pairs = time.perf_counter(), []
-    pool = ThreadPoolExecutor(workers or os.cpu_count())
+    pool = ThreadPoolExecutor(cores.used(workers))
     try:
         for done in as_completed([pool.submit(_at_one_bus, trials) for trials in by_bus.values()]):
             pairs += done.result()
