@@ -5,7 +5,7 @@ from pathlib import Path
 
 from stabctl.report.study import Study, Table
 from stabctl.report.study_console import present
-from stabctl.sweep.overview import overview
+from stabctl.sweep.overview import cell, overview
 from stabctl.sweep.run import run
 from stabctl.sweep.store import rows
 
@@ -22,11 +22,6 @@ def study(reports: Path) -> Iterator[Study]:
         errors = (f"{what}: {sentence}" for what, sentence in found.errors)
         table = Table(f"{summary.done + summary.before} jobs", found.columns, cells)
         yield Study(f"Sweep {path.stem.replace('_', ' ')}", text=(f"{common}.", *errors), tables=(table,))
-
-
-def cell(value: object) -> str:
-    """A value of a results file in a table."""
-    return "" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value).replace("_", " ")
 
 
 if __name__ == "__main__":
