@@ -164,7 +164,7 @@ def console(stderr: bool = False) -> "Console":
     """Where tables (stdout) and progress (stderr) go."""
     from rich.console import Console
 
-    return Console(stderr=stderr, highlight=False)
+    return Console(stderr=stderr, highlight=False, markup=False)
 
 
 @contextmanager

@@ -96,7 +96,7 @@ def _show(rows: list[dict[str, Any]], written: Path | None) -> None:
     from stabctl.sweep.overview import cell, overview
 
     found, console = overview(rows), shared.console()
-    console.print(", ".join(f"{column} {value}" for column, value in found.common.items()), markup=False)
+    console.print(", ".join(f"{column} {value}" for column, value in found.common.items()))
     table = Table(*found.columns)
     for cells in found.cells:
         table.add_row(*map(cell, cells))
