@@ -6,7 +6,7 @@ import warnings
 
 import typer
 
-from stabctl.errors import StabctlError
+from stabctl.errors import StabctlError, sentence
 
 from . import (
     cases,
@@ -50,10 +50,8 @@ def main() -> None:
     gc.disable()  # a command is short and makes few cycles; collecting while libraries load costs an eighth of it
     try:
         code = app(standalone_mode=False)
-    except StabctlError as error:
-        code = _complain(str(error))
-    except OSError as error:
-        code = _complain(f"{error.strerror or error}: {error.filename}" if error.filename else str(error))
+    except (StabctlError, OSError) as error:
+        code = _complain(sentence(error))
     except KeyboardInterrupt:
         code = _complain("interrupted.", 130)
     except Exception as error:

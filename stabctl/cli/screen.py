@@ -70,11 +70,12 @@ def screen(
 
 def _show(found: "Screen", out: Path | None, as_json: bool) -> None:
     if as_json:
-        keys = ("fault", "trip", "cycles", "status", "machine")
+        from stabctl.screen.study import COLUMNS
+
         shared.print_json(
             {
                 "case": found.case,
-                "pairs": [dict(zip(keys, p, strict=False)) for p in found.pairs],
+                "pairs": [dict(zip(COLUMNS, p, strict=False)) for p in found.pairs],
                 "bridges": found.lines.bridges,
                 "twins": found.lines.twins,
                 "screened": found.screened,

@@ -6,13 +6,13 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stabctl import files
 from stabctl.errors import StudyError
 from stabctl.placement.siting import Evidence, Siting
 
 from . import embedded, siting_figures
 from .document import document, table
 from .study import DPI
-from .study_file import replace
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -50,8 +50,8 @@ def write(siting: Siting, folder: str | Path, name: str = "") -> Path:
         folder.mkdir(parents=True, exist_ok=True)
         for what, drawn in _figures(siting).items():
             pictures[what] = path.with_name(f"{path.stem}_{what}.png")
-            replace(pictures[what], _png(drawn))
-        replace(path, page(siting, pictures))
+            files.replace(pictures[what], _png(drawn))
+        files.replace(path, page(siting, pictures))
     except OSError as error:
         raise StudyError(
             f"The report cannot be written into {folder}: {error.strerror or error}; name a folder that can be "

@@ -1,7 +1,7 @@
 """The screen: every line fault of a case, ranked by critical clearing time."""
 
 import csv
-import os
+import io
 import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stabctl import cores
+from stabctl import cores, files
 from stabctl.clearing import BELOW, Status, Trial
 from stabctl.controllers import Law
 from stabctl.equilibrium import Point
@@ -49,6 +49,9 @@ class Pair(NamedTuple):
         return f"{what}: {self.cycles:g} cycles{first}"
 
 
+COLUMNS = Pair._fields[:5]  # of a file: without the number of simulations
+
+
 @dataclass(frozen=True)
 class Screen:
     """The pairs of a case, those of the shortest clearing time first, and how they were found."""
@@ -73,15 +76,11 @@ class Screen:
         path = Path(path)
         if path.suffix.lower() != ".csv":
             raise StudyError(f"The file {path.name!r} must end in .csv.")
-        part = path.with_name(f".{path.name}.{os.getpid()}")
-        try:
-            with part.open("w", newline="") as file:
-                table = csv.writer(file)
-                table.writerow(("fault", "trip", "cycles", "status", "machine"))
-                table.writerows(p[:5] for p in self.pairs)
-            part.replace(path)
-        finally:
-            part.unlink(missing_ok=True)
+        text = io.StringIO()
+        table = csv.writer(text)
+        table.writerow(COLUMNS)
+        table.writerows(p[: len(COLUMNS)] for p in self.pairs)
+        files.replace(path, text.getvalue())
         return path
 
     def remarks(self) -> tuple[str, ...]:

@@ -165,7 +165,7 @@ def test_a_page_stands_until_the_new_one_is_whole(siting, tmp_path, monkeypatch)
     def fail(_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("stabctl.report.study_file.os.fsync", fail)
+    monkeypatch.setattr("stabctl.files.os.fsync", fail)
     with pytest.raises(StudyError, match="No space left on device"):
         siting_page.write(replace(siting, cost=1.0), tmp_path)
     assert path.read_bytes() == before
