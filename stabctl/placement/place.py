@@ -16,7 +16,7 @@ from stabctl.units import size
 
 from . import seeds
 from .contingency import Contingency, checked
-from .evidence import critical_cycles, energies, table
+from .evidence import energies, proof, table
 from .master import Master
 from .programme import Search
 from .sensitivity import Candidate, sensitivity
@@ -84,14 +84,14 @@ def place(
     if search.best is None:
         raise StudyError(_none_found(search, sites))
     best = search.best
-    rows = table(trials, best, others or {})
+    proved = proof(trials, best)
+    rows = table(trials, best, proved, others or {})
     lost_with_less = trials.lost(LESS * best)
-    proof = trials.each(lambda k: critical_cycles(trials, best, k))
     energy = energies(trials, best)
     hz = case.frequency_hz
     survived = tuple(
-        Survived(one, one.clear * hz, cycles, machine, stable, k in lost_with_less)
-        for k, (one, (cycles, stable, machine)) in enumerate(zip(trials.contingencies, proof, strict=True))
+        Survived(one, one.clear * hz, c.cycles, c.machine, c.stable, k in lost_with_less)
+        for k, (one, c) in enumerate(zip(trials.contingencies, proved, strict=True))
     )
     order = [int(i) for i in np.argsort(-best) if best[i] > 0]
     return Siting(
