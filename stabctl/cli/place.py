@@ -25,9 +25,7 @@ Cap = Annotated[str, typer.Option("--cap", help="Largest device: 30%mva, 100%dis
 CostMw = Annotated[float, typer.Option("--cost-mw", help="Cost of a MW.")]
 CostSite = Annotated[float, typer.Option("--cost-site", help="Cost of a site.")]
 CostMwh = Annotated[float, typer.Option("--cost-mwh", help="Cost of a MWh.")]
-Observe = Annotated[float, typer.Option("--observe", help="Time watched after clearing, s.")]
 Report = Annotated[Path | None, typer.Option("--report", help="Write a page with figures into this folder.")]
-Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Threads (default: one per core).")]
 Validate = Annotated[
     Literal["frequency", "kinematic", "kalman"] | None,
     typer.Option("--validate", help="Put the fleet under estimates from PMU signals too."),
@@ -42,7 +40,7 @@ def place(
     cost_mw: CostMw = 1.0,
     cost_site: CostSite = 0.0,
     cost_mwh: CostMwh = 0.0,
-    observe: Observe = 5.0,
+    observe: shared.Observe = 5.0,
     step: shared.Step = None,
     characteristic: shared.Characteristic = "power",
     lag: shared.Lag = 0.0,
@@ -51,7 +49,7 @@ def place(
     max_angle: shared.Angle = 3.5,
     validate: Validate = None,
     seed: shared.Seed = 1,
-    workers: Workers = None,
+    workers: shared.Workers = None,
     report: Report = None,
     classical: shared.Classical = False,
     as_json: shared.Json = False,

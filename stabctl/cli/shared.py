@@ -48,6 +48,9 @@ FaultImpedance = Annotated[str, typer.Option("--fault-impedance", help="R,X of t
 Angle = Annotated[
     float, typer.Option("--max-angle", help="Change of angle against the COI that loses synchronism, rad.")
 ]
+Observe = Annotated[float, typer.Option("--observe", help="Time watched after clearing, s.")]
+Limit = Annotated[str, typer.Option("--limit", help="Longest clearing time tried.")]
+Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Threads (default: one per core).")]
 Step = Annotated[float | None, typer.Option("--step", help="Time step, s (default: at most 1/120).")]
 
 Estimator = Annotated[
