@@ -190,8 +190,8 @@ class Siting:
         lines += [f"{s.bus:6d} {s.machine:7d} {s.mw:9.2f} {1e3 * s.mwh:9.1f}" for s in self.sites]
         lines.append("contingency                 target  critical, cycles")
         for c in self.contingencies:
-            found = "none" if c.critical_cycles is None else f"{c.critical_cycles:.2f}"
+            found = "none" if c.critical_cycles is None else f"{c.critical_cycles:.3f}"
             lines.append(
-                f"{c.contingency.name:26s} {c.target_cycles:7.2f} {found:>9s}" + ("  binding" if c.binding else "")
+                f"{c.contingency.name:26s} {c.target_cycles:7.3f} {found:>9s}" + ("  binding" if c.binding else "")
             )
         return "\n".join([*lines, *self.remarks()[1:]])
