@@ -81,7 +81,7 @@ def place(
             workers=workers,
             progress=lambda runs, cost: tell(None, f"{runs} runs, best cost {cost:.4g}"),
             characteristic=characteristic,
-            lag=lag,
+            lag=shared.checked_lag(lag),
         )
     if as_json:
         shared.print_json(_record(found))
