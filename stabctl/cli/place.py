@@ -61,6 +61,10 @@ def place(
     from stabctl.placement.place import place
     from stabctl.placement.siting import Costs
 
+    if report:
+        from stabctl.report import siting_page
+
+        siting_page.ready(report)
     loaded = shared.load(case, classical)
     chosen = _contingencies(loaded, case, contingencies, classical)
     law = BangBang(deadband, min_voltage)
@@ -79,16 +83,14 @@ def place(
             workers=workers,
             progress=lambda runs, cost: tell(None, f"{runs} runs, best cost {cost:.4g}"),
             characteristic=characteristic,
-            lag=lag,
+            lag=shared.checked_lag(lag),
         )
     if as_json:
         shared.print_json(_record(found))
     else:
         shared.console().print(str(found))
     if report:
-        from stabctl.report.siting_page import write
-
-        print(write(found, report), file=sys.stderr if as_json else sys.stdout)
+        print(siting_page.write(found, report), file=sys.stderr if as_json else sys.stdout)
 
 
 def _contingencies(case: "Case", name: str, file: Path | None, classical: bool) -> "tuple[Contingency, ...]":

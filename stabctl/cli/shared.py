@@ -82,14 +82,22 @@ def start(case: "Case", storage: str | None = None, storage_at: str | None = Non
 
     if storage is not None and storage_at is not None:
         raise StudyError("--storage and --storage-at exclude each other; give one of them.")
-    if not 0 <= options.get("lag", 0.0) < float("inf"):
-        raise StudyError(f"--lag {options['lag']:g} s is not allowed; it must be at least 0.")
+    checked_lag(options.get("lag", 0.0))
     flow = powerflow.solve(case)
     if storage is not None:
         case = case.with_storage(fleet.everywhere(case, storage, flow, **options))
     elif storage_at is not None:
         case = case.with_storage(fleet.chosen(case, storage_at, flow, **options))
     return equilibrium.solve(case, flow)
+
+
+def checked_lag(lag: float) -> float:
+    """The lag (s) of the devices, where it is one."""
+    from stabctl.errors import StudyError
+
+    if not 0 <= lag < float("inf"):
+        raise StudyError(f"--lag {lag:g} s is not allowed; it must be at least 0.")
+    return lag
 
 
 def law(case: "Case", control: str | None, deadband: float, min_voltage: float) -> "BangBang | None":

@@ -25,6 +25,7 @@ from .siting import Costs, Place, Site, Siting, Survived
 from .trials import Trials
 
 UNIFORM = 0.05  # of machine MVA   the uniform fleet that is scaled
+LARGEST = 1e6  # MW
 LESS = 0.97  # of the fleet, at which a binding contingency is lost
 
 
@@ -72,7 +73,8 @@ def place(
     trials, cures, incurable = seeds.curable(trials, uniform)
     price = np.full(len(found), float(costs.mw))
     if costs.mwh:
-        price += costs.mwh * energies(trials, uniform) / trials.fleet(uniform)
+        even = trials.fleet(uniform)
+        price += costs.mwh * energies(trials, uniform) / np.where(even > 0, even, np.inf)
     master = Master(largest, price, np.full(len(found), costs.site), sites)
     search = Search(trials, master, sensitivity(point, found).J)
     even = seeds.uniform_fleet(search, uniform, cures)
@@ -138,6 +140,8 @@ def _caps(case: Case, cap: str, mva: np.ndarray, found: Sequence[Candidate], flo
         out = value / 100 * mva if unit == "%mva" else np.full(len(mva), value)
     if not (out > 0).any():
         raise StudyError(f"The cap of {cap} leaves no room for storage; give a size above 0.")
+    if out.max() > LARGEST:
+        raise StudyError(f"The cap of {cap} is beyond any storage; give at most {LARGEST:g} MW.")
     return out
 
 

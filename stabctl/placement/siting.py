@@ -59,10 +59,10 @@ class Incurable(NamedTuple):
     tried: int  # fleets
 
     def __str__(self) -> str:
-        without = "at no clearing time" if self.alone_cycles is None else f"up to {self.alone_cycles:g} cycles"
+        without = "at no clearing time" if self.alone_cycles is None else f"up to {self.alone_cycles:.2f} cycles"
         return (
-            f"{self.contingency.name} at {self.target_cycles:g} cycles: none of {self.tried} fleets within the caps "
-            f"survives it (without storage it is survived {without}); it is left out."
+            f"{self.contingency.name} at {self.target_cycles:.2f} cycles: none of {self.tried} fleets within the caps "
+            f"survives it (without storage it is survived {without})."
         )
 
 
@@ -145,9 +145,10 @@ class Siting:
     def remarks(self) -> tuple[str, ...]:
         """What was found, in sentences."""
         said = [
-            f"{self.case}: {self.total_mw:.1f} MW and {1e3 * self.total_mwh:.0f} kWh at {len(self.sites)} sites "
-            f"survive {len(self.contingencies)} contingencies, each watched {self.observed_s:g} s after clearing "
-            f"({self.simulations} simulations in {self.wall_s:.1f} s)."
+            f"{self.case}: {self.total_mw:.1f} MW and {1e3 * self.total_mwh:.0f} kWh at "
+            f"{_counted(len(self.sites), 'site')} survive {_counted(len(self.contingencies), 'contingency')}, each "
+            f"watched {self.observed_s:g} s after clearing ({_counted(self.simulations, 'simulation')} in "
+            f"{self.wall_s:.1f} s)."
         ]
         if self.uniform_mw == 0:
             said.append("Everything is survived without storage.")
@@ -171,7 +172,7 @@ class Siting:
 
     def reservations(self) -> tuple[str, ...]:
         """What is not cured, what finer runs lose, and where less would do, in sentences."""
-        said = [str(one) for one in self.incurable]
+        said = [f"Left out: {one}" for one in self.incurable]
         for row in self.evidence:
             if row.fleet.endswith(FINER):
                 lost = [c.contingency.name for c, ok in zip(self.contingencies, row.stable, strict=True) if not ok]
@@ -195,3 +196,8 @@ class Siting:
                 f"{c.contingency.name:26s} {c.target_cycles:7.3f} {found:>9s}" + ("  binding" if c.binding else "")
             )
         return "\n".join([*lines, *self.remarks()[1:]])
+
+
+def _counted(number: int, noun: str) -> str:
+    plural = {"contingency": "contingencies"}.get(noun, noun + "s")
+    return f"{number} {noun if number == 1 else plural}"

@@ -125,7 +125,7 @@ def test_the_row_of_a_table_has_a_cell_below_every_head(siting):
 def test_reservations_are_among_the_sentences(siting):
     spared = replace(siting, evidence=(*siting.evidence, Evidence("without 31@131", 40.0, (12.0, 6.0), (True, True))))
     incurable, less = spared.reservations()
-    assert incurable.startswith("3 at 18 cycles: none of 35 fleets")
+    assert incurable.startswith("Left out: 3 at 18.00 cycles: none of 35 fleets")
     assert less == "The fleet without 31@131 survives everything too: it is not a least one."
     assert spared.remarks()[-2:] == (incurable, less)
 
