@@ -141,7 +141,7 @@ def _record(found: "Siting") -> dict[str, Any]:
             }
             for c in found.incurable
         ],
-        "evidence": [e._asdict() for e in found.evidence],
+        "evidence": [{"fleet": e.fleet, **e._asdict()} for e in found.evidence],
         "history": [h._asdict() for h in found.history],
         "observed_s": found.observed_s,
         "simulations": found.simulations,

@@ -1,7 +1,7 @@
 """The proof: critical clearing times of a fleet and of its neighbours, by the criterion of `stabctl clearing-time`."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from stabctl.controllers import Law
 from stabctl.screen.search import Attempt, search
 from stabctl.simulate.sampled import Sampled
 
-from .siting import FINER, Evidence
+from .siting import Evidence
 from .trials import Trials
 
 GRID = 0.125  # cycles
@@ -54,17 +54,6 @@ def proof(trials: Trials, mw: np.ndarray, control: Law | Sampled | None = None) 
     return trials.each(lambda k: critical(trials, mw, k, control))
 
 
-def evidence(trials: Trials, fleet: str, mw: np.ndarray, control: Law | Sampled | None = None) -> Evidence:
-    """A row of the table: the fleet (candidates, MW) put to every contingency."""
-    return _row(trials, fleet, mw, proof(trials, mw, control))
-
-
-def _row(trials: Trials, fleet: str, mw: np.ndarray, found: Sequence[Critical]) -> Evidence:
-    return Evidence(
-        fleet, float(trials.fleet(mw).sum()), tuple(c.cycles for c in found), tuple(c.stable for c in found)
-    )
-
-
 def table(
     trials: Trials, mw: np.ndarray, found: Sequence[Critical], others: Mapping[str, Sampled]
 ) -> tuple[Evidence, ...]:
@@ -73,23 +62,27 @@ def table(
     `found` is the fleet's own proof; `others` are the controllers by name. Where the fleet itself does not do for finer
     steps or another controller, the first of `MARGINS` that does is shown, or the last one where none does.
     """
-    rows = [_row(trials, "x1", mw, found), evidence(trials, "x0.9", 0.9 * mw)]
+    rows = [_row(mw, found), _row(0.9 * mw, proof(trials, 0.9 * mw), scale=0.9)]
     for i in (int(i) for i in np.argsort(-mw) if mw[i] > 0):
         s = trials.point.case.storage[i]
         rest = np.where(np.arange(len(mw)) == i, 0.0, mw)
-        rows.append(evidence(trials, f"without {s.machine}@{s.bus}", rest))
+        rows.append(_row(rest, proof(trials, rest), without=f"{s.machine}@{s.bus}"))
     finer = trials.refined()
     enough = next((m for m in MARGINS if not finer.lost(m * mw)), MARGINS[-1])
-    rows.append(evidence(finer, f"x{enough:g}, {FINER}", enough * mw))
+    rows.append(_row(trials.fleet(enough * mw), proof(finer, enough * mw), scale=enough, finer=True))
     for name, control in others.items():
-        rows.append(evidence(trials, name, mw, control))
-        if rows[-1].lost:
-            for margin in MARGINS[1:]:
-                larger = evidence(trials, f"x{margin:g}, {name}", margin * mw, control)
-                if not larger.lost:
-                    break
-            rows.append(larger)
+        for margin in MARGINS:
+            fleet = trials.fleet(margin * mw)
+            row = _row(fleet, proof(trials, fleet, control), scale=margin, control=name)
+            if margin == 1 or margin == MARGINS[-1] or not row.lost:
+                rows.append(row)
+            if not row.lost:
+                break
     return tuple(rows)
+
+
+def _row(mw: np.ndarray, found: Sequence[Critical], **what: Any) -> Evidence:
+    return Evidence(float(mw.sum()), tuple(c.cycles for c in found), tuple(c.stable for c in found), **what)
 
 
 def energies(trials: Trials, mw: np.ndarray) -> np.ndarray:

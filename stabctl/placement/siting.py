@@ -67,12 +67,28 @@ class Incurable(NamedTuple):
 
 
 class Evidence(NamedTuple):
-    """A fleet near the one chosen, or another control of it, put to every contingency."""
+    """A fleet near the one chosen, or another simulation or control of it, put to every contingency."""
 
-    fleet: str
     mw: float
     critical_cycles: tuple[float | None, ...]
     stable: tuple[bool, ...]  # at the targets
+    scale: float = 1.0  # of all sizes
+    without: str | None = None  # the device (machine@bus) that is left out
+    finer: bool = False  # simulated at half the step, watched twice as long
+    control: str | None = None  # another than the law itself
+
+    @property
+    def fleet(self) -> str:
+        """What it is, in words."""
+        if self.without:
+            return f"without {self.without}"
+        said = [self.control] if self.control else [FINER] if self.finer else []
+        return ", ".join(said if self.control and self.scale == 1 else [f"x{self.scale:g}", *said])
+
+    @property
+    def less(self) -> bool:
+        """Is there less of it than of the fleet that was chosen?"""
+        return self.scale < 1 or self.without is not None
 
     @property
     def lost(self) -> int:
@@ -139,8 +155,7 @@ class Siting:
     @property
     def spared(self) -> tuple[Evidence, ...]:
         """Fleets of less that survive everything all the same."""
-        less = (r for r in self.evidence if r.fleet == "x0.9" or r.fleet.startswith("without"))
-        return tuple(r for r in less if self.sites and not r.lost)
+        return tuple(r for r in self.evidence if self.sites and r.less and not r.lost)
 
     def remarks(self) -> tuple[str, ...]:
         """What was found, in sentences."""
@@ -174,13 +189,12 @@ class Siting:
         """What is not cured, what finer runs lose, and where less would do, in sentences."""
         said = [f"Left out: {one}" for one in self.incurable]
         for row in self.evidence:
-            if row.fleet.endswith(FINER):
+            if row.finer:
                 lost = [c.contingency.name for c, ok in zip(self.contingencies, row.stable, strict=True) if not ok]
-                scale = row.fleet.split(",")[0]
                 said.append(
-                    f"At half the step, watched twice as long, {scale} of these sizes survives everything."
+                    f"At half the step, watched twice as long, x{row.scale:g} of these sizes survives everything."
                     if not lost
-                    else f"At half the step, watched twice as long, even {scale} of these sizes is lost to "
+                    else f"At half the step, watched twice as long, even x{row.scale:g} of these sizes is lost to "
                     f"{'; '.join(lost)}: watch longer (--observe)."
                 )
         said += [f"The fleet {row.fleet} survives everything too: it is not a least one." for row in self.spared]

@@ -79,7 +79,7 @@ def _check_evidence(found):
     lessened = ["x0.9", *(f"without {s.machine}@{s.bus}" for s in found.sites)]
     assert all(rows[name].lost for name in lessened)
     assert not found.spared
-    finer = [row for row in found.evidence if "half the step" in row.fleet]
+    finer = [row for row in found.evidence if row.finer]
     assert len(finer) == 1
     assert finer[0].lost == 0
     assert finer[0].mw <= 1.05 * found.total_mw + 1e-9
