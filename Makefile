@@ -9,7 +9,7 @@ demo: .venv/demo  ## set up and run the two-area case: verdict table, pictures i
 	$(BIN)/python sims/two_area.py
 
 test: .venv/test  ## set up and run the tests
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --dist loadfile
 
 lint: .venv/dev  ## style and import walls
 	$(BIN)/ruff check .
