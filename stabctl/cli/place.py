@@ -63,6 +63,8 @@ def place(
     from stabctl.placement.place import place
     from stabctl.placement.siting import Costs
 
+    shared.folder(report)
+    shared.allowed_lag(lag)
     loaded = shared.load(case, classical)
     chosen = _contingencies(loaded, case, contingencies, classical)
     law = BangBang(deadband, min_voltage)

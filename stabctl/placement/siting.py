@@ -58,12 +58,17 @@ class Incurable(NamedTuple):
     alone_cycles: float | None  # critical clearing time without storage
     tried: int  # fleets
 
-    def __str__(self) -> str:
+    @property
+    def finding(self) -> str:
+        """What was tried, without a full stop."""
         without = "at no clearing time" if self.alone_cycles is None else f"up to {self.alone_cycles:g} cycles"
         return (
             f"{self.contingency.name} at {self.target_cycles:g} cycles: none of {self.tried} fleets within the caps "
-            f"survives it (without storage it is survived {without}); it is left out."
+            f"survives it (without storage it is survived {without})"
         )
+
+    def __str__(self) -> str:
+        return f"{self.finding}; it is left out."
 
 
 class Evidence(NamedTuple):
@@ -144,10 +149,11 @@ class Siting:
 
     def remarks(self) -> tuple[str, ...]:
         """What was found, in sentences."""
+        sites = f"{len(self.sites)} site{'s' * (len(self.sites) != 1)}"
+        count = f"{len(self.contingencies)} {'contingency' if len(self.contingencies) == 1 else 'contingencies'}"
         said = [
-            f"{self.case}: {self.total_mw:.1f} MW and {1e3 * self.total_mwh:.0f} kWh at {len(self.sites)} sites "
-            f"survive {len(self.contingencies)} contingencies, each watched {self.observed_s:g} s after clearing "
-            f"({self.simulations} simulations in {self.wall_s:.1f} s)."
+            f"{self.case}: {self.total_mw:.1f} MW and {1e3 * self.total_mwh:.0f} kWh at {sites} survive {count}, each "
+            f"watched {self.observed_s:g} s after clearing ({self.simulations} simulations in {self.wall_s:.1f} s)."
         ]
         if self.uniform_mw == 0:
             said.append("Everything is survived without storage.")
@@ -176,10 +182,11 @@ class Siting:
             if row.fleet.endswith(FINER):
                 lost = [c.contingency.name for c, ok in zip(self.contingencies, row.stable, strict=True) if not ok]
                 scale = row.fleet.split(",")[0]
+                these = f"{scale} of these sizes" if self.sites else "the system without storage"
                 said.append(
-                    f"At half the step, watched twice as long, {scale} of these sizes survives everything."
+                    f"At half the step, watched twice as long, {these} survives everything."
                     if not lost
-                    else f"At half the step, watched twice as long, even {scale} of these sizes is lost to "
+                    else f"At half the step, watched twice as long, even {these} is lost to "
                     f"{'; '.join(lost)}: watch longer (--observe)."
                 )
         said += [f"The fleet {row.fleet} survives everything too: it is not a least one." for row in self.spared]
