@@ -41,6 +41,10 @@ def test_powerflow_json_balances(stabctl):
     assert set(record["buses"][0]) == {"bus", "v_pu", "angle_deg", "p_gen_mw", "q_gen_mvar"}
     assert 2734 < sum(b["p_gen_mw"] for b in record["buses"]) < 2734 * 1.05  # loads plus losses
     assert "1.03000" in stabctl("powerflow", "two_area")[1]
+    lost = sum(k["p_from_mw"] + k["p_to_mw"] for k in record["branches"])
+    made = sum(b["p_gen_mw"] for b in record["buses"])
+    assert lost == pytest.approx(made - 2734, abs=1e-6)  # two_area has no shunt conductance
+    assert f"lost in the branches: {lost:.1f} MW" in stabctl("powerflow", "two_area", "--branches")[1]
 
 
 @pytest.mark.parametrize(("storage", "outcome"), [((), "lost_synchronism"), (("--storage", "50MW"), "stable")])

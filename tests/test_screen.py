@@ -144,7 +144,7 @@ def test_a_fine_grid_costs_few_questions():
     attempt, asked = lambda k: Attempt(k <= 31_415_926_535), []
     found = search(lambda k: asked.append(k) or attempt(k), 480_000_000_000, 10**9, 10**9, 4 * 10**9)
     assert found.critical == 31_415_926_535
-    assert len(asked) < 70  # 58
+    assert len(asked) < 50  # 43
 
 
 def test_threads_change_nothing(points):
