@@ -8,7 +8,6 @@ import typer
 
 from .shared import CaseName, Classical, Json, console, load, print_json
 
-
 Branches = Annotated[bool, typer.Option("--branches", help="Print what flows in the branches too.")]
 
 
