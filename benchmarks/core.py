@@ -9,11 +9,10 @@ import statistics
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable
 
 import numpy as np
-from machine import stated
+from machine import stated, timed
 from rich.console import Console
 from rich.table import Table
 
@@ -41,13 +40,6 @@ COMMAND = (
 def median(call: Callable[[], float], repeat: int = 9) -> float:
     """Median of what the call returns (s)."""
     return statistics.median(call() for _ in range(repeat))
-
-
-def timed(call: Callable[[], object]) -> float:
-    """Seconds of one call."""
-    before = time.perf_counter()
-    call()
-    return time.perf_counter() - before
 
 
 def dense_products() -> float:

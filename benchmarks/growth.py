@@ -5,12 +5,11 @@ import os
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
 
-import time
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from machine import stated
+from machine import stated, timed
 from rich.console import Console
 from rich.table import Table
 
@@ -32,13 +31,6 @@ WORKS = (
     "linearisation, sparse",
     "up to 12 modes at 0.4 Hz",
 )
-
-
-def timed(call: Callable[[], object]) -> float:
-    """Seconds of one call."""
-    before = time.perf_counter()
-    call()
-    return time.perf_counter() - before
 
 
 def second(point: equilibrium.Point) -> float:

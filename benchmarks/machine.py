@@ -1,8 +1,17 @@
-"""Where and when something was measured."""
+"""Where and when something was measured, and how long it took."""
 
 import datetime
 import platform
+import time
+from collections.abc import Callable
 from pathlib import Path
+
+
+def timed(call: Callable[[], object]) -> float:
+    """Seconds of one call."""
+    before = time.perf_counter()
+    call()
+    return time.perf_counter() - before
 
 
 def stated() -> str:

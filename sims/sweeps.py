@@ -5,7 +5,7 @@ from pathlib import Path
 
 from stabctl.report.study import Study, Table
 from stabctl.report.study_console import present
-from stabctl.sweep.overview import overview
+from stabctl.sweep.overview import cell, overview
 from stabctl.sweep.run import run
 from stabctl.sweep.store import rows
 
@@ -17,16 +17,11 @@ def study(reports: Path) -> Iterator[Study]:
     for path in sorted(Path(__file__).parent.glob("*.toml")):
         summary = run(path, reports / f"{path.stem}.db")
         found = overview(rows(summary.path))
-        cells = tuple(tuple(map(cell, row)) for row in found.cells)
+        cells = tuple(tuple(map(cell, found.columns, row)) for row in found.cells)
         common = ", ".join(f"{column} {value}" for column, value in found.common.items())
         errors = (f"{what}: {sentence}" for what, sentence in found.errors)
         table = Table(f"{summary.done + summary.before} jobs", found.columns, cells)
         yield Study(f"Sweep {path.stem.replace('_', ' ')}", text=(f"{common}.", *errors), tables=(table,))
-
-
-def cell(value: object) -> str:
-    """A value of a results file in a table."""
-    return "" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value).replace("_", " ")
 
 
 if __name__ == "__main__":

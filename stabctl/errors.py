@@ -23,3 +23,9 @@ class LinearisationError(StabctlError):
 
 class StudyError(StabctlError):
     """A study asks for what the case does not have (fault place, machine, storage, step, time)."""
+
+
+def sentence(error: Exception) -> str:
+    """What a user is told of an error, on one line; of one of the operating system's, with the file."""
+    of_file = isinstance(error, OSError) and error.filename
+    return " ".join((f"{error.strerror or error}: {error.filename}" if of_file else str(error)).split())

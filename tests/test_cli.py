@@ -144,8 +144,8 @@ def test_classical_machines_everywhere(stabctl):
         (("clearing-time", "two_area", "--fault", "7", "--resolution", "0cyc"), "resolution"),
         (("clearing-time", "two_area", "--fault", "7", "--observe", "0"), "observation"),
         (("clearing-time", "two_area", "--fault", "7", "--trip", "7"), "circuit"),
-        (("place", "two_area", "--observe", "0"), "observation of 0 s"),
-        (("place", "two_area", "--lag", "-1"), "--lag -1 s"),
+        (("place", "ieee39", "--classical", "--observe", "0"), "observation of 0 s"),
+        (("place", "ieee39", "--classical", "--lag", "-1"), "--lag -1 s"),
         (("dance",), "dance"),
     ],
 )
@@ -172,13 +172,15 @@ def test_a_file_that_cannot_be_written_is_told_before_the_work(stabctl, tmp_path
     assert "must end in" in complaint(stabctl(*words, option, "x.no"))
 
 
-@pytest.mark.parametrize("command", ["modes", "place"])
-def test_a_report_folder_that_is_a_file_is_told_before_the_work(stabctl, tmp_path, monkeypatch, command):
+@pytest.mark.parametrize(
+    ("command", "said"), [("modes", "is a file; name a folder"), ("place", "name a folder that can be written to")]
+)
+def test_a_report_folder_that_is_a_file_is_told_before_the_work(stabctl, tmp_path, monkeypatch, command, said):
     monkeypatch.setattr("stabctl.read.load", lambda name: pytest.fail(f"{name} was loaded"))
     taken = tmp_path / "taken"
     taken.write_text("mine")
     for folder in (taken, taken / "below"):
-        assert "is a file; name a folder" in complaint(stabctl(command, "two_area", "--report", folder))
+        assert said in complaint(stabctl(command, "two_area", "--report", folder))
     assert taken.read_text() == "mine"
 
 
@@ -198,7 +200,7 @@ def test_what_was_found_is_printed_though_it_cannot_be_written(stabctl, tmp_path
     code, out, err = stabctl(*words)
     assert code == 2
     assert "7-8" in out or "1, 2 against 3, 4" in out
-    assert err == "stabctl: x cannot be read or written (No space left on device); name another file or folder.\n"
+    assert err == "stabctl: No space left on device: x; name another file or folder.\n"
 
 
 @pytest.mark.parametrize("words", [("powerflow", "two_area"), ("swing", "table1"), ("sweep", "show", "x.db")])

@@ -14,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from datetime import date
 from pathlib import Path
 
+from stabctl import files
 from stabctl.errors import StabctlError
 from stabctl.report import study_file
 from stabctl.report.index_page import About, Ran, page
@@ -42,7 +43,7 @@ def main() -> int:
     seconds = time.perf_counter() - began
     about = About(date.today().isoformat(), machine(), seconds, tuple(map(shown, left_out)))
     index = options.out / "index.html"
-    study_file.replace(index, page(ran, options.out, about))
+    files.replace(index, page(ran, options.out, about))
     print(f"wrote {index}: {sum(len(r.studies) for r in ran)} studies in {seconds:.0f} s")
     return int(any(r.failure for r in ran))
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from stabctl.errors import StabctlError
+from stabctl.errors import StabctlError, sentence
 
 from . import (
     cases,
@@ -83,13 +83,9 @@ def main() -> None:
     try:
         code = app(standalone_mode=False)
     except StabctlError as error:
-        code = _complain(str(error))
+        code = _complain(sentence(error))
     except OSError as error:
-        if error.filename is None:
-            code = _complain(str(error))
-        else:
-            what = f"{error.filename} cannot be read or written ({error.strerror or error})"
-            code = _complain(f"{what}; name another file or folder.")
+        code = _complain(sentence(error) + ("; name another file or folder." if error.filename else ""))
     except KeyboardInterrupt:
         code = _complain("interrupted.", 130)
     except Exception as error:

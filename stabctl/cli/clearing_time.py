@@ -10,8 +10,6 @@ if TYPE_CHECKING:
     from stabctl.clearing import Clearing
 
 Resolution = Annotated[str, typer.Option("--resolution", help="Grid of clearing times; 1cyc is the paper's.")]
-Limit = Annotated[str, typer.Option("--limit", help="Longest clearing time tried.")]
-Observe = Annotated[float, typer.Option("--observe", help="Time watched after clearing, s.")]
 
 
 def clearing_time(
@@ -19,8 +17,8 @@ def clearing_time(
     fault: shared.Fault,
     trip: shared.Trip = None,
     resolution: Resolution = "0.125cyc",
-    limit: Limit = "60cyc",
-    observe: Observe = 5.0,
+    limit: shared.Limit = "60cyc",
+    observe: shared.Observe = 5.0,
     step: shared.Step = None,
     control: shared.Control = None,
     storage: shared.Size = None,

@@ -12,7 +12,6 @@ if TYPE_CHECKING:
 
 Clear = Annotated[str, typer.Option("--clear", help="Clearing time: 6cyc, 0.1s, 100ms.")]
 At = Annotated[float, typer.Option("--at", help="Instant of the fault, s.")]
-Observe = Annotated[float, typer.Option("--observe", help="Time watched after clearing, s.")]
 Plot = Annotated[Path | None, typer.Option("--plot", help="Draw true and estimated speeds to FILE.png or .svg.")]
 
 
@@ -22,7 +21,7 @@ def estimate(
     clear: Clear,
     trip: shared.Trip = None,
     at: At = 1.0,
-    observe: Observe = 5.0,
+    observe: shared.Observe = 5.0,
     step: shared.Step = None,
     storage: shared.Size = None,
     storage_at: shared.SizeAt = None,

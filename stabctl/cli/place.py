@@ -25,9 +25,7 @@ Cap = Annotated[str, typer.Option("--cap", help="Largest device: 30%mva, 100%dis
 CostMw = Annotated[float, typer.Option("--cost-mw", help="Cost of a MW.")]
 CostSite = Annotated[float, typer.Option("--cost-site", help="Cost of a site.")]
 CostMwh = Annotated[float, typer.Option("--cost-mwh", help="Cost of a MWh.")]
-Observe = Annotated[float, typer.Option("--observe", help="Time watched after clearing, s.")]
 Report = Annotated[Path | None, typer.Option("--report", help="Write a page with figures into this folder.")]
-Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Threads (default: one per core).")]
 Validate = Annotated[
     Literal["frequency", "kinematic", "kalman"] | None,
     typer.Option("--validate", help="Put the fleet under estimates from PMU signals too."),
@@ -42,7 +40,7 @@ def place(
     cost_mw: CostMw = 1.0,
     cost_site: CostSite = 0.0,
     cost_mwh: CostMwh = 0.0,
-    observe: Observe = 5.0,
+    observe: shared.Observe = 5.0,
     step: shared.Step = None,
     characteristic: shared.Characteristic = "power",
     lag: shared.Lag = 0.0,
@@ -51,7 +49,7 @@ def place(
     max_angle: shared.Angle = 3.5,
     validate: Validate = None,
     seed: shared.Seed = 1,
-    workers: Workers = None,
+    workers: shared.Workers = None,
     report: Report = None,
     classical: shared.Classical = False,
     as_json: shared.Json = False,
@@ -63,8 +61,10 @@ def place(
     from stabctl.placement.place import place
     from stabctl.placement.siting import Costs
 
-    shared.folder(report)
-    shared.allowed_lag(lag)
+    if report:
+        from stabctl.report import siting_page
+
+        siting_page.ready(report)
     loaded = shared.load(case, classical)
     chosen = _contingencies(loaded, case, contingencies, classical)
     law = BangBang(deadband, min_voltage)
@@ -83,16 +83,14 @@ def place(
             workers=workers,
             progress=lambda runs, cost: tell(None, f"{runs} runs, best cost {cost:.4g}"),
             characteristic=characteristic,
-            lag=lag,
+            lag=shared.checked_lag(lag),
         )
     if as_json:
         shared.print_json(_record(found))
     else:
         shared.console().print(str(found))
     if report:
-        from stabctl.report.siting_page import write
-
-        print(write(found, report), file=sys.stderr if as_json else sys.stdout)
+        print(siting_page.write(found, report), file=sys.stderr if as_json else sys.stdout)
 
 
 def _contingencies(case: "Case", name: str, file: Path | None, classical: bool) -> "tuple[Contingency, ...]":
@@ -143,7 +141,7 @@ def _record(found: "Siting") -> dict[str, Any]:
             }
             for c in found.incurable
         ],
-        "evidence": [e._asdict() for e in found.evidence],
+        "evidence": [{"fleet": e.fleet, **e._asdict()} for e in found.evidence],
         "history": [h._asdict() for h in found.history],
         "observed_s": found.observed_s,
         "simulations": found.simulations,

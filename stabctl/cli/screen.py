@@ -13,17 +13,14 @@ if TYPE_CHECKING:
 Below = Annotated[str | None, typer.Option("--below", help="List only pairs with shorter clearing times: 8cyc.")]
 Out = Annotated[Path | None, typer.Option("--out", help="Write the pairs to FILE.csv.")]
 Resolution = Annotated[str, typer.Option("--resolution", help="Grid of clearing times.")]
-Limit = Annotated[str, typer.Option("--limit", help="Longest clearing time tried.")]
-Observe = Annotated[float, typer.Option("--observe", help="Time watched after clearing, s.")]
-Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Threads (default: one per core).")]
 
 
 def screen(
     case: shared.CaseName,
     below: Below = None,
     resolution: Resolution = "0.125cyc",
-    limit: Limit = "60cyc",
-    observe: Observe = 5.0,
+    limit: shared.Limit = "60cyc",
+    observe: shared.Observe = 5.0,
     step: shared.Step = None,
     control: shared.Control = None,
     storage: shared.Size = None,
@@ -33,7 +30,7 @@ def screen(
     deadband: shared.Deadband = 0.1,
     min_voltage: shared.MinVoltage = 0.8,
     max_angle: shared.Angle = 3.5,
-    workers: Workers = None,
+    workers: shared.Workers = None,
     out: Out = None,
     classical: shared.Classical = False,
     as_json: shared.Json = False,
@@ -68,11 +65,12 @@ def screen(
 
 def _show(found: "Screen", as_json: bool) -> None:
     if as_json:
-        keys = ("fault", "trip", "cycles", "status", "machine")
+        from stabctl.screen.study import COLUMNS
+
         shared.print_json(
             {
                 "case": found.case,
-                "pairs": [dict(zip(keys, p, strict=False)) for p in found.pairs],
+                "pairs": [dict(zip(COLUMNS, p, strict=False)) for p in found.pairs],
                 "bridges": found.lines.bridges,
                 "twins": found.lines.twins,
                 "screened": found.screened,

@@ -50,6 +50,9 @@ FaultImpedance = Annotated[str, typer.Option("--fault-impedance", help="R,X of t
 Angle = Annotated[
     float, typer.Option("--max-angle", help="Change of angle against the COI that loses synchronism, rad.")
 ]
+Observe = Annotated[float, typer.Option("--observe", help="Time watched after clearing, s.")]
+Limit = Annotated[str, typer.Option("--limit", help="Longest clearing time tried.")]
+Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Threads (default: one per core).")]
 Step = Annotated[float | None, typer.Option("--step", help="Time step, s (default: at most 1/120).")]
 
 Estimator = Annotated[
@@ -81,7 +84,7 @@ def start(case: "Case", storage: str | None = None, storage_at: str | None = Non
 
     if storage is not None and storage_at is not None:
         raise StudyError("--storage and --storage-at exclude each other; give one of them.")
-    allowed_lag(options.get("lag", 0.0))
+    checked_lag(options.get("lag", 0.0))
     flow = powerflow.solve(case)
     if storage is not None:
         case = case.with_storage(fleet.everywhere(case, storage, flow, **options))
@@ -90,12 +93,13 @@ def start(case: "Case", storage: str | None = None, storage_at: str | None = Non
     return equilibrium.solve(case, flow)
 
 
-def allowed_lag(lag: float) -> None:
-    """Refuse a lag of the devices that is none."""
+def checked_lag(lag: float) -> float:
+    """The lag (s) of the devices, where it is one."""
     from stabctl.errors import StudyError
 
     if not 0 <= lag < float("inf"):
         raise StudyError(f"--lag {lag:g} s is not allowed; it must be at least 0.")
+    return lag
 
 
 def file(path: Path | None, *endings: str) -> None:
@@ -204,7 +208,7 @@ def console(stderr: bool = False) -> "Console":
     """Where tables (stdout) and progress (stderr) go."""
     from rich.console import Console
 
-    return Console(stderr=stderr, highlight=False)
+    return Console(stderr=stderr, highlight=False, markup=False)
 
 
 @contextmanager

@@ -91,22 +91,16 @@ def show_command(results: Results, table: Csv = None, as_json: shared.Json = Fal
 def _show(rows: list[dict[str, Any]], written: Path | None) -> None:
     from rich.table import Table
 
-    from stabctl.sweep.overview import overview
+    from stabctl.sweep.overview import cell, overview
 
     found, console = overview(rows), shared.console()
-    console.print(", ".join(f"{column} {value}" for column, value in found.common.items()), markup=False)
+    console.print(", ".join(f"{column} {value}" for column, value in found.common.items()))
     table = Table(*found.columns)
     for cells in found.cells:
-        table.add_row(*map(_cell, found.columns, cells))
+        table.add_row(*map(cell, found.columns, cells))
     console.print(table)
     for what, sentence in found.errors:
         print(f"{what}: {sentence}")
     print(found)
     if written:
         print(f"written {written}")
-
-
-def _cell(column: str, value: object) -> str:
-    if column == "monotone" and value is not None:
-        return "yes" if value else "no"
-    return "" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value).replace("_", " ")

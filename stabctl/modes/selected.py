@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import LinearOperator, eigs, splu
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, splu
 
 from stabctl.errors import StudyError
 from stabctl.linear import Descriptor
@@ -25,7 +25,6 @@ SEED = 0  # of the vectors Arnoldi starts from
 AGREE = 1e-6  # of the radius of a disc: eigenvalues of both sides this close are the same
 PRECISE = 1e-10  # relative precision of the eigenvalues of both searches, squared by the Rayleigh quotient
 LOOSE = 1e-3  # relative precision of the search for eigenvalues that were missed
-
 LEAST = 1e-3  # of its frequency: half the diagonal of the smallest box
 CLEAR = 0.99  # of the distance from a shift to the real axis, where many eigenvalues may coincide: largest radius
 
@@ -79,7 +78,7 @@ def band(d: Descriptor, low_hz: float, high_hz: float, damping: tuple[float, flo
     slopes = tuple(-ratio / np.sqrt(1 - ratio**2) for ratio in reversed(damping))
     steps = int(np.ceil(np.log(high_hz / low_hz) / np.log(SLICE)))
     edges = 2 * np.pi * np.geomspace(low_hz, high_hz, steps + 1)
-    most = min(MOST, len(d.rows) // 2)
+    most = min(MOST, len(d.rows) // 2, len(d.rows) - 4)
     boxes: list[tuple[Box, Near | None, int]] = [(Box(-np.inf, np.inf, *pair), None, most) for pair in pairwise(edges)]
     known: dict[complex, Disc | None] = {}
     found: list[Eigen] = []
@@ -97,7 +96,7 @@ def band(d: Descriptor, low_hz: float, high_hz: float, damping: tuple[float, flo
                 inside = box.holds(all_of.values)
                 found.append(Eigen(all_of.values[inside], all_of.right[:, inside], all_of.left[:, inside]))
                 continue
-            near, count = None, max(2, count // 2)
+            near, count = None, max(min(2, most), count // 2)
         if box.reach() < LEAST * box.top:
             raise StudyError(f"The modes near {box.middle():.4g} 1/s cannot be told apart; choose another band.")
         boxes += [(half, near, count) for half in box.halves()]
@@ -110,10 +109,17 @@ def band(d: Descriptor, low_hz: float, high_hz: float, damping: tuple[float, flo
 
 def _near(d: Descriptor, shift: complex, count: int) -> Near:
     n = len(d.rows)
+    if n < 5:
+        raise StudyError(f"{d.name} has only {n} states to select modes from; analyse its linear model, for all modes.")
+    if not np.isfinite(shift):
+        raise StudyError(f"The shift {shift:g} 1/s is not allowed; it must be finite.")
     if not 1 <= count < n - 3:
         raise StudyError(f"{count} modes of {n} states cannot be selected; ask for 1 to {n - 4}.")
     forward, backward = _resolvent(d, shift)
-    s, V = _largest(forward, n, count + 1)
+    try:
+        s, V = _largest(forward, n, count + 1)
+    except ArpackError as error:
+        raise StudyError(f"The search for modes near {shift:.4g} 1/s failed ({error}); choose another place.") from None
     away = np.minimum(np.abs(1 / s), CLEAR * abs(shift.imag) or np.inf)
     inner = int((away < away[-1]).sum())
     if not inner:
@@ -127,13 +133,16 @@ def _completed(d: Descriptor, near: Near) -> Disc | None:
     """The disc with left vectors; None where they do not belong to the right ones, or something is missing."""
     n, V = near.right.shape[0], near.right
     W = V
-    if V.shape[1]:
-        s, W = _largest(near.backward, n, V.shape[1])
-        if np.abs(1 / s[-1]) > near.radius:
-            return None
-        W = W @ np.linalg.inv(V.conj().T @ W)
+    try:
+        if V.shape[1]:
+            s, W = _largest(near.backward, n, V.shape[1])
+            if np.abs(1 / s[-1]) > near.radius:
+                return None
+            W = W @ np.linalg.inv(V.conj().T @ W)
+        rest = _largest(lambda b: _without(near.forward(b), V, W), n, 1, LOOSE)[0]
+    except (ArpackError, np.linalg.LinAlgError):
+        return None
     values = _rayleigh(d, V, W)
-    rest = _largest(lambda b: _without(near.forward(b), V, W), n, 1, LOOSE)[0]
     same = np.abs(values - near.values).max(initial=0.0) <= AGREE * near.radius
     if not same or np.abs(1 / rest).min() < (1 - LOOSE) * near.radius:
         return None
@@ -143,7 +152,10 @@ def _completed(d: Descriptor, near: Near) -> Disc | None:
 def _resolvent(d: Descriptor, shift: complex) -> tuple[Product, Product]:
     n, m = len(d.rows), d.gv.shape[0]
     pencil = sp.bmat([[d.fx - shift * sp.eye(n), d.fv], [d.gx, d.gv]], format="csc")
-    factors = splu(pencil, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.1, options={"SymmetricMode": True})
+    try:
+        factors = splu(pencil, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.1, options={"SymmetricMode": True})
+    except RuntimeError:
+        raise StudyError(f"The shift {shift:.4g} 1/s is an eigenvalue itself; choose another one beside it.") from None
 
     def solved(b: np.ndarray, side: str) -> np.ndarray:
         return factors.solve(np.r_[b, np.zeros(m)].astype(complex), side)[:n]

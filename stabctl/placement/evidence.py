@@ -1,6 +1,7 @@
 """The proof: critical clearing times of a fleet and of its neighbours, by the criterion of `stabctl clearing-time`."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from stabctl.controllers import Law
 from stabctl.screen.search import Attempt, search
 from stabctl.simulate.sampled import Sampled
 
-from .siting import FINER, Evidence
+from .siting import Evidence
 from .trials import Trials
 
 GRID = 0.125  # cycles
@@ -17,14 +18,16 @@ LIMIT = 60.0  # cycles
 MARGINS = (1.0, 1.02, 1.03, 1.05, 1.1)  # of the sizes, tried until half the step and twice the time change nothing
 
 
-def critical_cycles(
-    trials: Trials, mw: np.ndarray, k: int, control: Law | Sampled | None = None
-) -> tuple[float | None, bool, int | None]:
-    """Critical clearing time (cycles) of contingency k with a fleet, whether its target is survived, who goes first.
+class Critical(NamedTuple):
+    """How long a contingency may last with a fleet."""
 
-    On a grid of about 1/8 cycle that holds the target; None where it is unstable at any. `control`: another than the
-    trials' law.
-    """
+    cycles: float | None  # critical clearing time on a grid of about 1/8 cycle that holds the target; None: at no time
+    stable: bool  # at the target
+    machine: int | None  # goes first just beyond
+
+
+def critical(trials: Trials, mw: np.ndarray, k: int, control: Law | Sampled | None = None) -> Critical:
+    """How long contingency k may last with a fleet (candidates, MW); `control`: another than the trials' law."""
     one, law = trials.contingencies[k], control or trials.law
     target = one.clear * trials.point.case.frequency_hz
     steps = max(1, round(target / GRID))
@@ -43,38 +46,43 @@ def critical_cycles(
     found = search(attempt, trial.last, steps, 2, max(1, round(BELOW / grid)))
     stable = told[steps] if steps in told else attempt(steps).stable
     cycles = None if found.status == "unstable_at_zero" else found.critical * grid
-    return cycles, stable, found.machine
+    return Critical(cycles, stable, found.machine)
 
 
-def evidence(trials: Trials, fleet: str, mw: np.ndarray, control: Law | Sampled | None = None) -> Evidence:
-    """A row of the table: the fleet (candidates, MW) put to every contingency."""
-    rows = trials.each(lambda k: critical_cycles(trials, mw, k, control))
-    return Evidence(fleet, float(trials.fleet(mw).sum()), tuple(r[0] for r in rows), tuple(r[1] for r in rows))
+def proof(trials: Trials, mw: np.ndarray, control: Law | Sampled | None = None) -> list[Critical]:
+    """How long every contingency may last with a fleet (candidates, MW)."""
+    return trials.each(lambda k: critical(trials, mw, k, control))
 
 
-def table(trials: Trials, mw: np.ndarray, others: Mapping[str, Sampled]) -> tuple[Evidence, ...]:
+def table(
+    trials: Trials, mw: np.ndarray, found: Sequence[Critical], others: Mapping[str, Sampled]
+) -> tuple[Evidence, ...]:
     """The fleet (candidates, MW), less of it, without each site, more finely simulated, and under other controllers.
 
-    Where the fleet itself does not do for finer steps or another controller, the first of `MARGINS` that does is shown,
-    or the last one where none does.
+    `found` is the fleet's own proof; `others` are the controllers by name. Where the fleet itself does not do for finer
+    steps or another controller, the first of `MARGINS` that does is shown, or the last one where none does.
     """
-    rows = [evidence(trials, "x1", mw), evidence(trials, "x0.9", 0.9 * mw)]
+    rows = [_row(mw, found), _row(0.9 * mw, proof(trials, 0.9 * mw), scale=0.9)]
     for i in (int(i) for i in np.argsort(-mw) if mw[i] > 0):
         s = trials.point.case.storage[i]
         rest = np.where(np.arange(len(mw)) == i, 0.0, mw)
-        rows.append(evidence(trials, f"without {s.machine}@{s.bus}", rest))
+        rows.append(_row(rest, proof(trials, rest), without=f"{s.machine}@{s.bus}"))
     finer = trials.refined()
     enough = next((m for m in MARGINS if not finer.lost(m * mw)), MARGINS[-1])
-    rows.append(evidence(finer, f"x{enough:g}, {FINER}", enough * mw))
+    rows.append(_row(trials.fleet(enough * mw), proof(finer, enough * mw), scale=enough, finer=True))
     for name, control in others.items():
-        rows.append(evidence(trials, name, mw, control))
-        if rows[-1].lost:
-            for margin in MARGINS[1:]:
-                larger = evidence(trials, f"x{margin:g}, {name}", margin * mw, control)
-                if not larger.lost:
-                    break
-            rows.append(larger)
+        for margin in MARGINS:
+            fleet = trials.fleet(margin * mw)
+            row = _row(fleet, proof(trials, fleet, control), scale=margin, control=name)
+            if margin == 1 or margin == MARGINS[-1] or not row.lost:
+                rows.append(row)
+            if not row.lost:
+                break
     return tuple(rows)
+
+
+def _row(mw: np.ndarray, found: Sequence[Critical], **what: Any) -> Evidence:
+    return Evidence(float(mw.sum()), tuple(c.cycles for c in found), tuple(c.stable for c in found), **what)
 
 
 def energies(trials: Trials, mw: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from stabctl.units import size
 
 from . import seeds
 from .contingency import Contingency, checked
-from .evidence import critical_cycles, energies, table
+from .evidence import energies, proof, table
 from .master import Master
 from .programme import Search
 from .sensitivity import Candidate, sensitivity
@@ -25,6 +25,7 @@ from .siting import Costs, Place, Site, Siting, Survived
 from .trials import Trials
 
 UNIFORM = 0.05  # of machine MVA   the uniform fleet that is scaled
+LARGEST = 1e6  # MW
 LESS = 0.97  # of the fleet, at which a binding contingency is lost
 
 
@@ -70,9 +71,10 @@ def place(
     trials = Trials(point, checked(contingencies, case), largest, law, observed_s, step, rules, workers, tell)
     uniform = UNIFORM * mva
     trials, cures, incurable = seeds.curable(trials, uniform)
-    price = np.full(len(found), costs.mw)
+    price = np.full(len(found), float(costs.mw))
     if costs.mwh:
-        price += costs.mwh * energies(trials, uniform) / trials.fleet(uniform)
+        even = trials.fleet(uniform)
+        price += costs.mwh * energies(trials, uniform) / np.where(even > 0, even, np.inf)
     master = Master(largest, price, np.full(len(found), costs.site), sites)
     search = Search(trials, master, sensitivity(point, found).J)
     even = seeds.uniform_fleet(search, uniform, cures)
@@ -84,14 +86,14 @@ def place(
     if search.best is None:
         raise StudyError(_none_found(search, sites))
     best = search.best
-    rows = table(trials, best, others or {})
+    proved = proof(trials, best)
+    rows = table(trials, best, proved, others or {})
     lost_with_less = trials.lost(LESS * best)
-    proof = trials.each(lambda k: critical_cycles(trials, best, k))
     energy = energies(trials, best)
     hz = case.frequency_hz
     survived = tuple(
-        Survived(one, one.clear * hz, cycles, machine, stable, k in lost_with_less)
-        for k, (one, (cycles, stable, machine)) in enumerate(zip(trials.contingencies, proof, strict=True))
+        Survived(one, one.clear * hz, c.cycles, c.machine, c.stable, k in lost_with_less)
+        for k, (one, c) in enumerate(zip(trials.contingencies, proved, strict=True))
     )
     order = [int(i) for i in np.argsort(-best) if best[i] > 0]
     return Siting(
@@ -140,6 +142,8 @@ def _caps(case: Case, cap: str, mva: np.ndarray, found: Sequence[Candidate], flo
         out = value / 100 * mva if unit == "%mva" else np.full(len(mva), value)
     if not (out > 0).any():
         raise StudyError(f"The cap of {cap} leaves no room for storage; give a size above 0.")
+    if out.max() > LARGEST:
+        raise StudyError(f"The cap of {cap} is beyond any storage; give at most {LARGEST:g} MW.")
     return out
 
 

@@ -6,7 +6,6 @@ everything, and taken where that is cheaper, else the trust radius shrinks. A cu
 contradicts is moved back to that fleet.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -26,12 +25,11 @@ SAME = 1e-3  # of the largest size, by which two fleets on a border are one
 
 @dataclass
 class Search:
-    """What is known so far. `progress` is told the best cost after every round."""
+    """What is known so far."""
 
     trials: Trials
     master: Master
     J: np.ndarray  # (machines, candidates) dPe_j / dP_i
-    progress: Callable[[float], None] | None = None
     cuts: list[Cut] = field(default_factory=list)
     borders: list[tuple[int, np.ndarray]] = field(default_factory=list)  # contingency, a fleet that just survives it
     best: np.ndarray | None = None
@@ -96,8 +94,6 @@ class Search:
             cost = np.inf if reached is None else self.master.cost(reached)
             sites = 0 if self.best is None else int((self.best > 0).sum())
             self.history.append(Round(plan.cost, cost, self.cost, sites))
-            if self.progress:
-                self.progress(self.cost)
             if taken:
                 radius *= 2
             elif self.best is not None:

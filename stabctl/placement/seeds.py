@@ -7,8 +7,9 @@ import numpy as np
 
 from stabctl.errors import StudyError
 
-from .allocation import Criterion, by_gramian
-from .evidence import critical_cycles
+from .allocation import Criterion, allocate
+from .evidence import critical
+from .gramians import gramians
 from .programme import Search
 from .scaling import critical_scaling, least, reach
 from .siting import Incurable
@@ -35,9 +36,9 @@ def curable(trials: Trials, uniform: np.ndarray) -> tuple[Trials, list[Cure], tu
     kept = [k for k, cured in enumerate(cures) if cured is not None]
     incurable = tuple(_incurable(trials, k) for k in range(len(cures)) if cures[k] is None)
     if not kept:
-        found = "; ".join(one.finding for one in incurable)
+        found = " ".join(map(str, incurable))
         raise StudyError(
-            f"No contingency is survived by any fleet within the caps: {found}. Raise the caps or ask for less."
+            f"No contingency is survived by any fleet within the caps: {found} Raise the caps or ask for less."
         )
     return trials.only(kept), [cures[k] for k in kept], incurable
 
@@ -54,7 +55,7 @@ def _cure(trials: Trials, fleets: Sequence[np.ndarray], k: int) -> Cure | None:
 def _incurable(trials: Trials, k: int) -> Incurable:
     one = trials.contingencies[k]
     fleets = trials.fleets(k)
-    without = critical_cycles(trials, np.zeros_like(trials.cap), k)[0]
+    without = critical(trials, np.zeros_like(trials.cap), k).cycles
     return Incurable(one, one.clear * trials.point.case.frequency_hz, without, fleets)
 
 
@@ -76,9 +77,14 @@ def linear_fleet(search: Search, uniform: np.ndarray) -> np.ndarray | None:
     """The cheapest allocation of the linear stage, scaled until it survives all, with cuts there, or None."""
     trials, out = search.trials, None
     places = [(s.machine, s.bus) for s in trials.point.case.storage]
+    budget = BUDGET * trials.fleet(uniform).sum()
+    try:
+        swings = gramians(trials.point, places)
+    except StudyError:
+        return None
     for criterion in get_args(Criterion):
         try:
-            mw = by_gramian(trials.point, places, BUDGET * trials.fleet(uniform).sum(), trials.cap, criterion).sizes
+            mw = allocate(swings, budget, trials.cap, criterion).sizes
         except StudyError:
             continue
         scaled = least(trials, mw)

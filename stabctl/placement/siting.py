@@ -58,26 +58,37 @@ class Incurable(NamedTuple):
     alone_cycles: float | None  # critical clearing time without storage
     tried: int  # fleets
 
-    @property
-    def finding(self) -> str:
-        """What was tried, without a full stop."""
-        without = "at no clearing time" if self.alone_cycles is None else f"up to {self.alone_cycles:g} cycles"
-        return (
-            f"{self.contingency.name} at {self.target_cycles:g} cycles: none of {self.tried} fleets within the caps "
-            f"survives it (without storage it is survived {without})"
-        )
-
     def __str__(self) -> str:
-        return f"{self.finding}; it is left out."
+        without = "at no clearing time" if self.alone_cycles is None else f"up to {self.alone_cycles:.2f} cycles"
+        return (
+            f"{self.contingency.name} at {self.target_cycles:.2f} cycles: none of {self.tried} fleets within the caps "
+            f"survives it (without storage it is survived {without})."
+        )
 
 
 class Evidence(NamedTuple):
-    """A fleet near the one chosen, or another control of it, put to every contingency."""
+    """A fleet near the one chosen, or another simulation or control of it, put to every contingency."""
 
-    fleet: str
     mw: float
     critical_cycles: tuple[float | None, ...]
     stable: tuple[bool, ...]  # at the targets
+    scale: float = 1.0  # of all sizes
+    without: str | None = None  # the device (machine@bus) that is left out
+    finer: bool = False  # simulated at half the step, watched twice as long
+    control: str | None = None  # another than the law itself
+
+    @property
+    def fleet(self) -> str:
+        """What it is, in words."""
+        if self.without:
+            return f"without {self.without}"
+        said = [self.control] if self.control else [FINER] if self.finer else []
+        return ", ".join(said if self.control and self.scale == 1 else [f"x{self.scale:g}", *said])
+
+    @property
+    def less(self) -> bool:
+        """Is there less of it than of the fleet that was chosen?"""
+        return self.scale < 1 or self.without is not None
 
     @property
     def lost(self) -> int:
@@ -144,16 +155,15 @@ class Siting:
     @property
     def spared(self) -> tuple[Evidence, ...]:
         """Fleets of less that survive everything all the same."""
-        less = (r for r in self.evidence if r.fleet == "x0.9" or r.fleet.startswith("without"))
-        return tuple(r for r in less if self.sites and not r.lost)
+        return tuple(r for r in self.evidence if self.sites and r.less and not r.lost)
 
     def remarks(self) -> tuple[str, ...]:
         """What was found, in sentences."""
-        sites = f"{len(self.sites)} site{'s' * (len(self.sites) != 1)}"
-        count = f"{len(self.contingencies)} {'contingency' if len(self.contingencies) == 1 else 'contingencies'}"
         said = [
-            f"{self.case}: {self.total_mw:.1f} MW and {1e3 * self.total_mwh:.0f} kWh at {sites} survive {count}, each "
-            f"watched {self.observed_s:g} s after clearing ({self.simulations} simulations in {self.wall_s:.1f} s)."
+            f"{self.case}: {self.total_mw:.1f} MW and {1e3 * self.total_mwh:.0f} kWh at "
+            f"{_counted(len(self.sites), 'site')} survive {_counted(len(self.contingencies), 'contingency')}, each "
+            f"watched {self.observed_s:g} s after clearing ({_counted(self.simulations, 'simulation')} in "
+            f"{self.wall_s:.1f} s)."
         ]
         if self.uniform_mw == 0:
             said.append("Everything is survived without storage.")
@@ -177,12 +187,11 @@ class Siting:
 
     def reservations(self) -> tuple[str, ...]:
         """What is not cured, what finer runs lose, and where less would do, in sentences."""
-        said = [str(one) for one in self.incurable]
+        said = [f"Left out: {one}" for one in self.incurable]
         for row in self.evidence:
-            if row.fleet.endswith(FINER):
+            if row.finer:
                 lost = [c.contingency.name for c, ok in zip(self.contingencies, row.stable, strict=True) if not ok]
-                scale = row.fleet.split(",")[0]
-                these = f"{scale} of these sizes" if self.sites else "the system without storage"
+                these = f"x{row.scale:g} of these sizes" if self.sites else "the system without storage"
                 said.append(
                     f"At half the step, watched twice as long, {these} survives everything."
                     if not lost
@@ -202,3 +211,8 @@ class Siting:
                 f"{c.contingency.name:26s} {c.target_cycles:7.3f} {found:>9s}" + ("  binding" if c.binding else "")
             )
         return "\n".join([*lines, *self.remarks()[1:]])
+
+
+def _counted(number: int, noun: str) -> str:
+    plural = {"contingency": "contingencies"}.get(noun, noun + "s")
+    return f"{number} {noun if number == 1 else plural}"

@@ -1,16 +1,17 @@
 """Fleets put to the test: does a fleet of these sizes survive a contingency? Every question is simulated once."""
 
 import copy
-import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
-from threading import Event
+from threading import Event, Lock
 from typing import TypeVar
 
 import numpy as np
 
+from stabctl import cores
 from stabctl.controllers import BangBang, Law
 from stabctl.equilibrium import Point
+from stabctl.errors import StudyError
 from stabctl.simulate.events import contingency
 from stabctl.simulate.simulation import Simulation, run
 from stabctl.simulate.stepper import DEFAULT, Rules
@@ -26,7 +27,8 @@ class Trials:
     """Simulations of the fleets of one operating point, whose case has a device at every candidate.
 
     Args: the point; what is to be survived; largest sizes (candidates, MW), to which every fleet is cut; the storage
-    law; time watched after clearing (s); step (s); when a run ends; threads; what is told the number of runs so far.
+    law; time watched after clearing (s); step (s); when a run ends; threads (one per core); what is told the number of
+    runs so far. Raises `StudyError` for fewer than one thread.
     """
 
     def __init__(
@@ -41,10 +43,12 @@ class Trials:
         workers: int | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> None:
+        if not 0 < observed_s < np.inf:
+            raise StudyError(f"The observation of {observed_s:g} s is not allowed; it must be more than 0.")
         self.point, self.contingencies, self.cap, self.law = point, tuple(contingencies), cap, law or BangBang()
         self.observed_s, self.step, self.rules, self.progress = observed_s, step, rules, progress
-        self._counted = [0]
-        self._pool, self._ended = ThreadPoolExecutor(workers or os.cpu_count()), Event()
+        self._counted, self._lock = [0], Lock()
+        self._pool, self._ended = ThreadPoolExecutor(cores.used(workers)), Event()
         self._known: dict[tuple[int, bytes], bool] = {}
 
     @property
@@ -56,7 +60,8 @@ class Trials:
         """One more run; `CancelledError` once the study has ended."""
         if self._ended.is_set():
             raise CancelledError
-        self._counted[0] += 1
+        with self._lock:
+            self._counted[0] += 1
         if self.progress:
             self.progress(self.simulations)
 

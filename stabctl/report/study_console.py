@@ -4,7 +4,7 @@ import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from stabctl.errors import StabctlError
+from stabctl.errors import StabctlError, sentence
 
 from . import study_file
 from .study import Study
@@ -23,10 +23,9 @@ def present(study: Callable[[Path], Study | Iterable[Study]]) -> None:
         found = study(folder)
         studies = (found,) if isinstance(found, Study) else tuple(found)
         study_file.write(study_file.place(script, folder), studies)
-    except StabctlError as error:
-        sys.exit(_complain(str(error)))
-    except OSError as error:
-        sys.exit(_complain(f"{error.strerror or error}: {error.filename}" if error.filename else str(error)))
+    except (StabctlError, OSError) as error:
+        print("stabctl:", sentence(error), file=sys.stderr)
+        sys.exit(2)
     for record in studies:
         show(record, folder)
 
@@ -34,7 +33,6 @@ def present(study: Callable[[Path], Study | Iterable[Study]]) -> None:
 def show(study: Study, folder: Path) -> None:
     """Print a record."""
     from rich.console import Console
-    from rich.markup import escape
     from rich.table import Table
 
     console = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 120)
@@ -45,19 +43,14 @@ def show(study: Study, folder: Path) -> None:
         table = Table("the paper", "", "printed", "ours", "unit", "", "note")
         for c in study.comparisons:
             p, note = c.printed, str(study.notes.index(c.remark) + 1) if c.remark else ""
-            table.add_row(*map(escape, (p.where, p.what, p.text, c.shown, p.unit, str(c.verdict), note)))
+            table.add_row(p.where, p.what, p.text, c.shown, p.unit, str(c.verdict), note)
         console.print(table)
     for number, note in enumerate(study.notes, 1):
         console.print(f"{number}: {note}")
     for given in study.tables:
-        table = Table(*map(escape, given.heads), title=escape(given.title), title_justify="left")
+        table = Table(*given.heads, title=given.title, title_justify="left")
         for row in given.rows:
-            table.add_row(*map(escape, row))
+            table.add_row(*row)
         console.print(table)
     for file in (*(p.file for p in study.pictures), *study.pages.values()):
         console.print(f"wrote {folder / file}")
-
-
-def _complain(sentence: str) -> int:
-    print("stabctl:", " ".join(sentence.split()), file=sys.stderr)
-    return 2

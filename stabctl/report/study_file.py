@@ -1,11 +1,10 @@
 """Records of studies in files: JSON, written whole or not at all."""
 
 import json
-import os
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from stabctl import files
 from stabctl.errors import StudyError
 
 from .study import Study
@@ -19,7 +18,7 @@ def place(script: Path, folder: Path) -> Path:
 
 def write(path: Path, studies: Sequence[Study]) -> None:
     """Write the records of one script."""
-    replace(path, json.dumps([s.to_dict() for s in studies], indent=1, ensure_ascii=False))
+    files.replace(path, json.dumps([s.to_dict() for s in studies], indent=1, ensure_ascii=False))
 
 
 def read(path: Path) -> tuple[Study, ...]:
@@ -28,17 +27,3 @@ def read(path: Path) -> tuple[Study, ...]:
         return tuple(map(Study.from_dict, json.loads(path.read_text(encoding="utf-8"))))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise StudyError(f"{path.name} holds no records of a study ({error}); run its script again.") from None
-
-
-def replace(path: Path, content: str | bytes) -> None:
-    """Write a file so that what stood there stays until all of the new is on disk."""
-    with tempfile.NamedTemporaryFile(dir=path.parent, suffix=path.suffix, delete=False) as file:
-        try:
-            file.write(content.encode() if isinstance(content, str) else content)
-            file.flush()
-            os.fsync(file.fileno())
-        except BaseException:
-            os.unlink(file.name)
-            raise
-    os.chmod(file.name, 0o644)
-    os.replace(file.name, path)

@@ -1,7 +1,7 @@
 """The screen: every line fault of a case, ranked by critical clearing time."""
 
 import csv
-import os
+import io
 import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stabctl import cores, files
 from stabctl.clearing import BELOW, Status, Trial
 from stabctl.controllers import Law
 from stabctl.equilibrium import Point
@@ -48,6 +49,9 @@ class Pair(NamedTuple):
         return f"{what}: {self.cycles:g} cycles{first}"
 
 
+COLUMNS = Pair._fields[:5]  # of a file: without the number of simulations
+
+
 @dataclass(frozen=True)
 class Screen:
     """The pairs of a case, those of the shortest clearing time first, and how they were found."""
@@ -72,15 +76,11 @@ class Screen:
         path = Path(path)
         if path.suffix.lower() != ".csv":
             raise StudyError(f"The file {path.name!r} must end in .csv.")
-        part = path.with_name(f".{path.name}.{os.getpid()}")
-        try:
-            with part.open("w", newline="") as file:
-                table = csv.writer(file)
-                table.writerow(("fault", "trip", "cycles", "status", "machine"))
-                table.writerows(p[:5] for p in self.pairs)
-            part.replace(path)
-        finally:
-            part.unlink(missing_ok=True)
+        text = io.StringIO()
+        table = csv.writer(text)
+        table.writerow(COLUMNS)
+        table.writerows(p[: len(COLUMNS)] for p in self.pairs)
+        files.replace(path, text.getvalue())
         return path
 
     def remarks(self) -> tuple[str, ...]:
@@ -134,8 +134,6 @@ def screen(
         raise StudyError(f"No pair has a clearing time below {below:g} cycles; list those below a time above 0.")
     limit = limit_cycles if below is None else min(limit_cycles, _up(below, resolution_cycles))
     Trial(point, "", (), control, resolution_cycles, limit, observed_s, step, rules)
-    if workers is not None and workers < 1:
-        raise StudyError(f"{workers} workers are not allowed; give at least 1.")
     found, wanted = lines(point.case), None if buses is None else {str(bus) for bus in buses}
     by_bus: dict[str, list[Trial]] = {}
     for name in found.screened:
@@ -150,7 +148,7 @@ def screen(
         )
     everything = [trial for trials in by_bus.values() for trial in trials]
     began, pairs = time.perf_counter(), []
-    pool = ThreadPoolExecutor(workers or os.cpu_count())
+    pool = ThreadPoolExecutor(cores.used(workers))
     try:
         for done in as_completed([pool.submit(_at_one_bus, trials) for trials in by_bus.values()]):
             pairs += done.result()

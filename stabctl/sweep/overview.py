@@ -44,6 +44,13 @@ def overview(rows: Sequence[dict[str, Any]]) -> Overview:
     )
 
 
+def cell(column: str, value: object) -> str:
+    """A value of a results file in a table."""
+    if column == "monotone" and value is not None:
+        return "yes" if value else "no"
+    return "" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value).replace("_", " ")
+
+
 def in_order(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """The rows, numbers in texts counted as numbers: 5%mva before 10%mva."""
     return sorted(rows, key=lambda row: [_natural(row[c]) for c in JOB])

@@ -28,11 +28,6 @@ ENVIRONMENT = dict.fromkeys(
 )  # a worker a core: libraries start no threads of their own, and nothing is imported from the folder the user is in
 
 
-def cores() -> int:
-    """Cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def rows(tasks: Iterable[Task], workers: int) -> Iterator[Row]:
     """The rows of the tasks, as they are found. Closing the iterator ends the workers and drops what they are at."""
     waiting, stillborn = deque(tasks), 0

@@ -6,7 +6,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from stabctl.errors import StudyError
+from stabctl import cores
 
 from . import pool, study
 from .result import Row
@@ -49,9 +49,7 @@ def run(
     scheduler; whether jobs that ended in an error are done again; what is told the jobs done and of how many. Raises
     `StudyError` for a study, a results file or a cluster that cannot be used; every row up to then is kept.
     """
-    began, workers = time.perf_counter(), pool.cores() if workers is None else workers
-    if workers < 1:
-        raise StudyError(f"{workers} workers are not allowed; give at least 1.")
+    began, workers = time.perf_counter(), cores.used(workers)
     wanted = tasks(study.read(path), path)
     with Store(out) as store:
         before = store.statuses()

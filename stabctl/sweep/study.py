@@ -72,16 +72,24 @@ def _values(place: str, field: Field, value: object) -> list[Any]:
 
 def _value(place: str, field: Field, value: object) -> Any:
     """A value of the kind of its key; whole numbers pass for numbers and for texts (a bus)."""
-    number = isinstance(value, int | float) and not isinstance(value, bool)
+    number = _is_number(value)
     whole = number and float(value).is_integer()
-    if field.kind is str and isinstance(value, int) and number:
+    if field.kind is str and number and isinstance(value, int):
         value = str(value)
     good = value in field.choices if field.choices else isinstance(value, str) and value.isprintable()
     if field.kind is not str:
-        good = number and math.isfinite(value) and value in field.allowed and (whole or field.kind is float)
+        good = number and value in field.allowed and (whole or field.kind is float)
     if not good:
         raise StudyError(f"{place} = {value!r}: it must be {field.expected()} ({field.meaning}).")
     return field.kind(value)
+
+
+def _is_number(value: object) -> bool:
+    """Is it a number, and one that floating point holds?"""
+    try:
+        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    except OverflowError:
+        return False
 
 
 def _grid(place: str, field: Field, grid: dict[str, Any]) -> list[Any]:
@@ -94,7 +102,7 @@ def _grid(place: str, field: Field, grid: dict[str, Any]) -> list[Any]:
         raise StudyError(f"{place}: text must hold {{}} once, and belongs to a key whose values are texts.")
     numbers = {k: v for k, v in grid.items() if k != "text"}
     for name, value in numbers.items():
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        if not _is_number(value):
             raise StudyError(f"{place}: {name} must be a number.")
     low, high = grid["from"], grid["to"]
     if "step" in grid:

@@ -99,6 +99,8 @@ def test_what_is_not_possible_is_said(point, sparse):
         analyse(d, (0.1, 1), (0.3, 0.2))
     with pytest.raises(StudyError, match="56 states cannot be selected"):
         disc(d, 3j, 56)
+    with pytest.raises(StudyError, match="must be finite"):
+        disc(d, complex(np.nan, 1), 2)
     with pytest.raises(StudyError, match="needs all its modes"):
         modal(sparse, [0])
     with pytest.raises(StudyError, match="descriptor"):

@@ -9,11 +9,15 @@ import numpy as np
 import pytest
 
 from stabctl import equilibrium, fleet
+from stabctl.case import Storage
 from stabctl.controllers import BangBang
 from stabctl.placement.contingency import load, packaged
 from stabctl.placement.place import place
+from stabctl.placement.trials import Trials
 from stabctl.simulate.events import contingency
 from stabctl.simulate.simulation import run
+
+CANDIDATES = (14, 26, 21)  # machines of wnaps
 
 
 @pytest.fixture(scope="module")
@@ -41,13 +45,10 @@ def full(cases):
 
 @pytest.fixture(scope="module")
 def western(cases):
-    """Two of the packaged contingencies of wnaps, a few candidates."""
+    """Four of the packaged contingencies of wnaps, a few candidates."""
     case = cases("wnaps")
     rows = [case.machine(number) for number in CANDIDATES]
-    return place(case, load(packaged("wnaps"), case)[:2], candidates=[(m.machine, m.storage_bus) for m in rows])
-
-
-CANDIDATES = (13, 14, 26, 21)
+    return place(case, load(packaged("wnaps"), case)[:4], candidates=[(m.machine, m.storage_bus) for m in rows])
 
 
 def survives_from_scratch(case, sizes, one):
@@ -78,7 +79,7 @@ def _check_evidence(found):
     lessened = ["x0.9", *(f"without {s.machine}@{s.bus}" for s in found.sites)]
     assert all(rows[name].lost for name in lessened)
     assert not found.spared
-    finer = [row for row in found.evidence if "half the step" in row.fleet]
+    finer = [row for row in found.evidence if row.finer]
     assert len(finer) == 1
     assert finer[0].lost == 0
     assert finer[0].mw <= 1.05 * found.total_mw + 1e-9
@@ -115,9 +116,6 @@ def test_the_uniform_fleet_is_the_smallest(classical, six):
 
 def test_no_fleet_on_a_grid_does_with_less(classical, six):
     """Three sites out of five, of sizes on a simplex of 97 % of the total: each is lost at some contingency."""
-    from stabctl.case import Storage
-    from stabctl.placement.trials import Trials
-
     numbers, steps = (1, 6, 7, 8, 9), 10
     machines = [classical.machine(n) for n in numbers]
     point = equilibrium.solve(classical.with_storage(Storage(m.machine, m.storage_bus, 1.0) for m in machines))
@@ -135,21 +133,20 @@ def test_no_fleet_on_a_grid_does_with_less(classical, six):
 def test_at_most_three_sites(classical, three_sites):
     assert len(three_sites.sites) <= 3
     assert len(three_sites.contingencies) == 9
-    assert three_sites.total_mw <= 0.80 * three_sites.uniform_mw  # 0.632
+    assert three_sites.total_mw <= 0.80 * three_sites.uniform_mw  # 379.9 of 599.2 MW: 0.634
     _check_survival(classical, three_sites)
     _check_evidence(three_sites)
 
 
 def test_machines_in_full(cases, full):
     assert len(full.contingencies) == 9
-    assert full.total_mw <= 0.80 * full.uniform_mw  # 0.484
+    assert full.total_mw <= 0.80 * full.uniform_mw  # 280.1 of 577.0 MW: 0.485
     _check_survival(cases("ieee39"), full)
     _check_evidence(full)
 
 
 def test_wnaps(cases, western):
     assert {s.machine for s in western.sites} <= set(CANDIDATES)
-    assert western.total_mw <= 0.70 * western.uniform_mw
+    assert western.total_mw <= 0.70 * western.uniform_mw  # 444.5 of 2062.5 MW: 0.216
     _check_survival(cases("wnaps"), western)
     _check_evidence(western)
-    print(western)

@@ -25,9 +25,9 @@ def siting():
     sites = (Site(103, 3, 40.0, 0.0123), Site(131, 31, 20.0, 0.004))
     survived = (Survived(FIRST, 12.0, 12.25, 31, True, True), Survived(SECOND, 6.0, 7.5, None, True, False))
     evidence = (
-        Evidence("x1", 60.0, (12.25, 7.5), (True, True)),
-        Evidence("x0.9", 54.0, (11.75, 6.0), (False, True)),
-        Evidence("without 3@103", 20.0, (None, 12.875), (False, False)),
+        Evidence(60.0, (12.25, 7.5), (True, True)),
+        Evidence(54.0, (11.75, 6.0), (False, True), scale=0.9),
+        Evidence(20.0, (None, 12.875), (False, False), without="3@103"),
     )
     history = (Round(10.0, math.inf, math.inf, 0), Round(50.0, 62.0, 62.0, 3), Round(59.0, 60.0, 60.0, 2))
     return Siting(
@@ -123,9 +123,9 @@ def test_the_row_of_a_table_has_a_cell_below_every_head(siting):
 
 
 def test_reservations_are_among_the_sentences(siting):
-    spared = replace(siting, evidence=(*siting.evidence, Evidence("without 31@131", 40.0, (12.0, 6.0), (True, True))))
+    spared = replace(siting, evidence=(*siting.evidence, Evidence(40.0, (12.0, 6.0), (True, True), without="31@131")))
     incurable, less = spared.reservations()
-    assert incurable.startswith("3 at 18 cycles: none of 35 fleets")
+    assert incurable.startswith("Left out: 3 at 18.00 cycles: none of 35 fleets")
     assert less == "The fleet without 31@131 survives everything too: it is not a least one."
     assert spared.remarks()[-2:] == (incurable, less)
 
@@ -165,7 +165,7 @@ def test_a_page_stands_until_the_new_one_is_whole(siting, tmp_path, monkeypatch)
     def fail(_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("stabctl.report.study_file.os.fsync", fail)
+    monkeypatch.setattr("stabctl.files.os.fsync", fail)
     with pytest.raises(StudyError, match="No space left on device"):
         siting_page.write(replace(siting, cost=1.0), tmp_path)
     assert path.read_bytes() == before

@@ -3,7 +3,7 @@ import json
 import pytest
 
 from stabctl.errors import StudyError
-from stabctl.report import paper, study_file
+from stabctl.report import paper, study_console, study_file
 from stabctl.report.study import Picture, Printed, Study, Table, Verdict
 
 NUMBER = Printed("Table 9", "angle", "0.6519", "rad")
@@ -67,13 +67,11 @@ def test_a_file_without_records_is_one_sentence(text, tmp_path):
     assert "\n" not in str(error.value)
 
 
-def test_what_stood_in_a_file_stays_when_writing_fails(tmp_path):
-    path = tmp_path / "index.html"
-    study_file.replace(path, "before")
-    with pytest.raises(UnicodeEncodeError):
-        study_file.replace(path, "after \ud800")
-    assert path.read_text() == "before"
-    assert list(tmp_path.iterdir()) == [path]
+def test_brackets_are_printed_as_they_stand(capsys, tmp_path):
+    study_console.show(Study("a [/b]", tables=(Table("t [bold]", ("h [x]",), (("[/c]",),)),)), tmp_path)
+    shown = capsys.readouterr().out
+    assert all(text in shown for text in ("a [/b]", "t [bold]", "h [x]", "[/c]"))
+    assert "\\" not in shown
 
 
 def test_every_printed_number_stands_once():

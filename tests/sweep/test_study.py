@@ -60,6 +60,8 @@ def test_groups_belong_together_and_lie_over_what_stands_above(write):
         (HEAD + "observe_s = 3", "observe_s: a simulate study has no such key"),
         (HEAD + "seed = 1.5", "seed = 1.5: it must be a whole number"),
         (HEAD + "seed = true", "seed = True"),
+        (HEAD + f"seed = 1{'0' * 400}", "it must be a whole number"),
+        (HEAD + f"lag_s = {{from = 0, to = 1{'0' * 400}, count = 2}}", "to must be a number"),
         (HEAD + 'lag_s = "slow"', "lag_s = 'slow': it must be a number at least 0"),
         (HEAD + "lag_s = -1", "lag_s = -1"),
         (HEAD + "until_s = inf", "until_s = inf"),

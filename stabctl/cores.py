@@ -1,0 +1,19 @@
+"""Cores of the machine, and how many of them a study uses."""
+
+import os
+
+from stabctl.errors import StudyError
+
+
+def available() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def used(workers: int | None) -> int:
+    """Threads or processes: those asked for, else one per core. Raises `StudyError` for fewer than one."""
+    if workers is None:
+        return available()
+    if workers < 1:
+        raise StudyError(f"{workers} workers are not allowed; give at least 1.")
+    return workers

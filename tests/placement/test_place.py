@@ -1,0 +1,203 @@
+"""The whole study on few candidates: what it refuses, what it leaves out, what costs change; and its command."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stabctl import fleet
+from stabctl.controllers import BangBang
+from stabctl.errors import StudyError
+from stabctl.estimate.loop import Driven
+from stabctl.estimate.pmu import Pmu
+from stabctl.placement.contingency import Contingency
+from stabctl.placement.place import place
+from stabctl.placement.siting import Costs
+
+CANDIDATES = ((1, 39), (6, 22), (9, 29))
+NEAR_9 = Contingency("29", ("26-29",), 4.75 / 60)
+NEAR_6 = Contingency("22", ("21-22",), 9.5 / 60)
+AT_16 = Contingency("16", ("16-21",), 10.625 / 60)
+AT_10 = Contingency("10", ("10-13",), 14.125 / 60)
+HOPELESS = Contingency("29", ("26-29",), 30 / 60)
+EASY = Contingency("29", ("26-29",), 3 / 60)
+KEYS = {"sites", "total_mw", "uniform_mw", "lower_bound_mw", "contingencies", "simulations", "wall_s"}
+
+
+@pytest.fixture(scope="module")
+def case(cases):
+    return cases("ieee39").classical()
+
+
+def study(case, *contingencies, candidates=CANDIDATES, **options):
+    return place(case, contingencies, **{"candidates": candidates, "observed_s": 2.0} | options)
+
+
+@pytest.fixture(scope="module")
+def both(case):
+    return study(case, NEAR_9, NEAR_6)
+
+
+def test_every_site_is_where_it_helps(both):
+    assert {9} <= {s.machine for s in both.sites} <= {1, 6, 9}
+    assert both.total_mw < both.uniform_mw
+    assert all(row.stable and row.margin_cycles >= -1e-9 for row in both.contingencies)
+    assert [row.target_cycles for row in both.contingencies] == pytest.approx([4.75, 9.5])
+
+
+def test_twice_the_same(case, both):
+    again = study(case, NEAR_9, NEAR_6, workers=1)
+    assert replace(again, wall_s=0.0) == replace(both, wall_s=0.0)
+
+
+def test_its_own_storage_is_left_aside(case):
+    own, one = case.with_storage(fleet.everywhere(case, "100MW")), CANDIDATES[2:]
+    assert study(own, NEAR_9, candidates=one).total_mw == study(case, NEAR_9, candidates=one).total_mw
+
+
+def test_what_no_fleet_cures_is_left_out_and_said(case):
+    found = study(case, NEAR_9, HOPELESS)
+    assert [row.contingency for row in found.contingencies] == [NEAR_9]
+    (out,) = found.incurable
+    assert out.contingency == HOPELESS
+    assert out.alone_cycles == pytest.approx(4.25, abs=0.2)
+    assert out.tried > 20
+    assert "Left out: 29 trip 26-29 at 30.00 cycles: none of" in str(found)
+
+
+def test_where_nothing_is_curable(case):
+    with pytest.raises(StudyError, match=r"No contingency is survived by any fleet within the caps: 29 trip"):
+        study(case, HOPELESS)
+    with pytest.raises(StudyError, match=r"up to 4\.2"):
+        study(case, NEAR_9, cap="1MW")
+
+
+def test_what_needs_no_storage_gets_none(case):
+    found = study(case, EASY)
+    assert found.sites == ()
+    assert (found.total_mw, found.total_mwh, found.cost, found.uniform_mw, found.gap) == (0, 0, 0, 0, 0)
+    assert found.contingencies[0].stable
+    assert "0.0 MW and 0 kWh at 0 sites survive 1 contingency," in str(found)
+    assert "survived without storage" in str(found)
+
+
+def test_too_few_sites(case):
+    with pytest.raises(StudyError, match="No fleet of at most 1 site within the caps"):
+        study(case, NEAR_9, NEAR_6, sites=1)
+
+
+def test_caps_are_kept(case):
+    held = study(case, AT_16, cap="180MW")
+    assert max(s.mw for s in held.sites) <= 180  # 204.7 where 30 % of the MVA are allowed
+    assert held.total_mw > 271
+    dispatch = study(case, NEAR_9, cap="20%dispatch")
+    sent = {m.machine: m.p for m in case.machines}
+    assert all(s.mw <= 0.2 * sent[s.machine] * 1.001 for s in dispatch.sites)
+
+
+def test_some_caps_of_nothing(case):
+    """A machine without dispatch has no room for storage then."""
+    idle = tuple(m._replace(p=0.0) if m.machine == 6 else m for m in case.machines)
+    moved = replace(case, machines=idle)
+    found = study(moved, NEAR_9, cap="20%dispatch", costs=Costs(mwh=10.0))
+    assert 6 not in {s.machine for s in found.sites}
+
+
+def test_dear_sites_are_fewer(case):
+    cheap, dear = study(case, AT_16, AT_10), study(case, AT_16, AT_10, costs=Costs(site=200.0))
+    assert (len(cheap.sites), len(dear.sites)) == (2, 1)
+    assert cheap.total_mw < dear.total_mw  # 301, 369
+    assert dear.cost == pytest.approx(dear.total_mw + 200)
+    assert dear.cost < cheap.total_mw + 400
+    assert dear.lower_bound_mw is None
+
+
+def test_energy_has_its_price(case, both):
+    dear = study(case, NEAR_9, NEAR_6, costs=Costs(mw=0.0, mwh=1e3))
+    assert dear.cost > 0
+    assert dear.lower_bound_mw is None
+    assert dear.total_mwh <= 1.1 * both.total_mwh
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"cap": "30"}, "not a storage size"),
+        ({"cap": "0MW"}, "leaves no room"),
+        ({"cap": "1e300MW"}, "beyond any storage"),
+        ({"costs": Costs(mw=-1.0)}, "cost of -1 per mw"),
+        ({"costs": Costs(site=np.nan)}, "cost of nan per site"),
+        ({"costs": Costs(mw=0.0, site=1.0)}, "Neither a MW nor a MWh costs"),
+        ({"sites": 0}, "At most 0 sites"),
+        ({"observed_s": 0.0}, "observation of 0 s"),
+        ({"observed_s": np.nan}, "observation of nan s"),
+        ({"step": 1.0}, "step 1 s is too long"),
+        ({"candidates": [(9, 99)]}, "no bus 99"),
+        ({"candidates": [(99, 29)]}, "no machine 99"),
+        ({"candidates": []}, "no candidate"),
+        ({"candidates": [(9, 29), (9, 29)]}, "named twice"),
+    ],
+)
+def test_what_is_refused(case, options, words):
+    with pytest.raises(StudyError, match=words):
+        study(case, NEAR_9, **options)
+
+
+def test_estimates_in_the_loop(case):
+    """Margins under a Kalman filter stand beside those of true speeds."""
+    driven = Driven(BangBang(), "kalman", Pmu(), 1, "batched")
+    found = study(case, NEAR_9, candidates=((9, 29),), others={"kalman": driven})
+    rows = {row.fleet: row for row in found.evidence}
+    assert rows["kalman"].mw == rows["x1"].mw
+    assert abs(rows["kalman"].critical_cycles[0] - rows["x1"].critical_cycles[0]) <= 0.25  # 4.625 of 4.75
+
+
+def test_json(stabctl, tmp_path):
+    file = tmp_path / "one.toml"
+    file.write_text('[[contingency]]\nfault = "29"\ntrip = "26-29"\nclear = "4.75cyc"\n')
+    words = ("place", "ieee39", "--classical", "--contingencies", file, "--observe", 2, "--sites", 1)
+    code, out, err = stabctl(*words, "--json")
+    record = json.loads(out)
+    assert (code, err) == (0, "")
+    assert KEYS <= set(record)
+    assert set(record["sites"][0]) == {"bus", "machine", "mw", "mwh"}
+    (row,) = record["contingencies"]
+    assert {"fault", "trip", "target_cycles", "critical_cycles", "stable"} <= set(row)
+    assert (row["fault"], row["trip"], row["stable"]) == ("29", ["26-29"], True)
+    assert (record["sites"][0]["machine"], record["sites"][0]["bus"]) == (9, 29)
+    assert record["total_mw"] == sum(s["mw"] for s in record["sites"]) < record["uniform_mw"]
+    assert record["lower_bound_mw"] <= record["total_mw"] * (1 + 1e-9)
+
+
+def test_contingencies_come_from_a_file_the_package_or_a_screen(cases, monkeypatch):
+    from stabctl.cli.place import _contingencies
+
+    assert len(_contingencies(cases("ieee39"), "ieee39", None, classical=True)) == 9
+    found = _contingencies(cases("two_area_manual"), "two_area_manual", None, classical=False)
+    assert 0 < len(found) <= 4  # machines
+    assert all(len(one.trip) == 1 and one.clear > 0 for one in found)
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (("--contingencies", "missing.toml"), "missing.toml' cannot be read"),
+        (("--contingencies", "/"), "cannot be read"),
+        (("--cap", "30"), "'30' is not a storage size"),
+        (("--sites", "0"), "At most 0 sites"),
+        (("--cost-mw", "-1"), "cost of -1"),
+        (("--cost-site", "nan"), "cost of nan"),
+        (("--observe", "-1"), "observation of -1 s"),
+        (("--lag", "-1"), "--lag -1 s"),
+        (("--deadband", "nan"), "deadband_hz"),
+        (("--max-angle", "0"), "--max-angle 0"),
+        (("--workers", "0"), "--workers"),
+        (("--validate", "crystal-ball"), "--validate"),
+    ],
+)
+def test_a_mistake_is_one_line(stabctl, words, complaint):
+    code, out, err = stabctl("place", "ieee39", "--classical", *words)
+    assert (code, out) == (2, "")
+    assert len(err.splitlines()) == 1
+    assert complaint in err
