@@ -17,7 +17,7 @@ def study(reports: Path) -> Iterator[Study]:
     for path in sorted(Path(__file__).parent.glob("*.toml")):
         summary = run(path, reports / f"{path.stem}.db")
         found = overview(rows(summary.path))
-        cells = tuple(tuple(map(cell, row)) for row in found.cells)
+        cells = tuple(tuple(map(cell, found.columns, row)) for row in found.cells)
         common = ", ".join(f"{column} {value}" for column, value in found.common.items())
         errors = (f"{what}: {sentence}" for what, sentence in found.errors)
         table = Table(f"{summary.done + summary.before} jobs", found.columns, cells)

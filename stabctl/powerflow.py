@@ -22,6 +22,16 @@ class Flow:
     S: np.ndarray  # (machines) complex, pu   power produced
     iterations: int
 
+    def branches(self) -> np.ndarray:
+        """Complex power (branches, 2) that enters every branch at its from and its to end, pu, in table order.
+
+        The sum over both ends is what the branch loses, its charging included.
+        """
+        net = network.grid(self.case)
+        frm, to = self.V[net.frm] / net.ratio, self.V[net.to]
+        through, half = (frm - to) / net.z, 0.5j * net.charging
+        return np.stack([frm * (through + half * frm).conj(), to * (half * to - through).conj()], axis=1)
+
     def __str__(self) -> str:
         low, high = np.abs(self.V).argmin(), np.abs(self.V).argmax()
         number = [b.bus for b in self.case.buses]

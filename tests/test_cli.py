@@ -41,6 +41,10 @@ def test_powerflow_json_balances(stabctl):
     assert set(record["buses"][0]) == {"bus", "v_pu", "angle_deg", "p_gen_mw", "q_gen_mvar"}
     assert 2734 < sum(b["p_gen_mw"] for b in record["buses"]) < 2734 * 1.05  # loads plus losses
     assert "1.03000" in stabctl("powerflow", "two_area")[1]
+    lost = sum(k["p_from_mw"] + k["p_to_mw"] for k in record["branches"])
+    made = sum(b["p_gen_mw"] for b in record["buses"])
+    assert lost == pytest.approx(made - 2734, abs=1e-6)  # two_area has no shunt conductance
+    assert f"lost in the branches: {lost:.1f} MW" in stabctl("powerflow", "two_area", "--branches")[1]
 
 
 @pytest.mark.parametrize(("storage", "outcome"), [((), "lost_synchronism"), (("--storage", "50MW"), "stable")])
@@ -140,11 +144,79 @@ def test_classical_machines_everywhere(stabctl):
         (("clearing-time", "two_area", "--fault", "7", "--resolution", "0cyc"), "resolution"),
         (("clearing-time", "two_area", "--fault", "7", "--observe", "0"), "observation"),
         (("clearing-time", "two_area", "--fault", "7", "--trip", "7"), "circuit"),
+        (("place", "ieee39", "--classical", "--observe", "0"), "observation of 0 s"),
+        (("place", "ieee39", "--classical", "--lag", "-1"), "--lag -1 s"),
         (("dance",), "dance"),
     ],
 )
 def test_a_mistake_is_one_line(stabctl, words, said):
     assert said in complaint(stabctl(*words))
+
+
+@pytest.mark.parametrize(
+    ("words", "option", "ending"),
+    [
+        (("simulate", "two_area", "--until", "0.1"), "--out", ".csv"),
+        (("simulate", "two_area", "--until", "0.1"), "--plot", ".png"),
+        (("estimate", "two_area", "--fault", "7", "--clear", "3cyc"), "--plot", ".png"),
+        (("screen", "two_area", "--classical"), "--out", ".csv"),
+        (("linearize", "two_area"), "--out", ".npz"),
+    ],
+)
+def test_a_file_that_cannot_be_written_is_told_before_the_work(stabctl, tmp_path, monkeypatch, words, option, ending):
+    monkeypatch.setattr("stabctl.read.load", lambda name: pytest.fail(f"{name} was loaded"))
+    there = tmp_path / f"there{ending}"
+    there.mkdir()
+    assert "is a folder" in complaint(stabctl(*words, option, there))
+    assert "There is no folder" in complaint(stabctl(*words, option, tmp_path / "no" / f"x{ending}"))
+    assert "must end in" in complaint(stabctl(*words, option, "x.no"))
+
+
+@pytest.mark.parametrize(
+    ("command", "said"), [("modes", "is a file; name a folder"), ("place", "name a folder that can be written to")]
+)
+def test_a_report_folder_that_is_a_file_is_told_before_the_work(stabctl, tmp_path, monkeypatch, command, said):
+    monkeypatch.setattr("stabctl.read.load", lambda name: pytest.fail(f"{name} was loaded"))
+    taken = tmp_path / "taken"
+    taken.write_text("mine")
+    for folder in (taken, taken / "below"):
+        assert said in complaint(stabctl(command, "two_area", "--report", folder))
+    assert taken.read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("words", "writes"),
+    [
+        (("screen", "two_area", "--classical", "--below", "8cyc", "--out", "x.csv"), "stabctl.screen.Screen.save"),
+        (("modes", "two_area", "--report", "."), "stabctl.report.modes_page.write"),
+    ],
+)
+def test_what_was_found_is_printed_though_it_cannot_be_written(stabctl, tmp_path, monkeypatch, words, writes):
+    def full(*_):
+        raise OSError(28, "No space left on device", "x")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(writes, full)
+    code, out, err = stabctl(*words)
+    assert code == 2
+    assert "7-8" in out or "1, 2 against 3, 4" in out
+    assert err == "stabctl: No space left on device: x; name another file or folder.\n"
+
+
+@pytest.mark.parametrize("words", [("powerflow", "two_area"), ("swing", "table1"), ("sweep", "show", "x.db")])
+def test_an_interruption_is_one_line(stabctl, monkeypatch, words):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    for work in ("stabctl.read.load", "stabctl.swing.omib.table1", "stabctl.sweep.store.rows"):
+        monkeypatch.setattr(work, interrupt)
+    assert stabctl(*words) == (130, "", "stabctl: interrupted.\n")
+
+
+def test_version(stabctl):
+    from importlib.metadata import version
+
+    assert stabctl("--version") == (0, f"stabctl {version('stabctl')}\n", "")
 
 
 WORDS = st.sampled_from(

@@ -48,6 +48,17 @@ def test_power_balances_at_every_bus(cases, name):
 
 
 @pytest.mark.parametrize("name", PACKAGED)
+def test_branches_and_shunts_carry_off_what_is_injected(cases, name):
+    case, flow = cases(name), powerflow.solve(cases(name))
+    net, ends = network.grid(case), flow.branches()
+    left = abs(flow.V) ** 2 * net.shunt.conj() + powerflow.demand(case)
+    np.add.at(left, net.frm, ends[:, 0])
+    np.add.at(left, net.to, ends[:, 1])
+    np.add.at(left, net.machine_bus, -flow.S)
+    assert np.abs(left).max() < 1e-9  # pu
+
+
+@pytest.mark.parametrize("name", PACKAGED)
 def test_machines_and_voltages_are_as_asked(cases, name):
     case, flow = cases(name), powerflow.solve(cases(name))
     for b, V in zip(case.buses, flow.V, strict=True):

@@ -131,6 +131,22 @@ def test_below_gives_the_same_pairs_in_fewer_runs(screens, points):
     assert cut.simulations < whole.simulations / 2  # 0.36
 
 
+def test_nothing_below_is_said(cases):
+    point = equilibrium.solve(cases("two_area").classical())
+    short = screen(point, below=3)
+    assert not short.pairs
+    assert "all 4 fault and trip pairs are survived for 3 cycles" in str(short)
+    with pytest.raises(StudyError, match="below 0 cycles"):
+        screen(point, below=0)
+
+
+def test_a_fine_grid_costs_few_questions():
+    attempt, asked = lambda k: Attempt(k <= 31_415_926_535), []
+    found = search(lambda k: asked.append(k) or attempt(k), 480_000_000_000, 10**9, 10**9, 4 * 10**9)
+    assert found.critical == 31_415_926_535
+    assert len(asked) < 50  # 43
+
+
 def test_threads_change_nothing(points):
     alone, several = (screen(points("ieee39"), below=6, workers=n) for n in (1, 3))
     assert replace(alone, wall_s=0) == replace(several, wall_s=0)

@@ -474,8 +474,9 @@ class TestRefusals:
     @pytest.mark.parametrize(
         ("events", "says"),
         [
-            ([Fault("99", 1.0)], "There is no bus 99 in two_area."),
-            ([Fault("7-9", 1.0)], "There is no branch 7-9 in two_area."),
+            ([Fault("99", 1.0)], "There is no bus 99 in two_area; the nearest numbers are 9, 10, 11."),
+            ([Fault("7-9", 1.0)], "There is no branch 7-9 in two_area; those of bus 7 are 7-6, 7-8."),
+            ([Fault("7-99", 1.0)], "There is no branch 7-99 in two_area, since there is no bus 99; the nearest "),
             ([Fault("7-8#3", 1.0)], "Branch 7-8 of two_area has 2 circuits, not a number 3."),
             ([Fault("7-8#0", 1.0)], "Branch 7-8 of two_area has 2 circuits, not a number 0."),
             ([Fault("7-8@1.5", 1.0)], "The place 1.5 along 7-8 must be a number from 0 (at bus 7) to 1 (at bus 8)."),
@@ -496,7 +497,7 @@ class TestRefusals:
             ([Open("7-8", 1.0, end=9)], "Circuit 7-8 does not end at bus 9; it ends at 7 and 8."),
             ([TripMachine(9, 1.0)], "There is no machine 9 in two_area; its machines are 1, 2, 3, 4."),
             ([TripMachine(1, 1.0), TripMachine(1, 1.5)], "Machine 1 is tripped twice; trip it once."),
-            ([LoadStep(99, 1.0, 5.0)], "There is no bus 99 in two_area."),
+            ([LoadStep(99, 1.0, 5.0)], "There is no bus 99 in two_area; the nearest numbers are "),
             ([LoadStep("7-8", 1.0, 5.0)], "'7-8' is not a bus of two_area; give a bus number."),
             ([LoadStep(7, 1.0, float("nan"))], "The p nan of "),
             ([SwitchShunt(7, 1.0, b=float("inf"))], "The b inf of "),

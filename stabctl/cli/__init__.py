@@ -3,8 +3,10 @@
 import gc
 import sys
 import warnings
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from stabctl.errors import StabctlError, sentence
 
@@ -23,7 +25,20 @@ from . import (
     tables,
 )
 
+
+class Commands(TyperGroup):
+    """The commands; Ctrl-C in one of them is a sentence too, before the library makes a bare exit of it."""
+
+    def invoke(self, ctx: typer.Context) -> Any:
+        """Run a command; what it returns, 130 where it was interrupted."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            return _complain("interrupted.", 130)
+
+
 app = typer.Typer(
+    cls=Commands,
     add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -44,14 +59,33 @@ app.add_typer(swing.app, name="swing")
 app.add_typer(sweep.app, name="sweep")
 
 
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"stabctl {version('stabctl')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", is_eager=True, callback=_print_version)
+    ] = False,
+) -> None:
+    pass
+
+
 def main() -> None:
     """Run the command line; a user's mistake is one line on stderr and exit code 2."""
     warnings.simplefilter("ignore", RuntimeWarning)
     gc.disable()  # a command is short and makes few cycles; collecting while libraries load costs an eighth of it
     try:
         code = app(standalone_mode=False)
-    except (StabctlError, OSError) as error:
+    except StabctlError as error:
         code = _complain(sentence(error))
+    except OSError as error:
+        code = _complain(sentence(error) + ("; name another file or folder." if error.filename else ""))
     except KeyboardInterrupt:
         code = _complain("interrupted.", 130)
     except Exception as error:

@@ -50,8 +50,7 @@ def estimate(
 
     if not 0.05 < observe < float("inf"):
         raise StudyError(f"--observe {observe:g} s is not allowed; it must be more than 0.05.")
-    if plot and plot.suffix not in (".png", ".svg"):
-        raise StudyError(f"The file {plot.name!r} must end in .png or .svg.")
+    shared.file(plot, ".png", ".svg")
     loaded = shared.load(case, classical)
     off = seconds(clear, loaded.frequency_hz)
     events = contingency(fault, off, trip or (), at, shared.impedance(fault_impedance))

@@ -26,6 +26,7 @@ def linearize(
     """Linearise a case at its operating point and export the model."""
     from stabctl.linear import linearise
 
+    shared.file(out, ".npz", ".mat")
     point = shared.start(shared.load(case, classical), storage, storage_at, lag=lag)
     named = [[part for part in text.split(",") if part.strip()] for text in (inputs, outputs)]
     model = linearise(point, *named)

@@ -1,11 +1,14 @@
 """stabctl modes: eigenvalues, damping, who swings against whom."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from . import shared
+
+if TYPE_CHECKING:
+    from stabctl.modes import Areas, Modes
 
 Band = Annotated[
     tuple[float, float], typer.Option("--band", metavar="LOW HIGH", help="Frequencies of the printed table, Hz.")
@@ -38,24 +41,31 @@ def modes(
     from stabctl.modes.analysis import LARGE
     from stabctl.report import modes_page, modes_table
 
+    shared.folder(report)
     loaded = opened(shared.load(case, classical), open_circuits or ())
     point = shared.start(loaded)
     model = linearise(point) if sparse is False else descriptor(point)
     few = sparse or (sparse is None and len(model.states) > LARGE)
     found = analyse(model, band if few else None)
-    chosen = found.within(*band)
     groups = areas(found, area_count) if found.swings() or area_count else None
-    path = modes_page.write(report, found, groups, band) if report else None
     if as_json:
         shared.print_json(modes_table.record(found))
-        return
+    else:
+        _show(found, band, groups)
+    if report:
+        path = modes_page.write(report, found, groups, band)
+        if not as_json:
+            shared.console().print(f"written: {path}")
+
+
+def _show(found: "Modes", band: tuple[float, float], groups: "Areas | None") -> None:
+    from stabctl.report import modes_table
+
     out = shared.console()
-    out.print(modes_table.table(found, chosen))
+    out.print(modes_table.table(found, found.within(*band)))
     for k in range(len(found)):
         if found.eigenvalues[k] == 0:
             out.print(f"zero: {found.label(k)}; not an instability.")
     out.print(str(found))
     if groups:
         out.print(f"{groups}.")
-    if path:
-        out.print(f"written: {path}")

@@ -2,11 +2,16 @@
 
 import cmath
 import math
+from typing import Annotated, Any
+
+import typer
 
 from .shared import CaseName, Classical, Json, console, load, print_json
 
+Branches = Annotated[bool, typer.Option("--branches", help="Print what flows in the branches too.")]
 
-def powerflow(case: CaseName, classical: Classical = False, as_json: Json = False) -> None:
+
+def powerflow(case: CaseName, branches: Branches = False, classical: Classical = False, as_json: Json = False) -> None:
     """Solve the load flow."""
     from stabctl import powerflow
 
@@ -25,8 +30,20 @@ def powerflow(case: CaseName, classical: Classical = False, as_json: Json = Fals
         }
         for b, V in zip(c.buses, flow.V.tolist(), strict=True)
     ]
+    ends = [[complex(S) * c.base_mva for S in both] for both in flow.branches()]
+    lines = [
+        {
+            "from_bus": k.from_bus,
+            "to_bus": k.to_bus,
+            "p_from_mw": a.real,
+            "q_from_mvar": a.imag,
+            "p_to_mw": b.real,
+            "q_to_mvar": b.imag,
+        }
+        for k, (a, b) in zip(c.branches, ends, strict=True)
+    ]
     if as_json:
-        print_json({"converged": True, "iterations": flow.iterations, "buses": rows})
+        print_json({"converged": True, "iterations": flow.iterations, "buses": rows, "branches": lines})
         return
     from rich.table import Table
 
@@ -37,4 +54,21 @@ def powerflow(case: CaseName, classical: Classical = False, as_json: Json = Fals
         power = (f"{r['p_gen_mw']:.2f}", f"{r['q_gen_mvar']:.2f}") if made[r["bus"]] else ("", "")
         table.add_row(str(r["bus"]), f"{r['v_pu']:.5f}", f"{r['angle_deg']:.3f}", *power)
     console().print(table)
+    if branches:
+        _print_branches(lines)
     console().print(str(flow))
+
+
+def _print_branches(lines: list[dict[str, Any]]) -> None:
+    from rich.table import Table
+
+    heads = ("from", "to", "P in at from, MW", "Q in at from, Mvar", "P in at to, MW", "Q in at to, Mvar", "lost, MW")
+    table = Table(*heads)
+    for column in table.columns:
+        column.justify = "right"
+    for line in lines:
+        a, b, *powers = line.values()
+        table.add_row(str(a), str(b), *(f"{p:.2f}" for p in powers), f"{line['p_from_mw'] + line['p_to_mw']:.2f}")
+    console().print(table)
+    lost = sum(line["p_from_mw"] + line["p_to_mw"] for line in lines)
+    console().print(f"lost in the branches: {lost:.1f} MW")

@@ -36,14 +36,10 @@ def screen(
     as_json: shared.Json = False,
 ) -> None:
     """Find the critical clearing times of faults at both ends of every line, cleared by opening it; shortest first."""
-    from stabctl.errors import StudyError
     from stabctl.screen import screen
     from stabctl.units import seconds
 
-    if out and out.suffix.lower() != ".csv":
-        raise StudyError(f"The file {out.name!r} must end in .csv.")
-    if out and not out.parent.is_dir():
-        raise StudyError(f"There is no folder {str(out.parent)!r} to write {out.name!r} into; make it first.")
+    shared.file(out, ".csv")
     loaded = shared.load(case, classical)
     hz = loaded.frequency_hz
     point = shared.start(loaded, storage, storage_at, characteristic=characteristic, lag=lag)
@@ -60,12 +56,14 @@ def screen(
             workers=workers,
             progress=lambda done, total: tell(done / total),
         )
+    _show(found, as_json)
     if out:
         found.save(out)
-    _show(found, out, as_json)
+        if not as_json:
+            shared.console().print(f"written: {out}")
 
 
-def _show(found: "Screen", out: Path | None, as_json: bool) -> None:
+def _show(found: "Screen", as_json: bool) -> None:
     if as_json:
         from stabctl.screen.study import COLUMNS
 
@@ -91,8 +89,7 @@ def _show(found: "Screen", out: Path | None, as_json: bool) -> None:
         shown = {"unstable_at_zero": "lost by the opening", "stable_at_limit": f"{found.limit_cycles:g} or more"}
         first = "" if p.machine is None else f"machine {p.machine}"
         table.add_row(p.fault, p.trip, shown.get(p.status, f"{p.cycles:g}" if p.cycles is not None else ""), first)
-    shared.console().print(table)
+    if found.pairs:
+        shared.console().print(table)
     for sentence in found.remarks():
         shared.console().print(sentence)
-    if out:
-        shared.console().print(f"written: {out}")

@@ -2,9 +2,11 @@
 
 import json
 import math
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
@@ -98,6 +100,37 @@ def checked_lag(lag: float) -> float:
     if not 0 <= lag < float("inf"):
         raise StudyError(f"--lag {lag:g} s is not allowed; it must be at least 0.")
     return lag
+
+
+def file(path: Path | None, *endings: str) -> None:
+    """Refuse a file that cannot be written, before the work for it is done."""
+    from stabctl.errors import StudyError
+
+    if path is None:
+        return
+    if path.suffix.lower() not in endings:
+        raise StudyError(f"The file {path.name!r} must end in {' or '.join(endings)}.")
+    if not path.parent.is_dir():
+        raise StudyError(f"There is no folder {str(path.parent)!r} to write {path.name!r} into; make it first.")
+    if path.is_dir():
+        raise StudyError(f"{path} is a folder; name a file to write.")
+    if not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise StudyError(f"{path} may not be written; name a file in a folder of yours.")
+
+
+def folder(path: Path | None) -> None:
+    """Refuse a folder for a report that cannot be made or written into, before the work for it is done."""
+    from stabctl.errors import StudyError
+
+    if path is None:
+        return
+    there = next(p for p in (path.absolute(), *path.absolute().parents) if p.exists())
+    if not there.is_dir():
+        raise StudyError(f"No report can be written into {path}, since {there} is a file; name a folder.")
+    if not os.access(there, os.W_OK):
+        raise StudyError(
+            f"No report can be written into {path}, since {there} may not be written; name another folder."
+        )
 
 
 def law(case: "Case", control: str | None, deadband: float, min_voltage: float) -> "BangBang | None":

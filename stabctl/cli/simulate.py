@@ -60,11 +60,8 @@ def simulate(
         raise StudyError("--fault needs --clear; give a clearing time such as 6cyc.")
     if clear and not (fault or trip):
         raise StudyError("--clear needs --fault or --trip; give a place such as 83 or 7-8@0.4.")
-    for path, endings in ((out, (".csv", ".nc")), (plot, (".png", ".svg"))):
-        if path and path.suffix.lower() not in endings:
-            raise StudyError(f"The file {path.name!r} must end in {' or '.join(endings)}.")
-        if path and not path.parent.is_dir():
-            raise StudyError(f"There is no folder {str(path.parent)!r} to write {path.name!r} into; make it first.")
+    shared.file(out, ".csv", ".nc")
+    shared.file(plot, ".png", ".svg")
     through = shared.impedance(fault_impedance)
     loaded = shared.load(case, classical)
     events = ()

@@ -71,12 +71,10 @@ def _progress() -> Iterator[Callable[[int, int], None]]:
 @app.command("show")
 def show_command(results: Results, table: Csv = None, as_json: shared.Json = False) -> None:
     """Print a results file: what varies in it, and what came of it."""
-    from stabctl.errors import StudyError
     from stabctl.sweep.overview import in_order
     from stabctl.sweep.store import COLUMNS, rows
 
-    if table and table.suffix.lower() != ".csv":
-        raise StudyError(f"The file {table.name!r} must end in .csv.")
+    shared.file(table, ".csv")
     found = in_order(rows(results))
     if table:
         with table.open("w", newline="", encoding="utf-8") as file:
@@ -99,7 +97,7 @@ def _show(rows: list[dict[str, Any]], written: Path | None) -> None:
     console.print(", ".join(f"{column} {value}" for column, value in found.common.items()))
     table = Table(*found.columns)
     for cells in found.cells:
-        table.add_row(*map(cell, cells))
+        table.add_row(*map(cell, found.columns, cells))
     console.print(table)
     for what, sentence in found.errors:
         print(f"{what}: {sentence}")

@@ -54,7 +54,7 @@ def place(
     impossible arguments, where nothing is curable, and where no fleet of so few sites is found.
     """
     began = time.perf_counter()
-    _check(costs, sites)
+    _check(costs, sites, observed_s)
     flow = powerflow.solve(case)
     found = checked_candidates(case, candidates)
     mva = np.array([case.machine(c.machine).base for c in found])
@@ -120,7 +120,9 @@ def place(
     )
 
 
-def _check(costs: Costs, sites: int | None) -> None:
+def _check(costs: Costs, sites: int | None, observed_s: float) -> None:
+    if not 0 < observed_s < np.inf:
+        raise StudyError(f"The observation of {observed_s:g} s is not allowed; it must be more than 0.")
     for name, value in costs._asdict().items():
         if not 0 <= value < np.inf:
             raise StudyError(f"The cost of {value:g} per {name} is not allowed; it must be at least 0 and finite.")

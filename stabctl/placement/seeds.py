@@ -36,7 +36,10 @@ def curable(trials: Trials, uniform: np.ndarray) -> tuple[Trials, list[Cure], tu
     kept = [k for k, cured in enumerate(cures) if cured is not None]
     incurable = tuple(_incurable(trials, k) for k in range(len(cures)) if cures[k] is None)
     if not kept:
-        raise StudyError(f"No contingency is survived by any fleet within the caps: {' '.join(map(str, incurable))}")
+        found = " ".join(map(str, incurable))
+        raise StudyError(
+            f"No contingency is survived by any fleet within the caps: {found} Raise the caps or ask for less."
+        )
     return trials.only(kept), [cures[k] for k in kept], incurable
 
 

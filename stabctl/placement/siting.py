@@ -191,10 +191,11 @@ class Siting:
         for row in self.evidence:
             if row.finer:
                 lost = [c.contingency.name for c, ok in zip(self.contingencies, row.stable, strict=True) if not ok]
+                these = f"x{row.scale:g} of these sizes" if self.sites else "the system without storage"
                 said.append(
-                    f"At half the step, watched twice as long, x{row.scale:g} of these sizes survives everything."
+                    f"At half the step, watched twice as long, {these} survives everything."
                     if not lost
-                    else f"At half the step, watched twice as long, even x{row.scale:g} of these sizes is lost to "
+                    else f"At half the step, watched twice as long, even {these} is lost to "
                     f"{'; '.join(lost)}: watch longer (--observe)."
                 )
         said += [f"The fleet {row.fleet} survives everything too: it is not a least one." for row in self.spared]

@@ -49,7 +49,7 @@ def _about(folder: Path) -> Row:
     except FileNotFoundError:
         raise CaseError(f"{path}: the file is missing; a case folder needs one.") from None
     except (ValueError, OSError, RecursionError) as error:
-        raise CaseError(f"{path}: it cannot be read as TOML ({error}).") from None
+        raise CaseError(f"{path}: it cannot be read as TOML ({getattr(error, 'strerror', None) or error}).") from None
     for key, value in about.items():
         if key not in ABOUT:
             raise CaseError(f"{path}: {key!r} is not a known entry; known are {', '.join(ABOUT)}.")

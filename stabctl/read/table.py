@@ -17,7 +17,9 @@ def rows_of(path: Path, columns: dict[str, Field], partial_key: str | None) -> t
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (UnicodeDecodeError, OSError) as error:
-        raise CaseError(f"{path}: it cannot be read as a UTF-8 text ({error}).") from None
+        raise CaseError(
+            f"{path}: it cannot be read as a UTF-8 text ({getattr(error, 'strerror', None) or error})."
+        ) from None
     by_header = {f.column: f for f in columns.values()}
     rows, lines, header = [], [], None
     try:

@@ -24,7 +24,9 @@ def save(figure: "Figure", path: Path) -> None:
     try:
         figure.savefig(path, dpi=150)
     except (OSError, ValueError) as error:
-        raise StudyError(f"the picture {path} cannot be written: {str(error).splitlines()[0]}") from None
+        raise StudyError(
+            f"the picture {path} cannot be written: {getattr(error, 'strerror', None) or str(error).splitlines()[0]}"
+        ) from None
 
 
 def phase_plane(portrait: Portrait) -> "Figure":

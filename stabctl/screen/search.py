@@ -48,7 +48,7 @@ def search(attempt: Callable[[int], Attempt], last: int, guess: int, stride: int
             low = max((s for s, a in tried.items() if a.stable and s < k), default=-1)
         if high - low > 1:
             k, stride = _next(low, high, last, tried, stride), 2 * stride
-        elif low < 1 or low == last or any(s in tried for s in range(max(low - check, 0), low)):
+        elif low < 1 or low == last or any(low - check <= s < low for s in tried):
             break
         else:
             k = max(low - check, 0)

@@ -86,10 +86,12 @@ class Screen:
     def remarks(self) -> tuple[str, ...]:
         """How the pairs were found and what was left out, in sentences."""
         lost = [p for p in self.pairs if p.status == "unstable_at_zero"]
+        shown = f"{len(self.pairs)} of {self.screened} fault and trip pairs"
+        if not self.pairs:
+            shown = f"all {self.screened} fault and trip pairs are survived for {self.limit_cycles:g} cycles"
         said = [
-            f"{self.case}: {len(self.pairs)} of {self.screened} fault and trip pairs (grid of "
-            f"{self.resolution_cycles:g} cycles up to {self.limit_cycles:g}, observed {self.observed_s:g} s after "
-            f"clearing, {self.simulations} simulations in {self.wall_s:.1f} s)."
+            f"{self.case}: {shown} (grid of {self.resolution_cycles:g} cycles up to {self.limit_cycles:g}, observed "
+            f"{self.observed_s:g} s after clearing, {self.simulations} simulations in {self.wall_s:.1f} s)."
         ]
         if lost:
             said.append(f"Opening loses the system even without a fault: {', '.join(_distinct(lost))}.")
@@ -128,6 +130,8 @@ def screen(
     number. The answers do not depend on the threads. Raises `StudyError` for impossible grids, and where there is no
     line to open.
     """
+    if below is not None and not below > 0:
+        raise StudyError(f"No pair has a clearing time below {below:g} cycles; list those below a time above 0.")
     limit = limit_cycles if below is None else min(limit_cycles, _up(below, resolution_cycles))
     Trial(point, "", (), control, resolution_cycles, limit, observed_s, step, rules)
     found, wanted = lines(point.case), None if buses is None else {str(bus) for bus in buses}

@@ -101,6 +101,25 @@ def branch(case: Case, text: str) -> tuple[int, bool]:
     return place.branch, named is not None and int(named[1]) != case.branches[place.branch].from_bus
 
 
+def _no_bus(case: Case, bus: int) -> str:
+    return f"There is no bus {bus} in {case.name}; {_near(case, bus)}."
+
+
+def _near(case: Case, bus: int) -> str:
+    numbers = sorted((b.bus for b in case.buses), key=lambda other: abs(other - bus))[:3]
+    return f"the nearest numbers are {', '.join(map(str, sorted(numbers)))}"
+
+
+def _no_branch(case: Case, a: int, b: int) -> str:
+    missing = {a, b} - {k.bus for k in case.buses}
+    if missing:
+        bus = min(missing)
+        return f"There is no branch {a}-{b} in {case.name}, since there is no bus {bus}; {_near(case, bus)}."
+    ends = {k.from_bus + k.to_bus - a for k in case.branches if a in (k.from_bus, k.to_bus)}
+    others = ", ".join(f"{a}-{other}" for other in sorted(ends))
+    return f"There is no branch {a}-{b} in {case.name}; those of bus {a} are {others}."
+
+
 def locate(case: Case, text: str) -> Place:
     """The place a text names in the case; `StudyError` says what is wrong with it."""
     text = str(text).strip()
@@ -108,7 +127,7 @@ def locate(case: Case, text: str) -> Place:
         for i, b in enumerate(case.buses):
             if b.bus == int(text):
                 return Place(i)
-        raise StudyError(f"There is no bus {text} in {case.name}.")
+        raise StudyError(_no_bus(case, int(text)))
     match = _LINE.match(text)
     if not match:
         raise StudyError(
@@ -117,7 +136,7 @@ def locate(case: Case, text: str) -> Place:
     a, b, circuit = int(match[1]), int(match[2]), int(match[3] or 1)
     rows = [i for i, k in enumerate(case.branches) if {k.from_bus, k.to_bus} == {a, b}]
     if not rows:
-        raise StudyError(f"There is no branch {a}-{b} in {case.name}.")
+        raise StudyError(_no_branch(case, a, b))
     if not 1 <= circuit <= len(rows):
         raise StudyError(
             f"Branch {a}-{b} of {case.name} has {len(rows)} circuit{'s' * (len(rows) > 1)}, not a number {circuit}."

@@ -44,8 +44,10 @@ def overview(rows: Sequence[dict[str, Any]]) -> Overview:
     )
 
 
-def cell(value: object) -> str:
+def cell(column: str, value: object) -> str:
     """A value of a results file in a table."""
+    if column == "monotone" and value is not None:
+        return "yes" if value else "no"
     return "" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value).replace("_", " ")
 
 

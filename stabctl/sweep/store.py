@@ -4,6 +4,7 @@ With synchronous = FULL a commit in the log is on the disk when it returns: neit
 takes a row that was there or spoils the file; a commit cut short is as if it had not begun.
 """
 
+import os
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -86,7 +87,7 @@ def rows(path: str | Path) -> list[dict[str, Any]]:
     if not path.is_file():
         raise StudyError(f"There is no results file {path}; write one with stabctl sweep run STUDY.toml --out {path}.")
     with _told(path):
-        base = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=PATIENCE)
+        base = sqlite3.connect(f"{path.resolve().as_uri()}?{_reading(path.resolve())}", uri=True, timeout=PATIENCE)
         try:
             if not _is_ours(base, path):
                 return []
@@ -95,6 +96,12 @@ def rows(path: str | Path) -> list[dict[str, Any]]:
             return [dict(zip(names, row, strict=True)) for row in found]
         finally:
             base.close()
+
+
+def _reading(path: Path) -> str:
+    """How a file is opened to be read: SQLite wants its log beside it, which in a folder of others it cannot make."""
+    logged = path.with_name(f"{path.name}-wal").exists()
+    return "mode=ro" if logged or os.access(path.parent, os.W_OK) else "mode=ro&immutable=1"
 
 
 def _is_ours(base: sqlite3.Connection, path: Path) -> bool:

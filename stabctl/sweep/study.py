@@ -28,7 +28,7 @@ def read(path: str | Path) -> tuple[Job, ...]:
     except FileNotFoundError:
         raise StudyError(f"There is no study file {path}; give the path of a TOML file.") from None
     except (ValueError, OSError, RecursionError) as error:
-        raise StudyError(f"{path}: it cannot be read as TOML ({error}).") from None
+        raise StudyError(f"{path}: it cannot be read as TOML ({getattr(error, 'strerror', None) or error}).") from None
     groups = record.pop("job", [{}])
     if not (isinstance(groups, list) and groups and all(isinstance(g, dict) for g in groups)):
         raise StudyError(f"{path}, job: groups of jobs are written as tables under [[job]].")

@@ -30,6 +30,20 @@ def test_a_row_comes_back_as_it_was(tmp_path):
         assert base.execute("PRAGMA journal_mode").fetchone() == ("wal",)
 
 
+def test_rows_are_read_in_a_folder_that_may_not_be_written(tmp_path, monkeypatch):
+    path = tmp_path / "results.db"
+    with Store(path) as kept:
+        kept.add(row("a"))
+        monkeypatch.setattr("os.access", lambda *_: False)
+        assert len(rows(path)) == 1  # the log of the open file is read too
+    tmp_path.chmod(0o555)
+    try:
+        assert [r["key"] for r in rows(path)] == ["a"]
+        assert [p.name for p in tmp_path.iterdir()] == ["results.db"]
+    finally:
+        tmp_path.chmod(0o755)
+
+
 def test_a_file_that_is_not_ours_is_left_as_it_is(tmp_path):
     text, foreign = tmp_path / "notes.txt", tmp_path / "foreign.db"
     text.write_text("not a database, but long enough to be taken for one " * 20)
