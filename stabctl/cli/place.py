@@ -61,10 +61,7 @@ def place(
     from stabctl.placement.place import place
     from stabctl.placement.siting import Costs
 
-    if report:
-        from stabctl.report import siting_page
-
-        siting_page.ready(report)
+    shared.folder(report)
     loaded = shared.load(case, classical)
     chosen = _contingencies(loaded, case, contingencies, classical)
     law = BangBang(deadband, min_voltage)
@@ -90,7 +87,9 @@ def place(
     else:
         shared.console().print(str(found))
     if report:
-        print(siting_page.write(found, report), file=sys.stderr if as_json else sys.stdout)
+        from stabctl.report.siting_page import write
+
+        print(write(found, report), file=sys.stderr if as_json else sys.stdout)
 
 
 def _contingencies(case: "Case", name: str, file: Path | None, classical: bool) -> "tuple[Contingency, ...]":

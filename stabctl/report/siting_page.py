@@ -4,7 +4,6 @@ import io
 from collections.abc import Iterable
 from html import escape
 from pathlib import Path
-from tempfile import TemporaryFile
 from typing import TYPE_CHECKING
 
 from stabctl import files
@@ -39,39 +38,26 @@ NOTES = {
 }
 
 
-def ready(folder: str | Path) -> Path:
-    """The folder, made if need be. Raises `StudyError` where nothing can be written into it."""
-    folder = Path(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with TemporaryFile(dir=folder):
-            return folder
-    except OSError as error:
-        raise _impossible(folder, error) from None
-
-
 def write(siting: Siting, folder: str | Path, name: str = "") -> Path:
     """Write the page and its figures into a folder (made if need be) as placement_CASE.html and .png; its path.
 
     `name` takes the place of CASE. Each file is written whole or not at all. Raises `StudyError` where it cannot be.
     """
-    folder = ready(folder)
+    folder = Path(folder)
     path = folder / f"placement_{name or siting.case}.html"
     pictures = {}
     try:
+        folder.mkdir(parents=True, exist_ok=True)
         for what, drawn in _figures(siting).items():
             pictures[what] = path.with_name(f"{path.stem}_{what}.png")
             files.replace(pictures[what], _png(drawn))
         files.replace(path, page(siting, pictures))
     except OSError as error:
-        raise _impossible(folder, error) from None
+        raise StudyError(
+            f"The report cannot be written into {folder}: {error.strerror or error}; name a folder that can be "
+            "written to."
+        ) from None
     return path
-
-
-def _impossible(folder: Path, error: OSError) -> StudyError:
-    return StudyError(
-        f"The report cannot be written into {folder}: {error.strerror or error}; name a folder that can be written to."
-    )
 
 
 def page(siting: Siting, pictures: dict[str, Path]) -> str:
