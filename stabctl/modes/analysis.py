@@ -163,7 +163,8 @@ class Modes:
 
     def __str__(self) -> str:
         worst = min(self.swings(), key=lambda k: self.damping_ratio[k], default=None)
-        text = f"{self.linear.point.case.name}: {len(self)} eigenvalues, {len(self.swings())} electromechanical modes"
+        counts = _counted(len(self), "eigenvalue"), _counted(len(self.swings()), "electromechanical mode")
+        text = f"{self.linear.point.case.name}: {', '.join(counts)}"
         if worst is not None:
             ratio = round(self.damping_ratio[worst], 4) + 0.0
             text += f", the least damped {self.frequency_hz[worst]:.3f} Hz with ratio {ratio:.4f} ({self.label(worst)})"
@@ -194,7 +195,7 @@ class Selected(Modes):
     def __str__(self) -> str:
         low, high = self.damping
         asked = f"{self.band[0]:g} to {self.band[1]:g} Hz with damping ratio {low:g} to {high:g}"
-        whole = super().__str__().partition(": ")[2].replace("eigenvalues", "modes", 1)
+        whole = super().__str__().partition(": ")[2].replace("eigenvalue", "mode", 1)
         return f"{self.linear.name}, only modes of {asked} of {len(self.linear.states)} states: {whole}"
 
     __repr__ = __str__
@@ -218,6 +219,10 @@ def analyse(
     elif band is not None:
         raise StudyError("Modes of a band alone are those of a descriptor; linearise with linear.descriptor.")
     return Modes(model, *_fixed(eigen(model.A, model.angles())))
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def _fixed(found: Eigen) -> Eigen:
