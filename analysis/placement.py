@@ -14,7 +14,7 @@ from stabctl.report.siting_table import HEADS, row
 from stabctl.report.study import Study, Table
 from stabctl.report.study_console import present
 
-CASE, SEED = "ieee39", 1
+SEED = 1
 TEXT = (
     "Contingencies across the 39-bus system, each to be survived at the clearing time that a uniform fleet of 5 % of "
     "every machine's MVA just survives. What do fewer megawatts in the right places do? The fleets were simulated "
@@ -27,6 +27,7 @@ class Asked(NamedTuple):
 
     page: str
     what: str
+    case: str = "ieee39"
     classical: bool = True
     contingencies: int = 9
     sites: int | None = None
@@ -37,22 +38,22 @@ def study(reports: Path) -> Study:
     """Nine contingencies with classical and with full-order machines."""
     nine = Asked("ieee39_classical", "classical, nine")
     full = Asked("ieee39", "full order, nine", classical=False, estimated=True)
-    return sitings("Placement of storage", (nine, full), reports)
+    return sitings("Placement of storage", TEXT, (nine, full), reports)
 
 
-def sitings(title: str, asked: tuple[Asked, ...], reports: Path) -> Study:
+def sitings(title: str, text: tuple[str, ...], asked: tuple[Asked, ...], reports: Path) -> Study:
     """Fleets found beside the uniform fleet and that of the linear stage; a page each."""
     rows, pages, said = [], {}, []
     kalman = {"kalman": Driven(BangBang(), "kalman", Pmu(), SEED, "batched")}
     for one in asked:
-        case = read.load(CASE)
+        case = read.load(one.case)
         case = case.classical() if one.classical else case
-        listed = load(packaged(CASE, one.classical), case)[: one.contingencies]
+        listed = load(packaged(one.case, one.classical), case)[: one.contingencies]
         found = place(case, listed, sites=one.sites, others=kalman if one.estimated else {})
         rows.append(row(one.what, found))
-        pages[f"storage for {CASE}, {one.what}"] = siting_page.write(found, reports, one.page).name
+        pages[f"storage for {one.case}, {one.what}"] = siting_page.write(found, reports, one.page).name
         said += [f"{one.what}: {sentence}" for sentence in found.reservations()]
-    return Study(title, text=(*TEXT, *said), tables=(Table("Fleets", HEADS, tuple(rows)),), pages=pages)
+    return Study(title, text=(*text, *said), tables=(Table("Fleets", HEADS, tuple(rows)),), pages=pages)
 
 
 if __name__ == "__main__":

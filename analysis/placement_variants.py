@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from placement import Asked, sitings
+from placement import TEXT, Asked, sitings
 
 from stabctl.report.study import Study
 from stabctl.report.study_console import present
@@ -17,7 +17,7 @@ def study(reports: Path) -> Study:
         Asked("ieee39_classical_three_sites", "classical, nine, at most 3 sites", sites=3, estimated=True),
         Asked("ieee39_classical_two_sites", "classical, nine, at most 2 sites", sites=2),
     )
-    return sitings("Placement of storage, variants", asked, reports)
+    return sitings("Placement of storage, variants", TEXT, asked, reports)
 
 
 if __name__ == "__main__":
