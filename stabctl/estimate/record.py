@@ -9,6 +9,7 @@ from stabctl.controllers import BangBang
 from stabctl.equilibrium import Point
 from stabctl.errors import StudyError
 from stabctl.simulate.trajectory import Trajectory
+from stabctl.wording import counted
 
 if TYPE_CHECKING:
     from .loop import Driven
@@ -115,7 +116,7 @@ class Record:
     def __str__(self) -> str:
         return (
             f"{self.point.case.name}, {self.driven.kind} estimator: {len(self.time)} frames at {self.driven.rate} per "
-            f"second, {len(self.seeds)} seed{'s' * (len(self.seeds) > 1)}"
+            f"second, {counted(len(self.seeds), 'seed')}"
         )
 
     __repr__ = __str__

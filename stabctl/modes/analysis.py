@@ -9,6 +9,7 @@ from scipy.sparse.linalg import splu
 from stabctl.errors import StudyError
 from stabctl.linear import Descriptor, Linear
 from stabctl.linear.model import eliminated
+from stabctl.wording import counted
 
 from . import naming, selected
 from .eigen import ZERO, Eigen, eigen
@@ -163,7 +164,7 @@ class Modes:
 
     def __str__(self) -> str:
         worst = min(self.swings(), key=lambda k: self.damping_ratio[k], default=None)
-        counts = _counted(len(self), "eigenvalue"), _counted(len(self.swings()), "electromechanical mode")
+        counts = counted(len(self), "eigenvalue"), counted(len(self.swings()), "electromechanical mode")
         text = f"{self.linear.point.case.name}: {', '.join(counts)}"
         if worst is not None:
             ratio = round(self.damping_ratio[worst], 4) + 0.0
@@ -219,10 +220,6 @@ def analyse(
     elif band is not None:
         raise StudyError("Modes of a band alone are those of a descriptor; linearise with linear.descriptor.")
     return Modes(model, *_fixed(eigen(model.A, model.angles())))
-
-
-def _counted(number: int, noun: str) -> str:
-    return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def _fixed(found: Eigen) -> Eigen:

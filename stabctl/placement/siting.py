@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from stabctl.wording import counted
+
 from .contingency import Contingency
 
 FINER = "half the step, twice as long"
@@ -161,8 +163,8 @@ class Siting:
         """What was found, in sentences."""
         said = [
             f"{self.case}: {self.total_mw:.1f} MW and {1e3 * self.total_mwh:.0f} kWh at "
-            f"{_counted(len(self.sites), 'site')} survive {_counted(len(self.contingencies), 'contingency')}, each "
-            f"watched {self.observed_s:g} s after clearing ({_counted(self.simulations, 'simulation')} in "
+            f"{counted(len(self.sites), 'site')} survive {counted(len(self.contingencies), 'contingency')}, each "
+            f"watched {self.observed_s:g} s after clearing ({counted(self.simulations, 'simulation')} in "
             f"{self.wall_s:.1f} s)."
         ]
         if self.uniform_mw == 0:
@@ -211,8 +213,3 @@ class Siting:
                 f"{c.contingency.name:26s} {c.target_cycles:7.3f} {found:>9s}" + ("  binding" if c.binding else "")
             )
         return "\n".join([*lines, *self.remarks()[1:]])
-
-
-def _counted(number: int, noun: str) -> str:
-    plural = {"contingency": "contingencies"}.get(noun, noun + "s")
-    return f"{number} {noun if number == 1 else plural}"

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stabctl.equilibrium import Point
+from stabctl.wording import named
 
 from . import stepper
 from .nets import Stage
@@ -114,6 +115,5 @@ def _cut_off(point: Point, now: Stage) -> str:
 
 
 def _listed(noun: str, numbers: list[int]) -> str:
-    plural = {"bus": "buses"}.get(noun, noun + "s")
     shown = ", ".join(map(str, numbers[:8])) + (f" and {len(numbers) - 8} more" if len(numbers) > 8 else "")
-    return f"{noun if len(numbers) == 1 else plural} {shown}"
+    return f"{named(len(numbers), noun)} {shown}"
