@@ -33,6 +33,12 @@ class Run(NamedTuple):
     time_s: float  # s   end of the run, from the fault on
 
 
+def check_observed(seconds: float) -> None:
+    """Refuse, with a `StudyError`, a time watched after clearing that is none."""
+    if not 0 < seconds < np.inf:
+        raise StudyError(f"The observation of {seconds:g} s is not allowed; it must be more than 0.")
+
+
 @dataclass(frozen=True)
 class Trial:
     """A fault and what clears it, to be simulated at clearing times on a grid: the criterion of every study of them.
@@ -57,8 +63,7 @@ class Trial:
                 f"The resolution of {self.resolution_cycles:g} cycles is not allowed; it must be more than 0 and at "
                 f"most the search limit of {self.limit_cycles:g} cycles."
             )
-        if not 0 < self.observed_s < np.inf:
-            raise StudyError(f"The observation of {self.observed_s:g} s is not allowed; it must be more than 0.")
+        check_observed(self.observed_s)
 
     @property
     def at(self) -> float:

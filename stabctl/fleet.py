@@ -39,11 +39,16 @@ def chosen(
     return tuple(devices)
 
 
-def _device(case: Case, m: Machine, rating: str, flow: Flow | None, bus: int, options: dict[str, Any]) -> Storage:
+def megawatts(case: Case, machine: Machine, rating: str, flow: Flow | None = None) -> float:
+    """A rating (50MW, 5%mva, 5%dispatch) at a machine of the case, MW; `StudyError` where it is none."""
     value, unit = size(rating)
     if unit == "%mva":
-        value *= m.base / 100
+        value *= machine.base / 100
     elif unit == "%dispatch":
         flow = flow or powerflow.solve(case)
-        value *= max(flow.S[case.machines.index(m)].real, 0.0) * case.base_mva / 100
-    return Storage(m.machine, bus, value, **options)
+        value *= max(flow.S[case.machines.index(machine)].real, 0.0) * case.base_mva / 100
+    return value
+
+
+def _device(case: Case, m: Machine, rating: str, flow: Flow | None, bus: int, options: dict[str, Any]) -> Storage:
+    return Storage(m.machine, bus, megawatts(case, m, rating, flow), **options)

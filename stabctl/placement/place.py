@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from stabctl import equilibrium, powerflow
+from stabctl import equilibrium, fleet, powerflow
 from stabctl.case import Case, Storage
+from stabctl.clearing import check_observed
 from stabctl.controllers import Law
 from stabctl.errors import StudyError
 from stabctl.simulate.sampled import Sampled
 from stabctl.simulate.stepper import DEFAULT, Rules
-from stabctl.units import size
+from stabctl.wording import counted
 
 from . import seeds
 from .contingency import Contingency, checked
@@ -58,7 +59,7 @@ def place(
     flow = powerflow.solve(case)
     found = checked_candidates(case, candidates)
     mva = np.array([case.machine(c.machine).base for c in found])
-    largest = _caps(case, cap, mva, found, flow)
+    largest = _caps(case, cap, found, flow)
     devices = (Storage(c.machine, c.bus, float(mw), **options) for c, mw in zip(found, largest, strict=True))
     point = equilibrium.solve(case.with_storage(devices), flow)
 
@@ -73,15 +74,15 @@ def place(
     trials, cures, incurable = seeds.curable(trials, uniform)
     price = np.full(len(found), float(costs.mw))
     if costs.mwh:
-        even = trials.fleet(uniform)
-        price += costs.mwh * energies(trials, uniform) / np.where(even > 0, even, np.inf)
+        tried = trials.fleet(uniform)
+        price += costs.mwh * energies(trials, uniform) / np.where(tried > 0, tried, np.inf)
     master = Master(largest, price, np.full(len(found), costs.site), sites)
     search = Search(trials, master, sensitivity(point, found).J)
     even = seeds.uniform_fleet(search, uniform, cures)
     shared = seeds.linear_fleet(search, uniform)
-    for fleet in (even, shared):
-        if fleet is not None:
-            search.accept(fleet)
+    for start in (even, shared):
+        if start is not None:
+            search.accept(start)
     search.run()
     if search.best is None:
         raise StudyError(_none_found(search, sites))
@@ -97,32 +98,31 @@ def place(
     )
     order = [int(i) for i in np.argsort(-best) if best[i] > 0]
     return Siting(
-        case.name,
-        tuple(Site(found[i].bus, found[i].machine, float(best[i]), float(energy[i])) for i in order),
-        costs,
-        search.cost,
-        search.bound,
-        None if even is None else float(even.sum()),
-        None if even is None else float(100 * (even / mva).max()),
-        None if shared is None else float(shared.sum()),
-        survived,
-        incurable,
-        rows,
-        tuple(search.history),
-        observed_s,
-        trials.simulations,
-        time.perf_counter() - began,
-        tuple(
+        case=case.name,
+        sites=tuple(Site(found[i].bus, found[i].machine, float(best[i]), float(energy[i])) for i in order),
+        costs=costs,
+        cost=search.cost,
+        lower_bound=search.bound,
+        uniform_mw=None if even is None else float(even.sum()),
+        uniform_percent=None if even is None else float(100 * (even / mva).max()),
+        linear_mw=None if shared is None else float(shared.sum()),
+        contingencies=survived,
+        incurable=incurable,
+        evidence=rows,
+        history=tuple(search.history),
+        observed_s=observed_s,
+        simulations=trials.simulations,
+        wall_s=time.perf_counter() - began,
+        places=tuple(
             Place(c.bus, c.machine, float(largest[i]), None if even is None else float(even[i]))
             for i, c in enumerate(found)
         ),
-        case.title,
+        title=case.title,
     )
 
 
 def _check(costs: Costs, sites: int | None, observed_s: float) -> None:
-    if not 0 < observed_s < np.inf:
-        raise StudyError(f"The observation of {observed_s:g} s is not allowed; it must be more than 0.")
+    check_observed(observed_s)
     for name, value in costs._asdict().items():
         if not 0 <= value < np.inf:
             raise StudyError(f"The cost of {value:g} per {name} is not allowed; it must be at least 0 and finite.")
@@ -132,14 +132,9 @@ def _check(costs: Costs, sites: int | None, observed_s: float) -> None:
         raise StudyError(f"At most {sites} sites leave no room for storage; give at least 1.")
 
 
-def _caps(case: Case, cap: str, mva: np.ndarray, found: Sequence[Candidate], flow: powerflow.Flow) -> np.ndarray:
+def _caps(case: Case, cap: str, found: Sequence[Candidate], flow: powerflow.Flow) -> np.ndarray:
     """Largest sizes (candidates, MW)."""
-    value, unit = size(cap)
-    if unit == "%dispatch":
-        rows = [case.machines.index(case.machine(c.machine)) for c in found]
-        out = value / 100 * np.maximum(flow.S[rows].real, 0.0) * case.base_mva
-    else:
-        out = value / 100 * mva if unit == "%mva" else np.full(len(mva), value)
+    out = np.array([fleet.megawatts(case, case.machine(c.machine), cap, flow) for c in found])
     if not (out > 0).any():
         raise StudyError(f"The cap of {cap} leaves no room for storage; give a size above 0.")
     if out.max() > LARGEST:
@@ -149,7 +144,7 @@ def _caps(case: Case, cap: str, mva: np.ndarray, found: Sequence[Candidate], flo
 
 def _none_found(search: Search, sites: int | None) -> str:
     trials = search.trials
-    few = f" of at most {sites} site{'s' * (sites > 1)}" if sites is not None else ""
+    few = f" of at most {counted(sites, 'site')}" if sites is not None else ""
     return (
         f"No fleet{few} within the caps was found that survives all {len(trials.contingencies)} contingencies of "
         f"{trials.point.case.name}; raise the caps or the number of sites, or ask for less."

@@ -123,9 +123,12 @@ class Search:
                 rest = self.best.copy()
                 rest[i] = 0.0
                 scaled = least(self.trials, rest)
-                if scaled and self.master.cost(self.trials.fleet(scaled.scaling * rest)) <= (1 + TOLERANCE) * self.cost:
-                    self.best = self.trials.fleet(scaled.scaling * rest)
-                    self.cost = self.master.cost(self.best)
+                if scaled is None:
+                    continue
+                fleet = self.trials.fleet(scaled.scaling * rest)
+                cost = self.master.cost(fleet)
+                if cost <= (1 + TOLERANCE) * self.cost:
+                    self.best, self.cost = fleet, cost
         scaled = least(self.trials, self.best, FINAL)
         if scaled:
             self.accept(scaled.scaling * self.best)

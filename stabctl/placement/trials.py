@@ -9,9 +9,9 @@ from typing import TypeVar
 import numpy as np
 
 from stabctl import cores
+from stabctl.clearing import check_observed
 from stabctl.controllers import BangBang, Law
 from stabctl.equilibrium import Point
-from stabctl.errors import StudyError
 from stabctl.simulate.events import contingency
 from stabctl.simulate.simulation import Simulation, run
 from stabctl.simulate.stepper import DEFAULT, Rules
@@ -43,8 +43,7 @@ class Trials:
         workers: int | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> None:
-        if not 0 < observed_s < np.inf:
-            raise StudyError(f"The observation of {observed_s:g} s is not allowed; it must be more than 0.")
+        check_observed(observed_s)
         self.point, self.contingencies, self.cap, self.law = point, tuple(contingencies), cap, law or BangBang()
         self.observed_s, self.step, self.rules, self.progress = observed_s, step, rules, progress
         self._counted, self._lock = [0], Lock()
