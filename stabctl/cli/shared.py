@@ -145,10 +145,10 @@ def law(case: "Case", control: str | None, deadband: float, min_voltage: float) 
 
 
 def pmu(rate: int, noise_mrad: float, latency_ms: float, loss: float) -> "Pmu":
-    """The PMUs of the options; noise of angles (mrad) and, as large, of magnitudes (per mille)."""
+    """The PMUs of the options."""
     from stabctl.estimate.pmu import Pmu
 
-    return Pmu(rate, angle_mrad=noise_mrad, magnitude=1e-3 * noise_mrad, latency_ms=latency_ms, loss=loss)
+    return Pmu.noisy(rate, noise_mrad, latency_ms, loss)
 
 
 def steering(

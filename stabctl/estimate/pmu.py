@@ -48,6 +48,11 @@ class Pmu:
     outage_s: tuple[float, float] | None = None  # s   from, to: every report lost
     kind: Literal["none", "P", "M"] = "none"  # class of the filter: none, or centred windows of 2 and 6 cycles
 
+    @classmethod
+    def noisy(cls, rate: int, noise: float, latency_ms: float, loss: float) -> "Pmu":
+        """PMUs with one noise for phasors: of angles in mrad and, as large, of magnitudes in per mille."""
+        return cls(rate, angle_mrad=noise, magnitude=1e-3 * noise, latency_ms=latency_ms, loss=loss)
+
     def __post_init__(self) -> None:
         if self.rate not in RATES:
             raise StudyError(f"The PMU rate {self.rate} per second is not one of {', '.join(map(str, RATES))}.")

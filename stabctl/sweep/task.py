@@ -108,5 +108,5 @@ def _look(path: Path, job: Job, case: Case, looked: set[tuple[str, str, str]]) -
 
 
 def pmu(job: Job) -> Pmu:
-    """The PMUs of a job; noise of angles (mrad) and, as large, of magnitudes (per mille)."""
-    return Pmu(job.pmu_rate, job.pmu_noise, 1e-3 * job.pmu_noise, latency_ms=job.latency, loss=job.loss)
+    """The PMUs of a job."""
+    return Pmu.noisy(job.pmu_rate, job.pmu_noise, job.latency, job.loss)
