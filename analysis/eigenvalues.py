@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from stabctl import equilibrium, read
-from stabctl.linear import linearise
-from stabctl.modes import Modes, analyse, areas
+from stabctl import io
+from stabctl.dynamics import operating_point
 from stabctl.report import modes_page
 from stabctl.report.modes_table import number
 from stabctl.report.study import Study, Table
 from stabctl.report.study_console import present
+from stabctl.smallsignal import Modes, analyze, areas, linearize
 
 BAND = 0.1, 2.5  # Hz
 HEADS = "case", "states", "swings", "slowest, Hz", "least damped, Hz", "damping ratio", "who", "areas"
@@ -17,13 +17,13 @@ HEADS = "case", "states", "swings", "slowest, Hz", "least damped, Hz", "damping 
 def study(reports: Path) -> Study:
     """The modes of all cases; the pages are written beside."""
     rows, pages = [], {}
-    for name in read.packaged():
-        modes = analyse(linearise(equilibrium.solve(read.load(name))))
+    for name in io.packaged():
+        modes = analyze(linearize(operating_point.solve(io.load(name))))
         groups = areas(modes)
         pages[f"modes of {name}"] = modes_page.write(reports, modes, groups, BAND).name
         rows.append(row(name, modes, len(groups.groups)))
     text = (
-        "All eigenvalues of every packaged case by exact linearisation at its operating point, and its coherent areas."
+        "All eigenvalues of every packaged case by exact linearization at its operating point, and its coherent areas."
     )
     return Study(
         "Eigenvalues", text=(text,), tables=(Table("Swings of the packaged cases", HEADS, tuple(rows)),), pages=pages

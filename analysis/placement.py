@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import NamedTuple
 
-from stabctl import read
+from stabctl import io
 from stabctl.controllers import BangBang
-from stabctl.estimate.loop import Driven
-from stabctl.estimate.pmu import Pmu
+from stabctl.estimation.loop import Driven
+from stabctl.estimation.pmu import Pmu
 from stabctl.placement.contingency import load, packaged
 from stabctl.placement.place import place
 from stabctl.report import siting_page
@@ -46,7 +46,7 @@ def sitings(title: str, text: tuple[str, ...], asked: tuple[Asked, ...], reports
     rows, pages, said = [], {}, []
     kalman = {"kalman": Driven(BangBang(), "kalman", Pmu(), SEED, "batched")}
     for one in asked:
-        case = read.load(one.case)
+        case = io.load(one.case)
         case = case.classical() if one.classical else case
         listed = load(packaged(one.case, one.classical), case)[: one.contingencies]
         found = place(case, listed, sites=one.sites, others=kalman if one.estimated else {})

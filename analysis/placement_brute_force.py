@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from stabctl import equilibrium, fleet, read
-from stabctl.case import Case
+from stabctl import io
+from stabctl.dynamics import operating_point
+from stabctl.model import fleet
+from stabctl.model.case import Case
 from stabctl.placement.contingency import Contingency, load, packaged
 from stabctl.placement.place import place
 from stabctl.placement.trials import Trials
@@ -21,7 +23,7 @@ LESS = 0.99, 0.97  # of the megawatts found
 ASKED = {"six": 6, "nine": 9}
 HEADS = "contingencies", "found, MW", "sites", "share, %", "MW", "fleets tried", "runs", "survive all"
 TEXT = (
-    "The fleets that survive need not form a convex set, so the bound of the programme is an estimate. Here all fleets "
+    "The fleets that survive need not form a convex set, so the bound of the program is an estimate. Here all fleets "
     "at two and three of the ten machines with shares of the total in twelfths and within the caps are put to the "
     "contingencies, until one is lost: do any do with less than the fleet that was found?",
 )
@@ -29,7 +31,7 @@ TEXT = (
 
 def study(reports: Path) -> Study:
     """Fleets of a little less than what `place` finds on the classical 39-bus system."""
-    case = read.load(CASE).classical()
+    case = io.load(CASE).classical()
     listed = load(packaged(CASE, classical=True), case)
     rows = []
     for name, count in ASKED.items():
@@ -46,7 +48,7 @@ def search(case: Case, contingencies: Sequence[Contingency], total: float) -> tu
     """Fleets of `total` MW tried, those (candidates, MW) that survive everything, and runs."""
     devices = fleet.everywhere(case, CAP)
     cap = np.array([d.rating for d in devices])
-    trials = Trials(equilibrium.solve(case.with_storage(devices)), contingencies, cap)
+    trials = Trials(operating_point.solve(case.with_storage(devices)), contingencies, cap)
     fleets = [mw for mw in grid(len(cap), total) if (mw <= cap).all()]
     losses = np.zeros(len(contingencies))
     kept = trials.each(partial(survives_all, trials, fleets, losses), range(len(fleets)))

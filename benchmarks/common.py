@@ -5,9 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stabctl import powerflow, read
-from stabctl.case import Case
-from stabctl.models import sexs, tgov
+from stabctl import io
+from stabctl.devices.exciters import sexs
+from stabctl.devices.governors import tgov
+from stabctl.model import powerflow
+from stabctl.model.case import Case
 
 STEP = 1 / 120  # s
 UNTIL = 10.0  # s
@@ -27,14 +29,14 @@ class Answer(NamedTuple):
 
 def classical() -> Case:
     """Classical machines without stator resistance, which not every tool has, with TGOV1; loads as admittances."""
-    case = read.load("two_area").classical()
+    case = io.load("two_area").classical()
     rows = {number: par._replace(ra=0.0) for number, par in case.devices["gencls"].items()}
     return _loads_fixed(_governed(replace(case, devices={"gencls": rows})))
 
 
 def full() -> Case:
     """GENROU with SEXS and TGOV1, loads as admittances."""
-    case = read.load("two_area")
+    case = io.load("two_area")
     exciters = {m.machine: sexs.Par(0.0, KA, TE, Efdmax=EMAX, Efdmin=-EMAX) for m in case.machines}
     kept = {"genrou": dict(case.devices["genrou"]), "sexs": exciters}
     return _loads_fixed(_governed(replace(case, devices=kept)))

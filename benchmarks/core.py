@@ -16,11 +16,13 @@ from machine import stated, timed
 from rich.console import Console
 from rich.table import Table
 
-from stabctl import equilibrium, fleet, powerflow, read
-from stabctl.clearing import clearing_time
+from stabctl import io
+from stabctl.clearing.critical_time import clearing_time
 from stabctl.controllers import BangBang
-from stabctl.simulate.events import contingency
-from stabctl.simulate.simulation import run
+from stabctl.dynamics import operating_point
+from stabctl.model import fleet, powerflow
+from stabctl.simulation.events import contingency
+from stabctl.simulation.simulation import run
 
 COMMAND = (
     "-m",
@@ -56,17 +58,17 @@ def whole_process(environment: dict[str, str]) -> float:
 
 def table_4() -> None:
     """The paper's Table 4 to an eighth of a cycle."""
-    case = read.load("wnaps_paper")
+    case = io.load("wnaps_paper")
     flow = powerflow.solve(case)
     for percent in (0, 5, 15, 20, 25, 30):
         devices = fleet.everywhere(case, f"{percent}%dispatch", flow, characteristic="conductance", lag=0.05)
-        clearing_time(equilibrium.solve(case.with_storage(devices), flow), "83", ["83-33"], BangBang())
+        clearing_time(operating_point.solve(case.with_storage(devices), flow), "83", ["83-33"], BangBang())
 
 
 def main() -> None:
     """Measure and print."""
-    case = read.load("wnaps")
-    point = equilibrium.solve(case)
+    case = io.load("wnaps")
+    point = operating_point.solve(case)
     events = contingency("83", 4 / 60, ["83-33"])
     run(point, events)
     ten_seconds = median(lambda: run(point, events).wall_s, 15)
@@ -75,9 +77,9 @@ def main() -> None:
         ("10 s of wnaps, four-cycle fault, 1/120 s, in the stepper", ten_seconds, "0.045"),
         ("  bound: 9600 dense 122 x 122 complex products", bound, ""),
         ("Table 4 to 1/8 cycle, six clearing times", median(lambda: timed(table_4), 3), "1.5"),
-        ("case wnaps from its files", median(lambda: timed(lambda: read.load("wnaps"))), ""),
+        ("case wnaps from its files", median(lambda: timed(lambda: io.load("wnaps"))), ""),
         ("load flow of wnaps", median(lambda: timed(lambda: powerflow.solve(case))), ""),
-        ("start of wnaps, 34 machines", median(lambda: timed(lambda: equilibrium.solve(case, point.flow))), ""),
+        ("start of wnaps, 34 machines", median(lambda: timed(lambda: operating_point.solve(case, point.flow))), ""),
         ("stabctl simulate two_area, whole process, warm", median(lambda: whole_process(dict(os.environ)), 5), "1.5"),
     ]
     with tempfile.TemporaryDirectory() as folder:

@@ -12,20 +12,21 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from stabctl import equilibrium, read
-from stabctl.estimate.centre import Centre
-from stabctl.estimate.estimators import Engine, Estimator, estimator
-from stabctl.estimate.machines import Terminals, machines
-from stabctl.estimate.pmu import Frame, Instrument, Pmu
-from stabctl.simulate.events import contingency
-from stabctl.simulate.simulation import Simulation
+from stabctl import io
+from stabctl.dynamics import operating_point
+from stabctl.estimation.coi import Center
+from stabctl.estimation.estimators import Engine, Estimator, estimator
+from stabctl.estimation.machines import Terminals, machines
+from stabctl.estimation.pmu import Frame, Instrument, Pmu
+from stabctl.simulation.events import contingency
+from stabctl.simulation.simulation import Simulation
 
 FRAMES = 240
 
 
 def frames(case: str, seeds: int) -> tuple[Simulation, list[Frame]]:
     """The reports of a fault at bus 83 of the case, cleared after four cycles."""
-    point = equilibrium.solve(read.load(case))
+    point = operating_point.solve(io.load(case))
     simulation = Simulation(point, contingency("83", 4 / 60, ["83-33"]), record=False)
     pmu, terminals, seen = Pmu(), Terminals(simulation), []
     instrument = Instrument(pmu, range(seeds), len(point.case.machines), point.case.frequency_hz)
@@ -41,13 +42,13 @@ def per_frame(simulation: Simulation, seen: list[Frame], engine: Engine) -> tupl
     """Median seconds of a frame: of the estimates, and with the deviations from the COI of the rest."""
     pmu, known = Pmu(), machines(simulation.point)
     made: Estimator = estimator("kalman", known, pmu, engine=engine)
-    centre = Centre(known.inertia, pmu.rate, pmu.own_frames, pmu.remote_frames)
+    center = Center(known.inertia, pmu.rate, pmu.own_frames, pmu.remote_frames)
     island, walls = np.zeros(seen[0].V.shape, int), []
     for frame in seen:
         before = time.perf_counter()
         estimate = made.step(frame)
         between = time.perf_counter()
-        centre.step(estimate, island)
+        center.step(estimate, island)
         walls.append((between - before, time.perf_counter() - before))
     return tuple(statistics.median(column) for column in zip(*walls[1:], strict=True))
 

@@ -13,13 +13,15 @@ from machine import stated, timed
 from rich.console import Console
 from rich.table import Table
 
-from stabctl import equilibrium, powerflow, read
-from stabctl.linear import descriptor
-from stabctl.modes.selected import disc
-from stabctl.replicate import replicate
-from stabctl.report import style
-from stabctl.simulate.events import contingency
-from stabctl.simulate.simulation import Simulation
+from stabctl import io
+from stabctl.dynamics import operating_point
+from stabctl.model import powerflow
+from stabctl.model.replicate import replicate
+from stabctl.plotting import style
+from stabctl.simulation.events import contingency
+from stabctl.simulation.simulation import Simulation
+from stabctl.smallsignal import descriptor
+from stabctl.smallsignal.selected import disc
 
 COPIES = (1, 3, 10, 30, 100)
 RUNS = 5
@@ -28,12 +30,12 @@ WORKS = (
     "load flow",
     "start of the machines",
     "one simulated second",
-    "linearisation, sparse",
+    "linearization, sparse",
     "up to 12 modes at 0.4 Hz",
 )
 
 
-def second(point: equilibrium.Point) -> float:
+def second(point: operating_point.Point) -> float:
     """Seconds for one second from a four-cycle fault on, the two changes of the network in it."""
     point.stages.clear()
     simulation = Simulation(point, contingency("83", 4 / 60, ["83-33"], at=0.0), record=False)
@@ -42,13 +44,13 @@ def second(point: equilibrium.Point) -> float:
 
 def works(copies: int) -> tuple[int, int, list[Callable[[], float]]]:
     """Buses, states, and the works, each of which tells its seconds."""
-    case = replicate(read.load("wnaps"), copies, spread=0.05)
+    case = replicate(io.load("wnaps"), copies, spread=0.05)
     flow = powerflow.solve(case)
-    point = equilibrium.solve(case, flow)
+    point = operating_point.solve(case, flow)
     form = descriptor(point)
     calls = [
         lambda: timed(lambda: powerflow.solve(case)),
-        lambda: timed(lambda: equilibrium.solve(case, flow)),
+        lambda: timed(lambda: operating_point.solve(case, flow)),
         lambda: second(point),
         lambda: timed(lambda: descriptor(point)),
         lambda: timed(lambda: disc(form, SHIFT, MODES)),

@@ -1,4 +1,4 @@
-"""Speed of the linear analysis of wnaps on one core: linearise, then all eigenvalues with both sets of vectors.
+"""Speed of the linear analysis of wnaps on one core: linearize, then all eigenvalues with both sets of vectors.
 
 Run: python benchmarks/linear.py. The aim is 0.12 s for both together.
 """
@@ -14,12 +14,12 @@ from collections.abc import Callable
 import numpy as np
 import scipy.linalg as sl
 
-from stabctl import equilibrium, read
-from stabctl.linear import descriptor, linearise, local
-from stabctl.linear.model import eliminated
-from stabctl.linear.refuse import limited
-from stabctl.modes import analyse
-from stabctl.modes.eigen import eigen
+from stabctl import io
+from stabctl.dynamics import operating_point
+from stabctl.smallsignal import analyze, descriptor, linearize, local
+from stabctl.smallsignal.eigen import eigen
+from stabctl.smallsignal.model import eliminated
+from stabctl.smallsignal.refuse import limited
 
 RUNS = 15
 
@@ -36,16 +36,16 @@ def best(call: Callable[[], object]) -> float:
 
 def main() -> None:
     """Measure and print, part by part."""
-    point = equilibrium.solve(read.load("wnaps"))
-    model, form = linearise(point), descriptor(point)
+    point = operating_point.solve(io.load("wnaps"))
+    model, form = linearize(point), descriptor(point)
     alone = local.private(point.plant)
     A, angles = model.A, model.angles()
     square = np.random.default_rng(0).normal(size=A.shape)
-    whole = best(lambda: analyse(linearise(point)))
+    whole = best(lambda: analyze(linearize(point)))
     parts = {
-        "linearise": best(lambda: linearise(point)),
+        "linearize": best(lambda: linearize(point)),
         "  private terminals and their layout": best(lambda: local.private(point.plant)),
-        "  coloured complex steps": best(lambda: local.derivatives(alone, local.at(alone, point.z))),
+        "  colored complex steps": best(lambda: local.derivatives(alone, local.at(alone, point.z))),
         "  is a limit at rest?": best(lambda: limited(point, alone)),
         "  elimination of the voltages": best(lambda: eliminated(form)),
         "eigenvalues and both sets of vectors": best(lambda: eigen(A, angles)),

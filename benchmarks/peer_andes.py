@@ -21,7 +21,7 @@ from common import (
     Answer,
 )
 
-from stabctl.case import Case
+from stabctl.model.case import Case
 
 METHOD = "trapezoidal"
 

@@ -4,12 +4,12 @@ from collections.abc import Callable
 
 from common import FAULT_BUS, FAULT_OFF, FAULT_ON, FAULT_X, STEP, UNTIL, Answer
 
-from stabctl import equilibrium, powerflow
-from stabctl.case import Case
-from stabctl.linear import linearise
-from stabctl.modes import analyse
-from stabctl.simulate.events import Clear, Fault
-from stabctl.simulate.simulation import run
+from stabctl.dynamics import operating_point
+from stabctl.model import powerflow
+from stabctl.model.case import Case
+from stabctl.simulation.events import Clear, Fault
+from stabctl.simulation.simulation import run
+from stabctl.smallsignal import analyze, linearize
 
 METHOD = "RK4"
 
@@ -20,12 +20,12 @@ def works(case: Case) -> tuple[dict[str, Callable[[], Callable[[], object]]], Ca
     events = [Fault(str(FAULT_BUS), FAULT_ON, 1j * FAULT_X), Clear(str(FAULT_BUS), FAULT_OFF)]
 
     def motion() -> Callable[[], None]:
-        point = equilibrium.solve(case, flow)
+        point = operating_point.solve(case, flow)
         return lambda: kept.update(run=run(point, events, UNTIL, step=STEP))
 
     def eigenvalues() -> Callable[[], None]:
-        point = equilibrium.solve(case, flow)
-        return lambda: kept.update(modes=analyse(linearise(point)))
+        point = operating_point.solve(case, flow)
+        return lambda: kept.update(modes=analyze(linearize(point)))
 
     def answer() -> Answer:
         return Answer(flow.V, kept["modes"].eigenvalues, kept["run"].time, kept["run"].speed)

@@ -8,7 +8,7 @@ from tops.dynamic import PowerSystemModel
 from tops.modal_analysis import PowerSystemModelLinearization
 from tops.solvers import SimpleRK4
 
-from stabctl.case import Case
+from stabctl.model.case import Case
 
 METHOD = "RK4"
 

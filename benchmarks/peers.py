@@ -1,7 +1,7 @@
 """The same work on the same data in stabctl, ANDES and TOPS: medians of one run, beside how well the answers agree.
 
 A tool that is not installed is named and left out. The works are a load flow, ten seconds with a fault at 1/120 s, and
-a linearisation with all its eigenvalues; building the tool's own model (set-up) and generating code are not in them.
+a linearization with all its eigenvalues; building the tool's own model (set-up) and generating code are not in them.
 """
 
 import os

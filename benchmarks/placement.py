@@ -14,18 +14,19 @@ import time
 from rich.console import Console
 from rich.table import Table
 
-from stabctl import equilibrium, read
-from stabctl.clearing import clearing_time
+from stabctl import io
+from stabctl.clearing import screen
+from stabctl.clearing.critical_time import clearing_time
+from stabctl.dynamics import operating_point
 from stabctl.placement.contingency import load, packaged
 from stabctl.placement.place import place
-from stabctl.screen import screen
 
 
 def screens(names: tuple[str, ...] = ("ieee39", "wnaps"), every: int = 4) -> Table:
     """The screen of each case, and clearing times of every n-th of its pairs by bisection, scaled to all of them."""
     table = Table("case", "pairs", "runs a pair", "screen, s", "bisection: runs a pair", "s", "differing answers")
     for name in names:
-        point = equilibrium.solve(read.load(name))
+        point = operating_point.solve(io.load(name))
         found = screen(point)
         sample, began = found.pairs[::every], time.perf_counter()
         single = [clearing_time(point, p.fault, [p.trip]) for p in sample]
@@ -41,7 +42,7 @@ def sitings() -> Table:
     """The cheapest fleets that survive the packaged contingencies of ieee39, evidence included."""
     table = Table("case", "contingencies", "MW", "of uniform, %", "simulations", "s", "ms a simulation")
     for classical in (True, False):
-        case = read.load("ieee39")
+        case = io.load("ieee39")
         listed = load(packaged("ieee39", classical), case)
         found = place(case.classical() if classical else case, listed)
         cells = str(len(listed)), f"{found.total_mw:.1f}", f"{100 * found.total_mw / found.uniform_mw:.0f}"

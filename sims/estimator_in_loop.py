@@ -3,16 +3,18 @@
 from dataclasses import replace
 from pathlib import Path
 
-from stabctl import equilibrium, fleet, read
-from stabctl.clearing import clearing_time
+from stabctl import io
+from stabctl.clearing.critical_time import clearing_time
 from stabctl.controllers import BangBang
-from stabctl.equilibrium import Point
-from stabctl.estimate.loop import Driven, watch
-from stabctl.estimate.record import Record
-from stabctl.report import estimates
+from stabctl.dynamics import operating_point
+from stabctl.dynamics.operating_point import Point
+from stabctl.estimation.loop import Driven, watch
+from stabctl.estimation.record import Record
+from stabctl.model import fleet
+from stabctl.plotting import estimates
 from stabctl.report.study import Study, Table, draw
 from stabctl.report.study_console import present
-from stabctl.simulate.events import contingency
+from stabctl.simulation.events import contingency
 
 STUDIES = {  # case, fault, circuit opened, classical machines, storage
     "ieee39, classical": ("ieee39", "16", "16-17", True, "5%mva"),
@@ -34,9 +36,9 @@ ORDERS = "Orders by estimates switch where those by true speeds do, a frame or t
 
 def start(case: str, classical: bool, storage: str) -> Point:
     """The operating point with a storage device at every machine."""
-    loaded = read.load(case)
+    loaded = io.load(case)
     loaded = loaded.classical() if classical else loaded
-    return equilibrium.solve(loaded.with_storage(fleet.everywhere(loaded, storage)))
+    return operating_point.solve(loaded.with_storage(fleet.everywhere(loaded, storage)))
 
 
 def study(reports: Path) -> Study:

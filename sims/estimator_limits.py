@@ -3,12 +3,14 @@
 from dataclasses import replace
 from pathlib import Path
 
-from stabctl import equilibrium, fleet, read
-from stabctl.clearing import clearing_time
+from stabctl import io
+from stabctl.clearing.critical_time import clearing_time
 from stabctl.controllers import BangBang
-from stabctl.estimate.loop import Driven
-from stabctl.estimate.pmu import Pmu
-from stabctl.report import estimates
+from stabctl.dynamics import operating_point
+from stabctl.estimation.loop import Driven
+from stabctl.estimation.pmu import Pmu
+from stabctl.model import fleet
+from stabctl.plotting import estimates
 from stabctl.report.study import Study, draw
 from stabctl.report.study_console import present
 
@@ -23,8 +25,8 @@ def study(reports: Path) -> Study:
     """Two curves for every case, with the clearing time by true speeds beside."""
     ideal, late, noisy = {}, {}, {}
     for name, (fault, trip, size) in STUDIES.items():
-        case = read.load(name)
-        point = equilibrium.solve(case.with_storage(fleet.everywhere(case, size)))
+        case = io.load(name)
+        point = operating_point.solve(case.with_storage(fleet.everywhere(case, size)))
         ideal[name] = clearing_time(point, fault, [trip], BangBang()).cycles
         pmus = [Pmu(latency_ms=ms) for ms in LATENCIES], [Pmu(angle_mrad=a, magnitude=1e-3 * a) for a in NOISES]
         late[name], noisy[name] = (

@@ -2,11 +2,12 @@
 
 from pathlib import Path
 
-from stabctl.report import paper, swing_figures
+from stabctl.plotting import theory
+from stabctl.report import paper
 from stabctl.report.study import Study, Table, draw
 from stabctl.report.study_console import present
-from stabctl.swing.feedback import Response, compare
-from stabctl.swing.omib import OMIB
+from stabctl.theory.feedback import Response, compare
+from stabctl.theory.omib import OMIB
 
 TEXT = "The 15-cycle fault of section 2, with a device that absorbs P_C by one of four laws from clearing on."
 HEADS = "law", "angle, rad", "speed, rad/s", "damping ratio"
@@ -40,7 +41,7 @@ def study(reports: Path) -> Study:
         for r in laws.responses
     )
     picture = draw(
-        swing_figures.feedback(laws),
+        theory.feedback(laws),
         reports,
         "figure07_feedback.png",
         "Four laws in the phase plane",

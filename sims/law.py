@@ -24,7 +24,7 @@ def study(_reports: Path) -> Study:
     )
     edges = tuple((str(mhz), *(ordered(mhz, voltage) for voltage in VOLTAGES)) for mhz in MILLIHERTZ)
     heads = "own speed less that of the rest, mHz", *(f"at {voltage:g} pu" for voltage in VOLTAGES)
-    text = "As in (40) the speed of the rest is that of its centre of inertia, the device's own machine left out."
+    text = "As in (40) the speed of the rest is that of its center of inertia, the device's own machine left out."
     return Study("The controller", "5", (text,), rows, (Table("Orders", heads, edges),))
 
 

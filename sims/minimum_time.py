@@ -2,12 +2,13 @@
 
 from pathlib import Path
 
-from stabctl.controllers.minimum_time import MinimumTime, Problem, by_collocation, by_shooting
-from stabctl.controllers.minimum_time_convex import by_convex_programme
-from stabctl.report import paper, swing_figures
+from stabctl.plotting import theory
+from stabctl.report import paper
 from stabctl.report.study import Comparison, Study, Table, draw
 from stabctl.report.study_console import present
-from stabctl.swing.two_machine import Equivalent
+from stabctl.theory.minimum_time import MinimumTime, Problem, by_collocation, by_shooting
+from stabctl.theory.minimum_time_convex import by_convex_program
+from stabctl.theory.two_machine import Equivalent
 
 POWERS = 0.0, 0.1, 0.2, 0.3, 0.4, 0.5
 
@@ -18,13 +19,13 @@ def study(reports: Path) -> Study:
     without, absorbing = pair.equal_area(8), pair.equal_area(8, Pc=0.5)
     problem = pair.release(6)
     control = by_shooting(problem)
-    from_guess, convex = by_collocation(problem, paper.GUESS), by_convex_programme(problem)
+    from_guess, convex = by_collocation(problem, paper.GUESS), by_convex_program(problem)
     longest = tuple(
         (f"{power:g}", f"{c.time:.6f}", f"{c.cycles:.3f}") for power in POWERS for c in [pair.critical(power)]
     )
     figures = (
         draw(
-            swing_figures.two_machine(without, absorbing),
+            theory.two_machine(without, absorbing),
             reports,
             "figure09_two_machine.png",
             "Equal areas of two machines",
@@ -34,7 +35,7 @@ def study(reports: Path) -> Study:
             "9",
         ),
         draw(
-            swing_figures.optimal_states(control),
+            theory.optimal_states(control),
             reports,
             "figure10_states.png",
             "States and co-states",
@@ -43,7 +44,7 @@ def study(reports: Path) -> Study:
             "10",
         ),
         draw(
-            swing_figures.optimal_power(control),
+            theory.optimal_power(control),
             reports,
             "figure11_power.png",
             "Absorbed power",
@@ -54,7 +55,7 @@ def study(reports: Path) -> Study:
     )
     text = (
         f"Shooting: {control}. Collocation, from the paper's first guess of the co-states {paper.GUESS}: {from_guess}. "
-        f"Convex programme: {convex}. The co-states at release are "
+        f"Convex program: {convex}. The co-states at release are "
         f"{control.lambda1[0]:.5f} s/rad and {control.lambda2[0]:.6f} s²/rad.",
         paper.ERRATA["4"],
     )

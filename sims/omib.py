@@ -4,13 +4,14 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
-from stabctl.report import paper, swing_figures
+from stabctl.plotting import theory
+from stabctl.report import paper
 from stabctl.report.study import Comparison, Study, draw
 from stabctl.report.study_console import present
-from stabctl.swing.equal_area import critical, equal_area, simulated_critical_time
-from stabctl.swing.omib import OMIB, during_fault, table1
-from stabctl.swing.phase import Portrait, portrait
-from stabctl.swing.trajectory import simulate
+from stabctl.theory.equal_area import critical, equal_area, simulated_critical_time
+from stabctl.theory.omib import OMIB, during_fault, table1
+from stabctl.theory.phase import Portrait, portrait
+from stabctl.theory.trajectory import simulate
 
 REACTANCE = "The printed angle and speeds need 0.95 pu: the lines and 0.20 pu more, which the text does not mention."
 FAULT = "Ours is the closed form, speed wb Pm t/(2H); the paper's speeds are 0.14 % below it, the angles accordingly."
@@ -24,7 +25,7 @@ def study(reports: Path) -> Study:
     same = math.isclose(survived.A1, m.M * during_fault(m, m.seconds(12))[1] ** 2 / 2)
     figures = (
         draw(
-            swing_figures.phase_plane(faults),
+            theory.phase_plane(faults),
             reports,
             "figure03_phase_plane.png",
             "Phase plane",
@@ -33,7 +34,7 @@ def study(reports: Path) -> Study:
             "3",
         ),
         draw(
-            swing_figures.power_angle(survived),
+            theory.power_angle(survived),
             reports,
             "figure04_equal_area.png",
             "Equal areas",
@@ -42,7 +43,7 @@ def study(reports: Path) -> Study:
             "4",
         ),
         draw(
-            swing_figures.fault_in_time(lost, simulate(m, m.seconds(15), until=0.8)),
+            theory.fault_in_time(lost, simulate(m, m.seconds(15), until=0.8)),
             reports,
             "figure05_lost.png",
             "A lost fault",

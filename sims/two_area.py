@@ -4,14 +4,17 @@ from pathlib import Path
 
 import numpy as np
 
-from stabctl import equilibrium, fleet, read
-from stabctl.clearing import clearing_time
+from stabctl import io
+from stabctl.clearing.critical_time import clearing_time
 from stabctl.controllers import BangBang
-from stabctl.report import clearing, paper, trajectories
+from stabctl.dynamics import operating_point
+from stabctl.model import fleet
+from stabctl.plotting import clearing, trajectories
+from stabctl.report import paper
 from stabctl.report.study import Study, Table, draw
 from stabctl.report.study_console import present
-from stabctl.simulate.events import contingency
-from stabctl.simulate.simulation import run
+from stabctl.simulation.events import contingency
+from stabctl.simulation.simulation import run
 
 LINE, PLACE = "7-8", 0.4
 PLACES = (0.0, 0.1, 0.2, 0.25, 0.3, 0.35, 0.4, 0.42, 0.45, 0.5)
@@ -22,11 +25,11 @@ ACTION = {True: "absorbs", False: "injects"}
 
 def study(reports: Path) -> Study:
     """The two runs, what the devices do first, and the clearing time against the place of the fault."""
-    case, cycles = read.load("two_area"), paper.CASE_1_CYCLES
+    case, cycles = io.load("two_area"), paper.CASE_1_CYCLES
     devices = fleet.everywhere(case, "50MW")
     points = {
-        "without storage": (equilibrium.solve(case), None),
-        "with 50 MW storage": (equilibrium.solve(case.with_storage(devices)), BangBang()),
+        "without storage": (operating_point.solve(case), None),
+        "with 50 MW storage": (operating_point.solve(case.with_storage(devices)), BangBang()),
     }
     fault = f"{LINE}@{PLACE}"
     runs = {

@@ -5,13 +5,16 @@ from pathlib import Path
 
 import numpy as np
 
-from stabctl import equilibrium, fleet, read
+from stabctl import io
 from stabctl.controllers import BangBang
-from stabctl.report import paper, trajectories
+from stabctl.dynamics import operating_point
+from stabctl.model import fleet
+from stabctl.plotting import trajectories
+from stabctl.report import paper
 from stabctl.report.study import Study, draw
 from stabctl.report.study_console import present
-from stabctl.simulate.events import contingency
-from stabctl.simulate.simulation import run
+from stabctl.simulation.events import contingency
+from stabctl.simulation.simulation import run
 
 FAULT, TRIP = "83", ("83-33",)
 SHOWN = (1, 8, 13, 14, 16, 27, 34)
@@ -23,10 +26,10 @@ BUSES = "The published data of this system have 122 buses."
 
 def study(reports: Path) -> Study:
     """Six cycles without devices and with devices of 5 % of the machines' ratings."""
-    case = read.load("wnaps")
+    case = io.load("wnaps")
     events = contingency(FAULT, paper.CASE_2_CYCLES / case.frequency_hz, TRIP)
-    bare = run(equilibrium.solve(case), events)
-    held = run(equilibrium.solve(case.with_storage(fleet.everywhere(case, "5%mva"))), events, control=BangBang())
+    bare = run(operating_point.solve(case), events)
+    held = run(operating_point.solve(case.with_storage(fleet.everywhere(case, "5%mva"))), events, control=BangBang())
     powers = dict(zip((s.machine for s in held.point.case.storage), held.storage.T, strict=True))
     acting = " and ".join(str(machine) for machine, p in powers.items() if np.abs(p).max() > 0)
     counted = {

@@ -2,10 +2,13 @@
 
 from pathlib import Path
 
-from stabctl import equilibrium, fleet, powerflow, read
-from stabctl.clearing import clearing_time
+from stabctl import io
+from stabctl.clearing.critical_time import clearing_time
 from stabctl.controllers import BangBang
-from stabctl.report import clearing, paper
+from stabctl.dynamics import operating_point
+from stabctl.model import fleet, powerflow
+from stabctl.plotting import clearing
+from stabctl.report import paper
 from stabctl.report.study import Study, Table, draw
 from stabctl.report.study_console import present
 
@@ -48,12 +51,12 @@ def study(reports: Path) -> Study:
 
 def clearing_times() -> dict[str, list[float]]:
     """Critical clearing times (cycles) by ESD power, for each reading."""
-    case = read.load("wnaps_paper")
+    case = io.load("wnaps_paper")
     flow = powerflow.solve(case)
     found: dict[str, list[float]] = {name: [] for name in READINGS}
     for percent in paper.TABLE_4:
         devices = fleet.everywhere(case, f"{percent}%dispatch", flow, characteristic="conductance", lag=0.05)
-        point = equilibrium.solve(case.with_storage(devices), flow)
+        point = operating_point.solve(case.with_storage(devices), flow)
         for name, resolution in READINGS.items():
             found[name].append(clearing_time(point, FAULT, TRIP, BangBang(), resolution).cycles)
     return found

@@ -1,5 +1,5 @@
 """python -m stabctl."""
 
-from stabctl.cli import main
+from .cli import main
 
 main()

@@ -17,7 +17,7 @@ class EquilibriumError(StabctlError):
     """The machines and their controls have no start at the load flow; names device and limit."""
 
 
-class LinearisationError(StabctlError):
+class LinearizationError(StabctlError):
     """An operating point has no linear model: it moves, or rests on a limit; names the state or the limit."""
 
 

@@ -3,7 +3,7 @@
 import math
 import re
 
-from stabctl.errors import StudyError
+from .errors import StudyError
 
 _QUANTITY = re.compile(r"^\s*([0-9.]+(?:[eE][+-]?[0-9]+)?)\s*([a-zA-Z%]*)\s*$")
 

@@ -4,8 +4,8 @@ import gzip
 
 import numpy as np
 
-from stabctl.simulate import simulation
-from stabctl.simulate.stepper import Rules
+from stabctl.simulation import simulation
+from stabctl.simulation.stepper import Rules
 
 SIGNALS = {  # signal -> file of the reference, its units as ours
     "speed": "speed_pu",

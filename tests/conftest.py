@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from stabctl import cli, equilibrium, read
+from stabctl import cli, io
+from stabctl.dynamics import operating_point
 
 settings.register_profile(
     "stabctl",
@@ -23,13 +24,13 @@ settings.load_profile("stabctl")
 @pytest.fixture(scope="session")
 def cases():
     """name -> packaged case, loaded once."""
-    return cache(read.load)
+    return cache(io.load)
 
 
 @pytest.fixture(scope="session")
 def points(cases):
     """name -> operating point of a packaged case, solved once."""
-    return cache(lambda name: equilibrium.solve(cases(name)))
+    return cache(lambda name: operating_point.solve(cases(name)))
 
 
 @pytest.fixture(scope="session")

@@ -5,8 +5,11 @@ machine 1 -- bus 1 --- bus 2 (load) === bus 3 -- machine 2 (swing, GENCLS, ten t
 
 from dataclasses import replace
 
-from stabctl.case import Branch, Bus, Case, Load, Machine
-from stabctl.models import exdc2, exst3, gencls, genrou, pss, sexs, tgov
+from stabctl.devices.exciters import exdc2, exst3, sexs
+from stabctl.devices.governors import tgov
+from stabctl.devices.machines import gencls, genrou
+from stabctl.devices.stabilizers import pss
+from stabctl.model.case import Branch, Bus, Case, Load, Machine
 
 ROUND = genrou.Par(0, 0, 4.0, 0.5, 0.003, 0.15, 1.8, 0.3, 0.22, 7.0, 0.03, 1.7, 0.5, 0.4, 0.05)
 SATURATED = ROUND._replace(S10=0.1, S12=0.4)

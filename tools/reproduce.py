@@ -14,7 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from datetime import date
 from pathlib import Path
 
-from stabctl import files
+from stabctl._util import files
 from stabctl.errors import StabctlError
 from stabctl.report import study_file
 from stabctl.report.index_page import About, Ran, page

@@ -10,20 +10,7 @@ from typer.core import TyperGroup
 
 from stabctl.errors import StabctlError, sentence
 
-from . import (
-    cases,
-    clearing_time,
-    estimate,
-    linearize,
-    modes,
-    place,
-    powerflow,
-    screen,
-    simulate,
-    sweep,
-    swing,
-    tables,
-)
+from . import cases, clearing_time, estimate, linearize, modes, place, powerflow, screen, simulate, sweep, swing, tables
 
 
 class Commands(TyperGroup):

@@ -5,9 +5,9 @@ from .shared import Json, console, print_json
 
 def cases(as_json: Json = False) -> None:
     """List the packaged cases."""
-    from stabctl import read
+    from stabctl import io
 
-    found = [read.load(name) for name in read.packaged()]
+    found = [io.load(name) for name in io.packaged()]
     if as_json:
         rows = [
             {

@@ -7,7 +7,7 @@ import typer
 from . import shared
 
 if TYPE_CHECKING:
-    from stabctl.clearing import Clearing
+    from stabctl.clearing.critical_time import Clearing
 
 Resolution = Annotated[str, typer.Option("--resolution", help="Grid of clearing times; 1cyc is the paper's.")]
 
@@ -39,7 +39,7 @@ def clearing_time(
     as_json: shared.Json = False,
 ) -> None:
     """Find the critical clearing time of a fault."""
-    from stabctl.clearing import clearing_time
+    from stabctl.clearing.critical_time import clearing_time
     from stabctl.units import seconds
 
     loaded = shared.load(case, classical)

@@ -8,7 +8,7 @@ import typer
 from . import shared
 
 if TYPE_CHECKING:
-    from stabctl.estimate.record import Record, Score
+    from stabctl.estimation.record import Record, Score
 
 Clear = Annotated[str, typer.Option("--clear", help="Clearing time: 6cyc, 0.1s, 100ms.")]
 At = Annotated[float, typer.Option("--at", help="Instant of the fault, s.")]
@@ -44,8 +44,8 @@ def estimate(
     """Estimate speeds against the rest of the system from PMU signals, through a fault, and judge them."""
     from stabctl.controllers import BangBang
     from stabctl.errors import StudyError
-    from stabctl.estimate.loop import Driven, watch
-    from stabctl.simulate.events import contingency
+    from stabctl.estimation.loop import Driven, watch
+    from stabctl.simulation.events import contingency
     from stabctl.units import seconds
 
     if not 0.05 < observe < float("inf"):
@@ -60,7 +60,7 @@ def estimate(
     end = at + off + observe
     found = watch(point, events, end, driven, step=step, rules=shared.rules(max_angle))
     if plot:
-        from stabctl.report.estimates import speeds
+        from stabctl.plotting.estimates import speeds
 
         speeds(found).savefig(plot, dpi=150)
     _show(found, found.after(at + off, end), as_json, plot)

@@ -23,13 +23,13 @@ def linearize(
     classical: shared.Classical = False,
     as_json: shared.Json = False,
 ) -> None:
-    """Linearise a case at its operating point and export the model."""
-    from stabctl.linear import linearise
+    """Linearize a case at its operating point and export the model."""
+    from stabctl.smallsignal import linearize
 
     shared.file(out, ".npz", ".mat")
     point = shared.start(shared.load(case, classical), storage, storage_at, lag=lag)
     named = [[part for part in text.split(",") if part.strip()] for text in (inputs, outputs)]
-    model = linearise(point, *named)
+    model = linearize(point, *named)
     path = model.save(out)
     if as_json:
         labels = {k: list(getattr(model, k)) for k in ("states", "inputs", "outputs")}

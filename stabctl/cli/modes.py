@@ -8,7 +8,7 @@ import typer
 from . import shared
 
 if TYPE_CHECKING:
-    from stabctl.modes import Areas, Modes
+    from stabctl.smallsignal import Areas, Modes
 
 Band = Annotated[
     tuple[float, float], typer.Option("--band", metavar="LOW HIGH", help="Frequencies of the printed table, Hz.")
@@ -36,17 +36,16 @@ def modes(
     as_json: shared.Json = False,
 ) -> None:
     """Eigenvalues of a case at its operating point: frequency, damping, mode shapes, coherent areas."""
-    from stabctl.linear import descriptor, linearise
-    from stabctl.modes import analyse, areas, opened
-    from stabctl.modes.analysis import LARGE
     from stabctl.report import modes_page, modes_table
+    from stabctl.smallsignal import analyze, areas, descriptor, linearize, opened
+    from stabctl.smallsignal.modes import LARGE
 
     shared.folder(report)
     loaded = opened(shared.load(case, classical), open_circuits or ())
     point = shared.start(loaded)
-    model = linearise(point) if sparse is False else descriptor(point)
+    model = linearize(point) if sparse is False else descriptor(point)
     few = sparse or (sparse is None and len(model.states) > LARGE)
-    found = analyse(model, band if few else None)
+    found = analyze(model, band if few else None)
     groups = areas(found, area_count) if found.swings() or area_count else None
     if as_json:
         shared.print_json(modes_table.record(found))

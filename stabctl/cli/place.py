@@ -9,7 +9,7 @@ import typer
 from . import shared
 
 if TYPE_CHECKING:
-    from stabctl.case import Case
+    from stabctl.model.case import Case
     from stabctl.placement.contingency import Contingency
     from stabctl.placement.siting import Siting
 
@@ -56,8 +56,8 @@ def place(
 ) -> None:
     """Find the cheapest storage fleet that survives every contingency in simulation."""
     from stabctl.controllers import BangBang
-    from stabctl.estimate.loop import Driven
-    from stabctl.estimate.pmu import Pmu
+    from stabctl.estimation.loop import Driven
+    from stabctl.estimation.pmu import Pmu
     from stabctl.placement.place import place
     from stabctl.placement.siting import Costs
 
@@ -94,15 +94,15 @@ def place(
 
 def _contingencies(case: "Case", name: str, file: Path | None, classical: bool) -> "tuple[Contingency, ...]":
     """Those of the file, the packaged ones, or the most critical ones of a screen."""
-    from stabctl import equilibrium
+    from stabctl.clearing import screen
+    from stabctl.dynamics import operating_point
     from stabctl.placement.contingency import from_screen, load, packaged
-    from stabctl.screen import screen
 
     file = file or (packaged(name, classical) if not Path(name).is_dir() else None)
     if file:
         return load(file, case)
     with shared.progress("screening", 1.0) as tell:
-        found = screen(equilibrium.solve(case), progress=lambda done, of: tell(done / of))
+        found = screen(operating_point.solve(case), progress=lambda done, of: tell(done / of))
     return from_screen(found, case.frequency_hz)
 
 

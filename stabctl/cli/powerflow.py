@@ -13,7 +13,7 @@ Branches = Annotated[bool, typer.Option("--branches", help="Print what flows in 
 
 def powerflow(case: CaseName, branches: Branches = False, classical: Classical = False, as_json: Json = False) -> None:
     """Solve the load flow."""
-    from stabctl import powerflow
+    from stabctl.model import powerflow
 
     flow = powerflow.solve(load(case, classical))
     c = flow.case

@@ -8,7 +8,7 @@ import typer
 from . import shared
 
 if TYPE_CHECKING:
-    from stabctl.screen import Screen
+    from stabctl.clearing import Screen
 
 Below = Annotated[str | None, typer.Option("--below", help="List only pairs with shorter clearing times: 8cyc.")]
 Out = Annotated[Path | None, typer.Option("--out", help="Write the pairs to FILE.csv.")]
@@ -36,7 +36,7 @@ def screen(
     as_json: shared.Json = False,
 ) -> None:
     """Find the critical clearing times of faults at both ends of every line, cleared by opening it; shortest first."""
-    from stabctl.screen import screen
+    from stabctl.clearing import screen
     from stabctl.units import seconds
 
     shared.file(out, ".csv")
@@ -65,7 +65,7 @@ def screen(
 
 def _show(found: "Screen", as_json: bool) -> None:
     if as_json:
-        from stabctl.screen.study import COLUMNS
+        from stabctl.clearing.screen import COLUMNS
 
         shared.print_json(
             {

@@ -14,12 +14,12 @@ import typer
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from stabctl.case import Case
     from stabctl.controllers import BangBang
-    from stabctl.equilibrium import Point
-    from stabctl.estimate.estimators import Engine
-    from stabctl.estimate.loop import Driven
-    from stabctl.estimate.pmu import Pmu
+    from stabctl.dynamics.operating_point import Point
+    from stabctl.estimation.estimators import Engine
+    from stabctl.estimation.loop import Driven
+    from stabctl.estimation.pmu import Pmu
+    from stabctl.model.case import Case
 
 CaseName = Annotated[str, typer.Argument(metavar="CASE", help="A packaged case, or a folder.")]
 Classical = Annotated[bool, typer.Option("--classical", help="Classical machines, without controls.")]
@@ -68,9 +68,9 @@ Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of noise and loss
 
 def load(name: str, classical: bool = False) -> "Case":
     """The case; what is unusual in it goes to stderr."""
-    from stabctl import read
+    from stabctl import io
 
-    case = read.load(name)
+    case = io.load(name)
     case = case.classical() if classical else case
     for sentence in case.warnings:
         print(f"stabctl: warning: {sentence}", file=sys.stderr)
@@ -79,8 +79,9 @@ def load(name: str, classical: bool = False) -> "Case":
 
 def start(case: "Case", storage: str | None = None, storage_at: str | None = None, **options: Any) -> "Point":
     """The operating point of the case with its storage devices."""
-    from stabctl import equilibrium, fleet, powerflow
+    from stabctl.dynamics import operating_point
     from stabctl.errors import StudyError
+    from stabctl.model import fleet, powerflow
 
     if storage is not None and storage_at is not None:
         raise StudyError("--storage and --storage-at exclude each other; give one of them.")
@@ -90,7 +91,7 @@ def start(case: "Case", storage: str | None = None, storage_at: str | None = Non
         case = case.with_storage(fleet.everywhere(case, storage, flow, **options))
     elif storage_at is not None:
         case = case.with_storage(fleet.chosen(case, storage_at, flow, **options))
-    return equilibrium.solve(case, flow)
+    return operating_point.solve(case, flow)
 
 
 def checked_lag(lag: float) -> float:
@@ -146,7 +147,7 @@ def law(case: "Case", control: str | None, deadband: float, min_voltage: float) 
 
 def pmu(rate: int, noise_mrad: float, latency_ms: float, loss: float) -> "Pmu":
     """The PMUs of the options."""
-    from stabctl.estimate.pmu import Pmu
+    from stabctl.estimation.pmu import Pmu
 
     return Pmu.noisy(rate, noise_mrad, latency_ms, loss)
 
@@ -156,7 +157,7 @@ def steering(
 ) -> "BangBang | Driven | None":
     """What sets the orders: the law itself where the estimator is ideal, else the law on PMU signals."""
     from stabctl.errors import StudyError
-    from stabctl.estimate.loop import Driven
+    from stabctl.estimation.loop import Driven
 
     if estimator == "ideal":
         return law
@@ -183,7 +184,7 @@ def impedance(text: str) -> complex:
 def rules(max_angle: float) -> Any:
     """When a run ends."""
     from stabctl.errors import StudyError
-    from stabctl.simulate.stepper import Rules
+    from stabctl.simulation.stepper import Rules
 
     if not 0 < max_angle < float("inf"):
         raise StudyError(f"--max-angle {max_angle:g} rad is not allowed; it must be more than 0.")

@@ -8,7 +8,7 @@ import typer
 from . import shared
 
 if TYPE_CHECKING:
-    from stabctl.simulate.trajectory import Trajectory
+    from stabctl.simulation.trajectory import Trajectory
 
 FaultOrNone = Annotated[
     str | None, typer.Option("--fault", help="83 (a bus), 7-8@0.4 (along it from the first bus named; 7-8: half-way).")
@@ -52,8 +52,8 @@ def simulate(
 ) -> None:
     """Simulate a fault, cleared by opening its circuit and those of --trip, with or without storage."""
     from stabctl.errors import StudyError
-    from stabctl.simulate.events import contingency
-    from stabctl.simulate.simulation import run
+    from stabctl.simulation.events import contingency
+    from stabctl.simulation.simulation import run
     from stabctl.units import seconds
 
     if fault and not clear:
@@ -79,7 +79,7 @@ def simulate(
     if out:
         result.save(out)
     if plot:
-        from stabctl.report.trajectories import overview
+        from stabctl.plotting.trajectories import overview
 
         overview(result).savefig(plot, dpi=150)
     _show(result, as_json, [p for p in (out, plot) if p])

@@ -27,13 +27,13 @@ def table1_command(
     plot: Plot = None,
 ) -> None:
     """Angle and speed when a bolted fault is cleared; the picture is the phase plane."""
-    from stabctl.swing.omib import OMIB, table1
-    from stabctl.swing.phase import portrait
+    from stabctl.theory.omib import OMIB, table1
+    from stabctl.theory.phase import portrait
 
     m, lengths = OMIB(H, Pm, X), tuple(cycles or (6.0, 12.0, 15.0))
     rows = table1(m, lengths)
     if plot:
-        from stabctl.report.swing_figures import phase_plane, save
+        from stabctl.plotting.theory import phase_plane, save
 
         save(phase_plane(portrait(m, lengths)), plot)
     if as_json:
@@ -54,14 +54,14 @@ def equal_area_command(
     plot: Plot = None,
 ) -> None:
     """Critical clearing angle and time by the equal-area criterion; the picture shows the areas."""
-    from stabctl.swing.equal_area import critical, equal_area
-    from stabctl.swing.omib import OMIB, during_fault
+    from stabctl.theory.equal_area import critical, equal_area
+    from stabctl.theory.omib import OMIB, during_fault
 
     m = OMIB(H, Pm, X)
     found = critical(m, Pc)
     area = equal_area(m, found.angle if cycles is None else during_fault(m, m.seconds(cycles))[0], Pc)
     if plot:
-        from stabctl.report.swing_figures import power_angle, save
+        from stabctl.plotting.theory import power_angle, save
 
         save(power_angle(area), plot)
     if as_json:
@@ -92,12 +92,12 @@ def feedback_command(
     plot: Plot = None,
 ) -> None:
     """The four speed and acceleration feedback laws on one fault; the picture is the phase plane."""
-    from stabctl.swing.feedback import compare, four
-    from stabctl.swing.omib import OMIB
+    from stabctl.theory.feedback import compare, four
+    from stabctl.theory.omib import OMIB
 
     found = compare(OMIB(H, Pm, X), cycles, four(Kv, Ka, Ka_size))
     if plot:
-        from stabctl.report.swing_figures import feedback, save
+        from stabctl.plotting.theory import feedback, save
 
         save(feedback(found), plot)
     if as_json:
@@ -141,14 +141,14 @@ def minimum_time_command(
     plot: Plot = None,
 ) -> None:
     """Bring the relative speed of two machines to zero in the least time; the picture is states and power."""
-    from stabctl.controllers.minimum_time import by_collocation, by_shooting
     from stabctl.errors import StudyError
-    from stabctl.swing.two_machine import Equivalent
+    from stabctl.theory.minimum_time import by_collocation, by_shooting
+    from stabctl.theory.two_machine import Equivalent
 
     problem = Equivalent(H1, HCOI, X=X, Pm1=Pm).release(cycles, -Pc if Pc_min is None else Pc_min, Pc)
     found = by_shooting(problem)
     if plot:
-        from stabctl.report.swing_figures import optimal, save
+        from stabctl.plotting.theory import optimal, save
 
         if not found.feasible:
             raise StudyError(f"there is no picture, because {found.outcome}")

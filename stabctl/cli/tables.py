@@ -11,10 +11,10 @@ Name = Annotated[str | None, typer.Argument(metavar="[TABLE]", help="One table o
 
 def tables(name: Name = None, as_json: Json = False) -> None:
     """List the columns of a case's tables: unit, meaning, what is allowed, default."""
-    from stabctl.case import TABLES
+    from stabctl.devices import ALL
     from stabctl.errors import StudyError
-    from stabctl.models import ALL
-    from stabctl.quantity import fields
+    from stabctl.model.case import TABLES
+    from stabctl.schema import fields
 
     machine = fields(TABLES["machines"])["machine"]
     known = {table: list(fields(record).values()) for table, record in TABLES.items()}

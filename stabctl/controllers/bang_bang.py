@@ -3,16 +3,16 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from stabctl.compiled import kernel
-from stabctl.guard import guard
-from stabctl.quantity import NOT_NEGATIVE
+from stabctl._util.guard import guard
+from stabctl._util.jit import inline
+from stabctl.schema import NOT_NEGATIVE
 
 from .signals import Device, Par
 
 KIND = 1.0
 
 
-@kernel
+@inline
 def order(seen, p):
     """Order in ratings: absorb (1) when fast, inject (-1) when slow, idle within the deadband or at low voltage."""
     if seen.voltage < p.gate or -p.deadband <= seen.deviation <= p.deadband:

@@ -8,16 +8,16 @@ from dataclasses import dataclass
 from math import pi
 from typing import Annotated
 
-from stabctl.compiled import kernel
-from stabctl.guard import guard
-from stabctl.quantity import NOT_NEGATIVE
+from stabctl._util.guard import guard
+from stabctl._util.jit import inline
+from stabctl.schema import NOT_NEGATIVE
 
 from .signals import Device, Par
 
 LINEAR, BRAKING = 2.0, 3.0
 
 
-@kernel
+@inline
 def order(seen, p):
     """Order in ratings, within -1..1: Kv deviation + Ka acceleration (13), or Ka |acceleration| sgn(deviation) (14)."""
     if seen.voltage < p.gate or -p.deadband <= seen.deviation <= p.deadband:

@@ -1,9 +1,9 @@
-"""A budget of megawatts shared out by the Gramians of the critical swings: two convex programmes.
+"""A budget of megawatts shared out by the Gramians of the critical swings: two convex programs.
 
-    maximise  lambda_min(W(s))   or   log det W(s),   W(s) = sum s_i W_i,   0 <= s <= cap,   sum s = budget
+    maximize  lambda_min(W(s))   or   log det W(s),   W(s) = sum s_i W_i,   0 <= s <= cap,   sum s = budget
 
 The first serves the swing that storage reaches worst, the second the volume of what it reaches. W is linear in s, so
-the programmes are written in shares of the budget, and only the caps over the budget are parameters.
+the programs are written in shares of the budget, and only the caps over the budget are parameters.
 
 Both criteria are concave: with a gradient g_i = <Z, W_i> at s*, no sizes do better than value(s*) + max_s g (s - s*),
 a fractional knapsack. This bound is worked out apart from the solver; an answer that misses it is not given.
@@ -16,10 +16,10 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from stabctl.case import Storage
-from stabctl.equilibrium import Point
+from stabctl.dynamics.operating_point import Point
 from stabctl.errors import StudyError
-from stabctl.modes import Mode
+from stabctl.model.case import Storage
+from stabctl.smallsignal import Mode
 
 from .gramians import DECAY, SWINGS, Gramians, gramians
 from .sensitivity import Candidate
@@ -76,7 +76,7 @@ class Allocation:
     __repr__ = __str__
 
 
-class Programme:
+class Program:
     """One criterion over the shares x of the budget: sum x = 1, 0 <= x <= limit. Built once; `limit` is a parameter.
 
     Written in coordinates in which the Gramian of an even fleet is the unit matrix: its eigenvalues, ten orders of
@@ -84,7 +84,7 @@ class Programme:
     """
 
     def __init__(self, W: np.ndarray, criterion: Criterion) -> None:
-        """Write the programme for Gramians W (candidates, n, n)."""
+        """Write the program for Gramians W (candidates, n, n)."""
         import cvxpy as cp
 
         count, n, _ = W.shape
@@ -102,7 +102,7 @@ class Programme:
             aim = cp.log_det(whole)
         self.problem = cp.Problem(cp.Maximize(aim), law)
         if not self.problem.is_dcp(dpp=True):
-            raise AssertionError("the programme must be convex with its parameters (DPP)")
+            raise AssertionError("the program must be convex with its parameters (DPP)")
 
     def solve(self, limit: np.ndarray) -> np.ndarray | None:
         """The shares (candidates), None where the solver found none."""
@@ -142,7 +142,7 @@ def by_gramian(
     """The budget (MW) shared out among the candidates; arguments as in `gramians`, caps (MW) for all or for each.
 
     Raises `StudyError` as there, and for a budget that is not positive or more than the caps hold, for caps below 0,
-    and where the programme has no accurate solution.
+    and where the program has no accurate solution.
     """
     return allocate(gramians(point, candidates, modes, decay), budget_mw, caps_mw, criterion)
 
@@ -165,8 +165,8 @@ def allocate(
             f"{caps.sum():g} MW; raise the caps, add candidates, or lower the budget."
         )
     try:
-        programme = Programme(g.W, criterion)
-        share = programme.solve(np.minimum(caps / budget_mw, 1))
+        program = Program(g.W, criterion)
+        share = program.solve(np.minimum(caps / budget_mw, 1))
     except np.linalg.LinAlgError:
         share = None
     if share is None or abs(share.sum() - 1) > MISS:
@@ -176,7 +176,7 @@ def allocate(
     least, n = float(np.linalg.eigvalsh(whole)[0]), len(whole)
     if least <= 0:
         raise StudyError(_unsolved(g, criterion))
-    worth = np.tensordot(g.W, programme.slope(whole), 2)
+    worth = np.tensordot(g.W, program.slope(whole), 2)
     best = _knapsack(worth, caps, budget_mw)
     if criterion == "log-det":
         value, miss = float(np.linalg.slogdet(whole)[1]), best - n  # <inv(W), W> = n
@@ -215,6 +215,6 @@ def _knapsack(worth: np.ndarray, caps: np.ndarray, budget: float) -> float:
 
 def _unsolved(g: Gramians, criterion: Criterion) -> str:
     return (
-        f"The {criterion} programme of {g.case} has no accurate solution: the candidates that may hold storage hardly "
+        f"The {criterion} program of {g.case} has no accurate solution: the candidates that may hold storage hardly "
         f"reach some of the {len(g.modes)} swings; take fewer swings or more candidates."
     )

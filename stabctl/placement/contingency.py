@@ -6,10 +6,10 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from stabctl.case import Case
+from stabctl.clearing import Screen
 from stabctl.errors import StudyError
-from stabctl.screen import Screen
-from stabctl.simulate.events import branch, contingency, locate, timeline
+from stabctl.model.case import Case
+from stabctl.simulation.events import branch, contingency, locate, timeline
 from stabctl.units import seconds
 
 COUNT, LONGER = 8, 1.2
@@ -34,7 +34,7 @@ class Contingency(NamedTuple):
 
 def packaged(case: str, classical: bool = False) -> Path | None:
     """The contingency file of a packaged case; None where it has none."""
-    file = resources.files("stabctl") / "cases" / case / f"contingencies{'_classical' * classical}.toml"
+    file = resources.files("stabctl") / "model" / "cases" / case / f"contingencies{'_classical' * classical}.toml"
     return Path(str(file)) if file.is_file() else None
 
 

@@ -1,14 +1,14 @@
-"""The proof: critical clearing times of a fleet and of its neighbours, by the criterion of `stabctl clearing-time`."""
+"""The proof: critical clearing times of a fleet and of its neighbors, by the criterion of `stabctl clearing-time`."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from stabctl.clearing import BELOW, Trial
+from stabctl.clearing.critical_time import BELOW, Trial
+from stabctl.clearing.search import Attempt, search
 from stabctl.controllers import Law
-from stabctl.screen.search import Attempt, search
-from stabctl.simulate.sampled import Sampled
+from stabctl.simulation.sampled import Sampled
 
 from .siting import Evidence
 from .trials import Trials

@@ -14,10 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stabctl.equilibrium import Point
+from stabctl.dynamics.operating_point import Point
 from stabctl.errors import StudyError
-from stabctl.linear import linearise
-from stabctl.modes import Mode, Modes, analyse
+from stabctl.smallsignal import Mode, Modes, analyze, linearize
 
 from .sensitivity import Candidate, checked
 
@@ -72,7 +71,7 @@ def gramians(
     """
     found = checked(point.case, candidates)
     buses = list(dict.fromkeys(c.bus for c in found))
-    all_modes = analyse(linearise(point, [f"storage:{bus}" for bus in buses]))
+    all_modes = analyze(linearize(point, [f"storage:{bus}" for bus in buses]))
     chosen = critical(all_modes, modes)
     if not 0 <= decay < np.inf:
         raise StudyError(f"The decay {decay:g} 1/s is not allowed; it must be 0 or more.")

@@ -1,11 +1,11 @@
-"""The master programme: the cheapest fleet that every cut allows, near the best one known.
+"""The master program: the cheapest fleet that every cut allows, near the best one known.
 
     min  c's + f'z + rho 1'xi
     s.t. D s >= b - xi,  0 <= s <= cap z,  |s - best| <= radius,  xi >= 0
-         0 <= z <= 1 (a linear programme, Clarabel), or z of 0 and 1 with at most K of them (HiGHS)
+         0 <= z <= 1 (a linear program, Clarabel), or z of 0 and 1 with at most K of them (HiGHS)
 
 Inside, a size is a share of its cap and a cut is measured by the most that one device can do for it, so that the
-programme is well scaled.
+program is well scaled.
 """
 
 from typing import NamedTuple
@@ -37,7 +37,7 @@ class Plan(NamedTuple):
 
 
 class Master:
-    """The programme, built once for a number of candidates; cuts, centre and radius are parameters.
+    """The program, built once for a number of candidates; cuts, center and radius are parameters.
 
     Args: largest sizes (candidates, MW); cost of a MW and of a site (candidates); at most so many sites (None: any
     number); room for cuts.
@@ -50,7 +50,7 @@ class Master:
         self._write(room)
 
     def _write(self, room: int) -> None:
-        """The programme with room for so many cuts."""
+        """The program with room for so many cuts."""
         n, self.room = len(self.cap), room
         self.s, self.xi = cp.Variable(n, nonneg=True), cp.Variable(room, nonneg=True)
         self.D, self.b = cp.Parameter((room, n)), cp.Parameter(room)
@@ -81,7 +81,7 @@ class Master:
         if len(cuts) > self.room:
             self._write(2 * len(cuts))
         if not all(np.isfinite([*cut.normal, cut.bound]).all() for cut in cuts):
-            raise StudyError("The siting programme has a cut that is not of finite numbers; check costs and caps.")
+            raise StudyError("The siting program has a cut that is not of finite numbers; check costs and caps.")
         D, b = np.zeros(self.D.shape), np.full(self.room, -1.0)
         for row, cut in enumerate(cuts):
             does = cut.normal * self.cap
@@ -96,9 +96,9 @@ class Master:
             self.problem.solve(solver=cp.CLARABEL if self.z is None else cp.HIGHS)
         except cp.SolverError as error:
             raise StudyError(
-                f"The siting programme of {len(cuts)} cuts was not solved ({error}); check costs and caps."
+                f"The siting program of {len(cuts)} cuts was not solved ({error}); check costs and caps."
             ) from None
         if self.problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
-            raise StudyError(f"The siting programme is {self.problem.status}; check costs, caps and number of sites.")
+            raise StudyError(f"The siting program is {self.problem.status}; check costs, caps and number of sites.")
         mw = np.where(self.s.value > NOTHING, np.clip(self.s.value, 0, 1) * self.cap, 0.0)
         return Plan(mw, self.cost(mw), float(self.xi.value.max()))

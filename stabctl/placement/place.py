@@ -6,20 +6,21 @@ from typing import Any
 
 import numpy as np
 
-from stabctl import equilibrium, fleet, powerflow
-from stabctl.case import Case, Storage
-from stabctl.clearing import check_observed
+from stabctl._util.wording import counted
+from stabctl.clearing.critical_time import check_observed
 from stabctl.controllers import Law
+from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
-from stabctl.simulate.sampled import Sampled
-from stabctl.simulate.stepper import DEFAULT, Rules
-from stabctl.wording import counted
+from stabctl.model import fleet, powerflow
+from stabctl.model.case import Case, Storage
+from stabctl.simulation.sampled import Sampled
+from stabctl.simulation.stepper import DEFAULT, Rules
 
-from . import seeds
+from . import initial_fleets
 from .contingency import Contingency, checked
 from .evidence import energies, proof, table
 from .master import Master
-from .programme import Search
+from .program import Search
 from .sensitivity import Candidate, sensitivity
 from .sensitivity import checked as checked_candidates
 from .siting import Costs, Place, Site, Siting, Survived
@@ -61,7 +62,7 @@ def place(
     mva = np.array([case.machine(c.machine).base for c in found])
     largest = _caps(case, cap, found, flow)
     devices = (Storage(c.machine, c.bus, float(mw), **options) for c, mw in zip(found, largest, strict=True))
-    point = equilibrium.solve(case.with_storage(devices), flow)
+    point = operating_point.solve(case.with_storage(devices), flow)
 
     search: Search | None = None
 
@@ -71,15 +72,15 @@ def place(
 
     trials = Trials(point, checked(contingencies, case), largest, law, observed_s, step, rules, workers, tell)
     uniform = UNIFORM * mva
-    trials, cures, incurable = seeds.curable(trials, uniform)
+    trials, cures, incurable = initial_fleets.curable(trials, uniform)
     price = np.full(len(found), float(costs.mw))
     if costs.mwh:
         tried = trials.fleet(uniform)
         price += costs.mwh * energies(trials, uniform) / np.where(tried > 0, tried, np.inf)
     master = Master(largest, price, np.full(len(found), costs.site), sites)
     search = Search(trials, master, sensitivity(point, found).J)
-    even = seeds.uniform_fleet(search, uniform, cures)
-    shared = seeds.linear_fleet(search, uniform)
+    even = initial_fleets.uniform_fleet(search, uniform, cures)
+    shared = initial_fleets.linear_fleet(search, uniform)
     for start in (even, shared):
         if start is not None:
             search.accept(start)

@@ -8,7 +8,7 @@ import numpy as np
 
 from .trials import Trials
 
-SCAN = 1.25  # ratio of neighbouring multiples of a scan
+SCAN = 1.25  # ratio of neighboring multiples of a scan
 FINE = 1e-3  # relative width of the final bracket
 LITTLE = 1e-3  # multiple below which nothing at all is tried
 FAR = 0.85  # of the scaling of a fleet, at which other contingencies are looked at

@@ -12,13 +12,13 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from stabctl import network
-from stabctl.case import Case
-from stabctl.equilibrium import Point
+from stabctl.dynamics.operating_point import Point
+from stabctl.dynamics.system import sizes
 from stabctl.errors import StudyError
-from stabctl.linear import INPUTS, inputs, local, signals
-from stabctl.network import UNSWITCHED, Switching
-from stabctl.system import sizes
+from stabctl.model import network
+from stabctl.model.case import Case
+from stabctl.model.network import UNSWITCHED, Switching
+from stabctl.smallsignal import INPUTS, inputs, local, signals
 
 TOLERANCE = 1e-10  # pu   largest current mismatch of a bus
 LIMIT = 30  # Newton steps
@@ -48,7 +48,7 @@ class Sensitivity:
 
     @property
     def in_coi(self) -> np.ndarray:
-        """What of J moves a machine against its island's centre of inertia, J_j - H_j/sum H sum J (MW per MW)."""
+        """What of J moves a machine against its island's center of inertia, J_j - H_j/sum H sum J (MW per MW)."""
         same = self.island[:, None] == self.island
         share = self.inertia[:, None] * same / (same @ self.inertia)[:, None]
         return self.J - share @ self.J

@@ -1,9 +1,9 @@
-"""The answer of the siting programme: a fleet, what it costs, and the proof that it does what was asked."""
+"""The answer of the siting program: a fleet, what it costs, and the proof that it does what was asked."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from stabctl.wording import counted
+from stabctl._util.wording import counted
 
 from .contingency import Contingency
 
@@ -99,7 +99,7 @@ class Evidence(NamedTuple):
 
 
 class Round(NamedTuple):
-    """A round of the programme; costs in those of a MW, as given."""
+    """A round of the program; costs in those of a MW, as given."""
 
     planned: float  # cost of the master's answer
     reached: float  # of the same, scaled until it survives; inf where it cannot be

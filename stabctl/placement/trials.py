@@ -8,14 +8,14 @@ from typing import TypeVar
 
 import numpy as np
 
-from stabctl import cores
-from stabctl.clearing import check_observed
+from stabctl._util import cores
+from stabctl.clearing.critical_time import check_observed
 from stabctl.controllers import BangBang, Law
-from stabctl.equilibrium import Point
-from stabctl.simulate.events import contingency
-from stabctl.simulate.simulation import Simulation, run
-from stabctl.simulate.stepper import DEFAULT, Rules
-from stabctl.simulate.trajectory import Trajectory
+from stabctl.dynamics.operating_point import Point
+from stabctl.simulation.events import contingency
+from stabctl.simulation.simulation import Simulation, run
+from stabctl.simulation.stepper import DEFAULT, Rules
+from stabctl.simulation.trajectory import Trajectory
 
 from .contingency import Contingency
 

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
-from stabctl.modes import Areas, Mode, Modes
+from stabctl.plotting.drawing import compass, s_plane
+from stabctl.smallsignal import Areas, Mode, Modes
 
 from .document import document
-from .drawing import compass, s_plane
 from .modes_table import number
 
 BARS = 5
@@ -89,7 +89,7 @@ def _cards(swings: Sequence[Mode]) -> str:
         return ""
     note = (
         "<h2>Swings: shape and participation</h2><p class='soft'>Arrows are the speeds of the machines, the largest of "
-        "length 1; colours tell the two sides; the four largest of each side are named. Bars are the largest "
+        "length 1; colors tell the two sides; the four largest of each side are named. Bars are the largest "
         "participations, in percent of all.</p>"
     )
     return f'{note}<div class="cards">{"".join(_card(m) for m in swings)}</div>'
@@ -116,6 +116,6 @@ def _areas(areas: Areas) -> str:
         groups.append(f'<section class="card"><h3>Area {k + 1}</h3><div>{chips}</div></section>')
     return (
         f'<h2>Coherent areas</h2><p class="soft">Machines that move together in the slow swings (Hz: {slow}); outlined '
-        f"in colour the machine that stands for each area. Worst agreement of a machine with its own: "
+        f"in color the machine that stands for each area. Worst agreement of a machine with its own: "
         f'{areas.agreement:.2f} (1: moves exactly like it).</p><div class="cards">{"".join(groups)}</div>'
     )

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from stabctl.modes import Modes
+from stabctl.smallsignal import Modes
 
 if TYPE_CHECKING:
     from rich.table import Table

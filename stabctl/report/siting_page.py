@@ -6,11 +6,11 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stabctl import files
+from stabctl._util import files
 from stabctl.errors import StudyError
 from stabctl.placement.siting import Evidence, Siting
 
-from . import embedded, siting_figures
+from . import embedded
 from .document import document, table
 from .study import DPI
 
@@ -31,7 +31,7 @@ EVIDENCE = (
 NOTES = {
     "sizes": "The uniform fleet has the same share of every machine's MVA, the smallest that survives everything.",
     "history": (
-        "Each round the master programme plans the cheapest fleet that the cuts so far allow; simulation scales it "
+        "Each round the master program plans the cheapest fleet that the cuts so far allow; simulation scales it "
         "until it survives every contingency; where that is cheaper than the best fleet so far, it takes its place. "
         "Where the round mark is missing, no multiple of the plan survives."
     ),
@@ -79,9 +79,9 @@ def page(siting: Siting, pictures: dict[str, Path]) -> str:
 def _figures(siting: Siting) -> "dict[str, Figure]":
     drawn = {}
     if siting.places:
-        drawn["sizes"] = siting_figures.sizes(siting)
+        drawn["sizes"] = siting.sizes(siting)
     if siting.history:
-        drawn["history"] = siting_figures.history(siting)
+        drawn["history"] = siting.history(siting)
     return drawn
 
 

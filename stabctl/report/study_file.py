@@ -4,7 +4,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from stabctl import files
+from stabctl._util import files
 from stabctl.errors import StudyError
 
 from .study import Study

@@ -5,8 +5,8 @@ The table columns of a job carry their units, as those of a case do: `until_s`, 
 
 from typing import Annotated, Any, Literal, NamedTuple
 
-from stabctl.case import Characteristic
-from stabctl.quantity import NOT_NEGATIVE, POSITIVE, SHARE, Field, Range, fields
+from stabctl.model.case import Characteristic
+from stabctl.schema import NOT_NEGATIVE, POSITIVE, SHARE, Field, Range, fields
 
 Kind = Literal["clearing-time", "simulate"]
 FORMAT = 1  # of keys and rows; one more whenever a job or a result changes its meaning

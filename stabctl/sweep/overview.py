@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from stabctl.quantity import fields
+from stabctl.schema import fields
 
 from .job import Job
 from .result import ABOUT

@@ -6,16 +6,17 @@ import time
 
 import numpy as np
 
-from stabctl import equilibrium, fleet, powerflow
-from stabctl.clearing import clearing_time
+from stabctl.clearing.critical_time import clearing_time
 from stabctl.controllers import BangBang
-from stabctl.equilibrium import Point
+from stabctl.dynamics import operating_point
+from stabctl.dynamics.operating_point import Point
 from stabctl.errors import StabctlError, StudyError
-from stabctl.estimate.loop import Driven, watch
-from stabctl.simulate.events import contingency
-from stabctl.simulate.simulation import run
-from stabctl.simulate.stepper import DEFAULT, Rules
-from stabctl.simulate.trajectory import Trajectory
+from stabctl.estimation.loop import Driven, watch
+from stabctl.model import fleet, powerflow
+from stabctl.simulation.events import contingency
+from stabctl.simulation.simulation import run
+from stabctl.simulation.stepper import DEFAULT, Rules
+from stabctl.simulation.trajectory import Trajectory
 from stabctl.units import seconds
 
 from .job import Job
@@ -45,7 +46,7 @@ def _point(task: Task) -> Point:
         options = {"characteristic": job.characteristic, "lag": job.lag}
         make = fleet.chosen if "=" in job.storage else fleet.everywhere
         case = case.with_storage(() if job.storage == "none" else make(case, job.storage, flow, **options))
-    return equilibrium.solve(case, flow)
+    return operating_point.solve(case, flow)
 
 
 def _steering(job: Job, point: Point) -> BangBang | Driven | None:

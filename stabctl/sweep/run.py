@@ -6,7 +6,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from stabctl import cores
+from stabctl._util import cores
 
 from . import pool, study
 from .result import Row

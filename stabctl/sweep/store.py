@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from stabctl.errors import StudyError
-from stabctl.quantity import fields
+from stabctl.schema import fields
 
 from .job import FORMAT, Job
 from .result import Result, Row

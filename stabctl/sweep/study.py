@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NoReturn, get_args
 
 from stabctl.errors import StudyError
-from stabctl.quantity import Field
+from stabctl.schema import Field
 
 from .job import Job, Kind, columns
 

@@ -7,11 +7,12 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from stabctl import fleet, read
-from stabctl.case import TABLES, Case
+from stabctl import io
 from stabctl.errors import CaseError, StudyError
-from stabctl.estimate.pmu import Pmu
-from stabctl.simulate import events
+from stabctl.estimation.pmu import Pmu
+from stabctl.model import fleet
+from stabctl.model.case import TABLES, Case
+from stabctl.simulation import events
 from stabctl.units import seconds, size
 
 from .job import FORMAT, Job
@@ -68,7 +69,7 @@ def canonical(content: object) -> str:
 
 def _case(path: Path, name: str) -> Case:
     try:
-        return read.load(name if name in read.packaged() else path.parent / name)
+        return io.load(name if name in io.packaged() else path.parent / name)
     except CaseError as error:
         raise StudyError(f"{path}, case = {name!r}: {error}") from None
 

@@ -3,7 +3,8 @@
 It stands alone so that nothing else pays for it.
 """
 
-from stabctl import equilibrium, read
-from stabctl.simulate.simulation import Simulation
+from stabctl import io
+from stabctl.dynamics import operating_point
+from stabctl.simulation.simulation import Simulation
 
-Simulation(equilibrium.solve(read.load("two_area")))
+Simulation(operating_point.solve(io.load("two_area")))

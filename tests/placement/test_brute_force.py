@@ -1,4 +1,4 @@
-"""The grid of small fleets that the siting programme is held against."""
+"""The grid of small fleets that the siting program is held against."""
 
 import importlib.util
 from itertools import combinations
@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stabctl import equilibrium, fleet
+from stabctl.dynamics import operating_point
+from stabctl.model import fleet
 from stabctl.placement.contingency import Contingency
 from stabctl.placement.trials import Trials
 
@@ -37,7 +38,7 @@ def test_survivors_are_those_that_survive_each_contingency(brute, cases, monkeyp
     tried, survivors, runs = brute.search(case, asked, total)
     devices = fleet.everywhere(case, brute.CAP)
     cap = np.array([d.rating for d in devices])
-    trials = Trials(equilibrium.solve(case.with_storage(devices)), asked, cap)
+    trials = Trials(operating_point.solve(case.with_storage(devices)), asked, cap)
     halves = [np.bincount(pair, minlength=10) * total / 2 for pair in combinations(range(10), 2)]
     expected = [mw for mw in halves if (mw <= cap).all() and not trials.lost(mw)]
     assert tried == sum((mw <= cap).all() for mw in halves)

@@ -2,10 +2,10 @@
 
 import pytest
 
+from stabctl.clearing import Pair, Screen
+from stabctl.clearing.lines import Lines
 from stabctl.errors import StudyError
 from stabctl.placement.contingency import Contingency, checked, from_screen, load, packaged
-from stabctl.screen import Pair, Screen
-from stabctl.screen.lines import Lines
 
 GOOD = '[[contingency]]\nfault = "16"\ntrip = "16-21"\nclear = "6cyc"\n'
 

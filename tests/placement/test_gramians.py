@@ -8,20 +8,19 @@ import numpy as np
 import pytest
 from systems import CLASSICAL, doubled, small, with_shares
 
-from stabctl import equilibrium
+from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
-from stabctl.linear import linearise
-from stabctl.modes import analyse, modal
-from stabctl.placement.allocation import Programme, allocate, by_gramian
+from stabctl.placement.allocation import Program, allocate, by_gramian
 from stabctl.placement.gramians import critical, gramians
 from stabctl.placement.sensitivity import sensitivity
+from stabctl.smallsignal import analyze, linearize, modal
 
 CRITERIA = ["min-eigenvalue", "log-det"]
 
 
 @pytest.fixture(scope="module")
 def classical(cases):
-    return equilibrium.solve(cases("ieee39").classical())
+    return operating_point.solve(cases("ieee39").classical())
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +39,7 @@ def test_python_control_finds_the_same_gramian_of_the_reduced_model(points, deca
     """Its Lyapunov equation of the modal model, in the coordinates of that model."""
     p = points("two_area")
     g = gramians(p, modes=3, decay=decay)
-    m = analyse(linearise(p, [f"storage:{c.bus}" for c in g.candidates]))
+    m = analyze(linearize(p, [f"storage:{c.bus}" for c in g.candidates]))
     chosen = sorted(critical(m, 3), key=lambda k: -m.eigenvalues[k].real)
     H = p.plant.inertia * p.case.base_mva
     for first in range(3):
@@ -65,7 +64,7 @@ def test_a_trace_is_the_energy_of_a_blow():
     case = with_shares(doubled(small({"gencls": CLASSICAL})), p_power=1, q_power=1)
     rows = {n: par._replace(D=0.0, ra=0.0) for n, par in case.devices["gencls"].items()}
     case = replace(case, branches=tuple(k._replace(r=0.0) for k in case.branches), devices={"gencls": rows})
-    p = equilibrium.solve(case)
+    p = operating_point.solve(case)
     g, s = gramians(p, [(1, 2), (2, 3)], decay=0.25), sensitivity(p, [(1, 2), (2, 3)])
     assert len(g.modes) == 2
     energy = (s.inertia * s.base_mva) @ s.acceleration**2
@@ -82,7 +81,7 @@ def test_the_share_of_one_swing(found):
 
 
 def test_the_swings_that_decay_slowest_are_critical(points, found):
-    m = analyse(linearise(points("two_area")))
+    m = analyze(linearize(points("two_area")))
     assert critical(m, 1) == [min(m.swings(), key=lambda k: -m.eigenvalues[k].real)]
     assert critical(m, 9) == sorted(m.swings(), key=lambda k: -m.eigenvalues[k].real)
     undamped = [mode.frequency_hz for mode in found.modes]
@@ -147,11 +146,11 @@ def test_shares_do_not_depend_on_the_unit(found, criterion):
 
 
 @pytest.mark.parametrize("criterion", CRITERIA)
-def test_a_programme_is_built_once(found, criterion):
-    once, W = Programme(found.W, criterion), found.W
+def test_a_program_is_built_once(found, criterion):
+    once, W = Program(found.W, criterion), found.W
     for cap in (0.5, 0.15):
         limit = np.full(10, cap)
-        assert once.solve(limit) == pytest.approx(Programme(W, criterion).solve(limit), abs=1e-4)
+        assert once.solve(limit) == pytest.approx(Program(W, criterion).solve(limit), abs=1e-4)
     assert once.problem.is_dcp(dpp=True)
 
 
@@ -161,7 +160,7 @@ def test_caps_that_are_the_budget_are_filled(found):
 
 
 def test_two_machines_on_one_bus_are_worth_the_same():
-    p = equilibrium.solve(doubled(small({"gencls": CLASSICAL})))
+    p = operating_point.solve(doubled(small({"gencls": CLASSICAL})))
     a = by_gramian(p, [(1, 2), (101, 2), (2, 3)], 50.0, modes=1, criterion="log-det")
     assert a.worth[0] == pytest.approx(a.worth[1], rel=1e-12)
 

@@ -1,4 +1,4 @@
-"""The master programme against programmes solved by hand and by going through every choice of sites."""
+"""The master program against programs solved by hand and by going through every choice of sites."""
 
 from itertools import combinations
 
@@ -152,9 +152,9 @@ def test_what_is_no_number_is_a_sentence(sites):
     assert not zero.mw.any()
     assert zero.slack == pytest.approx(1.0, rel=1e-6)
     for normal in ((np.nan, 1, 1, 1), (np.inf, 1, 1, 1)):
-        with pytest.raises(StudyError, match="siting programme"):
+        with pytest.raises(StudyError, match="siting program"):
             Master(CAP, np.ones(4), np.zeros(4), sites).solve([_cut(*normal)])
-    with pytest.raises(StudyError, match="siting programme"):
+    with pytest.raises(StudyError, match="siting program"):
         Master(CAP, np.ones(4), np.zeros(4), sites).solve([_cut(1, 1, 1, 1, bound=np.nan)])
 
 

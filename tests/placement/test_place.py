@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stabctl import fleet
 from stabctl.controllers import BangBang
 from stabctl.errors import StudyError
-from stabctl.estimate.loop import Driven
-from stabctl.estimate.pmu import Pmu
+from stabctl.estimation.loop import Driven
+from stabctl.estimation.pmu import Pmu
+from stabctl.model import fleet
 from stabctl.placement.contingency import Contingency
 from stabctl.placement.place import place
 from stabctl.placement.siting import Costs

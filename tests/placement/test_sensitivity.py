@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from systems import CLASSICAL, doubled, small, with_shares
 
-from stabctl import equilibrium
-from stabctl.case import Storage
+from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
-from stabctl.linear import linearise, nonlinear
+from stabctl.model.case import Storage
 from stabctl.placement.sensitivity import sensitivity
-from stabctl.simulate.events import Fault, LoadStep, Open, TripMachine, timeline
-from stabctl.simulate.simulation import Simulation
+from stabctl.simulation.events import Fault, LoadStep, Open, TripMachine, timeline
+from stabctl.simulation.simulation import Simulation
+from stabctl.smallsignal import linearize, nonlinear
 
 
 def _switched(case, *events):
@@ -23,7 +23,7 @@ def _switched(case, *events):
 def test_it_is_the_input_matrix_of_the_linear_model(points, name):
     p = points(name)
     found = sensitivity(p)
-    m = linearise(p, [f"storage:{c.bus}" for c in found.candidates])
+    m = linearize(p, [f"storage:{c.bus}" for c in found.candidates])
     J = -2 * p.plant.inertia[:, None] * m.B[m.speeds()]
     assert np.abs(found.J - J).max() < 1e-12  # 3e-16
     mean = p.plant.inertia @ m.B[m.speeds()] / p.plant.inertia.sum()
@@ -34,7 +34,7 @@ def test_it_is_the_input_matrix_of_the_linear_model(points, name):
 def test_it_is_the_slope_of_the_nonlinear_rates(points):
     p = points("two_area")
     found = sensitivity(p, [(1, 5), (2, 8)])
-    system, rows = nonlinear(p, ["storage:5", "storage:8"]), linearise(p).speeds()
+    system, rows = nonlinear(p, ["storage:5", "storage:8"]), linearize(p).speeds()
     for k in range(2):
         u = 1e-3 * np.eye(2)[k]
         still = np.zeros(system.nstates)
@@ -45,7 +45,7 @@ def test_it_is_the_slope_of_the_nonlinear_rates(points):
 @pytest.mark.parametrize("classical", [True, False])
 def test_the_simulator_moves_so_in_its_first_step_after_a_line_has_opened(cases, classical):
     case = cases("ieee39").classical() if classical else cases("ieee39")
-    p, h, opened = equilibrium.solve(case.with_storage([Storage(9, 29, 10.0)])), 1e-5, Open("16-21", 0.0)
+    p, h, opened = operating_point.solve(case.with_storage([Storage(9, 29, 10.0)])), 1e-5, Open("16-21", 0.0)
     found = sensitivity(p, [(9, 29)], _switched(case, opened))
 
     def speeds(order):
@@ -61,11 +61,11 @@ def test_the_simulator_moves_so_in_its_first_step_after_a_line_has_opened(cases,
 
 def test_machines_loads_and_losses_give_what_is_absorbed(cases):
     """sum J = 1 + change of the loads (constant impedances, 2 P dV/V) + change of what the branches lose."""
-    p = equilibrium.solve(cases("ieee39").classical())
+    p = operating_point.solve(cases("ieee39").classical())
     found, case = sensitivity(p), p.case
     buses = [load.bus for load in case.loads]
     both = [f"flow:{text}" for k in case.branches for text in (f"{k.from_bus}-{k.to_bus}", f"{k.to_bus}-{k.from_bus}")]
-    m = linearise(p, [f"storage:{c.bus}" for c in found.candidates], [f"voltage:{b}" for b in buses] + both)
+    m = linearize(p, [f"storage:{c.bus}" for c in found.candidates], [f"voltage:{b}" for b in buses] + both)
     V = np.abs(p.V[[p.net.place[b] for b in buses]])
     P = np.array([load.p for load in case.loads]) / case.base_mva
     loads, losses = (2 * P / V) @ m.D[: len(buses)], m.D[len(buses) :].sum(axis=0)
@@ -76,21 +76,21 @@ def test_machines_loads_and_losses_give_what_is_absorbed(cases):
 def test_without_losses_and_with_loads_of_constant_power_the_machines_give_it_all():
     case = with_shares(small({"gencls": CLASSICAL._replace(ra=0.0)}), p_power=1, q_power=1)
     case = replace(case, branches=tuple(k._replace(r=0.0) for k in case.branches))
-    found = sensitivity(equilibrium.solve(case), [(1, 1), (1, 2), (2, 3)])
+    found = sensitivity(operating_point.solve(case), [(1, 1), (1, 2), (2, 3)])
     assert found.J.sum(axis=0) == pytest.approx(1, abs=1e-12)
     assert (found.J > 0).all()
 
 
 def test_two_equal_machines_give_the_same(cases):
-    one = equilibrium.solve(small({"gencls": CLASSICAL}))
-    two = equilibrium.solve(doubled(one.case))
+    one = operating_point.solve(small({"gencls": CLASSICAL}))
+    two = operating_point.solve(doubled(one.case))
     J = sensitivity(two, [(1, 2)]).J
     assert J[0] == pytest.approx(J[1], abs=1e-12)
     assert J[0] + J[1] == pytest.approx(sensitivity(one, [(1, 2)]).J[0], abs=1e-9)
 
 
 def test_islands_have_centres_of_their_own(cases):
-    p = equilibrium.solve(with_shares(cases("two_area"), p_current=0))
+    p = operating_point.solve(with_shares(cases("two_area"), p_current=0))
     found = sensitivity(p, None, _switched(p.case, Open("8-9", 0.0), Open("8-9#2", 0.0)))
     assert len(set(found.island)) == 2
     apart = found.island[:, None] != found.island

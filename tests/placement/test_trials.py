@@ -6,13 +6,13 @@ from threading import Event
 import numpy as np
 import pytest
 
-from stabctl import equilibrium
-from stabctl.case import Storage
 from stabctl.controllers import BangBang
+from stabctl.dynamics import operating_point
+from stabctl.model.case import Storage
 from stabctl.placement.contingency import Contingency
 from stabctl.placement.trials import Trials
-from stabctl.simulate.events import contingency
-from stabctl.simulate.simulation import run
+from stabctl.simulation.events import contingency
+from stabctl.simulation.simulation import run
 
 TO_SURVIVE = (
     Contingency("29", ("26-29",), 4.75 / 60),
@@ -29,7 +29,7 @@ def case(cases):
 
 @pytest.fixture(scope="module")
 def point(case):
-    return equilibrium.solve(case)
+    return operating_point.solve(case)
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def _sizes(point, share):
 def test_a_resized_point_is_that_of_a_fresh_start(case, point):
     mw = _sizes(point, 0.06) * np.linspace(0.0, 2.0, 10)
     pairs = zip(case.storage, mw, strict=True)
-    fresh = equilibrium.solve(case.with_storage(s._replace(rating=float(size)) for s, size in pairs))
+    fresh = operating_point.solve(case.with_storage(s._replace(rating=float(size)) for s, size in pairs))
     resized = point.resized(mw)
     assert resized.case == fresh.case
     assert np.array_equal(resized.z, fresh.z)
@@ -62,7 +62,7 @@ def test_a_trial_is_a_simulation_from_scratch(case, point, trials):
         for share in (0.0, 0.05):
             mw = _sizes(point, share)
             pairs = zip(case.storage, mw, strict=True)
-            fresh = equilibrium.solve(case.with_storage(s._replace(rating=float(size)) for s, size in pairs))
+            fresh = operating_point.solve(case.with_storage(s._replace(rating=float(size)) for s, size in pairs))
             events = contingency(one.fault, one.clear, one.trip, 0.0)
             ran = run(fresh, events, one.clear + 2.0, BangBang())
             assert trials.survives(mw, k) == ran.outcome.stable == (share > 0)

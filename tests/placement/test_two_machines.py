@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from stabctl.case import Branch, Bus, Case, Machine
 from stabctl.controllers import BangBang
-from stabctl.models import gencls
+from stabctl.devices.machines import gencls
+from stabctl.model.case import Branch, Bus, Case, Machine
 from stabctl.placement.contingency import Contingency
 from stabctl.placement.place import place
-from stabctl.simulate.stepper import Rules
+from stabctl.simulation.stepper import Rules
 
 HZ, BASE = 60.0, 4e7  # MVA   so large that a fault of 1e7 pu is a short circuit even beside a small x'd
 PM, B, H, LARGE = 80.0, 200.0, 4.0, 10.0  # MW, MW, s, inertia of machine 2 over that of machine 1

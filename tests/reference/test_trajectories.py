@@ -4,7 +4,7 @@ What is left, beside the interpolation between rows of 1 ms (about 1e-7 pu in sp
 - With exact switching instants: the reference switches half a step (1/960 s) early, both on and off; that moves every
   angle by some 1e-3 rad and every speed by an acceleration times 1/960 s.
 - With its own convention: Heun's error at 1/480 s in the fast exciters (Efd), seen a little in the voltages. `two_area`
-  has ten times the exciter gain per second and a stabiliser at its limit, hence the larger rest.
+  has ten times the exciter gain per second and a stabilizer at its limit, hence the larger rest.
 - `two_area` with the opened line's charging left as the reference leaves it; without that, 1e-3 pu in speed.
 - Its jump of the loads below 0.5 pu takes no part here: bus 9 stays above 0.60 pu during the fault, bus 7 is at 0.
 """
@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from comparison import EARLY, differences, simulated, table
 
-from stabctl import equilibrium
-from stabctl.case import Storage
 from stabctl.controllers import BangBang
-from stabctl.simulate.events import Clear, Fault, Open, SwitchShunt
+from stabctl.dynamics import operating_point
+from stabctl.model.case import Storage
+from stabctl.simulation.events import Clear, Fault, Open, SwitchShunt
 
 CYCLE = 1 / 60
 
@@ -93,7 +93,7 @@ def test_loads_are_on_the_same_side_of_their_threshold_in_both_programs(points):
 def controlled(cases):
     """Our run of `TestStorage`."""
     case = cases("two_area")
-    point = equilibrium.solve(case.with_storage(Storage(m.machine, m.storage_bus, 50.0) for m in case.machines))
+    point = operating_point.solve(case.with_storage(Storage(m.machine, m.storage_bus, 50.0) for m in case.machines))
     return simulated(point, two_area_events(10, EARLY), 9.92, control=BangBang())
 
 

@@ -29,7 +29,7 @@ document.getElementById("frame").onload = (event) => {{
   const name = (e) => e.tagName + "." + e.className + ": " + e.textContent.slice(0, 60);
   const all = [...inside.body.querySelectorAll("*")];
   const boxes = [...inside.body.children].map((e) => [e, e.getBoundingClientRect()]);
-  const colours = event.target.contentWindow.getComputedStyle(inside.body);
+  const colors = event.target.contentWindow.getComputedStyle(inside.body);
   document.getElementById("found").textContent = JSON.stringify({{
     width: root.clientWidth, scroll: root.scrollWidth, title: inside.title,
     beyond: all.filter((e) => e.getBoundingClientRect().right > wide && !e.closest(".scroll, .frame, svg")).map(name),
@@ -39,7 +39,7 @@ document.getElementById("frame").onload = (event) => {{
     unnamed: [...inside.images].filter((e) => !e.alt.trim()).length,
     dead: [...inside.querySelectorAll("a[href^='#']")].map((e) => e.hash).filter((h) => !inside.querySelector(h)),
     fetched: event.target.contentWindow.performance.getEntriesByType("resource").map((e) => e.name),
-    ink: colours.color, paper: colours.backgroundColor,
+    ink: colors.color, paper: colors.backgroundColor,
   }});
 }};
 </script>"""

@@ -3,10 +3,10 @@ import re
 import pytest
 from test_study import NUMBER, RECORD
 
+from stabctl.plotting.style import figure
 from stabctl.report import index_page
 from stabctl.report.index_page import About, Ran, page
 from stabctl.report.study import Picture, Printed, Study, Table, draw
-from stabctl.report.style import figure
 
 ABOUT = About("2026-01-01", "one processor", 12.3, ("sims/long.py",))
 

@@ -1,13 +1,12 @@
 import pytest
 
-from stabctl.linear import linearise
-from stabctl.modes import analyse, areas
 from stabctl.report import modes_page
+from stabctl.smallsignal import analyze, areas, linearize
 
 
 @pytest.mark.parametrize("dark", [False, True])
 def test_in_a_browser(points, tmp_path, browse, dark):
-    modes = analyse(linearise(points("two_area")))
+    modes = analyze(linearize(points("two_area")))
     found = browse(modes_page.write(tmp_path, modes, areas(modes), (0.1, 2.5)), 390, dark)
     assert found["title"] == "Modes of two_area"
     assert found["scroll"] == found["width"] <= 390

@@ -12,13 +12,15 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from stabctl import equilibrium, fleet
 from stabctl.controllers import BangBang
-from stabctl.estimate.loop import Driven, watch
-from stabctl.report import clearing, estimates, paper, style, trajectories
+from stabctl.dynamics import operating_point
+from stabctl.estimation.loop import Driven, watch
+from stabctl.model import fleet
+from stabctl.plotting import clearing, estimates, style, trajectories
+from stabctl.report import paper
 from stabctl.report.study import Study, Verdict
-from stabctl.simulate.events import contingency
-from stabctl.simulate.simulation import run
+from stabctl.simulation.events import contingency
+from stabctl.simulation.simulation import run
 
 ROOT = Path(__file__).parents[2]
 SLACK = 0.5  # pixels
@@ -99,7 +101,7 @@ def test_a_study_runs_alone(tmp_path):
 def runs(points, cases):
     """Three seconds of the paper's Case 1 without and with storage."""
     case, events = cases("two_area"), contingency("7-8@0.4", 21 / 60)
-    equipped = equilibrium.solve(case.with_storage(fleet.everywhere(case, "50MW")))
+    equipped = operating_point.solve(case.with_storage(fleet.everywhere(case, "50MW")))
     bare, held = run(points("two_area"), events, 3.0), run(equipped, events, 3.0, BangBang())
     return {"without storage": bare, "with 50 MW storage": held}
 

@@ -12,7 +12,8 @@ from test_pictures import crowded
 from stabctl.errors import StudyError
 from stabctl.placement.contingency import Contingency
 from stabctl.placement.siting import Costs, Evidence, Incurable, Place, Round, Site, Siting, Survived
-from stabctl.report import siting_figures, siting_page
+from stabctl.plotting import siting as figures
+from stabctl.report import siting_page
 from stabctl.report.siting_table import HEADS, row
 
 FIRST, SECOND, THIRD = (Contingency("7-8@0.4", ("7-8",), 0.2), Contingency("<9>", (), 0.1), Contingency("3", (), 0.3))
@@ -133,16 +134,16 @@ def test_reservations_are_among_the_sentences(siting):
 def test_labels_of_the_figures_stand_apart(siting):
     uneven = tuple(p._replace(uniform_mw=None) for p in siting.places)
     for figure in (
-        siting_figures.sizes(siting),
-        siting_figures.sizes(replace(siting, places=uneven[:2], uniform_mw=None)),
-        siting_figures.history(siting),
-        siting_figures.history(replace(siting, history=siting.history[:2], costs=Costs(site=1))),
+        figures.sizes(siting),
+        figures.sizes(replace(siting, places=uneven[:2], uniform_mw=None)),
+        figures.history(siting),
+        figures.history(replace(siting, history=siting.history[:2], costs=Costs(site=1))),
     ):
         assert crowded(figure) == []
 
 
 def test_sites_stand_largest_first_beside_the_uniform_fleet(siting):
-    ax = siting_figures.sizes(siting).axes[0]
+    ax = figures.sizes(siting).axes[0]
     labels = [label.get_text() for label in ax.get_yticklabels()]
     assert labels[:3] == ["machine 3 at 103", "machine 31 at 131", "machine 34 at 134"]
     found, even = ([bar.get_width() for bar in bars] for bars in ax.containers)
@@ -165,7 +166,7 @@ def test_a_page_stands_until_the_new_one_is_whole(siting, tmp_path, monkeypatch)
     def fail(_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("stabctl.files.os.fsync", fail)
+    monkeypatch.setattr("stabctl._util.files.os.fsync", fail)
     with pytest.raises(StudyError, match="No space left on device"):
         siting_page.write(replace(siting, cost=1.0), tmp_path)
     assert path.read_bytes() == before

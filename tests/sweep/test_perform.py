@@ -2,11 +2,12 @@
 
 import pytest
 
-from stabctl import equilibrium, fleet
-from stabctl.clearing import clearing_time
+from stabctl.clearing.critical_time import clearing_time
 from stabctl.controllers import BangBang
-from stabctl.estimate.loop import Driven, watch
-from stabctl.simulate.events import contingency
+from stabctl.dynamics import operating_point
+from stabctl.estimation.loop import Driven, watch
+from stabctl.model import fleet
+from stabctl.simulation.events import contingency
 from stabctl.sweep import perform, study
 from stabctl.sweep.task import tasks
 
@@ -29,7 +30,7 @@ def test_a_clearing_time_is_that_of_the_call(results, cases):
     )
     case = cases("two_area")
     devices = fleet.everywhere(case, "5%dispatch", characteristic="conductance", lag=0.05)
-    point = equilibrium.solve(case.with_storage(devices))
+    point = operating_point.solve(case.with_storage(devices))
     found = clearing_time(point, "7-8@0.2", (), BangBang(0.05), 0.5, observed_s=3)
     assert (result.status, result.outcome, result.cycles, result.seconds) == (
         "ok",
@@ -47,7 +48,7 @@ def test_a_simulation_under_an_estimator_is_that_of_the_call(results, cases):
         '[[job]]\nstorage = "none"\nestimator = "kinematic"\nclear = "5cyc"'
     )
     case = cases("two_area")
-    point = equilibrium.solve(case.with_storage(fleet.everywhere(case, "50MW")))
+    point = operating_point.solve(case.with_storage(fleet.everywhere(case, "50MW")))
     seen = watch(point, contingency("7", 11 / 60, ["7-8"]), 3.0, Driven(seed=4))
     assert kalman.rmse == seen.after(1 + 11 / 60, 3.0).rmse_mhz
     assert kalman.max_angle_from_coi == seen.runs[0].max_angle_from_coi_deg != ideal.max_angle_from_coi

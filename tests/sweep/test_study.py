@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from stabctl import read
+from stabctl import io
 from stabctl.errors import StudyError
 from stabctl.sweep import study
 from stabctl.sweep.job import Job, columns
@@ -121,7 +121,7 @@ def test_keys_are_the_same_in_every_process(write):
 def test_a_key_follows_what_determines_the_result_and_nothing_else(write, cases, tmp_path):
     """Every field of a job and every number of the case count; where a folder lies and how 0.0 is written do not."""
     two_area = cases("two_area")
-    read.write(two_area, tmp_path / "mine")
+    io.write(two_area, tmp_path / "mine")
     job = Job("simulate", "two_area", fault="7", clear="6cyc")
     key = key_of(job, fingerprint(two_area))
     own = tasks(study.read(write(HEAD.replace('"two_area"', '"mine"') + "lag_s = 0")), tmp_path / "study.toml")
@@ -138,7 +138,7 @@ def test_a_key_follows_what_determines_the_result_and_nothing_else(write, cases,
     cells = first.split(",")
     cells[column] = repr(float(cells[column]) * (1 + 1e-12))
     table.write_text("\n".join([head, ",".join(cells), *rest]))
-    assert fingerprint(read.load(tmp_path / "mine")) != fingerprint(two_area)
+    assert fingerprint(io.load(tmp_path / "mine")) != fingerprint(two_area)
 
 
 @pytest.mark.parametrize(("name", "count"), [("table4", 6), ("fault_place", 42), ("estimator_monte_carlo", 41)])

@@ -1,0 +1,1 @@
+"""Helpers without power systems in them: compilation, files, wording, processor cores."""

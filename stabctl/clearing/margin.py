@@ -1,0 +1,54 @@
+"""How far beyond stability an unstable run was: its margin after the single-machine-equivalent (SIME) method."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from stabctl.simulation.outcome import Kind
+from stabctl.simulation.trajectory import Trajectory
+
+
+class Margin(NamedTuple):
+    """Energies of the single-machine equivalent of an unstable run, pu s on the system base."""
+
+    excess: float  # left where deceleration ends: minus the margin of SIME, zero in the critical run
+    given: float  # the most there was since clearing
+
+
+def margin(trajectory: Trajectory, cleared_s: float) -> Margin | None:
+    """The margin of a recorded unstable run that was cleared at an instant (s).
+
+    The machines fall into two groups at the widest gap between their angles at the end; each group is one machine in
+    its center of inertia, and the two are one of M = M_S M_N / (M_S + M_N) with the difference w of their speeds. The
+    excess is M w_u^2 / 2 at the last minimum of w, where the accelerating power turns positive again, or at the end
+    where voltages collapse before that (Pavella, Ernst, Ruiz-Vega, "Transient Stability of Power Systems: A Unified
+    Approach to Assessment and Control", 2000). A run that returned and was lost in a later swing has none. `None` of a
+    run without deceleration: it says nothing about the distance.
+    """
+    after = trajectory.time > cleared_s - 1e-9
+    if after.sum() < 3 or trajectory.angle.shape[1] < 2:
+        return None
+    w, M = _equivalent(trajectory)
+    w = w[after]
+    falling = np.flatnonzero(np.diff(w) <= 0)
+    if not len(falling):
+        return None
+    at = falling[-1] + 1
+    if at == len(w) - 1 and trajectory.outcome.kind is not Kind.VOLTAGE_COLLAPSE:
+        return None
+    if w[at] < 0:
+        return None
+    return Margin(M * w[at] ** 2 / 2, M * w[:at].max() ** 2 / 2)
+
+
+def _equivalent(trajectory: Trajectory) -> tuple[np.ndarray, float]:
+    """Speed (rows, pu) of the group of machines that is lost against the others, and inertia (s) of the equivalent."""
+    H, machines = trajectory.point.plant.inertia, trajectory.point.case.machines
+    end = trajectory.angle[-1] - trajectory.angle[0]
+    order = np.argsort(end)
+    ahead = np.zeros(len(H), bool)
+    ahead[order[np.argmax(np.diff(end[order])) + 1 :]] = True
+    lost = next((i for i, m in enumerate(machines) if m.machine == trajectory.outcome.machine), order[-1])
+    share = np.where(ahead, H / H[ahead].sum(), -H / H[~ahead].sum())
+    w = trajectory.speed @ share
+    return (w if ahead[lost] else -w), float(2 * H[ahead].sum() * H[~ahead].sum() / H.sum())

@@ -1,0 +1,85 @@
+"""EXDC2: DC commutator exciter, its regulator fed from the terminals (IEEE DC2A).
+
+Vt -> [1/(1+sTR)] -> (-)
+Vref + Vs -----------> + -> [(1+sTC)/(1+sTB)] -> [KA/(1+sTA)], held Vt VRmin..Vt VRmax -> (+) -> [1/(sTE)] -> Efd
+       (-) [sKF/(1+sTF)] <- Efd                                                           (-) (KE + SE(Efd)) Efd
+SE is quadratic through (E1, SE1) and (E2, SE2). Limits are those of the regulator; SE2 = 0 means no saturation.
+"""
+
+from collections.abc import Iterator
+from typing import Annotated, NamedTuple
+
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import SHORT, clip, lag, lag_rate, lead_lag, quadratic_saturation
+from stabctl.schema import NOT_NEGATIVE, POSITIVE, Range
+
+from .signals import Input
+
+NAME = "EXDC2"
+ROLE = "exciter"
+HELD = {"vr": ("VRmin", "VRmax", "vt")}
+__all__ = ["HELD", "NAME", "ROLE", "Input", "Par", "State", "flow", "output"]
+
+
+class Par(NamedTuple):
+    """Constants of one exciter."""
+
+    TR: Annotated[float, "s", "voltage transducer", NOT_NEGATIVE]
+    KA: Annotated[float, "pu", "regulator gain", POSITIVE]
+    TA: Annotated[float, "s", "regulator lag", NOT_NEGATIVE]
+    TB: Annotated[float, "s", "lag of the first stage", NOT_NEGATIVE]
+    TC: Annotated[float, "s", "lead of the first stage", NOT_NEGATIVE]
+    VRmax: Annotated[float, "pu", "regulator limit at 1 pu terminal voltage"]
+    VRmin: Annotated[float, "pu", "regulator limit at 1 pu terminal voltage"]
+    KE: Annotated[float, "pu", "exciter constant"]
+    TE: Annotated[float, "s", "exciter time constant", Range(1e-3)]
+    KF: Annotated[float, "pu", "stabilizing feedback gain", NOT_NEGATIVE]
+    TF: Annotated[float, "s", "stabilizing feedback lag (0: no feedback)", NOT_NEGATIVE] = 1.0
+    E1: Annotated[float, "pu", "field voltage of SE1", POSITIVE] = 3.0
+    SE1: Annotated[float, "pu", "saturation at E1", NOT_NEGATIVE] = 0.0
+    E2: Annotated[float, "pu", "field voltage of SE2", POSITIVE] = 4.0
+    SE2: Annotated[float, "pu", "saturation at E2 (0: unsaturated)", NOT_NEGATIVE] = 0.0
+
+    def fatal(self) -> Iterator[tuple[str, str]]:
+        """Field and sentence of everything the equations cannot be formed with."""
+        if self.SE2 > 0 and not (self.E2 > self.E1 and self.SE2 > self.SE1):
+            yield "SE2", f"must lie above the first point, SE1 = {self.SE1:g} at E1 = {self.E1:g}"
+
+
+class State(NamedTuple):
+    """Transducer, first stage, regulator, exciter and stabilizing feedback."""
+
+    vm: Annotated[float, "pu", "measured terminal voltage"]
+    va: Annotated[float, "pu", "lagged control error"]
+    vr: Annotated[float, "pu", "regulator output"]
+    efd: Annotated[float, "pu", "field voltage"]
+    vf: Annotated[float, "pu", "lagged field voltage of the feedback"]
+
+
+@inline
+def demand(x, u, p):
+    """Control error, and the regulator output it asks for (pu)."""
+    damping = p.KF / p.TF * (x.efd - x.vf) if p.TF >= SHORT else 0 * x.efd
+    error = u.vref - lag(p.TR, u.vt, x.vm) + u.vs - damping
+    return error, p.KA * lead_lag(p.TC, p.TB, error, x.va)
+
+
+@inline
+def output(x, u, p):
+    """Field voltage Efd (pu)."""
+    return x.efd
+
+
+@inline
+def flow(x, u, y, p):
+    """State rates (1/s); y is this exciter's own output."""
+    error, wanted = demand(x, u, p)
+    vr = clip(lag(p.TA, wanted, x.vr), p.VRmin * u.vt, p.VRmax * u.vt)
+    iron = quadratic_saturation(y, p.E1, p.SE1, p.E2, p.SE2) if p.SE2 > 0 else 0 * y
+    return State(
+        lag_rate(p.TR, u.vt, x.vm),
+        lag_rate(p.TB, error, x.va),
+        lag_rate(p.TA, wanted, x.vr),
+        (vr - p.KE * y - iron) / p.TE,
+        lag_rate(p.TF, y, x.vf),
+    )

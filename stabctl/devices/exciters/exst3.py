@@ -1,0 +1,74 @@
+"""EXST3: bus-fed controlled rectifier (IEEE ST3; current source and rectifier loading left out).
+
+Vt -> [1/(1+sTR)] -> (-)
+Vref + Vs -----------> + -> VI limits -> KJ (1+sTC)/(1+sTB) -> (+) -> [KA/(1+sTA)], held VRmin..VRmax -> x VE -> Efd
+          VE = KP ve, Efd <= Emax                                 (-) min(VGmax, KG Efd)
+"""
+
+from collections.abc import Iterator
+from typing import Annotated, NamedTuple
+
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import SHORT, clip, lag, lag_rate, lead_lag
+from stabctl.schema import NOT_NEGATIVE, POSITIVE
+
+from .signals import Input
+
+NAME = "EXST3"
+ROLE = "exciter"
+HELD = {"vr": ("VRmin", "VRmax")}
+__all__ = ["HELD", "NAME", "ROLE", "Input", "Par", "State", "flow", "output"]
+
+
+class Par(NamedTuple):
+    """Constants of one exciter."""
+
+    TR: Annotated[float, "s", "voltage transducer", NOT_NEGATIVE]
+    KA: Annotated[float, "pu", "regulator gain", POSITIVE]
+    TA: Annotated[float, "s", "regulator lag", NOT_NEGATIVE]
+    TB: Annotated[float, "s", "lag of the first stage", NOT_NEGATIVE]
+    TC: Annotated[float, "s", "lead of the first stage", NOT_NEGATIVE]
+    VRmax: Annotated[float, "pu", "regulator limit"]
+    VRmin: Annotated[float, "pu", "regulator limit"]
+    VImax: Annotated[float, "pu", "error limit"]
+    VImin: Annotated[float, "pu", "error limit"]
+    KJ: Annotated[float, "pu", "gain of the first stage", POSITIVE] = 1.0
+    KP: Annotated[float, "pu", "gain of the potential source", POSITIVE] = 1.0
+    Emax: Annotated[float, "pu", "field voltage limit"] = 5.0
+    KG: Annotated[float, "pu", "inner feedback gain", NOT_NEGATIVE] = 0.0
+    VGmax: Annotated[float, "pu", "inner feedback limit"] = 5.0
+
+    def fatal(self) -> Iterator[tuple[str, str]]:
+        """Field and sentence of everything the equations cannot be formed with."""
+        if self.KG > 0 and self.TA < SHORT:
+            yield "TA", f"must be at least {SHORT:g} s beside an inner feedback KG = {self.KG:g}"
+
+
+class State(NamedTuple):
+    """Transducer, first stage and regulator."""
+
+    vm: Annotated[float, "pu", "measured terminal voltage"]
+    va: Annotated[float, "pu", "lagged error of the first stage"]
+    vr: Annotated[float, "pu", "regulator output"]
+
+
+@inline
+def demand(x, u, p):
+    """Control error, and the signal after the first stage (pu)."""
+    error = p.KJ * clip(u.vref - lag(p.TR, u.vt, x.vm) + u.vs, p.VImin, p.VImax)
+    return error, lead_lag(p.TC, p.TB, error, x.va)
+
+
+@inline
+def output(x, u, p):
+    """Field voltage Efd = min(VR KP VE, Emax) (pu)."""
+    vr = clip(x.vr if p.TA >= SHORT else p.KA * demand(x, u, p)[1], p.VRmin, p.VRmax)
+    return clip(vr * p.KP * u.ve, -p.Emax, p.Emax)
+
+
+@inline
+def flow(x, u, y, p):
+    """State rates (1/s); y is this exciter's own output."""
+    error, first = demand(x, u, p)
+    drive = p.KA * (first - clip(p.KG * y, -p.VGmax, p.VGmax))
+    return State(lag_rate(p.TR, u.vt, x.vm), lag_rate(p.TB, error, x.va), lag_rate(p.TA, drive, x.vr))

@@ -1,0 +1,60 @@
+"""SEXS: simple static exciter (PST type 0).
+
+Vt -> [1/(1+sTR)] -> (-)
+Vref + Vs -----------> + -> [(1+sTC)/(1+sTB)] -> [KA/(1+sTA)], held between Efdmin and Efdmax -> Efd
+Source: PST's simple exciter; with TC, TB, KA, TA it is also PSS/E's SEXS (there TA, TB, K, TE).
+"""
+
+from typing import Annotated, NamedTuple
+
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import clip, lag, lag_rate, lead_lag
+from stabctl.schema import NOT_NEGATIVE, POSITIVE
+
+from .signals import Input
+
+NAME = "SEXS"
+ROLE = "exciter"
+HELD = {"efd": ("Efdmin", "Efdmax")}
+__all__ = ["HELD", "NAME", "ROLE", "Input", "Par", "State", "flow", "output"]
+
+
+class Par(NamedTuple):
+    """Constants of one exciter."""
+
+    TR: Annotated[float, "s", "voltage transducer", NOT_NEGATIVE]
+    KA: Annotated[float, "pu", "regulator gain", POSITIVE]
+    TA: Annotated[float, "s", "regulator lag", NOT_NEGATIVE]
+    TB: Annotated[float, "s", "transient gain reduction, lag", NOT_NEGATIVE] = 0.0
+    TC: Annotated[float, "s", "transient gain reduction, lead", NOT_NEGATIVE] = 0.0
+    Efdmax: Annotated[float, "pu", "field voltage limit"] = 5.0
+    Efdmin: Annotated[float, "pu", "field voltage limit"] = -5.0
+
+
+class State(NamedTuple):
+    """Transducer, lead-lag and regulator."""
+
+    vm: Annotated[float, "pu", "measured terminal voltage"]
+    va: Annotated[float, "pu", "lagged control error"]
+    efd: Annotated[float, "pu", "field voltage"]
+
+
+@inline
+def demand(x, u, p):
+    """Control error, and the field voltage it asks for (pu)."""
+    error = u.vref - lag(p.TR, u.vt, x.vm) + u.vs
+    return error, p.KA * lead_lag(p.TC, p.TB, error, x.va)
+
+
+@inline
+def output(x, u, p):
+    """Field voltage Efd (pu)."""
+    error, wanted = demand(x, u, p)
+    return clip(lag(p.TA, wanted, x.efd), p.Efdmin, p.Efdmax)
+
+
+@inline
+def flow(x, u, y, p):
+    """State rates (1/s); y is this exciter's own output."""
+    error, wanted = demand(x, u, p)
+    return State(lag_rate(p.TR, u.vt, x.vm), lag_rate(p.TB, error, x.va), lag_rate(p.TA, wanted, x.efd))

@@ -1,0 +1,65 @@
+"""TGOV: speed governor and turbine (PST's governor; TGOV1-like).
+
+demand = clip(Pref + K (1 - omega), Pmin, Pmax) -> 1/(1+sTs) (1+sT3)/(1+sTc) (1+sT4)/(1+sT5) -> Pm
+Steam: T4, T5 are the high-pressure share and the reheater; hydro: T4 = -1, T5 = 0.5 the water column.
+"""
+
+from typing import Annotated, NamedTuple
+
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import clip, lag, lag_rate, lead_lag
+from stabctl.schema import NOT_NEGATIVE
+
+NAME = "TGOV"
+ROLE = "governor"
+HELD: dict[str, tuple[str, str]] = {}
+
+
+class Par(NamedTuple):
+    """Constants of one governor, on the machine's base."""
+
+    K: Annotated[float, "pu", "inverse droop 1/R (0: no speed control)", NOT_NEGATIVE]
+    Ts: Annotated[float, "s", "servo", NOT_NEGATIVE]
+    Tc: Annotated[float, "s", "governor lag", NOT_NEGATIVE]
+    T3: Annotated[float, "s", "governor lead (transient gain)", NOT_NEGATIVE]
+    T4: Annotated[float, "s", "turbine lead (-1: water column)"]
+    T5: Annotated[float, "s", "turbine lag", NOT_NEGATIVE]
+    Pmax: Annotated[float, "pu", "demand limit"] = 1.0
+    Pmin: Annotated[float, "pu", "demand limit"] = 0.0
+
+
+class State(NamedTuple):
+    """Servo, governor and turbine."""
+
+    servo: Annotated[float, "pu", "servo output"]
+    gate: Annotated[float, "pu", "lagged signal of the governor"]
+    turbine: Annotated[float, "pu", "lagged signal of the turbine"]
+
+
+class Input(NamedTuple):
+    """Signals at a governor."""
+
+    Pref: Annotated[float, "pu", "load reference (set-point)"]
+    omega: Annotated[float, "pu", "speed"]
+
+
+@inline
+def stages(x, u, p):
+    """Demand, servo and gate (pu)."""
+    demand = clip(u.Pref + p.K * (1 - u.omega), p.Pmin, p.Pmax)
+    servo = lag(p.Ts, demand, x.servo)
+    return demand, servo, lead_lag(p.T3, p.Tc, servo, x.gate)
+
+
+@inline
+def output(x, u, p):
+    """Mechanical power (pu machine)."""
+    demand, servo, gate = stages(x, u, p)
+    return lead_lag(p.T4, p.T5, gate, x.turbine)
+
+
+@inline
+def flow(x, u, y, p):
+    """State rates (1/s)."""
+    demand, servo, gate = stages(x, u, p)
+    return State(lag_rate(p.Ts, demand, x.servo), lag_rate(p.Tc, servo, x.gate), lag_rate(p.T5, gate, x.turbine))

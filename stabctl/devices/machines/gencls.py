@@ -1,0 +1,79 @@
+"""GENCLS: classical machine, a constant voltage E' behind ra + j x'd, and the swing equation.
+
+2H domega/dt = Pm - Pe - D (omega - 1), ddelta/dt = wb (omega - 1), Pe the power of the source (the paper, eq. (1)-(4)).
+No speed factor stands on the source, so that a lossless system conserves its energy function.
+Per unit on the machine's own MVA; `mva` carries currents to the system base.
+"""
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import magnitude
+from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE, Range
+
+from .stator import Input, Output
+
+NAME = "GENCLS"
+ROLE = "machine"
+HELD: dict[str, tuple[str, str]] = {}
+__all__ = ["HELD", "NAME", "ROLE", "Input", "Output", "Par", "State", "flow", "norton", "output"]
+
+
+class Par(NamedTuple):
+    """Constants of one machine."""
+
+    mva: Annotated[float, "-", "machine MVA over system MVA", FROM_CASE]
+    wb: Annotated[float, "rad/s", "base speed, 2 pi f", FROM_CASE]
+    H: Annotated[float, "s", "inertia constant", Range(0.01)]
+    D: Annotated[float, "pu", "damping power over speed deviation"]
+    ra: Annotated[float, "pu", "armature resistance", NOT_NEGATIVE]
+    x1d: Annotated[float, "pu", "transient reactance", POSITIVE]
+
+
+class State(NamedTuple):
+    """Rotor angle and speed."""
+
+    delta: Annotated[float, "rad", "rotor angle against the synchronous frame"]
+    omega: Annotated[float, "pu", "speed"]
+
+
+@inline
+def norton(x, Efd, p):
+    """Short-circuit current of the source (pu system), real and imaginary part."""
+    er, ei = Efd * np.cos(x.delta), Efd * np.sin(x.delta)
+    k = p.mva / (p.ra * p.ra + p.x1d * p.x1d)
+    return k * (p.ra * er + p.x1d * ei), k * (p.ra * ei - p.x1d * er)
+
+
+@inline
+def output(x, Efd, v, p):
+    """Stator: (ra + j x'd)(iq - j id) = E' - V exp(-j delta); Te is the power of the source."""
+    s, c = np.sin(x.delta), np.cos(x.delta)
+    vr, vi = c * v[0] + s * v[1], c * v[1] - s * v[0]
+    er, ei = Efd - vr, -vi
+    k = 1 / (p.ra * p.ra + p.x1d * p.x1d)
+    iq, id_ = k * (p.ra * er + p.x1d * ei), k * (p.x1d * er - p.ra * ei)
+    vt = magnitude(vr, vi)
+    return Output(id_, iq, Efd * iq, p.mva * (vr * iq - vi * id_), vt, vt)
+
+
+@inline
+def flow(x, u, y, p):
+    """State rates (1/s); y is this machine's own output."""
+    slip = x.omega - 1
+    return State(p.wb * slip, (u.Pm - y.Te - p.D * slip) / (2 * p.H))
+
+
+@inline
+def admittance(p):
+    """Norton admittance 1/(ra + j x'd) (pu system), real and imaginary part."""
+    k = p.mva / (p.ra * p.ra + p.x1d * p.x1d)
+    return k * p.ra, -k * p.x1d
+
+
+@inline
+def behind(p):
+    """Impedance ra + j x'd (pu machine) whose voltage drop turns the terminal phasor onto the q axis."""
+    return p.ra, p.x1d

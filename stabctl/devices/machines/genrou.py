@@ -1,0 +1,151 @@
+"""GENROU: synchronous machine with one field and three damper circuits, x''q = x''d.
+
+Round rotor, or salient pole where x'q = xq. Per unit on the machine's own MVA; `mva` carries currents to the
+system base. The source behind ra + j x'' is omega (psi''d + j psi''q) exp(j delta). Saturation is that of the flux
+psi'' on both axes, quadratic through S10 and S12 (S12 = 0: none).
+Source: Kundur, Power System Stability and Control, ch. 3-4; saturation as in PSS/E GENROU.
+"""
+
+from collections.abc import Iterator
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import circuit_rate, magnitude, quadratic_saturation
+from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE, Range
+
+from .stator import Input, Output
+
+NAME = "GENROU"
+ROLE = "machine"
+HELD: dict[str, tuple[str, str]] = {}
+__all__ = ["HELD", "NAME", "ROLE", "Input", "Output", "Par", "State", "flow", "norton", "output"]
+
+
+class Par(NamedTuple):
+    """Constants of one machine."""
+
+    mva: Annotated[float, "-", "machine MVA over system MVA", FROM_CASE]
+    wb: Annotated[float, "rad/s", "base speed, 2 pi f", FROM_CASE]
+    H: Annotated[float, "s", "inertia constant", Range(0.01)]
+    D: Annotated[float, "pu", "damping torque over speed deviation"]
+    ra: Annotated[float, "pu", "armature resistance", NOT_NEGATIVE]
+    xl: Annotated[float, "pu", "leakage reactance", NOT_NEGATIVE]
+    xd: Annotated[float, "pu", "synchronous reactance, d axis", POSITIVE]
+    x1d: Annotated[float, "pu", "transient reactance, d axis", POSITIVE]
+    x2: Annotated[float, "pu", "subtransient reactance, both axes", POSITIVE]
+    T1d: Annotated[float, "s", "transient open-circuit time constant, d axis (0: circuit open)", NOT_NEGATIVE]
+    T2d: Annotated[float, "s", "subtransient open-circuit time constant, d axis (0: circuit open)", NOT_NEGATIVE]
+    xq: Annotated[float, "pu", "synchronous reactance, q axis", POSITIVE]
+    x1q: Annotated[float, "pu", "transient reactance, q axis", POSITIVE]
+    T1q: Annotated[float, "s", "transient open-circuit time constant, q axis (0: circuit open)", NOT_NEGATIVE]
+    T2q: Annotated[float, "s", "subtransient open-circuit time constant, q axis (0: circuit open)", NOT_NEGATIVE]
+    S10: Annotated[float, "pu", "saturation at flux 1.0", NOT_NEGATIVE] = 0.0
+    S12: Annotated[float, "pu", "saturation at flux 1.2 (0: unsaturated)", NOT_NEGATIVE] = 0.0
+
+    def fatal(self) -> Iterator[tuple[str, str]]:
+        """Field and sentence of everything the equations cannot be formed with."""
+        for name in ("x1d", "x1q"):
+            if getattr(self, name) == self.xl:
+                yield name, f"must differ from the leakage reactance xl = {self.xl:g}"
+        if 0 < self.S12 <= self.S10:
+            yield "S12", f"must be more than S10 = {self.S10:g}, or 0 for no saturation"
+
+    def odd(self) -> Iterator[tuple[str, str]]:
+        """Field and sentence of everything unusual but usable."""
+        for low, high in (("xl", "x2"), ("x2", "x1d"), ("x1d", "xd"), ("x2", "x1q"), ("x1q", "xq")):
+            if getattr(self, low) > getattr(self, high):
+                yield high, f"is usually not less than {low} = {getattr(self, low):g}"
+
+
+class State(NamedTuple):
+    """Rotor angle and speed, field and damper fluxes."""
+
+    delta: Annotated[float, "rad", "rotor angle against the synchronous frame"]
+    omega: Annotated[float, "pu", "speed"]
+    eq: Annotated[float, "pu", "E'q"]
+    kd: Annotated[float, "pu", "damper flux, d axis"]
+    ed: Annotated[float, "pu", "-E'd"]
+    kq: Annotated[float, "pu", "damper flux, q axis"]
+
+
+@inline
+def source(x, p):
+    """Subtransient flux linkages psi''d, psi''q (pu)."""
+    a = (p.x2 - p.xl) / (p.x1d - p.xl)
+    b = (p.x2 - p.xl) / (p.x1q - p.xl)
+    return a * x.eq + (1 - a) * x.kd, b * x.ed + (1 - b) * x.kq
+
+
+@inline
+def norton(x, Efd, p):
+    """Short-circuit current of the source (pu system), real and imaginary part; it needs no field voltage."""
+    psid, psiq = source(x, p)
+    s, c = np.sin(x.delta), np.cos(x.delta)
+    er, ei = x.omega * (c * psid - s * psiq), x.omega * (s * psid + c * psiq)
+    k = p.mva / (p.ra * p.ra + p.x2 * p.x2)
+    return k * (p.ra * er + p.x2 * ei), k * (p.ra * ei - p.x2 * er)
+
+
+@inline
+def output(x, Efd, v, p):
+    """Stator: (ra + j x'')(iq - j id) = omega psi'' - V exp(-j delta), psi'' = psi''d + j psi''q."""
+    psid, psiq = source(x, p)
+    s, c = np.sin(x.delta), np.cos(x.delta)
+    vr, vi = c * v[0] + s * v[1], c * v[1] - s * v[0]
+    er, ei = x.omega * psid - vr, x.omega * psiq - vi
+    k = 1 / (p.ra * p.ra + p.x2 * p.x2)
+    iq, id_ = k * (p.ra * er + p.x2 * ei), k * (p.x2 * er - p.ra * ei)
+    slip = x.omega - 1
+    return Output(
+        id_,
+        iq,
+        psid * iq - psiq * id_,
+        p.mva * (vr * iq - vi * id_),
+        magnitude(vr, vi),
+        magnitude(vr - slip * psid, vi - slip * psiq),
+    )
+
+
+@inline
+def saturation(x, p):
+    """Extra excitation on the d and q axis, S(|psi''|) along the flux; the q axis scaled by its air gap."""
+    if p.S12 <= 0:
+        return 0 * x.eq, 0 * x.eq
+    psid, psiq = source(x, p)
+    flux = magnitude(psid, psiq)
+    extra = quadratic_saturation(flux, 1.0, p.S10, 1.2, p.S12) / flux
+    return extra * psid, extra * psiq * (p.xq - p.xl) / (p.xd - p.xl)
+
+
+@inline
+def flow(x, u, y, p):
+    """State rates (1/s); y is this machine's own output."""
+    a, b = p.x1d - p.xl, p.x1q - p.xl
+    damp_d = x.eq - x.kd - a * y.id
+    damp_q = x.ed - x.kq - b * y.iq
+    iron_d, iron_q = saturation(x, p)
+    field = u.Efd - x.eq - (p.xd - p.x1d) * (y.id + (p.x1d - p.x2) / (a * a) * damp_d) - iron_d
+    cross = -x.ed - (p.xq - p.x1q) * (y.iq + (p.x1q - p.x2) / (b * b) * damp_q) - iron_q
+    return State(
+        p.wb * (x.omega - 1),
+        (u.Pm / x.omega - y.Te - p.D * (x.omega - 1)) / (2 * p.H),
+        circuit_rate(p.T1d, field, x.eq),
+        circuit_rate(p.T2d, damp_d, x.kd),
+        circuit_rate(p.T1q, cross, x.ed),
+        circuit_rate(p.T2q, damp_q, x.kq),
+    )
+
+
+@inline
+def admittance(p):
+    """Norton admittance 1/(ra + j x'') (pu system), real and imaginary part."""
+    k = p.mva / (p.ra * p.ra + p.x2 * p.x2)
+    return k * p.ra, -k * p.x2
+
+
+@inline
+def behind(p):
+    """Impedance ra + j xq (pu machine) whose voltage drop turns the terminal phasor onto the q axis."""
+    return p.ra, p.xq

@@ -1,0 +1,59 @@
+"""PSS: stabilizer on speed, K sTw/(1+sTw) (1+sT1)/(1+sT2) (1+sT3)/(1+sT4), limited."""
+
+from typing import Annotated, NamedTuple
+
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import SHORT, clip, lag_rate, lead_lag
+from stabctl.schema import NOT_NEGATIVE
+
+NAME = "PSS"
+ROLE = "stabilizer"
+HELD: dict[str, tuple[str, str]] = {}
+
+
+class Par(NamedTuple):
+    """Constants of one stabilizer."""
+
+    K: Annotated[float, "pu", "gain, signal over speed deviation"]
+    Tw: Annotated[float, "s", "washout", NOT_NEGATIVE]
+    T1: Annotated[float, "s", "first lead", NOT_NEGATIVE]
+    T2: Annotated[float, "s", "first lag", NOT_NEGATIVE]
+    T3: Annotated[float, "s", "second lead", NOT_NEGATIVE]
+    T4: Annotated[float, "s", "second lag", NOT_NEGATIVE]
+    Vmax: Annotated[float, "pu", "output limit"] = 0.1
+    Vmin: Annotated[float, "pu", "output limit"] = -0.1
+
+
+class State(NamedTuple):
+    """Washout and two lead-lags."""
+
+    washout: Annotated[float, "pu", "slow part of the speed"]
+    lag1: Annotated[float, "pu", "lagged signal of the first lead-lag"]
+    lag2: Annotated[float, "pu", "lagged signal of the second lead-lag"]
+
+
+class Input(NamedTuple):
+    """Signals at a stabilizer."""
+
+    omega: Annotated[float, "pu", "speed"]
+
+
+@inline
+def stages(x, u, p):
+    """Signal after the washout, and after the first lead-lag (pu)."""
+    fast = p.K * (u.omega - (x.washout if p.Tw >= SHORT else 1.0))
+    return fast, lead_lag(p.T1, p.T2, fast, x.lag1)
+
+
+@inline
+def output(x, u, p):
+    """Stabilizing signal (pu)."""
+    fast, first = stages(x, u, p)
+    return clip(lead_lag(p.T3, p.T4, first, x.lag2), p.Vmin, p.Vmax)
+
+
+@inline
+def flow(x, u, y, p):
+    """State rates (1/s)."""
+    fast, first = stages(x, u, p)
+    return State(lag_rate(p.Tw, u.omega, x.washout), lag_rate(p.T2, fast, x.lag1), lag_rate(p.T4, first, x.lag2))

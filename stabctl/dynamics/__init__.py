@@ -1,0 +1,1 @@
+"""A case and its power flow as one system of equations: assembly, operating point, derivatives."""

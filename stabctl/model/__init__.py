@@ -1,0 +1,1 @@
+"""The power system as data: case, checks, network, power flow."""

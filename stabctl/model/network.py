@@ -1,0 +1,135 @@
+"""The network: a case in per unit, its admittance matrix under faults and trips, its islands.
+
+Here the case's MW, Mvar and degrees become pu on the system base and radians, once. A branch is one two-port whatever
+has happened to it: a fault somewhere along it, either end open (`two_port`); the matrix is a pure function of these.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from .case import Case
+
+BOLTED = 1e7  # pu   admittance of a fault without impedance
+
+
+class Grid(NamedTuple):
+    """The network of a case: numbers of its buses, and everything in pu on the system base."""
+
+    numbers: tuple[int, ...]
+    place: Mapping[int, int]  # bus number -> row of the matrix
+    frm: np.ndarray  # (branches) rows
+    to: np.ndarray
+    z: np.ndarray  # (branches) series impedance, pu
+    charging: np.ndarray  # (branches) total susceptance, pu
+    ratio: np.ndarray  # (branches) complex turns ratio; the from side leads by its angle
+    shunt: np.ndarray  # (buses) complex admittance, pu
+    machine_bus: np.ndarray  # (machines) rows
+
+
+class Branch(NamedTuple):
+    """What has happened to a branch."""
+
+    fault_at: float | None = None  # -   from its from end (0) to its to end (1)
+    fault_admittance: complex = BOLTED  # pu
+    from_closed: bool = True
+    to_closed: bool = True
+
+
+INTACT = Branch()
+
+
+class Switching(NamedTuple):
+    """Everything that has happened to a network; the default is nothing. Rows are those of the case's tables."""
+
+    branches: tuple[tuple[int, Branch], ...] = ()  # row of the branch, its state
+    faults: tuple[tuple[int, complex], ...] = ()  # row of the bus, fault admittance, pu
+    shunts: tuple[tuple[int, complex], ...] = ()  # row of the bus, admittance switched in, pu
+    tripped: frozenset[int] = frozenset()  # rows of machines
+    loads: tuple[tuple[int, complex], ...] = ()  # row of the bus, power added at its load-flow voltage, pu
+
+    @property
+    def faulted(self) -> bool:
+        """Is a fault on?"""
+        return bool(self.faults) or any(
+            s.fault_at is not None and (s.from_closed or s.to_closed) for _, s in self.branches
+        )
+
+
+UNSWITCHED = Switching()
+
+
+def grid(case: Case) -> Grid:
+    """The network of a case in pu and radians."""
+    place = {b.bus: i for i, b in enumerate(case.buses)}
+    rows = case.branches
+
+    def column(name: str) -> np.ndarray:
+        return np.array([getattr(k, name) for k in rows], float)
+
+    return Grid(
+        tuple(place),
+        place,
+        np.array([place[k.from_bus] for k in rows], int),
+        np.array([place[k.to_bus] for k in rows], int),
+        column("r") + 1j * column("x"),
+        column("b"),
+        column("tap") * np.exp(1j * np.deg2rad(column("phase"))),
+        np.array([b.g + 1j * b.b for b in case.buses]) / case.base_mva,
+        np.array([place[m.bus] for m in case.machines], int),
+    )
+
+
+def two_port(z: complex, charging: float, state: Branch = INTACT) -> np.ndarray:
+    """Admittance (2, 2) of a branch seen from its ends, its turns ratio left out.
+
+    A fault splits the branch into sections of f and 1 - f of its length with the fault's admittance between them; an
+    open end and the fault point are then eliminated. Open at both ends, it is gone.
+    """
+    f, end = state.fault_at, [0.0, 1.0]
+    points = end if f is None or f in end else [0.0, f, 1.0]
+    Y = np.zeros((len(points),) * 2, complex)
+    for k in range(len(points) - 1):
+        length = points[k + 1] - points[k]
+        y, half = 1 / (length * z), 0.5j * length * charging
+        Y[k : k + 2, k : k + 2] += [[y + half, -y], [-y, y + half]]
+    if f is not None:
+        Y[points.index(f), points.index(f)] += state.fault_admittance
+    kept = [k for k, closed in ((0, state.from_closed), (len(points) - 1, state.to_closed)) if closed]
+    gone = [k for k in range(len(points)) if k not in kept]
+    if kept and gone:
+        Y[np.ix_(kept, kept)] -= Y[np.ix_(kept, gone)] @ np.linalg.solve(Y[np.ix_(gone, gone)], Y[np.ix_(gone, kept)])
+    out = np.zeros((2, 2), complex)
+    ends = [0 if k == 0 else 1 for k in kept]
+    out[np.ix_(ends, ends)] = Y[np.ix_(kept, kept)]
+    return out
+
+
+def admittance(net: Grid, switching: Switching = UNSWITCHED) -> sp.csc_matrix:
+    """Bus admittance matrix (pu) of branches and shunts; machines and loads are not in it."""
+    y, half = 1 / net.z, 0.5j * net.charging
+    ports = np.array([[y + half, -y], [-y, y + half]])
+    for k, state in switching.branches:
+        if state.fault_at == 0:  # on the bus's side of the ratio
+            state = state._replace(fault_admittance=state.fault_admittance * abs(net.ratio[k]) ** 2)
+        ports[:, :, k] = two_port(net.z[k], net.charging[k], state)
+    shunt = net.shunt.copy()
+    for bus, extra in (*switching.faults, *switching.shunts):
+        shunt[bus] += extra
+    t, d = net.ratio, np.arange(len(shunt))
+    values = np.r_[ports[0, 0] / np.abs(t) ** 2, ports[0, 1] / t.conj(), ports[1, 0] / t, ports[1, 1], shunt]
+    rows, columns = np.r_[net.frm, net.frm, net.to, net.to, d], np.r_[net.frm, net.to, net.frm, net.to, d]
+    return sp.csc_matrix((values, (rows, columns)), shape=(len(shunt),) * 2)
+
+
+def islands(net: Grid, switching: Switching = UNSWITCHED) -> np.ndarray:
+    """Number of the island of every bus, counted from 0; branches closed at both ends connect."""
+    from scipy.sparse.csgraph import connected_components
+
+    closed = np.ones(len(net.frm), bool)
+    for k, state in switching.branches:
+        closed[k] = state.from_closed and state.to_closed
+    links = sp.csr_matrix((np.ones(closed.sum()), (net.frm[closed], net.to[closed])), shape=(len(net.shunt),) * 2)
+    return connected_components(links, directed=False)[1]

@@ -1,0 +1,101 @@
+"""Normals of the border of survival: which MW, where, keeps a contingency survived.
+
+A normal d (candidates, 1/MW) at a fleet s on the border is scaled to d . s = 1, so that its cut is d . s' >= 1.
+"""
+
+import numpy as np
+
+from .scaling import bisect
+from .trials import Trials
+
+INSIDE = (1.04, 1.08, 1.16, 1.02)  # multiples of the border's fleet at which its neighbors are simulated
+STEP = 0.03  # first change of one size, of the whole fleet
+HALVINGS = 8
+
+
+def by_peak(trials: Trials, mw: np.ndarray, k: int) -> np.ndarray | None:
+    """Forward differences of the largest angle of the machine that goes first, one run a candidate; None: no use.
+
+    The sets of fleets with the same largest angle become the border as the angle grows. A little inside the border,
+    each size is raised by a few per cent of the fleet, less where that is not survived.
+    """
+    lost = trials.run((1 - 2e-3) * mw, k, record=False).outcome.machine
+    for inside in INSIDE:
+        base = trials.fleet(inside * mw)
+        run = trials.run(base, k, record=False)
+        if run.outcome.stable:
+            break
+    else:
+        return None
+    numbers = [m.machine for m in trials.point.case.machines]
+    machine = int(run.peak.argmax()) if lost is None else numbers.index(lost)
+
+    def slope(i: int) -> float:
+        step = STEP * base.sum()
+        for _ in range(HALVINGS):
+            tried = base.copy()
+            tried[i] += step
+            moved = trials.run(tried, k, record=False)
+            if moved.outcome.stable:
+                return (run.peak[machine] - moved.peak[machine]) / step
+            step /= 2
+        return np.nan
+
+    return _scaled(np.array(trials.each(slope, range(len(mw)))), mw)
+
+
+def by_scaling(trials: Trials, mw: np.ndarray, k: int, fine: float = 1e-4) -> np.ndarray | None:
+    """Forward differences of 1/alpha_k, a bisection a candidate: the normal by its definition; None: no use."""
+
+    def inverse(tried: np.ndarray) -> float:
+        def survives(a: float) -> bool:
+            return trials.survives(a * tried, k)
+
+        low, high = 0.8, 1.25
+        while survives(low):
+            low *= 0.8
+            if low < 0.1:
+                return np.nan
+        while not survives(high):
+            high *= 1.25
+            if high > 10:
+                return np.nan
+        return 1 / bisect(survives, low, high, fine)
+
+    step = 2 * STEP * mw.sum()
+    here = inverse(mw)
+    unit = np.eye(len(mw))
+    slopes = trials.each(lambda i: (inverse(mw + step * unit[i]) - here) / step, range(len(mw)))
+    return _scaled(np.array(slopes), mw)
+
+
+def by_swept_angle(trials: Trials, mw: np.ndarray, k: int, J: np.ndarray) -> np.ndarray | None:
+    """Equal area from one run: the work each MW does against the machines that run away, on the way to the peak.
+
+    d_i = integral from clearing to the first peak of sgn_i gate_i sum_j w_j J_ji d(theta), theta the angle of the
+    advanced machines C against the rest N, w the shares of their one-machine equivalent: M_N / M on C, -M_C / M on N.
+
+    Args: trials; a fleet just inside the border (candidates, MW); contingency; J (machines, candidates), the power
+    that a MW at a candidate takes from each machine. None where no MW helps.
+    """
+    run = trials.run(mw, k)
+    H = trials.point.plant.inertia
+    change = run.angle - run.angle[0]
+    change -= (change @ H / H.sum())[:, None]
+    first = int(np.argmax(run.time >= trials.contingencies[k].clear - 1e-9))
+    widest = first + int(np.argmax(np.ptp(change[first:], axis=1)))
+    order = np.argsort(change[widest])
+    split = int(np.argmax(np.diff(change[widest][order]))) + 1
+    C = np.zeros(len(H), bool)
+    C[order[split:]] = True
+    M_C, M_N = H[C].sum(), H[~C].sum()
+    theta = change @ np.where(C, H / M_C, -H / M_N)
+    peak = first + int(np.argmax(theta[first:]))
+    shares = np.where(C, M_N, -M_C) / H.sum()
+    work = (run.order[first:peak] * np.diff(theta)[first:peak, None]).sum(0)
+    return _scaled(work * (shares @ J), mw)
+
+
+def _scaled(d: np.ndarray, mw: np.ndarray) -> np.ndarray | None:
+    whole = float(d @ mw)
+    return d / whole if np.isfinite(d).all() and whole > 0 else None

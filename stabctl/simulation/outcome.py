@@ -1,0 +1,119 @@
+"""How a run ended: one of four kinds, with a sentence a planner understands."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from stabctl._util.wording import named
+from stabctl.dynamics.operating_point import Point
+
+from . import stepper
+from .topology import Stage
+
+
+class Kind(StrEnum):
+    """What became of the system."""
+
+    STABLE = "stable"
+    LOST_SYNCHRONISM = "lost_synchronism"
+    VOLTAGE_COLLAPSE = "voltage_collapse"
+    ISLANDED = "islanded"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The end of a run."""
+
+    kind: Kind
+    message: str
+    time_s: float  # s   when it ended
+    machine: int | None = None  # number of the machine that went first
+    bus: int | None = None  # number of the bus whose voltage collapsed
+
+    @property
+    def stable(self) -> bool:
+        """Did every island stay in synchronism, with voltage?"""
+        return self.kind in (Kind.STABLE, Kind.ISLANDED) and self.machine is None
+
+    def __str__(self) -> str:
+        return self.message
+
+
+class End(NamedTuple):
+    """How the stepper left the system."""
+
+    verdict: int  # of the stepper
+    time: float  # s
+    stage: Stage
+    speed: np.ndarray  # (machines) pu
+    machine: int  # row of the machine to blame
+    bus: int  # row of the bus to blame
+    taken_off: tuple[str, ...]  # sentences on the machines that ran away alone
+
+
+def outcome(point: Point, end: End, rules: stepper.Rules) -> Outcome:
+    """The outcome of a run that ended so."""
+    number, bus, t = point.case.machines[end.machine].machine, point.case.buses[end.bus].bus, end.time
+    cut = " ".join((_cut_off(point, end.stage), *end.taken_off)).strip()
+    if not (end.stage.net.island >= 0).any():
+        return Outcome(Kind.VOLTAGE_COLLAPSE, f"No machine is on at {t:.3f} s: the system is dead. {cut}".strip(), t)
+    kind, machine, blamed = Kind.ISLANDED if cut else Kind.STABLE, None, None
+    match end.verdict:
+        case stepper.SLIPPED:
+            kind, machine, where = Kind.LOST_SYNCHRONISM, number, " of its island" if cut else ""
+            text = (
+                f"Machine {number} lost synchronism at {t:.3f} s: its angle moved {np.rad2deg(rules.slip):.0f} degrees "
+                f"against the center of inertia{where}."
+            )
+        case stepper.RUNAWAY:
+            kind, machine = Kind.LOST_SYNCHRONISM, number
+            text = f"Machine {number} left {rules.slowest:g} to {rules.fastest:g} pu of speed at {t:.3f} s."
+        case stepper.NO_VOLTAGE:
+            kind, blamed = Kind.VOLTAGE_COLLAPSE, bus
+            text = f"Voltage collapse at bus {bus} at {t:.3f} s: no voltages carry the loads and storage."
+        case stepper.LOW_VOLTAGE:
+            kind, blamed = Kind.VOLTAGE_COLLAPSE, bus
+            text = (
+                f"Voltage collapse at bus {bus} at {t:.3f} s: its voltage stayed below what its load needs "
+                f"for {rules.low_voltage_s:g} s without a fault."
+            )
+        case _ if cut:
+            text = f"Every island stayed in synchronism until {t:.3f} s{_frequencies(point, end)}."
+        case _:
+            text = f"All machines stayed in synchronism until {t:.3f} s."
+    sentences = (cut, text) if end.verdict == stepper.DONE else (text, cut)
+    return Outcome(kind, " ".join(sentences).strip(), t, machine, blamed)
+
+
+def _frequencies(point: Point, end: End) -> str:
+    """The frequency of every island at the end, in words."""
+    island, H = end.stage.net.island, point.plant.inertia
+    numbers = [k for k in np.unique(island) if k >= 0]
+    found = [end.speed[island == k] @ H[island == k] / H[island == k].sum() for k in numbers]
+    shown = ", ".join(f"{f * point.case.frequency_hz:.2f}" for f in sorted(found)[:8])
+    return f"; {'they run' if len(found) > 1 else 'it runs'} at {shown} Hz"
+
+
+def _cut_off(point: Point, now: Stage) -> str:
+    """What the switching has cut off from the island of the largest inertia; empty where nothing."""
+    where = now.island_of_bus
+    if where.max() == 0:
+        return ""
+    on = now.net.island >= 0
+    weight = np.bincount(where[point.net.machine_bus], point.plant.inertia * on, minlength=where.max() + 1)
+    main = int(weight.argmax())
+    parts = []
+    for k in (k for k in range(where.max() + 1) if k != main):
+        buses = [b.bus for b, island in zip(point.case.buses, where, strict=True) if island == k]
+        places = zip(point.case.machines, point.net.machine_bus, on, strict=True)
+        machines = [m.machine for m, at, runs in places if where[at] == k and runs]
+        rest = f"with {_listed('machine', machines)}" if machines else "without a machine: dead, its load lost"
+        parts.append(f"{_listed('bus', buses)} {rest}")
+    return f"The switching cut off {'; and '.join(parts)}."
+
+
+def _listed(noun: str, numbers: list[int]) -> str:
+    shown = ", ".join(map(str, numbers[:8])) + (f" and {len(numbers) - 8} more" if len(numbers) > 8 else "")
+    return f"{named(len(numbers), noun)} {shown}"

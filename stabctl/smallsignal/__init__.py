@@ -1,0 +1,16 @@
+"""Linear models and modes: exact linearization with names, eigenvalues, participation, root loci, reduction."""
+
+from .areas import Areas, areas, opened
+from .descriptor import Descriptor, descriptor
+from .locus import Locus, feedback_locus, parameter_locus
+from .model import Linear, Model, linearize
+from .modes import Mode, Modes, Part, Selected, Share, analyze
+from .nonlinear import nonlinear
+from .reduce import Reduced, balanced, modal
+from .signals import INPUTS, OUTPUTS, Signal
+
+__all__ = [
+    "INPUTS", "OUTPUTS", "Areas", "Descriptor", "Linear", "Locus", "Mode", "Model", "Modes", "Part", "Reduced",
+    "Selected", "Share", "Signal", "analyze", "areas", "balanced", "descriptor", "feedback_locus", "linearize", "modal",
+    "nonlinear", "opened", "parameter_locus",
+]  # fmt: skip

@@ -1,0 +1,116 @@
+"""Coherent areas: machines that move together in the slow swings (slow coherency).
+
+Rows of the slow eigenvectors, one per machine, point the same way where machines move together. The machines whose rows
+are the most different become references; every other one joins the reference its row resembles most.
+Source: J. H. Chow (ed.), Time-Scale Modeling of Dynamic Networks, 1982, ch. 5 (grouping algorithm).
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stabctl.errors import CaseError, StudyError
+from stabctl.model.case import Case
+
+from .modes import Modes
+from .signals import circuit
+
+
+@dataclass(frozen=True, repr=False)
+class Areas:
+    """Groups of machines, the reference machine of each first; ordered by inertia."""
+
+    name: str
+    groups: tuple[tuple[int, ...], ...]  # machine numbers
+    modes: tuple[int, ...]  # the slow modes behind them
+    frequencies_hz: tuple[float, ...]
+    agreement: float  # smallest correlation of a machine's row with its reference's
+
+    def of(self, machine: int) -> int:
+        """Place of the group of a machine; `StudyError` where there is none."""
+        for k, group in enumerate(self.groups):
+            if machine in group:
+                return k
+        raise StudyError(f"There is no machine {machine} in the areas of {self.name}.")
+
+    def moved(self, other: "Areas") -> tuple[int, ...]:
+        """Machines that changed company: each group of `other` is matched to the one it shares most machines with."""
+        from scipy.optimize import linear_sum_assignment
+
+        common = np.array([[len(set(a) & set(b)) for b in other.groups] for a in self.groups])
+        pairs = dict(zip(*(side.tolist() for side in linear_sum_assignment(-common)), strict=True))
+        return tuple(sorted(m for group in self.groups for m in group if pairs.get(self.of(m)) != other.of(m)))
+
+    def __str__(self) -> str:
+        listed = "; ".join(", ".join(map(str, sorted(group))) for group in self.groups)
+        return f"{self.name}: {len(self.groups)} areas: {listed}"
+
+    __repr__ = __str__
+
+
+def areas(modes: Modes, count: int | None = None) -> Areas:
+    """Coherent areas from the `count - 1` slowest swings; without a count, the one that agrees best.
+
+    Counts from 2 to a third of the machines are tried then. `StudyError` where there are not so many swings.
+    """
+    swings, machines = modes.swings(), len(modes.linear.point.case.machines)
+    if count is None:
+        tried = range(min(2, len(swings) + 1), max(2, min(machines // 3, len(swings))) + 1)
+        return max((_split(modes, swings[: k - 1]) for k in tried), key=lambda found: found.agreement)
+    if not 1 <= count <= len(swings) + 1:
+        name = modes.linear.point.case.name
+        raise StudyError(f"{name} has {len(swings)} swings; it splits into 1 to {len(swings) + 1} areas, not {count}.")
+    return _split(modes, swings[: count - 1])
+
+
+def _split(modes: Modes, slow: list[int]) -> Areas:
+    """The machines grouped by the common motion and these swings."""
+    case, count = modes.linear.point.case, len(slow) + 1
+    rows = _rows(modes, slow)
+    references = _references(rows)
+    along = rows @ np.linalg.inv(rows[references])
+    member = along.argmax(axis=1)
+    unit = rows / np.linalg.norm(rows, axis=1)[:, None]
+    agreement = float((unit * unit[references][member]).sum(axis=1).min())
+    H = modes.linear.point.plant.inertia
+    groups = []
+    for g in sorted(range(count), key=lambda g: -H[member == g].sum()):
+        others = [i for i in np.flatnonzero(member == g) if i != references[g]]
+        groups.append(tuple(case.machines[i].machine for i in [references[g], *others]))
+    return Areas(case.name, tuple(groups), tuple(slow), tuple(float(f) for f in modes.frequency_hz[slow]), agreement)
+
+
+def _rows(modes: Modes, slow: list[int]) -> np.ndarray:
+    """Angles of the machines in the common motion and the slow swings (machines, count), real, columns of norm 1."""
+    angles = modes.right[modes.linear.angles()][:, slow]
+    turn = np.exp(-0.5j * np.angle((angles**2).sum(axis=0)))
+    columns = np.column_stack([np.ones(len(angles)), (angles * turn).real])
+    return columns / np.linalg.norm(columns, axis=0)
+
+
+def _references(rows: np.ndarray) -> list[int]:
+    """The machine that is farthest from the span of those chosen before: Gaussian elimination, full pivoting."""
+    left, chosen = rows.copy(), []
+    free = list(range(rows.shape[1]))
+    for _ in range(rows.shape[1]):
+        i, j = np.unravel_index(np.abs(left[:, free]).argmax(), (len(left), len(free)))
+        column = free.pop(int(j))
+        chosen.append(int(i))
+        left = left - np.outer(left[:, column] / left[i, column], left[i])
+    return chosen
+
+
+def opened(case: Case, circuits: Iterable[str]) -> Case:
+    """The case with some circuits, named `7-8` or `7-8#2`, out of service, for its areas after the change.
+
+    `StudyError` for a circuit that is not there, or where a part of the network is cut off.
+    """
+    named = list(circuits)
+    gone = [circuit(case, text)[0] for text in named]
+    kept = tuple(k for i, k in enumerate(case.branches) if i not in gone)
+    try:
+        return replace(case, branches=kept) if gone else case
+    except CaseError as error:
+        why = getattr(error, "text", str(error)).partition(";")[0]
+        raise StudyError(f"Without {', '.join(named)} {case.name} has no operating point: {why}.") from None

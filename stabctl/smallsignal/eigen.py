@@ -1,0 +1,69 @@
+"""Eigenvalues and eigenvectors of a linear model, its zero of the angle reference taken out exactly.
+
+All angles may turn together: A r = 0 with r = 1 at every angle, 0 elsewhere. In a basis that begins with r this zero
+stands alone, A' = [0 a; 0 A22]. A second zero (nothing holds the frequency) would make A defective, and its double zero
+split into a pair of some 1e-7 that looks unstable; in A22 it is a simple one, as accurate as the rest.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg as sl
+from scipy.sparse.csgraph import connected_components
+
+NEAR = 1e-9  # eigenvalues this close (relative) share one eigenspace
+ZERO = 1e-7  # 1/s   an eigenvalue this small is zero
+
+
+class Eigen(NamedTuple):
+    """A V = V diag(eigenvalues), W^H V = I, conjugate pairs side by side, by frequency."""
+
+    values: np.ndarray  # (n) complex, 1/s
+    right: np.ndarray  # (n, n) V, a column per mode
+    left: np.ndarray  # (n, n) W, a column per mode
+
+
+def eigen(A: np.ndarray, angles: np.ndarray) -> Eigen:
+    """Eigenvalues and both sets of eigenvectors; `angles` are the places of the machine angles.
+
+    Where a zero is defective its right vector is a generalized one: A v is a turn of all angles, not zero.
+    """
+    turned = A.copy(order="F")
+    _reflect(turned, angles)
+    _reflect(turned.T, angles)
+    values, Z, Y = sl.eig(turned[1:, 1:], left=True, right=True, check_finite=False)
+    order = np.lexsort((-values.imag, values.real, np.abs(values.imag)))
+    values, Z, Y = np.where(np.abs(values) < ZERO, 0, values)[order], Z[:, order], Y[:, order]
+    Z = _paired(values, Y, Z)
+    a = turned[0, 1:] @ Y
+    coupling = np.divide(a, values, out=np.zeros_like(a), where=values != 0)
+    V, W = np.zeros((2, *A.shape), complex).transpose(0, 2, 1)
+    V[0, 0] = W[0, 0] = 1
+    V[0, 1:], V[1:, 1:] = coupling, Y
+    W[1:, 1:], W[1:, 0] = Z, -(Z @ coupling.conj())
+    _reflect(V, angles)
+    _reflect(W, angles)
+    return Eigen(np.r_[0j, values], V, W)
+
+
+def _reflect(M: np.ndarray, angles: np.ndarray) -> None:
+    """M := H M, H the reflection that carries the first axis to r."""
+    u = np.zeros(len(M))
+    u[angles] = -1 / np.sqrt(len(angles))
+    u[0] += 1
+    rows = np.flatnonzero(u)
+    u = u[rows] / (np.linalg.norm(u) or 1.0)
+    M[rows] -= 2 * np.outer(u, u @ M[rows])
+
+
+def _paired(values: np.ndarray, Y: np.ndarray, Z: np.ndarray) -> np.ndarray:
+    """Left vectors scaled to W^H V = I, within groups of eigenvalues that coincide."""
+    Z = Z / np.einsum("ij,ij->j", Z.conj(), Y).conj()
+    upper = np.sort(values.real[values.imag >= 0])
+    if (np.diff(upper) <= NEAR * np.maximum(1, np.abs(values).max())).any():
+        near = np.abs(values[:, None] - values) <= NEAR * np.maximum(1, np.abs(values))
+        member = connected_components(near, directed=False)[1]
+        for group in (np.flatnonzero(member == g) for g in np.flatnonzero(np.bincount(member) > 1)):
+            raw = Z[:, group] / np.linalg.norm(Z[:, group], axis=0)
+            Z[:, group] = raw @ np.linalg.pinv(Y[:, group].conj().T @ raw)
+    return Z

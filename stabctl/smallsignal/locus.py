@@ -1,0 +1,117 @@
+"""Root locus: eigenvalues against a gain or a parameter, every one followed from value to value.
+
+From one value to the next an eigenvalue is expected at s + w^H (A' - A) v, its first-order move; the new eigenvalues
+are matched to the expected ones so that the sum of the distances is least.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stabctl.devices import ALL
+from stabctl.dynamics import operating_point
+from stabctl.errors import StudyError
+from stabctl.model.case import Case
+
+from .eigen import eigen
+from .model import Linear, linearize
+from .modes import Modes, _place, analyze
+
+
+@dataclass(frozen=True, repr=False)
+class Locus:
+    """Eigenvalues along a parameter; column k is one mode, numbered as in `start`."""
+
+    parameter: str
+    values: np.ndarray  # (values)
+    eigenvalues: np.ndarray  # (values, modes) complex, 1/s
+    start: Modes  # at the first value
+
+    def damping_ratio(self) -> np.ndarray:
+        """-Re / |eigenvalue| (values, modes); 1 for a zero."""
+        size = np.abs(self.eigenvalues)
+        return np.divide(-self.eigenvalues.real, size, out=np.ones_like(size), where=size > 0)
+
+    def __str__(self) -> str:
+        swings = self.start.swings()
+        text = f"{self.parameter} from {self.values[0]:g} to {self.values[-1]:g}"
+        if not swings:
+            return text
+        ratio = self.damping_ratio()[:, swings]
+        best = int((ratio[-1] - ratio[0]).argmax())
+        moved = f"{ratio[0, best]:.3f} to {ratio[-1, best]:.3f}"
+        return f"{text}: the mode {self.start.label(swings[best])} goes from damping ratio {moved}"
+
+    __repr__ = __str__
+
+
+def feedback_locus(linear: Linear, output: str | int, input: str | int, gains: Iterable[float]) -> Locus:
+    """Eigenvalues of A + B k (1 - D k)^-1 C for u = k y, one output fed to one input (labels or places)."""
+    i, j = _place(linear.outputs, output, "output"), _place(linear.inputs, input, "input")
+    b, c, d = linear.B[:, j], linear.C[i], linear.D[i, j]
+    values = _values(gains)
+    for k in values:
+        if abs(1 - d * k) < 1e-9:
+            raise StudyError(f"The gain {k:g} makes an algebraic loop, 1 - D k = 0; choose another.")
+    name = f"gain from {linear.outputs[i]} to {linear.inputs[j]}"
+    return _follow(name, values, linear, lambda k: linear.A + np.outer(b, c) * k / (1 - d * k))
+
+
+def parameter_locus(
+    case: Case, table: str, parameter: str, values: Iterable[float], machines: Sequence[int] | None = None
+) -> Locus:
+    """Eigenvalues against a parameter of a device, e.g. `pss`, `K`, at some machines (all that have one by default).
+
+    The operating point is found anew for every value. `StudyError` names what the case does not have.
+    """
+    rows = case.devices.get(table, {})
+    if table not in ALL or not rows:
+        raise StudyError(f"{case.name} has no table {table!r}; it has {', '.join(case.devices)}.")
+    if parameter not in ALL[table].Par._fields:
+        raise StudyError(f"{table} has no parameter {parameter!r}; it has {', '.join(ALL[table].Par._fields)}.")
+    chosen = list(rows) if machines is None else list(machines)
+    for number in chosen:
+        if number not in rows:
+            raise StudyError(f"Machine {number} of {case.name} has no row in {table}.csv.")
+
+    def model(value: float) -> Linear:
+        changed = {n: par._replace(**{parameter: float(value)}) if n in chosen else par for n, par in rows.items()}
+        return linearize(operating_point.solve(replace(case, devices={**case.devices, table: changed})))
+
+    given = _values(values)
+    first = model(given[0])
+
+    def matrix(value: float) -> np.ndarray:
+        new = model(value)
+        if new.states != first.states:
+            raise StudyError(
+                f"{parameter} = {value:g} adds or removes states; a locus needs the same states throughout."
+            )
+        return new.A
+
+    return _follow(f"{parameter} of {ALL[table].NAME}", given, first, matrix)
+
+
+def _values(values: Iterable[float]) -> np.ndarray:
+    found = np.array([float(v) for v in values])
+    if len(found) < 2 or not np.isfinite(found).all():
+        raise StudyError("A root locus needs at least two finite values.")
+    return found
+
+
+def _follow(name: str, values: np.ndarray, linear: Linear, matrix: Callable[[float], np.ndarray]) -> Locus:
+    from scipy.optimize import linear_sum_assignment
+
+    first = replace(linear, A=matrix(values[0]))
+    start = analyze(first)
+    A, (s, V, W) = first.A, (start.eigenvalues, start.right, start.left)
+    rows = [start.eigenvalues]
+    for value in values[1:]:
+        new = matrix(value)
+        expected = s + np.einsum("ij,ij->j", W.conj(), (new - A) @ V)
+        found = eigen(new, linear.angles())
+        order = linear_sum_assignment(np.abs(expected[:, None] - found.values))[1]
+        A, (s, V, W) = new, (found.values[order], found.right[:, order], found.left[:, order])
+        rows.append(s)
+    return Locus(name, values, np.array(rows), start)

@@ -1,0 +1,236 @@
+"""Modes of a linear model: damping, participation, shapes, and where they are seen and moved."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse.linalg import splu
+
+from stabctl._util.wording import counted
+from stabctl.errors import StudyError
+
+from . import naming, selected
+from .descriptor import Descriptor
+from .eigen import ZERO, Eigen, eigen
+from .model import Linear, eliminated
+
+LARGE = 2000  # states beyond which only modes of a band are computed: all would take minutes
+BAND = (0.1, 2.5)  # Hz   electromechanical modes
+DAMPING = (-0.1, 0.3)  # damping ratios of a selection
+
+
+@dataclass(frozen=True)
+class Share:
+    """Participation of a state in a mode."""
+
+    state: str
+    share: float  # |p| over the sum of all |p|
+
+
+@dataclass(frozen=True)
+class Part:
+    """A machine in a mode shape: its speed relative to the largest."""
+
+    machine: int
+    magnitude: float
+    angle_deg: float
+
+
+@dataclass(frozen=True, repr=False)
+class Mode:
+    """One eigenvalue of the system."""
+
+    eigenvalue: complex  # 1/s
+    electromechanical: bool
+    label: str
+    participation: tuple[Share, ...]  # the ten largest
+    shape: tuple[Part, ...]
+
+    @property
+    def frequency_hz(self) -> float:
+        """Of the oscillation, |Im| / 2 pi."""
+        return abs(self.eigenvalue.imag) / (2 * np.pi)
+
+    @property
+    def damping_ratio(self) -> float:
+        """-Re / |eigenvalue|; 1 for a zero, which does not oscillate."""
+        size = abs(self.eigenvalue)
+        return -self.eigenvalue.real / size if size else 1.0
+
+    def __str__(self) -> str:
+        s, ratio = self.eigenvalue, round(self.damping_ratio, 4) + 0.0
+        return f"{s.real:.4f} {s.imag:+.4f}j 1/s: {self.frequency_hz:.3f} Hz, damping {ratio:.4f}; {self.label}"
+
+    __repr__ = __str__
+
+
+@dataclass(frozen=True, repr=False)
+class Modes:
+    """Eigenvalues with both sets of eigenvectors, W^H V = I; conjugate pairs side by side, by frequency."""
+
+    linear: Linear
+    eigenvalues: np.ndarray  # (modes) complex, 1/s
+    right: np.ndarray  # (states, modes) V
+    left: np.ndarray  # (states, modes) W
+
+    def __len__(self) -> int:
+        return len(self.eigenvalues)
+
+    @property
+    def frequency_hz(self) -> np.ndarray:
+        """|Im| / 2 pi (modes)."""
+        return np.abs(self.eigenvalues.imag) / (2 * np.pi)
+
+    @property
+    def damping_ratio(self) -> np.ndarray:
+        """-Re / |eigenvalue| (modes); 1 for a zero."""
+        size = np.abs(self.eigenvalues)
+        return np.divide(-self.eigenvalues.real, size, out=np.ones(len(self)), where=size > 0)
+
+    @cached_property
+    def participation(self) -> np.ndarray:
+        """Participation factors p_ki = conj(w_ki) v_ki (states, modes), complex; each column sums to 1."""
+        return self.left.conj() * self.right
+
+    @cached_property
+    def shares(self) -> np.ndarray:
+        """|p| over its sum (states, modes)."""
+        size = np.abs(self.participation)
+        return size / size.sum(axis=0)
+
+    @cached_property
+    def shapes(self) -> np.ndarray:
+        """Speeds of the machines (machines, modes), the largest of every mode 1; 0 where no machine moves."""
+        speeds = self.right[self.linear.speeds()]
+        largest = np.take_along_axis(speeds, np.abs(speeds).argmax(axis=0)[None], axis=0)
+        still = np.abs(largest[0]) < 1e-9 * np.abs(self.right).max(axis=0)
+        return np.where(still, 0, speeds / np.where(still, 1, largest[0]))
+
+    @cached_property
+    def electromechanical(self) -> np.ndarray:
+        """Which modes are swings of machines against each other (modes)."""
+        rotor = np.r_[self.linear.angles(), self.linear.speeds()]
+        return naming.swings(self.eigenvalues, self.shares, self.shapes, rotor, self.linear.point.plant.inertia)
+
+    def label(self, k: int) -> str:
+        """Mode k in words."""
+        linear, H = self.linear, self.linear.point.plant.inertia
+        if self.eigenvalues[k] == 0:
+            return naming.zero(linear, self.right[:, k], self.left[:, k], k == 0)
+        if self.electromechanical[k]:
+            weight = self.shares[linear.speeds(), k]
+            return naming.against(self.shapes[:, k], weight, [m.machine for m in linear.point.case.machines])
+        return naming.leader(linear, self.shares[:, k], self.shapes[:, k], H, self.eigenvalues[k].imag != 0)
+
+    def mode(self, k: int) -> Mode:
+        """Mode k as a record of its own."""
+        first = np.argsort(-self.shares[:, k], kind="stable")[:10]
+        shares = tuple(Share(self.linear.states[i], float(self.shares[i, k])) for i in first)
+        parts = zip(self.linear.point.case.machines, self.shapes[:, k], strict=True)
+        shape = tuple(Part(m.machine, float(abs(s)), float(np.angle(s, deg=True))) for m, s in parts)
+        return Mode(complex(self.eigenvalues[k]), bool(self.electromechanical[k]), self.label(k), shares, shape)
+
+    def swings(self) -> list[int]:
+        """Electromechanical modes, one of each pair, the slowest first."""
+        return [int(k) for k in np.flatnonzero(self.electromechanical) if self.eigenvalues[k].imag > 0]
+
+    def within(self, low_hz: float, high_hz: float) -> list[int]:
+        """Oscillating modes of a band of frequency, one of each pair."""
+        if not 0 <= low_hz <= high_hz:
+            raise StudyError(f"The band {low_hz:g} to {high_hz:g} Hz is not allowed; give 0 <= lowest <= highest.")
+        f = self.frequency_hz
+        return [int(k) for k in np.flatnonzero((self.eigenvalues.imag > 0) & (f >= low_hz) & (f <= high_hz))]
+
+    @property
+    def stable(self) -> bool:
+        """Does no mode grow? Zeros do not, nor does an undamped swing."""
+        return bool((self.eigenvalues.real <= ZERO).all())
+
+    def controllability(self) -> np.ndarray:
+        """W^H B (modes, inputs): how an input moves a mode."""
+        return self.left.conj().T @ self.linear.B
+
+    def observability(self) -> np.ndarray:
+        """C V (outputs, modes): how a mode is seen in an output."""
+        return self.linear.C @ self.right
+
+    def residues(self, output: str | int = 0, input: str | int = 0) -> np.ndarray:
+        """Residues (modes) of the transfer function from an input to an output (labels or places).
+
+        Also the derivative of every eigenvalue along a gain k that feeds the output back, u = k y.
+        """
+        i, j = _place(self.linear.outputs, output, "output"), _place(self.linear.inputs, input, "input")
+        return self.observability()[i] * self.controllability()[:, j]
+
+    def __str__(self) -> str:
+        worst = min(self.swings(), key=lambda k: self.damping_ratio[k], default=None)
+        counts = counted(len(self), "eigenvalue"), counted(len(self.swings()), "electromechanical mode")
+        text = f"{self.linear.point.case.name}: {', '.join(counts)}"
+        if worst is not None:
+            ratio = round(self.damping_ratio[worst], 4) + 0.0
+            text += f", the least damped {self.frequency_hz[worst]:.3f} Hz with ratio {ratio:.4f} ({self.label(worst)})"
+        return text + ("." if self.stable else "; the operating point is unstable.")
+
+    __repr__ = __str__
+
+
+@dataclass(frozen=True, repr=False)
+class Selected(Modes):
+    """Some modes, one of each pair: all of a band of frequency and of damping ratio, and no others."""
+
+    linear: Descriptor
+    band: tuple[float, float]  # Hz
+    damping: tuple[float, float]
+
+    def controllability(self) -> np.ndarray:
+        """W^H B (modes, inputs), B = fu - fv inv(gv) gu."""
+        d = self.linear
+        return self.left.conj().T @ (d.fu.toarray() - d.fv @ splu(d.gv).solve(d.gu.toarray()))
+
+    def observability(self) -> np.ndarray:
+        """C V (outputs, modes), C = hx - hv inv(gv) gx."""
+        d, factors = self.linear, splu(self.linear.gv)
+        currents = d.gx @ self.right
+        return d.hx @ self.right - d.hv @ (factors.solve(currents.real) + 1j * factors.solve(currents.imag))
+
+    def __str__(self) -> str:
+        low, high = self.damping
+        asked = f"{self.band[0]:g} to {self.band[1]:g} Hz with damping ratio {low:g} to {high:g}"
+        whole = super().__str__().partition(": ")[2].replace("eigenvalue", "mode", 1)
+        return f"{self.linear.name}, only modes of {asked} of {len(self.linear.states)} states: {whole}"
+
+    __repr__ = __str__
+
+
+def analyze(
+    model: Linear | Descriptor,
+    band: tuple[float, float] | None = None,
+    damping: tuple[float, float] = DAMPING,
+) -> Modes:
+    """Modes of a linear model: all of them; of a descriptor those of a band (Hz), by sparse shift-invert Arnoldi.
+
+    A descriptor without a band is treated as a linear model up to `LARGE` states, beyond as one with the band `BAND`.
+    `damping`: least and largest damping ratio in a band. Errors as in `selected.band`.
+    """
+    if isinstance(model, Descriptor):
+        if band is not None or len(model.rows) > LARGE:
+            band = BAND if band is None else band
+            return Selected(model, *_fixed(selected.band(model, *band, damping)), band, damping)
+        model = eliminated(model)
+    elif band is not None:
+        raise StudyError("Modes of a band alone are those of a descriptor; linearize with linear.descriptor.")
+    return Modes(model, *_fixed(eigen(model.A, model.angles())))
+
+
+def _fixed(found: Eigen) -> Eigen:
+    for part in found:
+        part.setflags(write=False)
+    return found
+
+
+def _place(labels: tuple[str, ...], wanted: str | int, what: str) -> int:
+    if isinstance(wanted, int) and 0 <= wanted < len(labels):
+        return wanted
+    if wanted not in labels:
+        raise StudyError(f"{wanted!r} is no {what} of the model; its {what}s are {', '.join(labels) or 'none'}.")
+    return labels.index(wanted)

@@ -1,0 +1,88 @@
+"""Outputs as scalar functions of a few places of z; evaluated as they stand, or by complex step for their slopes."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from stabctl.dynamics.operating_point import Point
+from stabctl.dynamics.system import sizes
+from stabctl.model import network
+
+from .signals import Signal, circuit
+
+STEP = 1e-30
+
+
+class Reading(NamedTuple):
+    """An output: the places of z it reads, and its value from theirs (any scalar, or a row per place)."""
+
+    places: np.ndarray
+    value: Callable[[np.ndarray], np.ndarray]
+
+    def slopes(self, z: np.ndarray) -> np.ndarray:
+        """Derivatives along `places` at z, by complex step."""
+        steps = z[self.places][:, None] + 1j * STEP * np.eye(len(self.places))
+        return np.asarray(self.value(steps)).imag / STEP
+
+
+def reading(point: Point, signal: Signal) -> Reading:
+    """The output as a function. A bus frequency is that of its angle, whose rate it is: see `angle_rate`."""
+    plant, n = point.plant, sizes(point.plant, len(point.V))
+    angles = plant.rotor
+    weights = plant.inertia / plant.inertia.sum()
+    if signal.kind in ("speed", "angle", "rest_speed"):
+        i = [m.machine for m in point.case.machines].index(signal.place)
+        own = np.arange(len(angles)) == i
+        rest = np.where(own, 0.0, plant.inertia)
+        share = {"speed": own * 1.0, "angle": own - weights, "rest_speed": rest / (rest.sum() or 1.0)}[signal.kind]
+        return _weighted(angles + (signal.kind != "angle"), share)
+    if signal.kind == "coi_speed":
+        return _weighted(angles + 1, weights)
+    if signal.kind in ("flow", "flow_q"):
+        return _flow(point, signal, n.states)
+    v = n.states + 2 * point.net.place[signal.place] + np.arange(2)
+    if signal.kind == "voltage":
+        return Reading(v, lambda q: np.sqrt(q[0] * q[0] + q[1] * q[1]))
+    return Reading(np.r_[v, angles], lambda q: _angle(q, weights))
+
+
+def angle_rate(point: Point, bus: int) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
+    """Places of a bus voltage, and the slopes of its angle along both components, over wb."""
+    n = sizes(point.plant, len(point.V))
+    v = n.states + 2 * point.net.place[bus] + np.arange(2)
+    wb = 2 * np.pi * point.case.frequency_hz
+    return v, lambda q: np.array([-q[1], q[0]]) / (q[0] * q[0] + q[1] * q[1]) / wb
+
+
+def _weighted(places: np.ndarray, weights: np.ndarray) -> Reading:
+    used = np.flatnonzero(weights)
+    return Reading(places[used], lambda q: weights[used] @ q)
+
+
+def _angle(q: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Angle of q[0] + j q[1] against the COI of the angles q[2:]: twice the arctangent of the half angle."""
+    coi = weights @ q[2:]
+    re, im = q[0] * np.cos(coi) + q[1] * np.sin(coi), q[1] * np.cos(coi) - q[0] * np.sin(coi)
+    return 2 * np.arctan(im / (np.sqrt(re * re + im * im) + re))
+
+
+def _flow(point: Point, signal: Signal, states: int) -> Reading:
+    """Power into a circuit at the first bus named, V conj(Y [V, V'])."""
+    row, forward = circuit(point.case, str(signal.place))
+    net = point.net
+    t = net.ratio[row]
+    Y = network.two_port(net.z[row], net.charging[row])
+    Y = np.array([[Y[0, 0] / abs(t) ** 2, Y[0, 1] / t.conjugate()], [Y[1, 0] / t, Y[1, 1]]])
+    ends = [net.frm[row], net.to[row]]
+    if not forward:
+        Y, ends = Y[::-1, ::-1], ends[::-1]
+    places = states + np.array([2 * ends[0], 2 * ends[0] + 1, 2 * ends[1], 2 * ends[1] + 1])
+    g, b, gm, bm = Y[0, 0].real, Y[0, 0].imag, Y[0, 1].real, Y[0, 1].imag
+
+    def power(q: np.ndarray) -> np.ndarray:
+        re = g * q[0] - b * q[1] + gm * q[2] - bm * q[3]
+        im = b * q[0] + g * q[1] + bm * q[2] + gm * q[3]
+        return q[0] * re + q[1] * im if signal.kind == "flow" else q[1] * re - q[0] * im
+
+    return Reading(places, power)

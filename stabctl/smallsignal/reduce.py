@@ -1,0 +1,128 @@
+"""Reduced models that keep their labels: the modes of interest, or the states that carry most from input to output."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as sl
+
+from stabctl.dynamics.layout import unique
+from stabctl.errors import StudyError
+
+from .model import Model
+from .modes import Modes
+
+
+@dataclass(frozen=True, repr=False)
+class Reduced(Model):
+    """A smaller model with the inputs and outputs of the whole one."""
+
+    hankel: np.ndarray  # singular values of all balanced states; empty for a modal reduction
+
+
+def modal(modes: Modes, keep: Iterable[int], static: bool = True) -> Reduced:
+    """The model of some modes, pairs kept whole: z' = blocks z, two real states a pair.
+
+    With `static` the rest answers at once, -C A^-1 B of what is left out, so that slow changes come out right.
+    `StudyError` for modes there are none of, or nothing to keep.
+    """
+    linear = modes.linear
+    _all(modes)
+    chosen = _whole_pairs(modes, keep)
+    defective = np.abs(linear.A @ modes.right - modes.right * modes.eigenvalues).max(axis=0) > 1e-6
+    if 0 not in chosen and defective[chosen].any():
+        chosen = np.r_[0, chosen]
+    T, labels = _real_basis(modes, chosen)
+    L = _left_basis(modes, chosen)
+    A, B, C = L @ linear.A @ T, L @ linear.B, linear.C @ T
+    D = linear.D.copy()
+    if static:
+        rest = [k for k in range(len(modes)) if k not in set(chosen) and modes.eigenvalues[k] != 0]
+        answer = modes.observability()[:, rest] / -modes.eigenvalues[rest]
+        D = D + (answer @ modes.controllability()[rest]).real
+    return Reduced(linear.name, A, B, C, D, labels, linear.inputs, linear.outputs, np.zeros(0))
+
+
+def balanced(modes: Modes, order: int) -> Reduced:
+    """The model of `order` states: unstable and zero modes kept, the stable rest balanced and truncated (square root).
+
+    hankel holds the singular values of the rest; twice the sum of those left out bounds the error at any frequency.
+    Source: M. Green, D. Limebeer, Linear Robust Control, ch. 9. `StudyError` without inputs or outputs, or where
+    `order` is not between the number of kept modes and of states.
+    """
+    linear = modes.linear
+    _all(modes)
+    if not linear.inputs or not linear.outputs:
+        raise StudyError("Balancing needs inputs and outputs; linearize with some of both.")
+    loose = np.flatnonzero(modes.eigenvalues.real >= 0)
+    n, kept = len(linear.states), len(loose)
+    if not kept < order <= n:
+        raise StudyError(
+            f"The order {order} is not possible: {kept} modes are not stable and must stay, of {n} states."
+        )
+    stable = np.setdiff1d(np.arange(n), loose)
+    A, B, C = _block(modes, stable)
+    P, Q = (_factor(sl.solve_continuous_lyapunov(*pair)) for pair in ((A, -B @ B.T), (A.T, -C.T @ C)))
+    U, hankel, Vt = np.linalg.svd(Q.T @ P)
+    r = min(order - kept, int((hankel > 1e-12 * hankel[0]).sum()))
+    root = np.sqrt(hankel[:r])
+    right, left = P @ Vt[:r].T / root, (Q @ U[:, :r] / root).T
+    parts = [(left @ A @ right, left @ B, C @ right)]
+    labels = [f"balanced {k + 1}" for k in range(r)]
+    if kept:
+        parts.insert(0, _block(modes, loose))
+        labels = [*_real_basis(modes, loose)[1], *labels]
+    matrices = sl.block_diag(*(p[0] for p in parts)), np.vstack([p[1] for p in parts]), np.hstack([p[2] for p in parts])
+    return Reduced(linear.name, *matrices, linear.D.copy(), tuple(labels), linear.inputs, linear.outputs, hankel)
+
+
+def _all(modes: Modes) -> None:
+    if len(modes) < len(modes.linear.states):
+        raise StudyError(f"A reduced model of {modes.linear.name} needs all its modes; analyze a linear model.")
+
+
+def _whole_pairs(modes: Modes, keep: Iterable[int]) -> np.ndarray:
+    chosen = {int(k) for k in keep}
+    if not chosen or not chosen <= set(range(len(modes))):
+        raise StudyError(f"Keep at least one mode, numbered 0 to {len(modes) - 1}.")
+    s = modes.eigenvalues
+    for k in list(chosen):
+        if s[k].imag:
+            chosen.add(k + 1 if s[k].imag > 0 else k - 1)
+    return np.array(sorted(chosen))
+
+
+def _real_basis(modes: Modes, chosen: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Real columns that span the right vectors: Re v and Im v of a pair; their labels."""
+    columns, labels = [], []
+    for k in chosen:
+        s, v = modes.eigenvalues[k], modes.right[:, k]
+        if s.imag < 0:
+            continue
+        text = modes.label(int(k))
+        name = f"{text}, {s.imag / (2 * np.pi):.3g} Hz" if s.imag else text
+        columns += [v.real, v.imag] if s.imag else [v.real]
+        labels += [f"{name}, cosine", f"{name}, sine"] if s.imag else [name]
+    return np.column_stack(columns), unique(labels)
+
+
+def _left_basis(modes: Modes, chosen: np.ndarray) -> np.ndarray:
+    """Real rows L with L T = I, T of `_real_basis`: 2 Re w and 2 Im w of a pair."""
+    rows = []
+    for k in chosen:
+        s, w = modes.eigenvalues[k], modes.left[:, k]
+        if s.imag < 0:
+            continue
+        rows += [2 * w.real, 2 * w.imag] if s.imag else [w.real]
+    return np.array(rows)
+
+
+def _block(modes: Modes, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    T, L = _real_basis(modes, chosen)[0], _left_basis(modes, chosen)
+    return L @ modes.linear.A @ T, L @ modes.linear.B, modes.linear.C @ T
+
+
+def _factor(X: np.ndarray) -> np.ndarray:
+    """F with F F' = X, X symmetric and not negative but for rounding."""
+    values, vectors = np.linalg.eigh((X + X.T) / 2)
+    return vectors * np.sqrt(np.maximum(values, 0))

@@ -1,0 +1,187 @@
+"""Inputs and outputs by name: `storage:33` is the power of a storage device at bus 33, `speed` all speeds.
+
+Every signal is a deviation from the operating point. Powers are pu on the system base, angles rad, the rest pu.
+"""
+
+import re
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+from stabctl.devices import ALL
+from stabctl.errors import StudyError
+from stabctl.model.case import Case
+
+
+class Kind(NamedTuple):
+    """A kind of signal: where it has its place, its label and unit."""
+
+    place: str  # "machine", "bus", "line", "device" or ""
+    label: str
+    unit: str
+    meaning: str
+
+
+class Signal(NamedTuple):
+    """One input or output of a linear model."""
+
+    kind: str
+    place: int | str | None
+    label: str
+    unit: str
+
+
+def _kinds(rows: Mapping[str, tuple[str, str, str, str]]) -> Mapping[str, Kind]:
+    return MappingProxyType({name: Kind(*row) for name, row in rows.items()})
+
+
+INPUTS = _kinds(
+    {
+        "storage": ("bus", "P storage bus {place}", "pu", "active power absorbed by a storage device at a bus"),
+        "order": (
+            "device",
+            "order ESD {place}",
+            "ratings",
+            "order to a storage device of the case, absorbing positive",
+        ),
+        "exciter": ("machine", "reference {exciter} {place}", "pu", "voltage reference of an exciter"),
+        "governor": ("machine", "reference {governor} {place}", "pu", "load reference of a governor, machine base"),
+        "field": ("machine", "field voltage {machine} {place}", "pu", "field voltage of a machine without exciter"),
+        "power": (
+            "machine",
+            "mechanical power {machine} {place}",
+            "pu",
+            "that of a machine without governor, its base",
+        ),
+        "load_p": ("bus", "P load bus {place}", "pu", "active power added to a load, with its voltage dependence"),
+        "load_q": ("bus", "Q load bus {place}", "pu", "reactive power added to a load, with its voltage dependence"),
+    }
+)
+OUTPUTS = _kinds(
+    {
+        "speed": ("machine", "speed {machine} {place}", "pu", "speed of a machine"),
+        "angle": ("machine", "angle {machine} {place} to COI", "rad", "angle of a machine against the COI"),
+        "coi_speed": ("", "speed COI", "pu", "speed of the center of inertia (COI)"),
+        "rest_speed": ("machine", "speed COI without {place}", "pu", "COI speed of all machines but this one"),
+        "voltage": ("bus", "voltage bus {place}", "pu", "magnitude of a bus voltage"),
+        "bus_angle": ("bus", "angle bus {place} to COI", "rad", "angle of a bus voltage against the COI"),
+        "frequency": ("bus", "frequency bus {place}", "pu", "rate of a bus angle while the inputs stand still"),
+        "flow": ("line", "P line {place}", "pu", "active power into a circuit at the first bus named"),
+        "flow_q": ("line", "Q line {place}", "pu", "reactive power into a circuit at the first bus named"),
+    }
+)
+
+_LINE = re.compile(r"^(\d+)-(\d+)(?:#(\d+))?$")
+
+
+def chosen(case: Case, wanted: Iterable[str | Signal], kinds: Mapping[str, Kind]) -> tuple[Signal, ...]:
+    """The signals that are named, `kind` alone meaning all of its kind; `StudyError` says what is wrong with a name."""
+    found: list[Signal] = []
+    for text in wanted:
+        if isinstance(text, Signal):
+            found.append(text)
+            continue
+        name, _, place = str(text).strip().partition(":")
+        if name not in kinds:
+            what = "input" if kinds is INPUTS else "output"
+            raise StudyError(
+                f"{name!r} is no {what}; known are {', '.join(kinds)}, followed by a place as in speed:14."
+            )
+        kind = kinds[name]
+        places = [place] if place else _everywhere(case, name, kind)
+        found += [_signal(case, name, kind, p) for p in places]
+    labels = [s.label for s in found]
+    for label in labels:
+        if labels.count(label) > 1:
+            raise StudyError(f"The signal {label!r} is named twice; name it once.")
+    return tuple(found)
+
+
+def circuit(case: Case, text: str) -> tuple[int, bool]:
+    """Row of the circuit `7-8` or `7-8#2`, and whether the first bus named is its from end."""
+    match = _LINE.match(text)
+    a, b = (int(match[1]), int(match[2])) if match else (0, 0)
+    rows = [i for i, k in enumerate(case.branches) if {k.from_bus, k.to_bus} == {a, b}]
+    number = int(match[3] or 1) if match else 1
+    if not match or not 1 <= number <= len(rows):
+        raise StudyError(f"There is no circuit {text!r} in {case.name}; write it as 7-8, or 7-8#2 for the second one.")
+    row = rows[number - 1]
+    return row, case.branches[row].from_bus == a
+
+
+def _everywhere(case: Case, name: str, kind: Kind) -> list[int | str | None]:
+    """The places of every signal of a kind."""
+    if kind.place == "device":
+        return [f"{s.machine}@{s.bus}" for s in case.storage]
+    if name == "storage":
+        return list(dict.fromkeys(m.storage_bus for m in case.machines))
+    if name in ("load_p", "load_q"):
+        return list(dict.fromkeys(load.bus for load in case.loads))
+    if kind.place == "bus":
+        return [b.bus for b in case.buses]
+    if kind.place == "line":
+        return _circuits(case)
+    if kind.place == "":
+        return [None]
+    numbers = [m.machine for m in case.machines]
+    if name in ("exciter", "governor"):
+        return [n for n in numbers if _model(case, n, name)]
+    if name in ("field", "power"):
+        return [n for n in numbers if not _model(case, n, "exciter" if name == "field" else "governor")]
+    return numbers
+
+
+def _circuits(case: Case) -> list[str]:
+    seen: dict[frozenset[int], int] = {}
+    out = []
+    for k in case.branches:
+        ends = frozenset((k.from_bus, k.to_bus))
+        seen[ends] = seen.get(ends, 0) + 1
+        out.append(f"{k.from_bus}-{k.to_bus}" + (f"#{seen[ends]}" if seen[ends] > 1 else ""))
+    return out
+
+
+def _signal(case: Case, name: str, kind: Kind, place: int | str | None) -> Signal:
+    if kind.place in ("machine", "bus"):
+        if not str(place).isdigit():
+            raise StudyError(f"{name}:{place} does not name a {kind.place}; write its number, as in {name}:14.")
+        place = int(place)
+    if kind.place == "machine":
+        case.machine(place)
+        _belongs(case, name, place)
+    elif kind.place == "bus" and place not in {b.bus for b in case.buses}:
+        raise StudyError(f"There is no bus {place} in {case.name}.")
+    elif kind.place == "line":
+        circuit(case, str(place))
+    elif kind.place == "device":
+        place = _device(case, str(place))
+    elif kind.place == "" and place is not None:
+        raise StudyError(f"{name} has no place; write {name} alone.")
+    words = {
+        role: ALL[model].NAME for role in ("machine", "exciter", "governor") if (model := _model(case, place, role))
+    }
+    return Signal(name, place, kind.label.format(place=place, **words), kind.unit)
+
+
+def _belongs(case: Case, name: str, number: int) -> None:
+    """The machine has the control whose reference is asked for, or lacks the one that would stand in the way."""
+    if name in ("exciter", "governor") and not _model(case, number, name):
+        instead = "field" if name == "exciter" else "power"
+        raise StudyError(f"Machine {number} of {case.name} has no {name}; use {instead}:{number}.")
+    if name in ("field", "power"):
+        control, article = ("exciter", "an") if name == "field" else ("governor", "a")
+        if _model(case, number, control):
+            raise StudyError(f"Machine {number} of {case.name} has {article} {control}; use {control}:{number}.")
+
+
+def _device(case: Case, text: str) -> str:
+    names = [f"{s.machine}@{s.bus}" for s in case.storage]
+    matching = [n for n in names if n == text or n.partition("@")[0] == text]
+    if len(matching) != 1:
+        known = ", ".join(names) or "none"
+        raise StudyError(f"{text!r} does not name one storage device of {case.name}; its devices are {known}.")
+    return matching[0]
+
+
+def _model(case: Case, number: object, role: str) -> str | None:
+    return case.model(number, [name for name, device in ALL.items() if role == device.ROLE])

@@ -1,1 +1,0 @@
-"""The theory on one and two machines: swing equation, equal area, energy, phase plane, feedback."""

@@ -1,0 +1,64 @@
+"""The phase plane: the separatrix through the unstable equilibrium and the stability region inside it (Figure 3)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+
+from .energy import critical_energy, energy, potential
+from .omib import OMIB, Cleared, table1
+from .trajectory import Trajectory, simulate
+
+
+@dataclass(frozen=True)
+class Separatrix:
+    """The boundary of the stability region: arrays (n,), the speed of its upper half; the lower is its mirror."""
+
+    angle: NDArray[np.float64]  # rad, from the left end to the unstable equilibrium
+    speed: NDArray[np.float64]  # rad/s, not negative
+
+    def __str__(self) -> str:
+        return (
+            f"stability region from {self.angle[0]:.4f} to {self.angle[-1]:.4f} rad, up to {self.speed.max():.4f} rad/s"
+        )
+
+
+@dataclass(frozen=True)
+class Portrait:
+    """Figure 3: the separatrix, and faults of several lengths with what follows."""
+
+    start: float  # rad
+    separatrix: Separatrix
+    cleared: tuple[Cleared, ...]
+    trajectories: tuple[Trajectory, ...]
+
+    def __str__(self) -> str:
+        fates = (
+            f"{c}, {'stable' if run.stable else 'lost'}" for c, run in zip(self.cleared, self.trajectories, strict=True)
+        )
+        return "\n".join((str(self.separatrix), *fates))
+
+
+def separatrix(m: OMIB, n: int = 401) -> Separatrix:
+    """The curve of energy (10) equal to that at the unstable equilibrium, `n` points."""
+    top = critical_energy(m)
+    left = brentq(lambda d: float(potential(m, d)) - top, m.unstable - 2 * np.pi, m.stable, xtol=1e-14)
+    middle, half = (left + m.unstable) / 2, (m.unstable - left) / 2
+    angle = middle - half * np.cos(np.linspace(0, np.pi, n))
+    return Separatrix(angle, np.sqrt(np.maximum(2 / m.M * (top - potential(m, angle)), 0)))
+
+
+def inside(m: OMIB, angle: ArrayLike, speed: ArrayLike) -> NDArray[np.bool_]:
+    """Whether states (rad, rad/s, shapes that broadcast) after clearing lie in the stability region.
+
+    Angles are those of the turn around the stable equilibrium, from one turn behind the unstable one up to it.
+    """
+    turn = (np.asarray(angle) < m.unstable) & (np.asarray(angle) > separatrix(m, 2).angle[0])
+    return turn & (energy(m, angle, speed) < critical_energy(m))
+
+
+def portrait(m: OMIB, cycles: tuple[float, ...] = (6, 12, 15), after: float = 1.5) -> Portrait:
+    """Figure 3: faults of so many cycles, simulated for `after` (s) past clearing."""
+    runs = tuple(simulate(m, m.seconds(n), until=m.seconds(n) + after) for n in cycles)
+    return Portrait(m.start, separatrix(m), table1(m, cycles), runs)

@@ -1,0 +1,208 @@
+"""The screen of line faults: the same answers as the clearing times one by one, in fewer runs."""
+
+import csv
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from stabctl.clearing import lines, screen
+from stabctl.clearing.critical_time import Trial, clearing_time
+from stabctl.clearing.margin import Margin, margin
+from stabctl.clearing.search import Attempt, search
+from stabctl.controllers import BangBang
+from stabctl.dynamics import operating_point
+from stabctl.errors import StudyError
+from stabctl.model.fleet import everywhere
+
+
+@pytest.fixture(scope="module")
+def classical(cases):
+    return operating_point.solve(cases("ieee39").classical())
+
+
+@pytest.fixture(scope="module")
+def screens(points, classical):
+    """name -> screen of a packaged case, made once."""
+    return cache(lambda name: screen(classical if name == "classical" else points(name)))
+
+
+def answer(found):
+    """What a pair and a clearing time must agree on."""
+    return found.status, found.cycles, found.machine
+
+
+def grid(critical, slope=None, lost=()):
+    """A system that survives up to a point but not those in `lost`; its margins where they grow by a slope."""
+    asked = []
+
+    def attempt(k):
+        asked.append(k)
+        if k <= critical and k not in lost:
+            return Attempt(True)
+        excess = None if slope is None else slope * (k**2 - (critical + 0.5) ** 2)
+        return Attempt(False, 7, excess and Margin(excess, slope * k**2))
+
+    return attempt, asked
+
+
+@pytest.mark.parametrize("slope", [None, 1e-6, 3.0])
+@pytest.mark.parametrize("guess", [-5, 0, 3, 60, 479, 480, 9999])
+@pytest.mark.parametrize("critical", [0, 1, 2, 31, 64, 200, 478, 479])
+def test_search_finds_the_last_survivor_and_proves_it(critical, guess, slope):
+    attempt, asked = grid(critical, slope)
+    found = search(attempt, 480, guess, 4, 4)
+    assert found == ("found", critical, 7, len(asked))
+    assert {critical, critical + 1} <= set(asked)
+    assert len(set(asked)) == len(asked)
+
+
+def test_search_with_margins_asks_few_questions():
+    attempt, asked = grid(73, 1e-6)
+    search(attempt, 480, 110, 4, 4)
+    assert len(asked) <= 6  # 5
+
+
+@pytest.mark.parametrize("guess", [0, 7, 480])
+def test_search_ends_at_the_ends(guess):
+    assert search(grid(-1)[0], 480, guess, 4, 4)[:3] == ("unstable_at_zero", 0, 7)
+    assert search(grid(999)[0], 480, guess, 4, 4)[:3] == ("stable_at_limit", 480, None)
+
+
+def test_an_answer_above_faults_that_are_lost_is_not_given():
+    attempt, _ = grid(91, 1e-6, lost=range(85, 91))
+    assert search(attempt, 480, 120, 4, 4).critical == 84
+
+
+def test_margins_foretell_the_critical_time(points):
+    trial = Trial(points("ieee39"), "29", ("26-29",))
+    near, far = (margin(trial.simulate(k, record=True), trial.cleared(k)) for k in (34, 40))
+    assert 0 < near.excess < far.excess < far.given
+    zero = np.sqrt(34**2 - near.excess * (40**2 - 34**2) / (far.excess - near.excess))
+    assert abs(zero - 30.5) < 2  # 0.6   stable at 30, lost at 31: 3.75 cycles
+
+
+def test_lines_bridges_and_twins(cases):
+    found = lines(cases("ieee39"))
+    assert len(found.screened) == 33  # of 34 lines; the other 12 branches are transformers
+    assert found.bridges == ("16-19",)
+    assert lines(cases("two_area")) == (("7-8", "8-9"), ("5-6", "10-11", "6-7", "9-10"), ("7-8#2", "8-9#2"))
+    large = lines(cases("wnaps"))
+    assert (len(large.screened), len(large.bridges)) == (95, 6)
+
+
+@pytest.mark.parametrize(("name", "every"), [("two_area", 1), ("classical", 4), ("ieee39", 6)])
+def test_pairs_as_clearing_time_finds_them(screens, points, classical, name, every):
+    point, found = classical if name == "classical" else points(name), screens(name)
+    later_swings = [p for p in found.pairs if p[:2] in {("2", "2-3"), ("24", "23-24")}]
+    for pair in [*found.pairs[::every], *later_swings]:
+        assert answer(pair) == answer(clearing_time(point, pair.fault, [pair.trip])), pair
+
+
+def test_a_sample_of_wnaps_as_clearing_time_finds_it(points):
+    point = points("wnaps")
+    found = screen(point, buses=[84, 102])
+    assert len(found.pairs) == 5
+    for pair in found.pairs:
+        assert answer(pair) == answer(clearing_time(point, pair.fault, [pair.trip])), pair
+    lost, first = found.pairs[:2]
+    assert (lost.trip, lost.status, lost.machine) == ("77-102", "unstable_at_zero", 32)
+    assert (first.trip, first.cycles, first.machine) == ("84-28", 2.875, 13)
+    assert "loses the system even without a fault: 77-102" in str(found)
+
+
+def test_pairs_are_ranked_and_cut(screens):
+    found = screens("ieee39")
+    times = [-1 if p.status == "unstable_at_zero" else p.cycles or np.inf for p in found.pairs]
+    assert times == sorted(times)
+    assert len(found.pairs) == found.screened == 66
+    cut = found.below(8)
+    assert cut.pairs == tuple(p for p in found.pairs if p.cycles is not None and p.cycles < 8)
+    assert "66 fault and trip pairs" in str(found)
+    assert "16-19" in str(found)
+    assert str(cut).count("machine 9 goes first") == 9
+
+
+def test_below_gives_the_same_pairs_in_fewer_runs(screens, points):
+    whole, cut = screens("ieee39"), screen(points("ieee39"), below=8)
+    assert [p[:5] for p in cut.pairs] == [p[:5] for p in whole.below(8).pairs]
+    assert cut.simulations < whole.simulations / 2  # 0.36
+
+
+def test_nothing_below_is_said(cases):
+    point = operating_point.solve(cases("two_area").classical())
+    short = screen(point, below=3)
+    assert not short.pairs
+    assert "all 4 fault and trip pairs are survived for 3 cycles" in str(short)
+    with pytest.raises(StudyError, match="below 0 cycles"):
+        screen(point, below=0)
+
+
+def test_a_fine_grid_costs_few_questions():
+    attempt, asked = lambda k: Attempt(k <= 31_415_926_535), []
+    found = search(lambda k: asked.append(k) or attempt(k), 480_000_000_000, 10**9, 10**9, 4 * 10**9)
+    assert found.critical == 31_415_926_535
+    assert len(asked) < 50  # 43
+
+
+def test_threads_change_nothing(points):
+    alone, several = (screen(points("ieee39"), below=6, workers=n) for n in (1, 3))
+    assert replace(alone, wall_s=0) == replace(several, wall_s=0)
+
+
+def test_storage_lengthens_what_is_screened(cases, screens):
+    case = cases("two_area")
+    stored = operating_point.solve(case.with_storage(everywhere(case, "50MW")))
+    held = {p[:2]: p.cycles for p in screen(stored, control=BangBang()).pairs}
+    without = {p[:2]: p.cycles for p in screens("two_area").pairs}
+    assert all(held[k] > without[k] for k in without)
+
+
+def test_impossible_screens_are_refused(points, tmp_path, screens):
+    with pytest.raises(StudyError, match="resolution"):
+        screen(points("two_area"), resolution_cycles=0)
+    with pytest.raises(StudyError, match="bus 1 whose"):
+        screen(points("two_area"), buses=[1])
+    with pytest.raises(StudyError, match="workers"):
+        screen(points("two_area"), workers=0)
+    with pytest.raises(StudyError, match=r"\.csv"):
+        screens("two_area").save(tmp_path / "screen.xls")
+
+
+def test_command(stabctl, tmp_path):
+    path = tmp_path / "screen.csv"
+    code, out, _ = stabctl("screen", "ieee39", "--classical", "--below", "5cyc", "--json", "--out", path)
+    record = json.loads(out)
+    assert code == 0
+    keys = {"case", "pairs", "bridges", "simulations", "wall_s", "observed_s", "resolution_cycles"}
+    assert keys <= set(record)
+    assert record["bridges"] == ["16-19"]
+    first = record["pairs"][0]
+    assert first == {"fault": "29", "trip": "28-29", "cycles": 3.125, "status": "found", "machine": 9}
+    rows = list(csv.DictReader(path.open()))
+    assert [r["fault"] for r in rows] == [p["fault"] for p in record["pairs"]]
+    assert [p.name for p in tmp_path.iterdir()] == ["screen.csv"]
+    code, out, _ = stabctl("screen", "two_area")
+    assert code == 0
+    assert "7-8#2" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--out", "screen.xls"), "screen.xls"),
+        (("--out", "/nowhere/screen.csv"), "nowhere"),
+        (("--below", "soon"), "soon"),
+        (("--below", "0cyc"), "0"),
+        (("--resolution", "0cyc"), "resolution"),
+        (("--workers", "0"), "workers"),
+        (("--observe", "0"), "observation"),
+    ],
+)
+def test_a_mistake_is_one_line(stabctl, words, said):
+    code, out, err = stabctl("screen", "two_area", *words)
+    assert (code, out) == (2, "")
+    assert said in err.splitlines()[-1]
+    assert len(err.splitlines()) == 1

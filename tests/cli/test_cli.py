@@ -1,0 +1,268 @@
+"""The command line: what it prints, and that a mistake is one line and exit code 2."""
+
+import csv
+import json
+import sys
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+
+def complaint(result):
+    """The one line of a mistake."""
+    code, out, err = result
+    assert code == 2
+    assert out == ""
+    assert len(err.splitlines()) == 1, err
+    assert "Traceback" not in err
+    return err
+
+
+def test_cases_lists_all_packaged_ones(stabctl):
+    code, out, _ = stabctl("cases", "--json")
+    sizes = {
+        c["name"]: (c["machines"], c["buses"], c["branches"], c["loads"], c["links"]) for c in json.loads(out)["cases"]
+    }
+    assert code == 0
+    assert sizes["two_area"] == (4, 11, 12, 2, 0)
+    assert sizes["wnaps"] == sizes["wnaps_paper"] == (34, 122, 171, 19, 2)
+    assert "ieee39" in stabctl("cases")[1]
+
+
+def test_powerflow_json_balances(stabctl):
+    code, out, err = stabctl("powerflow", "two_area", "--json")
+    record = json.loads(out)
+    assert (code, err) == (0, "")
+    assert record["converged"] is True
+    assert record["iterations"] == 3
+    assert [b["bus"] for b in record["buses"]] == list(range(1, 12))
+    assert set(record["buses"][0]) == {"bus", "v_pu", "angle_deg", "p_gen_mw", "q_gen_mvar"}
+    assert 2734 < sum(b["p_gen_mw"] for b in record["buses"]) < 2734 * 1.05  # loads plus losses
+    assert "1.03000" in stabctl("powerflow", "two_area")[1]
+    lost = sum(k["p_from_mw"] + k["p_to_mw"] for k in record["branches"])
+    made = sum(b["p_gen_mw"] for b in record["buses"])
+    assert lost == pytest.approx(made - 2734, abs=1e-6)  # two_area has no shunt conductance
+    assert f"lost in the branches: {lost:.1f} MW" in stabctl("powerflow", "two_area", "--branches")[1]
+
+
+@pytest.mark.parametrize(("storage", "outcome"), [((), "lost_synchronism"), (("--storage", "50MW"), "stable")])
+def test_the_papers_main_result(stabctl, storage, outcome):
+    code, out, err = stabctl("simulate", "two_area", "--fault", "7-8@0.4", "--clear", "21cyc", *storage, "--json")
+    record = json.loads(out)
+    assert code == 0
+    assert "Traceback" not in err
+    assert record["outcome"] == outcome
+    keys = {"outcome", "message", "machine", "time_s", "max_angle_from_coi_deg", "steps", "wall_s"}
+    assert keys <= set(record)
+    assert (record["machine"] is None) == (outcome == "stable")
+
+
+def test_table_out_and_plot(stabctl, tmp_path):
+    table, picture = tmp_path / "run.csv", tmp_path / "run.png"
+    words = ("--fault", "7", "--trip", "7-8", "--clear", "8cyc", "--storage-at", "1=50MW,4@9=20MW", "--until", 2)
+    code, out, _ = stabctl("simulate", "two_area", *words, "--out", table, "--plot", picture)
+    assert code == 0
+    assert "stable" in out
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    rows = list(csv.reader(table.open()))
+    assert rows[0][0] == "time_s"
+    assert {"speed_pu:1", "angle_rad:4", "voltage_pu:11", "storage_mw:1", "storage_mw:4"} <= set(rows[0])
+    times = [float(r[0]) for r in rows[1:]]
+    assert times[0] == 0
+    assert times[-1] == 2
+    assert len(times) == 241  # a row per step, and the end
+    ends = [float(r[rows[0].index("storage_mw:4")]) for r in rows[1:]]
+    assert max(map(abs, ends)) == pytest.approx(20, rel=1e-9)
+
+
+def test_netcdf_carries_units(stabctl, tmp_path):
+    import xarray as xr
+
+    path = tmp_path / "run.nc"
+    assert stabctl("simulate", "two_area", "--until", 0.1, "--out", path)[0] == 0
+    with xr.open_dataset(path, engine="scipy") as data:
+        assert data.speed.dims == ("time", "machine")
+        assert data.speed.attrs["units"] == "pu"
+        assert data.voltage.sizes["bus"] == 11
+        assert data.attrs["outcome"] == "stable"
+
+
+def test_clearing_time_json(stabctl):
+    words = ("two_area", "--fault", "7", "--trip", "7-8")
+    record = json.loads(stabctl("clearing-time", *words, "--json")[1])
+    assert record["status"] == "found"
+    assert record["cycles"] == 9.0  # the reference reads about 9
+    assert record["seconds"] == pytest.approx(9 / 60)
+    assert [r["stable"] for r in record["runs"] if r["cycles"] == 9] == [True]
+    assert not any(r["stable"] for r in record["runs"] if r["cycles"] > 9)
+    assert record["wall_s"] > 0
+    limited = json.loads(stabctl("clearing-time", *words, "--limit", "6cyc", "--json")[1])
+    assert (limited["cycles"], limited["status"]) == (None, "stable_at_limit")
+
+
+def test_warnings_are_of_the_machines_that_are_used(stabctl):
+    assert "xl = " in stabctl("powerflow", "ieee39")[2]
+    assert not stabctl("powerflow", "ieee39", "--classical")[2]
+
+
+def test_classical_machines_everywhere(stabctl):
+    words = ("two_area", "--classical", "--fault", "7", "--trip", "7-8", "--json")
+    assert json.loads(stabctl("simulate", *words, "--clear", "3cyc")[1])["outcome"] == "stable"
+    assert json.loads(stabctl("clearing-time", *words)[1])["status"] == "found"
+    assert json.loads(stabctl("powerflow", "two_area", "--classical", "--json")[1])["converged"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("simulate", "nowhere"), "nowhere"),
+        (("simulate", "two_area", "--fault", "99", "--clear", "3cyc"), "99"),
+        (("simulate", "two_area", "--fault", "7-9", "--clear", "3cyc"), "7-9"),
+        (("simulate", "two_area", "--fault", "7-8#3", "--clear", "3cyc"), "2 circuits"),
+        (("simulate", "two_area", "--fault", "7-8@1.5", "--clear", "3cyc"), "1.5"),
+        (("simulate", "two_area", "--fault", "7"), "--clear"),
+        (("simulate", "two_area", "--clear", "3cyc"), "--fault"),
+        (("simulate", "two_area", "--fault", "7", "--clear", "soon"), "soon"),
+        (("simulate", "two_area", "--fault", "7", "--clear", "-3cyc"), "-3cyc"),
+        (("simulate", "two_area", "--step", "1"), "step"),
+        (("simulate", "two_area", "--step", "x"), "--step"),
+        (("simulate", "two_area", "--step", "nan"), "step"),
+        (("simulate", "two_area", "--until", "-1"), "-1"),
+        (("simulate", "two_area", "--storage", "50"), "50MW"),
+        (("simulate", "two_area", "--storage", "50MW", "--storage-at", "1=5MW"), "exclude"),
+        (("simulate", "two_area", "--storage-at", "9=5MW"), "machine 9"),
+        (("simulate", "two_area", "--storage-at", "1@99=5MW"), "bus 99"),
+        (("simulate", "two_area", "--control", "bang-bang"), "--storage"),
+        (("simulate", "two_area", "--control", "magic"), "magic"),
+        (("simulate", "two_area", "--lag", "-1", "--storage", "5MW"), "lag"),
+        (("simulate", "two_area", "--out", "run.xls"), "run.xls"),
+        (("simulate", "two_area", "--out", "/nowhere/run.csv"), "nowhere"),
+        (("simulate", "two_area", "--fault-impedance", "1"), "R,X"),
+        (("clearing-time", "two_area"), "--fault"),
+        (("clearing-time", "two_area", "--fault", "7", "--resolution", "0cyc"), "resolution"),
+        (("clearing-time", "two_area", "--fault", "7", "--observe", "0"), "observation"),
+        (("clearing-time", "two_area", "--fault", "7", "--trip", "7"), "circuit"),
+        (("place", "ieee39", "--classical", "--observe", "0"), "observation of 0 s"),
+        (("place", "ieee39", "--classical", "--lag", "-1"), "--lag -1 s"),
+        (("dance",), "dance"),
+    ],
+)
+def test_a_mistake_is_one_line(stabctl, words, said):
+    assert said in complaint(stabctl(*words))
+
+
+@pytest.mark.parametrize(
+    ("words", "option", "ending"),
+    [
+        (("simulate", "two_area", "--until", "0.1"), "--out", ".csv"),
+        (("simulate", "two_area", "--until", "0.1"), "--plot", ".png"),
+        (("estimate", "two_area", "--fault", "7", "--clear", "3cyc"), "--plot", ".png"),
+        (("screen", "two_area", "--classical"), "--out", ".csv"),
+        (("linearize", "two_area"), "--out", ".npz"),
+    ],
+)
+def test_a_file_that_cannot_be_written_is_told_before_the_work(stabctl, tmp_path, monkeypatch, words, option, ending):
+    monkeypatch.setattr("stabctl.io.load", lambda name: pytest.fail(f"{name} was loaded"))
+    there = tmp_path / f"there{ending}"
+    there.mkdir()
+    assert "is a folder" in complaint(stabctl(*words, option, there))
+    assert "There is no folder" in complaint(stabctl(*words, option, tmp_path / "no" / f"x{ending}"))
+    assert "must end in" in complaint(stabctl(*words, option, "x.no"))
+
+
+@pytest.mark.parametrize(
+    ("command", "said"), [("modes", "is a file; name a folder"), ("place", "is a file; name a folder")]
+)
+def test_a_report_folder_that_is_a_file_is_told_before_the_work(stabctl, tmp_path, monkeypatch, command, said):
+    monkeypatch.setattr("stabctl.io.load", lambda name: pytest.fail(f"{name} was loaded"))
+    taken = tmp_path / "taken"
+    taken.write_text("mine")
+    for folder in (taken, taken / "below"):
+        assert said in complaint(stabctl(command, "two_area", "--report", folder))
+    assert taken.read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("words", "writes"),
+    [
+        (("screen", "two_area", "--classical", "--below", "8cyc", "--out", "x.csv"), "stabctl.clearing.Screen.save"),
+        (("modes", "two_area", "--report", "."), "stabctl.report.modes_page.write"),
+    ],
+)
+def test_what_was_found_is_printed_though_it_cannot_be_written(stabctl, tmp_path, monkeypatch, words, writes):
+    def full(*_):
+        raise OSError(28, "No space left on device", "x")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(writes, full)
+    code, out, err = stabctl(*words)
+    assert code == 2
+    assert "7-8" in out or "1, 2 against 3, 4" in out
+    assert err == "stabctl: No space left on device: x; name another file or folder.\n"
+
+
+@pytest.mark.parametrize("words", [("powerflow", "two_area"), ("swing", "table1"), ("sweep", "show", "x.db")])
+def test_an_interruption_is_one_line(stabctl, monkeypatch, words):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    for work in ("stabctl.io.load", "stabctl.theory.omib.table1", "stabctl.sweep.store.rows"):
+        monkeypatch.setattr(work, interrupt)
+    assert stabctl(*words) == (130, "", "stabctl: interrupted.\n")
+
+
+def test_version(stabctl):
+    from importlib.metadata import version
+
+    assert stabctl("--version") == (0, f"stabctl {version('stabctl')}\n", "")
+
+
+WORDS = st.sampled_from(
+    ["two_area", "--fault", "7", "7-8@0.4", "7-8#2", "--clear", "6cyc", "0.1s", "--trip", "--storage", "5%mva", "-1MW"]
+    + [
+        "--storage-at",
+        "1=5MW",
+        "--step",
+        "--until",
+        "0.2",
+        "--control",
+        "none",
+        "bang-bang",
+        "--json",
+        "--at",
+        "inf",
+        "nan",
+    ]
+    + ["--characteristic", "current", "--lag", "1e308", "--deadband", "--classical", "", "é", "--max-angle", "0", "-"]
+)
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, derandomize=True)
+@given(command=st.sampled_from(["simulate", "powerflow", "cases", "clearing-time"]), words=st.lists(WORDS, max_size=7))
+def test_any_words_give_an_answer_or_one_line(stabctl, command, words):
+    bounded = ["--until", "0.2"] if command == "simulate" else ["--limit", "1cyc"] if command == "clearing-time" else []
+    code, out, err = stabctl(command, "two_area", *words, *bounded)
+    assert code in (0, 2)
+    assert "Traceback" not in out + err
+    if code == 2:
+        assert len(err.splitlines()) == 1, err
+
+
+def test_help_names_every_command(stabctl):
+    code, out, _ = stabctl("--help")
+    assert code == 0
+    assert all(name in out for name in ("cases", "powerflow", "simulate", "clearing-time"))
+
+
+def test_light_commands_import_no_heavy_library():
+    """A whole run of `simulate` must not pay for libraries it does not use."""
+    import subprocess
+
+    words = ["simulate", "two_area", "--until", "0.05", "--json"]
+    code = f"import sys; sys.argv = ['stabctl', *{words}]; from stabctl.cli import main\n"
+    code += "try: main()\nfinally: print(sorted(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=Path(__file__).parents[2])
+    loaded = set(done.stdout.splitlines()[-1].strip("[]").replace("'", "").split(", "))
+    assert not loaded & {"control", "cvxpy", "pandas", "xarray", "matplotlib", "filterpy", "sympy"}

@@ -1,0 +1,125 @@
+"""At its start nothing moves, and a start that a limit forbids is refused with the limit's name."""
+
+import numpy as np
+import pytest
+from systems import CLASSICAL, EXDC2, EXST3, KINDS, PSS, ROUND, SEXS, STEAM, doubled, small, with_shares
+
+from stabctl import io
+from stabctl.devices import ALL
+from stabctl.dynamics import jacobian, operating_point, system
+from stabctl.dynamics.system import sizes
+from stabctl.errors import EquilibriumError
+from stabctl.simulation import simulation
+
+
+def rates(point):
+    """State rates (1/s) and mismatch of currents (pu) at a point, on the whole network."""
+    n = sizes(point.plant, len(point.V))
+    b = system.buffers(point.plant, len(point.V), complex)
+    b.z[:] = point.z
+    jacobian.columns_of(b, point.plant, np.zeros(1, np.int64))
+    f = b.f.real.copy()
+    drawn = point.admittance() @ point.V
+    return f[: n.states], f[n.states :].view(complex) - drawn
+
+
+@pytest.mark.parametrize("name", io.packaged())
+@pytest.mark.parametrize("classical", [False, True])
+def test_packaged_cases_start_stationary(cases, points, name, classical):
+    point = operating_point.solve(cases(name).classical()) if classical else points(name)
+    moving, mismatch = rates(point)
+    assert np.abs(moving).max() < 1e-10  # 1/s
+    assert np.abs(mismatch).max() < 1e-8  # pu of 100 MVA, currents up to 60
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("shares", [{}, {"p_current": 1.0, "q_power": 0.4}, {"p_power": 1.0, "q_current": 1.0}])
+def test_every_model_starts_stationary(kind, shares):
+    point = operating_point.solve(with_shares(small(KINDS[kind]), **shares))
+    moving, mismatch = rates(point)
+    assert np.abs(moving).max() < 1e-10
+    assert np.abs(mismatch).max() < 1e-9
+
+
+def test_the_kinds_hold_every_model():
+    assert {model for devices in KINDS.values() for model in devices} == set(ALL)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_machine_gives_its_load_flow_power(kind):
+    point = operating_point.solve(doubled(small(KINDS[kind])))
+    run = simulation.run(point, until=0.01)
+    assert run.Pe[0] == pytest.approx(point.flow.S.real * 100, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", io.packaged())
+def test_nothing_drifts_in_ten_seconds(points, name):
+    run = simulation.run(points(name), until=10.0)
+    assert np.abs(run.speed - 1).max() < 2e-12
+    assert np.abs(run.rows - run.rows[0]).max() < 1e-9
+    assert run.outcome.kind == "stable"
+
+
+def needed(kind, part):
+    """Value of an exciter's or governor's output at the start of a kind."""
+    return getattr(simulation.run(operating_point.solve(small(kind)), until=0.01), part)[0, 0]
+
+
+LIMITS = [
+    # devices, what binds, limit from the field voltage or power needed
+    ({"genrou": ROUND, "sexs": SEXS}, "sexs", "Efdmax", lambda e: 0.9 * e),
+    ({"genrou": ROUND, "sexs": SEXS}, "sexs", "Efdmin", lambda e: 1.1 * e),
+    ({"genrou": ROUND, "sexs": SEXS._replace(TA=0.0, KA=15.0)}, "sexs", "Efdmax", lambda e: 0.9 * e),
+    ({"genrou": ROUND, "exst3": EXST3}, "exst3", "VRmax", lambda e: 0.7 * e),
+    ({"genrou": ROUND, "exst3": EXST3}, "exst3", "VRmin", lambda e: 1.1 * e),
+    ({"genrou": ROUND, "exst3": EXST3._replace(KA=10.0, VImax=1.0)}, "exst3", "VImax", lambda e: 0.05),
+    ({"genrou": ROUND, "exst3": EXST3._replace(KA=10.0, VImax=1.0)}, "exst3", "VImin", lambda e: 0.5),
+    ({"genrou": ROUND, "exst3": EXST3}, "exst3", "Emax", lambda e: 0.9 * e),
+    ({"genrou": ROUND, "exdc2": EXDC2._replace(SE2=0.0)}, "exdc2", "VRmax", lambda e: 0.9 * e / 1.02),
+    ({"genrou": ROUND, "exdc2": EXDC2._replace(SE2=0.0)}, "exdc2", "VRmin", lambda e: 1.1 * e / 1.02),
+    ({"genrou": ROUND, "sexs": SEXS, "pss": PSS}, "pss", "Vmin", lambda e: 0.01),
+    ({"genrou": ROUND, "tgov": STEAM}, "tgov", "Pmax", lambda e: 0.6),
+    ({"genrou": ROUND, "tgov": STEAM}, "tgov", "Pmin", lambda e: 0.9),
+    ({"gencls": CLASSICAL, "tgov": STEAM._replace(Ts=0.0)}, "tgov", "Pmax", lambda e: 0.6),
+]
+
+
+@pytest.mark.parametrize(
+    ("devices", "model", "limit", "value"), LIMITS, ids=[f"{m} {n} {i}" for i, (_, m, n, _) in enumerate(LIMITS)]
+)
+def test_a_limit_beyond_which_the_start_lies_is_named_with_device_and_machine(devices, model, limit, value):
+    figure = float(f"{value(needed(devices, 'Efd')):.4g}")
+    tight = {**devices, model: devices[model]._replace(**{limit: figure})}
+    with pytest.raises(EquilibriumError) as caught:
+        operating_point.solve(small(tight))
+    start = f"{ALL[model].NAME} of machine 1 at bus 1 cannot start: {limit} = {figure:g} pu "
+    assert str(caught.value).startswith(start)
+    assert f"widen {limit} in {model}.csv" in str(caught.value)
+
+
+def test_a_bypassed_block_has_no_state_that_could_lie_beyond_a_limit():
+    """SEXS with TA = 0 has no regulator state; only its output is limited."""
+    devices = {"genrou": ROUND, "sexs": SEXS._replace(TA=0.0, KA=15.0)}
+    efd = needed(devices, "Efd")
+    for low in (0.9 * efd, -5.0):
+        held = {**devices, "sexs": devices["sexs"]._replace(Efdmax=1.1 * efd, Efdmin=low)}
+        assert np.abs(rates(operating_point.solve(small(held)))[0]).max() < 1e-10
+
+
+def test_a_machine_without_a_start_is_named_with_its_residual():
+    with pytest.raises(EquilibriumError, match=r"^Machine 1 of small has no start .* after 0 steps \(residual .*\); "):
+        operating_point.solve(small(KINDS["bare"]), limit=0)
+
+
+def test_a_machine_that_would_stand_upside_down_is_refused(monkeypatch):
+    """Newton has a second root with the rotor reversed; a guess on its side must not be taken for a start."""
+    guess = operating_point._guess
+
+    def reversed_guess(b, case, flow, net, plant):
+        guess(b, case, flow, net, plant)
+        b.z[plant.rotor[0]] += np.pi
+        b.s.genrou.eq = -1
+
+    monkeypatch.setattr(operating_point, "_guess", reversed_guess)
+    with pytest.raises(EquilibriumError, match="Machine 1 of small starts upside down"):
+        operating_point.solve(small(KINDS["bare"]))

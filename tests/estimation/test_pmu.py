@@ -1,0 +1,89 @@
+"""The PMU model: what it says of noise, losses and filters, and that a seed is a seed."""
+
+import numpy as np
+import pytest
+
+from stabctl.errors import StudyError
+from stabctl.estimation.pmu import Instrument, Pmu
+
+ONE = np.ones(1000, complex)
+
+
+def reports(pmu, seeds=(1,), frames=1, V=ONE):
+    instrument = Instrument(pmu, seeds, len(V), 60.0)
+    rows = np.tile(V, (len(seeds), 1))
+    return [instrument.report(k / pmu.rate, rows, 0.5 * rows, rows.real) for k in range(frames)]
+
+
+def test_a_seed_gives_the_same_errors_alone_and_among_others():
+    pmu = Pmu(loss=0.2, burst=3)
+    alone, among = reports(pmu, (7,), 20), reports(pmu, (3, 7, 9), 20)
+    for a, b in zip(alone, among, strict=True):
+        for name in ("V", "I", "frequency", "rocof", "received"):
+            assert (getattr(a, name)[0] == getattr(b, name)[1]).all()
+    assert (among[0].V[0] != among[0].V[1]).all()
+
+
+def test_without_errors_the_report_is_the_truth():
+    (frame,) = reports(Pmu(60, 0, 0, 0, 0, 0, 0, 0))
+    assert (frame.V == ONE).all()
+    assert (frame.I == 0.5).all()
+    assert frame.received.all()
+
+
+def test_noise_is_as_large_as_it_says_and_within_the_standard():
+    pmu = Pmu()
+    V = np.concatenate([f.V[0] for f in reports(pmu, frames=50)])
+    angle = 2 * np.pi * 60e-6  # of 1 us
+    assert np.std(np.abs(V)) == pytest.approx(0.002, rel=0.02)
+    assert np.std(np.angle(V)) == pytest.approx(np.hypot(0.002, angle), rel=0.02)
+    assert pmu.tve < 0.01 / 3  # the standard's 1 % at three standard deviations: 0.0028
+    frequency = np.concatenate([f.frequency[0] for f in reports(pmu, frames=50)])
+    assert np.std(frequency) * 60e3 == pytest.approx(5, rel=0.02)
+
+
+@pytest.mark.parametrize("burst", [1.0, 4.0])
+def test_losses_have_their_share_and_length(burst):
+    lost = ~np.array([f.received[0] for f in reports(Pmu(loss=0.1, burst=burst), frames=400)])
+    begins = lost[1:] & ~lost[:-1]
+    assert lost[50:].mean() == pytest.approx(0.1, rel=0.03)
+    assert lost[1:].sum() / begins.sum() == pytest.approx(burst if burst > 1 else 1 / 0.9, rel=0.03)
+
+
+def test_an_outage_loses_every_report():
+    got = [f.received.all() for f in reports(Pmu(loss=0.0, outage_s=(0.05, 0.15)), frames=12)]
+    assert [k for k, all_there in enumerate(got) if not all_there] == [3, 4, 5, 6, 7, 8]
+
+
+def test_a_moving_voltage_has_its_frequency():
+    pmu = Pmu(60, 0, 0, 0, 0, 0, 0, 0)
+    instrument = Instrument(pmu, (1,), 1, 60.0)
+    for k in range(10):
+        V = np.exp(2j * np.pi * 0.5 * k / 60).reshape(1, 1)  # 0.5 Hz above nominal
+        frame = instrument.report(k / 60, V, V, V.real)
+    assert frame.frequency[0, 0] * 60 == pytest.approx(0.5)
+    assert frame.rocof[0, 0] == pytest.approx(0, abs=1e-12)
+
+
+def test_a_class_delays_by_half_its_window_and_keeps_a_steady_turn():
+    pmu = Pmu(60, 0, 0, 0, 0, 0, 0, 0, kind="M")
+    instrument, frames = Instrument(pmu, (1,), 1, 60.0), []
+    for k in range(20):
+        V = np.exp(1j * 0.01 * k).reshape(1, 1)
+        frames.append(instrument.report(k / 60, V, V, V.real))
+    assert (pmu.own_frames, pmu.remote_frames) == (3, 3)
+    assert np.angle(frames[-1].V[0, 0]) == pytest.approx(0.01 * (19 - 3))
+
+
+def test_frames_of_delay():
+    assert Pmu(latency_ms=50).remote_frames == 3
+    assert Pmu(latency_ms=51).remote_frames == 4
+    assert Pmu(rate=120, latency_ms=50, kind="P").remote_frames == 2 + 6
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"rate": 61}, {"angle_mrad": -1}, {"latency_ms": float("nan")}, {"loss": 1.0}, {"burst": 0.5}]
+)
+def test_mistakes_are_sentences(wrong):
+    with pytest.raises(StudyError, match=r"not (allowed|one of)"):
+        Pmu(**wrong)

@@ -1,0 +1,150 @@
+"""Load flow: the law it solves, the reference it must give, and what it says when there is no solution."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from systems import CLASSICAL, doubled, small
+
+from stabctl import io
+from stabctl.errors import PowerFlowError
+from stabctl.model import network, powerflow
+from stabctl.model.case import Branch, Bus, Case, Link, Load, Machine
+
+PACKAGED = io.packaged()
+
+
+def written_out(case):
+    """Admittance matrix (pu), branch by branch, tap on the from side."""
+    place = {b.bus: i for i, b in enumerate(case.buses)}
+    Y = np.diag([(b.g + 1j * b.b) / case.base_mva for b in case.buses])
+    for k in case.branches:
+        i, j, y = place[k.from_bus], place[k.to_bus], 1 / (k.r + 1j * k.x)
+        phi = np.deg2rad(k.phase)
+        Y[i, i] += (y + 0.5j * k.b) / k.tap**2
+        Y[j, j] += y + 0.5j * k.b
+        Y[i, j] -= y / k.tap * np.exp(1j * phi)
+        Y[j, i] -= y / k.tap * np.exp(-1j * phi)
+    return Y
+
+
+def balance(case, flow):
+    """Power (pu) put in less power taken out, at every bus."""
+    place = {b.bus: i for i, b in enumerate(case.buses)}
+    S = -flow.V * (written_out(case) @ flow.V).conj()
+    for m, power in zip(case.machines, flow.S, strict=True):
+        S[place[m.bus]] += power
+    for load in case.loads:
+        S[place[load.bus]] -= (load.p + 1j * load.q) / case.base_mva
+    for k in case.links:
+        S[place[k.from_bus]] -= k.p / case.base_mva
+        S[place[k.to_bus]] += (k.p - k.loss) / case.base_mva
+    return S
+
+
+@pytest.mark.parametrize("name", PACKAGED)
+def test_power_balances_at_every_bus(cases, name):
+    flow = powerflow.solve(cases(name))
+    assert np.abs(balance(cases(name), flow)).max() < 1e-9  # pu   the tolerance of Newton is 1e-10
+
+
+@pytest.mark.parametrize("name", PACKAGED)
+def test_branches_and_shunts_carry_off_what_is_injected(cases, name):
+    case, flow = cases(name), powerflow.solve(cases(name))
+    net, ends = network.grid(case), flow.branches()
+    left = abs(flow.V) ** 2 * net.shunt.conj() + powerflow.demand(case)
+    np.add.at(left, net.frm, ends[:, 0])
+    np.add.at(left, net.to, ends[:, 1])
+    np.add.at(left, net.machine_bus, -flow.S)
+    assert np.abs(left).max() < 1e-9  # pu
+
+
+@pytest.mark.parametrize("name", PACKAGED)
+def test_machines_and_voltages_are_as_asked(cases, name):
+    case, flow = cases(name), powerflow.solve(cases(name))
+    for b, V in zip(case.buses, flow.V, strict=True):
+        if b.kind != "pq":
+            assert abs(V) == pytest.approx(b.v, abs=1e-12)
+        if b.kind == "swing":
+            assert np.rad2deg(np.angle(V)) == pytest.approx(b.angle, abs=1e-10)
+            swing = b.bus
+    for m, S in zip(case.machines, flow.S, strict=True):
+        if m.bus != swing:
+            assert S.real * case.base_mva == pytest.approx(m.p, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["two_area", "ieee39", "wnaps", "wnaps_paper"])
+def test_voltages_and_powers_of_the_reference(cases, reference, name):
+    case, flow = cases(name), powerflow.solve(cases(name))
+    data = np.genfromtxt(reference / name / "powerflow.csv", delimiter=",", names=True)
+    place = {b.bus: i for i, b in enumerate(case.buses)}
+    V = flow.V[[place[int(b)] for b in data["bus"]]]
+    assert np.abs(np.abs(V) - data["v_pu"]).max() < 1e-6
+    assert np.abs(np.rad2deg(np.angle(V / V[0])) - (data["angle_deg"] - data["angle_deg"][0])).max() < 1e-4
+    at_bus = np.zeros(len(case.buses), complex)
+    np.add.at(at_bus, [place[m.bus] for m in case.machines], flow.S)
+    theirs = data["p_gen_pu_100MVA"] + 1j * data["q_gen_pu_100MVA"]
+    assert np.abs(at_bus[[place[int(b)] for b in data["bus"]]] - theirs).max() < 1e-4
+
+
+def test_machines_at_one_bus_share_by_their_bases(cases):
+    one = small({"gencls": CLASSICAL})
+    single, split = powerflow.solve(one), powerflow.solve(doubled(one))
+    assert pytest.approx(single.V, abs=1e-12) == split.V
+    assert split.S[0] == split.S[1] == pytest.approx(single.S[0] / 2, abs=1e-10)
+    case = cases("wnaps")  # machines 8 and 9 stand at one high-voltage bus, 10 and 11 too
+    uneven = replace(
+        case, machines=tuple(m._replace(base=2 * m.base if m.machine == 1 else m.base) for m in case.machines)
+    )
+    assert pytest.approx(powerflow.solve(case).S, abs=1e-9) == powerflow.solve(uneven).S
+
+
+def test_remainder_of_reactive_power_is_shared_by_base_where_bases_differ():
+    case = doubled(small({"gencls": CLASSICAL}))
+    machines = (case.machines[0]._replace(base=300.0), case.machines[1]._replace(base=100.0), case.machines[2])
+    flow = powerflow.solve(replace(case, machines=machines))
+    assert flow.S[0].imag == pytest.approx(3 * flow.S[1].imag, rel=1e-12)
+    assert flow.S[0].real == pytest.approx(flow.S[1].real, rel=1e-12)
+
+
+def test_taps_phase_shifts_shunts_and_links_stand_where_the_format_says():
+    case = replace(
+        small({"gencls": CLASSICAL}),
+        buses=(Bus(1, "pv", 1.02), Bus(2, "pq", g=10.0, b=-20.0), Bus(3, "swing")),
+        branches=(Branch(1, 2, 0.001, 0.02, 0.1, 1.05, 3.0), Branch(3, 2, 0.005, 0.05, 0.1, 0.97, -2.0)),
+        links=(Link("dc", 3, 2, 50.0, 2.0),),
+    )
+    assert np.abs(network.admittance(network.grid(case)).toarray() - written_out(case)).max() < 1e-12
+    assert np.abs(balance(case, powerflow.solve(case))).max() < 1e-9
+
+
+def test_no_solution_names_case_bus_mismatch_and_remedy():
+    case = replace(small({"gencls": CLASSICAL}), loads=(Load(2, 9000.0, 0.0),))
+    with pytest.raises(
+        PowerFlowError,
+        match=r"^The load flow of small found no solution .* at bus [123] by .* MVA, .* at bus [123] with .* pu; ",
+    ):
+        powerflow.solve(case)
+
+
+@pytest.mark.parametrize("bus", [27, 15, 20])
+def test_the_bus_it_names_is_the_overloaded_one(cases, bus):
+    case = cases("ieee39")
+    loads = tuple(load._replace(p=8000.0) if load.bus == bus else load for load in case.loads)
+    with pytest.raises(PowerFlowError) as caught:
+        powerflow.solve(replace(case, loads=loads))
+    assert f"at bus {bus} by " in str(caught.value)
+
+
+def test_one_bus_needs_no_iteration():
+    case = Case(
+        "one",
+        (Bus(1, "swing"),),
+        (),
+        (Machine(1, 1, 100.0, 0.0, 1),),
+        {"gencls": {1: CLASSICAL}},
+        (Load(1, 50.0, 10.0),),
+    )
+    flow = powerflow.solve(case)
+    assert flow.iterations == 0
+    assert flow.S[0] == pytest.approx(0.5 + 0.1j, abs=1e-12)

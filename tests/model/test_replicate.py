@@ -1,0 +1,61 @@
+"""Copies of a case: the same operating point in each, and nothing in the ties."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stabctl import io
+from stabctl.dynamics import operating_point
+from stabctl.errors import StudyError
+from stabctl.model import fleet, powerflow
+from stabctl.model.case import Link
+from stabctl.model.replicate import replicate
+from stabctl.simulation.events import contingency
+from stabctl.simulation.simulation import run
+from stabctl.smallsignal import analyze, linearize
+
+
+@pytest.mark.parametrize("name", ["two_area", "wnaps"])
+def test_every_copy_has_the_operating_point_of_the_case(name):
+    case = io.load(name)
+    alone, flow = powerflow.solve(case), powerflow.solve(replicate(case, 4))
+    V, S = flow.V.reshape(4, -1), flow.S.reshape(4, -1)
+    assert np.abs(V - alone.V).max() < 1e-9  # 3e-14
+    assert np.abs(S - alone.S).max() < 1e-8  # 9e-13
+    assert [b.kind for b in flow.case.buses].count("swing") == 1
+
+
+def test_numbers_say_which_copy():
+    case = io.load("two_area")
+    case = replace(case.with_storage(fleet.everywhere(case, "50MW")), links=(Link("dc", 7, 9, 0.0),))
+    three = replicate(case, 3)
+    assert [m.machine for m in three.machines] == [k + i for k in (0, 100, 200) for i in (1, 2, 3, 4)]
+    assert [(s.machine, s.bus) for s in three.storage][-1] == (204, 210)
+    assert set(three.devices["sexs"]) == {m.machine for m in three.machines}
+    assert [k.link for k in three.links] == ["dc", "dc 100", "dc 200"]
+    ties = three.branches[-2:]
+    assert [(k.from_bus, k.to_bus) for k in ties] == [(11, 111), (111, 211)]
+    assert replicate(case, 1).buses == case.buses
+
+
+def test_a_copy_far_from_the_fault_hardly_moves():
+    point = operating_point.solve(replicate(io.load("two_area"), 2, x=1e4))
+    motion = run(point, contingency("7", 0.1, ["7-8"]), 2.0)
+    alone = run(operating_point.solve(io.load("two_area")), contingency("7", 0.1, ["7-8"]), 2.0)
+    assert np.abs(motion.speed[:, :4] - alone.speed).max() < 1e-6  # 9e-8
+    assert np.abs(motion.speed[:, 4:] - 1).max() < 1e-6  # 8e-8
+
+
+def test_ties_add_the_swings_between_copies():
+    modes = analyze(linearize(operating_point.solve(replicate(io.load("two_area_manual"), 2, spread=0.1))))
+    assert len(modes.swings()) == 7
+    H = modes.linear.point.plant.inertia
+    assert H[4:] == pytest.approx(1.1 * H[:4])
+
+
+def test_what_is_not_possible_is_said():
+    case = io.load("two_area")
+    for options, what in (((0,), "at least 1"), ((2, 99), "no bus 99"), ((2, 7, 0.0), "above 0")):
+        with pytest.raises(StudyError, match=what):
+            replicate(case, *options)

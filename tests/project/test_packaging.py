@@ -1,0 +1,47 @@
+"""The wheel carries the cases: built, installed alone into a clean environment, run from another folder."""
+
+import json
+import os
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """Python of a clean environment in which only the wheel and its dependencies are installed."""
+    folder = tmp_path_factory.mktemp("wheel")
+    command = [sys.executable, "-m", "build", "--wheel", "--outdir", folder, ROOT]
+    subprocess.run(command, check=True, capture_output=True)
+    venv.create(folder / "venv", with_pip=True)
+    python = folder / "venv" / "bin" / "python"
+    (wheel,) = folder.glob("*.whl")
+    subprocess.run([python, "-m", "pip", "install", "-q", wheel], check=True, capture_output=True)
+    return python
+
+
+def test_a_case_runs_from_the_wheel(installed, tmp_path):
+    """Also with the package read-only, as a system-wide installation is: the machine code goes to the user's cache."""
+    program = installed.parent / "stabctl"
+    find = "import stabctl, pathlib; print(pathlib.Path(stabctl.__file__).parent)"
+    done = subprocess.run([installed, "-c", find], check=True, capture_output=True, text=True, cwd=tmp_path)
+    package = Path(done.stdout.strip())
+    assert not package.is_relative_to(ROOT)
+    for path in (package, *package.rglob("*")):
+        if path.is_dir():
+            path.chmod(0o555)
+    words = ["simulate", "two_area", "--fault", "7-8@0.4", "--clear", "21cyc", "--storage", "50MW", "--json"]
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    environment.pop("PYTHONPATH", None)
+    done = subprocess.run([program, *words], capture_output=True, text=True, cwd=tmp_path, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["outcome"] == "stable"
+    assert "compiling" in done.stderr
+    assert list((tmp_path / "cache").rglob("*.nbc"))
+    again = subprocess.run([program, *words], capture_output=True, text=True, cwd=tmp_path, env=environment)
+    assert "compiling" not in again.stderr

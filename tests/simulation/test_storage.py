@@ -1,0 +1,259 @@
+"""The storage device: power against voltage, lag, ramp, energy, efficiency; and the bang-bang law that drives it."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from systems import KINDS, small
+
+from stabctl.controllers import BangBang, Device, Feedback, bang_bang, feedback
+from stabctl.controllers.signals import Par, Seen
+from stabctl.devices.loads import zip_load
+from stabctl.devices.storage import esd
+from stabctl.dynamics import operating_point
+from stabctl.model.case import Storage
+from stabctl.simulation import simulation
+from stabctl.simulation.events import Clear, Fault, Open, TripMachine
+from stabctl.simulation.simulation import Simulation
+from stabctl.simulation.stepper import Rules
+
+KEEP_ON = Rules(slip=np.inf)
+IDLE = esd.Par(0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 1.0)
+ROLES = {"power": ("Pp", 0), "current": ("Pc", 1), "conductance": ("Pg", 2)}
+EMPTY = esd.State(0.0, 0.0)
+
+
+def absorbed(par, size, order=1.0, angle=0.3, state=EMPTY):
+    return esd.output(state, order, (size * np.cos(angle), size * np.sin(angle)), par)
+
+
+@pytest.mark.parametrize("kind", ROLES)
+def test_power_against_voltage(kind):
+    field, exponent = ROLES[kind]
+    par = IDLE._replace(**{field: 0.4})
+    for size in (0.5, 0.8, 1.0, 1.1):
+        assert pytest.approx(0.4 * size**exponent, rel=1e-14) == absorbed(par, size).P
+        assert pytest.approx(-0.4 * size**exponent, rel=1e-14) == absorbed(par, size, -1.0).P
+
+
+@pytest.mark.parametrize("kind", ROLES)
+def test_below_its_lowest_voltage_it_passes_continuously_to_a_conductance(kind):
+    par = IDLE._replace(**{ROLES[kind][0]: 0.4})
+    at = absorbed(par, 0.5).P
+    assert pytest.approx(at, rel=1e-7) == absorbed(par, 0.5 - 1e-9).P
+    for size in (0.4, 0.1, 0.0):
+        assert pytest.approx(at * (size / 0.5) ** 2, abs=1e-15) == absorbed(par, size).P
+
+
+@given(size=st.floats(0, 1.5), order=st.floats(-1, 1), angle=st.floats(-3, 3))
+def test_current_and_voltage_give_the_power_and_no_reactive_power(size, order, angle):
+    y = absorbed(IDLE._replace(Pp=0.3, Pc=0.2, Pg=0.1), size, order, angle)
+    S = size * np.exp(1j * angle) * complex(-y.re, -y.im).conjugate()
+    assert S.real == pytest.approx(y.P, abs=1e-14)
+    assert S.imag == pytest.approx(0, abs=1e-14)
+
+
+@given(size=st.floats(0, 1.5), angle=st.floats(-3, 3))
+def test_a_load_draws_what_its_shares_say_and_is_continuous_at_its_threshold(size, angle):
+    par = zip_load.Par(0.5, 0.2, 0.3, 0.1, 0.5)
+    v = size * np.exp(1j * angle)
+    S = -v * complex(*zip_load.output((v.real, v.imag), par)).conjugate()
+    m = max(size, 0.5)
+    want = ((0.5 + 0.2j) / m**2 + (0.3 + 0.1j) / m) * size**2
+    assert pytest.approx(want, abs=1e-13) == S
+
+
+def test_full_and_empty_stop_only_the_direction_that_goes_on():
+    par = IDLE._replace(Pp=0.4, capacity=10.0)
+    full, empty = esd.State(0.0, 10.0), esd.State(0.0, 0.0)
+    assert absorbed(par, 1.0, 1.0, state=full).P == 0
+    assert pytest.approx(-0.4) == absorbed(par, 1.0, -1.0, state=full).P
+    assert absorbed(par, 1.0, -1.0, state=empty).P == 0
+    assert pytest.approx(0.4) == absorbed(par, 1.0, 1.0, state=empty).P
+    assert pytest.approx(-0.4) == absorbed(par._replace(capacity=0.0), 1.0, -1.0, state=empty).P
+
+
+def driven(orders, until=2.0, step=1 / 100, **options):
+    """A run with orders set from outside: {time: order}. Device of machine 1, 40 MW, at bus 2."""
+    case = small(KINDS["sexs, pss, steam"]).with_storage([Storage(1, 2, 40.0, **options)])
+    sim = Simulation(operating_point.solve(case), step=step, rules=KEEP_ON)
+    for t, order in orders.items():
+        assert sim.advance(t)
+        sim.orders[0] = order
+    assert sim.advance(until)
+    return sim.finish()
+
+
+def energy(run):
+    from stabctl.dynamics import system
+
+    first = system.first_state(run.point.plant, "storage")
+    return run.rows[:, first + 1] * run.point.case.base_mva / 3600  # MWh
+
+
+def test_orders_from_outside_are_followed_at_once():
+    run = driven({0.5: 1.0, 1.0: -0.5, 1.5: 0.0})
+    want = np.select([run.time < 0.5 - 1e-9, run.time < 1 - 1e-9, run.time < 1.5 - 1e-9], [0.0, 40.0, -20.0], 0.0)
+    assert run.storage[:, 0] == pytest.approx(want, abs=1e-9)
+
+
+@pytest.mark.parametrize(("kind", "exponent"), [("power", 0), ("current", 1), ("conductance", 2)])
+def test_characteristic_in_a_run(kind, exponent):
+    run = driven({0.5: 1.0}, characteristic=kind)
+    on = run.time > 0.5
+    size = np.abs(run.V[on, 1])
+    assert run.storage[on, 0] == pytest.approx(40 * size**exponent, rel=1e-6)
+    assert np.ptp(size) > 1e-4
+
+
+def test_lag_answers_a_step_exponentially():
+    run = driven({0.5: 1.0}, lag=0.1)
+    after = np.maximum(run.time - 0.5, 0)
+    assert run.storage[:, 0] == pytest.approx(40 * (1 - np.exp(-after / 0.1)), abs=1e-4)  # 3.1e-5, RK4 at h/T = 0.1
+
+
+def test_ramp_limits_the_order():
+    run = driven({0.5: 1.0, 1.5: -1.0}, ramp=80.0, until=2.5)
+    steps = np.diff(run.storage[:, 0])
+    assert np.abs(steps).max() == pytest.approx(0.8, rel=1e-9)  # MW in 1/100 s
+    assert run.storage[np.searchsorted(run.time, 0.99), 0] == pytest.approx(40, abs=0.9)
+    assert run.storage[np.searchsorted(run.time, 0.75), 0] == pytest.approx(20, abs=0.9)
+    assert run.storage[-1, 0] == pytest.approx(-40, abs=0.9)
+
+
+@pytest.mark.parametrize("efficiency", [1.0, 0.81])
+def test_store_holds_the_integral_of_the_power_less_the_losses_each_way(efficiency):
+    run = driven({0.5: 1.0, 1.0: -1.0}, energy=1.0, charge=0.5, efficiency=efficiency)
+    way = np.sqrt(efficiency)
+    P = run.storage[:-1, 0]
+    gained = np.r_[0, np.cumsum(np.where(P > 0, way, 1 / way) * P * np.diff(run.time))] / 3600
+    assert energy(run) == pytest.approx(0.5 + gained, abs=1e-12)
+    assert np.ptp(energy(run)) > 4e-3
+
+
+@pytest.mark.parametrize(("order", "charge"), [(1.0, 1.0), (-1.0, 0.0)])
+def test_a_full_store_absorbs_and_an_empty_one_injects_nothing(order, charge):
+    run = driven({0.5: order}, energy=1.0, charge=charge)
+    assert np.abs(run.storage).max() == 0
+    turned = driven({0.5: -order}, energy=1.0, charge=charge)
+    assert turned.storage[-1, 0] == pytest.approx(-40 * order)
+
+
+@pytest.mark.parametrize(("order", "charge"), [(1.0, 0.5), (-1.0, 0.5)])
+def test_a_small_store_stops_when_full_or_empty(order, charge):
+    capacity = 0.01  # MWh: half of it lasts 0.45 s at 40 MW
+    run = driven({0.5: order}, energy=capacity, charge=charge)
+    worked = np.abs(run.storage[:, 0]) > 1
+    assert run.time[worked].max() == pytest.approx(0.95, abs=0.011)
+    assert run.storage[-1, 0] == 0
+    over = 40 * 0.01 / 3600  # what a step carries
+    assert energy(run).max() <= capacity + over
+    assert energy(run).min() >= -over
+
+
+def test_a_store_with_lag_and_limits_starts_at_rest():
+    run = driven({}, energy=2.0, charge=0.25, lag=0.05, ramp=10.0)
+    assert energy(run) == pytest.approx(0.5, abs=1e-12)
+    assert np.abs(run.speed - 1).max() < 1e-12
+
+
+class TestBangBangLaw:
+    PAR = BangBang().par(Device(50.0, 900.0, 60.0))
+
+    def test_constants(self):
+        assert Par(bang_bang.KIND, 0.1 / 60, 0.8) == self.PAR
+
+    @given(st.floats(-1, 1), st.floats(0, 1.5))
+    def test_it_absorbs_when_fast_injects_when_slow_and_idles_inside_deadband_and_gate(self, deviation, voltage):
+        order = bang_bang.order(Seen(deviation, 0.0, voltage), self.PAR)
+        if voltage < 0.8 or abs(deviation) <= 0.1 / 60:
+            assert order == 0
+        else:
+            assert order == np.sign(deviation)
+
+    def test_edges(self):
+        for deviation, voltage, want in (
+            (0.1 / 60, 1.0, 0),
+            (0.1001 / 60, 1.0, 1),
+            (-0.1001 / 60, 0.8, -1),
+            (0.1, 0.7999, 0),
+        ):
+            assert bang_bang.order(Seen(deviation, 0.0, voltage), self.PAR) == want
+
+
+class TestFeedbackLaw:
+    DEVICE = Device(50.0, 900.0, 60.0)
+
+    @given(st.floats(-0.05, 0.05), st.floats(-0.1, 0.1), st.floats(0, 1.2))
+    def test_power_is_gain_times_speed_and_acceleration_on_the_machine_base_within_the_rating(self, slip, rate, size):
+        """P = S (Kv w + Ka w') with w in rad/s (the paper, eq. (13)), limited to the rating, idle at low voltage."""
+        law = Feedback(speed_gain=0.02, acceleration_gain=0.01)
+        order = feedback.order(Seen(slip, rate, size), law.par(self.DEVICE))
+        wb = 2 * np.pi * 60
+        want = np.clip(900 * (0.02 * wb * slip + 0.01 * wb * rate), -50, 50)
+        assert 50 * order == pytest.approx(want if size >= 0.8 and slip else 0, abs=1e-9)
+
+    @given(st.floats(-0.05, 0.05), st.floats(-0.1, 0.1))
+    def test_braking_never_feeds_the_swing(self, slip, rate):
+        """Eq. (14): the power has the sign of the speed and the size of the acceleration."""
+        order = feedback.order(Seen(slip, rate, 1.0), Feedback(0.0, 0.001, braking=True).par(self.DEVICE))
+        assert order * slip >= 0
+        assert abs(order) == pytest.approx(min(abs(rate) * 0.001 * 2 * np.pi * 60 * 18, 1) * (slip != 0), abs=1e-12)
+
+
+@pytest.fixture(scope="module")
+def bang(cases):
+    """Two-area, fault at 7, eight cycles, 50 MW at every high-voltage bus."""
+    case = cases("two_area")
+    point = operating_point.solve(case.with_storage(Storage(m.machine, m.storage_bus, 50.0) for m in case.machines))
+    events = [Fault("7", 1.0), Clear("7", 1 + 8 / 60), Open("7-8", 1 + 8 / 60)]
+    return simulation.run(point, events, 6.0, control=BangBang(), rules=KEEP_ON)
+
+
+def test_orders_follow_the_speed_against_the_rest_of_the_system(bang):
+    """Recomputed from the trajectory: own speed against the COI of the other three, own voltage, deadband, gate."""
+    H, case = bang.point.plant.inertia, bang.point.case
+    rest = (bang.speed @ H)[:, None] - bang.speed * H
+    deviation = bang.speed - rest / (H.sum() - H)
+    size = np.abs(bang.V[:, [bang.point.net.place[s.bus] for s in case.storage]])
+    want = np.where((size < 0.8) | (np.abs(deviation) <= 0.1 / 60), 0.0, np.sign(deviation))
+    clear = (np.abs(np.abs(deviation) - 0.1 / 60) > 1e-9) & (np.abs(size - 0.8) > 1e-2)
+    assert (clear.mean(), np.abs(want).mean()) > (0.95, 0.05)
+    wrong = (bang.storage != 0) & clear & (np.abs(bang.storage - 50 * want) > 1e-6)
+    assert not wrong.any()
+    assert np.array_equal((np.abs(bang.storage) > 1)[clear], (want != 0)[clear])
+
+
+def test_it_idles_at_low_voltage(bang):
+    case = bang.point.case
+    size = np.abs(bang.V[:, [bang.point.net.place[s.bus] for s in case.storage]])
+    assert (size < 0.8).any()
+    assert np.abs(bang.storage[size < 0.8 - 1e-6]).max() == 0
+
+
+def test_it_works_in_both_directions_and_calms_down(bang):
+    assert bang.storage.max() == pytest.approx(50)
+    assert bang.storage.min() == pytest.approx(-50)
+    assert np.abs(bang.storage[-1]).max() == 0
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.1])
+def test_the_device_of_a_tripped_machine_idles(cases, lag):
+    case = cases("two_area")
+    point = operating_point.solve(
+        case.with_storage(Storage(m.machine, m.storage_bus, 50.0, lag=lag) for m in case.machines)
+    )
+    events = [Fault("7", 0.5), Clear("7", 0.6), TripMachine(1, 0.8)]
+    run = simulation.run(point, events, 4.0, control=BangBang(), rules=KEEP_ON)
+    before, after = run.time < 0.8, run.time > 0.8 + 12 * lag
+    assert np.abs(run.storage[before, 0]).max() > 10
+    assert np.abs(run.storage[after, 0]).max() < 1e-3
+    assert np.abs(run.storage[after, 1]).max() > 10
+
+
+def test_a_device_alone_in_its_island_idles():
+    case = small(KINDS["bare"]).with_storage([Storage(1, 2, 40.0)])
+    events = [Open("2-3", 0.1), Open("2-3#2", 0.1)]
+    run = simulation.run(operating_point.solve(case), events, 0.5, control=BangBang(), rules=KEEP_ON)
+    assert run.speed[-1, 0] > 1.003
+    assert np.abs(run.storage).max() == 0

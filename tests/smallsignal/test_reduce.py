@@ -1,0 +1,63 @@
+"""Reduced models keep labels, the modes of interest, and the transfer function where it matters."""
+
+import numpy as np
+import pytest
+
+from stabctl.errors import StudyError
+from stabctl.smallsignal import analyze, balanced, linearize, modal
+
+
+@pytest.fixture(scope="module")
+def whole(point):
+    return analyze(linearize(point("wnaps"), ["storage:33", "storage:31"], ["speed:14", "speed:13", "rest_speed:14"]))
+
+
+def _response(model, s):
+    return model.C @ np.linalg.solve(s * np.eye(len(model.A)) - model.A, model.B) + model.D
+
+
+def test_modal_truncation_keeps_its_modes(whole):
+    keep = [0, *whole.swings()[:6]]
+    small = modal(whole, keep)
+    assert len(small.states) == 13
+    assert (small.inputs, small.outputs) == (whole.linear.inputs, whole.linear.outputs)
+    assert small.states[1] == "machine 34 against the rest, 0.207 Hz, cosine"
+    found = np.sort_complex(np.linalg.eigvals(small.A))
+    wanted = np.r_[whole.eigenvalues[keep], whole.eigenvalues[whole.swings()[:6]].conj()]
+    assert np.abs(found - np.sort_complex(wanted)).max() < 1e-8  # 4e-14
+    assert small.to_control().nstates == 13
+
+
+def test_all_modes_give_the_whole_model(whole):
+    same = modal(whole, range(len(whole)))
+    s = 3j
+    full = _response(whole.linear, s)
+    assert np.abs(_response(same, s) - full).max() < 1e-9 * np.abs(full).max()  # 2e-13
+
+
+def test_balanced_reduction_meets_its_bound(whole):
+    small = balanced(whole, 30)
+    assert len(small.states) == 30
+    bound = 2 * small.hankel[29:].sum()
+    worst = 0.0
+    for f in np.geomspace(1e-3, 10, 60):
+        s = 2j * np.pi * f
+        worst = max(worst, np.linalg.norm(_response(small, s) - _response(whole.linear, s), 2))
+    assert worst <= bound  # 4e-7 against 2e-6
+    peak = max(np.linalg.norm(_response(whole.linear, 2j * np.pi * f), 2) for f in np.geomspace(0.1, 2, 60))
+    assert worst < 1e-3 * peak  # 1.2e-4
+
+
+def test_balanced_keeps_the_zero(whole):
+    small = balanced(whole, 10)
+    assert small.states[0] == "angle reference: all angles may turn together"
+    assert np.abs(np.linalg.eigvals(small.A)).min() < 1e-9
+
+
+def test_impossible_orders_are_refused(whole, modes):
+    with pytest.raises(StudyError, match="order 1 is not possible"):
+        balanced(whole, 1)
+    with pytest.raises(StudyError, match="inputs and outputs"):
+        balanced(modes("two_area"), 10)
+    with pytest.raises(StudyError, match="at least one mode"):
+        modal(whole, [])

@@ -1,0 +1,93 @@
+"""The equivalent from a case: exact for two machines, and in agreement with the full simulation."""
+
+import numpy as np
+import pytest
+
+from stabctl import io
+from stabctl.clearing.critical_time import clearing_time
+from stabctl.controllers import BangBang, Feedback
+from stabctl.devices.machines import gencls
+from stabctl.dynamics import operating_point
+from stabctl.errors import StudyError
+from stabctl.model import fleet
+from stabctl.model.case import Branch, Bus, Case, Machine
+from stabctl.report import paper
+from stabctl.simulation.events import contingency
+from stabctl.simulation.simulation import run
+from stabctl.theory.from_case import equivalent
+from stabctl.theory.two_machine import Equivalent
+
+
+@pytest.fixture(scope="module")
+def two():
+    """Machine 1 sends 50 MW to machine 2 over two lines; lossless, no load, on one base."""
+    buses = (Bus(1, "pv", 1.0), Bus(2, "swing", 1.0))
+    branches = (Branch(1, 2, 0.0, 1.0), Branch(1, 2, 0.0, 1.0))
+    machines = (Machine(1, 1, 100, 50, 1), Machine(2, 2, 100, -50, 2))
+    rows = {1: gencls.Par(0, 0, 1.0, 0, 0, 0.25), 2: gencls.Par(0, 0, 6.0, 0, 0, 0.25)}
+    return Case("two", buses, branches, machines, {"gencls": rows})
+
+
+def test_two_machines_are_their_own_equivalent(two):
+    found = equivalent(two, 1)
+    point = operating_point.solve(two)
+    E = point.z[-4:-2]
+    assert (found.H1, found.HCOI, found.base) == (1.0, 6.0, 100)
+    assert 1 / found.X == pytest.approx(E[0] * E[1], rel=1e-12)  # X = 0.25 + 1/2 + 0.25
+    assert found.Pm1 == pytest.approx(0.5, abs=1e-9)
+    assert found.omib.start == pytest.approx(np.ptp(point.z[point.plant.rotor]), abs=1e-9)
+
+
+def test_its_critical_time_is_that_of_the_simulation(two):
+    exact = equivalent(two, 1).critical().cycles
+    fault = clearing_time(operating_point.solve(two), "1", resolution_cycles=1 / 64, limit_cycles=30, step=1 / 480)
+    assert fault.cycles <= exact < fault.cycles + 1 / 64 + 0.01
+
+
+def test_one_machine_of_a_large_case(two):
+    case = io.load("wnaps")
+    found = equivalent(case, 14)
+    assert found.H1 == pytest.approx(6.5 * 23)
+    assert (
+        pytest.approx(sum(case.devices["genrou"][m.machine].H * m.base for m in case.machines) / 100)
+        == found.H1 + found.HCOI
+    )
+    assert 0 < found.omib.start < np.pi / 2
+    with pytest.raises(StudyError, match="no machine 99"):
+        equivalent(case, 99)
+
+
+def test_table_2_has_the_powers_it_states():
+    assert Equivalent().omib.start == pytest.approx(paper.TABLE_2["start"].value, abs=1e-4)
+
+
+@pytest.mark.parametrize("law", [Feedback(0.02), Feedback(0.02, -0.004), Feedback(0.0, 0.007, braking=True)])
+def test_feedback_laws_hold_a_multi_machine_case(law):
+    """The laws (13), (14) as storage orders save what is lost without, within the rating, and damp."""
+    case = io.load("two_area")
+    point = operating_point.solve(case.with_storage(fleet.everywhere(case, "100MW")))
+    events = contingency("7-8@0.4", 21 / 60)
+    assert run(point, events).outcome.machine == 4
+    held = run(point, events, control=law)
+    assert held.outcome.stable
+    assert np.abs(held.storage).max() <= 100 * (1 + 1e-9)
+    half = np.abs(held.storage[1:]) < 100 * 0.5
+    assert (half & (np.abs(held.storage[1:]) > 1)).any()  # continuous orders, no bang-bang
+
+
+def test_negative_acceleration_gain_lightens_the_rotor():
+    """With (13) and Ka < 0 the law injects while the machine accelerates: its order has the sign of Ka times a."""
+    case = io.load("two_area")
+    point = operating_point.solve(case.with_storage(fleet.chosen(case, "1=100MW")))
+    run_ = run(point, contingency("7-8@0.4", 0.1), until=1.2, control=Feedback(0.0, -0.004, min_voltage=0.0))
+    during = (run_.time > 1.02) & (run_.time < 1.05)
+    assert (run_.storage[during, 0] < 0).all()
+
+
+def test_bang_bang_is_the_limit_of_a_steep_feedback():
+    case = io.load("two_area")
+    point = operating_point.solve(case.with_storage(fleet.everywhere(case, "50MW")))
+    events = contingency("7-8@0.4", 21 / 60)
+    steep = run(point, events, until=1.6, control=Feedback(1e6, deadband_hz=0.1))
+    switched = run(point, events, until=1.6, control=BangBang())
+    np.testing.assert_allclose(steep.storage, switched.storage, atol=1e-9)
