@@ -5,7 +5,7 @@ import gzip
 import numpy as np
 
 from stabctl.simulation import simulation
-from stabctl.simulation.stepper import Rules
+from stabctl.simulation.criterion import Criterion
 
 SIGNALS = {  # signal -> file of the reference, its units as ours
     "speed": "speed_pu",
@@ -17,7 +17,7 @@ SIGNALS = {  # signal -> file of the reference, its units as ours
     "Pe": "pelect_pu_100MVA",
 }
 EARLY = 1 / 960  # s   the reference's switchings act half of its step of 1/480 s early
-KEEP_ON = Rules(slip=np.inf, low_voltage_s=0.0)
+KEEP_ON = Criterion(max_angle=np.inf, low_voltage_s=0.0)
 
 
 def table(path):
@@ -28,7 +28,7 @@ def table(path):
 
 
 def simulated(point, events, until, step=1 / 960, control=None):
-    return simulation.run(point, events, until, control=control, step=step, rules=KEEP_ON)
+    return simulation.run(point, events, until, control=control, step=step, criterion=KEEP_ON)
 
 
 def signals(run):

@@ -10,11 +10,11 @@ import numpy as np
 from stabctl.controllers import Law
 from stabctl.dynamics.operating_point import Point
 from stabctl.errors import StudyError
+from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.events import contingency
 from stabctl.simulation.outcome import Kind
 from stabctl.simulation.sampled import Sampled
 from stabctl.simulation.simulation import run
-from stabctl.simulation.stepper import DEFAULT, Rules
 from stabctl.simulation.trajectory import Trajectory
 
 Status = Literal["found", "unstable_at_zero", "stable_at_limit"]
@@ -54,7 +54,7 @@ class Trial:
     limit_cycles: float = 60.0
     observed_s: float = 5.0  # s   watched after clearing
     step: float | None = None
-    rules: Rules = DEFAULT
+    criterion: Criterion = DEFAULT
     impedance: complex = 0j  # pu
 
     def __post_init__(self) -> None:
@@ -84,7 +84,7 @@ class Trial:
         clear = k * self.resolution_cycles / self.point.case.frequency_hz
         happens = contingency(self.fault, clear, self.trip, self.at, self.impedance)
         until = self.at + clear + self.observed_s
-        return run(self.point, happens, until, self.control, self.step, self.rules, record)
+        return run(self.point, happens, until, self.control, self.step, self.criterion, record)
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ def clearing_time(
     limit_cycles: float = 60.0,
     observed_s: float = 5.0,
     step: float | None = None,
-    rules: Rules = DEFAULT,
+    criterion: Criterion = DEFAULT,
     impedance: complex = 0j,
     progress: Callable[[Run], None] | None = None,
 ) -> Clearing:
@@ -143,7 +143,7 @@ def clearing_time(
     impedance (pu); what is told every run. Raises `StudyError` for impossible places or grids.
     """
     trip = tuple(trip)
-    trial = Trial(point, fault, trip, control, resolution_cycles, limit_cycles, observed_s, step, rules, impedance)
+    trial = Trial(point, fault, trip, control, resolution_cycles, limit_cycles, observed_s, step, criterion, impedance)
     began, runs, last = time.perf_counter(), {}, trial.last
 
     def survives(k: int) -> bool:

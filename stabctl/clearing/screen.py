@@ -15,10 +15,10 @@ from stabctl._util import cores, files
 from stabctl.controllers import Law
 from stabctl.dynamics.operating_point import Point
 from stabctl.errors import StudyError
+from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.events import Fault
 from stabctl.simulation.sampled import Sampled
 from stabctl.simulation.simulation import run
-from stabctl.simulation.stepper import DEFAULT, Rules
 
 from .critical_time import BELOW, Status, Trial
 from .lines import Lines, lines
@@ -114,7 +114,7 @@ def screen(
     limit_cycles: float = 60.0,
     observed_s: float = 5.0,
     step: float | None = None,
-    rules: Rules = DEFAULT,
+    criterion: Criterion = DEFAULT,
     buses: Iterable[int] | None = None,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -133,13 +133,13 @@ def screen(
     if below is not None and not below > 0:
         raise StudyError(f"No pair has a clearing time below {below:g} cycles; list those below a time above 0.")
     limit = limit_cycles if below is None else min(limit_cycles, _up(below, resolution_cycles))
-    Trial(point, "", (), control, resolution_cycles, limit, observed_s, step, rules)
+    Trial(point, "", (), control, resolution_cycles, limit, observed_s, step, criterion)
     found, wanted = lines(point.case), None if buses is None else {str(bus) for bus in buses}
     by_bus: dict[str, list[Trial]] = {}
     for name in found.screened:
         for bus in name.split("#")[0].split("-"):
             if wanted is None or bus in wanted:
-                trial = Trial(point, bus, (name,), control, resolution_cycles, limit, observed_s, step, rules)
+                trial = Trial(point, bus, (name,), control, resolution_cycles, limit, observed_s, step, criterion)
                 by_bus.setdefault(bus, []).append(trial)
     if not by_bus:
         where = "" if wanted is None else f" at bus {', '.join(sorted(wanted))}"
@@ -210,7 +210,7 @@ def _sustained(trial: Trial) -> float:
     longest = min(trial.limit_cycles / SUSTAINED / hz, trial.observed_s)
     happens = [Fault(trial.fault, trial.at)]
     until = trial.at + longest
-    ran = run(trial.point, happens, until, trial.control, trial.step, trial.rules, record=False).outcome
+    ran = run(trial.point, happens, until, trial.control, trial.step, trial.criterion, record=False).outcome
     return trial.limit_cycles / SUSTAINED if ran.stable else (ran.time_s - trial.at) * hz
 
 

@@ -58,7 +58,7 @@ def clearing_time(
             seconds(limit, hz) * hz,
             observe,
             step,
-            shared.rules(max_angle),
+            shared.criterion(max_angle),
             shared.impedance(fault_impedance),
             progress=lambda _run: tell(None),
         )

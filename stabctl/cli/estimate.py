@@ -58,7 +58,7 @@ def estimate(
     law = shared.law(point.case, None, deadband, min_voltage) or BangBang(deadband, min_voltage)
     driven = Driven(law, estimator, shared.pmu(pmu_rate, pmu_noise_mrad, latency_ms, loss), seed)
     end = at + off + observe
-    found = watch(point, events, end, driven, step=step, rules=shared.rules(max_angle))
+    found = watch(point, events, end, driven, step=step, criterion=shared.criterion(max_angle))
     if plot:
         from stabctl.plotting.estimates import speeds
 

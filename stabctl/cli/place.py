@@ -75,7 +75,7 @@ def place(
             law=law,
             observed_s=observe,
             step=step,
-            rules=shared.rules(max_angle),
+            criterion=shared.criterion(max_angle),
             others={validate: Driven(law, validate, Pmu(), seed, "batched")} if validate else {},
             workers=workers,
             progress=lambda runs, cost: tell(None, f"{runs} runs, best cost {cost:.4g}"),

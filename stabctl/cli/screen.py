@@ -52,7 +52,7 @@ def screen(
             limit_cycles=seconds(limit, hz) * hz,
             observed_s=observe,
             step=step,
-            rules=shared.rules(max_angle),
+            criterion=shared.criterion(max_angle),
             workers=workers,
             progress=lambda done, total: tell(done / total),
         )

@@ -181,14 +181,14 @@ def impedance(text: str) -> complex:
     return complex(r, x)
 
 
-def rules(max_angle: float) -> Any:
+def criterion(max_angle: float) -> Any:
     """When a run ends."""
     from stabctl.errors import StudyError
-    from stabctl.simulation.stepper import Rules
+    from stabctl.simulation.criterion import Criterion
 
     if not 0 < max_angle < float("inf"):
         raise StudyError(f"--max-angle {max_angle:g} rad is not allowed; it must be more than 0.")
-    return Rules(slip=max_angle)
+    return Criterion(max_angle=max_angle)
 
 
 def print_json(record: dict[str, Any]) -> None:

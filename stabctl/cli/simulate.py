@@ -75,7 +75,7 @@ def simulate(
     steering = shared.steering(law, estimator, signals, seed)
     with shared.progress("simulating", until) as tell:
         keep = out is not None or plot is not None
-        result = run(point, events, until, steering, step, shared.rules(max_angle), keep, progress=tell)
+        result = run(point, events, until, steering, step, shared.criterion(max_angle), keep, progress=tell)
     if out:
         result.save(out)
     if plot:

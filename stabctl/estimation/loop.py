@@ -12,10 +12,10 @@ import numpy as np
 
 from stabctl.controllers import BangBang, Device, Law, Seen, order
 from stabctl.dynamics.operating_point import Point
+from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.events import Event
 from stabctl.simulation.sampled import carry
 from stabctl.simulation.simulation import Simulation
-from stabctl.simulation.stepper import DEFAULT, Rules
 
 from .coi import Center
 from .estimators import Engine, Filtered, Kind, estimator
@@ -153,7 +153,7 @@ def watch(
     driven: Driven,
     seeds: Sequence[int] | None = None,
     step: float | None = None,
-    rules: Rules = DEFAULT,
+    criterion: Criterion = DEFAULT,
     record: bool = False,
 ) -> Record:
     """Simulate with an estimator in the loop until `until` (s), once per seed, and keep what it knew and ordered.
@@ -163,7 +163,7 @@ def watch(
     """
     events = tuple(events)
     seeds = (driven.seed,) if seeds is None else tuple(seeds)
-    simulations = [Simulation(point, events, None, step, rules, record) for _ in seeds]
+    simulations = [Simulation(point, events, None, step, criterion, record) for _ in seeds]
     pilot = Pilot(driven, simulations, seeds)
     carry(simulations, pilot, driven.rate, until)
     return replace(pilot.record(), runs=tuple(s.finish() for s in simulations))

@@ -34,7 +34,7 @@ def critical(trials: Trials, mw: np.ndarray, k: int, control: Law | Sampled | No
     grid = target / steps
     limit = max(LIMIT, 2 * target)
     point = trials.point.resized(trials.fleet(mw))
-    trial = Trial(point, one.fault, one.trip, law, grid, limit, trials.observed_s, trials.step, trials.rules)
+    trial = Trial(point, one.fault, one.trip, law, grid, limit, trials.observed_s, trials.step, trials.criterion)
     told: dict[int, bool] = {}
 
     def attempt(j: int) -> Attempt:

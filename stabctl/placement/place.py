@@ -13,8 +13,8 @@ from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
 from stabctl.model import fleet, powerflow
 from stabctl.model.case import Case, Storage
+from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.sampled import Sampled
-from stabctl.simulation.stepper import DEFAULT, Rules
 
 from . import initial_fleets
 from .contingency import Contingency, checked
@@ -41,7 +41,7 @@ def place(
     law: Law | None = None,
     observed_s: float = 5.0,
     step: float | None = None,
-    rules: Rules = DEFAULT,
+    criterion: Criterion = DEFAULT,
     others: Mapping[str, Sampled] | None = None,
     workers: int | None = None,
     progress: Callable[[int, float], None] | None = None,
@@ -70,7 +70,7 @@ def place(
         if progress:
             progress(runs, search.cost if search else np.inf)
 
-    trials = Trials(point, checked(contingencies, case), largest, law, observed_s, step, rules, workers, tell)
+    trials = Trials(point, checked(contingencies, case), largest, law, observed_s, step, criterion, workers, tell)
     uniform = UNIFORM * mva
     trials, cures, incurable = initial_fleets.curable(trials, uniform)
     price = np.full(len(found), float(costs.mw))

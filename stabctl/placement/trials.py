@@ -12,9 +12,9 @@ from stabctl._util import cores
 from stabctl.clearing.critical_time import check_observed
 from stabctl.controllers import BangBang, Law
 from stabctl.dynamics.operating_point import Point
+from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.events import contingency
 from stabctl.simulation.simulation import Simulation, run
-from stabctl.simulation.stepper import DEFAULT, Rules
 from stabctl.simulation.trajectory import Trajectory
 
 from .contingency import Contingency
@@ -39,13 +39,13 @@ class Trials:
         law: Law | None = None,
         observed_s: float = 5.0,
         step: float | None = None,
-        rules: Rules = DEFAULT,
+        criterion: Criterion = DEFAULT,
         workers: int | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> None:
         check_observed(observed_s)
         self.point, self.contingencies, self.cap, self.law = point, tuple(contingencies), cap, law or BangBang()
-        self.observed_s, self.step, self.rules, self.progress = observed_s, step, rules, progress
+        self.observed_s, self.step, self.criterion, self.progress = observed_s, step, criterion, progress
         self._counted, self._lock = [0], Lock()
         self._pool, self._ended = ThreadPoolExecutor(cores.used(workers)), Event()
         self._known: dict[tuple[int, bytes], bool] = {}
@@ -115,4 +115,4 @@ class Trials:
         events = contingency(one.fault, one.clear, one.trip, 0.0)
         self.count()
         until = one.clear + self.observed_s
-        return run(self.point.resized(mw), events, until, self.law, self.step, self.rules, record)
+        return run(self.point.resized(mw), events, until, self.law, self.step, self.criterion, record)

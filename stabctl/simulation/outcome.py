@@ -10,6 +10,7 @@ from stabctl._util.wording import named
 from stabctl.dynamics.operating_point import Point
 
 from . import stepper
+from .criterion import Criterion
 from .topology import Stage
 
 
@@ -53,7 +54,7 @@ class End(NamedTuple):
     taken_off: tuple[str, ...]  # sentences on the machines that ran away alone
 
 
-def outcome(point: Point, end: End, rules: stepper.Rules) -> Outcome:
+def outcome(point: Point, end: End, criterion: Criterion) -> Outcome:
     """The outcome of a run that ended so."""
     number, bus, t = point.case.machines[end.machine].machine, point.case.buses[end.bus].bus, end.time
     cut = " ".join((_cut_off(point, end.stage), *end.taken_off)).strip()
@@ -64,12 +65,12 @@ def outcome(point: Point, end: End, rules: stepper.Rules) -> Outcome:
         case stepper.SLIPPED:
             kind, machine, where = Kind.LOST_SYNCHRONISM, number, " of its island" if cut else ""
             text = (
-                f"Machine {number} lost synchronism at {t:.3f} s: its angle moved {np.rad2deg(rules.slip):.0f} degrees "
-                f"against the center of inertia{where}."
+                f"Machine {number} lost synchronism at {t:.3f} s: its angle moved "
+                f"{np.rad2deg(criterion.max_angle):.0f} degrees against the center of inertia{where}."
             )
         case stepper.RUNAWAY:
             kind, machine = Kind.LOST_SYNCHRONISM, number
-            text = f"Machine {number} left {rules.slowest:g} to {rules.fastest:g} pu of speed at {t:.3f} s."
+            text = f"Machine {number} left {criterion.slowest:g} to {criterion.fastest:g} pu of speed at {t:.3f} s."
         case stepper.NO_VOLTAGE:
             kind, blamed = Kind.VOLTAGE_COLLAPSE, bus
             text = f"Voltage collapse at bus {bus} at {t:.3f} s: no voltages carry the loads and storage."
@@ -77,7 +78,7 @@ def outcome(point: Point, end: End, rules: stepper.Rules) -> Outcome:
             kind, blamed = Kind.VOLTAGE_COLLAPSE, bus
             text = (
                 f"Voltage collapse at bus {bus} at {t:.3f} s: its voltage stayed below what its load needs "
-                f"for {rules.low_voltage_s:g} s without a fault."
+                f"for {criterion.low_voltage_s:g} s without a fault."
             )
         case _ if cut:
             text = f"Every island stayed in synchronism until {t:.3f} s{_frequencies(point, end)}."

@@ -14,9 +14,9 @@ from stabctl.errors import StudyError
 
 from . import events as ev
 from . import stepper
+from .criterion import DEFAULT, Criterion
 from .outcome import End, Outcome, outcome
 from .sampled import Sampled, carry
-from .stepper import DEFAULT, Rules
 from .topology import stage
 from .trajectory import Trajectory
 
@@ -42,13 +42,13 @@ class Simulation:
         events: Iterable[ev.Event] = (),
         control: Law | None = None,
         step: float | None = None,
-        rules: Rules = DEFAULT,
+        criterion: Criterion = DEFAULT,
         record: bool = True,
         start: float = 0.0,
         progress: Callable[[float], None] | None = None,
     ) -> None:
         self.progress = progress
-        self.point, self.rules, self.recording = point, Rules(*map(float, rules)), record
+        self.point, self.criterion, self.recording = point, Criterion(*map(float, criterion)), record
         self.step = _checked_step(point, step)
         self.changes = ev.timeline(point.case, events)
         self.time, self.wall_s, self.steps = start, 0.0, 0
@@ -93,7 +93,7 @@ class Simulation:
     @property
     def V(self) -> np.ndarray:
         """Voltages (buses) now, complex, pu."""
-        stepper.advance(self._buffers, self._plant, self._stage.net, self._work, self.rules, 0.0, 0, True, NO_ROWS)
+        stepper.advance(self._buffers, self._plant, self._stage.net, self._work, self.criterion, 0.0, 0, True, NO_ROWS)
         return self._work.volt.copy()
 
     @property
@@ -159,7 +159,7 @@ class Simulation:
         self._verdict = verdict
         blame = self._work.rotor[0], self._work.bus[0]
         end = End(verdict, self.time, self._stage, self.speed, *map(int, blame), tuple(self._taken_off))
-        return outcome(self.point, end, self.rules)
+        return outcome(self.point, end, self.criterion)
 
     def _alone(self) -> bool:
         """Has the machine that ran away an island of its own, while others run elsewhere?"""
@@ -174,8 +174,8 @@ class Simulation:
         self.changes = (*self.changes[: self._at], *later)
         self._enter()
         self._taken_off.append(
-            f"Machine {self.point.case.machines[row].machine}, alone in its island, left {self.rules.slowest:g} to "
-            f"{self.rules.fastest:g} pu of speed at {self.time:.3f} s and was taken off."
+            f"Machine {self.point.case.machines[row].machine}, alone in its island, left {self.criterion.slowest:g} to "
+            f"{self.criterion.fastest:g} pu of speed at {self.time:.3f} s and was taken off."
         )
 
     def _call(self, h: float, steps: int, last: bool) -> tuple[int, int]:
@@ -184,7 +184,7 @@ class Simulation:
         if not np.isfinite(self.orders).all():
             raise StudyError(f"The storage orders {self.orders} are not finite numbers; set them between -1 and 1.")
         verdict, made = stepper.advance(
-            self._buffers, self._plant, self._stage.net, self._work, self.rules, h, steps, last, history
+            self._buffers, self._plant, self._stage.net, self._work, self.criterion, h, steps, last, history
         )
         self.wall_s += time.perf_counter() - before
         if self.recording:
@@ -213,7 +213,7 @@ def run(
     until: float = 10.0,
     control: Law | Sampled | None = None,
     step: float | None = None,
-    rules: Rules = DEFAULT,
+    criterion: Criterion = DEFAULT,
     record: bool = True,
     start: float = 0.0,
     progress: Callable[[float], None] | None = None,
@@ -225,7 +225,7 @@ def run(
     if not start < until < np.inf:
         raise StudyError(f"The run ends at {until:g} s; it must end after its start at {start:g} s.")
     sampled = isinstance(control, Sampled)
-    simulation = Simulation(point, events, None if sampled else control, step, rules, record, start, progress)
+    simulation = Simulation(point, events, None if sampled else control, step, criterion, record, start, progress)
     latest = simulation.changes[-1].at
     if latest >= until:
         raise StudyError(f"The run ends at {until:g} s, before the last event at {latest:g} s; give it a later end.")

@@ -26,18 +26,6 @@ class Net(NamedTuple):
     faulted: bool  # a fault is on: low voltages do not count
 
 
-class Rules(NamedTuple):
-    """When a run ends early."""
-
-    slip: float = 3.5  # rad   change of an angle against the COI of its island
-    low_voltage_s: float = 0.5  # s     a load below its voltage threshold that long, without a fault (0: never)
-    slowest: float = 0.5  # pu    speed of a machine
-    fastest: float = 1.5  # pu
-
-
-DEFAULT = Rules()
-
-
 class Scratch(NamedTuple):
     """Work space of one run. `volt` and `current` are complex views of b.s.v and b.r.g."""
 
@@ -125,7 +113,7 @@ def decide(b, plant, net, q, h):
 
 
 @noinline
-def judge(b, plant, net, q, rules, h):
+def judge(b, plant, net, q, criterion, h):
     """Has a machine lost synchronism or run away, or a load lost its voltage? Keeps the peaks."""
     verdict, worst = DONE, 0.0
     center(b, plant, net, q)
@@ -136,16 +124,16 @@ def judge(b, plant, net, q, rules, h):
         move = abs(b.z[at] - q.angle0[i] - q.turn[k] / q.weight[k])
         if move > q.peak[i]:
             q.peak[i] = move
-        if not move < rules.slip and not move <= worst:
+        if not move < criterion.max_angle and not move <= worst:
             verdict, worst, q.rotor[0] = SLIPPED, move, i
-        if verdict == DONE and not rules.slowest < b.z[at + 1] < rules.fastest:
+        if verdict == DONE and not criterion.slowest < b.z[at + 1] < criterion.fastest:
             verdict, q.rotor[0] = RUNAWAY, i
-    if verdict == DONE and rules.low_voltage_s > 0 and not net.faulted:
+    if verdict == DONE and criterion.low_voltage_s > 0 and not net.faulted:
         for j in range(len(plant.load)):
             v = b.s.v[plant.load_bus[j]]
             low = v[0] * v[0] + v[1] * v[1] < plant.load[j].vlow * plant.load[j].vlow
             q.low[j] = q.low[j] + h if low and net.alive[plant.load_bus[j]] else 0.0
-            if q.low[j] > rules.low_voltage_s:
+            if q.low[j] > criterion.low_voltage_s:
                 verdict, q.bus[0] = LOW_VOLTAGE, plant.load_bus[j]
     return verdict
 
@@ -196,7 +184,7 @@ def sunk(b, plant, net):
 
 
 @entry
-def advance(b, plant, net, q, rules, h, steps, last, history):
+def advance(b, plant, net, q, criterion, h, steps, last, history):
     """`steps` steps of h seconds on one network; (verdict, steps made).
 
     Row k of `history` (if it has rows) is the record at the start of step k; with `last`, one more at the end.
@@ -243,7 +231,7 @@ def advance(b, plant, net, q, rules, h, steps, last, history):
                 q.sum[k] = total
                 b.z[k] = total if stage == 3 else q.x0[k] + reach * b.f[k]
             system.confine(b.z, plant, b.w)
-        verdict = judge(b, plant, net, q, rules, h)
+        verdict = judge(b, plant, net, q, criterion, h)
         if verdict != DONE:
             return verdict, step + 1
     return DONE, steps

@@ -13,9 +13,9 @@ from stabctl.dynamics.operating_point import Point
 from stabctl.errors import StabctlError, StudyError
 from stabctl.estimation.loop import Driven, watch
 from stabctl.model import fleet, powerflow
+from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.events import contingency
 from stabctl.simulation.simulation import run
-from stabctl.simulation.stepper import DEFAULT, Rules
 from stabctl.simulation.trajectory import Trajectory
 from stabctl.units import seconds
 
@@ -70,7 +70,7 @@ def _clearing_time(job: Job, point: Point) -> Result:
         seconds(job.limit, hz) * hz,
         job.observe,
         job.step or None,
-        _rules(job),
+        _criterion(job),
         complex(job.fault_r, job.fault_x),
     )
     return Result(
@@ -91,8 +91,8 @@ def _simulate(job: Job, point: Point) -> Result:
     steering, keep = _steering(job, point), bool(point.case.storage)
     arguments = point, events, job.until, steering
     if not isinstance(steering, Driven):
-        return _ended(run(*arguments, job.step or None, _rules(job), keep))
-    seen = watch(*arguments, step=job.step or None, rules=_rules(job), record=keep)
+        return _ended(run(*arguments, job.step or None, _criterion(job), keep))
+    seen = watch(*arguments, step=job.step or None, criterion=_criterion(job), record=keep)
     result = _ended(seen.runs[0])
     try:
         score = seen.after(job.at + clear, job.until)
@@ -121,5 +121,5 @@ def _ended(run: Trajectory) -> Result:
     )
 
 
-def _rules(job: Job) -> Rules:
-    return DEFAULT._replace(slip=job.max_angle)
+def _criterion(job: Job) -> Criterion:
+    return DEFAULT._replace(max_angle=job.max_angle)

@@ -10,10 +10,10 @@ from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.model.case import Storage
 from stabctl.simulation import simulation
+from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.events import Clear, Fault, LoadStep, Open
-from stabctl.simulation.stepper import Rules
 
-KEEP_ON = Rules(slip=np.inf)
+KEEP_ON = Criterion(max_angle=np.inf)
 
 
 def lossless_two_area(case):
@@ -52,7 +52,7 @@ def energy(point, run):
 
 def drift(point, step):
     """Largest change of the energy after the fault, over the kinetic energy it left behind."""
-    run = simulation.run(point, [Fault("7", 0.1), Clear("7", 0.2)], 5.0, step=step, rules=KEEP_ON)
+    run = simulation.run(point, [Fault("7", 0.1), Clear("7", 0.2)], 5.0, step=step, criterion=KEEP_ON)
     after = run.time >= 0.2
     kinetic, potential = energy(point, run)
     total = (kinetic + potential)[after]
@@ -70,7 +70,7 @@ def test_a_lossless_classical_system_conserves_its_energy(cases):
 
 def halved(point, events, until, step):
     """Largest differences, at common instants, between runs of a step, its half and its quarter."""
-    runs = [simulation.run(point, events, until, step=step / n, rules=KEEP_ON) for n in (1, 2, 4)]
+    runs = [simulation.run(point, events, until, step=step / n, criterion=KEEP_ON) for n in (1, 2, 4)]
     rows = [run.rows[::n, : len(point.z)] for run, n in zip(runs, (1, 2, 4), strict=True)]
     return np.abs(rows[0] - rows[1]).max(), np.abs(rows[1] - rows[2]).max()
 
@@ -91,8 +91,8 @@ def test_loads_that_need_iteration_leave_a_floor_of_a_millionth(points):
 
 
 def same_motion(single, fleet, events, until=3.0, **options):
-    a = simulation.run(operating_point.solve(single), events, until, rules=KEEP_ON, **options)
-    b = simulation.run(operating_point.solve(fleet), events, until, rules=KEEP_ON, **options)
+    a = simulation.run(operating_point.solve(single), events, until, criterion=KEEP_ON, **options)
+    b = simulation.run(operating_point.solve(fleet), events, until, criterion=KEEP_ON, **options)
     assert np.ptp(a.speed[:, 0]) > 1e-4
     assert np.abs(b.speed[:, 0] - b.speed[:, 1]).max() < 1e-13
     assert np.abs(a.V - b.V).max() < 1e-9
@@ -114,7 +114,8 @@ def test_a_fleet_with_storage_equals_its_single():
     events = [Fault("2", 0.1), Clear("2", 0.18)]
     assert same_motion(case, doubled(case), events) < 1e-9
     runs = [
-        simulation.run(operating_point.solve(c), events, 1.0, control=BangBang(), rules=KEEP_ON) for c in (two, three)
+        simulation.run(operating_point.solve(c), events, 1.0, control=BangBang(), criterion=KEEP_ON)
+        for c in (two, three)
     ]
     assert np.abs(runs[0].speed - runs[1].speed).max() < 1e-12
     assert runs[0].storage[:, 0] == pytest.approx(runs[1].storage[:, 0] + runs[1].storage[:, 1], abs=1e-9)
@@ -143,8 +144,8 @@ def test_islands_do_not_see_each_other():
         loads=(*case.loads, case.loads[0]._replace(bus=12)),
     )
     events = [Fault("2", 0.1), Clear("2", 0.18)]
-    alone = simulation.run(operating_point.solve(case), events, 2.0, rules=KEEP_ON)
-    both = simulation.run(operating_point.solve(pair), [Open("3-13", 0.0), *events], 2.0, rules=KEEP_ON)
+    alone = simulation.run(operating_point.solve(case), events, 2.0, criterion=KEEP_ON)
+    both = simulation.run(operating_point.solve(pair), [Open("3-13", 0.0), *events], 2.0, criterion=KEEP_ON)
     assert both.outcome.kind == "islanded"
     assert np.abs(both.speed[:, :2] - alone.speed).max() < 1e-10
     assert np.abs(both.V[:, :3] - alone.V).max() < 1e-9
@@ -166,14 +167,14 @@ class TestWindUp:
     def test_regulator_of_sexs(self):
         sexs = SEXS._replace(Efdmax=2.6, Efdmin=0.5)
         point = operating_point.solve(small({"genrou": ROUND, "sexs": sexs}))
-        run = simulation.run(point, [Fault("2", 0.1), Clear("2", 0.2)], 3.0, rules=KEEP_ON)
+        run = simulation.run(point, [Fault("2", 0.1), Clear("2", 0.2)], 3.0, criterion=KEEP_ON)
         vref, vm = point.z[-2 * 2], self.states(run, "sexs")[:, 0]
         self.check(self.states(run, "sexs")[:, 2], 0.5, 2.6, sexs.KA * (vref - vm) > 2.6)
 
     def test_regulator_of_exst3(self):
         exst3 = EXST3._replace(VRmax=2.4, VRmin=0.5)
         point = operating_point.solve(small({"genrou": ROUND, "exst3": exst3, "pss": PSS}))
-        run = simulation.run(point, [Fault("2", 0.1), Clear("2", 0.2)], 3.0, rules=KEEP_ON)
+        run = simulation.run(point, [Fault("2", 0.1), Clear("2", 0.2)], 3.0, criterion=KEEP_ON)
         vm, va, vr = self.states(run, "exst3").T
         u = np.clip(point.z[-4] - vm + self.pss(run), exst3.VImin, exst3.VImax)
         drive = exst3.KA * (va + exst3.TC / exst3.TB * (u - va))
@@ -185,7 +186,7 @@ class TestWindUp:
 
         exdc2 = EXDC2._replace(VRmax=3.5, VRmin=-1.0)
         point = operating_point.solve(small({"genrou": ROUND, "exdc2": exdc2}))
-        run = simulation.run(point, [Fault("2", 0.1), Clear("2", 0.2)], 3.0, rules=KEEP_ON)
+        run = simulation.run(point, [Fault("2", 0.1), Clear("2", 0.2)], 3.0, criterion=KEEP_ON)
         top = 3.5 * np.abs(run.V[:, 0])
         vr = self.states(run, "exdc2")[:, 2]
         assert (vr[1:] - np.maximum(top[1:], top[:-1])).max() < 2e-3  # 1.4e-3: the voltage of the last stage of RK4
@@ -210,7 +211,7 @@ class TestWindUp:
 def test_classical_machine_follows_the_swing_equation():
     """2H w' = Pm - Pe - D (w - 1), d' = wb (w - 1), by central differences of the trajectory."""
     point = operating_point.solve(small({"gencls": CLASSICAL._replace(ra=0.0)}))
-    run = simulation.run(point, [Open("2-3#2", 0.1)], 1.0, step=1 / 1000, rules=KEEP_ON)
+    run = simulation.run(point, [Open("2-3#2", 0.1)], 1.0, step=1 / 1000, criterion=KEEP_ON)
     inner = slice(150, -150)
     h = run.time[1] - run.time[0]
     slip = run.speed[:, 0] - 1

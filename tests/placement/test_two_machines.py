@@ -17,7 +17,7 @@ from stabctl.devices.machines import gencls
 from stabctl.model.case import Branch, Bus, Case, Machine
 from stabctl.placement.contingency import Contingency
 from stabctl.placement.place import place
-from stabctl.simulation.stepper import Rules
+from stabctl.simulation.criterion import Criterion
 
 HZ, BASE = 60.0, 4e7  # MVA   so large that a fault of 1e7 pu is a short circuit even beside a small x'd
 PM, B, H, LARGE = 80.0, 200.0, 4.0, 10.0  # MW, MW, s, inertia of machine 2 over that of machine 1
@@ -63,8 +63,8 @@ def _placed(dc, **options):
 
 @pytest.mark.parametrize("dc", [1.75, 1.9])
 def test_the_least_size_that_keeps_the_peak_below_the_unstable_angle(dc):
-    below = Rules(slip=(UNSTABLE - D0) * SHARE)  # of machine 1 against the COI
-    assert abs(_placed(dc, step=1 / 1920, rules=below) / _power(dc, UNSTABLE) - 1) < 1e-3  # -1.2e-4, 3.0e-4
+    below = Criterion(max_angle=(UNSTABLE - D0) * SHARE)  # of machine 1 against the COI
+    assert abs(_placed(dc, step=1 / 1920, criterion=below) / _power(dc, UNSTABLE) - 1) < 1e-3  # -1.2e-4, 3.0e-4
 
 
 def test_beyond_it_the_law_holds_the_machine_as_far_as_its_power_reaches():

@@ -13,9 +13,9 @@ from stabctl.errors import EquilibriumError, StudyError
 from stabctl.model import fleet, powerflow
 from stabctl.model.case import Branch, Bus, Storage
 from stabctl.simulation import stepper
+from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.events import Clear, Fault, Open, TripMachine, contingency
 from stabctl.simulation.simulation import Simulation, run
-from stabctl.simulation.stepper import Rules
 
 
 @pytest.fixture(scope="module")
@@ -145,8 +145,8 @@ def test_cases_and_points_travel_between_processes(two_area):
 
 def test_rules_of_any_number_run_on_one_compilation(two_area):
     point = operating_point.solve(two_area)
-    for rules in (Rules(slip=3), Rules(low_voltage_s=0), Rules(1, 1, 0, 2)):
-        run(point, until=0.05, rules=rules)
+    for criterion in (Criterion(max_angle=3), Criterion(low_voltage_s=0), Criterion(1, 1, 0, 2)):
+        run(point, until=0.05, criterion=criterion)
     assert len(stepper.advance.signatures) == 1
 
 

@@ -18,6 +18,7 @@ from stabctl.model.case import Branch, Bus, Load, Storage
 from stabctl.model.network import Switching, two_port
 from stabctl.simulation import events as ev
 from stabctl.simulation import simulation, voltages
+from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.events import (
     Clear,
     Fault,
@@ -30,10 +31,9 @@ from stabctl.simulation.events import (
     timeline,
 )
 from stabctl.simulation.simulation import Simulation, run
-from stabctl.simulation.stepper import Rules
 from stabctl.simulation.topology import stage
 
-KEEP_ON = Rules(slip=np.inf, low_voltage_s=0.0)
+KEEP_ON = Criterion(max_angle=np.inf, low_voltage_s=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -137,20 +137,20 @@ class TestFaults:
             buses=(*case.buses, Bus(99, "pq", 0.95, -10.0)),
             branches=(*case.branches[:row], *case.branches[row + 1 :], *parts),
         )
-        line = run(operating_point.solve(case), contingency("7-8@0.3", 0.1, at=0.1), 1.0, rules=KEEP_ON)
+        line = run(operating_point.solve(case), contingency("7-8@0.3", 0.1, at=0.1), 1.0, criterion=KEEP_ON)
         events = [Fault("99", 0.1), Open("7-99", 0.2), Open("99-8", 0.2)]
-        bus = run(operating_point.solve(split), events, 1.0, rules=KEEP_ON)
+        bus = run(operating_point.solve(split), events, 1.0, criterion=KEEP_ON)
         assert np.abs(line.speed - bus.speed).max() < 1e-8
         assert np.abs(line.V - bus.V[:, :-1]).max() < 1e-8
 
     @pytest.mark.parametrize(("place", "bus"), [("7-8@0", "7"), ("7-8@1", "8"), ("8-7@0", "8"), ("8-7@1.0", "7")])
     def test_at_its_ends_it_is_a_bus_fault_with_the_line_opened_at_clearing(self, two_area, place, bus):
-        line = run(two_area, contingency(place, 0.1, at=0.1), 1.0, rules=KEEP_ON)
+        line = run(two_area, contingency(place, 0.1, at=0.1), 1.0, criterion=KEEP_ON)
         events = [Fault(bus, 0.1), Clear(bus, 0.2), Open("7-8", 0.2)]
-        assert np.abs(line.speed - run(two_area, events, 1.0, rules=KEEP_ON).speed).max() < 1e-8
+        assert np.abs(line.speed - run(two_area, events, 1.0, criterion=KEEP_ON).speed).max() < 1e-8
 
     def test_measured_from_the_bus_named_first(self, two_area):
-        a, b = (run(two_area, contingency(p, 0.1, at=0.1), 1.0, rules=KEEP_ON) for p in ("7-8@0.25", "8-7@0.75"))
+        a, b = (run(two_area, contingency(p, 0.1, at=0.1), 1.0, criterion=KEEP_ON) for p in ("7-8@0.25", "8-7@0.75"))
         assert np.array_equal(a.rows, b.rows)
 
     def test_circuits_are_counted_in_file_order(self, two_area):
@@ -158,7 +158,7 @@ class TestFaults:
 
     def test_a_bolted_fault_takes_the_voltage_and_an_impedance_leaves_some(self, two_area):
         for impedance, low, high in ((0j, 0, 1e-5), (0.05j, 0.3, 0.95)):
-            traced = run(two_area, [Fault("7", 0.1, impedance), Clear("7", 0.15)], 0.2, rules=KEEP_ON)
+            traced = run(two_area, [Fault("7", 0.1, impedance), Clear("7", 0.15)], 0.2, criterion=KEEP_ON)
             size = np.abs(traced.V[:, two_area.net.place[7]])
             on = (traced.time >= 0.1) & (traced.time < 0.15 - 1e-9)
             assert low <= size[on].min() <= size[on].max() < high
@@ -169,7 +169,7 @@ class TestFaults:
 
         def opened(gap):
             events = [Fault("7-8@0.1", 0.1), Open("7-8", 0.2, end=7), Open("7-8", 0.2 + gap, end=8)]
-            return run(two_area, events, 0.5, rules=KEEP_ON, step=1 / 240)
+            return run(two_area, events, 0.5, criterion=KEEP_ON, step=1 / 240)
 
         late, near, at_once = opened(0.1), opened(1e-6), opened(0.0)
         i7, i8 = two_area.net.place[7], two_area.net.place[8]
@@ -177,7 +177,7 @@ class TestFaults:
         assert np.abs(late.V[between, i7]).min() > np.abs(late.V[between, i8]).max() + 0.1
         assert np.abs(near.speed[-1] - at_once.speed[-1]).max() < 1e-6
         assert np.abs(late.speed[-1] - at_once.speed[-1]).max() > 1e-4
-        full = run(two_area, contingency("7-8@0.1", 0.1, at=0.1), 0.5, rules=KEEP_ON, step=1 / 240)
+        full = run(two_area, contingency("7-8@0.1", 0.1, at=0.1), 0.5, criterion=KEEP_ON, step=1 / 240)
         assert np.abs(at_once.speed - full.speed).max() < 1e-12
 
     def test_a_clearing_time_of_zero_only_opens_the_line(self, two_area):
@@ -215,7 +215,7 @@ class TestOtherEvents:
         assert np.abs(traced.speed - single.speed).max() < 1e-12
 
     def test_a_tripped_machine_gives_nothing_and_stands_still(self, two_area):
-        traced = run(two_area, [TripMachine(1, 0.1)], 0.6, rules=KEEP_ON)
+        traced = run(two_area, [TripMachine(1, 0.1)], 0.6, criterion=KEEP_ON)
         after = traced.time >= 0.1
         assert np.ptp(traced.speed[after, 0]) == 0
         k = at(traced, 0.1)
@@ -248,7 +248,7 @@ class TestIslands:
         assert traced.speed[-1, 0] > 1.01  # 700 MW and no load
 
     def test_a_machine_that_runs_away_alone_is_taken_off_and_the_rest_is_judged(self, two_area):
-        traced = run(two_area, [Open("1-5", 0.5)], 2.0, rules=Rules(fastest=1.05))
+        traced = run(two_area, [Open("1-5", 0.5)], 2.0, criterion=Criterion(fastest=1.05))
         outcome = traced.outcome
         assert (outcome.kind, outcome.machine, outcome.stable) == ("islanded", None, True)
         assert "Machine 1, alone in its island, left 0.5 to 1.05 pu of speed at " in outcome.message
@@ -258,7 +258,7 @@ class TestIslands:
         assert traced.V[-1, two_area.net.place[1]] == 0
 
     def test_a_machine_that_runs_away_among_others_ends_the_run(self, two_area):
-        outcome = run(two_area, [Open("1-5", 0.5)], 60.0, rules=Rules(slowest=0.99, fastest=9.0)).outcome
+        outcome = run(two_area, [Open("1-5", 0.5)], 60.0, criterion=Criterion(slowest=0.99, fastest=9.0)).outcome
         assert (outcome.kind, outcome.stable) == ("lost_synchronism", False)
         assert f"Machine {outcome.machine} left 0.99 to 9 pu of speed" in outcome.message
         assert "cut off bus 1 with machine 1" in outcome.message
@@ -356,7 +356,7 @@ class TestTime:
         assert traced.time[-1] == pytest.approx(traced.outcome.time_s)
         assert traced.outcome.time_s < 4
         assert traced.max_angle_from_coi_deg >= np.rad2deg(3.5)
-        later = run(two_area, contingency("7", 0.3, ["7-8"]), 10.0, rules=Rules(slip=6.0))
+        later = run(two_area, contingency("7", 0.3, ["7-8"]), 10.0, criterion=Criterion(max_angle=6.0))
         assert later.outcome.time_s > traced.outcome.time_s
 
     def test_the_slip_is_measured_against_the_centre_of_inertia(self, two_area):
@@ -390,9 +390,9 @@ class TestCollapse:
         case = small({"gencls": CLASSICAL}, load=Load(2, 200.0, 50.0, p_power=1.0, q_power=1.0))
         point = operating_point.solve(case)
         fault = [Fault("2", 0.1, 0.02j)]
-        assert run(point, fault, 1.5, rules=Rules(slip=np.inf)).outcome.kind != "voltage_collapse"
+        assert run(point, fault, 1.5, criterion=Criterion(max_angle=np.inf)).outcome.kind != "voltage_collapse"
         step = [LoadStep(2, 0.5, 3000.0, 1000.0)]
-        assert run(point, step, 2.0, rules=KEEP_ON).outcome.kind != "voltage_collapse"
+        assert run(point, step, 2.0, criterion=KEEP_ON).outcome.kind != "voltage_collapse"
 
 
 class TestNewtonFallback:
@@ -406,7 +406,7 @@ class TestNewtonFallback:
     def test_voltages_solve_the_network_where_substitution_would_not_contract(self, cases):
         point = operating_point.solve(self.heavy(cases))
         events = contingency("8", 6 / 60, ["7-8", "8-9"], at=0.1)
-        traced = run(point, events, 1.5, rules=KEEP_ON)
+        traced = run(point, events, 1.5, criterion=KEEP_ON)
         changes, sources, radius = timeline(point.case, events), self.sources(point), []
         for t in (0.05, 0.12, 0.25, 0.5, 1.0):
             k = min(at(traced, t), len(traced.time) - 1)
@@ -533,9 +533,11 @@ class TestRefusals:
     def test_the_longest_step_is_carried_and_twice_as_long_would_not_be(self, two_area, monkeypatch):
         longest = simulation.REACH / two_area.fastest
         events = [LoadStep(7, 0.1, 10.0)]
-        assert np.abs(np.diff(run(two_area, events, 3.0, step=longest, rules=KEEP_ON).Efd[-20:], axis=0)).max() < 0.01
+        assert (
+            np.abs(np.diff(run(two_area, events, 3.0, step=longest, criterion=KEEP_ON).Efd[-20:], axis=0)).max() < 0.01
+        )
         monkeypatch.setattr(simulation, "REACH", 10.0)
-        wild = run(two_area, events, 3.0, step=2 * longest, rules=KEEP_ON)
+        wild = run(two_area, events, 3.0, step=2 * longest, criterion=KEEP_ON)
         assert np.abs(wild.Efd[-1] - two_area.z[-8:-4]).max() > 2.5
 
     @pytest.mark.parametrize("until", [0.0, -1.0, float("nan"), float("inf")])

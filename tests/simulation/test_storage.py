@@ -13,11 +13,11 @@ from stabctl.devices.storage import esd
 from stabctl.dynamics import operating_point
 from stabctl.model.case import Storage
 from stabctl.simulation import simulation
+from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.events import Clear, Fault, Open, TripMachine
 from stabctl.simulation.simulation import Simulation
-from stabctl.simulation.stepper import Rules
 
-KEEP_ON = Rules(slip=np.inf)
+KEEP_ON = Criterion(max_angle=np.inf)
 IDLE = esd.Par(0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 1.0)
 ROLES = {"power": ("Pp", 0), "current": ("Pc", 1), "conductance": ("Pg", 2)}
 EMPTY = esd.State(0.0, 0.0)
@@ -76,7 +76,7 @@ def test_full_and_empty_stop_only_the_direction_that_goes_on():
 def driven(orders, until=2.0, step=1 / 100, **options):
     """A run with orders set from outside: {time: order}. Device of machine 1, 40 MW, at bus 2."""
     case = small(KINDS["sexs, pss, steam"]).with_storage([Storage(1, 2, 40.0, **options)])
-    sim = Simulation(operating_point.solve(case), step=step, rules=KEEP_ON)
+    sim = Simulation(operating_point.solve(case), step=step, criterion=KEEP_ON)
     for t, order in orders.items():
         assert sim.advance(t)
         sim.orders[0] = order
@@ -207,7 +207,7 @@ def bang(cases):
     case = cases("two_area")
     point = operating_point.solve(case.with_storage(Storage(m.machine, m.storage_bus, 50.0) for m in case.machines))
     events = [Fault("7", 1.0), Clear("7", 1 + 8 / 60), Open("7-8", 1 + 8 / 60)]
-    return simulation.run(point, events, 6.0, control=BangBang(), rules=KEEP_ON)
+    return simulation.run(point, events, 6.0, control=BangBang(), criterion=KEEP_ON)
 
 
 def test_orders_follow_the_speed_against_the_rest_of_the_system(bang):
@@ -244,7 +244,7 @@ def test_the_device_of_a_tripped_machine_idles(cases, lag):
         case.with_storage(Storage(m.machine, m.storage_bus, 50.0, lag=lag) for m in case.machines)
     )
     events = [Fault("7", 0.5), Clear("7", 0.6), TripMachine(1, 0.8)]
-    run = simulation.run(point, events, 4.0, control=BangBang(), rules=KEEP_ON)
+    run = simulation.run(point, events, 4.0, control=BangBang(), criterion=KEEP_ON)
     before, after = run.time < 0.8, run.time > 0.8 + 12 * lag
     assert np.abs(run.storage[before, 0]).max() > 10
     assert np.abs(run.storage[after, 0]).max() < 1e-3
@@ -254,6 +254,6 @@ def test_the_device_of_a_tripped_machine_idles(cases, lag):
 def test_a_device_alone_in_its_island_idles():
     case = small(KINDS["bare"]).with_storage([Storage(1, 2, 40.0)])
     events = [Open("2-3", 0.1), Open("2-3#2", 0.1)]
-    run = simulation.run(operating_point.solve(case), events, 0.5, control=BangBang(), rules=KEEP_ON)
+    run = simulation.run(operating_point.solve(case), events, 0.5, control=BangBang(), criterion=KEEP_ON)
     assert run.speed[-1, 0] > 1.003
     assert np.abs(run.storage).max() == 0
