@@ -21,7 +21,7 @@ from stabctl.clearing.critical_time import clearing_time
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.model import fleet, powerflow
-from stabctl.simulation.events import contingency
+from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run
 
 COMMAND = (
@@ -69,7 +69,7 @@ def main() -> None:
     """Measure and print."""
     case = io.load("wnaps")
     point = operating_point.solve(case)
-    events = contingency("83", 4 / 60, ["83-33"])
+    events = Contingency("83", 4 / 60, ["83-33"])
     run(point, events)
     ten_seconds = median(lambda: run(point, events).wall_s, 15)
     bound = median(dense_products)

@@ -18,7 +18,7 @@ from stabctl.estimation.coi import Center
 from stabctl.estimation.estimators import Engine, Estimator, estimator
 from stabctl.estimation.machines import Terminals, machines
 from stabctl.estimation.pmu import Frame, Instrument, Pmu
-from stabctl.simulation.events import contingency
+from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import Simulation
 
 FRAMES = 240
@@ -27,7 +27,7 @@ FRAMES = 240
 def frames(case: str, seeds: int) -> tuple[Simulation, list[Frame]]:
     """The reports of a fault at bus 83 of the case, cleared after four cycles."""
     point = operating_point.solve(io.load(case))
-    simulation = Simulation(point, contingency("83", 4 / 60, ["83-33"]), record=False)
+    simulation = Simulation(point, Contingency("83", 4 / 60, ["83-33"]), record=False)
     pmu, terminals, seen = Pmu(), Terminals(simulation), []
     instrument = Instrument(pmu, range(seeds), len(point.case.machines), point.case.frequency_hz)
     for k in range(FRAMES):

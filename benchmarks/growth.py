@@ -18,7 +18,7 @@ from stabctl.dynamics import operating_point
 from stabctl.model import powerflow
 from stabctl.model.replicate import replicate
 from stabctl.plotting import style
-from stabctl.simulation.events import contingency
+from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import Simulation
 from stabctl.smallsignal import descriptor
 from stabctl.smallsignal.selected import disc
@@ -38,7 +38,7 @@ WORKS = (
 def second(point: operating_point.Point) -> float:
     """Seconds for one second from a four-cycle fault on, the two changes of the network in it."""
     point.stages.clear()
-    simulation = Simulation(point, contingency("83", 4 / 60, ["83-33"], at=0.0), record=False)
+    simulation = Simulation(point, Contingency("83", 4 / 60, ["83-33"], at=0.0), record=False)
     return timed(lambda: simulation.advance(1.0))
 
 

@@ -14,7 +14,7 @@ from stabctl.model import fleet
 from stabctl.plotting import estimates
 from stabctl.report.study import Study, Table, draw
 from stabctl.report.study_console import present
-from stabctl.simulation.events import contingency
+from stabctl.simulation.contingency import Contingency
 
 STUDIES = {  # case, fault, circuit opened, classical machines, storage
     "ieee39, classical": ("ieee39", "16", "16-17", True, "5%mva"),
@@ -52,7 +52,7 @@ def study(reports: Path) -> Study:
         for kind in KINDS:
             driven = replace(DRIVEN, kind=kind)
             cycles = clearing_time(point, fault, [trip], driven).cycles
-            found = watch(point, contingency(fault, clear, [trip]), clear + 6, driven, SEEDS)
+            found = watch(point, Contingency(fault, clear, [trip]), clear + 6, driven, SEEDS)
             rows.append((f"  {kind}", f"{cycles:g}", *quality(found, clear)))
         if name == "two_area":
             drawn = found

@@ -13,7 +13,7 @@ from stabctl.plotting import clearing, trajectories
 from stabctl.report import paper
 from stabctl.report.study import Study, Table, draw
 from stabctl.report.study_console import present
-from stabctl.simulation.events import contingency
+from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run
 
 LINE, PLACE = "7-8", 0.4
@@ -33,7 +33,7 @@ def study(reports: Path) -> Study:
     }
     fault = f"{LINE}@{PLACE}"
     runs = {
-        name: run(p, contingency(fault, cycles / case.frequency_hz), control=law) for name, (p, law) in points.items()
+        name: run(p, Contingency(fault, cycles / case.frequency_hz), control=law) for name, (p, law) in points.items()
     }
     at_bus = [clearing_time(p, "7", [LINE], law).cycles for p, law in points.values()]
     curves = {

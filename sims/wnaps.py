@@ -13,7 +13,7 @@ from stabctl.plotting import trajectories
 from stabctl.report import paper
 from stabctl.report.study import Study, draw
 from stabctl.report.study_console import present
-from stabctl.simulation.events import contingency
+from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run
 
 FAULT, TRIP = "83", ("83-33",)
@@ -27,7 +27,7 @@ BUSES = "The published data of this system have 122 buses."
 def study(reports: Path) -> Study:
     """Six cycles without devices and with devices of 5 % of the machines' ratings."""
     case = io.load("wnaps")
-    events = contingency(FAULT, paper.CASE_2_CYCLES / case.frequency_hz, TRIP)
+    events = Contingency(FAULT, paper.CASE_2_CYCLES / case.frequency_hz, TRIP)
     bare = run(operating_point.solve(case), events)
     held = run(operating_point.solve(case.with_storage(fleet.everywhere(case, "5%mva"))), events, control=BangBang())
     powers = dict(zip((s.machine for s in held.point.case.storage), held.storage.T, strict=True))

@@ -2,15 +2,16 @@
 
 import math
 import re
+from numbers import Real
 
 from .errors import StudyError
 
 _QUANTITY = re.compile(r"^\s*([0-9.]+(?:[eE][+-]?[0-9]+)?)\s*([a-zA-Z%]*)\s*$")
 
 
-def seconds(text: str, frequency_hz: float) -> float:
-    """A duration in seconds; cycles are those of the case's frequency. `StudyError` where it is not one."""
-    value, unit = _split(text)
+def seconds(text: str | float, frequency_hz: float) -> float:
+    """A duration in seconds, from text or a number of seconds; cycles are those of the case's frequency."""
+    value, unit = (_finite(text), "s") if _is_number(text) else _split(text)
     unit = unit.lower()
     scale = {"cyc": 1 / frequency_hz, "cycles": 1 / frequency_hz, "s": 1.0, "ms": 1e-3}
     if math.isnan(value) or unit not in scale:
@@ -32,4 +33,13 @@ def _split(text: str) -> tuple[float, str]:
         value = float(match[1]) if match else math.nan
     except ValueError:
         value = math.nan
-    return (value if math.isfinite(value) else math.nan), match[2] if match else ""
+    return _finite(value), match[2] if match else ""
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def _finite(value: float) -> float:
+    """The value, or NaN where it is infinite."""
+    return float(value) if math.isfinite(value) else math.nan

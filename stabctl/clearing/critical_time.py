@@ -10,8 +10,8 @@ import numpy as np
 from stabctl.controllers import Law
 from stabctl.dynamics.operating_point import Point
 from stabctl.errors import StudyError
+from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import DEFAULT, Criterion
-from stabctl.simulation.events import contingency
 from stabctl.simulation.outcome import Kind
 from stabctl.simulation.sampled import Sampled
 from stabctl.simulation.simulation import run
@@ -82,7 +82,7 @@ class Trial:
     def simulate(self, k: int, record: bool = False) -> Trajectory:
         """The run cleared at the grid's point k, from the start until the observation ends."""
         clear = k * self.resolution_cycles / self.point.case.frequency_hz
-        happens = contingency(self.fault, clear, self.trip, self.at, self.impedance)
+        happens = Contingency(self.fault, clear, self.trip, at=self.at, impedance=self.impedance)
         until = self.at + clear + self.observed_s
         return run(self.point, happens, until, self.control, self.step, self.criterion, record)
 

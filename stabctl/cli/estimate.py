@@ -45,7 +45,7 @@ def estimate(
     from stabctl.controllers import BangBang
     from stabctl.errors import StudyError
     from stabctl.estimation.loop import Driven, watch
-    from stabctl.simulation.events import contingency
+    from stabctl.simulation.contingency import Contingency
     from stabctl.units import seconds
 
     if not 0.05 < observe < float("inf"):
@@ -53,7 +53,7 @@ def estimate(
     shared.file(plot, ".png", ".svg")
     loaded = shared.load(case, classical)
     off = seconds(clear, loaded.frequency_hz)
-    events = contingency(fault, off, trip or (), at, shared.impedance(fault_impedance))
+    events = Contingency(fault, clear, trip or (), at=at, impedance=shared.impedance(fault_impedance))
     point = shared.start(loaded, storage, storage_at, characteristic=characteristic, lag=lag)
     law = shared.law(point.case, None, deadband, min_voltage) or BangBang(deadband, min_voltage)
     driven = Driven(law, estimator, shared.pmu(pmu_rate, pmu_noise_mrad, latency_ms, loss), seed)

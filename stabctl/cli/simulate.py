@@ -52,9 +52,8 @@ def simulate(
 ) -> None:
     """Simulate a fault, cleared by opening its circuit and those of --trip, with or without storage."""
     from stabctl.errors import StudyError
-    from stabctl.simulation.events import contingency
+    from stabctl.simulation.contingency import Contingency
     from stabctl.simulation.simulation import run
-    from stabctl.units import seconds
 
     if fault and not clear:
         raise StudyError("--fault needs --clear; give a clearing time such as 6cyc.")
@@ -66,8 +65,7 @@ def simulate(
     loaded = shared.load(case, classical)
     events = ()
     if fault or trip:
-        duration = seconds(clear, loaded.frequency_hz) if clear else 0.0
-        events = contingency(fault, duration, trip or (), at, through)
+        events = Contingency(fault, clear, trip or (), at=at, impedance=through)
     options = {"characteristic": characteristic, "lag": lag}
     point = shared.start(loaded, storage, storage_at, **options)
     law = shared.law(point.case, control, deadband, min_voltage)

@@ -12,6 +12,7 @@ import numpy as np
 
 from stabctl.controllers import BangBang, Device, Law, Seen, order
 from stabctl.dynamics.operating_point import Point
+from stabctl.simulation.contingency import Contingency, schedule
 from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.events import Event
 from stabctl.simulation.sampled import carry
@@ -148,7 +149,7 @@ def _truly(estimate: object, slip: np.ndarray) -> object:
 
 def watch(
     point: Point,
-    events: Iterable[Event],
+    contingency: Contingency | Event | Iterable[Contingency | Event | str] | None,
     until: float,
     driven: Driven,
     seeds: Sequence[int] | None = None,
@@ -158,10 +159,11 @@ def watch(
 ) -> Record:
     """Simulate with an estimator in the loop until `until` (s), once per seed, and keep what it knew and ordered.
 
-    Args: operating point and events as in `simulate.simulation.run`; the controller; seeds (its own where None), all
-    of them carried along together; step (s); when a run ends; whether the trajectories are kept. Raises `StudyError`.
+    Args: operating point and contingency as in `simulation.run`; the controller; seeds (its own where None), all of
+    them carried along together; step (s); criterion of stability; whether the trajectories are kept. Raises
+    `StudyError`.
     """
-    events = tuple(events)
+    events = schedule(point.case, contingency, until)
     seeds = (driven.seed,) if seeds is None else tuple(seeds)
     simulations = [Simulation(point, events, None, step, criterion, record) for _ in seeds]
     pilot = Pilot(driven, simulations, seeds)

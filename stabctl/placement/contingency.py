@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 from stabctl.clearing import Screen
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
-from stabctl.simulation.events import branch, contingency, locate, timeline
+from stabctl.simulation import contingency as simulated
+from stabctl.simulation.events import branch, locate
 from stabctl.units import seconds
 
 COUNT, LONGER = 8, 1.2
@@ -107,7 +108,7 @@ def checked(contingencies: Iterable[Contingency], case: Case) -> tuple[Contingen
             locate(case, one.fault)
             for name in one.trip:
                 branch(case, name)
-            timeline(case, contingency(one.fault, one.clear, one.trip, 0.0))
+            simulated.Contingency(one.fault, one.clear, one.trip, at=0.0).check(case)
         except StudyError as error:
             raise StudyError(f"Contingency {i} ({one.name}): {error}") from None
         if not 0 < one.clear <= LATEST:

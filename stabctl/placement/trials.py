@@ -12,8 +12,8 @@ from stabctl._util import cores
 from stabctl.clearing.critical_time import check_observed
 from stabctl.controllers import BangBang, Law
 from stabctl.dynamics.operating_point import Point
+from stabctl.simulation import contingency as simulated
 from stabctl.simulation.criterion import DEFAULT, Criterion
-from stabctl.simulation.events import contingency
 from stabctl.simulation.simulation import Simulation, run
 from stabctl.simulation.trajectory import Trajectory
 
@@ -112,7 +112,7 @@ class Trials:
     def run(self, mw: np.ndarray, k: int, record: bool = True) -> Trajectory:
         """The run of contingency k with this fleet (candidates, MW)."""
         one = self.contingencies[k]
-        events = contingency(one.fault, one.clear, one.trip, 0.0)
+        events = simulated.Contingency(one.fault, one.clear, one.trip, at=0.0)
         self.count()
         until = one.clear + self.observed_s
         return run(self.point.resized(mw), events, until, self.law, self.step, self.criterion, record)

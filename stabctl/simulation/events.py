@@ -153,33 +153,15 @@ def locate(case: Case, text: str) -> Place:
     return Place(None, row, along if case.branches[row].from_bus == a else 1 - along)
 
 
-def contingency(
-    fault: str | None, clear: float, trip: Iterable[str] = (), at: float = 1.0, impedance: complex = 0j
-) -> tuple[Event, ...]:
-    """A fault (pu impedance) at `at` (s), cleared after `clear` (s) by opening its circuit and those in `trip`."""
-    if not clear >= 0:
-        raise StudyError(f"The clearing time {clear:g} s is negative; give a time of at least 0.")
-    off, opened = at + clear, list(trip)
-    on_line = fault is not None and "-" in fault
-    if on_line:
-        opened.insert(0, fault.split("@")[0])
-    events: list[Event] = [Open(name, off) for name in opened]
-    if fault is not None and clear > 0:
-        events.append(Fault(fault, at, impedance))
-        if not on_line:
-            events.append(Clear(fault, off))
-    return tuple(events)
-
-
 def timeline(case: Case, events: Iterable[Event]) -> tuple[Change, ...]:
     """The network after each instant at which something happens, in order of time; the first is the intact one at 0."""
     changes, now = [Change(0.0)], _State(case)
     for event in sorted(events, key=lambda e: e.at):
         if not 0 <= event.at < float("inf"):
-            raise StudyError(f"The time {event.at:g} s of the {_named(event)} is not allowed; it must be at least 0.")
+            raise StudyError(f"The time {event.at:g} s of the {described(event)} is not allowed; give at least 0.")
         for name, value in vars(event).items():
             if isinstance(value, int | float | complex) and not cmath.isfinite(value):
-                raise StudyError(f"The {name} {value} of the {_named(event)} is not allowed; it must be finite.")
+                raise StudyError(f"The {name} {value} of the {described(event)} is not allowed; it must be finite.")
         now.apply(event)
         if event.at - changes[-1].at < 1e-9 and len(changes) > 1:
             changes.pop()
@@ -187,8 +169,8 @@ def timeline(case: Case, events: Iterable[Event]) -> tuple[Change, ...]:
     return tuple(changes)
 
 
-def _named(event: Event) -> str:
-    """An event in words."""
+def described(event: Event) -> str:
+    """An event in words, without its instant."""
     match event:
         case Fault(place) | Clear(place):
             return f"fault at {place}"

@@ -14,6 +14,7 @@ from stabctl.errors import StudyError
 
 from . import events as ev
 from . import stepper
+from .contingency import Contingency, schedule
 from .criterion import DEFAULT, Criterion
 from .outcome import End, Outcome, outcome
 from .sampled import Sampled, carry
@@ -39,7 +40,7 @@ class Simulation:
     def __init__(
         self,
         point: Point,
-        events: Iterable[ev.Event] = (),
+        events: Contingency | Iterable[ev.Event] = (),
         control: Law | None = None,
         step: float | None = None,
         criterion: Criterion = DEFAULT,
@@ -50,7 +51,7 @@ class Simulation:
         self.progress = progress
         self.point, self.criterion, self.recording = point, Criterion(*map(float, criterion)), record
         self.step = _checked_step(point, step)
-        self.changes = ev.timeline(point.case, events)
+        self.changes = ev.timeline(point.case, schedule(point.case, events))
         self.time, self.wall_s, self.steps = start, 0.0, 0
         self.outcome: Outcome | None = None
         self._taken_off: list[str] = []
@@ -209,7 +210,7 @@ def _checked_step(point: Point, step: float | None) -> float:
 
 def run(
     point: Point,
-    events: Iterable[ev.Event] = (),
+    contingency: Contingency | ev.Event | Iterable[Contingency | ev.Event | str] | None = None,
     until: float = 10.0,
     control: Law | Sampled | None = None,
     step: float | None = None,
@@ -218,17 +219,13 @@ def run(
     start: float = 0.0,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
-    """Simulate an operating point under events until `until` (s); arguments as in `Simulation`.
+    """Simulate an operating point under a contingency, or events, until `until` (s); the rest as in `Simulation`.
 
     A law runs inside the compiled loop, a sampled controller between intervals of its rate.
     """
-    if not start < until < np.inf:
-        raise StudyError(f"The run ends at {until:g} s; it must end after its start at {start:g} s.")
+    events = schedule(point.case, contingency, until, start)
     sampled = isinstance(control, Sampled)
     simulation = Simulation(point, events, None if sampled else control, step, criterion, record, start, progress)
-    latest = simulation.changes[-1].at
-    if latest >= until:
-        raise StudyError(f"The run ends at {until:g} s, before the last event at {latest:g} s; give it a later end.")
     if sampled:
         carry([simulation], control.pilot([simulation]), control.rate, until)
     else:

@@ -13,8 +13,8 @@ from stabctl.dynamics.operating_point import Point
 from stabctl.errors import StabctlError, StudyError
 from stabctl.estimation.loop import Driven, watch
 from stabctl.model import fleet, powerflow
+from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import DEFAULT, Criterion
-from stabctl.simulation.events import contingency
 from stabctl.simulation.simulation import run
 from stabctl.simulation.trajectory import Trajectory
 from stabctl.units import seconds
@@ -87,9 +87,10 @@ def _clearing_time(job: Job, point: Point) -> Result:
 
 def _simulate(job: Job, point: Point) -> Result:
     clear = seconds(job.clear, point.case.frequency_hz)
-    events = contingency(job.fault or None, clear, circuits(job.trip), job.at, complex(job.fault_r, job.fault_x))
+    impedance = complex(job.fault_r, job.fault_x)
+    happens = Contingency(job.fault or None, job.clear or None, circuits(job.trip), at=job.at, impedance=impedance)
     steering, keep = _steering(job, point), bool(point.case.storage)
-    arguments = point, events, job.until, steering
+    arguments = point, happens, job.until, steering
     if not isinstance(steering, Driven):
         return _ended(run(*arguments, job.step or None, _criterion(job), keep))
     seen = watch(*arguments, step=job.step or None, criterion=_criterion(job), record=keep)

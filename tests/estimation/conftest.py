@@ -18,13 +18,13 @@ STUDIES = {  # case, classical, storage, fault, circuit opened, cycles until cle
 
 @cache
 def _study(name):
-    from stabctl.simulation.events import contingency
+    from stabctl.simulation.contingency import Contingency
 
     case, classical, storage, fault, trip, cycles = STUDIES[name]
     loaded = io.load(case)
     loaded = loaded.classical() if classical else loaded
     point = operating_point.solve(loaded.with_storage(fleet.everywhere(loaded, storage)))
-    return point, contingency(fault, cycles / 60, [trip]), 1 + cycles / 60, (fault, [trip])
+    return point, Contingency(fault, cycles / 60, [trip]), 1 + cycles / 60, (fault, [trip])
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,7 @@ from stabctl.dynamics import operating_point
 from stabctl.estimation.bank import wrapped
 from stabctl.estimation.flux import Flux
 from stabctl.estimation.machines import Terminals, machines
-from stabctl.simulation.events import contingency
+from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import Simulation
 
 RATE = 60
@@ -56,7 +56,7 @@ def test_flux_follows_the_rotor_through_a_fault(study, name, cycles, most):
     """At the true angles; what is left half a second after clearing comes from the instants of the jumps."""
     point, _, _, (fault, trip) = study(name)
     cleared = 1 + cycles / 60
-    known, rows = looked_at(point, contingency(fault, cycles / 60, trip), 4)
+    known, rows = looked_at(point, Contingency(fault, cycles / 60, trip), 4)
     V, I, E, delta = rows[0]
     flux, there = Flux(known, 1 / RATE, V, I, E), np.ones(V.shape, bool)
     worst = 0.0

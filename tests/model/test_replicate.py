@@ -11,7 +11,7 @@ from stabctl.errors import StudyError
 from stabctl.model import fleet, powerflow
 from stabctl.model.case import Link
 from stabctl.model.replicate import replicate
-from stabctl.simulation.events import contingency
+from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run
 from stabctl.smallsignal import analyze, linearize
 
@@ -41,8 +41,8 @@ def test_numbers_say_which_copy():
 
 def test_a_copy_far_from_the_fault_hardly_moves():
     point = operating_point.solve(replicate(io.load("two_area"), 2, x=1e4))
-    motion = run(point, contingency("7", 0.1, ["7-8"]), 2.0)
-    alone = run(operating_point.solve(io.load("two_area")), contingency("7", 0.1, ["7-8"]), 2.0)
+    motion = run(point, Contingency("7", 0.1, ["7-8"]), 2.0)
+    alone = run(operating_point.solve(io.load("two_area")), Contingency("7", 0.1, ["7-8"]), 2.0)
     assert np.abs(motion.speed[:, :4] - alone.speed).max() < 1e-6  # 9e-8
     assert np.abs(motion.speed[:, 4:] - 1).max() < 1e-6  # 8e-8
 

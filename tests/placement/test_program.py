@@ -15,7 +15,7 @@ from stabctl.model.case import Storage
 from stabctl.placement.contingency import load, packaged
 from stabctl.placement.place import place
 from stabctl.placement.trials import Trials
-from stabctl.simulation.events import contingency
+from stabctl.simulation import contingency as simulated
 from stabctl.simulation.simulation import run
 
 CANDIDATES = (14, 26, 21)  # machines of wnaps
@@ -56,7 +56,7 @@ def survives_from_scratch(case, sizes, one):
     """Is a run of the fleet (machine -> MW), made through the public records alone, stable?"""
     devices = fleet.chosen(case, {machine: f"{mw!r}MW" for machine, mw in sizes.items() if mw > 0}) if sizes else ()
     point = operating_point.solve(case.with_storage(devices))
-    events = contingency(one.fault, one.clear, one.trip, 0.0)
+    events = simulated.Contingency(one.fault, one.clear, one.trip, at=0.0)
     return run(point, events, one.clear + 5.0, BangBang(), record=False).outcome.stable
 
 

@@ -11,7 +11,7 @@ from stabctl.dynamics import operating_point
 from stabctl.model.case import Storage
 from stabctl.placement.contingency import Contingency
 from stabctl.placement.trials import Trials
-from stabctl.simulation.events import contingency
+from stabctl.simulation import contingency as simulated
 from stabctl.simulation.simulation import run
 
 TO_SURVIVE = (
@@ -51,7 +51,7 @@ def test_a_resized_point_is_that_of_a_fresh_start(case, point):
     for name in fresh.plant._fields:
         assert np.array_equal(getattr(resized.plant, name), getattr(fresh.plant, name)), name
     one = TO_SURVIVE[0]
-    events = contingency(one.fault, one.clear, one.trip, 0.0)
+    events = simulated.Contingency(one.fault, one.clear, one.trip, at=0.0)
     a, b = (run(p, events, 1.0, BangBang()) for p in (resized, fresh))
     assert np.array_equal(a.rows, b.rows)
     assert set(np.unique(a.order)) == {-1.0, 0.0, 1.0}
@@ -63,7 +63,7 @@ def test_a_trial_is_a_simulation_from_scratch(case, point, trials):
             mw = _sizes(point, share)
             pairs = zip(case.storage, mw, strict=True)
             fresh = operating_point.solve(case.with_storage(s._replace(rating=float(size)) for s, size in pairs))
-            events = contingency(one.fault, one.clear, one.trip, 0.0)
+            events = simulated.Contingency(one.fault, one.clear, one.trip, at=0.0)
             ran = run(fresh, events, one.clear + 2.0, BangBang())
             assert trials.survives(mw, k) == ran.outcome.stable == (share > 0)
 

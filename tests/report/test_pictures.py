@@ -19,7 +19,7 @@ from stabctl.model import fleet
 from stabctl.plotting import clearing, estimates, style, trajectories
 from stabctl.report import paper
 from stabctl.report.study import Study, Verdict
-from stabctl.simulation.events import contingency
+from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run
 
 ROOT = Path(__file__).parents[2]
@@ -100,7 +100,7 @@ def test_a_study_runs_alone(tmp_path):
 @pytest.fixture(scope="module")
 def runs(points, cases):
     """Three seconds of the paper's Case 1 without and with storage."""
-    case, events = cases("two_area"), contingency("7-8@0.4", 21 / 60)
+    case, events = cases("two_area"), Contingency("7-8@0.4", 21 / 60)
     equipped = operating_point.solve(case.with_storage(fleet.everywhere(case, "50MW")))
     bare, held = run(points("two_area"), events, 3.0), run(equipped, events, 3.0, BangBang())
     return {"without storage": bare, "with 50 MW storage": held}
@@ -114,7 +114,7 @@ def test_pictures_of_runs(runs):
 
 def test_pictures_of_estimates(runs):
     point = runs["with 50 MW storage"].point
-    found = watch(point, contingency("7", 0.1, ["7-8"]), 1.5, Driven(engine="batched"), range(1, 3))
+    found = watch(point, Contingency("7", 0.1, ["7-8"]), 1.5, Driven(engine="batched"), range(1, 3))
     sizes = np.linspace(12.25, 6.5, 5)
     panels = {label: (range(5), {"two_area": sizes, "wnaps": sizes - 1}) for label in ("latency, ms", "noise, mrad")}
     ideal = {"two_area": 12.25, "wnaps": 6.5}

@@ -13,8 +13,9 @@ from stabctl.errors import EquilibriumError, StudyError
 from stabctl.model import fleet, powerflow
 from stabctl.model.case import Branch, Bus, Storage
 from stabctl.simulation import stepper
+from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import Criterion
-from stabctl.simulation.events import Clear, Fault, Open, TripMachine, contingency
+from stabctl.simulation.events import Clear, Fault, Open, TripMachine
 from stabctl.simulation.simulation import Simulation, run
 
 
@@ -34,7 +35,7 @@ def test_voltages_return_to_the_upper_solution_after_a_fault(two_area, share):
     """A longer fault is never survived where a shorter one collapses: of several solutions the highest is taken."""
     point = operating_point.solve(constant_power(two_area, share))
     for cycles in (1, 3, 6):
-        held = run(point, contingency("7", cycles / 60, ["7-8"]))
+        held = run(point, Contingency("7", cycles / 60, ["7-8"]))
         assert held.outcome.stable
         assert np.abs(held.V[-1]).min() > 0.85
 
@@ -128,7 +129,7 @@ def test_load_flow_survives_a_jumper_and_a_far_guess(two_area):
 
 def test_signals_of_storage_are_in_the_result(two_area):
     case = two_area.with_storage([Storage(1, 5, 50.0, energy=0.01, charge=0.5)])
-    data = run(operating_point.solve(case), contingency("7-8@0.4", 0.35), 4.0, BangBang()).to_xarray()
+    data = run(operating_point.solve(case), Contingency("7-8@0.4", 0.35), 4.0, BangBang()).to_xarray()
     assert data.storage_energy.attrs["units"] == "MWh"
     assert float(data.storage_energy[0, 0]) == pytest.approx(0.005)
     assert float(data.storage_energy.max()) <= 0.01
@@ -175,13 +176,13 @@ def test_laws_refuse_impossible_thresholds(law, bad):
 
 
 def test_a_run_that_ends_before_its_events_is_refused(two_area):
-    with pytest.raises(StudyError, match="before the last event"):
-        run(operating_point.solve(two_area), contingency("7", 0.1), 1.05)
+    with pytest.raises(StudyError, match=r"must end after its last event at 1\.1 s"):
+        run(operating_point.solve(two_area), Contingency("7", 0.1), 1.05)
 
 
 def test_a_unit_cut_off_by_its_own_fault_does_not_spoil_the_clearing_time():
     """Machine 12 of wnaps hangs on 27-28 and runs away alone; the others are judged, however long they are watched."""
     case = io.load("wnaps")
-    ends = [run(operating_point.solve(case), contingency("27-28@1", 0.05), until) for until in (4.0, 16.0)]
+    ends = [run(operating_point.solve(case), Contingency("27-28@1", 0.05), until) for until in (4.0, 16.0)]
     assert all(end.outcome.stable and end.outcome.kind == "islanded" for end in ends)
     assert "taken off" not in ends[0].outcome.message

@@ -7,7 +7,7 @@ from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.estimation.loop import Driven, watch
 from stabctl.model import fleet
-from stabctl.simulation.events import contingency
+from stabctl.simulation.contingency import Contingency
 from stabctl.sweep import perform, study
 from stabctl.sweep.task import tasks
 
@@ -49,7 +49,7 @@ def test_a_simulation_under_an_estimator_is_that_of_the_call(results, cases):
     )
     case = cases("two_area")
     point = operating_point.solve(case.with_storage(fleet.everywhere(case, "50MW")))
-    seen = watch(point, contingency("7", 11 / 60, ["7-8"]), 3.0, Driven(seed=4))
+    seen = watch(point, Contingency("7", 11 / 60, ["7-8"]), 3.0, Driven(seed=4))
     assert kalman.rmse == seen.after(1 + 11 / 60, 3.0).rmse_mhz
     assert kalman.max_angle_from_coi == seen.runs[0].max_angle_from_coi_deg != ideal.max_angle_from_coi
     assert ideal.outcome == kalman.outcome == alone.outcome == "stable"
@@ -63,7 +63,7 @@ def test_what_a_job_is_refused_for_is_in_its_row(results):
         SIMULATE + '[[job]]\nuntil_s = 1.1\n[[job]]\nestimator = "kalman"\ncontrol = "none"\n[[job]]\n'
     )
     assert [r.status for r in (late, controlled, good)] == ["error", "error", "ok"]
-    assert "before the last event" in late.message
+    assert "after its last event" in late.message
     assert "drives a control law" in controlled.message
     assert good.outcome == "lost_synchronism"
     assert good.worker

@@ -12,7 +12,7 @@ from stabctl.errors import StudyError
 from stabctl.model import fleet
 from stabctl.model.case import Branch, Bus, Case, Machine
 from stabctl.report import paper
-from stabctl.simulation.events import contingency
+from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run
 from stabctl.theory.from_case import equivalent
 from stabctl.theory.two_machine import Equivalent
@@ -66,7 +66,7 @@ def test_feedback_laws_hold_a_multi_machine_case(law):
     """The laws (13), (14) as storage orders save what is lost without, within the rating, and damp."""
     case = io.load("two_area")
     point = operating_point.solve(case.with_storage(fleet.everywhere(case, "100MW")))
-    events = contingency("7-8@0.4", 21 / 60)
+    events = Contingency("7-8@0.4", 21 / 60)
     assert run(point, events).outcome.machine == 4
     held = run(point, events, control=law)
     assert held.outcome.stable
@@ -79,7 +79,7 @@ def test_negative_acceleration_gain_lightens_the_rotor():
     """With (13) and Ka < 0 the law injects while the machine accelerates: its order has the sign of Ka times a."""
     case = io.load("two_area")
     point = operating_point.solve(case.with_storage(fleet.chosen(case, "1=100MW")))
-    run_ = run(point, contingency("7-8@0.4", 0.1), until=1.2, control=Feedback(0.0, -0.004, min_voltage=0.0))
+    run_ = run(point, Contingency("7-8@0.4", 0.1), until=1.2, control=Feedback(0.0, -0.004, min_voltage=0.0))
     during = (run_.time > 1.02) & (run_.time < 1.05)
     assert (run_.storage[during, 0] < 0).all()
 
@@ -87,7 +87,7 @@ def test_negative_acceleration_gain_lightens_the_rotor():
 def test_bang_bang_is_the_limit_of_a_steep_feedback():
     case = io.load("two_area")
     point = operating_point.solve(case.with_storage(fleet.everywhere(case, "50MW")))
-    events = contingency("7-8@0.4", 21 / 60)
+    events = Contingency("7-8@0.4", 21 / 60)
     steep = run(point, events, until=1.6, control=Feedback(1e6, deadband_hz=0.1))
     switched = run(point, events, until=1.6, control=BangBang())
     np.testing.assert_allclose(steep.storage, switched.storage, atol=1e-9)

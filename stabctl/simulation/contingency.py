@@ -1,0 +1,198 @@
+"""A contingency: a fault and how it is cleared, and whatever else happens to the system."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import KW_ONLY, dataclass, replace
+from numbers import Complex
+from typing import Any
+
+from stabctl.errors import StudyError
+from stabctl.model.case import Case
+from stabctl.units import seconds
+
+from . import notation
+from .events import Clear, Event, Fault, Open, described, timeline
+
+SHORTEST = 1e-6  # s   of a run after its last event
+
+
+@dataclass(frozen=True, repr=False)
+class Contingency:
+    """A fault, cleared by opening circuits, and other events.
+
+    Parameters
+    ----------
+    fault : str or int, optional
+        Place of a three-phase fault: a bus `83`, a point of a circuit `7-8@0.4` (measured from the first bus named),
+        or `7-8` for its middle.
+    clear : str or float, optional
+        How long the fault lasts: "6cyc", "0.1s", "100ms", or seconds. A fault on a circuit is cleared by opening it.
+    trip : str or iterable of str
+        Circuits opened when the fault is cleared; the circuit with the fault may be among them. Without a fault they
+        open `clear` (default 0) after `at`.
+    at : str or float
+        Instant of the fault: "1s", "60cyc", or seconds.
+    impedance : complex, pu
+        Fault impedance on the system base; 0 is a bolted fault.
+    events : event, str, or iterable of them
+        Other events, as records (`LoadStep(7, 1.0, p=50)`) or text (`"7-8@1s"`, `"14@2s"`, `"7:+50MW@1s"`).
+    name : str, optional
+        What the contingency is called in tables.
+
+    Raises
+    ------
+    StudyError
+        For what cannot be read. What a case does not have is found by `check`, and by every study.
+    """
+
+    fault: str | None = None
+    clear: str | float | None = None
+    trip: tuple[str, ...] = ()
+    _: KW_ONLY
+    at: str | float = "1s"
+    impedance: complex = 0j
+    events: tuple[Event | str, ...] = ()
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        fault = str(self.fault) if isinstance(self.fault, int) and not isinstance(self.fault, bool) else self.fault
+        if fault is not None and not isinstance(fault, str):
+            raise StudyError(f"{fault!r} is not a place of a fault; write a bus as 83, a circuit as 7-8 or 7-8@0.4.")
+        if isinstance(self.impedance, bool) or not isinstance(self.impedance, Complex):
+            raise StudyError(f"The fault impedance {self.impedance!r} is not a number; give it in pu, as 0.01+0.05j.")
+        for name, time in (("clear", self.clear), ("at", self.at)):
+            if not (name == "clear" and time is None) and seconds(time, 60.0) < 0:
+                raise StudyError(f"{name} = {time:g} s is negative; give a time of at least 0.")
+        object.__setattr__(self, "fault", fault)
+        object.__setattr__(self, "trip", _circuits(self.trip))
+        object.__setattr__(self, "events", _events(self.events))
+
+    @property
+    def on_line(self) -> bool:
+        """Is the fault on a circuit, which is opened to clear it?"""
+        return self.fault is not None and "-" in self.fault
+
+    @property
+    def opened(self) -> tuple[str, ...]:
+        """The circuits opened at clearing: the faulted one first."""
+        own = (self.fault.split("@")[0].strip(),) if self.on_line else ()
+        return tuple(dict.fromkeys((*own, *self.trip)))
+
+    @property
+    def label(self) -> str:
+        """Its name, or fault and trip as a planner says them: `16 trip 16-21`."""
+        trip = f"trip {', '.join(self.trip)}" if self.trip else ""
+        return self.name or " ".join(part for part in (self.fault, trip) if part) or str(self)
+
+    def starts(self, case: Case) -> float:
+        """Instant of the fault, s."""
+        return seconds(self.at, case.frequency_hz)
+
+    def cleared(self, case: Case) -> float:
+        """Instant at which the fault is cleared, s."""
+        if self.clear is None and self.fault is not None:
+            raise StudyError(f"The fault at {self.fault} is never cleared; give a clearing time, as clear='6cyc'.")
+        return self.starts(case) + seconds(self.clear or 0.0, case.frequency_hz)
+
+    def timed(self, case: Case) -> tuple[Event, ...]:
+        """Every event with its instant in seconds; cycles are those of the case's frequency."""
+        hz = case.frequency_hz
+        events = [notation.event(e, hz) if isinstance(e, str) else e for e in self.events]
+        if self.fault is None and not self.trip:
+            return tuple(events)
+        at, off = self.starts(case), self.cleared(case)
+        if self.fault is not None and off > at:
+            events.append(Fault(self.fault, at, self.impedance))
+            if not self.on_line:
+                events.append(Clear(self.fault, off))
+        return tuple(events) + tuple(Open(name, off) for name in self.opened)
+
+    def check(self, case: Case, until: float | None = None) -> None:
+        """Raise `StudyError` where the case lacks what it names, or a run until `until` (s) ends before it does."""
+        timeline(case, schedule(case, self, until))
+
+    def with_clear(self, clear: str | float, at: str | float | None = None) -> "Contingency":
+        """The same contingency with another clearing time, and where `at` is given another instant of the fault."""
+        return replace(self, clear=clear, at=self.at if at is None else at)
+
+    def __str__(self) -> str:
+        parts = []
+        if self.fault is not None:
+            parts.append(f"fault {self.fault}" + (f" through {self.impedance} pu" if self.impedance else ""))
+        opened = f"opening {', '.join(self.opened)}" if self.opened else ""
+        if self.clear is not None and self.fault is not None:
+            parts.append(f"cleared after {_said(self.clear)}" + (f" by {opened}" if opened else ""))
+        elif opened:
+            parts.append(opened if self.fault is None else f"to be cleared by {opened}")
+        parts += [event if isinstance(event, str) else f"{described(event)} at {event.at:g} s" for event in self.events]
+        return ", ".join(parts) or "no event"
+
+    __repr__ = __str__
+
+
+def schedule(case: Case, what: Any, until: float | None = None, start: float = 0.0) -> tuple[Event, ...]:
+    """The events of a run, with their instants in seconds.
+
+    Parameters
+    ----------
+    case : Case
+        The system, for its frequency.
+    what : Contingency, event, str, iterable of them, or None
+        What happens; a text is an event as in `notation`.
+    until, start : float, s
+        End and start of the run; without an end none is checked.
+
+    Raises
+    ------
+    StudyError
+        For what is no event, and for a run that ends before its last event.
+    """
+    if until is not None and not start < until < math.inf:
+        raise StudyError(f"The run ends at {until:g} s; it must end after its start at {start:g} s.")
+    if what is None:
+        return ()
+    items = (what,) if isinstance(what, str | Contingency | Event) else what
+    if not isinstance(items, Iterable):
+        raise _not_an_event(what)
+    events: list[Event] = []
+    for item in items:
+        if isinstance(item, Contingency):
+            events += item.timed(case)
+        elif isinstance(item, str | Event):
+            events.append(notation.event(item, case.frequency_hz) if isinstance(item, str) else item)
+        else:
+            raise _not_an_event(item)
+    latest = max((event.at for event in events if math.isfinite(event.at)), default=start)
+    if until is not None and until - latest < SHORTEST:
+        raise StudyError(f"The run ends at {until:g} s; it must end after its last event at {latest:g} s.")
+    return tuple(events)
+
+
+def _not_an_event(item: object) -> StudyError:
+    return StudyError(
+        f"{item!r} is not a contingency; give Contingency('7-8@0.4', clear='6cyc'), an event, or a list of them."
+    )
+
+
+def _circuits(trip: str | Iterable[str]) -> tuple[str, ...]:
+    names = trip.replace(",", " ").split() if isinstance(trip, str) else trip
+    names = tuple(names) if isinstance(names, Iterable) else (None,)
+    if not all(isinstance(name, str) for name in names):
+        raise StudyError(f"trip = {trip!r} does not name circuits; write trip='7-8' or trip=['7-8', '8-9#2'].")
+    return names
+
+
+def _events(events: Event | str | Iterable[Event | str]) -> tuple[Event | str, ...]:
+    items = (events,) if isinstance(events, str | Event) else events
+    if not isinstance(items, Iterable):
+        raise StudyError(f"events = {events!r} is not a list of events; write {notation.SHOWN}.")
+    for item in (items := tuple(items)):
+        if isinstance(item, str):
+            notation.event(item, 60.0)
+        elif not isinstance(item, Event):
+            raise StudyError(f"{item!r} is not an event; write {notation.SHOWN}, or give a record such as LoadStep.")
+    return items
+
+
+def _said(time: str | float) -> str:
+    return time if isinstance(time, str) else f"{time:g} s"
