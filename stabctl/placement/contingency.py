@@ -104,6 +104,11 @@ def checked(contingencies: Iterable[Contingency], case: Case) -> tuple[Contingen
     if not out:
         raise StudyError("There is no contingency to survive; give at least one.")
     for i, one in enumerate(out, start=1):
+        if not 0 < one.clear <= LATEST:
+            raise StudyError(
+                f"Contingency {i} ({one.name}) is cleared after {one.clear:g} s; give a time above 0 and at most "
+                f"{LATEST:g} s."
+            )
         try:
             locate(case, one.fault)
             for name in one.trip:
@@ -111,11 +116,6 @@ def checked(contingencies: Iterable[Contingency], case: Case) -> tuple[Contingen
             simulated.Contingency(one.fault, one.clear, one.trip, at=0.0).check(case)
         except StudyError as error:
             raise StudyError(f"Contingency {i} ({one.name}): {error}") from None
-        if not 0 < one.clear <= LATEST:
-            raise StudyError(
-                f"Contingency {i} ({one.name}) is cleared after {one.clear:g} s; give a time above 0 and at most "
-                f"{LATEST:g} s."
-            )
         if one in out[: i - 1]:
             raise StudyError(f"Contingency {i} ({one.name}) is listed twice; take one out.")
     return out
