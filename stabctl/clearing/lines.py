@@ -6,7 +6,7 @@ from stabctl.model import network
 from stabctl.model.case import Branch, Case
 from stabctl.model.network import Switching
 
-OPEN = network.Branch(from_closed=False, to_closed=False)
+OPEN = network.BranchState(from_closed=False, to_closed=False)
 
 
 class Lines(NamedTuple):
@@ -26,7 +26,7 @@ def lines(case: Case) -> Lines:
     """
     stepped_up = {m.bus for m in case.machines if m.storage_bus != m.bus}
     rated = {b.bus: b.rated for b in case.buses}
-    net = network.grid(case)
+    net = network.build(case)
     whole = network.islands(net).max()
     screened, bridges, twins = [], [], []
     beside: dict[frozenset[int], list[Branch]] = {}

@@ -30,7 +30,7 @@ def powerflow(case: CaseName, branches: Branches = False, classical: Classical =
         }
         for b, V in zip(c.buses, flow.V.tolist(), strict=True)
     ]
-    ends = [[complex(S) * c.base_mva for S in both] for both in flow.branches()]
+    ends = [[complex(S) * c.base_mva for S in both] for both in flow.branch_power]
     lines = [
         {
             "from_bus": k.from_bus,

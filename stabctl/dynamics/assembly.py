@@ -13,8 +13,8 @@ from stabctl.devices.loads import zip_load
 from stabctl.devices.storage import esd
 from stabctl.errors import EquilibriumError
 from stabctl.model.case import Case
-from stabctl.model.network import Grid
-from stabctl.model.powerflow import Flow
+from stabctl.model.network import Network
+from stabctl.model.powerflow import PowerFlow
 
 from . import system
 from .system import Plant, records
@@ -23,7 +23,7 @@ MACHINES = ("gencls", "genrou")
 LIMITS = ("held", "held_low", "held_high", "moving", "moving_low", "moving_high", "moving_machine")
 
 
-def plant(case: Case, flow: Flow, net: Grid) -> tuple[Plant, np.ndarray]:
+def plant(case: Case, flow: PowerFlow, net: Network) -> tuple[Plant, np.ndarray]:
     """Every device of the case, and the admittance (buses, pu) of the part of the loads that is constant impedance."""
     rows = {m.machine: i for i, m in enumerate(case.machines)}
     tables: dict[str, np.ndarray] = {}
@@ -111,7 +111,7 @@ def stored(case: Case) -> np.ndarray:
     return np.array([s.energy * s.charge for s in case.storage]) * 3600 / case.base_mva
 
 
-def _loads(case: Case, flow: Flow, net: Grid) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _loads(case: Case, flow: PowerFlow, net: Network) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Voltage-dependent parts of loads and HVDC terminals, their buses, and the admittance of the rest."""
     rows = [(b.bus, b.p, b.q, b.p_power, b.q_power, b.p_current, b.q_current, b.v_low) for b in case.loads]
     for k in case.links:

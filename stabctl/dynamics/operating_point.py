@@ -18,8 +18,8 @@ from stabctl.devices.blocks import SHORT
 from stabctl.errors import EquilibriumError
 from stabctl.model import network, powerflow
 from stabctl.model.case import Case
-from stabctl.model.network import Grid
-from stabctl.model.powerflow import Flow
+from stabctl.model.network import Network
+from stabctl.model.powerflow import PowerFlow
 
 from . import assembly, layout, system
 from .jacobian import jacobian
@@ -35,8 +35,8 @@ class Point:
     """An operating point: the plant, its network, and z at which nothing moves."""
 
     case: Case
-    flow: Flow
-    net: Grid
+    flow: PowerFlow
+    net: Network
     plant: Plant
     z: np.ndarray
     fixed: np.ndarray  # (buses) admittance of the constant-impedance part of the loads, pu
@@ -83,11 +83,11 @@ def norton_admittances(plant: Plant) -> np.ndarray:
     return out
 
 
-def solve(case: Case, flow: Flow | None = None, limit: int = 30) -> Point:
+def solve(case: Case, flow: PowerFlow | None = None, limit: int = 30) -> Point:
     """The operating point of a case at its load flow. `EquilibriumError` names device, machine and limit."""
     jit.announce()
     flow = flow or powerflow.solve(case)
-    net = network.grid(case)
+    net = network.build(case)
     plant, fixed = assembly.plant(case, flow, net)
     alone = _each_on_its_own_bus(plant)
     m, n = len(case.machines), sizes(alone, len(case.machines))
@@ -144,7 +144,7 @@ def _saturated(plant: Plant, share: float) -> Plant:
     return plant._replace(genrou=table)
 
 
-def _guess(b: system.Buffers, case: Case, flow: Flow, net: Grid, plant: Plant) -> None:
+def _guess(b: system.Buffers, case: Case, flow: PowerFlow, net: Network, plant: Plant) -> None:
     """Everything 1, rotors on the q axis of V + (ra + j xq) I, storage idle."""
     V = flow.V[net.machine_bus]
     n = sizes(plant, len(case.machines))

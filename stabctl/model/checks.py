@@ -161,9 +161,9 @@ def _devices(case: "Case") -> Iterator[str]:
                 top = name[:-3] + "max"
                 if name.endswith("min") and top in columns and getattr(par, name) > getattr(par, top):
                     fail(model, i, column, f"{getattr(par, name):g} is above {top} = {getattr(par, top):g}.")
-            for name, text in getattr(par, "fatal", tuple)():
+            for name, text in getattr(par, "errors", tuple)():
                 fail(model, i, columns[name], f"{getattr(par, name):g} of machine {number} {text}.")
-            for name, text in getattr(par, "odd", tuple)():
+            for name, text in getattr(par, "warnings", tuple)():
                 value = getattr(par, name)
                 yield f"{model}.csv row {i + 2}, column {columns[name]}: {value:g} of machine {number} {text}."
     for i, m in enumerate(case.machines):

@@ -9,18 +9,18 @@ from stabctl.units import size
 
 from . import powerflow
 from .case import Case, Machine, Storage
-from .powerflow import Flow
+from .powerflow import PowerFlow
 
 _AT = re.compile(r"^\s*(\d+)(?:@(\d+))?\s*=\s*(.+)$")
 
 
-def everywhere(case: Case, rating: str, flow: Flow | None = None, **options: Any) -> tuple[Storage, ...]:
+def everywhere(case: Case, rating: str, flow: PowerFlow | None = None, **options: Any) -> tuple[Storage, ...]:
     """A device of `rating` (50MW, 5%mva, 5%dispatch) at every machine's storage bus; options as fields of `Storage`."""
     return tuple(_device(case, m, rating, flow, m.storage_bus, options) for m in case.machines)
 
 
 def chosen(
-    case: Case, ratings: str | Mapping[int, str], flow: Flow | None = None, **options: Any
+    case: Case, ratings: str | Mapping[int, str], flow: PowerFlow | None = None, **options: Any
 ) -> tuple[Storage, ...]:
     """Devices at the machines named, `14=50MW,13@33=20MW`: machine, its bus where it is not the storage bus, rating."""
     if not isinstance(ratings, str):
@@ -40,7 +40,7 @@ def chosen(
     return tuple(devices)
 
 
-def megawatts(case: Case, machine: Machine, rating: str, flow: Flow | None = None) -> float:
+def megawatts(case: Case, machine: Machine, rating: str, flow: PowerFlow | None = None) -> float:
     """A rating (50MW, 5%mva, 5%dispatch) at a machine of the case, MW; `StudyError` where it is none."""
     value, unit = size(rating)
     if unit == "%mva":
@@ -51,5 +51,5 @@ def megawatts(case: Case, machine: Machine, rating: str, flow: Flow | None = Non
     return value
 
 
-def _device(case: Case, m: Machine, rating: str, flow: Flow | None, bus: int, options: dict[str, Any]) -> Storage:
+def _device(case: Case, m: Machine, rating: str, flow: PowerFlow | None, bus: int, options: dict[str, Any]) -> Storage:
     return Storage(m.machine, bus, megawatts(case, m, rating, flow), **options)

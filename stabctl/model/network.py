@@ -12,10 +12,10 @@ import scipy.sparse as sp
 
 from .case import Case
 
-BOLTED = 1e7  # pu   admittance of a fault without impedance
+BOLTED = 1e9  # MVA at rated voltage   admittance of a fault without impedance
 
 
-class Grid(NamedTuple):
+class Network(NamedTuple):
     """The network of a case: numbers of its buses, and everything in pu on the system base."""
 
     numbers: tuple[int, ...]
@@ -29,22 +29,22 @@ class Grid(NamedTuple):
     machine_bus: np.ndarray  # (machines) rows
 
 
-class Branch(NamedTuple):
+class BranchState(NamedTuple):
     """What has happened to a branch."""
 
     fault_at: float | None = None  # -   from its from end (0) to its to end (1)
-    fault_admittance: complex = BOLTED  # pu
+    fault_admittance: complex = 0j  # pu
     from_closed: bool = True
     to_closed: bool = True
 
 
-INTACT = Branch()
+INTACT = BranchState()
 
 
 class Switching(NamedTuple):
     """Everything that has happened to a network; the default is nothing. Rows are those of the case's tables."""
 
-    branches: tuple[tuple[int, Branch], ...] = ()  # row of the branch, its state
+    branches: tuple[tuple[int, BranchState], ...] = ()  # row of the branch, its state
     faults: tuple[tuple[int, complex], ...] = ()  # row of the bus, fault admittance, pu
     shunts: tuple[tuple[int, complex], ...] = ()  # row of the bus, admittance switched in, pu
     tripped: frozenset[int] = frozenset()  # rows of machines
@@ -61,7 +61,7 @@ class Switching(NamedTuple):
 UNSWITCHED = Switching()
 
 
-def grid(case: Case) -> Grid:
+def build(case: Case) -> Network:
     """The network of a case in pu and radians."""
     place = {b.bus: i for i, b in enumerate(case.buses)}
     rows = case.branches
@@ -69,7 +69,7 @@ def grid(case: Case) -> Grid:
     def column(name: str) -> np.ndarray:
         return np.array([getattr(k, name) for k in rows], float)
 
-    return Grid(
+    return Network(
         tuple(place),
         place,
         np.array([place[k.from_bus] for k in rows], int),
@@ -82,7 +82,7 @@ def grid(case: Case) -> Grid:
     )
 
 
-def two_port(z: complex, charging: float, state: Branch = INTACT) -> np.ndarray:
+def two_port(z: complex, charging: float, state: BranchState = INTACT) -> np.ndarray:
     """Admittance (2, 2) of a branch seen from its ends, its turns ratio left out.
 
     A fault splits the branch into sections of f and 1 - f of its length with the fault's admittance between them; an
@@ -107,7 +107,7 @@ def two_port(z: complex, charging: float, state: Branch = INTACT) -> np.ndarray:
     return out
 
 
-def admittance(net: Grid, switching: Switching = UNSWITCHED) -> sp.csc_matrix:
+def admittance(net: Network, switching: Switching = UNSWITCHED) -> sp.csc_matrix:
     """Bus admittance matrix (pu) of branches and shunts; machines and loads are not in it."""
     y, half = 1 / net.z, 0.5j * net.charging
     ports = np.array([[y + half, -y], [-y, y + half]])
@@ -124,7 +124,7 @@ def admittance(net: Grid, switching: Switching = UNSWITCHED) -> sp.csc_matrix:
     return sp.csc_matrix((values, (rows, columns)), shape=(len(shunt),) * 2)
 
 
-def islands(net: Grid, switching: Switching = UNSWITCHED) -> np.ndarray:
+def islands(net: Network, switching: Switching = UNSWITCHED) -> np.ndarray:
     """Number of the island of every bus, counted from 0; branches closed at both ends connect."""
     from scipy.sparse.csgraph import connected_components
 

@@ -15,7 +15,7 @@ TOLERANCE = 1e-10  # pu   largest power mismatch
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Flow:
+class PowerFlow:
     """A solved load flow: voltages of the buses and power of the machines, pu on the system base, in table order."""
 
     case: Case
@@ -23,12 +23,13 @@ class Flow:
     S: np.ndarray  # (machines) complex, pu   power produced
     iterations: int
 
-    def branches(self) -> np.ndarray:
+    @property
+    def branch_power(self) -> np.ndarray:
         """Complex power (branches, 2) that enters every branch at its from and its to end, pu, in table order.
 
         The sum over both ends is what the branch loses, its charging included.
         """
-        net = network.grid(self.case)
+        net = network.build(self.case)
         frm, to = self.V[net.frm] / net.ratio, self.V[net.to]
         through, half = (frm - to) / net.z, 0.5j * net.charging
         return np.stack([frm * (through + half * frm).conj(), to * (half * to - through).conj()], axis=1)
@@ -58,12 +59,12 @@ def demand(case: Case, place: dict[int, int] | None = None) -> np.ndarray:
     return S
 
 
-def solve(case: Case, limit: int = 30) -> Flow:
+def solve(case: Case, limit: int = 30) -> PowerFlow:
     """The load flow of a case, from the voltages in its table or else from a flat start.
 
     Raises `PowerFlowError`, which names the worst bus, where Newton finds no solution from either.
     """
-    net = network.grid(case)
+    net = network.build(case)
     Y = network.admittance(net)
     drawn = demand(case, net.place)
     wanted = -drawn
@@ -81,7 +82,7 @@ def solve(case: Case, limit: int = 30) -> Flow:
         except PowerFlowError:
             raise as_given from None
     injected = V * (Y @ V).conj() + drawn
-    return Flow(case, V, _shared(case, net.machine_bus, injected), iterations)
+    return PowerFlow(case, V, _shared(case, net.machine_bus, injected), iterations)
 
 
 def _newton(

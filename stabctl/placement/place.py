@@ -133,7 +133,7 @@ def _check(costs: Costs, sites: int | None, observed_s: float) -> None:
         raise StudyError(f"At most {sites} sites leave no room for storage; give at least 1.")
 
 
-def _caps(case: Case, cap: str, found: Sequence[Candidate], flow: powerflow.Flow) -> np.ndarray:
+def _caps(case: Case, cap: str, found: Sequence[Candidate], flow: powerflow.PowerFlow) -> np.ndarray:
     """Largest sizes (candidates, MW)."""
     out = np.array([fleet.megawatts(case, case.machine(c.machine), cap, flow) for c in found])
     if not (out > 0).any():

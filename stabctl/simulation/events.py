@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
-from stabctl.model.network import BOLTED, Branch, Switching
+from stabctl.model.network import BOLTED, BranchState, Switching
 
 
 @dataclass(frozen=True)
@@ -187,7 +187,7 @@ class _State:
 
     def __init__(self, case: Case) -> None:
         self.case = case
-        self.branches: dict[int, Branch] = {}
+        self.branches: dict[int, BranchState] = {}
         self.faults: dict[int, complex] = {}
         self.shunts: dict[int, complex] = {}
         self.loads: dict[int, complex] = {}
@@ -210,7 +210,8 @@ class _State:
                         f"The impedance {impedance} pu of the fault at {place} is not allowed; its resistance must be "
                         "at least 0."
                     )
-                self._fault(place, 1 / impedance if abs(impedance) * BOLTED > 1 else BOLTED + 0j)
+                bolted = BOLTED / self.case.base_mva
+                self._fault(place, 1 / impedance if abs(impedance) * bolted > 1 else bolted + 0j)
             case Clear(place):
                 self._clear(place)
             case Open(name, _, end):
@@ -240,7 +241,7 @@ class _State:
                 raise StudyError(f"Bus {text} is faulted twice; clear the first fault before the second.")
             self.faults[place.bus] = admittance
             return
-        before = self.branches.get(place.branch, Branch())
+        before = self.branches.get(place.branch, BranchState())
         if before.fault_at is not None:
             raise StudyError(f"Branch {text} is faulted twice; one fault at a time is possible on a circuit.")
         along = 0.5 if place.fraction is None else place.fraction
@@ -250,14 +251,14 @@ class _State:
         place = locate(self.case, text)
         if place.bus is not None and place.bus in self.faults:
             del self.faults[place.bus]
-        elif place.branch is not None and self.branches.get(place.branch, Branch()).fault_at is not None:
+        elif place.branch is not None and self.branches.get(place.branch, BranchState()).fault_at is not None:
             self.branches[place.branch] = self.branches[place.branch]._replace(fault_at=None)
         else:
             raise StudyError(f"There is no fault at {text} to clear at that time.")
 
     def _open(self, name: str, end: str | int) -> None:
         row, _ = branch(self.case, name)
-        k, before = self.case.branches[row], self.branches.get(row, Branch())
+        k, before = self.case.branches[row], self.branches.get(row, BranchState())
         if end != "both" and end not in (k.from_bus, k.to_bus):
             raise StudyError(f"Circuit {name} does not end at bus {end}; it ends at {k.from_bus} and {k.to_bus}.")
         from_closed = before.from_closed and end not in ("both", k.from_bus)

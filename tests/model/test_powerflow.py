@@ -51,7 +51,7 @@ def test_power_balances_at_every_bus(cases, name):
 @pytest.mark.parametrize("name", PACKAGED)
 def test_branches_and_shunts_carry_off_what_is_injected(cases, name):
     case, flow = cases(name), powerflow.solve(cases(name))
-    net, ends = network.grid(case), flow.branches()
+    net, ends = network.build(case), flow.branch_power
     left = abs(flow.V) ** 2 * net.shunt.conj() + powerflow.demand(case)
     np.add.at(left, net.frm, ends[:, 0])
     np.add.at(left, net.to, ends[:, 1])
@@ -114,7 +114,7 @@ def test_taps_phase_shifts_shunts_and_links_stand_where_the_format_says():
         branches=(Branch(1, 2, 0.001, 0.02, 0.1, 1.05, 3.0), Branch(3, 2, 0.005, 0.05, 0.1, 0.97, -2.0)),
         links=(Link("dc", 3, 2, 50.0, 2.0),),
     )
-    assert np.abs(network.admittance(network.grid(case)).toarray() - written_out(case)).max() < 1e-12
+    assert np.abs(network.admittance(network.build(case)).toarray() - written_out(case)).max() < 1e-12
     assert np.abs(balance(case, powerflow.solve(case))).max() < 1e-9
 
 

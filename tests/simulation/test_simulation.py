@@ -98,17 +98,17 @@ class TestTwoPort:
         Y[1, 1] += g
         keep = np.ix_([0, 2], [0, 2])
         want = Y[keep] - Y[np.ix_([0, 2], [1])] @ Y[np.ix_([1], [0, 2])] / Y[1, 1]
-        found = two_port(self.Z, self.B, network.Branch(f, g))
+        found = two_port(self.Z, self.B, network.BranchState(f, g))
         assert np.abs(found - want).max() < 1e-9 * np.abs(want).max()
 
     def test_bolted_it_is_two_shunts(self):
-        found = two_port(self.Z, 0.0, network.Branch(0.4))
+        found = two_port(self.Z, 0.0, network.BranchState(0.4, 1e7))
         want = np.diag([1 / (0.4 * self.Z), 1 / (0.6 * self.Z)])
         assert np.abs(found - want).max() < 1e-4
 
     @pytest.mark.parametrize("f", [None, 0.0, 0.3, 1.0])
     def test_open_ends(self, f):
-        state = network.Branch(f, 50.0)
+        state = network.BranchState(f, 50.0)
         both = two_port(self.Z, self.B, state)
         near = two_port(self.Z, self.B, state._replace(to_closed=False))
         far = two_port(self.Z, self.B, state._replace(from_closed=False))
@@ -303,7 +303,7 @@ class TestIslands:
         point = points("wnaps")
         parts = []
         for i, k in enumerate(point.case.branches):
-            opened = Switching(branches=((i, network.Branch(from_closed=False, to_closed=False)),))
+            opened = Switching(branches=((i, network.BranchState(from_closed=False, to_closed=False)),))
             if network.islands(point.net, opened).max() > 0:
                 parts.append(f"{k.from_bus}-{k.to_bus}")
         assert len(parts) > 25

@@ -47,7 +47,7 @@ class System:
 
     def __init__(self, option: Option) -> None:
         case = io.load("two_area_manual")
-        flow, net = powerflow.solve(case), network.grid(case)
+        flow, net = powerflow.solve(case), network.build(case)
         self.option, self.bus, self.Y = option, net.machine_bus, network.admittance(net).toarray()
         self.load, self.v0 = powerflow.demand(case), np.abs(flow.V)
         V = flow.V[self.bus]

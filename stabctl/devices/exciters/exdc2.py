@@ -40,7 +40,7 @@ class Par(NamedTuple):
     E2: Annotated[float, "pu", "field voltage of SE2", POSITIVE] = 4.0
     SE2: Annotated[float, "pu", "saturation at E2 (0: unsaturated)", NOT_NEGATIVE] = 0.0
 
-    def fatal(self) -> Iterator[tuple[str, str]]:
+    def errors(self) -> Iterator[tuple[str, str]]:
         """Field and sentence of everything the equations cannot be formed with."""
         if self.SE2 > 0 and not (self.E2 > self.E1 and self.SE2 > self.SE1):
             yield "SE2", f"must lie above the first point, SE1 = {self.SE1:g} at E1 = {self.E1:g}"

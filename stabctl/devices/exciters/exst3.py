@@ -38,7 +38,7 @@ class Par(NamedTuple):
     KG: Annotated[float, "pu", "inner feedback gain", NOT_NEGATIVE] = 0.0
     VGmax: Annotated[float, "pu", "inner feedback limit"] = 5.0
 
-    def fatal(self) -> Iterator[tuple[str, str]]:
+    def errors(self) -> Iterator[tuple[str, str]]:
         """Field and sentence of everything the equations cannot be formed with."""
         if self.KG > 0 and self.TA < SHORT:
             yield "TA", f"must be at least {SHORT:g} s beside an inner feedback KG = {self.KG:g}"

@@ -44,7 +44,7 @@ class Par(NamedTuple):
     S10: Annotated[float, "pu", "saturation at flux 1.0", NOT_NEGATIVE] = 0.0
     S12: Annotated[float, "pu", "saturation at flux 1.2 (0: unsaturated)", NOT_NEGATIVE] = 0.0
 
-    def fatal(self) -> Iterator[tuple[str, str]]:
+    def errors(self) -> Iterator[tuple[str, str]]:
         """Field and sentence of everything the equations cannot be formed with."""
         for name in ("x1d", "x1q"):
             if getattr(self, name) == self.xl:
@@ -52,7 +52,7 @@ class Par(NamedTuple):
         if 0 < self.S12 <= self.S10:
             yield "S12", f"must be more than S10 = {self.S10:g}, or 0 for no saturation"
 
-    def odd(self) -> Iterator[tuple[str, str]]:
+    def warnings(self) -> Iterator[tuple[str, str]]:
         """Field and sentence of everything unusual but usable."""
         for low, high in (("xl", "x2"), ("x2", "x1d"), ("x1d", "xd"), ("x2", "x1q"), ("x1q", "xq")):
             if getattr(self, low) > getattr(self, high):
