@@ -6,7 +6,7 @@ from stabctl.plotting import theory
 from stabctl.report import paper
 from stabctl.report.study import Study, Table, draw
 from stabctl.report.study_console import present
-from stabctl.theory.feedback import Response, compare
+from stabctl.theory.feedback_laws import FeedbackResponse, compare
 from stabctl.theory.omib import OMIB
 
 TEXT = "The 15-cycle fault of section 2, with a device that absorbs P_C by one of four laws from clearing on."
@@ -53,12 +53,12 @@ def study(reports: Path) -> Study:
     return Study("Four feedback laws", "3", (TEXT,), rows, tables, (picture,))
 
 
-def angle(r: Response) -> float:
+def angle(r: FeedbackResponse) -> float:
     """Width of the swing in angle, rad."""
     return r.peak_angle - r.min_angle
 
 
-def speed(r: Response) -> float:
+def speed(r: FeedbackResponse) -> float:
     """Width of the swing in speed, rad/s."""
     return r.max_speed - r.min_speed
 

@@ -6,8 +6,10 @@ from stabctl.plotting import theory
 from stabctl.report import paper
 from stabctl.report.study import Comparison, Study, Table, draw
 from stabctl.report.study_console import present
-from stabctl.theory.minimum_time import MinimumTime, Problem, by_collocation, by_shooting
-from stabctl.theory.minimum_time_convex import by_convex_program
+from stabctl.theory.collocation import by_collocation
+from stabctl.theory.convex_program import by_convex_program
+from stabctl.theory.minimum_time import MinimumTime, MinimumTimeProblem
+from stabctl.theory.shooting import by_shooting
 from stabctl.theory.two_machine import Equivalent
 
 POWERS = 0.0, 0.1, 0.2, 0.3, 0.4, 0.5
@@ -17,7 +19,7 @@ def study(reports: Path) -> Study:
     """Table 2 and Figures 9 to 11; the minimum time by three methods."""
     pair = Equivalent()
     without, absorbing = pair.equal_area(8), pair.equal_area(8, Pc=0.5)
-    problem = pair.release(6)
+    problem = pair.minimum_time_problem(6)
     control = by_shooting(problem)
     from_guess, convex = by_collocation(problem, paper.GUESS), by_convex_program(problem)
     longest = tuple(
@@ -63,7 +65,7 @@ def study(reports: Path) -> Study:
     return Study("Two machines and minimum time", "4", text, rows(pair, problem, control), tables, figures)
 
 
-def rows(pair: Equivalent, problem: Problem, control: MinimumTime) -> tuple[Comparison, ...]:
+def rows(pair: Equivalent, problem: MinimumTimeProblem, control: MinimumTime) -> tuple[Comparison, ...]:
     """Table 2, and the shape of the control."""
     values = vars(pair) | vars(problem) | {"start": pair.omib.start}
     pulse = control.feasible and not control.switches and (control.Pc == problem.Pc_max).all()

@@ -8,10 +8,10 @@ from stabctl.plotting import theory
 from stabctl.report import paper
 from stabctl.report.study import Comparison, Study, draw
 from stabctl.report.study_console import present
-from stabctl.theory.equal_area import critical, equal_area, simulated_critical_time
+from stabctl.theory.equal_area import critical_clearing, equal_area, simulated_critical_time
 from stabctl.theory.omib import OMIB, during_fault, table1
-from stabctl.theory.phase import Portrait, portrait
-from stabctl.theory.trajectory import simulate
+from stabctl.theory.phase import PhasePortrait, portrait
+from stabctl.theory.swing_curve import swing_curve
 
 REACTANCE = "The printed angle and speeds need 0.95 pu: the lines and 0.20 pu more, which the text does not mention."
 FAULT = "Ours is the closed form, speed wb Pm t/(2H); the paper's speeds are 0.14 % below it, the angles accordingly."
@@ -20,7 +20,7 @@ FAULT = "Ours is the closed form, speed wb Pm t/(2H); the paper's speeds are 0.1
 def study(reports: Path) -> Study:
     """Faults of 6, 12 and 15 cycles, the longest one that is survived, and the areas of two of them."""
     m = OMIB()
-    faults, longest = portrait(m), critical(m)
+    faults, longest = portrait(m), critical_clearing(m)
     survived, lost = (equal_area(m, during_fault(m, m.seconds(cycles))[0]) for cycles in (12, 15))
     same = math.isclose(survived.A1, m.M * during_fault(m, m.seconds(12))[1] ** 2 / 2)
     figures = (
@@ -43,7 +43,7 @@ def study(reports: Path) -> Study:
             "4",
         ),
         draw(
-            theory.fault_in_time(lost, simulate(m, m.seconds(15), until=0.8)),
+            theory.fault_in_time(lost, swing_curve(m, m.seconds(15), until=0.8)),
             reports,
             "figure05_lost.png",
             "A lost fault",
@@ -65,11 +65,9 @@ def study(reports: Path) -> Study:
     return Study("One machine on an infinite bus", "2", (text, paper.ERRATA["2"]), rows, pictures=figures)
 
 
-def table_1(m: OMIB, faults: Portrait) -> Iterator[Comparison]:
+def table_1(m: OMIB, faults: PhasePortrait) -> Iterator[Comparison]:
     """Table 1, and what becomes of the faults in Figure 3."""
-    fates = {
-        c.cycles: "stable" if r.stable else "lost" for c, r in zip(faults.cleared, faults.trajectories, strict=True)
-    }
+    fates = {c.cycles: "stable" if r.stable else "lost" for c, r in zip(faults.cleared, faults.curves, strict=True)}
     for c in table1(m, tuple(paper.TABLE_1)):
         angle, speed, *fate = paper.TABLE_1[c.cycles]
         why = FAULT if fate else ""

@@ -10,11 +10,13 @@ from .shared import Json, console, print_json
 
 app = typer.Typer(no_args_is_help=True, help="One and two machines: Table 1, equal area, feedback laws, minimum time.")
 
-Plot = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Write the picture to this file.")]
+Plot = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Write the figure to FILE.png or .svg.")]
 Inertia = Annotated[float, typer.Option("--H", help="Inertia constant, s.")]
 Mechanical = Annotated[float, typer.Option("--Pm", help="Mechanical power, pu.")]
 Reactance = Annotated[float, typer.Option("--X", help="Reactance between the two voltages, pu.")]
 Cycles = Annotated[float, typer.Option("--cycles", help="Duration of the fault, cycles.")]
+FaultShown = Annotated[float | None, typer.Option("--cycles", help="Fault to show, cycles (default: critical).")]
+SmallestPower = Annotated[float | None, typer.Option("--Pc-min", help="Smallest absorbed power, pu (default: -Pc).")]
 
 
 @app.command("table1")
@@ -26,7 +28,7 @@ def table1_command(
     as_json: Json = False,
     plot: Plot = None,
 ) -> None:
-    """Angle and speed when a bolted fault is cleared; the picture is the phase plane."""
+    """Angle and speed when a bolted fault is cleared; the figure shows the phase plane."""
     from stabctl.theory.omib import OMIB, table1
     from stabctl.theory.phase import portrait
 
@@ -48,17 +50,17 @@ def equal_area_command(
     H: Inertia = 3.0,
     Pm: Mechanical = 0.5,
     X: Reactance = 0.95,
-    Pc: Annotated[float, typer.Option("--Pc", help="Power absorbed from clearing on, pu.")] = 0.0,
-    cycles: Annotated[float | None, typer.Option("--cycles", help="Show this fault, not the critical one.")] = None,
+    Pc: Annotated[float, typer.Option("--Pc", help="Power absorbed after clearing, pu.")] = 0.0,
+    cycles: FaultShown = None,
     as_json: Json = False,
     plot: Plot = None,
 ) -> None:
-    """Critical clearing angle and time by the equal-area criterion; the picture shows the areas."""
-    from stabctl.theory.equal_area import critical, equal_area
+    """Critical clearing angle and time by the equal-area criterion; the figure shows the areas."""
+    from stabctl.theory.equal_area import critical_clearing, equal_area
     from stabctl.theory.omib import OMIB, during_fault
 
     m = OMIB(H, Pm, X)
-    found = critical(m, Pc)
+    found = critical_clearing(m, Pc)
     area = equal_area(m, found.angle if cycles is None else during_fault(m, m.seconds(cycles))[0], Pc)
     if plot:
         from stabctl.plotting.theory import power_angle, save
@@ -71,7 +73,7 @@ def equal_area_command(
         ("critical clearing angle", f"{found.angle:.6f} rad"),
         ("critical clearing time", f"{found.time:.6f} s"),
         ("", f"{found.cycles:.3f} cycles"),
-        ("shown: cleared at", f"{area.clearing:.4f} rad"),
+        ("shown: clearing angle", f"{area.clearing:.4f} rad"),
         ("accelerating area A1", f"{area.A1:.4f} pu rad"),
         ("decelerating area A2", f"{area.A2:.4f} pu rad"),
         ("unstable equilibrium", f"{area.unstable:.4f} rad"),
@@ -91,11 +93,11 @@ def feedback_command(
     as_json: Json = False,
     plot: Plot = None,
 ) -> None:
-    """The four speed and acceleration feedback laws on one fault; the picture is the phase plane."""
-    from stabctl.theory.feedback import compare, four
+    """The four speed and acceleration feedback laws on one fault; the figure shows the phase plane."""
+    from stabctl.theory.feedback_laws import compare, paper_laws
     from stabctl.theory.omib import OMIB
 
-    found = compare(OMIB(H, Pm, X), cycles, four(Kv, Ka, Ka_size))
+    found = compare(OMIB(H, Pm, X), cycles, paper_laws(Kv, Ka, Ka_size))
     if plot:
         from stabctl.plotting.theory import feedback, save
 
@@ -118,7 +120,7 @@ def feedback_command(
     lines = [
         (
             r.name,
-            "stable" if r.stable else "lost",
+            "stable" if r.stable else "unstable",
             f"{r.min_angle:.3f} to {r.peak_angle:.3f}",
             f"{r.min_speed:.3f} to {r.max_speed:.3f}",
             "-" if math.isnan(r.damping) else f"{r.damping:.3f}",
@@ -135,23 +137,24 @@ def minimum_time_command(
     Pm: Mechanical = 0.5,
     X: Reactance = 1.0,
     cycles: Cycles = 6,
-    Pc: Annotated[float, typer.Option("--Pc", help="Greatest absorbed power, pu.")] = 0.5,
-    Pc_min: Annotated[float | None, typer.Option("--Pc-min", help="Least absorbed power, pu; else -Pc.")] = None,
+    Pc: Annotated[float, typer.Option("--Pc", help="Largest absorbed power, pu.")] = 0.5,
+    Pc_min: SmallestPower = None,
     as_json: Json = False,
     plot: Plot = None,
 ) -> None:
-    """Bring the relative speed of two machines to zero in the least time; the picture is states and power."""
+    """Minimum-time control of two machines; the figure shows states, co-states and absorbed power."""
     from stabctl.errors import StudyError
-    from stabctl.theory.minimum_time import by_collocation, by_shooting
+    from stabctl.theory.collocation import by_collocation
+    from stabctl.theory.shooting import by_shooting
     from stabctl.theory.two_machine import Equivalent
 
-    problem = Equivalent(H1, HCOI, X=X, Pm1=Pm).release(cycles, -Pc if Pc_min is None else Pc_min, Pc)
+    problem = Equivalent(H1, HCOI, X=X, Pm1=Pm).minimum_time_problem(cycles, -Pc if Pc_min is None else Pc_min, Pc)
     found = by_shooting(problem)
     if plot:
         from stabctl.plotting.theory import optimal, save
 
         if not found.feasible:
-            raise StudyError(f"there is no picture, because {found.outcome}")
+            raise StudyError(f"There is nothing to plot. {found.outcome}")
         save(optimal(found), plot)
     if as_json:
         record: dict[str, Any] = dict.fromkeys(
@@ -172,9 +175,9 @@ def minimum_time_command(
     except StudyError:
         difference = "not converged"
     lines = [
-        ("release", f"{problem.x1:.6f} rad, {problem.x2:.6f} rad/s"),
+        ("at clearing", f"{problem.x1:.6f} rad, {problem.x2:.6f} rad/s"),
         ("duration T", f"{found.duration:.6f} s"),
-        ("co-states at release", f"{found.lambda1[0]:.6f} s/rad, {found.lambda2[0]:.7f} s^2/rad"),
+        ("co-states at clearing", f"{found.lambda1[0]:.6f} s/rad, {found.lambda2[0]:.7f} s^2/rad"),
         ("angle at the end", f"{found.x1[-1]:.6f} rad"),
         ("switches", ", ".join(f"{t:.6f} s" for t in found.switches) or "none"),
         ("largest Hamiltonian", f"{abs(found.hamiltonian).max():.1e}"),

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from stabctl.errors import StudyError
 from stabctl.theory.equal_area import EqualArea
-from stabctl.theory.feedback import Comparison
+from stabctl.theory.feedback_laws import FeedbackComparison
 from stabctl.theory.minimum_time import MinimumTime
-from stabctl.theory.phase import Portrait, Separatrix
-from stabctl.theory.trajectory import Trajectory
+from stabctl.theory.phase import PhasePortrait, Separatrix
+from stabctl.theory.swing_curve import SwingCurve
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,12 +29,12 @@ def save(figure: "Figure", path: Path) -> None:
         ) from None
 
 
-def phase_plane(portrait: Portrait) -> "Figure":
+def phase_plane(portrait: PhasePortrait) -> "Figure":
     """Figure 3: separatrix and fault trajectories, the faulted part thick."""
     figure = _figure(7, 5)
     ax = figure.subplots()
     _separatrix(ax, portrait.separatrix)
-    for i, (c, run) in enumerate(zip(portrait.cleared, portrait.trajectories, strict=True)):
+    for i, (c, run) in enumerate(zip(portrait.cleared, portrait.curves, strict=True)):
         fault = run.t <= run.clearing
         line = ax.plot(run.angle[~fault], run.speed[~fault], lw=1, label=f"{c.cycles:g} cycles")[0]
         ax.plot(run.angle[fault], run.speed[fault], lw=2.5, color=line.get_color(), zorder=3 - 0.1 * i)
@@ -56,7 +56,7 @@ def power_angle(area: EqualArea) -> "Figure":
     return figure
 
 
-def fault_in_time(area: EqualArea, run: Trajectory) -> "Figure":
+def fault_in_time(area: EqualArea, run: SwingCurve) -> "Figure":
     """Figure 5: (a) the areas, (b) angle, speed and acceleration against time."""
     figure = _figure(12, 5)
     left, right = figure.subfigures(1, 2)
@@ -73,13 +73,13 @@ def fault_in_time(area: EqualArea, run: Trajectory) -> "Figure":
     return figure
 
 
-def feedback(comparison: Comparison) -> "Figure":
+def feedback(comparison: FeedbackComparison) -> "Figure":
     """Figure 7: the feedback laws in the phase plane, each in its own frame on the same axes."""
     figure = _figure(10, 8)
     axes = figure.subplots(2, -(-len(comparison.responses) // 2), sharex=True, sharey=True).ravel()
     for ax, response in zip(axes, comparison.responses, strict=False):
         _separatrix(ax, comparison.separatrix)
-        run = response.trajectory
+        run = response.curve
         ax.plot(run.angle, run.speed, lw=1)
         ax.plot(comparison.start, 0, "ko", ms=4)
         ax.set_title(f"{response.name}: peak {response.peak_angle:.3f} rad", fontsize=10)

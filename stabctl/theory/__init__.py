@@ -1,1 +1,1 @@
-"""The theory on one and two machines: swing equation, equal area, energy, phase plane, feedback, minimum time."""
+"""Transient stability of one and two machines: swing equation, equal area, energy, feedback laws, minimum time."""

@@ -2,7 +2,7 @@
 
     U = M omega^2 / 2  -  Pm (delta - delta_s)  -  Pmax (cos delta - cos delta_s)
 
-The paper's (8) and (9) leave out the constant of integration that (10) has.
+The paper's (8) and (9) omit the constant of integration that (10) has.
 """
 
 import numpy as np
@@ -12,15 +12,15 @@ from .omib import OMIB
 
 
 def potential(m: OMIB, angle: ArrayLike) -> NDArray[np.float64]:
-    """Potential energy (6) counted from the stable equilibrium, pu rad; `angle` in rad, any shape."""
+    """Potential energy (6) relative to the stable equilibrium, pu rad; `angle` in rad, any shape."""
     return -m.Pm * (np.asarray(angle) - m.stable) - m.Pmax_post * (np.cos(angle) - np.cos(m.stable))
 
 
 def energy(m: OMIB, angle: ArrayLike, speed: ArrayLike) -> NDArray[np.float64]:
-    """Energy (10), pu rad; `angle` in rad and `speed` in rad/s, shapes that broadcast."""
+    """Energy (10), pu rad; `angle` in rad and `speed` in rad/s, broadcast against each other."""
     return m.M / 2 * np.square(speed) + potential(m, angle)
 
 
 def critical_energy(m: OMIB) -> float:
-    """Energy at the unstable equilibrium: the most that the network can take up, pu rad."""
+    """Energy at the unstable equilibrium, pu rad: the most that the network can absorb."""
     return float(potential(m, m.unstable))

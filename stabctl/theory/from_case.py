@@ -1,72 +1,100 @@
 """The two-machine equivalent of one machine of a case against the center of inertia of the others.
 
-Classical machines, loads as admittances. With the others moving together, every power is a constant plus a sinusoid of
-delta = delta1 - deltaCOI, and the relative motion (21) becomes that of two machines:
+Classical machines, loads as constant impedances. If the other machines move together, every power is a constant plus a
+sinusoid of delta = delta1 - deltaCOI, and the relative motion (21) is that of two machines:
 
     M delta'' = Pm - Pmax sin delta',  M = M1 MCOI/(M1 + MCOI),  delta' = delta - gamma
 
-where the constant part of the power is taken into Pm and the phase gamma into the angle.
+The constant part of the power is included in Pm, and the phase gamma in the angle.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
-from stabctl.dynamics import operating_point
-from stabctl.dynamics.operating_point import Point
 from stabctl.errors import StudyError
+from stabctl.model import network, powerflow
 from stabctl.model.case import Case
 
 from .two_machine import Equivalent
 
 
-def internal_admittance(point: Point) -> np.ndarray:
-    """Admittance (machines, machines, pu) between the sources of classical machines, everything else eliminated."""
-    loads = np.zeros(len(point.V), complex)
-    plant = point.plant
-    size = np.abs(point.V[plant.load_bus])
-    drawn = plant.load["Pp"] + plant.load["Pc"] * size - 1j * (plant.load["Qp"] + plant.load["Qc"] * size)
-    np.add.at(loads, plant.load_bus, drawn / size**2)
-    own, where = operating_point.norton_admittances(plant), point.net.machine_bus
-    sources = np.zeros((len(point.V), len(own)), complex)
-    sources[where, np.arange(len(own))] = own
-    Y = point.admittance().toarray() + np.diag(loads)
-    return np.diag(own) - sources.T @ np.linalg.solve(Y, sources)
+class ReducedNetwork(NamedTuple):
+    """The network between the internal voltages of the machines, in table order and pu on the system base."""
+
+    Y: np.ndarray  # (machines, machines) complex admittance; all other buses are eliminated
+    E: np.ndarray  # (machines) complex internal voltage
+    H: np.ndarray  # (machines) s   inertia constant
+
+
+def reduced_network(case: Case) -> ReducedNetwork:
+    """The network of a case at its power flow, reduced to the internal voltages of its machines (Kron reduction)."""
+    case = case.classical()
+    flow, net = powerflow.solve(case), network.grid(case)
+    rows = [case.devices["gencls"][m.machine] for m in case.machines]
+    base = np.array([m.base for m in case.machines]) / case.base_mva
+    y = base / np.array([p.ra + 1j * p.x1d for p in rows])
+    V = flow.V[net.machine_bus]
+    E = V + (flow.S / V).conj() / y
+    at, n = net.machine_bus, len(flow.V)
+    shunt = powerflow.demand(case).conj() / np.abs(flow.V) ** 2
+    np.add.at(shunt, at, y)
+    sources = np.zeros((n, len(y)), complex)
+    sources[at, np.arange(len(y))] = y
+    buses = network.admittance(net).toarray() + np.diag(shunt)
+    return ReducedNetwork(np.diag(y) - sources.T @ np.linalg.solve(buses, sources), E, base * [p.H for p in rows])
 
 
 def equivalent(case: Case, machine: int) -> Equivalent:
-    """The machine of that number against the COI of the rest, in pu on the system base, at the case's load flow.
+    """A machine of a case against the COI of the others.
 
-    Raises `StudyError` where there is no such machine, no other, or no power that holds the two together.
+    Parameters
+    ----------
+    case : Case
+        The system; its machines are replaced by classical ones.
+    machine : int
+        Number of the machine.
+
+    Returns
+    -------
+    Equivalent
+        In pu on the system base, at the power flow of the case.
+
+    Raises
+    ------
+    StudyError
+        If there is no such machine or no other, or if no synchronizing power holds the two together.
     """
     first = case.machines.index(case.machine(machine))
     if len(case.machines) < 2:
-        raise StudyError(f"{case.name} has one machine; an equivalent needs others to stand against it.")
-    point = operating_point.solve(case.classical())
-    Y, H = internal_admittance(point), point.plant.inertia
-    delta, n = point.z[point.plant.rotor], len(H)
-    E = point.z[-2 * n - len(case.storage) :][:n]
-    rest = np.arange(n) != first
+        raise StudyError(f"{case.name} has only one machine; an equivalent needs at least two.")
+    Y, E, H = reduced_network(case)
+    delta, rest = np.angle(E / E[first]), np.arange(len(H)) != first
     share = H[rest].sum() / H.sum()
-    weights = np.where(rest, share - 1, share)  # power that drives the relative angle: share Pa1 - (1 - share) Pa_rest
-    center = H[rest] @ delta[rest] / H[rest].sum()
+    weights = np.where(rest, share - 1, share)  # the relative angle is driven by share Pa1 - (1 - share) Pa_rest
+    coi = H[rest] @ delta[rest] / H[rest].sum()
 
     def power(angle: float) -> float:
-        """Electrical power of the relative motion with machine 1 ahead of the COI of the rest by `angle`."""
-        turned = np.where(rest, delta, center + angle)
-        source = E * np.exp(1j * turned)
+        """Electrical power of the relative motion, machine 1 ahead of the COI of the others by `angle`."""
+        source = np.abs(E) * np.exp(1j * np.where(rest, delta, coi + angle))
         return float(weights @ (source * (Y @ source).conj()).real)
 
-    start = delta[first] - center
+    start = delta[first] - coi
     constant = (power(0.0) + power(np.pi)) / 2
     across, along = power(0.0) - constant, power(np.pi / 2) - constant
     Pmax, gamma = float(np.hypot(along, across)), float(np.arctan2(-across, along))
     driving = power(start) - constant
     if not driving < Pmax * (1 - 1e-12):
-        raise StudyError(f"Machine {machine} of {case.name} is not held by the rest; it has no equivalent.")
-    made = Equivalent(
-        float(H[first]), float(H[rest].sum()), 1.0, 1.0, 1 / Pmax, driving, case.base_mva, fb=case.frequency_hz
-    )
+        raise StudyError(f"Machine {machine} of {case.name} is not held by the other machines; it has no equivalent.")
     if np.cos(start - gamma) <= 0:
         raise StudyError(
-            f"Machine {machine} of {case.name} stands beyond the crest of its power; it has no equivalent."
+            f"Machine {machine} of {case.name} operates beyond the peak of its power-angle curve; it has no equivalent."
         )
-    return made
+    return Equivalent(
+        float(H[first]),
+        float(H[rest].sum()),
+        X=1 / Pmax,
+        Pm1=driving,
+        base=case.base_mva,
+        fb=case.frequency_hz,
+    )

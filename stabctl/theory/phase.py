@@ -7,13 +7,13 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from .energy import critical_energy, energy, potential
-from .omib import OMIB, Cleared, table1
-from .trajectory import Trajectory, simulate
+from .omib import OMIB, ClearingState, table1
+from .swing_curve import SwingCurve, swing_curve
 
 
 @dataclass(frozen=True)
 class Separatrix:
-    """The boundary of the stability region: arrays (n,), the speed of its upper half; the lower is its mirror."""
+    """The boundary of the stability region: its upper half as arrays (n,); the lower half has negative speed."""
 
     angle: NDArray[np.float64]  # rad, from the left end to the unstable equilibrium
     speed: NDArray[np.float64]  # rad/s, not negative
@@ -25,19 +25,18 @@ class Separatrix:
 
 
 @dataclass(frozen=True)
-class Portrait:
-    """Figure 3: the separatrix, and faults of several lengths with what follows."""
+class PhasePortrait:
+    """Figure 3: the separatrix, and faults of several durations."""
 
     start: float  # rad
     separatrix: Separatrix
-    cleared: tuple[Cleared, ...]
-    trajectories: tuple[Trajectory, ...]
+    cleared: tuple[ClearingState, ...]
+    curves: tuple[SwingCurve, ...]
 
     def __str__(self) -> str:
-        fates = (
-            f"{c}, {'stable' if run.stable else 'lost'}" for c, run in zip(self.cleared, self.trajectories, strict=True)
-        )
-        return "\n".join((str(self.separatrix), *fates))
+        pairs = zip(self.cleared, self.curves, strict=True)
+        verdicts = (f"{state}, {'stable' if curve.stable else 'unstable'}" for state, curve in pairs)
+        return "\n".join((str(self.separatrix), *verdicts))
 
 
 def separatrix(m: OMIB, n: int = 401) -> Separatrix:
@@ -50,15 +49,15 @@ def separatrix(m: OMIB, n: int = 401) -> Separatrix:
 
 
 def inside(m: OMIB, angle: ArrayLike, speed: ArrayLike) -> NDArray[np.bool_]:
-    """Whether states (rad, rad/s, shapes that broadcast) after clearing lie in the stability region.
+    """Whether states (rad, rad/s, broadcast against each other) after clearing lie in the stability region.
 
-    Angles are those of the turn around the stable equilibrium, from one turn behind the unstable one up to it.
+    Only the region around the stable equilibrium is considered, not its copies at multiples of 2 pi.
     """
-    turn = (np.asarray(angle) < m.unstable) & (np.asarray(angle) > separatrix(m, 2).angle[0])
-    return turn & (energy(m, angle, speed) < critical_energy(m))
+    between = (np.asarray(angle) < m.unstable) & (np.asarray(angle) > separatrix(m, 2).angle[0])
+    return between & (energy(m, angle, speed) < critical_energy(m))
 
 
-def portrait(m: OMIB, cycles: tuple[float, ...] = (6, 12, 15), after: float = 1.5) -> Portrait:
-    """Figure 3: faults of so many cycles, simulated for `after` (s) past clearing."""
-    runs = tuple(simulate(m, m.seconds(n), until=m.seconds(n) + after) for n in cycles)
-    return Portrait(m.start, separatrix(m), table1(m, cycles), runs)
+def portrait(m: OMIB, cycles: tuple[float, ...] = (6, 12, 15), after: float = 1.5) -> PhasePortrait:
+    """Figure 3: faults of so many cycles, simulated to `after` (s) after clearing."""
+    curves = tuple(swing_curve(m, m.seconds(n), until=m.seconds(n) + after) for n in cycles)
+    return PhasePortrait(m.start, separatrix(m), table1(m, cycles), curves)

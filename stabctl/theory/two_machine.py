@@ -1,7 +1,7 @@
 """The two-machine equivalent (15)-(28): one machine against the center of inertia of the others (Table 2).
 
 Its relative angle delta = delta1 - deltaCOI moves like one machine on an infinite bus with H = H1 HCOI/(H1 + HCOI).
-A device at machine 1 pushes that machine alone: of its P_C the share M/M1 = HCOI/(H1 + HCOI) acts on delta.
+A device at machine 1 acts on that machine alone: of its P_C the share M/M1 = HCOI/(H1 + HCOI) acts on delta.
 """
 
 import math
@@ -11,8 +11,8 @@ from typing import Annotated
 from stabctl._util.guard import guard
 from stabctl.schema import POSITIVE
 
-from .equal_area import Critical, EqualArea, critical, equal_area
-from .minimum_time import Problem
+from .equal_area import CriticalClearing, EqualArea, critical_clearing, equal_area
+from .minimum_time import MinimumTimeProblem
 from .omib import FREQUENCY, INERTIA, OMIB, POWER, REACTANCE, VOLTAGE, during_fault
 
 
@@ -20,7 +20,7 @@ from .omib import FREQUENCY, INERTIA, OMIB, POWER, REACTANCE, VOLTAGE, during_fa
 class Equivalent:
     """Two machines that exchange Pm1; all per-unit values on `base`.
 
-    Raises StudyError where a value is out of range or Pm1 has no equilibrium.
+    Raises StudyError if a value is out of range or Pm1 has no equilibrium.
     """
 
     H1: Annotated[float, "s", "inertia constant of machine 1", INERTIA] = 1.0
@@ -30,7 +30,7 @@ class Equivalent:
     X: Annotated[float, "pu", "reactance between the two voltages", REACTANCE] = 1.0
     Pm1: Annotated[float, "pu", "mechanical power of machine 1, PmCOI = -Pm1", POWER] = 0.5
     base: Annotated[float, "MVA", "base of the per-unit values", POSITIVE] = 100.0
-    Xpost: Annotated[float | None, "pu", "reactance after clearing, X where left out", REACTANCE] = None
+    Xpost: Annotated[float | None, "pu", "reactance after clearing, X if omitted", REACTANCE] = None
     fb: Annotated[float, "Hz", "base frequency", FREQUENCY] = 60.0
 
     def __post_init__(self) -> None:
@@ -39,12 +39,12 @@ class Equivalent:
 
     @property
     def share(self) -> float:
-        """Part of P_C that acts on the relative angle, M/M1."""
+        """Share of P_C that acts on the relative angle, M/M1."""
         return self.HCOI / (self.H1 + self.HCOI)
 
     @property
     def M1(self) -> float:
-        """Moment of inertia of machine 1 (28), s^2/rad."""
+        """Inertia coefficient of machine 1 (28), s^2/rad."""
         return 2 * self.H1 / (2 * math.pi * self.fb)
 
     @property
@@ -52,18 +52,28 @@ class Equivalent:
         """The relative motion (21)-(23) as one machine on an infinite bus."""
         return OMIB(self.H1 * self.share, self.Pm1, self.X, self.VCOI, self.V1, self.Xpost, None, self.fb)
 
-    def release(self, cycles: float, Pc_min: float = -0.5, Pc_max: float = 0.5) -> Problem:
-        """The control problem (29)-(31) when a bolted fault at machine 1 of so many cycles is released; P_C in pu.
+    def minimum_time_problem(self, cycles: float, Pc_min: float = -0.5, Pc_max: float = 0.5) -> MinimumTimeProblem:
+        """The control problem (29)-(31) after a bolted fault at machine 1.
 
-        Raises StudyError where the duration or the powers are not possible.
+        Parameters
+        ----------
+        cycles : float
+            Duration of the fault.
+        Pc_min, Pc_max : float, pu
+            Limits of the absorbed power.
+
+        Raises
+        ------
+        StudyError
+            If the duration or the limits are not possible.
         """
         m = self.omib
         x1, x2 = during_fault(m, m.seconds(cycles))
-        return Problem(x1, x2, m.M, self.M1, self.Pm1, m.Pmax_post, Pc_min, Pc_max)
+        return MinimumTimeProblem(x1, x2, m.M, self.M1, self.Pm1, m.Pmax_post, Pc_min, Pc_max)
 
-    def critical(self, Pc: float = 0.0) -> Critical:
-        """Critical clearing with P_C = `Pc` (pu) absorbed at machine 1 from clearing on (Figure 9b)."""
-        return critical(self.omib, self.share * Pc)
+    def critical(self, Pc: float = 0.0) -> CriticalClearing:
+        """Critical clearing with P_C = `Pc` (pu) absorbed at machine 1 after clearing (Figure 9b)."""
+        return critical_clearing(self.omib, self.share * Pc)
 
     def equal_area(self, cycles: float, Pc: float = 0.0) -> EqualArea:
         """The areas (25), (26) of a bolted fault of so many cycles (Figure 9). Raises StudyError as `equal_area`."""

@@ -7,10 +7,16 @@ from hypothesis import strategies as st
 
 from stabctl.errors import StudyError
 from stabctl.theory.energy import critical_energy, energy
-from stabctl.theory.feedback import Feedback, compare, four, respond
-from stabctl.theory.laws import acceleration_size, speed_acceleration
+from stabctl.theory.feedback_laws import (
+    FeedbackLaw,
+    acceleration_magnitude,
+    compare,
+    paper_laws,
+    respond,
+    speed_acceleration,
+)
 from stabctl.theory.omib import OMIB
-from stabctl.theory.trajectory import simulate
+from stabctl.theory.swing_curve import swing_curve
 
 PAPER = OMIB()
 number = st.floats(-2, 2)
@@ -20,18 +26,18 @@ number = st.floats(-2, 2)
 def test_laws_hold_with_the_acceleration_they_cause(speed, Pa, Kv, part):
     M = PAPER.M
     Ka = part * M
-    P = speed_acceleration(speed, Pa, M, Kv, Ka)
+    P = speed_acceleration(speed, Pa, M=M, Kv=Kv, Ka=Ka)
     a = (Pa - P) / M
     assert abs(P - Kv * speed - Ka * a) < 1e-12 * (1 + M * abs(a) + abs(P))
     side = 1 if speed >= 0 else -1
-    P = acceleration_size(side, Pa, M, Ka)
+    P = acceleration_magnitude(side, Pa, M=M, Ka=Ka)
     a = (Pa - P) / M
     assert abs(P - Ka * abs(a) * side) < 1e-12
 
 
 def test_acceleration_feedback_is_negative_inertia():
-    law = four()[0]
-    run = respond(PAPER, 0.25, law).trajectory
+    law = paper_laws()[0]
+    run = respond(PAPER, 0.25, law).curve
     after = run.t > 0.25
     lighter = OMIB(H=PAPER.H * (PAPER.M + law.Ka) / PAPER.M)
     U = energy(lighter, run.angle[after], run.speed[after])
@@ -40,7 +46,7 @@ def test_acceleration_feedback_is_negative_inertia():
 
 
 def test_speed_feedback_takes_the_energy_that_the_device_absorbs():
-    run = respond(PAPER, 0.25, four()[1]).trajectory
+    run = respond(PAPER, 0.25, paper_laws()[1]).curve
     after = run.t > 0.25
     t, U = run.t[after], energy(PAPER, run.angle[after], run.speed[after])
     absorbed = np.trapezoid(run.power[after] * run.speed[after], t)
@@ -49,9 +55,9 @@ def test_speed_feedback_takes_the_energy_that_the_device_absorbs():
 
 
 def test_without_gain_the_laws_are_no_device():
-    plain = simulate(PAPER, 0.2, until=2)
-    for law in (Feedback("none"), Feedback("none", size=True)):
-        assert respond(PAPER, 0.2, law, 2).peak_angle == pytest.approx(plain.angle.max(), abs=1e-9)
+    plain = swing_curve(PAPER, 0.2, until=2)
+    for law in (FeedbackLaw("none"), FeedbackLaw("none", magnitude=True)):
+        assert respond(PAPER, 0.2, law, until=2).peak_angle == pytest.approx(plain.angle.max(), abs=1e-9)
 
 
 def test_four_laws_of_the_paper():
@@ -73,8 +79,8 @@ def test_a_fault_too_long_is_lost_with_every_law():
 
 
 @pytest.mark.parametrize(
-    "law", [Feedback("a", Ka=-PAPER.M), Feedback("b", Ka=0.02, size=True), Feedback("c", Kv=math.nan)]
+    "law", [FeedbackLaw("a", Ka=-PAPER.M), FeedbackLaw("b", Ka=0.02, magnitude=True), FeedbackLaw("c", Kv=math.nan)]
 )
 def test_gains_without_a_single_acceleration_are_refused(law):
-    with pytest.raises(StudyError, match=f"law '{law.name}'"):
+    with pytest.raises(StudyError, match=f"Law '{law.name}'"):
         respond(PAPER, 0.25, law)

@@ -9,14 +9,16 @@ from scipy.integrate import quad, solve_ivp
 
 from stabctl.errors import StudyError
 from stabctl.report import paper
+from stabctl.theory.collocation import by_collocation
+from stabctl.theory.convex_program import SpeedProgram, by_convex_program
 from stabctl.theory.equal_area import simulated_critical_time
-from stabctl.theory.minimum_time import by_collocation, by_shooting, stop_angle
-from stabctl.theory.minimum_time_convex import Program, by_convex_program
-from stabctl.theory.trajectory import against_speed, simulate
+from stabctl.theory.minimum_time import stop_angle
+from stabctl.theory.shooting import by_shooting
+from stabctl.theory.swing_curve import against_speed, swing_curve
 from stabctl.theory.two_machine import Equivalent
 
 PAIR = Equivalent()
-TABLE2 = PAIR.release(6)
+TABLE2 = PAIR.minimum_time_problem(6)
 SWITCHED = replace(TABLE2, x1=-1.5, x2=2.0)
 AT_LIMIT = replace(TABLE2, x1=-2.102, x2=6.7687, Pm=0.8359, Pc_min=-1.083, Pc_max=1.008)
 
@@ -127,7 +129,7 @@ def test_duration_of_an_absorbing_pulse_by_quadrature():
 
 def test_bang_bang_feedback_is_the_optimal_control_up_to_T():
     m, found = PAIR.omib, by_shooting(TABLE2)
-    run = simulate(m, m.seconds(6), against_speed(PAIR.share * 0.5), until=1)
+    run = swing_curve(m, m.seconds(6), against_speed(PAIR.share * 0.5), until=1)
     t, angle = run.rests[0]
     assert abs(t - m.seconds(6) - found.duration) < 1e-12  # 2e-15
     assert abs(angle - found.x1[-1]) < 1e-10  # 5e-13
@@ -167,26 +169,26 @@ def test_error_of_the_convex_program_is_of_second_order():
 
 
 def test_convex_program_is_one_program_with_parameters():
-    problem = Program(TABLE2, 10).problem
+    problem = SpeedProgram(TABLE2, 10).problem
     assert problem.is_dcp(dpp=True)
     assert len(problem.parameters()) == 6
 
 
 def test_infeasible_is_an_outcome():
-    p = PAIR.release(10)
+    p = PAIR.minimum_time_problem(10)
     for found in (by_shooting(p), by_collocation(p)):
         assert not found.feasible
         assert math.isnan(found.duration)
         assert found.t.size == 0
     assert str(found) == by_convex_program(p).outcome
-    assert "at -2.6180 rad: the least absorbed power, -0.5 pu" in str(by_shooting(p.mirrored()))
+    assert "at -2.6180 rad: the smallest absorbed power, -0.5 pu" in str(by_shooting(p.mirrored()))
     assert "before the unstable equilibrium at 2.6180 rad" in str(found)
 
 
 def test_feasible_up_to_the_critical_clearing_time():
     edge = PAIR.critical(0.5).cycles
-    assert by_shooting(PAIR.release(edge * (1 - 1e-6))).feasible
-    assert not by_shooting(PAIR.release(edge * (1 + 1e-6))).feasible
+    assert by_shooting(PAIR.minimum_time_problem(edge * (1 - 1e-6))).feasible
+    assert not by_shooting(PAIR.minimum_time_problem(edge * (1 + 1e-6))).feasible
 
 
 def test_clearing_time_against_power():
@@ -200,7 +202,7 @@ def test_clearing_time_against_power():
 def test_equivalent_moves_like_the_difference_of_two_machines():
     e = Equivalent(H1=2, HCOI=5, X=0.8, Pm1=0.6)
     M1, MCOI = e.M1, 2 * e.HCOI / (2 * math.pi * e.fb)
-    p = e.release(5)
+    p = e.minimum_time_problem(5)
 
     def both(_t, y):  # (15), (16) with P_C at machine 1
         Pe = e.V1 * e.VCOI / e.X * math.sin(y[0] - y[1])
@@ -208,7 +210,7 @@ def test_equivalent_moves_like_the_difference_of_two_machines():
 
     run = solve_ivp(both, (0, 0.05), (p.x1, 0, p.x2, 0), method="DOP853", rtol=1e-11, atol=1e-12)
     law = against_speed(e.share * 0.3)
-    one = simulate(e.omib, e.omib.seconds(5), law, until=e.omib.seconds(5) + 0.05)
+    one = swing_curve(e.omib, e.omib.seconds(5), law, until=e.omib.seconds(5) + 0.05)
     assert not one.rests
     assert abs(run.y[0, -1] - run.y[1, -1] - one.angle[-1]) < 1e-9  # 1e-11
     assert abs(run.y[2, -1] - run.y[3, -1] - one.speed[-1]) < 1e-8  # 1e-10

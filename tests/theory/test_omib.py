@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from stabctl.errors import StudyError
 from stabctl.report import paper
 from stabctl.theory.energy import energy, potential
-from stabctl.theory.equal_area import critical, equal_area, simulated_critical_time
-from stabctl.theory.omib import OMIB, bolted, during_fault, table1
+from stabctl.theory.equal_area import critical_clearing, equal_area, simulated_critical_time
+from stabctl.theory.omib import OMIB, bolted_fault, during_fault, table1
 from stabctl.theory.phase import inside, portrait, separatrix
-from stabctl.theory.trajectory import against_speed, simulate
+from stabctl.theory.swing_curve import against_speed, swing_curve
 
 PAPER = OMIB()
 
@@ -31,10 +31,10 @@ def machines(draw, faults=False):
 @settings(max_examples=20, deadline=None)
 def test_energy_is_conserved_after_clearing(m, part):
     try:
-        t = (0.05 + 0.85 * part) * critical(m).time
+        t = (0.05 + 0.85 * part) * critical_clearing(m).time
     except StudyError:
         t = 0.1
-    run = simulate(m, t, until=t + 2)
+    run = swing_curve(m, t, until=t + 2)
     after = run.t > t
     U = energy(m, run.angle[after], run.speed[after])
     assert np.ptp(U) < 1e-10 * (m.Pmax_post + m.Pm * run.angle.max())  # 1e-11
@@ -43,7 +43,7 @@ def test_energy_is_conserved_after_clearing(m, part):
 @given(machines(), st.floats(0.01, 1))
 @settings(max_examples=20, deadline=None)
 def test_kinetic_energy_at_clearing_is_the_accelerating_area(m, part):
-    clearing = m.start + part * (critical(m).angle - m.start)
+    clearing = m.start + part * (critical_clearing(m).angle - m.start)
     speed = math.sqrt(2 * m.Pm / m.M * (clearing - m.start))
     area = equal_area(m, clearing)
     assert abs(area.A1 - m.M / 2 * speed**2) < 1e-12  # (11): 2e-16
@@ -54,27 +54,27 @@ def test_kinetic_energy_at_clearing_is_the_accelerating_area(m, part):
 @settings(max_examples=25, deadline=None)
 def test_simulated_critical_time_is_the_equal_area_one(m, power):
     try:
-        expected, reason = critical(m, power * m.Pm).time, ""
+        expected, reason = critical_clearing(m, power * m.Pm).time, ""
     except StudyError as refusal:
         expected, reason = 0.0, str(refusal)
     if reason:
         assert "at once" in reason
         unit = math.sqrt(m.M / m.Pmax_post)
-        assert not simulate(m, 1e-6 * unit, against_speed(power * m.Pm), 1e3 * unit, decide=True).stable
+        assert not swing_curve(m, 1e-6 * unit, against_speed(power * m.Pm), until=1e3 * unit, decide=True).stable
         return
     assert simulated_critical_time(m, power * m.Pm, 1e-8) == pytest.approx(expected, rel=1e-7)  # 3e-9
 
 
 @pytest.mark.parametrize("t", [0.01, 0.1, 0.25, 1.0])
 def test_bolted_fault_in_closed_form_is_the_simulation(t):
-    run = simulate(PAPER, t, until=t + 0.1)
+    run = swing_curve(PAPER, t, until=t + 0.1)
     i = np.flatnonzero(run.t == t)[0]
-    assert abs(np.subtract((run.angle[i], run.speed[i]), bolted(PAPER, t))).max() < 1e-12  # 1e-14
+    assert abs(np.subtract((run.angle[i], run.speed[i]), bolted_fault(PAPER, t))).max() < 1e-12  # 1e-14
 
 
 def test_partial_fault_agrees_with_its_simulation():
     m = OMIB(Xfault=3.0)
-    run = simulate(m, 0.2, until=0.3)
+    run = swing_curve(m, 0.2, until=0.3)
     i = np.flatnonzero(run.t == 0.2)[0]
     assert abs(np.subtract((run.angle[i], run.speed[i]), during_fault(m, 0.2))).max() < 1e-10  # 1e-12
 
@@ -83,14 +83,14 @@ def test_stability_region_is_where_simulations_return():
     border = separatrix(PAPER)
     assert np.ptp(energy(PAPER, border.angle, border.speed)) < 1e-14  # 4e-16
     for part, returns in ((0.999, True), (1.001, False)):
-        t = part * critical(PAPER).time
-        assert inside(PAPER, *bolted(PAPER, t)) == returns == simulate(PAPER, t, until=20, decide=True).stable
+        t = part * critical_clearing(PAPER).time
+        assert inside(PAPER, *bolted_fault(PAPER, t)) == returns == swing_curve(PAPER, t, until=20, decide=True).stable
     assert not inside(PAPER, PAPER.unstable + 0.1, 0)
     assert not inside(PAPER, border.angle[0] - 0.1, 0)
 
 
 def test_machine_held_where_the_law_jumps_across_zero_speed():
-    run = simulate(PAPER, 0.25, against_speed(0.8), until=3)
+    run = swing_curve(PAPER, 0.25, against_speed(0.8), until=3)
     assert run.stable
     t, angle = run.rests[-1]
     assert abs(PAPER.Pm - PAPER.Pmax * math.sin(angle)) < 0.8
@@ -100,7 +100,7 @@ def test_machine_held_where_the_law_jumps_across_zero_speed():
 
 
 def test_more_absorbed_power_never_shortens_the_critical_time():
-    times = [critical(PAPER, p).time for p in np.linspace(0, 5, 21)]
+    times = [critical_clearing(PAPER, p).time for p in np.linspace(0, 5, 21)]
     assert (np.diff(times) > 0).all()
 
 
@@ -114,7 +114,7 @@ def test_table_1():
 
 
 def test_critical_clearing_of_the_paper():
-    found = critical(PAPER)
+    found = critical_clearing(PAPER)
     assert found.angle == pytest.approx(1.42826, abs=5e-6)  # 1.4282593
     assert found.time == pytest.approx(0.243753, abs=5e-7)  # 0.24375279
     assert found.cycles == pytest.approx(14.625, abs=5e-4)  # 14.62517
@@ -123,8 +123,8 @@ def test_critical_clearing_of_the_paper():
 
 def test_the_paper_s_three_faults():
     faults = portrait(PAPER)
-    assert [run.stable for run in faults.trajectories] == [True, True, False]
-    assert "15 cycles: 1.4767 rad, 7.8540 rad/s, lost" in str(faults)
+    assert [run.stable for run in faults.curves] == [True, True, False]
+    assert "15 cycles: 1.4767 rad, 7.8540 rad/s, unstable" in str(faults)
     lost = equal_area(PAPER, faults.cleared[2].angle)
     assert not lost.stable
     assert lost.A1 > lost.A2
@@ -149,15 +149,15 @@ def test_impossible_machines_are_refused_in_one_sentence(wrong, says):
 
 
 def test_impossible_studies_are_refused():
-    with pytest.raises(StudyError, match="for ever"):
-        critical(OMIB(Xfault=0.95))
+    with pytest.raises(StudyError, match="however long"):
+        critical_clearing(OMIB(Xfault=0.95))
     with pytest.raises(StudyError, match="at once"):
-        critical(OMIB(Pm=0.9, Xpost=1.1))
+        critical_clearing(OMIB(Pm=0.9, Xpost=1.1))
     with pytest.raises(StudyError, match="absorbed power"):
-        critical(PAPER, -0.1)
+        critical_clearing(PAPER, -0.1)
     with pytest.raises(StudyError, match="clearing angle"):
         equal_area(PAPER, 3.0)
     with pytest.raises(StudyError, match="must be cleared"):
-        simulate(PAPER, 6.0)
+        swing_curve(PAPER, 6.0)
     with pytest.raises(StudyError, match="not possible"):
         during_fault(PAPER, math.nan)

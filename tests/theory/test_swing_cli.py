@@ -45,6 +45,12 @@ def test_options_reach_the_model():
     assert not record("feedback", "--Kv", "0", "--Ka", "0")["laws"][1]["stable"]
 
 
+def test_a_fault_too_short_to_move_the_machine_is_one_sentence():
+    refusal = run("minimum-time", "--cycles", "1e-9").exception
+    assert isinstance(refusal, StudyError)
+    assert "practically zero" in str(refusal)
+
+
 def test_infeasible_is_a_sentence_and_no_error():
     found = record("minimum-time", "--cycles", "10")
     assert found["duration_s"] is None

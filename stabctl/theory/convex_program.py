@@ -1,28 +1,25 @@
-"""Minimum time (29)-(31) once more, as a convex program in time steps and bisection on T: a check without co-states.
+"""Minimum time (29)-(31) as a convex program in time steps, with bisection on T: a check without co-states.
 
-For a given T the program asks for the least speed at T; T is long enough where that is zero or less. The sine is
-replaced by its tangent at the last motion, within a trust radius around it, and the program solved again until the
-speed no longer falls. With n steps of h = T/n, P_C constant over each, and z = h x2 (rad):
+For a given T the program minimizes the speed at T; T is long enough if the minimum is zero or less. The sine is
+linearized at the last motion, within a trust radius, and the program is solved again until the speed no longer falls.
+With n steps of h = T/n, P_C constant over each, and z = h x2 (rad):
 
     x1' = x1 + z + (f - h^2 P_C/M1)/2,   z' = z + (f + f')/2 - h^2 P_C/M1,   f = h^2 (Pm - Pmax sin x1)/M
 
-The limit on the end angle is left out here.
+The limit on the end angle is not included.
 """
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .minimum_time import Problem, infeasible, stop_angle
-
-Array = NDArray[np.float64]
+from .minimum_time import Array, MinimumTimeProblem, infeasible, stop_angle
 
 
 @dataclass(frozen=True)
-class Discretized:
-    """The minimum time found by the convex program; nan where there is none."""
+class DiscreteMinimumTime:
+    """The minimum time found by the convex program; NaN if there is none."""
 
     outcome: str
     duration: float  # s, T of (29)
@@ -32,11 +29,11 @@ class Discretized:
         return self.outcome
 
 
-class Program:
-    """The least speed at the end of n steps as a linear program, built once; T and the tangent are parameters."""
+class SpeedProgram:
+    """The smallest speed after n steps as a linear program, built once; T and the tangent are parameters."""
 
-    def __init__(self, p: Problem, n: int) -> None:
-        """Write the program for the plant `p` in `n` steps."""
+    def __init__(self, p: MinimumTimeProblem, n: int) -> None:
+        """Build the program for the problem `p` in `n` steps."""
         import cvxpy as cp
 
         self.p, self.n = p, n
@@ -45,7 +42,7 @@ class Program:
         self.z0, self.push = cp.Parameter(), cp.Parameter(nonneg=True)
         self.force, self.slope = cp.Parameter(n + 1), cp.Parameter(n + 1)
         f = self.force + cp.multiply(self.slope, self.x1)
-        law = [
+        constraints = [
             self.x1[0] == p.x1,
             self.z[0] == self.z0,
             cp.diff(self.x1) == self.z[:-1] + (f[:-1] - self.push * self.Pc) / 2,
@@ -54,7 +51,7 @@ class Program:
             self.Pc <= p.Pc_max,
             cp.abs(self.x1 - self.motion) <= self.radius,
         ]
-        self.problem = cp.Problem(cp.Minimize(self.z[n]), law)
+        self.problem = cp.Problem(cp.Minimize(self.z[n]), constraints)
         if not self.problem.is_dcp(dpp=True):
             raise AssertionError("the program must be convex with its parameters (DPP)")
 
@@ -71,7 +68,7 @@ class Program:
         return np.array(x1), z / h
 
     def stops(self, T: float, Pc: Array) -> tuple[bool, Array]:
-        """Whether some P_C brings the speed to zero by T, and the best one found from `Pc` on (n,)."""
+        """Whether some P_C brings the speed to zero by T, and the best P_C found, starting from `Pc` (n,)."""
         import cvxpy as cp
 
         p, h = self.p, T / self.n
@@ -98,23 +95,23 @@ class Program:
         return speed <= 0, Pc
 
 
-def by_convex_program(p: Problem, n: int = 100, resolution: float = 1e-7) -> Discretized:
+def by_convex_program(p: MinimumTimeProblem, n: int = 100, resolution: float = 1e-7) -> DiscreteMinimumTime:
     """Minimum time (s) to the relative `resolution` with P_C constant over each of `n` steps."""
     if math.isnan(stop_angle(p)):
-        return Discretized(infeasible(p).outcome, math.nan, np.empty(0))
+        return DiscreteMinimumTime(infeasible(p).outcome, math.nan, np.empty(0))
     if p.x2 < 0:
         found = by_convex_program(p.mirrored(), n, resolution)
-        return Discretized(found.outcome, found.duration, -found.Pc)
-    program = Program(p, n)
+        return DiscreteMinimumTime(found.outcome, found.duration, -found.Pc)
+    program = SpeedProgram(p, n)
     low = p.x2 / float((p.Pmax - p.Pm) / p.M + p.Pc_max / p.M1)
     high, Pc = low, np.full(n, p.Pc_max)
     while not (found := program.stops(high, Pc))[0]:
         low, high = high, 1.2 * high
         if high > 100 * math.sqrt(p.M / p.Pmax):
-            return Discretized("the convex program found no time long enough", math.nan, np.empty(0))
+            return DiscreteMinimumTime("The convex program found no time that is long enough.", math.nan, np.empty(0))
     Pc = found[1]
     while high - low > resolution * high:
         middle = (low + high) / 2
         enough, tried = program.stops(middle, Pc)
         low, high, Pc = (low, middle, tried) if enough else (middle, high, Pc)
-    return Discretized(f"speed brought to zero {high:.6f} s after release with {n} steps", high, Pc)
+    return DiscreteMinimumTime(f"The speed is zero {high:.6f} s after clearing, with {n} steps.", high, Pc)
