@@ -30,7 +30,7 @@ class ReducedNetwork(NamedTuple):
 def reduced_network(case: Case) -> ReducedNetwork:
     """The network of a case at its power flow, reduced to the internal voltages of its machines (Kron reduction)."""
     case = case.classical()
-    flow, net = powerflow.solve(case), network.grid(case)
+    flow, net = powerflow.solve(case), network.build(case)
     rows = [case.devices["gencls"][m.machine] for m in case.machines]
     base = np.array([m.base for m in case.machines]) / case.base_mva
     y = base / np.array([p.ra + 1j * p.x1d for p in rows])
