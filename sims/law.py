@@ -18,7 +18,7 @@ def study(_reports: Path) -> Study:
     """Table 3, and the edges of deadband and voltage gate."""
     law = BangBang()
     rows = (
-        paper.DEADBAND.beside(1e3 * law.deadband_hz),
+        paper.DEADBAND.beside(1e3 * law.deadband),
         paper.GATE.beside(law.min_voltage),
         *(printed.beside(ordered(SPEEDS[key])) for key, printed in paper.TABLE_3.items()),
     )

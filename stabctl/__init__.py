@@ -1,1 +1,81 @@
-"""stabctl: controller design and linear analysis for transient stability with energy storage."""
+"""stabctl: controller design and linear analysis for transient stability with energy storage.
+
+>>> import stabctl as st
+>>> base = st.load("two_area").initialize()
+>>> fault = st.Contingency("7-8@0.4", clear="21cyc")
+>>> run = base.simulate(fault, storage="50MW", control=st.BangBang())
+
+Every name is imported when it is first used.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from stabctl.clearing import Screen, clearing_time, screen
+    from stabctl.controllers import BangBang, Feedback
+    from stabctl.dynamics.coerce import initialize
+    from stabctl.dynamics.operating_point import Point as OperatingPoint
+    from stabctl.errors import StabctlError
+    from stabctl.estimation.loop import watch as estimate
+    from stabctl.io import load, write
+    from stabctl.io import packaged as cases
+    from stabctl.model.case import Case, Storage
+    from stabctl.model.powerflow import PowerFlow
+    from stabctl.model.powerflow import solve as power_flow
+    from stabctl.model.replicate import replicate
+    from stabctl.placement.place import place
+    from stabctl.simulation.contingency import Contingency
+    from stabctl.simulation.controller import Controller
+    from stabctl.simulation.criterion import Criterion
+    from stabctl.simulation.events import Clear, Fault, LoadStep, Open, SwitchShunt, TripMachine
+    from stabctl.simulation.simulate import simulate
+    from stabctl.simulation.trajectory import Trajectory
+    from stabctl.smallsignal import linearize
+
+_WHERE = {
+    "BangBang": "controllers:BangBang",
+    "Case": "model.case:Case",
+    "Clear": "simulation.events:Clear",
+    "Contingency": "simulation.contingency:Contingency",
+    "Controller": "simulation.controller:Controller",
+    "Criterion": "simulation.criterion:Criterion",
+    "Fault": "simulation.events:Fault",
+    "Feedback": "controllers:Feedback",
+    "LoadStep": "simulation.events:LoadStep",
+    "Open": "simulation.events:Open",
+    "OperatingPoint": "dynamics.operating_point:Point",
+    "PowerFlow": "model.powerflow:PowerFlow",
+    "Screen": "clearing:Screen",
+    "StabctlError": "errors:StabctlError",
+    "Storage": "model.case:Storage",
+    "SwitchShunt": "simulation.events:SwitchShunt",
+    "Trajectory": "simulation.trajectory:Trajectory",
+    "TripMachine": "simulation.events:TripMachine",
+    "cases": "io:packaged",
+    "clearing_time": "clearing:clearing_time",
+    "estimate": "estimation.loop:watch",
+    "initialize": "dynamics.coerce:initialize",
+    "linearize": "smallsignal:linearize",
+    "load": "io:load",
+    "place": "placement.place:place",
+    "power_flow": "model.powerflow:solve",
+    "replicate": "model.replicate:replicate",
+    "screen": "clearing:screen",
+    "simulate": "simulation.simulate:simulate",
+    "write": "io:write",
+}  # name -> module:name
+
+__all__ = list(_WHERE)
+
+
+def __getattr__(name: str) -> object:
+    if name not in _WHERE:
+        raise AttributeError(f"module 'stabctl' has no attribute {name!r}")
+    module, _, what = _WHERE[name].partition(":")
+    found = globals()[name] = getattr(import_module(f"stabctl.{module}"), what)
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

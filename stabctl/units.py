@@ -1,4 +1,4 @@
-"""Times and sizes as planners write them: `6cyc`, `0.1s`, `100ms`; `5%mva`, `5%dispatch`, `50MW`."""
+"""Quantities as planners write them: `6cyc`, `0.1s`, `100ms`; `100mHz`; `5%mva`, `5%dispatch`, `50MW`."""
 
 import math
 import re
@@ -17,6 +17,24 @@ def seconds(text: str | float, frequency_hz: float) -> float:
     if math.isnan(value) or unit not in scale:
         raise StudyError(f"{text!r} is not a time; write it as 6cyc, 0.1s or 100ms.")
     return value * scale[unit]
+
+
+def cycles(text: str | float, frequency_hz: float) -> float:
+    """A duration in cycles of a frequency (Hz), from text or a number of seconds."""
+    value, unit = (math.nan, "") if _is_number(text) else _split(text)
+    exact = unit.lower() in ("cyc", "cycles") and not math.isnan(value)
+    return value if exact else seconds(text, frequency_hz) * frequency_hz
+
+
+def hertz(text: str | float) -> float:
+    """A frequency in Hz, from text (100mHz, 0.1Hz) or a number of Hz."""
+    if _is_number(text):
+        return float(text)
+    value, unit = _split(text)
+    scale = {"hz": 1.0, "mhz": 1e-3}  # no one means megahertz here
+    if math.isnan(value) or unit.lower() not in scale:
+        raise StudyError(f"{text!r} is not a frequency; write it as 100mHz or 0.1Hz.")
+    return value * scale[unit.lower()]
 
 
 def size(text: str) -> tuple[float, str]:

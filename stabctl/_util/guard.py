@@ -18,6 +18,7 @@ def guard(record: Any) -> None:
             continue
         _, unit, meaning, *rest = get_args(hint)
         allowed = next((r for r in rest if isinstance(r, Range)), ANY)
-        if value not in allowed or not math.isfinite(value):
+        if value not in allowed or isinstance(value, bool) or not math.isfinite(value):
             wanted = "a finite number" if allowed == ANY else f"a finite number, {allowed}"
-            raise StudyError(f"{name} = {value:g}{'' if unit == '-' else ' ' + unit} ({meaning}) must be {wanted}")
+            shown = f"{value:g}" if isinstance(value, int | float) else repr(value)
+            raise StudyError(f"{name} = {shown}{'' if unit == '-' else ' ' + unit} ({meaning}) must be {wanted}")

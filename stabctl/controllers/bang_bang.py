@@ -6,6 +6,7 @@ from typing import Annotated
 from stabctl._util.guard import guard
 from stabctl._util.jit import inline
 from stabctl.schema import NOT_NEGATIVE
+from stabctl.units import hertz
 
 from .signals import Device, Par
 
@@ -22,14 +23,15 @@ def order(seen, p):
 
 @dataclass(frozen=True)
 class BangBang:
-    """The bang-bang law with its two thresholds."""
+    """The bang-bang law with its two thresholds; the deadband may be text, as "100mHz"."""
 
-    deadband_hz: Annotated[float, "Hz", "speed deviation without action", NOT_NEGATIVE] = 0.1
+    deadband: Annotated[float, "Hz", "speed deviation without action", NOT_NEGATIVE] = 0.1
     min_voltage: Annotated[float, "pu", "voltage below which the device idles", NOT_NEGATIVE] = 0.8
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "deadband", hertz(self.deadband))
         guard(self)
 
     def par(self, device: Device) -> Par:
         """Constants in pu."""
-        return Par(KIND, self.deadband_hz / device.frequency, self.min_voltage)
+        return Par(KIND, self.deadband / device.frequency, self.min_voltage)

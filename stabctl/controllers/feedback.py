@@ -11,6 +11,7 @@ from typing import Annotated
 from stabctl._util.guard import guard
 from stabctl._util.jit import inline
 from stabctl.schema import NOT_NEGATIVE
+from stabctl.units import hertz
 
 from .signals import Device, Par
 
@@ -36,10 +37,11 @@ class Feedback:
     speed_gain: Annotated[float, "pu/(rad/s)", "Kv"] = 0.0
     acceleration_gain: Annotated[float, "pu/(rad/s^2)", "Ka"] = 0.0
     braking: bool = False  # eq. (14) instead of (13)
-    deadband_hz: Annotated[float, "Hz", "speed deviation without action", NOT_NEGATIVE] = 0.0
+    deadband: Annotated[float, "Hz", "speed deviation without action", NOT_NEGATIVE] = 0.0
     min_voltage: Annotated[float, "pu", "voltage below which the device idles", NOT_NEGATIVE] = 0.8
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "deadband", hertz(self.deadband))
         guard(self)
 
     def par(self, device: Device) -> Par:
@@ -47,7 +49,7 @@ class Feedback:
         scale = 2 * pi * device.frequency * device.machine / device.rating if device.rating else 0.0
         return Par(
             BRAKING if self.braking else LINEAR,
-            self.deadband_hz / device.frequency,
+            self.deadband / device.frequency,
             self.min_voltage,
             self.speed_gain * scale,
             self.acceleration_gain * scale,

@@ -13,6 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from stabctl._util import jit
+from stabctl._util.verbs import verb
 from stabctl.devices import ALL
 from stabctl.devices.blocks import SHORT
 from stabctl.errors import EquilibriumError
@@ -57,6 +58,17 @@ class Point:
         pairs = zip(self.case.storage, ratings, strict=True)
         case = self.case.with_storage(s._replace(rating=float(rating)) for s, rating in pairs)
         return replace(self, case=case, plant=self.plant._replace(storage=assembly.devices(case)))
+
+    simulate = verb("stabctl.simulation.simulate:simulate")
+    clearing_time = verb("stabctl.clearing:clearing_time")
+    screen = verb("stabctl.clearing:screen")
+    linearize = verb("stabctl.smallsignal:linearize")
+    estimate = verb("stabctl.estimation.loop:watch")
+
+    @property
+    def inertia(self) -> np.ndarray:
+        """Inertia constants (machines), s on the system base."""
+        return self.plant.inertia
 
     @property
     def V(self) -> np.ndarray:

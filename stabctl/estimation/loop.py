@@ -5,16 +5,15 @@ Simulation -> V, I -> Instrument -> Estimator -> Center -> law -> orders -> Simu
 """
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from stabctl.controllers import BangBang, Device, Law, Seen, order
 from stabctl.dynamics.operating_point import Point
-from stabctl.simulation.contingency import Contingency, schedule
+from stabctl.simulation.contingency import Happenings, schedule
 from stabctl.simulation.criterion import DEFAULT, Criterion
-from stabctl.simulation.events import Event
 from stabctl.simulation.sampled import carry
 from stabctl.simulation.simulation import Simulation
 
@@ -149,7 +148,7 @@ def _truly(estimate: object, slip: np.ndarray) -> object:
 
 def watch(
     point: Point,
-    contingency: Contingency | Event | Iterable[Contingency | Event | str] | None,
+    contingency: "Happenings | None",
     until: float,
     driven: Driven,
     seeds: Sequence[int] | None = None,

@@ -55,7 +55,7 @@ class Record:
     def deadband(self) -> float:
         """Speed deviation (pu) without action of the bang-bang law: the default one where another law acts."""
         law = self.driven.law if isinstance(self.driven.law, BangBang) else BangBang()
-        return law.deadband_hz / self.point.case.frequency_hz
+        return law.deadband / self.point.case.frequency_hz
 
     @property
     def wanted(self) -> np.ndarray:

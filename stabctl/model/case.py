@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple
 
+from stabctl._util.verbs import verb
 from stabctl.devices.machines import gencls
 from stabctl.errors import StudyError
 from stabctl.schema import NOT_NEGATIVE, POSITIVE, RATIO, SHARE, Range
@@ -120,6 +121,15 @@ class Case:
     def __reduce__(self) -> tuple[Any, ...]:
         plain = {f.name: getattr(self, f.name) for f in fields(self) if f.init and f.name != "warnings"}
         return _made, (plain | {"devices": {model: dict(rows) for model, rows in self.devices.items()}},)
+
+    initialize = verb("stabctl.dynamics.coerce:initialize")
+    power_flow = verb("stabctl.model.powerflow:solve")
+    simulate = verb("stabctl.simulation.simulate:simulate")
+    clearing_time = verb("stabctl.clearing:clearing_time")
+    screen = verb("stabctl.clearing:screen")
+    linearize = verb("stabctl.smallsignal:linearize")
+    estimate = verb("stabctl.estimation.loop:watch")
+    place = verb("stabctl.placement.place:place")
 
     def machine(self, number: int) -> Machine:
         """The machine of that number; `StudyError` where there is none."""

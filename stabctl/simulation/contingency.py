@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterable
 from dataclasses import KW_ONLY, dataclass, replace
 from numbers import Complex
-from typing import Any
 
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
@@ -130,7 +129,10 @@ class Contingency:
     __repr__ = __str__
 
 
-def schedule(case: Case, what: Any, until: float | None = None, start: float = 0.0) -> tuple[Event, ...]:
+Happenings = Contingency | Event | str | Iterable[Contingency | Event | str]
+
+
+def schedule(case: Case, what: Happenings | None, until: float | None = None, start: float = 0.0) -> tuple[Event, ...]:
     """The events of a run, with their instants in seconds.
 
     Parameters

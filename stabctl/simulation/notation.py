@@ -55,5 +55,5 @@ def _split(text: str, frequency_hz: float) -> tuple[str, float]:
         raise StudyError(f"{text!r} does not say when; write {SHOWN}.")
     try:
         return what, seconds(when, frequency_hz)
-    except StudyError as error:
-        raise StudyError(f"{text!r} is not an event: {error}") from None
+    except StudyError:
+        raise StudyError(f"{text!r} is not an event, since {when!r} is not a time; write {SHOWN}.") from None

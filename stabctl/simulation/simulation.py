@@ -1,7 +1,7 @@
 """A simulation that can be advanced an interval at a time, and the run from start to end in one call."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from stabctl.errors import StudyError
 
 from . import events as ev
 from . import stepper
-from .contingency import Contingency, schedule
+from .contingency import Happenings, schedule
 from .criterion import DEFAULT, Criterion
 from .outcome import End, Outcome, outcome
 from .sampled import Sampled, carry
@@ -40,7 +40,7 @@ class Simulation:
     def __init__(
         self,
         point: Point,
-        events: Contingency | Iterable[ev.Event] = (),
+        events: "Happenings | None" = None,
         control: Law | None = None,
         step: float | None = None,
         criterion: Criterion = DEFAULT,
@@ -210,7 +210,7 @@ def _checked_step(point: Point, step: float | None) -> float:
 
 def run(
     point: Point,
-    contingency: Contingency | ev.Event | Iterable[Contingency | ev.Event | str] | None = None,
+    contingency: "Happenings | None" = None,
     until: float = 10.0,
     control: Law | Sampled | None = None,
     step: float | None = None,

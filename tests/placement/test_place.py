@@ -190,7 +190,7 @@ def test_contingencies_come_from_a_file_the_package_or_a_screen(cases, monkeypat
         (("--cost-site", "nan"), "cost of nan"),
         (("--observe", "-1"), "observation of -1 s"),
         (("--lag", "-1"), "--lag -1 s"),
-        (("--deadband", "nan"), "deadband_hz"),
+        (("--deadband", "nan"), "deadband"),
         (("--max-angle", "0"), "--max-angle 0"),
         (("--workers", "0"), "--workers"),
         (("--validate", "crystal-ball"), "--validate"),

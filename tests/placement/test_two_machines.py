@@ -25,7 +25,7 @@ X = BASE / B  # pu
 D0 = np.arcsin(PM / B)
 UNSTABLE = np.pi - D0
 SHARE = LARGE / (1 + LARGE)  # M / M1
-LAW = BangBang(deadband_hz=0.0, min_voltage=0.0)
+LAW = BangBang(deadband=0.0, min_voltage=0.0)
 
 
 def _case(own=2e-4):

@@ -168,7 +168,7 @@ def test_voltages_now_are_those_of_the_row_now(two_area):
     assert np.abs(simulation.V - simulation.finish().V[-1]).max() < 1e-7
 
 
-@pytest.mark.parametrize("bad", [{"deadband_hz": -1.0}, {"min_voltage": float("nan")}])
+@pytest.mark.parametrize("bad", [{"deadband": -1.0}, {"min_voltage": float("nan")}])
 @pytest.mark.parametrize("law", [BangBang, Feedback])
 def test_laws_refuse_impossible_thresholds(law, bad):
     with pytest.raises(StudyError):

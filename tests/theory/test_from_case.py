@@ -88,6 +88,6 @@ def test_bang_bang_is_the_limit_of_a_steep_feedback():
     case = io.load("two_area")
     point = operating_point.solve(case.with_storage(fleet.everywhere(case, "50MW")))
     events = Contingency("7-8@0.4", 21 / 60)
-    steep = run(point, events, until=1.6, control=Feedback(1e6, deadband_hz=0.1))
+    steep = run(point, events, until=1.6, control=Feedback(1e6, deadband=0.1))
     switched = run(point, events, until=1.6, control=BangBang())
     np.testing.assert_allclose(steep.storage, switched.storage, atol=1e-9)

@@ -1,0 +1,80 @@
+"""Where a study starts: a case or an operating point, with or without other storage."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from stabctl.errors import StudyError
+from stabctl.model import fleet, powerflow
+from stabctl.model.case import Case, Storage
+from stabctl.model.powerflow import PowerFlow
+
+from .operating_point import Point, solve
+
+Fleet = str | Mapping[int, str | float] | Iterable[Storage]
+SHOWN = "give '50MW' at every machine, '14=50MW,13@33=20MW', {14: '50MW'}, or rows of Storage"
+
+
+def operating_point(base: Case | Point, storage: Fleet | None = None) -> Point:
+    """The operating point of a case, or the point itself, with other storage devices where they are given.
+
+    Parameters
+    ----------
+    base : Case or OperatingPoint
+    storage : str, mapping, or iterable of Storage, optional
+        Devices in place of the case's own: a rating at every machine ("50MW", "5%mva", "5%dispatch"), ratings at
+        some ("14=50MW,13@33=20MW" or {14: "50MW"}; numbers are MW), rows, or "none".
+
+    Raises
+    ------
+    StudyError
+        Where `base` or `storage` is something else.
+    """
+    if isinstance(base, Case):
+        flow = powerflow.solve(base)
+        return solve(base if storage is None else base.with_storage(devices(base, storage, flow)), flow)
+    if not isinstance(base, Point):
+        raise StudyError(f"{_named(base)} is not a system; give a Case, as st.load('two_area'), or its OperatingPoint.")
+    return base if storage is None else solve(base.case.with_storage(devices(base.case, storage, base.flow)), base.flow)
+
+
+def devices(case: Case, storage: Fleet, flow: PowerFlow | None = None, **options: Any) -> tuple[Storage, ...]:
+    """The storage devices that `storage` describes, as in `operating_point`; options are fields of `Storage`."""
+    if isinstance(storage, str):
+        if storage.strip() == "none":
+            return ()
+        return (fleet.chosen if "=" in storage else fleet.everywhere)(case, storage, flow, **options)
+    if isinstance(storage, Mapping):
+        ratings = {k: mw if isinstance(mw, str) else f"{mw}MW" for k, mw in storage.items()}
+        return fleet.chosen(case, ratings, flow, **options) if ratings else ()
+    rows = (storage,) if isinstance(storage, Storage) else storage
+    rows = tuple(rows) if isinstance(rows, Iterable) else (None,)
+    if not all(isinstance(row, Storage) for row in rows):
+        raise StudyError(f"{_named(storage)} is not a fleet of storage devices; {SHOWN}.")
+    return tuple(row._replace(**options) for row in rows)
+
+
+def initialize(case: Case, storage: Fleet | None = None) -> Point:
+    """The operating point of a case: its power flow, and the states at which every device is at rest.
+
+    Parameters
+    ----------
+    case : Case
+    storage : str, mapping, or iterable of Storage, optional
+        Storage devices in place of the case's own; see `operating_point`.
+
+    Returns
+    -------
+    OperatingPoint
+
+    Raises
+    ------
+    PowerFlowError, EquilibriumError
+        Where there is no power flow, or a device has no state of rest at it.
+    """
+    if not isinstance(case, Case):
+        raise StudyError(f"{_named(case)} is not a case; give one, as st.load('two_area').")
+    return operating_point(case, storage)
+
+
+def _named(thing: object) -> str:
+    return f"The class {thing.__name__}" if isinstance(thing, type) else repr(thing)

@@ -1,0 +1,83 @@
+"""The simulation of a contingency, from a case or an operating point, in one call."""
+
+from collections.abc import Callable
+from typing import Any
+
+from stabctl.controllers import Law
+from stabctl.dynamics.coerce import Fleet, operating_point
+from stabctl.dynamics.operating_point import Point
+from stabctl.errors import StudyError
+from stabctl.model.case import Case
+from stabctl.units import seconds
+
+from .contingency import Happenings
+from .criterion import DEFAULT, Criterion, checked
+from .sampled import Sampled
+from .simulation import run
+from .trajectory import Trajectory
+
+
+def simulate(
+    base: Case | Point,
+    contingency: "Happenings | None" = None,
+    until: str | float = "10s",
+    *,
+    storage: "Fleet | None" = None,
+    control: Law | Sampled | None = None,
+    step: str | float | None = None,
+    criterion: Criterion = DEFAULT,
+    record: bool = True,
+    progress: Callable[[float], None] | None = None,
+) -> Trajectory:
+    """Simulate what happens to a system.
+
+    Parameters
+    ----------
+    base : Case or OperatingPoint
+        The system; a case is initialized first.
+    contingency : Contingency, event, str, or list of them, optional
+        What happens. A text is an event: "7-8@1s" (a line opens), "14@2s" (a machine trips), "7:+50MW@1s" (a load
+        changes). Without it the system stays at rest.
+    until : str or float
+        End of the run: "10s", or seconds.
+    storage : str, mapping, or iterable of Storage, optional
+        Storage devices in place of the case's own: "50MW" at every machine, "14=50MW,13=20MW", {14: "50MW"}, rows.
+    control : control law, optional
+        What the storage devices follow: `BangBang()`, `Feedback(...)`, a `Controller`; without it they stay idle.
+    step : str or float, optional
+        Time step: "2ms", or seconds; by default 1/120 s, or what the fastest eigenvalue allows.
+    criterion : Criterion
+        When the run counts as lost and ends.
+    record : bool
+        Keep the trajectory; without it only the outcome is known.
+    progress : callable, optional
+        Told the simulated time (s) now and then.
+
+    Returns
+    -------
+    Trajectory
+
+    Raises
+    ------
+    StudyError
+        For what the case does not have, and for arguments that make no sense; one sentence.
+    """
+    point = operating_point(base, storage)
+    law = checked_control(control, point.case)
+    hz = point.case.frequency_hz
+    h = None if step is None else seconds(step, hz)
+    end = seconds(until, hz)
+    return run(point, contingency, end, law, h, checked(criterion), record, progress=progress)
+
+
+def checked_control(control: Any, case: Case) -> Law | Sampled | None:
+    """The control law, where it is one and has storage devices to act on."""
+    if isinstance(control, type):
+        raise StudyError(f"control = {control.__name__} is a class; give an instance, {control.__name__}().")
+    if control is None or isinstance(control, Sampled):
+        return control
+    if not callable(getattr(control, "par", None)):
+        raise StudyError(f"control = {control!r} is not a control law; give BangBang(), Feedback(...) or a Controller.")
+    if not case.storage:
+        raise StudyError(f"{type(control).__name__} has no storage device to act on; give storage='50MW'.")
+    return control

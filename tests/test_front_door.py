@@ -1,0 +1,145 @@
+"""The front door: one import, five nouns, verbs on them, and one sentence for whatever makes no sense."""
+
+import ast
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import stabctl as st
+
+FAULT = st.Contingency("7-8@0.4", clear="21cyc", trip="7-8")
+
+
+@pytest.fixture(scope="module")
+def case():
+    return st.load("two_area")
+
+
+@pytest.fixture(scope="module")
+def base(case):
+    return case.initialize()
+
+
+def test_the_import_is_light():
+    code = "import time; t = time.perf_counter(); import stabctl; print(time.perf_counter() - t); import sys; "
+    code += "print(*sys.modules)"
+    seconds, modules = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.splitlines()
+    assert float(seconds) < 0.1  # 0.002
+    assert not {"numpy", "numba", "scipy", "pandas", "xarray", "matplotlib"} & set(modules.split())
+
+
+def test_every_name_is_there_and_known_to_editors():
+    tree = ast.parse(Path(st.__file__).read_text())
+    block = next(node for node in tree.body if isinstance(node, ast.If))
+    seen = {alias.asname or alias.name for line in block.body for alias in line.names}
+    assert seen == set(st.__all__) == set(dir(st))
+    assert all(getattr(st, name) is not None for name in st.__all__)
+    with pytest.raises(AttributeError, match="nothing"):
+        st.nothing  # noqa: B018
+
+
+@pytest.mark.parametrize("noun", [st.Case, st.OperatingPoint])
+@pytest.mark.parametrize("verb", ["simulate", "clearing_time", "screen", "linearize", "estimate"])
+def test_a_verb_is_the_function(noun, verb):
+    assert getattr(noun, verb) is getattr(st, verb)
+
+
+def test_a_bound_verb_tells_its_signature(base):
+    assert "contingency" in inspect.signature(base.simulate).parameters
+    assert "base" not in inspect.signature(base.simulate).parameters
+    assert base.simulate.__doc__ == st.simulate.__doc__
+
+
+def test_a_case_and_its_point_give_the_same_run(case, base):
+    runs = [thing.simulate(FAULT, "3s", storage="50MW", control=st.BangBang()) for thing in (case, base)]
+    assert np.array_equal(runs[0].rows, runs[1].rows)
+    assert runs[0].outcome.stable
+    assert not base.simulate(FAULT).outcome.stable
+
+
+@pytest.mark.parametrize("storage", ["1=50MW,4=20MW", {1: "50MW", 4: 20}, [st.Storage(1, 5, 50), st.Storage(4, 9, 20)]])
+def test_storage_is_text_a_mapping_or_rows(base, storage):
+    devices = st.simulate(base, until=0.1, storage=storage).point.case.storage
+    assert [(d.machine, d.rating) for d in devices] == [(1, 50), (4, 20)]
+
+
+def test_no_storage_in_place_of_some(base):
+    stored = st.initialize(base.case, storage="50MW")
+    assert len(stored.case.storage) == 4
+    assert not st.simulate(stored, until=0.1, storage="none").point.case.storage
+
+
+def test_what_happens_may_be_one_or_many(base):
+    both = base.simulate([FAULT, "7:+50MW@2s"], "2.5s").rows
+    assert np.array_equal(both, base.simulate([FAULT, st.LoadStep(7, 2.0, p=50)], 2.5).rows)
+    assert np.array_equal(base.simulate("7-8@1s", 2).rows, base.simulate(st.Open("7-8", 1.0), 2).rows)
+
+
+def test_a_law_written_in_python_is_the_compiled_one(base):
+    def bang_bang(seen):
+        return np.where((seen.voltage < 0.8) | (abs(seen.deviation) <= 0.1 / 60), 0, np.sign(seen.deviation))
+
+    options = {"storage": "50MW", "step": 1 / 120}
+    ours = base.simulate(FAULT, "3s", control=st.Controller(bang_bang, rate=120), **options)
+    theirs = base.simulate(FAULT, "3s", control=st.BangBang(deadband="100mHz"), **options)
+    assert np.array_equal(ours.order, theirs.order)
+    assert np.abs(ours.order).max() == 1
+    assert np.abs(ours.speed - theirs.speed).max() < 1e-7  # 5e-9 pu, the tolerance of the voltages
+
+
+def test_a_law_with_memory_starts_anew_in_every_run(base):
+    class Delayed:
+        def __init__(self):
+            self.past = []
+
+        def __call__(self, seen):
+            self.past.append(seen.deviation)
+            return 300 * self.past[-6] if len(self.past) > 5 else 0.0
+
+    law = st.Controller(Delayed)
+    one, two = (base.simulate(FAULT, "2s", storage="50MW", control=law) for _ in range(2))
+    assert np.array_equal(one.rows, two.rows)
+
+
+@pytest.mark.parametrize(
+    ("nonsense", "says"),
+    [
+        (lambda b: st.simulate("two_area"), "'two_area' is not a system; give a Case"),
+        (lambda b: st.simulate(st.Case), "The class Case is not a system"),
+        (lambda b: st.initialize(b), "is not a case"),
+        (lambda b: b.simulate(FAULT, control=st.BangBang), "BangBang is a class; give an instance, BangBang()"),
+        (lambda b: b.simulate(FAULT, control=st.BangBang()), "no storage device to act on"),
+        (lambda b: b.simulate(FAULT, storage="50MW", control="bang"), "is not a control law"),
+        (
+            lambda b: b.simulate(FAULT, storage="50MW", control=st.Controller(lambda s: "x")),
+            "The law gave 'x' at 0.000",
+        ),
+        (lambda b: b.simulate(FAULT, storage="50MW", control=st.Controller(lambda s: [1, 2])), "The law gave"),
+        (lambda b: st.Controller(3), "3 is not a law"),
+        (lambda b: st.Controller(abs, rate=0), "rate of 0 frames"),
+        (lambda b: b.simulate(FAULT, storage=50), "is not a fleet of storage devices"),
+        (lambda b: b.simulate(FAULT, storage="50"), "is not a storage size"),
+        (lambda b: b.simulate(FAULT, storage={9: "50MW"}), "There is no machine 9"),
+        (lambda b: b.simulate("7-8@0.4"), "is not an event"),
+        (lambda b: b.simulate(7), "7 is not a contingency"),
+        (lambda b: b.simulate(st.Contingency), "is not a contingency"),
+        (lambda b: b.simulate([FAULT, 7]), "7 is not a contingency"),
+        (lambda b: b.simulate(st.Contingency("7-8")), "is never cleared; give a clearing time"),
+        (lambda b: b.simulate(st.Contingency("99", "6cyc")), "There is no bus 99"),
+        (lambda b: b.simulate(FAULT, "1s"), "must end after its last event at 1.35 s"),
+        (lambda b: b.simulate(FAULT, "5"), "'5' is not a time"),
+        (lambda b: b.simulate(FAULT, step="1"), "'1' is not a time"),
+        (lambda b: b.simulate(FAULT, criterion=3.5), "is not a criterion"),
+        (lambda b: st.BangBang(deadband="100"), "'100' is not a frequency"),
+        (lambda b: st.BangBang(min_voltage="0.8"), "min_voltage = '0.8'"),
+    ],
+)
+def test_nonsense_is_one_sentence(base, nonsense, says):
+    with pytest.raises(st.StabctlError) as caught:
+        nonsense(base)
+    assert says in str(caught.value)
+    assert "\n" not in str(caught.value)
