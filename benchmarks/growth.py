@@ -60,7 +60,7 @@ def works(copies: int) -> tuple[int, int, list[Callable[[], float]]]:
 
 def draw(buses: list[int], per_bus: np.ndarray, path: Path) -> None:
     """Milliseconds per bus against buses, a line for each work."""
-    fig, axes = style.figure(7.5, 4.2)
+    fig, axes = style.subplots(7.5, 4.2)
     ax = axes[0, 0]
     for name, line, mark in zip(WORKS, per_bus.T, "os^Dv", strict=True):
         ax.loglog(buses, line, marker=mark, label=name)
@@ -69,9 +69,9 @@ def draw(buses: list[int], per_bus: np.ndarray, path: Path) -> None:
     ax.set_yticks(marks, [f"{value:g}" for value in marks])
     ax.minorticks_off()
     ax.set(xlabel="buses (wnaps 1, 3, 10, 30 and 100 times)", ylabel="ms per bus")
-    style.legend(ax, len(WORKS))
+    style.legend_beside(ax, WORKS)
     path.parent.mkdir(exist_ok=True)
-    fig.savefig(path, dpi=150)
+    style.save(fig, path)
 
 
 def main() -> None:

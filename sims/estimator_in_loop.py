@@ -57,7 +57,7 @@ def study(reports: Path) -> Study:
         if name == "two_area":
             drawn = found
     figures = (
-        draw(estimates.speeds(drawn), reports, "estimator_speeds.png", "True and estimated speeds", SPEEDS),
+        draw(estimates.plot(drawn), reports, "estimator_speeds.png", "True and estimated speeds", SPEEDS),
         draw(estimates.commands(drawn), reports, "estimator_commands.png", "Orders", ORDERS),
     )
     tables = (Table("Bang-bang storage by true and by estimated speeds", HEADS, tuple(rows)),)

@@ -10,7 +10,7 @@ from stabctl.dynamics import operating_point
 from stabctl.estimation.loop import Driven
 from stabctl.estimation.pmu import Pmu
 from stabctl.model import fleet
-from stabctl.plotting import estimates
+from stabctl.plotting import clearing_time as figures
 from stabctl.report.study import Study, draw
 from stabctl.report.study_console import present
 
@@ -33,7 +33,7 @@ def study(reports: Path) -> Study:
             [clearing_time(point, fault, [trip], replace(DRIVEN, pmu=pmu)).cycles for pmu in group] for group in pmus
         )
     panels = {"latency of remote signals, ms": (LATENCIES, late), "phasor noise, mrad and per mille": (NOISES, noisy)}
-    figure = estimates.clearing(panels, ideal)
+    figure = figures.panels(panels, ideal)
     picture = draw(figure, reports, "estimator_clearing.png", "Clearing time against latency and noise", ALT)
     return Study("What latency and noise cost", pictures=(picture,))
 

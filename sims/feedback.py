@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from stabctl.plotting import theory
+from stabctl.plotting import phase_plane
 from stabctl.report import paper
 from stabctl.report.study import Study, Table, draw
 from stabctl.report.study_console import present
@@ -41,7 +41,7 @@ def study(reports: Path) -> Study:
         for r in laws.responses
     )
     picture = draw(
-        theory.feedback(laws),
+        phase_plane.feedback(laws),
         reports,
         "figure07_feedback.png",
         "Four laws in the phase plane",

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from stabctl.plotting import theory
+from stabctl.plotting import equal_area, minimum_time
 from stabctl.report import paper
 from stabctl.report.study import Comparison, Study, Table, draw
 from stabctl.report.study_console import present
@@ -27,7 +27,7 @@ def study(reports: Path) -> Study:
     )
     figures = (
         draw(
-            theory.two_machine(without, absorbing),
+            equal_area.compare({"(a) ": without, "(b) ": absorbing}),
             reports,
             "figure09_two_machine.png",
             "Equal areas of two machines",
@@ -37,7 +37,7 @@ def study(reports: Path) -> Study:
             "9",
         ),
         draw(
-            theory.optimal_states(control),
+            minimum_time.states(control),
             reports,
             "figure10_states.png",
             "States and co-states",
@@ -46,7 +46,7 @@ def study(reports: Path) -> Study:
             "10",
         ),
         draw(
-            theory.optimal_power(control),
+            minimum_time.power(control),
             reports,
             "figure11_power.png",
             "Absorbed power",

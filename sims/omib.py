@@ -4,7 +4,8 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
-from stabctl.plotting import theory
+from stabctl.plotting import equal_area as areas
+from stabctl.plotting import phase_plane
 from stabctl.report import paper
 from stabctl.report.study import Comparison, Study, draw
 from stabctl.report.study_console import present
@@ -25,7 +26,7 @@ def study(reports: Path) -> Study:
     same = math.isclose(survived.A1, m.M * during_fault(m, m.seconds(12))[1] ** 2 / 2)
     figures = (
         draw(
-            theory.phase_plane(faults),
+            phase_plane.plot(faults),
             reports,
             "figure03_phase_plane.png",
             "Phase plane",
@@ -34,7 +35,7 @@ def study(reports: Path) -> Study:
             "3",
         ),
         draw(
-            theory.power_angle(survived),
+            areas.plot(survived),
             reports,
             "figure04_equal_area.png",
             "Equal areas",
@@ -43,7 +44,7 @@ def study(reports: Path) -> Study:
             "4",
         ),
         draw(
-            theory.fault_in_time(lost, swing_curve(m, m.seconds(15), until=0.8)),
+            areas.in_time(lost, swing_curve(m, m.seconds(15), until=0.8)),
             reports,
             "figure05_lost.png",
             "A lost fault",

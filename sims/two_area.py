@@ -9,7 +9,8 @@ from stabctl.clearing.critical_time import clearing_time
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.model import fleet
-from stabctl.plotting import clearing, trajectories
+from stabctl.plotting import clearing_time as drawing
+from stabctl.plotting import trajectory
 from stabctl.report import paper
 from stabctl.report.study import Study, Table, draw
 from stabctl.report.study_console import present
@@ -66,10 +67,14 @@ def study(reports: Path) -> Study:
     speeds = "Speeds in time; left the two areas part at 3 s, right all four machines settle together."
     powers = "Devices 1 and 2 first absorb and then inject full power, 3 and 4 the other way round; then all rest."
     along = "Both clearing times grow with the distance from bus 7, storage adding a third."
-    swept = clearing.against_place(PLACES, curves, cycles, (held, lost), LINE)
+    swept = drawing.compare(PLACES, curves, xlabel=f"location of the fault on {LINE} (fraction from bus 7)")
+    swept.axhline(cycles, color="0.35", linestyle="--", linewidth=1)
+    label = f"{cycles} cycles: unstable without,\nstable with storage ({held:.2f} to {lost:.2f})"
+    swept.axvspan(held, lost, color="#e69f00", alpha=0.25, label=label)
+    swept.legend(frameon=False)
     figures = (
-        draw(trajectories.speeds(runs), reports, "two_area.png", "Speeds of the machines", speeds, "", "14"),
-        draw(trajectories.storage(kept), reports, "two_area_storage.png", "Power of the devices", powers, "", "15"),
+        draw(trajectory.compare(runs), reports, "two_area.png", "Speeds of the machines", speeds, "", "14"),
+        draw(trajectory.storage(kept), reports, "two_area_storage.png", "Power of the devices", powers, "", "15"),
         draw(swept, reports, "two_area_place.png", "Clearing time against place", along),
     )
     tables = (Table(f"Fault on {fault}, {cycles} cycles", HEADS, verdicts),)

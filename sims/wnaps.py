@@ -9,7 +9,7 @@ from stabctl import io
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.model import fleet
-from stabctl.plotting import trajectories
+from stabctl.plotting import trajectory
 from stabctl.report import paper
 from stabctl.report.study import Study, draw
 from stabctl.report.study_console import present
@@ -48,8 +48,8 @@ def study(reports: Path) -> Study:
     )
     runs = {"without storage": bare, "with 5 % ESDs": held}
     figures = (
-        draw(trajectories.speeds(runs, SHOWN), reports, "wnaps.png", "Speeds of machines", SPEEDS, "", "17, 18"),
-        draw(trajectories.storage(held, (13, 14)), reports, "wnaps_storage.png", "Power of devices", POWERS, "", "19"),
+        draw(trajectory.compare(runs, machines=SHOWN), reports, "wnaps.png", "Speeds of machines", SPEEDS, of="17, 18"),
+        draw(trajectory.storage(held, (13, 14)), reports, "wnaps_storage.png", "Power of devices", POWERS, "", "19"),
     )
     text = (
         f"Six cycles without storage: {bare.outcome} With 5 % of each machine's MVA at its high-voltage bus: "

@@ -7,7 +7,7 @@ from stabctl.clearing.critical_time import clearing_time
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.model import fleet, powerflow
-from stabctl.plotting import clearing
+from stabctl.plotting import clearing_time as figures
 from stabctl.report import paper
 from stabctl.report.study import Study, Table, draw
 from stabctl.report.study_console import present
@@ -39,7 +39,7 @@ def study(reports: Path) -> Study:
         paper.TABLE_4_GREATEST.beside(max(fine), PLATEAU),
     )
     picture = draw(
-        clearing.against_size(list(paper.TABLE_4), curves, "ESD power, % of dispatched power"),
+        figures.compare(list(paper.TABLE_4), curves, xlabel="storage rating (% of dispatched power)"),
         reports,
         "wnaps_table4.png",
         "Clearing time against power",

@@ -1,6 +1,7 @@
 """The command line: parses, calls, prints."""
 
 import gc
+import os
 import sys
 import warnings
 from typing import Annotated, Any
@@ -66,6 +67,7 @@ def _options(
 def main() -> None:
     """Run the command line; a user's mistake is one line on stderr and exit code 2."""
     warnings.simplefilter("ignore", RuntimeWarning)
+    os.environ.setdefault("MPLBACKEND", "agg")  # figures go to files
     gc.disable()  # a command is short and makes few cycles; collecting while libraries load costs an eighth of it
     try:
         code = app(standalone_mode=False)

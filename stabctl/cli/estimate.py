@@ -60,9 +60,9 @@ def estimate(
     end = at + off + observe
     found = watch(point, events, end, driven, step=step, criterion=shared.criterion(max_angle))
     if plot:
-        from stabctl.plotting.estimates import speeds
+        from stabctl.plotting import estimates, style
 
-        speeds(found).savefig(plot, dpi=150)
+        style.save(estimates.plot(found), plot)
     _show(found, found.after(at + off, end), as_json, plot)
 
 

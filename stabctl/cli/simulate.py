@@ -77,9 +77,9 @@ def simulate(
     if out:
         result.save(out)
     if plot:
-        from stabctl.plotting.trajectories import overview
+        from stabctl.plotting import style, trajectory
 
-        overview(result).savefig(plot, dpi=150)
+        style.save(trajectory.overview(result), plot)
     _show(result, as_json, [p for p in (out, plot) if p])
 
 

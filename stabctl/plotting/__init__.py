@@ -1,1 +1,1 @@
-"""Figures of results; nothing is computed here."""
+"""Figures of results. A figure shows what a result holds; nothing is computed here."""

@@ -1,53 +1,62 @@
-"""Figures of a siting study: megawatts by site beside the uniform fleet's, cost by round."""
+"""Figures of a siting study: ratings by site beside the uniform fleet, and cost by iteration."""
 
 from typing import TYPE_CHECKING
 
 from stabctl.placement.siting import Siting
 
-from .style import COLOURS, figure
+from .style import COLORS, GRAY, single
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
 
-WIDTH = 5.2  # inches   letters stay readable on a phone
-FOUND, UNIFORM = COLOURS[0], "0.72"
+WIDTH = 5.2  # inches; letters stay readable on a phone
 
 
-def sizes(siting: Siting) -> "Figure":
-    """Megawatts at every candidate, largest first, and those of the uniform fleet at the same place."""
+def plot(siting: Siting, *, ax: "Axes | None" = None) -> "Axes":
+    """Plot the rating at every candidate site, largest first, beside that of the uniform fleet.
+
+    Parameters
+    ----------
+    siting
+        The result of a siting study.
+    ax
+        Axes to draw on. Default: a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
     mw = {(s.bus, s.machine): s.mw for s in siting.sites}
     places = sorted(siting.places, key=lambda p: (mw.get((p.bus, p.machine), 0.0), p.uniform_mw or 0.0), reverse=True)
     rows = range(len(places))
-    fig, axes = figure(WIDTH, 1.1 + 0.27 * len(places))
-    ax = axes[0, 0]
+    ax = single(ax, WIDTH, 1.2 + 0.27 * len(places))
     found = [mw.get((p.bus, p.machine), 0.0) for p in places]
-    ax.barh([k - 0.2 for k in rows], found, 0.4, color=FOUND, label="found")
+    ax.barh([k - 0.2 for k in rows], found, 0.4, color=COLORS[0], label="optimized")
     if siting.uniform_mw is not None:
         even = [p.uniform_mw or 0.0 for p in places]
-        ax.barh([k + 0.2 for k in rows], even, 0.4, color=UNIFORM, label="uniform")
-    ax.set_yticks(list(rows), [f"machine {p.machine} at {p.bus}" for p in places])
+        ax.barh([k + 0.2 for k in rows], even, 0.4, color=GRAY, alpha=0.5, label="uniform")
+    ax.set_yticks(list(rows), [f"machine {p.machine}, bus {p.bus}" for p in places])
     ax.set_ylim(len(places) - 0.4, -0.6)
     ax.grid(visible=False, axis="y")
-    ax.set_xlabel("MW")
-    fig.legend(loc="outside upper right", ncols=2, frameon=False)
-    return fig
+    ax.set_xlabel("storage rating (MW)")
+    ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, frameon=False)
+    return ax
 
 
-def history(siting: Siting) -> "Figure":
-    """Cost by round: what the master planned, what it took to survive everything, the best so far."""
+def convergence(siting: Siting, *, ax: "Axes | None" = None) -> "Axes":
+    """Plot the cost of the fleet at each iteration of the siting program; arguments as for `plot`."""
     rounds = range(1, len(siting.history) + 1)
-    fig, axes = figure(WIDTH, 3.4)
-    ax = axes[0, 0]
+    ax = single(ax, WIDTH, 3.4)
     drawn = {
-        "planned": ([r.planned for r in siting.history], {"marker": "v", "color": COLOURS[4]}),
-        "scaled until it survives": ([r.reached for r in siting.history], {"marker": "o", "color": COLOURS[1]}),
-        "best so far": ([r.best for r in siting.history], {"drawstyle": "steps-post", "color": COLOURS[0]}),
+        "plan": ([r.planned for r in siting.history], {"marker": "v", "color": COLORS[4]}),
+        "plan scaled until stable": ([r.reached for r in siting.history], {"marker": "o", "color": COLORS[1]}),
+        "best so far": ([r.best for r in siting.history], {"drawstyle": "steps-post", "color": COLORS[0]}),
     }
     for name, (costs, look) in drawn.items():
         ax.plot(rounds, costs, label=name, markersize=4, linewidth=1.3, **look)
-    ax.axhline(siting.lower_bound, color="0.4", linestyle="--", linewidth=1, label="estimated bound")
+    ax.axhline(siting.lower_bound, color=GRAY, linestyle="--", linewidth=1, label="estimated lower bound")
     ax.xaxis.get_major_locator().set_params(integer=True)
-    ax.set_xlabel("round")
-    ax.set_ylabel("cost" if siting.lower_bound_mw is None or siting.costs.mw != 1 else "MW")
-    fig.legend(loc="outside upper center", ncols=2, frameon=False, fontsize="small")
-    return fig
+    ax.set_xlabel("iteration")
+    ax.set_ylabel("cost" if siting.lower_bound_mw is None or siting.costs.mw != 1 else "total rating (MW)")
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1), ncols=2, frameon=False, fontsize="small")
+    return ax

@@ -1,33 +1,87 @@
-"""One look for every figure."""
+"""The look of every figure, and how figures are made and saved."""
 
+import io
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
+
+from stabctl._util import files
+from stabctl.errors import StudyError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import NDArray
 
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8c564b")  # Okabe-Ito
+COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8c564b")  # Okabe-Ito
+GRAY = "#808080"
+MARKERS = "os^Dv"
+DPI = 150
 
 
-def figure(
+def subplots(
     width: float, height: float, rows: int = 1, columns: int = 1, **options: object
-) -> "tuple[Figure, Sequence]":
-    """A figure (inches) and its axes, drawn without a screen."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+) -> "tuple[Figure, NDArray[Axes]]":
+    """Return a pyplot figure of a size in inches and its axes (rows, columns); options are pyplot's."""
+    import matplotlib.pyplot as plt
 
-    fig = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(fig)
-    axes = fig.subplots(rows, columns, squeeze=False, **options)
+    figure, axes = plt.subplots(rows, columns, figsize=(width, height), layout="constrained", squeeze=False, **options)
     for ax in axes.flat:
-        ax.grid(alpha=0.25)
-        ax.spines[["top", "right"]].set_visible(False)
-        ax.set_prop_cycle(color=COLOURS)
-    return fig, axes
+        tidy(ax)
+    return figure, axes
 
 
-def legend(ax: "Axes", lines: int, title: str | None = None) -> None:
-    """A legend beside the axes while the lines can be told apart."""
-    if 0 < lines <= len(COLOURS):
-        ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, title=title, fontsize="small")
+def single(ax: "Axes | None", width: float, height: float) -> "Axes":
+    """Return the axes given, or those of a new figure of this size in inches."""
+    return subplots(width, height)[1][0, 0] if ax is None else ax
+
+
+def tidy(ax: "Axes") -> None:
+    """Light grid, two spines, our colors."""
+    ax.grid(alpha=0.25)
+    ax.set_axisbelow(True)
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.set_prop_cycle(color=COLORS)
+
+
+def legend_beside(ax: "Axes", labels: Sequence[str]) -> None:
+    """Put a legend to the right of the axes, if there are few enough lines to tell apart."""
+    if 0 < len(labels) <= len(COLORS):
+        ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize="small")
+
+
+def save(drawn: "Figure | Axes", path: str | Path, dpi: int = DPI) -> Path:
+    """Write a figure in the format of the file's suffix, and close it.
+
+    Parameters
+    ----------
+    drawn
+        The figure, or axes on it.
+    path
+        File to write, ending in .png, .svg, .pdf or another suffix that matplotlib knows. An existing file is replaced
+        only when the new one is complete.
+    dpi
+        Resolution of a raster image, dots per inch.
+
+    Returns
+    -------
+    Path
+        The path.
+
+    Raises
+    ------
+    StudyError
+        If matplotlib does not know the format or the file cannot be written.
+    """
+    import matplotlib.pyplot as plt
+
+    path, image = Path(path), io.BytesIO()
+    try:
+        drawn.figure.savefig(image, format=path.suffix.removeprefix(".").lower() or None, dpi=dpi)
+        files.replace(path, image.getvalue())
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
+        raise StudyError(f"The figure {path} cannot be written: {reason}.") from None
+    finally:
+        plt.close(drawn.figure)
+    return path

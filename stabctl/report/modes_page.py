@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
-from stabctl.plotting.drawing import compass, s_plane
+from stabctl.report.drawing import compass, s_plane
 from stabctl.smallsignal import Areas, Mode, Modes
 
 from .document import document

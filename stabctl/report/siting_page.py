@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from stabctl._util import files
 from stabctl.errors import StudyError
 from stabctl.placement.siting import Evidence, Siting
+from stabctl.plotting import siting as figures
 
 from . import embedded
 from .document import document, table
@@ -79,9 +80,9 @@ def page(siting: Siting, pictures: dict[str, Path]) -> str:
 def _figures(siting: Siting) -> "dict[str, Figure]":
     drawn = {}
     if siting.places:
-        drawn["sizes"] = siting.sizes(siting)
+        drawn["sizes"] = figures.plot(siting).figure
     if siting.history:
-        drawn["history"] = siting.history(siting)
+        drawn["history"] = figures.convergence(siting).figure
     return drawn
 
 

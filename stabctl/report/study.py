@@ -6,7 +6,10 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from stabctl.plotting import style
+
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 CLOSE = 0.01  # largest relative difference of a number that is close, though not the same in every printed digit
@@ -147,7 +150,9 @@ class Study:
         return cls(data["title"], data["section"], tuple(data["text"]), *parts, data["pages"])
 
 
-def draw(figure: "Figure", folder: Path, file: str, title: str, alt: str, caption: str = "", of: str = "") -> Picture:
+def draw(
+    figure: "Figure | Axes", folder: Path, file: str, title: str, alt: str, caption: str = "", of: str = ""
+) -> Picture:
     """Save a figure into the folder; `of` names the paper's figures, "17, 18"."""
-    figure.savefig(folder / file, dpi=DPI)
+    style.save(figure, folder / file, DPI)
     return Picture(file, title, alt, caption, tuple(f"Figure {number.strip()}" for number in of.split(",") if number))

@@ -6,8 +6,11 @@ import shutil
 import subprocess
 from html import unescape
 
+import matplotlib
+import matplotlib.pyplot as plt
 import pytest
 
+matplotlib.use("agg")
 PROGRAMS = "chromium", "chromium-browser", "google-chrome", "chrome"
 SWITCHES = (
     "--headless",
@@ -43,6 +46,13 @@ document.getElementById("frame").onload = (event) => {{
   }});
 }};
 </script>"""
+
+
+@pytest.fixture(autouse=True)
+def closed():
+    """Figures do not outlive the test that draws them."""
+    yield
+    plt.close("all")
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,7 @@ import re
 import pytest
 from test_study import NUMBER, RECORD
 
-from stabctl.plotting.style import figure
+from stabctl.plotting.style import subplots
 from stabctl.report import index_page
 from stabctl.report.index_page import About, Ran, page
 from stabctl.report.study import Picture, Printed, Study, Table, draw
@@ -14,7 +14,7 @@ ABOUT = About("2026-01-01", "one processor", 12.3, ("sims/long.py",))
 @pytest.fixture
 def whole(tmp_path):
     """A page with everything that can stand on one."""
-    wide, _ = figure(14, 3)
+    wide, _ = subplots(14, 3)
     picture = draw(wide, tmp_path, "wide.png", "A wide picture", "nothing but axes", "Its caption.", "5a, 5b")
     (tmp_path / "more.html").write_text("<!doctype html>")
     long = "anumberlongerthananyphone" * 3

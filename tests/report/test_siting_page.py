@@ -6,8 +6,8 @@ from dataclasses import replace
 from html import unescape
 
 import pytest
+from labels import crowded
 from matplotlib.image import imread
-from test_pictures import crowded
 
 from stabctl.errors import StudyError
 from stabctl.placement.contingency import Contingency
@@ -134,18 +134,18 @@ def test_reservations_are_among_the_sentences(siting):
 def test_labels_of_the_figures_stand_apart(siting):
     uneven = tuple(p._replace(uniform_mw=None) for p in siting.places)
     for figure in (
-        figures.sizes(siting),
-        figures.sizes(replace(siting, places=uneven[:2], uniform_mw=None)),
-        figures.history(siting),
-        figures.history(replace(siting, history=siting.history[:2], costs=Costs(site=1))),
+        figures.plot(siting),
+        figures.plot(replace(siting, places=uneven[:2], uniform_mw=None)),
+        figures.convergence(siting),
+        figures.convergence(replace(siting, history=siting.history[:2], costs=Costs(site=1))),
     ):
         assert crowded(figure) == []
 
 
 def test_sites_stand_largest_first_beside_the_uniform_fleet(siting):
-    ax = figures.sizes(siting).axes[0]
+    ax = figures.plot(siting)
     labels = [label.get_text() for label in ax.get_yticklabels()]
-    assert labels[:3] == ["machine 3 at 103", "machine 31 at 131", "machine 34 at 134"]
+    assert labels[:3] == ["machine 3, bus 103", "machine 31, bus 131", "machine 34, bus 134"]
     found, even = ([bar.get_width() for bar in bars] for bars in ax.containers)
     assert found == [40.0, 20.0] + 32 * [0.0]
     assert even == [8.0, 36.0] + [5.0 + k for k in range(34, 0, -1) if k not in (3, 31)]

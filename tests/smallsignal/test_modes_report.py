@@ -12,7 +12,6 @@ from typer.testing import CliRunner
 from stabctl.cli.linearize import linearize
 from stabctl.cli.modes import modes as modes_command
 from stabctl.errors import StabctlError
-from stabctl.plotting import drawing
 from stabctl.report import modes_page, modes_table
 from stabctl.smallsignal import areas
 
@@ -59,15 +58,6 @@ def test_the_page_is_whole_and_needs_no_network(modes, name):
     for k in m.swings():
         assert m.label(k) in page
     assert ('<circle class="grows"' in page) == (not m.stable)
-
-
-def test_names_on_the_rim_keep_their_distance():
-    placed = drawing._spread([0.0, 1.0, 2.0, 180.0, 359.0, 90.0], 17.0)
-    gaps = np.diff(np.sort(np.mod(placed, 360)))
-    assert min(*gaps, 360 - np.ptp(np.mod(placed, 360))) >= 17 - 1e-9
-    assert [placed[3] % 360, placed[5] % 360] == [180.0, 90.0]
-    around = [(p + 180) % 360 - 180 for p in (placed[4], placed[0], placed[1], placed[2])]
-    assert around == sorted(around)
 
 
 def test_json_holds_every_eigenvalue(modes):

@@ -1,0 +1,138 @@
+"""Every kind of figure: labels apart and inside it, curves that are the result's numbers."""
+
+import matplotlib
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from labels import crowded
+
+from stabctl.clearing import screen as screened
+from stabctl.clearing.critical_time import clearing_time as critical
+from stabctl.controllers import BangBang
+from stabctl.dynamics import operating_point
+from stabctl.errors import StudyError
+from stabctl.estimation.loop import Driven, watch
+from stabctl.model import fleet
+from stabctl.plotting import clearing_time, estimates, mode_shape, modes, screen, style, trajectory
+from stabctl.plotting.mode_shape import spread
+from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.simulation import run
+from stabctl.smallsignal import analyze, linearize
+
+matplotlib.use("agg")
+
+
+@pytest.fixture(autouse=True)
+def closed():
+    yield
+    plt.close("all")
+
+
+@pytest.fixture(scope="module")
+def runs(points, cases):
+    """Three seconds of the paper's Case 1 without and with storage."""
+    case, fault = cases("two_area"), Contingency("7-8@0.4", "21cyc")
+    equipped = operating_point.solve(case.with_storage(fleet.everywhere(case, "50MW")))
+    bare, held = run(points("two_area"), fault, 3.0), run(equipped, fault, 3.0, BangBang())
+    return {"without storage": bare, "with 50 MW storage": held}
+
+
+def test_the_check_sees_labels_that_overlap_or_reach_out():
+    figure, _ = style.subplots(4, 3)
+    assert crowded(figure) == []
+    for place in ((0.5, 0.5), (0.52, 0.5), (0.97, 0.3)):
+        figure.text(*place, "a label")
+    assert crowded(figure) == [("a label", "a label"), "a label"]
+
+
+def test_simulations(runs):
+    bare, held = runs.values()
+    drawn = [trajectory.plot(held, signal) for signal in trajectory.LABELS]
+    for figure in (*drawn, trajectory.compare(runs), trajectory.storage(held), trajectory.overview(held)):
+        assert crowded(figure) == []
+    speed = trajectory.plot(bare, machines=[2, 4])
+    assert np.array_equal([line.get_ydata() for line in speed.lines], 60 * bare.speed[:, [1, 3]].T)
+    assert [text.get_text() for text in speed.get_legend().texts] == ["machine 2", "machine 4"]
+
+
+def test_the_unstable_machine_stands_out_among_many(points):
+    found = run(points("wnaps"), Contingency("83", "6cyc", "83-33"), 3.0)
+    figure = trajectory.overview(found)
+    assert crowded(figure) == []
+    assert [text.get_text() for text in figure.axes[0].get_legend().texts] == ["machine 14"]
+
+
+def test_a_signal_that_is_not_there_is_a_sentence(runs):
+    with pytest.raises(StudyError, match="There is no signal 'torque'; choose one of speed"):
+        trajectory.plot(runs["without storage"], "torque")
+    with pytest.raises(StudyError, match="two_area has no storage to plot"):
+        trajectory.plot(runs["without storage"], "storage")
+
+
+def test_axes_of_the_user_are_drawn_on(runs):
+    _, axes = plt.subplots(1, 2)
+    assert trajectory.plot(runs["without storage"], ax=axes[1]) is axes[1]
+    assert not axes[0].lines
+
+
+def test_clearing_times(points):
+    found = critical(points("two_area"), "7-8@0.4")
+    ax = clearing_time.plot(found)
+    assert crowded(ax) == []
+    tried = sorted(cycles for line in ax.lines[:2] for cycles in line.get_xdata())
+    assert tried == [r.cycles for r in found.runs]
+    places, curves = np.linspace(0, 0.5, 6), {"without": np.arange(6), "with": np.arange(6) + 3}
+    assert crowded(clearing_time.compare(places, curves, xlabel="location")) == []
+    sweeps = dict.fromkeys(("latency (ms)", "noise (mrad)"), (places, curves))
+    assert crowded(clearing_time.panels(sweeps, {"without": 12.25, "with": 6.5})) == []
+
+
+def test_screen(points, cases):
+    found = screened(points("two_area"), below=12)
+    ax = screen.plot(found)
+    assert crowded(ax) == []
+    assert [bar.get_width() for bar in ax.patches] == [p.cycles for p in found.pairs[:25]]
+    assert crowded(screen.plot(found.below(0.1))) == []
+
+
+@pytest.mark.parametrize("name", ["two_area", "ieee39", "wnaps", "two_area_thyristor"])
+def test_modes(name, points):
+    found = analyze(linearize(points(name)))
+    ax = modes.plot(found)
+    assert crowded(ax) == []
+    labels = [text.get_text() for text in ax.get_legend().texts]
+    assert ("unstable" in labels) == (not found.stable)
+    for k in found.swings():
+        assert crowded(mode_shape.plot(found.mode(k))) == []
+        plt.close("all")
+
+
+def test_numbers_around_a_mode_shape_keep_their_distance():
+    placed = spread([0.0, 1.0, 2.0, 180.0, 359.0, 90.0], 17.0)
+    gaps = np.diff(np.sort(np.mod(placed, 360)))
+    assert min(*gaps, 360 - np.ptp(np.mod(placed, 360))) >= 17 - 1e-9
+    assert [placed[3] % 360, placed[5] % 360] == [180.0, 90.0]
+    around = [(p + 180) % 360 - 180 for p in (placed[4], placed[0], placed[1], placed[2])]
+    assert around == sorted(around)
+
+
+def test_estimates(runs):
+    point = runs["with 50 MW storage"].point
+    found = watch(point, Contingency("7", "6cyc", "7-8"), 1.5, Driven(engine="batched"), range(1, 3))
+    for figure in (estimates.plot(found), estimates.commands(found)):
+        assert crowded(figure) == []
+
+
+def test_a_figure_replaces_the_old_one_only_when_it_is_whole(tmp_path, monkeypatch):
+    path = style.save(style.subplots(4, 3)[0], tmp_path / "a.png")
+    before = path.read_bytes()
+    assert plt.get_fignums() == []
+
+    def fail(_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("stabctl._util.files.os.fsync", fail)
+    with pytest.raises(StudyError, match=r"a\.png cannot be written: No space left on device"):
+        style.save(style.subplots(5, 3)[0], path)
+    assert path.read_bytes() == before
+    assert len(list(tmp_path.iterdir())) == 1
