@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from stabctl import io
 from stabctl.controllers import BangBang
-from stabctl.estimation.loop import Driven
+from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.pmu import Pmu
 from stabctl.placement.contingency import load, packaged
 from stabctl.placement.place import place
@@ -44,7 +44,7 @@ def study(reports: Path) -> Study:
 def sitings(title: str, text: tuple[str, ...], asked: tuple[Asked, ...], reports: Path) -> Study:
     """Fleets found beside the uniform fleet and that of the linear stage; a page each."""
     rows, pages, said = [], {}, []
-    kalman = {"kalman": Driven(BangBang(), "kalman", Pmu(), SEED, "batched")}
+    kalman = {"kalman": EstimatorControl(BangBang(), "kalman", Pmu(), seed=SEED, engine="batched")}
     for one in asked:
         case = io.load(one.case)
         case = case.classical() if one.classical else case

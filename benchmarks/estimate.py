@@ -14,10 +14,10 @@ from rich.table import Table
 
 from stabctl import io
 from stabctl.dynamics import operating_point
-from stabctl.estimation.coi import Center
+from stabctl.estimation.coi import CoiReference
 from stabctl.estimation.estimators import Engine, Estimator, estimator
-from stabctl.estimation.machines import Terminals, machines
 from stabctl.estimation.pmu import Frame, Instrument, Pmu
+from stabctl.estimation.rotor_units import Terminals, rotor_units
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import Simulation
 
@@ -40,15 +40,15 @@ def frames(case: str, seeds: int) -> tuple[Simulation, list[Frame]]:
 
 def per_frame(simulation: Simulation, seen: list[Frame], engine: Engine) -> tuple[float, float]:
     """Median seconds of a frame: of the estimates, and with the deviations from the COI of the rest."""
-    pmu, known = Pmu(), machines(simulation.point)
+    pmu, known = Pmu(), rotor_units(simulation.point)
     made: Estimator = estimator("kalman", known, pmu, engine=engine)
-    center = Center(known.inertia, pmu.rate, pmu.own_frames, pmu.remote_frames)
+    coi = CoiReference(known.inertia, pmu.rate, pmu.own_frames, pmu.remote_frames)
     island, walls = np.zeros(seen[0].V.shape, int), []
     for frame in seen:
         before = time.perf_counter()
         estimate = made.step(frame)
         between = time.perf_counter()
-        center.step(estimate, island)
+        coi.step(estimate, island)
         walls.append((between - before, time.perf_counter() - before))
     return tuple(statistics.median(column) for column in zip(*walls[1:], strict=True))
 

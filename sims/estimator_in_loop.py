@@ -8,8 +8,9 @@ from stabctl.clearing.critical_time import clearing_time
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.dynamics.operating_point import Point
-from stabctl.estimation.loop import Driven, watch
-from stabctl.estimation.record import Record
+from stabctl.estimation.estimate import estimate
+from stabctl.estimation.estimates import Estimates
+from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.model import fleet
 from stabctl.plotting import estimates
 from stabctl.report.study import Study, Table, draw
@@ -23,7 +24,7 @@ STUDIES = {  # case, fault, circuit opened, classical machines, storage
     "wnaps": ("wnaps", "83", "83-33", False, "5%mva"),
 }
 KINDS = "frequency", "kinematic", "kalman"
-SEEDS, DRIVEN = range(1, 6), Driven(engine="batched")
+SEEDS, CONTROL = range(1, 6), EstimatorControl(engine="batched")
 HEADS = "", "clearing, cycles", "RMSE, mHz", "99 %, mHz", "delay, ms", "wrong, %", "opposite, %"
 TEXT = (
     "The paper's controller sees true speeds. Here it sees PMU phasors: 60 a second, 2 mrad of noise, 2 % lost, those "
@@ -50,10 +51,10 @@ def study(reports: Path) -> Study:
         rows.append((name, f"{ideal:g}", *[""] * 5))
         clear = int(0.9 * ideal) / point.case.frequency_hz
         for kind in KINDS:
-            driven = replace(DRIVEN, kind=kind)
-            cycles = clearing_time(point, fault, [trip], driven).cycles
-            found = watch(point, Contingency(fault, clear, [trip]), clear + 6, driven, SEEDS)
-            rows.append((f"  {kind}", f"{cycles:g}", *quality(found, clear)))
+            control = replace(CONTROL, estimator=kind)
+            cycles = clearing_time(point, fault, [trip], control).cycles
+            found = estimate(point, Contingency(fault, clear, [trip]), clear + 6, control=control, seeds=SEEDS)
+            rows.append((f"  {kind}", f"{cycles:g}", *quality(found)))
         if name == "two_area":
             drawn = found
     figures = (
@@ -64,9 +65,9 @@ def study(reports: Path) -> Study:
     return Study("Estimator in the loop", text=(TEXT,), tables=tables, pictures=figures)
 
 
-def quality(found: Record, clear: float) -> tuple[str, ...]:
-    """Errors of the estimates after clearing (s), and wrong orders."""
-    s = found.after(1 + clear, clear + 6)
+def quality(found: Estimates) -> tuple[str, ...]:
+    """Errors of the estimates after clearing, and wrong commands."""
+    s = found.accuracy
     wrong = (f"{1e2 * share:.2f}" for share in (s.wrong_command_share, s.opposite_command_share))
     return *(f"{n:.1f}" for n in (s.rmse_mhz, s.p99_mhz, s.delay_ms)), *wrong
 

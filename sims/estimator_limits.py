@@ -7,7 +7,7 @@ from stabctl import io
 from stabctl.clearing.critical_time import clearing_time
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
-from stabctl.estimation.loop import Driven
+from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.pmu import Pmu
 from stabctl.model import fleet
 from stabctl.plotting import clearing_time as figures
@@ -17,7 +17,7 @@ from stabctl.report.study_console import present
 FULL = True
 STUDIES = {"two_area": ("7", "7-8", "50MW"), "wnaps": ("83", "83-33", "5%mva")}
 LATENCIES, NOISES = (0, 25, 50, 75, 100, 150, 200), (0.5, 2, 5, 10, 20)
-DRIVEN = Driven(engine="batched")
+CONTROL = EstimatorControl(engine="batched")
 ALT = "Clearing time against latency and against noise, two cases: level at first, then lower."
 
 
@@ -30,7 +30,7 @@ def study(reports: Path) -> Study:
         ideal[name] = clearing_time(point, fault, [trip], BangBang()).cycles
         pmus = [Pmu(latency_ms=ms) for ms in LATENCIES], [Pmu(angle_mrad=a, magnitude=1e-3 * a) for a in NOISES]
         late[name], noisy[name] = (
-            [clearing_time(point, fault, [trip], replace(DRIVEN, pmu=pmu)).cycles for pmu in group] for group in pmus
+            [clearing_time(point, fault, [trip], replace(CONTROL, pmu=pmu)).cycles for pmu in group] for group in pmus
         )
     panels = {"latency of remote signals, ms": (LATENCIES, late), "phasor noise, mrad and per mille": (NOISES, noisy)}
     figure = figures.panels(panels, ideal)

@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from stabctl.dynamics.coerce import initialize
     from stabctl.dynamics.operating_point import Point as OperatingPoint
     from stabctl.errors import StabctlError
-    from stabctl.estimation.loop import watch as estimate
+    from stabctl.estimation.estimate import estimate
+    from stabctl.estimation.estimates import Estimates
+    from stabctl.estimation.estimator_control import EstimatorControl
+    from stabctl.estimation.pmu import Pmu
     from stabctl.io import load, write
     from stabctl.io import packaged as cases
     from stabctl.model.case import Case, Storage
@@ -40,11 +43,14 @@ _WHERE = {
     "Contingency": "simulation.contingency:Contingency",
     "Controller": "simulation.controller:Controller",
     "Criterion": "simulation.criterion:Criterion",
+    "Estimates": "estimation.estimates:Estimates",
+    "EstimatorControl": "estimation.estimator_control:EstimatorControl",
     "Fault": "simulation.events:Fault",
     "Feedback": "controllers:Feedback",
     "LoadStep": "simulation.events:LoadStep",
     "Open": "simulation.events:Open",
     "OperatingPoint": "dynamics.operating_point:Point",
+    "Pmu": "estimation.pmu:Pmu",
     "PowerFlow": "model.powerflow:PowerFlow",
     "Screen": "clearing:Screen",
     "StabctlError": "errors:StabctlError",
@@ -54,7 +60,7 @@ _WHERE = {
     "TripMachine": "simulation.events:TripMachine",
     "cases": "io:packaged",
     "clearing_time": "clearing:clearing_time",
-    "estimate": "estimation.loop:watch",
+    "estimate": "estimation.estimate:estimate",
     "initialize": "dynamics.coerce:initialize",
     "linearize": "smallsignal:linearize",
     "load": "io:load",

@@ -56,7 +56,7 @@ def place(
 ) -> None:
     """Find the cheapest storage fleet that survives every contingency in simulation."""
     from stabctl.controllers import BangBang
-    from stabctl.estimation.loop import Driven
+    from stabctl.estimation.estimator_control import EstimatorControl
     from stabctl.estimation.pmu import Pmu
     from stabctl.placement.place import place
     from stabctl.placement.siting import Costs
@@ -76,7 +76,7 @@ def place(
             observed_s=observe,
             step=step,
             criterion=shared.criterion(max_angle),
-            others={validate: Driven(law, validate, Pmu(), seed, "batched")} if validate else {},
+            others={validate: EstimatorControl(law, validate, Pmu(), seed=seed, engine="batched")} if validate else {},
             workers=workers,
             progress=lambda runs, cost: tell(None, f"{runs} runs, best cost {cost:.4g}"),
             characteristic=characteristic,

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from stabctl.controllers import BangBang
     from stabctl.dynamics.operating_point import Point
+    from stabctl.estimation.estimator_control import EstimatorControl
     from stabctl.estimation.estimators import Engine
-    from stabctl.estimation.loop import Driven
     from stabctl.estimation.pmu import Pmu
     from stabctl.model.case import Case
 
@@ -154,16 +154,16 @@ def pmu(rate: int, noise_mrad: float, latency_ms: float, loss: float) -> "Pmu":
 
 def steering(
     law: "BangBang | None", estimator: str, pmu: "Pmu", seed: int, engine: "Engine" = "filterpy"
-) -> "BangBang | Driven | None":
+) -> "BangBang | EstimatorControl | None":
     """What sets the orders: the law itself where the estimator is ideal, else the law on PMU signals."""
     from stabctl.errors import StudyError
-    from stabctl.estimation.loop import Driven
+    from stabctl.estimation.estimator_control import EstimatorControl
 
     if estimator == "ideal":
         return law
     if law is None:
         raise StudyError(f"--estimator {estimator} needs storage devices under control; give --storage.")
-    return Driven(law, estimator, pmu, seed, engine)
+    return EstimatorControl(law, estimator, pmu, seed=seed, engine=engine)
 
 
 def impedance(text: str) -> complex:

@@ -1,1 +1,1 @@
-"""Speeds from noisy, late and missing PMU phasors, and the storage controllers that live on them."""
+"""Estimation of rotor speeds from noisy, delayed and lost PMU phasors, and storage control with estimated speeds."""

@@ -1,8 +1,8 @@
 """Kalman filters of all machines and seeds: one filterpy filter each, or all at once with the same numbers.
 
     predict   x = F x + B u,  P = F P F' + Q
-    gate      y = z - h x (wrapped), S = h P h' + R, NIS = y^2/S; beyond the 0.999 quantile of chi-square(1) the report
-              is left out; after two such in a row the third opens the filter (P + y^2 opened) and is taken
+    gate      y = z - h x (wrapped), S = h P h' + R, NIS = y^2/S; a report beyond the 0.999 quantile of chi-square(1) is
+              rejected; after two rejections in a row the third is accepted with a larger covariance (P + y^2 reset)
     update    K = P h'/S, x = x + K y, P = (1 - K h) P (1 - K h)' + K R K', h = [1 0 0 1]
 A lost report is a prediction without an update.
 """
@@ -10,10 +10,11 @@ A lost report is a prediction without an update.
 from typing import Protocol
 
 import numpy as np
+from scipy.special import chdtri
 
-from .noise import TURNED_DOWN, Model
+from .noise import REJECTED, SwingModel
 
-GATE = 10.827566170662733  # chi-square, one degree of freedom, 0.999
+GATE = float(chdtri(1, 0.001))  # 0.999 quantile of chi-square with one degree of freedom
 h = np.array([[1.0, 0.0, 0.0, 1.0]])
 
 
@@ -24,24 +25,24 @@ class Bank(Protocol):
     P: np.ndarray  # (seeds, machines, 4, 4)
 
     def predict(self, u: np.ndarray, F: np.ndarray, Q: np.ndarray) -> None:
-        """One frame on; u (seeds, machines, 4) as in `noise.Model`, F and Q (seeds, machines, 4, 4)."""
+        """Advance one frame; u (seeds, machines, 4) as in `SwingModel`, F and Q (seeds, machines, 4, 4)."""
         ...
 
     def update(self, z: np.ndarray, R: np.ndarray, received: np.ndarray) -> np.ndarray:
-        """Take the angles z (rad, variance R) that were received; the NIS (seeds, machines), NaN where lost."""
+        """Use the angles z (rad, variance R) that were received; the NIS (seeds, machines), NaN if lost."""
         ...
 
-    def open(self, where: np.ndarray) -> None:
-        """The next report at these filters is taken whatever it is."""
+    def accept_next(self, where: np.ndarray) -> None:
+        """Accept the next report at these filters whatever it is."""
         ...
 
 
 class Batched:
     """All filters at once, in numpy."""
 
-    def __init__(self, model: Model, x: np.ndarray, P: np.ndarray) -> None:
+    def __init__(self, model: SwingModel, x: np.ndarray, P: np.ndarray) -> None:
         self.model, self.x, self.P = model, x.copy(), P.copy()
-        self._turned_down = np.zeros(x.shape[:2], int)
+        self._rejected = np.zeros(x.shape[:2], int)
 
     def predict(self, u: np.ndarray, F: np.ndarray, Q: np.ndarray) -> None:
         """As in `Bank`."""
@@ -54,34 +55,34 @@ class Batched:
         S = row[..., 0] + row[..., 3] + R
         y = wrapped(z - self.x[..., 0] - self.x[..., 3])
         nis = y * y / S
-        taken, beyond = received, received & (nis > GATE)
+        accepted, beyond = received, received & (nis > GATE)
         if beyond.any():
-            opening = beyond & (self._turned_down >= TURNED_DOWN)
-            taken = received & (~beyond | opening)
-            self.P += (opening * y * y)[..., None, None] * self.model.opened
+            reset = beyond & (self._rejected >= REJECTED)
+            accepted = received & (~beyond | reset)
+            self.P += (reset * y * y)[..., None, None] * self.model.reset
             row = self.P[..., 0] + self.P[..., 3]
             S = row[..., 0] + row[..., 3] + R
-        self._turned_down = (self._turned_down + beyond) * ~taken
-        gain = taken / S
+        self._rejected = (self._rejected + beyond) * ~accepted
+        gain = accepted / S
         K = gain[..., None] * row
-        self.x += K * np.where(taken, y, 0.0)[..., None]
-        # (1 - K h) P (1 - K h)' + K R K' = P - p p'/S where K = p/S, p = P h'
+        self.x += K * np.where(accepted, y, 0.0)[..., None]
+        # (1 - K h) P (1 - K h)' + K R K' = P - p p'/S if K = p/S, p = P h'
         self.P -= K[..., :, None] * row[..., None, :]
         return np.where(received, nis, np.nan)
 
-    def open(self, where: np.ndarray) -> None:
+    def accept_next(self, where: np.ndarray) -> None:
         """As in `Bank`."""
-        self._turned_down = np.where(where, TURNED_DOWN, self._turned_down)
+        self._rejected = np.where(where, REJECTED, self._rejected)
 
 
 class Filterpy:
     """One `filterpy.kalman.KalmanFilter` per machine and seed."""
 
-    def __init__(self, model: Model, x: np.ndarray, P: np.ndarray) -> None:
+    def __init__(self, model: SwingModel, x: np.ndarray, P: np.ndarray) -> None:
         from filterpy.kalman import KalmanFilter
 
         self.model, self.shape = model, x.shape[:2]
-        self._turned_down = np.zeros(self.shape, int)
+        self._rejected = np.zeros(self.shape, int)
         self.filters = {}
         for at in np.ndindex(self.shape):
             kf = self.filters[at] = KalmanFilter(dim_x=4, dim_z=1, dim_u=4)
@@ -116,18 +117,18 @@ class Filterpy:
             y = wrapped(z[at] - seen)
             nis[at] = y * y / (P[0, 0] + P[0, 3] + P[3, 0] + P[3, 3] + R[at])
             if nis[at] > GATE:
-                if self._turned_down[at] < TURNED_DOWN:
-                    self._turned_down[at] += 1
+                if self._rejected[at] < REJECTED:
+                    self._rejected[at] += 1
                     kf.update(None)
                     continue
-                kf.P = P + y * y * self.model.opened[at[1]]
-            self._turned_down[at] = 0
+                kf.P = P + y * y * self.model.reset[at[1]]
+            self._rejected[at] = 0
             kf.update(np.array([[seen + y]]), R=np.array([[R[at]]]), H=h)
         return nis
 
-    def open(self, where: np.ndarray) -> None:
+    def accept_next(self, where: np.ndarray) -> None:
         """As in `Bank`."""
-        self._turned_down[where] = TURNED_DOWN
+        self._rejected[where] = REJECTED
 
 
 ENGINES = {"batched": Batched, "filterpy": Filterpy}

@@ -1,7 +1,7 @@
-"""Estimators of the machines' speeds behind one interface: Kalman filter on the swing equation, and its baselines.
+"""Estimators of the rotor speeds behind one interface: a Kalman filter of the swing equation, and simpler ones.
 
 ideal       the true speed
-frequency   the PMU's frequency at the terminal, as it comes
+frequency   the PMU's frequency at the terminal
 kinematic   Kalman filter of a constant acceleration on the internal angle
 kalman      Kalman filter of the swing equation on the internal angle, with the measured power as its input
 """
@@ -13,13 +13,13 @@ import numpy as np
 
 from .bank import ENGINES, Bank, wrapped
 from .flux import Flux
-from .machines import Machines
-from .noise import TUNING, Tuning, angle_variance, model, power_variance, process
+from .noise import TUNING, Tuning, angle_variance, power_variance, process_covariance, swing_model
 from .pmu import Frame, Pmu
+from .rotor_units import RotorUnits
 
-Kind = Literal["ideal", "frequency", "kinematic", "kalman"]
+EstimatorName = Literal["ideal", "frequency", "kinematic", "kalman"]
 Engine = Literal["filterpy", "batched"]
-FORGOTTEN = 0.5  # s   without a report, after which a filter starts anew at the next one
+FORGOTTEN = 0.5  # s   without a report, after which a filter accepts whatever report comes next
 
 
 class Estimate(NamedTuple):
@@ -29,12 +29,12 @@ class Estimate(NamedTuple):
     acceleration: np.ndarray  # pu/s
     variance: np.ndarray  # pu^2   of the slip
     drift: np.ndarray  # pu^2/s^2   variance of the acceleration
-    received: np.ndarray  # bool   a report came
-    nis: np.ndarray  # -      normalized innovation squared, NaN where there was none
+    received: np.ndarray  # bool   a report arrived
+    nis: np.ndarray  # -      normalized innovation squared, NaN without a report
 
 
 class Estimator(Protocol):
-    """Takes a frame at a time; the first is that of a system at rest."""
+    """Takes one frame at a time; the first is that of a system at rest."""
 
     def step(self, frame: Frame) -> Estimate:
         """The estimate at the instant of the frame."""
@@ -45,7 +45,7 @@ class Ideal:
     """The true speeds."""
 
     def step(self, frame: Frame) -> Estimate:
-        """The frame's own truth."""
+        """The true speeds in the frame."""
         none = np.zeros(frame.slip.shape)
         return Estimate(frame.slip.copy(), none, none, none, none == 0, none * np.nan)
 
@@ -65,20 +65,21 @@ class Frequency:
 
 
 class Filtered:
-    """A bank of Kalman filters on the internal angles; `swing` tells whether the measured power is their input."""
+    """A bank of Kalman filters on the internal angles; with `swing` the measured power is their input."""
 
-    def __init__(self, known: Machines, pmu: Pmu, swing: bool, tuning: Tuning, engine: Engine) -> None:
+    def __init__(
+        self, known: RotorUnits, pmu: Pmu, *, swing: bool, tuning: Tuning = TUNING, engine: Engine = "filterpy"
+    ) -> None:
         self.known, self.tuning, self.swing = known, tuning, swing
-        self._angle, self._magnitude, self._T = 1e-3 * pmu.angle_mrad, pmu.magnitude, 1 / pmu.rate
-        # an exact phasor still carries the model's error: a filter without measurement noise would be singular
-        self._floor = 1e-8
+        self._noise, self._T = {"angle": 1e-3 * pmu.angle_mrad, "magnitude": pmu.magnitude}, 1 / pmu.rate
+        self._floor = 1e-8  # rad^2   error of the model: without measurement noise the filter would be singular
         self._engine, self._Z = ENGINES[engine], (known.ra + 1j * known.x) / known.mva
         self._H = known.H if swing else np.full(len(known.H), 0.5)
         self._D = known.D if swing else np.zeros(len(known.H))
         self.bank: Bank | None = None
 
     def step(self, frame: Frame) -> Estimate:
-        """Predict with the mean power since the last report, gate and take the new angles."""
+        """Predict with the mean power since the last report, then use the new angles that pass the gate."""
         ZI, E, P, var = self._measured(frame)
         if self.bank is None:
             return self._begin(frame, ZI, E, P, var)
@@ -91,15 +92,15 @@ class Filtered:
         F[:] = self.model.F
         F[..., 3, 0] = k
         delta = (x * self.model.F[:, 0] + u * self.model.B[:, 0]).sum(-1)
-        turned = self._flux.predict(frame.I, E, delta, here, m)
+        flux = self._flux.predict(frame.I, E, delta, received=here, frames=m)
         held = (self._var + np.where(here, var, self._var)) / 4
         if self.swing:
-            pull = self.tuning.share * (x[..., 2] - self._P)
-            held = held + pull * pull
-        self.bank.predict(u, F, process(self.model, held, dP, m, turned))
+            error = self.tuning.share * (x[..., 2] - self._P)
+            held = held + error * error
+        self.bank.predict(u, F, process_covariance(self.model, power=held, jump=dP, frames=m, flux=flux))
         if m.max() > FORGOTTEN / self._T:
-            self.bank.open(m > FORGOTTEN / self._T)
-        z, R = self._turned(frame.V, ZI, E)
+            self.bank.accept_next(m > FORGOTTEN / self._T)
+        z, R = self._angle(frame.V, ZI, E)
         nis = self.bank.update(z, R, here)
         self._flux.settle(frame.I, E, self.bank.x[..., 0], here)
         self._P, self._var = np.where(here, P, self._P), np.where(here, var, self._var)
@@ -119,19 +120,20 @@ class Filtered:
         if not self.swing:
             return ZI, E, np.zeros(E.shape), np.zeros(E.shape)
         S = E * frame.I.conj() / self.known.mva
-        return ZI, E, S.real, power_variance(S, self._angle, self._magnitude)
+        return ZI, E, S.real, power_variance(S, **self._noise)
 
-    def _turned(self, V: np.ndarray, ZI: np.ndarray, E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The rotor's angle (rad) as measured, and its variance."""
+    def _angle(self, V: np.ndarray, ZI: np.ndarray, E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The measured rotor angle (rad) and its variance."""
         turn = self._flux.turn(E)
-        return np.angle(E) - turn, angle_variance(V, ZI, E, turn, self._angle, self._magnitude) + self._floor
+        return np.angle(E) - turn, angle_variance(V, ZI, E, turn, **self._noise) + self._floor
 
     def _begin(self, frame: Frame, ZI: np.ndarray, E: np.ndarray, P: np.ndarray, var: np.ndarray) -> Estimate:
-        self._flux = Flux(self.known, self._T, frame.V, frame.I, E)
-        z, R = self._turned(frame.V, ZI, E)
-        none, hz = np.zeros(z.shape), self.known.frequency_hz
+        self._flux = Flux(self.known, self._T, I=frame.I, E=E)
+        z, R = self._angle(frame.V, ZI, E)
+        none = np.zeros(z.shape)
         walk = self.tuning.walk if self.swing else self.tuning.jerk
-        self.model = model(self._H, self._D, hz, self._T, walk, self._flux.memory, self.swing)
+        options = {"hz": self.known.frequency_hz, "T": self._T, "walk": walk, "with_power": self.swing}
+        self.model = swing_model(self._H, self._D, self._flux.memory, **options)
         x0, P0 = np.stack([z, none, P, none], -1), np.zeros((*z.shape, 4, 4))
         P0[..., 0, 0], P0[..., 1, 1], P0[..., 2, 2] = R, 1e-4**2, var + (0 if self.swing else 1e-3**2)
         self.bank = self._engine(self.model, x0, P0)
@@ -146,17 +148,13 @@ class Filtered:
 
 
 def estimator(
-    kind: Kind,
-    known: Machines,
-    pmu: Pmu,
-    tuning: Tuning = TUNING,
-    engine: Engine = "filterpy",
+    name: EstimatorName, known: RotorUnits, pmu: Pmu, *, tuning: Tuning = TUNING, engine: Engine = "filterpy"
 ) -> Estimator:
-    """The estimator of that kind."""
+    """The estimator of that name."""
     make: dict[str, Callable[[], Estimator]] = {
         "ideal": Ideal,
         "frequency": lambda: Frequency(pmu, known.frequency_hz),
-        "kinematic": lambda: Filtered(known, pmu, False, tuning, engine),
-        "kalman": lambda: Filtered(known, pmu, True, tuning, engine),
+        "kinematic": lambda: Filtered(known, pmu, swing=False, tuning=tuning, engine=engine),
+        "kalman": lambda: Filtered(known, pmu, swing=True, tuning=tuning, engine=engine),
     }
-    return make[kind]()
+    return make[name]()

@@ -1,4 +1,4 @@
-"""Phasor measurement units: what they report of a machine's terminals, how noisy, how late, how often lost.
+"""Phasor measurement units: what they report of a machine's terminals, with noise, latency and losses.
 
 Errors follow IEEE/IEC 60255-118-1: a total vector error (TVE) of 1 % is allowed. A reported phasor is
 
@@ -9,8 +9,8 @@ and its frequency and ROCOF are those of the voltage angle between two frames, w
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import ceil, isfinite, pi
+from dataclasses import KW_ONLY, dataclass
+from math import ceil, pi
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -18,6 +18,7 @@ import numpy as np
 from stabctl.errors import StudyError
 
 RATES = (10, 12, 15, 20, 24, 25, 30, 40, 50, 60, 100, 120, 200, 240)  # 1/s
+LARGEST = 1e4  # of every noise level and latency, in its own unit
 HALF_WINDOW = {"none": 0.0, "P": 1 / 60, "M": 3 / 60}  # s   half the length of the class's filter
 
 
@@ -34,31 +35,65 @@ class Frame(NamedTuple):
 
 @dataclass(frozen=True)
 class Pmu:
-    """A PMU at every machine. Local signals come undelayed, those of the others `latency_ms` late."""
+    """A PMU at every machine.
 
-    rate: int = 60  # 1/s   reports
-    angle_mrad: float = 2.0  # mrad   standard deviation of a phasor's angle
-    magnitude: float = 0.002  # -      standard deviation of a phasor's magnitude, relative
-    frequency_mhz: float = 5.0  # mHz    standard deviation of the frequency
-    rocof_hz_s: float = 0.1  # Hz/s   standard deviation of the rate of change of frequency
-    clock_us: float = 1.0  # us     standard deviation of a PMU's constant clock offset
-    latency_ms: float = 50.0  # ms     of remote reports
-    loss: float = 0.02  # -      share of the reports that never arrive
-    burst: float = 1.0  # frames  mean length of a run of lost reports
-    outage_s: tuple[float, float] | None = None  # s   from, to: every report lost
-    kind: Literal["none", "P", "M"] = "none"  # class of the filter: none, or centered windows of 2 and 6 cycles
+    Parameters
+    ----------
+    rate : int, 1/s
+        Reports per second, one of `RATES`.
+    angle_mrad, magnitude : float
+        Standard deviations of a phasor's angle (mrad) and magnitude (relative).
+    frequency_mhz, rocof_hz_s : float
+        Standard deviations of the frequency and of its rate of change.
+    clock_us : float
+        Standard deviation of the constant offset of a PMU's clock.
+    latency_ms : float
+        Latency of remote reports; a machine's own report has none.
+    loss, burst : float
+        Share of the reports that never arrive, and mean length (frames) of a run of lost reports.
+    outage_s : (float, float), optional
+        From, to: every report is lost.
+    kind : {"none", "P", "M"}
+        Class of the filter: none, or centered windows of 2 and 6 cycles.
+
+    Raises
+    ------
+    StudyError
+        For a rate that is not in the standard, and for values out of range.
+    """
+
+    rate: int = 60
+    _: KW_ONLY
+    angle_mrad: float = 2.0
+    magnitude: float = 0.002
+    frequency_mhz: float = 5.0
+    rocof_hz_s: float = 0.1
+    clock_us: float = 1.0
+    latency_ms: float = 50.0
+    loss: float = 0.02
+    burst: float = 1.0
+    outage_s: tuple[float, float] | None = None
+    kind: Literal["none", "P", "M"] = "none"
 
     @classmethod
     def noisy(cls, rate: int, noise: float, latency_ms: float, loss: float) -> "Pmu":
-        """PMUs with one noise for phasors: of angles in mrad and, as large, of magnitudes in per mille."""
+        """PMUs with one noise level for phasors: angles in mrad, and magnitudes with the same number in per mille."""
         return cls(rate, angle_mrad=noise, magnitude=1e-3 * noise, latency_ms=latency_ms, loss=loss)
+
+    @classmethod
+    def exact(cls, rate: int = 60, **options: float) -> "Pmu":
+        """PMUs without noise, latency or losses."""
+        none = dict.fromkeys(("angle_mrad", "magnitude", "frequency_mhz", "rocof_hz_s", "clock_us"), 0.0)
+        return cls(rate, **(none | {"latency_ms": 0.0, "loss": 0.0} | options))
 
     def __post_init__(self) -> None:
         if self.rate not in RATES:
             raise StudyError(f"The PMU rate {self.rate} per second is not one of {', '.join(map(str, RATES))}.")
         for name in ("angle_mrad", "magnitude", "frequency_mhz", "rocof_hz_s", "clock_us", "latency_ms"):
-            if not (getattr(self, name) >= 0 and isfinite(getattr(self, name))):
-                raise StudyError(f"The PMU's {name} = {getattr(self, name):g} is not allowed; it must be at least 0.")
+            if not 0 <= getattr(self, name) <= LARGEST:
+                raise StudyError(
+                    f"The PMU's {name} = {getattr(self, name):g} is not allowed; it must be from 0 to {LARGEST:g}."
+                )
         if not 0 <= self.loss < 1 or not self.burst >= 1 or self.loss > self.burst / (1 + self.burst):
             raise StudyError(
                 f"The loss {self.loss:g} in bursts of {self.burst:g} frames is not allowed; the loss must be at least "
@@ -82,7 +117,7 @@ class Pmu:
 
 
 class Instrument:
-    """The PMUs of all machines at work, one row per seed; the same seed gives the same errors, alone or among others.
+    """The PMUs of all machines in operation, one row per seed; the same seed always gives the same errors.
 
     `report` takes the true phasors (seeds, machines) of an instant. With a filter class the report belongs to the
     instant `own_frames` ago.
@@ -139,5 +174,5 @@ class Instrument:
 
 def _window(half: int) -> np.ndarray:
     """Triangular weights over 2 half + 1 frames."""
-    weights = half + 1.0 - np.abs(np.arange(-half, half + 1))
+    weights = np.bartlett(2 * half + 3)[1:-1]
     return weights / weights.sum()

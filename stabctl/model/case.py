@@ -128,7 +128,7 @@ class Case:
     clearing_time = verb("stabctl.clearing:clearing_time")
     screen = verb("stabctl.clearing:screen")
     linearize = verb("stabctl.smallsignal:linearize")
-    estimate = verb("stabctl.estimation.loop:watch")
+    estimate = verb("stabctl.estimation.estimate:estimate")
     place = verb("stabctl.placement.place:place")
 
     def machine(self, number: int) -> Machine:

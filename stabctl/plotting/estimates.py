@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from stabctl.estimation.record import Record
+from stabctl.estimation.estimates import Estimates
 
 from .style import COLORS, subplots
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 MOST = 6  # panels
 
 
-def plot(found: Record, *, machines: Sequence[int] | None = None, seed: int = 0) -> "Figure":
+def plot(found: Estimates, *, machines: Sequence[int] | None = None, seed: int = 0) -> "Figure":
     """Plot true and estimated speeds of machines relative to the rest of the system.
 
     Parameters
@@ -48,13 +48,13 @@ def plot(found: Record, *, machines: Sequence[int] | None = None, seed: int = 0)
     return figure
 
 
-def commands(found: Record, *, machines: Sequence[int] | None = None, seed: int = 0) -> "Figure":
+def commands(found: Estimates, *, machines: Sequence[int] | None = None, seed: int = 0) -> "Figure":
     """Plot the bang-bang commands that follow from true and from estimated speeds; arguments as for `plot`."""
     case, shown = found.point.case, _rows(found, machines)
     figure, axes = subplots(9, 1.1 * len(shown) + 0.9, len(shown), sharex=True, sharey=True)
     for ax, i in zip(axes[:, 0], shown, strict=True):
-        ax.step(found.time, found.wanted[:, seed, i], where="post", color=COLORS[0], linewidth=2.5, alpha=0.45)
-        ax.step(found.time, found.given[:, seed, i], where="post", color=COLORS[1], linewidth=1)
+        ax.step(found.time, found.true_commands[:, seed, i], where="post", color=COLORS[0], linewidth=2.5, alpha=0.45)
+        ax.step(found.time, found.estimated_commands[:, seed, i], where="post", color=COLORS[1], linewidth=1)
         ax.set_yticks((-1, 0, 1), ("inject", "idle", "absorb"))
         ax.set_title(f"machine {case.machines[i].machine}", loc="left", fontsize="small")
     labels = "from true speeds", "from estimates"
@@ -66,12 +66,12 @@ def commands(found: Record, *, machines: Sequence[int] | None = None, seed: int 
     return figure
 
 
-def _title(found: Record, seed: int) -> str:
+def _title(found: Estimates, seed: int) -> str:
     outcome = f": {found.runs[seed].outcome.message}" if found.runs else ""
-    return f"{found.point.case.name}, {found.driven.kind} estimator, seed {found.seeds[seed]}{outcome}"
+    return f"{found.point.case.name}, {found.control.estimator} estimator, seed {found.seeds[seed]}{outcome}"
 
 
-def _rows(found: Record, machines: Sequence[int] | None) -> list[int]:
+def _rows(found: Estimates, machines: Sequence[int] | None) -> list[int]:
     """Rows of the machines named, or the first few."""
     rows = [i for i, m in enumerate(found.point.case.machines) if machines is None or m.machine in machines]
     return rows if machines is not None else rows[:MOST]

@@ -11,7 +11,8 @@ from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.dynamics.operating_point import Point
 from stabctl.errors import StabctlError, StudyError
-from stabctl.estimation.loop import Driven, watch
+from stabctl.estimation.estimate import estimate
+from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.model import fleet, powerflow
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import DEFAULT, Criterion
@@ -49,14 +50,15 @@ def _point(task: Task) -> Point:
     return operating_point.solve(case, flow)
 
 
-def _steering(job: Job, point: Point) -> BangBang | Driven | None:
+def _steering(job: Job, point: Point) -> BangBang | EstimatorControl | None:
     """The law where there is storage; under an estimator also without storage, to see how well it does."""
     law = BangBang(job.deadband, job.min_voltage)
     if job.estimator == "ideal":
         return law if point.case.storage and job.control != "none" else None
     if job.control == "none":
         raise StudyError(f"The estimator {job.estimator!r} drives a control law; leave out control = 'none'.")
-    return Driven(law, job.estimator, pmu(job), job.seed, "batched" if job.kind == "clearing-time" else "filterpy")
+    engine = "batched" if job.kind == "clearing-time" else "filterpy"
+    return EstimatorControl(law, job.estimator, pmu(job), seed=job.seed, engine=engine)
 
 
 def _clearing_time(job: Job, point: Point) -> Result:
@@ -86,17 +88,17 @@ def _clearing_time(job: Job, point: Point) -> Result:
 
 
 def _simulate(job: Job, point: Point) -> Result:
-    clear = seconds(job.clear, point.case.frequency_hz)
     impedance = complex(job.fault_r, job.fault_x)
     happens = Contingency(job.fault or None, job.clear or None, circuits(job.trip), at=job.at, impedance=impedance)
     steering, keep = _steering(job, point), bool(point.case.storage)
     arguments = point, happens, job.until, steering
-    if not isinstance(steering, Driven):
+    if not isinstance(steering, EstimatorControl):
         return _ended(run(*arguments, job.step or None, _criterion(job), keep))
-    seen = watch(*arguments, step=job.step or None, criterion=_criterion(job), record=keep)
+    options = {"step": job.step or None, "criterion": _criterion(job), "record": keep}
+    seen = estimate(point, happens, job.until, control=steering, seeds=job.seed, **options)
     result = _ended(seen.runs[0])
     try:
-        score = seen.after(job.at + clear, job.until)
+        score = seen.accuracy
     except StudyError:  # synchronism was lost before there was anything to judge
         return result
     return result._replace(

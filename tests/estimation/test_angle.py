@@ -9,7 +9,7 @@ from stabctl import io
 from stabctl.dynamics import operating_point
 from stabctl.estimation.bank import wrapped
 from stabctl.estimation.flux import Flux
-from stabctl.estimation.machines import Terminals, machines
+from stabctl.estimation.rotor_units import Terminals, rotor_units
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import Simulation
 
@@ -18,7 +18,7 @@ RATE = 60
 
 def looked_at(point, events, until):
     """Known machines, and (V, I, E'', angle) at every frame, without noise."""
-    simulation, known = Simulation(point, events, record=False), machines(point)
+    simulation, known = Simulation(point, events, record=False), rotor_units(point)
     terminals, rows = Terminals(simulation), []
     for k in range(round(until * RATE)):
         simulation.advance(k / RATE)
@@ -46,7 +46,7 @@ def test_classical_internal_voltage_is_the_source(study, name):
 def test_flux_at_rest_turns_the_subtransient_voltage_onto_the_rotor(study, name):
     known, rows = looked_at(study(name)[0], (), 1 / RATE)
     V, I, E, delta = rows[0]
-    flux = Flux(known, 1 / RATE, V, I, E)
+    flux = Flux(known, 1 / RATE, I=I, E=E)
     assert np.abs(wrapped(np.angle(E) - flux.turn(E) - delta)).max() < 1e-8
     assert np.abs(np.angle(E) - delta).max() > 0.5  # 0.53 rad: what it is about
 
@@ -58,10 +58,10 @@ def test_flux_follows_the_rotor_through_a_fault(study, name, cycles, most):
     cleared = 1 + cycles / 60
     known, rows = looked_at(point, Contingency(fault, cycles / 60, trip), 4)
     V, I, E, delta = rows[0]
-    flux, there = Flux(known, 1 / RATE, V, I, E), np.ones(V.shape, bool)
+    flux, there = Flux(known, 1 / RATE, I=I, E=E), np.ones(V.shape, bool)
     worst = 0.0
     for k, (_, I, E, delta) in enumerate(rows[1:], 1):
-        flux.predict(I, E, delta[None], there, np.ones(V.shape))
+        flux.predict(I, E, delta[None], received=there, frames=np.ones(V.shape))
         flux.settle(I, E, delta[None], there)
         if k / RATE > cleared + 0.5:
             worst = max(worst, np.abs(wrapped(np.angle(E) - flux.turn(E) - delta)).max())
@@ -73,9 +73,9 @@ def test_a_saturated_machine_too():
     rows = {m: p._replace(S10=0.05, S12=0.3) for m, p in case.devices["genrou"].items()}
     point = operating_point.solve(replace(case, devices={**case.devices, "genrou": rows}))
     known, ((V, I, E, delta), *_) = looked_at(point, (), 1 / RATE)
-    flux = Flux(known, 1 / RATE, V, I, E)
+    flux = Flux(known, 1 / RATE, I=I, E=E)
     assert np.abs(wrapped(np.angle(E) - flux.turn(E) - delta)).max() < 1e-8
     for _ in range(60):
-        flux.predict(I, E, delta[None], V == V, np.ones(V.shape))
+        flux.predict(I, E, delta[None], received=V == V, frames=np.ones(V.shape))
         flux.settle(I, E, delta[None], V == V)
     assert np.abs(wrapped(np.angle(E) - flux.turn(E) - delta)).max() < 1e-8

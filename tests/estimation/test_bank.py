@@ -5,18 +5,18 @@ import pytest
 from scipy.stats import chi2
 
 from stabctl.estimation.bank import ENGINES, GATE, Batched, wrapped
-from stabctl.estimation.noise import TURNED_DOWN, model
+from stabctl.estimation.noise import REJECTED, swing_model
 
 T, R = 1 / 60, 4e-6
 H = np.array([2.0, 4.0, 6.5])
-MODEL = model(H, np.array([0.0, 1.0, 0.0]), 60.0, T, 0.05, np.array([0.0, 0.0, 0.8]), True)
+MODEL = swing_model(H, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 0.8]), hz=60.0, T=T, walk=0.05)
 P0 = np.diag([1e-5, 1e-7, 1e-4, 0.0])
 
 
 def process_noise(seeds):
     flux = np.zeros((3, 4, 4))
     flux[2, 3, 3] = 1e-5
-    return np.broadcast_to(MODEL.walk + 1e-4 * MODEL.push + flux, (seeds, 3, 4, 4))
+    return np.broadcast_to(MODEL.walk + 1e-4 * MODEL.power + flux, (seeds, 3, 4, 4))
 
 
 def draw(random, covariance):
@@ -78,7 +78,7 @@ def test_a_lost_report_is_a_prediction_without_an_update(engine):
 def test_the_gate_leaves_out_two_reports_and_opens_at_the_third(engine):
     bank = ENGINES[engine](MODEL, np.zeros((1, 3, 4)), np.broadcast_to(P0, (1, 3, 4, 4)))
     z, everywhere = np.full((1, 3), 0.5), np.ones((1, 3), bool)
-    for _ in range(TURNED_DOWN):
+    for _ in range(REJECTED):
         assert (bank.update(z, np.full((1, 3), R), everywhere) > GATE).all()
         assert np.abs(bank.x).max() == 0
     bank.update(z, np.full((1, 3), R), everywhere)
@@ -92,7 +92,7 @@ def test_a_single_wild_report_does_nothing(engine):
     everywhere = np.ones((1, 3), bool)
     bank.update(np.full((1, 3), 1.0), np.full((1, 3), R), everywhere)
     bank.update(np.zeros((1, 3)), np.full((1, 3), R), everywhere)
-    for _ in range(TURNED_DOWN):
+    for _ in range(REJECTED):
         bank.update(np.full((1, 3), -1.0), np.full((1, 3), R), everywhere)
     assert np.abs(bank.x).max() == 0
 

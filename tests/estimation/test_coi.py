@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stabctl.estimation.coi import COAST, Center
+from stabctl.estimation.coi import COAST, CoiReference
 from stabctl.estimation.estimators import Estimate
 
 H = np.array([3.0, 2.0, 5.0, 10.0])
@@ -22,50 +22,50 @@ def rest(i, keep=(0, 1, 2, 3)):
 
 
 def test_it_is_the_own_speed_less_the_coi_speed_of_the_rest():
-    got = Center(H, 60, 0, 0).step(estimate(), WHOLE)
+    got = CoiReference(H, 60, 0, 0).step(estimate(), WHOLE)
     assert got.speed[0] == pytest.approx([rest(i) for i in range(4)], abs=1e-15)
     assert got.usable.all()
 
 
 def test_a_common_speed_does_not_matter():
-    a, b = (Center(H, 60, 0, 0).step(estimate(S + c), WHOLE).speed for c in (0.0, 0.05))
+    a, b = (CoiReference(H, 60, 0, 0).step(estimate(S + c), WHOLE).speed for c in (0.0, 0.05))
     assert np.abs(a - b).max() < 1e-15
 
 
 def test_constant_accelerations_are_compensated_exactly():
-    center, a = Center(H, 60, 0, 3), np.array([0.1, -0.3, 0.2, 0.05])
+    coi, a = CoiReference(H, 60, 0, 3), np.array([0.1, -0.3, 0.2, 0.05])
     for k in range(6):
-        got = center.step(estimate(S + a * k / 60, a), WHOLE)
-    exact = Center(H, 60, 0, 0).step(estimate(S + a * 5 / 60, a), WHOLE)
+        got = coi.step(estimate(S + a * k / 60, a), WHOLE)
+    exact = CoiReference(H, 60, 0, 0).step(estimate(S + a * 5 / 60, a), WHOLE)
     assert np.abs(got.speed - exact.speed).max() < 1e-15
 
 
 def test_prediction_is_capped():
-    center, a = Center(H, 60, 0, 30), np.array([0.0, 0.6, 0.0, 0.0])
+    coi, a = CoiReference(H, 60, 0, 30), np.array([0.0, 0.6, 0.0, 0.0])
     for _ in range(40):
-        got = center.step(estimate(S, a), WHOLE)
+        got = coi.step(estimate(S, a), WHOLE)
     assert got.speed[0, 0] == pytest.approx(rest(0) - H[1] * 0.6 * 0.1 / 17)
 
 
 def test_a_silent_machine_coasts_and_then_leaves_both_sums():
-    center, gone = Center(H, 60, 0, 0), np.array([[True, True, False, True]])
+    coi, gone = CoiReference(H, 60, 0, 0), np.array([[True, True, False, True]])
     for k in range(40):
-        got = center.step(estimate(received=gone), WHOLE)
+        got = coi.step(estimate(received=gone), WHOLE)
         silent = (k + 1) / 60 > COAST + 1e-9
         assert got.speed[0, 0] == pytest.approx(rest(0, (0, 1, 3) if silent else (0, 1, 2, 3)))
         assert got.usable[0].tolist() == [True, True, not silent, True]
 
 
 def test_storage_is_off_below_seventy_percent_of_the_inertia():
-    center, gone = Center(H, 60, 0, 0), np.array([[True, True, True, False]])  # half of it
-    used = [center.step(estimate(received=gone), WHOLE).usable.any() for _ in range(40)]
+    coi, gone = CoiReference(H, 60, 0, 0), np.array([[True, True, True, False]])  # half of it
+    used = [coi.step(estimate(received=gone), WHOLE).usable.any() for _ in range(40)]
     assert used[:30] == [True] * 30
     assert not any(used[31:])
 
 
-def test_islands_have_their_own_centre_and_the_tripped_have_none():
-    got = Center(H, 60, 0, 0).step(estimate(), np.array([[0, 0, 1, 1]]))
+def test_islands_have_their_own_coi_and_tripped_machines_none():
+    got = CoiReference(H, 60, 0, 0).step(estimate(), np.array([[0, 0, 1, 1]]))
     assert got.speed[0] == pytest.approx([S[0, 0] - S[0, 1], S[0, 1] - S[0, 0], S[0, 2] - S[0, 3], S[0, 3] - S[0, 2]])
-    got = Center(H, 60, 0, 0).step(estimate(), np.array([[0, 0, 0, -1]]))
+    got = CoiReference(H, 60, 0, 0).step(estimate(), np.array([[0, 0, 0, -1]]))
     assert got.speed[0, 0] == pytest.approx(rest(0, (0, 1, 2)))
     assert got.usable[0].tolist() == [True, True, True, False]

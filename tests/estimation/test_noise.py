@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from stabctl.estimation.noise import JUMP, angle_variance, model, power_variance, process
+from stabctl.estimation.noise import JUMP, angle_variance, power_variance, process_covariance, swing_model
 
 H, D, HZ, T = np.array([2.0, 6.5]), np.array([0.0, 1.0]), 60.0, 1 / 60
-SWING = model(H, D, HZ, T, 0.05, np.zeros(2), True)
+SWING = swing_model(H, D, np.zeros(2), hz=HZ, T=T, walk=0.05)
 
 
 def rates(i, power):
@@ -40,7 +40,8 @@ def test_moments_of_a_jump_at_an_unknown_instant():
 
 def test_process_covariance_is_that_of_jumps_of_power():
     dP, f = 0.5, 0.03
-    Q = process(SWING, np.zeros((1, 2)), np.full((1, 2), dP), np.full((1, 2), 2), np.full((1, 2), f))[0, 0]
+    given = {"jump": dP, "frames": 2, "flux": f}
+    Q = process_covariance(SWING, power=np.zeros((1, 2)), **{k: np.full((1, 2), v) for k, v in given.items()})[0, 0]
     u, wb = (np.arange(10000) + 0.5) / 10000, 2 * np.pi * HZ
     late = 2 * T * u
     moved = [-wb * dP * late**2 / (4 * H[0]), -dP * late / (2 * H[0]), 0 * u, f * u]
@@ -50,7 +51,7 @@ def test_process_covariance_is_that_of_jumps_of_power():
 def test_walk_is_the_covariance_of_an_integrated_random_walk():
     fine, n = 200, 20000
     random = np.random.default_rng(1)
-    F = model(H, D, HZ, T / fine, 0.0, np.zeros(2), True).F[0, :3, :3]
+    F = swing_model(H, D, np.zeros(2), hz=HZ, T=T / fine, walk=0.0).F[0, :3, :3]
     x = np.zeros((n, 3))
     for _ in range(fine):
         x = x @ F.T
@@ -65,7 +66,7 @@ def test_variance_of_the_measured_angle(psi):
     e = sm * random.standard_normal((2, 200000)) + 1j * sa * random.standard_normal((2, 200000))
     E, seen = V + ZI, V * (1 + e[0]) + ZI * (1 + e[1])
     z = np.angle(seen / E) - np.arcsin(psi / np.abs(seen))
-    expected = angle_variance(V, ZI, E, np.arcsin(psi / np.abs(E)), sa, sm)
+    expected = angle_variance(V, ZI, E, np.arcsin(psi / np.abs(E)), angle=sa, magnitude=sm)
     assert np.var(z) == pytest.approx(expected, rel=0.02)  # 0.008
 
 

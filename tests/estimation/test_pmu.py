@@ -25,7 +25,7 @@ def test_a_seed_gives_the_same_errors_alone_and_among_others():
 
 
 def test_without_errors_the_report_is_the_truth():
-    (frame,) = reports(Pmu(60, 0, 0, 0, 0, 0, 0, 0))
+    (frame,) = reports(Pmu.exact())
     assert (frame.V == ONE).all()
     assert (frame.I == 0.5).all()
     assert frame.received.all()
@@ -56,7 +56,7 @@ def test_an_outage_loses_every_report():
 
 
 def test_a_moving_voltage_has_its_frequency():
-    pmu = Pmu(60, 0, 0, 0, 0, 0, 0, 0)
+    pmu = Pmu.exact()
     instrument = Instrument(pmu, (1,), 1, 60.0)
     for k in range(10):
         V = np.exp(2j * np.pi * 0.5 * k / 60).reshape(1, 1)  # 0.5 Hz above nominal
@@ -66,7 +66,7 @@ def test_a_moving_voltage_has_its_frequency():
 
 
 def test_a_class_delays_by_half_its_window_and_keeps_a_steady_turn():
-    pmu = Pmu(60, 0, 0, 0, 0, 0, 0, 0, kind="M")
+    pmu = Pmu.exact(kind="M")
     instrument, frames = Instrument(pmu, (1,), 1, 60.0), []
     for k in range(20):
         V = np.exp(1j * 0.01 * k).reshape(1, 1)
@@ -82,7 +82,16 @@ def test_frames_of_delay():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"rate": 61}, {"angle_mrad": -1}, {"latency_ms": float("nan")}, {"loss": 1.0}, {"burst": 0.5}]
+    "wrong",
+    [
+        {"rate": 61},
+        {"angle_mrad": -1},
+        {"angle_mrad": 1e300},
+        {"latency_ms": float("nan")},
+        {"latency_ms": 1e300},
+        {"loss": 1.0},
+        {"burst": 0.5},
+    ],
 )
 def test_mistakes_are_sentences(wrong):
     with pytest.raises(StudyError, match=r"not (allowed|one of)"):

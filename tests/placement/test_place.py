@@ -8,7 +8,7 @@ import pytest
 
 from stabctl.controllers import BangBang
 from stabctl.errors import StudyError
-from stabctl.estimation.loop import Driven
+from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.pmu import Pmu
 from stabctl.model import fleet
 from stabctl.placement.contingency import Contingency
@@ -146,8 +146,8 @@ def test_what_is_refused(case, options, words):
 
 def test_estimates_in_the_loop(case):
     """Margins under a Kalman filter stand beside those of true speeds."""
-    driven = Driven(BangBang(), "kalman", Pmu(), 1, "batched")
-    found = study(case, NEAR_9, candidates=((9, 29),), others={"kalman": driven})
+    control = EstimatorControl(BangBang(), "kalman", Pmu(), engine="batched")
+    found = study(case, NEAR_9, candidates=((9, 29),), others={"kalman": control})
     rows = {row.fleet: row for row in found.evidence}
     assert rows["kalman"].mw == rows["x1"].mw
     assert abs(rows["kalman"].critical_cycles[0] - rows["x1"].critical_cycles[0]) <= 0.25  # 4.625 of 4.75

@@ -11,7 +11,7 @@ from stabctl.clearing.critical_time import clearing_time as critical
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
-from stabctl.estimation.loop import Driven, watch
+from stabctl.estimation.estimate import estimate
 from stabctl.model import fleet
 from stabctl.plotting import clearing_time, estimates, mode_shape, modes, screen, style, trajectory
 from stabctl.plotting.mode_shape import spread
@@ -118,7 +118,7 @@ def test_numbers_around_a_mode_shape_keep_their_distance():
 
 def test_estimates(runs):
     point = runs["with 50 MW storage"].point
-    found = watch(point, Contingency("7", "6cyc", "7-8"), 1.5, Driven(engine="batched"), range(1, 3))
+    found = estimate(point, Contingency("7", "6cyc", "7-8"), 1.5, seeds=range(1, 3))
     for figure in (estimates.plot(found), estimates.commands(found)):
         assert crowded(figure) == []
 

@@ -5,7 +5,7 @@ import pytest
 from stabctl.clearing.critical_time import clearing_time
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
-from stabctl.estimation.loop import Driven, watch
+from stabctl.estimation.estimate import estimate
 from stabctl.model import fleet
 from stabctl.simulation.contingency import Contingency
 from stabctl.sweep import perform, study
@@ -49,8 +49,8 @@ def test_a_simulation_under_an_estimator_is_that_of_the_call(results, cases):
     )
     case = cases("two_area")
     point = operating_point.solve(case.with_storage(fleet.everywhere(case, "50MW")))
-    seen = watch(point, Contingency("7", 11 / 60, ["7-8"]), 3.0, Driven(seed=4))
-    assert kalman.rmse == seen.after(1 + 11 / 60, 3.0).rmse_mhz
+    seen = estimate(point, Contingency("7", 11 / 60, ["7-8"]), 3.0, seeds=4)
+    assert kalman.rmse == seen.accuracy.rmse_mhz
     assert kalman.max_angle_from_coi == seen.runs[0].max_angle_from_coi_deg != ideal.max_angle_from_coi
     assert ideal.outcome == kalman.outcome == alone.outcome == "stable"
     assert (ideal.rmse, alone.energy) == (None, None)

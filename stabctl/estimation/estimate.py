@@ -1,0 +1,101 @@
+"""The simulation of a contingency with estimated speeds, in one call."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from stabctl.controllers import BangBang, Law
+from stabctl.dynamics.coerce import Fleet, operating_point
+from stabctl.dynamics.operating_point import Point
+from stabctl.errors import StudyError
+from stabctl.model.case import Case
+from stabctl.simulation.contingency import Happenings, schedule
+from stabctl.simulation.criterion import DEFAULT, Criterion, checked
+from stabctl.simulation.sampled import carry
+from stabctl.simulation.simulation import Simulation
+from stabctl.units import seconds
+
+from .estimates import Estimates
+from .estimator_control import EstimatorControl, EstimatorLoop
+from .estimators import EstimatorName
+from .pmu import Pmu
+
+OBSERVE = 5.0  # s   after the last event, if no end is given
+
+
+def estimate(
+    base: Case | Point,
+    contingency: "Happenings | None" = None,
+    until: str | float | None = None,
+    *,
+    storage: "Fleet | None" = None,
+    control: Law | EstimatorControl | None = None,
+    estimator: EstimatorName = "kalman",
+    pmu: Pmu | None = None,
+    seeds: int | Iterable[int] = 1,
+    step: str | float | None = None,
+    criterion: Criterion = DEFAULT,
+    record: bool = True,
+) -> Estimates:
+    """Simulate a contingency while an estimator follows the rotor speeds from PMU reports.
+
+    Parameters
+    ----------
+    base : Case or OperatingPoint
+        The system; a case is initialized first.
+    contingency : Contingency, event, str, or list of them, optional
+        What happens, as in `simulate`. Without it the system stays at rest.
+    until : str or float, optional
+        End of the simulation: "10s", or seconds; by default 5 s after the last event.
+    storage : str, mapping, or iterable of Storage, optional
+        Storage devices in place of the case's own, as in `simulate`.
+    control : control law or EstimatorControl, optional
+        The law that the storage devices follow with estimated speeds, `BangBang()` by default. An `EstimatorControl`
+        also says which estimator and PMUs it uses; `estimator` and `pmu` are then ignored.
+    estimator : {"ideal", "frequency", "kinematic", "kalman"}
+        How the speeds are estimated.
+    pmu : Pmu, optional
+        Rate, noise, latency and losses of the PMUs.
+    seeds : int or iterable of int
+        Seeds of noise and losses; each gives a simulation of its own.
+    step, criterion
+        As in `simulate`.
+    record : bool
+        Keep the trajectories; without them only their outcomes are known.
+
+    Returns
+    -------
+    Estimates
+
+    Raises
+    ------
+    StudyError
+        For arguments that are not possible, and if the simulation ends before its last event.
+    """
+    point = operating_point(base, storage)
+    hz = point.case.frequency_hz
+    end = None if until is None else seconds(until, hz)
+    events = schedule(point.case, contingency, end)
+    last = max((event.at for event in events), default=0.0)
+    chosen = _control(control, estimator, pmu)
+    seeds = (seeds,) if isinstance(seeds, int) else tuple(seeds)
+    if not seeds or not all(isinstance(seed, int) and seed >= 0 for seed in seeds):
+        raise StudyError(f"seeds = {seeds!r} is not allowed; give one or more whole numbers of at least 0.")
+    h = None if step is None else seconds(step, hz)
+    simulations = [Simulation(point, events, None, h, checked(criterion), record) for _ in seeds]
+    loop = EstimatorLoop(chosen, simulations, seeds)
+    carry(simulations, loop, chosen.rate, last + OBSERVE if end is None else end)
+    return replace(loop.estimates(), runs=tuple(s.finish() for s in simulations), cleared_s=last)
+
+
+def _control(control: Law | EstimatorControl | None, estimator: EstimatorName, pmu: Pmu | None) -> EstimatorControl:
+    """The law with its estimator."""
+    if isinstance(control, type):
+        raise StudyError(f"control = {control.__name__} is a class; give an instance, {control.__name__}().")
+    if isinstance(control, EstimatorControl):
+        return control
+    law = BangBang() if control is None else control
+    if not callable(getattr(law, "par", None)):
+        raise StudyError(
+            f"control = {law!r} is not a control law; give BangBang(), Feedback(...) or an EstimatorControl."
+        )
+    return EstimatorControl(law, estimator, pmu or Pmu())

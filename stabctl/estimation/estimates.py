@@ -1,0 +1,158 @@
+"""Estimated speeds and the commands that follow from them, compared with the true ones."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from stabctl._util.wording import counted
+from stabctl.controllers import BangBang
+from stabctl.dynamics.operating_point import Point
+from stabctl.errors import StudyError
+from stabctl.simulation.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from .estimator_control import EstimatorControl
+
+SETTLED = 0.05  # s   after clearing, from when on the estimates are judged
+LARGEST_SHIFT = 100  # ms
+
+
+class Accuracy(NamedTuple):
+    """Accuracy of the estimated speed deviations, and of the commands that follow from them."""
+
+    rmse_mhz: float  # mHz   root mean square error
+    p99_mhz: float  # mHz   99th percentile of the absolute error
+    delay_ms: float  # ms    shift that best aligns estimate and truth, positive if the estimate is late
+    wrong_command_share: float  # -     share of machine-frames in which the bang-bang command is not the true one
+    opposite_command_share: float  # -     share of those in which absorb and inject are exchanged
+    cpu_ms_per_frame: float  # ms    of the estimator and the controller, all machines of one seed
+
+    def __str__(self) -> str:
+        return (
+            f"error {self.rmse_mhz:.1f} mHz rms ({self.p99_mhz:.1f} mHz at the 99th percentile), delay "
+            f"{self.delay_ms:.1f} ms, {100 * self.wrong_command_share:.2f} % wrong and "
+            f"{100 * self.opposite_command_share:.2f} % opposite commands"
+        )
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Estimates:
+    """True and estimated speeds of a simulation, for each seed of noise and losses.
+
+    Arrays have the shape (frames, seeds, machines) unless stated otherwise; `sigma` is what the filter claims.
+    """
+
+    point: Point
+    control: "EstimatorControl"
+    seeds: tuple[int, ...]
+    time: np.ndarray  # (frames) s
+    slip: np.ndarray  # pu   true speed deviation from nominal
+    estimated: np.ndarray  # pu
+    slip_sigma: np.ndarray  # pu
+    deviation: np.ndarray  # pu   true speed relative to the COI of the other machines
+    deviation_estimated: np.ndarray  # pu
+    sigma: np.ndarray  # pu
+    usable: np.ndarray  # bool   the storage may act
+    on: np.ndarray  # bool   the machine is connected, in a simulation that goes on
+    nis: np.ndarray  # -
+    nees: np.ndarray  # -    of angle and speed, NaN without a filter
+    orders: np.ndarray  # (frames, seeds, devices)
+    wall_s: np.ndarray  # (frames) s   computing time of the estimator and the controller, all seeds
+    runs: tuple[Trajectory, ...] = ()
+    cleared_s: float = 0.0  # s   instant of the last event
+
+    @property
+    def deadband(self) -> float:
+        """Deadband (pu) of the bang-bang law; its default value if another law acts."""
+        law = self.control.law if isinstance(self.control.law, BangBang) else BangBang()
+        return law.deadband / self.point.case.frequency_hz
+
+    @property
+    def true_commands(self) -> np.ndarray:
+        """Bang-bang commands from the true deviations: absorb 1, inject -1, idle 0."""
+        return np.sign(self.deviation) * (np.abs(self.deviation) > self.deadband)
+
+    @property
+    def estimated_commands(self) -> np.ndarray:
+        """Bang-bang commands from the estimated deviations."""
+        return np.sign(self.deviation_estimated) * (np.abs(self.deviation_estimated) > self.deadband)
+
+    def count_commands(self, before: float = np.inf) -> int:
+        """Number of machine-frames before an instant (s) with a bang-bang command from the estimates."""
+        return int(np.count_nonzero(self.estimated_commands[self.time < before - 1e-9]))
+
+    @property
+    def accuracy(self) -> Accuracy:
+        """Accuracy from `SETTLED` after clearing to the end. Raises StudyError as `accuracy_between`."""
+        return self.accuracy_between(self.cleared_s + SETTLED, self.time[-1] if len(self.time) else 0.0)
+
+    def accuracy_between(self, since: float, until: float) -> Accuracy:
+        """Accuracy from `since` to `until` (s).
+
+        Raises StudyError if no machine was in synchronism between these instants.
+        """
+        rows = (self.time >= since - 1e-9) & (self.time <= until + 1e-9)
+        on = self.on[rows]
+        if not on.any():
+            raise StudyError(
+                f"No machine of {self.point.case.name} is in synchronism between {since:g} and {until:g} s; clear the "
+                "fault earlier or add storage."
+            )
+        error = (self.deviation_estimated - self.deviation)[rows][on] * 1e3 * self.point.case.frequency_hz
+        true, estimated = self.true_commands[rows][on], self.estimated_commands[rows][on]
+        return Accuracy(
+            float(np.sqrt(np.mean(error**2))),
+            float(np.percentile(np.abs(error), 99)),
+            self._delay(rows, on),
+            float(np.mean(true != estimated)),
+            float(np.mean(true * estimated < 0)),
+            float(1e3 * np.median(self.wall_s) / len(self.seeds)),
+        )
+
+    def _delay(self, rows: np.ndarray, on: np.ndarray) -> float:
+        """The shift (ms) of the truth, linear between frames, with the smallest square error; to a tenth."""
+        at, shifts = self.time[rows], np.arange(-LARGEST_SHIFT, LARGEST_SHIFT + 1)
+        estimated, truth = self.deviation_estimated[rows][on], self.deviation
+        cost = []
+        for shift in shifts:
+            place = np.interp(at - 1e-3 * shift, self.time, np.arange(len(self.time)))
+            low = np.minimum(place.astype(int), len(self.time) - 2)
+            part = (place - low)[:, None, None]
+            shifted = (1 - part) * truth[low] + part * truth[low + 1]
+            cost.append(np.sum((estimated - shifted[on]) ** 2))
+        k = int(np.argmin(cost))
+        if 0 < k < len(shifts) - 1:
+            a, b, c = cost[k - 1 : k + 2]
+            bend = a - 2 * b + c
+            return round(float(shifts[k] + (0.5 * (a - c) / bend if bend > 0 else 0.0)), 1) + 0.0
+        return float(shifts[k])
+
+    @property
+    def df(self) -> "pd.DataFrame":
+        """A row per frame, seed and machine: deviations and their standard deviation (mHz), commands, usable, on."""
+        import pandas as pd
+
+        machines = [m.machine for m in self.point.case.machines]
+        index = pd.MultiIndex.from_product([self.time, self.seeds, machines], names=["time_s", "seed", "machine"])
+        mhz = 1e3 * self.point.case.frequency_hz
+        columns = {
+            "deviation_mhz": mhz * self.deviation,
+            "estimated_mhz": mhz * self.deviation_estimated,
+            "sigma_mhz": mhz * self.sigma,
+            "true_command": self.true_commands,
+            "estimated_command": self.estimated_commands,
+            "usable": self.usable,
+            "on": self.on,
+        }
+        return pd.DataFrame({name: column.ravel() for name, column in columns.items()}, index=index).reset_index()
+
+    def __str__(self) -> str:
+        return (
+            f"{self.point.case.name}, {self.control.estimator} estimator: {len(self.time)} frames at "
+            f"{self.control.rate} per second, {counted(len(self.seeds), 'seed')}"
+        )
+
+    __repr__ = __str__
