@@ -1,83 +1,149 @@
-"""The decorators of compiled code, and the cache that follows the sources.
+"""Decorators of compiled code, and the folder that keeps the machine code.
 
-`inline` is a device or a part of one: plain Python when called from Python, melted into the entry point when called
-from there, never stored. `noinline` is the same for what is called seldom, compiled once and not at every call. `entry`
-is an entry point: the only thing kept on disk. numba does not notice an edit in a called file, so the cache folder is
-keyed by a hash of every source that holds a kernel; it lies in the user's cache folder, so that the package may be
-read-only.
+`inline` marks a device equation or a part of one: plain Python when called from Python, inlined when called from
+compiled code. `noinline` does the same for what is called seldom: compiled once per caller. `entry` is an entry point,
+compiled at its first call. Nothing here imports numba before something is compiled, so that data can be read without
+it. With NUMBA_DISABLE_JIT=1 everything runs as the plain Python it is written in.
 """
 
 import hashlib
+import inspect
 import os
+import stat
 import sys
 import tempfile
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
-import numba
-import platformdirs
-from numba.extending import register_jitable
-
 _PACKAGE = Path(__file__).parent.parent
+_pending: list[tuple[Callable[..., Any], bool]] = []
 
 
-def _source_hash() -> str:
-    digest = hashlib.sha256(numba.__version__.encode())
-    for path in sorted(_PACKAGE.rglob("*.py")):
-        text = path.read_bytes()
-        if (
-            b"@inline" in text
-            or b"@noinline" in text
-            or b"@entry" in text
-            or "devices" in path.parts
-            or path.parent.name == "controllers"
-        ):
-            digest.update(text)
-    return digest.hexdigest()[:16]
+def inline(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Mark `function` to be inlined into compiled callers."""
+    _pending.append((function, True))
+    return function
 
 
-def _cache_folder() -> Path:
-    wanted = Path(platformdirs.user_cache_dir("stabctl")) / _source_hash()
+def noinline(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Mark `function` to be compiled once per caller, not inlined."""
+    _pending.append((function, False))
+    return function
+
+
+def disabled() -> bool:
+    """Do the equations run as plain Python?"""
+    return os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
+
+
+def ready() -> None:
+    """Tell numba of every function marked so far."""
+    from numba.extending import register_jitable
+
+    while _pending:
+        function, inlined = _pending.pop()
+        register_jitable(
+            forceinline=inlined, error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True, _nrt=False
+        )(function)
+
+
+@cache
+def sources(module: ModuleType) -> str:
+    """Text of a module and of every file that it takes functions from, inside the package or beside a user's file."""
+    seen: dict[str, str] = {}
+    todo = [module]
+    while todo:
+        found = todo.pop()
+        file = getattr(found, "__file__", None) or ""
+        inside = Path(file).is_relative_to(_PACKAGE) or found is module
+        if not file or found.__name__ in seen or not inside:
+            continue
+        seen[found.__name__] = Path(file).read_text(encoding="utf-8")
+        for value in vars(found).values():
+            owner = value if inspect.ismodule(value) else sys.modules.get(getattr(value, "__module__", None) or "")
+            if owner is not None:
+                todo.append(owner)
+    return "".join(seen[name] for name in sorted(seen))
+
+
+def digest(*texts: str) -> str:
+    """Name of machine code: a hash of the numba version and the source texts it is made from."""
+    import numba
+
+    found = hashlib.sha256(numba.__version__.encode())
+    for text in texts:
+        found.update(text.encode())
+    return found.hexdigest()[:16]
+
+
+@cache
+def folder() -> Path:
+    """The folder of the machine code: in the user's cache folder, else a private one among the temporary files."""
+    import platformdirs
+
+    wanted = Path(platformdirs.user_cache_dir("stabctl"))
+    if _usable(wanted):
+        return wanted
+    own = Path(tempfile.gettempdir()) / f"stabctl-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
+    return own if _usable(own) and _private(own) else Path(tempfile.mkdtemp(prefix="stabctl-"))
+
+
+def _usable(path: Path) -> bool:
     try:
-        wanted.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=wanted):
-            return wanted
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.mkdir(mode=0o700, exist_ok=True)
+        return path.is_dir() and os.access(path, os.W_OK | os.X_OK)
     except OSError:
-        own = Path(tempfile.gettempdir()) / f"stabctl-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
-        own.mkdir(mode=0o700, exist_ok=True)
-        if own.stat().st_mode & 0o077 or own.is_symlink():  # somebody else could plant machine code there
-            own = Path(tempfile.mkdtemp(prefix="stabctl-"))
-        return own / wanted.name
+        return False
 
 
-FOLDER = _cache_folder()
-_entries: list[Any] = []
-_announced: list[bool] = []
-
-_BARE = {"error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": True}
-inline = register_jitable(forceinline=True, **_BARE)
-noinline = register_jitable(**_BARE)
+def _private(path: Path) -> bool:
+    """Is the folder ours alone? Another user could plant machine code in it."""
+    found = path.lstat()
+    mine = not hasattr(os, "getuid") or found.st_uid == os.getuid()
+    return mine and stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o077
 
 
-def entry(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile `function` as an entry point, free of the interpreter lock, whose machine code is kept in `FOLDER`."""
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(FOLDER)
-    try:
-        _entries.append(numba.njit(error_model="numpy", cache=True, nogil=True)(function))
-        return _entries[-1]
-    finally:
-        numba.config.CACHE_DIR = before
+class Entry:
+    """An entry point: compiled, or loaded from disk, at its first call."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self.function, self.name = function, function.__name__
+        self._compiled: Callable[..., Any] | None = None
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the compiled function."""
+        if self._compiled is None:
+            self._compiled = self._compile()
+        return self._compiled(*arguments)
+
+    def _place(self) -> Path:
+        return folder() / digest(sources(sys.modules[self.function.__module__]))
+
+    def on_disk(self) -> bool:
+        """Is its machine code on disk, or not needed?"""
+        if disabled() or self._compiled is not None:
+            return True
+        return any(self._place().rglob(f"*.{self.name}-*.nbc"))
+
+    def _compile(self) -> Callable[..., Any]:
+        if disabled():
+            return self.function
+        import numba
+
+        ready()
+        place = self._place()
+        place.mkdir(mode=0o700, exist_ok=True)
+        before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(place)
+        try:
+            return numba.njit(error_model="numpy", cache=True, nogil=True, _nrt=False)(self.function)
+        finally:
+            numba.config.CACHE_DIR = before
 
 
-def announce() -> None:
-    """Say on stderr, once, that the next call compiles, where an entry point met so far has no machine code on disk.
-
-    With NUMBA_DISABLE_JIT=1 the equations run as the plain Python they are written in, and nothing is compiled.
-    """
-    if _announced or numba.config.DISABLE_JIT:
-        return
-    if not all(any(Path(e._cache.cache_path).glob(f"*.{e.__name__}-*.nbc")) for e in _entries):
-        _announced.append(True)
-        print("stabctl: compiling the equations once, some 20 to 60 seconds ...", file=sys.stderr, flush=True)
+def entry(function: Callable[..., Any]) -> Entry:
+    """Make `function` an entry point, which runs free of the interpreter lock; its machine code is kept on disk."""
+    return Entry(function)

@@ -1,13 +1,122 @@
-"""One device per file: Par (constants), State, Input as NamedTuples; `output` and `flow` as scalar kernels.
+"""Device models, one file each, found by looking: a new model is a new file in one of the folders.
 
-ALL lists every device with states that comes from a case's tables; the file name is the name of its table.
+A device is a module with NAME, ROLE, Par, and as far as it has them State, Input, Output (NamedTuples whose fields are
+`Annotated` with unit and meaning) and the equations as scalar functions of x (State), u (Input), v (bus voltage, real
+and imaginary part), y (its own Output) and p (Par), each marked `@inline`:
+
+    output(...)       -> Output
+    derivatives(...)  -> State, the state rates in 1/s
+    source(...)       -> Norton current of a voltage source (system base), beside admittance(p)
+    current(...)      -> current into the bus (system base) of what is not such a source
+    guess(V, I, p)    -> State to start the initialization from
+    step(...)         -> Output once per frame, of a sampled law
+
+LIMITS names the states that stop at limits (non-windup). The file name is the name of its table.
 """
 
-from types import ModuleType
+import importlib
+import importlib.util
+import pkgutil
+import sys
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType, ModuleType
+from typing import Any
 
-from .exciters import exdc2, exst3, sexs
-from .governors import tgov
-from .machines import gencls, genrou
-from .stabilizers import pss
+from stabctl.errors import StudyError
 
-ALL: dict[str, ModuleType] = {m.__name__.rpartition(".")[2]: m for m in (gencls, genrou, sexs, exst3, exdc2, pss, tgov)}
+ROLES: Mapping[str, str] = MappingProxyType(
+    {
+        "machine": "synchronous machine of a generating unit",
+        "converter": "converter that stands in for the machine of a generating unit",
+        "exciter": "excitation system and voltage regulator",
+        "governor": "turbine and speed governor",
+        "stabilizer": "power system stabilizer",
+        "load": "load at a bus",
+        "storage": "energy storage device at a bus",
+        "shunt": "controlled shunt at a bus",
+        "link": "link between two buses",
+        "sensor": "measurement",
+        "controller": "law of storage devices, or a designed controller",
+    }
+)
+UNIT_ROLES = ("machine", "converter", "exciter", "governor", "stabilizer")
+BUILT_IN = ("zip_load", "esd", "hvdc")  # their rows come from the tables loads, storage and links
+
+_registered: dict[str, ModuleType] = {}
+
+
+@cache
+def _found() -> Mapping[str, ModuleType]:
+    names = []
+    for package in pkgutil.iter_modules(__path__):
+        if package.ispkg:
+            inside = Path(__path__[0]) / package.name
+            names += [f"{__name__}.{package.name}.{file.name}" for file in pkgutil.iter_modules([str(inside)])]
+    modules = [importlib.import_module(name) for name in sorted(names)]
+    devices = {m.__name__.rpartition(".")[2]: m for m in modules if hasattr(m, "ROLE")}
+    order = {role: k for k, role in enumerate(ROLES)}
+    return MappingProxyType(dict(sorted(devices.items(), key=lambda item: order[item[1].ROLE])))
+
+
+@cache
+def every() -> Mapping[str, ModuleType]:
+    """Every device by the name of its file: those of the package, then those registered."""
+    return MappingProxyType({**_found(), **_registered})
+
+
+@cache
+def models() -> Mapping[str, ModuleType]:
+    """The devices that have a table of their own in a case, by its name."""
+    apart = ("sensor", "controller")
+    return MappingProxyType({k: m for k, m in every().items() if m.ROLE not in apart and k not in BUILT_IN})
+
+
+def register(path: str | Path) -> str:
+    """Make a device of one's own known, from a file outside the package.
+
+    Opening a case never runs code: a device is registered by the user, before the case that uses it is read.
+
+    Parameters
+    ----------
+    path
+        A Python file like those in this folder; its name becomes the name of the table.
+
+    Returns
+    -------
+    str
+        The name.
+
+    Raises
+    ------
+    StudyError
+        Where the file cannot be read, is no device, or has the name of a device of the package.
+    """
+    path = Path(path)
+    name = path.stem
+    if not path.is_file() or path.suffix != ".py" or not name.isidentifier():
+        raise StudyError(f"There is no device file {str(path)!r}; give a Python file such as my_exciter.py.")
+    if name in _found():
+        raise StudyError(f"{path}: {name!r} is the name of a device of the package; give the file another name.")
+    spec: Any = importlib.util.spec_from_file_location(f"stabctl_device_{name}", path)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise StudyError(f"The device file {path} fails when it is run: {type(error).__name__}: {error}.") from None
+    missing = [part for part in ("NAME", "ROLE", "Par") if not hasattr(module, part)]
+    if missing:
+        raise StudyError(f"The device file {path} lacks {', '.join(missing)}; see docs/extending.md.")
+    if module.ROLE not in ROLES:
+        raise StudyError(f"{path}: the role {module.ROLE!r} is not known; use one of {', '.join(ROLES)}.")
+    _registered[name] = module
+    every.cache_clear()
+    models.cache_clear()
+    return name
+
+
+def registered() -> tuple[str, ...]:
+    """Files of the devices registered so far."""
+    return tuple(str(m.__file__) for m in _registered.values())

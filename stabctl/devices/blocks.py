@@ -73,3 +73,9 @@ def quadratic_saturation(x, x1, s1, x2, s2):
         return 0 * x
     slope = s2 * x2 / ((x2 - start) * (x2 - start))
     return slope * (x - start) * (x - start)
+
+
+@inline
+def angle(re, im):
+    """Angle (rad) of the phasor re + j im, within half a turn: twice the arctangent of half of it."""
+    return 2 * np.arctan(im / (magnitude(re, im) + re))

@@ -1,39 +1,146 @@
-"""Exact derivatives of the system by complex step: J[:, k] = Im f(z + j h e_k)/h, h = 1e-30."""
+"""Exact derivatives of the system, from the blocks of its devices.
+
+Every device is differentiated at its own terminals by complex step (h = 1e-30), one of its variables at a time. The
+blocks are put together by places, and the outputs, which never form a loop, are eliminated:
+
+    y = E z + F y    ->    y = (1 + F + F^2 + ...) E z,    F nilpotent.
+"""
+
+from typing import NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
 
 from stabctl._util.jit import entry
 
-from . import system
-from .system import Buffers, Plant
-
-STEP = 1e-30
+from . import family
+from .assembly import System
+from .perform import perform, perform_local
+from .program import Program, program
 
 
 @entry
-def jacobian(b, plant, on, columns, J):
-    """Fill J[:, k] with the derivative of f along the places `columns[k]` of z (a row of -1 ends a shorter one).
-
-    Each row of `columns` is perturbed at once: its places must not act on the same rows of f. f(z) is left in b.f.
-    """
-    for k in range(len(columns)):
-        for c in columns[k]:
-            if c >= 0:
-                b.z[c] += 1j * STEP
-        system.rates(b.s, plant, b.w, b.r)
-        system.hold(b.z, b.f, plant, b.w)
-        system.sources(b.s, plant, on, b.r.g)
-        system.draws(b.s, plant, b.r.g)
-        for c in columns[k]:
-            if c >= 0:
-                b.z[c] = b.z[c].real
-        for i in range(len(b.f)):
-            J[i, k] = b.f[i].imag / STEP
+def evaluate(p, starts, s, f, on):
+    """Bring the outputs of s (complex) up to date and write the blocks of all devices into f."""
+    perform(p.sweep, p.w, p.k, s, f, on)
+    perform_local(p.step, starts, p.w, p.k, s, f, on)
 
 
-def columns_of(b: Buffers, plant: Plant, places: np.ndarray) -> np.ndarray:
-    """Columns of the Jacobian (len(f), len(places)) at b.z, one place at a time."""
-    J = np.empty((len(b.f), len(places)))
-    on = np.zeros(len(plant.machine_bus), np.int64)
-    jacobian(b, plant, on, places.astype(np.int64)[:, None], J)
-    return J
+class Derivatives(NamedTuple):
+    """Values and derivatives at one point; columns are the places of [states | voltages | set-points]."""
+
+    rates: np.ndarray  # (states) 1/s
+    outputs: np.ndarray  # (outputs)
+    currents: np.ndarray  # (buses) complex, pu, into the network
+    of_rates: sp.csr_matrix
+    of_outputs: sp.csr_matrix
+    of_currents: sp.csr_matrix  # real and imaginary part per bus
+    of_injections: sp.csr_matrix  # the same per device that injects a current, in the order of the families
+    injections: np.ndarray  # (injections) complex, pu
+
+
+class Equations:
+    """The equations of a system, ready to be evaluated and differentiated anywhere."""
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self._families = [f for f in system.families if len(f.w) and not hasattr(f.device, "step")]
+        self.program: Program = program(self._families, complex)
+        self._shapes = [family.shape(f.device) for f in self._families]
+        counts = [len(f.w) * self._rows(k) * self._columns(k) for k, f in enumerate(self._families)]
+        self._starts = np.cumsum([0, *counts]).astype(np.int64)
+        self._on = np.zeros(max(len(system.unit_bus), 1), np.int64)
+        self._pattern()
+
+    def _rows(self, k: int) -> int:
+        states, inputs, _, buses = self._shapes[k]
+        return states + inputs + 2 * buses + 1
+
+    def _columns(self, k: int) -> int:
+        states, _, outputs, buses = self._shapes[k]
+        return states + outputs + 2 * buses
+
+    def _pattern(self) -> None:
+        """Rows and columns of every entry of the blocks in [rates | outputs | injections] and s."""
+        layout, rows, columns, where, injection = self.system.layout, [], [], [], 0
+        self._injecting: list[np.ndarray] = []  # places of the bus of every injection
+        self.injections: dict[str, slice] = {}
+        first = layout.nx + layout.outputs
+        for k, f in enumerate(self._families):
+            states, inputs, outputs, buses = self._shapes[k]
+            n, j = len(f.w), np.arange(len(f.w))[:, None]
+            bus = [f.w[:, family.BUS]] if buses == 1 else [f.w[:, family.BUS], f.w[:, family.BUS2]]
+            voltages = [b + c for b in bus for c in range(2)]
+            x = f.w[:, [family.STATE]] + np.arange(states)
+            variables = np.hstack([x, f.w[:, family.INPUTS : family.INPUTS + inputs], np.stack(voltages, 1)])
+            y = f.w[:, [-1]] - layout.first_output + layout.nx + np.arange(outputs)
+            g = first + 2 * (injection + buses * j) + np.arange(2 * buses)
+            answers = np.hstack([x, y, g])
+            self.injections[f.name] = slice(injection, injection + buses * n)
+            injection += buses * n
+            self._injecting.append(np.stack(bus, 1).ravel())
+            shape = (n, variables.shape[1], answers.shape[1])
+            columns.append(np.broadcast_to(variables[:, :, None], shape).ravel())
+            rows.append(np.broadcast_to(answers[:, None, :], shape).ravel())
+            where.append(answers)
+        self._entry_rows, self._entry_columns = np.concatenate(rows), np.concatenate(columns)
+        self._answers = [a.ravel() for a in where]
+        self._total = first + 2 * injection
+        bus = np.concatenate(self._injecting) - layout.nx
+        at = np.stack([bus, bus + 1], 1).ravel()
+        self._gather = sp.csr_matrix((np.ones(len(at)), (at, np.arange(len(at)))), shape=(2 * layout.buses, len(at)))
+
+    def at(self, s: np.ndarray, k: np.ndarray | None = None) -> Derivatives:
+        """Values and derivatives at s (real; its outputs are brought up to date).
+
+        Parameters
+        ----------
+        s
+            All signals (layout.size).
+        k
+            Constants of all devices in place of those of the program.
+        """
+        layout = self.system.layout
+        z, f = s.astype(complex), np.zeros(self._starts[-1], complex)
+        p = self.program if k is None else self.program._replace(k=k)
+        evaluate(p, self._starts, z, f, self._on)
+        s[layout.first_output : layout.first_memory] = z.real[layout.first_output : layout.first_memory]
+        values, slopes = np.zeros(self._total), []
+        for i, fam in enumerate(self._families):
+            block = f[self._starts[i] : self._starts[i + 1]].reshape(len(fam.w), self._rows(i), self._columns(i))
+            values[self._answers[i]] = block[:, -1].real.ravel()
+            slopes.append(block[:, :-1].imag.ravel())
+        data = np.concatenate(slopes) / family.TINY
+        live = data != 0
+        J = sp.csr_matrix(
+            (data[live], (self._entry_rows[live], self._entry_columns[live])), shape=(self._total, layout.size)
+        )
+        outputs = slice(layout.nx, layout.nx + layout.outputs)
+        direct, through = J[:, : layout.step], J[:, layout.first_output : layout.first_memory]
+        of_outputs = term = direct[outputs]
+        while through.nnz and term.nnz:
+            term = through[outputs] @ term
+            of_outputs = of_outputs + term
+        whole = (direct + through @ of_outputs).tocsr() if through.nnz else direct.tocsr()
+        first = outputs.stop
+        of_injections = whole[first:]
+        injections = values[first:]
+        return Derivatives(
+            values[: layout.nx],
+            values[outputs],
+            (self._gather @ injections).view(complex),
+            whole[: layout.nx],
+            of_outputs.tocsr(),
+            (self._gather @ of_injections).tocsr(),
+            of_injections,
+            injections.view(complex),
+        )
+
+    def held(self, s: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """States (mask) that rest at a limit and are driven against it."""
+        limits = self.system.limits
+        x, f, per = s[limits.state], rates[limits.state], s[limits.scale]
+        stopped = ((x >= limits.high * per) & (f > 0)) | ((x <= limits.low * per) & (f < 0))
+        out = np.zeros(len(rates), bool)
+        out[limits.state[stopped]] = True
+        return out

@@ -1,14 +1,15 @@
-"""Who owns which place of z: machine and name of every state and set-point."""
+"""Who owns which signal: states, set-points and outputs by unit and name.
 
-from collections.abc import Iterable
+All signals of a system stand in one vector
+
+    s = [states | voltages (re, im per bus) | set-points | step | 0 | 1 | outputs | memory]
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-
-from stabctl.devices import ALL
-from stabctl.model.case import Case
-
-from .system import FAMILIES, NAMES, Plant, sizes
 
 WORDS = {
     "delta": "angle",
@@ -28,36 +29,88 @@ WORDS = {
 }
 
 
-class Place(NamedTuple):
-    """One state: its device model, the row of its machine (of its device for storage) and its name."""
+class StatePlace(NamedTuple):
+    """One state: the table of its device, the row there, the row of its unit (-1: none), its name and its label."""
 
-    family: str
-    device: int
-    machine: int
+    table: str
+    row: int
+    unit: int
     name: str
+    label: str
 
 
-def states(plant: Plant) -> tuple[Place, ...]:
-    """Every state of z, in order."""
-    found = []
-    for family, kind in zip(NAMES, FAMILIES, strict=True):
-        for j, machine in enumerate(getattr(plant, f"{family}_machine")):
-            found += [Place(family, j, int(machine), name) for name in kind.State._fields]
-    return tuple(found)
+class SetPoint(NamedTuple):
+    """One set-point: the row of its unit (-1: none), its name, its label, and its value where it is not solved for."""
+
+    unit: int
+    name: str
+    label: str
+    start: float | None
 
 
-def of_machines(places: Iterable[Place], name: str, machines: int) -> np.ndarray:
-    """Rows (machines) of the state of that name among the places."""
-    found = {p.machine: k for k, p in enumerate(places) if p.name == name}
-    return np.array([found[i] for i in range(machines)])
+@dataclass(frozen=True)
+class Layout:
+    """Places in s, and names of what stands there."""
 
+    states: tuple[StatePlace, ...]
+    setpoints: tuple[SetPoint, ...]
+    buses: int
+    outputs: int
+    memory: int
+    signals: Mapping[tuple[int, str], int] = field(repr=False)  # (row of a unit, name) -> place
+    owner: np.ndarray = field(repr=False)  # (size) row of the unit whose signal goes to zero when it is off, -1: none
 
-def label(case: Case, place: Place) -> str:
-    """A state in words, e.g. "speed GENROU 14"."""
-    name = WORDS.get(place.name, place.name)
-    if place.family == "storage":
-        return f"{name} ESD {case.storage[place.device].machine}@{case.storage[place.device].bus}"
-    return f"{name} {ALL[place.family].NAME} {case.machines[place.machine].machine}"
+    @property
+    def nx(self) -> int:
+        """Number of states; the voltages follow them."""
+        return len(self.states)
+
+    @property
+    def voltages(self) -> slice:
+        """The voltages, real and imaginary part per bus."""
+        return slice(self.nx, self.nx + 2 * self.buses)
+
+    @property
+    def first_setpoint(self) -> int:
+        """Place of the first set-point."""
+        return self.nx + 2 * self.buses
+
+    @property
+    def step(self) -> int:
+        """Place of the time step (s); the constants 0 and 1 follow."""
+        return self.first_setpoint + len(self.setpoints)
+
+    @property
+    def zero(self) -> int:
+        """Place of the constant 0."""
+        return self.step + 1
+
+    @property
+    def one(self) -> int:
+        """Place of the constant 1."""
+        return self.step + 2
+
+    @property
+    def first_output(self) -> int:
+        """Place of the first output."""
+        return self.step + 3
+
+    @property
+    def first_memory(self) -> int:
+        """Place of the memory of sampled devices."""
+        return self.first_output + self.outputs
+
+    @property
+    def size(self) -> int:
+        """Length of s."""
+        return self.first_memory + self.memory
+
+    def setpoint(self, unit: int, name: str) -> int | None:
+        """Place of a set-point of a unit; None where it has none of that name (a control fills the port)."""
+        for k, one in enumerate(self.setpoints):
+            if one.unit == unit and one.name == name:
+                return self.first_setpoint + k
+        return None
 
 
 def unique(labels: Iterable[str]) -> tuple[str, ...]:
@@ -68,19 +121,3 @@ def unique(labels: Iterable[str]) -> tuple[str, ...]:
         seen[text] = seen.get(text, 0) + 1
         out.append(text if seen[text] == 1 else f"{text} ({seen[text]})")
     return tuple(out)
-
-
-def colors(plant: Plant, buses: int) -> np.ndarray:
-    """Places of the states and set-points of every machine, one column a machine, -1 where it has fewer.
-
-    Shape (most unknowns of a machine, machines). Storage is left out: it idles at an equilibrium.
-    """
-    n, owner = sizes(plant, buses), plant.owner
-    count, order = np.bincount(owner, minlength=n.machines), np.argsort(owner, kind="stable")
-    table = np.full((count.max(initial=0) + 2, n.machines), -1, np.int64)
-    first = np.repeat(np.cumsum(count) - count, count)
-    table[np.arange(len(owner)) - first, owner[order]] = order
-    every = np.arange(n.machines)
-    table[count, every] = n.states + n.voltages + every
-    table[count + 1, every] = n.states + n.voltages + n.machines + every
-    return table

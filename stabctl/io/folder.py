@@ -9,7 +9,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from stabctl.devices import ALL
+from stabctl.devices import models
 from stabctl.errors import CaseError
 from stabctl.model.case import TABLES, Case
 from stabctl.schema import fields
@@ -67,11 +67,11 @@ def _tables(folder: Path, partial: bool) -> Table:
         name = path.stem
         if name in TABLES:
             columns, key = dict(fields(TABLES[name])), KEYS.get(name)
-        elif name in ALL:
+        elif name in models():
             number = fields(TABLES["machines"])["machine"]
-            columns, key = {"machine": number, **fields(ALL[name].Par)}, "machine"
+            columns, key = {"machine": number, **fields(models()[name].Par)}, "machine"
         else:
-            raise CaseError(f"{path}: there is no table {name!r}; known are {', '.join([*TABLES, *ALL])}.")
+            raise CaseError(f"{path}: there is no table {name!r}; known are {', '.join([*TABLES, *models()])}.")
         tables[name] = rows_of(path, columns, key if partial else None)
     return tables
 
@@ -82,7 +82,7 @@ def _build(folder: Path, about: Row, tables: Table) -> Case:
             raise CaseError(f"{folder / name}.csv: the table is missing; a case folder needs one.")
     rows = {name: tuple(record(**row) for row in tables[name][0]) for name, record in TABLES.items() if name in tables}
     devices: dict[str, dict[int, Any]] = {}
-    for name, device in ALL.items():
+    for name, device in models().items():
         if name in tables:
             devices[name] = _keyed(folder / f"{name}.csv", device.Par, *tables[name])
     given = {key: value for key, value in about.items() if key != "extends"}
@@ -166,7 +166,7 @@ def write(case: Case, folder: str | Path) -> Path:
             save(folder / f"{name}.csv", columns, [[getattr(r, c) for c in columns] for r in getattr(case, name)])
     machine = fields(TABLES["machines"])["machine"]
     for name, rows in case.devices.items():
-        columns = fields(ALL[name].Par)
+        columns = fields(models()[name].Par)
         cells = [[number, *(getattr(par, c) for c in columns)] for number, par in rows.items()]
         save(folder / f"{name}.csv", {"machine": machine, **columns}, cells)
     return folder

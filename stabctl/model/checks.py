@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from stabctl.devices import ALL
+from stabctl.devices import models
 from stabctl.errors import CaseError
 from stabctl.schema import fields
 
@@ -145,9 +145,9 @@ def _devices(case: "Case") -> Iterator[str]:
     numbers = {m.machine for m in case.machines}
     has: dict[tuple[int, str], str] = {}
     for model, rows in case.devices.items():
-        if model not in ALL:
-            raise CaseError(f"{model}.csv: there is no such device; known are {', '.join(ALL)}.")
-        device, table = ALL[model], list(rows.items())
+        if model not in models():
+            raise CaseError(f"{model}.csv: there is no such device; known are {', '.join(models())}.")
+        device, table = models()[model], list(rows.items())
         _values(model, device.Par, [par for _, par in table])
         for i, (number, par) in enumerate(table):
             if number not in numbers:
@@ -171,7 +171,7 @@ def _devices(case: "Case") -> Iterator[str]:
             fail("machines", i, "machine", f"machine {m.machine} has no row in genrou.csv or gencls.csv; give it one.")
     for model, rows in case.devices.items():
         for i, number in enumerate(rows):
-            role = ALL[model].ROLE
+            role = models()[model].ROLE
             if role == "exciter" and has[number, "machine"] == "gencls":
                 fail(model, i, "machine", f"machine {number} is classical (gencls.csv) and takes no exciter.")
             if role == "stabilizer" and (number, "exciter") not in has:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stabctl.devices import ALL
+from stabctl.devices import models
 from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
@@ -66,10 +66,10 @@ def parameter_locus(
     The operating point is found anew for every value. `StudyError` names what the case does not have.
     """
     rows = case.devices.get(table, {})
-    if table not in ALL or not rows:
+    if table not in models() or not rows:
         raise StudyError(f"{case.name} has no table {table!r}; it has {', '.join(case.devices)}.")
-    if parameter not in ALL[table].Par._fields:
-        raise StudyError(f"{table} has no parameter {parameter!r}; it has {', '.join(ALL[table].Par._fields)}.")
+    if parameter not in models()[table].Par._fields:
+        raise StudyError(f"{table} has no parameter {parameter!r}; it has {', '.join(models()[table].Par._fields)}.")
     chosen = list(rows) if machines is None else list(machines)
     for number in chosen:
         if number not in rows:
@@ -90,7 +90,7 @@ def parameter_locus(
             )
         return new.A
 
-    return _follow(f"{parameter} of {ALL[table].NAME}", given, first, matrix)
+    return _follow(f"{parameter} of {models()[table].NAME}", given, first, matrix)
 
 
 def _values(values: Iterable[float]) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from stabctl.devices import ALL
+from stabctl.devices import models
 from stabctl.dynamics import assembly, layout
 from stabctl.dynamics.operating_point import Point
 from stabctl.dynamics.system import Buffers, Plant, first_state
@@ -58,7 +58,7 @@ def limited(point: Point, alone: Private) -> None:
             if rows[0] not in _jumps(point, alone._replace(plant=opened)):
                 machine, limit = point.case.machines[owner], float(getattr(alone.plant, family)[name][j])
                 raise LinearizationError(
-                    f"{ALL[family].NAME} of machine {machine.machine} at bus {machine.bus} rests on its limit {name} = "
+                    f"{models()[family].NAME} of machine {machine.machine} at bus {machine.bus} rests on its limit {name} = "
                     f"{limit:g} pu: only one side has a derivative there; widen {name} in {family}.csv, or move the "
                     f"operating point off it."
                 )
@@ -85,7 +85,7 @@ def _limits(plant: Plant, machine: int) -> list[tuple[str, int, str]]:
     """Table, row and name of every limit of a machine's devices."""
     return [
         (family, int(j), name)
-        for family, device in ALL.items()
+        for family, device in models().items()
         for j in np.flatnonzero(getattr(plant, f"{family}_machine") == machine)
         for name in device.Par._fields
         if name.endswith(("max", "min"))

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-from stabctl.devices import ALL
+from stabctl.devices import models
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
 
@@ -158,7 +158,7 @@ def _signal(case: Case, name: str, kind: Kind, place: int | str | None) -> Signa
     elif kind.place == "" and place is not None:
         raise StudyError(f"{name} has no place; write {name} alone.")
     words = {
-        role: ALL[model].NAME for role in ("machine", "exciter", "governor") if (model := _model(case, place, role))
+        role: models()[model].NAME for role in ("machine", "exciter", "governor") if (model := _model(case, place, role))
     }
     return Signal(name, place, kind.label.format(place=place, **words), kind.unit)
 
@@ -184,4 +184,4 @@ def _device(case: Case, text: str) -> str:
 
 
 def _model(case: Case, number: object, role: str) -> str | None:
-    return case.model(number, [name for name, device in ALL.items() if role == device.ROLE])
+    return case.model(number, [name for name, device in models().items() if role == device.ROLE])

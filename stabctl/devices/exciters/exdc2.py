@@ -13,12 +13,12 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import SHORT, clip, lag, lag_rate, lead_lag, quadratic_saturation
 from stabctl.schema import NOT_NEGATIVE, POSITIVE, Range
 
-from .signals import Input
+from .signals import Input, Output
 
 NAME = "EXDC2"
 ROLE = "exciter"
-HELD = {"vr": ("VRmin", "VRmax", "vt")}
-__all__ = ["HELD", "NAME", "ROLE", "Input", "Par", "State", "flow", "output"]
+LIMITS = {"vr": ("VRmin", "VRmax", "vt")}
+__all__ = ["LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "output"]
 
 
 class Par(NamedTuple):
@@ -60,26 +60,26 @@ class State(NamedTuple):
 def demand(x, u, p):
     """Control error, and the regulator output it asks for (pu)."""
     damping = p.KF / p.TF * (x.efd - x.vf) if p.TF >= SHORT else 0 * x.efd
-    error = u.vref - lag(p.TR, u.vt, x.vm) + u.vs - damping
+    error = u.Vref - lag(p.TR, u.vt, x.vm) + u.Vs - damping
     return error, p.KA * lead_lag(p.TC, p.TB, error, x.va)
 
 
 @inline
-def output(x, u, p):
+def output(x):
     """Field voltage Efd (pu)."""
-    return x.efd
+    return Output(x.efd)
 
 
 @inline
-def flow(x, u, y, p):
-    """State rates (1/s); y is this exciter's own output."""
+def derivatives(x, u, p):
+    """State rates (1/s)."""
     error, wanted = demand(x, u, p)
     vr = clip(lag(p.TA, wanted, x.vr), p.VRmin * u.vt, p.VRmax * u.vt)
-    iron = quadratic_saturation(y, p.E1, p.SE1, p.E2, p.SE2) if p.SE2 > 0 else 0 * y
+    iron = quadratic_saturation(x.efd, p.E1, p.SE1, p.E2, p.SE2) if p.SE2 > 0 else 0 * x.efd
     return State(
         lag_rate(p.TR, u.vt, x.vm),
         lag_rate(p.TB, error, x.va),
         lag_rate(p.TA, wanted, x.vr),
-        (vr - p.KE * y - iron) / p.TE,
-        lag_rate(p.TF, y, x.vf),
+        (vr - p.KE * x.efd - iron) / p.TE,
+        lag_rate(p.TF, x.efd, x.vf),
     )

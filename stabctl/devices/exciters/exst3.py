@@ -12,12 +12,12 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import SHORT, clip, lag, lag_rate, lead_lag
 from stabctl.schema import NOT_NEGATIVE, POSITIVE
 
-from .signals import Input
+from .signals import Input, Output
 
 NAME = "EXST3"
 ROLE = "exciter"
-HELD = {"vr": ("VRmin", "VRmax")}
-__all__ = ["HELD", "NAME", "ROLE", "Input", "Par", "State", "flow", "output"]
+LIMITS = {"vr": ("VRmin", "VRmax")}
+__all__ = ["LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "output"]
 
 
 class Par(NamedTuple):
@@ -55,7 +55,7 @@ class State(NamedTuple):
 @inline
 def demand(x, u, p):
     """Control error, and the signal after the first stage (pu)."""
-    error = p.KJ * clip(u.vref - lag(p.TR, u.vt, x.vm) + u.vs, p.VImin, p.VImax)
+    error = p.KJ * clip(u.Vref - lag(p.TR, u.vt, x.vm) + u.Vs, p.VImin, p.VImax)
     return error, lead_lag(p.TC, p.TB, error, x.va)
 
 
@@ -63,12 +63,12 @@ def demand(x, u, p):
 def output(x, u, p):
     """Field voltage Efd = min(VR KP VE, Emax) (pu)."""
     vr = clip(x.vr if p.TA >= SHORT else p.KA * demand(x, u, p)[1], p.VRmin, p.VRmax)
-    return clip(vr * p.KP * u.ve, -p.Emax, p.Emax)
+    return Output(clip(vr * p.KP * u.ve, -p.Emax, p.Emax))
 
 
 @inline
-def flow(x, u, y, p):
+def derivatives(x, u, y, p):
     """State rates (1/s); y is this exciter's own output."""
     error, first = demand(x, u, p)
-    drive = p.KA * (first - clip(p.KG * y, -p.VGmax, p.VGmax))
+    drive = p.KA * (first - clip(p.KG * y.Efd, -p.VGmax, p.VGmax))
     return State(lag_rate(p.TR, u.vt, x.vm), lag_rate(p.TB, error, x.va), lag_rate(p.TA, drive, x.vr))

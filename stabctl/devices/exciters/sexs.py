@@ -11,12 +11,12 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import clip, lag, lag_rate, lead_lag
 from stabctl.schema import NOT_NEGATIVE, POSITIVE
 
-from .signals import Input
+from .signals import Input, Output
 
 NAME = "SEXS"
 ROLE = "exciter"
-HELD = {"efd": ("Efdmin", "Efdmax")}
-__all__ = ["HELD", "NAME", "ROLE", "Input", "Par", "State", "flow", "output"]
+LIMITS = {"efd": ("Efdmin", "Efdmax")}
+__all__ = ["LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "output"]
 
 
 class Par(NamedTuple):
@@ -42,7 +42,7 @@ class State(NamedTuple):
 @inline
 def demand(x, u, p):
     """Control error, and the field voltage it asks for (pu)."""
-    error = u.vref - lag(p.TR, u.vt, x.vm) + u.vs
+    error = u.Vref - lag(p.TR, u.vt, x.vm) + u.Vs
     return error, p.KA * lead_lag(p.TC, p.TB, error, x.va)
 
 
@@ -50,11 +50,11 @@ def demand(x, u, p):
 def output(x, u, p):
     """Field voltage Efd (pu)."""
     error, wanted = demand(x, u, p)
-    return clip(lag(p.TA, wanted, x.efd), p.Efdmin, p.Efdmax)
+    return Output(clip(lag(p.TA, wanted, x.efd), p.Efdmin, p.Efdmax))
 
 
 @inline
-def flow(x, u, y, p):
+def derivatives(x, u, y, p):
     """State rates (1/s); y is this exciter's own output."""
     error, wanted = demand(x, u, p)
     return State(lag_rate(p.TR, u.vt, x.vm), lag_rate(p.TB, error, x.va), lag_rate(p.TA, wanted, x.efd))

@@ -1,12 +1,20 @@
-"""What every exciter sees."""
+"""What every exciter reads and gives."""
 
 from typing import Annotated, NamedTuple
+
+from stabctl.devices.ports import PORT, SUM
 
 
 class Input(NamedTuple):
     """Signals at an exciter."""
 
-    vref: Annotated[float, "pu", "voltage reference (set-point)"]
-    vs: Annotated[float, "pu", "stabilizing signal"]
+    Vref: Annotated[float, "pu", "voltage reference", PORT]
+    Vs: Annotated[float, "pu", "stabilizing signal", SUM]
     vt: Annotated[float, "pu", "terminal voltage"]
     ve: Annotated[float, "pu", "supply voltage of the rectifier"]
+
+
+class Output(NamedTuple):
+    """Signal of an exciter."""
+
+    Efd: Annotated[float, "pu", "field voltage"]

@@ -8,11 +8,11 @@ from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
 from stabctl.devices.blocks import clip, lag, lag_rate, lead_lag
+from stabctl.devices.ports import PORT
 from stabctl.schema import NOT_NEGATIVE
 
 NAME = "TGOV"
 ROLE = "governor"
-HELD: dict[str, tuple[str, str]] = {}
 
 
 class Par(NamedTuple):
@@ -39,8 +39,14 @@ class State(NamedTuple):
 class Input(NamedTuple):
     """Signals at a governor."""
 
-    Pref: Annotated[float, "pu", "load reference (set-point)"]
+    Pref: Annotated[float, "pu", "load reference", PORT]
     omega: Annotated[float, "pu", "speed"]
+
+
+class Output(NamedTuple):
+    """Signal of a governor."""
+
+    Pm: Annotated[float, "pu", "mechanical power, machine base"]
 
 
 @inline
@@ -55,11 +61,11 @@ def stages(x, u, p):
 def output(x, u, p):
     """Mechanical power (pu machine)."""
     demand, servo, gate = stages(x, u, p)
-    return lead_lag(p.T4, p.T5, gate, x.turbine)
+    return Output(lead_lag(p.T4, p.T5, gate, x.turbine))
 
 
 @inline
-def flow(x, u, y, p):
+def derivatives(x, u, p):
     """State rates (1/s)."""
     demand, servo, gate = stages(x, u, p)
     return State(lag_rate(p.Ts, demand, x.servo), lag_rate(p.Tc, servo, x.gate), lag_rate(p.T5, gate, x.turbine))

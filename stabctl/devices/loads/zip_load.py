@@ -1,13 +1,19 @@
-"""ZIP load: its constant-power and constant-current parts (the admittance part stands in the network matrix).
+"""ZIP load: power that is constant, or in proportion to the voltage or its square.
 
-Current into the network -conj(Sp/m^2 + Sc/m) V with m = max(|V|, vlow): below vlow the load passes continuously to a
-constant admittance, so that the network always has a solution.
+Current into the network -conj(Sp/m^2 + Sc/m + Sz) V with m = max(|V|, vlow): below vlow the load passes continuously to
+a constant admittance, so that the network always has a solution. The constant-admittance part of a load that stays as
+it is stands in the network matrix instead (Pz = Qz = 0).
+Source: Kundur, Power System Stability and Control, section 7.1.1.
 """
 
-from typing import Annotated, NamedTuple
+from collections.abc import Iterable
+from typing import Annotated, Any, NamedTuple
 
 from stabctl._util.jit import inline
 from stabctl.devices.blocks import at_least, magnitude
+
+NAME = "ZIP"
+ROLE = "load"
 
 
 class Par(NamedTuple):
@@ -17,12 +23,31 @@ class Par(NamedTuple):
     Qp: Annotated[float, "pu", "constant power, reactive"]
     Pc: Annotated[float, "pu", "constant current, active, at 1 pu voltage"]
     Qc: Annotated[float, "pu", "constant current, reactive, at 1 pu voltage"]
+    Pz: Annotated[float, "pu", "constant admittance, active, at 1 pu voltage"]
+    Qz: Annotated[float, "pu", "constant admittance, reactive, at 1 pu voltage"]
     vlow: Annotated[float, "pu", "voltage below which the load is an admittance"]
 
 
+def from_case(load: Any, P: float, Q: float, V: float) -> Par:
+    """Constants of a row of loads.csv (its shares), for a power P + jQ (pu) at the voltage V (pu)."""
+    pp, qp, pc, qc = load.p_power, load.q_power, load.p_current, load.q_current
+    rest = (1 - pp - pc) * P / V**2, (1 - qp - qc) * Q / V**2
+    return Par(pp * P, qp * Q, pc * P / V, qc * Q / V, *rest, load.v_low)
+
+
+def admittance(p: Par) -> complex:
+    """Admittance of the constant-admittance part (pu)."""
+    return complex(p.Pz, -p.Qz)
+
+
+def watched(p: Par) -> Iterable[float]:
+    """Voltage (pu) below which the load counts as lost."""
+    return (p.vlow,)
+
+
 @inline
-def output(v, p):
+def current(v, p):
     """Current into the network (pu), real and imaginary part."""
     m = at_least(magnitude(v[0], v[1]), p.vlow)
-    g, b = (p.Pp / m + p.Pc) / m, (p.Qp / m + p.Qc) / m
+    g, b = (p.Pp / m + p.Pc) / m + p.Pz, (p.Qp / m + p.Qc) / m + p.Qz
     return -(g * v[0] + b * v[1]), b * v[0] - g * v[1]

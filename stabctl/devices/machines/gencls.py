@@ -17,8 +17,7 @@ from .stator import Input, Output
 
 NAME = "GENCLS"
 ROLE = "machine"
-HELD: dict[str, tuple[str, str]] = {}
-__all__ = ["HELD", "NAME", "ROLE", "Input", "Output", "Par", "State", "flow", "norton", "output"]
+__all__ = ["NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "output", "source"]
 
 
 class Par(NamedTuple):
@@ -40,7 +39,7 @@ class State(NamedTuple):
 
 
 @inline
-def norton(x, Efd, p):
+def source(x, Efd, p):
     """Short-circuit current of the source (pu system), real and imaginary part."""
     er, ei = Efd * np.cos(x.delta), Efd * np.sin(x.delta)
     k = p.mva / (p.ra * p.ra + p.x1d * p.x1d)
@@ -56,11 +55,11 @@ def output(x, Efd, v, p):
     k = 1 / (p.ra * p.ra + p.x1d * p.x1d)
     iq, id_ = k * (p.ra * er + p.x1d * ei), k * (p.x1d * er - p.ra * ei)
     vt = magnitude(vr, vi)
-    return Output(id_, iq, Efd * iq, p.mva * (vr * iq - vi * id_), vt, vt)
+    return Output(id_, iq, Efd * iq, vr * iq - vi * id_, -(vr * id_ + vi * iq), vt, vt, Efd, 0 * Efd)
 
 
 @inline
-def flow(x, u, y, p):
+def derivatives(x, u, y, p):
     """State rates (1/s); y is this machine's own output."""
     slip = x.omega - 1
     return State(p.wb * slip, (u.Pm - y.Te - p.D * slip) / (2 * p.H))
@@ -73,7 +72,6 @@ def admittance(p):
     return k * p.ra, -k * p.x1d
 
 
-@inline
-def behind(p):
-    """Impedance ra + j x'd (pu machine) whose voltage drop turns the terminal phasor onto the q axis."""
-    return p.ra, p.x1d
+def guess(V, I, p):
+    """States to start from: the rotor at the angle of V + (ra + j x'd) I, at synchronous speed."""
+    return State(float(np.angle(V + complex(p.ra, p.x1d) * I)), 1.0)

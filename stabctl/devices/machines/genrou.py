@@ -19,8 +19,9 @@ from .stator import Input, Output
 
 NAME = "GENROU"
 ROLE = "machine"
-HELD: dict[str, tuple[str, str]] = {}
-__all__ = ["HELD", "NAME", "ROLE", "Input", "Output", "Par", "State", "flow", "norton", "output"]
+EASED = ("S10", "S12")
+CLOSED = ("T1d", "T2d", "T1q", "T2q")
+__all__ = ["CLOSED", "EASED", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "output", "source"]
 
 
 class Par(NamedTuple):
@@ -71,7 +72,7 @@ class State(NamedTuple):
 
 
 @inline
-def source(x, p):
+def subtransient(x, p):
     """Subtransient flux linkages psi''d, psi''q (pu)."""
     a = (p.x2 - p.xl) / (p.x1d - p.xl)
     b = (p.x2 - p.xl) / (p.x1q - p.xl)
@@ -79,9 +80,9 @@ def source(x, p):
 
 
 @inline
-def norton(x, Efd, p):
-    """Short-circuit current of the source (pu system), real and imaginary part; it needs no field voltage."""
-    psid, psiq = source(x, p)
+def source(x, p):
+    """Short-circuit current of the source (pu system), real and imaginary part."""
+    psid, psiq = subtransient(x, p)
     s, c = np.sin(x.delta), np.cos(x.delta)
     er, ei = x.omega * (c * psid - s * psiq), x.omega * (s * psid + c * psiq)
     k = p.mva / (p.ra * p.ra + p.x2 * p.x2)
@@ -89,51 +90,58 @@ def norton(x, Efd, p):
 
 
 @inline
-def output(x, Efd, v, p):
-    """Stator: (ra + j x'')(iq - j id) = omega psi'' - V exp(-j delta), psi'' = psi''d + j psi''q."""
-    psid, psiq = source(x, p)
-    s, c = np.sin(x.delta), np.cos(x.delta)
-    vr, vi = c * v[0] + s * v[1], c * v[1] - s * v[0]
-    er, ei = x.omega * psid - vr, x.omega * psiq - vi
-    k = 1 / (p.ra * p.ra + p.x2 * p.x2)
-    iq, id_ = k * (p.ra * er + p.x2 * ei), k * (p.x2 * er - p.ra * ei)
-    slip = x.omega - 1
-    return Output(
-        id_,
-        iq,
-        psid * iq - psiq * id_,
-        p.mva * (vr * iq - vi * id_),
-        magnitude(vr, vi),
-        magnitude(vr - slip * psid, vi - slip * psiq),
-    )
-
-
-@inline
 def saturation(x, p):
     """Extra excitation on the d and q axis, S(|psi''|) along the flux; the q axis scaled by its air gap."""
     if p.S12 <= 0:
         return 0 * x.eq, 0 * x.eq
-    psid, psiq = source(x, p)
+    psid, psiq = subtransient(x, p)
     flux = magnitude(psid, psiq)
     extra = quadratic_saturation(flux, 1.0, p.S10, 1.2, p.S12) / flux
     return extra * psid, extra * psiq * (p.xq - p.xl) / (p.xd - p.xl)
 
 
 @inline
-def flow(x, u, y, p):
-    """State rates (1/s); y is this machine's own output."""
+def damping(x, id_, iq, p):
+    """Voltages that drive the damper fluxes, d and q axis (pu)."""
+    return x.eq - x.kd - (p.x1d - p.xl) * id_, x.ed - x.kq - (p.x1q - p.xl) * iq
+
+
+@inline
+def output(x, v, p):
+    """Stator: (ra + j x'')(iq - j id) = omega psi'' - V exp(-j delta), psi'' = psi''d + j psi''q."""
+    psid, psiq = subtransient(x, p)
+    s, c = np.sin(x.delta), np.cos(x.delta)
+    vr, vi = c * v[0] + s * v[1], c * v[1] - s * v[0]
+    er, ei = x.omega * psid - vr, x.omega * psiq - vi
+    k = 1 / (p.ra * p.ra + p.x2 * p.x2)
+    iq, id_ = k * (p.ra * er + p.x2 * ei), k * (p.x2 * er - p.ra * ei)
+    damp_d, damp_q = damping(x, id_, iq, p)
     a, b = p.x1d - p.xl, p.x1q - p.xl
-    damp_d = x.eq - x.kd - a * y.id
-    damp_q = x.ed - x.kq - b * y.iq
     iron_d, iron_q = saturation(x, p)
-    field = u.Efd - x.eq - (p.xd - p.x1d) * (y.id + (p.x1d - p.x2) / (a * a) * damp_d) - iron_d
-    cross = -x.ed - (p.xq - p.x1q) * (y.iq + (p.x1q - p.x2) / (b * b) * damp_q) - iron_q
+    slip = x.omega - 1
+    return Output(
+        id_,
+        iq,
+        psid * iq - psiq * id_,
+        vr * iq - vi * id_,
+        -(vr * id_ + vi * iq),
+        magnitude(vr, vi),
+        magnitude(vr - slip * psid, vi - slip * psiq),
+        x.eq + (p.xd - p.x1d) * (id_ + (p.x1d - p.x2) / (a * a) * damp_d) + iron_d,
+        x.ed + (p.xq - p.x1q) * (iq + (p.x1q - p.x2) / (b * b) * damp_q) + iron_q,
+    )
+
+
+@inline
+def derivatives(x, u, y, p):
+    """State rates (1/s); y is this machine's own output."""
+    damp_d, damp_q = damping(x, y.id, y.iq, p)
     return State(
         p.wb * (x.omega - 1),
         (u.Pm / x.omega - y.Te - p.D * (x.omega - 1)) / (2 * p.H),
-        circuit_rate(p.T1d, field, x.eq),
+        circuit_rate(p.T1d, u.Efd - y.Ifd, x.eq),
         circuit_rate(p.T2d, damp_d, x.kd),
-        circuit_rate(p.T1q, cross, x.ed),
+        circuit_rate(p.T1q, -y.Ilq, x.ed),
         circuit_rate(p.T2q, damp_q, x.kq),
     )
 
@@ -145,7 +153,6 @@ def admittance(p):
     return k * p.ra, -k * p.x2
 
 
-@inline
-def behind(p):
-    """Impedance ra + j xq (pu machine) whose voltage drop turns the terminal phasor onto the q axis."""
-    return p.ra, p.xq
+def guess(V, I, p):
+    """States to start from: the rotor on the q axis of V + (ra + j xq) I, at synchronous speed, fluxes of 1 pu."""
+    return State(float(np.angle(V + complex(p.ra, p.xq) * I)), 1.0, 1.0, 1.0, 1.0, 1.0)

@@ -8,7 +8,6 @@ from stabctl.schema import NOT_NEGATIVE
 
 NAME = "PSS"
 ROLE = "stabilizer"
-HELD: dict[str, tuple[str, str]] = {}
 
 
 class Par(NamedTuple):
@@ -38,6 +37,12 @@ class Input(NamedTuple):
     omega: Annotated[float, "pu", "speed"]
 
 
+class Output(NamedTuple):
+    """Signal of a stabilizer."""
+
+    Vs: Annotated[float, "pu", "stabilizing signal"]
+
+
 @inline
 def stages(x, u, p):
     """Signal after the washout, and after the first lead-lag (pu)."""
@@ -49,11 +54,11 @@ def stages(x, u, p):
 def output(x, u, p):
     """Stabilizing signal (pu)."""
     fast, first = stages(x, u, p)
-    return clip(lead_lag(p.T3, p.T4, first, x.lag2), p.Vmin, p.Vmax)
+    return Output(clip(lead_lag(p.T3, p.T4, first, x.lag2), p.Vmin, p.Vmax))
 
 
 @inline
-def flow(x, u, y, p):
+def derivatives(x, u, p):
     """State rates (1/s)."""
     fast, first = stages(x, u, p)
     return State(lag_rate(p.Tw, u.omega, x.washout), lag_rate(p.T2, fast, x.lag1), lag_rate(p.T4, first, x.lag2))

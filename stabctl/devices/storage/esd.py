@@ -3,22 +3,24 @@
 order -> [1/(1+sTlag)] -> share -> (stops where the store is full or empty) -> power = share * rating * {1, V, V^2}
 The power against voltage is constant power, constant current or constant conductance (Pp, Pc, Pg); below vlow all of
 it is a conductance. Stored energy grows with k times the absorbed and falls with 1/k times the injected power,
-k^2 the round-trip efficiency; a full or empty store stops at once, whatever ramp and lag. Tlag = 0 and capacity = 0
-(unlimited) are the paper's ideal device.
+k^2 the round-trip efficiency; a full or empty store stops at once, whatever ramp and lag. Tlag = 0 and an unlimited
+capacity are the ideal device of the 2022 paper on distributed storage control (section 5).
 """
 
-from typing import Annotated, NamedTuple
+from math import inf, sqrt
+from typing import Annotated, Any, NamedTuple
 
 from stabctl._util.jit import inline
 from stabctl.devices.blocks import at_least, lag, lag_rate, magnitude
+from stabctl.devices.ports import fixed
 
 NAME = "ESD"
 ROLE = "storage"
-HELD: dict[str, tuple[str, str]] = {}
+LIMITS = {"energy": ("floor", "capacity")}
 
 
 class Par(NamedTuple):
-    """Constants of one device."""
+    """Constants of one device, on the system base."""
 
     Pp: Annotated[float, "pu", "rating that is constant power"]
     Pc: Annotated[float, "pu", "rating that is constant current, at 1 pu voltage"]
@@ -26,7 +28,9 @@ class Par(NamedTuple):
     vlow: Annotated[float, "pu", "voltage below which the device is a conductance"]
     Tlag: Annotated[float, "s", "lag from order to power"]
     ramp: Annotated[float, "1/s", "largest change of the order, in ratings per second (0: unlimited)"]
-    capacity: Annotated[float, "pu s", "energy it can hold (0: unlimited)"]
+    floor: Annotated[float, "pu s", "energy of the empty store (-inf: unlimited)"]
+    capacity: Annotated[float, "pu s", "energy of the full store (inf: unlimited)"]
+    stored: Annotated[float, "pu s", "energy at the start"]
     efficiency: Annotated[float, "-", "of one way, the root of the round trip"]
 
 
@@ -37,33 +41,70 @@ class State(NamedTuple):
     energy: Annotated[float, "pu s", "energy in store"]
 
 
-class Output(NamedTuple):
-    """Current into the network and power absorbed."""
+class Input(NamedTuple):
+    """Signal at a device."""
 
-    re: Annotated[float, "pu", "current, real part"]
-    im: Annotated[float, "pu", "current, imaginary part"]
+    order: Annotated[float, "-", "share of the rating to absorb", fixed(0.0)]
+
+
+class Output(NamedTuple):
+    """Power at the terminals."""
+
     P: Annotated[float, "pu", "power absorbed, system base"]
+
+
+def from_case(device: Any, base_mva: float) -> Par:
+    """Constants of a row of storage.csv."""
+    part = {"power": 0.0, "current": 0.0, "conductance": 0.0, device.characteristic: device.rating / base_mva}
+    capacity = device.energy * 3600 / base_mva
+    return Par(
+        *part.values(),
+        0.5,
+        device.lag,
+        device.ramp / device.rating if device.rating else 0.0,
+        0.0 if capacity else -inf,
+        capacity or inf,
+        capacity * device.charge,
+        sqrt(device.efficiency),
+    )
+
+
+def guess(p: Par) -> State:
+    """States at rest: no power, and the energy of the start."""
+    return State(0.0, p.stored)
 
 
 @inline
 def allowed(share, x, p):
     """The share, or nothing where a full store would absorb or an empty one inject."""
-    if p.capacity > 0 and ((x.energy.real >= p.capacity and share.real > 0) or (x.energy.real <= 0 and share.real < 0)):
+    if (x.energy.real >= p.capacity and share.real > 0) or (x.energy.real <= p.floor and share.real < 0):
         return 0 * share
     return share
 
 
 @inline
-def output(x, order, v, p):
-    """Current into the network -share (Pp/m^2 + Pc/m + Pg) V, m = max(|V|, vlow), and the power absorbed."""
-    m = at_least(magnitude(v[0], v[1]), p.vlow)
-    share = allowed(lag(p.Tlag, allowed(order, x, p), x.share), x, p)
-    g = share * ((p.Pp / m + p.Pc) / m + p.Pg)
-    return Output(-g * v[0], -g * v[1], g * (v[0] * v[0] + v[1] * v[1]))
+def conductance(x, u, m, p):
+    """Conductance that draws the power at the voltage m (pu)."""
+    share = allowed(lag(p.Tlag, allowed(u.order, x, p), x.share), x, p)
+    return share * ((p.Pp / m + p.Pc) / m + p.Pg)
 
 
 @inline
-def flow(x, order, y, p):
-    """State rates (1/s); y is this device's own output."""
+def current(x, u, v, p):
+    """Current into the network -share (Pp/m^2 + Pc/m + Pg) V, m = max(|V|, vlow)."""
+    g = conductance(x, u, at_least(magnitude(v[0], v[1]), p.vlow), p)
+    return -g * v[0], -g * v[1]
+
+
+@inline
+def output(x, u, v, p):
+    """Power absorbed (pu)."""
+    g = conductance(x, u, at_least(magnitude(v[0], v[1]), p.vlow), p)
+    return Output(g * (v[0] * v[0] + v[1] * v[1]))
+
+
+@inline
+def derivatives(x, u, y, p):
+    """State rates (1/s)."""
     way = p.efficiency if y.P.real > 0 else 1 / p.efficiency
-    return State(lag_rate(p.Tlag, allowed(order, x, p), x.share), way * y.P)
+    return State(lag_rate(p.Tlag, allowed(u.order, x, p), x.share), way * y.P)

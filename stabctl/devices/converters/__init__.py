@@ -1,0 +1,1 @@
+"""Device models: converters of generating units."""

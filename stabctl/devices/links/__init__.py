@@ -1,0 +1,1 @@
+"""Device models: links between two buses."""

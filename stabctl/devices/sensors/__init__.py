@@ -1,0 +1,1 @@
+"""Measurements that controls read from buses."""

@@ -1,0 +1,59 @@
+"""Frequency of a bus: rate of its voltage angle, by a washout of time constant T.
+
+df = (angle of V exp(-j x)) / T, x' = df: a first-order phase-locked loop. f = 1 + df / wb.
+"""
+
+from typing import Annotated, NamedTuple
+
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import angle
+
+import numpy as np
+
+from stabctl.schema import FROM_CASE
+
+NAME = "bus frequency"
+ROLE = "sensor"
+
+
+class Par(NamedTuple):
+    """Constants of one sensor."""
+
+    wb: Annotated[float, "rad/s", "base speed, 2 pi f", FROM_CASE]
+    T: Annotated[float, "s", "time constant"] = 0.02
+
+
+class State(NamedTuple):
+    """State of the sensor."""
+
+    theta: Annotated[float, "rad", "tracked angle"]
+
+
+class Output(NamedTuple):
+    """Signal of the sensor."""
+
+    f: Annotated[float, "pu", "frequency"]
+
+
+def guess(V: complex, p: Par) -> State:
+    """State at rest: the angle of the voltage."""
+    return State(float(np.angle(V)))
+
+
+@inline
+def rate(x, v, p):
+    """Rate of the tracked angle (rad/s)."""
+    c, s = np.cos(x.theta), np.sin(x.theta)
+    return angle(c * v[0] + s * v[1], c * v[1] - s * v[0]) / p.T
+
+
+@inline
+def output(x, v, p):
+    """Frequency (pu)."""
+    return Output(1 + rate(x, v, p) / p.wb)
+
+
+@inline
+def derivatives(x, v, p):
+    """State rate (1/s)."""
+    return State(rate(x, v, p))

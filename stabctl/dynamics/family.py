@@ -1,0 +1,249 @@
+"""The devices of one model as one compiled loop, whatever the model.
+
+    family(op, n, w, k, s, f, on)   op       which of the equations (below)
+                                    n        devices
+                                    w (i64)  a row of places per device: state, bus, second bus, unit, inputs, output
+                                    k (f64)  a row of constants per device, in the order of Par
+                                    s        every signal: states, voltages, set-points, outputs
+                                    f        state rates and injected currents, at the places of states and voltages
+                                    on (i64) island of every unit, -1 where it is off
+
+The loop is written from the field names of Par, State, Input and Output and from the parameter names of the equations:
+x state, u inputs, v bus voltage (v1, v2 of a link), y own output, p constants, or the name of one input. It is compiled
+once for real numbers (simulation) and once for complex ones (derivatives by complex step, h = 1e-30).
+"""
+
+import importlib.util
+import inspect
+import os
+import sys
+from collections.abc import Callable
+from functools import cache
+from types import ModuleType
+from typing import Any
+
+from stabctl._util import jit
+
+SOURCE, CURRENT, OUTPUT, RATES, BOTH, STEP, LOCAL = range(7)
+STATE, BUS, BUS2, UNIT, INPUTS = range(5)  # columns of w; inputs follow, and the first output
+EQUATIONS = {SOURCE: ("source",), CURRENT: ("current",), OUTPUT: ("output",), RATES: ("derivatives",)}
+TINY = 1e-30
+
+
+@cache
+def fields(device: ModuleType, record: str) -> tuple[str, ...]:
+    """Field names of one of a device's records, none where it has no such."""
+    return getattr(getattr(device, record, None), "_fields", ())
+
+
+@cache
+def arguments(device: ModuleType, equation: str) -> tuple[str, ...]:
+    """Parameter names of an equation of the device, none where it has no such."""
+    return tuple(inspect.signature(getattr(device, equation)).parameters) if hasattr(device, equation) else ()
+
+
+@cache
+def reads(device: ModuleType, equation: str) -> tuple[str, ...]:
+    """Inputs that an equation of the device reads."""
+    names = arguments(device, equation)
+    return fields(device, "Input") if "u" in names else tuple(n for n in fields(device, "Input") if n in names)
+
+
+@cache
+def fused(device: ModuleType) -> bool:
+    """Is the output made together with the rates, since it needs all inputs?"""
+    return hasattr(device, "derivatives") and "u" in arguments(device, "output")
+
+
+@cache
+def equations(device: ModuleType) -> dict[int, tuple[str, ...]]:
+    """Operations of the device in a simulation, each with its equations."""
+    if hasattr(device, "step"):
+        return {STEP: ("step",)}
+    found = {op: names for op, names in EQUATIONS.items() if hasattr(device, names[0])}
+    if fused(device):
+        del found[OUTPUT], found[RATES]
+        found[BOTH] = ("output", "derivatives")
+    return found
+
+
+def width(device: ModuleType) -> int:
+    """Columns of w."""
+    return INPUTS + len(fields(device, "Input")) + 1
+
+
+@cache
+def shape(device: ModuleType) -> tuple[int, int, int, int]:
+    """Numbers of states, inputs and outputs of a device, and of the buses it stands at."""
+    names = arguments(device, "current") + arguments(device, "source") + arguments(device, "output")
+    names += arguments(device, "derivatives")
+    buses = 2 if "v2" in names else 1
+    return (*(len(fields(device, record)) for record in ("State", "Input", "Output")), buses)
+
+
+def write(device: ModuleType, name: str, scalar: type) -> str:
+    """Source text of the family's loop, for float or complex."""
+    text = [f"def {name}(op, n, w, k, s, f, on):"]
+    if hasattr(device, "family"):
+        return "\n".join([*text, "    device.family(op, n, w, k, s, f, on)", ""])
+    ops = equations(device)
+    if scalar is complex:
+        if fused(device):
+            ops = {**ops, OUTPUT: ("output",)}
+        ops = {op: ops[op] for op in (CURRENT, OUTPUT) if op in ops}
+    for op, names in ops.items():
+        text += [f"    if op == {op}:", "        for j in range(n):"]
+        text += [f"            {line}" for line in _body(device, op, names)]
+    if scalar is complex:
+        text += [f"    if op == {LOCAL}:", *(f"        {line}" for line in _local(device))]
+    return "\n".join([*text, ""])
+
+
+def _head(device: ModuleType, step: str = "") -> dict[str, tuple[str, ...]]:
+    """Lines that read each kind of argument; `step` is added to every value that a derivative may be along."""
+    par, state, inputs, shown = (fields(device, record) for record in ("Par", "State", "Input", "Output"))
+    columns = width(device)
+    at = {n: INPUTS + i for i, n in enumerate(inputs)}
+    count = iter(range(10**6))
+
+    def perturbed(text: str) -> str:
+        return f"{text} + ({step} if c == {next(count)} else 0)" if step else text
+
+    x = ", ".join(perturbed(f"s[i + {i}]") for i in range(len(state)))
+    u = ", ".join(perturbed(f"s[w[{columns} * j + {at[n]}]]") for n in inputs)
+    v = [f"({perturbed(f's[{b}]')}, {perturbed(f's[{b} + 1]')})" for b in ("b", "b2")]
+    buses = f"b, b2 = w[{columns} * j + {BUS}], w[{columns} * j + {BUS2}]"
+    return {
+        "p": (f"p = device.Par({', '.join(f'k[{len(par)} * j + {i}]' for i in range(len(par)))})",),
+        "x": (f"i = w[{columns} * j + {STATE}]", f"x = device.State({x})"),
+        "u": (f"u = device.Input({u})",),
+        "v": (buses, f"v = {v[0]}"),
+        "v1": (buses, f"v1 = {v[0]}"),
+        "v2": (f"v2 = {v[1]}",),
+        "y": (f"o = w[{columns} * j + {columns - 1}]", f"y = device.Output({', '.join(f's[o + {i}]' for i in range(len(shown)))})"),
+        **{n: (f"{n} = u.{n}",) if step else (f"{n} = s[w[{columns} * j + {at[n]}]]",) for n in inputs},
+    }
+
+
+def _body(device: ModuleType, op: int, names: tuple[str, ...]) -> list[str]:
+    """Lines that evaluate equations of one device and store what they give."""
+    head, columns, links = _head(device), width(device), shape(device)[3] == 2
+    place, row = f"o = w[{columns} * j + {columns - 1}]", f"i = w[{columns} * j + {STATE}]"
+    bus = f"b, b2 = w[{columns} * j + {BUS}], w[{columns} * j + {BUS2}]"
+    inject = [bus, "f[b] += g[0]", "f[b + 1] += g[1]", *(("f[b2] += g[2]", "f[b2 + 1] += g[3]") if links else ())]
+    shown = [place, *(f"s[o + {i}] = y.{n}" for i, n in enumerate(fields(device, "Output")))]
+    rates = [row, *(f"f[i + {i}] = d.{n}" for i, n in enumerate(fields(device, "State")))]
+    memory = [row, *(f"s[i + {i}] = x.{n}" for i, n in enumerate(fields(device, "State")))]
+    result = {"source": "g", "current": "g", "output": "y", "derivatives": "d", "step": "x, y" if memory[1:] else "y"}
+    store = {"source": inject, "current": inject, "output": shown, "derivatives": rates}
+    store["step"] = [*(memory if memory[1:] else ()), *shown]
+    of_unit = op == SOURCE or (op == CURRENT and device.ROLE in ("machine", "converter"))
+    lines = [f"if on[w[{columns} * j + {UNIT}]] < 0:", "    continue"] if of_unit else []
+    known: set[str] = set()
+    for name in names:
+        needed = arguments(device, name)
+        lines += [line for a in needed if a not in known for line in head[a]]
+        known |= {*needed, result[name]}
+        lines += [f"{result[name]} = device.{name}({', '.join(needed)})", *store[name]]
+    return lines
+
+
+def _local(device: ModuleType) -> list[str]:
+    """Lines that write, for every device, its outputs, rates and currents perturbed along each own variable in turn.
+
+    Block j of f has a row per state, input and voltage component and a last one unperturbed; its columns are the rates,
+    the outputs and the injected currents.
+    """
+    states, inputs, outputs, buses = shape(device)
+    if hasattr(device, "step"):
+        return ["pass"]
+    rows, columns = states + inputs + 2 * buses, states + outputs + 2 * buses
+    head = _head(device, f"{TINY}j")
+    lines, known = [], {"y"}
+    for a in ("p", "x", "u", *(("v1", "v2") if buses == 2 else ("v",))):
+        if a in "pxu" and not fields(device, {"p": "Par", "x": "State", "u": "Input"}[a]):
+            continue
+        lines += head[a]
+        known.add(a)
+    body = []
+    for equation, result in (("output", "y"), ("derivatives", "d"), ("source", "g"), ("current", "g")):
+        if hasattr(device, equation):
+            needed = arguments(device, equation)
+            body += [line for a in needed if a not in known for line in head[a]]
+            known |= set(needed)
+            body += [f"{result} = device.{equation}({', '.join(needed)})"]
+    names = [f"d.{n}" for n in fields(device, "State")] if hasattr(device, "derivatives") else ["0j"] * states
+    names += [f"y.{n}" for n in fields(device, "Output")]
+    names += [f"g[{i}]" for i in range(2 * buses)] if {"source", "current"} & set(dir(device)) else ["0j"] * 2 * buses
+    body += [f"f[a + {i}] = {value}" for i, value in enumerate(names)]
+    inner = [f"        {line}" for line in (*lines, *body, f"a += {columns}")]
+    return ["a = 0", "for j in range(n):", f"    for c in range({rows + 1}):", *inner]
+
+
+@cache
+def _module(name: str, device: ModuleType, scalar: type) -> Callable[..., None]:
+    """The loop as a Python function whose source lies beside its machine code."""
+    kind = scalar.__name__
+    text = f"import {device.__name__} as device\n" if device.__package__ else "import sys\n"
+    if not device.__package__:
+        text += f"device = sys.modules[{device.__name__!r}]\n"
+    text += f"\n\n{write(device, name, scalar)}"
+    if jit.disabled():
+        space: dict[str, Any] = {}
+        exec(compile(text, f"<{name} {kind}>", "exec"), space)  # our own text, made above
+        return space[name]
+    path = jit.folder() / "families" / f"{name}_{kind}_{jit.digest(text, jit.sources(device))}.py"
+    if not path.exists():
+        path.parent.mkdir(mode=0o700, exist_ok=True)
+        own = path.with_suffix(f".{os.getpid()}")
+        own.write_text(text, encoding="utf-8")
+        os.utime(own, (0, 0))  # numba's stamp of a source is its time and size; the name holds the hash
+        own.replace(path)
+    spec: Any = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[path.stem] = module
+    spec.loader.exec_module(module)
+    return getattr(module, name)
+
+
+def on_disk(name: str, device: ModuleType, scalar: type) -> bool:
+    """Is the machine code of a family on disk, loaded, or not needed?"""
+    if jit.disabled() or (name, scalar) in _compiled:
+        return True
+    function = _module(name, device, scalar)
+    place = os.path.dirname(inspect.getfile(function))
+    return os.path.isdir(f"{place}/__pycache__") and any(
+        file.startswith(f"{function.__module__}.") and file.endswith(".nbc") for file in os.listdir(f"{place}/__pycache__")
+    )
+
+
+_compiled: dict[tuple[str, type], Any] = {}
+plain: list[Any] = []  # with NUMBA_DISABLE_JIT=1 an "address" is a row of this list
+
+
+def address(name: str, device: ModuleType, scalar: type) -> int:
+    """Address of the compiled loop in this process."""
+    key = name, scalar
+    if key not in _compiled:
+        function = _module(name, device, scalar)
+        if jit.disabled():
+            plain.append(function)
+            _compiled[key] = len(plain) - 1
+        else:
+            _compiled[key] = _compile(function, scalar)
+    found = _compiled[key]
+    return found if isinstance(found, int) else found.address
+
+
+def _compile(function: Callable[..., None], scalar: type) -> Any:
+    import numba
+    from numba import types
+
+    jit.ready()
+    number = types.complex128 if scalar is complex else types.float64
+    pointer = types.CPointer
+    signature = types.void(
+        types.int64, types.int64, pointer(types.int64), pointer(types.float64), pointer(number), pointer(number),
+        pointer(types.int64),
+    )  # fmt: skip
+    return numba.cfunc(signature, cache=True, error_model="numpy", _nrt=False)(function)

@@ -1,0 +1,40 @@
+"""The calls of a program, made from compiled code."""
+
+from typing import Any
+
+from stabctl._util.jit import disabled, inline
+
+from . import family
+
+if disabled():
+
+    def perform(calls: Any, w: Any, k: Any, s: Any, f: Any, on: Any) -> None:
+        """Call families one after the other, as plain Python."""
+        for address, op, n, i, j in calls:
+            family.plain[address](op, n, w[i:], k[j:], s, f, on)
+
+    def perform_local(calls: Any, starts: Any, w: Any, k: Any, s: Any, f: Any, on: Any) -> None:
+        """Call families one after the other, each with its own part of f, as plain Python."""
+        for (address, op, n, i, j), start in zip(calls, starts, strict=True):
+            family.plain[address](op, n, w[i:], k[j:], s, f[start:], on)
+
+else:
+    from .call import call
+
+    @inline
+    def perform_local(calls, starts, w, k, s, f, on):
+        """Call families one after the other, each with its own part of f (complex)."""
+        for c in range(len(calls)):
+            call(
+                calls[c, 0], calls[c, 1], calls[c, 2], w.ctypes.data + 8 * calls[c, 3],
+                k.ctypes.data + 8 * calls[c, 4], s.ctypes.data, f.ctypes.data + 16 * starts[c], on.ctypes.data,
+            )  # fmt: skip
+
+    @inline
+    def perform(calls, w, k, s, f, on):
+        """Call families one after the other."""
+        for c in range(len(calls)):
+            call(
+                calls[c, 0], calls[c, 1], calls[c, 2], w.ctypes.data + 8 * calls[c, 3],
+                k.ctypes.data + 8 * calls[c, 4], s.ctypes.data, f.ctypes.data, on.ctypes.data,
+            )  # fmt: skip

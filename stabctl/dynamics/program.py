@@ -1,0 +1,156 @@
+"""The devices of a system as flat tables, and the order in which they are called.
+
+A call is a run of neighboring rows of one family. Whole families are ordered by what they read and write; where that
+has a cycle, its families are taken apart into rows. Only a cycle of rows is an algebraic loop.
+"""
+
+from collections.abc import Iterable, Sequence
+from graphlib import CycleError, TopologicalSorter
+from types import ModuleType
+from typing import NamedTuple
+
+import numpy as np
+
+from stabctl.errors import EquilibriumError
+
+from . import family
+from .family import BOTH, CURRENT, LOCAL, OUTPUT, RATES, SOURCE, STEP
+
+
+class Family(NamedTuple):
+    """The devices of one model in a system."""
+
+    name: str
+    device: ModuleType
+    w: np.ndarray  # (devices, width) i64   places, see `family`
+    k: np.ndarray  # (devices, constants)
+    keys: tuple[str, ...]  # what each is called, e.g. "machine 3"
+
+
+class Program(NamedTuple):
+    """What a compiled caller needs of all devices. Its type is the same for every system."""
+
+    w: np.ndarray  # (i64) the families' tables of places, one after the other
+    k: np.ndarray  # (f64) the families' tables of constants
+    source: np.ndarray  # (calls, 5)  address, op, devices, start in w, start in k; once before the voltages are solved
+    current: np.ndarray  # at every iteration of the voltages
+    sweep: np.ndarray  # all outputs and rates
+    step: np.ndarray  # sampled devices
+
+
+Node = tuple[int, int, tuple[int, ...]]  # family, operation, rows
+
+
+def ordered(families: Sequence[Family]) -> list[Node]:
+    """Outputs and rates of all devices, so that every signal is made before it is read.
+
+    Raises `EquilibriumError` where devices wait for each other's outputs (an algebraic loop), naming them.
+    """
+    nodes: list[Node] = []
+    for i, one in enumerate(families):
+        ops = [op for op in family.equations(one.device) if op in (OUTPUT, BOTH, RATES)]
+        nodes += [(i, op, tuple(range(len(one.w)))) for op in ops if len(one.w)]
+    while True:
+        graph = _graph(families, nodes)
+        try:
+            sorter = TopologicalSorter(graph)
+            sorter.prepare()
+            out: list[Node] = []
+            while sorter.is_active():
+                batch = sorter.get_ready()
+                out += _merged(nodes[n] for n in batch)
+                sorter.done(*batch)
+            return out
+        except CycleError as error:
+            cycle = {nodes[n] for n in error.args[1]}
+            if all(len(rows) == 1 for _, _, rows in cycle):
+                names = [f"{families[nodes[n][0]].name} of {families[nodes[n][0]].keys[nodes[n][2][0]]}" for n in error.args[1]]
+                raise EquilibriumError(f"These devices wait for each other's outputs: {' <- '.join(names)}.") from None
+            single = [(i, op, (row,)) for i, op, rows in cycle for row in rows]
+            nodes = [n for n in nodes if n not in cycle] + single
+
+
+def _graph(families: Sequence[Family], nodes: Sequence[Node]) -> dict[int, set[int]]:
+    """Nodes -> the nodes whose outputs they read."""
+    size = 1 + max((int(f.w.max(initial=0)) + family.shape(f.device)[2] for f in families), default=0)
+    maker = np.full(size, -1)
+    for n, (i, op, rows) in enumerate(nodes):
+        if op != RATES:
+            maker[_written(families[i], rows)] = n
+    return {
+        n: set(maker[_read(families[i], op, rows)].tolist()) - {-1, n} for n, (i, op, rows) in enumerate(nodes)
+    }
+
+
+def _written(one: Family, rows: Sequence[int]) -> np.ndarray:
+    outputs = family.shape(one.device)[2]
+    return (one.w[list(rows), -1][:, None] + np.arange(outputs)).ravel()
+
+
+def _read(one: Family, op: int, rows: Sequence[int]) -> np.ndarray:
+    device = one.device
+    names = [name for equation in family.equations(device)[op] for name in family.reads(device, equation)]
+    at = [family.INPUTS + family.fields(device, "Input").index(name) for name in dict.fromkeys(names)]
+    places = one.w[np.ix_(list(rows), at)].ravel()
+    own = op == RATES and "y" in family.arguments(device, "derivatives")
+    return np.r_[places, _written(one, rows)] if own else places
+
+
+def _merged(nodes: Iterable[Node]) -> list[Node]:
+    """The same with the rows of one family and operation together."""
+    found: dict[tuple[int, int], list[int]] = {}
+    for i, op, rows in nodes:
+        found.setdefault((i, op), []).extend(rows)
+    return [(i, op, tuple(sorted(rows))) for (i, op), rows in sorted(found.items())]
+
+
+def program(families: Sequence[Family], scalar: type = float) -> Program:
+    """The tables and calls of a system; addresses are those of this process.
+
+    For float: as simulated. For complex: `sweep` gives all outputs, `step` all local derivatives.
+    """
+    address = [family.address(f.name, f.device, scalar) if len(f.w) else 0 for f in families]
+    starts_w = np.cumsum([0, *(f.w.size for f in families)])
+    starts_k = np.cumsum([0, *(f.k.size for f in families)])
+
+    def table(nodes: Iterable[Node]) -> np.ndarray:
+        out = []
+        for i, op, rows in nodes:
+            cut = [0, *(np.flatnonzero(np.diff(rows) != 1) + 1), len(rows)]
+            for a, b in zip(cut, cut[1:], strict=False):
+                places = starts_w[i] + families[i].w.shape[1] * rows[a], starts_k[i] + families[i].k.shape[1] * rows[a]
+                out.append((address[i], op, b - a, *places))
+        return np.array(out, np.int64).reshape(-1, 5)
+
+    def all_of(op: int) -> list[Node]:
+        return [
+            (i, op, tuple(range(len(f.w))))
+            for i, f in enumerate(families)
+            if len(f.w) and (op in family.equations(f.device) or (op == LOCAL and not hasattr(f.device, "step")))
+        ]
+
+    sweep = ordered(families)
+    if scalar is complex:
+        sweep = [(i, OUTPUT, rows) for i, op, rows in sweep if op != RATES]
+    heard = _heard(families, sweep)
+    w = np.concatenate([np.zeros(0, np.int64), *(f.w.ravel() for f in families)])
+    k = np.concatenate([np.zeros(0), *(f.k.ravel() for f in families)])
+    step = all_of(LOCAL) if scalar is complex else all_of(STEP)
+    return Program(w, k, table(all_of(SOURCE)), table([*heard, *all_of(CURRENT)]), table(sweep), table(step))
+
+
+def _heard(families: Sequence[Family], sweep: Sequence[Node]) -> list[Node]:
+    """The part of `sweep` whose outputs the currents read: they are made anew at every iteration of the voltages."""
+    draws = [f for f in families if CURRENT in family.equations(f.device) and len(f.w)]
+    wanted = np.concatenate([np.zeros(0, int), *(_read(f, CURRENT, range(len(f.w))) for f in draws)])
+    out: list[Node] = []
+    for i, op, rows in reversed(sweep):
+        if op == RATES or not family.shape(families[i].device)[2]:
+            continue
+        written = _written(families[i], rows).reshape(len(rows), -1)
+        keep = tuple(np.array(rows)[np.isin(written, wanted).any(axis=1)].tolist())
+        if keep:
+            out.insert(0, (i, op, keep))
+            needed = op if op in family.equations(families[i].device) else BOTH
+            wanted = np.r_[wanted, _read(families[i], needed, keep)]
+    return out

@@ -1,0 +1,294 @@
+"""The start: states and set-points at which every device stands still and every unit gives its power-flow power.
+
+One Newton iteration on the very equations that are simulated. Devices meet only through the network, whose voltages are
+known here, so the Jacobian falls into one small block per unit.
+"""
+
+import contextlib
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from stabctl.errors import EquilibriumError
+from stabctl.model.case import Case
+
+from . import family
+from .assembly import System, limits
+from .jacobian import Derivatives, Equations
+from .program import Family
+
+TOLERANCE = 1e-11  # largest residual, 1/s and pu
+ROUNDOFF = 1e-15  # the same over the largest slope of its equation: a fast block cannot come closer
+STILL = 1e-8  # largest rate (1/s) with the limits in place
+FAR = 1e9  # where an opened limit stands
+
+
+class Start(NamedTuple):
+    """What the start found."""
+
+    s: np.ndarray
+    iterations: int
+    fastest: float  # 1/s   largest eigenvalue of a unit with its controls at given voltage, or of a device
+
+
+def start(case: Case, system: System, equations: Equations, V: np.ndarray, current: np.ndarray) -> Start:
+    """The equilibrium of a system at its power flow.
+
+    Parameters
+    ----------
+    case
+        The case, for the names in messages.
+    system, equations
+        Its devices.
+    V
+        Bus voltages (buses), complex, pu.
+    current
+        Current out of every unit (units), complex, pu on the system base.
+
+    Raises
+    ------
+    EquilibriumError
+        Where there is none; names device, machine and limit.
+    """
+    layout = system.layout
+    s = np.zeros(layout.size)
+    s[layout.voltages] = V.view(float)
+    s[layout.one] = 1.0
+    s[layout.first_setpoint : layout.step] = [1.0 if p.start is None else p.start for p in layout.setpoints]
+    _guess(system, V, current, s)
+    lim = system.limits
+    fixed = lim.scale == layout.one  # a bypassed state stays where it is, within its limits
+    s[lim.state[fixed]] = np.clip(s[lim.state[fixed]], lim.low[fixed], lim.high[fixed])
+    newton = _Newton(case, system, equations, V, current)
+    newton.clip_moving(s)
+    iterations, fastest, found = 0, 0.0, None
+    for share in (0.0, 0.25, 0.5, 0.75, 1.0) if newton.eased(0.0) is not None else (1.0,):
+        made, found = newton.solve(s, newton.constants(share))
+        iterations += made
+    fastest = newton.fastest(found)
+    newton.check(s)
+    return Start(s, iterations, fastest)
+
+
+def _guess(system: System, V: np.ndarray, current: np.ndarray, s: np.ndarray) -> None:
+    """States to start from: what each device's `guess` says, else 1."""
+    layout = system.layout
+    s[: layout.nx] = 1.0
+    for f in system.families:
+        if not hasattr(f.device, "guess"):
+            continue
+        names = family.arguments(f.device, "guess")
+        for w, k in zip(f.w, f.k, strict=True):
+            par, unit, bus = f.device.Par(*k), w[family.UNIT], (w[family.BUS] - layout.nx) // 2
+            own = current[unit] / getattr(par, "mva", 1.0) if unit >= 0 else 0j
+            given = {"V": V[bus], "I": own, "p": par}
+            states = f.device.guess(*(given[n] for n in names))
+            s[w[family.STATE] : w[family.STATE] + len(states)] = states
+
+
+def opened(f: Family) -> np.ndarray:
+    """Constants with every limit (a field named ...max or ...min) out of reach and every rotor circuit closed."""
+    k, names = f.k.copy(), family.fields(f.device, "Par")
+    for i, name in enumerate(names):
+        if name.endswith(("max", "min")):
+            k[:, i] = FAR if name.endswith("max") else -FAR
+        elif name in getattr(f.device, "CLOSED", ()):
+            k[:, i] = np.where(k[:, i] > 0, k[:, i], 1.0)
+    return k
+
+
+class _Newton:
+    """The iteration, and the checks of what it found."""
+
+    def __init__(self, case: Case, system: System, equations: Equations, V: np.ndarray, current: np.ndarray) -> None:
+        self.case, self.system, self.equations, self.V = case, system, equations, V
+        layout = system.layout
+        free = [k for k, p in enumerate(layout.setpoints) if p.start is None]
+        self.unknown = np.r_[np.arange(layout.nx), layout.first_setpoint + np.array(free, int)].astype(int)
+        rows, target = [], []
+        for f in system.families:
+            part = equations.injections.get(f.name)
+            if part is None or f.device.ROLE not in ("machine", "converter"):
+                continue
+            unit = f.w[:, family.UNIT]
+            rows.append(np.arange(part.start, part.stop))
+            own = current[unit]
+            if hasattr(f.device, "admittance"):
+                g, b = f.device.admittance(f.device.Par(*f.k.T))
+                own = own + (g + 1j * b) * V[system.unit_bus[unit]]
+            target.append(own)
+        self.rows = np.concatenate(rows) if rows else np.zeros(0, int)
+        self.target = np.concatenate(target).view(float) if target else np.zeros(0)
+        self.pairs = (2 * self.rows[:, None] + np.arange(2)).ravel()
+
+    def constants(self, share: float) -> np.ndarray:
+        """All constants, limits open, with a share of what comes in gradually (saturation)."""
+        eased = self.eased(share)
+        return np.concatenate([k.ravel() for k in (eased or [opened(f) for f in self._live()])])
+
+    def _live(self) -> list[Family]:
+        return [f for f in self.system.families if len(f.w) and not hasattr(f.device, "step")]
+
+    def eased(self, share: float) -> list[np.ndarray] | None:
+        """The opened constants of every family with a share of those it lists in EASED; None where all are zero."""
+        out, any_of = [], False
+        for f in self._live():
+            k = opened(f)
+            for name in getattr(f.device, "EASED", ()):
+                i = f.device.Par._fields.index(name)
+                any_of |= bool(k[:, i].any())
+                k[:, i] *= share
+            out.append(k)
+        return out if any_of else None
+
+    def clip_moving(self, s: np.ndarray) -> None:
+        """Bring states within limits that move with a signal (a terminal voltage), which is worked out first."""
+        lim = self.system.limits
+        moving = lim.scale != self.system.layout.one
+        if moving.any():
+            self.equations.at(s)
+            per = s[lim.scale[moving]]
+            s[lim.state[moving]] = np.clip(1.0, lim.low[moving], lim.high[moving]) * per
+
+    def residual(self, d: Derivatives) -> np.ndarray:
+        """State rates (1/s), then the mismatch of the units' currents (pu)."""
+        return np.r_[d.rates, d.injections.view(float)[self.pairs] - self.target]
+
+    def solve(self, s: np.ndarray, k: np.ndarray, limit: int = 30) -> tuple[int, sp.csr_matrix]:
+        """Bring the residual to zero; steps made, and the last Jacobian."""
+        for iteration in range(limit + 1):
+            d = self.equations.at(s, k)
+            f = self.residual(d)
+            J = sp.vstack([d.of_rates, d.of_injections[self.pairs]], format="csr")[:, self.unknown]
+            if not np.isfinite(f).all():
+                break
+            slope = np.maximum(abs(J).max(axis=1).toarray().ravel(), 1.0) if J.nnz else np.ones(len(f))
+            done = (np.abs(f) < TOLERANCE) | (np.abs(f) / slope < ROUNDOFF)
+            if done.all():
+                return iteration, J
+            _step(s, J, f, self.unknown)
+        worst = int(np.argmax(np.where(np.isfinite(f), np.abs(f), np.inf)))
+        raise EquilibriumError(
+            f"{self._named(worst)} of {self.case.name} has no equilibrium at its power-flow power after {limit} Newton "
+            f"steps (residual {abs(f[worst]):.1e}); check its reactances, its saturation and its dispatch."
+        )
+
+    def _named(self, row: int) -> str:
+        layout = self.system.layout
+        if row < layout.nx:
+            place = layout.states[row]
+            return f"Machine {self.case.machines[place.unit].machine}" if place.unit >= 0 else place.label
+        unit = np.concatenate([f.w[:, family.UNIT] for f in self._live() if f.device.ROLE in ("machine", "converter")])
+        return f"Machine {self.case.machines[unit[(row - layout.nx) // 2]].machine}"
+
+    def fastest(self, J: sp.csr_matrix) -> float:
+        """Largest eigenvalue (1/s) of a connected group of states at given voltages."""
+        nx = self.system.layout.nx
+        A = J[:nx, :nx]
+        count, group = connected_components(A, directed=False)
+        order = np.argsort(group, kind="stable")
+        bounds = np.searchsorted(group[order], np.arange(count + 1))
+        largest = 0.0
+        sizes = np.diff(bounds)
+        for size in np.unique(sizes):
+            members = np.array([order[bounds[g] : bounds[g + 1]] for g in np.flatnonzero(sizes == size)])
+            blocks = np.zeros((len(members), size, size))
+            where = np.full(nx, -1)
+            where[members] = np.arange(size)
+            which = np.full(nx, -1)
+            which[members] = np.arange(len(members))[:, None]
+            coo = A.tocoo()
+            mine = which[coo.row] >= 0
+            blocks[which[coo.row[mine]], where[coo.row[mine]], where[coo.col[mine]]] = coo.data[mine]
+            largest = max(largest, float(np.abs(np.linalg.eigvals(blocks)).max()))
+        return largest
+
+    def check(self, s: np.ndarray) -> None:
+        """Every rotor upright, every state within its limits, nothing moved by a limit that binds."""
+        system, layout = self.system, self.system.layout
+        for unit, angle in zip(system.rotors.unit, system.rotors.angle, strict=True):
+            if np.cos(s[angle] - np.angle(self.V[system.unit_bus[unit]])) < -0.5:
+                number = self.case.machines[unit].machine
+                raise EquilibriumError(f"Machine {number} of {self.case.name} starts upside down; check its reactances.")
+        lim = limits(system.families, layout.one)
+        for k, place in enumerate(lim.state):
+            value, per = s[place], s[lim.scale[k]]
+            low, high = lim.low[k], lim.high[k]
+            if not low * per - 1e-12 <= value <= high * per + 1e-12:
+                above = value > high * per
+                state = layout.states[place]
+                what = f"{'needs'} {value / per:.4g} pu"
+                raise EquilibriumError(self._beyond(state.table, state.unit, lim.names[k][int(above)], high if above else low, what))
+        rates = self.equations.at(s).rates
+        if np.abs(rates).max(initial=0.0) < STILL:
+            return
+        worst = layout.states[int(np.abs(rates).argmax())]
+        raise EquilibriumError(self._binding(s, worst.unit))
+
+    def _binding(self, s: np.ndarray, unit: int) -> str:
+        """The limit of a unit's devices that, closed alone, keeps it from standing still."""
+        free = [opened(f) for f in self._live()]
+        for i, f in enumerate(self._live()):
+            names = family.fields(f.device, "Par")
+            for j in np.flatnonzero(f.w[:, family.UNIT] == unit):
+                for c, name in enumerate(names):
+                    if not name.endswith(("max", "min")):
+                        continue
+                    trial = [k.copy() for k in free]
+                    trial[i][j, c] = f.k[j, c]
+                    rates = self.equations.at(s.copy(), np.concatenate([k.ravel() for k in trial])).rates
+                    if np.abs(rates).max() >= STILL:
+                        return self._beyond(f.name, unit, name, f.k[j, c], "is exceeded")
+        if unit < 0:
+            return f"A device of {self.case.name} does not stand still at its power flow; check its data."
+        number = self.case.machines[unit].machine
+        return f"Machine {number} of {self.case.name} does not stand still at its power flow; check its data."
+
+    def _beyond(self, table: str, unit: int, name: str, limit: float, what: str) -> str:
+        m, model = self.case.machines[unit], self.system.family(table).device.NAME
+        return (
+            f"{model} of machine {m.machine} at bus {m.bus} cannot be initialized: {name} = {limit:g} pu {what} at the "
+            f"power flow; widen {name} in {table}.csv or change the machine's power or voltage."
+        )
+
+
+def _step(s: np.ndarray, J: sp.csr_matrix, f: np.ndarray, unknown: np.ndarray) -> None:
+    """One Newton step; states that stand still and that nobody reads (bypassed blocks) are left out."""
+    moving = np.flatnonzero(np.diff(J.indptr) > 0)
+    read = np.flatnonzero(np.diff(J.tocsc().indptr) > 0)
+    A = J[moving][:, read]
+    pattern = sp.bmat([[None, A], [A.T, None]], format="csr")
+    count, group = connected_components(pattern, directed=False)
+    of_row, of_column = group[: len(moving)], group[len(moving) :]
+    entries = A.tocoo()
+    for r, c in _groups(count, of_row, of_column):
+        which, local_row, local_column = np.full(count, -1), np.empty(len(moving), int), np.empty(len(read), int)
+        which[of_row[r[:, 0]]] = np.arange(len(r))
+        local_row[r], local_column[c] = np.arange(r.shape[1]), np.arange(c.shape[1])
+        mine = which[of_row[entries.row]]
+        keep = mine >= 0
+        blocks = np.zeros((len(r), r.shape[1], c.shape[1]))
+        blocks[mine[keep], local_row[entries.row[keep]], local_column[entries.col[keep]]] = entries.data[keep]
+        s[unknown[read[c]]] -= _solved(blocks, f[moving[r]])
+
+
+def _groups(count: int, of_row: np.ndarray, of_column: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Rows and columns of the groups, those of equal shape together: (groups, rows) and (groups, columns)."""
+    heights, widths = np.bincount(of_row, minlength=count), np.bincount(of_column, minlength=count)
+    rows, columns = np.argsort(of_row, kind="stable"), np.argsort(of_column, kind="stable")
+    first_row, first_column = np.cumsum(heights) - heights, np.cumsum(widths) - widths
+    for height, width in sorted(set(zip(heights.tolist(), widths.tolist(), strict=True))):
+        groups = np.flatnonzero((heights == height) & (widths == width))
+        if height:
+            yield rows[first_row[groups][:, None] + np.arange(height)], columns[first_column[groups][:, None] + np.arange(width)]
+
+
+def _solved(blocks: np.ndarray, f: np.ndarray) -> np.ndarray:
+    """inv(block) f of every block; the least-squares solution where a block is singular or not square."""
+    if blocks.shape[1] == blocks.shape[2]:
+        with contextlib.suppress(np.linalg.LinAlgError):
+            return np.linalg.solve(blocks, f[..., None])[..., 0]
+    return np.stack([np.linalg.lstsq(block, one, rcond=None)[0] for block, one in zip(blocks, f, strict=True)])
