@@ -7,33 +7,32 @@ breaks down has a solution below its threshold.
 
 import numpy as np
 
-from stabctl._util.jit import inline, noinline
+from stabctl._util.jit import entry, inline, noinline
 from stabctl.devices.blocks import copy
-from stabctl.devices.loads import zip_load
-from stabctl.devices.storage import esd
-from stabctl.dynamics import system
+from stabctl.dynamics.perform import perform
 
 from .substitution import solve, solve_apart
 
-TOLERANCE = 1e-7  # pu   error of a voltage at which the iteration ends
 LIMIT = 30  # -    substitutions before Newton is called
-NEWTON = 40  # -    Newton steps
-FAILED = 1000  # -    answer of `settle` where no solution was found
+STEPS = 40  # -    Newton steps
+FAILED, NEEDS_NEWTON = 1000, 1001  # -    answers of `settle`
 TINY = 1e-30  # complex step
 
 
 @inline
-def settle(b, plant, net, q):
-    """Bring b.s.v to the solution of Y v = i(v); the number of substitutions, or FAILED (bus in q.bus[0])."""
-    system.sources(b.s, plant, net.island, b.r.g)
+def settle(p, a, net, q):
+    """Bring the voltages to the solution of Y v = i(v); the number of substitutions, or NEEDS_NEWTON."""
+    for i in range(len(q.current)):
+        q.current[i] = 0
+    perform(p.source, p.w, p.k, q.s, q.f, net.island)
     copy(q.current, q.source)
-    d, before = plant.draw_bus, 0.0
+    d, before = a.draw_bus, 0.0
     for iteration in range(1, LIMIT):
         if iteration > 1:
             copy(q.source, q.current)
         for i in range(len(d)):
             q.seen[i] = q.volt[d[i]]
-        system.draws(b.s, plant, b.r.g)
+        perform(p.current, p.w, p.k, q.s, q.f, net.island)
         solve(net.factors, q.current, q.work, q.volt)
         change = 0.0
         for i in range(len(d)):
@@ -43,38 +42,49 @@ def settle(b, plant, net, q):
                 change = size
         # the changes fall like a geometric series, whose rest is the error left
         change = np.sqrt(change)
-        if change < TOLERANCE or change * change < TOLERANCE * (before - change):
+        if change < q.tol[0] or change * change < q.tol[0] * (before - change):
             return iteration
         before = change
     copy(q.kept, q.volt)
-    for attempt in range(3):
-        if newton(
-            net.factors, q.source, q.volt, q.current, q.work, q.new, d, q.bus, attempt > 0,
-            plant.load, plant.load_slot, plant.storage, plant.storage_slot, b.s.storage, b.s.order,
-        ):  # fmt: skip
-            return LIMIT
-        for i in range(len(q.volt) if attempt == 1 else 0):
-            q.volt[i] = 0
-    copy(q.kept, q.volt)
-    return FAILED
+    return NEEDS_NEWTON
 
 
-@noinline
-def newton(
-    factors, source, volt, current, work, new, bus, blame, slow, loads, load_slot, stores, store_slot, states, order
-):
-    """Voltages by Newton on the buses that draw, v - a - Z i(v) = 0, steps halved until the residual falls; found?
+def newton(calls, p, a, net, q) -> bool:
+    """Voltages by Newton: from those before, in long implicit steps, and the same from zero; found?
 
-    With `slow`, the steps are those of an implicit Euler method, of a length that grows as the residual falls.
-
-    a and Z are the voltages without draws and the impedances between the buses; `volt` starts as the guess and ends
-    as the solution, or `blame[0]` is the bus with the largest residual.
+    Parameters
+    ----------
+    calls
+        Calls of what draws, for complex numbers.
+    p
+        The program for complex numbers.
+    a, net, q
+        Frame, network and buffers of the run; `q.volt` ends as the solution, or as before with the bus of the largest
+        residual in `q.blamed[0]`.
     """
+    q.sc[:] = q.s
+    for attempt in range(3):
+        if newton_from(calls, p, a, net, q, attempt > 0):
+            return True
+        if attempt == 1:
+            q.volt[:] = 0
+    q.volt[:] = q.kept
+    return False
+
+
+@entry
+def newton_from(calls, p, a, net, q, slow):
+    """Solve v - a - Z i(v) = 0 on the buses that draw, steps halved until the residual falls; found?
+
+    With `slow`, the steps are those of an implicit Euler method, of a length that grows as the residual falls. Here a
+    and Z are the voltages without draws and the impedances between the buses.
+    """
+    bus, factors, source, volt, current, work, new = a.draw_bus, net.factors, q.source, q.volt, q.current, q.work, q.new
     n = len(bus)
-    a, Z = np.zeros(n, np.complex128), np.zeros((n, n), np.complex128)
+    open_, Z = np.zeros(n, np.complex128), np.zeros((n, n), np.complex128)
     solve_apart(factors, source, work, new)
     for i in range(n):
-        a[i] = new[bus[i]]
+        open_[i] = new[bus[i]]
     for j in range(n):
         for i in range(len(current)):
             current[i] = 0
@@ -87,14 +97,15 @@ def newton(
     for i in range(n):
         v[i, 0], v[i, 1] = volt[bus[i]].real, volt[bus[i]].imag
     pace = 0.3
-    for _ in range(3 * NEWTON if slow else NEWTON):
+    for _ in range(3 * STEPS if slow else STEPS):
         scale = 1.0
+        now = np.inf
         for _halving in range(12):
             for i in range(n):
                 for k in range(2):
                     tried[i, k] = v[i, k].real - scale * F[2 * i + k]
-            drawn(tried, loads, load_slot, stores, store_slot, states, order, i_v[0])
-            now, worst = residual(tried, a, Z, i_v[0], J[0])
+            drawn(calls, p, a, net, q, tried, i_v[0])
+            now, worst = residual(tried, open_, Z, i_v[0], J[0])
             if now < before or slow:
                 break
             scale *= 0.5
@@ -103,7 +114,7 @@ def newton(
         if before < np.inf:
             pace = min(max(pace * before / now, 0.05), 1e6)
         before = now
-        if now < TOLERANCE:
+        if now < q.tol[0]:
             copy(source, current)
             for i in range(n):
                 current[bus[i]] += i_v[0, i, 0].real + 1j * i_v[0, i, 1].real
@@ -117,28 +128,26 @@ def newton(
             for i in range(n):
                 tried[i, k] = v[i, k] + 1j * TINY
                 tried[i, 1 - k] = v[i, 1 - k]
-            drawn(tried, loads, load_slot, stores, store_slot, states, order, i_v[1 + k])
+            drawn(calls, p, a, net, q, tried, i_v[1 + k])
         slopes(Z, i_v, J)
         for i in range(2 * n if slow else 0):
             J[i, i] += 1 / pace
-        eliminate(J, F)
-    blame[0] = bus[worst]
+        F = np.linalg.solve(J, F)
+    q.blamed[0] = bus[worst]
     return False
 
 
 @noinline
-def drawn(v, loads, load_slot, stores, store_slot, states, order, out):
-    """Currents (pairs) that loads and storage inject at voltages v (pairs) of the buses that draw."""
+def drawn(calls, p, a, net, q, v, out):
+    """Currents (pairs) that whatever draws injects at voltages v (pairs) of its buses."""
     for i in range(len(v)):
-        out[i, 0] = out[i, 1] = 0
-    for j in range(len(loads)):
-        re, im = zip_load.output(v[load_slot[j]], loads[j])
-        out[load_slot[j], 0] += re
-        out[load_slot[j], 1] += im
-    for j in range(len(stores)):
-        y = esd.output(states[j], order[j], v[store_slot[j]], stores[j])
-        out[store_slot[j], 0] += y.re
-        out[store_slot[j], 1] += y.im
+        at = a.places[0] + 2 * a.draw_bus[i]
+        q.sc[at], q.sc[at + 1] = v[i, 0], v[i, 1]
+        q.fc[at] = q.fc[at + 1] = 0
+    perform(calls, p.w, p.k, q.sc, q.fc, net.island)
+    for i in range(len(v)):
+        at = a.places[0] + 2 * a.draw_bus[i]
+        out[i, 0], out[i, 1] = q.fc[at], q.fc[at + 1]
 
 
 @noinline
@@ -167,27 +176,3 @@ def slopes(Z, bent, J):
                 g, h = bent[1 + k, j, 0].imag / TINY, bent[1 + k, j, 1].imag / TINY
                 J[2 * i, 2 * j + k] = here * (1 - k) - Z[i, j].real * g + Z[i, j].imag * h
                 J[2 * i + 1, 2 * j + k] = here * k - Z[i, j].imag * g - Z[i, j].real * h
-
-
-@noinline
-def eliminate(A, x):
-    """x = inv(A) x by Gaussian elimination with row pivoting; A is spent."""
-    n = len(x)
-    for k in range(n):
-        best = k
-        for i in range(k + 1, n):
-            if abs(A[i, k]) > abs(A[best, k]):
-                best = i
-        for j in range(k, n):
-            A[k, j], A[best, j] = A[best, j], A[k, j]
-        x[k], x[best] = x[best], x[k]
-        for i in range(k + 1, n):
-            factor = A[i, k] / A[k, k]
-            if factor != 0.0:
-                for j in range(k, n):
-                    A[i, j] -= factor * A[k, j]
-                x[i] -= factor * x[k]
-    for k in range(n - 1, -1, -1):
-        for j in range(k + 1, n):
-            x[k] -= A[k, j] * x[j]
-        x[k] /= A[k, k]

@@ -1,0 +1,112 @@
+"""What the stepper looks at itself, by place in s, and the buffers of one run.
+
+The stepper knows places only: no device and no control law.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from stabctl.dynamics.assembly import System
+from stabctl.dynamics.layout import Layout
+
+from .substitution import Factors
+
+TOLERANCE = 1e-7  # pu on 100 MVA   error of a voltage at which the iteration ends
+
+
+class Net(NamedTuple):
+    """The network between two events."""
+
+    factors: Factors
+    island: np.ndarray  # (units) its island, -1 once tripped or dead
+    alive: np.ndarray  # (buses) has a unit in its island that holds a voltage
+    faulted: bool  # a fault is on: low voltages do not count
+
+
+class Frame(NamedTuple):
+    """Places and constants that the stepper itself reads. Its type is the same for every system."""
+
+    places: np.ndarray  # (4) of the voltages, of the step, of the deviations, of the accelerations
+    rotor: np.ndarray  # (rotor units) places of the angles; the speeds follow
+    unit: np.ndarray  # (rotor units) rows of their units
+    inertia: np.ndarray  # (rotor units) s
+    owner: np.ndarray  # (size of s) row of the unit whose signal it is, -1: none
+    limited: np.ndarray  # places of the states that stop at limits
+    low: np.ndarray
+    high: np.ndarray
+    scale: np.ndarray  # places of the signals that the limits are per unit of
+    draw_bus: np.ndarray  # rows of the buses with currents that depend on their voltage
+    watch_bus: np.ndarray  # rows of the buses of loads
+    watch_low: np.ndarray  # pu   voltages below which they count as lost
+    held: np.ndarray  # places that sampled devices write: the orders
+
+
+class Space(NamedTuple):
+    """Buffers and work space of one run. `volt` and `current` are complex views of the voltages in s and f."""
+
+    s: np.ndarray
+    f: np.ndarray
+    sc: np.ndarray  # complex twins of s and f, for Newton
+    fc: np.ndarray
+    volt: np.ndarray
+    current: np.ndarray
+    new: np.ndarray
+    work: np.ndarray
+    source: np.ndarray
+    seen: np.ndarray  # (buses) voltages before an iteration
+    past: np.ndarray
+    kept: np.ndarray
+    x0: np.ndarray
+    sum: np.ndarray
+    angle0: np.ndarray  # (rotor units) rad   angles before the first event
+    peak: np.ndarray  # (rotor units) rad   largest change of angle against the COI so far
+    low: np.ndarray  # (loads) s     time below the threshold
+    orders: np.ndarray  # (held) before a decision
+    weight: np.ndarray  # (units) inertia, speed, acceleration and angle of the islands
+    fast: np.ndarray
+    rate: np.ndarray
+    turn: np.ndarray
+    blamed: np.ndarray  # (2) row of the bus, and of the rotor unit, to blame
+    at: np.ndarray  # (3) step, stage and decided?, where Newton was asked for
+    tol: np.ndarray  # (1) pu
+
+
+def frame(system: System, layout: Layout, deviation: int, acceleration: int, held: np.ndarray) -> Frame:
+    """The frame of a system whose signals are laid out so.
+
+    Parameters
+    ----------
+    system
+        Devices.
+    layout
+        Places; the states and voltages are the system's own.
+    deviation, acceleration
+        Places of the signals of the rotor units against the COI of the rest (one after the other).
+    held
+        Places that sampled devices write.
+    """
+    rotors, limits = system.rotors, system.limits
+    places = np.array([layout.nx, layout.step, deviation, acceleration], np.int64)
+    owner = np.full(layout.size, -1, np.int64)
+    owner[: len(layout.owner)] = layout.owner
+    return Frame(
+        places, rotors.angle, rotors.unit, rotors.inertia, owner,
+        limits.state, limits.low, limits.high, limits.scale,
+        system.draw_bus, system.watch_bus, system.watch_low, held.astype(np.int64),
+    )  # fmt: skip
+
+
+def space(s: np.ndarray, layout: Layout, a: Frame, base_mva: float) -> Space:
+    """Buffers of one run that starts at s."""
+    nx, nb, m = layout.nx, layout.buses, len(a.rotor)
+    s, f = s.copy(), np.zeros(layout.first_setpoint)
+    blank = np.zeros((6, nb), complex)
+    units = max(1, int(a.unit.max(initial=-1)) + 1, nb)
+    return Space(
+        s, f, s.astype(complex), f.astype(complex),
+        s[layout.voltages].view(complex), f[layout.voltages].view(complex),
+        *(row.copy() for row in blank), np.zeros(nx), np.zeros(nx), s[a.rotor].copy(), np.zeros(m),
+        np.zeros(len(a.watch_bus)), np.zeros(len(a.held)), *np.zeros((4, units)),
+        np.zeros(2, np.int64), np.zeros(3, np.int64), np.array([TOLERANCE * 100 / base_mva]),
+    )  # fmt: skip
