@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from stabctl.controllers import Law
-from stabctl.dynamics.operating_point import Point
+from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import DEFAULT, Criterion
@@ -46,7 +46,7 @@ class Trial:
     Raises `StudyError` for impossible grids, and at the first run for impossible places.
     """
 
-    point: Point
+    point: OperatingPoint
     fault: str
     trip: tuple[str, ...] = ()
     control: Law | Sampled | None = None
@@ -120,7 +120,7 @@ class Clearing:
 
 
 def clearing_time(
-    point: Point,
+    point: OperatingPoint,
     fault: str,
     trip: Iterable[str] = (),
     control: Law | Sampled | None = None,

@@ -13,7 +13,7 @@ import numpy as np
 
 from stabctl._util import cores, files
 from stabctl.controllers import Law
-from stabctl.dynamics.operating_point import Point
+from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.events import Fault
@@ -107,7 +107,7 @@ class Screen:
 
 
 def screen(
-    point: Point,
+    point: OperatingPoint,
     below: float | None = None,
     control: Law | Sampled | None = None,
     resolution_cycles: float = 0.125,

@@ -1,23 +1,29 @@
-"""Control laws of the storage devices, and the signals they see.
+"""Control laws of the storage devices.
 
-A law is a frozen record with `par(device) -> signals.Par`, and a kernel that `laws.order` calls by its kind. Orders may
-also be set from outside the compiled loop, between calls of `Simulation.advance`.
+A law is a frozen record with `par(device)`, its constants, and `module`, the file of its equations: a device with the
+role "controller" whose `step` gives the order wanted of a storage device. A new law is one file.
 """
 
-from typing import Protocol
+from types import ModuleType
+from typing import Any, Protocol, runtime_checkable
 
 from .bang_bang import BangBang
 from .feedback import Feedback
-from .laws import order
-from .signals import Device, Par, Seen
+from .signals import Device
 
 
+@runtime_checkable
 class Law(Protocol):
     """A law that runs inside the compiled loop."""
 
-    def par(self, device: Device) -> Par:
+    @property
+    def module(self) -> ModuleType:
+        """The file with its equations."""
+        ...
+
+    def par(self, device: Device) -> Any:
         """Constants of the law for a device."""
         ...
 
 
-__all__ = ["BangBang", "Device", "Feedback", "Law", "Par", "Seen", "order"]
+__all__ = ["BangBang", "Device", "Feedback", "Law"]

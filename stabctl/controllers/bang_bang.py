@@ -1,24 +1,36 @@
 """Bang-bang law: full power by the sign of the speed deviation (the paper, section 5, eq. (40) and Table 3)."""
 
+import sys
 from dataclasses import dataclass
-from typing import Annotated
+from types import ModuleType
+from typing import Annotated, NamedTuple
 
 from stabctl._util.guard import guard
 from stabctl._util.jit import inline
+from stabctl.devices.blocks import magnitude
 from stabctl.schema import NOT_NEGATIVE
 from stabctl.units import hertz
 
-from .signals import Device, Par
+from .signals import Device, Input, Output
 
-KIND = 1.0
+NAME = "bang-bang"
+ROLE = "controller"
+__all__ = ["NAME", "ROLE", "BangBang", "Input", "Output", "Par", "step"]
+
+
+class Par(NamedTuple):
+    """Constants for one device."""
+
+    deadband: Annotated[float, "pu", "speed deviation without action"]
+    gate: Annotated[float, "pu", "voltage below which the device idles"]
 
 
 @inline
-def order(seen, p):
+def step(u, v, p):
     """Order in ratings: absorb (1) when fast, inject (-1) when slow, idle within the deadband or at low voltage."""
-    if seen.voltage < p.gate or -p.deadband <= seen.deviation <= p.deadband:
-        return 0.0
-    return 1.0 if seen.deviation > 0 else -1.0
+    if magnitude(v[0], v[1]) < p.gate or -p.deadband <= u.deviation <= p.deadband:
+        return Output(0.0)
+    return Output(1.0 if u.deviation > 0 else -1.0)
 
 
 @dataclass(frozen=True)
@@ -32,6 +44,11 @@ class BangBang:
         object.__setattr__(self, "deadband", hertz(self.deadband))
         guard(self)
 
+    @property
+    def module(self) -> ModuleType:
+        """The file with its equations."""
+        return sys.modules[__name__]
+
     def par(self, device: Device) -> Par:
         """Constants in pu."""
-        return Par(KIND, self.deadband / device.frequency, self.min_voltage)
+        return Par(self.deadband / device.frequency, self.min_voltage)

@@ -1,33 +1,48 @@
 """Continuous laws on speed and acceleration (the paper, section 3, eq. (13) and (14)), as orders of storage devices.
 
 In the one-machine theory the power depends on the acceleration that it causes. Here an order is held over a step and
-sees the acceleration of the step before, which comes to the same within a few steps while |Ka| stays below 2H/wb.
+reads the acceleration of the step before, which comes to the same within a few steps while |Ka| stays below 2H/wb.
 """
 
+import sys
 from dataclasses import dataclass
 from math import pi
-from typing import Annotated
+from types import ModuleType
+from typing import Annotated, NamedTuple
 
 from stabctl._util.guard import guard
 from stabctl._util.jit import inline
+from stabctl.devices.blocks import magnitude
 from stabctl.schema import NOT_NEGATIVE
 from stabctl.units import hertz
 
-from .signals import Device, Par
+from .signals import Device, Input, Output
 
-LINEAR, BRAKING = 2.0, 3.0
+NAME = "feedback"
+ROLE = "controller"
+__all__ = ["NAME", "ROLE", "Feedback", "Input", "Output", "Par", "step"]
+
+
+class Par(NamedTuple):
+    """Constants for one device."""
+
+    deadband: Annotated[float, "pu", "speed deviation without action"]
+    gate: Annotated[float, "pu", "voltage below which the device idles"]
+    speed_gain: Annotated[float, "1/pu", "order over speed deviation"]
+    acceleration_gain: Annotated[float, "s/pu", "order over acceleration"]
+    braking: Annotated[float, "-", "1: eq. (14) instead of (13)"]
 
 
 @inline
-def order(seen, p):
-    """Order in ratings, within -1..1: Kv deviation + Ka acceleration (13), or Ka |acceleration| sgn(deviation) (14)."""
-    if seen.voltage < p.gate or -p.deadband <= seen.deviation <= p.deadband:
-        return 0.0
-    wanted = p.speed_gain * seen.deviation + p.acceleration_gain * seen.acceleration
-    if p.kind == BRAKING:
-        size = p.acceleration_gain * abs(seen.acceleration)
-        wanted = size if seen.deviation > 0 else -size
-    return min(max(wanted, -1.0), 1.0)
+def step(u, v, p):
+    """Order in ratings: Kv deviation + Ka acceleration (13), or Ka |acceleration| sgn(deviation) (14)."""
+    if magnitude(v[0], v[1]) < p.gate or -p.deadband <= u.deviation <= p.deadband:
+        return Output(0.0)
+    wanted = p.speed_gain * u.deviation + p.acceleration_gain * u.acceleration
+    if p.braking > 0:
+        size = p.acceleration_gain * abs(u.acceleration)
+        wanted = size if u.deviation > 0 else -size
+    return Output(min(max(wanted, -1.0), 1.0))
 
 
 @dataclass(frozen=True)
@@ -44,13 +59,13 @@ class Feedback:
         object.__setattr__(self, "deadband", hertz(self.deadband))
         guard(self)
 
+    @property
+    def module(self) -> ModuleType:
+        """The file with its equations."""
+        return sys.modules[__name__]
+
     def par(self, device: Device) -> Par:
         """Constants in orders over pu of speed."""
         scale = 2 * pi * device.frequency * device.machine / device.rating if device.rating else 0.0
-        return Par(
-            BRAKING if self.braking else LINEAR,
-            self.deadband / device.frequency,
-            self.min_voltage,
-            self.speed_gain * scale,
-            self.acceleration_gain * scale,
-        )
+        gains = self.speed_gain * scale, self.acceleration_gain * scale
+        return Par(self.deadband / device.frequency, self.min_voltage, *gains, float(self.braking))

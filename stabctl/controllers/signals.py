@@ -1,24 +1,21 @@
-"""What a storage controller sees of its machine, and the constants of its law."""
+"""What a storage law reads of its machine, what it gives, and what it may know of its device."""
 
 from typing import Annotated, NamedTuple
 
-
-class Seen(NamedTuple):
-    """Signals at one device, at the start of a step."""
-
-    deviation: Annotated[float, "pu", "own speed less the COI speed of the rest of the island"]
-    acceleration: Annotated[float, "pu/s", "its rate, as last evaluated"]
-    voltage: Annotated[float, "pu", "voltage magnitude at the device"]
+from stabctl.devices.ports import fixed
 
 
-class Par(NamedTuple):
-    """Constants of the law of one device."""
+class Input(NamedTuple):
+    """Signals of a machine with storage, at the start of a step."""
 
-    kind: Annotated[float, "-", "number of the law in `laws.order`"]
-    deadband: Annotated[float, "pu", "speed deviation without action"]
-    gate: Annotated[float, "pu", "voltage below which the device idles"]
-    speed_gain: Annotated[float, "1/pu", "order over speed deviation"] = 0.0
-    acceleration_gain: Annotated[float, "s/pu", "order over acceleration"] = 0.0
+    deviation: Annotated[float, "pu", "own speed less the COI speed of the rest of the island", fixed(0.0)]
+    acceleration: Annotated[float, "pu/s", "its rate, as last evaluated", fixed(0.0)]
+
+
+class Output(NamedTuple):
+    """What a law asks of its device."""
+
+    wanted: Annotated[float, "-", "order, in ratings, absorbing positive"]
 
 
 class Device(NamedTuple):

@@ -5,7 +5,7 @@ sum of what fills it, else zero.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from types import ModuleType
 from typing import Any, NamedTuple, get_args, get_type_hints
@@ -16,8 +16,8 @@ from stabctl import devices
 from stabctl.devices.ports import At, Port
 from stabctl.errors import EquilibriumError
 from stabctl.model.case import Case
-from stabctl.model.network import Grid
-from stabctl.model.powerflow import Flow
+from stabctl.model.network import Network
+from stabctl.model.powerflow import PowerFlow
 
 from . import family
 from .layout import WORDS, Layout, SetPoint, StatePlace
@@ -69,6 +69,7 @@ class System:
     draw_bus: np.ndarray  # rows of the buses with currents that depend on their voltage
     watch_bus: np.ndarray  # rows of the buses of loads
     watch_low: np.ndarray  # pu   their voltages below which a load counts as lost
+    kept: dict[Any, Any] = field(default_factory=dict, repr=False)  # what is worked out once for all such systems
 
     def family(self, name: str) -> Family | None:
         """The family of that name; None where the case has no such device."""
@@ -77,10 +78,13 @@ class System:
     def with_constants(self, name: str, k: np.ndarray) -> "System":
         """The same system, the constants of one family replaced."""
         changed = tuple(f._replace(k=k) if f.name == name else f for f in self.families)
-        return replace(self, families=changed)
+        return replace(self, families=changed, limits=limits(changed, self.layout.one))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"kept": {}}
 
 
-def system(case: Case, flow: Flow, net: Grid) -> System:
+def system(case: Case, flow: PowerFlow, net: Network) -> System:
     """Every device of the case, wired. `EquilibriumError` where a device reads a signal that its unit does not have."""
     tables, fixed = _tables(case, flow, net)
     wired = _Wiring(case, tables, len(case.buses), net)
@@ -127,7 +131,7 @@ def _rotors(families: Iterable[Family], unit: Mapping[str, list[int]]) -> Rotors
     return Rotors(np.array(parts[0], np.int64), np.array(parts[1], np.int64), np.array(parts[2], float))
 
 
-def _tables(case: Case, flow: Flow, net: Grid) -> tuple[dict[str, list[Row]], np.ndarray]:
+def _tables(case: Case, flow: PowerFlow, net: Network) -> tuple[dict[str, list[Row]], np.ndarray]:
     """Table -> devices, and the admittance (buses, pu) of loads that stands in the network matrix."""
     numbers = {m.machine: i for i, m in enumerate(case.machines)}
     found: dict[str, list[Row]] = {}
@@ -155,7 +159,7 @@ def number_of(key: Any) -> int:
     return int(str(key).partition("#")[0])
 
 
-def _unit_row(case: Case, device: ModuleType, unit: int, key: Any, par: Any, net: Grid) -> Row:
+def _unit_row(case: Case, device: ModuleType, unit: int, key: Any, par: Any, net: Network) -> Row:
     m = case.machines[unit]
     given = {"mva": m.base / case.base_mva, "wb": 2 * np.pi * case.frequency_hz}
     par = par._replace(**{name: value for name, value in given.items() if name in par._fields})
@@ -173,7 +177,7 @@ def loads_at(case: Case) -> list[Any]:
     return keys
 
 
-def load_row(case: Case, i: int, V: float, net: Grid) -> tuple[str, Row]:
+def load_row(case: Case, i: int, V: float, net: Network) -> tuple[str, Row]:
     """Table and device of row `i` of loads.csv, at the voltage V (pu) of the power flow."""
     load = case.loads[i]
     P, Q = load.p / case.base_mva, load.q / case.base_mva
@@ -188,7 +192,7 @@ def load_row(case: Case, i: int, V: float, net: Grid) -> tuple[str, Row]:
     return "zip_load", Row(NO_UNIT, bus, bus, zip_load.from_case(load, P, Q, V), f"load {key}", f"the load at bus {load.bus}")
 
 
-def _load(case: Case, flow: Flow, net: Grid, i: int, found: dict[str, list[Row]], fixed: np.ndarray) -> None:
+def _load(case: Case, flow: PowerFlow, net: Network, i: int, found: dict[str, list[Row]], fixed: np.ndarray) -> None:
     """Add row `i` of loads.csv to the devices, its constant-admittance part to the network."""
     load, V = case.loads[i], float(abs(flow.V[net.place[case.loads[i].bus]]))
     if load.v_low > V:
@@ -208,7 +212,7 @@ def _load(case: Case, flow: Flow, net: Grid, i: int, found: dict[str, list[Row]]
 class _Wiring:
     """Gives every signal its place."""
 
-    def __init__(self, case: Case, tables: Mapping[str, list[Row]], buses: int, net: Grid) -> None:
+    def __init__(self, case: Case, tables: Mapping[str, list[Row]], buses: int, net: Network) -> None:
         self.case, self.tables, self.buses, self.net = case, dict(tables), buses, net
         self.states: list[StatePlace] = []
         self.setpoints: list[SetPoint] = []

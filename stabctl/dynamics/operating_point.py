@@ -11,8 +11,8 @@ import scipy.sparse as sp
 from stabctl import devices
 from stabctl.model import network, powerflow
 from stabctl.model.case import Case
-from stabctl.model.network import Grid
-from stabctl.model.powerflow import Flow
+from stabctl.model.network import Network
+from stabctl.model.powerflow import PowerFlow
 
 from . import family
 from .assembly import Rotors, System, system
@@ -40,8 +40,8 @@ class OperatingPoint:
     """
 
     case: Case
-    flow: Flow
-    net: Grid
+    flow: PowerFlow
+    net: Network
     system: System
     s: np.ndarray
     iterations: int
@@ -124,7 +124,7 @@ def source_admittances(of: System) -> np.ndarray:
     return out
 
 
-def solve(case: Case, flow: Flow | None = None) -> OperatingPoint:
+def solve(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
     """The operating point of a case at its power flow.
 
     Parameters
@@ -140,7 +140,7 @@ def solve(case: Case, flow: Flow | None = None) -> OperatingPoint:
         Where there is none; names the worst bus, or device, machine and limit.
     """
     flow = flow or powerflow.solve(case)
-    net = network.grid(case)
+    net = network.build(case)
     made = system(case, flow, net)
     equations = Equations(made)
     current = (flow.S / flow.V[net.machine_bus]).conj()

@@ -16,7 +16,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from stabctl.dynamics.operating_point import Point
+from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 from stabctl.model.case import Storage
 from stabctl.smallsignal import Mode
@@ -131,7 +131,7 @@ class Program:
 
 
 def by_gramian(
-    point: Point,
+    point: OperatingPoint,
     candidates: Iterable[tuple[int, int]] | None = None,
     budget_mw: float = 100.0,
     caps_mw: float | Sequence[float] | Mapping[tuple[int, int], float] = np.inf,

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stabctl.dynamics.operating_point import Point
+from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 from stabctl.smallsignal import Mode, Modes, analyze, linearize
 
@@ -57,7 +57,7 @@ class Gramians:
 
 
 def gramians(
-    point: Point,
+    point: OperatingPoint,
     candidates: Iterable[tuple[int, int]] | None = None,
     modes: int | Sequence[float] = SWINGS,
     decay: float = DECAY,

@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from stabctl.dynamics.operating_point import Point
+from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.system import sizes
 from stabctl.errors import StudyError
 from stabctl.model import network
@@ -98,7 +98,7 @@ def checked(case: Case, candidates: Iterable[tuple[int, int]] | None) -> tuple[C
 
 
 def sensitivity(
-    point: Point, candidates: Iterable[tuple[int, int]] | None = None, switching: Switching = UNSWITCHED
+    point: OperatingPoint, candidates: Iterable[tuple[int, int]] | None = None, switching: Switching = UNSWITCHED
 ) -> Sensitivity:
     """Sensitivities at an operating point, or just after its network has been switched, all states as they were.
 
@@ -129,7 +129,7 @@ def sensitivity(
     return Sensitivity(case.name, numbers, found, J, point.plant.inertia.copy(), island, case.base_mva)
 
 
-def _settled(point: Point, switching: Switching, served: np.ndarray) -> tuple[np.ndarray, sp.csc_matrix, sp.csc_matrix]:
+def _settled(point: OperatingPoint, switching: Switching, served: np.ndarray) -> tuple[np.ndarray, sp.csc_matrix, sp.csc_matrix]:
     """z with the voltages of the switched network, and the slopes there: of the machines' w' and of the currents."""
     alone, z, n = local.private(point.plant), point.z.copy(), sizes(point.plant, len(point.V))
     places = slice(n.states, n.states + n.voltages)

@@ -11,7 +11,7 @@ import numpy as np
 from stabctl._util import cores
 from stabctl.clearing.critical_time import check_observed
 from stabctl.controllers import BangBang, Law
-from stabctl.dynamics.operating_point import Point
+from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.simulation import contingency as simulated
 from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.simulation import Simulation, run
@@ -33,7 +33,7 @@ class Trials:
 
     def __init__(
         self,
-        point: Point,
+        point: OperatingPoint,
         contingencies: Sequence[Contingency],
         cap: np.ndarray,
         law: Law | None = None,

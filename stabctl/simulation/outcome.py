@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stabctl._util.wording import named
-from stabctl.dynamics.operating_point import Point
+from stabctl.dynamics.operating_point import OperatingPoint
 
 from . import stepper
 from .criterion import Criterion
@@ -48,18 +48,19 @@ class End(NamedTuple):
     verdict: int  # of the stepper
     time: float  # s
     stage: Stage
-    speed: np.ndarray  # (machines) pu
-    machine: int  # row of the machine to blame
+    speed: np.ndarray  # (rotor units) pu
+    machine: int  # row of the rotor unit to blame
     bus: int  # row of the bus to blame
     taken_off: tuple[str, ...]  # sentences on the machines that ran away alone
 
 
-def outcome(point: Point, end: End, criterion: Criterion) -> Outcome:
+def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
     """The outcome of a run that ended so."""
-    number, bus, t = point.case.machines[end.machine].machine, point.case.buses[end.bus].bus, end.time
+    numbers, bus, t = point.rotor_numbers, point.case.buses[end.bus].bus, end.time
+    number = numbers[end.machine] if numbers else None
     cut = " ".join((_cut_off(point, end.stage), *end.taken_off)).strip()
     if not (end.stage.net.island >= 0).any():
-        return Outcome(Kind.VOLTAGE_COLLAPSE, f"No machine is on at {t:.3f} s: the system is dead. {cut}".strip(), t)
+        return Outcome(Kind.VOLTAGE_COLLAPSE, f"No machine holds a voltage at {t:.3f} s: the system is dead. {cut}".strip(), t)
     kind, machine, blamed = Kind.ISLANDED if cut else Kind.STABLE, None, None
     match end.verdict:
         case stepper.SLIPPED:
@@ -88,22 +89,23 @@ def outcome(point: Point, end: End, criterion: Criterion) -> Outcome:
     return Outcome(kind, " ".join(sentences).strip(), t, machine, blamed)
 
 
-def _frequencies(point: Point, end: End) -> str:
+def _frequencies(point: OperatingPoint, end: End) -> str:
     """The frequency of every island at the end, in words."""
-    island, H = end.stage.net.island, point.plant.inertia
+    island, H = end.stage.net.island[point.rotors.unit], point.rotors.inertia
     numbers = [k for k in np.unique(island) if k >= 0]
     found = [end.speed[island == k] @ H[island == k] / H[island == k].sum() for k in numbers]
     shown = ", ".join(f"{f * point.case.frequency_hz:.2f}" for f in sorted(found)[:8])
     return f"; {'they run' if len(found) > 1 else 'it runs'} at {shown} Hz"
 
 
-def _cut_off(point: Point, now: Stage) -> str:
+def _cut_off(point: OperatingPoint, now: Stage) -> str:
     """What the switching has cut off from the island of the largest inertia; empty where nothing."""
     where = now.island_of_bus
     if where.max() == 0:
         return ""
     on = now.net.island >= 0
-    weight = np.bincount(where[point.net.machine_bus], point.plant.inertia * on, minlength=where.max() + 1)
+    rotors = point.rotors
+    weight = np.bincount(where[point.system.unit_bus[rotors.unit]], rotors.inertia * on[rotors.unit], minlength=where.max() + 1)
     main = int(weight.argmax())
     parts = []
     for k in (k for k in range(where.max() + 1) if k != main):

@@ -27,7 +27,7 @@ class Net(NamedTuple):
 class Frame(NamedTuple):
     """Places and constants that the stepper itself reads. Its type is the same for every system."""
 
-    places: np.ndarray  # (4) of the voltages, of the step, of the deviations, of the accelerations
+    places: np.ndarray  # (3) of the voltages, of the step, of the signals against the COI
     rotor: np.ndarray  # (rotor units) places of the angles; the speeds follow
     unit: np.ndarray  # (rotor units) rows of their units
     inertia: np.ndarray  # (rotor units) s
@@ -63,7 +63,7 @@ class Space(NamedTuple):
     peak: np.ndarray  # (rotor units) rad   largest change of angle against the COI so far
     low: np.ndarray  # (loads) s     time below the threshold
     orders: np.ndarray  # (held) before a decision
-    weight: np.ndarray  # (units) inertia, speed, acceleration and angle of the islands
+    weight: np.ndarray  # (buses) inertia, speed, acceleration and angle of the islands
     fast: np.ndarray
     rate: np.ndarray
     turn: np.ndarray
@@ -72,7 +72,7 @@ class Space(NamedTuple):
     tol: np.ndarray  # (1) pu
 
 
-def frame(system: System, layout: Layout, deviation: int, acceleration: int, held: np.ndarray) -> Frame:
+def frame(system: System, layout: Layout, deviation: int, held: np.ndarray) -> Frame:
     """The frame of a system whose signals are laid out so.
 
     Parameters
@@ -81,13 +81,13 @@ def frame(system: System, layout: Layout, deviation: int, acceleration: int, hel
         Devices.
     layout
         Places; the states and voltages are the system's own.
-    deviation, acceleration
-        Places of the signals of the rotor units against the COI of the rest (one after the other).
+    deviation
+        Place of the signals of the rotor units against the COI of the rest, their rates, and whether units are on.
     held
         Places that sampled devices write.
     """
     rotors, limits = system.rotors, system.limits
-    places = np.array([layout.nx, layout.step, deviation, acceleration], np.int64)
+    places = np.array([layout.nx, layout.step, deviation], np.int64)
     owner = np.full(layout.size, -1, np.int64)
     owner[: len(layout.owner)] = layout.owner
     return Frame(
@@ -102,11 +102,10 @@ def space(s: np.ndarray, layout: Layout, a: Frame, base_mva: float) -> Space:
     nx, nb, m = layout.nx, layout.buses, len(a.rotor)
     s, f = s.copy(), np.zeros(layout.first_setpoint)
     blank = np.zeros((6, nb), complex)
-    units = max(1, int(a.unit.max(initial=-1)) + 1, nb)
     return Space(
         s, f, s.astype(complex), f.astype(complex),
         s[layout.voltages].view(complex), f[layout.voltages].view(complex),
         *(row.copy() for row in blank), np.zeros(nx), np.zeros(nx), s[a.rotor].copy(), np.zeros(m),
-        np.zeros(len(a.watch_bus)), np.zeros(len(a.held)), *np.zeros((4, units)),
+        np.zeros(len(a.watch_bus)), np.zeros(len(a.held)), *np.zeros((4, nb)),
         np.zeros(2, np.int64), np.zeros(3, np.int64), np.array([TOLERANCE * 100 / base_mva]),
     )  # fmt: skip

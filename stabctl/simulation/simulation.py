@@ -6,20 +6,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from stabctl._util import jit
-from stabctl.controllers import Device, Law
-from stabctl.dynamics.operating_point import Point
-from stabctl.dynamics.system import Signals, buffers
+from stabctl.controllers import Law
+from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.dynamics.program import program
 from stabctl.errors import StudyError
 
 from . import events as ev
-from . import stepper
+from . import stepper, voltages
 from .contingency import Happenings, schedule
 from .criterion import DEFAULT, Criterion
 from .outcome import End, Outcome, outcome
+from .plant import space
 from .sampled import Sampled, carry
 from .topology import stage
 from .trajectory import Trajectory
+from .wired import wired
 
 STEP = 1 / 120  # s   default
 LEAST_STEP = 1e-7  # s
@@ -39,7 +40,7 @@ class Simulation:
 
     def __init__(
         self,
-        point: Point,
+        point: OperatingPoint,
         events: "Happenings | None" = None,
         control: Law | None = None,
         step: float | None = None,
@@ -59,52 +60,44 @@ class Simulation:
         self._at = 0
         while self._at + 1 < len(self.changes) and self.changes[self._at + 1].at <= start + 1e-9:
             self._at += 1
-        self._law = point.plant.law.copy()
-        if control is not None:
-            base = {m.machine: m.base for m in point.case.machines}
-            for j, s in enumerate(point.case.storage):
-                device = Device(s.rating, base[s.machine], point.case.frequency_hz)
-                self._law[j] = tuple(control.par(device))
+        self.wired = wired(point, control)
         self._enter()
-        self._buffers = buffers(point.plant, len(point.V))
-        self._buffers.z[:] = point.z
-        self._work = stepper.scratch(self._buffers, point.plant)
-        self._width = len(point.z) + 3 * len(point.case.machines) + len(point.case.storage)
+        self._space = space(self.wired.start, self.wired.layout, self.wired.frame, point.case.base_mva)
+        self._width = self.wired.layout.first_memory
         self._times: list[np.ndarray] = []
         self._rows: list[np.ndarray] = []
-        jit.announce()
         self._call(0.0, 0, False)  # compiles, or loads the machine code, outside the time that is measured
         self.wall_s = 0.0
 
     @property
     def orders(self) -> np.ndarray:
         """Orders (devices) wanted from outside, in ratings, absorbing positive; set them in place."""
-        return self._work.wish
+        return self._space.s[self.wired.wanted]
+
+    @property
+    def s(self) -> np.ndarray:
+        """Every signal now; to read. The outputs are those of the last stage evaluated."""
+        return self._space.s
 
     @property
     def speed(self) -> np.ndarray:
-        """Speeds (machines) now, pu."""
-        return self._buffers.z[self.point.plant.rotor + 1]
+        """Speeds (rotor units) now, pu."""
+        return self._space.s[self.point.rotors.angle + 1]
 
     @property
     def angle(self) -> np.ndarray:
-        """Angles (machines) now, rad."""
-        return self._buffers.z[self.point.plant.rotor]
+        """Angles (rotor units) now, rad."""
+        return self._space.s[self.point.rotors.angle]
 
     @property
     def V(self) -> np.ndarray:
         """Voltages (buses) now, complex, pu."""
-        stepper.advance(self._buffers, self._plant, self._stage.net, self._work, self.criterion, 0.0, 0, True, NO_ROWS)
-        return self._work.volt.copy()
-
-    @property
-    def signals(self) -> Signals:
-        """Named views of states and set-points now; to read."""
-        return self._buffers.s
+        self._advance(0.0, 0, True, NO_ROWS)
+        return self._space.volt.copy()
 
     @property
     def island(self) -> np.ndarray:
-        """Islands (machines) now, by number; -1 of a machine that is off."""
+        """Islands (units) now, by number; -1 of a machine that is off."""
         return self._stage.net.island
 
     def advance(self, until: float) -> bool:
@@ -129,7 +122,7 @@ class Simulation:
             self._call(0.0, 0, True)
         rows = np.concatenate(self._rows) if self._rows else np.empty((0, self._width))
         times = np.concatenate(self._times) if self._times else np.empty(0)
-        peak = self._work.peak.copy()
+        peak = self._space.peak.copy()
         for array in (rows, times, peak):
             array.setflags(write=False)
         self._finished = Trajectory(self.point, self.outcome, times, rows, peak, self.step, self.steps, self.wall_s)
@@ -137,7 +130,13 @@ class Simulation:
 
     def _enter(self) -> None:
         self._stage = stage(self.point, self.changes[self._at].switching)
-        self._plant = self.point.plant._replace(load=self._stage.load, law=self._law)
+        self._program = self.wired.program
+        if self._stage.loads:
+            k = self._program.k.copy()
+            for table, row, par in self._stage.loads:
+                at = self.wired.constants_at(table) + row * len(par)
+                k[at : at + len(par)] = par
+            self._program = self._program._replace(k=k)
 
     def _segment(self, target: float) -> None:
         steps = max(1, int(np.ceil((target - self.time) / self.step - 1e-6)))
@@ -158,18 +157,18 @@ class Simulation:
 
     def _end(self, verdict: int) -> Outcome:
         self._verdict = verdict
-        blame = self._work.rotor[0], self._work.bus[0]
-        end = End(verdict, self.time, self._stage, self.speed, *map(int, blame), tuple(self._taken_off))
+        bus, rotor = map(int, self._space.blamed)
+        end = End(verdict, self.time, self._stage, self.speed, rotor, bus, tuple(self._taken_off))
         return outcome(self.point, end, self.criterion)
 
     def _alone(self) -> bool:
         """Has the machine that ran away an island of its own, while others run elsewhere?"""
-        island = self._stage.net.island
-        return (island == island[self._work.rotor[0]]).sum() == 1 and (island >= 0).sum() > 1
+        island, unit = self._stage.net.island, self.point.rotors.unit[self._space.blamed[1]]
+        return (island == island[unit]).sum() == 1 and (island >= 0).sum() > 1
 
     def _take_off(self) -> None:
         """Trip the machine that ran away, as its overspeed protection would, from now on."""
-        row = int(self._work.rotor[0])
+        row = int(self.point.rotors.unit[self._space.blamed[1]])
         gone = [c.switching._replace(tripped=c.switching.tripped | {row}) for c in self.changes[self._at :]]
         later = (replace(c, switching=s) for c, s in zip(self.changes[self._at :], gone, strict=True))
         self.changes = (*self.changes[: self._at], *later)
@@ -184,17 +183,35 @@ class Simulation:
         before = time.perf_counter()
         if not np.isfinite(self.orders).all():
             raise StudyError(f"The storage orders {self.orders} are not finite numbers; set them between -1 and 1.")
-        verdict, made = stepper.advance(
-            self._buffers, self._plant, self._stage.net, self._work, self.criterion, h, steps, last, history
-        )
+        verdict, made = self._advance(h, steps, last, history)
         self.wall_s += time.perf_counter() - before
         if self.recording:
             self._times.append(self.time + h * np.arange(made + last))
             self._rows.append(history[: made + last])
         return verdict, made
 
+    def _advance(self, h: float, steps: int, last: bool, history: np.ndarray) -> tuple[int, int]:
+        """Steps of the compiled loop, with Newton where it asks for it."""
+        p, a, net, q = self._program, self.wired.frame, self._stage.net, self._space
+        resume = False
+        while True:
+            verdict, made = stepper.advance(p, a, net, q, self.criterion, h, steps, last, resume, history)
+            if verdict != stepper.NEWTON:
+                return verdict, made
+            if not self._newton():
+                return stepper.NO_VOLTAGE, made
+            resume = True
 
-def _checked_step(point: Point, step: float | None) -> float:
+    def _newton(self) -> bool:
+        """Solve for the voltages where substitution does not contract; found?"""
+        kept = self.point.system.kept
+        if "newton" not in kept:
+            kept["newton"] = program(self.wired.families, complex)
+        p = kept["newton"]._replace(k=self._program.k)
+        return voltages.newton(p.current, p, self.wired.frame, self._stage.net, self._space)
+
+
+def _checked_step(point: OperatingPoint, step: float | None) -> float:
     longest = REACH / point.fastest
     if step is None:
         return min(STEP, longest / 2)
@@ -209,7 +226,7 @@ def _checked_step(point: Point, step: float | None) -> float:
 
 
 def run(
-    point: Point,
+    point: OperatingPoint,
     contingency: "Happenings | None" = None,
     until: float = 10.0,
     control: Law | Sampled | None = None,

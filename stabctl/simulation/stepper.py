@@ -6,12 +6,11 @@ from stabctl._util.jit import entry, inline, noinline
 from stabctl.devices.blocks import copy
 from stabctl.dynamics.perform import perform
 
-from .criterion import Criterion
+from .criterion import DEFAULT
 from .substitution import solve, solve_apart
 from .voltages import FAILED, NEEDS_NEWTON, settle
 
 DONE, SLIPPED, NO_VOLTAGE, LOW_VOLTAGE, RUNAWAY, NEWTON = range(6)
-DEFAULT = Criterion()
 
 
 @inline
@@ -64,13 +63,16 @@ def coi(a, net, q):
 def decide(p, a, net, q):
     """Let the sampled devices act on the signals of now; has an order changed?"""
     coi(a, net, q)
-    for i in range(len(a.rotor)):
+    m = len(a.rotor)
+    for i in range(len(net.island)):
+        q.s[a.places[2] + 2 * m + i] = 1.0 if net.island[i] >= 0 else 0.0
+    for i in range(m):
         k, own, at = net.island[a.unit[i]], a.inertia[i], a.rotor[i]
-        q.s[a.places[2] + i] = q.s[a.places[3] + i] = 0.0
+        q.s[a.places[2] + i] = q.s[a.places[2] + m + i] = 0.0
         if k >= 0 and q.weight[k] > own:
             rest = q.weight[k] - own
             q.s[a.places[2] + i] = q.s[at + 1] - (q.fast[k] - own * q.s[at + 1]) / rest
-            q.s[a.places[3] + i] = q.f[at + 1] - (q.rate[k] - own * q.f[at + 1]) / rest
+            q.s[a.places[2] + m + i] = q.f[at + 1] - (q.rate[k] - own * q.f[at + 1]) / rest
     for j in range(len(a.held)):
         q.orders[j] = q.s[a.held[j]]
     run(p.step, p, q.s, q.f, net.island)

@@ -1,16 +1,18 @@
 """A switching of the network -> what the compiled loop needs of it: factors, islands, loads."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from stabctl.dynamics.operating_point import Point
+from stabctl.dynamics import assembly, family
+from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 from stabctl.model import network
 from stabctl.model.network import Switching
 
-from .stepper import Net
+from .plant import Net
 from .substitution import factor
 
 MOST = 200  # networks kept for each operating point
@@ -21,12 +23,16 @@ class Stage:
     """The system between two events."""
 
     net: Net
-    load: np.ndarray  # the plant's loads, with their steps
+    loads: tuple[tuple[str, int, Any], ...]  # table, row and new constants of the loads that have changed
     island_of_bus: np.ndarray  # (buses)
 
 
-def stage(point: Point, switching: Switching) -> Stage:
-    """The system of an operating point under a switching. Islands without a machine are dead: no voltage, load lost."""
+def stage(point: OperatingPoint, switching: Switching) -> Stage:
+    """The system of an operating point under a switching.
+
+    An island without a unit that holds a voltage of its own (a machine) is dead: no voltage, its load lost, its
+    converters off.
+    """
     found = point.stages.get(switching)  # held, because another thread may clear the store
     if found is None:
         found = _stage(point, switching)
@@ -36,12 +42,12 @@ def stage(point: Point, switching: Switching) -> Stage:
     return found
 
 
-def _stage(point: Point, switching: Switching) -> Stage:
-    where = network.islands(point.net, switching)
-    on = np.array([i not in switching.tripped for i in range(len(point.net.machine_bus))])
-    alive = np.isin(where, where[point.net.machine_bus[on]])
-    island = np.where(on, where[point.net.machine_bus], -1).astype(np.int64)
-    load, added = _stepped(point, switching)
+def _stage(point: OperatingPoint, switching: Switching) -> Stage:
+    where, bus = network.islands(point.net, switching), point.system.unit_bus
+    on = np.array([i not in switching.tripped for i in range(len(bus))])
+    alive = np.isin(where, where[bus[on & point.system.forming]])
+    island = np.where(on & alive[bus], where[bus], -1).astype(np.int64)
+    loads, added = _stepped(point, switching)
     Y = point.admittance(switching) + sp.diags(added, format="csc")
     if not alive.all():
         keep, gone = sp.diags(alive.astype(float)), sp.diags((~alive).astype(float))
@@ -55,27 +61,37 @@ def _stage(point: Point, switching: Switching) -> Stage:
             f"The network of {point.case.name} has no solution after its switchings: an admittance cancels another; "
             "check shunts and series capacitors."
         ) from None
-    return Stage(Net(factors, compact, alive, switching.faulted), load, where)
+    return Stage(Net(factors, compact, alive, switching.faulted), loads, where)
 
 
-def _stepped(point: Point, switching: Switching) -> tuple[np.ndarray, np.ndarray]:
-    """The plant's loads with their steps, and the admittance (buses, pu) that is added."""
-    added = np.zeros(len(point.fixed), complex)
-    if not switching.loads:
-        return point.plant.load, added
-    table = point.plant.load.copy()
-    shares = {point.net.place[load.bus]: load for load in reversed(point.case.loads)}
+def _stepped(point: OperatingPoint, switching: Switching) -> tuple[tuple[tuple[str, int, Any], ...], np.ndarray]:
+    """The loads that step, with their new constants, and the admittance (buses, pu) that is added."""
+    added, changed = np.zeros(len(point.V), complex), {}
+    case, nx = point.case, point.layout.nx
+    first = {load.bus: i for i, load in reversed(list(enumerate(case.loads)))}
     for bus, power in switching.loads:
-        V, of = abs(point.flow.V[bus]), shares.get(bus)
-        row = np.flatnonzero(point.plant.load_bus == bus)
-        if of is None or not len(row):
+        V, i = float(abs(point.V[bus])), first.get(case.buses[bus].bus)
+        if i is None:
             added[bus] += power.conjugate() / V**2
             continue
-        j = row[0]
-        table["Pp"][j] += of.p_power * power.real
-        table["Qp"][j] += of.q_power * power.imag
-        table["Pc"][j] += of.p_current * power.real / V
-        table["Qc"][j] += of.q_current * power.imag / V
-        rest = (1 - of.p_power - of.p_current) * power.real - 1j * (1 - of.q_power - of.q_current) * power.imag
-        added[bus] += rest / V**2
-    return table, added
+        load = case.loads[i]
+        more = load._replace(p=load.p + power.real * case.base_mva, q=load.q + power.imag * case.base_mva)
+        before, after = (_load(point, i, one, V) for one in (load, more))
+        par = after[1]
+        if after[0] == "zip_load":
+            added[bus] += complex(par.Pz - before[1].Pz, before[1].Qz - par.Qz)
+            par = par._replace(Pz=0.0, Qz=0.0)
+            if not any(before[1][:4]):
+                continue
+        rows = np.flatnonzero(point.system.family(after[0]).w[:, family.BUS] == nx + 2 * bus)
+        changed[after[0], int(rows[0])] = par
+    return tuple((table, row, par) for (table, row), par in changed.items()), added
+
+
+def _load(point: OperatingPoint, i: int, load: Any, V: float) -> tuple[str, Any]:
+    """Table and constants of a load like row `i` of loads.csv."""
+    rows = tuple(load if k == i else one for k, one in enumerate(point.case.loads))
+    case = object.__new__(type(point.case))
+    vars(case).update(vars(point.case), loads=rows)
+    table, row = assembly.load_row(case, i, V, point.net)
+    return table, row.par

@@ -1,16 +1,18 @@
 """What a run gave: an immutable record of every signal, a row per step, with its units."""
 
+import io
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stabctl.dynamics.operating_point import Point
-from stabctl.dynamics.system import first_state, sizes
+from stabctl._util import files
+from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 
+from .arrays import Arrays
 from .outcome import Outcome
 
 if TYPE_CHECKING:
@@ -20,150 +22,141 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Trajectory:
-    """A run of the simulator. Columns stand in the order of the case's tables."""
+    """A run of the simulator.
 
-    point: Point
+    Attributes
+    ----------
+    point
+        The operating point it started from.
+    outcome
+        How it ended.
+    time
+        Instants (rows), s.
+    rows
+        All signals at every instant (rows, signals); `arrays` names them.
+    peak
+        Largest change of angle against the COI of the island (rotor units), rad.
+    step, steps, wall_s
+        Time step (s), number of steps, and computing time (s).
+    """
+
+    point: OperatingPoint
     outcome: Outcome
-    time: np.ndarray  # (rows) s
-    rows: np.ndarray  # (rows, record)   as the stepper wrote them
-    peak: np.ndarray  # (machines) rad   largest change of angle against the COI of the island
-    step: float  # s
+    time: np.ndarray
+    rows: np.ndarray
+    peak: np.ndarray
+    step: float
     steps: int
-    wall_s: float  # s   time in the stepper
-
-    def _part(self, name: str) -> np.ndarray:
-        n = sizes(self.point.plant, len(self.point.V))
-        z = len(self.point.z)
-        starts = {
-            "v": (n.states, n.voltages),
-            "order": (z - n.storage, n.storage),
-            "efd": (z, n.machines),
-            "pm": (z + n.machines, n.machines),
-            "pt": (z + 2 * n.machines, n.machines),
-            "absorbed": (z + 3 * n.machines, n.storage),
-        }
-        first, count = starts[name]
-        return self.rows[:, first : first + count]
+    wall_s: float
 
     @cached_property
-    def angle(self) -> np.ndarray:
-        """Rotor angles against the synchronous frame (rows, machines), rad."""
-        return _fixed(self.rows[:, self.point.plant.rotor])
-
-    @cached_property
-    def speed(self) -> np.ndarray:
-        """Rotor speeds (rows, machines), pu."""
-        return _fixed(self.rows[:, self.point.plant.rotor + 1])
-
-    @cached_property
-    def coi_speed(self) -> np.ndarray:
-        """Speed of the center of inertia of all machines (rows), pu; for one island with every machine on."""
-        H = self.point.plant.inertia
-        return self.speed @ H / H.sum()
-
-    @cached_property
-    def V(self) -> np.ndarray:
-        """Bus voltages (rows, buses), complex, pu."""
-        return _fixed(np.ascontiguousarray(self._part("v")).view(complex))
+    def arrays(self) -> Arrays:
+        """The signals as plain arrays."""
+        return Arrays(self.point, self.rows)
 
     @property
-    def Efd(self) -> np.ndarray:
-        """Field voltages (rows, machines), pu."""
-        return self._part("efd")
+    def speed(self) -> "xr.DataArray":
+        """Rotor speeds (time, machine), pu."""
+        return self.dataset["speed"]
 
     @property
-    def Pm(self) -> np.ndarray:
-        """Mechanical powers (rows, machines), pu of the machine's base."""
-        return self._part("pm")
+    def angle(self) -> "xr.DataArray":
+        """Rotor angles against the synchronous frame (time, machine), rad."""
+        return self.dataset["angle"]
 
     @property
-    def Pe(self) -> np.ndarray:
-        """Terminal powers (rows, machines), MW."""
-        return self._part("pt") * self.point.case.base_mva
+    def voltage(self) -> "xr.DataArray":
+        """Bus voltage magnitudes (time, bus), pu."""
+        return self.dataset["voltage"]
 
     @property
-    def storage(self) -> np.ndarray:
-        """Power of the storage devices (rows, devices), MW, absorbing positive."""
-        return self._part("absorbed") * self.point.case.base_mva
+    def field_voltage(self) -> "xr.DataArray":
+        """Field voltages (time, machine), pu."""
+        return self.dataset["field_voltage"]
 
     @property
-    def energy(self) -> np.ndarray:
-        """Energy in the storage devices (rows, devices), MWh; against the start where it is unlimited."""
-        first = first_state(self.point.plant, "storage") + 1
-        places = first + 2 * np.arange(len(self.point.case.storage))
-        return self.rows[:, places] * self.point.case.base_mva / 3600
+    def electrical_power(self) -> "xr.DataArray":
+        """Terminal powers (time, unit), MW."""
+        return self.dataset["electrical_power"]
 
     @property
-    def order(self) -> np.ndarray:
-        """Orders of the storage devices (rows, devices), in ratings, absorbing positive."""
-        return self._part("order")
+    def storage(self) -> "xr.DataArray":
+        """Powers of the storage devices (time, device), MW, absorbing positive; empty where there is none."""
+        return self.dataset["storage"]
 
     @property
     def max_angle_from_coi_deg(self) -> float:
         """Largest change of an angle against the COI of its island, degrees."""
-        return float(np.rad2deg(self.peak.max()))
+        return float(np.rad2deg(self.peak.max(initial=0.0)))
 
     def devices(self) -> list[str]:
         """Names of the storage devices: `14@33` is machine 14's, connected at bus 33."""
         return [f"{s.machine}@{s.bus}" for s in self.point.case.storage]
 
-    def to_xarray(self) -> "xr.Dataset":
-        """Every signal with its units; dimensions time, machine, bus and, where there is storage, device."""
+    @cached_property
+    def dataset(self) -> "xr.Dataset":
+        """Every signal with its units; dimensions time, machine (with a rotor), unit, bus and device (storage)."""
         import xarray as xr
 
-        case = self.point.case
+        case, a = self.point.case, self.arrays
         signals = {
-            "angle": ("machine", self.angle, "rad", "rotor angle against the synchronous frame"),
-            "speed": ("machine", self.speed, "pu", "rotor speed"),
-            "field_voltage": ("machine", self.Efd, "pu", "field voltage"),
-            "mechanical_power": ("machine", self.Pm, "pu", "mechanical power, machine base"),
-            "electrical_power": ("machine", self.Pe, "MW", "terminal power"),
-            "voltage": ("bus", np.abs(self.V), "pu", "voltage magnitude"),
-            "voltage_angle": ("bus", np.angle(self.V), "rad", "voltage angle"),
+            "angle": ("machine", a.angle, "rad", "rotor angle against the synchronous frame"),
+            "speed": ("machine", a.speed, "pu", "rotor speed"),
+            "field_voltage": ("machine", a.Efd, "pu", "field voltage"),
+            "mechanical_power": ("machine", a.Pm, "pu", "mechanical power, machine base"),
+            "electrical_power": ("unit", a.P, "MW", "terminal power"),
+            "voltage": ("bus", np.abs(a.V), "pu", "voltage magnitude"),
+            "voltage_angle": ("bus", np.angle(a.V), "rad", "voltage angle"),
+            "storage": ("device", a.storage, "MW", "power of the storage device, absorbing positive"),
+            "storage_order": ("device", a.order, "1", "order of the storage device, in ratings"),
+            "storage_energy": ("device", a.energy, "MWh", "energy in the storage device"),
         }
-        if case.storage:
-            signals["storage"] = ("device", self.storage, "MW", "power of the storage device, absorbing positive")
-            signals["storage_order"] = ("device", self.order, "1", "order of the storage device, in ratings")
-            signals["storage_energy"] = ("device", self.energy, "MWh", "energy in the storage device")
         data = {
-            k: (("time", dim), a, {"units": unit, "long_name": text}) for k, (dim, a, unit, text) in signals.items()
+            k: (("time", dim), values, {"units": unit, "long_name": text})
+            for k, (dim, values, unit, text) in signals.items()
         }
         coords = {
             "time": ("time", self.time, {"units": "s"}),
-            "machine": [m.machine for m in case.machines],
+            "machine": list(self.point.rotor_numbers),
+            "unit": [m.machine for m in case.machines],
             "bus": [b.bus for b in case.buses],
+            "device": np.array(self.devices(), dtype=object if not case.storage else None),
         }
-        if case.storage:
-            coords["device"] = self.devices()
-        about = {"case": case.name, "outcome": self.outcome.kind.value, "message": self.outcome.message}
-        return xr.Dataset(data, coords, about | {"step_s": self.step})
+        about: dict[str, Any] = {"case": case.name, "outcome": self.outcome.kind.value}
+        return xr.Dataset(data, coords, about | {"message": self.outcome.message, "step_s": self.step})
 
-    def to_dataframe(self) -> "pd.DataFrame":
+    @cached_property
+    def df(self) -> "pd.DataFrame":
         """A row per step: time_s, then speed_pu, angle_rad of the machines, voltage_pu of the buses, storage_mw."""
         import pandas as pd
 
-        case = self.point.case
-        columns = {"time_s": self.time}
-        for i, m in enumerate(case.machines):
-            columns[f"speed_pu:{m.machine}"] = self.speed[:, i]
-        for i, m in enumerate(case.machines):
-            columns[f"angle_rad:{m.machine}"] = self.angle[:, i]
-        size = np.abs(self.V)
-        for i, b in enumerate(case.buses):
-            columns[f"voltage_pu:{b.bus}"] = size[:, i]
+        case, a = self.point.case, self.arrays
+        columns: dict[str, np.ndarray] = {"time_s": self.time}
+        for name, values in (("speed_pu", a.speed), ("angle_rad", a.angle)):
+            columns |= {f"{name}:{m}": values[:, i] for i, m in enumerate(self.point.rotor_numbers)}
+        size = np.abs(a.V)
+        columns |= {f"voltage_pu:{b.bus}": size[:, i] for i, b in enumerate(case.buses)}
         total: dict[str, np.ndarray] = {}
         for j, s in enumerate(case.storage):
             name = f"storage_mw:{s.machine}"
-            total[name] = total.get(name, 0.0) + self.storage[:, j]
+            total[name] = total.get(name, 0.0) + a.storage[:, j]
         return pd.DataFrame(columns | total)
 
+    def plot(self, **options: Any) -> Any:
+        """Draw speeds, angles, voltages and storage powers; the matplotlib axes."""
+        from importlib import import_module
+
+        return import_module("stabctl.plotting.trajectory").plot(self, **options)
+
     def save(self, path: str | Path) -> Path:
-        """Write to a .csv or NetCDF (.nc) file, by the ending; the path."""
+        """Write to a .csv or NetCDF (.nc) file, by the ending, whole or not at all; the path."""
         path = Path(path)
         if path.suffix.lower() == ".csv":
-            self.to_dataframe().to_csv(path, index=False)
+            text = io.StringIO()
+            self.df.to_csv(text, index=False)
+            files.replace(path, text.getvalue())
         elif path.suffix.lower() == ".nc":
-            self.to_xarray().to_netcdf(path, engine="scipy")
+            self.dataset.to_netcdf(path, engine="scipy")
         else:
             raise StudyError(
                 f"The file {path.name!r} ends in {path.suffix or 'nothing'}; give a name ending in .csv or .nc."
@@ -179,7 +172,5 @@ class Trajectory:
 
     __repr__ = __str__
 
-
-def _fixed(array: np.ndarray) -> np.ndarray:
-    array.setflags(write=False)
-    return array
+    def _repr_html_(self) -> str:
+        return f"<p>{self}</p>"

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from stabctl.dynamics import layout
-from stabctl.dynamics.operating_point import Point
+from stabctl.dynamics.operating_point import OperatingPoint
 
 from . import inputs as ins
 from . import local, outputs, refuse
@@ -25,7 +25,7 @@ from .signals import INPUTS, OUTPUTS, Signal, chosen
 class Descriptor:
     """Sparse matrices (csc) of the linearized equations; x the states that live, v the voltages (re, im per bus)."""
 
-    point: Point
+    point: OperatingPoint
     fx: sp.csc_matrix
     fv: sp.csc_matrix
     gx: sp.csc_matrix
@@ -66,7 +66,7 @@ class Descriptor:
     __repr__ = __str__
 
 
-def descriptor(point: Point, inputs: Iterable[str | Signal] = (), outputs: Iterable[str | Signal] = ()) -> Descriptor:
+def descriptor(point: OperatingPoint, inputs: Iterable[str | Signal] = (), outputs: Iterable[str | Signal] = ()) -> Descriptor:
     """Sparse descriptor matrices of an operating point, exact (complex step on the simulated equations).
 
     `LinearizationError` where the point is no equilibrium (naming the state that moves most) or rests on a limit;
@@ -98,7 +98,7 @@ def descriptor(point: Point, inputs: Iterable[str | Signal] = (), outputs: Itera
 
 
 def _inputs(
-    point: Point, F: sp.csc_matrix, rows: np.ndarray, nx: int, signals: tuple[Signal, ...]
+    point: OperatingPoint, F: sp.csc_matrix, rows: np.ndarray, nx: int, signals: tuple[Signal, ...]
 ) -> tuple[sp.csc_matrix, sp.csc_matrix]:
     fu = sp.lil_matrix((len(rows), len(signals)))
     gu = sp.lil_matrix((F.shape[0] - nx, len(signals)))
@@ -113,7 +113,7 @@ def _inputs(
 
 
 def _outputs(
-    point: Point, parts: tuple[sp.csc_matrix, ...], rows: np.ndarray, nx: int, signals: tuple[Signal, ...]
+    point: OperatingPoint, parts: tuple[sp.csc_matrix, ...], rows: np.ndarray, nx: int, signals: tuple[Signal, ...]
 ) -> tuple[sp.csc_matrix, ...]:
     """Slopes of the outputs. The rate of a bus angle is that of its voltage, v' = -inv(gv) gx x'."""
     fx, fv, gx, gv, fu, _ = parts

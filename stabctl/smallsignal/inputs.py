@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stabctl.dynamics.operating_point import Point
+from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.system import sizes
 
 from .signals import Signal
@@ -28,7 +28,7 @@ class Draw(NamedTuple):
         return -self.direction.conjugate() * shape * V
 
 
-def place(point: Point, signal: Signal) -> int | None:
+def place(point: OperatingPoint, signal: Signal) -> int | None:
     """Place in z of a set-point; None for a drawn power."""
     n, case = sizes(point.plant, len(point.V)), point.case
     first = n.states + n.voltages
@@ -40,7 +40,7 @@ def place(point: Point, signal: Signal) -> int | None:
     return first + machine + n.machines * (signal.kind in ("governor", "power"))
 
 
-def draw(point: Point, signal: Signal) -> Draw:
+def draw(point: OperatingPoint, signal: Signal) -> Draw:
     """The drawn power: a storage device is constant power, a load change is like the bus's first load."""
     bus = point.net.place[signal.place]
     v0 = float(abs(point.V[bus]))
@@ -55,7 +55,7 @@ def draw(point: Point, signal: Signal) -> Draw:
     return Draw(bus, direction, *shares, v0, load.v_low)
 
 
-def slopes(point: Point, signal: Signal) -> np.ndarray:
+def slopes(point: OperatingPoint, signal: Signal) -> np.ndarray:
     """Derivative (2) of the current into the bus of a drawn power, at the operating point."""
     d = draw(point, signal)
     current = d.current_of(complex(point.V[d.bus]))

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse.linalg import splu
 
 from stabctl.dynamics import layout
-from stabctl.dynamics.operating_point import Point
+from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 
 from .descriptor import Descriptor, descriptor
@@ -67,7 +67,7 @@ class Model:
 class Linear(Model):
     """The linear model of an operating point, all its states."""
 
-    point: Point
+    point: OperatingPoint
     places: tuple[layout.Place, ...]  # device, machine and name of every state
 
     def speeds(self) -> np.ndarray:
@@ -79,7 +79,7 @@ class Linear(Model):
         return layout.of_machines(self.places, "delta", len(self.point.case.machines))
 
 
-def linearize(point: Point, inputs: Iterable[str | Signal] = (), outputs: Iterable[str | Signal] = ()) -> Linear:
+def linearize(point: OperatingPoint, inputs: Iterable[str | Signal] = (), outputs: Iterable[str | Signal] = ()) -> Linear:
     """The linear model of an operating point: A = fx - fv inv(gv) gx, the voltages eliminated exactly.
 
     Signals are named as in `signals.INPUTS` and `signals.OUTPUTS`, e.g. `storage:33`, `speed:14` or `speed` for all.

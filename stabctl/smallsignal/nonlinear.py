@@ -7,7 +7,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from stabctl.dynamics.operating_point import Point
+from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 
 from . import inputs as ins
@@ -23,7 +23,7 @@ TOLERANCE = 1e-12  # pu   largest current mismatch of a bus
 
 
 def nonlinear(
-    point: Point, inputs: Iterable[str | Signal] = (), outputs: Iterable[str | Signal] = ()
+    point: OperatingPoint, inputs: Iterable[str | Signal] = (), outputs: Iterable[str | Signal] = ()
 ) -> "control.NonlinearIOSystem":
     """The simulated equations as a python-control system; states, inputs and outputs are deviations from the point.
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stabctl.dynamics.operating_point import Point
+from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.system import sizes
 from stabctl.model import network
 
@@ -26,7 +26,7 @@ class Reading(NamedTuple):
         return np.asarray(self.value(steps)).imag / STEP
 
 
-def reading(point: Point, signal: Signal) -> Reading:
+def reading(point: OperatingPoint, signal: Signal) -> Reading:
     """The output as a function. A bus frequency is that of its angle, whose rate it is: see `angle_rate`."""
     plant, n = point.plant, sizes(point.plant, len(point.V))
     angles = plant.rotor
@@ -47,7 +47,7 @@ def reading(point: Point, signal: Signal) -> Reading:
     return Reading(np.r_[v, angles], lambda q: _angle(q, weights))
 
 
-def angle_rate(point: Point, bus: int) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
+def angle_rate(point: OperatingPoint, bus: int) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
     """Places of a bus voltage, and the slopes of its angle along both components, over wb."""
     n = sizes(point.plant, len(point.V))
     v = n.states + 2 * point.net.place[bus] + np.arange(2)
@@ -67,7 +67,7 @@ def _angle(q: np.ndarray, weights: np.ndarray) -> np.ndarray:
     return 2 * np.arctan(im / (np.sqrt(re * re + im * im) + re))
 
 
-def _flow(point: Point, signal: Signal, states: int) -> Reading:
+def _flow(point: OperatingPoint, signal: Signal, states: int) -> Reading:
     """Power into a circuit at the first bus named, V conj(Y [V, V'])."""
     row, forward = circuit(point.case, str(signal.place))
     net = point.net

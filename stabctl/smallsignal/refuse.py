@@ -4,7 +4,7 @@ import numpy as np
 
 from stabctl.devices import models
 from stabctl.dynamics import assembly, layout
-from stabctl.dynamics.operating_point import Point
+from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.system import Buffers, Plant, first_state
 from stabctl.errors import LinearizationError
 
@@ -16,7 +16,7 @@ NUDGE = 1e-8  # of every place of z: moves a value off the limit it rests on
 JUMP = 1e-3  # change of a slope between both sides, relative to the largest of its row
 
 
-def moving(point: Point, alone: Private, b: Buffers) -> None:
+def moving(point: OperatingPoint, alone: Private, b: Buffers) -> None:
     """`LinearizationError` unless every rate and every bus's current balance is zero; names the worst."""
     f = b.f.real.copy()
     nx = len(f) - 2 * len(alone.bus)
@@ -36,7 +36,7 @@ def moving(point: Point, alone: Private, b: Buffers) -> None:
         )
 
 
-def limited(point: Point, alone: Private) -> None:
+def limited(point: OperatingPoint, alone: Private) -> None:
     """`LinearizationError` where a limiter rests on its limit, so that both sides have different slopes; names it."""
     for j, s in enumerate(point.case.storage):
         held = point.plant.storage[j].capacity
@@ -66,11 +66,11 @@ def limited(point: Point, alone: Private) -> None:
     raise LinearizationError(f"The equations at {where} have different slopes on both sides of the operating point.")
 
 
-def _bus(point: Point, alone: Private, owner: int) -> int:
+def _bus(point: OperatingPoint, alone: Private, owner: int) -> int:
     return point.case.buses[alone.bus[owner]].bus
 
 
-def _jumps(point: Point, alone: Private) -> np.ndarray:
+def _jumps(point: OperatingPoint, alone: Private) -> np.ndarray:
     """Rows of f whose slopes differ between both sides of the point, along one direction that moves everything."""
     step = NUDGE * np.random.default_rng(0).choice([-1, 1], len(point.z)) * np.linspace(0.5, 1, len(point.z))
     sides = [local.derivatives(alone, local.at(alone, point.z + s)) for s in (step, -step)]

@@ -1,0 +1,42 @@
+"""What stands between whoever wants an order and the storage device: limits, rate limit, hold.
+
+wanted -> [-1 .. 1] -> [at most ramp per second] -> held until the next step. A machine that is off orders nothing.
+"""
+
+from typing import Annotated, NamedTuple
+
+from stabctl._util.jit import inline
+from stabctl.devices.ports import fixed
+
+NAME = "hold"
+ROLE = "controller"
+
+
+class Par(NamedTuple):
+    """Constants of one device."""
+
+    ramp: Annotated[float, "1/s", "largest change of the order, in ratings per second (0: unlimited)"]
+
+
+class Input(NamedTuple):
+    """Signals at the hold."""
+
+    wanted: Annotated[float, "-", "order wanted, in ratings", fixed(0.0)]
+    online: Annotated[float, "-", "1 where the machine is on, 0 where it is off", fixed(1.0)]
+    step: Annotated[float, "s", "time step", fixed(0.0)]
+
+
+class Output(NamedTuple):
+    """The order."""
+
+    order: Annotated[float, "-", "order held, in ratings"]
+
+
+@inline
+def step(u, y, p):
+    """The order of this step; y is the one before."""
+    wanted = min(max(u.wanted, -1.0), 1.0) * u.online
+    if p.ramp > 0:
+        reach = p.ramp * u.step
+        wanted = min(max(wanted, y.order - reach), y.order + reach)
+    return Output(wanted)

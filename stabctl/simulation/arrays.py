@@ -1,0 +1,90 @@
+"""The signals of a run as plain arrays, in the order of the case's tables."""
+
+from functools import cached_property
+
+import numpy as np
+
+from stabctl.dynamics import family
+from stabctl.dynamics.operating_point import OperatingPoint
+
+
+class Arrays:
+    """Signals of a run, a row per recorded instant.
+
+    Parameters
+    ----------
+    point
+        The operating point that the run started from.
+    rows
+        All signals at every instant (rows, signals), as the stepper recorded them.
+    """
+
+    def __init__(self, point: OperatingPoint, rows: np.ndarray) -> None:
+        self._point, self._rows = point, rows
+
+    def _of_units(self, name: str) -> np.ndarray:
+        """A signal of every rotor unit."""
+        layout = self._point.layout
+        return self._rows[:, [layout.signals[unit, name] for unit in self._point.rotors.unit]]
+
+    @cached_property
+    def angle(self) -> np.ndarray:
+        """Rotor angles against the synchronous frame (rows, rotor units), rad."""
+        return _fixed(self._rows[:, self._point.rotors.angle])
+
+    @cached_property
+    def speed(self) -> np.ndarray:
+        """Rotor speeds (rows, rotor units), pu."""
+        return _fixed(self._rows[:, self._point.rotors.angle + 1])
+
+    @cached_property
+    def coi_speed(self) -> np.ndarray:
+        """Speed of the center of inertia of all rotors (rows), pu; for one island with every machine on."""
+        H = self._point.rotors.inertia
+        return _fixed(self.speed @ H / H.sum())
+
+    @cached_property
+    def V(self) -> np.ndarray:
+        """Bus voltages (rows, buses), complex, pu."""
+        return _fixed(np.ascontiguousarray(self._rows[:, self._point.layout.voltages]).view(complex))
+
+    @cached_property
+    def Efd(self) -> np.ndarray:
+        """Field voltages (rows, rotor units), pu."""
+        return _fixed(self._of_units("Efd"))
+
+    @cached_property
+    def Pm(self) -> np.ndarray:
+        """Mechanical powers (rows, rotor units), pu on the machine base; 0 of a unit that is off."""
+        return _fixed(self._of_units("Pm"))
+
+    @cached_property
+    def P(self) -> np.ndarray:
+        """Active power of the units (rows, units), MW."""
+        layout, machines = self._point.layout, self._point.case.machines
+        places = [layout.signals[unit, "P"] for unit in range(len(machines))]
+        return _fixed(self._rows[:, places] * np.array([m.base for m in machines]))
+
+    @cached_property
+    def storage(self) -> np.ndarray:
+        """Power of the storage devices (rows, devices), MW, absorbing positive."""
+        return _fixed(self._of_storage(-1, 0) * self._point.case.base_mva)
+
+    @cached_property
+    def energy(self) -> np.ndarray:
+        """Energy in the storage devices (rows, devices), MWh; against the start where it is unlimited."""
+        return _fixed(self._of_storage(family.STATE, 1) * self._point.case.base_mva / 3600)
+
+    @cached_property
+    def order(self) -> np.ndarray:
+        """Orders of the storage devices (rows, devices), in ratings, absorbing positive."""
+        return _fixed(self._of_storage(family.INPUTS, 0))
+
+    def _of_storage(self, column: int, shift: int) -> np.ndarray:
+        esd = self._point.system.family("esd")
+        return self._rows[:, esd.w[:, column] + shift] if esd else np.empty((len(self._rows), 0))
+
+
+def _fixed(array: np.ndarray) -> np.ndarray:
+    array.setflags(write=False)
+    return array
