@@ -8,13 +8,13 @@ from stabctl.model import fleet, powerflow
 from stabctl.model.case import Case, Storage
 from stabctl.model.powerflow import PowerFlow
 
-from .operating_point import Point, solve
+from .operating_point import OperatingPoint, solve
 
 Fleet = str | Mapping[int, str | float] | Iterable[Storage]
 SHOWN = "give '50MW' at every machine, '14=50MW,13@33=20MW', {14: '50MW'}, or rows of Storage"
 
 
-def operating_point(base: Case | Point, storage: Fleet | None = None) -> Point:
+def operating_point(base: Case | OperatingPoint, storage: Fleet | None = None) -> OperatingPoint:
     """The operating point of a case, or the point itself, with other storage devices where they are given.
 
     Parameters
@@ -32,7 +32,7 @@ def operating_point(base: Case | Point, storage: Fleet | None = None) -> Point:
     if isinstance(base, Case):
         flow = powerflow.solve(base)
         return solve(base if storage is None else base.with_storage(devices(base, storage, flow)), flow)
-    if not isinstance(base, Point):
+    if not isinstance(base, OperatingPoint):
         raise StudyError(f"{_named(base)} is not a system; give a Case, as st.load('two_area'), or its OperatingPoint.")
     return base if storage is None else solve(base.case.with_storage(devices(base.case, storage, base.flow)), base.flow)
 
@@ -53,7 +53,7 @@ def devices(case: Case, storage: Fleet, flow: PowerFlow | None = None, **options
     return tuple(row._replace(**options) for row in rows)
 
 
-def initialize(case: Case, storage: Fleet | None = None) -> Point:
+def initialize(case: Case, storage: Fleet | None = None) -> OperatingPoint:
     """The operating point of a case: its power flow, and the states at which every device is at rest.
 
     Parameters

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from stabctl._util.jit import entry
 
 from . import family
-from .assembly import System
+from .assembly import Limits, System
 from .perform import perform, perform_local
 from .program import Program, program
 
@@ -44,10 +44,10 @@ class Equations:
 
     def __init__(self, system: System) -> None:
         self.system = system
-        self._families = [f for f in system.families if len(f.w) and not hasattr(f.device, "step")]
-        self.program: Program = program(self._families, complex)
-        self._shapes = [family.shape(f.device) for f in self._families]
-        counts = [len(f.w) * self._rows(k) * self._columns(k) for k, f in enumerate(self._families)]
+        self.families = [f for f in system.families if len(f.w) and not hasattr(f.device, "step")]
+        self.program: Program = program(self.families, complex)
+        self._shapes = [family.shape(f.device) for f in self.families]
+        counts = [len(f.w) * self._rows(k) * self._columns(k) for k, f in enumerate(self.families)]
         self._starts = np.cumsum([0, *counts]).astype(np.int64)
         self._on = np.zeros(max(len(system.unit_bus), 1), np.int64)
         self._pattern()
@@ -63,10 +63,10 @@ class Equations:
     def _pattern(self) -> None:
         """Rows and columns of every entry of the blocks in [rates | outputs | injections] and s."""
         layout, rows, columns, where, injection = self.system.layout, [], [], [], 0
-        self._injecting: list[np.ndarray] = []  # places of the bus of every injection
+        places: list[np.ndarray] = []
         self.injections: dict[str, slice] = {}
         first = layout.nx + layout.outputs
-        for k, f in enumerate(self._families):
+        for k, f in enumerate(self.families):
             states, inputs, outputs, buses = self._shapes[k]
             n, j = len(f.w), np.arange(len(f.w))[:, None]
             bus = [f.w[:, family.BUS]] if buses == 1 else [f.w[:, family.BUS], f.w[:, family.BUS2]]
@@ -78,7 +78,7 @@ class Equations:
             answers = np.hstack([x, y, g])
             self.injections[f.name] = slice(injection, injection + buses * n)
             injection += buses * n
-            self._injecting.append(np.stack(bus, 1).ravel())
+            places.append(np.stack(bus, 1).ravel())
             shape = (n, variables.shape[1], answers.shape[1])
             columns.append(np.broadcast_to(variables[:, :, None], shape).ravel())
             rows.append(np.broadcast_to(answers[:, None, :], shape).ravel())
@@ -86,7 +86,8 @@ class Equations:
         self._entry_rows, self._entry_columns = np.concatenate(rows), np.concatenate(columns)
         self._answers = [a.ravel() for a in where]
         self._total = first + 2 * injection
-        bus = np.concatenate(self._injecting) - layout.nx
+        self.injecting = np.concatenate(places)  # places of the bus voltage of every injection
+        bus = self.injecting - layout.nx
         at = np.stack([bus, bus + 1], 1).ravel()
         self._gather = sp.csr_matrix((np.ones(len(at)), (at, np.arange(len(at)))), shape=(2 * layout.buses, len(at)))
 
@@ -101,20 +102,7 @@ class Equations:
             Constants of all devices in place of those of the program.
         """
         layout = self.system.layout
-        z, f = s.astype(complex), np.zeros(self._starts[-1], complex)
-        p = self.program if k is None else self.program._replace(k=k)
-        evaluate(p, self._starts, z, f, self._on)
-        s[layout.first_output : layout.first_memory] = z.real[layout.first_output : layout.first_memory]
-        values, slopes = np.zeros(self._total), []
-        for i, fam in enumerate(self._families):
-            block = f[self._starts[i] : self._starts[i + 1]].reshape(len(fam.w), self._rows(i), self._columns(i))
-            values[self._answers[i]] = block[:, -1].real.ravel()
-            slopes.append(block[:, :-1].imag.ravel())
-        data = np.concatenate(slopes) / family.TINY
-        live = data != 0
-        J = sp.csr_matrix(
-            (data[live], (self._entry_rows[live], self._entry_columns[live])), shape=(self._total, layout.size)
-        )
+        J, values = self._local(s, k)
         outputs = slice(layout.nx, layout.nx + layout.outputs)
         direct, through = J[:, : layout.step], J[:, layout.first_output : layout.first_memory]
         of_outputs = term = direct[outputs]
@@ -136,9 +124,30 @@ class Equations:
             injections.view(complex),
         )
 
-    def held(self, s: np.ndarray, rates: np.ndarray) -> np.ndarray:
+    def _local(self, s: np.ndarray, k: np.ndarray | None) -> tuple[sp.csr_matrix, np.ndarray]:
+        """Derivatives of [rates | outputs | injections] along all signals, outputs included, and the values."""
+        layout = self.system.layout
+        z, f = s.astype(complex), np.zeros(self._starts[-1], complex)
+        p = self.program if k is None else self.program._replace(k=k)
+        evaluate(p, self._starts, z, f, self._on)
+        s[layout.first_output : layout.first_memory] = z.real[layout.first_output : layout.first_memory]
+        values, slopes = np.zeros(self._total), []
+        for i, one in enumerate(self.families):
+            block = f[self._starts[i] : self._starts[i + 1]].reshape(len(one.w), self._rows(i), self._columns(i))
+            values[self._answers[i]] = block[:, -1].real.ravel()
+            slopes.append(block[:, :-1].imag.ravel())
+        data = np.concatenate(slopes) / family.TINY
+        live = data != 0
+        entries = data[live], (self._entry_rows[live], self._entry_columns[live])
+        return sp.csr_matrix(entries, shape=(self._total, layout.size)), values
+
+    def direct(self, s: np.ndarray, k: np.ndarray | None = None) -> tuple[sp.csr_matrix, np.ndarray]:
+        """Derivatives of [rates | outputs | injections] along each device's own variables, and the rates (1/s)."""
+        J, values = self._local(s.copy(), k)
+        return J, values[: self.system.layout.nx]
+
+    def held(self, s: np.ndarray, rates: np.ndarray, limits: Limits) -> np.ndarray:
         """States (mask) that rest at a limit and are driven against it."""
-        limits = self.system.limits
         x, f, per = s[limits.state], rates[limits.state], s[limits.scale]
         stopped = ((x >= limits.high * per) & (f > 0)) | ((x <= limits.low * per) & (f < 0))
         out = np.zeros(len(rates), bool)

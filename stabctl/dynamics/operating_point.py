@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from stabctl import devices
+from stabctl._util.verbs import verb
 from stabctl.model import network, powerflow
 from stabctl.model.case import Case
 from stabctl.model.network import Network
@@ -48,6 +49,12 @@ class OperatingPoint:
     fastest: float
     stages: dict[network.Switching, Any] = field(default_factory=dict, compare=False)  # networks met so far
 
+    simulate = verb("stabctl.simulation.simulate:simulate")
+    clearing_time = verb("stabctl.clearing:clearing_time")
+    screen = verb("stabctl.clearing:screen")
+    linearize = verb("stabctl.smallsignal:linearize")
+    estimate = verb("stabctl.estimation.loop:watch")
+
     @property
     def layout(self) -> Layout:
         """Places of the signals in s."""
@@ -62,6 +69,11 @@ class OperatingPoint:
     def V(self) -> np.ndarray:
         """Bus voltages (buses), complex, pu."""
         return self.flow.V
+
+    @property
+    def inertia(self) -> np.ndarray:
+        """Inertias of the rotors (rotor units), H on the system base, s."""
+        return self.rotors.inertia
 
     @property
     def rotor_angle(self) -> np.ndarray:

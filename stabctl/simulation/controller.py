@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from stabctl.dynamics.operating_point import Point
+from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ class Controller:
 class _Watch:
     """Where the devices of an operating point are."""
 
-    def __init__(self, point: Point) -> None:
+    def __init__(self, point: OperatingPoint) -> None:
         rows = {m.machine: i for i, m in enumerate(point.case.machines)}
         self.machine = np.array([rows[s.machine] for s in point.case.storage], int)
         self.bus = np.array([point.net.place[s.bus] for s in point.case.storage], int)

@@ -5,7 +5,7 @@ from typing import Any
 
 from stabctl.controllers import Law
 from stabctl.dynamics.coerce import Fleet, operating_point
-from stabctl.dynamics.operating_point import Point
+from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.units import seconds
@@ -18,7 +18,7 @@ from .trajectory import Trajectory
 
 
 def simulate(
-    base: Case | Point,
+    base: Case | OperatingPoint,
     contingency: "Happenings | None" = None,
     until: str | float = "10s",
     *,

@@ -73,7 +73,7 @@ def _split(modes: Modes, slow: list[int]) -> Areas:
     member = along.argmax(axis=1)
     unit = rows / np.linalg.norm(rows, axis=1)[:, None]
     agreement = float((unit * unit[references][member]).sum(axis=1).min())
-    H = modes.linear.point.plant.inertia
+    H = modes.linear.point.inertia
     groups = []
     for g in sorted(range(count), key=lambda g: -H[member == g].sum()):
         others = [i for i in np.flatnonzero(member == g) if i != references[g]]

@@ -14,10 +14,11 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from stabctl.dynamics import layout
+from stabctl.dynamics.jacobian import Derivatives
 from stabctl.dynamics.operating_point import OperatingPoint
 
 from . import inputs as ins
-from . import local, outputs, refuse
+from . import outputs, refuse
 from .signals import INPUTS, OUTPUTS, Signal, chosen
 
 
@@ -35,8 +36,8 @@ class Descriptor:
     hx: sp.csc_matrix
     hv: sp.csc_matrix
     hu: sp.csc_matrix
-    places: tuple[layout.Place, ...]  # of the states
-    rows: np.ndarray  # places of the states in z
+    places: tuple[layout.StatePlace, ...]  # of the states
+    rows: np.ndarray  # places of the states in s
     inputs: tuple[Signal, ...]
     outputs: tuple[Signal, ...]
 
@@ -48,15 +49,15 @@ class Descriptor:
     @cached_property
     def states(self) -> tuple[str, ...]:
         """Labels of the states."""
-        return layout.unique(layout.label(self.point.case, place) for place in self.places)
+        return layout.unique(place.label for place in self.places)
 
     def speeds(self) -> np.ndarray:
-        """Places (machines) of the speeds among the states."""
-        return layout.of_machines(self.places, "omega", len(self.point.case.machines))
+        """Places (rotor units) of the speeds among the states."""
+        return self.angles() + 1
 
     def angles(self) -> np.ndarray:
-        """Places (machines) of the angles among the states."""
-        return layout.of_machines(self.places, "delta", len(self.point.case.machines))
+        """Places (rotor units) of the angles among the states."""
+        return np.searchsorted(self.rows, self.point.rotors.angle)
 
     def __str__(self) -> str:
         shape = f"{len(self.rows)} states, {self.gv.shape[0]} voltages"
@@ -73,50 +74,51 @@ def descriptor(point: OperatingPoint, inputs: Iterable[str | Signal] = (), outpu
     `StudyError` for unknown signals. States nobody reads and that stand still (bypassed blocks) are left out, and so is
     the energy of a store: the integral of its power, read by no equation.
     """
-    case, n = point.case, len(point.V)
+    case, lay = point.case, point.layout
     u, y = chosen(case, inputs, INPUTS), chosen(case, outputs, OUTPUTS)
-    alone = local.private(point.plant)
-    b = local.at(alone, point.z)
-    J = local.derivatives(alone, b)
-    refuse.moving(point, alone, b)
-    refuse.limited(point, alone)
-    F = local.assemble(alone, J, n)
-    nx = F.shape[0] - 2 * n
-    whole = layout.states(point.plant)
-    S, network = F[:, : nx + 2 * n], local.real(point.admittance())
-    filled = S.astype(bool).tocsr()
-    read = np.diff(filled[:, :nx].tocsc().indptr) > 0
-    live = (np.diff(filled.indptr)[:nx] > 0) | read
-    live &= np.array([p.name != "energy" for p in whole], bool)
+    d = point.equations.at(point.s.copy())
+    refuse.moving(point, d)
+    refuse.limited(point)
+    nx, nv = lay.nx, lay.first_setpoint
+    filled = sp.vstack([d.of_rates, d.of_currents], format="csr").astype(bool)
+    live = (np.diff(filled.indptr)[:nx] > 0) | (np.diff(filled[:, :nx].tocsc().indptr) > 0)
+    live &= np.array([p.name != "energy" for p in lay.states], bool)
     rows = np.flatnonzero(live)
-    fx, fv = F[rows][:, rows], F[rows, nx : nx + 2 * n]
-    gx, gv = F[nx:, rows], (F[nx:, nx : nx + 2 * n] - network).tocsc()
-    fu, gu = _inputs(point, F, rows, nx, u)
+    fx, fv = d.of_rates[rows][:, rows].tocsc(), d.of_rates[rows][:, nx:nv].tocsc()
+    gx, gv = d.of_currents[:, rows].tocsc(), (d.of_currents[:, nx:nv] - real(point.admittance())).tocsc()
+    fu, gu = _inputs(point, d, rows, u)
     parts = (fx, fv, gx, gv, fu, gu)
-    hx, hv, hu = _outputs(point, parts, rows, nx, y)
-    return Descriptor(point, *parts, hx, hv, hu, tuple(whole[k] for k in rows), rows, u, y)
+    hx, hv, hu = _outputs(point, d, parts, rows, u, y)
+    return Descriptor(point, *parts, hx, hv, hu, tuple(lay.states[k] for k in rows), rows, u, y)
+
+
+def real(Y: sp.spmatrix) -> sp.csc_matrix:
+    """Real form (2n, 2n) of a complex admittance, real and imaginary parts interleaved."""
+    return sp.kron(Y.real, np.eye(2), "csc") + sp.kron(Y.imag, [[0, -1], [1, 0]], "csc")
 
 
 def _inputs(
-    point: OperatingPoint, F: sp.csc_matrix, rows: np.ndarray, nx: int, signals: tuple[Signal, ...]
+    point: OperatingPoint, d: Derivatives, rows: np.ndarray, signals: tuple[Signal, ...]
 ) -> tuple[sp.csc_matrix, sp.csc_matrix]:
     fu = sp.lil_matrix((len(rows), len(signals)))
-    gu = sp.lil_matrix((F.shape[0] - nx, len(signals)))
+    gu = sp.lil_matrix((d.of_currents.shape[0], len(signals)))
     for k, signal in enumerate(signals):
         place = ins.place(point, signal)
         if place is None:
             bus = ins.draw(point, signal).bus
             gu[2 * bus : 2 * bus + 2, k] = ins.slopes(point, signal)[:, None]
         else:
-            fu[:, k], gu[:, k] = F[rows, place], F[nx:, place]
+            fu[:, k], gu[:, k] = d.of_rates[rows][:, [place]], d.of_currents[:, [place]]
     return fu.tocsc(), gu.tocsc()
 
 
 def _outputs(
-    point: OperatingPoint, parts: tuple[sp.csc_matrix, ...], rows: np.ndarray, nx: int, signals: tuple[Signal, ...]
+    point: OperatingPoint, d: Derivatives, parts: tuple[sp.csc_matrix, ...], rows: np.ndarray,
+    ins_of: tuple[Signal, ...], signals: tuple[Signal, ...],
 ) -> tuple[sp.csc_matrix, ...]:
     """Slopes of the outputs. The rate of a bus angle is that of its voltage, v' = -inv(gv) gx x'."""
     fx, fv, gx, gv, fu, _ = parts
+    nx = point.layout.nx
     hx, hv = np.zeros((len(signals), len(rows))), np.zeros((len(signals), gv.shape[0]))
     hu = np.zeros((len(signals), fu.shape[1]))
     column = np.full(nx, -1)
@@ -126,12 +128,17 @@ def _outputs(
         if signal.kind == "frequency":
             v, slope = outputs.angle_rate(point, signal.place)
             along = np.zeros(gv.shape[0])
-            along[v - nx] = slope(point.z[v])
+            along[v - nx] = slope(point.s[v])
             rate = -(gx.T @ factor.solve(along))
             hx[k], hv[k], hu[k] = rate @ fx, rate @ fv, rate @ fu
             continue
         reading = outputs.reading(point, signal)
-        slopes = reading.slopes(point.z)
+        if reading is None:
+            row = d.of_outputs[outputs.place(point, signal) - point.layout.first_output].toarray().ravel()
+            hx[k], hv[k] = row[rows], row[nx : point.layout.first_setpoint]
+            hu[k] = [0.0 if (at := ins.place(point, s)) is None else row[at] for s in ins_of]
+            continue
+        slopes = reading.slopes(point.s)
         state = reading.places < nx
         hx[k, column[reading.places[state]]] = slopes[state]
         hv[k, reading.places[~state] - nx] = slopes[~state]

@@ -5,39 +5,46 @@ from typing import NamedTuple
 import numpy as np
 
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.system import sizes
+from stabctl.devices.loads import zip_load
+from stabctl.dynamics import family
 
 from .signals import Signal
 
 
+PORTS = {"exciter": "Vref", "governor": "Pref", "vref": "Vref", "pref": "Pref", "field": "Efd", "power": "Pm"}
+
+
 class Draw(NamedTuple):
-    """A power drawn from a bus: direction 1 (active) or j (reactive), and its shares against voltage."""
+    """A power of 1 pu drawn from a bus, as a load."""
 
     bus: int
-    direction: complex
-    power: float  # share that is constant power
-    current: float  # share that is constant current; the rest is constant admittance
-    v0: float  # pu   voltage at which the power is the one asked for
-    v_low: float  # pu   below it everything is an admittance
+    par: zip_load.Par
 
     def current_of(self, V: complex) -> complex:
-        """Current into the network (pu) per pu of power: -conj(direction / V) at V = v0."""
-        m = max(abs(V), self.v_low)
-        shape = self.power / m**2 + self.current / (m * self.v0)
-        shape += (1 - self.power - self.current) / self.v0**2
-        return -self.direction.conjugate() * shape * V
+        """Current into the network (pu) per pu of power."""
+        return complex(*zip_load.current((V.real, V.imag), self.par))
+
+
+class Shares(NamedTuple):
+    """How a drawn power depends on the voltage, as in a row of loads.csv."""
+
+    p_power: float = 0.0
+    q_power: float = 0.0
+    p_current: float = 0.0
+    q_current: float = 0.0
+    v_low: float = 0.5
 
 
 def place(point: OperatingPoint, signal: Signal) -> int | None:
-    """Place in z of a set-point; None for a drawn power."""
-    n, case = sizes(point.plant, len(point.V)), point.case
-    first = n.states + n.voltages
+    """Place in s of a set-point; None for a drawn power."""
+    case = point.case
     if signal.kind == "order":
-        return first + 2 * n.machines + [f"{s.machine}@{s.bus}" for s in case.storage].index(signal.place)
+        esd = point.system.family("esd")
+        return int(esd.w[[f"{s.machine}@{s.bus}" for s in case.storage].index(signal.place), family.INPUTS])
     if signal.kind in ("storage", "load_p", "load_q"):
         return None
-    machine = [m.machine for m in case.machines].index(signal.place)
-    return first + machine + n.machines * (signal.kind in ("governor", "power"))
+    unit = [m.machine for m in case.machines].index(signal.place)
+    return point.layout.setpoint(unit, PORTS[signal.kind])
 
 
 def draw(point: OperatingPoint, signal: Signal) -> Draw:
@@ -45,14 +52,9 @@ def draw(point: OperatingPoint, signal: Signal) -> Draw:
     bus = point.net.place[signal.place]
     v0 = float(abs(point.V[bus]))
     if signal.kind == "storage":
-        return Draw(bus, 1 + 0j, 1.0, 0.0, v0, 0.5)
-    load = next((b for b in point.case.loads if b.bus == signal.place), None)
-    reactive = signal.kind == "load_q"
-    direction = 1j if reactive else 1 + 0j
-    if load is None:
-        return Draw(bus, direction, 0.0, 0.0, v0, 0.5)
-    shares = (load.q_power, load.q_current) if reactive else (load.p_power, load.p_current)
-    return Draw(bus, direction, *shares, v0, load.v_low)
+        return Draw(bus, zip_load.from_case(Shares(p_power=1.0), 1.0, 0.0, v0))
+    load = next((b for b in point.case.loads if b.bus == signal.place), Shares())
+    return Draw(bus, zip_load.from_case(load, *((0.0, 1.0) if signal.kind == "load_q" else (1.0, 0.0)), v0))
 
 
 def slopes(point: OperatingPoint, signal: Signal) -> np.ndarray:

@@ -68,15 +68,15 @@ class Linear(Model):
     """The linear model of an operating point, all its states."""
 
     point: OperatingPoint
-    places: tuple[layout.Place, ...]  # device, machine and name of every state
+    places: tuple[layout.StatePlace, ...]  # device, machine and name of every state
 
     def speeds(self) -> np.ndarray:
-        """Places (machines) of the speeds among the states."""
-        return layout.of_machines(self.places, "omega", len(self.point.case.machines))
+        """Places (rotor units) of the speeds among the states."""
+        return self.angles() + 1
 
     def angles(self) -> np.ndarray:
-        """Places (machines) of the angles among the states."""
-        return layout.of_machines(self.places, "delta", len(self.point.case.machines))
+        """Places (rotor units) of the angles among the states."""
+        return np.array([k for k, p in enumerate(self.places) if p.name == "delta" and p.unit >= 0], int)
 
 
 def linearize(point: OperatingPoint, inputs: Iterable[str | Signal] = (), outputs: Iterable[str | Signal] = ()) -> Linear:

@@ -110,11 +110,11 @@ class Modes:
     def electromechanical(self) -> np.ndarray:
         """Which modes are swings of machines against each other (modes)."""
         rotor = np.r_[self.linear.angles(), self.linear.speeds()]
-        return naming.swings(self.eigenvalues, self.shares, self.shapes, rotor, self.linear.point.plant.inertia)
+        return naming.swings(self.eigenvalues, self.shares, self.shapes, rotor, self.linear.point.inertia)
 
     def label(self, k: int) -> str:
         """Mode k in words."""
-        linear, H = self.linear, self.linear.point.plant.inertia
+        linear, H = self.linear, self.linear.point.inertia
         if self.eigenvalues[k] == 0:
             return naming.zero(linear, self.right[:, k], self.left[:, k], k == 0)
         if self.electromechanical[k]:

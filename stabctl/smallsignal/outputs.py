@@ -1,4 +1,4 @@
-"""Outputs as scalar functions of a few places of z; evaluated as they stand, or by complex step for their slopes."""
+"""Outputs as scalar functions of a few places of s; evaluated as they stand, or by complex step for their slopes."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.system import sizes
+from stabctl.errors import StudyError
 from stabctl.model import network
 
 from .signals import Signal, circuit
@@ -15,33 +15,59 @@ STEP = 1e-30
 
 
 class Reading(NamedTuple):
-    """An output: the places of z it reads, and its value from theirs (any scalar, or a row per place)."""
+    """An output: the places of s it reads, and its value from theirs (any scalar, or a row per place)."""
 
     places: np.ndarray
     value: Callable[[np.ndarray], np.ndarray]
 
-    def slopes(self, z: np.ndarray) -> np.ndarray:
-        """Derivatives along `places` at z, by complex step."""
-        steps = z[self.places][:, None] + 1j * STEP * np.eye(len(self.places))
+    def slopes(self, s: np.ndarray) -> np.ndarray:
+        """Derivatives along `places` at s, by complex step."""
+        steps = s[self.places][:, None] + 1j * STEP * np.eye(len(self.places))
         return np.asarray(self.value(steps)).imag / STEP
 
 
-def reading(point: OperatingPoint, signal: Signal) -> Reading:
-    """The output as a function. A bus frequency is that of its angle, whose rate it is: see `angle_rate`."""
-    plant, n = point.plant, sizes(point.plant, len(point.V))
-    angles = plant.rotor
-    weights = plant.inertia / plant.inertia.sum()
+OF_UNIT = {"efd": "Efd", "pm": "Pm", "pe": "P", "qe": "Q", "vt": "vt", "ifd": "Ifd", "vs": "Vs"}
+
+
+def place(point: OperatingPoint, signal: Signal) -> int:
+    """Place in s of a signal of a unit. `StudyError` where the unit has no such signal."""
+    unit = [m.machine for m in point.case.machines].index(signal.place)
+    found = point.layout.signals.get((unit, OF_UNIT[signal.kind]))
+    if found is None:
+        raise StudyError(f"Machine {signal.place} of {point.case.name} has no {signal.kind}; ask for another signal.")
+    return found
+
+
+def value(point: OperatingPoint, signal: Signal) -> Callable[[np.ndarray], float]:
+    """The value of an output from all signals s."""
+    if signal.kind in OF_UNIT:
+        at = place(point, signal)
+        return lambda s: float(s[at])
+    read = reading(point, signal)
+    return lambda s: float(read.value(s[read.places]))
+
+
+def reading(point: OperatingPoint, signal: Signal) -> Reading | None:
+    """The output as a function of states and voltages; None for an output of a device, which `place` locates.
+
+    A bus frequency is that of its angle, whose rate it is: see `angle_rate`.
+    """
+    if signal.kind in OF_UNIT:
+        at = place(point, signal)
+        return None if at >= point.layout.first_output else _weighted(np.array([at]), np.ones(1))
+    angles, inertia, nx = point.rotors.angle, point.inertia, point.layout.nx
+    weights = inertia / inertia.sum()
     if signal.kind in ("speed", "angle", "rest_speed"):
-        i = [m.machine for m in point.case.machines].index(signal.place)
+        i = point.rotor_numbers.index(signal.place)
         own = np.arange(len(angles)) == i
-        rest = np.where(own, 0.0, plant.inertia)
+        rest = np.where(own, 0.0, inertia)
         share = {"speed": own * 1.0, "angle": own - weights, "rest_speed": rest / (rest.sum() or 1.0)}[signal.kind]
         return _weighted(angles + (signal.kind != "angle"), share)
     if signal.kind == "coi_speed":
         return _weighted(angles + 1, weights)
     if signal.kind in ("flow", "flow_q"):
-        return _flow(point, signal, n.states)
-    v = n.states + 2 * point.net.place[signal.place] + np.arange(2)
+        return _flow(point, signal, nx)
+    v = nx + 2 * point.net.place[signal.place] + np.arange(2)
     if signal.kind == "voltage":
         return Reading(v, lambda q: np.sqrt(q[0] * q[0] + q[1] * q[1]))
     return Reading(np.r_[v, angles], lambda q: _angle(q, weights))
@@ -49,8 +75,7 @@ def reading(point: OperatingPoint, signal: Signal) -> Reading:
 
 def angle_rate(point: OperatingPoint, bus: int) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
     """Places of a bus voltage, and the slopes of its angle along both components, over wb."""
-    n = sizes(point.plant, len(point.V))
-    v = n.states + 2 * point.net.place[bus] + np.arange(2)
+    v = point.layout.nx + 2 * point.net.place[bus] + np.arange(2)
     wb = 2 * np.pi * point.case.frequency_hz
     return v, lambda q: np.array([-q[1], q[0]]) / (q[0] * q[0] + q[1] * q[1]) / wb
 

@@ -2,98 +2,121 @@
 
 import numpy as np
 
-from stabctl.devices import models
-from stabctl.dynamics import assembly, layout
+from stabctl.dynamics import family
+from stabctl.dynamics.assembly import limits
+from stabctl.dynamics.jacobian import Derivatives
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.system import Buffers, Plant, first_state
+from stabctl.dynamics.start import FAR
 from stabctl.errors import LinearizationError
 
-from . import local
-from .local import Private
-
 STILL = 1e-8  # 1/s and pu   largest rate and current mismatch of an equilibrium
-NUDGE = 1e-8  # of every place of z: moves a value off the limit it rests on
+NUDGE = 1e-8  # of every signal: moves a value off the limit it rests on
 JUMP = 1e-3  # change of a slope between both sides, relative to the largest of its row
 
 
-def moving(point: OperatingPoint, alone: Private, b: Buffers) -> None:
+def moving(point: OperatingPoint, d: Derivatives) -> None:
     """`LinearizationError` unless every rate and every bus's current balance is zero; names the worst."""
-    f = b.f.real.copy()
-    nx = len(f) - 2 * len(alone.bus)
-    V = point.z[nx : nx + 2 * len(point.V)].copy().view(complex)
-    miss = np.abs(local.currents(alone, f, len(V)) - point.admittance() @ V)
-    k, bus = int(np.abs(f[:nx]).argmax()), int(miss.argmax())
-    if not abs(f[k]) < STILL:
-        state = layout.label(point.case, layout.states(point.plant)[k])
+    miss = np.abs(d.currents - point.admittance() @ point.s[point.layout.voltages].copy().view(complex))
+    k, bus = int(np.abs(d.rates).argmax()), int(miss.argmax())
+    if not abs(d.rates[k]) < STILL:
         raise LinearizationError(
-            f"The point of {point.case.name} is no equilibrium: {state} moves at {f[k]:.3g} per second, more than any "
-            f"other state; linearize a point that equilibrium.solve gave."
+            f"The point of {point.case.name} is no equilibrium: {point.layout.states[k].label} moves at "
+            f"{d.rates[k]:.3g} per second, more than any other state; linearize a point that initialize() gave."
         )
     if not miss[bus] < STILL:
         raise LinearizationError(
             f"The point of {point.case.name} is no equilibrium: the currents at bus {point.case.buses[bus].bus} "
-            f"miss by {miss[bus]:.3g} pu; linearize a point that equilibrium.solve gave."
+            f"miss by {miss[bus]:.3g} pu; linearize a point that initialize() gave."
         )
 
 
-def limited(point: OperatingPoint, alone: Private) -> None:
+def limited(point: OperatingPoint) -> None:
     """`LinearizationError` where a limiter rests on its limit, so that both sides have different slopes; names it."""
-    for j, s in enumerate(point.case.storage):
-        held = point.plant.storage[j].capacity
-        energy = point.z[first_state(point.plant, "storage") + 2 * j + 1]
-        if held > 0 and not 0 < energy < held:
-            what = "full" if energy >= held else "empty"
+    esd = point.system.family("esd")
+    for j, device in enumerate(point.case.storage):
+        par = esd.device.Par(*esd.k[j])
+        if not par.floor < par.stored < par.capacity:
+            what = "full" if par.stored >= par.capacity else "empty"
             raise LinearizationError(
-                f"The store of ESD {s.machine}@{s.bus} is {what}: only one side has a derivative there; "
+                f"The store of ESD {device.machine}@{device.bus} is {what}: only one side has a derivative there; "
                 f"start it between empty and full."
             )
-    rows = _jumps(point, alone)
+    rows = _jumps(point, None)
     if not len(rows):
         return
-    owner = alone.owner[rows[0]]
-    m = len(point.case.machines)
-    if owner < m:
-        for family, j, name in _limits(alone.plant, owner):
-            opened = _open(alone.plant, family, j, name)
-            if rows[0] not in _jumps(point, alone._replace(plant=opened)):
-                machine, limit = point.case.machines[owner], float(getattr(alone.plant, family)[name][j])
-                raise LinearizationError(
-                    f"{models()[family].NAME} of machine {machine.machine} at bus {machine.bus} rests on its limit {name} = "
-                    f"{limit:g} pu: only one side has a derivative there; widen {name} in {family}.csv, or move the "
-                    f"operating point off it."
-                )
-    where = f"machine {point.case.machines[owner].machine}" if owner < m else f"bus {_bus(point, alone, owner)}"
-    raise LinearizationError(f"The equations at {where} have different slopes on both sides of the operating point.")
+    unit = _unit(point, rows[0])
+    for name, j, column in _limits(point, unit):
+        f = point.system.family(name)
+        k = f.k.copy()
+        limit, parameter = f.k[j, column], f.device.Par._fields[column]
+        k[j, column] = FAR if parameter.endswith("max") else -FAR
+        if rows[0] not in _jumps(point, (name, k)):
+            where = f"machine {point.case.machines[unit].machine} at bus {point.case.machines[unit].bus}" if unit >= 0 else f.keys[j]
+            raise LinearizationError(
+                f"{f.device.NAME} of {where} rests on its limit {parameter} = {limit:g} pu: only one side has a "
+                f"derivative there; widen {parameter} in {name}.csv, or move the operating point off it."
+            )
+    raise LinearizationError(
+        f"The equations at {_where(point, rows[0])} have different slopes on both sides of the operating point."
+    )
 
 
-def _bus(point: OperatingPoint, alone: Private, owner: int) -> int:
-    return point.case.buses[alone.bus[owner]].bus
+def _jumps(point: OperatingPoint, changed: tuple[str, np.ndarray] | None) -> np.ndarray:
+    """Rows of [rates | outputs | currents] whose slopes differ between both sides of the point.
+
+    The sides lie along one direction that moves every signal; `changed` gives other constants to one family.
+    """
+    equations, lay = point.equations, point.layout
+    k = None
+    if changed is not None:
+        k = np.concatenate([(changed[1] if f.name == changed[0] else f.k).ravel() for f in equations.families])
+    free = np.arange(lay.step)
+    step = np.zeros(lay.size)
+    step[free] = NUDGE * np.random.default_rng(0).choice([-1, 1], len(free)) * np.linspace(0.5, 1, len(free))
+    sides = []
+    lim = point.system.limits if changed is None else limits(_replaced(point, changed), lay.one)
+    for s in (point.s + step, point.s - step):
+        J, rates = equations.direct(s, k)
+        held = equations.held(s, rates, lim)
+        J = J.multiply((~np.r_[held, np.zeros(J.shape[0] - lay.nx, bool)])[:, None]).tocsr()
+        sides.append(J)
+    energy = [i for i, p in enumerate(lay.states) if p.name == "energy"]
+    keep = np.setdiff1d(np.arange(sides[0].shape[0]), energy)
+    scale = np.maximum(*(abs(J).max(axis=1).toarray().ravel() for J in sides))
+    jump = abs(sides[0] - sides[1]).max(axis=1).toarray().ravel()
+    return keep[(jump > JUMP * scale + STILL)[keep]]
 
 
-def _jumps(point: OperatingPoint, alone: Private) -> np.ndarray:
-    """Rows of f whose slopes differ between both sides of the point, along one direction that moves everything."""
-    step = NUDGE * np.random.default_rng(0).choice([-1, 1], len(point.z)) * np.linspace(0.5, 1, len(point.z))
-    sides = [local.derivatives(alone, local.at(alone, point.z + s)) for s in (step, -step)]
-    energy = first_state(alone.plant, "storage") + 1 + 2 * np.arange(len(alone.plant.storage))
-    for J in sides:
-        J[:, energy] = 0
-    scale = np.maximum(*(np.abs(J).max(axis=0) for J in sides))
-    return np.flatnonzero(np.abs(sides[0] - sides[1]).max(axis=0) > JUMP * scale + STILL)
+def _replaced(point: OperatingPoint, changed: tuple[str, np.ndarray]) -> list[family.Family]:
+    return [f._replace(k=changed[1]) if f.name == changed[0] else f for f in point.system.families]
 
 
-def _limits(plant: Plant, machine: int) -> list[tuple[str, int, str]]:
-    """Table, row and name of every limit of a machine's devices."""
+def _unit(point: OperatingPoint, row: int) -> int:
+    """Row of the unit whose state, output or current a row belongs to; -1 where it is none's."""
+    lay = point.layout
+    if row < lay.nx:
+        return lay.states[row].unit
+    if row < lay.nx + lay.outputs:
+        return int(lay.owner[lay.first_output + row - lay.nx])
+    return -1
+
+
+def _where(point: OperatingPoint, row: int) -> str:
+    unit = _unit(point, row)
+    if unit >= 0:
+        return f"machine {point.case.machines[unit].machine}"
+    lay = point.layout
+    at = (row - lay.nx - lay.outputs) // 2
+    bus = point.equations.injecting[at] if row >= lay.nx + lay.outputs else 0
+    return f"bus {point.case.buses[(bus - lay.nx) // 2].bus}"
+
+
+def _limits(point: OperatingPoint, unit: int) -> list[tuple[str, int, int]]:
+    """Table, row and column of every limit of a unit's devices."""
     return [
-        (family, int(j), name)
-        for family, device in models().items()
-        for j in np.flatnonzero(getattr(plant, f"{family}_machine") == machine)
-        for name in device.Par._fields
+        (f.name, int(j), c)
+        for f in point.system.families
+        for j in np.flatnonzero(f.w[:, family.UNIT] == unit)
+        for c, name in enumerate(family.fields(f.device, "Par"))
         if name.endswith(("max", "min"))
     ]
-
-
-def _open(plant: Plant, family: str, row: int, name: str) -> Plant:
-    table = getattr(plant, family).copy()
-    table[name][row] = 1e9 if name.endswith("max") else -1e9
-    opened = plant._replace(**{family: table})
-    return opened._replace(**assembly.held(opened))

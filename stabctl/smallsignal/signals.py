@@ -66,6 +66,13 @@ OUTPUTS = _kinds(
         "voltage": ("bus", "voltage bus {place}", "pu", "magnitude of a bus voltage"),
         "bus_angle": ("bus", "angle bus {place} to COI", "rad", "angle of a bus voltage against the COI"),
         "frequency": ("bus", "frequency bus {place}", "pu", "rate of a bus angle while the inputs stand still"),
+        "efd": ("machine", "field voltage {machine} {place}", "pu", "field voltage"),
+        "pm": ("machine", "mechanical power {machine} {place}", "pu", "mechanical power, machine base"),
+        "pe": ("machine", "P {machine} {place}", "pu", "active power at the terminals, machine base"),
+        "qe": ("machine", "Q {machine} {place}", "pu", "reactive power at the terminals, machine base"),
+        "vt": ("machine", "terminal voltage {machine} {place}", "pu", "terminal voltage of a machine"),
+        "ifd": ("machine", "field current {machine} {place}", "pu", "field current"),
+        "vs": ("machine", "stabilizing signal {place}", "pu", "output of a stabilizer"),
         "flow": ("line", "P line {place}", "pu", "active power into a circuit at the first bus named"),
         "flow_q": ("line", "Q line {place}", "pu", "reactive power into a circuit at the first bus named"),
     }
