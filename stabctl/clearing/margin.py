@@ -26,7 +26,7 @@ def margin(trajectory: Trajectory, cleared_s: float) -> Margin | None:
     run without deceleration: it says nothing about the distance.
     """
     after = trajectory.time > cleared_s - 1e-9
-    if after.sum() < 3 or trajectory.angle.shape[1] < 2:
+    if after.sum() < 3 or trajectory.arrays.angle.shape[1] < 2:
         return None
     w, M = _equivalent(trajectory)
     w = w[after]
@@ -43,12 +43,12 @@ def margin(trajectory: Trajectory, cleared_s: float) -> Margin | None:
 
 def _equivalent(trajectory: Trajectory) -> tuple[np.ndarray, float]:
     """Speed (rows, pu) of the group of machines that is lost against the others, and inertia (s) of the equivalent."""
-    H, machines = trajectory.point.plant.inertia, trajectory.point.case.machines
-    end = trajectory.angle[-1] - trajectory.angle[0]
+    H, numbers = trajectory.point.inertia, trajectory.point.rotor_numbers
+    end = trajectory.arrays.angle[-1] - trajectory.arrays.angle[0]
     order = np.argsort(end)
     ahead = np.zeros(len(H), bool)
     ahead[order[np.argmax(np.diff(end[order])) + 1 :]] = True
-    lost = next((i for i, m in enumerate(machines) if m.machine == trajectory.outcome.machine), order[-1])
+    lost = next((i for i, number in enumerate(numbers) if number == trajectory.outcome.machine), order[-1])
     share = np.where(ahead, H / H[ahead].sum(), -H / H[~ahead].sum())
-    w = trajectory.speed @ share
+    w = trajectory.arrays.speed @ share
     return (w if ahead[lost] else -w), float(2 * H[ahead].sum() * H[~ahead].sum() / H.sum())

@@ -9,7 +9,7 @@ from typing import Any, Protocol, runtime_checkable
 
 from .bang_bang import BangBang
 from .feedback import Feedback
-from .signals import Device
+from .signals import Device, Input
 
 
 @runtime_checkable
@@ -26,4 +26,9 @@ class Law(Protocol):
         ...
 
 
-__all__ = ["BangBang", "Device", "Feedback", "Law"]
+def wanted(law: Law, par: Any, signals: Input, voltage: float) -> float:
+    """Order (ratings) that a law asks of one device with these constants, at this voltage magnitude (pu)."""
+    return float(law.module.step(signals, (voltage, 0.0), par).wanted)
+
+
+__all__ = ["BangBang", "Device", "Feedback", "Input", "Law", "wanted"]

@@ -137,20 +137,32 @@ def _tables(case: Case, flow: PowerFlow, net: Network) -> tuple[dict[str, list[R
     found: dict[str, list[Row]] = {}
     for name, device in devices.models().items():
         if device.ROLE in devices.UNIT_ROLES and name in case.devices:
-            found[name] = [_unit_row(case, device, numbers[number_of(key)], key, par, net) for key, par in case.devices[name].items()]
+            found[name] = [
+                _unit_row(case, device, numbers[number_of(key)], key, par, net)
+                for key, par in case.devices[name].items()
+            ]
     found["zip_load"], fixed = [], np.zeros(len(case.buses), complex)
     for i, load in enumerate(case.loads):
         _load(case, flow, net, i, found, fixed)
     esd, hvdc = devices.every()["esd"], devices.every()["hvdc"]
     found["esd"] = [
-        Row(numbers[s.machine], net.place[s.bus], net.place[s.bus], esd.from_case(s, case.base_mva), f"ESD {s.machine}@{s.bus}", f"ESD {s.machine}@{s.bus}")
+        Row(
+            numbers[s.machine],
+            net.place[s.bus],
+            net.place[s.bus],
+            esd.from_case(s, case.base_mva),
+            f"ESD {s.machine}@{s.bus}",
+            f"ESD {s.machine}@{s.bus}",
+        )
         for s in case.storage
     ]
     found["hvdc"] = []
     for k in case.links:
         a, b = net.place[k.from_bus], net.place[k.to_bus]
         powers = k.p / abs(flow.V[a]), (k.p - k.loss) / abs(flow.V[b])
-        found["hvdc"].append(Row(NO_UNIT, a, b, hvdc.Par(*(p / case.base_mva for p in powers), 0.5), f"HVDC {k.link}", f"link {k.link}"))
+        found["hvdc"].append(
+            Row(NO_UNIT, a, b, hvdc.Par(*(p / case.base_mva for p in powers), 0.5), f"HVDC {k.link}", f"link {k.link}")
+        )
     return {name: rows for name, rows in found.items() if rows}, fixed
 
 
@@ -189,7 +201,9 @@ def load_row(case: Case, i: int, V: float, net: Network) -> tuple[str, Row]:
             par = par._replace(**{k: v for k, v in given.items() if k in par._fields})
             return name, Row(NO_UNIT, bus, bus, par, f"{device.NAME} {key}", f"the load at bus {load.bus}")
     zip_load = devices.every()["zip_load"]
-    return "zip_load", Row(NO_UNIT, bus, bus, zip_load.from_case(load, P, Q, V), f"load {key}", f"the load at bus {load.bus}")
+    return "zip_load", Row(
+        NO_UNIT, bus, bus, zip_load.from_case(load, P, Q, V), f"load {key}", f"the load at bus {load.bus}"
+    )
 
 
 def _load(case: Case, flow: PowerFlow, net: Network, i: int, found: dict[str, list[Row]], fixed: np.ndarray) -> None:
@@ -229,7 +243,9 @@ class _Wiring:
     def _sensors(self) -> None:
         """A sensor for every bus that an input elsewhere asks for."""
         for name, rows in list(self.tables.items()):
-            for at, row in ((hint, row) for hint in _inputs(devices.every()[name]).values() for row in rows if isinstance(hint, At)):
+            for at, row in (
+                (hint, row) for hint in _inputs(devices.every()[name]).values() for row in rows if isinstance(hint, At)
+            ):
                 if at.signal in devices.every() and devices.every()[at.signal].ROLE == "sensor":
                     bus, sensors = self._bus(at, row), self.tables.setdefault(at.signal, [])
                     if bus not in [s.bus for s in sensors]:
@@ -243,7 +259,9 @@ class _Wiring:
     def _bus(self, at: At, row: Row) -> int:
         number = int(getattr(row.par, at.place))
         if number and number not in self.net.place:
-            raise EquilibriumError(f"There is no bus {number} in {self.case.name}, which {row.label} names as {at.place}.")
+            raise EquilibriumError(
+                f"There is no bus {number} in {self.case.name}, which {row.label} names as {at.place}."
+            )
         return self.net.place[number] if number else row.bus
 
     def _states(self, name: str, rows: list[Row]) -> None:
@@ -325,7 +343,9 @@ class _Wiring:
         units = {m.machine: i for i, m in enumerate(self.case.machines)}
         givers = self.given.get((units.get(number, NO_UNIT) if number else row.unit, at.signal), [])
         if not givers:
-            raise EquilibriumError(f"Machine {number} of {self.case.name} gives no {at.signal}, which {row.label} reads.")
+            raise EquilibriumError(
+                f"Machine {number} of {self.case.name} gives no {at.signal}, which {row.label} reads."
+            )
         return self.place(*givers[0], at.signal)
 
     def _sum(self, places: list[int]) -> int:
@@ -374,7 +394,9 @@ class _Wiring:
                 left = here
         if not rows:
             return []
-        return [Family("adder", adder, np.array(rows, np.int64), np.zeros((len(rows), 0)), ("a summing port",) * len(rows))]
+        return [
+            Family("adder", adder, np.array(rows, np.int64), np.zeros((len(rows), 0)), ("a summing port",) * len(rows))
+        ]
 
     def layout(self) -> Layout:
         """Places in s, after `families`."""

@@ -120,7 +120,10 @@ def _head(device: ModuleType, step: str = "") -> dict[str, tuple[str, ...]]:
         "v": (buses, f"v = {v[0]}"),
         "v1": (buses, f"v1 = {v[0]}"),
         "v2": (f"v2 = {v[1]}",),
-        "y": (f"o = w[{columns} * j + {columns - 1}]", f"y = device.Output({', '.join(f's[o + {i}]' for i in range(len(shown)))})"),
+        "y": (
+            f"o = w[{columns} * j + {columns - 1}]",
+            f"y = device.Output({', '.join(f's[o + {i}]' for i in range(len(shown)))})",
+        ),
         **{n: (f"{n} = u.{n}",) if step else (f"{n} = s[w[{columns} * j + {at[n]}]]",) for n in inputs},
     }
 
@@ -213,7 +216,8 @@ def on_disk(name: str, device: ModuleType, scalar: type) -> bool:
     function = _module(name, device, scalar)
     place = os.path.dirname(inspect.getfile(function))
     return os.path.isdir(f"{place}/__pycache__") and any(
-        file.startswith(f"{function.__module__}.") and file.endswith(".nbc") for file in os.listdir(f"{place}/__pycache__")
+        file.startswith(f"{function.__module__}.") and file.endswith(".nbc")
+        for file in os.listdir(f"{place}/__pycache__")
     )
 
 

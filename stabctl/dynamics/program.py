@@ -64,7 +64,10 @@ def ordered(families: Sequence[Family]) -> list[Node]:
         except CycleError as error:
             cycle = {nodes[n] for n in error.args[1]}
             if all(len(rows) == 1 for _, _, rows in cycle):
-                names = [f"{families[nodes[n][0]].name} of {families[nodes[n][0]].keys[nodes[n][2][0]]}" for n in error.args[1]]
+                names = [
+                    f"{families[nodes[n][0]].name} of {families[nodes[n][0]].keys[nodes[n][2][0]]}"
+                    for n in error.args[1]
+                ]
                 raise EquilibriumError(f"These devices wait for each other's outputs: {' <- '.join(names)}.") from None
             single = [(i, op, (row,)) for i, op, rows in cycle for row in rows]
             nodes = [n for n in nodes if n not in cycle] + single
@@ -77,9 +80,7 @@ def _graph(families: Sequence[Family], nodes: Sequence[Node]) -> dict[int, set[i
     for n, (i, op, rows) in enumerate(nodes):
         if op != RATES:
             maker[_written(families[i], rows)] = n
-    return {
-        n: set(maker[_read(families[i], op, rows)].tolist()) - {-1, n} for n, (i, op, rows) in enumerate(nodes)
-    }
+    return {n: set(maker[_read(families[i], op, rows)].tolist()) - {-1, n} for n, (i, op, rows) in enumerate(nodes)}
 
 
 def _written(one: Family, rows: Sequence[int]) -> np.ndarray:

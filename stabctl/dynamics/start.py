@@ -212,7 +212,9 @@ class _Newton:
         for unit, angle in zip(system.rotors.unit, system.rotors.angle, strict=True):
             if np.cos(s[angle] - np.angle(self.V[system.unit_bus[unit]])) < -0.5:
                 number = self.case.machines[unit].machine
-                raise EquilibriumError(f"Machine {number} of {self.case.name} starts upside down; check its reactances.")
+                raise EquilibriumError(
+                    f"Machine {number} of {self.case.name} starts upside down; check its reactances."
+                )
         lim = limits(system.families, layout.one)
         for k, place in enumerate(lim.state):
             value, per = s[place], s[lim.scale[k]]
@@ -221,7 +223,9 @@ class _Newton:
                 above = value > high * per
                 state = layout.states[place]
                 what = f"{'needs'} {value / per:.4g} pu"
-                raise EquilibriumError(self._beyond(state.table, state.unit, lim.names[k][int(above)], high if above else low, what))
+                raise EquilibriumError(
+                    self._beyond(state.table, state.unit, lim.names[k][int(above)], high if above else low, what)
+                )
         rates = self.equations.at(s).rates
         if np.abs(rates).max(initial=0.0) < STILL:
             return
@@ -283,7 +287,10 @@ def _groups(count: int, of_row: np.ndarray, of_column: np.ndarray) -> Iterator[t
     for height, width in sorted(set(zip(heights.tolist(), widths.tolist(), strict=True))):
         groups = np.flatnonzero((heights == height) & (widths == width))
         if height:
-            yield rows[first_row[groups][:, None] + np.arange(height)], columns[first_column[groups][:, None] + np.arange(width)]
+            yield (
+                rows[first_row[groups][:, None] + np.arange(height)],
+                columns[first_column[groups][:, None] + np.arange(width)],
+            )
 
 
 def _solved(blocks: np.ndarray, f: np.ndarray) -> np.ndarray:

@@ -79,8 +79,8 @@ def by_swept_angle(trials: Trials, mw: np.ndarray, k: int, J: np.ndarray) -> np.
     that a MW at a candidate takes from each machine. None where no MW helps.
     """
     run = trials.run(mw, k)
-    H = trials.point.plant.inertia
-    change = run.angle - run.angle[0]
+    H = trials.point.inertia
+    change = run.arrays.angle - run.arrays.angle[0]
     change -= (change @ H / H.sum())[:, None]
     first = int(np.argmax(run.time >= trials.contingencies[k].clear - 1e-9))
     widest = first + int(np.argmax(np.ptp(change[first:], axis=1)))
@@ -92,7 +92,7 @@ def by_swept_angle(trials: Trials, mw: np.ndarray, k: int, J: np.ndarray) -> np.
     theta = change @ np.where(C, H / M_C, -H / M_N)
     peak = first + int(np.argmax(theta[first:]))
     shares = np.where(C, M_N, -M_C) / H.sum()
-    work = (run.order[first:peak] * np.diff(theta)[first:peak, None]).sum(0)
+    work = (run.arrays.order[first:peak] * np.diff(theta)[first:peak, None]).sum(0)
     return _scaled(work * (shares @ J), mw)
 
 

@@ -83,7 +83,7 @@ def gramians(
             f"({all_modes.label(worst)}) does not decay: it has no Gramian at a decay of {decay:g} 1/s; choose one "
             f"above {max(float(s.real.max()), 0.0) + EVEN:.3g} 1/s."
         )
-    H = point.plant.inertia * point.case.base_mva
+    H = point.inertia * point.case.base_mva
     scale = np.sqrt(H @ np.abs(all_modes.right[all_modes.linear.speeds()][:, chosen]) ** 2)
     c = all_modes.controllability()[chosen] * scale[:, None] / point.case.base_mva
     c = c[:, [buses.index(k.bus) for k in found]]

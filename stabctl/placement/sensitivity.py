@@ -13,12 +13,12 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.system import sizes
 from stabctl.errors import StudyError
 from stabctl.model import network
 from stabctl.model.case import Case
 from stabctl.model.network import UNSWITCHED, Switching
-from stabctl.smallsignal import INPUTS, inputs, local, signals
+from stabctl.smallsignal import INPUTS, inputs, signals
+from stabctl.smallsignal.descriptor import real
 
 TOLERANCE = 1e-10  # pu   largest current mismatch of a bus
 LIMIT = 30  # Newton steps
@@ -114,36 +114,32 @@ def sensitivity(
         )
     where = network.islands(point.net, switching)
     served = np.isin(where, where[point.net.machine_bus])
-    z, fv, gv = _settled(point, switching, served)
-    n = sizes(point.plant, len(point.V))
-    V = z[n.states : n.states + n.voltages].view(complex)
-    gu = np.zeros((n.voltages, len(found)))
+    V, fv, gv = _settled(point, switching, served)
+    gu = np.zeros((2 * len(V), len(found)))
     for k, c in enumerate(found):
         (signal,) = signals.chosen(case, [f"storage:{c.bus}"], INPUTS)
         draw = inputs.draw(point, signal)
         if served[draw.bus]:
-            gu[2 * draw.bus : 2 * draw.bus + 2, k] = draw.current_of(V[draw.bus : draw.bus + 1]).view(float)
-    J = 2 * point.plant.inertia[:, None] * (fv @ splu(gv).solve(gu))
-    numbers = tuple(m.machine for m in case.machines)
-    island = where[point.net.machine_bus]
-    return Sensitivity(case.name, numbers, found, J, point.plant.inertia.copy(), island, case.base_mva)
+            gu[2 * draw.bus : 2 * draw.bus + 2, k] = np.array([draw.current_of(complex(V[draw.bus]))]).view(float)
+    J = 2 * point.inertia[:, None] * (fv @ splu(gv).solve(gu))
+    numbers = point.rotor_numbers
+    island = where[point.system.unit_bus[point.rotors.unit]]
+    return Sensitivity(case.name, numbers, found, J, point.inertia.copy(), island, case.base_mva)
 
 
-def _settled(point: OperatingPoint, switching: Switching, served: np.ndarray) -> tuple[np.ndarray, sp.csc_matrix, sp.csc_matrix]:
-    """z with the voltages of the switched network, and the slopes there: of the machines' w' and of the currents."""
-    alone, z, n = local.private(point.plant), point.z.copy(), sizes(point.plant, len(point.V))
-    places = slice(n.states, n.states + n.voltages)
-    v, Y = z[places], local.real(point.admittance(switching))
+def _settled(
+    point: OperatingPoint, switching: Switching, served: np.ndarray
+) -> tuple[np.ndarray, sp.csc_matrix, sp.csc_matrix]:
+    """Voltages of the switched network, and the slopes there: of the machines' w' and of the currents."""
+    s, places = point.s.copy(), point.layout.voltages
+    v, Y = s[places], real(point.admittance(switching))
     live = sp.diags(np.repeat(served, 2).astype(float), format="csc")
-    J = np.zeros((len(alone.columns), len(alone.owner)))
     for _ in range(LIMIT):
-        b = local.at(alone, z)
-        J[-2:] = local.voltage_slopes(alone, b)
-        slopes = local.assemble(alone, J, len(point.V))[:, places].tocsr()
-        gv = (live @ (slopes[n.states :] - Y) - (sp.identity(n.voltages) - live)).tocsc()
-        miss = live @ (local.currents(alone, b.f.real.copy(), len(point.V)).view(float) - Y @ v)
+        d = point.equations.at(s)
+        gv = (live @ (d.of_currents[:, places] - Y) - (sp.identity(len(v)) - live)).tocsc()
+        miss = live @ (d.currents.view(float) - Y @ v)
         if np.abs(miss).max() < TOLERANCE:
-            return z, slopes[point.plant.rotor + 1].tocsc(), gv
+            return v.view(complex), d.of_rates[point.rotors.angle + 1][:, places].tocsc(), gv
         try:
             v -= splu(gv).solve(miss)
         except RuntimeError:

@@ -99,7 +99,7 @@ def storage(run: Trajectory, machines: Sequence[int] | None = None) -> "Figure":
     figure, axes = subplots(9, 1.25 * len(shown) + 0.6, len(shown), sharex=True, sharey=len(shown) > 2)
     for ax, k in zip(axes[:, 0], shown, strict=True):
         device = case.storage[k]
-        ax.plot(run.time, run.storage[:, k], drawstyle="steps-post")
+        ax.plot(run.time, run.arrays.storage[:, k], drawstyle="steps-post")
         ax.set_title(f"storage of machine {device.machine} at bus {device.bus}", loc="left", fontsize="small")
     axes[-1, 0].set_xlabel("time (s)")
     figure.supylabel("power absorbed (MW)", fontsize="medium")
@@ -126,15 +126,15 @@ def _signal(run: Trajectory, signal: str, machines: Sequence[int] | None) -> Sig
     """The curves of a signal."""
     case = run.point.case
     if signal == "storage":
-        devices = zip(case.storage, run.devices(), run.storage.T, strict=True)
+        devices = zip(case.storage, run.devices(), run.arrays.storage.T, strict=True)
         owners = [(s.machine, f"storage {name}", column) for s, name, column in devices]
     else:
         column_of = {b.bus: k for k, b in enumerate(case.buses)}
         values = {
-            "speed": lambda: run.speed * case.frequency_hz,
-            "angle": lambda: np.rad2deg(run.angle - _coi_angle(run)[:, None]),
-            "voltage": lambda: np.abs(run.V[:, [column_of[m.storage_bus] for m in case.machines]]),
-            "power": lambda: run.Pe,
+            "speed": lambda: run.arrays.speed * case.frequency_hz,
+            "angle": lambda: np.rad2deg(run.arrays.angle - _coi_angle(run)[:, None]),
+            "voltage": lambda: np.abs(run.arrays.V[:, [column_of[m.storage_bus] for m in case.machines]]),
+            "power": lambda: run.arrays.P,
         }[signal]()
         name = "bus {0.storage_bus}" if signal == "voltage" else "machine {0.machine}"
         owners = [(m.machine, name.format(m), column) for m, column in zip(case.machines, values.T, strict=True)]
@@ -145,5 +145,5 @@ def _signal(run: Trajectory, signal: str, machines: Sequence[int] | None) -> Sig
 
 def _coi_angle(run: Trajectory) -> np.ndarray:
     """Angle of the center of inertia of all machines (rows), rad."""
-    H = run.point.plant.inertia
-    return run.angle @ H / H.sum()
+    H = run.point.inertia
+    return run.arrays.angle @ H / H.sum()

@@ -60,7 +60,9 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
     number = numbers[end.machine] if numbers else None
     cut = " ".join((_cut_off(point, end.stage), *end.taken_off)).strip()
     if not (end.stage.net.island >= 0).any():
-        return Outcome(Kind.VOLTAGE_COLLAPSE, f"No machine holds a voltage at {t:.3f} s: the system is dead. {cut}".strip(), t)
+        return Outcome(
+            Kind.VOLTAGE_COLLAPSE, f"No machine holds a voltage at {t:.3f} s: the system is dead. {cut}".strip(), t
+        )
     kind, machine, blamed = Kind.ISLANDED if cut else Kind.STABLE, None, None
     match end.verdict:
         case stepper.SLIPPED:
@@ -105,7 +107,9 @@ def _cut_off(point: OperatingPoint, now: Stage) -> str:
         return ""
     on = now.net.island >= 0
     rotors = point.rotors
-    weight = np.bincount(where[point.system.unit_bus[rotors.unit]], rotors.inertia * on[rotors.unit], minlength=where.max() + 1)
+    weight = np.bincount(
+        where[point.system.unit_bus[rotors.unit]], rotors.inertia * on[rotors.unit], minlength=where.max() + 1
+    )
     main = int(weight.argmax())
     parts = []
     for k in (k for k in range(where.max() + 1) if k != main):

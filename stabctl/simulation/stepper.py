@@ -1,13 +1,10 @@
 """The compiled loop: RK4 on the states at a fixed step, network voltages by substitution, sampled devices once a step."""
 
-import numpy as np
-
 from stabctl._util.jit import entry, inline, noinline
 from stabctl.devices.blocks import copy
 from stabctl.dynamics.perform import perform
 
-from .criterion import DEFAULT
-from .substitution import solve, solve_apart
+from .substitution import solve_apart
 from .voltages import FAILED, NEEDS_NEWTON, settle
 
 DONE, SLIPPED, NO_VOLTAGE, LOW_VOLTAGE, RUNAWAY, NEWTON = range(6)

@@ -67,7 +67,9 @@ class Descriptor:
     __repr__ = __str__
 
 
-def descriptor(point: OperatingPoint, inputs: Iterable[str | Signal] = (), outputs: Iterable[str | Signal] = ()) -> Descriptor:
+def descriptor(
+    point: OperatingPoint, inputs: Iterable[str | Signal] = (), outputs: Iterable[str | Signal] = ()
+) -> Descriptor:
     """Sparse descriptor matrices of an operating point, exact (complex step on the simulated equations).
 
     `LinearizationError` where the point is no equilibrium (naming the state that moves most) or rests on a limit;
@@ -113,8 +115,12 @@ def _inputs(
 
 
 def _outputs(
-    point: OperatingPoint, d: Derivatives, parts: tuple[sp.csc_matrix, ...], rows: np.ndarray,
-    ins_of: tuple[Signal, ...], signals: tuple[Signal, ...],
+    point: OperatingPoint,
+    d: Derivatives,
+    parts: tuple[sp.csc_matrix, ...],
+    rows: np.ndarray,
+    ins_of: tuple[Signal, ...],
+    signals: tuple[Signal, ...],
 ) -> tuple[sp.csc_matrix, ...]:
     """Slopes of the outputs. The rate of a bus angle is that of its voltage, v' = -inv(gv) gx x'."""
     fx, fv, gx, gv, fu, _ = parts

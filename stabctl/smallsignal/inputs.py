@@ -4,12 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.devices.loads import zip_load
 from stabctl.dynamics import family
+from stabctl.dynamics.operating_point import OperatingPoint
 
 from .signals import Signal
-
 
 PORTS = {"exciter": "Vref", "governor": "Pref", "vref": "Vref", "pref": "Pref", "field": "Efd", "power": "Pm"}
 

@@ -79,7 +79,9 @@ class Linear(Model):
         return np.array([k for k, p in enumerate(self.places) if p.name == "delta" and p.unit >= 0], int)
 
 
-def linearize(point: OperatingPoint, inputs: Iterable[str | Signal] = (), outputs: Iterable[str | Signal] = ()) -> Linear:
+def linearize(
+    point: OperatingPoint, inputs: Iterable[str | Signal] = (), outputs: Iterable[str | Signal] = ()
+) -> Linear:
     """The linear model of an operating point: A = fx - fv inv(gv) gx, the voltages eliminated exactly.
 
     Signals are named as in `signals.INPUTS` and `signals.OUTPUTS`, e.g. `storage:33`, `speed:14` or `speed` for all.

@@ -51,7 +51,11 @@ def limited(point: OperatingPoint) -> None:
         limit, parameter = f.k[j, column], f.device.Par._fields[column]
         k[j, column] = FAR if parameter.endswith("max") else -FAR
         if rows[0] not in _jumps(point, (name, k)):
-            where = f"machine {point.case.machines[unit].machine} at bus {point.case.machines[unit].bus}" if unit >= 0 else f.keys[j]
+            where = (
+                f"machine {point.case.machines[unit].machine} at bus {point.case.machines[unit].bus}"
+                if unit >= 0
+                else f.keys[j]
+            )
             raise LinearizationError(
                 f"{f.device.NAME} of {where} rests on its limit {parameter} = {limit:g} pu: only one side has a "
                 f"derivative there; widen {parameter} in {name}.csv, or move the operating point off it."

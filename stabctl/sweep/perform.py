@@ -119,7 +119,7 @@ def _ended(run: Trajectory) -> Result:
         bus=end.bus,
         time=end.time_s,
         max_angle_from_coi=run.max_angle_from_coi_deg,
-        energy=float(np.ptp(run.energy, axis=0).sum()) if kept else None,
+        energy=float(np.ptp(run.arrays.energy, axis=0).sum()) if kept else None,
         message=end.message,
     )
 

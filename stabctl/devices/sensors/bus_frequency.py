@@ -5,11 +5,10 @@ df = (angle of V exp(-j x)) / T, x' = df: a first-order phase-locked loop. f = 1
 
 from typing import Annotated, NamedTuple
 
-from stabctl._util.jit import inline
-from stabctl.devices.blocks import angle
-
 import numpy as np
 
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import angle
 from stabctl.schema import FROM_CASE
 
 NAME = "bus frequency"
