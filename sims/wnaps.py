@@ -30,7 +30,7 @@ def study(reports: Path) -> Study:
     events = Contingency(FAULT, paper.CASE_2_CYCLES / case.frequency_hz, TRIP)
     bare = run(operating_point.solve(case), events)
     held = run(operating_point.solve(case.with_storage(fleet.everywhere(case, "5%mva"))), events, control=BangBang())
-    powers = dict(zip((s.machine for s in held.point.case.storage), held.storage.T, strict=True))
+    powers = dict(zip((s.machine for s in held.point.case.storage), held.arrays.storage.T, strict=True))
     acting = " and ".join(str(machine) for machine, p in powers.items() if np.abs(p).max() > 0)
     counted = {
         "machines": case.machines,

@@ -34,15 +34,15 @@ def simulated(point, events, until, step=1 / 960, control=None):
 def signals(run):
     """Our signals, named as in SIGNALS."""
     net, case = run.point.net, run.point.case
-    size = np.abs(run.V)
+    size = np.abs(run.arrays.V)
     return {
-        "speed": run.speed,
-        "angle": run.angle,
+        "speed": run.arrays.speed,
+        "angle": run.arrays.angle,
         "terminal": size[:, net.machine_bus],
         "hv": size[:, [net.place[m.storage_bus] for m in case.machines]],
-        "Efd": run.Efd,
-        "Pm": run.Pm,
-        "Pe": run.Pe / case.base_mva,
+        "Efd": run.arrays.Efd,
+        "Pm": run.arrays.Pm,
+        "Pe": run.arrays.P / case.base_mva,
     }
 
 

@@ -11,7 +11,7 @@ Name = Annotated[str | None, typer.Argument(metavar="[TABLE]", help="One table o
 
 def tables(name: Name = None, as_json: Json = False) -> None:
     """List the columns of a case's tables: unit, meaning, what is allowed, default."""
-    from stabctl.devices import models()
+    from stabctl.devices import models
     from stabctl.errors import StudyError
     from stabctl.model.case import TABLES
     from stabctl.schema import fields

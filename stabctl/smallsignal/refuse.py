@@ -6,6 +6,7 @@ from stabctl.dynamics import family
 from stabctl.dynamics.assembly import limits
 from stabctl.dynamics.jacobian import Derivatives
 from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.dynamics.program import Family
 from stabctl.dynamics.start import FAR
 from stabctl.errors import LinearizationError
 
@@ -91,7 +92,7 @@ def _jumps(point: OperatingPoint, changed: tuple[str, np.ndarray] | None) -> np.
     return keep[(jump > JUMP * scale + STILL)[keep]]
 
 
-def _replaced(point: OperatingPoint, changed: tuple[str, np.ndarray]) -> list[family.Family]:
+def _replaced(point: OperatingPoint, changed: tuple[str, np.ndarray]) -> list[Family]:
     return [f._replace(k=changed[1]) if f.name == changed[0] else f for f in point.system.families]
 
 

@@ -42,12 +42,12 @@ def energy(point, run):
     Z = np.linalg.inv(point.admittance().toarray())
     Y = np.diag(y) - y[:, None] * Z[np.ix_(at, at)] * y[None, :]
     assert np.abs(Y.real).max() < 1e-9 * np.abs(Y.imag).max()
-    E = run.Efd[0]
-    kinetic = ((run.speed - 1) ** 2 * plant.inertia).sum(axis=1) * wb
-    difference = run.angle[:, :, None] - run.angle[:, None, :]
+    E = run.arrays.Efd[0]
+    kinetic = ((run.arrays.speed - 1) ** 2 * plant.inertia).sum(axis=1) * wb
+    difference = run.arrays.angle[:, :, None] - run.arrays.angle[:, None, :]
     network = -0.5 * (E[:, None] * E * Y.imag * np.cos(difference)).sum(axis=(1, 2))
-    Pm = run.Pm[0] * plant.gencls.mva[np.argsort(plant.gencls_machine)]
-    return kinetic, network - run.angle @ Pm
+    Pm = run.arrays.Pm[0] * plant.gencls.mva[np.argsort(plant.gencls_machine)]
+    return kinetic, network - run.arrays.angle @ Pm
 
 
 def drift(point, step):
@@ -93,10 +93,10 @@ def test_loads_that_need_iteration_leave_a_floor_of_a_millionth(points):
 def same_motion(single, fleet, events, until=3.0, **options):
     a = simulation.run(operating_point.solve(single), events, until, criterion=KEEP_ON, **options)
     b = simulation.run(operating_point.solve(fleet), events, until, criterion=KEEP_ON, **options)
-    assert np.ptp(a.speed[:, 0]) > 1e-4
-    assert np.abs(b.speed[:, 0] - b.speed[:, 1]).max() < 1e-13
-    assert np.abs(a.V - b.V).max() < 1e-9
-    return max(np.abs(a.speed[:, 0] - b.speed[:, 0]).max(), np.abs(a.Efd[:, 0] - b.Efd[:, 0]).max())
+    assert np.ptp(a.arrays.speed[:, 0]) > 1e-4
+    assert np.abs(b.arrays.speed[:, 0] - b.arrays.speed[:, 1]).max() < 1e-13
+    assert np.abs(a.arrays.V - b.arrays.V).max() < 1e-9
+    return max(np.abs(a.arrays.speed[:, 0] - b.arrays.speed[:, 0]).max(), np.abs(a.arrays.Efd[:, 0] - b.arrays.Efd[:, 0]).max())
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -117,9 +117,9 @@ def test_a_fleet_with_storage_equals_its_single():
         simulation.run(operating_point.solve(c), events, 1.0, control=BangBang(), criterion=KEEP_ON)
         for c in (two, three)
     ]
-    assert np.abs(runs[0].speed - runs[1].speed).max() < 1e-12
-    assert runs[0].storage[:, 0] == pytest.approx(runs[1].storage[:, 0] + runs[1].storage[:, 1], abs=1e-9)
-    assert np.abs(runs[0].storage[:, 0]).max() > 30
+    assert np.abs(runs[0].arrays.speed - runs[1].arrays.speed).max() < 1e-12
+    assert runs[0].arrays.storage[:, 0] == pytest.approx(runs[1].arrays.storage[:, 0] + runs[1].arrays.storage[:, 1], abs=1e-9)
+    assert np.abs(runs[0].arrays.storage[:, 0]).max() > 30
     assert one.storage == two.storage
 
 
@@ -147,10 +147,10 @@ def test_islands_do_not_see_each_other():
     alone = simulation.run(operating_point.solve(case), events, 2.0, criterion=KEEP_ON)
     both = simulation.run(operating_point.solve(pair), [Open("3-13", 0.0), *events], 2.0, criterion=KEEP_ON)
     assert both.outcome.kind == "islanded"
-    assert np.abs(both.speed[:, :2] - alone.speed).max() < 1e-10
-    assert np.abs(both.V[:, :3] - alone.V).max() < 1e-9
-    assert np.abs(both.speed[:, 2:] - 1).max() < 1e-10
-    assert np.ptp(alone.speed[:, 0]) > 1e-3
+    assert np.abs(both.arrays.speed[:, :2] - alone.arrays.speed).max() < 1e-10
+    assert np.abs(both.arrays.V[:, :3] - alone.arrays.V).max() < 1e-9
+    assert np.abs(both.arrays.speed[:, 2:] - 1).max() < 1e-10
+    assert np.ptp(alone.arrays.speed[:, 0]) > 1e-3
 
 
 class TestWindUp:
@@ -187,7 +187,7 @@ class TestWindUp:
         exdc2 = EXDC2._replace(VRmax=3.5, VRmin=-1.0)
         point = operating_point.solve(small({"genrou": ROUND, "exdc2": exdc2}))
         run = simulation.run(point, [Fault("2", 0.1), Clear("2", 0.2)], 3.0, criterion=KEEP_ON)
-        top = 3.5 * np.abs(run.V[:, 0])
+        top = 3.5 * np.abs(run.arrays.V[:, 0])
         vr = self.states(run, "exdc2")[:, 2]
         assert (vr[1:] - np.maximum(top[1:], top[:-1])).max() < 2e-3  # 1.4e-3: the voltage of the last stage of RK4
         assert (np.abs(vr - top) < 1e-2).sum() > 5  # it does rest there
@@ -203,7 +203,7 @@ class TestWindUp:
 
     def pss(self, run):
         washout, lag1, lag2 = self.states(run, "pss").T
-        fast = PSS.K * (run.speed[:, 0] - washout)
+        fast = PSS.K * (run.arrays.speed[:, 0] - washout)
         first = lag1 + PSS.T1 / PSS.T2 * (fast - lag1)
         return np.clip(lag2 + PSS.T3 / PSS.T4 * (first - lag2), PSS.Vmin, PSS.Vmax)
 
@@ -214,9 +214,9 @@ def test_classical_machine_follows_the_swing_equation():
     run = simulation.run(point, [Open("2-3#2", 0.1)], 1.0, step=1 / 1000, criterion=KEEP_ON)
     inner = slice(150, -150)
     h = run.time[1] - run.time[0]
-    slip = run.speed[:, 0] - 1
-    d_slip, d_angle = np.gradient(slip, h), np.gradient(run.angle[:, 0], h)
-    want = (run.Pm[:, 0] - run.Pe[:, 0] / 400 - CLASSICAL.D * slip) / (2 * CLASSICAL.H)
+    slip = run.arrays.speed[:, 0] - 1
+    d_slip, d_angle = np.gradient(slip, h), np.gradient(run.arrays.angle[:, 0], h)
+    want = (run.arrays.Pm[:, 0] - run.arrays.P[:, 0] / 400 - CLASSICAL.D * slip) / (2 * CLASSICAL.H)
     assert np.abs(d_angle - 2 * np.pi * 60 * slip)[inner].max() < 1e-4 * np.abs(d_angle).max()
     assert np.abs(d_slip - want)[inner].max() < 1e-4 * np.abs(want).max()
     assert np.abs(want).max() > 1e-3

@@ -5,7 +5,7 @@ import pytest
 from systems import CLASSICAL, EXDC2, EXST3, KINDS, PSS, ROUND, SEXS, STEAM, doubled, small, with_shares
 
 from stabctl import io
-from stabctl.devices import ALL
+from stabctl.devices import models
 from stabctl.dynamics import jacobian, operating_point, system
 from stabctl.dynamics.system import sizes
 from stabctl.errors import EquilibriumError
@@ -49,13 +49,13 @@ def test_the_kinds_hold_every_model():
 def test_the_machine_gives_its_load_flow_power(kind):
     point = operating_point.solve(doubled(small(KINDS[kind])))
     run = simulation.run(point, until=0.01)
-    assert run.Pe[0] == pytest.approx(point.flow.S.real * 100, abs=1e-6)
+    assert run.arrays.P[0] == pytest.approx(point.flow.S.real * 100, abs=1e-6)
 
 
 @pytest.mark.parametrize("name", io.packaged())
 def test_nothing_drifts_in_ten_seconds(points, name):
     run = simulation.run(points(name), until=10.0)
-    assert np.abs(run.speed - 1).max() < 2e-12
+    assert np.abs(run.arrays.speed - 1).max() < 2e-12
     assert np.abs(run.rows - run.rows[0]).max() < 1e-9
     assert run.outcome.kind == "stable"
 

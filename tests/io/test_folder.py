@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from stabctl import io
-from stabctl.devices import ALL
+from stabctl.devices import models
 from stabctl.dynamics import operating_point
 from stabctl.errors import CaseError, StabctlError
 from stabctl.io.folder import PACKAGED

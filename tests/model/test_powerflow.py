@@ -66,7 +66,7 @@ def test_machines_and_voltages_are_as_asked(cases, name):
         if b.kind != "pq":
             assert abs(V) == pytest.approx(b.v, abs=1e-12)
         if b.kind == "swing":
-            assert np.rad2deg(np.angle(V)) == pytest.approx(b.angle, abs=1e-10)
+            assert np.rad2deg(np.angle(V)) == pytest.approx(b.arrays.angle, abs=1e-10)
             swing = b.bus
     for m, S in zip(case.machines, flow.S, strict=True):
         if m.bus != swing:
@@ -90,7 +90,7 @@ def test_voltages_and_powers_of_the_reference(cases, reference, name):
 def test_machines_at_one_bus_share_by_their_bases(cases):
     one = small({"gencls": CLASSICAL})
     single, split = powerflow.solve(one), powerflow.solve(doubled(one))
-    assert pytest.approx(single.V, abs=1e-12) == split.V
+    assert pytest.approx(single.arrays.V, abs=1e-12) == split.V
     assert split.S[0] == split.S[1] == pytest.approx(single.S[0] / 2, abs=1e-10)
     case = cases("wnaps")  # machines 8 and 9 stand at one high-voltage bus, 10 and 11 too
     uneven = replace(

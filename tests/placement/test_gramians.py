@@ -41,7 +41,7 @@ def test_python_control_finds_the_same_gramian_of_the_reduced_model(points, deca
     g = gramians(p, modes=3, decay=decay)
     m = analyze(linearize(p, [f"storage:{c.bus}" for c in g.candidates]))
     chosen = sorted(critical(m, 3), key=lambda k: -m.eigenvalues[k].real)
-    H = p.plant.inertia * p.case.base_mva
+    H = p.inertia * p.case.base_mva
     for first in range(3):
         reduced = modal(m, [chosen[first]]).to_control()
         scale = H @ np.abs(m.right[m.linear.speeds(), chosen[first]]) ** 2 / p.case.base_mva**2

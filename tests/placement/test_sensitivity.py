@@ -24,9 +24,9 @@ def test_it_is_the_input_matrix_of_the_linear_model(points, name):
     p = points(name)
     found = sensitivity(p)
     m = linearize(p, [f"storage:{c.bus}" for c in found.candidates])
-    J = -2 * p.plant.inertia[:, None] * m.B[m.speeds()]
+    J = -2 * p.inertia[:, None] * m.B[m.speeds()]
     assert np.abs(found.J - J).max() < 1e-12  # 3e-16
-    mean = p.plant.inertia @ m.B[m.speeds()] / p.plant.inertia.sum()
+    mean = p.inertia @ m.B[m.speeds()] / p.inertia.sum()
     rest = (m.B[m.speeds()] - mean) / p.case.base_mva
     assert np.abs(found.acceleration - rest).max() < 1e-18  # 3e-20
 
@@ -39,7 +39,7 @@ def test_it_is_the_slope_of_the_nonlinear_rates(points):
         u = 1e-3 * np.eye(2)[k]
         still = np.zeros(system.nstates)
         rate = (system.dynamics(0, still, u) - system.dynamics(0, still, -u))[rows] / 2e-3
-        assert np.abs(found.J[:, k] + 2 * p.plant.inertia * rate).max() < 1e-8  # 5e-10
+        assert np.abs(found.J[:, k] + 2 * p.inertia * rate).max() < 1e-8  # 5e-10
 
 
 @pytest.mark.parametrize("classical", [True, False])
@@ -55,7 +55,7 @@ def test_the_simulator_moves_so_in_its_first_step_after_a_line_has_opened(cases,
         return s.finish().speed[-1]
 
     moved = (speeds(1.0) - speeds(-1.0)) / (2 * 0.1 * h)
-    assert np.abs(found.J[:, 0] + 2 * p.plant.inertia * moved).max() < 1e-4  # classical 2.2e-6, full 3.3e-5
+    assert np.abs(found.J[:, 0] + 2 * p.inertia * moved).max() < 1e-4  # classical 2.2e-6, full 3.3e-5
     assert np.abs(found.J[:, 0] - sensitivity(p, [(9, 29)]).J[:, 0]).max() > 1e-2  # 1.4e-2, 1.5e-2
 
 

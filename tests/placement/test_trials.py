@@ -54,7 +54,7 @@ def test_a_resized_point_is_that_of_a_fresh_start(case, point):
     events = simulated.Contingency(one.fault, one.clear, one.trip, at=0.0)
     a, b = (run(p, events, 1.0, BangBang()) for p in (resized, fresh))
     assert np.array_equal(a.rows, b.rows)
-    assert set(np.unique(a.order)) == {-1.0, 0.0, 1.0}
+    assert set(np.unique(a.arrays.order)) == {-1.0, 0.0, 1.0}
 
 
 def test_a_trial_is_a_simulation_from_scratch(case, point, trials):

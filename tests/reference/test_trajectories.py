@@ -84,7 +84,7 @@ def test_what_the_charging_of_the_opened_line_amounts_to(points, reference):
 def test_loads_are_on_the_same_side_of_their_threshold_in_both_programs(points):
     run = simulated(points("two_area"), two_area_events(10, 0.0), 1.2)
     fault = (run.time >= 1) & (run.time < 1 + 10 * CYCLE)
-    size = {bus: np.abs(run.V[fault, points("two_area").net.place[bus]]) for bus in (7, 9)}
+    size = {bus: np.abs(run.arrays.V[fault, points("two_area").net.place[bus]]) for bus in (7, 9)}
     assert size[9].min() > 0.6  # 0.604
     assert size[7].max() < 1e-5
 
@@ -108,7 +108,7 @@ class TestStorage:
         t, theirs = table(reference / "two_area" / f"{self.NAME}__esd_absorb_pu_100MVA.csv.gz")
         t, theirs = t[t < 9.9], 100 * theirs[t < 9.9]
         run = controlled
-        return t, theirs, run.storage[np.searchsorted(run.time, t + 1e-9) - 1]
+        return t, theirs, run.arrays.storage[np.searchsorted(run.time, t + 1e-9) - 1]
 
     def test_orders_come_in_the_same_sequence_at_the_same_time(self, both):
         t, theirs, ours = both

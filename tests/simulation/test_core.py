@@ -37,7 +37,7 @@ def test_voltages_return_to_the_upper_solution_after_a_fault(two_area, share):
     for cycles in (1, 3, 6):
         held = run(point, Contingency("7", cycles / 60, ["7-8"]))
         assert held.outcome.stable
-        assert np.abs(held.V[-1]).min() > 0.85
+        assert np.abs(held.arrays.V[-1]).min() > 0.85
 
 
 @pytest.mark.parametrize(("S10", "S12"), [(0.001, 0.4), (0.03, 0.4), (0.0, 0.4), (0.1, 0.4), (0.0, 0.05), (0.2, 0.8)])
@@ -45,7 +45,7 @@ def test_saturated_machines_start(two_area, S10, S12):
     rows = {k: par._replace(S10=S10, S12=S12) for k, par in two_area.devices["genrou"].items()}
     case = dataclasses.replace(two_area, devices=dict(two_area.devices) | {"genrou": rows})
     quiet = run(operating_point.solve(case), until=1.0)
-    assert np.abs(quiet.speed - 1).max() < 1e-11
+    assert np.abs(quiet.arrays.speed - 1).max() < 1e-11
 
 
 @pytest.mark.parametrize(("KA", "TA"), [(200.0, 0.001), (212.0, 0.001), (300.0, 0.002), (800.0, 0.005), (1000.0, 0.0)])
@@ -68,8 +68,8 @@ def test_the_last_row_of_a_ramp_continues_it_and_finish_is_once(two_area):
     simulation.advance(0.3)
     first, again = simulation.finish(), simulation.finish()
     assert first is again
-    assert np.diff(first.storage[:, 0]).max() < 50 / 120 * 1.01
-    assert first.storage[-1, 0] == pytest.approx(15.0, abs=0.5)
+    assert np.diff(first.arrays.storage[:, 0]).max() < 50 / 120 * 1.01
+    assert first.arrays.storage[-1, 0] == pytest.approx(15.0, abs=0.5)
 
 
 def test_orders_from_outside_are_limited_and_checked(two_area):
@@ -77,8 +77,8 @@ def test_orders_from_outside_are_limited_and_checked(two_area):
     simulation = Simulation(point, [Open("1-5", 0.1)])
     simulation.orders[:] = 5
     simulation.advance(0.3)
-    assert simulation.finish().storage.max() == pytest.approx(50, rel=1e-9)
-    assert simulation.finish().storage[-1, 0] == pytest.approx(50, rel=1e-9)  # its machine is alone, the order stays
+    assert simulation.finish().arrays.storage.max() == pytest.approx(50, rel=1e-9)
+    assert simulation.finish().arrays.storage[-1, 0] == pytest.approx(50, rel=1e-9)  # its machine is alone, the order stays
     simulation = Simulation(point)
     simulation.orders[0] = np.nan
     with pytest.raises(StudyError, match="not finite"):
@@ -88,10 +88,10 @@ def test_orders_from_outside_are_limited_and_checked(two_area):
 def test_a_tripped_machine_gives_no_power(two_area):
     traced = run(operating_point.solve(two_area), [TripMachine(1, 0.5)], 1.0)
     after = traced.time > 0.5 - 1e-9
-    assert (traced.Pe[after, 0] == 0).all()
-    assert (traced.Pm[after, 0] == 0).all()
-    assert (traced.Efd[after, 0] == 0).all()
-    assert (traced.Pe[~after, 0] > 0).all()
+    assert (traced.arrays.P[after, 0] == 0).all()
+    assert (traced.arrays.Pm[after, 0] == 0).all()
+    assert (traced.arrays.Efd[after, 0] == 0).all()
+    assert (traced.arrays.P[~after, 0] > 0).all()
 
 
 def test_a_fault_at_the_end_of_a_tapped_branch_is_the_bus_fault(two_area):
@@ -100,7 +100,7 @@ def test_a_fault_at_the_end_of_a_tapped_branch_is_the_bus_fault(two_area):
     through = 0.01 + 0.02j
     on_line = run(point, [Fault("7-8@0", 0.1, through), Open("7-8", 0.2)], 1.0)
     at_bus = run(point, [Fault("7", 0.1, through), Clear("7", 0.2), Open("7-8", 0.2)], 1.0)
-    assert np.abs(on_line.speed - at_bus.speed).max() < 1e-9
+    assert np.abs(on_line.arrays.speed - at_bus.arrays.speed).max() < 1e-9
 
 
 def test_phase_shift_turns_the_far_side_back(two_area):
@@ -124,12 +124,12 @@ def test_load_flow_survives_a_jumper_and_a_far_guess(two_area):
         loads=(two_area.loads[0], load._replace(bus=99)),
     )
     moved, plain = powerflow.solve(case), powerflow.solve(two_area)
-    assert np.abs(np.abs(moved.V[:-1]) - np.abs(plain.V)).max() < 2e-2
+    assert np.abs(np.abs(moved.arrays.V[:-1]) - np.abs(plain.arrays.V)).max() < 2e-2
 
 
 def test_signals_of_storage_are_in_the_result(two_area):
     case = two_area.with_storage([Storage(1, 5, 50.0, energy=0.01, charge=0.5)])
-    data = run(operating_point.solve(case), Contingency("7-8@0.4", 0.35), 4.0, BangBang()).to_xarray()
+    data = run(operating_point.solve(case), Contingency("7-8@0.4", 0.35), 4.0, BangBang()).dataset
     assert data.storage_energy.attrs["units"] == "MWh"
     assert float(data.storage_energy[0, 0]) == pytest.approx(0.005)
     assert float(data.storage_energy.max()) <= 0.01
@@ -153,7 +153,7 @@ def test_rules_of_any_number_run_on_one_compilation(two_area):
 
 def test_results_cannot_be_written(two_area):
     traced = run(operating_point.solve(two_area), until=0.1)
-    for array in (traced.angle, traced.speed, traced.V, traced.rows, traced.time, traced.peak):
+    for array in (traced.arrays.angle, traced.arrays.speed, traced.arrays.V, traced.rows, traced.time, traced.peak):
         with pytest.raises(ValueError, match="read-only"):
             array.flat[0] = 9
 
@@ -165,7 +165,7 @@ def test_voltages_now_are_those_of_the_row_now(two_area):
     during = simulation.V
     assert abs(during[6]) < 1e-4
     simulation.advance(0.9)
-    assert np.abs(simulation.V - simulation.finish().V[-1]).max() < 1e-7
+    assert np.abs(simulation.V - simulation.finish().arrays.V[-1]).max() < 1e-7
 
 
 @pytest.mark.parametrize("bad", [{"deadband": -1.0}, {"min_voltage": float("nan")}])

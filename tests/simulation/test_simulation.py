@@ -68,7 +68,7 @@ class TestPaperCase:
         case = case.with_storage(Storage(m.machine, m.storage_bus, 50.0) for m in case.machines)
         traced = run(operating_point.solve(case), self.EVENTS, control=BangBang())
         assert traced.outcome.kind == "stable"
-        first = [s[np.abs(s) > 1][0] for s in traced.storage.T]
+        first = [s[np.abs(s) > 1][0] for s in traced.arrays.storage.T]
         assert first == pytest.approx([50, 50, -50, -50])
 
     @pytest.mark.parametrize(("cycles", "kind"), [(8.5, "stable"), (9.5, "lost_synchronism")])
@@ -82,7 +82,7 @@ class TestPaperCase:
         devices = [Storage(m.machine, m.storage_bus, 0.05 * m.base) for m in case.machines]
         traced = run(operating_point.solve(case.with_storage(devices)), events, control=BangBang())
         assert traced.outcome.kind == "stable"
-        acted = {s.machine for s, P in zip(devices, traced.storage.T, strict=True) if np.abs(P).max() > 1}
+        acted = {s.machine for s, P in zip(devices, traced.arrays.storage.T, strict=True) if np.abs(P).max() > 1}
         assert acted == {13, 14}
 
 
@@ -140,14 +140,14 @@ class TestFaults:
         line = run(operating_point.solve(case), Contingency("7-8@0.3", 0.1, at=0.1), 1.0, criterion=KEEP_ON)
         events = [Fault("99", 0.1), Open("7-99", 0.2), Open("99-8", 0.2)]
         bus = run(operating_point.solve(split), events, 1.0, criterion=KEEP_ON)
-        assert np.abs(line.speed - bus.speed).max() < 1e-8
-        assert np.abs(line.V - bus.V[:, :-1]).max() < 1e-8
+        assert np.abs(line.arrays.speed - bus.arrays.speed).max() < 1e-8
+        assert np.abs(line.arrays.V - bus.arrays.V[:, :-1]).max() < 1e-8
 
     @pytest.mark.parametrize(("place", "bus"), [("7-8@0", "7"), ("7-8@1", "8"), ("8-7@0", "8"), ("8-7@1.0", "7")])
     def test_at_its_ends_it_is_a_bus_fault_with_the_line_opened_at_clearing(self, two_area, place, bus):
         line = run(two_area, Contingency(place, 0.1, at=0.1), 1.0, criterion=KEEP_ON)
         events = [Fault(bus, 0.1), Clear(bus, 0.2), Open("7-8", 0.2)]
-        assert np.abs(line.speed - run(two_area, events, 1.0, criterion=KEEP_ON).speed).max() < 1e-8
+        assert np.abs(line.arrays.speed - run(two_area, events, 1.0, criterion=KEEP_ON).arrays.speed).max() < 1e-8
 
     def test_measured_from_the_bus_named_first(self, two_area):
         a, b = (run(two_area, Contingency(p, 0.1, at=0.1), 1.0, criterion=KEEP_ON) for p in ("7-8@0.25", "8-7@0.75"))
@@ -159,7 +159,7 @@ class TestFaults:
     def test_a_bolted_fault_takes_the_voltage_and_an_impedance_leaves_some(self, two_area):
         for impedance, low, high in ((0j, 0, 1e-5), (0.05j, 0.3, 0.95)):
             traced = run(two_area, [Fault("7", 0.1, impedance), Clear("7", 0.15)], 0.2, criterion=KEEP_ON)
-            size = np.abs(traced.V[:, two_area.net.place[7]])
+            size = np.abs(traced.arrays.V[:, two_area.net.place[7]])
             on = (traced.time >= 0.1) & (traced.time < 0.15 - 1e-9)
             assert low <= size[on].min() <= size[on].max() < high
             assert size[~on].min() > 0.8
@@ -174,11 +174,11 @@ class TestFaults:
         late, near, at_once = opened(0.1), opened(1e-6), opened(0.0)
         i7, i8 = two_area.net.place[7], two_area.net.place[8]
         between = (late.time > 0.2) & (late.time < 0.3 - 1e-9)
-        assert np.abs(late.V[between, i7]).min() > np.abs(late.V[between, i8]).max() + 0.1
-        assert np.abs(near.speed[-1] - at_once.speed[-1]).max() < 1e-6
-        assert np.abs(late.speed[-1] - at_once.speed[-1]).max() > 1e-4
+        assert np.abs(late.arrays.V[between, i7]).min() > np.abs(late.arrays.V[between, i8]).max() + 0.1
+        assert np.abs(near.arrays.speed[-1] - at_once.arrays.speed[-1]).max() < 1e-6
+        assert np.abs(late.arrays.speed[-1] - at_once.arrays.speed[-1]).max() > 1e-4
         full = run(two_area, Contingency("7-8@0.1", 0.1, at=0.1), 0.5, criterion=KEEP_ON, step=1 / 240)
-        assert np.abs(at_once.speed - full.speed).max() < 1e-12
+        assert np.abs(at_once.arrays.speed - full.arrays.speed).max() < 1e-12
 
     def test_a_clearing_time_of_zero_only_opens_the_line(self, two_area):
         a = run(two_area, Contingency("7-8@0.4", 0.0, at=0.5), 1.0)
@@ -197,43 +197,43 @@ class TestOtherEvents:
         point = operating_point.solve(case)
         traced = run(point, [LoadStep(7, 0.1, 100.0, 30.0)], 0.2)
         k, i = at(traced, 0.1), point.net.place[7]
-        drawn = -traced.V[k, i] * (network.admittance(point.net) @ traced.V[k])[i].conj() * 100
-        m = abs(traced.V[k, i]) / abs(point.V[i])
+        drawn = -traced.arrays.V[k, i] * (network.admittance(point.net) @ traced.arrays.V[k])[i].conj() * 100
+        m = abs(traced.arrays.V[k, i]) / abs(point.V[i])
         assert drawn == pytest.approx((967 + 100) * m + 1j * (100 + 30) * m**2, abs=1e-3)
 
     def test_a_load_step_where_there_is_no_load_is_an_admittance(self, two_area):
         a = run(two_area, [LoadStep(8, 0.1, 50.0, 20.0)], 1.0)
         scale = 1 / abs(two_area.V[two_area.net.place[8]]) ** 2
         b = run(two_area, [SwitchShunt(8, 0.1, 50 * scale, -20 * scale)], 1.0)
-        assert np.abs(a.speed - b.speed).max() < 1e-12
-        assert np.ptp(a.speed) > 1e-5
+        assert np.abs(a.arrays.speed - b.arrays.speed).max() < 1e-12
+        assert np.ptp(a.arrays.speed) > 1e-5
 
     def test_steps_add_up_and_take_each_other_back(self, two_area):
         events = [LoadStep(7, 0.1, 40.0), LoadStep(7, 0.1, 20.0), LoadStep(7, 0.3, -60.0)]
         traced = run(two_area, events, 0.4)
         single = run(two_area, [LoadStep(7, 0.1, 60.0), LoadStep(7, 0.3, -60.0)], 0.4)
-        assert np.abs(traced.speed - single.speed).max() < 1e-12
+        assert np.abs(traced.arrays.speed - single.arrays.speed).max() < 1e-12
 
     def test_a_tripped_machine_gives_nothing_and_stands_still(self, two_area):
         traced = run(two_area, [TripMachine(1, 0.1)], 0.6, criterion=KEEP_ON)
         after = traced.time >= 0.1
-        assert np.ptp(traced.speed[after, 0]) == 0
+        assert np.ptp(traced.arrays.speed[after, 0]) == 0
         k = at(traced, 0.1)
-        current = (network.admittance(two_area.net) @ traced.V[k])[two_area.net.place[1]]
+        current = (network.admittance(two_area.net) @ traced.arrays.V[k])[two_area.net.place[1]]
         assert abs(current) < 1e-9
-        assert traced.speed[-1, 1] < 1 - 1e-3
+        assert traced.arrays.speed[-1, 1] < 1 - 1e-3
         assert traced.outcome.kind == "stable"
 
     def test_the_centre_of_inertia_is_that_of_the_machines_left(self, one):
         """Machine 2 alone remains: it is its own center, and cannot lose synchronism with itself."""
         traced = run(one, [TripMachine(1, 0.1)], 2.0)
         assert traced.outcome.stable
-        assert traced.speed[-1, 1] < 0.999
+        assert traced.arrays.speed[-1, 1] < 0.999
 
     def test_every_machine_tripped_leaves_a_dead_system(self, one):
         traced = run(one, [TripMachine(1, 0.1), TripMachine(2, 0.1)], 0.5)
         assert np.isfinite(traced.rows).all()
-        assert np.abs(traced.V[-1]).max() == 0
+        assert np.abs(traced.arrays.V[-1]).max() == 0
 
 
 class TestIslands:
@@ -245,17 +245,17 @@ class TestIslands:
         assert outcome.message.startswith("The switching cut off bus 1 with machine 1.")
         assert outcome.stable
         assert np.isfinite(traced.rows).all()
-        assert traced.speed[-1, 0] > 1.01  # 700 MW and no load
+        assert traced.arrays.speed[-1, 0] > 1.01  # 700 MW and no load
 
     def test_a_machine_that_runs_away_alone_is_taken_off_and_the_rest_is_judged(self, two_area):
         traced = run(two_area, [Open("1-5", 0.5)], 2.0, criterion=Criterion(fastest=1.05))
         outcome = traced.outcome
         assert (outcome.kind, outcome.machine, outcome.stable) == ("islanded", None, True)
         assert "Machine 1, alone in its island, left 0.5 to 1.05 pu of speed at " in outcome.message
-        gone = traced.speed[:, 0] == traced.speed[-1, 0]
+        gone = traced.arrays.speed[:, 0] == traced.arrays.speed[-1, 0]
         assert 5 < gone.sum() < len(gone) - 5
-        assert (traced.Pm[-1, 0], traced.Pe[-1, 0]) == (0.0, 0.0)
-        assert traced.V[-1, two_area.net.place[1]] == 0
+        assert (traced.arrays.Pm[-1, 0], traced.arrays.P[-1, 0]) == (0.0, 0.0)
+        assert traced.arrays.V[-1, two_area.net.place[1]] == 0
 
     def test_a_machine_that_runs_away_among_others_ends_the_run(self, two_area):
         outcome = run(two_area, [Open("1-5", 0.5)], 60.0, criterion=Criterion(slowest=0.99, fastest=9.0)).outcome
@@ -279,14 +279,14 @@ class TestIslands:
             "Every island stayed in synchronism until 2.000 s; it runs at 60.07 Hz."
         )
         after = traced.time >= 0.5
-        assert np.abs(traced.V[after, -1]).max() == 0
+        assert np.abs(traced.arrays.V[after, -1]).max() == 0
         assert np.isfinite(traced.rows).all()
         lost = run(point, [LoadStep(20, 0.5, -80.0, -10.0)], 0.51)
-        assert np.abs(traced.V[at(traced, 0.5), :-1]).min() == pytest.approx(np.abs(lost.V[-1, :-1]).min(), abs=2e-3)
+        assert np.abs(traced.arrays.V[at(traced, 0.5), :-1]).min() == pytest.approx(np.abs(lost.arrays.V[-1, :-1]).min(), abs=2e-3)
 
     def test_an_island_whose_only_machine_is_tripped_is_dead_and_said_to_be(self, two_area):
         traced = run(two_area, [Open("1-5", 0.5), TripMachine(1, 0.6)], 1.0)
-        assert np.abs(traced.V[traced.time >= 0.6, two_area.net.place[1]]).max() == 0
+        assert np.abs(traced.arrays.V[traced.time >= 0.6, two_area.net.place[1]]).max() == 0
         assert "bus 1 with machine 1" not in traced.outcome.message
         assert "bus 1 without a machine: dead" in traced.outcome.message
 
@@ -295,7 +295,7 @@ class TestIslands:
         traced = run(two_area, events, 4.0)
         assert traced.outcome.kind == "islanded"
         assert "cut off buses 3, 4, 8, 9, 10, 11 with machines 3, 4." in traced.outcome.message
-        drift = np.abs(np.diff(traced.angle[-1, [0, 2]] - traced.angle[0, [0, 2]]))
+        drift = np.abs(np.diff(traced.arrays.angle[-1, [0, 2]] - traced.arrays.angle[0, [0, 2]]))
         assert drift > 3.5
         assert traced.max_angle_from_coi_deg < 10
 
@@ -337,18 +337,18 @@ class TestTime:
             assert sim.advance(k / 30)
         pieces = sim.finish()
         assert np.array_equal(np.round(whole.time, 9), np.round(pieces.time, 9))
-        assert np.abs(whole.speed - pieces.speed).max() < 1e-7
+        assert np.abs(whole.arrays.speed - pieces.arrays.speed).max() < 1e-7
         quiet = replace(two_area.case, loads=tuple(d._replace(p_current=0.0) for d in two_area.case.loads))
         point = operating_point.solve(quiet)
         whole, sim = run(point, events, 2.0, step=1 / 120), Simulation(point, events, step=1 / 120)
         for k in range(1, 61):
             sim.advance(k / 30)
-        assert np.abs(whole.speed - sim.finish().speed).max() < 1e-11
+        assert np.abs(whole.arrays.speed - sim.finish().arrays.speed).max() < 1e-11
 
     def test_a_late_start_finds_the_events_before_it_done(self, two_area):
         traced = run(two_area, [Open("7-8", 0.5)], 1.5, start=1.0)
         assert traced.time[0] == 1.0
-        assert np.ptp(traced.speed) > 1e-5
+        assert np.ptp(traced.arrays.speed) > 1e-5
 
     def test_an_early_stop_ends_the_run_at_the_slip(self, two_area):
         traced = run(two_area, Contingency("7", 0.3, ["7-8"]), 10.0)
@@ -361,8 +361,8 @@ class TestTime:
 
     def test_the_slip_is_measured_against_the_centre_of_inertia(self, two_area):
         traced = run(two_area, Contingency("7", 0.3, ["7-8"]), 10.0)
-        H = two_area.plant.inertia
-        change = traced.angle - traced.angle[0]
+        H = two_area.inertia
+        change = traced.arrays.angle - traced.arrays.angle[0]
         off = np.abs(change - (change @ H / H.sum())[:, None])
         assert np.rad2deg(off.max()) == pytest.approx(traced.max_angle_from_coi_deg, abs=1e-9)
         assert two_area.case.machines[off[-1].argmax()].machine == traced.outcome.machine
@@ -416,7 +416,7 @@ class TestNewtonFallback:
             def substituted(pairs, Y=Y, k=k):
                 return np.linalg.solve(Y, sources(traced.rows[k]) + self.draws(point, pairs.view(complex))).view(float)
 
-            v = traced.V[k].copy().view(float)
+            v = traced.arrays.V[k].copy().view(float)
             assert np.abs(substituted(v) - v).max() < 1e-6
             slopes = [(substituted(v + e) - substituted(v - e)) / 2e-6 for e in 1e-6 * np.eye(len(v))]
             radius.append(np.abs(np.linalg.eigvals(np.array(slopes))).max())
@@ -534,11 +534,11 @@ class TestRefusals:
         longest = simulation.REACH / two_area.fastest
         events = [LoadStep(7, 0.1, 10.0)]
         assert (
-            np.abs(np.diff(run(two_area, events, 3.0, step=longest, criterion=KEEP_ON).Efd[-20:], axis=0)).max() < 0.01
+            np.abs(np.diff(run(two_area, events, 3.0, step=longest, criterion=KEEP_ON).arrays.Efd[-20:], axis=0)).max() < 0.01
         )
         monkeypatch.setattr(simulation, "REACH", 10.0)
         wild = run(two_area, events, 3.0, step=2 * longest, criterion=KEEP_ON)
-        assert np.abs(wild.Efd[-1] - two_area.z[-8:-4]).max() > 2.5
+        assert np.abs(wild.arrays.Efd[-1] - two_area.z[-8:-4]).max() > 2.5
 
     @pytest.mark.parametrize("until", [0.0, -1.0, float("nan"), float("inf")])
     def test_ends(self, two_area, until):
@@ -568,7 +568,7 @@ class TestTrajectory:
         import pandas as pd
         import xarray as xr
 
-        frame = traced.to_dataframe()
+        frame = traced.df
         assert list(frame.columns) == [
             "time_s",
             *(f"speed_pu:{m}" for m in (1, 2, 3, 4)),
@@ -580,12 +580,12 @@ class TestTrajectory:
         assert len(frame) == traced.steps + 1
         again = pd.read_csv(traced.save(tmp_path / "run.csv"))
         assert np.abs(again.to_numpy() - frame.to_numpy()).max() < 1e-12
-        data = traced.to_xarray()
+        data = traced.dataset
         assert data["speed"].dims == ("time", "machine")
         assert data["voltage"].dims == ("time", "bus")
         assert {v.attrs["units"] for v in data.data_vars.values()} == {"pu", "rad", "MW", "MWh", "1"}
         with xr.open_dataset(traced.save(tmp_path / "run.nc"), engine="scipy") as stored:
-            assert np.array_equal(stored["speed"], traced.speed)
+            assert np.array_equal(stored["speed"], traced.arrays.speed)
             assert stored.attrs["outcome"] == "stable"
         with pytest.raises(StudyError, match=r"give a name ending in \.csv or \.nc"):
             traced.save(tmp_path / "run.mat")

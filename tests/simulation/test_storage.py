@@ -94,38 +94,38 @@ def energy(run):
 def test_orders_from_outside_are_followed_at_once():
     run = driven({0.5: 1.0, 1.0: -0.5, 1.5: 0.0})
     want = np.select([run.time < 0.5 - 1e-9, run.time < 1 - 1e-9, run.time < 1.5 - 1e-9], [0.0, 40.0, -20.0], 0.0)
-    assert run.storage[:, 0] == pytest.approx(want, abs=1e-9)
+    assert run.arrays.storage[:, 0] == pytest.approx(want, abs=1e-9)
 
 
 @pytest.mark.parametrize(("kind", "exponent"), [("power", 0), ("current", 1), ("conductance", 2)])
 def test_characteristic_in_a_run(kind, exponent):
     run = driven({0.5: 1.0}, characteristic=kind)
     on = run.time > 0.5
-    size = np.abs(run.V[on, 1])
-    assert run.storage[on, 0] == pytest.approx(40 * size**exponent, rel=1e-6)
+    size = np.abs(run.arrays.V[on, 1])
+    assert run.arrays.storage[on, 0] == pytest.approx(40 * size**exponent, rel=1e-6)
     assert np.ptp(size) > 1e-4
 
 
 def test_lag_answers_a_step_exponentially():
     run = driven({0.5: 1.0}, lag=0.1)
     after = np.maximum(run.time - 0.5, 0)
-    assert run.storage[:, 0] == pytest.approx(40 * (1 - np.exp(-after / 0.1)), abs=1e-4)  # 3.1e-5, RK4 at h/T = 0.1
+    assert run.arrays.storage[:, 0] == pytest.approx(40 * (1 - np.exp(-after / 0.1)), abs=1e-4)  # 3.1e-5, RK4 at h/T = 0.1
 
 
 def test_ramp_limits_the_order():
     run = driven({0.5: 1.0, 1.5: -1.0}, ramp=80.0, until=2.5)
-    steps = np.diff(run.storage[:, 0])
+    steps = np.diff(run.arrays.storage[:, 0])
     assert np.abs(steps).max() == pytest.approx(0.8, rel=1e-9)  # MW in 1/100 s
-    assert run.storage[np.searchsorted(run.time, 0.99), 0] == pytest.approx(40, abs=0.9)
-    assert run.storage[np.searchsorted(run.time, 0.75), 0] == pytest.approx(20, abs=0.9)
-    assert run.storage[-1, 0] == pytest.approx(-40, abs=0.9)
+    assert run.arrays.storage[np.searchsorted(run.time, 0.99), 0] == pytest.approx(40, abs=0.9)
+    assert run.arrays.storage[np.searchsorted(run.time, 0.75), 0] == pytest.approx(20, abs=0.9)
+    assert run.arrays.storage[-1, 0] == pytest.approx(-40, abs=0.9)
 
 
 @pytest.mark.parametrize("efficiency", [1.0, 0.81])
 def test_store_holds_the_integral_of_the_power_less_the_losses_each_way(efficiency):
     run = driven({0.5: 1.0, 1.0: -1.0}, energy=1.0, charge=0.5, efficiency=efficiency)
     way = np.sqrt(efficiency)
-    P = run.storage[:-1, 0]
+    P = run.arrays.storage[:-1, 0]
     gained = np.r_[0, np.cumsum(np.where(P > 0, way, 1 / way) * P * np.diff(run.time))] / 3600
     assert energy(run) == pytest.approx(0.5 + gained, abs=1e-12)
     assert np.ptp(energy(run)) > 4e-3
@@ -134,18 +134,18 @@ def test_store_holds_the_integral_of_the_power_less_the_losses_each_way(efficien
 @pytest.mark.parametrize(("order", "charge"), [(1.0, 1.0), (-1.0, 0.0)])
 def test_a_full_store_absorbs_and_an_empty_one_injects_nothing(order, charge):
     run = driven({0.5: order}, energy=1.0, charge=charge)
-    assert np.abs(run.storage).max() == 0
+    assert np.abs(run.arrays.storage).max() == 0
     turned = driven({0.5: -order}, energy=1.0, charge=charge)
-    assert turned.storage[-1, 0] == pytest.approx(-40 * order)
+    assert turned.arrays.storage[-1, 0] == pytest.approx(-40 * order)
 
 
 @pytest.mark.parametrize(("order", "charge"), [(1.0, 0.5), (-1.0, 0.5)])
 def test_a_small_store_stops_when_full_or_empty(order, charge):
     capacity = 0.01  # MWh: half of it lasts 0.45 s at 40 MW
     run = driven({0.5: order}, energy=capacity, charge=charge)
-    worked = np.abs(run.storage[:, 0]) > 1
+    worked = np.abs(run.arrays.storage[:, 0]) > 1
     assert run.time[worked].max() == pytest.approx(0.95, abs=0.011)
-    assert run.storage[-1, 0] == 0
+    assert run.arrays.storage[-1, 0] == 0
     over = 40 * 0.01 / 3600  # what a step carries
     assert energy(run).max() <= capacity + over
     assert energy(run).min() >= -over
@@ -154,7 +154,7 @@ def test_a_small_store_stops_when_full_or_empty(order, charge):
 def test_a_store_with_lag_and_limits_starts_at_rest():
     run = driven({}, energy=2.0, charge=0.25, lag=0.05, ramp=10.0)
     assert energy(run) == pytest.approx(0.5, abs=1e-12)
-    assert np.abs(run.speed - 1).max() < 1e-12
+    assert np.abs(run.arrays.speed - 1).max() < 1e-12
 
 
 class TestBangBangLaw:
@@ -212,29 +212,29 @@ def bang(cases):
 
 def test_orders_follow_the_speed_against_the_rest_of_the_system(bang):
     """Recomputed from the trajectory: own speed against the COI of the other three, own voltage, deadband, gate."""
-    H, case = bang.point.plant.inertia, bang.point.case
-    rest = (bang.speed @ H)[:, None] - bang.speed * H
-    deviation = bang.speed - rest / (H.sum() - H)
-    size = np.abs(bang.V[:, [bang.point.net.place[s.bus] for s in case.storage]])
+    H, case = bang.point.inertia, bang.point.case
+    rest = (bang.arrays.speed @ H)[:, None] - bang.arrays.speed * H
+    deviation = bang.arrays.speed - rest / (H.sum() - H)
+    size = np.abs(bang.arrays.V[:, [bang.point.net.place[s.bus] for s in case.storage]])
     want = np.where((size < 0.8) | (np.abs(deviation) <= 0.1 / 60), 0.0, np.sign(deviation))
     clear = (np.abs(np.abs(deviation) - 0.1 / 60) > 1e-9) & (np.abs(size - 0.8) > 1e-2)
     assert (clear.mean(), np.abs(want).mean()) > (0.95, 0.05)
-    wrong = (bang.storage != 0) & clear & (np.abs(bang.storage - 50 * want) > 1e-6)
+    wrong = (bang.arrays.storage != 0) & clear & (np.abs(bang.arrays.storage - 50 * want) > 1e-6)
     assert not wrong.any()
-    assert np.array_equal((np.abs(bang.storage) > 1)[clear], (want != 0)[clear])
+    assert np.array_equal((np.abs(bang.arrays.storage) > 1)[clear], (want != 0)[clear])
 
 
 def test_it_idles_at_low_voltage(bang):
     case = bang.point.case
-    size = np.abs(bang.V[:, [bang.point.net.place[s.bus] for s in case.storage]])
+    size = np.abs(bang.arrays.V[:, [bang.point.net.place[s.bus] for s in case.storage]])
     assert (size < 0.8).any()
-    assert np.abs(bang.storage[size < 0.8 - 1e-6]).max() == 0
+    assert np.abs(bang.arrays.storage[size < 0.8 - 1e-6]).max() == 0
 
 
 def test_it_works_in_both_directions_and_calms_down(bang):
-    assert bang.storage.max() == pytest.approx(50)
-    assert bang.storage.min() == pytest.approx(-50)
-    assert np.abs(bang.storage[-1]).max() == 0
+    assert bang.arrays.storage.max() == pytest.approx(50)
+    assert bang.arrays.storage.min() == pytest.approx(-50)
+    assert np.abs(bang.arrays.storage[-1]).max() == 0
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.1])
@@ -246,14 +246,14 @@ def test_the_device_of_a_tripped_machine_idles(cases, lag):
     events = [Fault("7", 0.5), Clear("7", 0.6), TripMachine(1, 0.8)]
     run = simulation.run(point, events, 4.0, control=BangBang(), criterion=KEEP_ON)
     before, after = run.time < 0.8, run.time > 0.8 + 12 * lag
-    assert np.abs(run.storage[before, 0]).max() > 10
-    assert np.abs(run.storage[after, 0]).max() < 1e-3
-    assert np.abs(run.storage[after, 1]).max() > 10
+    assert np.abs(run.arrays.storage[before, 0]).max() > 10
+    assert np.abs(run.arrays.storage[after, 0]).max() < 1e-3
+    assert np.abs(run.arrays.storage[after, 1]).max() > 10
 
 
 def test_a_device_alone_in_its_island_idles():
     case = small(KINDS["bare"]).with_storage([Storage(1, 2, 40.0)])
     events = [Open("2-3", 0.1), Open("2-3#2", 0.1)]
     run = simulation.run(operating_point.solve(case), events, 0.5, control=BangBang(), criterion=KEEP_ON)
-    assert run.speed[-1, 0] > 1.003
-    assert np.abs(run.storage).max() == 0
+    assert run.arrays.speed[-1, 0] > 1.003
+    assert np.abs(run.arrays.storage).max() == 0

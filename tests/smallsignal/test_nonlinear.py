@@ -41,7 +41,7 @@ def test_storage_order_simulated_and_linear(point):
         s.orders[:] = share
         s.advance(4.0)
         t = s.finish()
-        H = p.plant.inertia
+        H = p.inertia
         rest = (t.speed[:, 1:] @ H[1:]) / H[1:].sum()
         return _difference(model, t.time, np.vstack([t.speed.T, rest]) - 1, share)
 
@@ -79,7 +79,7 @@ def test_python_control_simulates_the_nonlinear_system(point):
         nonlinear(p, ["load_p:7"], ["speed"]), T, np.full((1, len(T)), 0.2), solve_ivp_kwargs={"rtol": 1e-7}
     )
     ours = run(p, [LoadStep(7, 0.0, p=20.0)], until=1.0, step=1 / 480)
-    there = np.array([np.interp(T, ours.time, s) for s in ours.speed.T]) - 1
+    there = np.array([np.interp(T, ours.time, s) for s in ours.arrays.speed.T]) - 1
     assert np.abs(answer.outputs - there).max() < 1e-7  # 8e-9
 
 
