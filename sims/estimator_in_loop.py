@@ -7,7 +7,7 @@ from stabctl import io
 from stabctl.clearing.critical_time import clearing_time
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
-from stabctl.dynamics.operating_point import Point
+from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.estimation.estimate import estimate
 from stabctl.estimation.estimates import Estimates
 from stabctl.estimation.estimator_control import EstimatorControl
@@ -35,7 +35,7 @@ SPEEDS = "Estimated speeds follow the true ones within their band of three stand
 ORDERS = "Orders by estimates switch where those by true speeds do, a frame or two off, with some chatter at the edges."
 
 
-def start(case: str, classical: bool, storage: str) -> Point:
+def start(case: str, classical: bool, storage: str) -> OperatingPoint:
     """The operating point with a storage device at every machine."""
     loaded = io.load(case)
     loaded = loaded.classical() if classical else loaded

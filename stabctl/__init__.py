@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from stabctl.clearing import Screen, clearing_time, screen
     from stabctl.controllers import BangBang, Feedback
     from stabctl.dynamics.coerce import initialize
-    from stabctl.dynamics.operating_point import Point as OperatingPoint
+    from stabctl.dynamics.operating_point import OperatingPoint
     from stabctl.errors import StabctlError
     from stabctl.estimation.estimate import estimate
     from stabctl.estimation.estimates import Estimates
@@ -49,7 +49,7 @@ _WHERE = {
     "Feedback": "controllers:Feedback",
     "LoadStep": "simulation.events:LoadStep",
     "Open": "simulation.events:Open",
-    "OperatingPoint": "dynamics.operating_point:Point",
+    "OperatingPoint": "dynamics.operating_point:OperatingPoint",
     "Pmu": "estimation.pmu:Pmu",
     "PowerFlow": "model.powerflow:PowerFlow",
     "Screen": "clearing:Screen",

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from stabctl.controllers import BangBang
-    from stabctl.dynamics.operating_point import Point
+    from stabctl.dynamics.operating_point import OperatingPoint
     from stabctl.estimation.estimator_control import EstimatorControl
     from stabctl.estimation.estimators import Engine
     from stabctl.estimation.pmu import Pmu
@@ -77,7 +77,7 @@ def load(name: str, classical: bool = False) -> "Case":
     return case
 
 
-def start(case: "Case", storage: str | None = None, storage_at: str | None = None, **options: Any) -> "Point":
+def start(case: "Case", storage: str | None = None, storage_at: str | None = None, **options: Any) -> "OperatingPoint":
     """The operating point of the case with its storage devices."""
     from stabctl.dynamics import operating_point
     from stabctl.errors import StudyError

@@ -53,7 +53,7 @@ class OperatingPoint:
     clearing_time = verb("stabctl.clearing:clearing_time")
     screen = verb("stabctl.clearing:screen")
     linearize = verb("stabctl.smallsignal:linearize")
-    estimate = verb("stabctl.estimation.loop:watch")
+    estimate = verb("stabctl.estimation.estimate:estimate")
 
     @property
     def layout(self) -> Layout:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from stabctl.controllers import BangBang, Law
 from stabctl.dynamics.coerce import Fleet, operating_point
-from stabctl.dynamics.operating_point import Point
+from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.simulation.contingency import Happenings, schedule
@@ -23,7 +23,7 @@ OBSERVE = 5.0  # s   after the last event, if no end is given
 
 
 def estimate(
-    base: Case | Point,
+    base: Case | OperatingPoint,
     contingency: "Happenings | None" = None,
     until: str | float | None = None,
     *,

@@ -7,7 +7,7 @@ import numpy as np
 
 from stabctl._util.wording import counted
 from stabctl.controllers import BangBang
-from stabctl.dynamics.operating_point import Point
+from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 from stabctl.simulation.trajectory import Trajectory
 
@@ -45,7 +45,7 @@ class Estimates:
     Arrays have the shape (frames, seeds, machines) unless stated otherwise; `sigma` is what the filter claims.
     """
 
-    point: Point
+    point: OperatingPoint
     control: "EstimatorControl"
     seeds: tuple[int, ...]
     time: np.ndarray  # (frames) s

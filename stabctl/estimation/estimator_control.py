@@ -11,7 +11,7 @@ from typing import NamedTuple, get_args
 
 import numpy as np
 
-from stabctl.controllers import BangBang, Device, Law, Seen, order
+from stabctl.controllers import BangBang, Device, Input, Law, wanted
 from stabctl.errors import StudyError
 from stabctl.simulation.simulation import Simulation
 
@@ -129,7 +129,8 @@ class EstimatorLoop:
             size = np.abs(volts) * (1 + self.control.pmu.magnitude * self._random[k].standard_normal(n))
             for j, (i, par) in enumerate(zip(self._machine, self._par, strict=True)):
                 if dev.usable[k, i]:
-                    orders[j] = order(Seen(dev.speed[k, i], dev.acceleration[k, i], size[j]), par, 0.0)
+                    signals = Input(dev.speed[k, i], dev.acceleration[k, i])
+                    orders[j] = wanted(self.control.law, par, signals, size[j])
             self.simulations[k].orders[:] = orders
         return orders
 

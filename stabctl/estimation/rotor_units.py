@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stabctl.devices.machines import gencls, genrou
-from stabctl.dynamics.operating_point import Point
+from stabctl.dynamics import family
+from stabctl.dynamics.operating_point import OperatingPoint, source_admittances
 from stabctl.simulation.simulation import Simulation
 
-REACTANCE = {"gencls": "x1d", "genrou": "x2"}  # model -> reactance behind which the internal voltage is formed
+REACTANCES = ("x2", "x1d")  # behind which the internal voltage is formed: x'' where the machine has one, else x'd
 FLUX = ("xl", "xd", "xq", "x1q", "x2", "T1q", "T2q", "S10", "S12")  # constants of the q-axis flux of GENROU
 
 
@@ -36,41 +36,47 @@ class RotorUnits:
     __repr__ = __str__
 
 
-def rotor_units(point: Point, inertia: float = 1.0, reactance: float = 1.0) -> RotorUnits:
+def rotor_units(point: OperatingPoint, inertia: float = 1.0, reactance: float = 1.0) -> RotorUnits:
     """The rotor units of an operating point; `inertia` and `reactance` multiply every H and x (1: exact)."""
-    case = point.case
-    models = [next(m for m in REACTANCE if k.machine in case.devices.get(m, {})) for k in case.machines]
-    rows = [case.devices[model][k.machine] for model, k in zip(models, case.machines, strict=True)]
-    mva = np.array([k.base for k in case.machines]) / case.base_mva
-    H = inertia * np.array([row.H for row in rows])
-    x = reactance * np.array([getattr(row, REACTANCE[model]) for model, row in zip(models, rows, strict=True)])
-    with_flux = np.flatnonzero([model == "genrou" for model in models])
-    flux = {name: np.array([getattr(rows[i], name) for i in with_flux], float) for name in FLUX}
-    D, ra = (np.array([getattr(row, name) for row in rows], float) for name in ("D", "ra"))
-    return RotorUnits(point.net.machine_bus, H * mva, mva, H, D, ra, x, with_flux, flux, case.frequency_hz)
+    m = len(point.case.machines)
+    columns = {name: np.zeros(m) for name in ("mva", "H", "D", "ra", "x")}
+    with_flux, flux = np.zeros(0, np.int64), {name: np.zeros(0) for name in FLUX}
+    for table in (f.name for f in point.system.families if f.device.ROLE == "machine"):
+        at, par = point.constants(table)
+        given = par | {"x": par[next(name for name in REACTANCES if name in par)]}
+        for name, column in columns.items():
+            column[at] = given[name]
+        if set(FLUX) <= set(par):
+            with_flux = np.r_[with_flux, at]
+            flux = {name: np.r_[flux[name], par[name]] for name in FLUX}
+    columns["H"] = columns["H"] * inertia
+    columns["x"] = columns["x"] * reactance
+    bus, H = point.system.unit_bus, columns["H"] * columns["mva"]
+    return RotorUnits(bus, H, **columns, with_flux=with_flux, flux=flux, frequency_hz=point.case.frequency_hz)
 
 
 class Terminals:
     """True phasors at the terminals of a simulation: V, and I = Norton current - y V (pu, out of the machine).
 
-    The machines' own equations are evaluated on whole columns, which share the memory of the simulation.
+    The machines' own equations are evaluated on whole columns of the simulation's signals.
     """
 
     def __init__(self, simulation: Simulation) -> None:
-        self.simulation, plant = simulation, simulation.point.plant
-        known = rotor_units(simulation.point)
-        self._bus, self._admittance = known.bus, known.mva / (known.ra + 1j * known.x)
-        self._field, self._parts = simulation.signals.field, []
-        for model, family in ((gencls, "gencls"), (genrou, "genrou")):
-            table, state = getattr(plant, family), getattr(simulation.signals, family)
-            x = model.State(*(np.asarray(state[name]) for name in model.State._fields))
-            p = model.Par(*(np.asarray(table[name]) for name in model.Par._fields))
-            if len(table):
-                self._parts.append((model.norton, x, p, getattr(plant, f"{family}_machine")))
+        self.simulation, system = simulation, simulation.point.system
+        self._bus, self._admittance = system.unit_bus, source_admittances(system)
+        self._sources = [f for f in system.families if hasattr(f.device, "source")]
 
     def phasors(self, bus_voltages: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Voltages and currents (machines), pu, now, of the bus voltages."""
-        V, source = bus_voltages[self._bus], np.zeros(len(self._admittance), complex)
-        for norton, x, p, at in self._parts:
-            source.real[at], source.imag[at] = norton(x, self._field[at], p)
+        V, source, s = bus_voltages[self._bus], np.zeros(len(self._admittance), complex), self.simulation.s
+        for f in self._sources:
+            states, inputs = (family.fields(f.device, record) for record in ("State", "Input"))
+            signals = {
+                "x": f.device.State(*(s[f.w[:, family.STATE] + i] for i in range(len(states)))),
+                "p": f.device.Par(*f.k.T),
+                **{name: s[f.w[:, family.INPUTS + i]] for i, name in enumerate(inputs)},
+            }
+            at = f.w[:, family.UNIT]
+            given = (signals[name] for name in family.arguments(f.device, "source"))
+            source.real[at], source.imag[at] = f.device.source(*given)
         return V, np.where(self.simulation.island >= 0, source - self._admittance * V, 0)

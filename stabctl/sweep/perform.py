@@ -9,7 +9,7 @@ import numpy as np
 from stabctl.clearing.critical_time import clearing_time
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
-from stabctl.dynamics.operating_point import Point
+from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StabctlError, StudyError
 from stabctl.estimation.estimate import estimate
 from stabctl.estimation.estimator_control import EstimatorControl
@@ -39,7 +39,7 @@ def perform(task: Task) -> Row:
     return Row(task.key, task.job, signed(result, wall=time.perf_counter() - began, worker=where))
 
 
-def _point(task: Task) -> Point:
+def _point(task: Task) -> OperatingPoint:
     """The operating point with the storage of the job."""
     job, case = task.job, task.case
     flow = powerflow.solve(case)
@@ -50,7 +50,7 @@ def _point(task: Task) -> Point:
     return operating_point.solve(case, flow)
 
 
-def _steering(job: Job, point: Point) -> BangBang | EstimatorControl | None:
+def _steering(job: Job, point: OperatingPoint) -> BangBang | EstimatorControl | None:
     """The law where there is storage; under an estimator also without storage, to see how well it does."""
     law = BangBang(job.deadband, job.min_voltage)
     if job.estimator == "ideal":
@@ -61,7 +61,7 @@ def _steering(job: Job, point: Point) -> BangBang | EstimatorControl | None:
     return EstimatorControl(law, job.estimator, pmu(job), seed=job.seed, engine=engine)
 
 
-def _clearing_time(job: Job, point: Point) -> Result:
+def _clearing_time(job: Job, point: OperatingPoint) -> Result:
     hz = point.case.frequency_hz
     found = clearing_time(
         point,
@@ -87,7 +87,7 @@ def _clearing_time(job: Job, point: Point) -> Result:
     )
 
 
-def _simulate(job: Job, point: Point) -> Result:
+def _simulate(job: Job, point: OperatingPoint) -> Result:
     impedance = complex(job.fault_r, job.fault_x)
     happens = Contingency(job.fault or None, job.clear or None, circuits(job.trip), at=job.at, impedance=impedance)
     steering, keep = _steering(job, point), bool(point.case.storage)
