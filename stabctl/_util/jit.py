@@ -110,8 +110,8 @@ def _private(path: Path) -> bool:
 class Entry:
     """An entry point: compiled, or loaded from disk, at its first call."""
 
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self.function, self.name = function, function.__name__
+    def __init__(self, function: Callable[..., Any], allocates: bool) -> None:
+        self.function, self.name, self.allocates = function, function.__name__, allocates
         self._compiled: Callable[..., Any] | None = None
 
     def __call__(self, *arguments: Any) -> Any:
@@ -119,6 +119,10 @@ class Entry:
         if self._compiled is None:
             self._compiled = self._compile()
         return self._compiled(*arguments)
+
+    def signatures(self) -> list[Any]:
+        """Types that it has been compiled for."""
+        return list(getattr(self._compiled, "signatures", ()))
 
     def _place(self) -> Path:
         return folder() / digest(sources(sys.modules[self.function.__module__]))
@@ -139,11 +143,19 @@ class Entry:
         place.mkdir(mode=0o700, exist_ok=True)
         before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(place)
         try:
-            return numba.njit(error_model="numpy", cache=True, nogil=True, _nrt=False)(self.function)
+            return numba.njit(error_model="numpy", cache=True, nogil=True, _nrt=self.allocates)(self.function)
         finally:
             numba.config.CACHE_DIR = before
 
 
 def entry(function: Callable[..., Any]) -> Entry:
-    """Make `function` an entry point, which runs free of the interpreter lock; its machine code is kept on disk."""
-    return Entry(function)
+    """Make `function` an entry point, which runs free of the interpreter lock; its machine code is kept on disk.
+
+    It must not allocate memory, which makes its calls faster.
+    """
+    return Entry(function, allocates=False)
+
+
+def allocating_entry(function: Callable[..., Any]) -> Entry:
+    """The same for a function that allocates memory."""
+    return Entry(function, allocates=True)

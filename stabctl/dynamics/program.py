@@ -5,12 +5,15 @@ has a cycle, its families are taken apart into rows. Only a cycle of rows is an 
 """
 
 from collections.abc import Iterable, Sequence
+import sys
 from graphlib import CycleError, TopologicalSorter
+from importlib import import_module
 from types import ModuleType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from stabctl import devices
 from stabctl.errors import EquilibriumError
 
 from . import family
@@ -25,6 +28,17 @@ class Family(NamedTuple):
     w: np.ndarray  # (devices, width) i64   places, see `family`
     k: np.ndarray  # (devices, constants)
     keys: tuple[str, ...]  # what each is called, e.g. "machine 3"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        where = self.device.__name__, self.device.__file__
+        return _family, (self.name, *where, self.w, self.k, self.keys)
+
+
+def _family(name: str, module: str, file: str, *rest: Any) -> Family:
+    """A family that comes from another process; a device registered there is registered here too."""
+    if module not in sys.modules and not module.startswith("stabctl."):
+        devices.register(file)
+    return Family(name, import_module(module), *rest)
 
 
 class Program(NamedTuple):

@@ -7,7 +7,7 @@ breaks down has a solution below its threshold.
 
 import numpy as np
 
-from stabctl._util.jit import entry, inline, noinline
+from stabctl._util.jit import allocating_entry, inline, noinline
 from stabctl.devices.blocks import copy
 from stabctl.dynamics.perform import perform
 
@@ -72,7 +72,7 @@ def newton(calls, p, a, net, q) -> bool:
     return False
 
 
-@entry
+@allocating_entry
 def newton_from(calls, p, a, net, q, slow):
     """Solve v - a - Z i(v) = 0 on the buses that draw, steps halved until the residual falls; found?
 
