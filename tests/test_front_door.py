@@ -86,9 +86,9 @@ def test_a_law_written_in_python_is_the_compiled_one(base):
     options = {"storage": "50MW", "step": 1 / 120}
     ours = base.simulate(FAULT, "3s", control=st.Controller(bang_bang, rate=120), **options)
     theirs = base.simulate(FAULT, "3s", control=st.BangBang(deadband="100mHz"), **options)
-    assert np.array_equal(ours.arrays.order, theirs.order)
+    assert np.array_equal(ours.arrays.order, theirs.arrays.order)
     assert np.abs(ours.arrays.order).max() == 1
-    assert np.abs(ours.arrays.speed - theirs.speed).max() < 1e-7  # 5e-9 pu, the tolerance of the voltages
+    assert np.abs(ours.arrays.speed - theirs.arrays.speed).max() < 1e-7  # 5e-9 pu, the tolerance of the voltages
 
 
 def test_a_law_with_memory_starts_anew_in_every_run(base):
