@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from stabctl import io
-from stabctl.clearing.critical_time import clearing_time
+from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.dynamics.operating_point import Point
@@ -47,12 +47,12 @@ def study(reports: Path) -> Study:
     rows = []
     for name, (case, fault, trip, classical, size) in STUDIES.items():
         point = start(case, classical, size)
-        ideal = clearing_time(point, fault, [trip], BangBang()).cycles
+        ideal = clearing_time(point, Contingency(fault, trip=trip), control=BangBang()).cycles
         rows.append((name, f"{ideal:g}", *[""] * 5))
         clear = int(0.9 * ideal) / point.case.frequency_hz
         for kind in KINDS:
             control = replace(CONTROL, estimator=kind)
-            cycles = clearing_time(point, fault, [trip], control).cycles
+            cycles = clearing_time(point, Contingency(fault, trip=trip), control=control).cycles
             found = estimate(point, Contingency(fault, clear, [trip]), clear + 6, control=control, seeds=SEEDS)
             rows.append((f"  {kind}", f"{cycles:g}", *quality(found)))
         if name == "two_area":

@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from stabctl import io
-from stabctl.clearing.critical_time import clearing_time
+from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.estimation.estimator_control import EstimatorControl
@@ -13,6 +13,7 @@ from stabctl.model import fleet
 from stabctl.plotting import clearing_time as figures
 from stabctl.report.study import Study, draw
 from stabctl.report.study_console import present
+from stabctl.simulation.contingency import Contingency
 
 FULL = True
 STUDIES = {"two_area": ("7", "7-8", "50MW"), "wnaps": ("83", "83-33", "5%mva")}
@@ -26,11 +27,12 @@ def study(reports: Path) -> Study:
     ideal, late, noisy = {}, {}, {}
     for name, (fault, trip, size) in STUDIES.items():
         case = io.load(name)
+        one = Contingency(fault, trip=trip)
         point = operating_point.solve(case.with_storage(fleet.everywhere(case, size)))
-        ideal[name] = clearing_time(point, fault, [trip], BangBang()).cycles
+        ideal[name] = clearing_time(point, one, control=BangBang()).cycles
         pmus = [Pmu(latency_ms=ms) for ms in LATENCIES], [Pmu(angle_mrad=a, magnitude=1e-3 * a) for a in NOISES]
         late[name], noisy[name] = (
-            [clearing_time(point, fault, [trip], replace(CONTROL, pmu=pmu)).cycles for pmu in group] for group in pmus
+            [clearing_time(point, one, control=replace(CONTROL, pmu=pmu)).cycles for pmu in group] for group in pmus
         )
     panels = {"latency of remote signals, ms": (LATENCIES, late), "phasor noise, mrad and per mille": (NOISES, noisy)}
     figure = figures.panels(panels, ideal)

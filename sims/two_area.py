@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from stabctl import io
-from stabctl.clearing.critical_time import clearing_time
+from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.model import fleet
@@ -36,7 +36,7 @@ def study(reports: Path) -> Study:
     runs = {
         name: run(p, Contingency(fault, cycles / case.frequency_hz), control=law) for name, (p, law) in points.items()
     }
-    at_bus = [clearing_time(p, "7", [LINE], law).cycles for p, law in points.values()]
+    at_bus = [clearing_time(p, Contingency("7", trip=LINE), control=law).cycles for p, law in points.values()]
     curves = {
         name: [clearing_time(p, f"{LINE}@{x}", control=law).cycles for x in PLACES] for name, (p, law) in points.items()
     }

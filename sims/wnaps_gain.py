@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from stabctl import io
-from stabctl.clearing.critical_time import clearing_time
+from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.model import fleet, powerflow
@@ -11,9 +11,10 @@ from stabctl.plotting import clearing_time as figures
 from stabctl.report import paper
 from stabctl.report.study import Study, Table, draw
 from stabctl.report.study_console import present
+from stabctl.simulation.contingency import Contingency
 
-FAULT, TRIP = "83", ("83-33",)
-READINGS = {"whole cycles": 1.0, "1/8 cycle": 0.125}
+CONTINGENCY = Contingency("83", trip="83-33")
+READINGS = {"whole cycles": "1cyc", "1/8 cycle": "0.125cyc"}
 HEADS = "ESD power, %", "paper, gain %", "whole cycles", "gain %", "1/8 cycle", "gain %"
 PLATEAU = "On whole cycles the gain stands still from 20 % on; on eighths it goes on: the plateau is rounding."
 TEXT = (
@@ -58,7 +59,7 @@ def clearing_times() -> dict[str, list[float]]:
         devices = fleet.everywhere(case, f"{percent}%dispatch", flow, characteristic="conductance", lag=0.05)
         point = operating_point.solve(case.with_storage(devices), flow)
         for name, resolution in READINGS.items():
-            found[name].append(clearing_time(point, FAULT, TRIP, BangBang(), resolution).cycles)
+            found[name].append(clearing_time(point, CONTINGENCY, control=BangBang(), resolution=resolution).cycles)
     return found
 
 

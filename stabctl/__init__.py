@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from stabctl.clearing import Screen, clearing_time, screen
+    from stabctl.clearing import ClearingTime, Screen, clearing_time, screen
     from stabctl.controllers import BangBang, Feedback
     from stabctl.dynamics.coerce import initialize
     from stabctl.dynamics.operating_point import Point as OperatingPoint
@@ -40,6 +40,7 @@ _WHERE = {
     "BangBang": "controllers:BangBang",
     "Case": "model.case:Case",
     "Clear": "simulation.events:Clear",
+    "ClearingTime": "clearing:ClearingTime",
     "Contingency": "simulation.contingency:Contingency",
     "Controller": "simulation.controller:Controller",
     "Criterion": "simulation.criterion:Criterion",

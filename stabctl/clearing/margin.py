@@ -43,7 +43,7 @@ def margin(trajectory: Trajectory, cleared_s: float) -> Margin | None:
 
 def _equivalent(trajectory: Trajectory) -> tuple[np.ndarray, float]:
     """Speed (rows, pu) of the group of machines that is lost against the others, and inertia (s) of the equivalent."""
-    H, machines = trajectory.point.plant.inertia, trajectory.point.case.machines
+    H, machines = trajectory.point.inertia, trajectory.point.case.machines
     end = trajectory.angle[-1] - trajectory.angle[0]
     order = np.argsort(end)
     ahead = np.zeros(len(H), bool)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stabctl import io
-from stabctl.clearing.critical_time import clearing_time
+from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang, Feedback
 from stabctl.devices.machines import gencls
 from stabctl.dynamics import operating_point
@@ -40,7 +40,7 @@ def test_two_machines_are_their_own_equivalent(two):
 
 def test_its_critical_time_is_that_of_the_simulation(two):
     exact = equivalent(two, 1).critical().cycles
-    fault = clearing_time(operating_point.solve(two), "1", resolution_cycles=1 / 64, limit_cycles=30, step=1 / 480)
+    fault = clearing_time(two, "1", resolution="0.015625cyc", limit="30cyc", step=1 / 480)
     assert fault.cycles <= exact < fault.cycles + 1 / 64 + 0.01
 
 
