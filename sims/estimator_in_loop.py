@@ -3,6 +3,8 @@
 from dataclasses import replace
 from pathlib import Path
 
+from reproduction.console import present
+from reproduction.study import Study, Table, draw
 from stabctl import io
 from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang
@@ -13,8 +15,6 @@ from stabctl.estimation.estimates import Estimates
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.model import fleet
 from stabctl.plotting import estimates
-from stabctl.report.study import Study, Table, draw
-from stabctl.report.study_console import present
 from stabctl.simulation.contingency import Contingency
 
 STUDIES = {  # case, fault, circuit opened, classical machines, storage
@@ -58,8 +58,8 @@ def study(reports: Path) -> Study:
         if name == "two_area":
             drawn = found
     figures = (
-        draw(estimates.plot(drawn), reports, "estimator_speeds.png", "True and estimated speeds", SPEEDS),
-        draw(estimates.commands(drawn), reports, "estimator_commands.png", "Orders", ORDERS),
+        draw(estimates.plot(drawn), reports / "estimator_speeds.png", "True and estimated speeds", alt=SPEEDS),
+        draw(estimates.commands(drawn), reports / "estimator_commands.png", "Commands", alt=ORDERS),
     )
     tables = (Table("Bang-bang storage by true and by estimated speeds", HEADS, tuple(rows)),)
     return Study("Estimator in the loop", text=(TEXT,), tables=tables, pictures=figures)

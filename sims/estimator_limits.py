@@ -3,6 +3,8 @@
 from dataclasses import replace
 from pathlib import Path
 
+from reproduction.console import present
+from reproduction.study import Study, draw
 from stabctl import io
 from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang
@@ -11,8 +13,6 @@ from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.pmu import Pmu
 from stabctl.model import fleet
 from stabctl.plotting import clearing_time as figures
-from stabctl.report.study import Study, draw
-from stabctl.report.study_console import present
 from stabctl.simulation.contingency import Contingency
 
 FULL = True
@@ -36,7 +36,7 @@ def study(reports: Path) -> Study:
         )
     panels = {"latency of remote signals, ms": (LATENCIES, late), "phasor noise, mrad and per mille": (NOISES, noisy)}
     figure = figures.panels(panels, ideal)
-    picture = draw(figure, reports, "estimator_clearing.png", "Clearing time against latency and noise", ALT)
+    picture = draw(figure, reports / "estimator_clearing.png", "Clearing time against latency and noise", alt=ALT)
     return Study("What latency and noise cost", pictures=(picture,))
 
 

@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from stabctl.report.study import Study, Table
-from stabctl.report.study_console import present
+from reproduction.console import present
+from reproduction.study import Study, Table
 from stabctl.sweep.overview import cell, overview
 from stabctl.sweep.run import run
 from stabctl.sweep.store import rows

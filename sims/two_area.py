@@ -4,6 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
+from reproduction import paper
+from reproduction.console import present
+from reproduction.study import Study, Table, draw
 from stabctl import io
 from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang
@@ -11,9 +14,6 @@ from stabctl.dynamics import operating_point
 from stabctl.model import fleet
 from stabctl.plotting import clearing_time as drawing
 from stabctl.plotting import trajectory
-from stabctl.report import paper
-from stabctl.report.study import Study, Table, draw
-from stabctl.report.study_console import present
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run
 
@@ -54,10 +54,10 @@ def study(reports: Path) -> Study:
     bare, kept = runs.values()
     first = [p[np.flatnonzero(np.abs(p) > 1)[0]] > 0 for p in kept.storage.T]
     rows = (
-        paper.CASE_1_SIZE.beside(100 * devices[0].rating / case.machines[0].base, SIZE),
-        paper.CASE_1_FATES["without"].beside("stable" if bare.outcome.stable else "lost"),
-        paper.CASE_1_FATES["with"].beside("stable" if kept.outcome.stable else "lost"),
-        *(p.beside(ACTION[bool(f)]) for p, f in zip(paper.CASE_1_FIRST.values(), first, strict=True)),
+        paper.CASE_1_SIZE.compare(100 * devices[0].rating / case.machines[0].base, SIZE),
+        paper.CASE_1_OUTCOMES["without"].compare("stable" if bare.outcome.stable else "unstable"),
+        paper.CASE_1_OUTCOMES["with"].compare("stable" if kept.outcome.stable else "unstable"),
+        *(p.compare(ACTION[bool(f)]) for p, f in zip(paper.CASE_1_FIRST.values(), first, strict=True)),
     )
     text = (
         f"The paper does not say where along the circuit the fault is; ours is {PLACE:g} of the way from bus 7. There "
@@ -73,9 +73,9 @@ def study(reports: Path) -> Study:
     swept.axvspan(held, lost, color="#e69f00", alpha=0.25, label=label)
     swept.legend(frameon=False)
     figures = (
-        draw(trajectory.compare(runs), reports, "two_area.png", "Speeds of the machines", speeds, "", "14"),
-        draw(trajectory.storage(kept), reports, "two_area_storage.png", "Power of the devices", powers, "", "15"),
-        draw(swept, reports, "two_area_place.png", "Clearing time against place", along),
+        draw(trajectory.compare(runs), reports / "two_area.png", "Speeds of the machines", alt=speeds, of="14"),
+        draw(trajectory.storage(kept), reports / "two_area_storage.png", "Power of the devices", alt=powers, of="15"),
+        draw(swept, reports / "two_area_place.png", "Clearing time against fault location", alt=along),
     )
     tables = (Table(f"Fault on {fault}, {cycles} cycles", HEADS, verdicts),)
     return Study("Four machines", "6.1", (text,), rows, tables, figures)

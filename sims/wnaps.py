@@ -5,14 +5,14 @@ from pathlib import Path
 
 import numpy as np
 
+from reproduction import paper
+from reproduction.console import present
+from reproduction.study import Study, draw
 from stabctl import io
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.model import fleet
 from stabctl.plotting import trajectory
-from stabctl.report import paper
-from stabctl.report.study import Study, draw
-from stabctl.report.study_console import present
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run
 
@@ -40,16 +40,24 @@ def study(reports: Path) -> Study:
         "loads": case.loads,
     }
     rows = (
-        *(printed.beside(len(counted[k]), BUSES if k == "buses" else "") for k, printed in paper.CASE_2_SIZES.items()),
-        paper.CASE_2_LOST.beside(str(bare.outcome.machine), LOST),
-        paper.CASE_2_HELD.beside("stable" if held.outcome.stable else "lost"),
-        paper.CASE_2_ACT.beside(acting),
-        *(printed.beside(actions(powers[machine])) for machine, printed in paper.CASE_2_ACTIONS.items()),
+        *(printed.compare(len(counted[k]), BUSES if k == "buses" else "") for k, printed in paper.CASE_2_SIZES.items()),
+        paper.CASE_2_LOST.compare(str(bare.outcome.machine), LOST),
+        paper.CASE_2_HELD.compare("stable" if held.outcome.stable else "unstable"),
+        paper.CASE_2_ACT.compare(acting),
+        *(printed.compare(actions(powers[machine])) for machine, printed in paper.CASE_2_ACTIONS.items()),
     )
     runs = {"without storage": bare, "with 5 % ESDs": held}
     figures = (
-        draw(trajectory.compare(runs, machines=SHOWN), reports, "wnaps.png", "Speeds of machines", SPEEDS, of="17, 18"),
-        draw(trajectory.storage(held, (13, 14)), reports, "wnaps_storage.png", "Power of devices", POWERS, "", "19"),
+        draw(
+            trajectory.compare(runs, machines=SHOWN),
+            reports / "wnaps.png",
+            "Speeds of machines",
+            alt=SPEEDS,
+            of="17, 18",
+        ),
+        draw(
+            trajectory.storage(held, (13, 14)), reports / "wnaps_storage.png", "Power of devices", alt=POWERS, of="19"
+        ),
     )
     text = (
         f"Six cycles without storage: {bare.outcome} With 5 % of each machine's MVA at its high-voltage bus: "

@@ -2,15 +2,15 @@
 
 from pathlib import Path
 
+from reproduction import paper
+from reproduction.console import present
+from reproduction.study import Study, Table, draw
 from stabctl import io
 from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.model import fleet, powerflow
 from stabctl.plotting import clearing_time as figures
-from stabctl.report import paper
-from stabctl.report.study import Study, Table, draw
-from stabctl.report.study_console import present
 from stabctl.simulation.contingency import Contingency
 
 CONTINGENCY = Contingency("83", trip="83-33")
@@ -36,15 +36,14 @@ def study(reports: Path) -> Study:
     for name, curve in curves.items():
         columns += [f"{cycles:g}" for cycles in curve], [f"{gain:.0f}" for gain in gains[name]]
     rows = (
-        *(printed.beside(gain) for printed, gain in zip(paper.TABLE_4.values(), whole, strict=True)),
-        paper.TABLE_4_GREATEST.beside(max(fine), PLATEAU),
+        *(printed.compare(gain) for printed, gain in zip(paper.TABLE_4.values(), whole, strict=True)),
+        paper.TABLE_4_LARGEST.compare(max(fine), PLATEAU),
     )
     picture = draw(
         figures.compare(list(paper.TABLE_4), curves, xlabel="storage rating (% of dispatched power)"),
-        reports,
-        "wnaps_table4.png",
-        "Clearing time against power",
-        ALT,
+        reports / "wnaps_table4.png",
+        "Clearing time against storage rating",
+        alt=ALT,
     )
     table = Table("Critical clearing times, cycles", HEADS, tuple(zip(*columns, strict=True)))
     return Study("Gain in clearing time", "7", TEXT, rows, (table,), (picture,))

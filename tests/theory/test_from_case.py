@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from reproduction import paper
 from stabctl import io
 from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang, Feedback
@@ -11,7 +12,6 @@ from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
 from stabctl.model import fleet
 from stabctl.model.case import Branch, Bus, Case, Machine
-from stabctl.report import paper
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run
 from stabctl.theory.from_case import equivalent
