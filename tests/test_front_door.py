@@ -121,7 +121,7 @@ def test_a_law_with_memory_starts_anew_in_every_run(base):
         (lambda b: b.simulate(FAULT, storage="50MW", control=st.Controller(lambda s: [1, 2])), "The law gave"),
         (lambda b: st.Controller(3), "3 is not a law"),
         (lambda b: st.Controller(abs, rate=0), "rate of 0 frames"),
-        (lambda b: b.simulate(FAULT, storage=50), "is not a fleet of storage devices"),
+        (lambda b: b.simulate(FAULT, storage=[50]), "is not a fleet of storage devices"),
         (lambda b: b.simulate(FAULT, storage="50"), "is not a storage size"),
         (lambda b: b.simulate(FAULT, storage={9: "50MW"}), "There is no machine 9"),
         (lambda b: b.simulate("7-8@0.4"), "is not an event"),

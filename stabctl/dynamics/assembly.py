@@ -57,6 +57,8 @@ def plant(case: Case, flow: PowerFlow, net: Network) -> tuple[Plant, np.ndarray]
 
 def _devices(case: Case, name: str, device: ModuleType, rows: dict[int, int]) -> tuple[np.ndarray, np.ndarray]:
     table = case.devices.get(name, {})
+    if any(key not in rows for key in table):
+        raise EquilibriumError(f"{case.name} has two devices of one model at a machine ({name}.csv); give it one.")
     out = records(device.Par, len(table))
     where = np.array([rows[number] for number in table], np.int64)
     for field in device.Par._fields:

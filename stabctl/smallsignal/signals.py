@@ -184,4 +184,4 @@ def _device(case: Case, text: str) -> str:
 
 
 def _model(case: Case, number: object, role: str) -> str | None:
-    return case.model(number, [name for name, device in ALL.items() if role == device.ROLE])
+    return case.model(number, role)

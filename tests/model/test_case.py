@@ -97,8 +97,8 @@ def test_negative_reactance_and_negative_load_are_legal_and_solve(cases):
 def test_odd_reactances_of_ieee39_are_told_and_used(cases):
     said = cases("ieee39").warnings
     assert len(said) == 6
-    assert all("\n" not in s and s.startswith("genrou.csv row") for s in said)
-    assert any("machine 10 is usually not less than" in s for s in said)
+    assert all("\n" not in s and s.startswith("genrou.csv, machine ") for s in said)
+    assert any(s.startswith("genrou.csv, machine 10: x") and " is usually not less than " in s for s in said)
     assert cases("two_area").warnings == cases("wnaps").warnings == ()
 
 

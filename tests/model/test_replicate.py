@@ -56,6 +56,10 @@ def test_ties_add_the_swings_between_copies():
 
 def test_what_is_not_possible_is_said():
     case = io.load("two_area")
-    for options, what in (((0,), "at least 1"), ((2, 99), "no bus 99"), ((2, 7, 0.0), "above 0")):
+    for copies, options, what in (
+        (0, {}, "at least 1"),
+        (2, {"tie_bus": 99}, "has no bus 99"),
+        (2, {"x": 0.0}, "above 0"),
+    ):
         with pytest.raises(StudyError, match=what):
-            replicate(case, *options)
+            replicate(case, copies, **options)

@@ -8,17 +8,19 @@ Per unit on the machine's own MVA; `mva` carries currents to the system base.
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from annotated_types import Ge
 
 from stabctl._util.jit import inline
 from stabctl.devices.blocks import magnitude
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE, Range
+from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 from .stator import Input, Output
 
 NAME = "GENCLS"
 ROLE = "machine"
+CONTROLS = ("governor",)  # E' is constant
 HELD: dict[str, tuple[str, str]] = {}
-__all__ = ["HELD", "NAME", "ROLE", "Input", "Output", "Par", "State", "flow", "norton", "output"]
+__all__ = ["CONTROLS", "HELD", "NAME", "ROLE", "Input", "Output", "Par", "State", "flow", "norton", "output"]
 
 
 class Par(NamedTuple):
@@ -26,7 +28,7 @@ class Par(NamedTuple):
 
     mva: Annotated[float, "-", "machine MVA over system MVA", FROM_CASE]
     wb: Annotated[float, "rad/s", "base speed, 2 pi f", FROM_CASE]
-    H: Annotated[float, "s", "inertia constant", Range(0.01)]
+    H: Annotated[float, "s", "inertia constant", Ge(0.01)]
     D: Annotated[float, "pu", "damping power over speed deviation"]
     ra: Annotated[float, "pu", "armature resistance", NOT_NEGATIVE]
     x1d: Annotated[float, "pu", "transient reactance", POSITIVE]
