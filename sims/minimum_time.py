@@ -25,8 +25,8 @@ def study(reports: Path) -> Study:
     control = by_shooting(problem)
     collocation, convex = by_collocation(problem, paper.GUESS), by_convex_program(problem)
     text = (
-        f"Shooting: {control}. Collocation, from the paper's first guess {paper.GUESS} of the co-states: "
-        f"{collocation}. Convex program: {convex}. The co-states at clearing are {control.lambda1[0]:.5f} s/rad and "
+        f"Shooting: {control} Collocation, from the paper's first guess {paper.GUESS} of the co-states: "
+        f"{collocation} Convex program: {convex} The co-states at clearing are {control.lambda1[0]:.5f} s/rad and "
         f"{control.lambda2[0]:.6f} s²/rad."
     )
     critical = {power: pair.critical(power) for power in POWERS}
