@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from stabctl.simulation.simulate import simulate
     from stabctl.simulation.trajectory import Trajectory
     from stabctl.smallsignal import linearize
+    from stabctl.smallsignal.modes import modes
 
 _WHERE = {
     "BangBang": "controllers:BangBang",
@@ -65,6 +66,7 @@ _WHERE = {
     "initialize": "dynamics.coerce:initialize",
     "linearize": "smallsignal:linearize",
     "load": "io:load",
+    "modes": "smallsignal.modes:modes",
     "place": "placement.place:place",
     "power_flow": "model.powerflow:solve",
     "replicate": "model.replicate:replicate",

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 from stabctl._util import cores, files
 from stabctl._util.verbs import verb
 from stabctl.controllers import Law
-from stabctl.dynamics.coerce import Fleet, operating_point
+from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import Point
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
+from stabctl.model.fleet import Fleet
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.sampled import Sampled

@@ -37,7 +37,7 @@ def place(point: Point, signal: Signal) -> int | None:
     if signal.kind in ("storage", "load_p", "load_q"):
         return None
     machine = [m.machine for m in case.machines].index(signal.place)
-    return first + machine + n.machines * (signal.kind in ("governor", "power"))
+    return first + machine + n.machines * (signal.kind in ("pref", "power"))
 
 
 def draw(point: Point, signal: Signal) -> Draw:

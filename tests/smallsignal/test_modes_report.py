@@ -96,7 +96,7 @@ def test_table_shows_no_negative_zero(modes):
 
 def test_linearize_exports_named_matrices(tmp_path):
     out = tmp_path / "m.npz"
-    words = "--inputs", "storage:5,exciter", "--outputs", "speed,flow:7-8#2", "--out", out, "--json"
+    words = "--inputs", "storage:5,vref", "--outputs", "speed,flow:7-8#2", "--out", out, "--json"
     record = json.loads(run("linearize", "two_area", *words).output)
     saved = np.load(out)
     assert record["inputs"][:2] == ["P storage bus 5", "reference SEXS 1"]
