@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
+from reproduction.console import present
+from reproduction.study import Study, Table
 from stabctl import io
 from stabctl.dynamics import operating_point
 from stabctl.report import modes_page
 from stabctl.report.modes_table import number
-from stabctl.report.study import Study, Table
-from stabctl.report.study_console import present
 from stabctl.smallsignal import Modes, analyze, areas, linearize
 
 BAND = 0.1, 2.5  # Hz

@@ -3,18 +3,19 @@
 from pathlib import Path
 from typing import NamedTuple
 
+from reproduction.console import present
+from reproduction.study import Study, Table
 from stabctl import io
 from stabctl.controllers import BangBang
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.pmu import Pmu
 from stabctl.placement.contingency import load, packaged
 from stabctl.placement.place import place
+from stabctl.placement.siting import Siting
 from stabctl.report import siting_page
-from stabctl.report.siting_table import HEADS, row
-from stabctl.report.study import Study, Table
-from stabctl.report.study_console import present
 
 SEED = 1
+HEADS = "contingencies", "uniform, MW", "linear, MW", "found, MW", "bound, MW", "of uniform, %", "sites", "runs", "s"
 TEXT = (
     "Contingencies across the 39-bus system, each to be survived at the clearing time that a uniform fleet of 5 % of "
     "every machine's MVA just survives. What do fewer megawatts in the right places do? The fleets were simulated "
@@ -54,6 +55,13 @@ def sitings(title: str, text: tuple[str, ...], asked: tuple[Asked, ...], reports
         pages[f"storage for {one.case}, {one.what}"] = siting_page.write(found, reports, one.page).name
         said += [f"{one.what}: {sentence}" for sentence in found.reservations()]
     return Study(title, text=(*text, *said), tables=(Table("Fleets", HEADS, tuple(rows)),), pages=pages)
+
+
+def row(name: str, siting: Siting) -> tuple[str, ...]:
+    """Megawatts of the uniform fleet, the linear stage, the fleet found and the bound; share, sites, runs, seconds."""
+    found = (siting.uniform_mw, siting.linear_mw, siting.total_mw, siting.lower_bound_mw, siting.percent_of_uniform)
+    numbers = ("none" if value is None else f"{value:.1f}" for value in found)
+    return name, *numbers, str(len(siting.sites)), str(siting.simulations), f"{siting.wall_s:.1f}"
 
 
 if __name__ == "__main__":

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from reproduction.console import present
+from reproduction.study import Study, Table
 from stabctl import io
 from stabctl.dynamics import operating_point
 from stabctl.model import fleet
@@ -14,8 +16,6 @@ from stabctl.model.case import Case
 from stabctl.placement.contingency import Contingency, load, packaged
 from stabctl.placement.place import place
 from stabctl.placement.trials import Trials
-from stabctl.report.study import Study, Table
-from stabctl.report.study_console import present
 
 FULL = True
 CASE, CAP, PARTS = "ieee39", "30%mva", 12  # shares of the total in twelfths

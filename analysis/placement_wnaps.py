@@ -4,8 +4,8 @@ from pathlib import Path
 
 from placement import Asked, sitings
 
-from stabctl.report.study import Study
-from stabctl.report.study_console import present
+from reproduction.console import present
+from reproduction.study import Study
 
 FULL = True
 TEXT = (

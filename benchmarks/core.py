@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from stabctl import io
-from stabctl.clearing.critical_time import clearing_time
+from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.model import fleet, powerflow
@@ -62,7 +62,8 @@ def table_4() -> None:
     flow = powerflow.solve(case)
     for percent in (0, 5, 15, 20, 25, 30):
         devices = fleet.everywhere(case, f"{percent}%dispatch", flow, characteristic="conductance", lag=0.05)
-        clearing_time(operating_point.solve(case.with_storage(devices), flow), "83", ["83-33"], BangBang())
+        point = operating_point.solve(case.with_storage(devices), flow)
+        clearing_time(point, Contingency("83", trip="83-33"), control=BangBang())
 
 
 def main() -> None:

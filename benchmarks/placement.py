@@ -15,8 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from stabctl import io
-from stabctl.clearing import screen
-from stabctl.clearing.critical_time import clearing_time
+from stabctl.clearing import clearing_time, screen
 from stabctl.dynamics import operating_point
 from stabctl.placement.contingency import load, packaged
 from stabctl.placement.place import place
@@ -29,7 +28,7 @@ def screens(names: tuple[str, ...] = ("ieee39", "wnaps"), every: int = 4) -> Tab
         point = operating_point.solve(io.load(name))
         found = screen(point)
         sample, began = found.pairs[::every], time.perf_counter()
-        single = [clearing_time(point, p.fault, [p.trip]) for p in sample]
+        single = [clearing_time(point, p.contingency) for p in sample]
         wall = (time.perf_counter() - began) * len(found.pairs) / len(sample)
         runs = sum(len(c.runs) for c in single) / len(single)
         differing = sum(p[2:5] != (c.cycles, c.status, c.machine) for p, c in zip(sample, single, strict=True))

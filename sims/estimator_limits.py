@@ -1,41 +1,43 @@
-"""Critical clearing time with estimated speeds against the latency of remote signals and the noise of the phasors."""
+"""Critical clearing time with estimated speeds, against the latency and the noise of the PMU signals."""
 
 from dataclasses import replace
 from pathlib import Path
 
-from stabctl import io
-from stabctl.clearing.critical_time import clearing_time
-from stabctl.controllers import BangBang
-from stabctl.dynamics import operating_point
-from stabctl.estimation.estimator_control import EstimatorControl
-from stabctl.estimation.pmu import Pmu
-from stabctl.model import fleet
-from stabctl.plotting import clearing_time as figures
-from stabctl.report.study import Study, draw
-from stabctl.report.study_console import present
+import stabctl as st
+from reproduction.console import present
+from reproduction.study import Study, draw
+from stabctl.plotting import clearing_time
 
 FULL = True
-STUDIES = {"two_area": ("7", "7-8", "50MW"), "wnaps": ("83", "83-33", "5%mva")}
-LATENCIES, NOISES = (0, 25, 50, 75, 100, 150, 200), (0.5, 2, 5, 10, 20)
-CONTROL = EstimatorControl(engine="batched")
-ALT = "Clearing time against latency and against noise, two cases: level at first, then lower."
+SYSTEMS = {
+    "two_area": (st.Contingency("7", trip="7-8"), "50MW"),
+    "wnaps": (st.Contingency("83", trip="83-33"), "5%mva"),
+}
+LATENCIES = 0, 25, 50, 75, 100, 150, 200  # ms
+NOISES = 0.5, 2, 5, 10, 20  # mrad, and per mille of the magnitude
+CONTROL = st.EstimatorControl(engine="batched")
 
 
 def study(reports: Path) -> Study:
-    """Two curves for every case, with the clearing time by true speeds beside."""
+    """Two curves for each system, with the clearing times with true speeds."""
     ideal, late, noisy = {}, {}, {}
-    for name, (fault, trip, size) in STUDIES.items():
-        case = io.load(name)
-        point = operating_point.solve(case.with_storage(fleet.everywhere(case, size)))
-        ideal[name] = clearing_time(point, fault, [trip], BangBang()).cycles
-        pmus = [Pmu(latency_ms=ms) for ms in LATENCIES], [Pmu(angle_mrad=a, magnitude=1e-3 * a) for a in NOISES]
-        late[name], noisy[name] = (
-            [clearing_time(point, fault, [trip], replace(CONTROL, pmu=pmu)).cycles for pmu in group] for group in pmus
-        )
-    panels = {"latency of remote signals, ms": (LATENCIES, late), "phasor noise, mrad and per mille": (NOISES, noisy)}
-    figure = figures.panels(panels, ideal)
-    picture = draw(figure, reports, "estimator_clearing.png", "Clearing time against latency and noise", ALT)
-    return Study("What latency and noise cost", pictures=(picture,))
+    for name, (fault, storage) in SYSTEMS.items():
+        base = st.load(name).initialize(storage)
+
+        def cycles(pmu: st.Pmu, base: st.OperatingPoint = base, fault: st.Contingency = fault) -> float:
+            return base.clearing_time(fault, control=replace(CONTROL, pmu=pmu)).cycles
+
+        ideal[name] = base.clearing_time(fault, control=st.BangBang()).cycles
+        late[name] = [cycles(st.Pmu(latency_ms=ms)) for ms in LATENCIES]
+        noisy[name] = [cycles(st.Pmu(angle_mrad=noise, magnitude=1e-3 * noise)) for noise in NOISES]
+    sweeps = {"latency of remote signals (ms)": (LATENCIES, late), "phasor noise (mrad and per mille)": (NOISES, noisy)}
+    picture = draw(
+        clearing_time.panels(sweeps, ideal),
+        reports / "estimator_clearing.png",
+        "Clearing time against latency and noise",
+        alt="Clearing time against latency and against noise, two systems: constant at first, then lower.",
+    )
+    return Study("The cost of latency and noise", pictures=(picture,))
 
 
 if __name__ == "__main__":

@@ -1,71 +1,69 @@
-"""Section 3 on one machine (Figure 7): four feedback laws on the 15-cycle fault that is lost without them."""
+"""Section 3: four feedback laws on one machine (Figure 7), after a 15-cycle fault that is unstable without them."""
 
 from pathlib import Path
 
+from reproduction import paper
+from reproduction.console import present
+from reproduction.study import Study, Table, draw
 from stabctl.plotting import phase_plane
-from stabctl.report import paper
-from stabctl.report.study import Study, Table, draw
-from stabctl.report.study_console import present
 from stabctl.theory.feedback_laws import FeedbackResponse, compare
 from stabctl.theory.omib import OMIB
 
-TEXT = "The 15-cycle fault of section 2, with a device that absorbs P_C by one of four laws from clearing on."
-HEADS = "law", "angle, rad", "speed, rad/s", "damping ratio"
+TEXT = "The 15-cycle fault of section 2, with a device that absorbs P_C after clearing, according to one of four laws."
+HEADS = "law", "angle (rad)", "speed (rad/s)", "damping ratio"
 
 
 def study(reports: Path) -> Study:
-    """The four laws compared in the words of section 3."""
-    laws = compare(OMIB())
-    first, second, third, _ = laws.responses
-    damped = max((r for r in laws.responses if r.stable), key=lambda r: r.damping)
+    """The four laws, compared as in section 3."""
+    found = compare(OMIB())
+    laws = found.responses
+    first, second, third, _ = laws
+    best = max((law for law in laws if law.stable), key=lambda law: law.damping)
     remark = (
-        f"In angle the third law swings least of the three; in speed it swings {speed(third):.2f} rad/s, the second "
-        f"{speed(second):.2f}. With acceleration fed back the machine is lighter, so it returns faster."
+        f"The third law has the smallest swing in angle. In speed it swings {speed(third):.2f} rad/s, the second law "
+        f"{speed(second):.2f} rad/s: acceleration feedback makes the machine lighter, so it returns faster."
     )
-    rows = (
-        paper.FEEDBACK.beside(f"{sum(r.stable for r in laws.responses)} of {len(laws.responses)}"),
-        paper.FEEDBACK_WIDEST.beside(max(laws.responses, key=lambda r: r.peak_angle).name),
-        paper.FEEDBACK_SECOND_SPEED.beside(width(speed(second), speed(first))),
-        paper.FEEDBACK_THIRD_ANGLE.beside(width(angle(third), min(angle(first), angle(second)))),
-        paper.FEEDBACK_THIRD_SPEED.beside(width(speed(third), min(speed(first), speed(second))), remark),
-        paper.FEEDBACK_NARROWEST.beside(min(laws.responses, key=angle).name),
-        paper.FEEDBACK_DAMPED.beside(damped.name),
-    )
-    numbers = tuple(
-        (
-            r.name,
-            f"{r.min_angle:.3f} to {r.peak_angle:.3f}",
-            f"{r.min_speed:.2f} to {r.max_speed:.2f}",
-            f"{r.damping:.3f}",
-        )
-        for r in laws.responses
+    comparisons = (
+        paper.FEEDBACK.compare(f"{sum(law.stable for law in laws)} of {len(laws)}"),
+        paper.FEEDBACK_LARGEST.compare(max(laws, key=lambda law: law.peak_angle).name),
+        paper.FEEDBACK_SECOND_SPEED.compare(size(speed(second), speed(first))),
+        paper.FEEDBACK_THIRD_ANGLE.compare(size(angle(third), min(angle(first), angle(second)))),
+        paper.FEEDBACK_THIRD_SPEED.compare(size(speed(third), min(speed(first), speed(second))), remark),
+        paper.FEEDBACK_SMALLEST.compare(min(laws, key=angle).name),
+        paper.FEEDBACK_DAMPED.compare(best.name),
     )
     picture = draw(
-        phase_plane.feedback(laws),
-        reports,
-        "figure07_feedback.png",
+        phase_plane.feedback(found),
+        reports / "figure07_feedback.png",
         "Four laws in the phase plane",
-        "Speed against angle, a panel per law: the first circles for ever, the others spiral in, the fourth quickest.",
-        "Dotted the stability region without a device.",
-        "7",
+        alt="Speed against angle, one panel per law. With the first law the machine circles forever; with the others "
+        "it spirals in, fastest with the fourth.",
+        caption="Dotted: the stability region without a device.",
+        of="7",
     )
-    tables = (Table("The swing after 15 cycles", HEADS, numbers),)
-    return Study("Four feedback laws", "3", (TEXT,), rows, tables, (picture,))
+    table = Table("The swing after 15 cycles", HEADS, tuple(map(row, laws)))
+    return Study("Four feedback laws", "3", (TEXT,), comparisons, (table,), (picture,))
 
 
-def angle(r: FeedbackResponse) -> float:
-    """Width of the swing in angle, rad."""
-    return r.peak_angle - r.min_angle
+def row(law: FeedbackResponse) -> tuple[str, ...]:
+    """One law in the table."""
+    angles, speeds = f"{law.min_angle:.3f} to {law.peak_angle:.3f}", f"{law.min_speed:.2f} to {law.max_speed:.2f}"
+    return law.name, angles, speeds, f"{law.damping:.3f}"
 
 
-def speed(r: FeedbackResponse) -> float:
-    """Width of the swing in speed, rad/s."""
-    return r.max_speed - r.min_speed
+def angle(law: FeedbackResponse) -> float:
+    """Size of the swing in angle, rad."""
+    return law.peak_angle - law.min_angle
 
 
-def width(one: float, other: float) -> str:
-    """One swing against another."""
-    return "narrower" if one < other else "wider"
+def speed(law: FeedbackResponse) -> float:
+    """Size of the swing in speed, rad/s."""
+    return law.max_speed - law.min_speed
+
+
+def size(one: float, other: float) -> str:
+    """One swing compared with another."""
+    return "smaller" if one < other else "larger"
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
-"""Every sweep of this folder: the jobs of each TOML file, kept in a results file among the reports, and their table."""
+"""The sweeps of this folder: the jobs of each TOML file, with the results kept in the folder of the reports."""
 
 from collections.abc import Iterator
 from pathlib import Path
 
-from stabctl.report.study import Study, Table
-from stabctl.report.study_console import present
+from reproduction.console import present
+from reproduction.study import Study, Table
 from stabctl.sweep.overview import cell, overview
 from stabctl.sweep.run import run
 from stabctl.sweep.store import rows
@@ -13,7 +13,7 @@ FULL = True
 
 
 def study(reports: Path) -> Iterator[Study]:
-    """A record per sweep; one that was done before is read from its file."""
+    """A study for each sweep; jobs that are done already are read from the results file."""
     for path in sorted(Path(__file__).parent.glob("*.toml")):
         summary = run(path, reports / f"{path.stem}.db")
         found = overview(rows(summary.path))

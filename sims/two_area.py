@@ -1,84 +1,99 @@
-"""The paper's Case 1 (Figures 14, 15): a 21-cycle fault on a circuit 7-8 of the two-area system, with and without."""
+"""Section 6.1, Case 1 (Figures 14, 15): a 21-cycle fault on a circuit 7-8 of the two-area system."""
 
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 
-from stabctl import io
-from stabctl.clearing.critical_time import clearing_time
-from stabctl.controllers import BangBang
-from stabctl.dynamics import operating_point
-from stabctl.model import fleet
-from stabctl.plotting import clearing_time as drawing
-from stabctl.plotting import trajectory
-from stabctl.report import paper
-from stabctl.report.study import Study, Table, draw
-from stabctl.report.study_console import present
-from stabctl.simulation.contingency import Contingency
-from stabctl.simulation.simulation import run
+import stabctl as st
+from reproduction import paper
+from reproduction.comparison import Comparison
+from reproduction.console import present
+from reproduction.study import Picture, Study, Table, draw
+from stabctl.plotting import clearing_time, trajectory
 
-LINE, PLACE = "7-8", 0.4
-PLACES = (0.0, 0.1, 0.2, 0.25, 0.3, 0.35, 0.4, 0.42, 0.45, 0.5)
-SIZE = "Of the machines' 900 MVA 50 MW are 5.6 %."
-HEADS = "", "outcome", "largest change of angle", "critical clearing, cycles", "the same, fault at bus 7"
-ACTION = {True: "absorbs", False: "injects"}
+LINE, LOCATION, CYCLES = "7-8", 0.4, paper.CASE_1_CYCLES
+LOCATIONS = 0.0, 0.1, 0.2, 0.25, 0.3, 0.35, 0.4, 0.42, 0.45, 0.5  # fraction from bus 7
+CASES = {"without storage": {}, "with 50 MW storage": {"storage": "50MW", "control": st.BangBang()}}
+HEADS = "", "outcome", "largest angle change", "critical clearing time (cycles)", "same, fault at bus 7"
+SIZE = "The machines have 900 MVA, of which 50 MW are 5.6 %."
 
 
 def study(reports: Path) -> Study:
-    """The two runs, what the devices do first, and the clearing time against the place of the fault."""
-    case, cycles = io.load("two_area"), paper.CASE_1_CYCLES
-    devices = fleet.everywhere(case, "50MW")
-    points = {
-        "without storage": (operating_point.solve(case), None),
-        "with 50 MW storage": (operating_point.solve(case.with_storage(devices)), BangBang()),
-    }
-    fault = f"{LINE}@{PLACE}"
-    runs = {
-        name: run(p, Contingency(fault, cycles / case.frequency_hz), control=law) for name, (p, law) in points.items()
-    }
-    at_bus = [clearing_time(p, "7", [LINE], law).cycles for p, law in points.values()]
+    """Simulations without and with storage, and the critical clearing time against the location of the fault."""
+    base = st.load("two_area").initialize()
+    fault = st.Contingency(f"{LINE}@{LOCATION}", clear=f"{CYCLES}cyc")
+    runs = {name: base.simulate(fault, **options) for name, options in CASES.items()}
     curves = {
-        name: [clearing_time(p, f"{LINE}@{x}", control=law).cycles for x in PLACES] for name, (p, law) in points.items()
+        name: [base.clearing_time(f"{LINE}@{x}", **options).cycles for x in LOCATIONS]
+        for name, options in CASES.items()
     }
-    lost, held = (float(np.interp(cycles, curve, PLACES)) for curve in curves.values())
-    verdicts = tuple(
-        (
-            name,
-            r.outcome.message,
-            f"{r.max_angle_from_coi_deg:.0f} degrees",
-            f"{curve[PLACES.index(PLACE)]:g}",
-            f"{bus:g}",
-        )
-        for (name, r), curve, bus in zip(runs.items(), curves.values(), at_bus, strict=True)
-    )
-    bare, kept = runs.values()
-    first = [p[np.flatnonzero(np.abs(p) > 1)[0]] > 0 for p in kept.storage.T]
-    rows = (
-        paper.CASE_1_SIZE.beside(100 * devices[0].rating / case.machines[0].base, SIZE),
-        paper.CASE_1_FATES["without"].beside("stable" if bare.outcome.stable else "lost"),
-        paper.CASE_1_FATES["with"].beside("stable" if kept.outcome.stable else "lost"),
-        *(p.beside(ACTION[bool(f)]) for p, f in zip(paper.CASE_1_FIRST.values(), first, strict=True)),
-    )
+    at_bus = [base.clearing_time(st.Contingency("7", trip=LINE), **options).cycles for options in CASES.values()]
+    last, first = (float(np.interp(CYCLES, curve, LOCATIONS)) for curve in curves.values())
     text = (
-        f"The paper does not say where along the circuit the fault is; ours is {PLACE:g} of the way from bus 7. There "
-        f"{cycles} cycles are lost without and survived with storage, as for all places from {held:.2f} to {lost:.2f}; "
-        f"at bus 7 itself {at_bus[0]:g} and {at_bus[1]:g} cycles are the longest that are survived."
+        f"The paper does not say where on the circuit the fault is; ours is at {LOCATION:g} of its length from bus 7. "
+        f"There, {CYCLES} cycles are unstable without storage and stable with it, as at all locations from {first:.2f} "
+        f"to {last:.2f}. For a fault at bus 7, the critical clearing times are {at_bus[0]:g} and {at_bus[1]:g} cycles."
     )
-    speeds = "Speeds in time; left the two areas part at 3 s, right all four machines settle together."
-    powers = "Devices 1 and 2 first absorb and then inject full power, 3 and 4 the other way round; then all rest."
-    along = "Both clearing times grow with the distance from bus 7, storage adding a third."
-    swept = drawing.compare(PLACES, curves, xlabel=f"location of the fault on {LINE} (fraction from bus 7)")
-    swept.axhline(cycles, color="0.35", linestyle="--", linewidth=1)
-    label = f"{cycles} cycles: unstable without,\nstable with storage ({held:.2f} to {lost:.2f})"
-    swept.axvspan(held, lost, color="#e69f00", alpha=0.25, label=label)
-    swept.legend(frameon=False)
-    figures = (
-        draw(trajectory.compare(runs), reports, "two_area.png", "Speeds of the machines", speeds, "", "14"),
-        draw(trajectory.storage(kept), reports, "two_area_storage.png", "Power of the devices", powers, "", "15"),
-        draw(swept, reports, "two_area_place.png", "Clearing time against place", along),
+    rows = tuple(
+        (name, run.outcome.message, f"{run.max_angle_from_coi_deg:.0f} degrees", f"{curve:g}", f"{bus:g}")
+        for (name, run), curve, bus in zip(
+            runs.items(), (curve[LOCATIONS.index(LOCATION)] for curve in curves.values()), at_bus, strict=True
+        )
     )
-    tables = (Table(f"Fault on {fault}, {cycles} cycles", HEADS, verdicts),)
-    return Study("Four machines", "6.1", (text,), rows, tables, figures)
+    return Study(
+        "Four machines",
+        "6.1",
+        (text,),
+        tuple(comparisons(*runs.values())),
+        (Table(f"Fault at {LINE}@{LOCATION}, {CYCLES} cycles", HEADS, rows),),
+        tuple(pictures(reports, runs, curves, (first, last))),
+    )
+
+
+def comparisons(without: st.Trajectory, stored: st.Trajectory) -> Iterator[Comparison]:
+    """The outcomes, and the first action of each device."""
+    case = stored.point.case
+    yield paper.CASE_1_SIZE.compare(100 * case.storage[0].rating / case.machines[0].base, SIZE)
+    yield paper.CASE_1_OUTCOMES["without"].compare("stable" if without.outcome.stable else "unstable")
+    yield paper.CASE_1_OUTCOMES["with"].compare("stable" if stored.outcome.stable else "unstable")
+    for printed, power in zip(paper.CASE_1_FIRST.values(), stored.storage.T, strict=True):
+        first = power[np.flatnonzero(np.abs(power) > 1)[0]]  # MW
+        yield printed.compare("absorbs" if first > 0 else "injects")
+
+
+def pictures(
+    reports: Path,
+    runs: Mapping[str, st.Trajectory],
+    curves: Mapping[str, list[float]],
+    between: tuple[float, float],
+) -> Iterator[Picture]:
+    """Figures 14 and 15, and the clearing times."""
+    yield draw(
+        trajectory.compare(runs),
+        reports / "two_area.png",
+        "Speeds of the machines",
+        alt="Speed against time. Left: the two areas lose synchronism at 3 s. Right: all machines settle together.",
+        of="14",
+    )
+    yield draw(
+        trajectory.storage(runs["with 50 MW storage"]),
+        reports / "two_area_storage.png",
+        "Power of the storage devices",
+        alt="Devices 1 and 2 first absorb and then inject full power, devices 3 and 4 the other way around.",
+        of="15",
+    )
+    ax = clearing_time.compare(LOCATIONS, curves, xlabel=f"location of the fault on {LINE} (fraction from bus 7)")
+    ax.axhline(CYCLES, color="0.35", linestyle="--", linewidth=1)
+    label = f"{CYCLES} cycles: unstable without,\nstable with storage ({between[0]:.2f} to {between[1]:.2f})"
+    ax.axvspan(*between, color="#e69f00", alpha=0.25, label=label)
+    ax.legend(frameon=False)
+    yield draw(
+        ax,
+        reports / "two_area_place.png",
+        "Clearing time against fault location",
+        alt="Both clearing times grow with the distance from bus 7; storage adds a third.",
+    )
 
 
 if __name__ == "__main__":

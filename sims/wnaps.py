@@ -1,66 +1,72 @@
-"""The paper's Case 2 (Figures 17 to 19): fault at bus 83 of the reduced Western system, line 83-33 opened."""
+"""Section 6.2, Case 2 (Figures 17 to 19): a fault at bus 83 of the reduced Western system, cleared by opening 83-33."""
 
+from collections.abc import Iterator
 from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 
-from stabctl import io
-from stabctl.controllers import BangBang
-from stabctl.dynamics import operating_point
-from stabctl.model import fleet
+import stabctl as st
+from reproduction import paper
+from reproduction.comparison import Comparison
+from reproduction.console import present
+from reproduction.study import Study, draw
 from stabctl.plotting import trajectory
-from stabctl.report import paper
-from stabctl.report.study import Study, draw
-from stabctl.report.study_console import present
-from stabctl.simulation.contingency import Contingency
-from stabctl.simulation.simulation import run
 
-FAULT, TRIP = "83", ("83-33",)
-SHOWN = (1, 8, 13, 14, 16, 27, 34)
-SPEEDS = "Left machine 14 runs away from the others; right, with storage, all swing and stay together."
-POWERS = "Device 13 absorbs once, briefly; device 14 absorbs, injects, and absorbs again."
-LOST = "Machine 14 goes first and ends the run, with machine 13 still in step; the paper has both lose synchronism."
+FAULT = st.Contingency("83", clear=f"{paper.CASE_2_CYCLES}cyc", trip="83-33")
+SHOWN = 1, 8, 13, 14, 16, 27, 34  # machines
+ONE_MACHINE = (
+    "The simulation ends when machine 14 loses synchronism, with machine 13 still in synchronism. In the paper both "
+    "lose it."
+)
 BUSES = "The published data of this system have 122 buses."
 
 
 def study(reports: Path) -> Study:
-    """Six cycles without devices and with devices of 5 % of the machines' ratings."""
-    case = io.load("wnaps")
-    events = Contingency(FAULT, paper.CASE_2_CYCLES / case.frequency_hz, TRIP)
-    bare = run(operating_point.solve(case), events)
-    held = run(operating_point.solve(case.with_storage(fleet.everywhere(case, "5%mva"))), events, control=BangBang())
-    powers = dict(zip((s.machine for s in held.point.case.storage), held.arrays.storage.T, strict=True))
-    acting = " and ".join(str(machine) for machine, p in powers.items() if np.abs(p).max() > 0)
-    counted = {
-        "machines": case.machines,
-        "buses": case.buses,
-        "branches": case.branches,
-        "HVDC links": case.links,
-        "loads": case.loads,
-    }
-    rows = (
-        *(printed.beside(len(counted[k]), BUSES if k == "buses" else "") for k, printed in paper.CASE_2_SIZES.items()),
-        paper.CASE_2_LOST.beside(str(bare.outcome.machine), LOST),
-        paper.CASE_2_HELD.beside("stable" if held.outcome.stable else "lost"),
-        paper.CASE_2_ACT.beside(acting),
-        *(printed.beside(actions(powers[machine])) for machine, printed in paper.CASE_2_ACTIONS.items()),
-    )
-    runs = {"without storage": bare, "with 5 % ESDs": held}
-    figures = (
-        draw(trajectory.compare(runs, machines=SHOWN), reports, "wnaps.png", "Speeds of machines", SPEEDS, of="17, 18"),
-        draw(trajectory.storage(held, (13, 14)), reports, "wnaps_storage.png", "Power of devices", POWERS, "", "19"),
-    )
+    """Six cycles without storage, and with devices of 5 % of the MVA of each machine."""
+    base = st.load("wnaps").initialize()
+    without = base.simulate(FAULT)
+    stored = base.simulate(FAULT, storage="5%mva", control=st.BangBang())
     text = (
-        f"Six cycles without storage: {bare.outcome} With 5 % of each machine's MVA at its high-voltage bus: "
-        f"{held.outcome}",
-        paper.ERRATA["6.2"],
+        f"Six cycles without storage: {without.outcome} With 5 % of the MVA of each machine at its high-voltage bus: "
+        f"{stored.outcome}"
     )
-    return Study("The reduced Western system", "6.2", text, rows, pictures=figures)
+    pictures = (
+        draw(
+            trajectory.compare({"without storage": without, "with 5 % storage": stored}, machines=SHOWN),
+            reports / "wnaps.png",
+            "Speeds of the machines",
+            alt="Speed against time. Left: machine 14 accelerates away from the others. Right: all stay together.",
+            of="17, 18",
+        ),
+        draw(
+            trajectory.storage(stored, (13, 14)),
+            reports / "wnaps_storage.png",
+            "Power of the storage devices",
+            alt="Device 13 absorbs once, briefly. Device 14 absorbs, injects, and absorbs again.",
+            of="19",
+        ),
+    )
+    comparisons = tuple(compare(without, stored))
+    return Study("The reduced Western system", "6.2", (text, paper.ERRATA["6.2"]), comparisons, pictures=pictures)
+
+
+def compare(without: st.Trajectory, stored: st.Trajectory) -> Iterator[Comparison]:
+    """The size of the system, the outcomes, and what the devices do."""
+    case = stored.point.case
+    tables = case.machines, case.buses, case.branches, case.links, case.loads
+    for (what, printed), table in zip(paper.CASE_2_SIZES.items(), tables, strict=True):
+        yield printed.compare(len(table), BUSES if what == "buses" else "")
+    yield paper.CASE_2_LOST.compare(str(without.outcome.machine), ONE_MACHINE)
+    yield paper.CASE_2_HELD.compare("stable" if stored.outcome.stable else "unstable")
+    powers = dict(zip((s.machine for s in case.storage), stored.storage.T, strict=True))
+    yield paper.CASE_2_ACT.compare(" and ".join(str(machine) for machine, power in powers.items() if power.any()))
+    for machine, printed in paper.CASE_2_ACTIONS.items():
+        yield printed.compare(actions(powers[machine]))
 
 
 def actions(power: np.ndarray) -> str:
-    """What a device does in the order of time, idling left out."""
+    """What a device does, in order of time, without idling."""
     signs = [sign for sign, _ in groupby(np.sign(power)) if sign]
     return ", ".join("absorbs" if sign > 0 else "injects" for sign, _ in groupby(signs)) or "idles"
 

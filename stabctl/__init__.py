@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from stabctl.clearing import Screen, clearing_time, screen
+    from stabctl.clearing import ClearingTime, Screen, clearing_time, screen
     from stabctl.controllers import BangBang, Feedback
     from stabctl.dynamics.coerce import initialize
     from stabctl.dynamics.operating_point import OperatingPoint
@@ -35,11 +35,13 @@ if TYPE_CHECKING:
     from stabctl.simulation.simulate import simulate
     from stabctl.simulation.trajectory import Trajectory
     from stabctl.smallsignal import linearize
+    from stabctl.smallsignal.modes import modes
 
 _WHERE = {
     "BangBang": "controllers:BangBang",
     "Case": "model.case:Case",
     "Clear": "simulation.events:Clear",
+    "ClearingTime": "clearing:ClearingTime",
     "Contingency": "simulation.contingency:Contingency",
     "Controller": "simulation.controller:Controller",
     "Criterion": "simulation.criterion:Criterion",
@@ -64,6 +66,7 @@ _WHERE = {
     "initialize": "dynamics.coerce:initialize",
     "linearize": "smallsignal:linearize",
     "load": "io:load",
+    "modes": "smallsignal.modes:modes",
     "place": "placement.place:place",
     "power_flow": "model.powerflow:solve",
     "replicate": "model.replicate:replicate",

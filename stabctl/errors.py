@@ -10,11 +10,11 @@ class CaseError(StabctlError):
 
 
 class PowerFlowError(StabctlError):
-    """The load flow has no solution, or none was found; names the worst bus."""
+    """The power flow has no solution, or none was found; names the bus with the largest mismatch."""
 
 
 class EquilibriumError(StabctlError):
-    """The machines and their controls have no start at the load flow; names device and limit."""
+    """A device cannot be in equilibrium at the power flow; names the device and its limit."""
 
 
 class LinearizationError(StabctlError):
@@ -29,3 +29,12 @@ def sentence(error: Exception) -> str:
     """What a user is told of an error, on one line; of one of the operating system's, with the file."""
     of_file = isinstance(error, OSError) and error.filename
     return " ".join((f"{error.strerror or error}: {error.filename}" if of_file else str(error)).split())
+
+
+def shown(value: object, most: int = 40) -> str:
+    """A value as it stands in a sentence: as Python writes it, cut where it is long."""
+    try:
+        text = repr(value)
+    except ValueError:  # Python does not write integers of more than 4300 digits
+        return "a number of many digits"
+    return text if len(text) <= most else text[: most - 4] + "..."

@@ -1,54 +1,56 @@
 """Fields of a record with their unit, meaning and allowed values, read from `Annotated` type hints.
 
-A record is a `NamedTuple` whose fields are written on one line each:
+A record is a `NamedTuple` (a row of a table) or a frozen dataclass whose fields are written on one line each:
 
     H: Annotated[float, "s", "inertia constant", POSITIVE] = 5.0
 
-Name, unit and default make the column of a table; the rest makes its error messages.
+Name, unit and default make the column of a table; constraints are those of `annotated_types`, or one of the names
+below. `_util.validation` checks values against them.
 """
 
-import math
+import dataclasses
 import types
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
-from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
 
+from annotated_types import BaseMetadata, Ge, Gt, Interval
 
-class Range(NamedTuple):
-    """Allowed numbers: low <= x <= high, or low < x where the low end is open."""
-
-    low: float = -math.inf
-    high: float = math.inf
-    open_low: bool = False
-
-    def __contains__(self, x: object) -> bool:
-        return isinstance(x, int | float) and (self.low < x if self.open_low else self.low <= x) and x <= self.high
-
-    def __str__(self) -> str:
-        low = f"{'more than' if self.open_low else 'at least'} {self.low:g}"
-        return low if self.high == math.inf else f"{low} and at most {self.high:g}"
-
-
-ANY = Range()
-POSITIVE = Range(0.0, open_low=True)
-NOT_NEGATIVE = Range(0.0)
-SHARE = Range(0.0, 1.0)
-RATIO = Range(0.01, 100.0)
+POSITIVE = Gt(0)
+NOT_NEGATIVE = Ge(0)
+SHARE = Interval(ge=0, le=1)
+RATIO = Interval(ge=0.01, le=100)
 FROM_CASE = "filled from the case, not a column"
 
 _SUFFIX = {"-": "", "MW/s": "_mw_per_s"}
+_NOUNS: dict[type, str] = {int: "a whole number", float: "a number", str: "text"}
+_WORDS = {"ge": "of at least {:g}", "gt": "above {:g}", "le": "of at most {:g}", "lt": "below {:g}"}
 
 
 class Field(NamedTuple):
-    """One field of a record: a column of its table."""
+    """One field of a record: a column of its table.
+
+    Attributes
+    ----------
+    name, unit, meaning : str
+        As written in the record; the unit is "-" where there is none.
+    kind : type
+        `float`, `int` or `str`.
+    choices : tuple of str
+        The texts allowed, where the field is a `Literal`.
+    limits : mapping
+        Bounds of a number by name: ge, gt, le, lt.
+    default : object
+        `NotImplemented` where the value must be given.
+    """
 
     name: str
-    kind: type  # float, int or str
+    kind: type
     choices: tuple[str, ...]
     unit: str
     meaning: str
-    allowed: Range
-    default: Any  # NotImplemented where the column must be given
+    limits: Mapping[str, float]
+    default: Any
 
     @property
     def column(self) -> str:
@@ -64,22 +66,50 @@ class Field(NamedTuple):
         """What a value must be, in words."""
         if self.choices:
             return "one of " + ", ".join(self.choices)
-        noun = {int: "a whole number", float: "a number", str: "a text"}[self.kind]
-        return noun if self.allowed == ANY or self.kind is str else f"{noun} {self.allowed}"
+        limits = dict(self.limits)
+        words = [_NOUNS[self.kind]]
+        if {"ge", "le"} <= set(limits):
+            words.append(f"from {limits.pop('ge'):g} to {limits.pop('le'):g}")
+        words.append(" and ".join(_WORDS[name].format(limit) for name, limit in limits.items()))
+        return " ".join(word for word in words if word)
 
 
 @cache
 def fields(record: type) -> Mapping[str, Field]:
-    """Fields of a `NamedTuple` class that stand in a table, by name."""
-    found = {}
+    """Fields of a record that a user gives, by name; those filled from the case are left out."""
+    return types.MappingProxyType({name: f for name, f in hints(record).items() if f is not None})
+
+
+@cache
+def hints(record: type) -> Mapping[str, Field | None]:
+    """Every annotated field of a record by name, in order; None where it is filled from the case."""
+    found: dict[str, Field | None] = {}
     for name, hint in get_type_hints(record, include_extras=True).items():
         if get_origin(hint) is not Annotated:
+            if dataclasses.is_dataclass(record):
+                continue
             raise TypeError(f"{record.__module__}.{record.__name__}.{name} has no unit and meaning")
         kind, unit, meaning, *rest = get_args(hint)
         if FROM_CASE in rest:
+            found[name] = None
             continue
+        if get_origin(kind) in (Union, types.UnionType):
+            kind = next(k for k in get_args(kind) if k is not type(None))
         choices = get_args(kind) if get_origin(kind) is Literal else ()
-        allowed = next((r for r in rest if isinstance(r, Range)), ANY)
-        default = record._field_defaults.get(name, NotImplemented)
-        found[name] = Field(name, str if choices else kind, choices, unit, meaning, allowed, default)
+        default = _default(record, name)
+        found[name] = Field(name, str if choices else kind, choices, unit, meaning, _limits(rest), default)
     return types.MappingProxyType(found)
+
+
+def _default(record: type, name: str) -> Any:
+    """Default of a field of a NamedTuple or dataclass, NotImplemented where there is none."""
+    if not dataclasses.is_dataclass(record):
+        return record._field_defaults.get(name, NotImplemented)
+    default = record.__dataclass_fields__[name].default
+    return NotImplemented if default is dataclasses.MISSING else default
+
+
+def _limits(metadata: Iterable[object]) -> Mapping[str, float]:
+    """Bounds by name (ge, gt, le, lt)."""
+    single = [c for m in metadata for c in (m if isinstance(m, Interval) else (m,)) if isinstance(c, BaseMetadata)]
+    return types.MappingProxyType({name: getattr(c, name) for c in single for name in [type(c).__name__.lower()]})

@@ -27,8 +27,10 @@ def base(case):
 def test_the_import_is_light():
     code = "import time; t = time.perf_counter(); import stabctl; print(time.perf_counter() - t); import sys; "
     code += "print(*sys.modules)"
-    seconds, modules = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.splitlines()
-    assert float(seconds) < 0.1  # 0.002
+    runs = [subprocess.run([sys.executable, "-c", code], capture_output=True, text=True) for _ in range(3)]
+    seconds, modules = zip(*(run.stdout.splitlines() for run in runs), strict=True)
+    assert min(map(float, seconds)) < 0.1  # 0.002
+    modules = modules[0]
     assert not {"numpy", "numba", "scipy", "pandas", "xarray", "matplotlib"} & set(modules.split())
 
 
@@ -43,7 +45,7 @@ def test_every_name_is_there_and_known_to_editors():
 
 
 @pytest.mark.parametrize("noun", [st.Case, st.OperatingPoint])
-@pytest.mark.parametrize("verb", ["simulate", "clearing_time", "screen", "linearize", "estimate"])
+@pytest.mark.parametrize("verb", ["simulate", "clearing_time", "screen", "modes", "linearize", "estimate"])
 def test_a_verb_is_the_function(noun, verb):
     assert getattr(noun, verb) is getattr(st, verb)
 
@@ -121,7 +123,7 @@ def test_a_law_with_memory_starts_anew_in_every_run(base):
         (lambda b: b.simulate(FAULT, storage="50MW", control=st.Controller(lambda s: [1, 2])), "The law gave"),
         (lambda b: st.Controller(3), "3 is not a law"),
         (lambda b: st.Controller(abs, rate=0), "rate of 0 frames"),
-        (lambda b: b.simulate(FAULT, storage=50), "is not a fleet of storage devices"),
+        (lambda b: b.simulate(FAULT, storage=[50]), "is not a fleet of storage devices"),
         (lambda b: b.simulate(FAULT, storage="50"), "is not a storage size"),
         (lambda b: b.simulate(FAULT, storage={9: "50MW"}), "There is no machine 9"),
         (lambda b: b.simulate("7-8@0.4"), "is not an event"),

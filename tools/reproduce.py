@@ -1,7 +1,7 @@
-"""Run every study of analysis/ and sims/ and write reports/index.html, the paper beside ours.
+"""Run every study of analysis/ and sims/ and write reports/index.html, which compares them with the paper.
 
-A study is a script that ends in `report.study_console.present`; each runs in a process of its own, so that one that
-fails is a sentence on the page and not the end of the others. One with a line `FULL = True` runs with --full only.
+A study is a script that ends with `reproduction.console.present`. Each runs in its own process, so that a failure is a
+sentence on the page and the other studies go on. A study with a line `FULL = True` runs with --full only.
 """
 
 import argparse
@@ -14,21 +14,22 @@ from concurrent.futures import ThreadPoolExecutor
 from datetime import date
 from pathlib import Path
 
+from reproduction import records
+from reproduction.page import About, Ran, page
 from stabctl._util import files
 from stabctl.errors import StabctlError
-from stabctl.report import study_file
-from stabctl.report.index_page import About, Ran, page
 
-ROOT = Path(__file__).resolve().parent.parent
+TOOLS = Path(__file__).resolve().parent
+ROOT = TOOLS.parent
 FOLDERS = "analysis", "sims"
 
 
 def main() -> int:
-    """Parse, run, write; 1 where a study failed."""
+    """Run the studies and write the page; 1 if a study failed."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--full", action="store_true", help="also the long studies")
+    parser.add_argument("--full", action="store_true", help="run the long studies too")
     parser.add_argument("--out", type=Path, default=ROOT / "reports", help="folder of the reports")
-    parser.add_argument("--workers", type=int, default=2, help="studies at a time")
+    parser.add_argument("--workers", type=int, default=2, help="number of studies that run at a time")
     parser.add_argument("folders", nargs="*", type=Path, default=[ROOT / name for name in FOLDERS])
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
@@ -55,9 +56,9 @@ def needs_full(script: Path) -> bool:
 
 def run(script: Path, out: Path) -> Ran:
     """Run one script and read its records."""
-    began, records = time.perf_counter(), study_file.place(script, out)
-    records.unlink(missing_ok=True)
-    path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
+    began, file = time.perf_counter(), records.path_for(script, out)
+    file.unlink(missing_ok=True)
+    path = os.pathsep.join(filter(None, (str(ROOT), str(TOOLS), os.environ.get("PYTHONPATH"))))
     done = subprocess.run(
         [sys.executable, script, out],
         stdin=subprocess.DEVNULL,
@@ -71,7 +72,7 @@ def run(script: Path, out: Path) -> Ran:
     try:
         if done.returncode:
             raise StabctlError(why(done))
-        ran = Ran(name, seconds, study_file.read(records))
+        ran = Ran(name, seconds, records.read(file))
     except StabctlError as error:
         ran = Ran(name, seconds, failure=str(error))
     print(f"{name}: {ran.failure or 'done'} ({seconds:.0f} s)", flush=True)
@@ -79,20 +80,20 @@ def run(script: Path, out: Path) -> Ran:
 
 
 def why(done: subprocess.CompletedProcess[str]) -> str:
-    """One sentence on a script that failed."""
+    """Why a script failed, in one sentence."""
     if done.returncode < 0:
-        return f"It was ended by signal {-done.returncode}."
+        return f"It was killed by signal {-done.returncode}."
     lines = done.stderr.strip().splitlines()
     return lines[-1].removeprefix("stabctl: ") if lines else f"It ended with exit code {done.returncode}."
 
 
 def shown(script: Path) -> str:
-    """The script as a reader names it: sims/omib.py."""
+    """Name of the script for readers: sims/omib.py."""
     return f"{script.parent.name}/{script.name}"
 
 
 def machine() -> str:
-    """The machine in words."""
+    """Description of this machine."""
     return f"{os.cpu_count()} processors, {platform.system()} {platform.machine()}, Python {platform.python_version()}"
 
 

@@ -1,6 +1,7 @@
 """Files written whole or not at all."""
 
 import os
+import re
 import tempfile
 from pathlib import Path
 
@@ -18,3 +19,8 @@ def replace(path: Path, content: str | bytes) -> None:
     except BaseException:
         os.unlink(part)
         raise
+
+
+def safe_name(text: str) -> str:
+    """Return text as the name of a file: letters, digits, `-`, `_` and inner dots; anything else is an underscore."""
+    return re.sub(r"[^\w.-]+", "_", text).strip("._")[:100] or "unnamed"

@@ -1,24 +1,41 @@
-"""Guard of a frozen dataclass whose fields are written `name: Annotated[float, unit, meaning, Range]`."""
+"""Check of a frozen dataclass whose fields are written `name: Annotated[float, unit, meaning, constraint]`."""
 
-import math
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from typing import Any
 
-from stabctl.errors import StudyError
-from stabctl.schema import ANY, Range
+from stabctl.errors import StudyError, shown
+from stabctl.schema import fields
+from stabctl.units import quantity
+
+from .validation import fault
 
 
 def guard(record: Any) -> None:
-    """Refuse the first annotated field that is not a finite number in its range.
+    """Check the annotated fields of a frozen dataclass, called from its `__post_init__`.
 
-    A field left out (None) passes. Raises StudyError, which names the field, its value and what is allowed.
+    A field of None is one left out. Text with a unit ("100mHz") becomes the number in the field's own unit.
+
+    Raises
+    ------
+    StudyError
+        For the first value that is not allowed; it names the field, the value and what it must be.
     """
-    for name, hint in get_type_hints(type(record), include_extras=True).items():
+    for name, f in fields(type(record)).items():
         value = getattr(record, name)
-        if get_origin(hint) is not Annotated or value is None:
+        if value is None:
             continue
-        _, unit, meaning, *rest = get_args(hint)
-        allowed = next((r for r in rest if isinstance(r, Range)), ANY)
-        if value not in allowed or isinstance(value, bool) or not math.isfinite(value):
-            wanted = "a finite number" if allowed == ANY else f"a finite number, {allowed}"
-            shown = f"{value:g}" if isinstance(value, int | float) else repr(value)
-            raise StudyError(f"{name} = {shown}{'' if unit == '-' else ' ' + unit} ({meaning}) must be {wanted}")
+        if isinstance(value, str) and f.kind is float:
+            value = _number(value, f.unit)
+            object.__setattr__(record, name, value)
+        expected = fault(f, value)
+        if expected:
+            unit = "" if f.unit == "-" or isinstance(value, str) else f" {f.unit}"
+            given = f"{value:g}" if isinstance(value, float) else shown(value)
+            raise StudyError(f"{name} = {given}{unit} ({f.meaning}) must be {expected}.")
+
+
+def _number(text: str, unit: str) -> float | str:
+    """The number that a text with a unit holds; the text itself where it holds none."""
+    try:
+        return quantity(text, unit, bare=False)
+    except StudyError:
+        return text

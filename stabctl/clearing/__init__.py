@@ -1,7 +1,9 @@
-"""Critical clearing times: of one fault, and of every line fault of a case."""
+"""Critical clearing times: of one contingency, and of every line fault of a case."""
 
-from .critical_time import Clearing, clearing_time
+from .critical_time import ClearingTime, clearing_time
 from .lines import Lines, lines
-from .screen import Pair, Screen, screen
+from .screen import Screen, screen
+from .search import Search
+from .trial import Run, Trial
 
-__all__ = ["Clearing", "Lines", "Pair", "Screen", "clearing_time", "lines", "screen"]
+__all__ = ["ClearingTime", "Lines", "Run", "Screen", "Search", "Trial", "clearing_time", "lines", "screen"]

@@ -1,200 +1,199 @@
-"""Critical clearing time: the longest fault, on a grid of clearing times, that the system survives."""
+"""Critical clearing time: the longest fault, on a grid of clearing times, after which the system stays stable."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from html import escape
+from typing import TYPE_CHECKING
 
-import numpy as np
-
+from stabctl._util.verbs import verb
+from stabctl._util.wording import counted
 from stabctl.controllers import Law
+from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
+from stabctl.model.case import Case
+from stabctl.model.fleet import Fleet
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import DEFAULT, Criterion
-from stabctl.simulation.outcome import Kind
 from stabctl.simulation.sampled import Sampled
-from stabctl.simulation.simulation import run
-from stabctl.simulation.trajectory import Trajectory
+from stabctl.simulation.simulate import checked_control
 
-Status = Literal["found", "unstable_at_zero", "stable_at_limit"]
-QUIET = 0.5  # s   before the fault, in which a sampled controller sees the system at rest
+from .last_stable import Status, last_stable
+from .search import Search
+from .trial import Run, Trial
+
+if TYPE_CHECKING:
+    import pandas as pd
+
 PROBES = (0.5, 1.0, 2.0, 4.0)  # cycles above the answer at which monotony is checked
-BELOW = 0.5  # cycles below the answer, where it must hold as well: a later swing may be lost between two that are not
+BELOW = 0.5  # cycles below the answer, where the system must be stable as well: a later swing may be lost in between
 
 
-class Run(NamedTuple):
-    """One simulation of the search."""
-
-    cycles: float
-    stable: bool
-    outcome: Kind
-    machine: int | None  # that went first
-    time_s: float  # s   end of the run, from the fault on
-
-
-def check_observed(seconds: float) -> None:
-    """Refuse, with a `StudyError`, a time watched after clearing that is none."""
-    if not 0 < seconds < np.inf:
-        raise StudyError(f"The observation of {seconds:g} s is not allowed; it must be more than 0.")
-
-
-@dataclass(frozen=True)
-class Trial:
-    """A fault and what clears it, to be simulated at clearing times on a grid: the criterion of every study of them.
-
-    Raises `StudyError` for impossible grids, and at the first run for impossible places.
-    """
-
-    point: OperatingPoint
-    fault: str
-    trip: tuple[str, ...] = ()
-    control: Law | Sampled | None = None
-    resolution_cycles: float = 0.125
-    limit_cycles: float = 60.0
-    observed_s: float = 5.0  # s   watched after clearing
-    step: float | None = None
-    criterion: Criterion = DEFAULT
-    impedance: complex = 0j  # pu
-
-    def __post_init__(self) -> None:
-        if not 0 < self.resolution_cycles <= self.limit_cycles < np.inf:
-            raise StudyError(
-                f"The resolution of {self.resolution_cycles:g} cycles is not allowed; it must be more than 0 and at "
-                f"most the search limit of {self.limit_cycles:g} cycles."
-            )
-        check_observed(self.observed_s)
-
-    @property
-    def at(self) -> float:
-        """Instant of the fault, s."""
-        return QUIET if isinstance(self.control, Sampled) else 0.0
-
-    @property
-    def last(self) -> int:
-        """The last point of the grid."""
-        return int(np.floor(self.limit_cycles / self.resolution_cycles + 1e-9))
-
-    def cleared(self, k: int) -> float:
-        """Instant (s) of clearing at the grid's point k."""
-        return self.at + k * self.resolution_cycles / self.point.case.frequency_hz
-
-    def simulate(self, k: int, record: bool = False) -> Trajectory:
-        """The run cleared at the grid's point k, from the start until the observation ends."""
-        clear = k * self.resolution_cycles / self.point.case.frequency_hz
-        happens = Contingency(self.fault, clear, self.trip, at=self.at, impedance=self.impedance)
-        until = self.at + clear + self.observed_s
-        return run(self.point, happens, until, self.control, self.step, self.criterion, record)
-
-
-@dataclass(frozen=True)
-class Clearing:
+@dataclass(frozen=True, repr=False)
+class ClearingTime:
     """A critical clearing time, and how it was found."""
 
     case: str
-    fault: str
-    trip: tuple[str, ...]
+    contingency: Contingency
     status: Status
     cycles: float | None  # last stable clearing time on the grid
     seconds: float | None
-    resolution_cycles: float
-    limit_cycles: float
-    observed_s: float  # s   watched after clearing
-    monotone: bool  # no longer fault that was tried was survived
-    machine: int | None  # goes first just beyond
-    runs: tuple[Run, ...]
+    machine: int | None  # loses synchronism first just beyond
+    search: Search
+    runs: tuple[Run, ...]  # by clearing time
     wall_s: float
 
-    def __str__(self) -> str:
-        what = f"{self.case}, fault {self.fault}" + (f", trip {', '.join(self.trip)}" if self.trip else "")
-        watched = f"observed {self.observed_s:g} s after clearing, {len(self.runs)} runs"
+    plot = verb("stabctl.plotting.clearing_time:plot")
+
+    @property
+    def fault(self) -> str:
+        """Place of the fault."""
+        return self.contingency.fault or ""
+
+    @property
+    def trip(self) -> tuple[str, ...]:
+        """Circuits opened with it, beside the faulted one."""
+        return self.contingency.trip
+
+    @property
+    def monotone(self) -> bool:
+        """Was every longer fault that was tried unstable?"""
+        return not any(r.stable and r.cycles > (self.cycles or 0.0) for r in self.runs) or self.status != "found"
+
+    @property
+    def df(self) -> "pd.DataFrame":
+        """The simulations of the search, a row for each clearing time tried."""
+        import pandas as pd
+
+        columns = "clearing_cycles", "stable", "outcome", "machine", "end_s"
+        frame = pd.DataFrame([(r.cycles, r.stable, r.outcome.value, r.machine, r.time_s) for r in self.runs])
+        return frame.set_axis(columns, axis=1).astype({"machine": "Int64"})
+
+    def brief(self) -> str:
+        """The answer, without case and search."""
+        first = f"; machine {self.machine} loses synchronism first" if self.machine is not None else ""
+        what = f"fault {self.fault}" + (f", trip {', '.join(self.trip)}" if self.trip else "")
         if self.status == "unstable_at_zero":
-            first = f"; machine {self.machine} goes first" if self.machine is not None else ""
-            return f"{what}: unstable even when cleared at once{first} ({watched})."
+            return f"{what}: unstable for any clearing time{first}"
         if self.status == "stable_at_limit":
-            return f"{what}: stable up to the search limit of {self.limit_cycles:g} cycles ({watched})."
-        first = f"; machine {self.machine} goes first beyond" if self.machine is not None else ""
-        text = f"{what}: critical clearing time {self.cycles:g} cycles ({self.seconds:.4f} s){first} ({watched})."
+            return f"{what}: stable up to the limit"
+        return f"{what}: {self.cycles:g} cycles{first}"
+
+    def __str__(self) -> str:
+        observed = f"observed {self.search.observed_s:g} s after clearing, {counted(len(self.runs), 'run')}"
+        what = f"{self.case}, fault {self.fault}" + (f", trip {', '.join(self.trip)}" if self.trip else "")
+        first = f"; machine {self.machine} loses synchronism first" if self.machine is not None else ""
+        if self.status == "unstable_at_zero":
+            return f"{what}: unstable even if cleared immediately{first} ({observed})."
+        if self.status == "stable_at_limit":
+            return f"{what}: stable up to the search limit of {self.search.limit_cycles:g} cycles ({observed})."
+        text = f"{what}: critical clearing time {self.cycles:g} cycles ({self.seconds:.4f} s){first} ({observed})."
         again = [r.cycles for r in self.runs if r.stable and r.cycles > self.cycles]
-        return text if self.monotone else f"{text} Stability is not monotone: stable again at {again[0]:g} cycles."
+        return f"{text} Stability is not monotone: stable again at {again[0]:g} cycles." if again else text
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        return f"<p>{escape(str(self))}</p>{self.df.to_html(index=False)}"
 
 
 def clearing_time(
-    point: OperatingPoint,
-    fault: str,
-    trip: Iterable[str] = (),
+    base: Case | OperatingPoint,
+    contingency: Contingency | str,
+    *,
+    storage: "Fleet | None" = None,
     control: Law | Sampled | None = None,
-    resolution_cycles: float = 0.125,
-    limit_cycles: float = 60.0,
-    observed_s: float = 5.0,
-    step: float | None = None,
+    resolution: str | float = "0.125cyc",
+    limit: str | float = "60cyc",
+    observe: str | float = "5s",
+    step: str | float | None = None,
     criterion: Criterion = DEFAULT,
-    impedance: complex = 0j,
     progress: Callable[[Run], None] | None = None,
-) -> Clearing:
-    """The critical clearing time of a fault, cleared by opening its circuit and those in `trip`.
+) -> ClearingTime:
+    """The critical clearing time of a contingency.
 
-    By doubling and bisection on multiples of the resolution; at a resolution of a cycle or more, cycle by cycle from
-    zero as the paper did. A fault half a cycle shorter must be survived too, and some longer ones are tried to see
-    whether stability is monotone.
+    Clearing times are multiples of the resolution. The answer is stable and the next one is not; a fault half a cycle
+    shorter must be stable too, and some longer ones are tried to see whether stability is monotone.
 
-    Args: operating point (its case's storage acts under `control`, a law or a sampled controller); fault and circuits
-    as in `simulate.events`; grid and limit (cycles); time watched after clearing (s); step (s); when a run ends; fault
-    impedance (pu); what is told every run. Raises `StudyError` for impossible places or grids.
+    Parameters
+    ----------
+    base : Case or OperatingPoint
+        The system; a case is initialized first.
+    contingency : Contingency or str
+        The fault and the circuits opened to clear it; its own clearing time is ignored. A text is the place of the
+        fault, as "7-8@0.4".
+    storage, control, step, criterion
+        As in `simulate`.
+    resolution, limit : str or float
+        Spacing of the clearing times, and the longest one tried: "0.125cyc", or seconds.
+    observe : str or float
+        Time simulated after clearing: "5s", or seconds.
+    progress : callable, optional
+        Told every simulation.
+
+    Returns
+    -------
+    ClearingTime
+
+    Raises
+    ------
+    StudyError
+        For what the case does not have, and for a grid without points.
     """
-    trip = tuple(trip)
-    trial = Trial(point, fault, trip, control, resolution_cycles, limit_cycles, observed_s, step, criterion, impedance)
-    began, runs, last = time.perf_counter(), {}, trial.last
-
-    def survives(k: int) -> bool:
-        if k not in runs:
-            end = trial.simulate(k).outcome
-            runs[k] = Run(k * resolution_cycles, end.stable, end.kind, end.machine, end.time_s - trial.at)
-            if progress:
-                progress(runs[k])
-        return runs[k].stable
-
-    critical, status = _search(survives, last, resolution_cycles)
-    if status == "found":
-        for cycles in PROBES:
-            survives(min(critical + max(1, round(cycles / resolution_cycles)), last))
-    beyond = runs.get(0 if status == "unstable_at_zero" else critical + 1)
-    return Clearing(
-        point.case.name,
-        str(fault),
-        trip,
-        status,
-        critical * resolution_cycles if status == "found" else None,
-        critical * resolution_cycles / point.case.frequency_hz if status == "found" else None,
-        resolution_cycles,
-        limit_cycles,
-        observed_s,
-        not any(r.stable for k, r in runs.items() if k > critical),
-        beyond.machine if beyond else None,
-        tuple(runs[k] for k in sorted(runs)),
-        time.perf_counter() - began,
-    )
+    point = operating_point(base, storage)
+    options = {"resolution": resolution, "limit": limit, "observe": observe, "step": step, "criterion": criterion}
+    search = Search.of(point.case, **options)
+    trial = Trial(point, _one(contingency), checked_control(control, point.case), search)
+    return critical(trial, probes=PROBES, progress=progress)
 
 
-def _search(survives: Callable[[int], bool], last: int, resolution: float) -> tuple[int, Status]:
-    """Last grid point that is survived from zero on, and what it means."""
-    if not survives(0):
-        return 0, "unstable_at_zero"
-    if resolution >= 1:
-        first_lost = next((k for k in range(1, last + 1) if not survives(k)), None)
-        return (last, "stable_at_limit") if first_lost is None else (first_lost - 1, "found")
-    low, high = 0, min(last, max(1, round(4 / resolution)))
-    while survives(high):
-        if high == last:
-            return last, "stable_at_limit"
-        low, high = high, min(last, 2 * high)
-    held, below = {0, low}, max(1, round(BELOW / resolution))
-    while True:
-        while high - low > 1:
-            middle = (low + high) // 2
-            low, high = (middle, high) if survives(middle) else (low, middle)
-            held.add(low)
-        check = max(low - below, 0)
-        if any(check <= k < low for k in held) or survives(check):
-            return low, "found"
-        low, high = max(k for k in held if k < check), check
+def critical(
+    trial: Trial,
+    start: tuple[int, int] | None = None,
+    probes: Sequence[float] = (),
+    progress: Callable[[Run], None] | None = None,
+) -> ClearingTime:
+    """The critical clearing time of a trial.
+
+    Parameters
+    ----------
+    trial : Trial
+    start : tuple of int, optional
+        First point of the grid and first stride; by default from the time in which a fault that stays is lost.
+    probes : sequence of float, cycles
+        Distances above the answer that are tried as well.
+    progress : callable, optional
+        Told every simulation.
+    """
+    began, search, case = time.perf_counter(), trial.search, trial.point.case
+
+    def attempt(k: int) -> Run:
+        ran = trial.attempt(k)
+        if progress:
+            progress(ran)
+        return ran
+
+    guess, stride = start or first_try(trial)
+    found = last_stable(attempt, search.last, guess, stride, search.points(BELOW))
+    cycles, runs = found.critical * search.resolution_cycles, dict(found.runs)
+    if found.status == "found":
+        for k in {min(found.critical + search.points(p), search.last) for p in probes} - runs.keys():
+            runs[k] = attempt(k)
+    answer = (cycles, cycles / case.frequency_hz) if found.status == "found" else (None, None)
+    ordered, wall = tuple(runs[k] for k in sorted(runs)), time.perf_counter() - began
+    return ClearingTime(case.name, trial.contingency, found.status, *answer, found.machine, search, ordered, wall)
+
+
+def first_try(trial: Trial) -> tuple[int, int]:
+    """Where the search begins: first point of the grid, and first stride."""
+    guess = trial.guess()
+    return guess, max(1, guess // 4)
+
+
+def _one(contingency: Contingency | str) -> Contingency:
+    if isinstance(contingency, str):
+        return Contingency(contingency)
+    if not isinstance(contingency, Contingency):
+        raise StudyError(f"{contingency!r} is not a contingency; give one, as Contingency('7-8@0.4', trip='7-8').")
+    return contingency

@@ -2,74 +2,74 @@
 
 import csv
 import io
+import math
 import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
+from html import escape
 from pathlib import Path
-from typing import NamedTuple
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from stabctl._util import cores, files
+from stabctl._util.verbs import verb
 from stabctl.controllers import Law
+from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
+from stabctl.model.case import Case
+from stabctl.model.fleet import Fleet
+from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import DEFAULT, Criterion
-from stabctl.simulation.events import Fault
 from stabctl.simulation.sampled import Sampled
-from stabctl.simulation.simulation import run
+from stabctl.simulation.simulate import checked_control
+from stabctl.units import cycles
 
-from .critical_time import BELOW, Status, Trial
+from .critical_time import ClearingTime, critical, first_try
 from .lines import Lines, lines
-from .margin import margin
-from .search import Attempt, search
+from .search import Search
+from .trial import Trial
 
-SUSTAINED = 0.45  # first guess, as a share of the time in which a fault that stays loses synchronism
+if TYPE_CHECKING:
+    import pandas as pd
+
+COLUMNS = "fault", "trip", "cycles", "status", "machine"  # of a table
 NEAR = 0.5  # cycles   first stride from the answer of another line at the same bus
 
 
-class Pair(NamedTuple):
-    """A fault and the line that is opened to clear it."""
-
-    fault: str
-    trip: str
-    cycles: float | None  # last stable clearing time on the grid
-    status: Status
-    machine: int | None  # goes first just beyond
-    simulations: int
-
-    def __str__(self) -> str:
-        first = f"; machine {self.machine} goes first" if self.machine is not None else ""
-        what = f"fault {self.fault}, trip {self.trip}"
-        if self.status == "unstable_at_zero":
-            return f"{what}: the system is lost by the opening alone{first}"
-        if self.status == "stable_at_limit":
-            return f"{what}: stable up to the limit"
-        return f"{what}: {self.cycles:g} cycles{first}"
-
-
-COLUMNS = Pair._fields[:5]  # of a file: without the number of simulations
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Screen:
-    """The pairs of a case, those of the shortest clearing time first, and how they were found."""
+    """Clearing times of faults at the ends of lines, the shortest first, and how they were found."""
 
     case: str
-    pairs: tuple[Pair, ...]
+    pairs: tuple[ClearingTime, ...]  # of a fault and the line opened to clear it
     lines: Lines
-    resolution_cycles: float
-    limit_cycles: float
-    observed_s: float  # s   watched after clearing
+    search: Search
+    frequency_hz: float
     screened: int  # pairs that were tried
     simulations: int
     wall_s: float
 
-    def below(self, cycles: float) -> "Screen":
-        """The pairs with a clearing time of less than these cycles, those among them that opening alone loses."""
-        kept = (p for p in self.pairs if p.status == "unstable_at_zero" or (p.cycles is not None and p.cycles < cycles))
-        return replace(self, pairs=tuple(kept), limit_cycles=min(cycles, self.limit_cycles))
+    plot = verb("stabctl.plotting.screen:plot")
+
+    def below(self, longest: str | float) -> "Screen":
+        """The pairs with a shorter clearing time ("8cyc", or seconds), and those that are always unstable."""
+        limit = cycles(longest, self.frequency_hz)
+        kept = (p for p in self.pairs if p.status == "unstable_at_zero" or (p.cycles is not None and p.cycles < limit))
+        shortest, longest = self.search.resolution_cycles, self.search.limit_cycles
+        search = replace(self.search, limit_cycles=max(shortest, min(limit, longest)))
+        return replace(self, pairs=tuple(kept), search=search)
+
+    def rows(self) -> list[tuple[str, str, float | None, str, int | None]]:
+        """A row of `COLUMNS` for every pair."""
+        return [(p.fault, " ".join(p.trip), p.cycles, p.status, p.machine) for p in self.pairs]
+
+    @property
+    def df(self) -> "pd.DataFrame":
+        """The pairs, a row each; `machine` loses synchronism first just beyond the clearing time."""
+        import pandas as pd
+
+        return pd.DataFrame(self.rows(), columns=COLUMNS).astype({"cycles": float, "machine": "Int64"})
 
     def save(self, path: str | Path) -> Path:
         """Write the pairs to a .csv file, whole or not at all; the path."""
@@ -77,43 +77,50 @@ class Screen:
         if path.suffix.lower() != ".csv":
             raise StudyError(f"The file {path.name!r} must end in .csv.")
         text = io.StringIO()
-        table = csv.writer(text)
-        table.writerow(COLUMNS)
-        table.writerows(p[: len(COLUMNS)] for p in self.pairs)
+        csv.writer(text).writerows([COLUMNS, *self.rows()])
         files.replace(path, text.getvalue())
         return path
 
     def remarks(self) -> tuple[str, ...]:
         """How the pairs were found and what was left out, in sentences."""
-        lost = [p for p in self.pairs if p.status == "unstable_at_zero"]
+        search, lost = self.search, [p for p in self.pairs if p.status == "unstable_at_zero"]
         shown = f"{len(self.pairs)} of {self.screened} fault and trip pairs"
         if not self.pairs:
-            shown = f"all {self.screened} fault and trip pairs are survived for {self.limit_cycles:g} cycles"
+            shown = f"all {self.screened} fault and trip pairs are stable for {search.limit_cycles:g} cycles"
         said = [
-            f"{self.case}: {shown} (grid of {self.resolution_cycles:g} cycles up to {self.limit_cycles:g}, observed "
-            f"{self.observed_s:g} s after clearing, {self.simulations} simulations in {self.wall_s:.1f} s)."
+            f"{self.case}: {shown} (grid of {search.resolution_cycles:g} cycles up to {search.limit_cycles:g}, "
+            f"observed {search.observed_s:g} s after clearing, {self.simulations} simulations in {self.wall_s:.1f} s)."
         ]
         if lost:
-            said.append(f"Opening loses the system even without a fault: {', '.join(_distinct(lost))}.")
+            opened = dict.fromkeys(name for p in lost for name in p.trip)
+            said.append(f"Unstable after opening the line, even without a fault: {', '.join(opened)}.")
         if self.lines.bridges:
-            said.append(f"Left out as bridges, whose opening cuts the network: {', '.join(self.lines.bridges)}.")
+            said.append(f"Left out, as opening them splits the network: {', '.join(self.lines.bridges)}.")
         if self.lines.twins:
-            said.append(f"Left out as equal to a circuit beside them: {', '.join(self.lines.twins)}.")
+            said.append(f"Left out, as equal to a parallel circuit: {', '.join(self.lines.twins)}.")
         return tuple(said)
 
     def __str__(self) -> str:
         first, *others = self.remarks()
-        return "\n".join([first, *(f"  {p}" for p in self.pairs), *others])
+        return "\n".join([first, *(f"  {p.brief()}" for p in self.pairs), *others])
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        first, *others = map(escape, self.remarks())
+        return f"<p>{first}</p>{self.df.to_html(index=False)}<p>{'<br>'.join(others)}</p>"
 
 
 def screen(
-    point: OperatingPoint,
-    below: float | None = None,
+    base: Case | OperatingPoint,
+    below: str | float | None = None,
+    *,
+    storage: "Fleet | None" = None,
     control: Law | Sampled | None = None,
-    resolution_cycles: float = 0.125,
-    limit_cycles: float = 60.0,
-    observed_s: float = 5.0,
-    step: float | None = None,
+    resolution: str | float = "0.125cyc",
+    limit: str | float = "60cyc",
+    observe: str | float = "5s",
+    step: str | float | None = None,
     criterion: Criterion = DEFAULT,
     buses: Iterable[int] | None = None,
     workers: int | None = None,
@@ -121,31 +128,40 @@ def screen(
 ) -> Screen:
     """The critical clearing times of bolted faults at both ends of every line, cleared by opening that line.
 
-    Criterion, observation and grid are those of `clearing.clearing_time`, and so are the answers; the search is shorter
-    (`search.search`). Bridges and circuits equal to another beside them are left out.
+    Search and answers are those of `clearing_time`. Lines whose opening splits the network, and circuits equal to a
+    parallel one, are left out. The answers do not depend on the number of threads.
 
-    Args: operating point (its case's storage acts under `control`); clearing time (cycles) from which on a pair is not
-    listed nor its answer sought; grid, limit, observation, step and end of a run as in `clearing_time`; the buses with
-    a fault (default: every end of a line); threads (default: one per core); what is told the pairs done and their
-    number. The answers do not depend on the threads. Raises `StudyError` for impossible grids, and where there is no
-    line to open.
+    Parameters
+    ----------
+    base : Case or OperatingPoint
+        The system; a case is initialized first.
+    below : str or float, optional
+        Clearing time from which on a pair is not listed: "8cyc", or seconds. Saves most of the work.
+    storage, control, resolution, limit, observe, step, criterion
+        As in `clearing_time`.
+    buses : iterable of int, optional
+        Buses with a fault; by default both ends of every line.
+    workers : int, optional
+        Threads; by default one per core.
+    progress : callable, optional
+        Told the number of pairs done and of all pairs.
+
+    Returns
+    -------
+    Screen
+
+    Raises
+    ------
+    StudyError
+        For a grid without points, and where there is no line to open.
     """
-    if below is not None and not below > 0:
-        raise StudyError(f"No pair has a clearing time below {below:g} cycles; list those below a time above 0.")
-    limit = limit_cycles if below is None else min(limit_cycles, _up(below, resolution_cycles))
-    Trial(point, "", (), control, resolution_cycles, limit, observed_s, step, criterion)
-    found, wanted = lines(point.case), None if buses is None else {str(bus) for bus in buses}
-    by_bus: dict[str, list[Trial]] = {}
-    for name in found.screened:
-        for bus in name.split("#")[0].split("-"):
-            if wanted is None or bus in wanted:
-                trial = Trial(point, bus, (name,), control, resolution_cycles, limit, observed_s, step, criterion)
-                by_bus.setdefault(bus, []).append(trial)
-    if not by_bus:
-        where = "" if wanted is None else f" at bus {', '.join(sorted(wanted))}"
-        raise StudyError(
-            f"{point.case.name} has no line{where} whose opening leaves the network whole; none to screen."
-        )
+    point = operating_point(base, storage)
+    options = {"resolution": resolution, "limit": limit, "observe": observe, "step": step, "criterion": criterion}
+    search = Search.of(point.case, **options)
+    if below is not None:
+        search = replace(search, limit_cycles=min(search.limit_cycles, _next(below, search, point.case)))
+    found = lines(point.case)
+    by_bus = _trials(point, found, checked_control(control, point.case), search, buses)
     everything = [trial for trials in by_bus.values() for trial in trials]
     began, pairs = time.perf_counter(), []
     pool = ThreadPoolExecutor(cores.used(workers))
@@ -156,66 +172,50 @@ def screen(
                 progress(len(pairs), len(everything))
     finally:
         pool.shutdown(cancel_futures=True)
-    simulations = sum(p.simulations for p in pairs) + len(by_bus)
-    order = {(t.fault, *t.trip): k for k, t in enumerate(everything)}
-    pairs.sort(key=lambda p: (_rank(p), order[p[:2]]))
-    whole = Screen(
-        point.case.name,
-        tuple(pairs),
-        found,
-        resolution_cycles,
-        limit,
-        observed_s,
-        len(everything),
-        simulations,
-        time.perf_counter() - began,
-    )
+    simulations = sum(len(p.runs) for p in pairs) + len(by_bus)
+    order = {trial.contingency: k for k, trial in enumerate(everything)}
+    pairs.sort(key=lambda p: (_rank(p), order[p.contingency]))
+    size, wall = len(everything), time.perf_counter() - began
+    whole = Screen(point.case.name, tuple(pairs), found, search, point.case.frequency_hz, size, simulations, wall)
     return whole if below is None else whole.below(below)
 
 
-def _up(cycles: float, resolution: float) -> float:
-    """The grid's first point at or above these cycles."""
-    return max(float(np.ceil(cycles / resolution - 1e-9) * resolution), 0.0) if resolution > 0 else cycles
+def _trials(
+    point: OperatingPoint, found: Lines, control: Law | Sampled | None, search: Search, buses: Iterable[int] | None
+) -> dict[str, list[Trial]]:
+    """The trials of every faulted bus."""
+    wanted = None if buses is None else {str(bus) for bus in buses}
+    by_bus: dict[str, list[Trial]] = {}
+    for name in found.screened:
+        for bus in name.split("#")[0].split("-"):
+            if wanted is None or bus in wanted:
+                by_bus.setdefault(bus, []).append(Trial(point, Contingency(bus, trip=name), control, search))
+    if not by_bus:
+        where = "" if wanted is None else f" at bus {', '.join(sorted(wanted))}"
+        raise StudyError(f"{point.case.name} has no line{where} that can be opened without splitting the network.")
+    return by_bus
 
 
-def _distinct(pairs: Sequence[Pair]) -> list[str]:
-    return list(dict.fromkeys(p.trip for p in pairs))
+def _next(below: str | float, search: Search, case: Case) -> float:
+    """The grid's first point (cycles) at or above a clearing time."""
+    longest = cycles(below, case.frequency_hz)
+    if not longest > 0:
+        raise StudyError(f"No pair has a clearing time below {longest:g} cycles; give a time above 0.")
+    return math.ceil(longest / search.resolution_cycles - 1e-9) * search.resolution_cycles
 
 
-def _rank(pair: Pair) -> float:
-    return {"unstable_at_zero": -1.0, "stable_at_limit": np.inf}.get(pair.status, pair.cycles)
+def _rank(pair: ClearingTime) -> float:
+    return {"unstable_at_zero": -1.0, "stable_at_limit": math.inf}.get(pair.status, pair.cycles)
 
 
-def _at_one_bus(trials: Sequence[Trial]) -> list[Pair]:
-    """The pairs of one faulted bus; each begins at the longest answer so far, the first at a share of the time in which
-    the fault that stays loses synchronism.
-    """
-    first, grid = trials[0], trials[0].resolution_cycles
-    guess = int(SUSTAINED * _sustained(first) / grid)
-    stride = max(1, guess // 4)
-    best, pairs = -1, []
+def _at_one_bus(trials: Sequence[Trial]) -> list[ClearingTime]:
+    """The pairs of one faulted bus; each begins at the longest answer so far."""
+    start, longest, pairs = first_try(trials[0]), -1, []
     for trial in trials:
-        found = search(lambda k, t=trial: _attempt(t, k), trial.last, guess, stride, max(1, round(BELOW / grid)))
-        cycles = found.critical * grid if found.status == "found" else None
-        pairs.append(Pair(trial.fault, trial.trip[0], cycles, found.status, found.machine, found.runs))
-        if found.status != "unstable_at_zero" and found.critical > best:
-            best = found.critical
-            guess, stride = best + 1, max(1, round(NEAR / grid))
+        pairs.append(critical(trial, start))
+        if pairs[-1].status != "unstable_at_zero":
+            found, search = pairs[-1].cycles, trial.search
+            k = search.last if found is None else round(found / search.resolution_cycles)
+            if k > longest:
+                longest, start = k, (k + 1, search.points(NEAR))
     return pairs
-
-
-def _sustained(trial: Trial) -> float:
-    """Cycles in which a fault that stays loses synchronism, sought as far as the guess needs it."""
-    hz = trial.point.case.frequency_hz
-    longest = min(trial.limit_cycles / SUSTAINED / hz, trial.observed_s)
-    happens = [Fault(trial.fault, trial.at)]
-    until = trial.at + longest
-    ran = run(trial.point, happens, until, trial.control, trial.step, trial.criterion, record=False).outcome
-    return trial.limit_cycles / SUSTAINED if ran.stable else (ran.time_s - trial.at) * hz
-
-
-def _attempt(trial: Trial, k: int) -> Attempt:
-    ran = trial.simulate(k, record=True)
-    if ran.outcome.stable:
-        return Attempt(True)
-    return Attempt(False, ran.outcome.machine, margin(ran, trial.cleared(k)))

@@ -1,81 +1,52 @@
-"""The critical clearing time of one pair in few runs: unstable ones, which end early, foretell it."""
+"""How critical clearing times are searched: one record for a single fault, a screen and a siting study."""
 
-from collections.abc import Callable
-from typing import NamedTuple
+import math
+from dataclasses import dataclass
+from typing import Any
 
-from .critical_time import Status
-from .margin import Margin
-
-FORETOLD = 10  # runs after which only the interval is cut
-HELD = 3.0  # energy the network takes up, against that of the run at clearing: errs to the unstable side
-REACH = 2.0  # how far below two unstable runs their line is believed, in multiples of their distance
-UPPER = 2 / 3  # where an interval is cut: an unstable run costs about a third of a stable one
+from stabctl.errors import StudyError
+from stabctl.model.case import Case
+from stabctl.simulation.criterion import DEFAULT, Criterion, checked
+from stabctl.units import cycles, seconds
 
 
-class Attempt(NamedTuple):
-    """What a run at a point of the grid showed."""
+@dataclass(frozen=True)
+class Search:
+    """The grid of clearing times and the criterion by which each is judged, in cycles and seconds.
 
-    stable: bool
-    machine: int | None = None  # that went first
-    margin: Margin | None = None  # of an unstable run
-
-
-class Found(NamedTuple):
-    """The answer on the grid."""
-
-    status: Status
-    critical: int  # last point that is survived; 0 where there is none
-    machine: int | None  # goes first at the next point
-    runs: int
-
-
-def search(attempt: Callable[[int], Attempt], last: int, guess: int, stride: int, check: int) -> Found:
-    """The last point of the grid 0 ... `last` that is survived, proved by a run at it and a run at the next.
-
-    From a guess on, upwards in growing strides. Of unstable runs the excess of energy is extrapolated to zero over
-    the square of the clearing time; where that does not help the interval is cut. One of the `check` points below the
-    answer is tried as well: where it is not survived, the answer lies below it.
+    Raises `StudyError` for a grid without points and for an observation of no length.
     """
-    tried: dict[int, Attempt] = {}
-    low, high, k = -1, last + 1, min(max(guess, 0), last)
-    while True:
-        tried[k] = attempt(k)
-        if tried[k].stable:
-            low = max(low, k)
-        else:
-            high = k
-            low = max((s for s, a in tried.items() if a.stable and s < k), default=-1)
-        if high - low > 1:
-            k, stride = _next(low, high, last, tried, stride), 2 * stride
-        elif low < 1 or low == last or any(low - check <= s < low for s in tried):
-            break
-        else:
-            k = max(low - check, 0)
-    if low < 0:
-        return Found("unstable_at_zero", 0, tried[0].machine, len(tried))
-    if low == last:
-        return Found("stable_at_limit", last, None, len(tried))
-    return Found("found", low, tried[high].machine, len(tried))
 
+    resolution_cycles: float = 0.125
+    limit_cycles: float = 60.0
+    observed_s: float = 5.0  # s   observed after clearing
+    step: float | None = None  # s
+    criterion: Criterion = DEFAULT
 
-def _next(low: int, high: int, last: int, tried: dict[int, Attempt], stride: int) -> int:
-    """The point to try: the lowest that is foretold to be unstable."""
-    if high > last:
-        return min(last, low + stride)
-    cut = min(low + max(1, round(UPPER * (high - low))), high - 1)
-    if tried[high].margin is None or len(tried) > FORETOLD:
-        return max(cut, high - stride) if low < 0 else cut
-    foretold = _critical({k: a.margin for k, a in tried.items() if a.margin and k >= high})
-    return min(max(int(foretold) + 1, low + 1), high - 1) if foretold > low else cut
+    def __post_init__(self) -> None:
+        if not 0 < self.resolution_cycles <= self.limit_cycles < math.inf:
+            raise StudyError(
+                f"The resolution of {self.resolution_cycles:g} cycles is not allowed; it must be more than 0 and at "
+                f"most the search limit of {self.limit_cycles:g} cycles."
+            )
+        if not 0 < self.observed_s < math.inf:
+            raise StudyError(f"The observation of {self.observed_s:g} s is not allowed; it must be more than 0.")
+        object.__setattr__(self, "criterion", checked(self.criterion))
 
+    @classmethod
+    def of(
+        cls, case: Case, *, resolution: Any, limit: Any, observe: Any, step: Any, criterion: Criterion = DEFAULT
+    ) -> "Search":
+        """The search with quantities as a user gives them: text with a unit, or seconds."""
+        hz = case.frequency_hz
+        grid, longest = cycles(resolution, hz), cycles(limit, hz)
+        return cls(grid, longest, seconds(observe, hz), None if step is None else seconds(step, hz), criterion)
 
-def _critical(lost: dict[int, Margin]) -> float:
-    """Where the excess of the unstable runs goes to zero, on the grid."""
-    near, *others = sorted(lost)
-    excess, given = lost[near]
-    slope, least = (HELD * given / near**2 if near else 0.0), 0.0
-    if others and lost[others[0]].excess > excess:
-        further = others[0]
-        slope = (lost[further].excess - excess) / (further**2 - near**2)
-        least = max(near - REACH * (further - near), 0.0)
-    return max(near**2 - excess / slope, least**2) ** 0.5 if slope > 0 else float(near)
+    @property
+    def last(self) -> int:
+        """The last point of the grid; the first is 0."""
+        return math.floor(self.limit_cycles / self.resolution_cycles + 1e-9)
+
+    def points(self, length_cycles: float) -> int:
+        """A length in points of the grid, at least 1."""
+        return max(1, round(length_cycles / self.resolution_cycles))

@@ -7,7 +7,7 @@ import typer
 from . import shared
 
 if TYPE_CHECKING:
-    from stabctl.clearing.critical_time import Clearing
+    from stabctl.clearing import ClearingTime
 
 Resolution = Annotated[str, typer.Option("--resolution", help="Grid of clearing times; 1cyc is the paper's.")]
 
@@ -39,11 +39,10 @@ def clearing_time(
     as_json: shared.Json = False,
 ) -> None:
     """Find the critical clearing time of a fault."""
-    from stabctl.clearing.critical_time import clearing_time
-    from stabctl.units import seconds
+    from stabctl.clearing import clearing_time
+    from stabctl.simulation.contingency import Contingency
 
     loaded = shared.load(case, classical)
-    hz = loaded.frequency_hz
     point = shared.start(loaded, storage, storage_at, characteristic=characteristic, lag=lag)
     law = shared.law(point.case, control, deadband, min_voltage)
     signals = shared.pmu(pmu_rate, pmu_noise_mrad, latency_ms, loss)
@@ -51,21 +50,19 @@ def clearing_time(
     with shared.progress("searching", None) as tell:
         found = clearing_time(
             point,
-            fault,
-            trip or (),
-            steering,
-            seconds(resolution, hz) * hz,
-            seconds(limit, hz) * hz,
-            observe,
-            step,
-            shared.criterion(max_angle),
-            shared.impedance(fault_impedance),
+            Contingency(fault, trip=trip or (), impedance=shared.impedance(fault_impedance)),
+            control=steering,
+            resolution=resolution,
+            limit=limit,
+            observe=observe,
+            step=step,
+            criterion=shared.criterion(max_angle),
             progress=lambda _run: tell(None),
         )
     _show(found, as_json)
 
 
-def _show(found: "Clearing", as_json: bool) -> None:
+def _show(found: "ClearingTime", as_json: bool) -> None:
     if as_json:
         runs = [
             {
@@ -84,8 +81,8 @@ def _show(found: "Clearing", as_json: bool) -> None:
                 "status": found.status,
                 "machine": found.machine,
                 "monotone": found.monotone,
-                "observed_s": found.observed_s,
-                "resolution_cycles": found.resolution_cycles,
+                "observed_s": found.search.observed_s,
+                "resolution_cycles": found.search.resolution_cycles,
                 "runs": runs,
                 "wall_s": found.wall_s,
             }
@@ -93,7 +90,7 @@ def _show(found: "Clearing", as_json: bool) -> None:
         return
     from rich.table import Table
 
-    table = Table("cleared after, cycles", "outcome", "first to go", "ended after, s")
+    table = Table("cleared after, cycles", "outcome", "loses synchronism first", "ended after, s")
     for r in found.runs:
         end = r.outcome.value.replace("_", " ")
         table.add_row(f"{r.cycles:g}", end, "" if r.machine is None else f"machine {r.machine}", f"{r.time_s:.2f}")

@@ -7,7 +7,7 @@ import typer
 
 from . import shared
 
-Inputs = Annotated[str, typer.Option("--inputs", help="storage:33,exciter:14,governor,load_p:8; a kind alone: all.")]
+Inputs = Annotated[str, typer.Option("--inputs", help="storage:33,vref:14,pref,load_p:8; a kind alone: all.")]
 Outputs = Annotated[str, typer.Option("--outputs", help="speed,angle:14,coi_speed,voltage:33,frequency:33,flow:7-8.")]
 Out = Annotated[Path, typer.Option("--out", help="File to write, FILE.npz or FILE.mat.")]
 
@@ -28,8 +28,7 @@ def linearize(
 
     shared.file(out, ".npz", ".mat")
     point = shared.start(shared.load(case, classical), storage, storage_at, lag=lag)
-    named = [[part for part in text.split(",") if part.strip()] for text in (inputs, outputs)]
-    model = linearize(point, *named)
+    model = linearize(point, inputs, outputs)
     path = model.save(out)
     if as_json:
         labels = {k: list(getattr(model, k)) for k in ("states", "inputs", "outputs")}

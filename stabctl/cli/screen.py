@@ -37,20 +37,18 @@ def screen(
 ) -> None:
     """Find the critical clearing times of faults at both ends of every line, cleared by opening it; shortest first."""
     from stabctl.clearing import screen
-    from stabctl.units import seconds
 
     shared.file(out, ".csv")
     loaded = shared.load(case, classical)
-    hz = loaded.frequency_hz
     point = shared.start(loaded, storage, storage_at, characteristic=characteristic, lag=lag)
     with shared.progress("screening", 1.0) as tell:
         found = screen(
             point,
-            seconds(below, hz) * hz if below else None,
-            shared.law(point.case, control, deadband, min_voltage),
-            resolution_cycles=seconds(resolution, hz) * hz,
-            limit_cycles=seconds(limit, hz) * hz,
-            observed_s=observe,
+            below,
+            control=shared.law(point.case, control, deadband, min_voltage),
+            resolution=resolution,
+            limit=limit,
+            observe=observe,
             step=step,
             criterion=shared.criterion(max_angle),
             workers=workers,
@@ -70,25 +68,27 @@ def _show(found: "Screen", as_json: bool) -> None:
         shared.print_json(
             {
                 "case": found.case,
-                "pairs": [dict(zip(COLUMNS, p, strict=False)) for p in found.pairs],
+                "pairs": [dict(zip(COLUMNS, row, strict=True)) for row in found.rows()],
                 "bridges": found.lines.bridges,
                 "twins": found.lines.twins,
                 "screened": found.screened,
                 "simulations": found.simulations,
                 "wall_s": found.wall_s,
-                "observed_s": found.observed_s,
-                "resolution_cycles": found.resolution_cycles,
-                "limit_cycles": found.limit_cycles,
+                "observed_s": found.search.observed_s,
+                "resolution_cycles": found.search.resolution_cycles,
+                "limit_cycles": found.search.limit_cycles,
             }
         )
         return
     from rich.table import Table
 
-    table = Table("fault at bus", "opened", "survived, cycles", "first to go")
+    table = Table("fault at bus", "trip", "critical clearing time, cycles", "loses synchronism first")
     for p in found.pairs:
-        shown = {"unstable_at_zero": "lost by the opening", "stable_at_limit": f"{found.limit_cycles:g} or more"}
+        longest = f"{found.search.limit_cycles:g} or more"
+        shown = {"unstable_at_zero": "unstable at any", "stable_at_limit": longest}
         first = "" if p.machine is None else f"machine {p.machine}"
-        table.add_row(p.fault, p.trip, shown.get(p.status, f"{p.cycles:g}" if p.cycles is not None else ""), first)
+        cycles = shown.get(p.status) or f"{p.cycles:g}"
+        table.add_row(p.fault, " ".join(p.trip), cycles, first)
     if found.pairs:
         shared.console().print(table)
     for sentence in found.remarks():

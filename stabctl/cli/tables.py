@@ -11,14 +11,13 @@ Name = Annotated[str | None, typer.Argument(metavar="[TABLE]", help="One table o
 
 def tables(name: Name = None, as_json: Json = False) -> None:
     """List the columns of a case's tables: unit, meaning, what is allowed, default."""
-    from stabctl.devices import models
     from stabctl.errors import StudyError
-    from stabctl.model.case import TABLES
+    from stabctl.model import catalog
+    from stabctl.model.tables import TABLES
     from stabctl.schema import fields
 
-    machine = fields(TABLES["machines"])["machine"]
     known = {table: list(fields(record).values()) for table, record in TABLES.items()}
-    known |= {model: [machine, *fields(device.Par).values()] for model, device in models().items()}
+    known |= {model: list(catalog.columns(model).values()) for model in catalog.models()}
     if name is not None and name not in known:
         raise StudyError(f"There is no table {name!r}; known are {', '.join(known)}.")
     shown = known if name is None else {name: known[name]}

@@ -122,7 +122,7 @@ def _watched(name: str, row: Row) -> Iterator[tuple[int, float]]:
 def _rotors(families: Iterable[Family], unit: Mapping[str, list[int]]) -> Rotors:
     found = []
     for f in families:
-        states, constants = family.fields(f.device, "State"), f.device.Par._fields
+        states, constants = family.fields(f.device, "State"), family.fields(f.device, "Par")
         if {"delta", "omega"} <= set(states) and "H" in constants:
             inertia = f.k[:, constants.index("H")] * f.k[:, constants.index("mva")]
             found += zip(unit[f.name], f.w[:, family.STATE] + states.index("delta"), inertia, strict=True)

@@ -1,17 +1,11 @@
 """Where a study starts: a case or an operating point, with or without other storage."""
 
-from collections.abc import Iterable, Mapping
-from typing import Any
-
 from stabctl.errors import StudyError
-from stabctl.model import fleet, powerflow
-from stabctl.model.case import Case, Storage
-from stabctl.model.powerflow import PowerFlow
+from stabctl.model import powerflow
+from stabctl.model.case import Case
+from stabctl.model.fleet import Fleet
 
 from .operating_point import OperatingPoint, solve
-
-Fleet = str | Mapping[int, str | float] | Iterable[Storage]
-SHOWN = "give '50MW' at every machine, '14=50MW,13@33=20MW', {14: '50MW'}, or rows of Storage"
 
 
 def operating_point(base: Case | OperatingPoint, storage: Fleet | None = None) -> OperatingPoint:
@@ -31,26 +25,10 @@ def operating_point(base: Case | OperatingPoint, storage: Fleet | None = None) -
     """
     if isinstance(base, Case):
         flow = powerflow.solve(base)
-        return solve(base if storage is None else base.with_storage(devices(base, storage, flow)), flow)
+        return solve(base if storage is None else base.with_storage(storage, flow), flow)
     if not isinstance(base, OperatingPoint):
         raise StudyError(f"{_named(base)} is not a system; give a Case, as st.load('two_area'), or its OperatingPoint.")
-    return base if storage is None else solve(base.case.with_storage(devices(base.case, storage, base.flow)), base.flow)
-
-
-def devices(case: Case, storage: Fleet, flow: PowerFlow | None = None, **options: Any) -> tuple[Storage, ...]:
-    """The storage devices that `storage` describes, as in `operating_point`; options are fields of `Storage`."""
-    if isinstance(storage, str):
-        if storage.strip() == "none":
-            return ()
-        return (fleet.chosen if "=" in storage else fleet.everywhere)(case, storage, flow, **options)
-    if isinstance(storage, Mapping):
-        ratings = {k: mw if isinstance(mw, str) else f"{mw}MW" for k, mw in storage.items()}
-        return fleet.chosen(case, ratings, flow, **options) if ratings else ()
-    rows = (storage,) if isinstance(storage, Storage) else storage
-    rows = tuple(rows) if isinstance(rows, Iterable) else (None,)
-    if not all(isinstance(row, Storage) for row in rows):
-        raise StudyError(f"{_named(storage)} is not a fleet of storage devices; {SHOWN}.")
-    return tuple(row._replace(**options) for row in rows)
+    return base if storage is None else solve(base.case.with_storage(storage, base.flow), base.flow)
 
 
 def initialize(case: Case, storage: Fleet | None = None) -> OperatingPoint:

@@ -1,26 +1,28 @@
-"""A case as a folder: one CSV table a kind of row, units in the header, and `case.toml`.
+"""A case as a folder: one CSV table for each kind of row, units in the header, and `case.toml`.
 
-Tables: buses, branches, machines, loads, links, storage, and one per device model, keyed by machine number. A folder
-whose case.toml says `extends = "other"` holds only what differs: a table row replaces the given columns of the row
-with the same key (bus or machine number) of the other case.
+Tables: buses, branches, machines, loads, links, storage, and one for each device model, keyed by machine (load models:
+by bus). A folder whose case.toml says `extends = "other"` holds only what differs (`overlay`).
 """
 
 import tomllib
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from stabctl.devices import models
-from stabctl.errors import CaseError
-from stabctl.model.case import TABLES, Case
+from stabctl._util import files
+from stabctl.errors import CaseError, shown
+from stabctl.model import catalog
+from stabctl.model.case import Case
+from stabctl.model.keys import Key
+from stabctl.model.mistake import RowError
+from stabctl.model.tables import TABLES
 from stabctl.schema import fields
 
-from .table import Row, rows_of, save
+from .table import Row, Table, read, text_from, text_of
 
 PACKAGED = Path(__file__).parent.parent / "model" / "cases"
-KEYS = {"buses": "bus", "machines": "machine"}
 ABOUT = {"name": str, "title": str, "source": str, "base_mva": float, "frequency_hz": float, "extends": str}
-
-Table = dict[str, tuple[list[Row], list[int]]]  # table -> rows, line numbers
+OVERLAID = {"buses": "bus", "machines": "machine"}  # tables of which an overlay gives single rows, and their keys
 
 
 def packaged() -> list[str]:
@@ -29,150 +31,166 @@ def packaged() -> list[str]:
 
 
 def load(name: str | Path) -> Case:
-    """A packaged case by its name, or the case in a folder. Raises `CaseError` with the place of the mistake."""
-    folder = Path(name)
-    if str(name) in packaged():
-        folder = PACKAGED / str(name)
-    elif not str(name).strip() or "\0" in str(name) or not folder.is_dir():
-        raise CaseError(f"There is no case {str(name)!r}: name a folder, or one of {', '.join(packaged())}.")
-    about = _about(folder)
-    tables = _tables(folder, partial="extends" in about)
+    """Read a case.
+
+    Parameters
+    ----------
+    name : str or Path
+        A packaged case by its name, or a folder.
+
+    Raises
+    ------
+    CaseError
+        For the first mistake, with file, row, column, value and what is allowed.
+    """
+    from . import overlay
+
+    folder = find(name)
+    about = read_about(folder)
+    tables = read_tables(folder, about)
     if "extends" in about:
-        return _overlay(folder, about, tables)
-    return _build(folder, about, tables)
+        return overlay.load(folder, about, tables)
+    for table in ("buses", "branches", "machines"):
+        if table not in tables:
+            raise CaseError(f"{folder / table}.csv: the table is missing; a case folder needs one.")
+    rows = {name: tuple(TABLES[name](**row) for row in tables[name].rows) for name in TABLES if name in tables}
+    devices = {
+        model: dict(zip(device_keys(folder, model, tables[model]), _parameters(model, tables[model].rows), strict=True))
+        for model in tables
+        if model not in TABLES
+    }
+    return located({"name": folder.name} | about | rows | {"devices": devices}, tables, folder)
 
 
-def _about(folder: Path) -> Row:
+def find(name: str | Path) -> Path:
+    """The folder of a case. Raises `CaseError` where there is none."""
+    if isinstance(name, str) and name in packaged():
+        return PACKAGED / name
+    text = str(name)
+    try:
+        found = isinstance(name, str | Path) and bool(text.strip()) and "\0" not in text and Path(name).is_dir()
+    except OSError as error:
+        raise CaseError(f"{text}: the folder cannot be read ({error.strerror}).") from None
+    if not found:
+        raise CaseError(f"There is no case {text!r}: name a folder, or one of {', '.join(packaged())}.")
+    return Path(name)
+
+
+def read_about(folder: Path) -> Row:
+    """The entries of case.toml."""
     path = folder / "case.toml"
     try:
-        about = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError:
-        raise CaseError(f"{path}: the file is missing; a case folder needs one.") from None
-    except (ValueError, OSError, RecursionError) as error:
-        raise CaseError(f"{path}: it cannot be read as TOML ({getattr(error, 'strerror', None) or error}).") from None
+        about = tomllib.loads(text_of(path))
+    except (ValueError, RecursionError) as error:
+        raise CaseError(f"{path}: it cannot be read as TOML ({error}).") from None
     for key, value in about.items():
         if key not in ABOUT:
             raise CaseError(f"{path}: {key!r} is not a known entry; known are {', '.join(ABOUT)}.")
-        kind = ABOUT[key]
-        if isinstance(value, bool) or not isinstance(value, str if kind is str else int | float):
-            raise CaseError(
-                f"{path}, {key}: {value!r} is not allowed; it must be a {'text' if kind is str else 'number'}."
-            )
+        wanted = (str, "text") if ABOUT[key] is str else (int | float, "a number")
+        if isinstance(value, bool) or not isinstance(value, wanted[0]):
+            raise CaseError(f"{path}, {key}: {shown(value)} is not allowed; it must be {wanted[1]}.")
     return about
 
 
-def _tables(folder: Path, partial: bool) -> Table:
-    tables: Table = {}
-    for path in sorted(folder.glob("*.csv")):
-        name = path.stem
-        if name in TABLES:
-            columns, key = dict(fields(TABLES[name])), KEYS.get(name)
-        elif name in models():
-            number = fields(TABLES["machines"])["machine"]
-            columns, key = {"machine": number, **fields(models()[name].Par)}, "machine"
-        else:
-            raise CaseError(f"{path}: there is no table {name!r}; known are {', '.join([*TABLES, *models()])}.")
-        tables[name] = rows_of(path, columns, key if partial else None)
+def read_tables(folder: Path, about: Row) -> dict[str, Table]:
+    """Every table in the folder; of an overlay with the columns given."""
+    tables: dict[str, Table] = {}
+    try:
+        paths = sorted(path for path in folder.iterdir() if path.suffix == ".csv")
+    except OSError as error:
+        raise CaseError(f"{folder}: the folder cannot be read ({error.strerror}).") from None
+    for path in paths:
+        name, known = path.stem, [*TABLES, *catalog.models()]
+        if name not in known:
+            raise CaseError(f"{path}: there is no table {name!r}; known are {', '.join(known)}.")
+        device = name not in TABLES
+        columns = catalog.columns(name) if device else fields(TABLES[name])
+        key = next(iter(columns)) if device or name in OVERLAID else None
+        tables[name] = read(path, columns, partial=key if "extends" in about else None, device=device)
     return tables
 
 
-def _build(folder: Path, about: Row, tables: Table) -> Case:
-    for name in ("buses", "branches", "machines"):
-        if name not in tables:
-            raise CaseError(f"{folder / name}.csv: the table is missing; a case folder needs one.")
-    rows = {name: tuple(record(**row) for row in tables[name][0]) for name, record in TABLES.items() if name in tables}
-    devices: dict[str, dict[int, Any]] = {}
-    for name, device in models().items():
-        if name in tables:
-            devices[name] = _keyed(folder / f"{name}.csv", device.Par, *tables[name])
-    given = {key: value for key, value in about.items() if key != "extends"}
-    return _located(folder, tables, {"name": folder.name} | given | rows | {"devices": devices})
+def device_keys(folder: Path, model: str, table: Table) -> list[Key]:
+    """Keys of the rows of a device table; its second row for machine 2 has the key 2#2, written or not."""
+    column = catalog.key_field(model).name
+    found: dict[Key, int] = {}
+    for row, line in zip(table.rows, table.lines, strict=True):
+        key, count = row[column], 1
+        while key in found and isinstance(row[column], int):
+            count += 1
+            key = f"{row[column]}#{count}"
+        if key in found:
+            text = f"{column} {key} appears twice (rows {found[key]} and {line}); each may appear once."
+            raise CaseError(f"{folder / model}.csv row {line}, column {column}: {text}")
+        found[key] = line
+    return list(found)
 
 
-def _keyed(path: Path, record: type, rows: list[Row], lines: list[int]) -> dict[int, Any]:
-    filled = dict.fromkeys(record._fields, 0.0)
-    table: dict[int, Any] = {}
-    for row, line in zip(rows, lines, strict=True):
-        number = row["machine"]
-        if number in table:
-            raise CaseError(f"{path} row {line}, column machine: machine {number} stands already; each may stand once.")
-        table[number] = record(**{k: v for k, v in (filled | row).items() if k != "machine"})
-    return table
+def _parameters(model: str, rows: Iterable[Row]) -> list[Any]:
+    column = catalog.key_field(model).name
+    return [catalog.parameters(model, **{k: v for k, v in row.items() if k != column}) for row in rows]
 
 
-def _located(folder: Path, tables: Table, arguments: dict[str, Any], base: Path | None = None) -> Case:
-    """The case; a mistake in it is told with folder and line of the file (line 0: a row of the folder `base`)."""
+def located(parts: dict[str, Any], tables: Mapping[str, Table], folder: Path, base: Path | None = None) -> Case:
+    """The case; a mistake in it is told with file and line (line 0 of a table: a row of the folder `base`)."""
     try:
-        return Case(**arguments)
+        return Case(**parts)
+    except RowError as error:
+        lines = tables[error.table].lines if error.table in tables else []
+        own = error.row < len(lines) and lines[error.row] > 0
+        path = (folder if own or base is None else base) / f"{error.table}.csv"
+        sentence = error.located(path, lambda row: (lines[row] if row < len(lines) else 0) or row + 2)
+        raise CaseError(sentence) from None
     except CaseError as error:
-        if not hasattr(error, "table"):
-            raise CaseError(f"{folder}/{error}") from None
-        lines = tables[error.table][1] if error.table in tables else []
-        line = lines[error.row] if error.row < len(lines) else 0
-        path = (folder if line else base or folder) / f"{error.table}.csv"
-        raise CaseError(f"{path} row {line or error.row + 2}, column {error.column}: {error.text}") from None
-
-
-def _extended(folder: Path, name: str) -> Path | None:
-    """The folder of the case an overlay names: one beside it, or a packaged one."""
-    beside = folder.parent / name
-    if name.isprintable() and name and (beside / "case.toml").is_file():
-        return beside
-    return PACKAGED / name if name in packaged() else None
-
-
-def _overlay(folder: Path, about: Row, tables: Table) -> Case:
-    base, place = _extended(folder, about["extends"]), f"{folder / 'case.toml'}, extends: "
-    if base is None:
-        known = ", ".join(packaged())
-        raise CaseError(f"{place}there is no case {about['extends']!r}; name a folder beside, or one of {known}.")
-    if base.resolve() == folder.resolve() or "extends" in _about(base):
-        raise CaseError(f"{place}{about['extends']!r} is itself an overlay; name a full case.")
-    case = load(base)
-    changed: dict[str, Any] = {k: getattr(case, k) for k in (*TABLES, "title", "source", "base_mva", "frequency_hz")}
-    devices = {model: dict(rows) for model, rows in case.devices.items()}
-    located: Table = {}
-    for name, (rows, lines) in tables.items():
-        path = folder / f"{name}.csv"
-        if name in TABLES and name not in KEYS:
-            changed[name], located[name] = tuple(TABLES[name](**row) for row in rows), (rows, lines)
-            continue
-        key = KEYS.get(name, "machine")
-        known = {getattr(r, key): r for r in changed[name]} if name in TABLES else devices.get(name, {})
-        line_of = dict.fromkeys(known, 0)
-        for row, line in zip(rows, lines, strict=True):
-            number = row.pop(key)
-            if number not in known:
-                raise CaseError(f"{path} row {line}, column {key}: {case.name} has no {key} {number} to change.")
-            known[number] = known[number]._replace(**row)
-            line_of[number] = line
-        located[name] = rows, [line_of[number] for number in known]
-        if name in TABLES:
-            changed[name] = tuple(known.values())
-    given = {key: value for key, value in about.items() if key != "extends"}
-    return _located(folder, located, changed | {"devices": devices, "name": folder.name} | given, base)
+        raise CaseError(f"{folder}/{error}") from None
 
 
 def write(case: Case, folder: str | Path) -> Path:
-    """Write the case into a folder (made if need be), so that `load` gives it back; the folder."""
+    """Write a case into a folder, so that `load` gives it back.
+
+    Parameters
+    ----------
+    case : Case
+        What is written.
+    folder : str or Path
+        Where; it is made if need be.
+
+    Returns
+    -------
+    Path
+        The folder.
+
+    Raises
+    ------
+    CaseError
+        If the folder holds tables that the case does not have, which `load` would read with it.
+    OSError
+        If a file cannot be written; files written before are whole.
+    """
     folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    about = {k: getattr(case, k) for k in ABOUT if k != "extends"}
-    lines = [f"{k} = {_toml(v)}" for k, v in about.items()]
-    (folder / "case.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    texts = {}
     for name, record in TABLES.items():
         if getattr(case, name):
-            columns = fields(record)
-            save(folder / f"{name}.csv", columns, [[getattr(r, c) for c in columns] for r in getattr(case, name)])
-    machine = fields(TABLES["machines"])["machine"]
+            texts[f"{name}.csv"] = text_from(fields(record), getattr(case, name))
     for name, rows in case.devices.items():
-        columns = fields(models()[name].Par)
-        cells = [[number, *(getattr(par, c) for c in columns)] for number, par in rows.items()]
-        save(folder / f"{name}.csv", {"machine": machine, **columns}, cells)
+        columns = catalog.columns(name)
+        names = list(columns)[1:]
+        texts[f"{name}.csv"] = text_from(
+            columns, [[key, *(getattr(par, c) for c in names)] for key, par in rows.items()]
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    other = sorted(path.name for path in folder.glob("*.csv") if path.name not in texts)
+    if other:
+        raise CaseError(f"{folder} holds {', '.join(other)}, which {case.name} does not have; choose an empty folder.")
+    for name, text in texts.items():
+        files.replace(folder / name, text)
+    about = {key: getattr(case, key) for key in ABOUT if key != "extends"}
+    files.replace(folder / "case.toml", "".join(f"{key} = {_toml(value)}\n" for key, value in about.items()))
     return folder
 
 
 def _toml(value: str | float) -> str:
+    """A value as TOML."""
     if not isinstance(value, str):
         return repr(float(value))
     for plain, escaped in (("\\", "\\\\"), ('"', '\\"'), ("\n", "\\n")):

@@ -1,27 +1,52 @@
-"""A CSV table of a case: rows by field name, every mistake told with file, row, column, value and what is allowed."""
+"""A CSV table of a case: rows by field name. Mistakes are told with file, row, column, value and what is allowed."""
 
 import csv
 import difflib
 import io
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from stabctl.errors import CaseError
+from stabctl.errors import CaseError, shown
+from stabctl.model.keys import REPEATED
 from stabctl.schema import Field
 
 Row = dict[str, Any]
 
+LARGEST_FILE = 64_000_000  # bytes
 
-def rows_of(path: Path, columns: dict[str, Field], partial_key: str | None) -> tuple[list[Row], list[int]]:
-    """Rows by field name, and their lines in the file. With `partial_key` only that column must be there."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (UnicodeDecodeError, OSError) as error:
-        raise CaseError(
-            f"{path}: it cannot be read as a UTF-8 text ({getattr(error, 'strerror', None) or error})."
-        ) from None
+
+class Table(NamedTuple):
+    """Rows by field name, and the line of each in its file."""
+
+    rows: list[Row]
+    lines: list[int]
+
+
+def read(path: Path, columns: Mapping[str, Field], *, partial: str | None = None, device: bool = False) -> Table:
+    """The rows of a CSV file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    columns : mapping of str to Field
+        Columns by field name.
+    partial : str, optional
+        The only column that must be there; what is left out is then not filled with defaults.
+    device : bool
+        The first column is the key of a device, which may be written 2#2.
+
+    Raises
+    ------
+    CaseError
+        If the file or one of its cells cannot be read.
+    """
+    text = text_of(path)
     by_header = {f.column: f for f in columns.values()}
-    rows, lines, header = [], [], None
+    key = next(iter(columns)) if device else None
+    defaults = {} if partial else {f.name: f.default for f in columns.values() if not f.required}
+    table, header = Table([], []), None
     try:
         reader = csv.reader(io.StringIO(text, newline=""), strict=True)
         for cells in reader:
@@ -29,25 +54,61 @@ def rows_of(path: Path, columns: dict[str, Field], partial_key: str | None) -> t
             if not any(cells):
                 continue
             if header is None:
-                header = _header(path, cells, by_header, partial_key)
+                header = _header(path, cells, by_header, partial)
                 continue
             if len(cells) != len(header):
-                text = f"has {len(cells)} cells; the header has {len(header)}."
-                raise CaseError(f"{path} row {reader.line_num}: the row {text}")
-            given = zip(header, cells, strict=True)
-            row = {f.name: _value(path, reader.line_num, f, c) for f, c in given if c or f.required}
-            if partial_key is None:
-                row = {f.name: f.default for f in columns.values() if not f.required} | row
-            rows.append(row)
-            lines.append(reader.line_num)
+                raise CaseError(
+                    f"{path} row {reader.line_num}: the row has {len(cells)} cells, the header has {len(header)}."
+                )
+            given = {
+                f.name: _value(path, reader.line_num, f, c, f.name == key)
+                for f, c in zip(header, cells, strict=True)
+                if c or f.required
+            }
+            table.rows.append(defaults | given)
+            table.lines.append(reader.line_num)
     except csv.Error as error:
         raise CaseError(f"{path}: it cannot be read as CSV ({error}).") from None
     if header is None:
         raise CaseError(f"{path}: the table has no header; it must be {', '.join(by_header)}.")
-    return rows, lines
+    return table
 
 
-def _header(path: Path, cells: list[str], by_header: dict[str, Field], partial_key: str | None) -> list[Field]:
+def text_of(path: Path) -> str:
+    """The text of a file in UTF-8. Raises `CaseError` where it is not a regular file, too large or not text."""
+    try:
+        if path.exists() and not path.is_file():
+            raise CaseError(f"{path}: it is not a regular file.")
+        if path.stat().st_size > LARGEST_FILE:
+            raise CaseError(
+                f"{path}: the file has more than {LARGEST_FILE / 1e6:g} MB, which no table of a case needs."
+            )
+        return path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise CaseError(f"{path}: the file is missing; a case folder needs one.") from None
+    except (UnicodeDecodeError, OSError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise CaseError(f"{path}: it cannot be read as UTF-8 text ({reason}).") from None
+
+
+def text_from(columns: Mapping[str, Field], cells: Sequence[Sequence[Any]]) -> str:
+    """Columns and rows of cells as CSV; numbers as short as they read back the same."""
+    file = io.StringIO(newline="")
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow([f.column for f in columns.values()])
+    writer.writerows([[_cell(c) for c in row] for row in cells])
+    return file.getvalue()
+
+
+def _cell(value: Any) -> Any:
+    if not isinstance(value, float):
+        return value
+    short = format(value, ".15g")
+    return short if float(short) == value else repr(value)
+
+
+def _header(path: Path, cells: list[str], by_header: Mapping[str, Field], partial: str | None) -> list[Field]:
+    """The fields of the columns, each known, given once, and none missing."""
     for i, cell in enumerate(cells):
         if cell not in by_header:
             near = difflib.get_close_matches(cell, by_header, 1, 0.5)
@@ -55,31 +116,21 @@ def _header(path: Path, cells: list[str], by_header: dict[str, Field], partial_k
             hint = "separate the cells by commas." if ";" in cell else hint
             raise CaseError(f"{path} row 1: {cell!r} is not a column of this table; {hint}")
         if cell in cells[:i]:
-            raise CaseError(f"{path} row 1: column {cell!r} stands twice; each may stand once.")
-    needed = [c for c, f in by_header.items() if (f.name == partial_key if partial_key else f.required)]
-    for column in needed:
-        if column not in cells:
-            raise CaseError(f"{path} row 1: column {column!r} ({by_header[column].meaning}) is missing.")
+            raise CaseError(f"{path} row 1: column {cell!r} appears twice; keep one.")
+    for column, f in by_header.items():
+        if (f.name == partial if partial else f.required) and column not in cells:
+            raise CaseError(f"{path} row 1: column {column!r} ({f.meaning}) is missing.")
     return [by_header[c] for c in cells]
 
 
-def _value(path: Path, line: int, f: Field, cell: str) -> Any:
+def _value(path: Path, line: int, f: Field, cell: str, key: bool) -> Any:
+    """The value in a cell; numbers in ASCII digits."""
+    if key and REPEATED.fullmatch(cell):
+        return cell
     try:
-        if "_" in cell and f.kind is not str:
+        if f.kind is not str and ("_" in cell or not cell.isascii()):
             raise ValueError
         return f.kind(cell)
     except ValueError:
-        raise CaseError(
-            f"{path} row {line}, column {f.column}: {cell!r} is not allowed; it must be {f.expected()}."
-        ) from None
-
-
-def save(path: Path, columns: Any, cells: list[list[Any]]) -> None:
-    """Write the columns and rows of cells as a CSV file; numbers as short as they read back the same."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow([f.column for f in columns.values()])
-        writer.writerows(
-            [format(c, ".15g") if isinstance(c, float) and float(format(c, ".15g")) == c else c for c in row]
-            for row in cells
-        )
+        text = f"{shown(cell)} is not allowed; it must be {f.expected()}."
+        raise CaseError(f"{path} row {line}, column {f.column}: {text}") from None

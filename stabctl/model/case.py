@@ -1,109 +1,58 @@
 """A power system as frozen tables, in the units of its files; every case that exists is a valid one.
 
-Network per-unit values stand on the case's `base_mva`, machine and control values on the machine's own `base_mva`.
-Conversion to the units of the equations happens once, in `network.grid` and `build.plant`.
+Per-unit values of the network are on the case's `base_mva`, those of machines and controls on the machine's own `base`.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields, replace
-from types import MappingProxyType
-from typing import Annotated, Any, Literal, NamedTuple
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any
 
 from stabctl._util.verbs import verb
-from stabctl.devices.machines import gencls
-from stabctl.errors import StudyError
-from stabctl.schema import NOT_NEGATIVE, POSITIVE, RATIO, SHARE, Range
+from stabctl.errors import StudyError, shown
 
-from . import checks
+from . import catalog, checks, keys
+from .tables import TABLES, Branch, Bus, Link, Load, Machine, Storage
 
-Characteristic = Literal["power", "current", "conductance"]
-
-
-class Bus(NamedTuple):
-    """A bus and its shunt."""
-
-    bus: Annotated[int, "-", "bus number", POSITIVE]
-    kind: Annotated[Literal["swing", "pv", "pq"], "-", "role in the load flow"]
-    v: Annotated[float, "pu", "voltage set-point (swing, pv), first guess (pq)", RATIO] = 1.0
-    angle: Annotated[float, "deg", "angle of the swing bus; elsewhere a first guess"] = 0.0
-    g: Annotated[float, "MW", "shunt conductance, consumption at 1 pu"] = 0.0
-    b: Annotated[float, "Mvar", "shunt susceptance, production at 1 pu"] = 0.0
-    rated: Annotated[float, "kV", "rated voltage, for the reader", NOT_NEGATIVE] = 0.0
-
-
-class Branch(NamedTuple):
-    """A line or transformer circuit; the tap stands on the from side."""
-
-    from_bus: Annotated[int, "-", "bus number"]
-    to_bus: Annotated[int, "-", "bus number"]
-    r: Annotated[float, "pu", "series resistance"]
-    x: Annotated[float, "pu", "series reactance (negative: series capacitor)"]
-    b: Annotated[float, "pu", "total charging susceptance"] = 0.0
-    tap: Annotated[float, "-", "turns ratio on the from side (1: a line)", RATIO] = 1.0
-    phase: Annotated[float, "deg", "angle by which the from side leads"] = 0.0
-
-
-class Machine(NamedTuple):
-    """A synchronous machine: where it stands, what it produces, where its storage belongs."""
-
-    machine: Annotated[int, "-", "machine number", POSITIVE]
-    bus: Annotated[int, "-", "terminal bus"]
-    base: Annotated[float, "MVA", "machine base", Range(1e-6)]
-    p: Annotated[float, "MW", "dispatched power (at the swing bus a first guess)"]
-    storage_bus: Annotated[int, "-", "bus of its storage device: high-voltage side, or terminal where there is none"]
-
-
-class Load(NamedTuple):
-    """A load; what is neither constant power nor constant current is constant admittance."""
-
-    bus: Annotated[int, "-", "bus number"]
-    p: Annotated[float, "MW", "active power (negative: infeed)"]
-    q: Annotated[float, "Mvar", "reactive power"]
-    p_power: Annotated[float, "-", "share of p that is constant power", SHARE] = 0.0
-    q_power: Annotated[float, "-", "share of q that is constant power", SHARE] = 0.0
-    p_current: Annotated[float, "-", "share of p that is constant current", SHARE] = 0.0
-    q_current: Annotated[float, "-", "share of q that is constant current", SHARE] = 0.0
-    v_low: Annotated[float, "pu", "voltage below which the load is an admittance", POSITIVE] = 0.5
-
-
-class Link(NamedTuple):
-    """An HVDC link, seen as constant-current injections at its terminals."""
-
-    link: Annotated[str, "-", "name"]
-    from_bus: Annotated[int, "-", "rectifier bus"]
-    to_bus: Annotated[int, "-", "inverter bus"]
-    p: Annotated[float, "MW", "power taken at the rectifier"]
-    loss: Annotated[float, "MW", "power lost on the way"] = 0.0
-
-
-class Storage(NamedTuple):
-    """An energy storage device (ESD) that belongs to a machine; the defaults are the paper's ideal device."""
-
-    machine: Annotated[int, "-", "machine whose speed it follows"]
-    bus: Annotated[int, "-", "bus it is connected to"]
-    rating: Annotated[float, "MW", "largest power, at 1 pu voltage", NOT_NEGATIVE]
-    characteristic: Annotated[Characteristic, "-", "power against voltage"] = "power"
-    energy: Annotated[float, "MWh", "energy it can hold (0: unlimited)", NOT_NEGATIVE] = 0.0
-    charge: Annotated[float, "-", "state of charge at the start", SHARE] = 0.5
-    ramp: Annotated[float, "MW/s", "largest change of power (0: unlimited)", NOT_NEGATIVE] = 0.0
-    lag: Annotated[float, "s", "time constant from order to power", NOT_NEGATIVE] = 0.0
-    efficiency: Annotated[float, "-", "of the round trip", Range(0.01, 1.0)] = 1.0
-
-
-TABLES: Mapping[str, type] = MappingProxyType(
-    {"buses": Bus, "branches": Branch, "machines": Machine, "loads": Load, "links": Link, "storage": Storage}
-)
+if TYPE_CHECKING:
+    from .powerflow import PowerFlow
 
 
 @dataclass(frozen=True, repr=False)
 class Case:
-    """A power system. Making one checks it: `CaseError` names table, row, column, value and what is allowed."""
+    """A power system. Cases do not change: every method that edits one returns a new, checked case.
+
+    Parameters
+    ----------
+    name : str
+        Name of the case.
+    buses, branches, machines, loads, links, storage : iterable of Bus, Branch, Machine, Load, Link, Storage
+        The tables.
+    devices : mapping of str to mapping
+        Model name (`genrou`, `pss` ...) to key to parameters. The key is the machine number, for load models the bus
+        number; a second device of a model at machine 2 has the key "2#2".
+    base_mva : float, MVA
+        System base.
+    frequency_hz : float, Hz
+        Rated frequency.
+    title, source : str
+        What the system is, and where its data come from.
+
+    Attributes
+    ----------
+    warnings : tuple of str
+        What is unusual but usable in the data, a sentence each.
+
+    Raises
+    ------
+    CaseError
+        For the first mistake, with table, row, column, value and what is allowed.
+    """
 
     name: str
     buses: tuple[Bus, ...]
     branches: tuple[Branch, ...]
     machines: tuple[Machine, ...]
-    devices: Mapping[str, Mapping[int, Any]]  # model name -> machine number -> its Par
+    devices: Mapping[str, Mapping[keys.Key, Any]]
     loads: tuple[Load, ...] = ()
     links: tuple[Link, ...] = ()
     storage: tuple[Storage, ...] = ()
@@ -114,52 +63,137 @@ class Case:
     warnings: tuple[str, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
-        frozen = {model: MappingProxyType(dict(rows)) for model, rows in self.devices.items() if rows}
-        object.__setattr__(self, "devices", MappingProxyType(frozen))
-        object.__setattr__(self, "warnings", tuple(checks.check(self, TABLES)))
+        for table, record in TABLES.items():
+            object.__setattr__(self, table, checks.values(table, record, getattr(self, table)))
+        object.__setattr__(self, "devices", checks.device_values(self.devices))
+        object.__setattr__(self, "warnings", tuple(checks.check(self)))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        plain = {f.name: getattr(self, f.name) for f in fields(self) if f.init and f.name != "warnings"}
+        plain = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "warnings"}
         return _made, (plain | {"devices": {model: dict(rows) for model, rows in self.devices.items()}},)
+
+    def machine(self, number: int) -> Machine:
+        """The row of a machine. Raises `StudyError` where there is none of that number."""
+        for m in self.machines:
+            if m.machine == number:
+                return m
+        numbers = ", ".join(str(m.machine) for m in self.machines)
+        raise StudyError(f"There is no machine {shown(number)} in {self.name}; its machines are {numbers}.")
+
+    def model(self, number: int, role: str) -> str | None:
+        """Name of the first model with a role ("machine", "exciter" ...) that a machine has; None where it has none."""
+        return next((model for model in catalog.of_role(role) if number in self.devices.get(model, ())), None)
 
     initialize = verb("stabctl.dynamics.coerce:initialize")
     power_flow = verb("stabctl.model.powerflow:solve")
     simulate = verb("stabctl.simulation.simulate:simulate")
     clearing_time = verb("stabctl.clearing:clearing_time")
     screen = verb("stabctl.clearing:screen")
+    modes = verb("stabctl.smallsignal.modes:modes")
     linearize = verb("stabctl.smallsignal:linearize")
     estimate = verb("stabctl.estimation.estimate:estimate")
     place = verb("stabctl.placement.place:place")
 
-    def machine(self, number: int) -> Machine:
-        """The machine of that number; `StudyError` where there is none."""
-        for m in self.machines:
-            if m.machine == number:
-                return m
-        numbers = ", ".join(str(m.machine) for m in self.machines)
-        raise StudyError(f"There is no machine {number} in {self.name}; its machines are {numbers}.")
+    def set(self, path: str | Mapping[str, Any], value: Any = None) -> "Case":
+        """The case with one value changed, as if its file had been edited.
 
-    def model(self, number: int, role_models: Iterable[str]) -> str | None:
-        """Name of the model, one of `role_models`, that the machine has."""
-        return next((m for m in role_models if number in self.devices.get(m, {})), None)
+        Parameters
+        ----------
+        path : str or mapping
+            `table.key.column`: "pss.1.K", "machines.2.p", "loads.7.p", "branches.7-8#2.x", "storage.14@33.rating"; or
+            "frequency_hz", "base_mva", "name", "title", "source". A mapping of paths to values changes all at once.
+        value : float, int or str
+            In the unit of the column, or text with a unit: "50MW", "100ms".
 
-    def with_storage(self, devices: Iterable[Storage]) -> "Case":
-        """The same case with these storage devices; nothing else is checked again."""
+        Raises
+        ------
+        StudyError
+            If the case has no such table, row or column; it names similar ones.
+        CaseError
+            If the case with this value is not a valid one.
+
+        Examples
+        --------
+        >>> case.set("pss.1.K", 10).set("machines.2.p", "0.65GW")
+        """
+        from . import edit
+
+        return edit.changed(self, {path: value} if isinstance(path, str) else path)
+
+    def with_load(
+        self, bus: int, p: str | float | None = None, q: str | float | None = None, **shares: float
+    ) -> "Case":
+        """The case with the load at a bus changed, or with a new load where the bus has none.
+
+        Parameters
+        ----------
+        bus : int
+            Bus number.
+        p, q : float or str
+            Active (MW) and reactive (Mvar) power consumed, or text with a unit. A value left out stays as it is; a new
+            load has 0.
+        **shares : float
+            Other columns of the loads table: `p_power`, `q_power`, `p_current`, `q_current`, `v_low`.
+
+        Raises
+        ------
+        StudyError
+            If the bus does not exist or has several loads.
+        """
+        from . import edit
+
+        return edit.with_load(self, bus, p=p, q=q, **shares)
+
+    def with_storage(
+        self,
+        sizes: str | float | Mapping[int | str, str | float] | Iterable[Storage],
+        flow: "PowerFlow | None" = None,
+        **options: Any,
+    ) -> "Case":
+        """The case with these storage devices in place of its own.
+
+        Parameters
+        ----------
+        sizes : str, float, mapping or iterable of Storage
+            "50MW", "5%mva" or "5%dispatch" (or a number of MW) at every machine's storage bus; at chosen machines
+            "14=50MW,13@33=20MW" or {14: "50MW", "13@33": "20MW"} (13@33: of machine 13, at bus 33); or rows.
+        flow : PowerFlow, optional
+            The power flow that "%dispatch" refers to; solved when it is needed and not given.
+        **options : float or str
+            Other columns of every device: `characteristic`, `energy`, `charge`, `ramp`, `lag`, `efficiency`.
+
+        Raises
+        ------
+        StudyError, CaseError
+            If a machine, bus, size or option is not allowed.
+        """
+        from . import fleet
+
         case = object.__new__(Case)
-        vars(case).update(vars(self), storage=tuple(devices))
-        checks.storage(case, Storage)
+        rows = fleet.devices(self, sizes, flow, options)
+        vars(case).update(vars(self), storage=checks.values("storage", Storage, rows))
+        checks.storage(case)  # nothing else has changed
         return case
 
+    def trip_machine(self, number: int) -> "Case":
+        """The case with a machine out of service from the start, and with it its controls and storage devices.
+
+        Its bus becomes a pq bus where no other machine is connected.
+
+        Raises
+        ------
+        StudyError
+            If there is no such machine, or it is the only one at the swing bus.
+        """
+        from . import edit
+
+        return edit.trip_machine(self, number)
+
     def classical(self) -> "Case":
-        """The same case with every machine a constant voltage behind x'd, without controls (GENCLS)."""
-        rows = {}
-        for m in self.machines:
-            p = self.devices["gencls"][m.machine] if m.machine in self.devices.get("gencls", {}) else None
-            if p is None:
-                full = self.devices["genrou"][m.machine]
-                p = gencls.Par(0.0, 0.0, full.H, full.D, full.ra, full.x1d)
-            rows[m.machine] = p
-        return replace(self, devices={"gencls": rows}, title=f"{self.title}, classical machines")
+        """The case with every machine a constant voltage behind x'd, without controls (GENCLS)."""
+        from . import edit
+
+        return edit.classical(self)
 
     def __str__(self) -> str:
         shape = f"{len(self.machines)} machines, {len(self.buses)} buses, {len(self.branches)} branches"

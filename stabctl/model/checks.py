@@ -1,135 +1,139 @@
-"""Checks of a case: the first mistake is raised with its place, unusual rows are returned as sentences."""
+"""Checks of the tables of a case: the first mistake is raised with its place."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NoReturn
+import math
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
-from stabctl.devices import models
-from stabctl.errors import CaseError
-from stabctl.schema import fields
+from stabctl._util.validation import Invalid, checked
+from stabctl.errors import CaseError, shown
+
+from . import catalog, device_checks
+from .mistake import RowError
 
 if TYPE_CHECKING:
     from .case import Case
 
-
-LARGEST = 1e12  # beyond it numbers are taken for mistakes
-LEAST_IMPEDANCE = 1e-9  # pu
+LEAST_IMPEDANCE = 1e-9  # pu on 100 MVA
 
 
-def fail(table: str, row: int, column: str, text: str) -> NoReturn:
-    """Raise a `CaseError` at a row (0 is the first below the header) and column of a table."""
-    error = CaseError(f"{table}.csv row {row + 2}, column {column}: {text}")
-    error.table, error.row, error.column, error.text = table, row, column, text
-    raise error
+def values(table: str, record: type, rows: Sequence[Any]) -> tuple[Any, ...]:
+    """The rows with every value of the right kind, finite and within its limits. Raises `RowError`."""
+    for row in rows:
+        if not isinstance(row, record):
+            raise CaseError(f"{table}: {shown(row)} is not a row; make it with {record.__name__}(...).")
+    try:
+        return checked(record, rows)
+    except Invalid as fault:
+        text = f"{shown(fault.value)} is not allowed; it must be {fault.expected}."
+        raise RowError(table, fault.row, fault.field.column, text) from None
 
 
-def check(case: "Case", tables: Mapping[str, type]) -> Iterator[str]:
-    """Raise the first mistake of the case (`tables`: its tables and their records); yield sentences on the unusual."""
-    for quantity in ("base_mva", "frequency_hz"):
-        value = getattr(case, quantity)
-        if not (isinstance(value, int | float) and 1e-6 <= value <= 1e9):
+def device_values(devices: Mapping[str, Mapping[Any, Any]]) -> Mapping[str, Mapping[Any, Any]]:
+    """The device tables with every value allowed, frozen; a table without rows is left out. Raises `RowError`."""
+    found = {}
+    for model, rows in devices.items():
+        if model not in catalog.models():
             raise CaseError(
-                f"case.toml, {quantity}: {_short(value)} is not allowed; it must be a number from 1e-6 to 1e9."
+                f"{model}.csv: there is no device model {model!r}; known are {', '.join(catalog.models())}."
             )
-    if not _text(case.name):
-        raise CaseError(f"case.toml, name: {case.name!r} is not allowed; it must be a text of one line.")
-    for name, record in tables.items():
-        if name != "storage":
-            _values(name, record, getattr(case, name))
-    for name in ("buses", "machines"):
-        if not getattr(case, name):
-            raise CaseError(f"{name}.csv: the table has no row; a case needs at least one.")
+        if rows:
+            record = catalog.models()[model].Par
+            found[model] = MappingProxyType(dict(zip(rows, values(model, record, tuple(rows.values())), strict=True)))
+    return MappingProxyType(found)
+
+
+def check(case: "Case") -> Iterator[str]:
+    """Raise the first mistake in a case whose values are allowed; yield a sentence for everything unusual."""
+    _about(case)
+    for table in ("buses", "machines"):
+        if not getattr(case, table):
+            raise CaseError(f"{table}.csv: the table has no row; a case needs at least one.")
     _unique("buses", "bus", [b.bus for b in case.buses])
     _unique("machines", "machine", [m.machine for m in case.machines])
     _unique("links", "link", [k.link for k in case.links])
-    _buses(case)
+    _references(case)
+    _kinds(case)
     _branches(case)
     _loads(case)
-    yield from _devices(case)
-    storage(case, tables["storage"])
+    yield from device_checks.check(case)
+    storage(case)
     _connected(case)
 
 
-def storage(case: "Case", record: type) -> None:
-    """Raise the first mistake in the storage devices (their record) of a case that is sound otherwise."""
-    _values("storage", record, case.storage)
-    buses, numbers = {b.bus for b in case.buses}, {m.machine for m in case.machines}
+def storage(case: "Case") -> None:
+    """Raise the first storage device whose bus or machine does not exist."""
+    buses, machines = {b.bus for b in case.buses}, {m.machine for m in case.machines}
     for i, s in enumerate(case.storage):
         if s.bus not in buses:
-            fail("storage", i, "bus", f"there is no bus {s.bus}; name a bus of buses.csv.")
-        if s.machine not in numbers:
-            fail("storage", i, "machine", f"there is no machine {s.machine}; name a machine of machines.csv.")
+            raise RowError("storage", i, "bus", f"there is no bus {s.bus} in buses.csv.")
+        if s.machine not in machines:
+            raise RowError("storage", i, "machine", f"there is no machine {s.machine} in machines.csv.")
 
 
-def _values(table: str, record: type, rows: Sequence[Any]) -> None:
-    """Every value of the right kind, finite and within its range."""
-    for f in fields(record).values():
-        for i, row in enumerate(rows):
-            value = getattr(row, f.name)
-            good = value in f.choices if f.choices else _text(value) if f.kind is str else _number(value, f)
-            if not good:
-                large = isinstance(value, int | float) and abs(value) > LARGEST
-                limit = f" of at most {LARGEST:g} in size" if large else ""
-                fail(table, i, f.column, f"{_short(value)} is not allowed; it must be {f.expected()}{limit}.")
+def _about(case: "Case") -> None:
+    """The entries of case.toml."""
+    for name in ("base_mva", "frequency_hz"):
+        value = getattr(case, name)
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not (number and 1e-6 <= value <= 1e9):
+            raise CaseError(f"case.toml, {name}: {shown(value)} is not allowed; it must be a number from 1e-6 to 1e9.")
+    if not (isinstance(case.name, str) and case.name.isprintable()):
+        raise CaseError(f"case.toml, name: {shown(case.name)} is not allowed; it must be text of one line.")
 
 
-def _short(value: object) -> str:
-    text = repr(value)
-    return text if len(text) < 40 else text[:36] + "..."
-
-
-def _text(value: object) -> bool:
-    return isinstance(value, str) and value.isprintable()
-
-
-def _number(value: object, f: Any) -> bool:
-    whole = isinstance(value, int) and not isinstance(value, bool)
-    kind = whole if f.kind is int else whole or isinstance(value, float)
-    return kind and -LARGEST <= value <= LARGEST and value in f.allowed
-
-
-def _unique(table: str, column: str, keys: Sequence[object]) -> None:
-    seen: dict[object, int] = {}
+def _unique(table: str, column: str, keys: Sequence[Hashable]) -> None:
+    seen: dict[Hashable, int] = {}
     for i, key in enumerate(keys):
         if key in seen:
-            fail(table, i, column, f"{column} {key} stands already in row {seen[key] + 2}; each may stand once.")
+            what = "names" if isinstance(key, str) else "numbers"
+            text = f"{column} {key} appears twice ({{rows}}); {column} {what} must be unique."
+            raise RowError(table, i, column, text, seen[key])
         seen[key] = i
 
 
-def _buses(case: "Case") -> None:
-    """Every bus that is named exists; one bus swings, and it has a machine, as every pv bus has."""
+def _references(case: "Case") -> None:
+    """Every bus that is named exists."""
     known = {b.bus for b in case.buses}
-    places = (
-        ("branches", case.branches, ("from_bus", "to_bus")),
-        ("machines", case.machines, ("bus", "storage_bus")),
-        ("loads", case.loads, ("bus",)),
-        ("links", case.links, ("from_bus", "to_bus")),
-    )
-    for table, rows, columns in places:
-        for i, row in enumerate(rows):
-            for column in columns:
-                if getattr(row, column) not in known:
-                    fail(table, i, column, f"there is no bus {getattr(row, column)}; name a bus of buses.csv.")
-    swings = [i for i, b in enumerate(case.buses) if b.kind == "swing"]
-    if not swings:
-        raise CaseError("buses.csv, column kind: no bus is the swing bus; exactly one must be.")
-    if len(swings) > 1:
-        first = case.buses[swings[0]].bus
-        fail("buses", swings[1], "kind", f"bus {first} is the swing bus already; exactly one bus may be.")
-    driven = {m.bus for m in case.machines}
+    columns = {
+        "branches": ("from_bus", "to_bus"),
+        "machines": ("bus", "storage_bus"),
+        "loads": ("bus",),
+        "links": ("from_bus", "to_bus"),
+    }
+    for table, names in columns.items():
+        for i, row in enumerate(getattr(case, table)):
+            for name in names:
+                if getattr(row, name) not in known:
+                    raise RowError(table, i, name, f"there is no bus {getattr(row, name)} in buses.csv.")
+
+
+def _kinds(case: "Case") -> None:
+    """One bus is the swing bus; the swing and pv buses are those with machines."""
+    swing = [i for i, b in enumerate(case.buses) if b.kind == "swing"]
+    if not swing:
+        raise CaseError("buses.csv, column kind: there is no swing bus; make one bus with a machine the swing bus.")
+    if len(swing) > 1:
+        first, second = (case.buses[i].bus for i in swing[:2])
+        text = f"buses {first} and {second} are both swing buses ({{rows}}); keep exactly one."
+        raise RowError("buses", swing[1], "kind", text, swing[0])
+    at_machines = {m.bus for m in case.machines}
     for i, b in enumerate(case.buses):
-        if b.kind != "pq" and b.bus not in driven:
-            fail("buses", i, "kind", f"{b.kind!r} bus {b.bus} has no machine; it must be pq.")
-        if b.kind == "pq" and b.bus in driven:
-            fail("buses", i, "kind", f"bus {b.bus} has a machine; it must be pv or swing, not pq.")
+        if b.kind != "pq" and b.bus not in at_machines:
+            raise RowError("buses", i, "kind", f"bus {b.bus} is a {b.kind} bus but has no machine; make it pq.")
+        if b.kind == "pq" and b.bus in at_machines:
+            raise RowError("buses", i, "kind", f"bus {b.bus} has a machine; make it pv or swing, not pq.")
 
 
 def _branches(case: "Case") -> None:
+    least = LEAST_IMPEDANCE * case.base_mva / 100
     for i, k in enumerate(case.branches):
-        if abs(complex(k.r, k.x)) < LEAST_IMPEDANCE:
-            text = f"has no impedance; r or x must be at least {LEAST_IMPEDANCE:g} pu in size."
-            fail("branches", i, "x_pu", f"branch {k.from_bus}-{k.to_bus} {text}")
+        if math.hypot(k.r, k.x) < least:
+            text = f"branch {k.from_bus}-{k.to_bus} has no impedance; r or x must be at least {least:g} pu in size."
+            raise RowError("branches", i, "x_pu", text)
         if k.from_bus == k.to_bus:
-            fail("branches", i, "to_bus", f"branch {k.from_bus}-{k.to_bus} ends where it starts; name two buses.")
+            text = f"branch {k.from_bus}-{k.to_bus} connects a bus to itself; name two different buses."
+            raise RowError("branches", i, "to_bus", text)
 
 
 def _loads(case: "Case") -> None:
@@ -137,57 +141,17 @@ def _loads(case: "Case") -> None:
         for part in "pq":
             total = getattr(load, f"{part}_power") + getattr(load, f"{part}_current")
             if total > 1 + 1e-9:
-                fail("loads", i, f"{part}_current", f"shares of {part} sum to {total:g}; they must not exceed 1.")
-
-
-def _devices(case: "Case") -> Iterator[str]:
-    """Parameters in range; one machine model each; controls that belong to the machine and to each other."""
-    numbers = {m.machine for m in case.machines}
-    has: dict[tuple[int, str], str] = {}
-    for model, rows in case.devices.items():
-        if model not in models():
-            raise CaseError(f"{model}.csv: there is no such device; known are {', '.join(models())}.")
-        device, table = models()[model], list(rows.items())
-        _values(model, device.Par, [par for _, par in table])
-        for i, (number, par) in enumerate(table):
-            if number not in numbers:
-                fail(model, i, "machine", f"there is no machine {number}; name a machine of machines.csv.")
-            if (number, device.ROLE) in has:
-                other = has[number, device.ROLE]
-                fail(model, i, "machine", f"machine {number} has its {device.ROLE} in {other}.csv already; keep one.")
-            has[number, device.ROLE] = model
-            columns = {f.name: f.column for f in fields(device.Par).values()}
-            for name, column in columns.items():
-                top = name[:-3] + "max"
-                if name.endswith("min") and top in columns and getattr(par, name) > getattr(par, top):
-                    fail(model, i, column, f"{getattr(par, name):g} is above {top} = {getattr(par, top):g}.")
-            for name, text in getattr(par, "errors", tuple)():
-                fail(model, i, columns[name], f"{getattr(par, name):g} of machine {number} {text}.")
-            for name, text in getattr(par, "warnings", tuple)():
-                value = getattr(par, name)
-                yield f"{model}.csv row {i + 2}, column {columns[name]}: {value:g} of machine {number} {text}."
-    for i, m in enumerate(case.machines):
-        if (m.machine, "machine") not in has:
-            fail("machines", i, "machine", f"machine {m.machine} has no row in genrou.csv or gencls.csv; give it one.")
-    for model, rows in case.devices.items():
-        for i, number in enumerate(rows):
-            role = models()[model].ROLE
-            if role == "exciter" and has[number, "machine"] == "gencls":
-                fail(model, i, "machine", f"machine {number} is classical (gencls.csv) and takes no exciter.")
-            if role == "stabilizer" and (number, "exciter") not in has:
-                fail(model, i, "machine", f"machine {number} has no exciter for its stabilizer to act on.")
+                text = f"the shares {part}_power and {part}_current add up to {total:g}; they must not exceed 1."
+                raise RowError("loads", i, f"{part}_current", text)
 
 
 def _connected(case: "Case") -> None:
-    """Every bus is reached from the swing bus."""
-    neighbors: dict[int, list[int]] = {b.bus: [] for b in case.buses}
-    for k in case.branches:
-        neighbors[k.from_bus].append(k.to_bus)
-        neighbors[k.to_bus].append(k.from_bus)
-    reached = {next(b.bus for b in case.buses if b.kind == "swing")}
-    front = list(reached)
-    while front:
-        front = [n for bus in front for n in neighbors[bus] if n not in reached and not reached.add(n)]
+    """Every bus is connected to the swing bus."""
+    from . import network
+
+    island = network.islands(network.build(case))
+    swing = next(i for i, b in enumerate(case.buses) if b.kind == "swing")
     for i, b in enumerate(case.buses):
-        if b.bus not in reached:
-            fail("buses", i, "bus", f"bus {b.bus} is cut off from the swing bus; connect it by a branch or remove it.")
+        if island[i] != island[swing]:
+            text = f"bus {b.bus} is not connected to the swing bus; add a branch or remove the bus."
+            raise RowError("buses", i, "bus", text)

@@ -1,55 +1,115 @@
 """Fleets of storage devices: one at every machine's storage bus, or at the machines chosen."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from numbers import Real
 from typing import Any
 
-from stabctl.errors import StudyError
-from stabctl.units import size
+from stabctl.errors import StudyError, shown
+from stabctl.schema import fields
+from stabctl.units import quantity, rating
 
-from . import powerflow
-from .case import Case, Machine, Storage
+from . import keys, powerflow
+from .case import Case
 from .powerflow import PowerFlow
+from .tables import Machine, Storage
 
-_AT = re.compile(r"^\s*(\d+)(?:@(\d+))?\s*=\s*(.+)$")
+_PLACE = re.compile(r"\s*([0-9]{1,18})(?:@([0-9]{1,18}))?\s*")
+
+Fleet = str | float | Mapping[int | str, str | float] | Iterable[Storage] | Storage
 
 
-def everywhere(case: Case, rating: str, flow: PowerFlow | None = None, **options: Any) -> tuple[Storage, ...]:
-    """A device of `rating` (50MW, 5%mva, 5%dispatch) at every machine's storage bus; options as fields of `Storage`."""
-    return tuple(_device(case, m, rating, flow, m.storage_bus, options) for m in case.machines)
+def devices(
+    case: Case, sizes: Fleet, flow: PowerFlow | None = None, options: Mapping[str, Any] | None = None
+) -> tuple[Storage, ...]:
+    """The storage devices that a user asks for.
+
+    Parameters
+    ----------
+    case : Case
+        The system.
+    sizes : str, float, mapping or iterable of Storage
+        "50MW" at every machine, "14=50MW,13@33=5%mva" or {14: "50MW"} at chosen ones, rows, or "none".
+    flow : PowerFlow, optional
+        The power flow that "%dispatch" refers to.
+    options : mapping, optional
+        Other columns of every device, as numbers or text with a unit.
+
+    Raises
+    ------
+    StudyError
+        If a machine, bus, size or option does not exist or cannot be read.
+    """
+    given = _options(options or {})
+    if isinstance(sizes, str) and sizes.strip() == "none":
+        return ()
+    if isinstance(sizes, Mapping) or (isinstance(sizes, str) and "=" in sizes):
+        return chosen(case, sizes, flow, **given)
+    if isinstance(sizes, str | Real):
+        return everywhere(case, sizes, flow, **given)
+    rows = (sizes,) if isinstance(sizes, Storage) else tuple(sizes) if isinstance(sizes, Iterable) else (None,)
+    if not all(isinstance(s, Storage) for s in rows):
+        raise StudyError(
+            f"{shown(sizes, 100)} is not a fleet of storage devices; give '50MW' at every machine, "
+            "'14=50MW,13@33=20MW', {14: '50MW'}, or rows of Storage."
+        )
+    return tuple(s._replace(**given) for s in rows)
+
+
+def everywhere(case: Case, size: str | float, flow: PowerFlow | None = None, **options: Any) -> tuple[Storage, ...]:
+    """A device of one size (50MW, 5%mva, 5%dispatch) at every machine's storage bus."""
+    given = _options(options)
+    return tuple(Storage(m.machine, m.storage_bus, megawatts(case, m, size, flow), **given) for m in case.machines)
 
 
 def chosen(
-    case: Case, ratings: str | Mapping[int, str], flow: PowerFlow | None = None, **options: Any
+    case: Case, sizes: str | Mapping[int | str, str | float], flow: PowerFlow | None = None, **options: Any
 ) -> tuple[Storage, ...]:
-    """Devices at the machines named, `14=50MW,13@33=20MW`: machine, its bus where it is not the storage bus, rating."""
-    if not isinstance(ratings, str):
-        ratings = ",".join(f"{machine}={rating}" for machine, rating in ratings.items())
-    devices: list[Storage] = []
-    for part in ratings.split(","):
-        match = _AT.match(part)
+    """Devices at the machines named, `14=50MW,13@33=20MW`: machine, bus where it is not the storage bus, size."""
+    given = _options(options)
+    found: list[Storage] = []
+    for place, size in sizes.items() if isinstance(sizes, Mapping) else map(_split, sizes.split(",")):
+        match = _PLACE.fullmatch(str(place))
         if not match:
-            raise StudyError(f"{part!r} does not place a storage device; write it as 14=50MW or 14@33=50MW.")
+            raise StudyError(f"{place!r} is not a place of a storage device; write 14=50MW, or 14@33=50MW at bus 33.")
         machine = case.machine(int(match[1]))
         bus = int(match[2]) if match[2] else machine.storage_bus
-        if bus not in {b.bus for b in case.buses}:
-            raise StudyError(f"There is no bus {bus} in {case.name} for the storage of machine {machine.machine}.")
-        if any((d.machine, d.bus) == (machine.machine, bus) for d in devices):
+        keys.row(case, "buses", bus)
+        if any((s.machine, s.bus) == (machine.machine, bus) for s in found):
             raise StudyError(f"Machine {machine.machine} has two storage devices at bus {bus}; give it one.")
-        devices.append(_device(case, machine, match[3], flow, bus, options))
-    return tuple(devices)
+        found.append(Storage(machine.machine, bus, megawatts(case, machine, size, flow), **given))
+    return tuple(found)
 
 
-def megawatts(case: Case, machine: Machine, rating: str, flow: PowerFlow | None = None) -> float:
-    """A rating (50MW, 5%mva, 5%dispatch) at a machine of the case, MW; `StudyError` where it is none."""
-    value, unit = size(rating)
+def megawatts(case: Case, machine: Machine, size: str | float, flow: PowerFlow | None = None) -> float:
+    """A size (50MW, 5%mva, 5%dispatch, a number of MW) at a machine of the case, MW.
+
+    Percent of dispatch are of the power in the power flow `flow`, which is solved where it is not given; of a machine
+    that consumes power they are 0. Raises `StudyError` where it is not a size.
+    """
+    value, unit = rating(size)
     if unit == "%mva":
-        value *= machine.base / 100
-    elif unit == "%dispatch":
+        return value * machine.base / 100
+    if unit == "%dispatch":
         flow = flow or powerflow.solve(case)
-        value *= max(flow.S[case.machines.index(machine)].real, 0.0) * case.base_mva / 100
+        return value * max(float(flow.S[case.machines.index(machine)].real), 0.0) * case.base_mva / 100
     return value
 
 
-def _device(case: Case, m: Machine, rating: str, flow: PowerFlow | None, bus: int, options: dict[str, Any]) -> Storage:
-    return Storage(m.machine, bus, megawatts(case, m, rating, flow), **options)
+def _split(part: str) -> tuple[str, str]:
+    place, equals, size = part.partition("=")
+    if not equals:
+        raise StudyError(f"{part!r} does not place a storage device; write it as 14=50MW or 14@33=50MW.")
+    return place, size
+
+
+def _options(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Columns of a device, text with a unit as the number it means."""
+    known = {name: f for name, f in fields(Storage).items() if name not in ("machine", "bus", "rating")}
+    for name in options:
+        if name not in known:
+            raise StudyError(f"A storage device has no option {name!r}; {keys.near(name, known)}")
+    return {
+        name: quantity(value, known[name].unit) if isinstance(value, str) and known[name].kind is float else value
+        for name, value in options.items()
+    }

@@ -9,30 +9,51 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
 
 from .case import Case
 
-BOLTED = 1e9  # MVA at rated voltage   admittance of a fault without impedance
+BOLTED = 1e9  # MVA at 1 pu voltage   admittance of a fault without impedance (1e7 pu on 100 MVA)
 
 
 class Network(NamedTuple):
-    """The network of a case: numbers of its buses, and everything in pu on the system base."""
+    """The network of a case, in pu on the system base.
+
+    Attributes
+    ----------
+    numbers : tuple of int
+        Bus number of every row of the admittance matrix.
+    place : mapping of int to int
+        Row of every bus number.
+    frm, to : ndarray of int, (branches)
+        Rows of the buses at the ends of every branch.
+    z : ndarray of complex, (branches), pu
+        Series impedance.
+    charging : ndarray, (branches), pu
+        Total charging susceptance.
+    ratio : ndarray of complex, (branches)
+        Turns ratio; the from side leads by its angle.
+    shunt : ndarray of complex, (buses), pu
+        Admittance of the bus shunts.
+    machine_bus : ndarray of int, (machines)
+        Row of the bus of every machine.
+    """
 
     numbers: tuple[int, ...]
-    place: Mapping[int, int]  # bus number -> row of the matrix
-    frm: np.ndarray  # (branches) rows
+    place: Mapping[int, int]
+    frm: np.ndarray
     to: np.ndarray
-    z: np.ndarray  # (branches) series impedance, pu
-    charging: np.ndarray  # (branches) total susceptance, pu
-    ratio: np.ndarray  # (branches) complex turns ratio; the from side leads by its angle
-    shunt: np.ndarray  # (buses) complex admittance, pu
-    machine_bus: np.ndarray  # (machines) rows
+    z: np.ndarray
+    charging: np.ndarray
+    ratio: np.ndarray
+    shunt: np.ndarray
+    machine_bus: np.ndarray
 
 
 class BranchState(NamedTuple):
     """What has happened to a branch."""
 
-    fault_at: float | None = None  # -   from its from end (0) to its to end (1)
+    fault_at: float | None = None  # fraction of its length from the from end; None: no fault
     fault_admittance: complex = 0j  # pu
     from_closed: bool = True
     to_closed: bool = True
@@ -42,13 +63,13 @@ INTACT = BranchState()
 
 
 class Switching(NamedTuple):
-    """Everything that has happened to a network; the default is nothing. Rows are those of the case's tables."""
+    """Everything that has happened to a network, nothing by default. Rows are those of the case's tables."""
 
     branches: tuple[tuple[int, BranchState], ...] = ()  # row of the branch, its state
     faults: tuple[tuple[int, complex], ...] = ()  # row of the bus, fault admittance, pu
     shunts: tuple[tuple[int, complex], ...] = ()  # row of the bus, admittance switched in, pu
     tripped: frozenset[int] = frozenset()  # rows of machines
-    loads: tuple[tuple[int, complex], ...] = ()  # row of the bus, power added at its load-flow voltage, pu
+    loads: tuple[tuple[int, complex], ...] = ()  # row of the bus, power added at its power-flow voltage, pu
 
     @property
     def faulted(self) -> bool:
@@ -62,7 +83,7 @@ UNSWITCHED = Switching()
 
 
 def build(case: Case) -> Network:
-    """The network of a case in pu and radians."""
+    """The network of a case in pu on the system base, angles in radians."""
     place = {b.bus: i for i, b in enumerate(case.buses)}
     rows = case.branches
 
@@ -83,10 +104,24 @@ def build(case: Case) -> Network:
 
 
 def two_port(z: complex, charging: float, state: BranchState = INTACT) -> np.ndarray:
-    """Admittance (2, 2) of a branch seen from its ends, its turns ratio left out.
+    """Admittance of a pi-section branch seen from its ends, without its turns ratio.
 
-    A fault splits the branch into sections of f and 1 - f of its length with the fault's admittance between them; an
-    open end and the fault point are then eliminated. Open at both ends, it is gone.
+    A fault splits the branch into sections of f and 1 - f of its length, with the fault admittance between them; an
+    open end and the fault point are then eliminated (Kron reduction).
+
+    Parameters
+    ----------
+    z : complex, pu
+        Series impedance.
+    charging : float, pu
+        Total charging susceptance.
+    state : BranchState
+        Fault and open ends.
+
+    Returns
+    -------
+    ndarray of complex, (2, 2), pu
+        Zero where both ends are open.
     """
     f, end = state.fault_at, [0.0, 1.0]
     points = end if f is None or f in end else [0.0, f, 1.0]
@@ -108,7 +143,20 @@ def two_port(z: complex, charging: float, state: BranchState = INTACT) -> np.nda
 
 
 def admittance(net: Network, switching: Switching = UNSWITCHED) -> sp.csc_matrix:
-    """Bus admittance matrix (pu) of branches and shunts; machines and loads are not in it."""
+    """Bus admittance matrix of branches and shunts.
+
+    Parameters
+    ----------
+    net : Network
+        The intact network.
+    switching : Switching
+        Faults, open circuits and shunts.
+
+    Returns
+    -------
+    scipy.sparse.csc_matrix of complex, (buses, buses), pu
+        Machines and loads are not in it.
+    """
     y, half = 1 / net.z, 0.5j * net.charging
     ports = np.array([[y + half, -y], [-y, y + half]])
     for k, state in switching.branches:
@@ -125,9 +173,7 @@ def admittance(net: Network, switching: Switching = UNSWITCHED) -> sp.csc_matrix
 
 
 def islands(net: Network, switching: Switching = UNSWITCHED) -> np.ndarray:
-    """Number of the island of every bus, counted from 0; branches closed at both ends connect."""
-    from scipy.sparse.csgraph import connected_components
-
+    """Island of every bus (buses, int, from 0); branches closed at both ends connect."""
     closed = np.ones(len(net.frm), bool)
     for k, state in switching.branches:
         closed[k] = state.from_closed and state.to_closed

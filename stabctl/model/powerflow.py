@@ -1,6 +1,7 @@
-"""Load flow by Newton's method in polar coordinates, sparse."""
+"""Power flow by Newton's method in polar coordinates, sparse."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -8,48 +9,101 @@ from scipy.sparse.linalg import splu
 
 from stabctl.errors import PowerFlowError
 
-from . import network
+from . import keys, network
 from .case import Case
 
-TOLERANCE = 1e-10  # pu   largest power mismatch
+if TYPE_CHECKING:
+    import pandas as pd
+
+TOLERANCE = 1e-8  # MVA   largest power mismatch (1e-10 pu on 100 MVA)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class PowerFlow:
-    """A solved load flow: voltages of the buses and power of the machines, pu on the system base, in table order."""
+    """A solved power flow. Values per bus, machine and branch are in the order of the case's tables.
+
+    Attributes
+    ----------
+    case : Case
+        The system.
+    V : ndarray of complex, (buses), pu
+        Bus voltages.
+    S : ndarray of complex, (machines), pu on the system base
+        Power produced by every machine.
+    iterations : int
+        Newton steps.
+    """
 
     case: Case
-    V: np.ndarray  # (buses) complex, pu
-    S: np.ndarray  # (machines) complex, pu   power produced
+    V: np.ndarray
+    S: np.ndarray
     iterations: int
 
     @property
     def branch_power(self) -> np.ndarray:
-        """Complex power (branches, 2) that enters every branch at its from and its to end, pu, in table order.
+        """Power that enters every branch at its from end and at its to end (branches, 2), complex, pu.
 
-        The sum over both ends is what the branch loses, its charging included.
+        The sum over both ends is what the branch consumes, its charging included.
         """
         net = network.build(self.case)
         frm, to = self.V[net.frm] / net.ratio, self.V[net.to]
         through, half = (frm - to) / net.z, 0.5j * net.charging
         return np.stack([frm * (through + half * frm).conj(), to * (half * to - through).conj()], axis=1)
 
+    @property
+    def df(self) -> "pd.DataFrame":
+        """Buses: voltage, angle, and the MW and Mvar of machines and of loads (with HVDC terminals)."""
+        import pandas as pd
+
+        base, net = self.case.base_mva, network.build(self.case)
+        made, drawn = np.zeros(len(self.V), complex), demand(self.case) * base
+        np.add.at(made, net.machine_bus, self.S * base)
+        columns = {
+            "v_pu": np.abs(self.V),
+            "angle_deg": np.rad2deg(np.angle(self.V)),
+            "p_gen_mw": made.real,
+            "q_gen_mvar": made.imag,
+            "p_load_mw": drawn.real,
+            "q_load_mvar": drawn.imag,
+        }
+        return pd.DataFrame(columns, index=pd.Index(net.numbers, name="bus"))
+
+    @property
+    def branches(self) -> "pd.DataFrame":
+        """Branches by circuit (7-8#2): the MW and Mvar that enter at each end, and the MW lost."""
+        import pandas as pd
+
+        S = self.branch_power * self.case.base_mva
+        columns = {
+            "from_bus": [k.from_bus for k in self.case.branches],
+            "to_bus": [k.to_bus for k in self.case.branches],
+            "p_from_mw": S[:, 0].real,
+            "q_from_mvar": S[:, 0].imag,
+            "p_to_mw": S[:, 1].real,
+            "q_to_mvar": S[:, 1].imag,
+            "loss_mw": S.real.sum(axis=1),
+        }
+        return pd.DataFrame(columns, index=pd.Index(keys.keys(self.case, "branches"), name="circuit", dtype=str))
+
     def __str__(self) -> str:
         low, high = np.abs(self.V).argmin(), np.abs(self.V).argmax()
         number = [b.bus for b in self.case.buses]
         produced = self.S.real.sum() * self.case.base_mva
         return (
-            f"load flow of {self.case.name}: {self.iterations} iterations, {produced:.1f} MW produced, "
+            f"power flow of {self.case.name}: {self.iterations} iterations, {produced:.1f} MW generated, "
             f"voltages from {abs(self.V[low]):.3f} pu (bus {number[low]}) to {abs(self.V[high]):.3f} pu "
             f"(bus {number[high]})"
         )
 
     __repr__ = __str__
 
+    def _repr_html_(self) -> str:
+        return f"<p>{self}</p>{self.df.to_html(float_format='{:.4g}'.format)}"
 
-def demand(case: Case, place: dict[int, int] | None = None) -> np.ndarray:
-    """Complex power (pu) drawn at every bus by loads and HVDC terminals, at load-flow voltage."""
-    place = place or {b.bus: i for i, b in enumerate(case.buses)}
+
+def demand(case: Case) -> np.ndarray:
+    """Power drawn at every bus by loads and HVDC terminals at the power-flow voltage (buses), complex, pu."""
+    place = {b.bus: i for i, b in enumerate(case.buses)}
     S = np.zeros(len(case.buses), complex)
     for load in case.loads:
         S[place[load.bus]] += (load.p + 1j * load.q) / case.base_mva
@@ -60,89 +114,119 @@ def demand(case: Case, place: dict[int, int] | None = None) -> np.ndarray:
 
 
 def solve(case: Case, limit: int = 30) -> PowerFlow:
-    """The load flow of a case, from the voltages in its table or else from a flat start.
+    """Solve the power flow of a case, starting from the voltages in its bus table, or else from a flat start.
 
-    Raises `PowerFlowError`, which names the worst bus, where Newton finds no solution from either.
+    Parameters
+    ----------
+    case : Case
+        The system. Machines at one bus share its reactive power, and at the swing bus the rest of its active power, in
+        proportion to their bases.
+    limit : int
+        Largest number of Newton steps.
+
+    Returns
+    -------
+    PowerFlow
+
+    Raises
+    ------
+    PowerFlowError
+        If no solution is found; it names the bus with the largest power mismatch.
     """
     net = network.build(case)
     Y = network.admittance(net)
-    drawn = demand(case, net.place)
+    drawn = demand(case)
     wanted = -drawn
     for m, bus in zip(case.machines, net.machine_bus, strict=True):
         wanted[bus] += m.p / case.base_mva
     kind = np.array([b.kind for b in case.buses])
-    pv, pq = np.flatnonzero(kind == "pv"), np.flatnonzero(kind == "pq")
+    equations = _Equations(Y, wanted, np.flatnonzero(kind != "swing"), np.flatnonzero(kind == "pq"))
     size, angle = np.array([b.v for b in case.buses]), np.deg2rad([b.angle for b in case.buses])
     flat = np.where(kind == "pq", 1.0, size), np.full(len(kind), angle[kind == "swing"][0])
     try:
-        V, iterations = _newton(case, Y, size, angle, wanted, pv, pq, limit)
+        V, iterations = _newton(case, equations, size, angle, limit)
     except PowerFlowError as as_given:
         try:
-            V, iterations = _newton(case, Y, *flat, wanted, pv, pq, limit)
+            V, iterations = _newton(case, equations, *flat, limit)
         except PowerFlowError:
             raise as_given from None
     injected = V * (Y @ V).conj() + drawn
     return PowerFlow(case, V, _shared(case, net.machine_bus, injected), iterations)
 
 
-def _newton(
-    case: Case,
-    Y: sp.csc_matrix,
-    size: np.ndarray,
-    angle: np.ndarray,
-    wanted: np.ndarray,
-    pv: np.ndarray,
-    pq: np.ndarray,
-    limit: int,
-) -> tuple[np.ndarray, int]:
-    """Voltages (pu) at which the injections are `wanted`, and the steps it took; halved until the mismatch falls."""
-    pvpq = np.r_[pv, pq]
-    worst, iteration = (0, np.inf), 0
+@dataclass(frozen=True)
+class _Equations:
+    """Mismatch of active power at every bus but the swing bus, and of reactive power at the pq buses."""
 
-    def mismatch(size: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
+    Y: sp.csc_matrix
+    wanted: np.ndarray  # (buses) complex, pu   power to be injected
+    p: np.ndarray  # rows of the buses with an active-power equation
+    q: np.ndarray  # rows of the buses with a reactive-power equation
+
+    def mismatch(self, size: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, float]:
+        """The mismatches (pu), and the largest; infinite where a voltage makes no sense."""
         V = size * np.exp(1j * angle)
-        current = Y @ V
-        miss = V * current.conj() - wanted
-        F = np.r_[miss.real[pvpq], miss.imag[pq]]
-        good = np.isfinite(F).all() and (not len(pq) or size[pq].min() > 0)
-        return V, current, miss, F, float(np.abs(F).max(initial=0.0)) if good else np.inf
+        miss = V * (self.Y @ V).conj() - self.wanted
+        F = np.r_[miss.real[self.p], miss.imag[self.q]]
+        good = np.isfinite(F).all() and (not len(self.q) or size[self.q].min() > 0)
+        return F, float(np.abs(F).max(initial=0.0)) if good else np.inf
 
+    def step(self, size: np.ndarray, angle: np.ndarray, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Newton step of voltages (pu) and angles (rad). Raises RuntimeError where the Jacobian is singular."""
+        V = size * np.exp(1j * angle)
+        current, Y, p, q = self.Y @ V, self.Y, self.p, self.q
+        dV, dI, unit = sp.diags(V), sp.diags(current), sp.diags(V / size)
+        da = (1j * dV @ (dI - Y @ dV).conj()).tocsr()
+        dm = (dV @ (Y @ unit).conj() + dI.conj() @ unit).tocsr()
+        J = sp.bmat([[da[p][:, p].real, dm[p][:, q].real], [da[q][:, p].imag, dm[q][:, q].imag]])
+        x = splu(J.tocsc()).solve(-F)
+        d_size, d_angle = np.zeros(len(size)), np.zeros(len(size))
+        d_angle[p], d_size[q] = x[: len(p)], x[len(p) :]
+        return d_size, d_angle
+
+    def per_bus(self, F: np.ndarray) -> np.ndarray:
+        """Size (buses, pu) of the mismatch at every bus."""
+        out = np.zeros(len(self.wanted), complex)
+        out[self.p] += F[: len(self.p)]
+        out[self.q] += 1j * F[len(self.p) :]
+        return np.abs(out)
+
+
+def _newton(
+    case: Case, equations: _Equations, size: np.ndarray, angle: np.ndarray, limit: int
+) -> tuple[np.ndarray, int]:
+    """Voltages (pu) that solve the equations, and the steps it took; a step is halved until the mismatch falls."""
     with np.errstate(all="ignore"):
-        V, current, miss, F, now = mismatch(size, angle)
+        F, now = equations.mismatch(size, angle)
+        iteration = 0
         for iteration in range(limit + 1):
-            if now < TOLERANCE:
-                return V, iteration
+            if now < TOLERANCE / case.base_mva:
+                return size * np.exp(1j * angle), iteration
             if now == np.inf:
                 break
-            worst = pvpq[np.abs(miss[pvpq]).argmax()], np.abs(miss[pvpq]).max()
-            dV, dI, unit = sp.diags(V), sp.diags(current), sp.diags(V / size)
-            da = (1j * dV @ (dI - Y @ dV).conj()).tocsr()
-            dm = (dV @ (Y @ unit).conj() + dI.conj() @ unit).tocsr()
-            J = sp.bmat([[da[pvpq][:, pvpq].real, dm[pvpq][:, pq].real], [da[pq][:, pvpq].imag, dm[pq][:, pq].imag]])
             try:
-                step = splu(J.tocsc()).solve(-F)
+                d_size, d_angle = equations.step(size, angle, F)
             except RuntimeError:
                 break
-            for halving in range(8):
-                tried = size.copy(), angle.copy()
-                tried[1][pvpq] += step[: len(pvpq)] / 2**halving
-                tried[0][pq] += step[len(pvpq) :] / 2**halving
-                V, current, miss, F, then = mismatch(*tried)
+            for share in 0.5 ** np.arange(8):
+                tried = size + share * d_size, angle + share * d_angle
+                G, then = equations.mismatch(*tried)
                 if then < now:
                     break
             else:
                 break
-            (size, angle), now = tried, then
-    (bus, largest), low = worst, int(np.argmin(size))
+            (size, angle), F, now = tried, G, then
+    miss, low = np.nan_to_num(equations.per_bus(F), nan=np.inf), int(np.argmin(size))
+    worst = int(miss.argmax())
     raise PowerFlowError(
-        f"The load flow of {case.name} found no solution in {iteration} steps: nearest to one, power is missed most at "
-        f"bus {case.buses[bus].bus} by {largest * case.base_mva:.4g} MVA, and the voltage is lowest at bus "
-        f"{case.buses[low].bus} with {size[low]:.3g} pu; check their loads, lines and voltages."
+        f"The power flow of {case.name} has no solution, or none was found in {iteration} steps: the largest mismatch "
+        f"is {miss[worst] * case.base_mva:.4g} MVA at bus {case.buses[worst].bus}, the lowest voltage is "
+        f"{size[low]:.3g} pu at bus {case.buses[low].bus}; check the loads, lines and voltages there."
     )
 
 
 def _shared(case: Case, machine_bus: np.ndarray, injected: np.ndarray) -> np.ndarray:
-    """Power (pu) of every machine: dispatched, the bus's remainder shared by machine base."""
+    """Power (pu) of every machine: as scheduled, and the rest of the bus's power shared by machine base."""
     S = np.array([m.p for m in case.machines], complex) / case.base_mva
     base = np.array([m.base for m in case.machines])
     rest, whole = injected.copy(), np.zeros(len(injected))

@@ -47,7 +47,7 @@ def from_screen(found: Screen, hz: float, count: int = COUNT, longer: float = LO
     chosen: dict[int | None, Contingency] = {}
     for pair in found.pairs:
         if pair.cycles and pair.machine not in chosen:
-            chosen[pair.machine] = Contingency(pair.fault, (pair.trip,), longer * pair.cycles / hz)
+            chosen[pair.machine] = Contingency(pair.fault, pair.trip, longer * pair.cycles / hz)
     return tuple(chosen.values())[:count]
 
 

@@ -5,9 +5,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stabctl.clearing.critical_time import BELOW, Trial
-from stabctl.clearing.search import Attempt, search
+from stabctl.clearing import Run, Search, Trial
+from stabctl.clearing.critical_time import BELOW
+from stabctl.clearing.last_stable import last_stable
 from stabctl.controllers import Law
+from stabctl.simulation import contingency as simulated
 from stabctl.simulation.sampled import Sampled
 
 from .siting import Evidence
@@ -34,17 +36,15 @@ def critical(trials: Trials, mw: np.ndarray, k: int, control: Law | Sampled | No
     grid = target / steps
     limit = max(LIMIT, 2 * target)
     point = trials.point.resized(trials.fleet(mw))
-    trial = Trial(point, one.fault, one.trip, law, grid, limit, trials.observed_s, trials.step, trials.criterion)
-    told: dict[int, bool] = {}
+    search = Search(grid, limit, trials.observed_s, trials.step, trials.criterion)
+    trial = Trial(point, simulated.Contingency(one.fault, trip=one.trip), law, search)
 
-    def attempt(j: int) -> Attempt:
+    def attempt(j: int) -> Run:
         trials.count()
-        end = trial.simulate(j).outcome
-        told[j] = end.stable
-        return Attempt(end.stable, end.machine)
+        return trial.attempt(j)
 
-    found = search(attempt, trial.last, steps, 2, max(1, round(BELOW / grid)))
-    stable = told[steps] if steps in told else attempt(steps).stable
+    found = last_stable(attempt, search.last, steps, 2, search.points(BELOW))
+    stable = (found.runs.get(steps) or attempt(steps)).stable
     cycles = None if found.status == "unstable_at_zero" else found.critical * grid
     return Critical(cycles, stable, found.machine)
 
@@ -89,6 +89,6 @@ def energies(trials: Trials, mw: np.ndarray) -> np.ndarray:
     """Energy (candidates, MWh) that every device has to hold: the widest swing of its store over all contingencies."""
 
     def swing(k: int) -> np.ndarray:
-        return np.ptp(trials.run(mw, k).energy, axis=0)
+        return np.ptp(trials.run(mw, k).arrays.energy, axis=0)
 
     return np.max(trials.each(swing), axis=0)

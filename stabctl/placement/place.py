@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from stabctl._util.wording import counted
-from stabctl.clearing.critical_time import check_observed
+from stabctl.clearing import Search as ClearingSearch
 from stabctl.controllers import Law
 from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
@@ -123,7 +123,7 @@ def place(
 
 
 def _check(costs: Costs, sites: int | None, observed_s: float) -> None:
-    check_observed(observed_s)
+    ClearingSearch(observed_s=observed_s)
     for name, value in costs._asdict().items():
         if not 0 <= value < np.inf:
             raise StudyError(f"The cost of {value:g} per {name} is not allowed; it must be at least 0 and finite.")

@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from stabctl._util import cores
-from stabctl.clearing.critical_time import check_observed
+from stabctl.clearing import Search as ClearingSearch
 from stabctl.controllers import BangBang, Law
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.simulation import contingency as simulated
@@ -43,7 +43,7 @@ class Trials:
         workers: int | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> None:
-        check_observed(observed_s)
+        ClearingSearch(observed_s=observed_s)
         self.point, self.contingencies, self.cap, self.law = point, tuple(contingencies), cap, law or BangBang()
         self.observed_s, self.step, self.criterion, self.progress = observed_s, step, criterion, progress
         self._counted, self._lock = [0], Lock()

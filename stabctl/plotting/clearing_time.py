@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from stabctl.clearing.critical_time import Clearing
+from stabctl.clearing import ClearingTime
 
 from .style import COLORS, GRAY, MARKERS, single, subplots
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 LABEL = "critical clearing time (cycles)"
 
 
-def plot(found: Clearing, *, ax: "Axes | None" = None) -> "Axes":
+def plot(found: ClearingTime, *, ax: "Axes | None" = None) -> "Axes":
     """Plot the simulations of a search: how long each fault lasted and how long the system stayed in synchronism.
 
     Parameters

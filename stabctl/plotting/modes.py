@@ -11,9 +11,10 @@ from .style import COLORS, GRAY, single
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+SIZE = 5.2, 4.2  # inches; letters stay readable on a phone
 RATIOS = 0.05, 0.1, 0.2
 KINDS = {  # marker, fill color, edge color
-    "swing of machines": ("o", COLORS[0], COLORS[0]),
+    "electromechanical mode": ("o", COLORS[0], COLORS[0]),
     "other oscillatory mode": ("o", "none", GRAY),
     "unstable": ("X", COLORS[1], COLORS[1]),
 }
@@ -34,11 +35,11 @@ def plot(modes: Modes, *, ax: "Axes | None" = None) -> "Axes":
     matplotlib.axes.Axes
         Frequency (Hz) against real part (1/s). Modes that are better damped or faster lie outside.
     """
-    ax = single(ax, 6, 4.4)
+    ax = single(ax, *SIZE)
     upper = modes.eigenvalues.imag > 0
     real, hertz = modes.eigenvalues.real, modes.frequency_hz
     kind = [
-        "unstable" if s.real > ZERO else "swing of machines" if swing else "other oscillatory mode"
+        "unstable" if s.real > ZERO else "electromechanical mode" if swing else "other oscillatory mode"
         for s, swing in zip(modes.eigenvalues, modes.electromechanical, strict=True)
     ]
     for name, (marker, face, edge) in KINDS.items():
@@ -53,7 +54,8 @@ def plot(modes: Modes, *, ax: "Axes | None" = None) -> "Axes":
     ax.axvline(0, color=GRAY, linewidth=1)
     for ratio in RATIOS:
         _ray(ax, ratio, left, top)
-    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1), ncols=3, frameon=False, fontsize="small")
+    look = {"frameon": False, "fontsize": "small", "columnspacing": 1, "handletextpad": 0}
+    ax.legend(loc="lower center", bbox_to_anchor=(0.45, 1), ncols=3, **look)
     return ax
 
 

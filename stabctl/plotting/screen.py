@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from stabctl.clearing.screen import Pair, Screen
+from stabctl.clearing import ClearingTime, Screen
 
 from .clearing_time import LABEL
 from .style import COLORS, GRAY, single
@@ -30,11 +30,11 @@ def plot(found: Screen, *, most: int = 25, ax: "Axes | None" = None) -> "Axes":
     """
     shown = found.pairs[:most]
     ax = single(ax, 7, 1.2 + 0.25 * max(len(shown), 1))
-    cycles = [_cycles(p, found.limit_cycles) for p in shown]
+    cycles = [_cycles(p, found.search.limit_cycles) for p in shown]
     open_ended = [p.status == "stable_at_limit" for p in shown]
     bars = ax.barh(range(len(shown)), cycles, 0.7, color=[GRAY if o else COLORS[0] for o in open_ended])
     ax.bar_label(bars, [_note(p) for p in shown], padding=4, fontsize="small")
-    ax.set_yticks(range(len(shown)), [f"bus {p.fault}, trip {p.trip}" for p in shown])
+    ax.set_yticks(range(len(shown)), [f"bus {p.fault}, trip {', '.join(p.trip)}" for p in shown])
     ax.set_ylim(len(shown) - 0.4, -0.6)
     ax.set_xlim(0, 1.3 * max(cycles, default=0.0) or 1.0)
     ax.grid(visible=False, axis="y")
@@ -43,12 +43,12 @@ def plot(found: Screen, *, most: int = 25, ax: "Axes | None" = None) -> "Axes":
     return ax
 
 
-def _cycles(pair: Pair, limit: float) -> float:
+def _cycles(pair: ClearingTime, limit: float) -> float:
     """Length of a bar."""
     return limit if pair.status == "stable_at_limit" else pair.cycles or 0.0
 
 
-def _note(pair: Pair) -> str:
+def _note(pair: ClearingTime) -> str:
     """What stands beside a bar."""
     if pair.status == "stable_at_limit":
         return "stable at the search limit"

@@ -1,49 +1,60 @@
-"""A self-contained HTML page: no scripts, no network, readable on a phone, light or dark, and on paper."""
+"""Pages: one self-contained HTML file each, from Jinja2 templates; no scripts and nothing fetched from the network.
 
-from collections.abc import Iterable, Sequence
-from html import escape
-
-LONG = 24  # characters, from where on a cell is a sentence
-CONTENT = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"  # the browser itself keeps to it
-STYLE = """
-:root{--ink:#1b1f24;--soft:#5b6470;--paper:#fff;--card:#f6f7f9;--line:#d5dae0;--a:#0072b2;--b:#c24f00;--bad:#c4002b}
-@media(prefers-color-scheme:dark){:root{--ink:#e7eaee;--soft:#a3acb8;--paper:#14171b;--card:#1d2228;--line:#3a424c;
---a:#56b4e9;--b:#f0a040;--bad:#ff6b81}}
-:root{color-scheme:light dark}*{box-sizing:border-box}
-body{margin:0 auto;padding:1rem;max-width:1100px;font:16px/1.5 system-ui,sans-serif;color:var(--ink);
-background:var(--paper);overflow-wrap:break-word}
-h1{font-size:1.5rem;margin:.2em 0}h2{font-size:1.2rem;margin:1.8em 0 .4em}h3{font-size:1rem;margin:0}
-p{margin:.4em 0}.soft,.key{color:var(--soft);font-size:.875rem}a{color:var(--a)}
-.scroll{overflow-x:auto}table{border-collapse:collapse;font-size:.875rem;font-variant-numeric:tabular-nums}
-th,td{padding:.3em .7em;border-bottom:1px solid var(--line);text-align:right;white-space:nowrap}
-th{color:var(--soft);font-weight:600}td.text,th.text{text-align:left}
-td.text:first-child{white-space:normal;min-width:9rem}
-.facts{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,150px),1fr));gap:.8rem;margin:1rem 0}
-.card{background:var(--card);border-radius:8px;padding:.6rem .8rem}.card b{display:block;font-size:1.5rem}
-@media print{:root{--ink:#000;--soft:#444;--paper:#fff;--card:#fff;--line:#999;--a:#00507d;--b:#8a3800;--bad:#8c0020}
-body{padding:0;max-width:none;font-size:11pt}.scroll{overflow:visible}figure,tr,.card{break-inside:avoid}
-h2,h3{break-after:avoid}}
+They read well on a phone, in light and dark mode, and on paper.
 """
 
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-def document(title: str, style: str, parts: Iterable[str]) -> str:
-    """The page from its title, the style beside the common one, and the parts of its body."""
-    head = f'<meta charset="utf-8"><meta http-equiv="Content-Security-Policy" content="{CONTENT}">'
-    head += '<meta name="viewport" content="width=device-width, initial-scale=1">'
-    head += f"<title>{escape(title)}</title><style>{STYLE}{style}</style>"
-    body = "\n".join(part for part in parts if part)
-    return f'<!doctype html>\n<html lang="en"><head>{head}</head>\n<body>\n{body}\n</body></html>\n'
+from stabctl._util import files
+from stabctl.errors import StudyError
 
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
-def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table of plain text that scrolls inside its own box; the first column is words."""
-    top = "".join(f"<th{_text(k)}>{escape(h)}</th>" for k, h in enumerate(heads))
-    body = "".join(
-        "<tr>" + "".join(f"<td{_text(k, cell)}>{escape(cell)}</td>" for k, cell in enumerate(row)) + "</tr>"
-        for row in rows
-    )
-    return f'<div class="scroll"><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>'
+TEMPLATES = Path(__file__).parent / "templates"
 
 
-def _text(column: int, cell: str = "") -> str:
-    return ' class="text"' if column == 0 else ' class="text words"' if len(cell) > LONG else ""
+@cache
+def environment(*folders: Path) -> "Environment":
+    """Return the environment of our templates and those in further folders; everything inserted is escaped."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    loader = FileSystemLoader([*folders, TEMPLATES])
+    return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+
+
+def write(folder: str | Path, stem: str, html: str) -> Path:
+    """Write a page into a folder, which is created if it is missing.
+
+    Parameters
+    ----------
+    folder
+        Folder of the page.
+    stem
+        Name of the file without suffix. Characters that do not belong in a file name become underscores, so that the
+        page stays in its folder.
+    html
+        The page. An existing page is replaced only when the new one is complete.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    StudyError
+        If the folder cannot be created or written to.
+    """
+    folder = Path(folder)
+    path = folder / f"{files.safe_name(stem)}.html"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        files.replace(path, html)
+    except OSError as error:
+        raise StudyError(
+            f"The report {path.name} cannot be written to {folder}: {error.strerror or error}. Give another folder."
+        ) from None
+    return path

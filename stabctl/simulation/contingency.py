@@ -93,10 +93,13 @@ class Contingency:
             raise StudyError(f"The fault at {self.fault} is never cleared; give a clearing time, as clear='6cyc'.")
         return self.starts(case) + seconds(self.clear or 0.0, case.frequency_hz)
 
+    def others(self, case: Case) -> tuple[Event, ...]:
+        """The events beside the fault and what clears it, with their instants in seconds."""
+        return tuple(notation.event(e, case.frequency_hz) if isinstance(e, str) else e for e in self.events)
+
     def timed(self, case: Case) -> tuple[Event, ...]:
         """Every event with its instant in seconds; cycles are those of the case's frequency."""
-        hz = case.frequency_hz
-        events = [notation.event(e, hz) if isinstance(e, str) else e for e in self.events]
+        events = list(self.others(case))
         if self.fault is None and not self.trip:
             return tuple(events)
         at, off = self.starts(case), self.cleared(case)

@@ -120,7 +120,7 @@ class Trajectory:
             "machine": list(self.point.rotor_numbers),
             "unit": [m.machine for m in case.machines],
             "bus": [b.bus for b in case.buses],
-            "device": np.array(self.devices(), dtype=object if not case.storage else None),
+            "device": np.array(self.devices(), dtype=str),
         }
         about: dict[str, Any] = {"case": case.name, "outcome": self.outcome.kind.value}
         return xr.Dataset(data, coords, about | {"message": self.outcome.message, "step_s": self.step})
@@ -156,7 +156,8 @@ class Trajectory:
             self.df.to_csv(text, index=False)
             files.replace(path, text.getvalue())
         elif path.suffix.lower() == ".nc":
-            self.dataset.to_netcdf(path, engine="scipy")
+            kept = self.dataset if self.point.case.storage else self.dataset.drop_dims("device")
+            files.replace(path, bytes(kept.to_netcdf(engine="scipy")))
         else:
             raise StudyError(
                 f"The file {path.name!r} ends in {path.suffix or 'nothing'}; give a name ending in .csv or .nc."

@@ -10,7 +10,7 @@ from stabctl.dynamics.operating_point import OperatingPoint
 
 from .signals import Signal
 
-PORTS = {"exciter": "Vref", "governor": "Pref", "vref": "Vref", "pref": "Pref", "field": "Efd", "power": "Pm"}
+PORTS = {"vref": "Vref", "pref": "Pref", "field": "Efd", "power": "Pm"}
 
 
 class Draw(NamedTuple):

@@ -2,21 +2,27 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse.linalg import splu
 
+from stabctl._util.verbs import verb
 from stabctl.dynamics import layout
+from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
+from stabctl.model.case import Case
+from stabctl.model.fleet import Fleet
 
 from .descriptor import Descriptor, descriptor
 from .signals import Signal
 
 if TYPE_CHECKING:
     import control
+    import pandas as pd
 
 
 @dataclass(frozen=True, repr=False)
@@ -32,6 +38,8 @@ class Model:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
 
+    plot = verb("stabctl.plotting.frequency_response:plot")
+
     def to_control(self) -> "control.StateSpace":
         """The model for python-control, with its labels."""
         import control
@@ -39,6 +47,19 @@ class Model:
         labels = {k: [label.replace(".", " ") for label in getattr(self, k)] for k in ("states", "inputs", "outputs")}
         system = control.ss(self.A, self.B, self.C, self.D, name=self.name.replace(".", " "), **labels)
         return system
+
+    @property
+    def df(self) -> "pd.DataFrame":
+        """[A B; C D] in one table, with the labels of states, inputs and outputs."""
+        import pandas as pd
+
+        rows, columns = [*self.states, *self.outputs], [*self.states, *self.inputs]
+        return pd.DataFrame(np.block([[self.A, self.B], [self.C, self.D]]), rows, columns)
+
+    def response(self, hz: np.ndarray) -> np.ndarray:
+        """Frequency response C (jw - A)^-1 B + D (frequencies, outputs, inputs), complex, at frequencies in Hz."""
+        one, jw = np.eye(len(self.A)), 2j * np.pi * np.asarray(hz, float)
+        return np.array([self.C @ np.linalg.solve(s * one - self.A, self.B) + self.D for s in jw])
 
     def save(self, path: str | Path) -> Path:
         """Write A, B, C, D and the labels to a .npz or MATLAB .mat file, by the ending; the path."""
@@ -62,6 +83,9 @@ class Model:
 
     __repr__ = __str__
 
+    def _repr_html_(self) -> str:
+        return f"<p>{escape(str(self))}</p>"
+
 
 @dataclass(frozen=True, repr=False)
 class Linear(Model):
@@ -76,18 +100,41 @@ class Linear(Model):
 
     def angles(self) -> np.ndarray:
         """Places (rotor units) of the angles among the states."""
-        return np.array([k for k, p in enumerate(self.places) if p.name == "delta" and p.unit >= 0], int)
+        found = {p.unit: k for k, p in enumerate(self.places) if p.name == "delta"}
+        return np.array([found[unit] for unit in self.point.rotors.unit], int)
 
 
 def linearize(
-    point: OperatingPoint, inputs: Iterable[str | Signal] = (), outputs: Iterable[str | Signal] = ()
+    base: Case | OperatingPoint,
+    inputs: str | Iterable[str | Signal] = (),
+    outputs: str | Iterable[str | Signal] = (),
+    *,
+    storage: "Fleet | None" = None,
 ) -> Linear:
     """The linear model of an operating point: A = fx - fv inv(gv) gx, the voltages eliminated exactly.
 
-    Signals are named as in `signals.INPUTS` and `signals.OUTPUTS`, e.g. `storage:33`, `speed:14` or `speed` for all.
-    Errors as in `descriptor`.
+    Parameters
+    ----------
+    base : Case or OperatingPoint
+        The system; a case is initialized first.
+    inputs, outputs : str or iterable
+        Signals as in `signals.INPUTS` and `signals.OUTPUTS`: "vref:2, storage:33" or ["speed:14", "voltage:7"]; a kind
+        alone, "speed", means all.
+    storage : str, mapping, or iterable of Storage, optional
+        Storage devices in place of the case's own, as in `simulate`.
+
+    Returns
+    -------
+    Linear
+
+    Raises
+    ------
+    LinearizationError
+        Where the point is no equilibrium, or rests on a limit; names the state or the limit.
+    StudyError
+        For unknown signals.
     """
-    return eliminated(descriptor(point, inputs, outputs))
+    return eliminated(descriptor(operating_point(base, storage), inputs, outputs))
 
 
 def eliminated(d: Descriptor) -> Linear:

@@ -1,18 +1,31 @@
 """Modes of a linear model: damping, participation, shapes, and where they are seen and moved."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from html import escape
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse.linalg import splu
 
+from stabctl import units
+from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
+from stabctl.dynamics.coerce import operating_point
+from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
+from stabctl.model.case import Case
+from stabctl.model.fleet import Fleet
 
 from . import naming, selected
-from .descriptor import Descriptor
+from .descriptor import Descriptor, descriptor
 from .eigen import ZERO, Eigen, eigen
 from .model import Linear, eliminated
+
+if TYPE_CHECKING:
+    import control
+    import pandas as pd
 
 LARGE = 2000  # states beyond which only modes of a band are computed: all would take minutes
 BAND = (0.1, 2.5)  # Hz   electromechanical modes
@@ -72,6 +85,9 @@ class Modes:
     eigenvalues: np.ndarray  # (modes) complex, 1/s
     right: np.ndarray  # (states, modes) V
     left: np.ndarray  # (states, modes) W
+    band: tuple[float, float] | None = None  # Hz   of the table; None: all modes
+
+    plot = verb("stabctl.plotting.modes:plot")
 
     def __len__(self) -> int:
         return len(self.eigenvalues)
@@ -162,6 +178,26 @@ class Modes:
         i, j = _place(self.linear.outputs, output, "output"), _place(self.linear.inputs, input, "input")
         return self.observability()[i] * self.controllability()[:, j]
 
+    @property
+    def df(self) -> "pd.DataFrame":
+        """The modes of the band, or all of them, a row each; one of each conjugate pair."""
+        import pandas as pd
+
+        shown = np.flatnonzero(self.eigenvalues.imag >= 0) if self.band is None else self.within(*self.band)
+        columns = {
+            "frequency_hz": self.frequency_hz[shown],
+            "damping_ratio": self.damping_ratio[shown],
+            "real": self.eigenvalues.real[shown],
+            "imag": self.eigenvalues.imag[shown],
+            "electromechanical": self.electromechanical[shown],
+            "mode": [self.label(int(k)) for k in shown],
+        }
+        return pd.DataFrame(columns)
+
+    def to_control(self) -> "control.StateSpace":
+        """The linear model for python-control, with its labels."""
+        return (eliminated(self.linear) if isinstance(self.linear, Descriptor) else self.linear).to_control()
+
     def __str__(self) -> str:
         worst = min(self.swings(), key=lambda k: self.damping_ratio[k], default=None)
         counts = counted(len(self), "eigenvalue"), counted(len(self.swings()), "electromechanical mode")
@@ -173,14 +209,16 @@ class Modes:
 
     __repr__ = __str__
 
+    def _repr_html_(self) -> str:
+        return f"<p>{escape(str(self))}</p>{self.df.to_html(index=False, float_format='{:.4f}'.format)}"
+
 
 @dataclass(frozen=True, repr=False)
 class Selected(Modes):
     """Some modes, one of each pair: all of a band of frequency and of damping ratio, and no others."""
 
     linear: Descriptor
-    band: tuple[float, float]  # Hz
-    damping: tuple[float, float]
+    damping: tuple[float, float] = DAMPING
 
     def controllability(self) -> np.ndarray:
         """W^H B (modes, inputs), B = fu - fv inv(gv) gu."""
@@ -202,6 +240,45 @@ class Selected(Modes):
     __repr__ = __str__
 
 
+def modes(
+    base: Case | OperatingPoint,
+    band: str | Sequence[str | float] | None = None,
+    *,
+    storage: "Fleet | None" = None,
+    damping: tuple[float, float] = DAMPING,
+) -> Modes:
+    """The modes of a system at its operating point.
+
+    Parameters
+    ----------
+    base : Case or OperatingPoint
+        The system; a case is initialized first.
+    band : str or pair, optional
+        Frequencies of the modes in `df`: "0.1..2Hz", or two numbers in Hz. Beyond 2000 states only the modes of the
+        band are computed (0.1 to 2.5 Hz unless given), below it all of them.
+    storage : str, mapping, or iterable of Storage, optional
+        Storage devices in place of the case's own, as in `simulate`.
+    damping : tuple of float
+        Least and largest damping ratio where only the modes of a band are computed.
+
+    Returns
+    -------
+    Modes
+
+    Raises
+    ------
+    LinearizationError
+        Where the point is no equilibrium, or rests on a limit; names the state or the limit.
+    StudyError
+        For a band that is none.
+    """
+    chosen = None if band is None else units.band(band)
+    d = descriptor(operating_point(base, storage))
+    if len(d.rows) > LARGE:
+        return analyze(d, chosen, damping)
+    return replace(analyze(d), band=chosen)
+
+
 def analyze(
     model: Linear | Descriptor,
     band: tuple[float, float] | None = None,
@@ -215,7 +292,7 @@ def analyze(
     if isinstance(model, Descriptor):
         if band is not None or len(model.rows) > LARGE:
             band = BAND if band is None else band
-            return Selected(model, *_fixed(selected.band(model, *band, damping)), band, damping)
+            return Selected(model, *_fixed(selected.band(model, *band, damping)), band, damping=damping)
         model = eliminated(model)
     elif band is not None:
         raise StudyError("Modes of a band alone are those of a descriptor; linearize with linear.descriptor.")

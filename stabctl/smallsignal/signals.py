@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-from stabctl.devices import models
+from stabctl import devices
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
 
@@ -44,8 +44,8 @@ INPUTS = _kinds(
             "ratings",
             "order to a storage device of the case, absorbing positive",
         ),
-        "exciter": ("machine", "reference {exciter} {place}", "pu", "voltage reference of an exciter"),
-        "governor": ("machine", "reference {governor} {place}", "pu", "load reference of a governor, machine base"),
+        "vref": ("machine", "reference {exciter} {place}", "pu", "voltage reference of an exciter"),
+        "pref": ("machine", "reference {governor} {place}", "pu", "load reference of a governor, machine base"),
         "field": ("machine", "field voltage {machine} {place}", "pu", "field voltage of a machine without exciter"),
         "power": (
             "machine",
@@ -78,13 +78,20 @@ OUTPUTS = _kinds(
     }
 )
 
+REFERENCES = {"vref": "exciter", "pref": "governor"}  # input -> role of the control it belongs to
 _LINE = re.compile(r"^(\d+)-(\d+)(?:#(\d+))?$")
 
 
-def chosen(case: Case, wanted: Iterable[str | Signal], kinds: Mapping[str, Kind]) -> tuple[Signal, ...]:
-    """The signals that are named, `kind` alone meaning all of its kind; `StudyError` says what is wrong with a name."""
+def chosen(case: Case, wanted: str | Iterable[str | Signal], kinds: Mapping[str, Kind]) -> tuple[Signal, ...]:
+    """The signals that are named, in a list or in one text with commas; `kind` alone means all of its kind.
+
+    `StudyError` says what is wrong with a name.
+    """
     found: list[Signal] = []
-    for text in wanted:
+    names = [part for part in wanted.split(",") if part.strip()] if isinstance(wanted, str) else wanted
+    if isinstance(names, Signal) or not isinstance(names, Iterable):
+        raise StudyError(f"{wanted!r} is not a list of signals; write 'speed:2' or ['speed:2', 'voltage:7'].")
+    for text in names:
         if isinstance(text, Signal):
             found.append(text)
             continue
@@ -92,7 +99,7 @@ def chosen(case: Case, wanted: Iterable[str | Signal], kinds: Mapping[str, Kind]
         if name not in kinds:
             what = "input" if kinds is INPUTS else "output"
             raise StudyError(
-                f"{name!r} is no {what}; known are {', '.join(kinds)}, followed by a place as in speed:14."
+                f"{name!r} is not an {what}; known are {', '.join(kinds)}, followed by a place as in speed:14."
             )
         kind = kinds[name]
         places = [place] if place else _everywhere(case, name, kind)
@@ -131,8 +138,8 @@ def _everywhere(case: Case, name: str, kind: Kind) -> list[int | str | None]:
     if kind.place == "":
         return [None]
     numbers = [m.machine for m in case.machines]
-    if name in ("exciter", "governor"):
-        return [n for n in numbers if _model(case, n, name)]
+    if name in REFERENCES:
+        return [n for n in numbers if _model(case, n, REFERENCES[name])]
     if name in ("field", "power"):
         return [n for n in numbers if not _model(case, n, "exciter" if name == "field" else "governor")]
     return numbers
@@ -165,22 +172,20 @@ def _signal(case: Case, name: str, kind: Kind, place: int | str | None) -> Signa
     elif kind.place == "" and place is not None:
         raise StudyError(f"{name} has no place; write {name} alone.")
     words = {
-        role: models()[model].NAME
-        for role in ("machine", "exciter", "governor")
-        if (model := _model(case, place, role))
+        role: devices.models()[model].NAME for role in ("machine", "exciter", "governor") if (model := _model(case, place, role))
     }
     return Signal(name, place, kind.label.format(place=place, **words), kind.unit)
 
 
 def _belongs(case: Case, name: str, number: int) -> None:
     """The machine has the control whose reference is asked for, or lacks the one that would stand in the way."""
-    if name in ("exciter", "governor") and not _model(case, number, name):
-        instead = "field" if name == "exciter" else "power"
-        raise StudyError(f"Machine {number} of {case.name} has no {name}; use {instead}:{number}.")
+    if name in REFERENCES and not _model(case, number, REFERENCES[name]):
+        instead = "field" if name == "vref" else "power"
+        raise StudyError(f"Machine {number} of {case.name} has no {REFERENCES[name]}; use {instead}:{number}.")
     if name in ("field", "power"):
-        control, article = ("exciter", "an") if name == "field" else ("governor", "a")
-        if _model(case, number, control):
-            raise StudyError(f"Machine {number} of {case.name} has {article} {control}; use {control}:{number}.")
+        reference, control = ("vref", "an exciter") if name == "field" else ("pref", "a governor")
+        if _model(case, number, REFERENCES[reference]):
+            raise StudyError(f"Machine {number} of {case.name} has {control}; use {reference}:{number}.")
 
 
 def _device(case: Case, text: str) -> str:
@@ -193,4 +198,4 @@ def _device(case: Case, text: str) -> str:
 
 
 def _model(case: Case, number: object, role: str) -> str | None:
-    return case.model(number, [name for name, device in models().items() if role == device.ROLE])
+    return case.model(number, role)

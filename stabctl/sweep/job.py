@@ -5,8 +5,10 @@ The table columns of a job carry their units, as those of a case do: `until_s`, 
 
 from typing import Annotated, Any, Literal, NamedTuple
 
-from stabctl.model.case import Characteristic
-from stabctl.schema import NOT_NEGATIVE, POSITIVE, SHARE, Field, Range, fields
+from annotated_types import Interval
+
+from stabctl.model.tables import Characteristic
+from stabctl.schema import NOT_NEGATIVE, POSITIVE, SHARE, Field, fields
 
 Kind = Literal["clearing-time", "simulate"]
 FORMAT = 1  # of keys and rows; one more whenever a job or a result changes its meaning
@@ -39,7 +41,7 @@ class Job(NamedTuple):
     pmu_noise: Annotated[float, "mrad", "noise of angles; magnitudes per mille", NOT_NEGATIVE] = 2.0
     latency: Annotated[float, "ms", "latency of remote reports", NOT_NEGATIVE] = 50.0
     loss: Annotated[float, "-", "share of the reports that never arrive", SHARE] = 0.02
-    seed: Annotated[int, "-", "of noise and losses", Range(0, 2**53)] = 1
+    seed: Annotated[int, "-", "of noise and losses", Interval(ge=0, le=2**53)] = 1
     max_angle: Annotated[float, "rad", "change of angle that loses synchronism", POSITIVE] = 3.5
     step: Annotated[float, "s", "time step (0: at most 1/120 s)", NOT_NEGATIVE] = 0.0
 

@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from stabctl.clearing.critical_time import clearing_time
+from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
@@ -18,7 +18,6 @@ from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.simulation import run
 from stabctl.simulation.trajectory import Trajectory
-from stabctl.units import seconds
 
 from .job import Job
 from .result import Result, Row, signed
@@ -62,18 +61,16 @@ def _steering(job: Job, point: OperatingPoint) -> BangBang | EstimatorControl | 
 
 
 def _clearing_time(job: Job, point: OperatingPoint) -> Result:
-    hz = point.case.frequency_hz
+    fault = Contingency(job.fault, trip=circuits(job.trip), impedance=complex(job.fault_r, job.fault_x))
     found = clearing_time(
         point,
-        job.fault,
-        circuits(job.trip),
-        _steering(job, point),
-        seconds(job.resolution, hz) * hz,
-        seconds(job.limit, hz) * hz,
-        job.observe,
-        job.step or None,
-        _criterion(job),
-        complex(job.fault_r, job.fault_x),
+        fault,
+        control=_steering(job, point),
+        resolution=job.resolution,
+        limit=job.limit,
+        observe=job.observe,
+        step=job.step or None,
+        criterion=_criterion(job),
     )
     return Result(
         "ok",

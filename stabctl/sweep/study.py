@@ -11,6 +11,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any, NoReturn, get_args
 
+from stabctl._util.validation import fault
 from stabctl.errors import StudyError
 from stabctl.schema import Field
 
@@ -78,7 +79,7 @@ def _value(place: str, field: Field, value: object) -> Any:
         value = str(value)
     good = value in field.choices if field.choices else isinstance(value, str) and value.isprintable()
     if field.kind is not str:
-        good = number and value in field.allowed and (whole or field.kind is float)
+        good = number and (whole or field.kind is float) and fault(field, field.kind(value)) is None
     if not good:
         raise StudyError(f"{place} = {value!r}: it must be {field.expected()} ({field.meaning}).")
     return field.kind(value)

@@ -11,9 +11,10 @@ from stabctl import io
 from stabctl.errors import CaseError, StudyError
 from stabctl.estimation.pmu import Pmu
 from stabctl.model import fleet
-from stabctl.model.case import TABLES, Case
+from stabctl.model.case import Case
+from stabctl.model.tables import TABLES
 from stabctl.simulation import events
-from stabctl.units import seconds, size
+from stabctl.units import seconds
 
 from .job import FORMAT, Job
 
@@ -80,9 +81,7 @@ LOOK: dict[str, Callable[[Case, str], object]] = {
     "clear": lambda case, text: seconds(text, case.frequency_hz),
     "resolution": lambda case, text: seconds(text, case.frequency_hz),
     "limit": lambda case, text: seconds(text, case.frequency_hz),
-    "storage": lambda case, text: (
-        fleet.chosen(case, text.replace("%dispatch", "%mva")) if "=" in text else text == "none" or size(text)
-    ),
+    "storage": lambda case, text: fleet.devices(case, text.replace("%dispatch", "%mva")),
 }
 
 

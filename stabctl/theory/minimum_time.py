@@ -21,18 +21,19 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
+from annotated_types import Interval
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from stabctl._util.guard import guard
 from stabctl.errors import StudyError
-from stabctl.schema import ANY, POSITIVE, Range
+from stabctl.schema import POSITIVE
 
 Array = NDArray[np.float64]
 Arcs = list[tuple[Array, Array, float]]  # times (n,), (x1, x2, lambda1, lambda2) (4, n), P_C
 TIGHT = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
 SMALLEST = 1e-6  # rad/s   a lower speed counts as rest
-DEVICE = Range(-1e3, 1e3)  # pu, wide enough for every device
+DEVICE = Interval(ge=-1e3, le=1e3)  # pu, wide enough for every device
 
 
 @dataclass(frozen=True)
@@ -42,11 +43,11 @@ class MinimumTimeProblem:
     Raises StudyError if a value is out of range, there is no equilibrium, or the speed is already zero.
     """
 
-    x1: Annotated[float, "rad", "angle at clearing", ANY]
-    x2: Annotated[float, "rad/s", "speed at clearing", ANY]
+    x1: Annotated[float, "rad", "angle at clearing"]
+    x2: Annotated[float, "rad/s", "speed at clearing"]
     M: Annotated[float, "s^2/rad", "inertia coefficient of the equivalent", POSITIVE]
     M1: Annotated[float, "s^2/rad", "inertia coefficient of the machine with the device", POSITIVE]
-    Pm: Annotated[float, "pu", "mechanical power", ANY]
+    Pm: Annotated[float, "pu", "mechanical power"]
     Pmax: Annotated[float, "pu", "peak of the power-angle curve", POSITIVE]
     Pc_min: Annotated[float, "pu", "smallest absorbed power", DEVICE]
     Pc_max: Annotated[float, "pu", "largest absorbed power", DEVICE]

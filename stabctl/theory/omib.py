@@ -11,18 +11,18 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
+from annotated_types import Interval
 from scipy.integrate import solve_ivp
 
 from stabctl._util.guard import guard
 from stabctl.errors import StudyError
-from stabctl.schema import Range
 
 # Values outside these ranges are typing errors and would take hours to integrate.
-INERTIA = Range(0.01, 1e6)
-POWER = Range(1e-6, 1e3)
-REACTANCE = Range(0.01, 1e3)
-VOLTAGE = Range(0.1, 2.0)
-FREQUENCY = Range(1.0, 1e3)
+INERTIA = Interval(ge=0.01, le=1e6)
+POWER = Interval(ge=1e-6, le=1e3)
+REACTANCE = Interval(ge=0.01, le=1e3)
+VOLTAGE = Interval(ge=0.1, le=2.0)
+FREQUENCY = Interval(ge=1.0, le=1e3)
 
 LONGEST = 60.0  # s   longest fault
 

@@ -1,80 +1,105 @@
-"""Critical clearing times: the search, and the paper's Table 4."""
+"""Critical clearing times: what the answer means, the paper's Table 4, other events, and what is refused."""
+
+from dataclasses import replace
 
 import pytest
 
 from stabctl import io
-from stabctl.clearing.critical_time import _search, clearing_time
+from stabctl.clearing import Search, Trial, clearing_time
 from stabctl.controllers import BangBang
-from stabctl.dynamics import operating_point
+from stabctl.dynamics.coerce import initialize
 from stabctl.errors import StudyError
 from stabctl.model import fleet, powerflow
+from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.controller import Controller
 
-
-def survivors(critical, also=()):
-    """A system that survives up to `critical`, and the numbers in `also`; and the list of what it was asked."""
-    asked = []
-
-    def survives(k):
-        asked.append(k)
-        return k <= critical or k in also
-
-    return survives, asked
-
-
-@pytest.mark.parametrize("critical", [*range(12), 31, 32, 33, 63, 64, 65, 478, 479])
-@pytest.mark.parametrize("resolution", [0.125, 1.0])
-def test_search_finds_the_last_survivor(critical, resolution):
-    survives, _ = survivors(critical)
-    assert _search(survives, 480, resolution) == (critical, "found")
-
-
-def test_search_asks_few_questions():
-    survives, asked = survivors(73)
-    _search(survives, 480, 0.125)
-    assert len(asked) <= 11
-
-
-def test_unstable_at_zero_and_stable_at_the_limit_are_answers():
-    assert _search(survivors(-1)[0], 480, 0.125) == (0, "unstable_at_zero")
-    assert _search(survivors(999)[0], 480, 0.125) == (480, "stable_at_limit")
-    assert _search(survivors(999)[0], 60, 1.0) == (60, "stable_at_limit")
+AT_7 = Contingency("7", trip="7-8")
 
 
 @pytest.fixture(scope="module")
 def two_area():
-    case = io.load("two_area")
-    stored = case.with_storage(fleet.everywhere(case, "50MW"))
-    return operating_point.solve(case), operating_point.solve(stored)
+    return initialize(io.load("two_area"))
 
 
-def test_two_area_fault_at_bus_7(two_area):
-    bare, stored = two_area
-    without = clearing_time(bare, "7", ["7-8"])
-    held = clearing_time(stored, "7", ["7-8"], BangBang())
-    assert without.cycles == 9.0
+@pytest.fixture(scope="module")
+def stored():
+    return initialize(io.load("two_area"), "50MW")
+
+
+def test_two_area_fault_at_bus_7(two_area, stored):
+    without = clearing_time(two_area, AT_7)
+    held = clearing_time(stored, AT_7, control=BangBang())
+    assert (without.cycles, without.seconds, without.machine) == (9.0, 9 / 60, 4)
     assert held.cycles == 12.25
+    assert clearing_time(two_area, AT_7, storage="50MW", control=BangBang()).cycles == 12.25
     assert without.monotone
-    assert "9 cycles" in str(without)
+    assert "critical clearing time 9 cycles (0.1500 s)" in str(without)
     assert "observed 5 s" in str(without)
 
 
-def test_the_value_is_stable_and_the_next_is_not(two_area):
-    found = clearing_time(two_area[0], "7-8@0.3", resolution_cycles=0.25)
-    by_cycles = {r.cycles: r.stable for r in found.runs}
-    assert by_cycles[found.cycles]
-    assert not by_cycles[found.cycles + 0.25]
+@pytest.mark.parametrize("fault", ["7-8@0.3", "8-9@0.9"])
+def test_every_shorter_time_is_stable_and_the_next_is_not(two_area, fault):
+    found = clearing_time(two_area, fault, resolution="0.5cyc")
+    trial = Trial(two_area, Contingency(fault), None, found.search)
+    critical = round(found.cycles / 0.5)
+    assert [trial.simulate(k).outcome.stable for k in range(critical + 2)] == [True] * (critical + 1) + [False]
 
 
 def test_longer_observation_never_helps(two_area):
-    short = clearing_time(two_area[0], "7", ["7-8"], observed_s=1.0)
-    assert short.cycles >= clearing_time(two_area[0], "7", ["7-8"], observed_s=5.0).cycles
+    assert clearing_time(two_area, AT_7, observe="1s").cycles >= clearing_time(two_area, AT_7).cycles
 
 
-def test_clearing_does_not_depend_on_what_was_searched_before(two_area):
-    first = clearing_time(two_area[1], "7-8@0.4", control=BangBang())
-    clearing_time(two_area[1], "8-9@0.5", control=BangBang(0.0, 0.0))
-    again = clearing_time(two_area[1], "7-8@0.4", control=BangBang())
+def test_its_own_clearing_time_and_instant_are_ignored(two_area):
+    other = Contingency("7", clear="40cyc", trip="7-8", at="3s")
+    assert clearing_time(two_area, other).cycles == 9.0
+
+
+def test_clearing_does_not_depend_on_what_was_searched_before(stored):
+    first = clearing_time(stored, "7-8@0.4", control=BangBang())
+    clearing_time(stored, "8-9@0.5", control=BangBang(0.0, 0.0))
+    again = clearing_time(stored, "7-8@0.4", control=BangBang())
     assert [r[:4] for r in first.runs] == [r[:4] for r in again.runs]
+
+
+def test_times_are_text_or_seconds(two_area):
+    coarse = clearing_time(two_area, AT_7, resolution="2cyc", limit="20cyc", observe="3s")
+    assert (coarse.cycles, coarse.status) == (8.0, "found")
+    assert clearing_time(two_area, AT_7, resolution=2 / 60, limit=1 / 3, observe=3.0).cycles == pytest.approx(8)
+
+
+def test_unstable_at_zero_and_stable_at_the_limit_are_answers(two_area):
+    at_limit = clearing_time(two_area, AT_7, limit="6cyc")
+    assert (at_limit.cycles, at_limit.seconds, at_limit.status) == (None, None, "stable_at_limit")
+    never = clearing_time(two_area, Contingency("7", trip="7-8", events="9:+300MW@1s"))
+    assert (never.cycles, never.status, never.machine) == (None, "unstable_at_zero", 4)
+    assert "even if cleared immediately" in str(never)
+
+
+def test_other_events_keep_their_time_from_the_fault(two_area):
+    late = Contingency("7", trip="7-8", at="2s", events="1@2s")
+    early = Contingency("7", trip="7-8", at="1s", events="1@1s")
+    before = Contingency("7", trip="7-8", at="1s", events="7:+1MW@0.2s")
+    cycles = [clearing_time(two_area, one).cycles for one in (late, early, before)]
+    assert cycles[0] == cycles[1] == 4.375
+    assert cycles[2] == 9
+    assert Trial(two_area, before).at == pytest.approx(0.8)
+
+
+def test_a_law_written_in_python_has_a_clearing_time(two_area):
+    def steep(seen):
+        return 1000 * seen.deviation * (seen.voltage > 0.8)
+
+    found = clearing_time(two_area, AT_7, storage="50MW", control=Controller(steep), resolution="0.5cyc")
+    assert found.cycles == 12.5
+
+
+def test_the_result_shows_its_runs(two_area):
+    found = clearing_time(two_area, AT_7)
+    assert list(found.df.columns) == ["clearing_cycles", "stable", "outcome", "machine", "end_s"]
+    assert found.df.set_index("clearing_cycles").stable[9.0]
+    assert not found.df.set_index("clearing_cycles").stable[9.125]
+    assert len(found.runs) <= 13  # four of them above the answer, to see whether stability is monotone
+    assert found._repr_html_().startswith("<p>two_area, fault 7")
 
 
 def test_table_4_of_the_paper_in_whole_cycles():
@@ -83,13 +108,47 @@ def test_table_4_of_the_paper_in_whole_cycles():
     cycles = []
     for percent in (0, 5, 15, 20, 25, 30):
         devices = fleet.everywhere(case, f"{percent}%dispatch", flow, characteristic="conductance", lag=0.05)
-        found = clearing_time(operating_point.solve(case.with_storage(devices), flow), "83", ["83-33"], BangBang(), 1.0)
+        one = Contingency("83", trip="83-33")
+        found = clearing_time(case, one, storage=devices, control=BangBang(), resolution="1cyc")
         assert found.machine == 14
         cycles.append(found.cycles)
     assert cycles == [5, 6, 7, 8, 8, 8]
 
 
 @pytest.mark.parametrize("grid", [(0.0, 60), (-1, 60), (2, 1), (float("nan"), 60), (1, float("inf"))])
-def test_impossible_grids_are_refused(two_area, grid):
+def test_impossible_grids_are_refused(grid):
     with pytest.raises(StudyError, match="resolution"):
-        clearing_time(two_area[0], "7", resolution_cycles=grid[0], limit_cycles=grid[1])
+        Search(*grid)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"resolution": "0.125"}, "is not a time"),
+        ({"resolution": "0cyc"}, "resolution of 0 cycles"),
+        ({"observe": "0s"}, "observation of 0 s"),
+        ({"observe": -1}, "observation of -1 s"),
+        ({"criterion": 3}, "is not a criterion"),
+        ({"control": BangBang}, "is a class"),
+        ({"control": BangBang()}, "no storage device"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(two_area, options, says):
+    with pytest.raises(StudyError, match=says):
+        clearing_time(two_area, AT_7, **options)
+
+
+@pytest.mark.parametrize(
+    ("what", "says"),
+    [
+        (Contingency(trip="7-8"), "has no fault whose clearing time"),
+        (Contingency("99"), "There is no bus 99"),
+        ("7-9", "There is no branch 7-9"),
+        (7, "is not a contingency"),
+        ([AT_7], "is not a contingency"),
+        (replace(AT_7, trip="7"), "does not name a circuit"),
+    ],
+)
+def test_impossible_contingencies_are_refused(two_area, what, says):
+    with pytest.raises(StudyError, match=says):
+        clearing_time(two_area, what)

@@ -2,20 +2,20 @@
 
 import csv
 import json
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
-from stabctl.clearing import lines, screen
-from stabctl.clearing.critical_time import Trial, clearing_time
-from stabctl.clearing.margin import Margin, margin
-from stabctl.clearing.search import Attempt, search
+from stabctl.clearing import Run, Trial, clearing_time, lines, screen
+from stabctl.clearing.last_stable import last_stable
+from stabctl.clearing.margin import Margin
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
 from stabctl.model.fleet import everywhere
+from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.outcome import Kind
 
 
 @pytest.fixture(scope="module")
@@ -41,9 +41,9 @@ def grid(critical, slope=None, lost=()):
     def attempt(k):
         asked.append(k)
         if k <= critical and k not in lost:
-            return Attempt(True)
+            return Run(k, True, Kind.STABLE, None, 5.0)
         excess = None if slope is None else slope * (k**2 - (critical + 0.5) ** 2)
-        return Attempt(False, 7, excess and Margin(excess, slope * k**2))
+        return Run(k, False, Kind.LOST_SYNCHRONISM, 7, 1.0, excess and Margin(excess, slope * k**2))
 
     return attempt, asked
 
@@ -53,32 +53,35 @@ def grid(critical, slope=None, lost=()):
 @pytest.mark.parametrize("critical", [0, 1, 2, 31, 64, 200, 478, 479])
 def test_search_finds_the_last_survivor_and_proves_it(critical, guess, slope):
     attempt, asked = grid(critical, slope)
-    found = search(attempt, 480, guess, 4, 4)
-    assert found == ("found", critical, 7, len(asked))
+    found = last_stable(attempt, 480, guess, 4, 4)
+    assert found[:2] == ("found", critical)
+    assert found.machine == 7
+    assert sorted(found.runs) == sorted(asked)
     assert {critical, critical + 1} <= set(asked)
     assert len(set(asked)) == len(asked)
 
 
 def test_search_with_margins_asks_few_questions():
     attempt, asked = grid(73, 1e-6)
-    search(attempt, 480, 110, 4, 4)
+    last_stable(attempt, 480, 110, 4, 4)
     assert len(asked) <= 6  # 5
 
 
 @pytest.mark.parametrize("guess", [0, 7, 480])
 def test_search_ends_at_the_ends(guess):
-    assert search(grid(-1)[0], 480, guess, 4, 4)[:3] == ("unstable_at_zero", 0, 7)
-    assert search(grid(999)[0], 480, guess, 4, 4)[:3] == ("stable_at_limit", 480, None)
+    always, never = (last_stable(grid(critical)[0], 480, guess, 4, 4) for critical in (999, -1))
+    assert (*always[:2], always.machine) == ("stable_at_limit", 480, None)
+    assert (*never[:2], never.machine) == ("unstable_at_zero", 0, 7)
 
 
 def test_an_answer_above_faults_that_are_lost_is_not_given():
     attempt, _ = grid(91, 1e-6, lost=range(85, 91))
-    assert search(attempt, 480, 120, 4, 4).critical == 84
+    assert last_stable(attempt, 480, 120, 4, 4).critical == 84
 
 
 def test_margins_foretell_the_critical_time(points):
-    trial = Trial(points("ieee39"), "29", ("26-29",))
-    near, far = (margin(trial.simulate(k, record=True), trial.cleared(k)) for k in (34, 40))
+    trial = Trial(points("ieee39"), Contingency("29", trip="26-29"))
+    near, far = (trial.attempt(k).margin for k in (34, 40))
     assert 0 < near.excess < far.excess < far.given
     zero = np.sqrt(34**2 - near.excess * (40**2 - 34**2) / (far.excess - near.excess))
     assert abs(zero - 30.5) < 2  # 0.6   stable at 30, lost at 31: 3.75 cycles
@@ -96,9 +99,9 @@ def test_lines_bridges_and_twins(cases):
 @pytest.mark.parametrize(("name", "every"), [("two_area", 1), ("classical", 4), ("ieee39", 6)])
 def test_pairs_as_clearing_time_finds_them(screens, points, classical, name, every):
     point, found = classical if name == "classical" else points(name), screens(name)
-    later_swings = [p for p in found.pairs if p[:2] in {("2", "2-3"), ("24", "23-24")}]
+    later_swings = [p for p in found.pairs if (p.fault, p.trip) in {("2", ("2-3",)), ("24", ("23-24",))}]
     for pair in [*found.pairs[::every], *later_swings]:
-        assert answer(pair) == answer(clearing_time(point, pair.fault, [pair.trip])), pair
+        assert answer(pair) == answer(clearing_time(point, pair.contingency)), pair
 
 
 def test_a_sample_of_wnaps_as_clearing_time_finds_it(points):
@@ -106,11 +109,11 @@ def test_a_sample_of_wnaps_as_clearing_time_finds_it(points):
     found = screen(point, buses=[84, 102])
     assert len(found.pairs) == 5
     for pair in found.pairs:
-        assert answer(pair) == answer(clearing_time(point, pair.fault, [pair.trip])), pair
+        assert answer(pair) == answer(clearing_time(point, pair.contingency)), pair
     lost, first = found.pairs[:2]
-    assert (lost.trip, lost.status, lost.machine) == ("77-102", "unstable_at_zero", 32)
-    assert (first.trip, first.cycles, first.machine) == ("84-28", 2.875, 13)
-    assert "loses the system even without a fault: 77-102" in str(found)
+    assert (lost.trip, lost.status, lost.machine) == (("77-102",), "unstable_at_zero", 32)
+    assert (first.trip, first.cycles, first.machine) == (("84-28",), 2.875, 13)
+    assert "even without a fault: 77-102" in str(found)
 
 
 def test_pairs_are_ranked_and_cut(screens):
@@ -118,52 +121,53 @@ def test_pairs_are_ranked_and_cut(screens):
     times = [-1 if p.status == "unstable_at_zero" else p.cycles or np.inf for p in found.pairs]
     assert times == sorted(times)
     assert len(found.pairs) == found.screened == 66
-    cut = found.below(8)
+    cut = found.below("8cyc")
     assert cut.pairs == tuple(p for p in found.pairs if p.cycles is not None and p.cycles < 8)
     assert "66 fault and trip pairs" in str(found)
     assert "16-19" in str(found)
-    assert str(cut).count("machine 9 goes first") == 9
+    assert str(cut).count("machine 9 loses synchronism first") == 9
 
 
 def test_below_gives_the_same_pairs_in_fewer_runs(screens, points):
-    whole, cut = screens("ieee39"), screen(points("ieee39"), below=8)
-    assert [p[:5] for p in cut.pairs] == [p[:5] for p in whole.below(8).pairs]
+    whole, cut = screens("ieee39"), screen(points("ieee39"), below="8cyc")
+    assert cut.rows() == whole.below("8cyc").rows()
     assert cut.simulations < whole.simulations / 2  # 0.36
 
 
 def test_nothing_below_is_said(cases):
     point = operating_point.solve(cases("two_area").classical())
-    short = screen(point, below=3)
+    short = screen(point, below="3cyc")
     assert not short.pairs
-    assert "all 4 fault and trip pairs are survived for 3 cycles" in str(short)
+    assert "all 4 fault and trip pairs are stable for 3 cycles" in str(short)
     with pytest.raises(StudyError, match="below 0 cycles"):
         screen(point, below=0)
 
 
 def test_a_fine_grid_costs_few_questions():
-    attempt, asked = lambda k: Attempt(k <= 31_415_926_535), []
-    found = search(lambda k: asked.append(k) or attempt(k), 480_000_000_000, 10**9, 10**9, 4 * 10**9)
+    attempt, asked = grid(31_415_926_535)
+    found = last_stable(attempt, 480_000_000_000, 10**9, 10**9, 4 * 10**9)
     assert found.critical == 31_415_926_535
     assert len(asked) < 50  # 43
 
 
 def test_threads_change_nothing(points):
-    alone, several = (screen(points("ieee39"), below=6, workers=n) for n in (1, 3))
-    assert replace(alone, wall_s=0) == replace(several, wall_s=0)
+    alone, several = (screen(points("ieee39"), below="6cyc", workers=n) for n in (1, 3))
+    assert alone.rows() == several.rows()
+    assert alone.simulations == several.simulations
 
 
 def test_storage_lengthens_what_is_screened(cases, screens):
     case = cases("two_area")
     stored = operating_point.solve(case.with_storage(everywhere(case, "50MW")))
-    held = {p[:2]: p.cycles for p in screen(stored, control=BangBang()).pairs}
-    without = {p[:2]: p.cycles for p in screens("two_area").pairs}
+    held = {p.contingency: p.cycles for p in screen(stored, control=BangBang()).pairs}
+    without = {p.contingency: p.cycles for p in screens("two_area").pairs}
     assert all(held[k] > without[k] for k in without)
 
 
 def test_impossible_screens_are_refused(points, tmp_path, screens):
     with pytest.raises(StudyError, match="resolution"):
-        screen(points("two_area"), resolution_cycles=0)
-    with pytest.raises(StudyError, match="bus 1 whose"):
+        screen(points("two_area"), resolution=0)
+    with pytest.raises(StudyError, match="no line at bus 1"):
         screen(points("two_area"), buses=[1])
     with pytest.raises(StudyError, match="workers"):
         screen(points("two_area"), workers=0)

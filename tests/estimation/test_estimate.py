@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stabctl.clearing.critical_time import clearing_time
+from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang, Feedback
 from stabctl.errors import StudyError
 from stabctl.estimation.estimate import estimate
@@ -130,16 +130,18 @@ def test_other_pmus(study, pmu):
 def test_clearing_time_survives(study, name):
     """Within 3 % or half a cycle of the ideal controller."""
     point, _, _, (fault, trip) = study(name)
-    ideal = clearing_time(point, fault, trip, BangBang()).cycles
-    bare = clearing_time(point, fault, trip).cycles
-    found = clearing_time(point, fault, trip, FAST).cycles
+    one = Contingency(fault, trip=trip)
+    ideal = clearing_time(point, one, control=BangBang()).cycles
+    bare = clearing_time(point, one).cycles
+    found = clearing_time(point, one, control=FAST).cycles
     assert abs(found - ideal) <= max(0.03 * ideal, 0.5)  # 9.5, 9.875, 12.25, 6.5: no difference
     assert found > bare  # 7.625, 5.25, 9, 4.5
 
 
 def test_clearing_time_falls_with_latency(study):
     point, _, _, (fault, trip) = study("two_area")
-    found = [clearing_time(point, fault, trip, replace(FAST, pmu=Pmu(latency_ms=ms))).cycles for ms in (0, 100, 200)]
+    one, laws = Contingency(fault, trip=trip), [replace(FAST, pmu=Pmu(latency_ms=ms)) for ms in (0, 100, 200)]
+    found = [clearing_time(point, one, control=law).cycles for law in laws]
     assert found == sorted(found, reverse=True)  # 12.25, 12.25, 12
     assert found[-1] > 11.5
 

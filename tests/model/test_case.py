@@ -56,7 +56,7 @@ def test_classical_keeps_network_and_inertia_and_drops_every_control(cases, name
         machine = full.devices["genrou"][number]
         assert (par.H, par.x1d, par.ra) == (machine.H, machine.x1d, machine.ra)
     assert plain.classical().devices == plain.devices
-    assert len(operating_point.solve(plain).z) > 0
+    assert len(operating_point.solve(plain).s) > 0
 
 
 def test_machine_that_does_not_exist_is_named_with_the_ones_that_do(cases):
@@ -97,8 +97,8 @@ def test_negative_reactance_and_negative_load_are_legal_and_solve(cases):
 def test_odd_reactances_of_ieee39_are_told_and_used(cases):
     said = cases("ieee39").warnings
     assert len(said) == 6
-    assert all("\n" not in s and s.startswith("genrou.csv row") for s in said)
-    assert any("machine 10 is usually not less than" in s for s in said)
+    assert all("\n" not in s and s.startswith("genrou.csv, machine ") for s in said)
+    assert any(s.startswith("genrou.csv, machine 10: x") and " is usually not less than " in s for s in said)
     assert cases("two_area").warnings == cases("wnaps").warnings == ()
 
 

@@ -1,11 +1,11 @@
-"""Storage fleets and the quantities planners write."""
+"""Storage fleets: everywhere, at chosen machines, from text, mappings and rows."""
 
 import pytest
 
 from stabctl import io
-from stabctl.errors import StudyError
+from stabctl.errors import StabctlError, StudyError
 from stabctl.model import fleet, powerflow
-from stabctl.units import seconds, size
+from stabctl.model.tables import Storage
 
 
 @pytest.fixture(scope="module")
@@ -40,22 +40,39 @@ def test_what_is_no_device_is_refused(paper, text):
         fleet.chosen(paper, text)
 
 
+def test_a_case_takes_every_way_to_ask_for_storage(paper):
+    rows = fleet.chosen(paper, "14=50MW,13@33=20MW", lag=0.05)
+    for sizes in ("14=50MW, 13@33=20MW", {14: "50MW", "13@33": 20}, {"14": 50.0, "13@33": "20000kW"}):
+        assert paper.with_storage(sizes, lag="50ms").storage == rows
+    assert paper.with_storage(rows).storage == paper.with_storage(list(rows)).storage == rows
+    assert paper.with_storage(rows[0]).storage == rows[:1]
+    assert paper.with_storage("50MW").storage == paper.with_storage(50).storage == fleet.everywhere(paper, "0.05GW")
+    assert paper.with_storage("50MW").with_storage("none").storage == paper.with_storage(()).storage == ()
+
+
+def test_options_are_columns_of_every_device(paper):
+    (device,) = paper.with_storage(
+        {14: "50MW"}, characteristic="current", energy="500kWh", charge="20%", ramp="600MW/min", efficiency=0.9
+    ).storage
+    assert device == Storage(14, 33, 50.0, "current", 0.5, 0.2, 10.0, 0.0, 0.9)
+
+
 @pytest.mark.parametrize(
-    ("text", "value"), [("6cyc", 0.1), ("0.1s", 0.1), ("100ms", 0.1), ("6CYC", 0.1), ("1e-1 s", 0.1)]
+    ("sizes", "options", "says"),
+    [
+        ("50MW", {"energi": 5}, r"A storage device has no option 'energi'; did you mean energy\?"),
+        ("50MW", {"rating": 5}, "has no option 'rating'"),
+        ("50MW", {"lag": "5MW"}, "'5MW' is not a number in s"),
+        ("50MW", {"lag": -1}, "must be a number of at least 0"),
+        ("50MW", {"characteristic": "heat"}, "must be one of power, current, conductance"),
+        ("50", {}, "is not a storage size; write it as 50MW"),
+        ([50], {}, "is not a fleet of storage devices; give '50MW' at every machine"),
+        (None, {}, "None is not a fleet of storage devices"),
+        ({"x": "5MW"}, {}, "'x' is not a place of a storage device"),
+        ("14@999=5MW", {}, "wnaps_paper has no bus 999"),
+        ("99=5MW", {}, "There is no machine 99 in wnaps_paper"),
+    ],
 )
-def test_times(text, value):
-    assert seconds(text, 60) == pytest.approx(value)
-    assert seconds("5cyc", 50) == pytest.approx(0.1)
-
-
-@pytest.mark.parametrize("text", ["", "6", "cyc", "1e999s", "-1s", "nan", "inf s", "6 cycl", "1.2.3s", "6%mva"])
-def test_what_is_no_time_is_refused(text):
-    with pytest.raises(StudyError, match="not a time"):
-        seconds(text, 60)
-
-
-def test_sizes():
-    assert size("5%MVA") == (5, "%mva")
-    assert size("2.5 mw") == (2.5, "mw")
-    with pytest.raises(StudyError, match="not a storage size"):
-        size("5%")
+def test_what_is_no_fleet_is_told_in_one_sentence(paper, sizes, options, says):
+    with pytest.raises(StabctlError, match=says):
+        paper.with_storage(sizes, **options)

@@ -1,4 +1,4 @@
-"""Load flow: the law it solves, the reference it must give, and what it says when there is no solution."""
+"""Power flow: the law it solves, the reference it must give, and what it says when there is no solution."""
 
 from dataclasses import replace
 
@@ -66,7 +66,7 @@ def test_machines_and_voltages_are_as_asked(cases, name):
         if b.kind != "pq":
             assert abs(V) == pytest.approx(b.v, abs=1e-12)
         if b.kind == "swing":
-            assert np.rad2deg(np.angle(V)) == pytest.approx(b.arrays.angle, abs=1e-10)
+            assert np.rad2deg(np.angle(V)) == pytest.approx(b.angle, abs=1e-10)
             swing = b.bus
     for m, S in zip(case.machines, flow.S, strict=True):
         if m.bus != swing:
@@ -90,7 +90,7 @@ def test_voltages_and_powers_of_the_reference(cases, reference, name):
 def test_machines_at_one_bus_share_by_their_bases(cases):
     one = small({"gencls": CLASSICAL})
     single, split = powerflow.solve(one), powerflow.solve(doubled(one))
-    assert pytest.approx(single.arrays.V, abs=1e-12) == split.V
+    assert pytest.approx(single.V, abs=1e-12) == split.V
     assert split.S[0] == split.S[1] == pytest.approx(single.S[0] / 2, abs=1e-10)
     case = cases("wnaps")  # machines 8 and 9 stand at one high-voltage bus, 10 and 11 too
     uneven = replace(
@@ -122,7 +122,7 @@ def test_no_solution_names_case_bus_mismatch_and_remedy():
     case = replace(small({"gencls": CLASSICAL}), loads=(Load(2, 9000.0, 0.0),))
     with pytest.raises(
         PowerFlowError,
-        match=r"^The load flow of small found no solution .* at bus [123] by .* MVA, .* at bus [123] with .* pu; ",
+        match=r"^The power flow of small has no solution, or none was found .* MVA at bus [123], .* at bus [123]; ",
     ):
         powerflow.solve(case)
 
@@ -133,7 +133,7 @@ def test_the_bus_it_names_is_the_overloaded_one(cases, bus):
     loads = tuple(load._replace(p=8000.0) if load.bus == bus else load for load in case.loads)
     with pytest.raises(PowerFlowError) as caught:
         powerflow.solve(replace(case, loads=loads))
-    assert f"at bus {bus} by " in str(caught.value)
+    assert f" MVA at bus {bus}, " in str(caught.value)
 
 
 def test_one_bus_needs_no_iteration():
@@ -148,3 +148,58 @@ def test_one_bus_needs_no_iteration():
     flow = powerflow.solve(case)
     assert flow.iterations == 0
     assert flow.S[0] == pytest.approx(0.5 + 0.1j, abs=1e-12)
+
+
+def rebased(case, base):
+    """The same system with its per-unit network on another system base (MVA)."""
+    k = base / case.base_mva
+    branches = tuple(b._replace(r=b.r * k, x=b.x * k, b=b.b / k) for b in case.branches)
+    return replace(case, base_mva=base, branches=branches)
+
+
+@pytest.mark.parametrize("name", ["two_area", "ieee39", "wnaps"])
+@pytest.mark.parametrize("base", [0.01, 1e4])
+def test_the_system_base_does_not_matter(cases, name, base):
+    flow, other = powerflow.solve(cases(name)), powerflow.solve(rebased(cases(name), base))
+    assert other.iterations == flow.iterations
+    assert np.abs(other.V - flow.V).max() < 1e-12  # 2e-13
+    power = np.abs(flow.S).max()
+    assert np.abs(other.S * base / 100 - flow.S).max() < 1e-12 * power  # 3e-13
+
+
+def test_numbers_and_order_of_buses_do_not_matter(cases):
+    case = cases("ieee39")
+    number = {b.bus: 1000 - b.bus for b in case.buses}
+    moved = replace(
+        case,
+        buses=tuple(b._replace(bus=number[b.bus]) for b in reversed(case.buses)),
+        branches=tuple(k._replace(from_bus=number[k.from_bus], to_bus=number[k.to_bus]) for k in case.branches),
+        machines=tuple(m._replace(bus=number[m.bus], storage_bus=number[m.storage_bus]) for m in case.machines),
+        loads=tuple(load._replace(bus=number[load.bus]) for load in reversed(case.loads)),
+    )
+    flow, other = powerflow.solve(case), powerflow.solve(moved)
+    assert np.abs(other.V[::-1] - flow.V).max() < 1e-12  # 1e-14
+    assert np.abs(other.S - flow.S).max() < 1e-10  # 1e-12
+
+
+def test_the_bus_with_the_largest_mismatch_is_named_and_not_a_pv_bus_with_free_reactive_power(cases):
+    case = cases("two_area")
+    small_loads = replace(case, loads=tuple(load._replace(p=0.01, q=0.0) for load in case.loads))
+    with pytest.raises(PowerFlowError, match=r"the largest mismatch is \d+(\.\d+)? MVA at bus 7, "):
+        powerflow.solve(small_loads)
+
+
+def test_a_power_flow_prints_itself_and_has_tables(cases):
+    case = cases("two_area")
+    flow = powerflow.solve(case)
+    assert repr(flow) == str(flow)
+    assert str(flow).startswith("power flow of two_area: ")
+    assert list(flow.df.index) == [b.bus for b in case.buses]
+    assert flow.df.v_pu.to_numpy() == pytest.approx(np.abs(flow.V))
+    assert flow.df.p_gen_mw.sum() == pytest.approx(flow.S.real.sum() * 100)
+    assert flow.df.p_load_mw[7] == 967
+    assert list(flow.branches.index[:3]) == ["1-5", "2-6", "3-11"]
+    assert {"7-8", "7-8#2"} <= set(flow.branches.index)
+    assert flow.branches.loss_mw.sum() == pytest.approx(flow.df.p_gen_mw.sum() - flow.df.p_load_mw.sum())
+    assert "<table" in flow._repr_html_()
+    assert case.power_flow().V == pytest.approx(flow.V)

@@ -21,7 +21,7 @@ def test_every_copy_has_the_operating_point_of_the_case(name):
     case = io.load(name)
     alone, flow = powerflow.solve(case), powerflow.solve(replicate(case, 4))
     V, S = flow.V.reshape(4, -1), flow.S.reshape(4, -1)
-    assert np.abs(V - alone.arrays.V).max() < 1e-9  # 3e-14
+    assert np.abs(V - alone.V).max() < 1e-9  # 3e-14
     assert np.abs(S - alone.S).max() < 1e-8  # 9e-13
     assert [b.kind for b in flow.case.buses].count("swing") == 1
 
@@ -43,7 +43,7 @@ def test_a_copy_far_from_the_fault_hardly_moves():
     point = operating_point.solve(replicate(io.load("two_area"), 2, x=1e4))
     motion = run(point, Contingency("7", 0.1, ["7-8"]), 2.0)
     alone = run(operating_point.solve(io.load("two_area")), Contingency("7", 0.1, ["7-8"]), 2.0)
-    assert np.abs(motion.speed[:, :4] - alone.arrays.speed).max() < 1e-6  # 9e-8
+    assert np.abs(motion.speed[:, :4] - alone.speed).max() < 1e-6  # 9e-8
     assert np.abs(motion.speed[:, 4:] - 1).max() < 1e-6  # 8e-8
 
 
@@ -56,6 +56,10 @@ def test_ties_add_the_swings_between_copies():
 
 def test_what_is_not_possible_is_said():
     case = io.load("two_area")
-    for options, what in (((0,), "at least 1"), ((2, 99), "no bus 99"), ((2, 7, 0.0), "above 0")):
+    for copies, options, what in (
+        (0, {}, "at least 1"),
+        (2, {"tie_bus": 99}, "has no bus 99"),
+        (2, {"x": 0.0}, "above 0"),
+    ):
         with pytest.raises(StudyError, match=what):
-            replicate(case, *options)
+            replicate(case, copies, **options)

@@ -2,10 +2,11 @@
 
 import pytest
 
-from stabctl.clearing import Pair, Screen
+from stabctl.clearing import ClearingTime, Screen, Search
 from stabctl.clearing.lines import Lines
 from stabctl.errors import StudyError
 from stabctl.placement.contingency import Contingency, checked, from_screen, load, packaged
+from stabctl.simulation import contingency as simulated
 
 GOOD = '[[contingency]]\nfault = "16"\ntrip = "16-21"\nclear = "6cyc"\n'
 
@@ -114,11 +115,12 @@ def test_nothing_to_survive_is_said(cases):
 
 
 def _screen(*pairs):
-    return Screen("any", pairs, Lines((), (), ()), len(pairs), 0.125, 60.0, 5.0, 0, 0.0)
+    return Screen("any", pairs, Lines((), (), ()), Search(), 50.0, len(pairs), 0, 0.0)
 
 
 def _pair(fault, cycles, machine, status="found"):
-    return Pair(fault, f"{fault}-2", cycles, status, machine, 1)
+    one = simulated.Contingency(fault, trip=f"{fault}-2")
+    return ClearingTime("any", one, status, cycles, None, machine, Search(), (), 0.0)
 
 
 def test_a_screen_supplies_the_worst_of_every_machine():

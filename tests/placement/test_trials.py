@@ -47,9 +47,11 @@ def test_a_resized_point_is_that_of_a_fresh_start(case, point):
     fresh = operating_point.solve(case.with_storage(s._replace(rating=float(size)) for s, size in pairs))
     resized = point.resized(mw)
     assert resized.case == fresh.case
-    assert np.array_equal(resized.z, fresh.z)
-    for name in fresh.plant._fields:
-        assert np.array_equal(getattr(resized.plant, name), getattr(fresh.plant, name)), name
+    assert np.array_equal(resized.s, fresh.s)
+    for one, other in zip(resized.system.families, fresh.system.families, strict=True):
+        assert one.name == other.name
+        assert np.array_equal(one.w, other.w)
+        assert np.array_equal(one.k, other.k)
     one = TO_SURVIVE[0]
     events = simulated.Contingency(one.fault, one.clear, one.trip, at=0.0)
     a, b = (run(p, events, 1.0, BangBang()) for p in (resized, fresh))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from labels import crowded
 
+from stabctl.clearing import clearing_time as critical
 from stabctl.clearing import screen as screened
-from stabctl.clearing.critical_time import clearing_time as critical
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
@@ -88,11 +88,11 @@ def test_clearing_times(points):
 
 
 def test_screen(points, cases):
-    found = screened(points("two_area"), below=12)
+    found = screened(points("two_area"), below="12cyc")
     ax = screen.plot(found)
     assert crowded(ax) == []
     assert [bar.get_width() for bar in ax.patches] == [p.cycles for p in found.pairs[:25]]
-    assert crowded(screen.plot(found.below(0.1))) == []
+    assert crowded(screen.plot(found.below("0.1cyc"))) == []
 
 
 @pytest.mark.parametrize("name", ["two_area", "ieee39", "wnaps", "two_area_thyristor"])

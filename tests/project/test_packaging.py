@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import venv
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,14 @@ def installed(tmp_path_factory):
     (wheel,) = folder.glob("*.whl")
     subprocess.run([python, "-m", "pip", "install", "-q", wheel], check=True, capture_output=True)
     return python
+
+
+def test_the_wheel_holds_templates_and_not_the_reproduction(installed):
+    (wheel,) = installed.parents[2].glob("*.whl")
+    names = zipfile.ZipFile(wheel).namelist()
+    assert {f"stabctl/report/templates/{name}" for name in ("base.html", "modes.html", "style.css")} <= set(names)
+    assert {name.split("/")[0] for name in names if "dist-info" not in name} == {"stabctl"}
+    assert not [name for name in names if "reproduction" in name]
 
 
 def test_a_case_runs_from_the_wheel(installed, tmp_path):

@@ -1,5 +1,8 @@
+from dataclasses import replace
+
 import pytest
 
+from stabctl.dynamics import operating_point
 from stabctl.report import modes_page
 from stabctl.smallsignal import analyze, areas, linearize
 
@@ -12,3 +15,11 @@ def test_in_a_browser(points, tmp_path, browse, dark):
     assert found["scroll"] == found["width"] <= 390
     wrong = "beyond", "overlapping", "broken", "dead", "fetched", "console"
     assert {key: found[key] for key in wrong} == {key: [] for key in wrong}
+
+
+def test_no_name_of_a_case_leads_out_of_the_folder(points, tmp_path):
+    case = replace(points("two_area").case, name="../../x")
+    modes = analyze(linearize(operating_point.solve(case)))
+    path = modes_page.write(tmp_path / "reports", modes, None, (0.1, 2.5))
+    assert path == tmp_path / "reports" / "x_modes.html"
+    assert [p.name for p in tmp_path.iterdir()] == ["reports"]

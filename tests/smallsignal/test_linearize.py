@@ -43,7 +43,7 @@ def test_colored_steps_equal_one_place_at_a_time(point):
 
 def test_the_states_follow_the_algebra_of_the_descriptor_form(point):
     """inv(s E - J) of the sparse form and inv(s I - A) give the same transfer function."""
-    names = ["storage:5", "exciter:1"], ["speed:2", "voltage:8", "flow:7-8#2", "frequency:9"]
+    names = ["storage:5", "vref:1"], ["speed:2", "voltage:8", "flow:7-8#2", "frequency:9"]
     d, m = descriptor(point("two_area"), *names), linearize(point("two_area"), *names)
     s = 0.3 + 5j
     v = -splu(d.gv.astype(complex).tocsc()).solve(np.hstack([d.gx.toarray(), d.gu.toarray()]).astype(complex))
@@ -70,7 +70,7 @@ def test_power_balance_at_a_storage_bus(point):
 
 
 def test_labels_reach_python_control(point):
-    m = linearize(point("wnaps"), ["storage:33", "exciter:14"], ["speed:14", "voltage:33"])
+    m = linearize(point("wnaps"), ["storage:33", "vref:14"], ["speed:14", "voltage:33"])
     s = m.to_control()
     assert s.input_labels == ["P storage bus 33", "reference EXST3 14"]
     assert s.output_labels == ["speed GENROU 14", "voltage bus 33"]
@@ -94,14 +94,14 @@ def test_every_kind_of_signal_has_a_place_in_some_case(point):
 @pytest.mark.parametrize(
     ("inputs", "outputs", "words"),
     [
-        (["valve:1"], [], "'valve' is no input"),
+        (["valve:1"], [], "'valve' is not an input"),
         ([], ["speed:99"], "no machine 99"),
         ([], ["speed:a"], "write its number"),
         ([], ["voltage:77"], "no bus 77"),
         ([], ["flow:1-2"], "no circuit '1-2'"),
         ([], ["flow:7-8#3"], "no circuit '7-8#3'"),
         ([], ["coi_speed:1"], "has no place"),
-        (["field:1"], [], "has an exciter; use exciter:1"),
+        (["field:1"], [], "has an exciter; use vref:1"),
         (["order:1"], [], "its devices are none"),
         (["storage:8", "storage:8"], [], "named twice"),
     ],

@@ -104,7 +104,7 @@ def test_mode_shapes_lead_with_one(modes):
 
 def test_residues_are_derivatives_of_the_eigenvalues(point):
     """The loop is really closed: u = k y with a small k of both signs, every eigenvalue followed."""
-    model = linearize(point("two_area"), ["storage:5", "exciter:3"], ["speed:1", "voltage:8"])
+    model = linearize(point("two_area"), ["storage:5", "vref:3"], ["speed:1", "voltage:8"])
     m = analyze(model)
     for i, output in enumerate(model.outputs):
         for j, input in enumerate(model.inputs):

@@ -53,7 +53,7 @@ def test_the_nonlinear_system_has_the_linear_one_as_its_tangent(point):
     """Every kind of signal at once, along a random direction."""
     p = point("two_area")
     names = (
-        ["storage:8", "exciter", "governor:2", "load_p", "load_q:9"],
+        ["storage:8", "vref", "pref:2", "load_p", "load_q:9"],
         ["speed", "angle", "coi_speed", "rest_speed:3", "voltage", "bus_angle", "frequency", "flow", "flow_q"],
     )
     model, system = linearize(p, *names), nonlinear(p, *names)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from stabctl.clearing.critical_time import clearing_time
+from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.estimation.estimate import estimate
@@ -31,7 +31,7 @@ def test_a_clearing_time_is_that_of_the_call(results, cases):
     case = cases("two_area")
     devices = fleet.everywhere(case, "5%dispatch", characteristic="conductance", lag=0.05)
     point = operating_point.solve(case.with_storage(devices))
-    found = clearing_time(point, "7-8@0.2", (), BangBang(0.05), 0.5, observed_s=3)
+    found = clearing_time(point, "7-8@0.2", control=BangBang(0.05), resolution="0.5cyc", observe=3)
     assert (result.status, result.outcome, result.cycles, result.seconds) == (
         "ok",
         "found",

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
+from reproduction import paper
 from stabctl import io
-from stabctl.clearing.critical_time import clearing_time
+from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang, Feedback
 from stabctl.devices.machines import gencls
 from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
 from stabctl.model import fleet
 from stabctl.model.case import Branch, Bus, Case, Machine
-from stabctl.report import paper
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run
 from stabctl.theory.from_case import equivalent
@@ -31,16 +31,16 @@ def two():
 def test_two_machines_are_their_own_equivalent(two):
     found = equivalent(two, 1)
     point = operating_point.solve(two)
-    E = point.z[-4:-2]
+    E = point.s[[point.layout.signals[unit, "Efd"] for unit in point.rotors.unit]]
     assert (found.H1, found.HCOI, found.base) == (1.0, 6.0, 100)
     assert 1 / found.X == pytest.approx(E[0] * E[1], rel=1e-12)  # X = 0.25 + 1/2 + 0.25
     assert found.Pm1 == pytest.approx(0.5, abs=1e-9)
-    assert found.omib.start == pytest.approx(np.ptp(point.z[point.plant.rotor]), abs=1e-9)
+    assert found.omib.start == pytest.approx(np.ptp(point.rotor_angle), abs=1e-9)
 
 
 def test_its_critical_time_is_that_of_the_simulation(two):
     exact = equivalent(two, 1).critical().cycles
-    fault = clearing_time(operating_point.solve(two), "1", resolution_cycles=1 / 64, limit_cycles=30, step=1 / 480)
+    fault = clearing_time(two, "1", resolution="0.015625cyc", limit="30cyc", step=1 / 480)
     assert fault.cycles <= exact < fault.cycles + 1 / 64 + 0.01
 
 
@@ -70,9 +70,9 @@ def test_feedback_laws_hold_a_multi_machine_case(law):
     assert run(point, events).outcome.machine == 4
     held = run(point, events, control=law)
     assert held.outcome.stable
-    assert np.abs(held.storage).max() <= 100 * (1 + 1e-9)
-    half = np.abs(held.storage[1:]) < 100 * 0.5
-    assert (half & (np.abs(held.storage[1:]) > 1)).any()  # continuous orders, no bang-bang
+    assert np.abs(held.arrays.storage).max() <= 100 * (1 + 1e-9)
+    half = np.abs(held.arrays.storage[1:]) < 100 * 0.5
+    assert (half & (np.abs(held.arrays.storage[1:]) > 1)).any()  # continuous orders, no bang-bang
 
 
 def test_negative_acceleration_gain_lightens_the_rotor():
@@ -81,7 +81,7 @@ def test_negative_acceleration_gain_lightens_the_rotor():
     point = operating_point.solve(case.with_storage(fleet.chosen(case, "1=100MW")))
     run_ = run(point, Contingency("7-8@0.4", 0.1), until=1.2, control=Feedback(0.0, -0.004, min_voltage=0.0))
     during = (run_.time > 1.02) & (run_.time < 1.05)
-    assert (run_.storage[during, 0] < 0).all()
+    assert (run_.arrays.storage[during, 0] < 0).all()
 
 
 def test_bang_bang_is_the_limit_of_a_steep_feedback():
@@ -90,4 +90,4 @@ def test_bang_bang_is_the_limit_of_a_steep_feedback():
     events = Contingency("7-8@0.4", 21 / 60)
     steep = run(point, events, until=1.6, control=Feedback(1e6, deadband=0.1))
     switched = run(point, events, until=1.6, control=BangBang())
-    np.testing.assert_allclose(steep.storage, switched.storage, atol=1e-9)
+    np.testing.assert_allclose(steep.arrays.storage, switched.arrays.storage, atol=1e-9)

@@ -7,8 +7,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad, solve_ivp
 
+from reproduction import paper
 from stabctl.errors import StudyError
-from stabctl.report import paper
 from stabctl.theory.collocation import by_collocation
 from stabctl.theory.convex_program import SpeedProgram, by_convex_program
 from stabctl.theory.equal_area import simulated_critical_time

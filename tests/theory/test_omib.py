@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from reproduction import paper
 from stabctl.errors import StudyError
-from stabctl.report import paper
 from stabctl.theory.energy import energy, potential
 from stabctl.theory.equal_area import critical_clearing, equal_area, simulated_critical_time
 from stabctl.theory.omib import OMIB, bolted_fault, during_fault, table1

@@ -9,9 +9,11 @@ SE is quadratic through (E1, SE1) and (E2, SE2). Limits are those of the regulat
 from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
+from annotated_types import Ge
+
 from stabctl._util.jit import inline
 from stabctl.devices.blocks import SHORT, clip, lag, lag_rate, lead_lag, quadratic_saturation
-from stabctl.schema import NOT_NEGATIVE, POSITIVE, Range
+from stabctl.schema import NOT_NEGATIVE, POSITIVE
 
 from .signals import Input, Output
 
@@ -32,7 +34,7 @@ class Par(NamedTuple):
     VRmax: Annotated[float, "pu", "regulator limit at 1 pu terminal voltage"]
     VRmin: Annotated[float, "pu", "regulator limit at 1 pu terminal voltage"]
     KE: Annotated[float, "pu", "exciter constant"]
-    TE: Annotated[float, "s", "exciter time constant", Range(1e-3)]
+    TE: Annotated[float, "s", "exciter time constant", Ge(1e-3)]
     KF: Annotated[float, "pu", "stabilizing feedback gain", NOT_NEGATIVE]
     TF: Annotated[float, "s", "stabilizing feedback lag (0: no feedback)", NOT_NEGATIVE] = 1.0
     E1: Annotated[float, "pu", "field voltage of SE1", POSITIVE] = 3.0

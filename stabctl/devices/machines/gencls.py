@@ -8,16 +8,18 @@ Per unit on the machine's own MVA; `mva` carries currents to the system base.
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from annotated_types import Ge
 
 from stabctl._util.jit import inline
 from stabctl.devices.blocks import magnitude
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE, Range
+from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 from .stator import Input, Output
 
 NAME = "GENCLS"
 ROLE = "machine"
-__all__ = ["NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "output", "source"]
+CONTROLS = ("governor",)  # E' is constant
+__all__ = ["CONTROLS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "output", "source"]
 
 
 class Par(NamedTuple):
@@ -25,7 +27,7 @@ class Par(NamedTuple):
 
     mva: Annotated[float, "-", "machine MVA over system MVA", FROM_CASE]
     wb: Annotated[float, "rad/s", "base speed, 2 pi f", FROM_CASE]
-    H: Annotated[float, "s", "inertia constant", Range(0.01)]
+    H: Annotated[float, "s", "inertia constant", Ge(0.01)]
     D: Annotated[float, "pu", "damping power over speed deviation"]
     ra: Annotated[float, "pu", "armature resistance", NOT_NEGATIVE]
     x1d: Annotated[float, "pu", "transient reactance", POSITIVE]

@@ -10,10 +10,11 @@ from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from annotated_types import Ge
 
 from stabctl._util.jit import inline
 from stabctl.devices.blocks import circuit_rate, magnitude, quadratic_saturation
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE, Range
+from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 from .stator import Input, Output
 
@@ -29,7 +30,7 @@ class Par(NamedTuple):
 
     mva: Annotated[float, "-", "machine MVA over system MVA", FROM_CASE]
     wb: Annotated[float, "rad/s", "base speed, 2 pi f", FROM_CASE]
-    H: Annotated[float, "s", "inertia constant", Range(0.01)]
+    H: Annotated[float, "s", "inertia constant", Ge(0.01)]
     D: Annotated[float, "pu", "damping torque over speed deviation"]
     ra: Annotated[float, "pu", "armature resistance", NOT_NEGATIVE]
     xl: Annotated[float, "pu", "leakage reactance", NOT_NEGATIVE]

@@ -2,16 +2,17 @@ import json
 
 import pytest
 
+from reproduction import console, paper, records
+from reproduction.comparison import Printed, Verdict
+from reproduction.study import Picture, Study, Table
 from stabctl.errors import StudyError
-from stabctl.report import paper, study_console, study_file
-from stabctl.report.study import Picture, Printed, Study, Table, Verdict
 
 NUMBER = Printed("Table 9", "angle", "0.6519", "rad")
 RECORD = Study(
     "A title",
     "2.1",
     ("Words.", "More."),
-    (NUMBER.beside(0.652, "rounded"), Printed("Figure 9", "fate", "lost").beside("lost")),
+    (NUMBER.compare(0.652, "rounded"), Printed("Figure 9", "outcome", "unstable").compare("unstable")),
     (Table("Sizes", ("a", "b"), (("1", "2"), ("3", "4"))),),
     (Picture("a.png", "A picture", "a line", of=("Figure 9",)),),
     {"modes": "modes.html"},
@@ -30,45 +31,45 @@ RECORD = Study(
         ("60", 59.6, Verdict.AS_PRINTED),
         ("60", 73.2, Verdict.DIFFERS),
         ("60", float("nan"), Verdict.DIFFERS),
-        ("lost", "lost", Verdict.AS_PRINTED),
-        ("lost", "stable", Verdict.DIFFERS),
+        ("unstable", "unstable", Verdict.AS_PRINTED),
+        ("unstable", "stable", Verdict.DIFFERS),
     ],
 )
 def test_a_result_agrees_in_the_digits_that_are_printed(text, ours, verdict):
-    assert Printed("Table 9", "it", text).beside(ours).verdict is verdict
+    assert Printed("Table 9", "it", text).compare(ours).verdict is verdict
 
 
 @pytest.mark.parametrize(("ours", "verdict"), [(0.5, Verdict.GIVEN), (0.5000001, Verdict.DIFFERS)])
 def test_a_constant_that_is_given_agrees_exactly(ours, verdict):
-    assert Printed("Table 9", "power", "0.5", "pu", given=True).beside(ours).verdict is verdict
+    assert Printed("Table 9", "power", "0.5", "pu", given=True).compare(ours).verdict is verdict
 
 
 def test_difference_is_ours_less_the_papers():
-    c = NUMBER.beside(0.6619)
+    c = NUMBER.compare(0.6619)
     assert c.difference == pytest.approx(0.01, rel=1e-12)
     assert c.relative == pytest.approx(0.01 / 0.6519, rel=1e-12)
-    assert Printed("Table 9", "speed", "0").beside(1).relative is None
+    assert Printed("Table 9", "speed", "0").compare(1).relative is None
     assert str(c) == "Table 9, angle: paper 0.6519 rad, ours 0.6619 rad: differs"
 
 
 def test_records_come_back_from_their_file(tmp_path):
-    path = study_file.place(tmp_path / "sims" / "omib.py", tmp_path)
+    path = records.path_for(tmp_path / "sims" / "omib.py", tmp_path)
     assert path.name == "sims_omib.json"
-    study_file.write(path, [RECORD, RECORD])
-    assert study_file.read(path) == (RECORD, RECORD)
+    records.write(path, [RECORD, RECORD])
+    assert records.read(path) == (RECORD, RECORD)
 
 
 @pytest.mark.parametrize("text", ["", "[{}]", "{", "[1]", '{"title": 1}'])
 def test_a_file_without_records_is_one_sentence(text, tmp_path):
     path = tmp_path / "sims_it.json"
     path.write_text(text)
-    with pytest.raises(StudyError, match=r"^sims_it.json holds no records") as error:
-        study_file.read(path)
+    with pytest.raises(StudyError, match=r"^sims_it.json does not contain records") as error:
+        records.read(path)
     assert "\n" not in str(error.value)
 
 
 def test_brackets_are_printed_as_they_stand(capsys, tmp_path):
-    study_console.show(Study("a [/b]", tables=(Table("t [bold]", ("h [x]",), (("[/c]",),)),)), tmp_path)
+    console.show(Study("a [/b]", tables=(Table("t [bold]", ("h [x]",), (("[/c]",),)),)), tmp_path)
     shown = capsys.readouterr().out
     assert all(text in shown for text in ("a [/b]", "t [bold]", "h [x]", "[/c]"))
     assert "\\" not in shown

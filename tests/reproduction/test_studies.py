@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -10,8 +11,9 @@ import pytest
 from labels import crowded
 from matplotlib.figure import Figure
 
-from stabctl.report import paper
-from stabctl.report.study import Study, Verdict
+from reproduction import paper
+from reproduction.comparison import Verdict
+from reproduction.study import Study
 
 ROOT = Path(__file__).parents[2]
 
@@ -47,9 +49,9 @@ def test_a_study_of_the_paper(name, pictures, differ, tmp_path, monkeypatch):
 
 
 def test_a_study_runs_alone(tmp_path):
-    done = subprocess.run(
-        [sys.executable, ROOT / "sims" / "law.py", tmp_path / "new"], check=True, capture_output=True, text=True
-    )
+    command = [sys.executable, ROOT / "sims" / "law.py", tmp_path / "new"]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "tools")))}
+    done = subprocess.run(command, check=True, capture_output=True, text=True, env=environment)
     assert "The controller" in done.stdout
     assert "machine faster than the rest" in done.stdout
     assert [p.name for p in (tmp_path / "new").iterdir()] == ["sims_law.json"]

@@ -9,15 +9,15 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 GOOD = """
-from stabctl.report.study import Study
-from stabctl.report.study_console import present
+from reproduction.study import Study
+from reproduction.console import present
 {line}
 if __name__ == "__main__":
     present(lambda reports: [Study("Study {n}", text=("Words of {n}.",)), Study("Another of {n}")])
 """
 MISTAKE = """
 from stabctl.errors import StudyError
-from stabctl.report.study_console import present
+from reproduction.console import present
 
 def study(reports):
     raise StudyError("the line 7-9 does not exist: give another.")
@@ -59,8 +59,8 @@ def test_studies_that_fail_are_sentences_on_the_page(reproduce):
     for sentence in (
         "<b>sims/mistake.py failed.</b> the line 7-9 does not exist: give another.",
         "<b>sims/crash.py failed.</b> ZeroDivisionError: division by zero",
-        "<b>sims/killed.py failed.</b> It was ended by signal 9.",
-        "<b>sims/silent.py failed.</b> sims_silent.json holds no records",
+        "<b>sims/killed.py failed.</b> It was killed by signal 9.",
+        "<b>sims/silent.py failed.</b> sims_silent.json does not contain records",
         "Words of one.",
         "Another of one",
     ):
@@ -72,11 +72,11 @@ def test_long_studies_wait_for_full_and_old_records_do_not_stand_in(reproduce, t
     code, _, page = reproduce(scripts)
     assert code == 0
     assert "Words of two." not in page
-    assert "Left out, for --full: sims/b.py." in page
+    assert "Not run without --full: sims/b.py." in page
     code, _, page = reproduce(scripts, "--full")
     assert code == 0
     assert "Words of two." in page
-    assert "Left out" not in page
+    assert "Not run" not in page
     (tmp_path / "sims" / "a.py").write_text(SILENT)
     code, _, page = reproduce({})
     assert code == 1

@@ -1,4 +1,4 @@
-"""Records of studies in files: JSON, written whole or not at all."""
+"""The records of studies in JSON files."""
 
 import json
 from collections.abc import Sequence
@@ -10,8 +10,8 @@ from stabctl.errors import StudyError
 from .study import Study
 
 
-def place(script: Path, folder: Path) -> Path:
-    """Where the records of a script stand among the reports: sims/omib.py in sims_omib.json."""
+def path_for(script: Path, folder: Path) -> Path:
+    """Return where the records of a script are kept: for sims/omib.py, sims_omib.json in the folder."""
     script = script.resolve()
     return folder / f"{script.parent.name}_{script.stem}.json"
 
@@ -22,8 +22,8 @@ def write(path: Path, studies: Sequence[Study]) -> None:
 
 
 def read(path: Path) -> tuple[Study, ...]:
-    """The records of one script. Raises StudyError where the file is none."""
+    """Return the records of one script. Raises StudyError if the file is missing or damaged."""
     try:
         return tuple(map(Study.from_dict, json.loads(path.read_text(encoding="utf-8"))))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise StudyError(f"{path.name} holds no records of a study ({error}); run its script again.") from None
+        raise StudyError(f"{path.name} does not contain records of a study ({error}). Run its script again.") from None

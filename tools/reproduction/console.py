@@ -1,28 +1,29 @@
-"""A study as a script: run, print, leave pictures and records in the folder of the reports."""
+"""Run a study from its script: print the results and write pictures and records to the folder of the reports."""
 
+import os
 import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from stabctl.errors import StabctlError, sentence
 
-from . import study_file
+from . import records
 from .study import Study
 
 
 def present(study: Callable[[Path], Study | Iterable[Study]]) -> None:
-    """Run a study of the script that is running, into reports/ or the folder that is its argument.
+    """Run the study of the current script.
 
-    A mistake is one line on stderr and exit code 2.
+    The folder of the reports is the first argument of the script; default: reports/. An error is one line on stderr and
+    exit code 2.
     """
+    os.environ.setdefault("MPLBACKEND", "agg")
     script, folder = Path(sys.argv[0]), Path(sys.argv[1] if len(sys.argv) > 1 else "reports")
-    if "stabctl.compiled" in sys.modules:
-        sys.modules["stabctl.compiled"].announce()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         found = study(folder)
         studies = (found,) if isinstance(found, Study) else tuple(found)
-        study_file.write(study_file.place(script, folder), studies)
+        records.write(records.path_for(script, folder), studies)
     except (StabctlError, OSError) as error:
         print("stabctl:", sentence(error), file=sys.stderr)
         sys.exit(2)
@@ -31,7 +32,7 @@ def present(study: Callable[[Path], Study | Iterable[Study]]) -> None:
 
 
 def show(study: Study, folder: Path) -> None:
-    """Print a record."""
+    """Print a study."""
     from rich.console import Console
     from rich.table import Table
 
@@ -40,7 +41,7 @@ def show(study: Study, folder: Path) -> None:
     for paragraph in study.text:
         console.print(paragraph)
     if study.comparisons:
-        table = Table("the paper", "", "printed", "ours", "unit", "", "note")
+        table = Table("in the paper", "quantity", "paper", "ours", "unit", "", "note")
         for c in study.comparisons:
             p, note = c.printed, str(study.notes.index(c.remark) + 1) if c.remark else ""
             table.add_row(p.where, p.what, p.text, c.shown, p.unit, str(c.verdict), note)

@@ -3,10 +3,12 @@ import re
 import pytest
 from test_study import NUMBER, RECORD
 
+from reproduction.comparison import Printed
+from reproduction.page import About, Ran, page
+from reproduction.paper import RESULTS
+from reproduction.study import Picture, Study, Table, draw
 from stabctl.plotting.style import subplots
-from stabctl.report import index_page
-from stabctl.report.index_page import About, Ran, page
-from stabctl.report.study import Picture, Printed, Study, Table, draw
+from stabctl.report import document
 
 ABOUT = About("2026-01-01", "one processor", 12.3, ("sims/long.py",))
 
@@ -15,14 +17,16 @@ ABOUT = About("2026-01-01", "one processor", 12.3, ("sims/long.py",))
 def whole(tmp_path):
     """A page with everything that can stand on one."""
     wide, _ = subplots(14, 3)
-    picture = draw(wide, tmp_path, "wide.png", "A wide picture", "nothing but axes", "Its caption.", "5a, 5b")
+    picture = draw(
+        wide, tmp_path / "wide.png", "A wide picture", alt="nothing but axes", caption="Its caption.", of="5a, 5b"
+    )
     (tmp_path / "more.html").write_text("<!doctype html>")
     long = "anumberlongerthananyphone" * 3
     rows = (
-        NUMBER.beside(0.652, "First note."),
-        Printed("Table 1, B", "a statement", "of very many words in a row without end").beside(long, "Second note."),
-        Printed("Table 1, C", "another", "1.5", "pu").beside(1.6, "First note."),
-        Printed("Table 1, D", "given", "3", "s", given=True).beside(3),
+        NUMBER.compare(0.652, "First note."),
+        Printed("Table 1, B", "a statement", "of very many words in a row without end").compare(long, "Second note."),
+        Printed("Table 1, C", "another", "1.5", "pu").compare(1.6, "First note."),
+        Printed("Table 1, D", "given", "3", "s", given=True).compare(3),
     )
     table = Table("A wide table", ("first",) + ("column",) * 12, (("row",) + (long,) * 12,))
     study = Study("Numbers & <angles>", "10", (f"Words. {long}",), rows, (table,), (picture,), {"more": "more.html"})
@@ -39,7 +43,7 @@ def test_sections_stand_in_the_order_of_the_paper(whole):
 def test_the_top_counts_and_lists_what_differs(whole):
     cards = re.findall(r'<div class="card"><b>(\d+)</b>([^<]*)', whole)
     assert [int(n) for n, _ in cards] == [0, 1, 2, 1]
-    assert cards[1][1] == "more within 0.015 %"
+    assert cards[1][1] == "more agree within 0.015 %"
     top = whole[: whole.index("<nav>")]
     assert "First note." in top
     assert "Second note." in top
@@ -47,7 +51,7 @@ def test_the_top_counts_and_lists_what_differs(whole):
 
 
 def test_what_differs_without_a_reason_says_so(tmp_path):
-    study = Study("It", comparisons=(NUMBER.beside(1.0),))
+    study = Study("It", comparisons=(NUMBER.compare(1.0),))
     assert "Not explained yet." in page([Ran("sims/it.py", 1, (study,))], tmp_path, ABOUT)
 
 
@@ -60,7 +64,7 @@ def test_a_remark_is_one_note_however_often_it_is_made(whole):
 def test_failures_and_missing_pictures_are_told(whole):
     assert "<b>sims/bad.py failed.</b> It &lt;fell&gt;." in whole
     assert "The picture nowhere.png is missing." in whole
-    assert "Left out, for --full: sims/long.py." in whole
+    assert "Not run without --full: sims/long.py." in whole
 
 
 def test_results_of_the_paper_that_no_study_shows_are_told(whole):
@@ -69,7 +73,7 @@ def test_results_of_the_paper_that_no_study_shows_are_told(whole):
     assert "Figure 5a" not in missing
     assert "Figure 5b" not in missing
     assert "Table 4" in missing
-    assert len(missing) == len(index_page.index_summary.RESULTS) - 3
+    assert len(missing) == len(RESULTS) - 3
 
 
 def test_nothing_is_fetched(whole):
@@ -77,7 +81,7 @@ def test_nothing_is_fetched(whole):
 
 
 def test_a_page_without_studies_is_a_page(tmp_path):
-    assert "In short" in page([], tmp_path, ABOUT)
+    assert "Summary" in page([], tmp_path, ABOUT)
 
 
 @pytest.mark.parametrize("width", [390, 1280])
@@ -86,7 +90,7 @@ def test_in_a_browser(whole, tmp_path, browse, width, dark):
     path = tmp_path / "index.html"
     path.write_text(whole, encoding="utf-8")
     found = browse(path, width, dark)
-    assert found["title"] == "The paper reproduced"
+    assert found["title"] == "Reproduction of the paper"
     assert found["scroll"] == found["width"] <= width
     assert found["pictures"] == 1
     assert found["console"] == []
@@ -100,8 +104,9 @@ def test_in_a_browser(whole, tmp_path, browse, width, dark):
 def test_the_browser_sees_what_is_wrong(tmp_path, browse):
     """The check itself: a page that asks the network, is too wide and has a broken picture."""
     body = '<p style="width:900px">wide</p><img src="https://example.invalid/x.png"><a href="#no">dead</a>'
+    template = '{% extends "base.html" %}{% block body %}' + body + "{% endblock %}"
     path = tmp_path / "bad.html"
-    path.write_text(index_page.document("Bad", "", [body]), encoding="utf-8")
+    path.write_text(document.environment().from_string(template).render(title="Bad"), encoding="utf-8")
     found = browse(path)
     assert found["scroll"] > found["width"]
     assert any("wide" in e for e in found["beyond"])

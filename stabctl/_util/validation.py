@@ -1,0 +1,112 @@
+"""Values checked against the fields of their record, by the validators of pydantic's core.
+
+Checks are strict: no text or bool for a number, numbers finite and of at most `LARGEST` in size. The core alone is
+loaded, with the first check, in 0.03 s; pydantic's own classes around it would take 0.15 s.
+"""
+
+from collections.abc import Iterable, Mapping
+from functools import cache
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from stabctl.errors import shown
+from stabctl.schema import Field, fields, hints
+
+if TYPE_CHECKING:
+    from pydantic_core import SchemaValidator
+
+LARGEST = 1e12  # beyond it numbers are taken for mistakes
+
+Record = TypeVar("Record", bound=Any)
+
+
+class Invalid(Exception):
+    """A value that is not allowed: the row it stands in (from 0), its field, and what it must be."""
+
+    def __init__(self, row: int, field: Field, value: object, expected: str) -> None:
+        super().__init__(f"row {row}, {field.name}: {shown(value)} is not allowed; it must be {expected}")
+        self.row, self.field, self.value, self.expected = row, field, value, expected
+
+
+def checked(record: type[Record], rows: Iterable[Record]) -> tuple[Record, ...]:
+    """The rows of a table with every value checked; whole numbers become floats where the field is one.
+
+    Raises
+    ------
+    Invalid
+        For the first value that is not allowed.
+    """
+    from pydantic_core import ValidationError
+
+    try:
+        return tuple(map(record._make, _table(record).validate_python(tuple(rows))))
+    except ValidationError as error:
+        first = _first(error)
+        row, place = first["loc"][:2]
+        f = fields(record)[record._fields[place]]
+        raise Invalid(row, f, first["input"], _expected(f, first)) from None
+
+
+def fault(field: Field, value: object) -> str | None:
+    """What a value must be instead, in words; None where it is allowed."""
+    from pydantic_core import ValidationError
+
+    try:
+        _single(field.kind, field.choices, tuple(field.limits.items())).validate_python(value)
+    except ValidationError as error:
+        return _expected(field, _first(error))
+    return None
+
+
+@cache
+def _table(record: type) -> "SchemaValidator":
+    """Validator of all rows of a table."""
+    from pydantic_core import SchemaValidator, core_schema
+
+    columns = [
+        _schema(f.kind, f.choices, f.limits) if f is not None else core_schema.any_schema()
+        for f in hints(record).values()
+    ]
+    row = core_schema.tuple_schema(columns, strict=True)
+    return SchemaValidator(core_schema.tuple_schema([row], variadic_item_index=0, strict=True))
+
+
+@cache
+def _single(kind: type, choices: tuple[str, ...], limits: tuple[tuple[str, float], ...]) -> "SchemaValidator":
+    """Validator of one value."""
+    from pydantic_core import SchemaValidator
+
+    return SchemaValidator(_schema(kind, choices, dict(limits)))
+
+
+def _schema(kind: type, choices: tuple[str, ...], limits: Mapping[str, float]) -> Any:
+    """What pydantic's core calls such a field."""
+    from pydantic_core import core_schema
+
+    if choices:
+        return core_schema.literal_schema(list(choices))
+    if kind is str:
+        return core_schema.no_info_after_validator_function(_printable, core_schema.str_schema(strict=True))
+    limits = {"ge": -LARGEST, "le": LARGEST} | dict(limits)
+    if kind is int:
+        return core_schema.int_schema(strict=True, **{name: int(limit) for name, limit in limits.items()})
+    return core_schema.float_schema(strict=True, allow_inf_nan=False, **limits)
+
+
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("not printable")
+    return text
+
+
+def _first(error: Any) -> Mapping[str, Any]:
+    return error.errors(include_url=False, include_context=False)[0]
+
+
+def _expected(f: Field, first: Mapping[str, Any]) -> str:
+    """What a value must be, with a word on why it is not where its field does not say so."""
+    value = first["input"]
+    if first["type"] == "finite_number":
+        return f.expected().replace("a number", "a finite number")
+    if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) > LARGEST:
+        return f"{f.expected()}, and at most {LARGEST:g} in size"
+    return f.expected() if f.kind is not str or f.choices else "text of one line"

@@ -1,0 +1,77 @@
+"""The last stable clearing time of a grid in few runs: unstable ones, which end early, foretell it."""
+
+from collections.abc import Callable, Mapping
+from typing import Literal, NamedTuple
+
+from .margin import Margin
+from .trial import Run
+
+Status = Literal["found", "unstable_at_zero", "stable_at_limit"]
+FORETOLD = 10  # runs after which only the interval is cut
+HELD = 3.0  # energy the network takes up, against that of the run at clearing: errs to the unstable side
+REACH = 2.0  # how far below two unstable runs their line is believed, in multiples of their distance
+UPPER = 2 / 3  # where an interval is cut: an unstable run costs about a third of a stable one
+
+
+class Found(NamedTuple):
+    """The answer on the grid."""
+
+    status: Status
+    critical: int  # last stable point; 0 where there is none
+    runs: dict[int, Run]  # by point of the grid
+
+    @property
+    def machine(self) -> int | None:
+        """Machine that loses synchronism first just beyond."""
+        beyond = self.runs.get(0 if self.status == "unstable_at_zero" else self.critical + 1)
+        return beyond.machine if beyond else None
+
+
+def last_stable(attempt: Callable[[int], Run], last: int, guess: int, stride: int, check: int) -> Found:
+    """The last stable point of the grid 0 ... `last`, proved by a run at it and a run at the next.
+
+    From a guess on, upwards in growing strides. Of unstable runs the excess of energy is extrapolated to zero over
+    the square of the clearing time; where that does not help the interval is cut. One of the `check` points below the
+    answer is tried as well: where it is unstable, in a later swing, the answer lies below it.
+    """
+    tried: dict[int, Run] = {}
+    low, high, k = -1, last + 1, min(max(guess, 0), last)
+    while True:
+        tried[k] = attempt(k)
+        if tried[k].stable:
+            low = max(low, k)
+        else:
+            high = k
+            low = max((s for s, run in tried.items() if run.stable and s < k), default=-1)
+        if high - low > 1:
+            k, stride = _next(low, high, last, tried, stride), 2 * stride
+        elif low < 1 or low == last or any(low - check <= s < low for s in tried):
+            break
+        else:
+            k = max(low - check, 0)
+    if low < 0:
+        return Found("unstable_at_zero", 0, tried)
+    return Found("stable_at_limit" if low == last else "found", low, tried)
+
+
+def _next(low: int, high: int, last: int, tried: Mapping[int, Run], stride: int) -> int:
+    """The point to try: the lowest that is foretold to be unstable."""
+    if high > last:
+        return min(last, low + stride)
+    cut = min(low + max(1, round(UPPER * (high - low))), high - 1)
+    if tried[high].margin is None or len(tried) > FORETOLD:
+        return max(cut, high - stride) if low < 0 else cut
+    foretold = _critical({k: run.margin for k, run in tried.items() if run.margin and k >= high})
+    return min(max(int(foretold) + 1, low + 1), high - 1) if foretold > low else cut
+
+
+def _critical(lost: Mapping[int, Margin]) -> float:
+    """Where the excess of the unstable runs goes to zero, on the grid."""
+    near, *others = sorted(lost)
+    excess, given = lost[near]
+    slope, least = (HELD * given / near**2 if near else 0.0), 0.0
+    if others and lost[others[0]].excess > excess:
+        further = others[0]
+        slope = (lost[further].excess - excess) / (further**2 - near**2)
+        least = max(near - REACH * (further - near), 0.0)
+    return max(near**2 - excess / slope, least**2) ** 0.5 if slope > 0 else float(near)

@@ -1,0 +1,97 @@
+"""One contingency simulated at clearing times on a grid: how every study of clearing times judges them."""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import NamedTuple
+
+from stabctl.controllers import Law
+from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.errors import StudyError
+from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.events import Event, Fault
+from stabctl.simulation.outcome import Kind
+from stabctl.simulation.sampled import Sampled
+from stabctl.simulation.simulation import run
+from stabctl.simulation.trajectory import Trajectory
+
+from .margin import Margin, margin
+from .search import Search
+
+QUIET = 0.5  # s   before the fault, in which a sampled controller sees the system at rest
+SUSTAINED = 0.45  # first guess, as a share of the time in which a fault that stays loses synchronism
+
+
+class Run(NamedTuple):
+    """One simulation of a search."""
+
+    cycles: float  # clearing time
+    stable: bool
+    outcome: Kind
+    machine: int | None  # that lost synchronism first
+    time_s: float  # s   end of the run, from the fault on
+    margin: Margin | None = None  # of an unstable run
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A contingency at an operating point under a control law; its own clearing time is ignored.
+
+    The fault begins at 0 (at `QUIET` under a sampled controller); other events keep their time from the fault. Raises
+    `StudyError` without a fault, and at the first run for what the case does not have.
+    """
+
+    point: OperatingPoint
+    contingency: Contingency
+    control: Law | Sampled | None = None
+    search: Search = field(default_factory=Search)
+
+    def __post_init__(self) -> None:
+        if self.contingency.fault is None:
+            raise StudyError(f"{self.contingency} has no fault whose clearing time could be sought; give one.")
+
+    @cached_property
+    def others(self) -> tuple[Event, ...]:
+        """The other events, their instants (s) from the fault on."""
+        case = self.point.case
+        starts = self.contingency.starts(case)
+        return tuple(replace(e, at=e.at - starts) for e in self.contingency.others(case))
+
+    @cached_property
+    def at(self) -> float:
+        """Instant of the fault, s: late enough for events before it."""
+        before = -min((e.at for e in self.others), default=0.0)
+        return max(before, 0.0) + (QUIET if isinstance(self.control, Sampled) else 0.0)
+
+    def duration(self, k: int) -> float:
+        """Duration (s) of the fault at the grid's point k."""
+        return k * self.search.resolution_cycles / self.point.case.frequency_hz
+
+    def cleared(self, k: int) -> float:
+        """Instant (s) of clearing at the grid's point k."""
+        return self.at + self.duration(k)
+
+    def simulate(self, k: int, record: bool = False) -> Trajectory:
+        """The run cleared at the grid's point k, until the observation after the last event ends."""
+        fault = replace(self.contingency, clear=self.duration(k), at=self.at, events=())
+        others = [replace(e, at=e.at + self.at) for e in self.others]
+        until = max([self.cleared(k), *(e.at for e in others)]) + self.search.observed_s
+        return self._run([fault, *others], until, record)
+
+    def attempt(self, k: int) -> Run:
+        """What the run cleared at the grid's point k shows."""
+        ran = self.simulate(k, record=True)
+        end, cycles = ran.outcome, k * self.search.resolution_cycles
+        beyond = None if end.stable else margin(ran, self.cleared(k))
+        return Run(cycles, end.stable, end.kind, end.machine, end.time_s - self.at, beyond)
+
+    def guess(self) -> int:
+        """OperatingPoint of the grid near the answer: a share of the time in which a fault that stays loses synchronism."""
+        hz, search = self.point.case.frequency_hz, self.search
+        longest = min(search.limit_cycles / SUSTAINED / hz, search.observed_s)
+        fault = Fault(self.contingency.fault, self.at, self.contingency.impedance)
+        end = self._run([fault], self.at + longest, record=False).outcome
+        cycles = search.limit_cycles / SUSTAINED if end.stable else (end.time_s - self.at) * hz
+        return int(SUSTAINED * cycles / search.resolution_cycles)
+
+    def _run(self, events: list[Contingency | Event], until: float, record: bool) -> Trajectory:
+        return run(self.point, events, until, self.control, self.search.step, self.search.criterion, record)

@@ -1,0 +1,55 @@
+"""The device models that have a table of their own, `<model>.csv`, and what keys its rows.
+
+A load model is keyed by bus: it gives dynamic parameters to a row of loads.csv. Every other model is keyed by machine.
+"""
+
+from collections.abc import Mapping
+from types import ModuleType
+from typing import Any
+
+from stabctl import devices
+from stabctl.schema import Field, fields
+
+from .tables import TABLES
+
+UNIT_ROLES = ("machine", "converter")  # every row of machines.csv has exactly one model with one of these
+SINGLE_ROLES = (*UNIT_ROLES, "exciter", "governor")  # a machine has at most one model with each of these
+
+
+def models() -> Mapping[str, ModuleType]:
+    """Device models by name, those with columns of their own."""
+    return {name: device for name, device in devices.models().items() if fields(device.Par)}
+
+
+def role(model: str) -> str:
+    """Role of a model: machine, converter, exciter, governor, stabilizer, load ..."""
+    return models()[model].ROLE
+
+
+def of_role(*roles: str) -> list[str]:
+    """Names of the models with one of these roles."""
+    return [name for name, device in models().items() if device.ROLE in roles]
+
+
+def key_field(model: str) -> Field:
+    """The column that says what a row of a model's table belongs to: `bus` for a load, else `machine`."""
+    return fields(TABLES["loads"])["bus"] if role(model) == "load" else fields(TABLES["machines"])["machine"]
+
+
+def columns(model: str) -> dict[str, Field]:
+    """Every column of a model's table, its key first."""
+    key = key_field(model)
+    return {key.name: key, **fields(models()[model].Par)}
+
+
+def parameters(model: str, **values: Any) -> Any:
+    """Parameters of a model from the columns of a row; fields that are filled from the case are 0."""
+    record = models()[model].Par
+    unfilled = {name: 0.0 for name in record._fields if name not in fields(record)}
+    return record(**unfilled, **values)
+
+
+def takes(model: str, control: str) -> bool:
+    """May a unit of this model have a control of that role? Any, unless its CONTROLS lists some."""
+    allowed = getattr(models()[model], "CONTROLS", None)
+    return allowed is None or control in allowed

@@ -1,0 +1,105 @@
+"""Checks of the device tables: each row belongs to something, and fits the other devices there."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from stabctl.schema import fields
+
+from . import catalog, keys
+from .mistake import RowError
+
+if TYPE_CHECKING:
+    from .case import Case
+
+
+def check(case: "Case") -> Iterator[str]:
+    """Raise the first mistake in the device tables; yield a sentence for everything unusual in their parameters."""
+    _owners(case)
+    _one_of_a_kind(case)
+    _every_unit_has_a_model(case)
+    _controls(case)
+    for model, rows in case.devices.items():
+        for i, (key, par) in enumerate(rows.items()):
+            yield from _parameters(model, i, key, par)
+
+
+def _owners(case: "Case") -> None:
+    """Every device belongs to a machine of machines.csv, every load model to a row of loads.csv."""
+    machines, loads = {m.machine for m in case.machines}, set(keys.keys(case, "loads"))
+    for model, rows in case.devices.items():
+        column = catalog.key_field(model).name
+        for i, key in enumerate(rows):
+            if not (isinstance(key, int) and not isinstance(key, bool)) and not keys.REPEATED.fullmatch(str(key)):
+                text = f"{key!r} is not allowed; it must be a {column} number, or 2#2 for the second device at 2."
+                raise RowError(model, i, column, text)
+            if column == "bus" and key not in loads:
+                text = f"there is no load {key} in loads.csv; add it there, with its p and q."
+                raise RowError(model, i, column, text)
+            if column == "machine" and keys.number(key) not in machines:
+                raise RowError(model, i, column, f"there is no machine {keys.number(key)} in machines.csv.")
+
+
+def _one_of_a_kind(case: "Case") -> None:
+    """A machine has one model, one exciter and one governor; a load has one model."""
+    first: dict[tuple[keys.Key, str], tuple[str, int]] = {}
+    for model, rows in case.devices.items():
+        role = catalog.role(model)
+        if role not in (*catalog.SINGLE_ROLES, "load"):
+            continue
+        place, kind = key_column(model), "unit" if role in catalog.UNIT_ROLES else role
+        for i, key in enumerate(rows):
+            owner = key if role == "load" else keys.number(key)
+            if (owner, kind) not in first:
+                first[owner, kind] = model, i
+                continue
+            other, row = first[owner, kind]
+            noun = {"unit": "models", "load": "models"}.get(kind, kind + "s")
+            if other == model:
+                text = f"{place} {owner} appears twice ({{rows}}); it can have only one row in this table."
+                raise RowError(model, i, place, text, row)
+            text = f"{place} {owner} has two {noun}, in {other}.csv and {model}.csv; keep one."
+            raise RowError(model, i, place, text)
+
+
+def key_column(model: str) -> str:
+    """Name of the column that keys a model's table."""
+    return catalog.key_field(model).name
+
+
+def _every_unit_has_a_model(case: "Case") -> None:
+    known = catalog.of_role(*catalog.UNIT_ROLES)
+    modeled = {keys.number(key) for model in known for key in case.devices.get(model, ())}
+    for i, m in enumerate(case.machines):
+        if m.machine not in modeled:
+            text = f"machine {m.machine} has no model; add a row for it to {' or '.join(f'{k}.csv' for k in known)}."
+            raise RowError("machines", i, "machine", text)
+
+
+def _controls(case: "Case") -> None:
+    """Every control finds what it acts on."""
+    for model, rows in case.devices.items():
+        role = catalog.role(model)
+        for i, key in enumerate(rows):
+            number = keys.number(key)
+            machine = case.model(number, "machine")
+            if role == "exciter" and machine and not catalog.takes(machine, role):
+                text = f"machine {number} is modeled by {machine}, which takes no exciter; remove this row."
+                raise RowError(model, i, "machine", text)
+            if role == "stabilizer" and machine and not case.model(number, "exciter"):
+                text = f"machine {number} has no exciter for its stabilizer to act on; add one or remove this row."
+                raise RowError(model, i, "machine", text)
+
+
+def _parameters(model: str, i: int, key: keys.Key, par: Any) -> Iterator[str]:
+    """Raise the first combination of parameters that cannot work; yield a sentence for every unusual one."""
+    of = fields(type(par))
+    owner = f"{key_column(model)} {key}"
+    for name, f in of.items():
+        top = name.removesuffix("min") + "max"
+        if name.endswith("min") and top in of and getattr(par, name) > getattr(par, top):
+            text = f"{name} = {getattr(par, name):g} is above {top} = {getattr(par, top):g}."
+            raise RowError(model, i, f.column, text)
+    for name, text in getattr(par, "errors", tuple)():
+        raise RowError(model, i, of[name].column, f"{name} = {getattr(par, name):g} of {owner} {text}.")
+    for name, text in getattr(par, "warnings", tuple)():
+        yield f"{model}.csv, {owner}: {name} = {getattr(par, name):g} {text}."

@@ -1,0 +1,87 @@
+"""The tables of a case: a row of each is a record, a field a column with its unit, meaning and allowed values."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Annotated, Literal, NamedTuple
+
+from annotated_types import Ge, Interval
+
+from stabctl.schema import NOT_NEGATIVE, POSITIVE, RATIO, SHARE
+
+Characteristic = Literal["power", "current", "conductance"]
+
+
+class Bus(NamedTuple):
+    """A bus with its shunt."""
+
+    bus: Annotated[int, "-", "bus number", POSITIVE]
+    kind: Annotated[Literal["swing", "pv", "pq"], "-", "role in the power flow"]
+    v: Annotated[float, "pu", "voltage set-point (swing, pv) or initial guess (pq)", RATIO] = 1.0
+    angle: Annotated[float, "deg", "voltage angle of the swing bus; initial guess elsewhere"] = 0.0
+    g: Annotated[float, "MW", "shunt conductance: power consumed at 1 pu voltage"] = 0.0
+    b: Annotated[float, "Mvar", "shunt susceptance: reactive power produced at 1 pu voltage"] = 0.0
+    rated: Annotated[float, "kV", "rated voltage, for information only", NOT_NEGATIVE] = 0.0
+
+
+class Branch(NamedTuple):
+    """A circuit of a line, or a transformer with its tap on the from side."""
+
+    from_bus: Annotated[int, "-", "bus at the from end"]
+    to_bus: Annotated[int, "-", "bus at the to end"]
+    r: Annotated[float, "pu", "series resistance"]
+    x: Annotated[float, "pu", "series reactance (negative: series capacitor)"]
+    b: Annotated[float, "pu", "total line charging susceptance"] = 0.0
+    tap: Annotated[float, "-", "turns ratio on the from side (1 for a line)", RATIO] = 1.0
+    phase: Annotated[float, "deg", "phase shift by which the from side leads"] = 0.0
+
+
+class Machine(NamedTuple):
+    """A generating unit: a synchronous machine, or the converter that takes its place."""
+
+    machine: Annotated[int, "-", "machine number", POSITIVE]
+    bus: Annotated[int, "-", "terminal bus"]
+    base: Annotated[float, "MVA", "rating, the base of its per-unit parameters", Ge(1e-6)]
+    p: Annotated[float, "MW", "scheduled active power (initial guess at the swing bus)"]
+    storage_bus: Annotated[int, "-", "bus for its storage device: high-voltage side, or the terminal bus"]
+
+
+class Load(NamedTuple):
+    """A load; the share of its power that is neither constant power nor constant current is constant admittance."""
+
+    bus: Annotated[int, "-", "bus number"]
+    p: Annotated[float, "MW", "active power consumed (negative: infeed)"]
+    q: Annotated[float, "Mvar", "reactive power consumed"]
+    p_power: Annotated[float, "-", "constant-power share of p", SHARE] = 0.0
+    q_power: Annotated[float, "-", "constant-power share of q", SHARE] = 0.0
+    p_current: Annotated[float, "-", "constant-current share of p", SHARE] = 0.0
+    q_current: Annotated[float, "-", "constant-current share of q", SHARE] = 0.0
+    v_low: Annotated[float, "pu", "voltage below which the whole load is an admittance", POSITIVE] = 0.5
+
+
+class Link(NamedTuple):
+    """An HVDC link, represented by a constant-current injection at each terminal."""
+
+    link: Annotated[str, "-", "name of the link"]
+    from_bus: Annotated[int, "-", "rectifier bus"]
+    to_bus: Annotated[int, "-", "inverter bus"]
+    p: Annotated[float, "MW", "power drawn at the rectifier"]
+    loss: Annotated[float, "MW", "power lost between rectifier and inverter"] = 0.0
+
+
+class Storage(NamedTuple):
+    """An energy storage device (ESD) that belongs to a machine; the defaults are the ideal device of the paper."""
+
+    machine: Annotated[int, "-", "machine whose speed controls it"]
+    bus: Annotated[int, "-", "bus it is connected to"]
+    rating: Annotated[float, "MW", "power rating at 1 pu voltage", NOT_NEGATIVE]
+    characteristic: Annotated[Characteristic, "-", "what stays constant when the voltage changes"] = "power"
+    energy: Annotated[float, "MWh", "energy capacity (0: unlimited)", NOT_NEGATIVE] = 0.0
+    charge: Annotated[float, "-", "initial state of charge", SHARE] = 0.5
+    ramp: Annotated[float, "MW/s", "ramp-rate limit (0: none)", NOT_NEGATIVE] = 0.0
+    lag: Annotated[float, "s", "time constant from order to power", NOT_NEGATIVE] = 0.0
+    efficiency: Annotated[float, "-", "round-trip efficiency", Interval(ge=0.01, le=1)] = 1.0
+
+
+TABLES: Mapping[str, type] = MappingProxyType(
+    {"buses": Bus, "branches": Branch, "machines": Machine, "loads": Load, "links": Link, "storage": Storage}
+)

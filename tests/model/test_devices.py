@@ -1,0 +1,202 @@
+"""Device tables of every role: keys by machine or by load, several of a kind, converters in place of machines."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Annotated, NamedTuple
+
+import pytest
+from systems import CLASSICAL, PSS, ROUND, SEXS, small
+
+from stabctl import io
+from stabctl.errors import CaseError, StudyError
+from stabctl.model import catalog, keys
+from stabctl.model.replicate import replicate
+from stabctl.model.tables import Load
+from stabctl.schema import FROM_CASE, POSITIVE
+
+PACKAGED_MODELS = catalog.models
+
+
+class Exponential(NamedTuple):
+    """A load model, keyed by bus."""
+
+    base: Annotated[float, "MVA", "system base", FROM_CASE]
+    a: Annotated[float, "-", "exponent of p", POSITIVE]
+    b: Annotated[float, "-", "exponent of q"] = 2.0
+
+    def errors(self):
+        """What cannot work."""
+        if self.a == self.b:
+            yield "b", f"must differ from a = {self.a:g}"
+
+    def warnings(self):
+        """What is unusual."""
+        if self.b > 4:
+            yield "b", "is usually at most 4"
+
+
+class Converter(NamedTuple):
+    """A converter in place of a machine."""
+
+    rate: Annotated[float, "1/s", "current controller", POSITIVE] = 50.0
+
+
+class Filled(NamedTuple):
+    """Parameters that all come from other tables."""
+
+    p: Annotated[float, "pu", "power", FROM_CASE]
+
+
+class Gensal(NamedTuple):
+    """A machine with another inertia than H."""
+
+    M: Annotated[float, "s", "starting time", POSITIVE]
+
+
+@pytest.fixture(autouse=True)
+def more_models(monkeypatch):
+    """Models that the package does not have, found by their roles alone."""
+    known = catalog.models()
+    more = {
+        "exponential": SimpleNamespace(Par=Exponential, ROLE="load"),
+        "other_load": SimpleNamespace(Par=Exponential, ROLE="load"),
+        "regc": SimpleNamespace(Par=Converter, ROLE="converter"),
+        "starting": SimpleNamespace(Par=Gensal, ROLE="machine"),
+    }
+    monkeypatch.setattr(catalog, "models", lambda: {**known, **more})
+
+
+A, B = Exponential(0.0, 1.5), Exponential(0.0, 0.5, 1.0)
+
+
+def with_devices(case, **tables):
+    """The case with more device tables."""
+    return replace(case, devices={**case.devices, **tables})
+
+
+@pytest.fixture
+def loads():
+    """Three loads, two of them at bus 2."""
+    case = small({"gencls": CLASSICAL})
+    return replace(case, loads=(*case.loads, Load(2, 10.0, 1.0), Load(1, 5.0, 1.0)))
+
+
+def test_a_model_without_columns_of_its_own_has_no_table(monkeypatch):
+    from stabctl import devices
+
+    more = {**devices.models(), "filled": SimpleNamespace(Par=Filled, ROLE="load")}
+    monkeypatch.setattr(devices, "models", lambda: more)
+    assert set(PACKAGED_MODELS()) == set(devices.models()) - {"filled"}
+
+
+def test_columns_follow_from_the_role():
+    assert list(catalog.columns("exponential")) == ["bus", "a", "b"]
+    assert list(catalog.columns("regc")) == ["machine", "rate"]
+    assert catalog.of_role("machine", "converter") == ["gencls", "genrou", "regc", "starting"]
+
+
+@pytest.mark.parametrize("rows", [{2: A}, {2: A, "2#2": B}, {"2#2": B}, {1: B, "2#2": A, 2: B}])
+def test_load_models_belong_to_rows_of_loads(loads, rows, tmp_path):
+    case = with_devices(loads, exponential=rows)
+    again = io.load(io.write(case, tmp_path / "small"))
+    assert again == case
+    assert list(again.devices["exponential"]) == list(rows)
+    assert case.set(f"exponential.{next(iter(rows))}.a", 3).devices["exponential"][next(iter(rows))].a == 3
+    assert case.trip_machine(1).devices["exponential"] == case.classical().devices["exponential"] == rows
+    three = replicate(case, 3)
+    assert len(three.devices["exponential"]) == 3 * len(rows)
+    assert {keys.moved(key, 20) for key in rows} <= set(three.devices["exponential"])
+
+
+@pytest.mark.parametrize(
+    ("tables", "says"),
+    [
+        ({"exponential": {3: A}}, "exponential.csv row 2, column bus: there is no load 3 in loads.csv; add it there"),
+        ({"exponential": {2: A, "2#3": A}}, "exponential.csv row 3, column bus: there is no load 2#3 in loads.csv"),
+        (
+            {"exponential": {2: A}, "other_load": {1: A, 2: A}},
+            "other_load.csv row 3, column bus: bus 2 has two models, in ",
+        ),
+        (
+            {"exponential": {2: A._replace(a=2.0)}},
+            "exponential.csv row 2, column b: b = 2 of bus 2 must differ from a = 2.",
+        ),
+        ({"exponential": {2: A._replace(a=0.0)}}, "column a: 0.0 is not allowed; it must be a number above 0"),
+        ({"exponential": {"two": A}}, "'two' is not allowed; it must be a bus number, or 2#2 for the second device"),
+        ({"pss": {"1#1": PSS}}, "'1#1' is not allowed; it must be a machine number"),
+        (
+            {"regc": {1: Converter()}},
+            "regc.csv row 2, column machine: machine 1 has two models, in gencls.csv and regc.csv",
+        ),
+        (
+            {"gencls": {2: CLASSICAL}},
+            "machine 1 has no model; add a row for it to gencls.csv or genrou.csv or regc.csv",
+        ),
+        ({"gencls": {2: CLASSICAL, 1: CLASSICAL, "1#2": CLASSICAL}}, "machine 1 appears twice (rows 3 and 4)"),
+        ({"pss": {1: PSS}}, "machine 1 has no exciter for its stabilizer to act on"),
+        ({"nothing": {1: PSS}}, "there is no device model 'nothing'; known are gencls"),
+        ({"pss": {1: SEXS}}, "is not a row; make it with Par(...)"),
+    ],
+)
+def test_devices_that_fit_nothing_are_told(loads, tables, says):
+    with pytest.raises(CaseError) as caught:
+        with_devices(loads, **tables)
+    assert says in str(caught.value)
+
+
+def test_an_unusual_parameter_is_a_warning(loads):
+    case = with_devices(loads, exponential={"2#2": A._replace(b=5.0)})
+    assert case.warnings == ("exponential.csv, bus 2#2: b = 5 is usually at most 4.",)
+
+
+def test_several_stabilizers_at_one_machine(tmp_path):
+    case = with_devices(small({"genrou": ROUND, "sexs": SEXS, "pss": PSS}), pss={1: PSS, "1#2": PSS._replace(K=7.0)})
+    folder = io.write(case, tmp_path / "small")
+    assert io.load(folder) == case
+    path = folder / "pss.csv"
+    path.write_text(path.read_text().replace("\n1#2,", "\n1,"))
+    assert io.load(folder) == case
+    assert case.model(1, "stabilizer") == "pss"
+    assert case.set("pss.1#2.K", 8).devices["pss"]["1#2"].K == 8
+    assert list(replicate(case, 2).devices["pss"]) == [1, "1#2", 11, "11#2"]
+    assert "pss" not in case.trip_machine(1).devices
+    path.write_text(path.read_text() + path.read_text().splitlines()[1].replace("1,", "1#2,", 1) + "\n")
+    with pytest.raises(CaseError, match=r"pss.csv row 4, column machine: machine 1#2 appears twice \(rows 3 and 4\)"):
+        io.load(folder)
+
+
+@pytest.mark.parametrize(("model", "par"), [("sexs", SEXS), ("gencls", CLASSICAL)])
+def test_one_model_one_exciter_one_governor(model, par):
+    case = small({"genrou": ROUND, "sexs": SEXS})
+    with pytest.raises(CaseError, match=rf"{model}.csv row \d, column machine: machine 1 "):
+        with_devices(case, **{model: {**case.devices[model], "1#2": par} if model == "sexs" else {1: par, 2: par}})
+
+
+def test_a_converter_takes_the_place_of_a_machine():
+    case = small({"gencls": CLASSICAL})
+    two = case.devices["gencls"][2]
+    mixed = with_devices(case, gencls={2: two}, regc={1: Converter()})
+    assert (mixed.model(1, "machine"), mixed.model(1, "converter")) == (None, "regc")
+    assert mixed.classical().devices == mixed.devices
+    assert list(replicate(mixed, 2, spread=1.0).devices["regc"]) == [1, 11]
+    assert [p.H for p in replicate(mixed, 2, spread=1.0).devices["gencls"].values()] == [two.H, 2 * two.H]
+
+
+def test_a_machine_that_has_no_classical_equivalent_is_told():
+    case = small({"gencls": CLASSICAL})
+    with pytest.raises(StudyError, match="Machine 1 of small is a starting, which has no classical equivalent"):
+        with_devices(case, gencls={2: case.devices["gencls"][2]}, starting={1: Gensal(8.0)}).classical()
+
+
+def test_an_overlay_changes_devices_by_their_keys(loads, tmp_path):
+    io.write(with_devices(loads, exponential={2: A, "2#2": B}), tmp_path / "whole")
+    overlay = tmp_path / "changed"
+    overlay.mkdir()
+    (overlay / "case.toml").write_text('extends = "whole"\n')
+    (overlay / "exponential.csv").write_text("bus,a\n2#2,3\n")
+    assert io.load(overlay).devices["exponential"] == {2: A, "2#2": B._replace(a=3.0)}
+    (overlay / "exponential.csv").write_text("bus,a\n2,3\n2,4\n")
+    assert io.load(overlay).devices["exponential"] == {2: A._replace(a=3.0), "2#2": B._replace(a=4.0)}
+    (overlay / "exponential.csv").write_text("bus,a\n1,3\n")
+    with pytest.raises(CaseError, match=r"exponential.csv row 2, column bus: small has no bus 1 there\."):
+        io.load(overlay)
