@@ -6,7 +6,8 @@ from typing import Annotated, Any
 
 import typer
 
-from .shared import Json, console, print_json
+from .options import Json
+from .shared import console, print_json
 
 app = typer.Typer(no_args_is_help=True, help="One and two machines: Table 1, equal area, feedback laws, minimum time.")
 
