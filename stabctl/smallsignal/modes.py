@@ -59,6 +59,8 @@ class Mode:
     participation: tuple[Share, ...]  # the ten largest
     shape: tuple[Part, ...]
 
+    plot = verb("stabctl.plotting.mode_shape:plot")
+
     @property
     def frequency_hz(self) -> float:
         """Of the oscillation, |Im| / 2 pi."""
