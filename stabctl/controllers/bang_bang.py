@@ -6,7 +6,6 @@ from typing import Annotated
 from stabctl._util.guard import guard
 from stabctl._util.jit import inline
 from stabctl.schema import NOT_NEGATIVE
-from stabctl.units import hertz
 
 from .signals import Device, Par
 
@@ -29,7 +28,6 @@ class BangBang:
     min_voltage: Annotated[float, "pu", "voltage below which the device idles", NOT_NEGATIVE] = 0.8
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "deadband", hertz(self.deadband))
         guard(self)
 
     def par(self, device: Device) -> Par:

@@ -11,7 +11,6 @@ from typing import Annotated
 from stabctl._util.guard import guard
 from stabctl._util.jit import inline
 from stabctl.schema import NOT_NEGATIVE
-from stabctl.units import hertz
 
 from .signals import Device, Par
 
@@ -41,7 +40,6 @@ class Feedback:
     min_voltage: Annotated[float, "pu", "voltage below which the device idles", NOT_NEGATIVE] = 0.8
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "deadband", hertz(self.deadband))
         guard(self)
 
     def par(self, device: Device) -> Par:
