@@ -1,33 +1,38 @@
-"""Modes of every packaged case: a page each in reports/, and a table of the least damped swing."""
+"""Modes of every packaged case: a page for each, and a table of the electromechanical modes."""
 
 from pathlib import Path
 
+import stabctl as st
 from reproduction.console import present
 from reproduction.study import Study, Table
-from stabctl import io
-from stabctl.dynamics import operating_point
 from stabctl.report import modes_page
 from stabctl.report.modes_table import number
-from stabctl.smallsignal import Modes, analyze, areas, linearize
+from stabctl.smallsignal import Modes, areas
 
 BAND = 0.1, 2.5  # Hz
-HEADS = "case", "states", "swings", "slowest, Hz", "least damped, Hz", "damping ratio", "who", "areas"
+HEADS = (
+    "case",
+    "states",
+    "electromechanical modes",
+    "slowest (Hz)",
+    "least damped (Hz)",
+    "its damping ratio",
+    "its machines",
+    "areas",
+)
+TEXT = "Eigenvalues of all packaged cases, by exact linearization at the operating point, and their coherent areas."
 
 
 def study(reports: Path) -> Study:
-    """The modes of all cases; the pages are written beside."""
+    """The modes of all packaged cases."""
     rows, pages = [], {}
-    for name in io.packaged():
-        modes = analyze(linearize(operating_point.solve(io.load(name))))
+    for name in st.cases():
+        modes = st.load(name).modes()
         groups = areas(modes)
         pages[f"modes of {name}"] = modes_page.write(reports, modes, groups, BAND).name
         rows.append(row(name, modes, len(groups.groups)))
-    text = (
-        "All eigenvalues of every packaged case by exact linearization at its operating point, and its coherent areas."
-    )
-    return Study(
-        "Eigenvalues", text=(text,), tables=(Table("Swings of the packaged cases", HEADS, tuple(rows)),), pages=pages
-    )
+    table = Table("Electromechanical modes of the packaged cases", HEADS, tuple(rows))
+    return Study("Eigenvalues", text=(TEXT,), tables=(table,), pages=pages)
 
 
 def row(name: str, modes: Modes, split: int) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from stabctl.theory.phase import PhasePortrait, portrait
 from stabctl.theory.swing_curve import swing_curve
 
 REACTANCE = "The printed angle and speeds need 0.95 pu: the lines and 0.20 pu more, which the text does not mention."
-SPEED = "Ours is the closed form, speed wb Pm t/(2H). The paper's speeds are 0.14 % lower, and so are the angles."
+SPEED = "Ours is the closed form, speed wb Pm t/(2H). The paper's speeds are 0.14 % lower, its angles accordingly."
 
 
 def study(reports: Path) -> Study:

@@ -2,15 +2,26 @@
 
 import ast
 import inspect
+import runpy
 import subprocess
 import sys
 from pathlib import Path
 
+import matplotlib
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
 import stabctl as st
 
+matplotlib.use("agg")
+
+TOLD = {
+    "speeds": "7-8",
+    "lead": "damping ratio 0.018",
+    "stabilizer": "ratio 0.2780 (1, 2 against 3, 4)",
+    "own_law": "critical clearing time 26.625 cycles",
+}  # by a script
 FAULT = st.Contingency("7-8@0.4", clear="21cyc", trip="7-8")
 
 
@@ -42,6 +53,46 @@ def test_every_name_is_there_and_known_to_editors():
     assert all(getattr(st, name) is not None for name in st.__all__)
     with pytest.raises(AttributeError, match="nothing"):
         st.nothing  # noqa: B018
+
+
+session = pytest.mark.skipif(not hasattr(st.Trajectory, "plot"), reason="trajectories have no plot yet")
+
+
+@session
+def test_the_session_runs_as_written(tmp_path):
+    case = st.load("two_area")
+    base = case.initialize()
+    fault = st.Contingency("7-8@0.4", clear="21cyc", trip="7-8")
+    run = base.simulate(fault, storage="50MW", control=st.BangBang())
+    assert isinstance(run.plot(), plt.Axes)
+    assert run.df.time_s.iloc[-1] == 10
+    assert run.speed.dims == ("time", "machine")
+    law = st.BangBang(deadband="100mHz")
+    assert base.clearing_time(fault, storage="50MW", control=law).cycles == 26.0
+    assert list(base.screen(below="12cyc").df.columns) == ["fault", "trip", "cycles", "status", "machine"]
+    modes = base.modes(band="0.1..2Hz")
+    assert modes.df.frequency_hz.between(0.1, 2).all()
+    assert modes.df.swing.sum() == 3
+    model = base.linearize(inputs="vref:2", outputs="speed:2").to_control()
+    assert (model.ninputs, model.noutputs, model.nstates) == (1, 1, 56)
+    for result in (run, modes, base.screen(below="9cyc"), base.clearing_time(fault, limit="30cyc")):
+        assert result._repr_html_().startswith("<p>two_area")
+        assert isinstance(result.plot(), plt.Axes)
+    plt.close("all")
+
+
+@session
+@pytest.mark.parametrize(("script", "most"), [("speeds", 12), ("lead", 12), ("stabilizer", 12), ("own_law", 10)])
+def test_a_task_is_a_short_script(script, most, tmp_path, monkeypatch, capsys):
+    """Speeds and screen, a python-control loop, a stabilizer, a law of one's own: what a new user writes."""
+    path = Path(st.__file__).parents[1] / "docs" / "examples" / f"{script}.py"
+    _, *lines = ast.parse(path.read_text()).body
+    written = path.read_text().splitlines()[lines[0].lineno - 1 :]
+    assert len([line for line in written if line.strip()]) <= most
+    monkeypatch.chdir(tmp_path)
+    runpy.run_path(str(path))
+    assert TOLD[script] in capsys.readouterr().out
+    plt.close("all")
 
 
 @pytest.mark.parametrize("noun", [st.Case, st.OperatingPoint])

@@ -4,7 +4,7 @@ from typing import Any
 
 from stabctl.errors import StudyError, shown
 from stabctl.schema import fields
-from stabctl.units import quantity
+from stabctl.units import NUMBER, kind_of, quantity
 
 from .validation import fault
 
@@ -23,8 +23,8 @@ def guard(record: Any) -> None:
         value = getattr(record, name)
         if value is None:
             continue
-        if isinstance(value, str) and f.kind is float:
-            value = _number(value, f.unit)
+        if isinstance(value, str) and f.kind is float and kind_of(f.unit) not in (None, NUMBER):
+            value = _number(name, value, f.unit)
             object.__setattr__(record, name, value)
         expected = fault(f, value)
         if expected:
@@ -33,9 +33,9 @@ def guard(record: Any) -> None:
             raise StudyError(f"{name} = {given}{unit} ({f.meaning}) must be {expected}.")
 
 
-def _number(text: str, unit: str) -> float | str:
-    """The number that a text with a unit holds; the text itself where it holds none."""
+def _number(name: str, text: str, unit: str) -> float:
+    """The number that a text with a unit holds."""
     try:
         return quantity(text, unit, bare=False)
-    except StudyError:
-        return text
+    except StudyError as error:
+        raise StudyError(f"{name}: {error}") from None

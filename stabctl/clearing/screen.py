@@ -17,6 +17,7 @@ from stabctl.controllers import Law
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
+from stabctl.model import keys
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 from stabctl.simulation.contingency import Contingency
@@ -122,7 +123,7 @@ def screen(
     observe: str | float = "5s",
     step: str | float | None = None,
     criterion: Criterion = DEFAULT,
-    buses: Iterable[int] | None = None,
+    buses: int | str | Iterable[int] | None = None,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Screen:
@@ -139,8 +140,8 @@ def screen(
         Clearing time from which on a pair is not listed: "8cyc", or seconds. Saves most of the work.
     storage, control, resolution, limit, observe, step, criterion
         As in `clearing_time`.
-    buses : iterable of int, optional
-        Buses with a fault; by default both ends of every line.
+    buses : int, str, or iterable of int, optional
+        Buses with a fault, "83, 102" or [83, 102]; by default both ends of every line.
     workers : int, optional
         Threads; by default one per core.
     progress : callable, optional
@@ -181,10 +182,10 @@ def screen(
 
 
 def _trials(
-    point: OperatingPoint, found: Lines, control: Law | Sampled | None, search: Search, buses: Iterable[int] | None
+    point: OperatingPoint, found: Lines, control: Law | Sampled | None, search: Search, buses: int | str | Iterable[int] | None
 ) -> dict[str, list[Trial]]:
     """The trials of every faulted bus."""
-    wanted = None if buses is None else {str(bus) for bus in buses}
+    wanted = _wanted(point.case, buses)
     by_bus: dict[str, list[Trial]] = {}
     for name in found.screened:
         for bus in name.split("#")[0].split("-"):
@@ -194,6 +195,16 @@ def _trials(
         where = "" if wanted is None else f" at bus {', '.join(sorted(wanted))}"
         raise StudyError(f"{point.case.name} has no line{where} that can be opened without splitting the network.")
     return by_bus
+
+
+def _wanted(case: Case, buses: int | str | Iterable[int] | None) -> set[str] | None:
+    """Numbers of the faulted buses, which the case has; None: all."""
+    if buses is None:
+        return None
+    listed = buses.replace(",", " ").split() if isinstance(buses, str) else [buses] if isinstance(buses, int) else buses
+    if not isinstance(listed, Iterable):
+        raise StudyError(f"buses = {buses!r} does not name buses; write buses=[83, 102].")
+    return {str(case.buses[keys.row(case, "buses", bus)].bus) for bus in listed}
 
 
 def _next(below: str | float, search: Search, case: Case) -> float:

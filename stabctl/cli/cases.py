@@ -1,6 +1,7 @@
 """stabctl cases: what comes with the package."""
 
-from .shared import Json, console, print_json
+from .options import Json
+from .shared import console, print_json
 
 
 def cases(as_json: Json = False) -> None:

@@ -4,54 +4,62 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from . import shared
+from . import options, shared
 
 if TYPE_CHECKING:
     from stabctl.clearing import ClearingTime
 
-Resolution = Annotated[str, typer.Option("--resolution", help="Grid of clearing times; 1cyc is the paper's.")]
+AFTER = "times count from the fault. Repeatable."
+Open = Annotated[list[str] | None, typer.Option("--open", help=f"Another line trip, 7-8@0.5s; {AFTER}")]
+TripMachine = Annotated[list[str] | None, typer.Option("--trip-machine", help=f"Machine trip, 14@0.1s; {AFTER}")]
+LoadStep = Annotated[list[str] | None, typer.Option("--load-step", help=f"Change of load, 7:+50MW@0.1s; {AFTER}")]
 
 
 def clearing_time(
-    case: shared.CaseName,
-    fault: shared.Fault,
-    trip: shared.Trip = None,
-    resolution: Resolution = "0.125cyc",
-    limit: shared.Limit = "60cyc",
-    observe: shared.Observe = 5.0,
-    step: shared.Step = None,
-    control: shared.Control = None,
-    storage: shared.Size = None,
-    storage_at: shared.SizeAt = None,
-    characteristic: shared.Characteristic = "power",
-    lag: shared.Lag = 0.0,
-    deadband: shared.Deadband = 0.1,
-    min_voltage: shared.MinVoltage = 0.8,
-    fault_impedance: shared.FaultImpedance = "0,0",
-    max_angle: shared.Angle = 3.5,
-    estimator: shared.Estimator = "ideal",
-    pmu_rate: shared.PmuRate = 60,
-    pmu_noise_mrad: shared.PmuNoise = 2.0,
-    latency_ms: shared.Latency = 50.0,
-    loss: shared.Loss = 0.02,
-    seed: shared.Seed = 1,
-    classical: shared.Classical = False,
-    as_json: shared.Json = False,
+    case: options.CaseName,
+    fault: options.Fault,
+    trip: options.Trip = None,
+    opened: Open = None,
+    tripped: TripMachine = None,
+    stepped: LoadStep = None,
+    settings: options.Set = None,
+    resolution: options.Resolution = "0.125cyc",
+    limit: options.Limit = "60cyc",
+    observe: options.Observe = "5s",
+    step: options.Step = None,
+    control: options.Control = None,
+    storage: options.Size = None,
+    storage_at: options.SizeAt = None,
+    characteristic: options.Characteristic = "power",
+    lag: options.Lag = "0s",
+    deadband: options.Deadband = 0.1,
+    min_voltage: options.MinVoltage = 0.8,
+    fault_impedance: options.FaultImpedance = "0,0",
+    max_angle: options.Angle = 3.5,
+    estimator: options.Estimator = "ideal",
+    pmu_rate: options.PmuRate = 60,
+    pmu_noise_mrad: options.PmuNoise = 2.0,
+    latency_ms: options.Latency = 50.0,
+    loss: options.Loss = 0.02,
+    seed: options.Seed = 1,
+    classical: options.Classical = False,
+    as_json: options.Json = False,
 ) -> None:
     """Find the critical clearing time of a fault."""
     from stabctl.clearing import clearing_time
     from stabctl.simulation.contingency import Contingency
 
-    loaded = shared.load(case, classical)
+    loaded = shared.load(case, classical, settings)
+    events = shared.events(loaded, opened, tripped, stepped)
+    through = shared.impedance(fault_impedance)
     point = shared.start(loaded, storage, storage_at, characteristic=characteristic, lag=lag)
     law = shared.law(point.case, control, deadband, min_voltage)
-    signals = shared.pmu(pmu_rate, pmu_noise_mrad, latency_ms, loss)
-    steering = shared.steering(law, estimator, signals, seed, "batched")
+    pmu = shared.pmu(pmu_rate, pmu_noise_mrad, latency_ms, loss)
     with shared.progress("searching", None) as tell:
         found = clearing_time(
             point,
-            Contingency(fault, trip=trip or (), impedance=shared.impedance(fault_impedance)),
-            control=steering,
+            Contingency(fault, trip=trip or (), at=0.0, impedance=through, events=events),
+            control=shared.steering(law, estimator, pmu, seed, "batched"),
             resolution=resolution,
             limit=limit,
             observe=observe,
@@ -90,7 +98,7 @@ def _show(found: "ClearingTime", as_json: bool) -> None:
         return
     from rich.table import Table
 
-    table = Table("cleared after, cycles", "outcome", "loses synchronism first", "ended after, s")
+    table = Table("clearing time, cycles", "outcome", "loses synchronism first", "end, s after the fault")
     for r in found.runs:
         end = r.outcome.value.replace("_", " ")
         table.add_row(f"{r.cycles:g}", end, "" if r.machine is None else f"machine {r.machine}", f"{r.time_s:.2f}")

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from . import shared
+from . import options, shared
 
 if TYPE_CHECKING:
     from stabctl.estimation.estimates import Accuracy, Estimates
@@ -16,30 +16,30 @@ Plot = Annotated[Path | None, typer.Option("--plot", help="Draw true and estimat
 
 
 def estimate(
-    case: shared.CaseName,
-    fault: shared.Fault,
+    case: options.CaseName,
+    fault: options.Fault,
     clear: Clear,
-    trip: shared.Trip = None,
+    trip: options.Trip = None,
     at: At = 1.0,
-    observe: shared.Observe = 5.0,
-    step: shared.Step = None,
-    storage: shared.Size = None,
-    storage_at: shared.SizeAt = None,
-    characteristic: shared.Characteristic = "power",
-    lag: shared.Lag = 0.0,
-    deadband: shared.Deadband = 0.1,
-    min_voltage: shared.MinVoltage = 0.8,
-    fault_impedance: shared.FaultImpedance = "0,0",
-    max_angle: shared.Angle = 3.5,
-    estimator: shared.Estimator = "kalman",
-    pmu_rate: shared.PmuRate = 60,
-    pmu_noise_mrad: shared.PmuNoise = 2.0,
-    latency_ms: shared.Latency = 50.0,
-    loss: shared.Loss = 0.02,
-    seed: shared.Seed = 1,
+    observe: options.Observe = "5s",
+    step: options.Step = None,
+    storage: options.Size = None,
+    storage_at: options.SizeAt = None,
+    characteristic: options.Characteristic = "power",
+    lag: options.Lag = "0s",
+    deadband: options.Deadband = 0.1,
+    min_voltage: options.MinVoltage = 0.8,
+    fault_impedance: options.FaultImpedance = "0,0",
+    max_angle: options.Angle = 3.5,
+    estimator: options.Estimator = "kalman",
+    pmu_rate: options.PmuRate = 60,
+    pmu_noise_mrad: options.PmuNoise = 2.0,
+    latency_ms: options.Latency = 50.0,
+    loss: options.Loss = 0.02,
+    seed: options.Seed = 1,
     plot: Plot = None,
-    classical: shared.Classical = False,
-    as_json: shared.Json = False,
+    classical: options.Classical = False,
+    as_json: options.Json = False,
 ) -> None:
     """Estimate rotor speeds from PMU reports during a fault, and compare them with the true speeds."""
     from stabctl.controllers import BangBang
@@ -49,10 +49,11 @@ def estimate(
     from stabctl.simulation.contingency import Contingency
     from stabctl.units import seconds
 
-    if not 0.05 < observe < float("inf"):
-        raise StudyError(f"--observe {observe:g} s is not allowed; it must be more than 0.05 s.")
     shared.file(plot, ".png", ".svg")
     loaded = shared.load(case, classical)
+    observed = seconds(observe, loaded.frequency_hz)
+    if not observed > 0.05:
+        raise StudyError(f"--observe {observed:g} s is not allowed; it must be more than 0.05 s.")
     off = seconds(clear, loaded.frequency_hz)
     contingency = Contingency(fault, clear, trip or (), at=at, impedance=shared.impedance(fault_impedance))
     point = shared.start(loaded, storage, storage_at, characteristic=characteristic, lag=lag)
@@ -61,7 +62,7 @@ def estimate(
     found = simulate(
         point,
         contingency,
-        at + off + observe,
+        at + off + observed,
         control=EstimatorControl(law, estimator, pmu),
         seeds=seed,
         step=step,

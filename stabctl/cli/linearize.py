@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from . import shared
+from . import options, shared
 
 Inputs = Annotated[str, typer.Option("--inputs", help="storage:33,vref:14,pref,load_p:8; a kind alone: all.")]
 Outputs = Annotated[str, typer.Option("--outputs", help="speed,angle:14,coi_speed,voltage:33,frequency:33,flow:7-8.")]
@@ -13,21 +13,22 @@ Out = Annotated[Path, typer.Option("--out", help="File to write, FILE.npz or FIL
 
 
 def linearize(
-    case: shared.CaseName,
+    case: options.CaseName,
     out: Out,
     inputs: Inputs = "storage",
     outputs: Outputs = "speed",
-    storage: shared.Size = None,
-    storage_at: shared.SizeAt = None,
-    lag: shared.Lag = 0.0,
-    classical: shared.Classical = False,
-    as_json: shared.Json = False,
+    storage: options.Size = None,
+    storage_at: options.SizeAt = None,
+    lag: options.Lag = "0s",
+    settings: options.Set = None,
+    classical: options.Classical = False,
+    as_json: options.Json = False,
 ) -> None:
     """Linearize a case at its operating point and export the model."""
     from stabctl.smallsignal import linearize
 
     shared.file(out, ".npz", ".mat")
-    point = shared.start(shared.load(case, classical), storage, storage_at, lag=lag)
+    point = shared.start(shared.load(case, classical, settings), storage, storage_at, lag=lag)
     model = linearize(point, inputs, outputs)
     path = model.save(out)
     if as_json:

@@ -1,11 +1,11 @@
-"""stabctl modes: eigenvalues, damping, who swings against whom."""
+"""stabctl modes: eigenvalues, damping, mode shapes."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from . import shared
+from . import options, shared
 
 if TYPE_CHECKING:
     from stabctl.smallsignal import Areas, Modes
@@ -26,14 +26,15 @@ Opened = Annotated[list[str] | None, typer.Option("--open", help="Circuit out of
 
 
 def modes(
-    case: shared.CaseName,
+    case: options.CaseName,
     band: Band = (0.1, 2.5),
     report: Report = None,
     area_count: Count = None,
     open_circuits: Opened = None,
     sparse: Sparse = None,
-    classical: shared.Classical = False,
-    as_json: shared.Json = False,
+    settings: options.Set = None,
+    classical: options.Classical = False,
+    as_json: options.Json = False,
 ) -> None:
     """Eigenvalues of a case at its operating point: frequency, damping, mode shapes, coherent areas."""
     from stabctl.report import modes_page, modes_table
@@ -41,7 +42,7 @@ def modes(
     from stabctl.smallsignal.modes import LARGE
 
     shared.folder(report)
-    loaded = opened(shared.load(case, classical), open_circuits or ())
+    loaded = opened(shared.load(case, classical, settings), open_circuits or ())
     point = shared.start(loaded)
     model = linearize(point) if sparse is False else descriptor(point)
     few = sparse or (sparse is None and len(model.states) > LARGE)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from . import shared
+from . import options, shared
 
 if TYPE_CHECKING:
     from stabctl.model.case import Case
@@ -33,26 +33,26 @@ Validate = Annotated[
 
 
 def place(
-    case: shared.CaseName,
+    case: options.CaseName,
     contingencies: File = None,
     sites: Sites = None,
     cap: Cap = "30%mva",
     cost_mw: CostMw = 1.0,
     cost_site: CostSite = 0.0,
     cost_mwh: CostMwh = 0.0,
-    observe: shared.Observe = 5.0,
-    step: shared.Step = None,
-    characteristic: shared.Characteristic = "power",
-    lag: shared.Lag = 0.0,
-    deadband: shared.Deadband = 0.1,
-    min_voltage: shared.MinVoltage = 0.8,
-    max_angle: shared.Angle = 3.5,
+    observe: options.Observe = "5s",
+    step: options.Step = None,
+    characteristic: options.Characteristic = "power",
+    lag: options.Lag = "0s",
+    deadband: options.Deadband = 0.1,
+    min_voltage: options.MinVoltage = 0.8,
+    max_angle: options.Angle = 3.5,
     validate: Validate = None,
-    seed: shared.Seed = 1,
-    workers: shared.Workers = None,
+    seed: options.Seed = 1,
+    workers: options.Workers = None,
     report: Report = None,
-    classical: shared.Classical = False,
-    as_json: shared.Json = False,
+    classical: options.Classical = False,
+    as_json: options.Json = False,
 ) -> None:
     """Find the cheapest storage fleet that survives every contingency in simulation."""
     from stabctl.controllers import BangBang
@@ -60,6 +60,7 @@ def place(
     from stabctl.estimation.pmu import Pmu
     from stabctl.placement.place import place
     from stabctl.placement.siting import Costs
+    from stabctl.units import seconds
 
     shared.folder(report)
     loaded = shared.load(case, classical)
@@ -73,14 +74,14 @@ def place(
             Costs(cost_mw, cost_site, cost_mwh),
             sites,
             law=law,
-            observed_s=observe,
-            step=step,
+            observed_s=seconds(observe, loaded.frequency_hz),
+            step=None if step is None else seconds(step, loaded.frequency_hz),
             criterion=shared.criterion(max_angle),
             others={validate: EstimatorControl(law, validate, Pmu(), seed=seed, engine="batched")} if validate else {},
             workers=workers,
             progress=lambda runs, cost: tell(None, f"{runs} runs, best cost {cost:.4g}"),
             characteristic=characteristic,
-            lag=shared.checked_lag(lag),
+            lag=shared.lag(lag, loaded),
         )
     if as_json:
         shared.print_json(_record(found))

@@ -1,4 +1,4 @@
-"""stabctl powerflow: the load flow of a case."""
+"""stabctl powerflow: the power flow of a case."""
 
 import cmath
 import math
@@ -6,16 +6,23 @@ from typing import Annotated, Any
 
 import typer
 
-from .shared import CaseName, Classical, Json, console, load, print_json
+from .options import CaseName, Classical, Json, Set
+from .shared import console, load, print_json
 
-Branches = Annotated[bool, typer.Option("--branches", help="Print what flows in the branches too.")]
+Branches = Annotated[bool, typer.Option("--branches", help="Print the flows in the branches too.")]
 
 
-def powerflow(case: CaseName, branches: Branches = False, classical: Classical = False, as_json: Json = False) -> None:
-    """Solve the load flow."""
+def powerflow(
+    case: CaseName,
+    branches: Branches = False,
+    settings: Set = None,
+    classical: Classical = False,
+    as_json: Json = False,
+) -> None:
+    """Solve the power flow."""
     from stabctl.model import powerflow
 
-    flow = powerflow.solve(load(case, classical))
+    flow = powerflow.solve(load(case, classical, settings))
     c = flow.case
     made = dict.fromkeys((b.bus for b in c.buses), 0j)
     for m, S in zip(c.machines, flow.S, strict=True):
@@ -47,7 +54,7 @@ def powerflow(case: CaseName, branches: Branches = False, classical: Classical =
         return
     from rich.table import Table
 
-    table = Table("bus", "voltage, pu", "angle, deg", "P made, MW", "Q made, Mvar")
+    table = Table("bus", "voltage, pu", "angle, deg", "P generated, MW", "Q generated, Mvar")
     for column in table.columns:
         column.justify = "right"
     for r in rows:
@@ -62,7 +69,7 @@ def powerflow(case: CaseName, branches: Branches = False, classical: Classical =
 def _print_branches(lines: list[dict[str, Any]]) -> None:
     from rich.table import Table
 
-    heads = ("from", "to", "P in at from, MW", "Q in at from, Mvar", "P in at to, MW", "Q in at to, Mvar", "lost, MW")
+    heads = ("from", "to", "P in at from, MW", "Q in at from, Mvar", "P in at to, MW", "Q in at to, Mvar", "losses, MW")
     table = Table(*heads)
     for column in table.columns:
         column.justify = "right"
@@ -71,4 +78,4 @@ def _print_branches(lines: list[dict[str, Any]]) -> None:
         table.add_row(str(a), str(b), *(f"{p:.2f}" for p in powers), f"{line['p_from_mw'] + line['p_to_mw']:.2f}")
     console().print(table)
     lost = sum(line["p_from_mw"] + line["p_to_mw"] for line in lines)
-    console().print(f"lost in the branches: {lost:.1f} MW")
+    console().print(f"losses in the branches: {lost:.1f} MW")

@@ -1,45 +1,45 @@
-"""stabctl screen: which line faults a system survives least long."""
+"""stabctl screen: the line faults with the shortest critical clearing times."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from . import shared
+from . import options, shared
 
 if TYPE_CHECKING:
     from stabctl.clearing import Screen
 
 Below = Annotated[str | None, typer.Option("--below", help="List only pairs with shorter clearing times: 8cyc.")]
 Out = Annotated[Path | None, typer.Option("--out", help="Write the pairs to FILE.csv.")]
-Resolution = Annotated[str, typer.Option("--resolution", help="Grid of clearing times.")]
 
 
 def screen(
-    case: shared.CaseName,
+    case: options.CaseName,
     below: Below = None,
-    resolution: Resolution = "0.125cyc",
-    limit: shared.Limit = "60cyc",
-    observe: shared.Observe = 5.0,
-    step: shared.Step = None,
-    control: shared.Control = None,
-    storage: shared.Size = None,
-    storage_at: shared.SizeAt = None,
-    characteristic: shared.Characteristic = "power",
-    lag: shared.Lag = 0.0,
-    deadband: shared.Deadband = 0.1,
-    min_voltage: shared.MinVoltage = 0.8,
-    max_angle: shared.Angle = 3.5,
-    workers: shared.Workers = None,
+    settings: options.Set = None,
+    resolution: options.Resolution = "0.125cyc",
+    limit: options.Limit = "60cyc",
+    observe: options.Observe = "5s",
+    step: options.Step = None,
+    control: options.Control = None,
+    storage: options.Size = None,
+    storage_at: options.SizeAt = None,
+    characteristic: options.Characteristic = "power",
+    lag: options.Lag = "0s",
+    deadband: options.Deadband = 0.1,
+    min_voltage: options.MinVoltage = 0.8,
+    max_angle: options.Angle = 3.5,
+    workers: options.Workers = None,
     out: Out = None,
-    classical: shared.Classical = False,
-    as_json: shared.Json = False,
+    classical: options.Classical = False,
+    as_json: options.Json = False,
 ) -> None:
     """Find the critical clearing times of faults at both ends of every line, cleared by opening it; shortest first."""
     from stabctl.clearing import screen
 
     shared.file(out, ".csv")
-    loaded = shared.load(case, classical)
+    loaded = shared.load(case, classical, settings)
     point = shared.start(loaded, storage, storage_at, characteristic=characteristic, lag=lag)
     with shared.progress("screening", 1.0) as tell:
         found = screen(

@@ -1,15 +1,13 @@
-"""What several commands share: cases, storage, output."""
+"""What several commands share: the case and its storage, events, control, output."""
 
 import json
 import math
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -20,57 +18,22 @@ if TYPE_CHECKING:
     from stabctl.estimation.estimators import Engine
     from stabctl.estimation.pmu import Pmu
     from stabctl.model.case import Case
-
-CaseName = Annotated[str, typer.Argument(metavar="CASE", help="A packaged case, or a folder.")]
-Classical = Annotated[bool, typer.Option("--classical", help="Classical machines, without controls.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
-Fault = Annotated[
-    str, typer.Option("--fault", help="83 (a bus), 7-8@0.4 (along it from the first bus named; 7-8: half-way).")
-]
-Trip = Annotated[
-    list[str] | None,
-    typer.Option("--trip", help="Circuit opened at clearing (--at where there is no fault): 83-33, 7-8#2. Repeatable."),
-]
-Size = Annotated[
-    str | None,
-    typer.Option("--storage", help="A device at every machine, for the case's own: 5%mva, 5%dispatch or 50MW."),
-]
-SizeAt = Annotated[str | None, typer.Option("--storage-at", help="Devices at machines: 14=50MW,13@33=20MW.")]
-Control = Annotated[
-    Literal["none", "bang-bang"] | None,
-    typer.Option("--control", help="Storage law; bang-bang where there is storage."),
-]
-Characteristic = Annotated[
-    Literal["power", "current", "conductance"], typer.Option("--characteristic", help="What is constant in a device.")
-]
-Lag = Annotated[float, typer.Option("--lag", help="Time constant from order to power, s.")]
-Deadband = Annotated[float, typer.Option("--deadband", help="Speed deviation without action, Hz.")]
-MinVoltage = Annotated[float, typer.Option("--min-voltage", help="Voltage below which a device idles, pu.")]
-FaultImpedance = Annotated[str, typer.Option("--fault-impedance", help="R,X of the fault, pu (0,0: bolted).")]
-Angle = Annotated[
-    float, typer.Option("--max-angle", help="Change of angle against the COI that loses synchronism, rad.")
-]
-Observe = Annotated[float, typer.Option("--observe", help="Time watched after clearing, s.")]
-Limit = Annotated[str, typer.Option("--limit", help="Longest clearing time tried.")]
-Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Threads (default: one per core).")]
-Step = Annotated[float | None, typer.Option("--step", help="Time step, s (default: at most 1/120).")]
-
-Estimator = Annotated[
-    Literal["ideal", "frequency", "kinematic", "kalman"],
-    typer.Option("--estimator", help="What the storage law sees: true speeds, or estimates from PMU signals."),
-]
-PmuRate = Annotated[int, typer.Option("--pmu-rate", help="PMU reports per second.")]
-PmuNoise = Annotated[float, typer.Option("--pmu-noise-mrad", help="Noise of phasor angles; magnitudes per mille.")]
-Latency = Annotated[float, typer.Option("--latency-ms", help="Latency of the reports of other machines.")]
-Loss = Annotated[float, typer.Option("--loss", help="Share of the reports that never arrive.")]
-Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of noise and losses.")]
+    from stabctl.simulation.criterion import Criterion
+    from stabctl.simulation.events import Event
 
 
-def load(name: str, classical: bool = False) -> "Case":
-    """The case; what is unusual in it goes to stderr."""
+def load(name: str, classical: bool = False, settings: Iterable[str] | None = None) -> "Case":
+    """The case with its settings (`pss.1.K=10`); what is unusual in it goes to stderr."""
     from stabctl import io
+    from stabctl.errors import StudyError
 
-    case = io.load(name)
+    case, values = io.load(name), {}
+    for text in settings or ():
+        path, given, value = text.partition("=")
+        if not given:
+            raise StudyError(f"--set {text!r} is not allowed; write PATH=VALUE, as in --set pss.1.K=10.")
+        values[path.strip()] = value.strip()
+    case = case.set(values) if values else case
     case = case.classical() if classical else case
     for sentence in case.warnings:
         print(f"stabctl: warning: {sentence}", file=sys.stderr)
@@ -78,29 +41,41 @@ def load(name: str, classical: bool = False) -> "Case":
 
 
 def start(case: "Case", storage: str | None = None, storage_at: str | None = None, **options: Any) -> "OperatingPoint":
-    """The operating point of the case with its storage devices."""
-    from stabctl.dynamics import operating_point
+    """The operating point of the case with its storage devices; options are columns of their table."""
+    from stabctl.dynamics.coerce import initialize
     from stabctl.errors import StudyError
-    from stabctl.model import fleet, powerflow
 
     if storage is not None and storage_at is not None:
         raise StudyError("--storage and --storage-at exclude each other; give one of them.")
-    checked_lag(options.get("lag", 0.0))
-    flow = powerflow.solve(case)
-    if storage is not None:
-        case = case.with_storage(fleet.everywhere(case, storage, flow, **options))
-    elif storage_at is not None:
-        case = case.with_storage(fleet.chosen(case, storage_at, flow, **options))
-    return operating_point.solve(case, flow)
+    if "lag" in options:
+        options["lag"] = lag(options["lag"], case)
+    sizes = storage if storage is not None else storage_at
+    return initialize(case if sizes is None else case.with_storage(sizes, **options))
 
 
-def checked_lag(lag: float) -> float:
+def lag(time: str | float, case: "Case") -> float:
     """The lag (s) of the devices, where it is one."""
     from stabctl.errors import StudyError
+    from stabctl.units import seconds
 
-    if not 0 <= lag < float("inf"):
-        raise StudyError(f"--lag {lag:g} s is not allowed; it must be at least 0.")
-    return lag
+    found = seconds(time, case.frequency_hz)
+    if found < 0:
+        raise StudyError(f"--lag {found:g} s is not allowed; it must be at least 0.")
+    return found
+
+
+def events(
+    case: "Case", opened: Iterable[str] | None, machines: Iterable[str] | None, loads: Iterable[str] | None
+) -> "tuple[Event, ...]":
+    """What --open, --trip-machine and --load-step describe."""
+    from stabctl.simulation import notation
+
+    hz = case.frequency_hz
+    return (
+        *(notation.opening(text, hz) for text in opened or ()),
+        *(notation.machine_trip(text, hz) for text in machines or ()),
+        *(notation.load_step(text, hz) for text in loads or ()),
+    )
 
 
 def file(path: Path | None, *endings: str) -> None:
@@ -155,7 +130,7 @@ def pmu(rate: int, noise_mrad: float, latency_ms: float, loss: float) -> "Pmu":
 def steering(
     law: "BangBang | None", estimator: str, pmu: "Pmu", seed: int, engine: "Engine" = "filterpy"
 ) -> "BangBang | EstimatorControl | None":
-    """What sets the orders: the law itself where the estimator is ideal, else the law on PMU signals."""
+    """The control of the storage: the law itself where the estimator is ideal, else the law with estimated speeds."""
     from stabctl.errors import StudyError
     from stabctl.estimation.estimator_control import EstimatorControl
 
@@ -181,12 +156,12 @@ def impedance(text: str) -> complex:
     return complex(r, x)
 
 
-def criterion(max_angle: float) -> Any:
-    """When a run ends."""
+def criterion(max_angle: float) -> "Criterion":
+    """The criterion of stability with this angle (rad)."""
     from stabctl.errors import StudyError
     from stabctl.simulation.criterion import Criterion
 
-    if not 0 < max_angle < float("inf"):
+    if not max_angle > 0:
         raise StudyError(f"--max-angle {max_angle:g} rad is not allowed; it must be more than 0.")
     return Criterion(max_angle=max_angle)
 

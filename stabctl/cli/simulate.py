@@ -1,59 +1,64 @@
-"""stabctl simulate: a fault, its clearing, and what becomes of the system."""
+"""stabctl simulate: a fault, its clearing, and whether the system stays stable."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from . import shared
+from . import options, shared
 
 if TYPE_CHECKING:
     from stabctl.simulation.trajectory import Trajectory
 
-FaultOrNone = Annotated[
-    str | None, typer.Option("--fault", help="83 (a bus), 7-8@0.4 (along it from the first bus named; 7-8: half-way).")
+FaultOrNone = Annotated[str | None, typer.Option("--fault", help=options.FAULT)]
+Clear = Annotated[str | None, typer.Option("--clear", help="Duration of the fault: 6cyc, 0.1s, 100ms.")]
+At = Annotated[str, typer.Option("--at", metavar="TIME", parser=options.time, help="Instant of the fault, s or 60cyc.")]
+Until = Annotated[
+    str, typer.Option("--until", metavar="TIME", parser=options.time, help="End of the simulation, s or 500ms.")
 ]
-Clear = Annotated[str | None, typer.Option("--clear", help="Clearing time: 6cyc, 0.1s, 100ms.")]
-At = Annotated[float, typer.Option("--at", help="Instant of the fault, s.")]
-Until = Annotated[float, typer.Option("--until", help="End of the run, s.")]
 Out = Annotated[Path | None, typer.Option("--out", help="Write the trajectory to FILE.nc or FILE.csv.")]
 Plot = Annotated[
-    Path | None, typer.Option("--plot", help="Draw speeds, angles, voltages, storage to FILE.png or .svg.")
+    Path | None, typer.Option("--plot", help="Plot speeds, angles, voltages, storage to FILE.png or .svg.")
 ]
 
 
 def simulate(
-    case: shared.CaseName,
+    case: options.CaseName,
     fault: FaultOrNone = None,
     clear: Clear = None,
-    trip: shared.Trip = None,
-    at: At = 1.0,
-    until: Until = 10.0,
-    step: shared.Step = None,
-    control: shared.Control = None,
-    storage: shared.Size = None,
-    storage_at: shared.SizeAt = None,
-    characteristic: shared.Characteristic = "power",
-    lag: shared.Lag = 0.0,
-    deadband: shared.Deadband = 0.1,
-    min_voltage: shared.MinVoltage = 0.8,
-    fault_impedance: shared.FaultImpedance = "0,0",
-    max_angle: shared.Angle = 3.5,
-    estimator: shared.Estimator = "ideal",
-    pmu_rate: shared.PmuRate = 60,
-    pmu_noise_mrad: shared.PmuNoise = 2.0,
-    latency_ms: shared.Latency = 50.0,
-    loss: shared.Loss = 0.02,
-    seed: shared.Seed = 1,
+    trip: options.Trip = None,
+    at: At = "1s",
+    until: Until = "10s",
+    opened: options.Open = None,
+    tripped: options.TripMachine = None,
+    stepped: options.LoadStep = None,
+    settings: options.Set = None,
+    step: options.Step = None,
+    control: options.Control = None,
+    storage: options.Size = None,
+    storage_at: options.SizeAt = None,
+    characteristic: options.Characteristic = "power",
+    lag: options.Lag = "0s",
+    deadband: options.Deadband = 0.1,
+    min_voltage: options.MinVoltage = 0.8,
+    fault_impedance: options.FaultImpedance = "0,0",
+    max_angle: options.Angle = 3.5,
+    estimator: options.Estimator = "ideal",
+    pmu_rate: options.PmuRate = 60,
+    pmu_noise_mrad: options.PmuNoise = 2.0,
+    latency_ms: options.Latency = 50.0,
+    loss: options.Loss = 0.02,
+    seed: options.Seed = 1,
     out: Out = None,
     plot: Plot = None,
-    classical: shared.Classical = False,
-    as_json: shared.Json = False,
+    classical: options.Classical = False,
+    as_json: options.Json = False,
 ) -> None:
-    """Simulate a fault, cleared by opening its circuit and those of --trip, with or without storage."""
+    """Simulate a fault and its clearing, or other events, and tell whether the system stays stable."""
     from stabctl.errors import StudyError
     from stabctl.simulation.contingency import Contingency
-    from stabctl.simulation.simulation import run
+    from stabctl.simulation.simulate import simulate
+    from stabctl.units import seconds
 
     if fault and not clear:
         raise StudyError("--fault needs --clear; give a clearing time such as 6cyc.")
@@ -62,18 +67,23 @@ def simulate(
     shared.file(out, ".csv", ".nc")
     shared.file(plot, ".png", ".svg")
     through = shared.impedance(fault_impedance)
-    loaded = shared.load(case, classical)
-    events = ()
-    if fault or trip:
-        events = Contingency(fault, clear, trip or (), at=at, impedance=through)
-    options = {"characteristic": characteristic, "lag": lag}
-    point = shared.start(loaded, storage, storage_at, **options)
+    loaded = shared.load(case, classical, settings)
+    events = shared.events(loaded, opened, tripped, stepped)
+    contingency = Contingency(fault, clear, trip or (), at=at, impedance=through, events=events)
+    point = shared.start(loaded, storage, storage_at, characteristic=characteristic, lag=lag)
     law = shared.law(point.case, control, deadband, min_voltage)
-    signals = shared.pmu(pmu_rate, pmu_noise_mrad, latency_ms, loss)
-    steering = shared.steering(law, estimator, signals, seed)
-    with shared.progress("simulating", until) as tell:
-        keep = out is not None or plot is not None
-        result = run(point, events, until, steering, step, shared.criterion(max_angle), keep, progress=tell)
+    pmu = shared.pmu(pmu_rate, pmu_noise_mrad, latency_ms, loss)
+    with shared.progress("simulating", seconds(until, loaded.frequency_hz)) as tell:
+        result = simulate(
+            point,
+            contingency,
+            until,
+            control=shared.steering(law, estimator, pmu, seed),
+            step=step,
+            criterion=shared.criterion(max_angle),
+            record=out is not None or plot is not None,
+            progress=tell,
+        )
     if out:
         result.save(out)
     if plot:

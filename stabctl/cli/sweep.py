@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from . import shared
+from . import options, shared
 
 app = typer.Typer(no_args_is_help=True, help="Many runs from one study file: on all cores, or on a Dask cluster.")
 
@@ -69,7 +69,7 @@ def _progress() -> Iterator[Callable[[int, int], None]]:
 
 
 @app.command("show")
-def show_command(results: Results, table: Csv = None, as_json: shared.Json = False) -> None:
+def show_command(results: Results, table: Csv = None, as_json: options.Json = False) -> None:
     """Print a results file: what varies in it, and what came of it."""
     from stabctl.sweep.overview import in_order
     from stabctl.sweep.store import COLUMNS, rows

@@ -6,7 +6,8 @@ from typing import Annotated, Any
 
 import typer
 
-from .shared import Json, console, print_json
+from .options import Json
+from .shared import console, print_json
 
 app = typer.Typer(no_args_is_help=True, help="One and two machines: Table 1, equal area, feedback laws, minimum time.")
 
@@ -35,9 +36,9 @@ def table1_command(
     m, lengths = OMIB(H, Pm, X), tuple(cycles or (6.0, 12.0, 15.0))
     rows = table1(m, lengths)
     if plot:
-        from stabctl.plotting import phase_plane, style
+        from stabctl.plotting import style
 
-        style.save(phase_plane.plot(portrait(m, lengths)), plot)
+        style.save(portrait(m, lengths).plot(), plot)
     if as_json:
         print_json({"rows": [{"cycles": r.cycles, "angle_rad": r.angle, "speed_rad_s": r.speed} for r in rows]})
         return
@@ -63,10 +64,9 @@ def equal_area_command(
     found = critical_clearing(m, Pc)
     area = equal_area(m, found.angle if cycles is None else during_fault(m, m.seconds(cycles))[0], Pc)
     if plot:
-        from stabctl.plotting import equal_area as figure
         from stabctl.plotting import style
 
-        style.save(figure.plot(area), plot)
+        style.save(area.plot(), plot)
     if as_json:
         print_json({"critical_angle_rad": found.angle, "critical_time_s": found.time, "critical_cycles": found.cycles})
         return
@@ -100,9 +100,9 @@ def feedback_command(
 
     found = compare(OMIB(H, Pm, X), cycles, paper_laws(Kv, Ka, Ka_size))
     if plot:
-        from stabctl.plotting import phase_plane, style
+        from stabctl.plotting import style
 
-        style.save(phase_plane.feedback(found), plot)
+        style.save(found.plot(), plot)
     if as_json:
         laws = [
             {
@@ -152,11 +152,9 @@ def minimum_time_command(
     problem = Equivalent(H1, HCOI, X=X, Pm1=Pm).minimum_time_problem(cycles, -Pc if Pc_min is None else Pc_min, Pc)
     found = by_shooting(problem)
     if plot:
-        from stabctl.plotting import minimum_time, style
+        from stabctl.plotting import style
 
-        if not found.feasible:
-            raise StudyError(f"There is nothing to plot. {found.outcome}")
-        style.save(minimum_time.plot(found), plot)
+        style.save(found.plot(), plot)
     if as_json:
         record: dict[str, Any] = dict.fromkeys(
             ("duration_s", "lambda1_start", "lambda2_start", "angle_end_rad", "switches")

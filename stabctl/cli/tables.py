@@ -4,7 +4,8 @@ from typing import Annotated
 
 import typer
 
-from .shared import Json, console, print_json
+from .options import Json
+from .shared import console, print_json
 
 Name = Annotated[str | None, typer.Argument(metavar="[TABLE]", help="One table only, such as buses or genrou.")]
 

@@ -9,7 +9,6 @@ from stabctl._util.guard import guard
 from stabctl._util.jit import inline
 from stabctl.devices.blocks import magnitude
 from stabctl.schema import NOT_NEGATIVE
-from stabctl.units import hertz
 
 from .signals import Device, Input, Output
 
@@ -41,7 +40,6 @@ class BangBang:
     min_voltage: Annotated[float, "pu", "voltage below which the device idles", NOT_NEGATIVE] = 0.8
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "deadband", hertz(self.deadband))
         guard(self)
 
     @property

@@ -1,6 +1,7 @@
 """The device models that have a table of their own, `<model>.csv`, and what keys its rows.
 
-A load model is keyed by bus: it gives dynamic parameters to a row of loads.csv. Every other model is keyed by machine.
+A load model is keyed by bus: it gives dynamic parameters to a row of loads.csv. So is a shunt, which may be at any bus.
+Every other model is keyed by machine.
 """
 
 from collections.abc import Mapping
@@ -13,6 +14,7 @@ from stabctl.schema import Field, fields
 from .tables import TABLES
 
 UNIT_ROLES = ("machine", "converter")  # every row of machines.csv has exactly one model with one of these
+_OWNERS = {"load": ("loads", "bus"), "shunt": ("buses", "bus")}  # role -> table and column of the key
 SINGLE_ROLES = (*UNIT_ROLES, "exciter", "governor")  # a machine has at most one model with each of these
 
 
@@ -32,8 +34,14 @@ def of_role(*roles: str) -> list[str]:
 
 
 def key_field(model: str) -> Field:
-    """The column that says what a row of a model's table belongs to: `bus` for a load, else `machine`."""
-    return fields(TABLES["loads"])["bus"] if role(model) == "load" else fields(TABLES["machines"])["machine"]
+    """The column that says what a row of a model's table belongs to: `bus` or `machine`."""
+    table, column = _OWNERS.get(role(model), ("machines", "machine"))
+    return fields(TABLES[table])[column]
+
+
+def at_bus(model: str) -> bool:
+    """Is the model keyed by bus?"""
+    return role(model) in _OWNERS
 
 
 def columns(model: str) -> dict[str, Field]:

@@ -24,19 +24,21 @@ def check(case: "Case") -> Iterator[str]:
 
 
 def _owners(case: "Case") -> None:
-    """Every device belongs to a machine of machines.csv, every load model to a row of loads.csv."""
-    machines, loads = {m.machine for m in case.machines}, set(keys.keys(case, "loads"))
+    """Every device belongs to a machine, a bus, or (a load model) to a row of loads.csv."""
+    machines, buses = {m.machine for m in case.machines}, {b.bus for b in case.buses}
+    loads = set(keys.keys(case, "loads"))
     for model, rows in case.devices.items():
         column = catalog.key_field(model).name
         for i, key in enumerate(rows):
             if not (isinstance(key, int) and not isinstance(key, bool)) and not keys.REPEATED.fullmatch(str(key)):
                 text = f"{key!r} is not allowed; it must be a {column} number, or 2#2 for the second device at 2."
                 raise RowError(model, i, column, text)
-            if column == "bus" and key not in loads:
+            if catalog.role(model) == "load" and key not in loads:
                 text = f"there is no load {key} in loads.csv; add it there, with its p and q."
                 raise RowError(model, i, column, text)
-            if column == "machine" and keys.number(key) not in machines:
-                raise RowError(model, i, column, f"there is no machine {keys.number(key)} in machines.csv.")
+            if keys.number(key) not in (buses if column == "bus" else machines):
+                table = "buses.csv" if column == "bus" else "machines.csv"
+                raise RowError(model, i, column, f"there is no {column} {keys.number(key)} in {table}.")
 
 
 def _one_of_a_kind(case: "Case") -> None:

@@ -77,7 +77,7 @@ def trip_machine(case: Case, number: int) -> Case:
             )
         buses = (*buses[:i], buses[i]._replace(kind="pq"), *buses[i + 1 :])
     devices = {
-        model: {key: par for key, par in rows.items() if _by_bus(model) or keys.number(key) != number}
+        model: {key: par for key, par in rows.items() if catalog.at_bus(model) or keys.number(key) != number}
         for model, rows in case.devices.items()
     }
     storage = tuple(s for s in case.storage if s.machine != number)
@@ -96,15 +96,11 @@ def classical(case: Case) -> Case:
             else:
                 raise StudyError(f"Machine {key} of {case.name} is a {model}, which has no classical equivalent.")
     others = {
-        model: {key: par for key, par in rows.items() if _by_bus(model) or keys.number(key) not in machines}
+        model: {key: par for key, par in rows.items() if catalog.at_bus(model) or keys.number(key) not in machines}
         for model, rows in case.devices.items()
     }
     ordered = {m.machine: machines[m.machine] for m in case.machines if m.machine in machines}
     return replace(case, devices=others | {"gencls": ordered}, title=f"{case.title}, classical machines")
-
-
-def _by_bus(model: str) -> bool:
-    return catalog.role(model) == "load"
 
 
 def _split(path: str) -> tuple[str, str, str]:

@@ -4,42 +4,53 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stabctl.errors import StudyError
 from stabctl.smallsignal.model import Model
 
-from .style import subplots
+from .style import legend_beside, subplots
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 BAND = (0.05, 5.0)  # Hz
 POINTS = 400
 
 
-def plot(model: Model, *, band: tuple[float, float] = BAND) -> "np.ndarray[Axes]":
-    """Plot the frequency response from every input to every output of a linear model.
+def plot(model: Model, *, band: tuple[float, float] = BAND) -> "Figure":
+    """Plot the frequency response from each input to each output of a linear model.
 
     Parameters
     ----------
     model
-        The linear model; it needs inputs and outputs.
+        The linear model, with inputs and outputs.
     band
-        Frequencies (Hz) from and to.
+        Lowest and highest frequency, Hz.
 
     Returns
     -------
-    numpy.ndarray of matplotlib.axes.Axes
-        Magnitude above, phase below.
+    matplotlib.figure.Figure
+        The magnitude, in output units per input unit, and below it the phase.
+
+    Raises
+    ------
+    StudyError
+        If the model has no inputs or no outputs.
     """
+    if not model.inputs or not model.outputs:
+        raise StudyError(
+            "A frequency response needs inputs and outputs; linearize with inputs='vref:2' and outputs='speed:2', for "
+            "example."
+        )
     hz = np.geomspace(*band, POINTS)
     response = model.response(hz)
-    _, axes = subplots(7, 5, 2, 1, sharex=True)
+    figure, axes = subplots(8, 5, 2, 1, sharex=True)
+    magnitude, phase = axes[:, 0]
     for i, output in enumerate(model.outputs):
         for j, name in enumerate(model.inputs):
-            axes[0, 0].loglog(hz, np.abs(response[:, i, j]), label=f"{name} to {output}")
-            axes[1, 0].semilogx(hz, np.rad2deg(np.unwrap(np.angle(response[:, i, j]))))
-    axes[0, 0].set_ylabel("magnitude")
-    axes[1, 0].set_ylabel("phase (degrees)")
-    axes[1, 0].set_xlabel("frequency (Hz)")
-    if model.inputs and model.outputs:
-        axes[0, 0].legend(frameon=False, fontsize="small")
-    return axes[:, 0]
+            magnitude.loglog(hz, np.abs(response[:, i, j]), label=f"{name} to {output}")
+            phase.semilogx(hz, np.rad2deg(np.unwrap(np.angle(response[:, i, j]))))
+    magnitude.set_ylabel("magnitude")
+    phase.set(xlabel="frequency (Hz)", ylabel="phase (deg)")
+    legend_beside(magnitude, magnitude.get_legend_handles_labels()[1])
+    figure.align_ylabels(axes)
+    return figure

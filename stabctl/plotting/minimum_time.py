@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import NDArray
 
+from stabctl.errors import StudyError
 from stabctl.theory.minimum_time import MinimumTime
 
 from .style import GRAY, single, subplots, tidy
@@ -28,9 +29,16 @@ def plot(control: MinimumTime) -> "Figure":
     -------
     matplotlib.figure.Figure
         Switching times are dotted.
+
+    Raises
+    ------
+    StudyError
+        If there is no solution.
     """
     import matplotlib.pyplot as plt
 
+    if not control.feasible:
+        raise StudyError(f"There is nothing to plot. {control.outcome}")
     figure = plt.figure(figsize=(9, 8), layout="constrained")
     upper, lower = figure.subfigures(2, 1, height_ratios=(2, 1))
     _states(upper.subplots(2, 2, sharex=True), control)

@@ -4,10 +4,11 @@ from numbers import Real
 from typing import NamedTuple
 
 from stabctl.errors import StudyError
+from stabctl.units import quantity
 
 
 class Criterion(NamedTuple):
-    """When a run is lost.
+    """When a run is lost; values are numbers, or text with a unit ("200deg", "500ms").
 
     Parameters
     ----------
@@ -26,17 +27,23 @@ class Criterion(NamedTuple):
 
 
 DEFAULT = Criterion()
+UNITS = "rad", "s", "pu", "pu"  # of its values
 
 
 def checked(criterion: object) -> Criterion:
     """The criterion with every value a float. `StudyError` where it is none."""
     if not isinstance(criterion, Criterion):
         raise StudyError(f"{criterion!r} is not a criterion of stability; write Criterion(max_angle=3.5).")
-    for name, value in criterion._asdict().items():
-        if isinstance(value, bool) or not isinstance(value, Real) or not value >= 0:
-            raise StudyError(
-                f"The {name} {value!r} of the criterion is not allowed; it must be a number of at least 0."
-            )
-    if criterion.max_angle == 0:
-        raise StudyError("The max_angle 0 of the criterion is not allowed; it must be more than 0.")
-    return Criterion(*map(float, criterion))
+    found = []
+    for name, given, unit in zip(criterion._fields, criterion, UNITS, strict=True):
+        value = quantity(given, unit) if isinstance(given, str) else given
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, Real)
+            or not value >= 0
+            or (name, value) == ("max_angle", 0)
+        ):
+            least = "above 0" if name == "max_angle" else "of at least 0"
+            raise StudyError(f"The {name} {given!r} of the criterion is not allowed; it must be a number {least}.")
+        found.append(float(value))
+    return Criterion(*found)

@@ -59,6 +59,8 @@ class Mode:
     participation: tuple[Share, ...]  # the ten largest
     shape: tuple[Part, ...]
 
+    plot = verb("stabctl.plotting.mode_shape:plot")
+
     @property
     def frequency_hz(self) -> float:
         """Of the oscillation, |Im| / 2 pi."""
@@ -180,7 +182,7 @@ class Modes:
 
     @property
     def df(self) -> "pd.DataFrame":
-        """The modes of the band, or all of them, a row each; one of each conjugate pair."""
+        """The modes of the band, or all of them, one of each pair; `swing`: of machines against each other."""
         import pandas as pd
 
         shown = np.flatnonzero(self.eigenvalues.imag >= 0) if self.band is None else self.within(*self.band)
@@ -189,7 +191,7 @@ class Modes:
             "damping_ratio": self.damping_ratio[shown],
             "real": self.eigenvalues.real[shown],
             "imag": self.eigenvalues.imag[shown],
-            "electromechanical": self.electromechanical[shown],
+            "swing": self.electromechanical[shown],
             "mode": [self.label(int(k)) for k in shown],
         }
         return pd.DataFrame(columns)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.optimize import bisect, brentq
 
+from stabctl._util.verbs import verb
 from stabctl.errors import StudyError
 
 from .omib import OMIB
@@ -51,6 +52,8 @@ class EqualArea:
     angle: NDArray[np.float64]  # rad
     Pe_fault: NDArray[np.float64]  # pu
     Pe: NDArray[np.float64]  # pu, after clearing
+
+    plot = verb("stabctl.plotting.equal_area:plot")
 
     @property
     def stable(self) -> bool:

@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from stabctl._util.verbs import verb
 from stabctl.errors import StudyError
 
 from .omib import OMIB
@@ -66,6 +67,8 @@ class FeedbackComparison:
     cycles: float
     separatrix: Separatrix
     responses: tuple[FeedbackResponse, ...]
+
+    plot = verb("stabctl.plotting.phase_plane:feedback")
 
     def __str__(self) -> str:
         return "\n".join(map(str, self.responses))

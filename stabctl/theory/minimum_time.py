@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from stabctl._util.guard import guard
+from stabctl._util.verbs import verb
 from stabctl.errors import StudyError
 from stabctl.schema import POSITIVE
 
@@ -93,6 +94,8 @@ class MinimumTime:
     lambda2: Array  # s^2/rad
     Pc: Array  # pu
     hamiltonian: Array  # (32)
+
+    plot = verb("stabctl.plotting.minimum_time:plot")
 
     @property
     def feasible(self) -> bool:

@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
+from stabctl._util.verbs import verb
+
 from .energy import critical_energy, energy, potential
 from .omib import OMIB, ClearingState, table1
 from .swing_curve import SwingCurve, swing_curve
@@ -32,6 +34,8 @@ class PhasePortrait:
     separatrix: Separatrix
     cleared: tuple[ClearingState, ...]
     curves: tuple[SwingCurve, ...]
+
+    plot = verb("stabctl.plotting.phase_plane:plot")
 
     def __str__(self) -> str:
         pairs = zip(self.cleared, self.curves, strict=True)

@@ -167,8 +167,11 @@ def test_storage_lengthens_what_is_screened(cases, screens):
 def test_impossible_screens_are_refused(points, tmp_path, screens):
     with pytest.raises(StudyError, match="resolution"):
         screen(points("two_area"), resolution=0)
-    with pytest.raises(StudyError, match="no line at bus 1"):
+    with pytest.raises(StudyError, match="no line at bus 1 "):
         screen(points("two_area"), buses=[1])
+    for wrong in (99, "7 99", [7.5], 3.5, ["x"]):
+        with pytest.raises(StudyError, match="bus"):
+            screen(points("two_area"), buses=wrong)
     with pytest.raises(StudyError, match="workers"):
         screen(points("two_area"), workers=0)
     with pytest.raises(StudyError, match=r"\.csv"):

@@ -44,7 +44,7 @@ def test_powerflow_json_balances(stabctl):
     lost = sum(k["p_from_mw"] + k["p_to_mw"] for k in record["branches"])
     made = sum(b["p_gen_mw"] for b in record["buses"])
     assert lost == pytest.approx(made - 2734, abs=1e-6)  # two_area has no shunt conductance
-    assert f"lost in the branches: {lost:.1f} MW" in stabctl("powerflow", "two_area", "--branches")[1]
+    assert f"losses in the branches: {lost:.1f} MW" in stabctl("powerflow", "two_area", "--branches")[1]
 
 
 @pytest.mark.parametrize(("storage", "outcome"), [((), "lost_synchronism"), (("--storage", "50MW"), "stable")])
@@ -102,6 +102,54 @@ def test_clearing_time_json(stabctl):
     assert (limited["cycles"], limited["status"]) == (None, "stable_at_limit")
 
 
+def outcome(stabctl, *words):
+    code, out, err = stabctl("simulate", "two_area", *words, "--json")
+    assert code == 0, err
+    record = json.loads(out)
+    record.pop("wall_s")
+    return record
+
+
+def test_events_without_a_fault(stabctl, cases):
+    from stabctl.simulation.simulate import simulate
+
+    words = "--open", "7-8@1s", "--load-step", "7:+50MW@90cyc", "--load-step", "9:-50MW@2s", "--until", "3s"
+    told = outcome(stabctl, *words)
+    ran = simulate(cases("two_area"), ["7-8@1s", "7:+50MW@1.5s", "9:-50MW@2s"], 3.0)
+    assert told["outcome"] == "stable"
+    assert told["max_angle_from_coi_deg"] == ran.max_angle_from_coi_deg
+    tripped = outcome(stabctl, "--trip-machine", "2@1s", "--fault", "7", "--trip", "7-8", "--clear", "6cyc")
+    assert tripped["outcome"] != "stable"
+
+
+def test_quantities_are_numbers_or_text(stabctl):
+    words = "--fault", "7", "--trip", "7-8", "--clear", "10cyc", "--storage", "50MW", "--latency-ms", "20"
+    names = "--at", "--until", "--step", "--deadband", "--lag", "--max-angle"
+    plain, text = (
+        [word for pair in zip(names, values.split(), strict=True) for word in pair]
+        for values in ("0.5 2 0.005 0.1 0.05 3.5", "30cyc 2s 5ms 100mHz 50ms 3.5rad")
+    )
+    assert outcome(stabctl, *words, *plain) == outcome(stabctl, *words, *text)
+    degrees = outcome(stabctl, "--fault", "7", "--clear", "20cyc", "--max-angle", "120deg")
+    assert "moved 120 degrees" in degrees["message"]
+
+
+def test_settings_change_the_case(stabctl):
+    words = "--set", "loads.7.p=1000", "--set", "loads.9.p=1.7GW", "--json"
+    record = json.loads(stabctl("powerflow", "two_area", *words)[1])
+    made = sum(b["p_gen_mw"] for b in record["buses"])
+    lost = sum(k["p_from_mw"] + k["p_to_mw"] for k in record["branches"])
+    assert made - lost == pytest.approx(2700, abs=1e-6)
+    words = "clearing-time", "two_area", "--fault", "7", "--trip", "7-8", "--set", "genrou.4.H=5", "--json"
+    assert json.loads(stabctl(*words)[1])["cycles"] == 9.375  # 9 without
+    assert "no pss at 9" in complaint(stabctl("modes", "two_area_pss", "--set", "pss.9.K=10"))
+
+
+def test_other_events_of_a_clearing_time_count_from_the_fault(stabctl):
+    words = "clearing-time", "two_area", "--fault", "7", "--trip", "7-8", "--json"
+    assert json.loads(stabctl(*words, "--trip-machine", "1@0s")[1])["cycles"] == 4.375
+
+
 def test_warnings_are_of_the_machines_that_are_used(stabctl):
     assert "xl = " in stabctl("powerflow", "ieee39")[2]
     assert not stabctl("powerflow", "ieee39", "--classical")[2]
@@ -146,6 +194,18 @@ def test_classical_machines_everywhere(stabctl):
         (("clearing-time", "two_area", "--fault", "7", "--trip", "7"), "circuit"),
         (("place", "ieee39", "--classical", "--observe", "0"), "observation of 0 s"),
         (("place", "ieee39", "--classical", "--lag", "-1"), "--lag -1 s"),
+        (("simulate", "two_area", "--open", "7-8"), "does not say when"),
+        (("simulate", "two_area", "--open", "7@1s"), "is not a line trip"),
+        (("simulate", "two_area", "--open", "7-9@1s"), "no branch 7-9"),
+        (("simulate", "two_area", "--trip-machine", "7-8@1s"), "is not a machine trip"),
+        (("simulate", "two_area", "--trip-machine", "9@1s"), "machine 9"),
+        (("simulate", "two_area", "--load-step", "7:50@1s"), "is not a load step"),
+        (("simulate", "two_area", "--load-step", "7:+50MW@20s"), "must end after its last event at 20 s"),
+        (("simulate", "two_area", "--set", "loads.7.p"), "PATH=VALUE"),
+        (("simulate", "two_area", "--set", "loads.7.p=x"), "x"),
+        (("simulate", "two_area", "--deadband", "100MW", "--storage", "5MW"), "--deadband"),
+        (("simulate", "two_area", "--max-angle", "-1"), "--max-angle"),
+        (("simulate", "two_area", "--until", "1e400"), "--until"),
         (("dance",), "dance"),
     ],
 )

@@ -60,6 +60,7 @@ def more_models(monkeypatch):
     more = {
         "exponential": SimpleNamespace(Par=Exponential, ROLE="load"),
         "other_load": SimpleNamespace(Par=Exponential, ROLE="load"),
+        "svc": SimpleNamespace(Par=Converter, ROLE="shunt"),
         "regc": SimpleNamespace(Par=Converter, ROLE="converter"),
         "starting": SimpleNamespace(Par=Gensal, ROLE="machine"),
     }
@@ -170,6 +171,15 @@ def test_one_model_one_exciter_one_governor(model, par):
     case = small({"genrou": ROUND, "sexs": SEXS})
     with pytest.raises(CaseError, match=rf"{model}.csv row \d, column machine: machine 1 "):
         with_devices(case, **{model: {**case.devices[model], "1#2": par} if model == "sexs" else {1: par, 2: par}})
+
+
+def test_shunts_may_be_at_any_bus(loads, tmp_path):
+    case = with_devices(loads, svc={3: Converter(), "3#2": Converter(20.0)})
+    assert io.load(io.write(case, tmp_path / "small")) == case
+    assert list(replicate(case, 2).devices["svc"]) == [3, "3#2", 13, "13#2"]
+    assert case.trip_machine(1).devices["svc"] == case.classical().devices["svc"] == case.devices["svc"]
+    with pytest.raises(CaseError, match=r"svc.csv row 2, column bus: there is no bus 9 in buses.csv\."):
+        with_devices(loads, svc={9: Converter()})
 
 
 def test_a_converter_takes_the_place_of_a_machine():

@@ -111,7 +111,7 @@ def test_several_values_change_at_once(case):
         ("K", 1, r"'K' is not a value of a case; write table.key.column, as pss.1.K, or one of name, "),
         ("", 1, r"'' is not a value of a case"),
         ("pss..K", 1, r"'pss..K' is not a value of a case"),
-        ("machines.2.p", "5s", r"machines.2.p: '5s' is not a number in MW"),
+        ("machines.2.p", "5s", r"machines.2.p: '5s' is not a power"),
         ("sexs.1.TA", -1, r"two_area cannot have sexs.1.TA = -1: sexs.csv row 2, column TA_s: -1 is not allowed; "),
         (
             "machines.2.bus",
@@ -120,7 +120,7 @@ def test_several_values_change_at_once(case):
         ),
         ("machines.2.bus", "2.5", r"'2.5' is not allowed; it must be a whole number\."),
         ("buses.2.kind", "slack", r"'slack' is not allowed; it must be one of swing, pv, pq\."),
-        ("frequency_hz", "fifty", r"frequency_hz: 'fifty' is not a number in Hz"),
+        ("frequency_hz", "fifty", r"frequency_hz: 'fifty' is not a frequency"),
         ("pss.1.K", None, r"None is not allowed; it must be a number\."),
     ],
 )

@@ -62,7 +62,7 @@ def test_options_are_columns_of_every_device(paper):
     [
         ("50MW", {"energi": 5}, r"A storage device has no option 'energi'; did you mean energy\?"),
         ("50MW", {"rating": 5}, "has no option 'rating'"),
-        ("50MW", {"lag": "5MW"}, "'5MW' is not a number in s"),
+        ("50MW", {"lag": "5MW"}, "'5MW' is not a time"),
         ("50MW", {"lag": -1}, "must be a number of at least 0"),
         ("50MW", {"characteristic": "heat"}, "must be one of power, current, conductance"),
         ("50", {}, "is not a storage size; write it as 50MW"),

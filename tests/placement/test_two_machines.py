@@ -17,9 +17,10 @@ from stabctl.devices.machines import gencls
 from stabctl.model.case import Branch, Bus, Case, Machine
 from stabctl.placement.contingency import Contingency
 from stabctl.placement.place import place
+from stabctl.simulation import events
 from stabctl.simulation.criterion import Criterion
 
-HZ, BASE = 60.0, 4e7  # MVA   so large that a fault of 1e7 pu is a short circuit even beside a small x'd
+HZ, BASE = 60.0, 100.0  # MVA
 PM, B, H, LARGE = 80.0, 200.0, 4.0, 10.0  # MW, MW, s, inertia of machine 2 over that of machine 1
 X = BASE / B  # pu
 D0 = np.arcsin(PM / B)
@@ -28,8 +29,14 @@ SHARE = LARGE / (1 + LARGE)  # M / M1
 LAW = BangBang(deadband=0.0, min_voltage=0.0)
 
 
+@pytest.fixture(autouse=True)
+def shorted(monkeypatch):
+    """A bolted fault is a short circuit even beside an x'd next to nothing."""
+    monkeypatch.setattr(events, "BOLTED", 4e14)
+
+
 def _case(own=2e-4):
-    x = own * X * 100 / BASE  # on 100 MVA
+    x = own * X
     rows = {1: gencls.Par(0, 0, H, 0.0, 0.0, x), 2: gencls.Par(0, 0, H, 0.0, 0.0, LARGE * x)}
     return Case(
         name="two_machines",

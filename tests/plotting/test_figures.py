@@ -13,7 +13,7 @@ from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
 from stabctl.estimation.estimate import estimate
 from stabctl.model import fleet
-from stabctl.plotting import clearing_time, estimates, mode_shape, modes, screen, style, trajectory
+from stabctl.plotting import clearing_time, estimates, modes, screen, style, trajectory
 from stabctl.plotting.mode_shape import spread
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run
@@ -103,8 +103,15 @@ def test_modes(name, points):
     labels = [text.get_text() for text in ax.get_legend().texts]
     assert ("unstable" in labels) == (not found.stable)
     for k in found.swings():
-        assert crowded(mode_shape.plot(found.mode(k))) == []
+        assert crowded(found.mode(k).plot()) == []
         plt.close("all")
+
+
+def test_frequency_response(points):
+    model = linearize(points("two_area"), "vref:2", "speed:2, voltage:7")
+    assert crowded(model.plot()) == []
+    with pytest.raises(StudyError, match="A frequency response needs inputs and outputs"):
+        linearize(points("two_area")).plot()
 
 
 def test_numbers_around_a_mode_shape_keep_their_distance():

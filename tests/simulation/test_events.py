@@ -122,6 +122,15 @@ def test_a_schedule_takes_one_or_many(two_area):
 def test_what_is_no_criterion():
     assert checked(Criterion(3)) == Criterion(3.0)
     assert checked(DEFAULT) == DEFAULT
-    for wrong in (3.5, Criterion, Criterion(0), Criterion(-1), Criterion(float("nan")), Criterion("3")):
-        with pytest.raises(StudyError, match="criterion"):
+    assert checked(Criterion("180deg", "500ms")) == (pytest.approx(3.14159265), 0.5, 0.5, 1.5)
+    for wrong in (
+        3.5,
+        Criterion,
+        Criterion(0),
+        Criterion(-1),
+        Criterion(float("nan")),
+        Criterion("3MW"),
+        Criterion([3]),
+    ):
+        with pytest.raises(StudyError, match=r"criterion|number in rad"):
             checked(wrong)

@@ -53,7 +53,7 @@ def test_a_simulation_under_an_estimator_is_that_of_the_call(results, cases):
     assert kalman.rmse == seen.accuracy.rmse_mhz
     assert kalman.max_angle_from_coi == seen.runs[0].max_angle_from_coi_deg != ideal.max_angle_from_coi
     assert ideal.outcome == kalman.outcome == alone.outcome == "stable"
-    assert (ideal.rmse, alone.arrays.energy) == (None, None)
+    assert (ideal.rmse, alone.energy) == (None, None)
     assert alone.rmse > kalman.rmse
     assert 0 < ideal.energy < 4 * 50 * 2 / 3600  # MWh: never more than every device at full power all the time
 

@@ -1,0 +1,114 @@
+"""Options that several commands share. A quantity is a number in the unit that its help names, or text with a unit."""
+
+from collections.abc import Callable
+from typing import Annotated, Literal
+
+import typer
+
+
+def in_unit(unit: str) -> Callable[[object], float]:
+    """What reads a quantity in a unit."""
+
+    def read(text: object) -> float:
+        from stabctl.errors import StudyError
+        from stabctl.units import quantity
+
+        try:
+            return quantity(text, unit)
+        except StudyError as error:
+            raise typer.BadParameter(str(error)) from None
+
+    return read
+
+
+def time(text: object) -> str | float:
+    """Read a time: seconds, or text whose cycles the case's frequency will tell."""
+    from stabctl.errors import StudyError
+    from stabctl.units import quantity, seconds
+
+    try:
+        seconds(text, 60.0)
+        return text
+    except StudyError as error:
+        wrong = str(error)
+    try:
+        return quantity(text, "s")
+    except StudyError:
+        raise typer.BadParameter(wrong) from None
+
+
+CaseName = Annotated[str, typer.Argument(metavar="CASE", help="A packaged case, or a folder.")]
+Classical = Annotated[bool, typer.Option("--classical", help="Classical machines, without controls.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Set = Annotated[
+    list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="Change the case: pss.1.K=10. Repeatable.")
+]
+Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Threads (default: one per core).")]
+
+FAULT = "Place of the fault: 83 (a bus), 7-8@0.4 (on a line, measured from the first bus), 7-8 (its middle)."
+Fault = Annotated[str, typer.Option("--fault", help=FAULT)]
+Trip = Annotated[
+    list[str] | None,
+    typer.Option("--trip", help="Line opened to clear the fault (at --at without a fault): 83-33, 7-8#2. Repeatable."),
+]
+FaultImpedance = Annotated[str, typer.Option("--fault-impedance", help="R,X of the fault, pu (0,0: bolted).")]
+Open = Annotated[list[str] | None, typer.Option("--open", help="Line trip without a fault: 7-8@1s. Repeatable.")]
+TripMachine = Annotated[list[str] | None, typer.Option("--trip-machine", help="Machine trip: 14@2s. Repeatable.")]
+LoadStep = Annotated[
+    list[str] | None, typer.Option("--load-step", help="Change of load at a bus: 7:+50MW@1s. Repeatable.")
+]
+
+Size = Annotated[
+    str | None,
+    typer.Option("--storage", help="A device at every machine, instead of the case's own: 5%mva, 5%dispatch, 50MW."),
+]
+SizeAt = Annotated[str | None, typer.Option("--storage-at", help="Devices at machines: 14=50MW,13@33=20MW.")]
+Characteristic = Annotated[
+    Literal["power", "current", "conductance"], typer.Option("--characteristic", help="What a device holds constant.")
+]
+Lag = Annotated[
+    str, typer.Option("--lag", metavar="TIME", parser=time, help="Time constant from order to power, s or 100ms.")
+]
+Control = Annotated[
+    Literal["none", "bang-bang"] | None,
+    typer.Option("--control", help="Storage control law (default: bang-bang if there is storage)."),
+]
+Deadband = Annotated[
+    float,
+    typer.Option("--deadband", metavar="FREQUENCY", parser=in_unit("Hz"), help="Deadband of speed, Hz or 100mHz."),
+]
+MinVoltage = Annotated[float, typer.Option("--min-voltage", help="Voltage below which a device is idle, pu.")]
+
+Step = Annotated[
+    str | None,
+    typer.Option("--step", metavar="TIME", parser=time, help="Time step, s or 2ms (default: at most 1/120 s)."),
+]
+Observe = Annotated[
+    str, typer.Option("--observe", metavar="TIME", parser=time, help="Time simulated after clearing, s or 300cyc.")
+]
+Resolution = Annotated[str, typer.Option("--resolution", help="Spacing of the clearing times tried.")]
+Limit = Annotated[str, typer.Option("--limit", help="Longest clearing time tried.")]
+Angle = Annotated[
+    float,
+    typer.Option(
+        "--max-angle",
+        metavar="ANGLE",
+        parser=in_unit("rad"),
+        help="Change of a rotor angle from the COI that counts as loss of synchronism, rad or 200deg.",
+    ),
+]
+
+Estimator = Annotated[
+    Literal["ideal", "frequency", "kinematic", "kalman"],
+    typer.Option("--estimator", help="Speeds the control law uses: true ones, or estimates from PMU reports."),
+]
+PmuRate = Annotated[int, typer.Option("--pmu-rate", help="PMU reports per second.")]
+PmuNoise = Annotated[
+    float,
+    typer.Option("--pmu-noise-mrad", parser=in_unit("mrad"), metavar="ANGLE", help="Noise of the phasor angles, mrad."),
+]
+Latency = Annotated[
+    float, typer.Option("--latency-ms", parser=in_unit("ms"), metavar="TIME", help="Latency of remote reports, ms.")
+]
+Loss = Annotated[float, typer.Option("--loss", help="Share of the reports that are lost.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of noise and losses.")]
