@@ -5,7 +5,7 @@ from pathlib import Path
 from reproduction import paper
 from reproduction.console import present
 from reproduction.study import Study, Table
-from stabctl.controllers import BangBang, Device, Seen, order
+from stabctl.controllers import BangBang, Device, Input, wanted
 
 DEVICE = Device(rating=50.0, machine=900.0, frequency=60.0)
 COMMANDS = {1.0: "absorbs", -1.0: "injects", 0.0: "idles"}
@@ -30,8 +30,8 @@ def study(_reports: Path) -> Study:
 
 def command(mhz: float, voltage: float = 1.0) -> str:
     """What the controller does at a speed relative to the rest (mHz) and a voltage (pu)."""
-    seen = Seen(1e-3 * mhz / DEVICE.frequency, 0.0, voltage)
-    return COMMANDS[order(seen, BangBang().par(DEVICE), held=0.0)]
+    signals = Input(deviation=1e-3 * mhz / DEVICE.frequency, acceleration=0.0)
+    return COMMANDS[wanted(BangBang(), BangBang().par(DEVICE), signals, voltage)]
 
 
 if __name__ == "__main__":

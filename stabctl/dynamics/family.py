@@ -75,9 +75,9 @@ def width(device: ModuleType) -> int:
 @cache
 def shape(device: ModuleType) -> tuple[int, int, int, int]:
     """Numbers of states, inputs and outputs of a device, and of the buses it stands at."""
-    names = arguments(device, "current") + arguments(device, "source") + arguments(device, "output")
-    names += arguments(device, "derivatives")
-    buses = 2 if "v2" in names else 1
+    names = {a for equation in ("current", "output", "derivatives") for a in arguments(device, equation)}
+    injects = hasattr(device, "source") or hasattr(device, "current")
+    buses = 2 if "v2" in names else 1 if injects or "v" in names else 0
     return (*(len(fields(device, record)) for record in ("State", "Input", "Output")), buses)
 
 
@@ -163,7 +163,7 @@ def _local(device: ModuleType) -> list[str]:
     rows, columns = states + inputs + 2 * buses, states + outputs + 2 * buses
     head = _head(device, f"{TINY}j")
     lines, known = [], {"y"}
-    for a in ("p", "x", "u", *(("v1", "v2") if buses == 2 else ("v",))):
+    for a in ("p", "x", "u", *((), ("v",), ("v1", "v2"))[buses]):
         if a in "pxu" and not fields(device, {"p": "Par", "x": "State", "u": "Input"}[a]):
             continue
         lines += head[a]

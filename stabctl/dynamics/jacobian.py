@@ -69,16 +69,16 @@ class Equations:
         for k, f in enumerate(self.families):
             states, inputs, outputs, buses = self._shapes[k]
             n, j = len(f.w), np.arange(len(f.w))[:, None]
-            bus = [f.w[:, family.BUS]] if buses == 1 else [f.w[:, family.BUS], f.w[:, family.BUS2]]
-            voltages = [b + c for b in bus for c in range(2)]
+            bus = f.w[:, [family.BUS, family.BUS2][:buses]]
+            voltages = (bus[:, :, None] + np.arange(2)).reshape(n, 2 * buses)
             x = f.w[:, [family.STATE]] + np.arange(states)
-            variables = np.hstack([x, f.w[:, family.INPUTS : family.INPUTS + inputs], np.stack(voltages, 1)])
+            variables = np.hstack([x, f.w[:, family.INPUTS : family.INPUTS + inputs], voltages])
             y = f.w[:, [-1]] - layout.first_output + layout.nx + np.arange(outputs)
             g = first + 2 * (injection + buses * j) + np.arange(2 * buses)
             answers = np.hstack([x, y, g])
             self.injections[f.name] = slice(injection, injection + buses * n)
             injection += buses * n
-            places.append(np.stack(bus, 1).ravel())
+            places.append(bus.ravel())
             shape = (n, variables.shape[1], answers.shape[1])
             columns.append(np.broadcast_to(variables[:, :, None], shape).ravel())
             rows.append(np.broadcast_to(answers[:, None, :], shape).ravel())

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stabctl._util import files
+from stabctl._util.verbs import verb
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 
@@ -48,6 +49,8 @@ class Trajectory:
     step: float
     steps: int
     wall_s: float
+
+    plot = verb("stabctl.plotting.trajectory:plot")
 
     @cached_property
     def arrays(self) -> Arrays:
@@ -141,12 +144,6 @@ class Trajectory:
             name = f"storage_mw:{s.machine}"
             total[name] = total.get(name, 0.0) + a.storage[:, j]
         return pd.DataFrame(columns | total)
-
-    def plot(self, **options: Any) -> Any:
-        """Draw speeds, angles, voltages and storage powers; the matplotlib axes."""
-        from importlib import import_module
-
-        return import_module("stabctl.plotting.trajectory").plot(self, **options)
 
     def save(self, path: str | Path) -> Path:
         """Write to a .csv or NetCDF (.nc) file, by the ending, whole or not at all; the path."""
