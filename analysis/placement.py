@@ -9,7 +9,7 @@ from stabctl import io
 from stabctl.controllers import BangBang
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.pmu import Pmu
-from stabctl.placement.contingency import load, packaged
+from stabctl.placement.contingencies import packaged, read
 from stabctl.placement.place import place
 from stabctl.placement.siting import Siting
 from stabctl.report import siting_page
@@ -49,8 +49,8 @@ def sitings(title: str, text: tuple[str, ...], asked: tuple[Asked, ...], reports
     for one in asked:
         case = io.load(one.case)
         case = case.classical() if one.classical else case
-        listed = load(packaged(one.case, one.classical), case)[: one.contingencies]
-        found = place(case, listed, sites=one.sites, others=kalman if one.estimated else {})
+        listed = read(packaged(one.case, one.classical), case)[: one.contingencies]
+        found = place(case, listed, sites=one.sites, validate=kalman if one.estimated else None)
         rows.append(row(one.what, found))
         pages[f"storage for {one.case}, {one.what}"] = siting_page.write(found, reports, one.page).name
         said += [f"{one.what}: {sentence}" for sentence in found.reservations()]

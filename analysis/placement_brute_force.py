@@ -13,9 +13,10 @@ from stabctl import io
 from stabctl.dynamics import operating_point
 from stabctl.model import fleet
 from stabctl.model.case import Case
-from stabctl.placement.contingency import Contingency, load, packaged
+from stabctl.placement.contingencies import packaged, read
 from stabctl.placement.place import place
 from stabctl.placement.trials import Trials
+from stabctl.simulation.contingency import Contingency
 
 FULL = True
 CASE, CAP, PARTS = "ieee39", "30%mva", 12  # shares of the total in twelfths
@@ -25,17 +26,17 @@ HEADS = "contingencies", "found, MW", "sites", "share, %", "MW", "fleets tried",
 TEXT = (
     "The fleets that survive need not form a convex set, so the bound of the program is an estimate. Here all fleets "
     "at two and three of the ten machines with shares of the total in twelfths and within the caps are put to the "
-    "contingencies, until one is lost: do any do with less than the fleet that was found?",
+    "contingencies, until one is not survived. Does any need less than the fleet that was found?",
 )
 
 
 def study(reports: Path) -> Study:
     """Fleets of a little less than what `place` finds on the classical 39-bus system."""
     case = io.load(CASE).classical()
-    listed = load(packaged(CASE, classical=True), case)
+    listed = read(packaged(CASE, classical=True), case)
     rows = []
     for name, count in ASKED.items():
-        found = place(case, listed[:count], CAP)
+        found = place(case, listed[:count], cap=CAP)
         for share in LESS:
             total = share * found.total_mw
             tried, survivors, runs = search(case, listed[:count], total)

@@ -17,7 +17,7 @@ from rich.table import Table
 from stabctl import io
 from stabctl.clearing import clearing_time, screen
 from stabctl.dynamics import operating_point
-from stabctl.placement.contingency import load, packaged
+from stabctl.placement.contingencies import packaged, read
 from stabctl.placement.place import place
 
 
@@ -42,7 +42,7 @@ def sitings() -> Table:
     table = Table("case", "contingencies", "MW", "of uniform, %", "simulations", "s", "ms a simulation")
     for classical in (True, False):
         case = io.load("ieee39")
-        listed = load(packaged("ieee39", classical), case)
+        listed = read(packaged("ieee39", classical), case)
         found = place(case.classical() if classical else case, listed)
         cells = str(len(listed)), f"{found.total_mw:.1f}", f"{100 * found.total_mw / found.uniform_mw:.0f}"
         speed = f"{found.wall_s:.1f}", f"{1e3 * found.wall_s / found.simulations:.1f}"

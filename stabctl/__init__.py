@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from stabctl.model.powerflow import solve as power_flow
     from stabctl.model.replicate import replicate
     from stabctl.placement.place import place
+    from stabctl.placement.siting import Costs, Siting
     from stabctl.simulation.contingency import Contingency
     from stabctl.simulation.controller import Controller
     from stabctl.simulation.criterion import Criterion
@@ -44,6 +45,7 @@ _WHERE = {
     "ClearingTime": "clearing:ClearingTime",
     "Contingency": "simulation.contingency:Contingency",
     "Controller": "simulation.controller:Controller",
+    "Costs": "placement.siting:Costs",
     "Criterion": "simulation.criterion:Criterion",
     "Estimates": "estimation.estimates:Estimates",
     "EstimatorControl": "estimation.estimator_control:EstimatorControl",
@@ -56,6 +58,7 @@ _WHERE = {
     "PowerFlow": "model.powerflow:PowerFlow",
     "Screen": "clearing:Screen",
     "StabctlError": "errors:StabctlError",
+    "Siting": "placement.siting:Siting",
     "Storage": "model.case:Storage",
     "SwitchShunt": "simulation.events:SwitchShunt",
     "Trajectory": "simulation.trajectory:Trajectory",

@@ -1,4 +1,4 @@
-"""stabctl place: where storage belongs and how large it must be."""
+"""stabctl place: where storage belongs, and how large it must be."""
 
 import sys
 from pathlib import Path
@@ -10,25 +10,25 @@ from . import options, shared
 
 if TYPE_CHECKING:
     from stabctl.model.case import Case
-    from stabctl.placement.contingency import Contingency
-    from stabctl.placement.siting import Siting
+    from stabctl.placement.siting import Evidence, Siting
+    from stabctl.simulation.contingency import Contingency
 
 File = Annotated[
     Path | None,
     typer.Option(
         "--contingencies",
-        help="FILE.toml of [[contingency]] fault, trip, clear (default: the packaged one, else from a screen).",
+        help="FILE.toml with [[contingency]] fault, trip, clear (default: the packaged file, else a screen).",
     ),
 ]
-Sites = Annotated[int | None, typer.Option("--sites", help="At most so many sites.")]
-Cap = Annotated[str, typer.Option("--cap", help="Largest device: 30%mva, 100%dispatch or 500MW.")]
+Sites = Annotated[int | None, typer.Option("--sites", help="Largest number of sites.")]
+Cap = Annotated[str, typer.Option("--cap", help="Largest size of a device: 30%mva, 100%dispatch or 500MW.")]
 CostMw = Annotated[float, typer.Option("--cost-mw", help="Cost of a MW.")]
 CostSite = Annotated[float, typer.Option("--cost-site", help="Cost of a site.")]
 CostMwh = Annotated[float, typer.Option("--cost-mwh", help="Cost of a MWh.")]
-Report = Annotated[Path | None, typer.Option("--report", help="Write a page with figures into this folder.")]
+Report = Annotated[Path | None, typer.Option("--report", help="Write a page with figures to this folder.")]
 Validate = Annotated[
     Literal["frequency", "kinematic", "kalman"] | None,
-    typer.Option("--validate", help="Put the fleet under estimates from PMU signals too."),
+    typer.Option("--validate", help="Simulate the fleet with estimated speeds too."),
 ]
 
 
@@ -57,54 +57,53 @@ def place(
     """Find the cheapest storage fleet that survives every contingency in simulation."""
     from stabctl.controllers import BangBang
     from stabctl.estimation.estimator_control import EstimatorControl
-    from stabctl.estimation.pmu import Pmu
     from stabctl.placement.place import place
     from stabctl.placement.siting import Costs
-    from stabctl.units import seconds
 
     shared.folder(report)
     loaded = shared.load(case, classical)
-    chosen = _contingencies(loaded, case, contingencies, classical)
+    chosen, source = _contingencies(loaded, case, contingencies, classical)
     law = BangBang(deadband, min_voltage)
+    kalman = {validate: EstimatorControl(law, validate, seed=seed, engine="batched")} if validate else None
     with shared.progress("siting", None) as tell:
         found = place(
             loaded,
             chosen,
-            cap,
-            Costs(cost_mw, cost_site, cost_mwh),
-            sites,
-            law=law,
-            observed_s=seconds(observe, loaded.frequency_hz),
-            step=None if step is None else seconds(step, loaded.frequency_hz),
+            cap=cap,
+            costs=Costs(cost_mw, cost_site, cost_mwh),
+            sites=sites,
+            control=law,
+            device={"characteristic": characteristic, "lag": shared.lag(lag, loaded)},
+            observe=observe,
+            step=step,
             criterion=shared.criterion(max_angle),
-            others={validate: EstimatorControl(law, validate, Pmu(), seed=seed, engine="batched")} if validate else {},
+            validate=kalman,
             workers=workers,
-            progress=lambda runs, cost: tell(None, f"{runs} runs, best cost {cost:.4g}"),
-            characteristic=characteristic,
-            lag=shared.lag(lag, loaded),
+            progress=lambda runs, cost: tell(None, f"{runs} simulations, lowest cost {cost:.4g}"),
         )
     if as_json:
-        shared.print_json(_record(found))
+        shared.print_json(_record(found) | {"contingencies_from": source})
     else:
         shared.console().print(str(found))
+        shared.console().print(f"The contingencies and their clearing times come from {source}.")
     if report:
-        from stabctl.report.siting_page import write
-
-        print(write(found, report), file=sys.stderr if as_json else sys.stdout)
+        print(found.report(report), file=sys.stderr if as_json else sys.stdout)
 
 
-def _contingencies(case: "Case", name: str, file: Path | None, classical: bool) -> "tuple[Contingency, ...]":
-    """Those of the file, the packaged ones, or the most critical ones of a screen."""
+def _contingencies(
+    case: "Case", name: str, file: Path | None, classical: bool
+) -> "tuple[tuple[Contingency, ...], str]":
+    """The contingencies of the file, the packaged ones, or the most critical ones of a screen, and their source."""
     from stabctl.clearing import screen
-    from stabctl.dynamics import operating_point
-    from stabctl.placement.contingency import from_screen, load, packaged
+    from stabctl.placement.contingencies import contingencies, packaged
 
-    file = file or (packaged(name, classical) if not Path(name).is_dir() else None)
     if file:
-        return load(file, case)
+        return contingencies(case, file), f"the file {file}"
+    if not Path(name).is_dir() and (file := packaged(name, classical)):
+        return contingencies(case, file), f"the packaged file {file.name}"
     with shared.progress("screening", 1.0) as tell:
-        found = screen(operating_point.solve(case), progress=lambda done, of: tell(done / of))
-    return from_screen(found, case.frequency_hz)
+        found = screen(case, progress=lambda done, of: tell(done / of))
+    return contingencies(case, found), "a screen, with clearing times 20 % longer than without storage"
 
 
 def _record(found: "Siting") -> dict[str, Any]:
@@ -139,11 +138,17 @@ def _record(found: "Siting") -> dict[str, Any]:
                 "alone_cycles": c.alone_cycles,
                 "fleets_tried": c.tried,
             }
-            for c in found.incurable
+            for c in found.infeasible
         ],
-        "evidence": [{"fleet": e.fleet, **e._asdict()} for e in found.evidence],
+        "evidence": [_evidence(row) for row in found.evidence],
         "history": [h._asdict() for h in found.history],
         "observed_s": found.observed_s,
         "simulations": found.simulations,
         "wall_s": found.wall_s,
     }
+
+
+def _evidence(row: "Evidence") -> dict[str, Any]:
+    record = row._asdict()
+    refined = record.pop("refined")
+    return {"fleet": row.fleet, **record, "finer": refined}

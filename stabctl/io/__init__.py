@@ -1,5 +1,6 @@
-"""Case readers: from files to a `Case`, and back."""
+"""Cases from files, and back."""
 
-from .folder import load, packaged, write
+from .folder import load, packaged
+from .writer import write
 
 __all__ = ["load", "packaged", "write"]

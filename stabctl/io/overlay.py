@@ -76,9 +76,8 @@ def _changed(
     line_of = dict.fromkeys(known, 0)
     for key, row, line in zip(keys, table.rows, table.lines, strict=True):
         if key not in known:
-            raise CaseError(
-                f"{folder / name}.csv row {line}, column {column}: {case.name} has no {column} {key} there."
-            )
+            text = f"{case.name} has no {column} {key} in {name}.csv; an overlay changes rows, it adds none."
+            raise CaseError(f"{folder / name}.csv row {line}, column {column}: {text}")
         known[key] = known[key]._replace(**{k: v for k, v in row.items() if k != column})
         line_of[key] = line
     return Table(table.rows, list(line_of.values()))

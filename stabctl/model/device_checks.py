@@ -34,7 +34,7 @@ def _owners(case: "Case") -> None:
                 text = f"{key!r} is not allowed; it must be a {column} number, or 2#2 for the second device at 2."
                 raise RowError(model, i, column, text)
             if catalog.role(model) == "load" and key not in loads:
-                text = f"there is no load {key} in loads.csv; add it there, with its p and q."
+                text = f"there is no load at bus {key} in loads.csv; add it there, with its p and q."
                 raise RowError(model, i, column, text)
             if keys.number(key) not in (buses if column == "bus" else machines):
                 table = "buses.csv" if column == "bus" else "machines.csv"

@@ -5,44 +5,85 @@ from dataclasses import replace
 from typing import Any
 
 from stabctl.errors import CaseError, StudyError, shown
-from stabctl.schema import Field, fields
-from stabctl.units import megavars, megawatts, quantity
+from stabctl.schema import fields
+from stabctl.units import megavars, megawatts
 
-from . import catalog, fleet, keys
+from . import catalog, keys, paths
 from .case import Case
 from .tables import TABLES, Load
 
-ABOUT = {"name": "-", "title": "-", "source": "-", "base_mva": "MVA", "frequency_hz": "Hz"}  # entry -> unit
 
+def set_value(case: Case, path: str | Mapping[str, Any], value: Any = None) -> Case:
+    """The case with one value changed, as if its file had been edited.
 
-def changed(case: Case, values: Mapping[str, Any]) -> Case:
-    """The case with the values at some paths changed, all at once (see `Case.set`)."""
+    Parameters
+    ----------
+    case : Case
+        The system.
+    path : str or mapping
+        `table.key.column`: "pss.1.K", "machines.2.p", "loads.7.p", "branches.7-8#2.x", "storage.14@33.rating"; or
+        "frequency_hz", "base_mva", "name", "title", "source". A mapping of paths to values changes all at once.
+    value : float, int or str
+        In the unit of the column, or text with a unit: "50MW", "100ms".
+
+    Raises
+    ------
+    StudyError
+        If the case has no such table, row or column; it names similar ones.
+    CaseError
+        If the case with this value is not a valid one.
+
+    Examples
+    --------
+    >>> case.set("pss.1.K", 10).set("machines.2.p", "0.65GW")
+    """
+    if not isinstance(path, str | Mapping):
+        raise paths.not_a_path(path)
+    values = path if isinstance(path, Mapping) else {path: value}
     parts: dict[str, Any] = {}
     devices = {model: dict(rows) for model, rows in case.devices.items()}
-    for path, value in values.items():
-        if path in ABOUT:
-            number = isinstance(value, str) and ABOUT[path] != "-"
-            parts[path] = _read(path, value, ABOUT[path]) if number else value
+    for where, new in values.items():
+        if where in paths.ABOUT:
+            parts[where] = paths.about(where, new)
             continue
-        table, key, column = _split(path)
+        table, key, f = paths.resolve(case, where)
         i = keys.row(case, table, key)
-        f = _field(case, table, column)
         if table in TABLES:
             rows = list(parts.get(table, getattr(case, table)))
-            rows[i] = rows[i]._replace(**{f.name: _value(case, path, f, value, rows[i])})
+            rows[i] = rows[i]._replace(**{f.name: paths.value(case, where, f, new, rows[i])})
             parts[table] = tuple(rows)
         else:
             own = list(devices[table])[i]
-            devices[table][own] = devices[table][own]._replace(**{f.name: _value(case, path, f, value)})
+            devices[table][own] = devices[table][own]._replace(**{f.name: paths.value(case, where, f, new)})
     try:
         return replace(case, devices=devices, **parts)
     except CaseError as error:
-        given = [f"{path} = {value if isinstance(value, str) else shown(value)}" for path, value in values.items()]
+        given = [f"{where} = {new if isinstance(new, str) else shown(new)}" for where, new in values.items()]
         raise CaseError(f"{case.name} cannot have {', '.join(given)}: {error}") from None
 
 
-def with_load(case: Case, bus: int, p: str | float | None, q: str | float | None, **shares: float) -> Case:
-    """The case with the load at a bus changed or added (see `Case.with_load`)."""
+def with_load(
+    case: Case, bus: int, p: str | float | None = None, q: str | float | None = None, **shares: float
+) -> Case:
+    """The case with the load at a bus changed, or with a new load where the bus has none.
+
+    Parameters
+    ----------
+    case : Case
+        The system.
+    bus : int
+        Bus number.
+    p, q : float or str
+        Active (MW) and reactive (Mvar) power consumed, or text with a unit. A value left out stays as it is; a new load
+        has 0.
+    **shares : float
+        Other columns of the loads table: `p_power`, `q_power`, `p_current`, `q_current`, `v_low`.
+
+    Raises
+    ------
+    StudyError
+        If the bus does not exist or has several loads.
+    """
     keys.row(case, "buses", bus)
     for name in shares:
         if name not in list(fields(Load))[3:]:
@@ -64,7 +105,22 @@ def with_load(case: Case, bus: int, p: str | float | None, q: str | float | None
 
 
 def trip_machine(case: Case, number: int) -> Case:
-    """The case without a machine, its controls and its storage devices (see `Case.trip_machine`)."""
+    """The case with a machine out of service from the start, and with it its controls and storage devices.
+
+    Its bus becomes a pq bus where no other machine is connected.
+
+    Parameters
+    ----------
+    case : Case
+        The system.
+    number : int
+        Machine number.
+
+    Raises
+    ------
+    StudyError
+        If there is no such machine, or it is the only one at the swing bus.
+    """
     machine = case.machine(number)
     machines = tuple(m for m in case.machines if m is not machine)
     buses = case.buses
@@ -85,7 +141,11 @@ def trip_machine(case: Case, number: int) -> Case:
 
 
 def classical(case: Case) -> Case:
-    """The case with every machine a constant voltage behind x'd, without controls; converters keep theirs."""
+    """The case with every machine a constant voltage behind x'd, without controls (GENCLS).
+
+    Converters keep their models and controls, loads and shunts theirs. Raises `StudyError` for a machine whose model
+    has no x'd.
+    """
     machines: dict[keys.Key, Any] = {}
     for model in catalog.of_role("machine"):
         for key, par in case.devices.get(model, {}).items():
@@ -101,41 +161,3 @@ def classical(case: Case) -> Case:
     }
     ordered = {m.machine: machines[m.machine] for m in case.machines if m.machine in machines}
     return replace(case, devices=others | {"gencls": ordered}, title=f"{case.title}, classical machines")
-
-
-def _split(path: str) -> tuple[str, str, str]:
-    """Table, key and column of a path; a key (the name of a link) may hold dots."""
-    table, _, rest = path.partition(".") if isinstance(path, str) else ("", "", "")
-    key, _, column = rest.rpartition(".")
-    if not (table and key and column):
-        raise StudyError(
-            f"{shown(path)} is not a value of a case; write table.key.column, as pss.1.K, or one of {', '.join(ABOUT)}."
-        )
-    return table.strip(), key.strip(), column.strip()
-
-
-def _field(case: Case, table: str, column: str) -> Field:
-    """The column, by its name (K) or its header (K_pu)."""
-    known = fields(TABLES[table] if table in TABLES else catalog.models()[table].Par)
-    for f in known.values():
-        if column in (f.name, f.column):
-            return f
-    raise StudyError(f"{table} has no column {column!r}; {keys.near(column, known)}")
-
-
-def _value(case: Case, path: str, f: Field, value: Any, row: Any = None) -> Any:
-    """The value in the unit of its column; what is no number stays, to be refused with its place."""
-    if not isinstance(value, str) or f.kind is str:
-        return value
-    if f.kind is int:
-        return int(value) if value.strip().isascii() and value.strip().isdigit() and len(value) < 19 else value
-    if f.unit == "MW" and "%" in value and hasattr(row, "machine"):
-        return fleet.megawatts(case, case.machine(row.machine), value)
-    return _read(path, value, f.unit)
-
-
-def _read(path: str, text: str, unit: str) -> float:
-    try:
-        return quantity(text, unit)
-    except StudyError as error:
-        raise StudyError(f"{path}: {error}") from None

@@ -9,7 +9,7 @@ from stabctl.errors import StudyError, shown
 from stabctl.schema import fields
 from stabctl.units import quantity, rating
 
-from . import keys, powerflow
+from . import checks, keys, powerflow
 from .case import Case
 from .powerflow import PowerFlow
 from .tables import Machine, Storage
@@ -19,27 +19,37 @@ _PLACE = re.compile(r"\s*([0-9]{1,18})(?:@([0-9]{1,18}))?\s*")
 Fleet = str | float | Mapping[int | str, str | float] | Iterable[Storage] | Storage
 
 
-def devices(
-    case: Case, sizes: Fleet, flow: PowerFlow | None = None, options: Mapping[str, Any] | None = None
-) -> tuple[Storage, ...]:
-    """The storage devices that a user asks for.
+def with_storage(case: Case, sizes: Fleet, flow: PowerFlow | None = None, **options: Any) -> Case:
+    """The case with these storage devices in place of its own.
 
     Parameters
     ----------
     case : Case
         The system.
     sizes : str, float, mapping or iterable of Storage
-        "50MW" at every machine, "14=50MW,13@33=5%mva" or {14: "50MW"} at chosen ones, rows, or "none".
+        "50MW", "5%mva" or "5%dispatch" (or a number of MW) at every machine's storage bus; at chosen machines
+        "14=50MW,13@33=20MW" or {14: "50MW", "13@33": "20MW"} (13@33: of machine 13, at bus 33); rows; or "none".
     flow : PowerFlow, optional
-        The power flow that "%dispatch" refers to.
-    options : mapping, optional
-        Other columns of every device, as numbers or text with a unit.
+        The power flow that "%dispatch" refers to; solved when it is needed and not given.
+    **options : float or str
+        Other columns of every device: `characteristic`, `energy`, `charge`, `ramp`, `lag`, `efficiency`.
 
     Raises
     ------
-    StudyError
-        If a machine, bus, size or option does not exist or cannot be read.
+    StudyError, CaseError
+        If a machine, bus, size or option is not allowed.
     """
+    rows = checks.values("storage", Storage, devices(case, sizes, flow, options))
+    new = object.__new__(Case)
+    vars(new).update(vars(case), storage=rows)
+    checks.storage(new)  # nothing else has changed
+    return new
+
+
+def devices(
+    case: Case, sizes: Fleet, flow: PowerFlow | None = None, options: Mapping[str, Any] | None = None
+) -> tuple[Storage, ...]:
+    """The storage devices that a user asks for, as in `with_storage`."""
     given = _options(options or {})
     if isinstance(sizes, str) and sizes.strip() == "none":
         return ()

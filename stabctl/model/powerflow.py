@@ -1,21 +1,18 @@
-"""Power flow by Newton's method in polar coordinates, sparse."""
+"""The power flow of a case: its solution as a record, with tables of buses and branches."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.linalg import splu
 
 from stabctl.errors import PowerFlowError
 
 from . import keys, network
 from .case import Case
+from .newton import Equations, newton
 
 if TYPE_CHECKING:
     import pandas as pd
-
-TOLERANCE = 1e-8  # MVA   largest power mismatch (1e-10 pu on 100 MVA)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -140,89 +137,18 @@ def solve(case: Case, limit: int = 30) -> PowerFlow:
     for m, bus in zip(case.machines, net.machine_bus, strict=True):
         wanted[bus] += m.p / case.base_mva
     kind = np.array([b.kind for b in case.buses])
-    equations = _Equations(Y, wanted, np.flatnonzero(kind != "swing"), np.flatnonzero(kind == "pq"))
+    equations = Equations(Y, wanted, np.flatnonzero(kind != "swing"), np.flatnonzero(kind == "pq"))
     size, angle = np.array([b.v for b in case.buses]), np.deg2rad([b.angle for b in case.buses])
     flat = np.where(kind == "pq", 1.0, size), np.full(len(kind), angle[kind == "swing"][0])
     try:
-        V, iterations = _newton(case, equations, size, angle, limit)
+        V, iterations = newton(case, equations, size, angle, limit)
     except PowerFlowError as as_given:
         try:
-            V, iterations = _newton(case, equations, *flat, limit)
+            V, iterations = newton(case, equations, *flat, limit)
         except PowerFlowError:
             raise as_given from None
     injected = V * (Y @ V).conj() + drawn
     return PowerFlow(case, V, _shared(case, net.machine_bus, injected), iterations)
-
-
-@dataclass(frozen=True)
-class _Equations:
-    """Mismatch of active power at every bus but the swing bus, and of reactive power at the pq buses."""
-
-    Y: sp.csc_matrix
-    wanted: np.ndarray  # (buses) complex, pu   power to be injected
-    p: np.ndarray  # rows of the buses with an active-power equation
-    q: np.ndarray  # rows of the buses with a reactive-power equation
-
-    def mismatch(self, size: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, float]:
-        """The mismatches (pu), and the largest; infinite where a voltage makes no sense."""
-        V = size * np.exp(1j * angle)
-        miss = V * (self.Y @ V).conj() - self.wanted
-        F = np.r_[miss.real[self.p], miss.imag[self.q]]
-        good = np.isfinite(F).all() and (not len(self.q) or size[self.q].min() > 0)
-        return F, float(np.abs(F).max(initial=0.0)) if good else np.inf
-
-    def step(self, size: np.ndarray, angle: np.ndarray, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Newton step of voltages (pu) and angles (rad). Raises RuntimeError where the Jacobian is singular."""
-        V = size * np.exp(1j * angle)
-        current, Y, p, q = self.Y @ V, self.Y, self.p, self.q
-        dV, dI, unit = sp.diags(V), sp.diags(current), sp.diags(V / size)
-        da = (1j * dV @ (dI - Y @ dV).conj()).tocsr()
-        dm = (dV @ (Y @ unit).conj() + dI.conj() @ unit).tocsr()
-        J = sp.bmat([[da[p][:, p].real, dm[p][:, q].real], [da[q][:, p].imag, dm[q][:, q].imag]])
-        x = splu(J.tocsc()).solve(-F)
-        d_size, d_angle = np.zeros(len(size)), np.zeros(len(size))
-        d_angle[p], d_size[q] = x[: len(p)], x[len(p) :]
-        return d_size, d_angle
-
-    def per_bus(self, F: np.ndarray) -> np.ndarray:
-        """Size (buses, pu) of the mismatch at every bus."""
-        out = np.zeros(len(self.wanted), complex)
-        out[self.p] += F[: len(self.p)]
-        out[self.q] += 1j * F[len(self.p) :]
-        return np.abs(out)
-
-
-def _newton(
-    case: Case, equations: _Equations, size: np.ndarray, angle: np.ndarray, limit: int
-) -> tuple[np.ndarray, int]:
-    """Voltages (pu) that solve the equations, and the steps it took; a step is halved until the mismatch falls."""
-    with np.errstate(all="ignore"):
-        F, now = equations.mismatch(size, angle)
-        iteration = 0
-        for iteration in range(limit + 1):
-            if now < TOLERANCE / case.base_mva:
-                return size * np.exp(1j * angle), iteration
-            if now == np.inf:
-                break
-            try:
-                d_size, d_angle = equations.step(size, angle, F)
-            except RuntimeError:
-                break
-            for share in 0.5 ** np.arange(8):
-                tried = size + share * d_size, angle + share * d_angle
-                G, then = equations.mismatch(*tried)
-                if then < now:
-                    break
-            else:
-                break
-            (size, angle), F, now = tried, G, then
-    miss, low = np.nan_to_num(equations.per_bus(F), nan=np.inf), int(np.argmin(size))
-    worst = int(miss.argmax())
-    raise PowerFlowError(
-        f"The power flow of {case.name} has no solution, or none was found in {iteration} steps: the largest mismatch "
-        f"is {miss[worst] * case.base_mva:.4g} MVA at bus {case.buses[worst].bus}, the lowest voltage is "
-        f"{size[low]:.3g} pu at bus {case.buses[low].bus}; check the loads, lines and voltages there."
-    )
 
 
 def _shared(case: Case, machine_bus: np.ndarray, injected: np.ndarray) -> np.ndarray:

@@ -1,1 +1,1 @@
-"""Where storage belongs and how large it should be."""
+"""Siting and sizing of storage: the cheapest fleet that survives a list of contingencies."""

@@ -1,6 +1,6 @@
-"""Normals of the border of survival: which MW, where, keeps a contingency survived.
+"""Gradients of the boundary of survival: how much a megawatt at each candidate helps to survive a contingency.
 
-A normal d (candidates, 1/MW) at a fleet s on the border is scaled to d . s = 1, so that its cut is d . s' >= 1.
+A gradient d (candidates, 1/MW) at a fleet s on the boundary is scaled to d . s = 1, so that its cut is d . s' >= 1.
 """
 
 import numpy as np
@@ -8,21 +8,22 @@ import numpy as np
 from .scaling import bisect
 from .trials import Trials
 
-INSIDE = (1.04, 1.08, 1.16, 1.02)  # multiples of the border's fleet at which its neighbors are simulated
-STEP = 0.03  # first change of one size, of the whole fleet
+INSIDE = (1.04, 1.08, 1.16, 1.02)  # multiples of the boundary's fleet at which its neighbors are simulated
+STEP = 0.03  # first change of one size, relative to the whole fleet
 HALVINGS = 8
 
 
 def by_peak(trials: Trials, mw: np.ndarray, k: int) -> np.ndarray | None:
-    """Forward differences of the largest angle of the machine that goes first, one run a candidate; None: no use.
+    """Forward differences of the largest angle of the machine that loses synchronism first; None if they fail.
 
-    The sets of fleets with the same largest angle become the border as the angle grows. A little inside the border,
-    each size is raised by a few per cent of the fleet, less where that is not survived.
+    The sets of fleets with equal largest angle approach the boundary as the angle grows. Slightly inside the boundary,
+    each size is raised by a few per cent of the fleet, or less if that fleet is not stable. One simulation per
+    candidate.
     """
-    lost = trials.run((1 - 2e-3) * mw, k, record=False).outcome.machine
+    lost = trials.simulate((1 - 2e-3) * mw, k, record=False).outcome.machine
     for inside in INSIDE:
         base = trials.fleet(inside * mw)
-        run = trials.run(base, k, record=False)
+        run = trials.simulate(base, k, record=False)
         if run.outcome.stable:
             break
     else:
@@ -35,9 +36,9 @@ def by_peak(trials: Trials, mw: np.ndarray, k: int) -> np.ndarray | None:
         for _ in range(HALVINGS):
             tried = base.copy()
             tried[i] += step
-            moved = trials.run(tried, k, record=False)
-            if moved.outcome.stable:
-                return (run.peak[machine] - moved.peak[machine]) / step
+            changed = trials.simulate(tried, k, record=False)
+            if changed.outcome.stable:
+                return (run.peak[machine] - changed.peak[machine]) / step
             step /= 2
         return np.nan
 
@@ -45,7 +46,7 @@ def by_peak(trials: Trials, mw: np.ndarray, k: int) -> np.ndarray | None:
 
 
 def by_scaling(trials: Trials, mw: np.ndarray, k: int, fine: float = 1e-4) -> np.ndarray | None:
-    """Forward differences of 1/alpha_k, a bisection a candidate: the normal by its definition; None: no use."""
+    """Forward differences of 1/alpha_k, one bisection per candidate: the gradient by definition; None if they fail."""
 
     def inverse(tried: np.ndarray) -> float:
         def survives(a: float) -> bool:
@@ -70,19 +71,34 @@ def by_scaling(trials: Trials, mw: np.ndarray, k: int, fine: float = 1e-4) -> np
 
 
 def by_swept_angle(trials: Trials, mw: np.ndarray, k: int, J: np.ndarray) -> np.ndarray | None:
-    """Equal area from one run: the work each MW does against the machines that run away, on the way to the peak.
+    """Equal area from one simulation: the work of each MW against the advanced machines on the way to the peak.
 
     d_i = integral from clearing to the first peak of sgn_i gate_i sum_j w_j J_ji d(theta), theta the angle of the
-    advanced machines C against the rest N, w the shares of their one-machine equivalent: M_N / M on C, -M_C / M on N.
+    advanced machines C relative to the others N, w the shares of their one-machine equivalent: M_N / M on C, -M_C / M
+    on N.
 
-    Args: trials; a fleet just inside the border (candidates, MW); contingency; J (machines, candidates), the power
-    that a MW at a candidate takes from each machine. None where no MW helps.
+    Parameters
+    ----------
+    trials : Trials
+        The simulations.
+    mw : (candidates,) array, MW
+        A fleet slightly inside the boundary.
+    k : int
+        The contingency.
+    J : (machines, candidates) array
+        Power that a MW at a candidate takes from each machine.
+
+    Returns
+    -------
+    (candidates,) array or None
+        None if no MW helps.
     """
-    run = trials.run(mw, k)
+    run = trials.simulate(mw, k)
     H = trials.point.inertia
     change = run.arrays.angle - run.arrays.angle[0]
     change -= (change @ H / H.sum())[:, None]
-    first = int(np.argmax(run.time >= trials.contingencies[k].clear - 1e-9))
+    cleared = trials.trial(mw, k).cleared(1)
+    first = int(np.argmax(run.time >= cleared - 1e-9))
     widest = first + int(np.argmax(np.ptp(change[first:], axis=1)))
     order = np.argsort(change[widest])
     split = int(np.argmax(np.diff(change[widest][order]))) + 1

@@ -1,95 +1,98 @@
-"""What the program begins with: what is curable at all, the smallest uniform fleet, that of the linear stage."""
+"""Initial fleets of the siting program: what is feasible, the smallest uniform fleet, the linear allocation."""
 
 from collections.abc import Sequence
 from typing import NamedTuple, get_args
 
 import numpy as np
 
-from stabctl.errors import StudyError
+from stabctl.errors import LinearizationError, StudyError
 
-from .allocation import Criterion, allocate
-from .evidence import critical
+from .allocation import Objective, allocate
+from .cutting_planes import CuttingPlanes
+from .evidence import critical_time
 from .gramians import gramians
-from .program import Search
-from .scaling import critical_scaling, least, reach
-from .siting import Incurable
+from .scaling import critical_scaling, largest_scaling, least_scaling
+from .siting import Infeasible
 from .trials import Trials
 
-BUDGET = 0.5  # of the uniform fleet, for the linear stage to share out
+BUDGET = 0.5  # of the uniform fleet, for the linear allocation
 
 
-class Cure(NamedTuple):
-    """A fleet on the border of a contingency: `scaling` times `mw` (candidates, MW) just survives it."""
+class BoundaryFleet(NamedTuple):
+    """A fleet on the boundary of a contingency: `scaling` times `mw` (candidates, MW) just survives it."""
 
     mw: np.ndarray
     scaling: float
 
 
-def curable(trials: Trials, uniform: np.ndarray) -> tuple[Trials, list[Cure], tuple[Incurable, ...]]:
-    """The trials without what no fleet survives; a cure of each of the others; what is left out.
+def feasible(trials: Trials, uniform: np.ndarray) -> tuple[Trials, list[BoundaryFleet], tuple[Infeasible, ...]]:
+    """The contingencies that some fleet survives, a boundary fleet of each, and the contingencies left out.
 
-    Tried are the uniform fleet (candidates, MW) and each candidate alone, from small to the caps. `StudyError` where
-    nothing is curable.
+    The uniform fleet (candidates, MW) and each candidate alone are tried, from small sizes to the caps. Raises
+    StudyError if no contingency is feasible.
     """
     alone = [np.where(np.arange(len(uniform)) == i, trials.cap / 4, 0.0) for i in range(len(uniform))]
-    cures = trials.each(lambda k: _cure(trials, [uniform, *alone], k))
-    kept = [k for k, cured in enumerate(cures) if cured is not None]
-    incurable = tuple(_incurable(trials, k) for k in range(len(cures)) if cures[k] is None)
+    found = trials.each(lambda k: _boundary(trials, [uniform, *alone], k))
+    kept = [k for k, one in enumerate(found) if one is not None]
+    infeasible = tuple(_infeasible(trials, k) for k in range(len(found)) if found[k] is None)
     if not kept:
-        found = " ".join(map(str, incurable))
+        listed = " ".join(map(str, infeasible))
         raise StudyError(
-            f"No contingency is survived by any fleet within the caps: {found} Raise the caps or ask for less."
+            f"No fleet within the caps survives any of the contingencies. {listed} Raise the caps or shorten the "
+            "clearing times."
         )
-    return trials.only(kept), [cures[k] for k in kept], incurable
+    return trials.only(kept), [found[k] for k in kept], infeasible
 
 
-def _cure(trials: Trials, fleets: Sequence[np.ndarray], k: int) -> Cure | None:
+def _boundary(trials: Trials, fleets: Sequence[np.ndarray], k: int) -> BoundaryFleet | None:
     def scaling(mw: np.ndarray) -> float | None:
-        most = reach(trials, mw)
+        most = largest_scaling(trials, mw)
         return critical_scaling(lambda a: trials.survives(a * mw, k), most) if most else None
 
     found = ((mw, scaling(mw)) for mw in fleets)
-    return next((Cure(mw, a) for mw, a in found if a is not None), None)
+    return next((BoundaryFleet(mw, a) for mw, a in found if a is not None), None)
 
 
-def _incurable(trials: Trials, k: int) -> Incurable:
-    one = trials.contingencies[k]
+def _infeasible(trials: Trials, k: int) -> Infeasible:
     fleets = trials.fleets(k)
-    without = critical(trials, np.zeros_like(trials.cap), k).cycles
-    return Incurable(one, one.clear * trials.point.case.frequency_hz, without, fleets)
+    without = critical_time(trials, np.zeros_like(trials.cap), k).cycles
+    return Infeasible(trials.contingencies[k], trials.target(k), without, fleets)
 
 
-def uniform_fleet(search: Search, uniform: np.ndarray, cures: Sequence[Cure]) -> np.ndarray | None:
-    """Cuts at the cures; the smallest multiple of the uniform fleet (candidates, MW) that survives all, or None."""
-    for k, cure in enumerate(cures):
-        if cure.scaling:
-            search.cut(cure.scaling * cure.mw, k)
-    largest = max(cure.scaling for cure in cures)
+def uniform_fleet(search: CuttingPlanes, uniform: np.ndarray, boundary: Sequence[BoundaryFleet]) -> np.ndarray | None:
+    """The smallest multiple of the uniform fleet (candidates, MW) that survives everything; None if none does.
+
+    Adds cuts at the boundary fleets.
+    """
+    for k, one in enumerate(boundary):
+        if one.scaling:
+            search.cut(one.scaling * one.mw, k)
+    largest = max(one.scaling for one in boundary)
     if not largest:
         return np.zeros_like(uniform)
-    if any(cure.mw is not uniform for cure in cures):
+    if any(one.mw is not uniform for one in boundary):
         return None
-    scaled = least(search.trials, largest * uniform)
+    scaled = least_scaling(search.trials, largest * uniform)
     return None if scaled is None else search.trials.fleet(scaled.scaling * largest * uniform)
 
 
-def linear_fleet(search: Search, uniform: np.ndarray) -> np.ndarray | None:
-    """The cheapest allocation of the linear stage, scaled until it survives all, with cuts there, or None."""
+def linear_fleet(search: CuttingPlanes, uniform: np.ndarray) -> np.ndarray | None:
+    """The cheapest linear allocation, scaled until it survives everything; None if none does. Adds cuts there."""
     trials, out = search.trials, None
-    places = [(s.machine, s.bus) for s in trials.point.case.storage]
+    candidates = [(s.machine, s.bus) for s in trials.point.case.storage]
     budget = BUDGET * trials.fleet(uniform).sum()
     try:
-        swings = gramians(trials.point, places)
-    except StudyError:
+        found = gramians(trials.point, candidates)
+    except (StudyError, LinearizationError):
         return None
-    for criterion in get_args(Criterion):
+    for objective in get_args(Objective):
         try:
-            mw = allocate(swings, budget, trials.cap, criterion).sizes
+            mw = allocate(found, budget, trials.cap, objective).sizes
         except StudyError:
             continue
-        scaled = least(trials, mw)
+        scaled = least_scaling(trials, mw)
         if scaled:
-            search.cut_near(mw, scaled)
+            search.cut_along(mw, scaled)
             fleet = trials.fleet(scaled.scaling * mw)
             out = fleet if out is None or search.master.cost(fleet) < search.master.cost(out) else out
     return out

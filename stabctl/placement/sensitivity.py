@@ -1,7 +1,7 @@
-"""What a megawatt absorbed at a bus does to every machine at once, before any state has moved.
+"""The immediate effect on every machine of a megawatt absorbed at a bus, before any state has changed.
 
-States held, the currents still balance, 0 = gv dv + gu dP (as in `linear.descriptor`), and the speed of machine j
-changes at the rate dw' = fv dv. What its air gap transfers rises by J dP, J = -2 H dw'/dP = 2 H fv inv(gv) gu.
+With the states held the currents still balance, 0 = gv dv + gu dP (as in `smallsignal.descriptor`), and the speed of
+machine j changes at the rate dw' = fv dv. Its air-gap power rises by J dP, J = -2 H dw'/dP = 2 H fv inv(gv) gu.
 """
 
 from collections.abc import Iterable
@@ -25,7 +25,7 @@ LIMIT = 30  # Newton steps
 
 
 class Candidate(NamedTuple):
-    """A place for a storage device: the machine it would belong to, and its bus."""
+    """A possible storage device: the machine it would belong to, and its bus."""
 
     machine: int
     bus: int
@@ -43,19 +43,19 @@ class Sensitivity:
     candidates: tuple[Candidate, ...]
     J: np.ndarray  # (machines, candidates)   MW per MW
     inertia: np.ndarray  # (machines) s   on the system base
-    island: np.ndarray  # (machines)   number of the island each stands in
+    island: np.ndarray  # (machines)   island number
     base_mva: float
 
     @property
     def in_coi(self) -> np.ndarray:
-        """What of J moves a machine against its island's center of inertia, J_j - H_j/sum H sum J (MW per MW)."""
+        """The part of J that moves a machine relative to its island's COI, J_j - H_j/sum H sum J (MW per MW)."""
         same = self.island[:, None] == self.island
         share = self.inertia[:, None] * same / (same @ self.inertia)[:, None]
         return self.J - share @ self.J
 
     @property
     def acceleration(self) -> np.ndarray:
-        """Acceleration of every machine less that of the COI (machines, candidates), pu/s per MW."""
+        """Acceleration of every machine relative to the COI (machines, candidates), pu/s per MW."""
         return -self.in_coi / (2 * self.inertia[:, None] * self.base_mva)
 
     @property
@@ -65,8 +65,8 @@ class Sensitivity:
         return self.J[rows, np.arange(len(rows))]
 
     def __str__(self) -> str:
-        lines = [f"{self.case}: MW taken from the machines per MW absorbed"]
-        lines.append("device     own   all machines   most taken from")
+        lines = [f"{self.case}: air-gap power of the machines per MW absorbed"]
+        lines.append("device     own   all machines   largest share")
         for c, own, column in zip(self.candidates, self.own, self.J.T, strict=True):
             most = int(column.argmax())
             lines.append(f"{c!s:8} {own:5.3f} {column.sum():14.3f}   {self.machines[most]} ({column[most]:.3f})")
@@ -75,42 +75,54 @@ class Sensitivity:
     __repr__ = __str__
 
 
-def everywhere(case: Case) -> tuple[Candidate, ...]:
+def all_candidates(case: Case) -> tuple[Candidate, ...]:
     """A candidate at every machine's storage bus."""
     return tuple(Candidate(m.machine, m.storage_bus) for m in case.machines)
 
 
 def checked(case: Case, candidates: Iterable[tuple[int, int]] | None) -> tuple[Candidate, ...]:
-    """The candidates (machine, bus), by default `everywhere`; `StudyError` where the case has no such place."""
+    """The candidates (machine, bus), by default `all_candidates`; raises StudyError if the case has no such place."""
     if candidates is None:
-        return everywhere(case)
+        return all_candidates(case)
     found = tuple(Candidate(int(machine), int(bus)) for machine, bus in candidates)
     if not found:
-        raise StudyError(f"There is no candidate for storage in {case.name}; name at least one machine and its bus.")
+        raise StudyError(f"There is no candidate for storage in {case.name}; give at least one machine and its bus.")
     buses = {b.bus for b in case.buses}
     for c in found:
         case.machine(c.machine)
         if c.bus not in buses:
             raise StudyError(f"There is no bus {c.bus} in {case.name} for the storage of machine {c.machine}.")
         if found.count(c) > 1:
-            raise StudyError(f"The candidate {c} is named twice; name it once.")
+            raise StudyError(f"The candidate {c} is listed twice; remove one of them.")
     return found
 
 
 def sensitivity(
     point: OperatingPoint, candidates: Iterable[tuple[int, int]] | None = None, switching: Switching = UNSWITCHED
 ) -> Sensitivity:
-    """Sensitivities at an operating point, or just after its network has been switched, all states as they were.
+    """Sensitivities at an operating point, or just after its network has been switched, with all states held.
 
-    Args: candidates (machine, bus), by default every machine's storage bus; the switching, without a fault: openings
-    and shunts. A bus that the switching leaves without a machine moves nobody. Raises `StudyError` for impossible
-    candidates, for a fault, a tripped machine or a load step, and where the switched network has no voltages.
+    Parameters
+    ----------
+    point : OperatingPoint
+        The system.
+    candidates : iterable of (machine, bus), optional
+        Possible devices; by default one at every machine's storage bus. A bus without a machine in its island has no
+        effect.
+    switching : Switching
+        Open lines and switched shunts.
+
+    Raises
+    ------
+    StudyError
+        For impossible candidates, for a fault, a tripped machine or a load step, and if the switched network has no
+        voltage solution.
     """
     case, found = point.case, checked(point.case, candidates)
     if switching.faulted or switching.tripped or switching.loads:
         raise StudyError(
-            f"The sensitivities of {case.name} are those of a network with all its machines and loads and no fault; "
-            "leave faults, tripped machines and load steps out of the switching."
+            f"The sensitivities of {case.name} need a network with all its machines and loads and without a fault; "
+            "remove faults, tripped machines and load steps from the switching."
         )
     where = network.islands(point.net, switching)
     served = np.isin(where, where[point.net.machine_bus])
@@ -147,6 +159,6 @@ def _settled(
         if not np.isfinite(v).all():
             break
     raise StudyError(
-        f"The network of {point.case.name} has no voltages just after this switching with the machines where they "
-        "were; leave it out, or choose an operating point with less load."
+        f"The network of {point.case.name} has no voltage solution just after this switching, with the machines at "
+        "their operating point; choose another switching, or an operating point with less load."
     )

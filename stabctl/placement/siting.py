@@ -1,13 +1,19 @@
-"""The answer of the siting program: a fleet, what it costs, and the proof that it does what was asked."""
+"""The result of a siting study: a storage fleet, its cost, and the evidence that it survives every contingency."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
+from stabctl._util import tables
+from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
+from stabctl.model.case import Storage
+from stabctl.simulation.contingency import Contingency
 
-from .contingency import Contingency
+if TYPE_CHECKING:
+    import pandas as pd
 
-FINER = "half the step, twice as long"
+REFINED = "half the time step, twice the observation window"
 
 
 class Costs(NamedTuple):
@@ -15,44 +21,44 @@ class Costs(NamedTuple):
 
     mw: float = 1.0  # per MW
     site: float = 0.0  # per site
-    mwh: float = 0.0  # per MWh, by what a MW of each candidate takes in with the uniform fleet
+    mwh: float = 0.0  # per MWh, by the energy that a MW of each candidate takes in with the uniform fleet
 
 
 class Site(NamedTuple):
-    """A storage device that was chosen."""
+    """A chosen storage device."""
 
     bus: int
     machine: int
     mw: float
-    mwh: float  # energy it took or gave in the hardest run, and so has to hold
+    mwh: float  # energy it takes in or gives in the worst contingency: the capacity it needs
 
 
-class Place(NamedTuple):
-    """A candidate, and what the uniform fleet has there."""
+class CandidateSite(NamedTuple):
+    """A place where a storage device was allowed."""
 
     bus: int
     machine: int
     cap_mw: float
-    uniform_mw: float | None  # None: no uniform fleet survives everything
+    uniform_mw: float | None  # of the uniform fleet; None if no uniform fleet survives everything
 
 
 class Survived(NamedTuple):
-    """A contingency and how far the fleet carries it."""
+    """A contingency and its critical clearing time with the fleet."""
 
     contingency: Contingency
     target_cycles: float
-    critical_cycles: float | None  # with the fleet, on a grid that holds the target; None: unstable at any
-    machine: int | None  # goes first just beyond
-    stable: bool  # simulated at the target
-    binding: bool  # lost with 3 % less of the fleet
+    critical_cycles: float | None  # on a grid that contains the target; None: unstable at any clearing time
+    machine: int | None  # loses synchronism first just beyond the critical time
+    stable: bool  # in the simulation at the target
+    binding: bool  # unstable with 3 % less storage
 
     @property
     def margin_cycles(self) -> float:
-        """Cycles from the target to the critical clearing time."""
+        """Critical clearing time minus target, cycles."""
         return (self.critical_cycles or 0.0) - self.target_cycles
 
 
-class Incurable(NamedTuple):
+class Infeasible(NamedTuple):
     """A contingency that no fleet tried survives."""
 
     contingency: Contingency
@@ -61,73 +67,80 @@ class Incurable(NamedTuple):
     tried: int  # fleets
 
     def __str__(self) -> str:
-        without = "at no clearing time" if self.alone_cycles is None else f"up to {self.alone_cycles:.2f} cycles"
+        alone = (
+            "it is unstable at any clearing time"
+            if self.alone_cycles is None
+            else f"its critical clearing time is {self.alone_cycles:.2f} cycles"
+        )
         return (
-            f"{self.contingency.name} at {self.target_cycles:.2f} cycles: none of {self.tried} fleets within the caps "
-            f"survives it (without storage it is survived {without})."
+            f"{self.contingency.label} at {self.target_cycles:.2f} cycles: none of the {self.tried} fleets tried "
+            f"within the caps survives it (without storage {alone})."
         )
 
 
 class Evidence(NamedTuple):
-    """A fleet near the one chosen, or another simulation or control of it, put to every contingency."""
+    """The fleet, or a variant of it, simulated against every contingency."""
 
     mw: float
     critical_cycles: tuple[float | None, ...]
     stable: tuple[bool, ...]  # at the targets
     scale: float = 1.0  # of all sizes
-    without: str | None = None  # the device (machine@bus) that is left out
-    finer: bool = False  # simulated at half the step, watched twice as long
-    control: str | None = None  # another than the law itself
+    without: str | None = None  # the device (machine@bus) that is removed
+    refined: bool = False  # simulated with half the time step and twice the observation window
+    control: str | None = None  # another controller
 
     @property
     def fleet(self) -> str:
-        """What it is, in words."""
+        """The variant in words."""
         if self.without:
             return f"without {self.without}"
-        said = [self.control] if self.control else [FINER] if self.finer else []
-        return ", ".join(said if self.control and self.scale == 1 else [f"x{self.scale:g}", *said])
+        also = [self.control] if self.control else [REFINED] if self.refined else []
+        return ", ".join(also if self.control and self.scale == 1 else [f"x{self.scale:g}", *also])
 
     @property
-    def less(self) -> bool:
-        """Is there less of it than of the fleet that was chosen?"""
+    def smaller(self) -> bool:
+        """It has less storage than the fleet."""
         return self.scale < 1 or self.without is not None
 
     @property
     def lost(self) -> int:
-        """Contingencies that are lost."""
+        """Number of contingencies that it does not survive."""
         return self.stable.count(False)
 
 
-class Round(NamedTuple):
-    """A round of the program; costs in those of a MW, as given."""
+class Iteration(NamedTuple):
+    """An iteration of the siting program; costs in the given currency."""
 
-    planned: float  # cost of the master's answer
-    reached: float  # of the same, scaled until it survives; inf where it cannot be
+    planned: float  # cost of the plan of the master program
+    reached: float  # of the plan scaled until it survives everything; inf if no multiple does
     best: float  # of the best fleet so far
     sites: int  # of the best fleet
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Siting:
-    """The smallest (cheapest) fleet found that survives every contingency in the nonlinear simulation."""
+    """The cheapest storage fleet found that survives every contingency in nonlinear simulation."""
 
     case: str
     sites: tuple[Site, ...]  # largest first
     costs: Costs
     cost: float  # of the fleet
-    lower_bound: float  # cost; estimated: what the cuts allow
-    uniform_mw: float | None  # smallest uniform fleet, by machine MVA, that survives all; None: none within the caps
+    lower_bound: float  # cost, estimated from the cutting planes
+    uniform_mw: float | None  # smallest uniform fleet, by machine MVA, that survives everything; None within the caps
     uniform_percent: float | None  # of machine MVA
-    linear_mw: float | None  # the linear stage's allocation, scaled until it survives all
+    linear_mw: float | None  # the allocation by linear analysis, scaled until it survives everything
     contingencies: tuple[Survived, ...]
-    incurable: tuple[Incurable, ...]
+    infeasible: tuple[Infeasible, ...]
     evidence: tuple[Evidence, ...]
-    history: tuple[Round, ...]
-    observed_s: float  # s   watched after clearing
+    history: tuple[Iteration, ...]
+    observed_s: float  # s   observation window after clearing
     simulations: int
     wall_s: float
-    places: tuple[Place, ...] = ()  # every candidate
+    candidates: tuple[CandidateSite, ...] = ()
     title: str = ""  # of the case
+
+    plot = verb("stabctl.plotting.siting:plot")
+    report = verb("stabctl.report.siting_page:write")
 
     @property
     def total_mw(self) -> float:
@@ -141,7 +154,7 @@ class Siting:
 
     @property
     def lower_bound_mw(self) -> float | None:
-        """The estimated lower bound in MW, where nothing but a MW costs anything."""
+        """The estimated lower bound in MW, if only megawatts have a cost."""
         return None if self.costs.site or self.costs.mwh else self.lower_bound / self.costs.mw
 
     @property
@@ -151,56 +164,88 @@ class Siting:
 
     @property
     def gap(self) -> float:
-        """How far the cost is above the estimated bound, relative to the cost."""
+        """Distance of the cost from the estimated bound, relative to the cost."""
         return 1 - self.lower_bound / self.cost if self.cost else 0.0
 
     @property
-    def spared(self) -> tuple[Evidence, ...]:
-        """Fleets of less that survive everything all the same."""
-        return tuple(r for r in self.evidence if self.sites and r.less and not r.lost)
+    def smaller(self) -> tuple[Evidence, ...]:
+        """Fleets with less storage that survive everything too."""
+        return tuple(row for row in self.evidence if self.sites and row.smaller and not row.lost)
+
+    def storage(self, **options: object) -> tuple[Storage, ...]:
+        """The devices, for `simulate(storage=...)`; options are fields of `Storage`."""
+        return tuple(Storage(s.machine, s.bus, s.mw, **options) for s in self.sites)
+
+    @property
+    def df(self) -> "pd.DataFrame":
+        """The devices of the fleet, a row each, with their caps."""
+        import pandas as pd
+
+        caps = {(c.bus, c.machine): c.cap_mw for c in self.candidates}
+        rows = [(*s, caps.get((s.bus, s.machine))) for s in self.sites]
+        return pd.DataFrame(rows, columns=[*Site._fields, "cap_mw"])
+
+    @property
+    def clearing_times(self) -> "pd.DataFrame":
+        """The contingencies, a row each: target, critical clearing time and margin with the fleet (cycles)."""
+        import pandas as pd
+
+        rows = [
+            (c.contingency.label, c.target_cycles, c.critical_cycles, c.margin_cycles, c.stable, c.binding, c.machine)
+            for c in self.contingencies
+        ]
+        columns = ["contingency", "target_cycles", "critical_cycles", "margin_cycles", "stable", "binding", "machine"]
+        return pd.DataFrame(rows, columns=columns).astype({"critical_cycles": float, "machine": "Int64"})
+
+    def save(self, path: str | Path) -> Path:
+        """Write the devices to a .csv file; the path."""
+        return tables.save(self.df, path)
 
     def remarks(self) -> tuple[str, ...]:
-        """What was found, in sentences."""
+        """The result in sentences."""
+        survived = counted(len(self.contingencies), "contingency")
+        if self.infeasible:
+            survived += f" of {len(self.contingencies) + len(self.infeasible)}"
         said = [
-            f"{self.case}: {self.total_mw:.1f} MW and {1e3 * self.total_mwh:.0f} kWh at "
-            f"{counted(len(self.sites), 'site')} survive {counted(len(self.contingencies), 'contingency')}, each "
-            f"watched {self.observed_s:g} s after clearing ({counted(self.simulations, 'simulation')} in "
-            f"{self.wall_s:.1f} s)."
+            f"{self.case}: {counted(len(self.sites), 'site')} with {self.total_mw:.1f} MW and "
+            f"{1e3 * self.total_mwh:.0f} kWh survive {survived}, each observed {self.observed_s:g} s after clearing "
+            f"({counted(self.simulations, 'simulation')} in {self.wall_s:.1f} s)."
         ]
         if self.uniform_mw == 0:
-            said.append("Everything is survived without storage.")
+            said.append("The system survives every contingency without storage.")
         elif self.uniform_mw:
             said.append(
-                f"A uniform fleet that does the same has {self.uniform_mw:.1f} MW ({self.uniform_percent:.2f} % of "
-                f"every machine's MVA): this one has {self.percent_of_uniform:.0f} % of it."
+                f"The smallest uniform fleet that survives them has {self.uniform_mw:.1f} MW "
+                f"({self.uniform_percent:.2f} % of every machine's MVA); this fleet has "
+                f"{self.percent_of_uniform:.0f} % of that."
             )
         else:
-            said.append("No uniform fleet within the caps does the same.")
+            said.append("No uniform fleet within the caps survives them.")
         if self.linear_mw:
-            said.append(f"What the linear stage shares out does the same with {self.linear_mw:.1f} MW.")
+            said.append(f"The allocation by linear analysis needs {self.linear_mw:.1f} MW.")
         elif self.linear_mw is None:
-            said.append("What the linear stage shares out does not do the same at any scale within the caps.")
+            said.append("The allocation by linear analysis does not survive them at any size within the caps.")
         if self.cost:
             said.append(
-                f"Cost {self.cost:.4g}, estimated lower bound {self.lower_bound:.4g} ({100 * self.gap:.1f} % below; an "
-                "estimate, since the fleets that survive need not form a convex set)."
+                f"Cost {self.cost:.4g}, estimated lower bound {self.lower_bound:.4g} ({100 * self.gap:.1f} % lower). "
+                "The bound is an estimate, because the set of surviving fleets need not be convex."
             )
         return (*said, *self.reservations())
 
     def reservations(self) -> tuple[str, ...]:
-        """What is not cured, what finer runs lose, and where less would do, in sentences."""
-        said = [f"Left out: {one}" for one in self.incurable]
+        """What the fleet does not survive, also in refined simulations, and which smaller fleets would do."""
+        said = [f"Not survived: {one}" for one in self.infeasible]
         for row in self.evidence:
-            if row.finer:
-                lost = [c.contingency.name for c, ok in zip(self.contingencies, row.stable, strict=True) if not ok]
-                these = f"x{row.scale:g} of these sizes" if self.sites else "the system without storage"
+            if row.refined:
+                fleet = f"{row.scale:g} times this fleet" if self.sites else "the system without storage"
+                lost = [c.contingency.label for c, ok in zip(self.contingencies, row.stable, strict=True) if not ok]
                 said.append(
-                    f"At half the step, watched twice as long, {these} survives everything."
-                    if not lost
-                    else f"At half the step, watched twice as long, even {these} is lost to "
-                    f"{'; '.join(lost)}: watch longer (--observe)."
+                    f"With {REFINED}, {fleet} does not survive {'; '.join(lost)}; use a longer observation window."
+                    if lost
+                    else f"With {REFINED}, {fleet} survives every contingency."
                 )
-        said += [f"The fleet {row.fleet} survives everything too: it is not a least one." for row in self.spared]
+        also = "survives every contingency too, so a smaller fleet is possible"
+        said += [f"The fleet {row.fleet} {also}." for row in self.smaller]
         return tuple(said)
 
     def __str__(self) -> str:
@@ -209,7 +254,11 @@ class Siting:
         lines.append("contingency                 target  critical, cycles")
         for c in self.contingencies:
             found = "none" if c.critical_cycles is None else f"{c.critical_cycles:.3f}"
-            lines.append(
-                f"{c.contingency.name:26s} {c.target_cycles:7.3f} {found:>9s}" + ("  binding" if c.binding else "")
-            )
+            binding = "  binding" if c.binding else ""
+            lines.append(f"{c.contingency.label:26s} {c.target_cycles:7.3f} {found:>9s}{binding}")
         return "\n".join([*lines, *self.remarks()[1:]])
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        return tables.html("\n".join(self.remarks()), self.df)

@@ -27,7 +27,8 @@ def plot(siting: Siting, *, ax: "Axes | None" = None) -> "Axes":
     matplotlib.axes.Axes
     """
     mw = {(s.bus, s.machine): s.mw for s in siting.sites}
-    places = sorted(siting.places, key=lambda p: (mw.get((p.bus, p.machine), 0.0), p.uniform_mw or 0.0), reverse=True)
+    size = {p: (mw.get((p.bus, p.machine), 0.0), p.uniform_mw or 0.0) for p in siting.candidates}
+    places = sorted(size, key=size.__getitem__, reverse=True)
     rows = range(len(places))
     ax = single(ax, WIDTH, 1.2 + 0.27 * len(places))
     found = [mw.get((p.bus, p.machine), 0.0) for p in places]

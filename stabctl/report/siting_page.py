@@ -21,7 +21,7 @@ def page(siting: Siting) -> str:
         sites=list(_sites(siting)),
         contingencies=list(_contingencies(siting)),
         variations=[_variation(siting, row) for row in siting.evidence],
-        ratings=svg(figures.plot(siting), "Storage ratings by site") if siting.places else None,
+        ratings=svg(figures.plot(siting), "Storage ratings by site") if siting.candidates else None,
         convergence=svg(figures.convergence(siting), "Cost by iteration") if siting.history else None,
     )
 
@@ -50,13 +50,13 @@ def _numbers(siting: Siting) -> Iterator[tuple[str, str]]:
     """The megawatts at the top of the page."""
     yield _mw(siting.total_mw), "MW in the optimized fleet"
     yield _mw(siting.uniform_mw), "MW in the smallest uniform fleet"
-    yield _mw(siting.linear_mw), "MW in the fleet of the linear stage"
+    yield _mw(siting.linear_mw), "MW in the allocation by linear analysis"
     if siting.lower_bound_mw is not None:
         yield _mw(siting.lower_bound_mw), "MW, estimated lower bound"
 
 
 def _sites(siting: Siting) -> Iterator[tuple[str, ...]]:
-    caps = {(p.bus, p.machine): f"{p.cap_mw:.1f}" for p in siting.places}
+    caps = {(p.bus, p.machine): f"{p.cap_mw:.1f}" for p in siting.candidates}
     for s in siting.sites:
         yield f"bus {s.bus}", str(s.machine), f"{s.mw:.2f}", caps.get((s.bus, s.machine), ""), f"{1e3 * s.mwh:.1f}"
 
@@ -64,7 +64,7 @@ def _sites(siting: Siting) -> Iterator[tuple[str, ...]]:
 def _contingencies(siting: Siting) -> Iterator[tuple[str, ...]]:
     for c in siting.contingencies:
         yield (
-            c.contingency.name,
+            c.contingency.label,
             f"{c.target_cycles:.3f}",
             "none" if c.critical_cycles is None else f"{c.critical_cycles:.3f}",
             f"{c.margin_cycles:+.3f}" if c.stable else "unstable",

@@ -37,12 +37,8 @@ def checked(criterion: object) -> Criterion:
     found = []
     for name, given, unit in zip(criterion._fields, criterion, UNITS, strict=True):
         value = quantity(given, unit) if isinstance(given, str) else given
-        if (
-            isinstance(value, bool)
-            or not isinstance(value, Real)
-            or not value >= 0
-            or (name, value) == ("max_angle", 0)
-        ):
+        number = isinstance(value, Real) and not isinstance(value, bool)
+        if not number or not (value > 0 if name == "max_angle" else value >= 0):
             least = "above 0" if name == "max_angle" else "of at least 0"
             raise StudyError(f"The {name} {given!r} of the criterion is not allowed; it must be a number {least}.")
         found.append(float(value))

@@ -334,11 +334,17 @@ class TestOverlay:
 
     def test_a_device_given_twice(self, overlay):
         (overlay / "sexs.csv").write_text("machine,KA_pu\n1,100\n1,120\n")
-        assert complaint(overlay) == f"{overlay}/sexs.csv row 3, column machine: two_area has no machine 1#2 there."
+        assert complaint(overlay) == (
+            f"{overlay}/sexs.csv row 3, column machine: two_area has no machine 1#2 in sexs.csv; "
+            "an overlay changes rows, it adds none."
+        )
 
     def test_rows_that_the_other_case_lacks(self, overlay):
         (overlay / "machines.csv").write_text("machine,p_mw\n9,650\n")
-        assert complaint(overlay) == (f"{overlay}/machines.csv row 2, column machine: two_area has no machine 9 there.")
+        assert complaint(overlay) == (
+            f"{overlay}/machines.csv row 2, column machine: two_area has no machine 9 in machines.csv; "
+            "an overlay changes rows, it adds none."
+        )
 
     def test_of_nothing_or_of_another_overlay(self, overlay):
         (overlay / "case.toml").write_text('extends = "nothing"\n')

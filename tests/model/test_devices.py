@@ -112,8 +112,14 @@ def test_load_models_belong_to_rows_of_loads(loads, rows, tmp_path):
 @pytest.mark.parametrize(
     ("tables", "says"),
     [
-        ({"exponential": {3: A}}, "exponential.csv row 2, column bus: there is no load 3 in loads.csv; add it there"),
-        ({"exponential": {2: A, "2#3": A}}, "exponential.csv row 3, column bus: there is no load 2#3 in loads.csv"),
+        (
+            {"exponential": {3: A}},
+            "exponential.csv row 2, column bus: there is no load at bus 3 in loads.csv; add it there",
+        ),
+        (
+            {"exponential": {2: A, "2#3": A}},
+            "exponential.csv row 3, column bus: there is no load at bus 2#3 in loads.csv",
+        ),
         (
             {"exponential": {2: A}, "other_load": {1: A, 2: A}},
             "other_load.csv row 3, column bus: bus 2 has two models, in ",
@@ -208,5 +214,7 @@ def test_an_overlay_changes_devices_by_their_keys(loads, tmp_path):
     (overlay / "exponential.csv").write_text("bus,a\n2,3\n2,4\n")
     assert io.load(overlay).devices["exponential"] == {2: A._replace(a=3.0), "2#2": B._replace(a=4.0)}
     (overlay / "exponential.csv").write_text("bus,a\n1,3\n")
-    with pytest.raises(CaseError, match=r"exponential.csv row 2, column bus: small has no bus 1 there\."):
+    with pytest.raises(
+        CaseError, match=r"exponential.csv row 2, column bus: small has no bus 1 in exponential.csv; an overlay changes"
+    ):
         io.load(overlay)

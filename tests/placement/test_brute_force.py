@@ -9,8 +9,8 @@ import pytest
 
 from stabctl.dynamics import operating_point
 from stabctl.model import fleet
-from stabctl.placement.contingency import Contingency
 from stabctl.placement.trials import Trials
+from stabctl.simulation.contingency import Contingency
 
 SCRIPT = Path(__file__).parents[2] / "analysis" / "placement_brute_force.py"
 
@@ -34,7 +34,7 @@ def test_the_grid_has_every_pair_and_triple_once(brute):
 def test_survivors_are_those_that_survive_each_contingency(brute, cases, monkeypatch):
     monkeypatch.setattr(brute, "PARTS", 2)
     case, total = cases("ieee39").classical(), 300.0
-    asked = Contingency("29", ("26-29",), 4.75 / 60), Contingency("16", ("16-21",), 10.0 / 60)
+    asked = Contingency("29", 4.75 / 60, "26-29"), Contingency("16", 10.0 / 60, "16-21")
     tried, survivors, runs = brute.search(case, asked, total)
     devices = fleet.everywhere(case, brute.CAP)
     cap = np.array([d.rating for d in devices])

@@ -1,17 +1,18 @@
-"""Which megawatt keeps a contingency survived: three ways to the normal of the border, and what a normal promises."""
+"""Which megawatt keeps a contingency survived: three ways to the gradient, and what it predicts."""
 
 import numpy as np
 import pytest
 
+from stabctl.clearing import Search
 from stabctl.dynamics import operating_point
 from stabctl.model.case import Storage
 from stabctl.placement import cut_gradients
-from stabctl.placement.contingency import Contingency
 from stabctl.placement.scaling import critical_scaling
 from stabctl.placement.sensitivity import sensitivity
 from stabctl.placement.trials import Trials
+from stabctl.simulation.contingency import Contingency
 
-TO_SURVIVE = (Contingency("29", ("26-29",), 4.75 / 60), Contingency("16", ("16-21",), 10.625 / 60))
+TO_SURVIVE = (Contingency("29", 4.75 / 60, "26-29"), Contingency("16", 10.625 / 60, "16-21"))
 
 
 @pytest.fixture(scope="module")
@@ -24,15 +25,15 @@ def trials(cases):
 
 
 @pytest.fixture(scope="module")
-def borders(trials):
+def boundary(trials):
     """The uniform fleets that just survive each contingency."""
     uniform = trials.cap / 6
     return [_critical(trials, uniform, k) * uniform for k in range(2)]
 
 
 @pytest.fixture(scope="module")
-def by_scaling(trials, borders):
-    return [cut_gradients.by_scaling(trials, borders[k], k) for k in range(2)]
+def by_scaling(trials, boundary):
+    return [cut_gradients.by_scaling(trials, boundary[k], k) for k in range(2)]
 
 
 def _critical(trials, mw, k):
@@ -43,18 +44,18 @@ def _degrees(a, b):
     return np.rad2deg(np.arccos(a @ b / np.linalg.norm(a) / np.linalg.norm(b)))
 
 
-def test_the_cut_is_tight_at_the_border(trials, borders, by_scaling):
-    for k, (mw, d) in enumerate(zip(borders, by_scaling, strict=True)):
+def test_the_cut_is_tight_at_the_boundary(trials, boundary, by_scaling):
+    for k, (mw, d) in enumerate(zip(boundary, by_scaling, strict=True)):
         assert d @ mw == pytest.approx(1, abs=1e-12)
         assert cut_gradients.by_peak(trials, mw, k) @ mw == pytest.approx(1, abs=1e-12)
         assert trials.survives(mw, k)
         assert not all(trials.survives((1 - less) * mw, k) for less in (1e-4, 2e-4, 5e-4, 1e-3))
 
 
-def test_a_normal_foretells_the_critical_scalings_of_other_fleets(trials, borders, by_scaling):
-    """Of a fleet s near the border: 1 / (d . s)."""
+def test_a_gradient_predicts_the_critical_scalings_of_other_fleets(trials, boundary, by_scaling):
+    """Of a fleet s near the boundary: 1 / (d . s)."""
     rng = np.random.default_rng(0)
-    for k, (mw, d) in enumerate(zip(borders, by_scaling, strict=True)):
+    for k, (mw, d) in enumerate(zip(boundary, by_scaling, strict=True)):
         for _ in range(3):
             other = mw + 0.06 * mw.sum() * rng.random(10) / 10
             assert abs(_critical(trials, other, k) * (d @ other) - 1) < 0.01  # 5.2e-3, 1.7e-3
@@ -65,16 +66,16 @@ def test_a_normal_foretells_the_critical_scalings_of_other_fleets(trials, border
 
 
 @pytest.mark.parametrize(("k", "degrees"), [(0, 3.0), (1, 25.0)])
-def test_the_largest_angle_shows_the_normal(trials, borders, by_scaling, k, degrees):
-    d = cut_gradients.by_peak(trials, borders[k], k)
+def test_the_largest_angle_gives_the_gradient(trials, boundary, by_scaling, k, degrees):
+    d = cut_gradients.by_peak(trials, boundary[k], k)
     assert _degrees(d, by_scaling[k]) < degrees  # 1.6, 17.9
     assert d.argmax() == by_scaling[k].argmax()
 
 
-def test_the_swept_angle_shows_it_where_one_machine_runs_away(trials, borders, by_scaling):
+def test_the_swept_angle_gives_it_where_one_machine_runs_away(trials, boundary, by_scaling):
     places = [(s.machine, s.bus) for s in trials.point.case.storage]
     J = sensitivity(trials.point, places).J
-    d = cut_gradients.by_swept_angle(trials, 1.01 * borders[0], 0, J)
+    d = cut_gradients.by_swept_angle(trials, 1.01 * boundary[0], 0, J)
     machine = trials.point.case.storage[d.argmax()].machine
     assert machine == 9  # behind the faulted bus
     assert d[d.argmax()] > 0
@@ -85,8 +86,8 @@ def test_by_peak_says_where_it_is_of_no_use(trials):
     assert cut_gradients.by_peak(trials, 1e-3 * trials.cap, 1) is None
 
 
-def test_a_fleet_that_always_survives_has_no_normal(trials):
-    always = Trials(trials.point, [Contingency("39", (), 1e-3)], trials.cap, observed_s=1.0)
+def test_a_fleet_that_always_survives_has_no_gradient(trials):
+    always = Trials(trials.point, [Contingency("39", 1e-3)], trials.cap, search=Search(observed_s=1.0))
     assert cut_gradients.by_scaling(always, trials.cap, 0) is None
 
 

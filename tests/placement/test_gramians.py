@@ -10,12 +10,12 @@ from systems import CLASSICAL, doubled, small, with_shares
 
 from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
-from stabctl.placement.allocation import Program, allocate, by_gramian
-from stabctl.placement.gramians import critical, gramians
+from stabctl.placement.allocation import AllocationProgram, allocate, by_gramian
+from stabctl.placement.gramians import critical_modes, gramians
 from stabctl.placement.sensitivity import sensitivity
 from stabctl.smallsignal import analyze, linearize, modal
 
-CRITERIA = ["min-eigenvalue", "log-det"]
+OBJECTIVES = ["min-eigenvalue", "log-det"]
 
 
 @pytest.fixture(scope="module")
@@ -29,9 +29,9 @@ def found(classical):
     return gramians(classical)
 
 
-def _criterion(W, criterion):
+def _objective(W, objective):
     values = np.linalg.eigvalsh(W)
-    return values[0] if criterion == "min-eigenvalue" else np.log(values).sum()
+    return values[0] if objective == "min-eigenvalue" else np.log(values).sum()
 
 
 @pytest.mark.parametrize("decay", [0.0, 0.5])
@@ -40,7 +40,7 @@ def test_python_control_finds_the_same_gramian_of_the_reduced_model(points, deca
     p = points("two_area")
     g = gramians(p, modes=3, decay=decay)
     m = analyze(linearize(p, [f"storage:{c.bus}" for c in g.candidates]))
-    chosen = sorted(critical(m, 3), key=lambda k: -m.eigenvalues[k].real)
+    chosen = sorted(critical_modes(m, 3), key=lambda k: -m.eigenvalues[k].real)
     H = p.inertia * p.case.base_mva
     for first in range(3):
         reduced = modal(m, [chosen[first]]).to_control()
@@ -82,75 +82,75 @@ def test_the_share_of_one_swing(found):
 
 def test_the_swings_that_decay_slowest_are_critical(points, found):
     m = analyze(linearize(points("two_area")))
-    assert critical(m, 1) == [min(m.swings(), key=lambda k: -m.eigenvalues[k].real)]
-    assert critical(m, 9) == sorted(m.swings(), key=lambda k: -m.eigenvalues[k].real)
+    assert critical_modes(m, 1) == [min(m.swings(), key=lambda k: -m.eigenvalues[k].real)]
+    assert critical_modes(m, 9) == sorted(m.swings(), key=lambda k: -m.eigenvalues[k].real)
     undamped = [mode.frequency_hz for mode in found.modes]
     assert undamped == sorted(undamped)
-    assert [round(m.frequency_hz[k], 1) for k in critical(m, [1.4, 0.5, 0.6])] == [1.3, 0.6]
+    assert [round(m.frequency_hz[k], 1) for k in critical_modes(m, [1.4, 0.5, 0.6])] == [1.3, 0.6]
 
 
-@pytest.mark.parametrize("criterion", CRITERIA)
-def test_no_pair_of_a_fine_grid_is_better(classical, criterion):
+@pytest.mark.parametrize("objective", OBJECTIVES)
+def test_no_pair_of_a_fine_grid_is_better(classical, objective):
     g = gramians(classical, [(2, 6), (3, 10)])
-    a = allocate(g, 100.0, 80.0, criterion)
+    a = allocate(g, 100.0, 80.0, objective)
     grid = np.linspace(20, 80, 601)
-    values = np.array([_criterion(g.of(np.array([x, 100 - x])), criterion) for x in grid])
+    values = np.array([_objective(g.of(np.array([x, 100 - x])), objective) for x in grid])
     assert a.value >= values.max() * (1 - 1e-7 * np.sign(values.max()))
     assert a.sizes[0] == pytest.approx(grid[values.argmax()], abs=0.11)  # 0.03, 0.01
 
 
-@pytest.mark.parametrize("criterion", CRITERIA)
-def test_no_three_of_a_grid_are_better(classical, criterion):
+@pytest.mark.parametrize("objective", OBJECTIVES)
+def test_no_three_of_a_grid_are_better(classical, objective):
     g = gramians(classical, [(2, 6), (3, 10), (9, 29)])
-    a = allocate(g, 100.0, criterion=criterion)
+    a = allocate(g, 100.0, objective=objective)
     shares = [(i, j, 100 - i - j) for i, j in itertools.product(range(101), repeat=2) if i + j <= 100]
-    values = np.array([_criterion(g.of(np.array(s, float)), criterion) for s in shares])
+    values = np.array([_objective(g.of(np.array(s, float)), objective) for s in shares])
     assert a.value >= values.max() * (1 - 1e-7 * np.sign(values.max()))
     assert a.value == pytest.approx(values.max(), rel=1e-3)  # 1.4e-4, 2.8e-6
     assert np.abs(a.sizes - shares[values.argmax()]).max() < 2  # 0.8, 0.5
 
 
-@pytest.mark.parametrize("criterion", CRITERIA)
-def test_a_megawatt_is_worth_the_same_wherever_it_could_move(found, criterion):
+@pytest.mark.parametrize("objective", OBJECTIVES)
+def test_a_megawatt_is_worth_the_same_wherever_it_could_move(found, objective):
     """Karush-Kuhn-Tucker: one price between the caps, not less at a cap, not more where there is nothing."""
-    a = allocate(found, 400.0, 60.0, criterion)
+    a = allocate(found, 400.0, 60.0, objective)
     assert a.sizes.sum() == pytest.approx(400, rel=1e-6)
     full, none = a.sizes > 59.99, a.sizes < 1e-3
     inside = ~full & ~none
     assert full.any()
     assert inside.sum() > 1
     assert none.any()
-    price = a.worth[inside].mean()
-    assert a.worth[inside] == pytest.approx(price, rel=1e-4)  # 6e-9, 1e-6
-    assert (a.worth[full] >= price * (1 + 1e-3)).all()  # 1.02, 1.01 times
-    assert (a.worth[none] <= price * (1 - 1e-3)).all()  # 0.97, 0.62 times
+    price = a.gain[inside].mean()
+    assert a.gain[inside] == pytest.approx(price, rel=1e-4)  # 6e-9, 1e-6
+    assert (a.gain[full] >= price * (1 + 1e-3)).all()  # 1.02, 1.01 times
+    assert (a.gain[none] <= price * (1 - 1e-3)).all()  # 0.97, 0.62 times
     assert 0 <= a.bound - a.value < 1e-6 * abs(a.value)  # 1e-10, 1.4e-8
-    even = _criterion(found.of(np.full(10, 40.0)), criterion)
+    even = _objective(found.of(np.full(10, 40.0)), objective)
     assert a.value > even
-    assert a.value == pytest.approx(_criterion(found.of(a.sizes), criterion), rel=1e-9)
+    assert a.value == pytest.approx(_objective(found.of(a.sizes), objective), rel=1e-9)
 
 
-def test_worth_is_the_slope_of_the_criterion(found):
+def test_worth_is_the_slope_of_the_objective(found):
     """The gradient of log det, by central differences."""
     a = allocate(found, 400.0, 60.0, "log-det")
     for i in range(10):
         step = 1e-3 * np.eye(10)[i]
-        above, below = (_criterion(found.of(a.sizes + k * step), "log-det") for k in (1, -1))
-        assert a.worth[i] == pytest.approx((above - below) / 2e-3, rel=1e-5)
+        above, below = (_objective(found.of(a.sizes + k * step), "log-det") for k in (1, -1))
+        assert a.gain[i] == pytest.approx((above - below) / 2e-3, rel=1e-5)
 
 
-@pytest.mark.parametrize("criterion", CRITERIA)
-def test_shares_do_not_depend_on_the_unit(found, criterion):
-    shares = [allocate(found, b, 0.2 * b, criterion).sizes / b for b in (1e-6, 100.0, 1e9)]
+@pytest.mark.parametrize("objective", OBJECTIVES)
+def test_shares_do_not_depend_on_the_unit(found, objective):
+    shares = [allocate(found, b, 0.2 * b, objective).sizes / b for b in (1e-6, 100.0, 1e9)]
     assert np.abs(np.diff(shares, axis=0)).max() < 1e-6
 
 
-@pytest.mark.parametrize("criterion", CRITERIA)
-def test_a_program_is_built_once(found, criterion):
-    once, W = Program(found.W, criterion), found.W
+@pytest.mark.parametrize("objective", OBJECTIVES)
+def test_a_program_is_built_once(found, objective):
+    once, W = AllocationProgram(found.W, objective), found.W
     for cap in (0.5, 0.15):
         limit = np.full(10, cap)
-        assert once.solve(limit) == pytest.approx(Program(W, criterion).solve(limit), abs=1e-4)
+        assert once.solve(limit) == pytest.approx(AllocationProgram(W, objective).solve(limit), abs=1e-4)
     assert once.problem.is_dcp(dpp=True)
 
 
@@ -161,8 +161,8 @@ def test_caps_that_are_the_budget_are_filled(found):
 
 def test_two_machines_on_one_bus_are_worth_the_same():
     p = operating_point.solve(doubled(small({"gencls": CLASSICAL})))
-    a = by_gramian(p, [(1, 2), (101, 2), (2, 3)], 50.0, modes=1, criterion="log-det")
-    assert a.worth[0] == pytest.approx(a.worth[1], rel=1e-12)
+    a = by_gramian(p, [(1, 2), (101, 2), (2, 3)], 50.0, modes=1, objective="log-det")
+    assert a.gain[0] == pytest.approx(a.gain[1], rel=1e-12)
 
 
 def test_the_answer_is_a_fleet_and_prints_itself(classical, found):
@@ -179,15 +179,15 @@ def test_the_answer_is_a_fleet_and_prints_itself(classical, found):
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"budget_mw": 101.0, "caps_mw": 10.0}, "101 MW does not fit: the caps of the 10 candidates hold 100"),
-        ({"caps_mw": 0.0}, "hold 0 MW"),
+        ({"budget_mw": 101.0, "caps_mw": 10.0}, "101 MW exceeds the caps of the 10 candidates, 100 MW"),
+        ({"caps_mw": 0.0}, "candidates, 0 MW"),
         ({"budget_mw": 0.0}, "budget of 0 MW"),
         ({"budget_mw": np.nan}, "budget of nan MW"),
-        ({"caps_mw": -1.0}, "cap of -1 MW of candidate 1@39"),
+        ({"caps_mw": -1.0}, "cap of -1 MW for candidate 1@39"),
         ({"caps_mw": np.nan}, "cap of nan MW"),
         ({"caps_mw": [1.0, 2.0]}, "2 caps for 10 candidates"),
         ({"caps_mw": {}}, "1@39 has no cap"),
-        ({"criterion": "trace"}, "'trace' is no criterion"),
+        ({"objective": "trace"}, "'trace' is not an objective"),
         ({"caps_mw": [100.0] + 9 * [0.0]}, "no accurate solution"),
     ],
 )
@@ -199,11 +199,11 @@ def test_what_cannot_be_shared_out_is_said(found, given, words):
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"decay": 0.0}, r"does not decay: it has no Gramian at a decay of 0 1/s; choose one above 1e-06"),
+        ({"decay": 0.0}, r"does not decay, so it has no Gramian with a decay of 0 1/s; choose one above 1e-06"),
         ({"decay": -1.0}, "decay -1 1/s is not allowed"),
         ({"decay": np.inf}, "decay inf 1/s is not allowed"),
-        ({"modes": 0}, "0 swings"),
-        ({"modes": []}, "No swing of ieee39 is named"),
+        ({"modes": 0}, "0 modes"),
+        ({"modes": []}, "No mode of ieee39 is selected"),
         ({"candidates": [(1, 40)]}, "no bus 40"),
     ],
 )

@@ -12,8 +12,8 @@ from stabctl.placement.master import Cut, Master
 CAP = np.array([30.0, 40.0, 50.0, 60.0])
 
 
-def _cut(*normal, bound=1.0, k=0):
-    return Cut(k, np.array(normal, float), bound, np.zeros(len(normal)))
+def _cut(*gradient, bound=1.0, k=0):
+    return Cut(k, np.array(gradient, float), bound, np.zeros(len(gradient)))
 
 
 def _random_cuts(rng, n=4, count=5):
@@ -23,7 +23,7 @@ def _random_cuts(rng, n=4, count=5):
 def _by_enumeration(cuts, cap, cost_mw, cost_site, sites):
     """The least cost over every set of sites."""
     best = np.inf
-    D, b = np.array([c.normal for c in cuts]), np.array([c.bound for c in cuts])
+    D, b = np.array([c.gradient for c in cuts]), np.array([c.bound for c in cuts])
     for count in range(min(sites or len(cap), len(cap)) + 1):
         for chosen in combinations(range(len(cap)), count):
             high = np.where(np.isin(np.arange(len(cap)), chosen), cap, 0.0)
@@ -131,7 +131,7 @@ def test_what_no_fleet_reaches_is_slack():
 def test_units_of_power_and_money_do_not_matter(scale, price, sites):
     rng = np.random.default_rng(11)
     plain = _random_cuts(rng)
-    cuts = [_cut(*(c.normal / scale), k=c.contingency) for c in plain]
+    cuts = [_cut(*(c.gradient / scale), k=c.contingency) for c in plain]
     expected = Master(CAP, np.ones(4), np.zeros(4), sites).solve(plain)
     found = Master(scale * CAP, price * np.ones(4), np.zeros(4), sites).solve(cuts)
     assert found.mw / scale == pytest.approx(expected.mw, abs=1e-4)

@@ -11,17 +11,17 @@ from stabctl.errors import StudyError
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.pmu import Pmu
 from stabctl.model import fleet
-from stabctl.placement.contingency import Contingency
 from stabctl.placement.place import place
 from stabctl.placement.siting import Costs
+from stabctl.simulation.contingency import Contingency
 
 CANDIDATES = ((1, 39), (6, 22), (9, 29))
-NEAR_9 = Contingency("29", ("26-29",), 4.75 / 60)
-NEAR_6 = Contingency("22", ("21-22",), 9.5 / 60)
-AT_16 = Contingency("16", ("16-21",), 10.625 / 60)
-AT_10 = Contingency("10", ("10-13",), 14.125 / 60)
-HOPELESS = Contingency("29", ("26-29",), 30 / 60)
-EASY = Contingency("29", ("26-29",), 3 / 60)
+NEAR_9 = Contingency("29", 4.75 / 60, "26-29")
+NEAR_6 = Contingency("22", 9.5 / 60, "21-22")
+AT_16 = Contingency("16", 10.625 / 60, "16-21")
+AT_10 = Contingency("10", 14.125 / 60, "10-13")
+HOPELESS = Contingency("29", 30 / 60, "26-29")
+EASY = Contingency("29", 3 / 60, "26-29")
 KEYS = {"sites", "total_mw", "uniform_mw", "lower_bound_mw", "contingencies", "simulations", "wall_s"}
 
 
@@ -31,7 +31,7 @@ def case(cases):
 
 
 def study(case, *contingencies, candidates=CANDIDATES, **options):
-    return place(case, contingencies, **{"candidates": candidates, "observed_s": 2.0} | options)
+    return place(case, contingencies, **{"candidates": candidates, "observe": 2.0} | options)
 
 
 @pytest.fixture(scope="module")
@@ -59,17 +59,17 @@ def test_its_own_storage_is_left_aside(case):
 def test_what_no_fleet_cures_is_left_out_and_said(case):
     found = study(case, NEAR_9, HOPELESS)
     assert [row.contingency for row in found.contingencies] == [NEAR_9]
-    (out,) = found.incurable
+    (out,) = found.infeasible
     assert out.contingency == HOPELESS
     assert out.alone_cycles == pytest.approx(4.25, abs=0.2)
     assert out.tried > 20
-    assert "Left out: 29 trip 26-29 at 30.00 cycles: none of" in str(found)
+    assert "Not survived: 29 trip 26-29 at 30.00 cycles: none of" in str(found)
 
 
 def test_where_nothing_is_curable(case):
-    with pytest.raises(StudyError, match=r"No contingency is survived by any fleet within the caps: 29 trip"):
+    with pytest.raises(StudyError, match=r"No fleet within the caps survives any of the contingencies. 29 trip"):
         study(case, HOPELESS)
-    with pytest.raises(StudyError, match=r"up to 4\.2"):
+    with pytest.raises(StudyError, match=r"clearing time is 4\.2"):
         study(case, NEAR_9, cap="1MW")
 
 
@@ -78,12 +78,12 @@ def test_what_needs_no_storage_gets_none(case):
     assert found.sites == ()
     assert (found.total_mw, found.total_mwh, found.cost, found.uniform_mw, found.gap) == (0, 0, 0, 0, 0)
     assert found.contingencies[0].stable
-    assert "0.0 MW and 0 kWh at 0 sites survive 1 contingency," in str(found)
-    assert "survived without storage" in str(found)
+    assert "0 sites with 0.0 MW and 0 kWh survive 1 contingency," in str(found)
+    assert "survives every contingency without storage" in str(found)
 
 
 def test_too_few_sites(case):
-    with pytest.raises(StudyError, match="No fleet of at most 1 site within the caps"):
+    with pytest.raises(StudyError, match="No fleet with at most 1 site within the caps"):
         study(case, NEAR_9, NEAR_6, sites=1)
 
 
@@ -125,18 +125,18 @@ def test_energy_has_its_price(case, both):
     [
         ({"cap": "30"}, "not a storage size"),
         ({"cap": "0MW"}, "leaves no room"),
-        ({"cap": "1e300MW"}, "beyond any storage"),
+        ({"cap": "1e300MW"}, "not realistic"),
         ({"costs": Costs(mw=-1.0)}, "cost of -1 per mw"),
         ({"costs": Costs(site=np.nan)}, "cost of nan per site"),
-        ({"costs": Costs(mw=0.0, site=1.0)}, "Neither a MW nor a MWh costs"),
+        ({"costs": Costs(mw=0.0, site=1.0)}, "Neither a MW nor a MWh has a cost"),
         ({"sites": 0}, "At most 0 sites"),
-        ({"observed_s": 0.0}, "observation of 0 s"),
-        ({"observed_s": np.nan}, "observation of nan s"),
+        ({"observe": 0.0}, "observation of 0 s"),
+        ({"observe": np.nan}, "is not a time"),
         ({"step": 1.0}, "step 1 s is too long"),
         ({"candidates": [(9, 99)]}, "no bus 99"),
         ({"candidates": [(99, 29)]}, "no machine 99"),
         ({"candidates": []}, "no candidate"),
-        ({"candidates": [(9, 29), (9, 29)]}, "named twice"),
+        ({"candidates": [(9, 29), (9, 29)]}, "listed twice"),
     ],
 )
 def test_what_is_refused(case, options, words):
@@ -147,7 +147,7 @@ def test_what_is_refused(case, options, words):
 def test_estimates_in_the_loop(case):
     """Margins under a Kalman filter stand beside those of true speeds."""
     control = EstimatorControl(BangBang(), "kalman", Pmu(), engine="batched")
-    found = study(case, NEAR_9, candidates=((9, 29),), others={"kalman": control})
+    found = study(case, NEAR_9, candidates=((9, 29),), validate={"kalman": control})
     rows = {row.fleet: row for row in found.evidence}
     assert rows["kalman"].mw == rows["x1"].mw
     assert abs(rows["kalman"].critical_cycles[0] - rows["x1"].critical_cycles[0]) <= 0.25  # 4.625 of 4.75
@@ -173,10 +173,11 @@ def test_json(stabctl, tmp_path):
 def test_contingencies_come_from_a_file_the_package_or_a_screen(cases, monkeypatch):
     from stabctl.cli.place import _contingencies
 
-    assert len(_contingencies(cases("ieee39"), "ieee39", None, classical=True)) == 9
-    found = _contingencies(cases("two_area_manual"), "two_area_manual", None, classical=False)
+    assert len(_contingencies(cases("ieee39"), "ieee39", None, classical=True)[0]) == 9
+    found, source = _contingencies(cases("two_area_manual"), "two_area_manual", None, classical=False)
     assert 0 < len(found) <= 4  # machines
     assert all(len(one.trip) == 1 and one.clear > 0 for one in found)
+    assert "20 % longer" in source
 
 
 @pytest.mark.parametrize(

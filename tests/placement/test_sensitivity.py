@@ -89,7 +89,7 @@ def test_two_equal_machines_give_the_same(cases):
     assert J[0] + J[1] == pytest.approx(sensitivity(one, [(1, 2)]).J[0], abs=1e-9)
 
 
-def test_islands_have_centres_of_their_own(cases):
+def test_islands_have_their_own_coi(cases):
     p = operating_point.solve(with_shares(cases("two_area"), p_current=0))
     found = sensitivity(p, None, _switched(p.case, Open("8-9", 0.0), Open("8-9#2", 0.0)))
     assert len(set(found.island)) == 2
@@ -111,12 +111,12 @@ def test_a_bus_without_a_machine_moves_nobody(points):
     [
         ([(9, 5)], [], "no machine 9"),
         ([(1, 99)], [], "no bus 99 in two_area for the storage of machine 1"),
-        ([(1, 5), (1, 5)], [], "1@5 is named twice"),
+        ([(1, 5), (1, 5)], [], "1@5 is listed twice"),
         ([], [], "no candidate for storage in two_area"),
-        (None, [Fault("8", 0.0)], "no fault"),
+        (None, [Fault("8", 0.0)], "without a fault"),
         (None, [TripMachine(1, 0.0)], "all its machines"),
         (None, [LoadStep(7, 0.0, 10.0)], "load steps"),
-        (None, [Open("9-10", 0.0)], "has no voltages just after this switching"),
+        (None, [Open("9-10", 0.0)], "has no voltage solution just after this switching"),
     ],
 )
 def test_what_cannot_be_is_said(points, candidates, events, words):

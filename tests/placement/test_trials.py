@@ -1,23 +1,24 @@
-"""Fleets put to the test: every question once, and the answers those of a simulation made from scratch."""
+"""Trials of fleets: every question is simulated once, and the answers are those of a new simulation."""
 
 from concurrent.futures import CancelledError
+from dataclasses import replace
 from threading import Event
 
 import numpy as np
 import pytest
 
+from stabctl.clearing import Search
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.model.case import Storage
-from stabctl.placement.contingency import Contingency
 from stabctl.placement.trials import Trials
-from stabctl.simulation import contingency as simulated
+from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run
 
 TO_SURVIVE = (
-    Contingency("29", ("26-29",), 4.75 / 60),
-    Contingency("16", ("16-21",), 10.625 / 60),
-    Contingency("25", ("2-25",), 8.25 / 60),
+    Contingency("29", 4.75 / 60, "26-29"),
+    Contingency("16", 10.625 / 60, "16-21"),
+    Contingency("25", 8.25 / 60, "2-25"),
 )
 
 
@@ -34,7 +35,7 @@ def point(case):
 
 @pytest.fixture
 def trials(point):
-    return Trials(point, TO_SURVIVE, np.array([s.rating for s in point.case.storage]), observed_s=2.0)
+    return Trials(point, TO_SURVIVE, np.array([s.rating for s in point.case.storage]), search=Search(observed_s=2.0))
 
 
 def _sizes(point, share):
@@ -53,7 +54,7 @@ def test_a_resized_point_is_that_of_a_fresh_start(case, point):
         assert np.array_equal(one.w, other.w)
         assert np.array_equal(one.k, other.k)
     one = TO_SURVIVE[0]
-    events = simulated.Contingency(one.fault, one.clear, one.trip, at=0.0)
+    events = replace(one, at=0.0)
     a, b = (run(p, events, 1.0, BangBang()) for p in (resized, fresh))
     assert np.array_equal(a.rows, b.rows)
     assert set(np.unique(a.arrays.order)) == {-1.0, 0.0, 1.0}
@@ -65,7 +66,7 @@ def test_a_trial_is_a_simulation_from_scratch(case, point, trials):
             mw = _sizes(point, share)
             pairs = zip(case.storage, mw, strict=True)
             fresh = operating_point.solve(case.with_storage(s._replace(rating=float(size)) for s, size in pairs))
-            events = simulated.Contingency(one.fault, one.clear, one.trip, at=0.0)
+            events = replace(one, at=0.0)
             ran = run(fresh, events, one.clear + 2.0, BangBang())
             assert trials.survives(mw, k) == ran.outcome.stable == (share > 0)
 
@@ -93,7 +94,7 @@ def test_threads_change_nothing(point):
     answers = []
     for workers in (1, 4):
         cap = _sizes(point, 0.3)
-        trials = Trials(point, TO_SURVIVE, cap, observed_s=2.0, workers=workers)
+        trials = Trials(point, TO_SURVIVE, cap, search=Search(observed_s=2.0), workers=workers)
         answers.append(([trials.lost(mw) for mw in fleets], trials.simulations))
     assert answers[0] == answers[1]
     assert 0 < sum(map(len, answers[0][0])) < 12
@@ -113,8 +114,8 @@ def test_some_of_the_contingencies_keep_what_is_known(point, trials):
 
 def test_finer_and_longer(point, trials):
     finer = trials.refined()
-    assert (finer.step, finer.observed_s) == (1 / 240, 4.0)
-    ran = finer.run(_sizes(point, 0.05), 0)
+    assert (finer.search.step, finer.search.observed_s) == (1 / 240, 4.0)
+    ran = finer.simulate(_sizes(point, 0.05), 0)
     assert ran.step == 1 / 240
     assert ran.time[-1] == pytest.approx(TO_SURVIVE[0].clear + 4.0)
     assert finer.fleets(0) == 0
@@ -122,13 +123,14 @@ def test_finer_and_longer(point, trials):
 
 def test_the_count_is_told(point):
     told = []
-    trials = Trials(point, TO_SURVIVE, _sizes(point, 0.3), observed_s=0.5, progress=told.append, workers=1)
+    search = Search(observed_s=0.5)
+    trials = Trials(point, TO_SURVIVE, _sizes(point, 0.3), search=search, progress=told.append, workers=1)
     trials.lost(_sizes(point, 0.05))
     assert told == [1, 2, 3]
 
 
 def test_what_stops_one_thread_stops_all(point):
-    trials = Trials(point, TO_SURVIVE, _sizes(point, 0.3), observed_s=0.5, workers=2)
+    trials = Trials(point, TO_SURVIVE, _sizes(point, 0.3), search=Search(observed_s=0.5), workers=2)
     under_way = Event()
 
     def ask(k):

@@ -15,24 +15,19 @@ from scipy.optimize import brentq
 from stabctl.controllers import BangBang
 from stabctl.devices.machines import gencls
 from stabctl.model.case import Branch, Bus, Case, Machine
-from stabctl.placement.contingency import Contingency
+from stabctl.model.network import BOLTED
 from stabctl.placement.place import place
-from stabctl.simulation import events
+from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import Criterion
 
-HZ, BASE = 60.0, 100.0  # MVA
-PM, B, H, LARGE = 80.0, 200.0, 4.0, 10.0  # MW, MW, s, inertia of machine 2 over that of machine 1
+HZ, BASE = 60.0, 0.1  # MVA
+PM, B, H, LARGE = 0.8 * BASE, 2 * BASE, 4.0, 10.0  # MW, MW, s, inertia of machine 2 over that of machine 1
 X = BASE / B  # pu
 D0 = np.arcsin(PM / B)
 UNSTABLE = np.pi - D0
 SHARE = LARGE / (1 + LARGE)  # M / M1
+SHORT = 1.1j * BASE / BOLTED  # pu   a fault through a reactance takes no power; a smaller one would be bolted
 LAW = BangBang(deadband=0.0, min_voltage=0.0)
-
-
-@pytest.fixture(autouse=True)
-def shorted(monkeypatch):
-    """A bolted fault is a short circuit even beside an x'd next to nothing."""
-    monkeypatch.setattr(events, "BOLTED", 4e14)
 
 
 def _case(own=2e-4):
@@ -42,7 +37,7 @@ def _case(own=2e-4):
         name="two_machines",
         buses=(Bus(1, "pv", 1.0), Bus(2, "swing", 1.0)),
         branches=(Branch(1, 2, 0.0, X * (1 - 2 * own)),),
-        machines=(Machine(1, 1, 100.0, PM, 1), Machine(2, 2, 100.0 * LARGE, 0.0, 2)),
+        machines=(Machine(1, 1, BASE, PM, 1), Machine(2, 2, BASE * LARGE, 0.0, 2)),
         devices={"gencls": rows},
         loads=(),
         base_mva=BASE,
@@ -52,7 +47,7 @@ def _case(own=2e-4):
 
 def _clearing_time(dc):
     """The angle grows by Pm / M t^2 / 2 while bus 1 is shorted; s."""
-    M = 2 * H * SHARE / (2 * np.pi * HZ) * 100
+    M = 2 * H * SHARE / (2 * np.pi * HZ) * BASE
     return float(np.sqrt(2 * (dc - D0) * M / PM))
 
 
@@ -61,8 +56,8 @@ def _power(dc, peak):
 
 
 def _placed(dc, **options):
-    one = Contingency("1", (), _clearing_time(dc))
-    found = place(_case(), [one], "300MW", candidates=[(1, 1)], law=LAW, observed_s=1.2, **options)
+    one = Contingency("1", _clearing_time(dc), impedance=SHORT)
+    found = place(_case(), [one], cap="300%mva", candidates=[(1, 1)], control=LAW, observe=1.2, **options)
     assert [s.machine for s in found.sites] == [1]
     assert found.total_mw == pytest.approx(found.uniform_mw, rel=1e-3)  # one candidate: every fleet is uniform
     return found.total_mw

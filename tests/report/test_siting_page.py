@@ -9,18 +9,18 @@ import pytest
 from labels import crowded
 
 from stabctl.errors import StudyError
-from stabctl.placement.contingency import Contingency
-from stabctl.placement.siting import Costs, Evidence, Incurable, Place, Round, Site, Siting, Survived
+from stabctl.placement.siting import CandidateSite, Costs, Evidence, Infeasible, Iteration, Site, Siting, Survived
 from stabctl.plotting import siting as figures
 from stabctl.report import siting_page
+from stabctl.simulation.contingency import Contingency
 
-FIRST, SECOND, THIRD = (Contingency("7-8@0.4", ("7-8",), 0.2), Contingency("<9>", (), 0.1), Contingency("3", (), 0.3))
+FIRST, SECOND, THIRD = (Contingency("7-8@0.4", 0.2, "7-8"), Contingency("<9>", 0.1), Contingency("3", 0.3))
 
 
 @pytest.fixture
 def siting():
-    """34 candidates, two of them chosen; two contingencies and one that is incurable."""
-    places = tuple(Place(100 + k, k, 300.0 - k, 5.0 + k) for k in range(1, 35))
+    """34 candidates, two of them chosen; two contingencies and one that is infeasible."""
+    places = tuple(CandidateSite(100 + k, k, 300.0 - k, 5.0 + k) for k in range(1, 35))
     sites = (Site(103, 3, 40.0, 0.0123), Site(131, 31, 20.0, 0.004))
     survived = (Survived(FIRST, 12.0, 12.25, 31, True, True), Survived(SECOND, 6.0, 7.5, None, True, False))
     evidence = (
@@ -28,7 +28,7 @@ def siting():
         Evidence(54.0, (11.75, 6.0), (False, True), scale=0.9),
         Evidence(20.0, (None, 12.875), (False, False), without="3@103"),
     )
-    history = (Round(10.0, math.inf, math.inf, 0), Round(50.0, 62.0, 62.0, 3), Round(59.0, 60.0, 60.0, 2))
+    history = (Iteration(10.0, math.inf, math.inf, 0), Iteration(50.0, 62.0, 62.0, 3), Iteration(59.0, 60.0, 60.0, 2))
     return Siting(
         "some",
         sites,
@@ -39,7 +39,7 @@ def siting():
         5.0,
         90.0,
         survived,
-        (Incurable(THIRD, 18.0, 15.0, 35),),
+        (Infeasible(THIRD, 18.0, 15.0, 35),),
         evidence,
         history,
         5.0,
@@ -101,7 +101,7 @@ def test_the_page_in_a_browser(siting, tmp_path, browse, width, dark):
 
 
 def test_without_a_uniform_fleet_rounds_or_places(siting, tmp_path):
-    bare = replace(siting, uniform_mw=None, uniform_percent=None, linear_mw=None, places=(), history=(), sites=())
+    bare = replace(siting, uniform_mw=None, uniform_percent=None, linear_mw=None, candidates=(), history=(), sites=())
     page = siting_page.write(bare, tmp_path, "other").read_text(encoding="utf-8")
     assert "No uniform fleet" in page
     assert page.count('"card"><b>none</b>') == 2
@@ -110,17 +110,17 @@ def test_without_a_uniform_fleet_rounds_or_places(siting, tmp_path):
 
 def test_reservations_are_among_the_sentences(siting):
     spared = replace(siting, evidence=(*siting.evidence, Evidence(40.0, (12.0, 6.0), (True, True), without="31@131")))
-    incurable, less = spared.reservations()
-    assert incurable.startswith("Left out: 3 at 18.00 cycles: none of 35 fleets")
-    assert less == "The fleet without 31@131 survives everything too: it is not a least one."
-    assert spared.remarks()[-2:] == (incurable, less)
+    infeasible, less = spared.reservations()
+    assert infeasible.startswith("Not survived: 3 at 18.00 cycles: none of the 35 fleets")
+    assert less == "The fleet without 31@131 survives every contingency too, so a smaller fleet is possible."
+    assert spared.remarks()[-2:] == (infeasible, less)
 
 
 def test_labels_of_the_figures_stand_apart(siting):
-    uneven = tuple(p._replace(uniform_mw=None) for p in siting.places)
+    uneven = tuple(p._replace(uniform_mw=None) for p in siting.candidates)
     for figure in (
         figures.plot(siting),
-        figures.plot(replace(siting, places=uneven[:2], uniform_mw=None)),
+        figures.plot(replace(siting, candidates=uneven[:2], uniform_mw=None)),
         figures.convergence(siting),
         figures.convergence(replace(siting, history=siting.history[:2], costs=Costs(site=1))),
     ):

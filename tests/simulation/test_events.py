@@ -132,5 +132,5 @@ def test_what_is_no_criterion():
         Criterion("3MW"),
         Criterion([3]),
     ):
-        with pytest.raises(StudyError, match=r"criterion|number in rad"):
+        with pytest.raises(StudyError, match=r"criterion|is not an angle"):
             checked(wrong)

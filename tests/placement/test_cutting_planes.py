@@ -1,8 +1,9 @@
-"""The program on the packaged systems: far below a uniform fleet, near what no grid beats, and nothing to spare.
+"""Siting on the packaged systems: far below a uniform fleet, and no smaller fleet survives.
 
-Every fleet is put to the test again by simulations made from scratch.
+Every fleet is simulated again from scratch.
 """
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -12,10 +13,9 @@ from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.model import fleet
 from stabctl.model.case import Storage
-from stabctl.placement.contingency import load, packaged
+from stabctl.placement.contingencies import clearing_s, packaged, read
 from stabctl.placement.place import place
 from stabctl.placement.trials import Trials
-from stabctl.simulation import contingency as simulated
 from stabctl.simulation.simulation import run
 
 CANDIDATES = (14, 26, 21)  # machines of wnaps
@@ -29,19 +29,19 @@ def classical(cases):
 @pytest.fixture(scope="module")
 def six(classical):
     """Six contingencies, classical machines."""
-    return place(classical, load(packaged("ieee39", classical=True), classical)[:6])
+    return place(classical, read(packaged("ieee39", classical=True), classical)[:6])
 
 
 @pytest.fixture(scope="module")
 def three_sites(classical):
     """Nine contingencies, classical machines, at most three sites."""
-    return place(classical, load(packaged("ieee39", classical=True), classical), sites=3)
+    return place(classical, read(packaged("ieee39", classical=True), classical), sites=3)
 
 
 @pytest.fixture(scope="module")
 def full(cases):
     """Nine contingencies, machines in full."""
-    return place(cases("ieee39"), load(packaged("ieee39"), cases("ieee39")))
+    return place(cases("ieee39"), read(packaged("ieee39"), cases("ieee39")))
 
 
 @pytest.fixture(scope="module")
@@ -49,15 +49,15 @@ def western(cases):
     """Four of the packaged contingencies of wnaps, a few candidates."""
     case = cases("wnaps")
     rows = [case.machine(number) for number in CANDIDATES]
-    return place(case, load(packaged("wnaps"), case)[:4], candidates=[(m.machine, m.storage_bus) for m in rows])
+    return place(case, read(packaged("wnaps"), case)[:4], candidates=[(m.machine, m.storage_bus) for m in rows])
 
 
 def survives_from_scratch(case, sizes, one):
     """Is a run of the fleet (machine -> MW), made through the public records alone, stable?"""
     devices = fleet.chosen(case, {machine: f"{mw!r}MW" for machine, mw in sizes.items() if mw > 0}) if sizes else ()
     point = operating_point.solve(case.with_storage(devices))
-    events = simulated.Contingency(one.fault, one.clear, one.trip, at=0.0)
-    return run(point, events, one.clear + 5.0, BangBang(), record=False).outcome.stable
+    events = replace(one, at=0.0)
+    return run(point, events, clearing_s(one, case) + 5.0, BangBang(), record=False).outcome.stable
 
 
 def _sizes(found, share=1.0):
@@ -79,8 +79,8 @@ def _check_evidence(found):
     assert rows["x0.9"].mw == pytest.approx(0.9 * found.total_mw)
     lessened = ["x0.9", *(f"without {s.machine}@{s.bus}" for s in found.sites)]
     assert all(rows[name].lost for name in lessened)
-    assert not found.spared
-    finer = [row for row in found.evidence if row.finer]
+    assert not found.smaller
+    finer = [row for row in found.evidence if row.refined]
     assert len(finer) == 1
     assert finer[0].lost == 0
     assert finer[0].mw <= 1.05 * found.total_mw + 1e-9
@@ -97,7 +97,7 @@ def _check_records(found):
 
 def test_six_contingencies(classical, six):
     assert len(six.contingencies) == 6
-    assert not six.incurable
+    assert not six.infeasible
     assert six.total_mw <= 0.80 * six.uniform_mw  # 346.9 of 599.2 MW: 0.579
     _check_survival(classical, six)
     _check_evidence(six)

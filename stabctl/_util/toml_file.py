@@ -1,0 +1,67 @@
+"""TOML files read and checked by pydantic models, with every mistake as one sentence."""
+
+import difflib
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stabctl.errors import StudyError, shown
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel, ValidationError
+
+LARGEST = 1_000_000  # bytes of a file
+
+
+def read(path: Path, what: str) -> dict[str, Any]:
+    """The content of a TOML file; `what` names it in a sentence: "study file".
+
+    Raises StudyError if there is no such file, or if it cannot be read, is too large, or is not TOML.
+    """
+    try:
+        with path.open("rb") as file:
+            text = file.read(LARGEST + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise StudyError(f"The {what} {str(path)[:200]!r} cannot be read: {reason}.") from None
+    if len(text) > LARGEST:
+        raise StudyError(f"The {what} {path} has more than {LARGEST} bytes; split it into several files.")
+    try:
+        return tomllib.loads(text.decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise StudyError(f"The {what} {path} is not valid TOML: {error}.") from None
+
+
+def validated(model: "type[BaseModel]", content: Any, where: str) -> "BaseModel":
+    """The content as a model. Raises StudyError with the place, key and value of the first mistake.
+
+    The description of a field says what is allowed.
+    """
+    from pydantic import ValidationError
+
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        raise StudyError(_sentence(model, error, where)) from None
+
+
+def unknown(key: str, known: Iterable[str]) -> str:
+    """What is wrong with an unknown key, with the nearest known one."""
+    known = list(known)
+    near = difflib.get_close_matches(key, known, n=1)
+    return f"{key!r} is not known; " + (f"did you mean {near[0]!r}?" if near else f"the keys are {', '.join(known)}.")
+
+
+def _sentence(model: "type[BaseModel]", error: "ValidationError", where: str) -> str:
+    found = error.errors(include_url=False, include_context=False)
+    first = next((e for e in found if e["type"] == "extra_forbidden"), found[0])  # a typing error hides the right key
+    key = str(first["loc"][0]) if first["loc"] else ""
+    if first["type"] == "extra_forbidden":
+        return f"{where}: {unknown(key, model.model_fields)}"
+    field = model.model_fields.get(key)
+    allowed = field.description if field else first["msg"]
+    if first["type"] == "missing":
+        return f"{where}: {key} is missing; it must be {allowed}."
+    value = first["input"]
+    return f"{where}, {key} = {shown(value, 80)}: it must be {allowed}."

@@ -1,0 +1,66 @@
+"""A case written as a folder."""
+
+from pathlib import Path
+
+from stabctl._util import files
+from stabctl.errors import CaseError
+from stabctl.model import catalog
+from stabctl.model.case import Case
+from stabctl.model.tables import TABLES
+from stabctl.schema import fields
+
+from .folder import ABOUT
+from .table import text_from
+
+
+def write(case: Case, folder: str | Path) -> Path:
+    """Write a case into a folder, so that `load` gives it back.
+
+    Parameters
+    ----------
+    case : Case
+        What is written.
+    folder : str or Path
+        Where; it is made if need be.
+
+    Returns
+    -------
+    Path
+        The folder.
+
+    Raises
+    ------
+    CaseError
+        If the folder holds tables that the case does not have, which `load` would read with it.
+    OSError
+        If a file cannot be written; files written before are whole.
+    """
+    folder = Path(folder)
+    texts = {}
+    for name, record in TABLES.items():
+        if getattr(case, name):
+            texts[f"{name}.csv"] = text_from(fields(record), getattr(case, name))
+    for name, rows in case.devices.items():
+        columns = catalog.columns(name)
+        names = list(columns)[1:]
+        texts[f"{name}.csv"] = text_from(
+            columns, [[key, *(getattr(par, c) for c in names)] for key, par in rows.items()]
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    other = sorted(path.name for path in folder.glob("*.csv") if path.name not in texts)
+    if other:
+        raise CaseError(f"{folder} holds {', '.join(other)}, which {case.name} does not have; choose an empty folder.")
+    for name, text in texts.items():
+        files.replace(folder / name, text)
+    about = {key: getattr(case, key) for key in ABOUT if key != "extends"}
+    files.replace(folder / "case.toml", "".join(f"{key} = {_toml(value)}\n" for key, value in about.items()))
+    return folder
+
+
+def _toml(value: str | float) -> str:
+    """A value as TOML."""
+    if not isinstance(value, str):
+        return repr(float(value))
+    for plain, escaped in (("\\", "\\\\"), ('"', '\\"'), ("\n", "\\n")):
+        value = value.replace(plain, escaped)
+    return f'"{value}"'

@@ -1,0 +1,154 @@
+"""The contingencies that a storage fleet must survive: from a list, a screen, or a TOML file."""
+
+from collections.abc import Iterable
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+from stabctl._util import toml_file
+from stabctl.clearing import Screen
+from stabctl.errors import StudyError
+from stabctl.model.case import Case
+from stabctl.simulation.contingency import Contingency
+from stabctl.units import seconds
+
+Contingencies = Iterable[Contingency] | Contingency | Screen | str | Path
+COUNT, LONGER = 8, 1.2
+LONGEST = 10.0  # s   clearing time; in practice a few cycles
+EXAMPLE = 'write [[contingency]] with fault = "16", trip = "16-21", clear = "8.2cyc"'
+
+
+def contingencies(case: Case, given: Contingencies) -> tuple[Contingency, ...]:
+    """The contingencies to be survived, all possible in the case and all different.
+
+    Parameters
+    ----------
+    case : Case
+        The system.
+    given : Contingency, iterable of Contingency, Screen, str or Path
+        A list, a screen (its most critical contingencies are taken), or a TOML file.
+
+    Raises
+    ------
+    StudyError
+        For something else, and for contingencies that the case does not have or that are listed twice.
+    """
+    if isinstance(given, Screen):
+        return checked(case, from_screen(given, case.frequency_hz))
+    if isinstance(given, str | Path):
+        return read(given, case)
+    if isinstance(given, Contingency):
+        return checked(case, (given,))
+    if not isinstance(given, Iterable):
+        raise StudyError(f"{given!r} is not a list of contingencies; give [Contingency('16', clear='6cyc'), ...].")
+    return checked(case, given)
+
+
+def packaged(case: str, classical: bool = False) -> Path | None:
+    """The contingency file of a packaged case; None if it has none."""
+    file = resources.files("stabctl") / "model" / "cases" / case / f"contingencies{'_classical' * classical}.toml"
+    return Path(str(file)) if file.is_file() else None
+
+
+def from_screen(found: Screen, hz: float, *, count: int = COUNT, longer: float = LONGER) -> tuple[Contingency, ...]:
+    """The most critical contingencies of a screen, one for each machine that loses synchronism first.
+
+    Parameters
+    ----------
+    found : Screen
+        A screen without storage.
+    hz : float
+        Frequency of the system.
+    count : int
+        Largest number of contingencies.
+    longer : float
+        Clearing time to be survived, relative to that of the screen (1.2: 20 % longer).
+    """
+    chosen: dict[int | None, Contingency] = {}
+    for pair in found.pairs:
+        if pair.cycles and pair.machine not in chosen:
+            chosen[pair.machine] = Contingency(pair.fault, longer * pair.cycles / hz, pair.trip)
+    return tuple(chosen.values())[:count]
+
+
+def read(path: str | Path, case: Case) -> tuple[Contingency, ...]:
+    """The contingencies of a TOML file. Raises StudyError with file, row, key and value of the first mistake."""
+    path = Path(path)
+    content = toml_file.read(path, "contingency file")
+    rows = content.pop("contingency", None)
+    if content:
+        raise StudyError(f"{path}: {toml_file.unknown(next(iter(content)), ['contingency'])}")
+    if not isinstance(rows, list) or not rows:
+        raise StudyError(f"{path} has no contingencies; {EXAMPLE}.")
+    try:
+        return checked(case, [_contingency(f"{path}, contingency {i}", row) for i, row in enumerate(rows, start=1)])
+    except StudyError as error:
+        text = str(error)
+        raise StudyError(text if text.startswith(str(path)) else f"{path}: {text}") from None
+
+
+def checked(case: Case, given: Iterable[Contingency]) -> tuple[Contingency, ...]:
+    """The contingencies, each with a fault and a clearing time, possible in the case, and different from the others."""
+    out = tuple(given)
+    if not out:
+        raise StudyError("There are no contingencies to survive; give at least one.")
+    met: dict[Any, int] = {}
+    for i, one in enumerate(out, start=1):
+        if not isinstance(one, Contingency):
+            raise StudyError(f"Contingency {i} is {one!r}; write Contingency('16', clear='6cyc', trip='16-21').")
+        where = f"Contingency {i} ({one.label})"
+        if one.fault is None or one.clear is None:
+            missing = "fault" if one.fault is None else "clearing time"
+            raise StudyError(f"{where} has no {missing}; write Contingency('16', clear='6cyc', trip='16-21').")
+        clear = clearing_s(one, case)
+        if not 0 < clear <= LONGEST:
+            raise StudyError(
+                f"{where} is cleared after {clear:g} s; give a clearing time above 0 and at most {LONGEST:g} s."
+            )
+        try:
+            one.check(case)
+        except StudyError as error:
+            raise StudyError(f"{where}: {error}") from None
+        first = met.setdefault((one.fault, one.trip, clear, one.impedance, one.events), i)
+        if first != i:
+            raise StudyError(f"{where} is the same as contingency {first}; remove one of them.")
+    return out
+
+
+def clearing_s(one: Contingency, case: Case) -> float:
+    """Duration of the fault, s."""
+    return seconds(one.clear, case.frequency_hz)
+
+
+def target_cycles(one: Contingency, case: Case) -> float:
+    """Duration of the fault to be survived, in cycles of the case's frequency."""
+    return clearing_s(one, case) * case.frequency_hz
+
+
+def _bus(value: object) -> object:
+    """The number of a bus as text."""
+    return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+class _Row(BaseModel):
+    """A [[contingency]] of a file."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    fault: Annotated[str, BeforeValidator(_bus)] = Field(description='a bus or a place on a circuit, as "16"')
+    clear: str = Field(description='a clearing time, as "8.2cyc" or "0.14s"')
+    trip: str | list[str] = Field([], description='a circuit or a list of them, as "16-21"')
+    name: str | None = Field(None, description='text, as "line 16-21"')
+
+
+def _contingency(where: str, row: object) -> Contingency:
+    if not isinstance(row, dict):
+        raise StudyError(f"{where} is not a table; {EXAMPLE}.")
+    found = toml_file.validated(_Row, row, where)
+    trip = (found.trip,) if isinstance(found.trip, str) else tuple(found.trip)
+    try:
+        return Contingency(found.fault, found.clear, trip, name=found.name)
+    except StudyError as error:
+        raise StudyError(f"{where}: {error}") from None
