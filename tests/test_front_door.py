@@ -75,6 +75,8 @@ def test_the_session_runs_as_written(tmp_path):
     assert modes.df.swing.sum() == 3
     model = base.linearize(inputs="vref:2", outputs="speed:2").to_control()
     assert (model.ninputs, model.noutputs, model.nstates) == (1, 1, 56)
+    worst = base.screen(below="12cyc")
+    assert [(site.bus, site.machine) for site in st.place(case, worst, cap="200MW").sites] == [(11, 3)]
     for result in (run, modes, base.screen(below="9cyc"), base.clearing_time(fault, limit="30cyc")):
         assert result._repr_html_().startswith("<p>two_area")
         assert isinstance(result.plot(), plt.Axes)

@@ -11,7 +11,7 @@ from stabctl._util.wording import counted
 from stabctl.controllers import Law
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.errors import StudyError
+from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 from stabctl.simulation.contingency import Contingency
@@ -195,5 +195,5 @@ def _one(contingency: Contingency | str) -> Contingency:
     if isinstance(contingency, str):
         return Contingency(contingency)
     if not isinstance(contingency, Contingency):
-        raise StudyError(f"{contingency!r} is not a contingency; give one, as Contingency('7-8@0.4', trip='7-8').")
+        raise StudyError(f"{shown(contingency)} is not a contingency; give one, as Contingency('7-8@0.4', trip='7-8').")
     return contingency

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import KW_ONLY, dataclass, replace
 from numbers import Complex
 
-from stabctl.errors import StudyError
+from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case
 from stabctl.units import seconds
 
@@ -175,7 +175,7 @@ def schedule(case: Case, what: Happenings | None, until: float | None = None, st
 
 def _not_an_event(item: object) -> StudyError:
     return StudyError(
-        f"{item!r} is not a contingency; give Contingency('7-8@0.4', clear='6cyc'), an event, or a list of them."
+        f"{shown(item)} is not a contingency; give Contingency('7-8@0.4', clear='6cyc'), an event, or a list of them."
     )
 
 
