@@ -211,7 +211,7 @@ def _module(name: str, device: ModuleType, scalar: type) -> Callable[..., None]:
 
 def on_disk(name: str, device: ModuleType, scalar: type) -> bool:
     """Is the machine code of a family on disk, loaded, or not needed?"""
-    if jit.disabled() or (name, scalar) in _compiled:
+    if jit.disabled() or (device, scalar) in _compiled:
         return True
     function = _module(name, device, scalar)
     place = os.path.dirname(inspect.getfile(function))
@@ -221,13 +221,13 @@ def on_disk(name: str, device: ModuleType, scalar: type) -> bool:
     )
 
 
-_compiled: dict[tuple[str, type], Any] = {}
+_compiled: dict[tuple[ModuleType, type], Any] = {}
 plain: list[Any] = []  # with NUMBA_DISABLE_JIT=1 an "address" is a row of this list
 
 
 def address(name: str, device: ModuleType, scalar: type) -> int:
     """Address of the compiled loop in this process."""
-    key = name, scalar
+    key = device, scalar
     if key not in _compiled:
         function = _module(name, device, scalar)
         if jit.disabled():
