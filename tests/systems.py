@@ -3,13 +3,18 @@
 machine 1 -- bus 1 --- bus 2 (load) === bus 3 -- machine 2 (swing, GENCLS, ten times as large)
 """
 
+from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 
+from stabctl import devices
 from stabctl.devices.exciters import exdc2, exst3, sexs
 from stabctl.devices.governors import tgov
 from stabctl.devices.machines import gencls, genrou
 from stabctl.devices.stabilizers import pss
 from stabctl.model.case import Branch, Bus, Case, Load, Machine
+
+OWN = Path(__file__).parent / "devices"  # devices as a user would write them
 
 ROUND = genrou.Par(0, 0, 4.0, 0.5, 0.003, 0.15, 1.8, 0.3, 0.22, 7.0, 0.03, 1.7, 0.5, 0.4, 0.05)
 SATURATED = ROUND._replace(S10=0.1, S12=0.4)
@@ -22,7 +27,7 @@ PSS = pss.Par(5.0, 10.0, 0.05, 0.02, 0.1, 0.03)
 STEAM = tgov.Par(20.0, 0.1, 0.5, 0.0, 1.25, 5.0)
 HYDRO = tgov.Par(20.0, 0.5, 5.0, 1.0, -1.0, 0.5)
 
-KINDS = {  # name -> devices of machine 1; between them every model of models.ALL and every branch of its equations
+KINDS = {  # name -> devices of machine 1 and load 2; between them every model, and every branch of its equations
     "classical": {"gencls": CLASSICAL},
     "classical with governor": {"gencls": CLASSICAL, "tgov": STEAM},
     "bare": {"genrou": ROUND},
@@ -44,21 +49,32 @@ KINDS = {  # name -> devices of machine 1; between them every model of models.AL
 }
 
 
-def small(devices, p=300.0, load=None, base=400.0, v=1.02):
-    """Machine 1 with these devices, `p` MW, against the large classical machine 2."""
+def small(kind, p=300.0, load=None, base=400.0, v=1.02, links=()):
+    """Machine 1 with these devices, `p` MW, against the large classical machine 2; a load model stands at bus 2."""
+    tables = {k: {2 if devices.every()[k].ROLE == "load" else 1: par} for k, par in kind.items()}
+    tables["gencls"] = tables.get("gencls", {}) | {2: gencls.Par(0, 0, 5.0, 2.0, 0.0, 0.2)}
     return Case(
         name="small",
         buses=(Bus(1, "pv", v), Bus(2, "pq"), Bus(3, "swing", 1.0)),
         branches=(Branch(1, 2, 0.001, 0.02), Branch(2, 3, 0.005, 0.05, 0.1), Branch(2, 3, 0.005, 0.05, 0.1)),
         machines=(Machine(1, 1, base, p, 2), Machine(2, 3, 4000.0, 0.0, 3)),
-        devices={**{k: {1: par} for k, par in devices.items()}, "gencls": _classical(devices)},
+        devices=tables,
         loads=(load or Load(2, 200.0, 50.0),),
+        links=tuple(links),
     )
 
 
-def _classical(devices):
-    own = {1: devices["gencls"]} if "gencls" in devices else {}
-    return own | {2: gencls.Par(0, 0, 5.0, 2.0, 0.0, 0.2)}
+@contextmanager
+def registered(*paths):
+    """Devices of these files are known for a while; their names."""
+    before = dict(devices._registered)
+    try:
+        yield [devices.register(path) for path in paths]
+    finally:
+        devices._registered.clear()
+        devices._registered.update(before)
+        devices.every.cache_clear()
+        devices.models.cache_clear()
 
 
 def doubled(case):

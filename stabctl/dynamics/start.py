@@ -222,10 +222,9 @@ class _Newton:
             if not low * per - 1e-12 <= value <= high * per + 1e-12:
                 above = value > high * per
                 state = layout.states[place]
-                what = f"{'needs'} {value / per:.4g} pu"
-                raise EquilibriumError(
-                    self._beyond(state.table, state.unit, lim.names[k][int(above)], high if above else low, what)
-                )
+                what = f", but the power flow needs {value / per:.4g} pu"
+                limit, name = (high if above else low), lim.names[k][int(above)]
+                raise EquilibriumError(self._beyond(state.table, state.row, name, limit, what))
         rates = self.equations.at(s).rates
         if np.abs(rates).max(initial=0.0) < STILL:
             return
@@ -245,17 +244,17 @@ class _Newton:
                     trial[i][j, c] = f.k[j, c]
                     rates = self.equations.at(s.copy(), np.concatenate([k.ravel() for k in trial])).rates
                     if np.abs(rates).max() >= STILL:
-                        return self._beyond(f.name, unit, name, f.k[j, c], "is exceeded")
+                        return self._beyond(f.name, int(j), name, f.k[j, c], " is exceeded at the power flow")
         if unit < 0:
             return f"A device of {self.case.name} does not stand still at its power flow; check its data."
         number = self.case.machines[unit].machine
         return f"Machine {number} of {self.case.name} does not stand still at its power flow; check its data."
 
-    def _beyond(self, table: str, unit: int, name: str, limit: float, what: str) -> str:
-        m, model = self.case.machines[unit], self.system.family(table).device.NAME
+    def _beyond(self, table: str, row: int, name: str, limit: float, what: str) -> str:
+        f = self.system.family(table)
         return (
-            f"{model} of machine {m.machine} at bus {m.bus} cannot be initialized: {name} = {limit:g} pu {what} at the "
-            f"power flow; widen {name} in {table}.csv or change the machine's power or voltage."
+            f"{f.device.NAME} of {f.keys[row]} cannot be initialized: {name} = {limit:g} pu{what}; widen {name} in "
+            f"{table}.csv or change the power or voltage there."
         )
 
 

@@ -1,21 +1,26 @@
-"""The very source of the kernels, executed on sympy symbols.
+"""The very source of the devices' equations, executed on sympy symbols.
 
-Every kernel is read from its file and executed again with np.sin, np.cos, np.sqrt of sympy. A branch that looks at a
-value (`.real`) is a limiter: its unlimited path is taken. What is left is smooth, and sympy can differentiate it.
+Every function marked `@inline` is read from its file and executed again with the numpy functions replaced by those of
+sympy. A branch that looks at a value (`.real`) is a limiter: its unlimited path is taken. What is left is smooth, and
+sympy can differentiate it.
 """
 
 import ast
+import inspect
+import sys
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import sympy
 
-from stabctl.devices import blocks
-from stabctl.dynamics import system
-from stabctl.dynamics.system import FAMILIES, NAMES
+from stabctl.dynamics import family
 
-NUMPY = SimpleNamespace(sin=sympy.sin, cos=sympy.cos, sqrt=sympy.sqrt)
+NUMPY = SimpleNamespace(
+    sin=sympy.sin, cos=sympy.cos, tan=sympy.tan, sqrt=sympy.sqrt, exp=sympy.exp, log=sympy.log, arctan=sympy.atan,
+    tanh=sympy.tanh, pi=sympy.pi,
+)  # fmt: skip
 
 
 class Unlimited(ast.NodeTransformer):
@@ -35,72 +40,102 @@ class Unlimited(ast.NodeTransformer):
 
 
 def kernels(module):
-    """name -> syntax tree of every kernel written in the module, without its decorator."""
+    """name -> syntax tree of every function marked `@inline` in the module, without its decorator."""
     found = {}
     for node in ast.parse(Path(module.__file__).read_text()).body:
-        if isinstance(node, ast.FunctionDef) and [getattr(d, "id", "") for d in node.decorator_list] == ["kernel"]:
+        if isinstance(node, ast.FunctionDef) and [getattr(d, "id", "") for d in node.decorator_list] == ["inline"]:
             node.decorator_list = []
             found[node.name] = ast.Module([node], [])
     return found
 
 
-def executed(module, **replaced):
-    """The module's kernels as plain functions on sympy expressions."""
-    space = {**vars(module), "np": NUMPY, **replaced}
-    for name, tree in kernels(module).items():
+@cache
+def executed(module):
+    """The module's names, its kernels and those it takes from elsewhere as plain functions on sympy expressions."""
+    own = kernels(module)
+    space = {**vars(module), "np": NUMPY}
+    for name, value in vars(module).items():
+        home = sys.modules.get(getattr(value, "__module__", None) or "")
+        if inspect.isfunction(value) and home not in (None, module) and value.__name__ in kernels(home):
+            space[name] = executed(home)[value.__name__]
+    for name, tree in own.items():
         smooth = ast.fix_missing_locations(Unlimited().visit(tree))
         exec(compile(smooth, f"{module.__name__}.{name}", "exec"), space)
     return space
 
 
-class Row(list):
-    """A record that is written by place and read by name."""
-
-    def __init__(self, names):
-        super().__init__([sympy.Integer(0)] * len(names))
-        self.names = names
-
-    def __getattr__(self, name):
-        return self[self.names.index(name)]
+def equation(device, name, known):
+    """What an equation of a device gives for the arguments that are `known`, a tuple; None where it has no such."""
+    if not hasattr(device, name):
+        return None
+    return tuple(executed(device)[name](*(known[a] for a in family.arguments(device, name))))
 
 
-def named(record):
-    """A record with its fields as plain numbers (a field T of a numpy record is taken for its transpose)."""
-    return SimpleNamespace(**{name: float(record[name]) for name in record.dtype.names})
+class Symbols:
+    """All signals of a system as expressions in its states, voltages and set-points."""
 
+    def __init__(self, system):
+        self.system, lay = system, system.layout
+        self.z = sympy.symbols(f"z:{lay.step}", real=True)
+        self.signals = dict(enumerate(self.z)) | {lay.zero: sympy.Integer(0), lay.one: sympy.Integer(1)}
+        self.maker = {}
+        for f in self.families():
+            outputs = len(family.fields(f.device, "Output"))
+            self.maker |= {w[-1] + c: (f, j) for j, w in enumerate(f.w) for c in range(outputs)}
 
-def f_of_z(plant, buses):
-    """Symbols z and the expressions f(z) of the whole system, as `system.rates`, `sources`, `draws` write them."""
-    shared = executed(blocks)
-    shared = {name: shared[name] for name in kernels(blocks)}
-    models = {}
-    for module in (*FAMILIES, system.load):
-        models[module.__name__.rpartition(".")[2]] = SimpleNamespace(**executed(module, **shared))
-    wiring = executed(system, **shared, **models)
-    n = system.sizes(plant, buses)
-    z = list(sympy.symbols(f"z:{n.states + n.voltages + 2 * n.machines + n.storage}", real=True))
-    at, states, rows = 0, [], []
-    for name, family in zip(NAMES, FAMILIES, strict=True):
-        fields, devices = family.State._fields, []
-        for _ in getattr(plant, name):
-            devices.append(family.State(*z[at : at + len(fields)]))
-            at += len(fields)
-        states.append(devices)
-        rows.append([[sympy.Integer(0)] * len(fields) for _ in devices])
-    v = [[z[n.states + 2 * b], z[n.states + 2 * b + 1]] for b in range(buses)]
-    rest = z[n.states + n.voltages :]
-    m = n.machines
-    s = system.Signals(z, *states, v, rest[:m], rest[m : 2 * m], rest[2 * m :])
-    stator = [Row(system.stator.Output._fields) for _ in range(m)]
-    w = system.Wires([0] * m, [0] * m, [0] * m, stator, stator, [0] * n.storage)
-    g = np.zeros((buses, 2), object)
-    r = system.Rates(*rows, g)
-    tables = {name: [named(row) for row in getattr(plant, name)] for name in (*NAMES, "load")}
-    plant = plant._replace(**tables)
-    wiring["rates"](s, plant, w, r)
-    wiring["sources"](s, plant, np.zeros(m, int), g)
-    wiring["draws"](s, plant, g)
-    return z, [entry for family in rows for device in family for entry in device] + list(g.ravel())
+    def families(self):
+        """The families that live between steps."""
+        return [f for f in self.system.families if not hasattr(f.device, "step")]
+
+    def signal(self, place):
+        """The expression of a signal, through the outputs that it is made from."""
+        if place not in self.signals:
+            f, j = self.maker[place]
+            y = equation(f.device, "output", self.arguments(f, j, self.signal, "output"))
+            self.signals |= {f.w[j, -1] + c: value for c, value in enumerate(y)}
+        return self.signals[place]
+
+    def arguments(self, f, j, signal, *equations):
+        """Arguments of equations of row j of a family, by name; `signal` gives the expression of a place."""
+        device, w = f.device, f.w[j]
+        wanted = {a for e in equations for a in family.arguments(device, e)}
+        names = family.fields(device, "Input")
+        read = {n: signal(w[family.INPUTS + c]) for c, n in enumerate(names) if "u" in wanted or n in wanted}
+        v1, v2 = ((self.z[w[b]], self.z[w[b] + 1]) for b in (family.BUS, family.BUS2))
+        states = len(family.fields(device, "State"))
+        known = read | {"v": v1, "v1": v1, "v2": v2}
+        if "p" in wanted:
+            known["p"] = device.Par(*map(float, f.k[j]))
+        if "x" in wanted:
+            known["x"] = device.State(*self.z[w[family.STATE] : w[family.STATE] + states])
+        if "u" in wanted:
+            known["u"] = device.Input(*(read[n] for n in names))
+        return known
+
+    def whole(self):
+        """Rates, outputs and currents (real and imaginary part per bus) of the system."""
+        lay, system = self.system.layout, self.system
+        rates, current = [sympy.Integer(0)] * lay.nx, [sympy.Integer(0)] * (2 * lay.buses)
+        for f in self.families():
+            for j, w in enumerate(f.w):
+                rate, drawn = self.of_row(f, j, self.signal)[::2]
+                rates[w[family.STATE] : w[family.STATE] + len(rate)] = rate
+                for c, value in enumerate(drawn):
+                    bus = w[family.BUS if c < 2 else family.BUS2]
+                    current[bus - lay.nx + c % 2] += value
+        outputs = [self.signal(lay.first_output + k) for k in range(lay.outputs)]
+        return rates + outputs + current
+
+    def of_row(self, f, j, signal):
+        """Rates, outputs and currents of row j of a family."""
+        device = f.device
+        made = [e for e in ("output", "derivatives", "source", "current") if hasattr(device, e)]
+        known = self.arguments(f, j, signal, *made)
+        y = equation(device, "output", known) or ()
+        if y:
+            known["y"] = device.Output(*y)
+        rates = equation(device, "derivatives", known) or (0,) * len(family.fields(device, "State"))
+        return rates, y, equation(device, "source", known) or equation(device, "current", known) or ()
 
 
 def jacobian(z, f, values):

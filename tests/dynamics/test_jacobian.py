@@ -6,46 +6,95 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from symbolic import Unlimited, f_of_z, jacobian, kernels
-from systems import KINDS, small, with_shares
+import sympy
+from symbolic import Symbols, Unlimited, jacobian, kernels
+from systems import EXDC2, KINDS, OWN, PSS, ROUND, registered, small, with_shares
 
 import stabctl
 from stabctl import devices
-from stabctl.dynamics import jacobian as step
-from stabctl.dynamics import operating_point, system
-from stabctl.dynamics.system import FAMILIES, sizes
-from stabctl.model.case import Storage
+from stabctl.devices import blocks
+from stabctl.dynamics import adder, family, operating_point
+from stabctl.model.case import Link, Storage
 
 SOURCES = sorted((Path(stabctl.__file__).parent / "devices").rglob("*.py"))
+REMOTE = "signals from elsewhere"  # a kind with a device of the user's
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_complex_step_equals_sympy(kind):
-    """At a point off the equilibrium, above the knees of saturation and within all limits."""
-    case = with_shares(small(KINDS[kind]), p_current=0.3, q_power=0.5, p_power=0.4)
+def everything(kind):
+    """The point of a kind with every sort of load, storage and link, some way off its equilibrium.
+
+    Above the knees of saturation and within all limits; storage injects, the branch that `Unlimited` keeps.
+    """
+    case = with_shares(kind, p_current=0.3, q_power=0.5, p_power=0.4)
     case = case.with_storage(
         [Storage(1, 2, 40.0, "power", energy=1.0, lag=0.1, efficiency=0.8), Storage(2, 3, 20.0, "current")]
     )
     point = operating_point.solve(case)
-    plant, buses = point.plant, len(point.V)
-    n = sizes(plant, buses)
-    random = np.random.default_rng(1)
-    values = point.z + 1e-3 * random.standard_normal(len(point.z))
-    values[len(values) - n.storage :] = -0.5  # orders: injecting, the branch the transformed source keeps
-    first = system.first_state(plant, "storage")
-    values[first] = -0.4
-    b = system.buffers(plant, buses, complex)
-    b.z[:] = values
-    J = step.columns_of(b, plant, np.arange(len(values)))
-    f, exact = jacobian(*f_of_z(plant, buses), values)
+    lay, s = point.layout, point.s.copy()
+    s[: lay.step] += 1e-3 * np.random.default_rng(1).standard_normal(lay.step)
+    s[[lay.first_setpoint + k for k, p in enumerate(lay.setpoints) if p.name == "order"]] = -0.5
+    s[[k for k, p in enumerate(lay.states) if p.name == "share"]] = -0.4
+    return point, s
+
+
+@pytest.fixture(scope="module", params=[*KINDS, REMOTE])
+def moved(request):
+    """`everything` of a kind."""
+    link = Link("a", 2, 3, 30.0, 1.0)
+    if request.param != REMOTE:
+        yield everything(small(KINDS[request.param], links=[link]))
+        return
+    with registered(OWN / "wide_area.py") as (name,):
+        par = devices.every()[name].Par(3, 2, 0.1, 2.0, 3.0)
+        yield everything(small({"genrou": ROUND, "exdc2": EXDC2, "pss": PSS, name: par}, links=[link]))
+
+
+def test_complex_step_of_a_device_equals_sympy(moved):
+    """Every device alone, at its own terminals."""
+    point, s = moved
+    lay, of = point.layout, Symbols(point.system)
+    z = sympy.symbols(f"z:{lay.size}", real=True)
+    of.z = z
+    J, _ = point.equations.direct(s)
+    J, s = J.toarray(), s.copy()
+    point.equations.at(s)
+    first = lay.nx + lay.outputs
+    for f in of.families():
+        start = first + 2 * point.equations.injections[f.name].start
+        for j, w in enumerate(f.w):
+            parts = of.of_row(f, j, z.__getitem__)
+            rates, outputs, currents = (len(part) for part in parts)
+            rows = np.r_[
+                w[family.STATE] + np.arange(rates),
+                lay.nx + w[-1] - lay.first_output + np.arange(outputs),
+                start + family.shape(f.device)[3] * 2 * j + np.arange(currents),
+            ].astype(int)
+            values, exact = jacobian(z, [entry for part in parts for entry in part], s)
+            vector = [*range(rates + outputs), *(rates + outputs + np.arange(currents) // 2)]
+            assert close(J[rows], exact, vector), f.keys[j]
+            assert np.abs(exact).max() > 0  # the comparison is not between zeros
+            assert values[rates : rates + outputs] == pytest.approx(s[w[-1] : w[-1] + outputs], rel=1e-13, abs=1e-15)
+
+
+def test_complex_step_of_the_whole_equals_sympy(moved):
+    point, s = moved
+    lay, of = point.layout, Symbols(point.system)
+    d = point.equations.at(s.copy())
+    f, exact = jacobian(of.z, of.whole(), s[: lay.step])
+    parts = lay.nx, lay.nx + lay.outputs
+    for found, wanted in zip((d.rates, d.outputs, d.currents.view(float)), np.split(f, parts), strict=True):
+        assert np.abs(found - wanted).max() < 4e-11  # 2.0e-11, rates up to 1e5
+    for found, wanted in zip((d.of_rates, d.of_outputs, d.of_currents), np.split(exact, parts), strict=True):
+        assert close(found.toarray(), wanted)
+    assert np.count_nonzero(exact) > 3 * lay.nx  # the comparison is not between zeros
+
+
+def close(found, exact, vector=None):
+    """Are derivatives equal, by the largest of their row, or of the rows of the same number in `vector`?"""
     scale = np.abs(exact).max(axis=1, keepdims=True) + 1e-30
-    assert np.abs(b.f.real - f).max() < 4e-11  # 2.0e-11, rates up to 1e5
-    assert np.abs((J - exact) / scale).max() < 5e-15  # 2.3e-15
-    assert np.count_nonzero(exact) > 3 * n.states  # the comparison is not between zeros
-
-
-def test_together_the_kinds_and_storage_hold_every_family():
-    assert {k.__name__.rpartition(".")[2] for k in FAMILIES} == {m for d in KINDS.values() for m in d} | {"storage"}
+    if vector is not None:
+        scale = np.array([scale[np.equal(vector, v)].max() for v in vector])[:, None]
+    return np.abs((found[:, : exact.shape[1]] - exact) / scale).max() < 5e-15  # 2.3e-15
 
 
 def offences(tree):
@@ -76,10 +125,9 @@ def offences(tree):
             yield f"line {node.lineno}: a complex phasor"
 
 
-@pytest.mark.parametrize("module", [*devices.ALL.values(), devices.blocks, system.load, system.storage, system])
-def test_kernels_use_nothing_that_complex_step_gets_wrong(module):
-    stopped = ("confine",)  # in the time simulation only
-    found = {name: list(offences(tree)) for name, tree in kernels(module).items() if name not in stopped}
+@pytest.mark.parametrize("module", [*devices.every().values(), blocks, adder], ids=lambda m: m.__name__)
+def test_equations_use_nothing_that_complex_step_gets_wrong(module):
+    found = {name: list(offences(tree)) for name, tree in kernels(module).items()}
     assert found
     assert not any(found.values()), found
 
@@ -104,26 +152,34 @@ def test_the_rule_finds_what_it_forbids():
 def test_limiters_live_in_blocks_only(path):
     """Elsewhere a value is looked at only where a store is full or empty, or which way its power flows."""
     looks = [n for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.Attribute) and n.attr == "real"]
-    assert not looks or path.stem in ("blocks", "storage")
+    assert not looks or path.stem in ("blocks", "esd")
 
 
-def test_every_exciter_limit_follows_the_naming_rule():
+@pytest.mark.parametrize("name", devices.every())
+def test_every_limit_follows_the_naming_rule(name):
     """Newton opens limits by their names; a device that clips with any other field would make it singular."""
-    for name, model in devices.ALL.items():
-        called = [
-            n
-            for tree in kernels(model).values()
-            for n in ast.walk(tree)
-            if isinstance(n, ast.Call) and getattr(n.func, "id", "") == "clip"
-        ]
-        for call in called:
-            for limit in call.args[-2:]:
-                fields = [n.attr for n in ast.walk(limit) if isinstance(n, ast.Attribute) and n.attr != "vt"]
-                assert all(f.endswith(("max", "min")) for f in fields), (name, fields)
-                assert fields
+    called = [
+        n
+        for tree in kernels(devices.every()[name]).values()
+        for n in ast.walk(tree)
+        if isinstance(n, ast.Call) and getattr(n.func, "id", "") == "clip"
+    ]
+    for call in called:
+        for limit in call.args[-2:]:
+            fields = [n.attr for n in ast.walk(limit) if isinstance(n, ast.Attribute) and n.value.id == "p"]
+            assert all(f.endswith(("max", "min")) for f in fields), fields
+            assert fields
+
+
+def test_the_kinds_hold_every_device():
+    """So that every device is differentiated above: a new one needs a row of KINDS."""
+    link, met = Link("a", 2, 3, 30.0, 1.0), {"bus_voltage", "bus_frequency"}  # the sensors, in the kind REMOTE
+    for kind in KINDS.values():
+        met |= {f.name for f in everything(small(kind, links=[link]))[0].system.families}
+    assert met >= set(devices.every())
 
 
 def test_dropping_limiters_keeps_everything_else():
     tree = ast.parse("if x.real > 1:\n    y = 1\nelse:\n    y = x\nif p > 0:\n    z = 2\n")
     assert ast.unparse(Unlimited().visit(tree)) == "y = x\nif p > 0:\n    z = 2"
-    assert inspect.getsource(devices.blocks.clip).count(".real") == 4
+    assert inspect.getsource(blocks.clip).count(".real") == 4
