@@ -2,24 +2,24 @@ PYTHON ?= python3
 BIN := .venv/bin
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-help:  ## this list
+help:  ## show this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
-demo: .venv/demo  ## set up and run the two-area case: verdict table, pictures in reports/
+demo: .venv/demo  ## simulate the two-area system: outcomes, and pictures in reports/
 	$(BIN)/python sims/two_area.py
 
-test: .venv/test  ## set up and run the tests
+test: .venv/test  ## run the tests
 	$(BIN)/python -m pytest -n auto --dist loadfile
 
-lint: .venv/dev  ## style and import walls
+lint: .venv/dev  ## check style and import layers
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 
-reproduce: .venv/demo  ## every study, the paper beside ours in reports/index.html; FULL=1: the long ones too
+reproduce: .venv/demo  ## run all studies, compared with the paper in reports/index.html (FULL=1: also the long ones)
 	$(BIN)/python tools/reproduce.py $(if $(FULL),--full)
 
-bench: .venv/bench  ## measure speed on this machine, beside ANDES and TOPS
+bench: .venv/bench  ## measure speed on this machine, and that of ANDES and TOPS
 	$(BIN)/python benchmarks/core.py
 	$(BIN)/python benchmarks/estimate.py
 	$(BIN)/python benchmarks/linear.py
@@ -27,7 +27,7 @@ bench: .venv/bench  ## measure speed on this machine, beside ANDES and TOPS
 	$(BIN)/python benchmarks/peers.py
 	$(BIN)/python benchmarks/growth.py
 
-clean:  ## remove the virtual environment and everything generated
+clean:  ## remove the virtual environment and all generated files
 	rm -rf .venv build dist
 	git clean -fdqX reports
 

@@ -1,4 +1,4 @@
-"""Modes as a table on the terminal and as the record of `--json`."""
+"""Modes as a table for the terminal and as the record that `--json` prints."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def record(modes: Modes) -> dict[str, Any]:
-    """Every eigenvalue (both of a pair): frequency, damping, label, ten largest participations, mode shape."""
+    """Return all eigenvalues with frequency, damping, label, ten largest participation factors and mode shape."""
     rows = []
     for k in range(len(modes)):
         m = modes.mode(k)
@@ -30,10 +30,10 @@ def record(modes: Modes) -> dict[str, Any]:
 
 
 def table(modes: Modes, chosen: Iterable[int]) -> "Table":
-    """A row for each of the chosen modes."""
+    """Return a table with a row for each of the chosen modes."""
     from rich.table import Table
 
-    out = Table("Hz", "damping ratio", "real, 1/s", "imag, rad/s", "swing", "mode")
+    out = Table("Hz", "damping ratio", "real (1/s)", "imag (rad/s)", "swing", "mode")
     for column in out.columns[:5]:
         column.no_wrap = True
         column.justify = "right"
@@ -47,5 +47,5 @@ def table(modes: Modes, chosen: Iterable[int]) -> "Table":
 
 
 def number(value: float, digits: int) -> str:
-    """A number with so many decimals, without the sign of a zero."""
+    """Format a number with so many decimals; zero has no sign."""
     return f"{round(value, digits) + 0.0:.{digits}f}"

@@ -18,6 +18,11 @@ from stabctl.plotting.mode_shape import spread
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run
 from stabctl.smallsignal import analyze, linearize
+from stabctl.theory.feedback_laws import compare
+from stabctl.theory.omib import OMIB
+from stabctl.theory.phase import portrait
+from stabctl.theory.shooting import by_shooting
+from stabctl.theory.two_machine import Equivalent
 
 matplotlib.use("agg")
 
@@ -121,6 +126,16 @@ def test_numbers_around_a_mode_shape_keep_their_distance():
     assert [placed[3] % 360, placed[5] % 360] == [180.0, 90.0]
     around = [(p + 180) % 360 - 180 for p in (placed[4], placed[0], placed[1], placed[2])]
     assert around == sorted(around)
+
+
+def test_theory():
+    pair = Equivalent()
+    laws = compare(OMIB())
+    control = by_shooting(pair.minimum_time_problem(6))
+    for result in (portrait(OMIB()), pair.equal_area(8), pair.equal_area(8, 0.5), laws, control):
+        assert crowded(result.plot()) == []
+    with pytest.raises(StudyError, match="There is nothing to plot"):
+        by_shooting(pair.minimum_time_problem(10)).plot()
 
 
 def test_estimates(runs):

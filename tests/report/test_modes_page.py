@@ -17,6 +17,14 @@ def test_in_a_browser(points, tmp_path, browse, dark):
     assert {key: found[key] for key in wrong} == {key: [] for key in wrong}
 
 
+def test_text_of_a_case_is_text_on_the_page(points):
+    case = replace(points("two_area").case, title="<script>alert(1)</script>", source="A & B")
+    page = modes_page.page(analyze(linearize(operating_point.solve(case))), None, (0.1, 2.5))
+    assert "<script" not in page
+    assert "&lt;script&gt;" in page
+    assert "Data: A &amp; B" in page
+
+
 def test_no_name_of_a_case_leads_out_of_the_folder(points, tmp_path):
     case = replace(points("two_area").case, name="../../x")
     modes = analyze(linearize(operating_point.solve(case)))
