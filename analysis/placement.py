@@ -1,30 +1,35 @@
-"""Where storage belongs on the 39-bus system, with classical and with full-order machines."""
+"""Where storage belongs in the 39-bus system, with classical and with full-order machines."""
 
 from pathlib import Path
 from typing import NamedTuple
 
+import stabctl as st
 from reproduction.console import present
-from reproduction.study import Study, Table
-from stabctl import io
-from stabctl.controllers import BangBang
-from stabctl.estimation.estimator_control import EstimatorControl
-from stabctl.estimation.pmu import Pmu
+from reproduction.study import Study, Table, draw
 from stabctl.placement.contingencies import packaged, read
-from stabctl.placement.place import place
 from stabctl.placement.siting import Siting
-from stabctl.report import siting_page
 
-SEED = 1
-HEADS = "contingencies", "uniform, MW", "linear, MW", "found, MW", "bound, MW", "of uniform, %", "sites", "runs", "s"
+KALMAN = {"kalman": st.EstimatorControl(engine="batched")}
+HEADS = (
+    "contingencies",
+    "uniform (MW)",
+    "linear (MW)",
+    "optimized (MW)",
+    "bound (MW)",
+    "of uniform (%)",
+    "sites",
+    "runs",
+    "time (s)",
+)
 TEXT = (
-    "Contingencies across the 39-bus system, each to be survived at the clearing time that a uniform fleet of 5 % of "
-    "every machine's MVA just survives. What do fewer megawatts in the right places do? The fleets were simulated "
-    "against every contingency; the bound is an estimate.",
+    "Each contingency must be stable at the clearing time with which a uniform fleet of 5 % of every machine's MVA is "
+    "just stable. How many megawatts are enough in the right places? Every fleet was simulated with every "
+    "contingency; the bound is an estimate."
 )
 
 
-class Asked(NamedTuple):
-    """One siting of the case."""
+class Task(NamedTuple):
+    """A system and what its fleet must survive."""
 
     page: str
     what: str
@@ -32,35 +37,42 @@ class Asked(NamedTuple):
     classical: bool = True
     contingencies: int = 9
     sites: int | None = None
-    estimated: bool = False  # put under a Kalman filter too
+    estimated: bool = False  # simulated with a Kalman filter too
 
 
 def study(reports: Path) -> Study:
-    """Nine contingencies with classical and with full-order machines."""
-    nine = Asked("ieee39_classical", "classical, nine")
-    full = Asked("ieee39", "full order, nine", classical=False, estimated=True)
-    return sitings("Placement of storage", TEXT, (nine, full), reports)
+    """Nine contingencies, with classical and with full-order machines."""
+    classical = Task("ieee39_classical", "classical, nine")
+    full_order = Task("ieee39", "full order, nine", classical=False, estimated=True)
+    return sitings("Placement of storage", TEXT, (classical, full_order), reports)
 
 
-def sitings(title: str, text: tuple[str, ...], asked: tuple[Asked, ...], reports: Path) -> Study:
-    """Fleets found beside the uniform fleet and that of the linear stage; a page each."""
-    rows, pages, said = [], {}, []
-    kalman = {"kalman": EstimatorControl(BangBang(), "kalman", Pmu(), seed=SEED, engine="batched")}
-    for one in asked:
-        case = io.load(one.case)
-        case = case.classical() if one.classical else case
-        listed = read(packaged(one.case, one.classical), case)[: one.contingencies]
-        found = place(case, listed, sites=one.sites, validate=kalman if one.estimated else None)
-        rows.append(row(one.what, found))
-        pages[f"storage for {one.case}, {one.what}"] = siting_page.write(found, reports, one.page).name
-        said += [f"{one.what}: {sentence}" for sentence in found.reservations()]
-    return Study(title, text=(*text, *said), tables=(Table("Fleets", HEADS, tuple(rows)),), pages=pages)
+def sitings(title: str, text: str, tasks: tuple[Task, ...], reports: Path) -> Study:
+    """The optimized fleets compared with the uniform fleet and the linear stage, and a page for each."""
+    rows, pages, remarks, pictures = [], {}, [], []
+    for task in tasks:
+        case = st.load(task.case)
+        case = case.classical() if task.classical else case
+        contingencies = read(packaged(task.case, task.classical), case)[: task.contingencies]
+        found = st.place(case, contingencies, sites=task.sites, validate=KALMAN if task.estimated else None)
+        rows.append(row(task.what, found))
+        pages[f"storage for {task.case}, {task.what}"] = found.report(reports, task.page).name
+        remarks += [f"{task.what}: {sentence}" for sentence in found.reservations()]
+        picture = draw(
+            found.plot(),
+            reports / f"placement_{task.page}_sizes.png",
+            f"Storage ratings, {task.case}, {task.what}",
+            alt="Bars of the optimized fleet beside those of the uniform fleet.",
+        )
+        pictures.append(picture)
+    table = Table("Fleets", HEADS, tuple(rows))
+    return Study(title, text=(text, *remarks), tables=(table,), pictures=tuple(pictures), pages=pages)
 
 
 def row(name: str, siting: Siting) -> tuple[str, ...]:
-    """Megawatts of the uniform fleet, the linear stage, the fleet found and the bound; share, sites, runs, seconds."""
-    found = (siting.uniform_mw, siting.linear_mw, siting.total_mw, siting.lower_bound_mw, siting.percent_of_uniform)
-    numbers = ("none" if value is None else f"{value:.1f}" for value in found)
+    """One fleet in the table."""
+    mw = siting.uniform_mw, siting.linear_mw, siting.total_mw, siting.lower_bound_mw, siting.percent_of_uniform
+    numbers = ("none" if value is None else f"{value:.1f}" for value in mw)
     return name, *numbers, str(len(siting.sites)), str(siting.simulations), f"{siting.wall_s:.1f}"
 
 

@@ -1,8 +1,8 @@
-"""Where storage belongs on the classical 39-bus system when less is asked, or fewer sites are allowed."""
+"""Where storage belongs in the classical 39-bus system with fewer contingencies, or at fewer sites."""
 
 from pathlib import Path
 
-from placement import TEXT, Asked, sitings
+from placement import TEXT, Task, sitings
 
 from reproduction.console import present
 from reproduction.study import Study
@@ -11,13 +11,13 @@ FULL = True
 
 
 def study(reports: Path) -> Study:
-    """Six of the nine contingencies; all nine, with at most three and at most two sites, and under a Kalman filter."""
-    asked = (
-        Asked("ieee39_classical_six", "classical, six", contingencies=6),
-        Asked("ieee39_classical_three_sites", "classical, nine, at most 3 sites", sites=3, estimated=True),
-        Asked("ieee39_classical_two_sites", "classical, nine, at most 2 sites", sites=2),
+    """Six of the nine contingencies; all nine at no more than three sites, and at no more than two."""
+    tasks = (
+        Task("ieee39_classical_six", "classical, six", contingencies=6),
+        Task("ieee39_classical_three_sites", "classical, nine, at most 3 sites", sites=3, estimated=True),
+        Task("ieee39_classical_two_sites", "classical, nine, at most 2 sites", sites=2),
     )
-    return sitings("Placement of storage, variants", TEXT, asked, reports)
+    return sitings("Placement of storage, variants", TEXT, tasks, reports)
 
 
 if __name__ == "__main__":
