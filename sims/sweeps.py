@@ -5,9 +5,8 @@ from pathlib import Path
 
 from reproduction.console import present
 from reproduction.study import Study, Table
-from stabctl.sweep.overview import cell, overview
-from stabctl.sweep.run import run
-from stabctl.sweep.store import rows
+from stabctl.sweep.results import cell
+from stabctl.sweep.sweep import run_sweep
 
 FULL = True
 
@@ -15,12 +14,12 @@ FULL = True
 def study(reports: Path) -> Iterator[Study]:
     """A study for each sweep; jobs that are done already are read from the results file."""
     for path in sorted(Path(__file__).parent.glob("*.toml")):
-        summary = run(path, reports / f"{path.stem}.db")
-        found = overview(rows(summary.path))
+        sweep = run_sweep(path, reports / f"{path.stem}.db")
+        found = sweep.results
         cells = tuple(tuple(map(cell, found.columns, row)) for row in found.cells)
         common = ", ".join(f"{column} {value}" for column, value in found.common.items())
         errors = (f"{what}: {sentence}" for what, sentence in found.errors)
-        table = Table(f"{summary.done + summary.before} jobs", found.columns, cells)
+        table = Table(f"{sweep.done + sweep.before} jobs", found.columns, cells)
         yield Study(f"Sweep {path.stem.replace('_', ' ')}", text=(f"{common}.", *errors), tables=(table,))
 
 

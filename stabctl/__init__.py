@@ -37,6 +37,9 @@ if TYPE_CHECKING:
     from stabctl.simulation.trajectory import Trajectory
     from stabctl.smallsignal import linearize
     from stabctl.smallsignal.modes import modes
+    from stabctl.sweep.results import Results as SweepResults
+    from stabctl.sweep.results import read as read_sweep
+    from stabctl.sweep.sweep import run_sweep
 
 _WHERE = {
     "BangBang": "controllers:BangBang",
@@ -57,6 +60,7 @@ _WHERE = {
     "Pmu": "estimation.pmu:Pmu",
     "PowerFlow": "model.powerflow:PowerFlow",
     "Screen": "clearing:Screen",
+    "SweepResults": "sweep.results:Results",
     "StabctlError": "errors:StabctlError",
     "Siting": "placement.siting:Siting",
     "Storage": "model.case:Storage",
@@ -72,7 +76,9 @@ _WHERE = {
     "modes": "smallsignal.modes:modes",
     "place": "placement.place:place",
     "power_flow": "model.powerflow:solve",
+    "read_sweep": "sweep.results:read",
     "replicate": "model.replicate:replicate",
+    "run_sweep": "sweep.sweep:run_sweep",
     "screen": "clearing:screen",
     "simulate": "simulation.simulate:simulate",
     "write": "io:write",

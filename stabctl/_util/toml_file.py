@@ -36,14 +36,14 @@ def read(path: Path, what: str) -> dict[str, Any]:
 def validated(model: "type[BaseModel]", content: Any, where: str) -> "BaseModel":
     """The content as a model. Raises StudyError with the place, key and value of the first mistake.
 
-    The description of a field says what is allowed.
+    The description of a field says what is allowed; a `PydanticCustomError` of type "custom" says what is wrong.
     """
     from pydantic import ValidationError
 
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        raise StudyError(_sentence(model, error, where)) from None
+        raise StudyError(_sentence(model, error, content, where)) from None
 
 
 def unknown(key: str, known: Iterable[str]) -> str:
@@ -53,15 +53,17 @@ def unknown(key: str, known: Iterable[str]) -> str:
     return f"{key!r} is not known; " + (f"did you mean {near[0]!r}?" if near else f"the keys are {', '.join(known)}.")
 
 
-def _sentence(model: "type[BaseModel]", error: "ValidationError", where: str) -> str:
+def _sentence(model: "type[BaseModel]", error: "ValidationError", content: Any, where: str) -> str:
     found = error.errors(include_url=False, include_context=False)
     first = next((e for e in found if e["type"] == "extra_forbidden"), found[0])  # a typing error hides the right key
-    key = str(first["loc"][0]) if first["loc"] else ""
+    key, *inner = map(str, first["loc"] or [""])
     if first["type"] == "extra_forbidden":
         return f"{where}: {unknown(key, model.model_fields)}"
     field = model.model_fields.get(key)
     allowed = field.description if field else first["msg"]
     if first["type"] == "missing":
         return f"{where}: {key} is missing; it must be {allowed}."
-    value = first["input"]
-    return f"{where}, {key} = {shown(value, 80)}: it must be {allowed}."
+    if inner and isinstance(content[key], dict):
+        key = f"{key}.{inner[0]}"
+    said = first["msg"] if first["type"] == "custom" else f"it must be {allowed}"
+    return f"{where}, {key} = {shown(first['input'], 80)}: {said}."

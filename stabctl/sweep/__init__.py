@@ -1,5 +1,5 @@
-"""Many runs from one study file, on all cores or on a cluster, into one results file that survives being killed.
+"""Sweeps: many simulations from one study file, on all cores or a cluster, with a results file that survives a crash.
 
-Study file -> jobs -> tasks -> rows (pool of processes, or Dask) -> results file
-(TOML)        (study)  (task)  (perform)                            (store)
+Study file -> jobs -> tasks -> rows (processes, or Dask) -> results file
+(TOML)     (study_file) (task)  (run_job)                    (store)
 """

@@ -1,4 +1,4 @@
-"""What a job gave: a row of the results file."""
+"""The result of a job: a row of the results file."""
 
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -10,32 +10,32 @@ Status = Literal["ok", "error", "bug"]
 
 
 class Result(NamedTuple):
-    """Findings, how the job went, and where; None where there is nothing to tell."""
+    """What was found, and how, where and when the job ran; None if not applicable."""
 
-    status: Annotated[Status, "-", "error: refused with a sentence; bug: failed in a way it must not"]
-    outcome: Annotated[str | None, "-", "how the run or the search ended"] = None
+    status: Annotated[Status, "-", "ok; error: not possible, see message; bug: an error in stabctl"]
+    outcome: Annotated[str | None, "-", "how the simulation or the search ended"] = None
     cycles: Annotated[float | None, "-", "critical clearing time in cycles"] = None
     seconds: Annotated[float | None, "-", "critical clearing time in seconds"] = None
-    monotone: Annotated[int | None, "-", "1: no longer fault that was tried was survived"] = None
+    monotone: Annotated[int | None, "-", "1: every longer fault that was tried was unstable"] = None
     runs: Annotated[int | None, "-", "simulations of the search"] = None
-    machine: Annotated[int | None, "-", "machine that goes first"] = None
+    machine: Annotated[int | None, "-", "machine that loses synchronism first"] = None
     bus: Annotated[int | None, "-", "bus whose voltage collapsed"] = None
-    time: Annotated[float | None, "s", "when the run ended"] = None
+    time: Annotated[float | None, "s", "end of the simulation"] = None
     max_angle_from_coi: Annotated[float | None, "deg", "largest change of an angle against the COI"] = None
-    energy: Annotated[float | None, "MWh", "highest less lowest charge, summed over the devices"] = None
-    rmse: Annotated[float | None, "mHz", "root mean square error of the estimated deviations"] = None
-    p99: Annotated[float | None, "mHz", "99th percentile of the size of that error"] = None
+    energy: Annotated[float | None, "MWh", "range of the charge, summed over the devices"] = None
+    rmse: Annotated[float | None, "mHz", "rms error of the estimated deviations"] = None
+    p99: Annotated[float | None, "mHz", "99th percentile of the absolute error"] = None
     delay: Annotated[float | None, "ms", "of the estimates"] = None
     wrong_command_share: Annotated[float | None, "-", "of machine-frames"] = None
     opposite_command_share: Annotated[float | None, "-", "of machine-frames"] = None
-    message: Annotated[str | None, "-", "the same in a sentence"] = None
-    wall: Annotated[float | None, "s", "time the job took"] = None
+    message: Annotated[str | None, "-", "the result in a sentence"] = None
+    wall: Annotated[float | None, "s", "computing time"] = None
     worker: Annotated[str | None, "-", "host:process"] = None
-    finished: Annotated[str | None, "-", "instant, UTC"] = None
+    finished: Annotated[str | None, "-", "time of completion, UTC"] = None
     version: Annotated[str | None, "-", "of stabctl"] = None
 
 
-ABOUT = ("wall_s", "worker", "finished", "version")  # columns that tell of the work, not of the system
+ABOUT = ("wall_s", "worker", "finished", "version")  # columns about the computation, not the system
 
 
 class Row(NamedTuple):
@@ -47,7 +47,7 @@ class Row(NamedTuple):
 
 
 def signed(result: Result, **about: Any) -> Result:
-    """The result with its instant and the version of the package."""
+    """The result with its time of completion and the version of the package."""
     return result._replace(
         finished=datetime.now(UTC).isoformat(timespec="milliseconds"), version=version("stabctl"), **about
     )

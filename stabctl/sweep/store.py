@@ -1,9 +1,10 @@
-"""The results file: SQLite with a write-ahead log, a transaction a row, keyed by the content of the job.
+"""The results file: SQLite with a write-ahead log, one transaction per row, keyed by the content of the job.
 
-With synchronous = FULL a commit in the log is on the disk when it returns: neither a killed process nor lost power
-takes a row that was there or spoils the file; a commit cut short is as if it had not begun.
+With synchronous = FULL a committed row is on the disk: neither a killed process nor a power failure loses it or damages
+the file, and an interrupted commit has no effect.
 """
 
+import json
 import os
 import sqlite3
 from collections.abc import Iterator
@@ -18,30 +19,30 @@ from .job import FORMAT, Job
 from .result import Result, Row
 
 OURS = int.from_bytes(b"STAB")  # application_id of the file
-PATIENCE = 30.0  # s   waited for a file that another process holds
+PATIENCE = 30.0  # s   to wait for a file that another process has locked
 JOB = tuple(f.column for f in fields(Job).values())
 RESULT = tuple(f.column for f in fields(Result).values())
 COLUMNS = ("key", *JOB, *RESULT)
 
 SENTENCES = {
-    "SQLITE_FULL": "the disk is full; free some space and run the same command again, which goes on with what is there",
-    "SQLITE_IOERR": "it cannot be written or read (disk full, or failing); the rows so far are kept: run the same "
-    "command again when there is space",
-    "SQLITE_BUSY": "another program holds it; wait until that one is done, or close it",
-    "SQLITE_LOCKED": "another program holds it; wait until that one is done, or close it",
-    "SQLITE_NOTADB": "it is not a results file; name another one",
-    "SQLITE_CORRUPT": "it is damaged; keep a copy, and name another file",
-    "SQLITE_READONLY": "it may not be written; give yourself the right, or name another file",
-    "SQLITE_CANTOPEN": "it cannot be opened or made; name a file in a folder that exists and may be written",
+    "SQLITE_FULL": "the disk is full; free some space and run the same command again to continue with the rows so far",
+    "SQLITE_IOERR": "it cannot be read or written (is the disk full?); the rows so far are kept: run the same command "
+    "again when there is space",
+    "SQLITE_BUSY": "another program has locked it; wait until it is done, or close it",
+    "SQLITE_LOCKED": "another program has locked it; wait until it is done, or close it",
+    "SQLITE_NOTADB": "it is not a results file; choose another one",
+    "SQLITE_CORRUPT": "it is damaged; keep a copy, and choose another file",
+    "SQLITE_READONLY": "it is read-only; change its permissions, or choose another file",
+    "SQLITE_CANTOPEN": "it cannot be opened or created; choose a file in a folder that exists and is writable",
 }
 
 
 class Store:
-    """A results file open for writing; made where there is none. `StudyError` where it is not ours or not usable."""
+    """A results file open for writing, created if missing. Raises StudyError if the file cannot be used."""
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        with _told(self.path):
+        with _explained(self.path):
             self._base = sqlite3.connect(self.path, timeout=PATIENCE, isolation_level=None)
             try:
                 self._open()
@@ -69,63 +70,64 @@ class Store:
         self._base.close()
 
     def add(self, row: Row) -> None:
-        """Keep a row, for the one of the same key."""
+        """Write a row; it replaces one with the same key."""
         given = row.job.given()
         values = (row.key, *(given.get(column) for column in JOB), *row.result)
-        with _told(self.path):
+        with _explained(self.path):
             self._base.execute(f"INSERT OR REPLACE INTO results VALUES ({', '.join('?' * len(values))})", values)
 
     def statuses(self) -> dict[str, str]:
         """Key -> status of every row."""
-        with _told(self.path):
+        with _explained(self.path):
             return dict(self._base.execute("SELECT key, status FROM results"))
 
 
 def rows(path: str | Path) -> list[dict[str, Any]]:
-    """Every row of a results file, column -> value; the file is only read, also while a sweep writes it."""
+    """Every row of a results file, column -> value; also while a sweep writes it."""
     path = Path(path)
     if not path.is_file():
-        raise StudyError(f"There is no results file {path}; write one with stabctl sweep run STUDY.toml --out {path}.")
-    with _told(path):
+        raise StudyError(f"There is no results file {path}; create it with stabctl sweep run STUDY.toml --out {path}.")
+    with _explained(path):
         base = sqlite3.connect(f"{path.resolve().as_uri()}?{_reading(path.resolve())}", uri=True, timeout=PATIENCE)
         try:
             if not _is_ours(base, path):
                 return []
             found = base.execute("SELECT * FROM results")
             names = [column[0] for column in found.description]
-            return [dict(zip(names, row, strict=True)) for row in found]
+            rows = [dict(zip(names, row, strict=True)) for row in found]
+            return [row | {"set": json.loads(row["set"] or "null")} for row in rows]
         finally:
             base.close()
 
 
 def _reading(path: Path) -> str:
-    """How a file is opened to be read: SQLite wants its log beside it, which in a folder of others it cannot make."""
+    """How to open a file for reading: SQLite creates a log beside it, which it cannot do in a read-only folder."""
     logged = path.with_name(f"{path.name}-wal").exists()
     return "mode=ro" if logged or os.access(path.parent, os.W_OK) else "mode=ro&immutable=1"
 
 
 def _is_ours(base: sqlite3.Connection, path: Path) -> bool:
-    """Is it a results file, undamaged, of this format? False where it is empty."""
+    """Whether it is an undamaged results file of this format; False if it is empty."""
     ((owner,), (format_,)) = (base.execute(f"PRAGMA {name}").fetchone() for name in ("application_id", "user_version"))
     if owner == OURS:
         if format_ != FORMAT:
             raise StudyError(
-                f"{path}: its rows have format {format_}, this stabctl writes {FORMAT}; name another file."
+                f"{path}: its rows have format {format_}, this version of stabctl uses {FORMAT}; choose another file."
             )
         if base.execute("PRAGMA quick_check(1)").fetchone() != ("ok",):
             raise StudyError(f"{path}: {SENTENCES['SQLITE_CORRUPT']}.")
         return True
     if owner or base.execute("SELECT count(*) FROM sqlite_master").fetchone() != (0,):
-        raise StudyError(f"{path}: it is a database of another program; name another file.")
+        raise StudyError(f"{path}: it is a database of another program; choose another file.")
     return False
 
 
 @contextmanager
-def _told(path: Path) -> Iterator[None]:
-    """What SQLite complains of, as a sentence."""
+def _explained(path: Path) -> Iterator[None]:
+    """An error of SQLite as a sentence."""
     try:
         yield
     except sqlite3.Error as error:
         name = getattr(error, "sqlite_errorname", "")
-        said = next((text for start, text in SENTENCES.items() if name.startswith(start)), f"SQLite says {error}")
+        said = next((text for start, text in SENTENCES.items() if name.startswith(start)), f"SQLite reports: {error}")
         raise StudyError(f"{path}: {said}.") from None

@@ -1,7 +1,4 @@
-"""Importing this readies the machine code, compiling it where it is not on disk: a fork server does so for its workers.
-
-It stands alone so that nothing else pays for it.
-"""
+"""Importing this module loads the machine code, compiling it if necessary; a fork server does so for its workers."""
 
 from stabctl import io
 from stabctl.dynamics import operating_point

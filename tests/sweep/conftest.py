@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from stabctl.sweep.result import ABOUT
-from stabctl.sweep.run import run
 from stabctl.sweep.store import rows
+from stabctl.sweep.sweep import run_sweep
 
 TINY = """
 kind = "clearing-time"
@@ -51,7 +51,7 @@ def undisturbed(tmp_path_factory):
     """Results file of the tiny study, two workers, nobody killed."""
     folder = tmp_path_factory.mktemp("undisturbed")
     (folder / "study.toml").write_text(TINY)
-    summary = run(folder / "study.toml", folder / "results.db", workers=2)
+    summary = run_sweep(folder / "study.toml", folder / "results.db", workers=2)
     assert (summary.jobs, summary.done, summary.errors, summary.interrupted) == (12, 12, 0, False)
     return folder / "results.db"
 

@@ -8,9 +8,9 @@ from concurrent.futures import CancelledError, Future
 import pytest
 
 from stabctl.errors import StudyError
-from stabctl.sweep import cluster, study
-from stabctl.sweep.run import run
+from stabctl.sweep import cluster, study_file
 from stabctl.sweep.store import rows
+from stabctl.sweep.sweep import run_sweep
 from stabctl.sweep.task import tasks
 
 from .conftest import TINY
@@ -52,11 +52,11 @@ def test_rows_are_those_of_this_machine(scheduler, write, facts, undisturbed, tm
     client, start = scheduler
     address = client.scheduler.address
     with pytest.raises(StudyError, match="has no workers"):
-        run(write(TINY), tmp_path / "results.db", dask=address)
+        run_sweep(write(TINY), tmp_path / "results.db", dask=address)
     words = ("--nthreads", "1", "--nworkers", "1", "--host", "127.0.0.1", "--no-nanny")
     workers = [start("dask_worker", *words) for _ in range(2)]
     client.wait_for_workers(2, timeout=60)
-    summary = run(write(TINY), tmp_path / "results.db", dask=address)
+    summary = run_sweep(write(TINY), tmp_path / "results.db", dask=address)
     assert (summary.done, summary.errors) == (12, 0)
     assert facts(tmp_path / "results.db") == facts(undisturbed)
     assert len({row["worker"] for row in rows(tmp_path / "results.db")}) == 2
@@ -65,19 +65,19 @@ def test_rows_are_those_of_this_machine(scheduler, write, facts, undisturbed, tm
         if done == 3:
             workers[0].kill()
 
-    assert run(write(TINY), tmp_path / "again.db", dask=address, progress=kill).done == 12
+    assert run_sweep(write(TINY), tmp_path / "again.db", dask=address, progress=kill).done == 12
     assert facts(tmp_path / "again.db") == facts(undisturbed)
 
 
 @pytest.mark.parametrize(
     ("raised", "says"),
     [
-        (CancelledError(), "went away; run the same command again"),
+        (CancelledError(), "stopped; run the same command again"),
         (ModuleNotFoundError("No module named 'stabctl'"), "No module named 'stabctl'"),
     ],
 )
 def test_what_befalls_the_cluster_is_a_sentence(write, raised, says):
-    (task, *_), future = tasks(study.read(write(TINY)), "study.toml"), Future()
+    (task, *_), future = tasks(study_file.read(write(TINY)), "study.toml"), Future()
     future.set_exception(raised)
     with pytest.raises(StudyError, match=says):
         cluster._row(future, task, "tcp://h:1", KeyError)
@@ -94,10 +94,10 @@ def test_no_scheduler_answers(write, tmp_path, monkeypatch):
         ("", "not the address"),
     ):
         with pytest.raises(StudyError, match=says):
-            run(write(TINY), tmp_path / "results.db", dask=address)
+            run_sweep(write(TINY), tmp_path / "results.db", dask=address)
 
 
 def test_without_dask(write, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(StudyError, match=r"pip install 'stabctl\[cluster\]'"):
-        run(write(TINY), tmp_path / "results.db", dask="tcp://127.0.0.1:9")
+        run_sweep(write(TINY), tmp_path / "results.db", dask="tcp://127.0.0.1:9")

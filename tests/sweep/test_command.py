@@ -22,7 +22,7 @@ def test_table_4_of_the_paper(stabctl, tmp_path):
     )
 
 
-def test_a_sweep_goes_on_where_it_stood_and_tells_of_errors(stabctl, write, tmp_path):
+def test_a_sweep_continues_and_reports_errors(stabctl, write, tmp_path):
     study, out = write(PAIR + "until_s = [1.01, 1.5]"), tmp_path / "results.db"
     code, printed, said = stabctl("sweep", "run", study, "--out", out, "--workers", 1)
     assert (code, printed) == (1, "")
@@ -30,10 +30,10 @@ def test_a_sweep_goes_on_where_it_stood_and_tells_of_errors(stabctl, write, tmp_
     assert "1 ended in an error" in said
     code, _, said = stabctl("sweep", "run", study, "--out", out)
     assert code == 1
-    assert "2 of 2 jobs done, 2 of them from before" in said
+    assert "2 of 2 jobs done (2 of them earlier)" in said
     code, _, said = stabctl("sweep", "run", study, "--out", out, "--retry", "--workers", 1)
     assert code == 1
-    assert "2 of 2 jobs done, 1 of them from before" in said
+    assert "2 of 2 jobs done (1 of them earlier)" in said
     code, printed, _ = stabctl("sweep", "show", out)
     assert code == 0
     assert "1 ok, 1 with an error" in printed
@@ -42,7 +42,7 @@ def test_a_sweep_goes_on_where_it_stood_and_tells_of_errors(stabctl, write, tmp_
     assert stabctl("sweep", "run", more, "--out", out)[0] == 0  # the row is there, and no error
 
 
-def test_show_prints_what_varies_and_writes_all(stabctl, undisturbed, tmp_path):
+def test_show_prints_what_varies_and_writes_everything(stabctl, undisturbed, tmp_path):
     code, printed, err = stabctl("sweep", "show", undisturbed, "--csv", tmp_path / "all.csv")
     assert (code, err) == (0, "")
     assert "12 ok, 0 with an error" in printed
@@ -54,7 +54,7 @@ def test_show_prints_what_varies_and_writes_all(stabctl, undisturbed, tmp_path):
     with (tmp_path / "all.csv").open() as file:
         table = list(csv.DictReader(file))
     assert (record["ok"], record["errors"], len(table)) == (12, 0, 12)
-    assert set(table[0]) == set(record["rows"][0])
+    assert set(table[0]) == set(record["rows"][0]) - {"set"}  # changes of the case have columns of their own
     assert [row["storage"] for row in record["rows"][:4]] == ["20MW", "50MW", "100MW", "none"]
     assert [float(row["cycles"]) for row in table] == [row["cycles"] for row in record["rows"]]
 
@@ -64,7 +64,7 @@ def test_show_prints_what_varies_and_writes_all(stabctl, undisturbed, tmp_path):
     [
         (("run", "missing.toml", "--out", "x.db"), "missing.toml"),
         (("run", "{study}"), "--out"),
-        (("run", "{study}", "--out", "nowhere/x.db"), "cannot be opened or made"),
+        (("run", "{study}", "--out", "nowhere/x.db"), "cannot be opened or created"),
         (("run", "{study}", "--out", "x.db", "--workers", 0), "0 workers"),
         (("run", "{study}", "--out", "x.db", "--workers", 1, "--dask", "tcp://h:1"), "exclude"),
         (("run", "{study}", "--out", "{study}"), "not a results file"),
@@ -81,3 +81,15 @@ def test_a_mistake_is_one_line(stabctl, write, tmp_path, monkeypatch, words, say
     assert (code, out) == (2, "")
     assert len(err.splitlines()) == 1
     assert says in err
+
+
+def test_changes_of_the_case_are_columns(stabctl, write, tmp_path):
+    study, out = write(PAIR + 'until_s = 1.5\nset."genrou.1.H" = [6.5, 13]'), tmp_path / "results.db"
+    assert stabctl("sweep", "run", study, "--out", out, "--workers", 1)[0] == 0
+    printed = stabctl("sweep", "show", out)[1]
+    assert "genrou.1.H" in printed
+    record = json.loads(stabctl("sweep", "show", out, "--json")[1])
+    assert [row["set"] for row in record["rows"]] == [{"genrou.1.H": 6.5}, {"genrou.1.H": 13}]
+    assert stabctl("sweep", "show", out, "--csv", tmp_path / "all.csv")[0] == 0
+    with (tmp_path / "all.csv").open() as file:
+        assert [float(row["genrou.1.H"]) for row in csv.DictReader(file)] == [6.5, 13]

@@ -9,9 +9,9 @@ from contextlib import closing
 
 import pytest
 
-from stabctl.sweep import pool, study
-from stabctl.sweep.run import run
+from stabctl.sweep import pool, study_file
 from stabctl.sweep.store import rows
+from stabctl.sweep.sweep import run_sweep
 from stabctl.sweep.task import Task, tasks
 
 from .conftest import TINY, alive
@@ -31,7 +31,7 @@ def test_a_killed_worker_is_replaced_and_its_job_done_again(write, facts, undist
             killed.append(max(workers(out)))
             os.kill(killed[-1], signal.SIGKILL)
 
-    summary = run(write(TINY), out, workers=2, progress=kill)
+    summary = run_sweep(write(TINY), out, workers=2, progress=kill)
     assert (summary.done, summary.errors) == (12, 0)
     assert len(set(killed)) == 2
     assert len(workers(out)) >= 3  # those that were killed, and others
@@ -46,7 +46,7 @@ class Deadly:
 
 
 def test_a_job_that_kills_its_worker_again_and_again_is_an_error_row(write):
-    good, bad, *more = tasks(study.read(write(TINY)), "study.toml")
+    good, bad, *more = tasks(study_file.read(write(TINY)), "study.toml")
     found = {row.key: row.result for row in pool.rows([good, Task(bad.key, bad.job, Deadly()), *more[:2]], workers=2)}
     assert [found[t.key].status for t in (good, bad, *more[:2])] == ["ok", "error", "ok", "ok"]
     assert "died 3 times" in found[bad.key].message
@@ -54,7 +54,7 @@ def test_a_job_that_kills_its_worker_again_and_again_is_an_error_row(write):
 
 
 def test_closing_the_iterator_ends_the_workers(write):
-    with closing(pool.rows(tasks(study.read(write(TINY)), "study.toml"), workers=2)) as found:
+    with closing(pool.rows(tasks(study_file.read(write(TINY)), "study.toml"), workers=2)) as found:
         pid = int(next(found).result.worker.rpartition(":")[2])
         assert alive(pid)
     assert not alive(pid)
@@ -74,7 +74,7 @@ def test_a_killed_parent_leaves_no_process_and_no_gap(write, facts, undisturbed,
     assert not [pid for pid in started if alive(pid)]
     kept = {row["key"]: row for row in rows(one.out)}
     assert 2 <= len(kept) < 12
-    again = run(write(TINY), one.out, workers=2)
+    again = run_sweep(write(TINY), one.out, workers=2)
     assert (again.before, again.done) == (len(kept), 12 - len(kept))
     assert facts(one.out) == facts(undisturbed)
     assert {row["key"]: row for row in rows(one.out) if row["key"] in kept} == kept  # not done again
@@ -94,7 +94,7 @@ def test_ctrl_c_ends_a_sweep_cleanly(write, facts, undisturbed, sweep, tmp_path)
     assert "run the same command again" in said
     time.sleep(0.5)
     assert not [pid for pid in started if alive(pid)]
-    run(write(TINY), one.out, workers=2)
+    run_sweep(write(TINY), one.out, workers=2)
     assert facts(one.out) == facts(undisturbed)
 
 
@@ -111,7 +111,7 @@ def test_a_full_disk_is_a_sentence_and_the_rows_so_far_are_kept(write, facts, un
     assert "run the same command again" in said
     kept = len(one.rows())
     assert 0 < kept < 12
-    again = run(write(TINY), one.out, workers=2)
+    again = run_sweep(write(TINY), one.out, workers=2)
     assert (again.before, again.done) == (kept, 12 - kept)
     assert facts(one.out) == facts(undisturbed)
 

@@ -86,7 +86,7 @@ def test_a_file_that_another_holds(tmp_path, monkeypatch):
     with Store(path) as kept:
         holder = sqlite3.connect(path, isolation_level=None)
         holder.execute("BEGIN IMMEDIATE")
-        with pytest.raises(StudyError, match="another program holds it"):
+        with pytest.raises(StudyError, match="another program has locked it"):
             kept.add(row("a"))
         holder.execute("ROLLBACK")
         holder.close()
@@ -111,7 +111,7 @@ def test_a_full_disk_keeps_what_was_there(tmp_path):
 
 def test_places_where_no_file_can_be(tmp_path):
     for path in (tmp_path / "nowhere" / "results.db", tmp_path):
-        with pytest.raises(StudyError, match="cannot be opened or made"):
+        with pytest.raises(StudyError, match="cannot be opened or created"):
             Store(path)
     with pytest.raises(StudyError, match="There is no results file"):
         rows(tmp_path / "missing.db")

@@ -8,7 +8,7 @@ from stabctl.dynamics import operating_point
 from stabctl.estimation.estimate import estimate
 from stabctl.model import fleet
 from stabctl.simulation.contingency import Contingency
-from stabctl.sweep import perform, study
+from stabctl.sweep import run_job, study_file
 from stabctl.sweep.task import tasks
 
 SIMULATE = 'kind = "simulate"\ncase = "two_area"\nfault = "7"\ntrip = "7-8"\nclear = "11cyc"\nuntil_s = 3\n'
@@ -18,7 +18,7 @@ SIMULATE = 'kind = "simulate"\ncase = "two_area"\nfault = "7"\ntrip = "7-8"\ncle
 def results(write):
     def of(text):
         path = write(text)
-        return [perform.perform(task).result for task in tasks(study.read(path), path)]
+        return [run_job.run_job(task).result for task in tasks(study_file.read(path), path)]
 
     return of
 
@@ -64,15 +64,30 @@ def test_what_a_job_is_refused_for_is_in_its_row(results):
     )
     assert [r.status for r in (late, controlled, good)] == ["error", "error", "ok"]
     assert "after its last event" in late.message
-    assert "drives a control law" in controlled.message
+    assert "needs a control law" in controlled.message
     assert good.outcome == "lost_synchronism"
     assert good.worker
     assert good.version
     assert good.wall > 0
 
 
+@pytest.mark.parametrize("estimator", ["ideal", "kalman"])
+@pytest.mark.parametrize("ends", ["until_s = 0.8\nat_s = 1.0", "until_s = 1e-10\nat_s = 0.0"])
+def test_a_run_that_ends_before_the_fault_is_refused(results, estimator, ends):
+    head = SIMULATE.replace("until_s = 3\n", "")
+    (result,) = results(f'{head}estimator = "{estimator}"\nstorage = "50MW"\n{ends}')
+    assert result.status == "error"
+    assert "must end after its last event" in result.message
+
+
+def test_a_parameter_of_the_case_changes_the_result(results):
+    found = results(SIMULATE.replace("11cyc", "5cyc") + 'set."genrou.1.H" = [6.5, 13]')
+    assert {r.status for r in found} == {"ok"}
+    assert found[0].max_angle_from_coi != found[1].max_angle_from_coi
+
+
 def test_a_failure_that_must_not_be_is_marked_as_one(results, monkeypatch):
-    monkeypatch.setattr(perform, "run", lambda *_: 1 / 0)
+    monkeypatch.setattr(run_job, "simulate", lambda *_, **__: 1 / 0)
     (result,) = results(SIMULATE)
     assert result.status == "bug"
     assert result.message.startswith("ZeroDivisionError: division by zero.")

@@ -1,0 +1,119 @@
+"""The rows of a results file, and a table of what varies and what was found."""
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stabctl._util import tables
+from stabctl.schema import fields
+
+from . import store
+from .job import Job
+from .result import ABOUT
+from .store import JOB, RESULT
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+DEFAULTS = {f.column: f.default for f in fields(Job).values()}
+
+
+@dataclass(frozen=True, repr=False)
+class Results:
+    """The rows of a results file, in order; changes of the case are columns of their own in tables, as `pss.1.K`."""
+
+    rows: tuple[dict[str, Any], ...]
+
+    @cached_property
+    def inputs(self) -> tuple[str, ...]:
+        """Columns of the jobs."""
+        changes = dict.fromkeys(path for row in self.rows for path in _changes(row))
+        return tuple(name for column in JOB for name in (changes if column == "set" else [column]))
+
+    @cached_property
+    def varying(self) -> tuple[str, ...]:
+        """Columns of the jobs that differ between rows."""
+        return tuple(c for c in self.inputs if len({_value(row, c) for row in self.rows}) > 1)
+
+    @cached_property
+    def common(self) -> dict[str, Any]:
+        """Column -> value, of the columns that are the same in every row and not the default."""
+        shared = ((c, _value(row, c)) for row in self.rows[:1] for c in self.inputs if c not in self.varying)
+        return {c: value for c, value in shared if value not in (None, DEFAULTS.get(c))}
+
+    @cached_property
+    def columns(self) -> tuple[str, ...]:
+        """What varies and what was found."""
+        found = [c for c in RESULT if c not in (*ABOUT, "message") and any(row[c] is not None for row in self.rows)]
+        return (*self.varying, *(c for c in found if c != "status" or self.errors))
+
+    @cached_property
+    def cells(self) -> tuple[tuple[Any, ...], ...]:
+        """A row for every job, of `columns`."""
+        return tuple(tuple(_value(row, c) for c in self.columns) for row in self.rows)
+
+    @cached_property
+    def errors(self) -> tuple[tuple[str, str], ...]:
+        """What varies in each job that failed, and its message."""
+        wrong = [row for row in self.rows if row["status"] != "ok"]
+        return tuple((", ".join(f"{c} {_value(row, c)}" for c in self.varying), row["message"]) for row in wrong)
+
+    @property
+    def df(self) -> "pd.DataFrame":
+        """Every column of every row."""
+        import pandas as pd
+
+        names = ("key", *self.inputs, *RESULT)
+        return pd.DataFrame([[_value(row, c) for c in names] for row in self.rows], columns=names)
+
+    def save(self, path: str | Path) -> Path:
+        """Write every column of every row to a .csv file; the path."""
+        return tables.save(self.df, path)
+
+    def __str__(self) -> str:
+        return f"{len(self.rows) - len(self.errors)} ok, {len(self.errors)} with an error"
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        import pandas as pd
+
+        head = ", ".join(f"{c} {value}" for c, value in self.common.items())
+        return tables.html(f"{head}\n{self}", pd.DataFrame(self.cells, columns=self.columns))
+
+
+def read(path: str | Path) -> Results:
+    """The rows of a results file. Raises StudyError if there is no such file or it is not a results file."""
+    return Results(in_order(store.rows(path)))
+
+
+def cell(column: str, value: object) -> str:
+    """A value of a results file in a table."""
+    if column == "monotone" and value is not None:
+        return "yes" if value else "no"
+    return "" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value).replace("_", " ")
+
+
+def in_order(rows: Iterable[dict[str, Any]]) -> tuple[dict[str, Any], ...]:
+    """The rows sorted by their jobs, numbers in text by their size: 5%mva before 10%mva."""
+    return tuple(sorted(rows, key=lambda row: [_natural(row[c]) for c in JOB]))
+
+
+def _changes(row: dict[str, Any]) -> dict[str, Any]:
+    return row["set"] or {}
+
+
+def _value(row: dict[str, Any], column: str) -> Any:
+    return row[column] if column in row else _changes(row).get(column)
+
+
+def _natural(value: object) -> list[tuple[int, Any]]:
+    """A key that sorts None first, numbers by size, and text by its words and the numbers in it."""
+    if value is None:
+        return []
+    value = str(value) if isinstance(value, dict) else value
+    parts = re.split(r"(\d+(?:\.\d+)?(?:e[+-]?\d+)?)", value) if isinstance(value, str) else ["", value]
+    return [(1, part) if k % 2 == 0 else (0, float(part)) for k, part in enumerate(parts) if k % 2 or part]

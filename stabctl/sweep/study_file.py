@@ -1,0 +1,129 @@
+"""A study file (TOML) and its jobs.
+
+A key with a list, or with a grid { from, to, count | step, text }, is combined with every other one. The table `set`
+changes the case: set."pss.1.K" = [5, 10, 20]. Each [[job]] is a group of keys that replaces or adds to those above it,
+for values that belong together; the study is the union of its groups.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from functools import cache
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any, Literal, NoReturn, get_args
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
+from pydantic_core import PydanticCustomError
+
+from stabctl import schema, units
+from stabctl._util import toml_file
+from stabctl.errors import StudyError
+
+from . import grid
+from .job import Job, JobKind, changed, columns
+
+MOST = grid.MOST  # jobs of a study
+NEEDED: dict[JobKind, tuple[str, ...]] = {"clearing-time": ("case", "fault"), "simulate": ("case", "clear")}
+STRICT = ConfigDict(extra="forbid", strict=True)
+
+
+def read(path: str | Path) -> tuple[Job, ...]:
+    """The jobs of a study file, each once. Raises StudyError with file, key and value of the first mistake."""
+    path = Path(path)
+    content = toml_file.read(path, "study file")
+    groups = content.pop("job", [{}])
+    if not (isinstance(groups, list) and groups and all(isinstance(group, dict) for group in groups)):
+        raise StudyError(f"{path}, job: write groups of keys as tables under [[job]].")
+    jobs: dict[Job, None] = {}
+    for number, group in enumerate(groups, 1):
+        where = f"{path}, job {number}" if len(groups) > 1 else f"{path}"
+        both = content | group
+        if isinstance(content.get("set"), dict) and isinstance(group.get("set"), dict):
+            both["set"] = content["set"] | group["set"]
+        jobs.update(dict.fromkeys(_jobs(where, both)))
+        if len(jobs) > MOST:
+            _too_many(where)
+    return tuple(jobs)
+
+
+def _jobs(where: str, keys: dict[str, Any]) -> Iterator[Job]:
+    """Every combination of the values of a group."""
+    kind = keys.get("kind")
+    if kind not in get_args(JobKind):
+        what = f", kind = {kind!r}: it" if "kind" in keys else ": kind is missing; it"
+        raise StudyError(f"{where}{what} must be one of {', '.join(get_args(JobKind))}.")
+    found = toml_file.validated(_model(kind), keys, where)
+    values = {name: getattr(found, f.column) for name, f in columns(kind).items() if f.column in keys and name != "set"}
+    changes: dict[str, list[Any]] = found.set
+    if math.prod(map(len, (*values.values(), *changes.values()))) > MOST:
+        _too_many(where)
+    for chosen in product(*values.values(), *changes.values()):
+        own, case = chosen[: len(values)], chosen[len(values) :]
+        yield Job(**dict(zip(values, own, strict=True)), set=changed(dict(zip(changes, case, strict=True))))
+
+
+@cache
+def _model(kind: JobKind) -> type[BaseModel]:
+    """The keys of a study of this kind, each with its alternatives."""
+    keys: dict[str, Any] = {}
+    for name, f in columns(kind).items():
+        if name == "set":
+            continue
+        default = Field(... if f.column in NEEDED[kind] else [], description=f"{f.expected()} ({f.meaning})")
+        values = Annotated[list[_type(f)], Field(min_length=1), BeforeValidator(_alternatives(f))]
+        keys[f.column] = (values, default)
+    changes = Annotated[dict[str, list[float | int | str]], BeforeValidator(_changes)]
+    keys["set"] = (changes, Field({}, description='a number or text, as in set."pss.1.K" = [5, 10, 20]'))
+    return create_model(f"{kind} study", __config__=STRICT, **keys)
+
+
+def _type(f: schema.Field) -> Any:
+    """One value of a key, for pydantic."""
+    if f.choices:
+        return Literal[f.choices]
+    if f.kind is str:
+        return Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f]*$")]
+    finite = {"allow_inf_nan": False} if f.kind is float else {}
+    return Annotated[f.kind, Field(**f.limits, **finite)]
+
+
+def _alternatives(f: schema.Field) -> Callable[[object], list[Any]]:
+    """What lists the alternatives of a key: those of a list and of the grids in it, or the one value."""
+
+    def listed(value: object) -> list[Any]:
+        return [_converted(f, one) for one in grid.expanded(value, text=f.kind is str)]
+
+    return listed
+
+
+def _converted(f: schema.Field, value: object) -> object:
+    """A value in the type of its key: a bus number as text, a whole number, text with a unit as a number."""
+    if f.kind is str and type(value) is int:
+        return str(value)
+    if f.kind is int and isinstance(value, float) and value.is_integer():
+        return int(value)
+    if f.kind is float and isinstance(value, str):
+        try:
+            return units.quantity(value, f.unit, bare=False)
+        except StudyError:
+            return value
+    return value
+
+
+def _changes(given: object) -> dict[str, list[Any]]:
+    """Path -> alternatives, from quoted paths or from nested tables."""
+    if not isinstance(given, dict):
+        raise PydanticCustomError("custom", 'write it as set."pss.1.K" = [5, 10, 20]')
+    found: dict[str, list[Any]] = {}
+    for key, value in given.items():
+        if isinstance(value, dict) and not grid.is_grid(value):
+            found |= {f"{key}.{path}": values for path, values in _changes(value).items()}
+        else:
+            found[key] = grid.expanded(value)
+            if not found[key]:
+                raise PydanticCustomError("custom", f"set.{key} = []: it must have at least one value")
+    return found
+
+
+def _too_many(where: str) -> NoReturn:
+    raise StudyError(f"{where}: the study has more than {MOST} jobs; split it into several files.")

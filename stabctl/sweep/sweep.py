@@ -1,0 +1,131 @@
+"""A sweep: the tasks of a study that the results file does not have, run and stored one by one."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from stabctl._util import cores
+from stabctl._util.wording import counted
+from stabctl.errors import StudyError
+
+from . import pool, results, study_file
+from .result import Row
+from .store import Store
+from .task import Task, tasks
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """How a sweep went; the results are in its file."""
+
+    path: Path
+    jobs: int  # of the study
+    before: int  # that were in the file already
+    done: int  # by this sweep
+    errors: int  # jobs of the study that ended in an error
+    interrupted: bool
+    warnings: tuple[str, ...]  # about the cases
+    wall_s: float
+
+    @property
+    def results(self) -> results.Results:
+        """Every row of the results file."""
+        return results.read(self.path)
+
+    @property
+    def df(self) -> "pd.DataFrame":
+        """Every column of every row of the results file."""
+        return self.results.df
+
+    def __str__(self) -> str:
+        earlier = f" ({self.before} of them earlier)" if self.before else ""
+        done = f"{self.before + self.done} of {counted(self.jobs, 'job')} done{earlier}"
+        text = f"{self.path}: {done} in {self.wall_s:.1f} s"
+        if self.errors:
+            text += f"; {self.errors} ended in an error, which --retry runs again"
+        return text + ("; interrupted: run the same command again to continue." if self.interrupted else ".")
+
+
+def run_sweep(
+    study: str | Path,
+    out: str | Path,
+    *,
+    workers: int | None = None,
+    dask: str | None = None,
+    retry: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> Sweep:
+    """Run the jobs of a study file that the results file does not have.
+
+    Call it below `if __name__ == "__main__":` in a script, because the workers import the script. Ctrl-C ends it
+    cleanly; calling it again continues.
+
+    Parameters
+    ----------
+    study : str or Path
+        The study file (TOML).
+    out : str or Path
+        The results file (SQLite), created if missing.
+    workers : int, optional
+        Processes on this machine, one per core by default.
+    dask : str, optional
+        Scheduler of a Dask cluster instead: "tcp://host:8786".
+    retry : bool
+        Run jobs again that ended in an error.
+    progress : callable, optional
+        Called with the number of jobs done and of all jobs.
+
+    Returns
+    -------
+    Sweep
+
+    Raises
+    ------
+    StudyError
+        For a study, a results file or a cluster that cannot be used; every row up to then is kept.
+    """
+    if workers is not None and dask is not None:
+        raise StudyError("workers and dask exclude each other; give one of them.")
+    began, workers = time.perf_counter(), cores.used(workers)
+    wanted = tasks(study_file.read(study), study)
+    with Store(out) as store:
+        before = store.statuses()
+        missing = [t for t in wanted if t.key not in before or (retry and before[t.key] != "ok")]
+        there, interrupted = len(wanted) - len(missing), False
+        try:
+            if progress:
+                progress(there, len(wanted))
+            with closing(_rows(missing, workers, dask)) as rows:
+                for done, row in enumerate(rows, 1):
+                    store.add(row)
+                    if progress:
+                        progress(there + done, len(wanted))
+        except KeyboardInterrupt:
+            interrupted = True
+        after = store.statuses()
+    found = [after[t.key] for t in wanted if t.key in after]
+    return Sweep(
+        Path(out),
+        len(wanted),
+        there,
+        len(found) - there,
+        sum(status != "ok" for status in found),
+        interrupted,
+        tuple(dict.fromkeys(sentence for t in wanted for sentence in t.case.warnings)),
+        time.perf_counter() - began,
+    )
+
+
+def _rows(missing: list[Task], workers: int, dask: str | None) -> Iterator[Row]:
+    if missing and dask is None:
+        yield from pool.rows(missing, workers)
+    elif missing:
+        from . import cluster
+
+        yield from cluster.rows(missing, dask)
