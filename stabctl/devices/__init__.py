@@ -4,10 +4,12 @@ A device is a module with NAME, ROLE, Par, and as far as it has them State, Inpu
 `Annotated` with unit and meaning) and the equations as scalar functions of x (State), u (Input), v (bus voltage, real
 and imaginary part), y (its own Output) and p (Par), each marked `@inline`:
 
+    internal(x, p)    -> Internal, what several equations share; they read it as i
     output(...)       -> Output
     derivatives(...)  -> State, the state rates in 1/s
     source(...)       -> Norton current of a voltage source (system base), beside admittance(p)
     current(...)      -> current into the bus (system base) of what is not such a source
+    prepare(p)        -> Par, with the constants that follow from others
     guess(V, I, p)    -> State to start the initialization from
     step(...)         -> Output once per frame, of a sampled law
 

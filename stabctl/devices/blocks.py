@@ -64,15 +64,21 @@ def circuit_rate(T, drive, x):
     return drive / T if T > 0 else 0 * x
 
 
-@inline
-def quadratic_saturation(x, x1, s1, x2, s2):
-    """Extra excitation B (x - A)^2 for x > A, through the points (x1, s1*x1) and (x2, s2*x2)."""
-    ratio = np.sqrt(s1 * x1 / (s2 * x2))
+def through(x1, s1, x2, s2):
+    """A and B of the saturation B (x - A)^2 through (x1, s1 x1) and (x2, s2 x2); 0, 0 where s2 = 0 (none)."""
+    if s2 <= 0:
+        return 0.0, 0.0
+    ratio = float(np.sqrt(s1 * x1 / (s2 * x2)))
     start = (x1 - ratio * x2) / (1 - ratio)
-    if x.real <= start:
+    return start, s2 * x2 / (x2 - start) ** 2
+
+
+@inline
+def quadratic(x, A, B):
+    """Extra excitation B (x - A)^2 for x > A."""
+    if x.real <= A:
         return 0 * x
-    slope = s2 * x2 / ((x2 - start) * (x2 - start))
-    return slope * (x - start) * (x - start)
+    return B * (x - A) * (x - A)
 
 
 @inline

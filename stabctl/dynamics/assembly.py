@@ -175,6 +175,7 @@ def _unit_row(case: Case, device: ModuleType, unit: int, key: Any, par: Any, net
     m = case.machines[unit]
     given = {"mva": m.base / case.base_mva, "wb": 2 * np.pi * case.frequency_hz}
     par = par._replace(**{name: value for name, value in given.items() if name in par._fields})
+    par = device.prepare(par) if hasattr(device, "prepare") else par
     bus = int(net.machine_bus[unit])
     return Row(unit, bus, bus, par, f"{device.NAME} {key}", f"machine {m.machine} at bus {m.bus}")
 
@@ -304,7 +305,7 @@ class _Wiring:
         self.first_output: dict[str, int] = {}
         for name, rows in self.tables.items():
             self.first_output[name] = at
-            at += len(rows) * len(family.fields(devices.every()[name], "Output"))
+            at += len(rows) * family.stride(devices.every()[name])
         self.sums: list[tuple[int, list[int]]] = []  # outputs, and the places each adds up
         self.end = at
 
@@ -313,7 +314,7 @@ class _Wiring:
         device = devices.every()[name]
         states, outputs = family.fields(device, "State"), family.fields(device, "Output")
         if signal in outputs:
-            return self.first_output[name] + j * len(outputs) + outputs.index(signal)
+            return self.first_output[name] + j * family.stride(device) + outputs.index(signal)
         return self.first_state[name] + j * len(states) + states.index(signal)
 
     def _input(self, name: str, j: int, row: Row, signal: str, hint: Any) -> int:
@@ -365,7 +366,7 @@ class _Wiring:
         made = []
         for name, rows in self.tables.items():
             device, inputs = devices.every()[name], _inputs(devices.every()[name])
-            states, outputs = (len(family.fields(device, r)) for r in ("State", "Output"))
+            states, outputs = len(family.fields(device, "State")), family.stride(device)
             w = np.empty((len(rows), family.width(device)), np.int64)
             j = np.arange(len(rows))
             w[:, family.STATE] = self.first_state[name] + states * j
@@ -406,7 +407,7 @@ class _Wiring:
         for name, rows in self.tables.items():
             device = devices.every()[name]
             if device.ROLE in devices.UNIT_ROLES:
-                n = len(family.fields(device, "Output"))
+                n = family.stride(device)
                 for j, row in enumerate(rows):
                     owner[self.first_output[name] + n * j : self.first_output[name] + n * (j + 1)] = row.unit
         for (unit, signal), givers in self.given.items():

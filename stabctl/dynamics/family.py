@@ -72,6 +72,11 @@ def width(device: ModuleType) -> int:
     return INPUTS + len(fields(device, "Input")) + 1
 
 
+def stride(device: ModuleType) -> int:
+    """Places of one device among the outputs: Output, then Internal."""
+    return len(fields(device, "Output")) + len(fields(device, "Internal"))
+
+
 @cache
 def shape(device: ModuleType) -> tuple[int, int, int, int]:
     """Numbers of states, inputs and outputs of a device, and of the buses it stands at."""
@@ -93,7 +98,7 @@ def write(device: ModuleType, name: str, scalar: type) -> str:
         ops = {op: ops[op] for op in (CURRENT, OUTPUT) if op in ops}
     for op, names in ops.items():
         text += [f"    if op == {op}:", "        for j in range(n):"]
-        text += [f"            {line}" for line in _body(device, op, names)]
+        text += [f"            {line}" for line in _body(device, op, names, op == SOURCE or scalar is complex)]
     if scalar is complex:
         text += [f"    if op == {LOCAL}:", *(f"        {line}" for line in _local(device))]
     return "\n".join([*text, ""])
@@ -109,13 +114,13 @@ def _head(device: ModuleType, step: str = "") -> dict[str, tuple[str, ...]]:
     def perturbed(text: str) -> str:
         return f"{text} + ({step} if c == {next(count)} else 0)" if step else text
 
-    x = ", ".join(perturbed(f"s[i + {i}]") for i in range(len(state)))
+    x = ", ".join(perturbed(f"s[first + {i}]") for i in range(len(state)))
     u = ", ".join(perturbed(f"s[w[{columns} * j + {at[n]}]]") for n in inputs)
     v = [f"({perturbed(f's[{b}]')}, {perturbed(f's[{b} + 1]')})" for b in ("b", "b2")]
     buses = f"b, b2 = w[{columns} * j + {BUS}], w[{columns} * j + {BUS2}]"
     return {
         "p": (f"p = device.Par({', '.join(f'k[{len(par)} * j + {i}]' for i in range(len(par)))})",),
-        "x": (f"i = w[{columns} * j + {STATE}]", f"x = device.State({x})"),
+        "x": (f"first = w[{columns} * j + {STATE}]", f"x = device.State({x})"),
         "u": (f"u = device.Input({u})",),
         "v": (buses, f"v = {v[0]}"),
         "v1": (buses, f"v1 = {v[0]}"),
@@ -128,15 +133,30 @@ def _head(device: ModuleType, step: str = "") -> dict[str, tuple[str, ...]]:
     }
 
 
-def _body(device: ModuleType, op: int, names: tuple[str, ...]) -> list[str]:
+def _internal(device: ModuleType, anew: bool) -> dict[str, tuple[str, ...]]:
+    """Lines that make the internal quantities anew, or read those that SOURCE has left behind the outputs."""
+    outputs, names = len(fields(device, "Output")), fields(device, "Internal")
+    if anew:
+        return {"i": ("i = device.internal(x, p)",)}
+    kept = ", ".join(f"s[o + {outputs + k}]" for k in range(len(names)))
+    return {"i": (f"o = w[{width(device)} * j + {width(device) - 1}]", f"i = device.Internal({kept})")}
+
+
+def _needed(device: ModuleType, equation: str, anew: bool) -> tuple[str, ...]:
+    """Arguments of an equation, those first that others are made from."""
+    names = arguments(device, equation)
+    return ("x", "p", *(n for n in names if n not in ("x", "p"))) if anew and "i" in names else names
+
+
+def _body(device: ModuleType, op: int, names: tuple[str, ...], anew: bool) -> list[str]:
     """Lines that evaluate equations of one device and store what they give."""
-    head, columns, links = _head(device), width(device), shape(device)[3] == 2
-    place, row = f"o = w[{columns} * j + {columns - 1}]", f"i = w[{columns} * j + {STATE}]"
+    head, columns, links = _head(device) | _internal(device, anew), width(device), shape(device)[3] == 2
+    place, row = f"o = w[{columns} * j + {columns - 1}]", f"first = w[{columns} * j + {STATE}]"
     bus = f"b, b2 = w[{columns} * j + {BUS}], w[{columns} * j + {BUS2}]"
     inject = [bus, "f[b] += g[0]", "f[b + 1] += g[1]", *(("f[b2] += g[2]", "f[b2 + 1] += g[3]") if links else ())]
     shown = [place, *(f"s[o + {i}] = y.{n}" for i, n in enumerate(fields(device, "Output")))]
-    rates = [row, *(f"f[i + {i}] = d.{n}" for i, n in enumerate(fields(device, "State")))]
-    memory = [row, *(f"s[i + {i}] = x.{n}" for i, n in enumerate(fields(device, "State")))]
+    rates = [row, *(f"f[first + {i}] = d.{n}" for i, n in enumerate(fields(device, "State")))]
+    memory = [row, *(f"s[first + {i}] = x.{n}" for i, n in enumerate(fields(device, "State")))]
     result = {"source": "g", "current": "g", "output": "y", "derivatives": "d", "step": "x, y" if memory[1:] else "y"}
     store = {"source": inject, "current": inject, "output": shown, "derivatives": rates}
     store["step"] = [*(memory if memory[1:] else ()), *shown]
@@ -144,10 +164,13 @@ def _body(device: ModuleType, op: int, names: tuple[str, ...]) -> list[str]:
     lines = [f"if on[w[{columns} * j + {UNIT}]] < 0:", "    continue"] if of_unit else []
     known: set[str] = set()
     for name in names:
-        needed = arguments(device, name)
+        needed = _needed(device, name, anew)
         lines += [line for a in needed if a not in known for line in head[a]]
+        if op == SOURCE and "i" in needed:
+            first = len(fields(device, "Output"))
+            lines += [place, *(f"s[o + {first + k}] = i.{n}" for k, n in enumerate(fields(device, "Internal")))]
         known |= {*needed, result[name]}
-        lines += [f"{result[name]} = device.{name}({', '.join(needed)})", *store[name]]
+        lines += [f"{result[name]} = device.{name}({', '.join(arguments(device, name))})", *store[name]]
     return lines
 
 
@@ -168,7 +191,8 @@ def _local(device: ModuleType) -> list[str]:
             continue
         lines += head[a]
         known.add(a)
-    body = []
+    body = ["i = device.internal(x, p)"] if hasattr(device, "internal") else []
+    known.add("i")
     for equation, result in (("output", "y"), ("derivatives", "d"), ("source", "g"), ("current", "g")):
         if hasattr(device, equation):
             needed = arguments(device, equation)

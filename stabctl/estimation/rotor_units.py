@@ -76,6 +76,8 @@ class Terminals:
                 "p": f.device.Par(*f.k.T),
                 **{name: s[f.w[:, family.INPUTS + i]] for i, name in enumerate(inputs)},
             }
+            if hasattr(f.device, "internal"):
+                signals["i"] = f.device.internal(signals["x"], signals["p"])
             at = f.w[:, family.UNIT]
             given = (signals[name] for name in family.arguments(f.device, "source"))
             source.real[at], source.imag[at] = f.device.source(*given)

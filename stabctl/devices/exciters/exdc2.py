@@ -12,8 +12,8 @@ from typing import Annotated, NamedTuple
 from annotated_types import Ge
 
 from stabctl._util.jit import inline
-from stabctl.devices.blocks import SHORT, clip, lag, lag_rate, lead_lag, quadratic_saturation
-from stabctl.schema import NOT_NEGATIVE, POSITIVE
+from stabctl.devices.blocks import SHORT, clip, lag, lag_rate, lead_lag, quadratic, through
+from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 from .signals import Input, Output
 
@@ -41,6 +41,8 @@ class Par(NamedTuple):
     SE1: Annotated[float, "pu", "saturation at E1", NOT_NEGATIVE] = 0.0
     E2: Annotated[float, "pu", "field voltage of SE2", POSITIVE] = 4.0
     SE2: Annotated[float, "pu", "saturation at E2 (0: unsaturated)", NOT_NEGATIVE] = 0.0
+    SA: Annotated[float, "pu", "field voltage at which saturation begins, from the two points", FROM_CASE] = 0.0
+    SB: Annotated[float, "1/pu", "slope of saturation, from the two points", FROM_CASE] = 0.0
 
     def errors(self) -> Iterator[tuple[str, str]]:
         """Field and sentence of everything the equations cannot be formed with."""
@@ -56,6 +58,12 @@ class State(NamedTuple):
     vr: Annotated[float, "pu", "regulator output"]
     efd: Annotated[float, "pu", "field voltage"]
     vf: Annotated[float, "pu", "lagged field voltage of the feedback"]
+
+
+def prepare(p):
+    """The constants with what follows from them alone."""
+    SA, SB = through(p.E1, p.SE1, p.E2, p.SE2)
+    return p._replace(SA=SA, SB=SB)
 
 
 @inline
@@ -77,7 +85,7 @@ def derivatives(x, u, p):
     """State rates (1/s)."""
     error, wanted = demand(x, u, p)
     vr = clip(lag(p.TA, wanted, x.vr), p.VRmin * u.vt, p.VRmax * u.vt)
-    iron = quadratic_saturation(x.efd, p.E1, p.SE1, p.E2, p.SE2) if p.SE2 > 0 else 0 * x.efd
+    iron = quadratic(x.efd, p.SA, p.SB)
     return State(
         lag_rate(p.TR, u.vt, x.vm),
         lag_rate(p.TB, error, x.va),

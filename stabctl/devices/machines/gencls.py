@@ -19,7 +19,7 @@ from .stator import Input, Output
 NAME = "GENCLS"
 ROLE = "machine"
 CONTROLS = ("governor",)  # E' is constant
-__all__ = ["CONTROLS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "output", "source"]
+__all__ = ["CONTROLS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "internal", "output", "source"]
 
 
 class Par(NamedTuple):
@@ -40,19 +40,31 @@ class State(NamedTuple):
     omega: Annotated[float, "pu", "speed"]
 
 
+class Internal(NamedTuple):
+    """Rotor position, which source and stator share."""
+
+    sin: Annotated[float, "-", "sine of the rotor angle"]
+    cos: Annotated[float, "-", "cosine of the rotor angle"]
+
+
 @inline
-def source(x, Efd, p):
+def internal(x, p):
+    """Rotor position."""
+    return Internal(np.sin(x.delta), np.cos(x.delta))
+
+
+@inline
+def source(i, Efd, p):
     """Short-circuit current of the source (pu system), real and imaginary part."""
-    er, ei = Efd * np.cos(x.delta), Efd * np.sin(x.delta)
+    er, ei = Efd * i.cos, Efd * i.sin
     k = p.mva / (p.ra * p.ra + p.x1d * p.x1d)
     return k * (p.ra * er + p.x1d * ei), k * (p.ra * ei - p.x1d * er)
 
 
 @inline
-def output(x, Efd, v, p):
+def output(i, Efd, v, p):
     """Stator: (ra + j x'd)(iq - j id) = E' - V exp(-j delta); Te is the power of the source."""
-    s, c = np.sin(x.delta), np.cos(x.delta)
-    vr, vi = c * v[0] + s * v[1], c * v[1] - s * v[0]
+    vr, vi = i.cos * v[0] + i.sin * v[1], i.cos * v[1] - i.sin * v[0]
     er, ei = Efd - vr, -vi
     k = 1 / (p.ra * p.ra + p.x1d * p.x1d)
     iq, id_ = k * (p.ra * er + p.x1d * ei), k * (p.x1d * er - p.ra * ei)

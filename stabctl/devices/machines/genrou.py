@@ -13,16 +13,16 @@ import numpy as np
 from annotated_types import Ge
 
 from stabctl._util.jit import inline
-from stabctl.devices.blocks import circuit_rate, magnitude, quadratic_saturation
+from stabctl.devices.blocks import circuit_rate, magnitude, quadratic, through
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 from .stator import Input, Output
 
 NAME = "GENROU"
 ROLE = "machine"
-EASED = ("S10", "S12")
+EASED = ("SB",)
 CLOSED = ("T1d", "T2d", "T1q", "T2q")
-__all__ = ["CLOSED", "EASED", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "output", "source"]
+__all__ = ["CLOSED", "EASED", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "internal", "output", "source"]
 
 
 class Par(NamedTuple):
@@ -45,6 +45,8 @@ class Par(NamedTuple):
     T2q: Annotated[float, "s", "subtransient open-circuit time constant, q axis (0: circuit open)", NOT_NEGATIVE]
     S10: Annotated[float, "pu", "saturation at flux 1.0", NOT_NEGATIVE] = 0.0
     S12: Annotated[float, "pu", "saturation at flux 1.2 (0: unsaturated)", NOT_NEGATIVE] = 0.0
+    SA: Annotated[float, "pu", "flux at which saturation begins, from S10 and S12", FROM_CASE] = 0.0
+    SB: Annotated[float, "1/pu", "slope of saturation, from S10 and S12", FROM_CASE] = 0.0
 
     def errors(self) -> Iterator[tuple[str, str]]:
         """Field and sentence of everything the equations cannot be formed with."""
@@ -72,33 +74,45 @@ class State(NamedTuple):
     kq: Annotated[float, "pu", "damper flux, q axis"]
 
 
+class Internal(NamedTuple):
+    """Rotor position and subtransient flux, which source and stator share."""
+
+    sin: Annotated[float, "-", "sine of the rotor angle"]
+    cos: Annotated[float, "-", "cosine of the rotor angle"]
+    psid: Annotated[float, "pu", "subtransient flux linkage, d axis"]
+    psiq: Annotated[float, "pu", "subtransient flux linkage, q axis"]
+
+
+def prepare(p):
+    """The constants with what follows from them alone."""
+    SA, SB = through(1.0, p.S10, 1.2, p.S12)
+    return p._replace(SA=SA, SB=SB)
+
+
 @inline
-def subtransient(x, p):
-    """Subtransient flux linkages psi''d, psi''q (pu)."""
+def internal(x, p):
+    """Rotor position, and subtransient flux linkages psi''d, psi''q (pu)."""
     a = (p.x2 - p.xl) / (p.x1d - p.xl)
     b = (p.x2 - p.xl) / (p.x1q - p.xl)
-    return a * x.eq + (1 - a) * x.kd, b * x.ed + (1 - b) * x.kq
+    return Internal(np.sin(x.delta), np.cos(x.delta), a * x.eq + (1 - a) * x.kd, b * x.ed + (1 - b) * x.kq)
 
 
 @inline
-def source(x, p):
+def source(x, i, p):
     """Short-circuit current of the source (pu system), real and imaginary part."""
-    psid, psiq = subtransient(x, p)
-    s, c = np.sin(x.delta), np.cos(x.delta)
-    er, ei = x.omega * (c * psid - s * psiq), x.omega * (s * psid + c * psiq)
+    er, ei = x.omega * (i.cos * i.psid - i.sin * i.psiq), x.omega * (i.sin * i.psid + i.cos * i.psiq)
     k = p.mva / (p.ra * p.ra + p.x2 * p.x2)
     return k * (p.ra * er + p.x2 * ei), k * (p.ra * ei - p.x2 * er)
 
 
 @inline
-def saturation(x, p):
+def saturation(i, p):
     """Extra excitation on the d and q axis, S(|psi''|) along the flux; the q axis scaled by its air gap."""
-    if p.S12 <= 0:
-        return 0 * x.eq, 0 * x.eq
-    psid, psiq = subtransient(x, p)
-    flux = magnitude(psid, psiq)
-    extra = quadratic_saturation(flux, 1.0, p.S10, 1.2, p.S12) / flux
-    return extra * psid, extra * psiq * (p.xq - p.xl) / (p.xd - p.xl)
+    if p.SB <= 0:
+        return 0 * i.psid, 0 * i.psiq
+    flux = magnitude(i.psid, i.psiq)
+    extra = quadratic(flux, p.SA, p.SB) / flux
+    return extra * i.psid, extra * i.psiq * (p.xq - p.xl) / (p.xd - p.xl)
 
 
 @inline
@@ -108,26 +122,24 @@ def damping(x, id_, iq, p):
 
 
 @inline
-def output(x, v, p):
+def output(x, i, v, p):
     """Stator: (ra + j x'')(iq - j id) = omega psi'' - V exp(-j delta), psi'' = psi''d + j psi''q."""
-    psid, psiq = subtransient(x, p)
-    s, c = np.sin(x.delta), np.cos(x.delta)
-    vr, vi = c * v[0] + s * v[1], c * v[1] - s * v[0]
-    er, ei = x.omega * psid - vr, x.omega * psiq - vi
+    vr, vi = i.cos * v[0] + i.sin * v[1], i.cos * v[1] - i.sin * v[0]
+    er, ei = x.omega * i.psid - vr, x.omega * i.psiq - vi
     k = 1 / (p.ra * p.ra + p.x2 * p.x2)
     iq, id_ = k * (p.ra * er + p.x2 * ei), k * (p.x2 * er - p.ra * ei)
     damp_d, damp_q = damping(x, id_, iq, p)
     a, b = p.x1d - p.xl, p.x1q - p.xl
-    iron_d, iron_q = saturation(x, p)
+    iron_d, iron_q = saturation(i, p)
     slip = x.omega - 1
     return Output(
         id_,
         iq,
-        psid * iq - psiq * id_,
+        i.psid * iq - i.psiq * id_,
         vr * iq - vi * id_,
         -(vr * id_ + vi * iq),
         magnitude(vr, vi),
-        magnitude(vr - slip * psid, vi - slip * psiq),
+        magnitude(vr - slip * i.psid, vi - slip * i.psiq),
         x.eq + (p.xd - p.x1d) * (id_ + (p.x1d - p.x2) / (a * a) * damp_d) + iron_d,
         x.ed + (p.xq - p.x1q) * (iq + (p.x1q - p.x2) / (b * b) * damp_q) + iron_q,
     )
