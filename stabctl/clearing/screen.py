@@ -182,11 +182,7 @@ def screen(
 
 
 def _trials(
-    point: OperatingPoint,
-    found: Lines,
-    control: Law | Sampled | None,
-    search: Search,
-    buses: int | str | Iterable[int] | None,
+    point: OperatingPoint, found: Lines, control: Law | Sampled | None, search: Search, buses: int | str | Iterable[int] | None
 ) -> dict[str, list[Trial]]:
     """The trials of every faulted bus."""
     wanted = _wanted(point.case, buses)

@@ -4,8 +4,8 @@ A call is a run of neighboring rows of one family. Whole families are ordered by
 has a cycle, its families are taken apart into rows. Only a cycle of rows is an algebraic loop.
 """
 
-import sys
 from collections.abc import Iterable, Sequence
+import sys
 from graphlib import CycleError, TopologicalSorter
 from importlib import import_module
 from types import ModuleType

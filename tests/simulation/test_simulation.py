@@ -282,9 +282,7 @@ class TestIslands:
         assert np.abs(traced.arrays.V[after, -1]).max() == 0
         assert np.isfinite(traced.rows).all()
         lost = run(point, [LoadStep(20, 0.5, -80.0, -10.0)], 0.51)
-        assert np.abs(traced.arrays.V[at(traced, 0.5), :-1]).min() == pytest.approx(
-            np.abs(lost.arrays.V[-1, :-1]).min(), abs=2e-3
-        )
+        assert np.abs(traced.arrays.V[at(traced, 0.5), :-1]).min() == pytest.approx(np.abs(lost.arrays.V[-1, :-1]).min(), abs=2e-3)
 
     def test_an_island_whose_only_machine_is_tripped_is_dead_and_said_to_be(self, two_area):
         traced = run(two_area, [Open("1-5", 0.5), TripMachine(1, 0.6)], 1.0)
@@ -536,8 +534,7 @@ class TestRefusals:
         longest = simulation.REACH / two_area.fastest
         events = [LoadStep(7, 0.1, 10.0)]
         assert (
-            np.abs(np.diff(run(two_area, events, 3.0, step=longest, criterion=KEEP_ON).arrays.Efd[-20:], axis=0)).max()
-            < 0.01
+            np.abs(np.diff(run(two_area, events, 3.0, step=longest, criterion=KEEP_ON).arrays.Efd[-20:], axis=0)).max() < 0.01
         )
         monkeypatch.setattr(simulation, "REACH", 10.0)
         wild = run(two_area, events, 3.0, step=2 * longest, criterion=KEEP_ON)

@@ -109,9 +109,7 @@ def test_characteristic_in_a_run(kind, exponent):
 def test_lag_answers_a_step_exponentially():
     run = driven({0.5: 1.0}, lag=0.1)
     after = np.maximum(run.time - 0.5, 0)
-    assert run.arrays.storage[:, 0] == pytest.approx(
-        40 * (1 - np.exp(-after / 0.1)), abs=1e-4
-    )  # 3.1e-5, RK4 at h/T = 0.1
+    assert run.arrays.storage[:, 0] == pytest.approx(40 * (1 - np.exp(-after / 0.1)), abs=1e-4)  # 3.1e-5, RK4 at h/T = 0.1
 
 
 def test_ramp_limits_the_order():
