@@ -6,7 +6,6 @@ import stabctl as st
 from reproduction import paper
 from reproduction.console import present
 from reproduction.study import Study, Table, draw
-from stabctl.dynamics.coerce import devices
 from stabctl.plotting import clearing_time
 
 FAULT = st.Contingency("83", trip="83-33")
@@ -47,11 +46,10 @@ def study(reports: Path) -> Study:
 
 def clearing_times() -> dict[str, list[float]]:
     """Critical clearing times (cycles) by storage rating, at each resolution."""
-    base = st.load("wnaps_paper").initialize()
+    case = st.load("wnaps_paper")
     found: dict[str, list[float]] = {name: [] for name in RESOLUTIONS}
     for percent in paper.TABLE_4:
-        storage = devices(base.case, f"{percent}%dispatch", base.flow, characteristic="conductance", lag=0.05)
-        stored = base.case.with_storage(storage).initialize()
+        stored = case.with_storage(f"{percent}%dispatch", characteristic="conductance", lag=0.05).initialize()
         for name, resolution in RESOLUTIONS.items():
             found[name].append(stored.clearing_time(FAULT, control=st.BangBang(), resolution=resolution).cycles)
     return found

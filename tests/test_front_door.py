@@ -55,10 +55,6 @@ def test_every_name_is_there_and_known_to_editors():
         st.nothing  # noqa: B018
 
 
-session = pytest.mark.skipif(not hasattr(st.Trajectory, "plot"), reason="trajectories have no plot yet")
-
-
-@session
 def test_the_session_runs_as_written(tmp_path):
     case = st.load("two_area")
     base = case.initialize()
@@ -83,7 +79,6 @@ def test_the_session_runs_as_written(tmp_path):
     plt.close("all")
 
 
-@session
 @pytest.mark.parametrize(("script", "most"), [("speeds", 12), ("lead", 12), ("stabilizer", 12), ("own_law", 10)])
 def test_a_task_is_a_short_script(script, most, tmp_path, monkeypatch, capsys):
     """Speeds and screen, a python-control loop, a stabilizer, a law of one's own: what a new user writes."""

@@ -85,7 +85,7 @@ class Trial:
         return Run(cycles, end.stable, end.kind, end.machine, end.time_s - self.at, beyond)
 
     def guess(self) -> int:
-        """OperatingPoint of the grid near the answer: a share of the time in which a fault that stays loses synchronism."""
+        """Point of the grid near the answer: a share of the time in which a fault that stays loses synchronism."""
         hz, search = self.point.case.frequency_hz, self.search
         longest = min(search.limit_cycles / SUSTAINED / hz, search.observed_s)
         fault = Fault(self.contingency.fault, self.at, self.contingency.impedance)

@@ -10,7 +10,8 @@ from stabctl.model.case import Case
 from stabctl.units import seconds
 
 from . import notation
-from .events import Clear, Event, Fault, Open, described, timeline
+from .events import Clear, Event, Fault, Open, described
+from .timeline import timeline
 
 SHORTEST = 1e-6  # s   of a run after its last event
 

@@ -11,13 +11,13 @@ from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.program import program
 from stabctl.errors import StudyError
 
-from . import events as ev
 from . import stepper, voltages
 from .contingency import Happenings, schedule
 from .criterion import DEFAULT, Criterion
 from .outcome import End, Outcome, outcome
 from .plant import space
 from .sampled import Sampled, carry
+from .timeline import timeline
 from .topology import stage
 from .trajectory import Trajectory
 from .wired import wired
@@ -52,7 +52,7 @@ class Simulation:
         self.progress = progress
         self.point, self.criterion, self.recording = point, Criterion(*map(float, criterion)), record
         self.step = _checked_step(point, step)
-        self.changes = ev.timeline(point.case, schedule(point.case, events))
+        self.changes = timeline(point.case, schedule(point.case, events))
         self.time, self.wall_s, self.steps = start, 0.0, 0
         self.outcome: Outcome | None = None
         self._taken_off: list[str] = []

@@ -12,9 +12,9 @@ import numpy as np
 
 from stabctl.errors import CaseError, StudyError
 from stabctl.model.case import Case
+from stabctl.model.location import circuit
 
 from .modes import Modes
-from .signals import circuit
 
 
 @dataclass(frozen=True, repr=False)

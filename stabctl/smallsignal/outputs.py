@@ -8,8 +8,9 @@ import numpy as np
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 from stabctl.model import network
+from stabctl.model.location import circuit
 
-from .signals import Signal, circuit
+from .signals import Signal
 
 STEP = 1e-30
 

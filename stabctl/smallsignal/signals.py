@@ -3,7 +3,6 @@
 Every signal is a deviation from the operating point. Powers are pu on the system base, angles rad, the rest pu.
 """
 
-import re
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
@@ -11,6 +10,7 @@ from typing import NamedTuple
 from stabctl import devices
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
+from stabctl.model.location import circuit
 
 
 class Kind(NamedTuple):
@@ -79,7 +79,6 @@ OUTPUTS = _kinds(
 )
 
 REFERENCES = {"vref": "exciter", "pref": "governor"}  # input -> role of the control it belongs to
-_LINE = re.compile(r"^(\d+)-(\d+)(?:#(\d+))?$")
 
 
 def chosen(case: Case, wanted: str | Iterable[str | Signal], kinds: Mapping[str, Kind]) -> tuple[Signal, ...]:
@@ -109,18 +108,6 @@ def chosen(case: Case, wanted: str | Iterable[str | Signal], kinds: Mapping[str,
         if labels.count(label) > 1:
             raise StudyError(f"The signal {label!r} is named twice; name it once.")
     return tuple(found)
-
-
-def circuit(case: Case, text: str) -> tuple[int, bool]:
-    """Row of the circuit `7-8` or `7-8#2`, and whether the first bus named is its from end."""
-    match = _LINE.match(text)
-    a, b = (int(match[1]), int(match[2])) if match else (0, 0)
-    rows = [i for i, k in enumerate(case.branches) if {k.from_bus, k.to_bus} == {a, b}]
-    number = int(match[3] or 1) if match else 1
-    if not match or not 1 <= number <= len(rows):
-        raise StudyError(f"There is no circuit {text!r} in {case.name}; write it as 7-8, or 7-8#2 for the second one.")
-    row = rows[number - 1]
-    return row, case.branches[row].from_bus == a
 
 
 def _everywhere(case: Case, name: str, kind: Kind) -> list[int | str | None]:

@@ -10,8 +10,9 @@ from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
 from stabctl.model.case import Storage
 from stabctl.placement.sensitivity import sensitivity
-from stabctl.simulation.events import Fault, LoadStep, Open, TripMachine, timeline
+from stabctl.simulation.events import Fault, LoadStep, Open, TripMachine
 from stabctl.simulation.simulation import Simulation
+from stabctl.simulation.timeline import timeline
 from stabctl.smallsignal import linearize, nonlinear
 
 

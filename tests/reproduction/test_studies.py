@@ -18,11 +18,17 @@ from reproduction.study import Study
 ROOT = Path(__file__).parents[2]
 
 
-def study(name):
-    spec = importlib.util.spec_from_file_location(name, ROOT / "sims" / f"{name}.py")
+def study(name, folder=ROOT / "sims"):
+    spec = importlib.util.spec_from_file_location(name, folder / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module.study
+
+
+@pytest.mark.parametrize("script", sorted([*ROOT.glob("sims/*.py"), *ROOT.glob("analysis/*.py")]), ids=lambda s: s.stem)
+def test_every_study_finds_what_it_imports(script, monkeypatch):
+    monkeypatch.syspath_prepend(script.parent)
+    assert callable(study(script.stem, script.parent))
 
 
 @pytest.mark.parametrize(

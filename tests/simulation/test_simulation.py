@@ -15,8 +15,8 @@ from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
 from stabctl.model import network
 from stabctl.model.case import Branch, Bus, Load, Storage
+from stabctl.model.location import locate
 from stabctl.model.network import Switching, two_port
-from stabctl.simulation import events as ev
 from stabctl.simulation import simulation, voltages
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import Criterion
@@ -27,10 +27,9 @@ from stabctl.simulation.events import (
     Open,
     SwitchShunt,
     TripMachine,
-    locate,
-    timeline,
 )
 from stabctl.simulation.simulation import Simulation, run
+from stabctl.simulation.timeline import timeline
 from stabctl.simulation.topology import stage
 
 KEEP_ON = Criterion(max_angle=np.inf, low_voltage_s=0.0)
@@ -480,10 +479,10 @@ class TestRefusals:
             ([Fault("7-99", 1.0)], "There is no branch 7-99 in two_area, since there is no bus 99; the nearest "),
             ([Fault("7-8#3", 1.0)], "Branch 7-8 of two_area has 2 circuits, not a number 3."),
             ([Fault("7-8#0", 1.0)], "Branch 7-8 of two_area has 2 circuits, not a number 0."),
-            ([Fault("7-8@1.5", 1.0)], "The place 1.5 along 7-8 must be a number from 0 (at bus 7) to 1 (at bus 8)."),
-            ([Fault("7-8@1e", 1.0)], "The place 1e along 7-8 must be a number from 0 (at bus 7) to 1 (at bus 8)."),
-            ([Fault("somewhere", 1.0)], "'somewhere' is not a place; write a bus as 83, "),
-            ([Fault("", 1.0)], "'' is not a place; write a bus as 83, "),
+            ([Fault("7-8@1.5", 1.0)], "The position 1.5 along 7-8 must be a number from 0 (bus 7) to 1 (bus 8)."),
+            ([Fault("7-8@1e", 1.0)], "The position 1e along 7-8 must be a number from 0 (bus 7) to 1 (bus 8)."),
+            ([Fault("somewhere", 1.0)], "'somewhere' is not a location; write a bus as 83, "),
+            ([Fault("", 1.0)], "'' is not a location; write a bus as 83, "),
             ([Fault("9" * 5000, 1.0)], "'9999"),
             ([Fault("7", -1.0)], "The time -1 s of "),
             ([Fault("7", float("nan"))], "The time nan s of "),
@@ -592,4 +591,4 @@ class TestTrajectory:
 
     def test_prints_itself_in_a_sentence(self, traced):
         assert str(traced).startswith("two_area: All machines stayed in synchronism until 0.500 s.")
-        assert ev.Fault("7", 1.0) == Fault("7", 1.0)
+        assert Fault("7", 1.0) == Fault("7", 1.0)

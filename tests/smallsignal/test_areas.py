@@ -44,5 +44,5 @@ def test_opening_the_only_way_is_refused(modes):
 
 
 def test_an_unknown_circuit_is_refused(modes):
-    with pytest.raises(StudyError, match="no circuit"):
+    with pytest.raises(StudyError, match="There is no branch 1-2"):
         opened(modes("two_area").linear.point.case, ["1-2"])

@@ -1,0 +1,120 @@
+"""What events add up to: the switching of the network from each of their instants on."""
+
+import cmath
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from stabctl.errors import StudyError
+from stabctl.model.case import Case
+from stabctl.model.location import circuit, locate
+from stabctl.model.network import BOLTED, BranchState, Switching
+
+from .events import Clear, Event, Fault, LoadStep, Open, SwitchShunt, TripMachine, described
+
+
+@dataclass(frozen=True)
+class Change:
+    """The network from one instant on."""
+
+    at: float  # s
+    switching: Switching = field(default_factory=Switching)
+
+
+def timeline(case: Case, events: Iterable[Event]) -> tuple[Change, ...]:
+    """The network after each instant at which something happens, in order of time; the first is the intact one at 0."""
+    changes, now = [Change(0.0)], _State(case)
+    for event in sorted(events, key=lambda e: e.at):
+        if not 0 <= event.at < float("inf"):
+            raise StudyError(f"The time {event.at:g} s of the {described(event)} is not allowed; give at least 0.")
+        for name, value in vars(event).items():
+            if isinstance(value, int | float | complex) and not cmath.isfinite(value):
+                raise StudyError(f"The {name} {value} of the {described(event)} is not allowed; it must be finite.")
+        now.apply(event)
+        if event.at - changes[-1].at < 1e-9 and len(changes) > 1:
+            changes.pop()
+        changes.append(Change(event.at, now.switching()))
+    return tuple(changes)
+
+
+class _State:
+    """What has happened so far."""
+
+    def __init__(self, case: Case) -> None:
+        self.case = case
+        self.branches: dict[int, BranchState] = {}
+        self.faults: dict[int, complex] = {}
+        self.shunts: dict[int, complex] = {}
+        self.loads: dict[int, complex] = {}
+        self.tripped: set[int] = set()
+
+    def switching(self) -> Switching:
+        return Switching(
+            tuple(sorted(self.branches.items())),
+            tuple(sorted(self.faults.items())),
+            tuple(sorted(self.shunts.items())),
+            frozenset(self.tripped),
+            tuple(sorted(self.loads.items())),
+        )
+
+    def apply(self, event: Event) -> None:
+        match event:
+            case Fault(place, _, impedance):
+                if complex(impedance).real < 0:
+                    raise StudyError(
+                        f"The impedance {impedance} pu of the fault at {place} is not allowed; its resistance must be "
+                        "at least 0."
+                    )
+                bolted = BOLTED / self.case.base_mva
+                self._fault(place, 1 / impedance if abs(impedance) * bolted > 1 else bolted + 0j)
+            case Clear(place):
+                self._clear(place)
+            case Open(name, _, end):
+                self._open(name, end)
+            case TripMachine(number):
+                row = self.case.machines.index(self.case.machine(number))
+                if row in self.tripped:
+                    raise StudyError(f"Machine {number} is tripped twice; trip it once.")
+                self.tripped.add(row)
+            case LoadStep(bus, _, p, q):
+                row = self._bus(bus)
+                self.loads[row] = self.loads.get(row, 0j) + (p + 1j * q) / self.case.base_mva
+            case SwitchShunt(bus, _, g, b):
+                row = self._bus(bus)
+                self.shunts[row] = self.shunts.get(row, 0j) + (g + 1j * b) / self.case.base_mva
+
+    def _bus(self, number: int) -> int:
+        place = locate(self.case, str(number))
+        if place.bus is None:
+            raise StudyError(f"{number!r} is not a bus of {self.case.name}; give a bus number.")
+        return place.bus
+
+    def _fault(self, text: str, admittance: complex) -> None:
+        place = locate(self.case, text)
+        if place.bus is not None:
+            if place.bus in self.faults:
+                raise StudyError(f"Bus {text} is faulted twice; clear the first fault before the second.")
+            self.faults[place.bus] = admittance
+            return
+        before = self.branches.get(place.branch, BranchState())
+        if before.fault_at is not None:
+            raise StudyError(f"Branch {text} is faulted twice; one fault at a time is possible on a circuit.")
+        along = 0.5 if place.fraction is None else place.fraction
+        self.branches[place.branch] = before._replace(fault_at=along, fault_admittance=admittance)
+
+    def _clear(self, text: str) -> None:
+        place = locate(self.case, text)
+        if place.bus is not None and place.bus in self.faults:
+            del self.faults[place.bus]
+        elif place.branch is not None and self.branches.get(place.branch, BranchState()).fault_at is not None:
+            self.branches[place.branch] = self.branches[place.branch]._replace(fault_at=None)
+        else:
+            raise StudyError(f"There is no fault at {text} to clear at that time.")
+
+    def _open(self, name: str, end: str | int) -> None:
+        row, _ = circuit(self.case, name)
+        k, before = self.case.branches[row], self.branches.get(row, BranchState())
+        if end != "both" and end not in (k.from_bus, k.to_bus):
+            raise StudyError(f"Circuit {name} does not end at bus {end}; it ends at {k.from_bus} and {k.to_bus}.")
+        from_closed = before.from_closed and end not in ("both", k.from_bus)
+        to_closed = before.to_closed and end not in ("both", k.to_bus)
+        self.branches[row] = before._replace(from_closed=from_closed, to_closed=to_closed)
