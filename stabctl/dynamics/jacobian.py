@@ -14,7 +14,8 @@ import scipy.sparse as sp
 from stabctl._util.jit import entry
 
 from . import family
-from .assembly import Limits, System
+from .assembly import System
+from .limits import Limits
 from .perform import perform, perform_local
 from .program import Program, program
 

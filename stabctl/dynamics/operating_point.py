@@ -92,7 +92,7 @@ class OperatingPoint:
         return Equations(self.system)
 
     def constants(self, table: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Rows of the units of a device table, and its constants by name, an entry per device; empty where it is not."""
+        """Rows of the units of a device table, and its constants by name, an entry per device."""
         f = self.system.family(table)
         names = devices.every()[table].Par._fields
         if f is None:

@@ -4,10 +4,11 @@ A call is a run of neighboring rows of one family. Whole families are ordered by
 has a cycle, its families are taken apart into rows. Only a cycle of rows is an algebraic loop.
 """
 
-from collections.abc import Iterable, Sequence
 import sys
+from collections.abc import Iterable, Sequence
 from graphlib import CycleError, TopologicalSorter
 from importlib import import_module
+from itertools import pairwise
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -132,7 +133,7 @@ def program(families: Sequence[Family], scalar: type = float) -> Program:
         out = []
         for i, op, rows in nodes:
             cut = [0, *(np.flatnonzero(np.diff(rows) != 1) + 1), len(rows)]
-            for a, b in zip(cut, cut[1:], strict=False):
+            for a, b in pairwise(cut):
                 places = starts_w[i] + families[i].w.shape[1] * rows[a], starts_k[i] + families[i].k.shape[1] * rows[a]
                 out.append((address[i], op, b - a, *places))
         return np.array(out, np.int64).reshape(-1, 5)

@@ -4,20 +4,18 @@ One Newton iteration on the very equations that are simulated. Devices meet only
 known here, so the Jacobian falls into one small block per unit.
 """
 
-import contextlib
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 
 from stabctl.errors import EquilibriumError
 from stabctl.model.case import Case
 
-from . import family
-from .assembly import System, limits
+from . import family, groups
+from .assembly import System
 from .jacobian import Derivatives, Equations
+from .limits import limits
 from .program import Family
 
 TOLERANCE = 1e-11  # largest residual, 1/s and pu
@@ -68,7 +66,7 @@ def start(case: Case, system: System, equations: Equations, V: np.ndarray, curre
     for share in (0.0, 0.25, 0.5, 0.75, 1.0) if newton.eased(0.0) is not None else (1.0,):
         made, found = newton.solve(s, newton.constants(share))
         iterations += made
-    fastest = newton.fastest(found)
+    fastest = groups.fastest(found[: layout.nx, : layout.nx])
     newton.check(s)
     return Start(s, iterations, fastest)
 
@@ -169,7 +167,7 @@ class _Newton:
             done = (np.abs(f) < TOLERANCE) | (np.abs(f) / slope < ROUNDOFF)
             if done.all():
                 return iteration, J
-            _step(s, J, f, self.unknown)
+            s[self.unknown] -= groups.solve(J, f)
         worst = int(np.argmax(np.where(np.isfinite(f), np.abs(f), np.inf)))
         raise EquilibriumError(
             f"{self._named(worst)} of {self.case.name} has no equilibrium at its power-flow power after {limit} Newton "
@@ -183,28 +181,6 @@ class _Newton:
             return f"Machine {self.case.machines[place.unit].machine}" if place.unit >= 0 else place.label
         unit = np.concatenate([f.w[:, family.UNIT] for f in self._live() if f.device.ROLE in ("machine", "converter")])
         return f"Machine {self.case.machines[unit[(row - layout.nx) // 2]].machine}"
-
-    def fastest(self, J: sp.csr_matrix) -> float:
-        """Largest eigenvalue (1/s) of a connected group of states at given voltages."""
-        nx = self.system.layout.nx
-        A = J[:nx, :nx]
-        count, group = connected_components(A, directed=False)
-        order = np.argsort(group, kind="stable")
-        bounds = np.searchsorted(group[order], np.arange(count + 1))
-        largest = 0.0
-        sizes = np.diff(bounds)
-        for size in np.unique(sizes):
-            members = np.array([order[bounds[g] : bounds[g + 1]] for g in np.flatnonzero(sizes == size)])
-            blocks = np.zeros((len(members), size, size))
-            where = np.full(nx, -1)
-            where[members] = np.arange(size)
-            which = np.full(nx, -1)
-            which[members] = np.arange(len(members))[:, None]
-            coo = A.tocoo()
-            mine = which[coo.row] >= 0
-            blocks[which[coo.row[mine]], where[coo.row[mine]], where[coo.col[mine]]] = coo.data[mine]
-            largest = max(largest, float(np.abs(np.linalg.eigvals(blocks)).max()))
-        return largest
 
     def check(self, s: np.ndarray) -> None:
         """Every rotor upright, every state within its limits, nothing moved by a limit that binds."""
@@ -256,45 +232,3 @@ class _Newton:
             f"{f.device.NAME} of {f.keys[row]} cannot be initialized: {name} = {limit:g} pu{what}; widen {name} in "
             f"{table}.csv or change the power or voltage there."
         )
-
-
-def _step(s: np.ndarray, J: sp.csr_matrix, f: np.ndarray, unknown: np.ndarray) -> None:
-    """One Newton step; states that stand still and that nobody reads (bypassed blocks) are left out."""
-    moving = np.flatnonzero(np.diff(J.indptr) > 0)
-    read = np.flatnonzero(np.diff(J.tocsc().indptr) > 0)
-    A = J[moving][:, read]
-    pattern = sp.bmat([[None, A], [A.T, None]], format="csr")
-    count, group = connected_components(pattern, directed=False)
-    of_row, of_column = group[: len(moving)], group[len(moving) :]
-    entries = A.tocoo()
-    for r, c in _groups(count, of_row, of_column):
-        which, local_row, local_column = np.full(count, -1), np.empty(len(moving), int), np.empty(len(read), int)
-        which[of_row[r[:, 0]]] = np.arange(len(r))
-        local_row[r], local_column[c] = np.arange(r.shape[1]), np.arange(c.shape[1])
-        mine = which[of_row[entries.row]]
-        keep = mine >= 0
-        blocks = np.zeros((len(r), r.shape[1], c.shape[1]))
-        blocks[mine[keep], local_row[entries.row[keep]], local_column[entries.col[keep]]] = entries.data[keep]
-        s[unknown[read[c]]] -= _solved(blocks, f[moving[r]])
-
-
-def _groups(count: int, of_row: np.ndarray, of_column: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Rows and columns of the groups, those of equal shape together: (groups, rows) and (groups, columns)."""
-    heights, widths = np.bincount(of_row, minlength=count), np.bincount(of_column, minlength=count)
-    rows, columns = np.argsort(of_row, kind="stable"), np.argsort(of_column, kind="stable")
-    first_row, first_column = np.cumsum(heights) - heights, np.cumsum(widths) - widths
-    for height, width in sorted(set(zip(heights.tolist(), widths.tolist(), strict=True))):
-        groups = np.flatnonzero((heights == height) & (widths == width))
-        if height:
-            yield (
-                rows[first_row[groups][:, None] + np.arange(height)],
-                columns[first_column[groups][:, None] + np.arange(width)],
-            )
-
-
-def _solved(blocks: np.ndarray, f: np.ndarray) -> np.ndarray:
-    """inv(block) f of every block; the least-squares solution where a block is singular or not square."""
-    if blocks.shape[1] == blocks.shape[2]:
-        with contextlib.suppress(np.linalg.LinAlgError):
-            return np.linalg.solve(blocks, f[..., None])[..., 0]
-    return np.stack([np.linalg.lstsq(block, one, rcond=None)[0] for block, one in zip(blocks, f, strict=True)])

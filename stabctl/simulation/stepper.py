@@ -1,4 +1,4 @@
-"""The compiled loop: RK4 on the states at a fixed step, network voltages by substitution, sampled devices once a step."""
+"""The compiled loop: RK4 at a fixed step, network voltages by substitution, sampled devices once a step."""
 
 from stabctl._util.jit import entry, inline, noinline
 from stabctl.devices.blocks import copy

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from stabctl.dynamics import assembly, family
+from stabctl.dynamics import family
 from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.dynamics.rows import load_row
 from stabctl.errors import StudyError
 from stabctl.model import network
 from stabctl.model.network import Switching
@@ -93,5 +94,5 @@ def _load(point: OperatingPoint, i: int, load: Any, V: float) -> tuple[str, Any]
     rows = tuple(load if k == i else one for k, one in enumerate(point.case.loads))
     case = object.__new__(type(point.case))
     vars(case).update(vars(point.case), loads=rows)
-    table, row = assembly.load_row(case, i, V, point.net)
+    table, row = load_row(case, i, V, point.net)
     return table, row.par

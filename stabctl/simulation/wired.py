@@ -41,7 +41,7 @@ class Wired:
 
 
 def wired(point: OperatingPoint, control: Law | None) -> Wired:
-    """The system of an operating point under a law; kept with the point, and with points that differ in ratings only."""
+    """The system of an operating point under a law; its calls are kept with the system."""
     kept, law = point.system.kept, control.module if control is not None else None
     families, layout, places = _families(point, control)
     key = "wired", law

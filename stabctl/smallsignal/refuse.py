@@ -3,8 +3,8 @@
 import numpy as np
 
 from stabctl.dynamics import family
-from stabctl.dynamics.assembly import limits
 from stabctl.dynamics.jacobian import Derivatives
+from stabctl.dynamics.limits import limits
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.program import Family
 from stabctl.dynamics.start import FAR

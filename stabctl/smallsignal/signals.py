@@ -159,7 +159,9 @@ def _signal(case: Case, name: str, kind: Kind, place: int | str | None) -> Signa
     elif kind.place == "" and place is not None:
         raise StudyError(f"{name} has no place; write {name} alone.")
     words = {
-        role: devices.models()[model].NAME for role in ("machine", "exciter", "governor") if (model := _model(case, place, role))
+        role: devices.models()[model].NAME
+        for role in ("machine", "exciter", "governor")
+        if (model := _model(case, place, role))
     }
     return Signal(name, place, kind.label.format(place=place, **words), kind.unit)
 

@@ -22,7 +22,9 @@ NAME = "GENROU"
 ROLE = "machine"
 EASED = ("SB",)
 CLOSED = ("T1d", "T2d", "T1q", "T2q")
-__all__ = ["CLOSED", "EASED", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "internal", "output", "source"]
+__all__ = [
+    "CLOSED", "EASED", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "internal", "output", "source",
+]  # fmt: skip
 
 
 class Par(NamedTuple):

@@ -1,0 +1,104 @@
+"""Case and power flow -> the devices of every table, with their constants on the system base."""
+
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from stabctl import devices
+from stabctl.errors import EquilibriumError
+from stabctl.model import keys
+from stabctl.model.case import Case
+from stabctl.model.network import Network
+from stabctl.model.powerflow import PowerFlow
+
+NO_UNIT = -1
+
+
+class Row(NamedTuple):
+    """One device: its unit and buses (rows), its constants, what it is called in labels and in messages."""
+
+    unit: int
+    bus: int
+    bus2: int
+    par: Any
+    label: str
+    key: str
+
+
+def tables(case: Case, flow: PowerFlow, net: Network) -> tuple[dict[str, list[Row]], np.ndarray]:
+    """Table -> devices, and the admittance (buses, pu) of loads that stands in the network matrix."""
+    numbers = {m.machine: i for i, m in enumerate(case.machines)}
+    found: dict[str, list[Row]] = {}
+    for name, device in devices.models().items():
+        if device.ROLE in devices.UNIT_ROLES and name in case.devices:
+            found[name] = [
+                _unit_row(case, device, numbers[keys.number(key)], key, par, net)
+                for key, par in case.devices[name].items()
+            ]
+    found["zip_load"], fixed = [], np.zeros(len(case.buses), complex)
+    for i in range(len(case.loads)):
+        _load(case, flow, net, i, found, fixed)
+    esd, hvdc = devices.every()["esd"], devices.every()["hvdc"]
+    found["esd"] = [
+        Row(
+            numbers[s.machine],
+            net.place[s.bus],
+            net.place[s.bus],
+            esd.from_case(s, case.base_mva),
+            f"ESD {s.machine}@{s.bus}",
+            f"ESD {s.machine}@{s.bus}",
+        )
+        for s in case.storage
+    ]
+    found["hvdc"] = []
+    for k in case.links:
+        a, b = net.place[k.from_bus], net.place[k.to_bus]
+        powers = k.p / abs(flow.V[a]), (k.p - k.loss) / abs(flow.V[b])
+        found["hvdc"].append(
+            Row(NO_UNIT, a, b, hvdc.Par(*(p / case.base_mva for p in powers), 0.5), f"HVDC {k.link}", f"link {k.link}")
+        )
+    return {name: rows for name, rows in found.items() if rows}, fixed
+
+
+def _unit_row(case: Case, device: ModuleType, unit: int, key: Any, par: Any, net: Network) -> Row:
+    m = case.machines[unit]
+    given = {"mva": m.base / case.base_mva, "wb": 2 * np.pi * case.frequency_hz}
+    par = par._replace(**{name: value for name, value in given.items() if name in par._fields})
+    par = device.prepare(par) if hasattr(device, "prepare") else par
+    bus = int(net.machine_bus[unit])
+    return Row(unit, bus, bus, par, f"{device.NAME} {key}", f"machine {m.machine} at bus {m.bus}")
+
+
+def load_row(case: Case, i: int, V: float, net: Network) -> tuple[str, Row]:
+    """Table and device of row `i` of loads.csv, at the voltage V (pu) of the power flow."""
+    load = case.loads[i]
+    P, Q = load.p / case.base_mva, load.q / case.base_mva
+    key, bus = keys.numbered(load.bus for load in case.loads)[i], net.place[load.bus]
+    for name, device in devices.models().items():
+        if device.ROLE == "load" and key in case.devices.get(name, {}):
+            par = case.devices[name][key]
+            given = {"P0": P, "Q0": Q, "V0": V, "vlow": load.v_low, "wb": 2 * np.pi * case.frequency_hz}
+            par = par._replace(**{k: v for k, v in given.items() if k in par._fields})
+            return name, Row(NO_UNIT, bus, bus, par, f"{device.NAME} {key}", f"the load at bus {load.bus}")
+    zip_load = devices.every()["zip_load"]
+    return "zip_load", Row(
+        NO_UNIT, bus, bus, zip_load.from_case(load, P, Q, V), f"load {key}", f"the load at bus {load.bus}"
+    )
+
+
+def _load(case: Case, flow: PowerFlow, net: Network, i: int, found: dict[str, list[Row]], fixed: np.ndarray) -> None:
+    """Add row `i` of loads.csv to the devices, its constant-admittance part to the network."""
+    load, V = case.loads[i], float(abs(flow.V[net.place[case.loads[i].bus]]))
+    if load.v_low > V:
+        raise EquilibriumError(
+            f"The load at bus {load.bus} of {case.name} cannot be initialized: its v_low = {load.v_low:g} pu, below "
+            f"which it is an admittance, is above its power-flow voltage of {V:.3f} pu; lower v_low_pu in loads.csv."
+        )
+    name, row = load_row(case, i, V, net)
+    if name == "zip_load":
+        fixed[row.bus] += devices.every()[name].admittance(row.par)
+        row = row._replace(par=row.par._replace(Pz=0.0, Qz=0.0))
+        if not any(row.par[:4]):
+            return
+    found.setdefault(name, []).append(row)
