@@ -12,7 +12,8 @@ import os
 import stat
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -107,6 +108,51 @@ def _private(path: Path) -> bool:
     return mine and stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o077
 
 
+_told: list[bool] = []
+
+
+@contextmanager
+def compiling(labels: Sequence[str]) -> Iterator[Callable[[], None]]:
+    """Say on stderr what is compiled: a progress bar on a terminal, else one line the first time.
+
+    Parameters
+    ----------
+    labels
+        What is going to be compiled; nothing is said where there is nothing.
+
+    Yields
+    ------
+    Callable
+        To be called after each of them.
+    """
+    if not labels:
+        yield lambda: None
+        return
+    bar = None
+    if sys.stderr.isatty():
+        from rich.console import Console
+        from rich.errors import LiveError
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+        columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+        bar = Progress(*columns, console=Console(stderr=True), transient=True)
+        try:
+            bar.start()
+        except LiveError:  # another bar is on the screen
+            bar = None
+    elif not _told:
+        print("stabctl: compiling the equations, once on this machine ...", file=sys.stderr, flush=True)
+    _told.append(True)
+    if bar is None:
+        yield lambda: None
+        return
+    task, left = bar.add_task(f"compiling {labels[0]}", total=len(labels)), iter(labels[1:])
+    try:
+        yield lambda: bar.update(task, advance=1, description=f"compiling {next(left, labels[-1])}")
+    finally:
+        bar.stop()
+
+
 class Entry:
     """An entry point: compiled, or loaded from disk, at its first call."""
 
@@ -116,9 +162,13 @@ class Entry:
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the compiled function."""
-        if self._compiled is None:
+        if self._compiled is not None:
+            return self._compiled(*arguments)
+        with compiling([] if self.on_disk() else [self.name]) as done:
             self._compiled = self._compile()
-        return self._compiled(*arguments)
+            found = self._compiled(*arguments)
+            done()
+        return found
 
     def signatures(self) -> list[Any]:
         """Types that it has been compiled for."""

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stabctl import devices
+from stabctl._util import jit
 from stabctl.errors import EquilibriumError
 
 from . import family
@@ -125,7 +126,7 @@ def program(families: Sequence[Family], scalar: type = float) -> Program:
 
     For float: as simulated. For complex: `sweep` gives all outputs, `step` all local derivatives.
     """
-    address = [family.address(f.name, f.device, scalar) if len(f.w) else 0 for f in families]
+    address = _addresses(families, scalar)
     starts_w = np.cumsum([0, *(f.w.size for f in families)])
     starts_k = np.cumsum([0, *(f.k.size for f in families)])
 
@@ -153,6 +154,18 @@ def program(families: Sequence[Family], scalar: type = float) -> Program:
     k = np.concatenate([np.zeros(0), *(f.k.ravel() for f in families)])
     step = all_of(LOCAL) if scalar is complex else all_of(STEP)
     return Program(w, k, table(all_of(SOURCE)), table([*heard, *all_of(CURRENT)]), table(sweep), table(step))
+
+
+def _addresses(families: Sequence[Family], scalar: type) -> list[int]:
+    """Addresses of the families' loops, which are compiled where their machine code is not on disk."""
+    new = [f.device.NAME for f in families if len(f.w) and not family.on_disk(f.name, f.device, scalar)]
+    with jit.compiling(new) as done:
+        out = []
+        for f in families:
+            out.append(family.address(f.name, f.device, scalar) if len(f.w) else 0)
+            if f.device.NAME in new:
+                done()
+    return out
 
 
 def _heard(families: Sequence[Family], sweep: Sequence[Node]) -> list[Node]:

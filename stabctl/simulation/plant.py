@@ -47,11 +47,8 @@ class Space(NamedTuple):
 
     s: np.ndarray
     f: np.ndarray
-    sc: np.ndarray  # complex twins of s and f, for Newton
-    fc: np.ndarray
     volt: np.ndarray
     current: np.ndarray
-    new: np.ndarray
     work: np.ndarray
     source: np.ndarray
     seen: np.ndarray  # (buses) voltages before an iteration
@@ -59,17 +56,20 @@ class Space(NamedTuple):
     kept: np.ndarray
     x0: np.ndarray
     sum: np.ndarray
-    angle0: np.ndarray  # (rotor units) rad   angles before the first event
-    peak: np.ndarray  # (rotor units) rad   largest change of angle against the COI so far
+    angles: np.ndarray  # (2, rotor units) rad   before the first event, and the largest change against the COI so far
     low: np.ndarray  # (loads) s     time below the threshold
     orders: np.ndarray  # (held) before a decision
-    weight: np.ndarray  # (buses) inertia, speed, acceleration and angle of the islands
-    fast: np.ndarray
-    rate: np.ndarray
-    turn: np.ndarray
-    blamed: np.ndarray  # (2) row of the bus, and of the rotor unit, to blame
-    at: np.ndarray  # (3) step, stage and decided?, where Newton was asked for
+    coi: np.ndarray  # (4, buses) inertia, speed, acceleration and angle of the islands
+    marks: np.ndarray  # bus and rotor unit to blame; step, stage and decided?, where Newton was asked for
     tol: np.ndarray  # (1) pu
+
+
+class NewtonSpace(NamedTuple):
+    """Work space of Newton alone: complex twins of s and f, and voltages."""
+
+    s: np.ndarray
+    f: np.ndarray
+    new: np.ndarray
 
 
 def frame(system: System, layout: Layout, deviation: int, held: np.ndarray) -> Frame:
@@ -101,11 +101,15 @@ def space(s: np.ndarray, layout: Layout, a: Frame, base_mva: float) -> Space:
     """Buffers of one run that starts at s."""
     nx, nb, m = layout.nx, layout.buses, len(a.rotor)
     s, f = s.copy(), np.zeros(layout.first_setpoint)
-    blank = np.zeros((6, nb), complex)
+    blank = np.zeros((5, nb), complex)
     return Space(
-        s, f, s.astype(complex), f.astype(complex),
-        s[layout.voltages].view(complex), f[layout.voltages].view(complex),
-        *(row.copy() for row in blank), np.zeros(nx), np.zeros(nx), s[a.rotor].copy(), np.zeros(m),
-        np.zeros(len(a.watch_bus)), np.zeros(len(a.held)), *np.zeros((4, nb)),
-        np.zeros(2, np.int64), np.zeros(3, np.int64), np.array([TOLERANCE * 100 / base_mva]),
+        s, f, s[layout.voltages].view(complex), f[layout.voltages].view(complex),
+        *(row.copy() for row in blank), np.zeros(nx), np.zeros(nx), np.stack([s[a.rotor], np.zeros(m)]),
+        np.zeros(len(a.watch_bus)), np.zeros(len(a.held)), np.zeros((4, nb)),
+        np.zeros(5, np.int64), np.array([TOLERANCE * 100 / base_mva]),
     )  # fmt: skip
+
+
+def newton_space(q: Space) -> NewtonSpace:
+    """Work space of Newton for the buffers of a run."""
+    return NewtonSpace(q.s.astype(complex), q.f.astype(complex), np.zeros_like(q.volt))

@@ -122,7 +122,7 @@ class Simulation:
             self._call(0.0, 0, True)
         rows = np.concatenate(self._rows) if self._rows else np.empty((0, self._width))
         times = np.concatenate(self._times) if self._times else np.empty(0)
-        peak = self._space.peak.copy()
+        peak = self._space.angles[1].copy()
         for array in (rows, times, peak):
             array.setflags(write=False)
         self._finished = Trajectory(self.point, self.outcome, times, rows, peak, self.step, self.steps, self.wall_s)
@@ -157,18 +157,18 @@ class Simulation:
 
     def _end(self, verdict: int) -> Outcome:
         self._verdict = verdict
-        bus, rotor = map(int, self._space.blamed)
+        bus, rotor = map(int, self._space.marks[:2])
         end = End(verdict, self.time, self._stage, self.speed, rotor, bus, tuple(self._taken_off))
         return outcome(self.point, end, self.criterion)
 
     def _alone(self) -> bool:
         """Has the machine that ran away an island of its own, while others run elsewhere?"""
-        island, unit = self._stage.net.island, self.point.rotors.unit[self._space.blamed[1]]
+        island, unit = self._stage.net.island, self.point.rotors.unit[self._space.marks[1]]
         return (island == island[unit]).sum() == 1 and (island >= 0).sum() > 1
 
     def _take_off(self) -> None:
         """Trip the machine that ran away, as its overspeed protection would, from now on."""
-        row = int(self.point.rotors.unit[self._space.blamed[1]])
+        row = int(self.point.rotors.unit[self._space.marks[1]])
         gone = [c.switching._replace(tripped=c.switching.tripped | {row}) for c in self.changes[self._at :]]
         later = (replace(c, switching=s) for c, s in zip(self.changes[self._at :], gone, strict=True))
         self.changes = (*self.changes[: self._at], *later)

@@ -45,31 +45,33 @@ def confine(s, a):
 @noinline
 def coi(a, net, q):
     """Sums of inertia and of inertia times speed, acceleration and angle change, per island."""
-    for k in range(len(q.weight)):
-        q.weight[k] = q.fast[k] = q.rate[k] = q.turn[k] = 0.0
+    s, sums, island = q.s, q.coi, net.island
+    for i in range(len(island)):
+        for j in range(4):
+            sums[j, max(island[i], 0)] = 0.0
     for i in range(len(a.rotor)):
-        k, h, at = net.island[a.unit[i]], a.inertia[i], a.rotor[i]
+        k, h, at = island[a.unit[i]], a.inertia[i], a.rotor[i]
         if k >= 0:
-            q.weight[k] += h
-            q.fast[k] += h * q.s[at + 1]
-            q.rate[k] += h * q.f[at + 1]
-            q.turn[k] += h * (q.s[at] - q.angle0[i])
+            sums[0, k] += h
+            sums[1, k] += h * s[at + 1]
+            sums[2, k] += h * q.f[at + 1]
+            sums[3, k] += h * (s[at] - q.angles[0, i])
 
 
 @noinline
 def decide(p, a, net, q):
     """Let the sampled devices act on the signals of now; has an order changed?"""
     coi(a, net, q)
-    m = len(a.rotor)
-    for i in range(len(net.island)):
-        q.s[a.places[2] + 2 * m + i] = 1.0 if net.island[i] >= 0 else 0.0
+    s, sums, island, first, m = q.s, q.coi, net.island, a.places[2], len(a.rotor)
+    for i in range(len(island)):
+        s[first + 2 * m + i] = 1.0 if island[i] >= 0 else 0.0
     for i in range(m):
-        k, own, at = net.island[a.unit[i]], a.inertia[i], a.rotor[i]
-        q.s[a.places[2] + i] = q.s[a.places[2] + m + i] = 0.0
-        if k >= 0 and q.weight[k] > own:
-            rest = q.weight[k] - own
-            q.s[a.places[2] + i] = q.s[at + 1] - (q.fast[k] - own * q.s[at + 1]) / rest
-            q.s[a.places[2] + m + i] = q.f[at + 1] - (q.rate[k] - own * q.f[at + 1]) / rest
+        k, own, at = island[a.unit[i]], a.inertia[i], a.rotor[i]
+        s[first + i] = s[first + m + i] = 0.0
+        if k >= 0 and sums[0, k] > own:
+            rest = sums[0, k] - own
+            s[first + i] = s[at + 1] - (sums[1, k] - own * s[at + 1]) / rest
+            s[first + m + i] = q.f[at + 1] - (sums[2, k] - own * q.f[at + 1]) / rest
     for j in range(len(a.held)):
         q.orders[j] = q.s[a.held[j]]
     run(p.step, p, q.s, q.f, net.island)
@@ -88,13 +90,13 @@ def judge(a, net, q, rules, h):
         k, at = net.island[a.unit[i]], a.rotor[i]
         if k < 0:
             continue
-        move = abs(q.s[at] - q.angle0[i] - q.turn[k] / q.weight[k])
-        if move > q.peak[i]:
-            q.peak[i] = move
+        move = abs(q.s[at] - q.angles[0, i] - q.coi[3, k] / q.coi[0, k])
+        if move > q.angles[1, i]:
+            q.angles[1, i] = move
         if not move < rules.max_angle and not move <= worst:
-            verdict, worst, q.blamed[1] = SLIPPED, move, i
+            verdict, worst, q.marks[1] = SLIPPED, move, i
         if verdict == DONE and not rules.slowest < q.s[at + 1] < rules.fastest:
-            verdict, q.blamed[1] = RUNAWAY, i
+            verdict, q.marks[1] = RUNAWAY, i
     if verdict == DONE and rules.low_voltage_s > 0 and not net.faulted:
         for j in range(len(a.watch_bus)):
             b = a.watch_bus[j]
@@ -102,7 +104,7 @@ def judge(a, net, q, rules, h):
             low = v.real * v.real + v.imag * v.imag < a.watch_low[j] * a.watch_low[j]
             q.low[j] = q.low[j] + h if low and net.alive[b] else 0.0
             if q.low[j] > rules.low_voltage_s:
-                verdict, q.blamed[0] = LOW_VOLTAGE, b
+                verdict, q.marks[0] = LOW_VOLTAGE, b
     return verdict
 
 
@@ -163,7 +165,7 @@ def advance(p, a, net, q, rules, h, steps, last, resume, history):
     first, stage0, decided = 0, 0, False
     q.s[a.places[1]] = h
     if resume:
-        first, stage0, decided = q.at[0], q.at[1], q.at[2] > 0
+        first, stage0, decided = q.marks[2], q.marks[3], q.marks[4] > 0
     else:
         for i in range(len(q.volt)):
             if not net.alive[i]:
@@ -182,7 +184,7 @@ def advance(p, a, net, q, rules, h, steps, last, resume, history):
                 n = 0 if resume else settle(p, a, net, q)
                 resume = False
                 if n == NEEDS_NEWTON:
-                    q.at[0], q.at[1], q.at[2] = step, stage, 1 if decided else 0
+                    q.marks[2], q.marks[3], q.marks[4] = step, stage, 1 if decided else 0
                     return NEWTON, step
                 if n == FAILED:
                     return NO_VOLTAGE, step

@@ -11,6 +11,7 @@ from stabctl._util.jit import allocating_entry, inline, noinline
 from stabctl.devices.blocks import copy
 from stabctl.dynamics.perform import perform
 
+from .plant import newton_space
 from .substitution import solve, solve_apart
 
 LIMIT = 30  # -    substitutions before Newton is called
@@ -60,11 +61,11 @@ def newton(calls, p, a, net, q) -> bool:
         The program for complex numbers.
     a, net, q
         Frame, network and buffers of the run; `q.volt` ends as the solution, or as before with the bus of the largest
-        residual in `q.blamed[0]`.
+        residual in `q.marks[0]`.
     """
-    q.sc[:] = q.s
+    z = newton_space(q)
     for attempt in range(3):
-        if newton_from(calls, p, a, net, q, attempt > 0):
+        if newton_from(calls, p, a, net, q, z, attempt > 0):
             return True
         if attempt == 1:
             q.volt[:] = 0
@@ -73,13 +74,13 @@ def newton(calls, p, a, net, q) -> bool:
 
 
 @allocating_entry
-def newton_from(calls, p, a, net, q, slow):
+def newton_from(calls, p, a, net, q, z, slow):
     """Solve v - a - Z i(v) = 0 on the buses that draw, steps halved until the residual falls; found?
 
     With `slow`, the steps are those of an implicit Euler method, of a length that grows as the residual falls. Here a
     and Z are the voltages without draws and the impedances between the buses.
     """
-    bus, factors, source, volt, current, work, new = a.draw_bus, net.factors, q.source, q.volt, q.current, q.work, q.new
+    bus, factors, source, volt, current, work, new = a.draw_bus, net.factors, q.source, q.volt, q.current, q.work, z.new
     n = len(bus)
     open_, Z = np.zeros(n, np.complex128), np.zeros((n, n), np.complex128)
     solve_apart(factors, source, work, new)
@@ -104,7 +105,7 @@ def newton_from(calls, p, a, net, q, slow):
             for i in range(n):
                 for k in range(2):
                     tried[i, k] = v[i, k].real - scale * F[2 * i + k]
-            drawn(calls, p, a, net, q, tried, i_v[0])
+            drawn(calls, p, a, net, z, tried, i_v[0])
             now, worst = residual(tried, open_, Z, i_v[0], J[0])
             if now < before or slow:
                 break
@@ -128,26 +129,26 @@ def newton_from(calls, p, a, net, q, slow):
             for i in range(n):
                 tried[i, k] = v[i, k] + 1j * TINY
                 tried[i, 1 - k] = v[i, 1 - k]
-            drawn(calls, p, a, net, q, tried, i_v[1 + k])
+            drawn(calls, p, a, net, z, tried, i_v[1 + k])
         slopes(Z, i_v, J)
         for i in range(2 * n if slow else 0):
             J[i, i] += 1 / pace
         F = np.linalg.solve(J, F)
-    q.blamed[0] = bus[worst]
+    q.marks[0] = bus[worst]
     return False
 
 
 @noinline
-def drawn(calls, p, a, net, q, v, out):
+def drawn(calls, p, a, net, z, v, out):
     """Currents (pairs) that whatever draws injects at voltages v (pairs) of its buses."""
     for i in range(len(v)):
         at = a.places[0] + 2 * a.draw_bus[i]
-        q.sc[at], q.sc[at + 1] = v[i, 0], v[i, 1]
-        q.fc[at] = q.fc[at + 1] = 0
-    perform(calls, p.w, p.k, q.sc, q.fc, net.island)
+        z.s[at], z.s[at + 1] = v[i, 0], v[i, 1]
+        z.f[at] = z.f[at + 1] = 0
+    perform(calls, p.w, p.k, z.s, z.f, net.island)
     for i in range(len(v)):
         at = a.places[0] + 2 * a.draw_bus[i]
-        out[i, 0], out[i, 1] = q.fc[at], q.fc[at + 1]
+        out[i, 0], out[i, 1] = z.f[at], z.f[at + 1]
 
 
 @noinline
