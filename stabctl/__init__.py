@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from stabctl.clearing import ClearingTime, Screen, clearing_time, screen
     from stabctl.controllers import BangBang, Feedback
+    from stabctl.devices import register
     from stabctl.dynamics.coerce import initialize
     from stabctl.dynamics.operating_point import OperatingPoint
     from stabctl.errors import StabctlError
@@ -77,6 +78,7 @@ _WHERE = {
     "place": "placement.place:place",
     "power_flow": "model.powerflow:solve",
     "read_sweep": "sweep.results:read",
+    "register": "devices:register",
     "replicate": "model.replicate:replicate",
     "run_sweep": "sweep.sweep:run_sweep",
     "screen": "clearing:screen",

@@ -93,7 +93,9 @@ def test_a_task_is_a_short_script(script, most, tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.parametrize("noun", [st.Case, st.OperatingPoint])
-@pytest.mark.parametrize("verb", ["simulate", "clearing_time", "screen", "modes", "linearize", "estimate"])
+@pytest.mark.parametrize(
+    "verb", ["power_flow", "simulate", "clearing_time", "screen", "modes", "linearize", "estimate", "place"]
+)
 def test_a_verb_is_the_function(noun, verb):
     assert getattr(noun, verb) is getattr(st, verb)
 
@@ -159,7 +161,24 @@ def test_a_law_with_memory_starts_anew_in_every_run(base):
     ("nonsense", "says"),
     [
         (lambda b: st.simulate("two_area"), "'two_area' is not a system; give a Case"),
-        (lambda b: st.simulate(st.Case), "The class Case is not a system"),
+        (lambda b: st.simulate(st.Case), "is not a system"),
+        (lambda b: st.power_flow("two_area"), "is not a system"),
+        (lambda b: st.replicate(3, 2), "3 is not a system"),
+        (lambda b: st.write("two_area", "there"), "is not a system"),
+        (lambda b: st.load(3), "There is no case '3'"),
+        (lambda b: st.place("two_area", FAULT), "is not a system"),
+        (lambda b: b.place(3), "3 is not a list of contingencies"),
+        (lambda b: b.estimate(3), "3 is not a contingency"),
+        (lambda b: b.modes(3), "is not a band"),
+        (lambda b: b.modes("2..1Hz"), "is empty or negative"),
+        (lambda b: b.linearize("speed:2"), "'speed' is not an input"),
+        (lambda b: b.linearize("vref:9"), "There is no machine 9"),
+        (lambda b: b.linearize(3), "3 is not a list of signals"),
+        (lambda b: b.screen("x"), "'x' is not a time"),
+        (lambda b: b.screen(buses=99), "99"),
+        (lambda b: b.screen(workers="2"), "workers"),
+        (lambda b: b.clearing_time([FAULT]), "is not a contingency"),
+        (lambda b: b.clearing_time("99"), "There is no bus 99"),
         (lambda b: st.initialize(b), "is not a case"),
         (lambda b: b.simulate(FAULT, control=st.BangBang), "BangBang is a class; give an instance, BangBang()"),
         (lambda b: b.simulate(FAULT, control=st.BangBang()), "no storage device to act on"),

@@ -14,6 +14,6 @@ def used(workers: int | None) -> int:
     """Threads or processes: those asked for, else one per core. Raises `StudyError` for fewer than one."""
     if workers is None:
         return available()
-    if workers < 1:
-        raise StudyError(f"{workers} workers are not allowed; give at least 1.")
+    if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
+        raise StudyError(f"{workers!r} workers are not allowed; give a whole number of at least 1.")
     return workers

@@ -1,6 +1,6 @@
 """Where a study starts: a case or an operating point, with or without other storage."""
 
-from stabctl.errors import StudyError
+from stabctl.errors import StudyError, shown
 from stabctl.model import powerflow
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
@@ -27,7 +27,7 @@ def operating_point(base: Case | OperatingPoint, storage: Fleet | None = None) -
         flow = powerflow.solve(base)
         return solve(base if storage is None else base.with_storage(storage, flow), flow)
     if not isinstance(base, OperatingPoint):
-        raise StudyError(f"{_named(base)} is not a system; give a Case, as st.load('two_area'), or its OperatingPoint.")
+        raise StudyError(f"{shown(base)} is not a system; give a Case, as st.load('two_area'), or its OperatingPoint.")
     return base if storage is None else solve(base.case.with_storage(storage, base.flow), base.flow)
 
 
@@ -50,9 +50,6 @@ def initialize(case: Case, storage: Fleet | None = None) -> OperatingPoint:
         Where there is no power flow, or a device has no state of rest at it.
     """
     if not isinstance(case, Case):
-        raise StudyError(f"{_named(case)} is not a case; give one, as st.load('two_area').")
+        raise StudyError(f"{shown(case)} is not a case; give one, as st.load('two_area').")
     return operating_point(case, storage)
 
-
-def _named(thing: object) -> str:
-    return f"The class {thing.__name__}" if isinstance(thing, type) else repr(thing)

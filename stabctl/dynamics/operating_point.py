@@ -55,6 +55,8 @@ class OperatingPoint:
     modes = verb("stabctl.smallsignal.modes:modes")
     linearize = verb("stabctl.smallsignal:linearize")
     estimate = verb("stabctl.estimation.estimate:estimate")
+    place = verb("stabctl.placement.place:place")
+    power_flow = verb("stabctl.model.powerflow:solve")
 
     @property
     def layout(self) -> Layout:

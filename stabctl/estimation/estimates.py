@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.controllers import BangBang
 from stabctl.dynamics.operating_point import OperatingPoint
@@ -63,6 +64,8 @@ class Estimates:
     wall_s: np.ndarray  # (frames) s   computing time of the estimator and the controller, all seeds
     runs: tuple[Trajectory, ...] = ()
     cleared_s: float = 0.0  # s   instant of the last event
+
+    plot = verb("stabctl.plotting.estimates:plot")
 
     @property
     def deadband(self) -> float:

@@ -5,7 +5,7 @@ from pathlib import Path
 from stabctl._util import files
 from stabctl.errors import CaseError
 from stabctl.model import catalog
-from stabctl.model.case import Case
+from stabctl.model.case import Case, as_case
 from stabctl.model.tables import TABLES
 from stabctl.schema import fields
 
@@ -35,7 +35,7 @@ def write(case: Case, folder: str | Path) -> Path:
     OSError
         If a file cannot be written; files written before are whole.
     """
-    folder = Path(folder)
+    case, folder = as_case(case), Path(folder)
     texts = {}
     for name, record in TABLES.items():
         if getattr(case, name):

@@ -104,6 +104,14 @@ class Case:
     __repr__ = __str__
 
 
+def as_case(base: Any) -> Case:
+    """The case, or that of an operating point. Raises `StudyError` for anything else."""
+    found = base if isinstance(base, Case) else getattr(base, "case", None)
+    if not isinstance(found, Case):
+        raise StudyError(f"{shown(base)} is not a system; give a Case, as st.load('two_area'), or its OperatingPoint.")
+    return found
+
+
 def _made(parts: dict[str, Any]) -> Case:
     """A case from its parts (how it is copied between processes)."""
     return Case(**parts)

@@ -8,7 +8,7 @@ import numpy as np
 from stabctl.errors import PowerFlowError
 
 from . import keys, network
-from .case import Case
+from .case import Case, as_case
 from .newton import Equations, newton
 
 if TYPE_CHECKING:
@@ -130,6 +130,7 @@ def solve(case: Case, limit: int = 30) -> PowerFlow:
     PowerFlowError
         If no solution is found; it names the bus with the largest power mismatch.
     """
+    case = as_case(case)
     net = network.build(case)
     Y = network.admittance(net)
     drawn = demand(case)

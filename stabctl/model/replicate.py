@@ -8,7 +8,7 @@ import numpy as np
 from stabctl.errors import StudyError
 
 from . import catalog, keys, powerflow
-from .case import Case
+from .case import Case, as_case
 from .tables import Branch, Bus
 
 Row = TypeVar("Row", bound=Any)
@@ -39,6 +39,7 @@ def replicate(case: Case, copies: int, *, tie_bus: int | None = None, x: float =
     StudyError
         For fewer than one copy, a bus that does not exist, or a reactance that is not positive.
     """
+    case = as_case(case)
     if copies < 1:
         raise StudyError(f"{copies} copies of {case.name} are not possible; ask for at least 1.")
     swing = next(b.bus for b in case.buses if b.kind == "swing")

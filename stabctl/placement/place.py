@@ -15,7 +15,7 @@ from stabctl.errors import StudyError
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.estimators import EstimatorName
 from stabctl.model import fleet, powerflow
-from stabctl.model.case import Case, Storage
+from stabctl.model.case import Case, Storage, as_case
 from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.sampled import Sampled
 
@@ -95,9 +95,7 @@ def place(
         is found.
     """
     began = time.perf_counter()
-    case = base.case if isinstance(base, OperatingPoint) else base
-    if not isinstance(case, Case):
-        raise StudyError(f"{base!r} is not a system; give a Case, as st.load('ieee39'), or its OperatingPoint.")
+    case = as_case(base)
     _check(costs, sites)
     law = control or BangBang()
     controls = _controls(validate, law)

@@ -141,7 +141,7 @@ def test_theory():
 def test_estimates(runs):
     point = runs["with 50 MW storage"].point
     found = estimate(point, Contingency("7", "6cyc", "7-8"), 1.5, seeds=range(1, 3))
-    for figure in (estimates.plot(found), estimates.commands(found)):
+    for figure in (found.plot(), estimates.commands(found)):
         assert crowded(figure) == []
 
 
