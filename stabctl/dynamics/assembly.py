@@ -43,9 +43,16 @@ class System:
     watch_low: np.ndarray  # pu   their voltages below which a load counts as lost
     kept: dict[Any, Any] = field(default_factory=dict, repr=False)  # what is worked out once for all such systems
 
-    def family(self, name: str) -> Family | None:
-        """The family of that name; None where the case has no such device."""
-        return next((f for f in self.families if f.name == name), None)
+    def has(self, table: str) -> bool:
+        """Does the case have devices of this table?"""
+        return any(f.name == table for f in self.families)
+
+    def family(self, table: str) -> Family:
+        """The devices of a table; `KeyError` where the case has none."""
+        for f in self.families:
+            if f.name == table:
+                return f
+        raise KeyError(table)
 
     def with_constants(self, name: str, k: np.ndarray) -> "System":
         """The same system, the constants of one family replaced."""
@@ -92,7 +99,7 @@ def _watched(name: str, row: Row) -> Iterator[tuple[int, float]]:
 
 
 def _rotors(families: Iterable[Family], unit: Mapping[str, list[int]]) -> Rotors:
-    found = []
+    found: list[tuple[int, int, float]] = []
     for f in families:
         states, constants = family.fields(f.device, "State"), family.fields(f.device, "Par")
         if {"delta", "omega"} <= set(states) and "H" in constants:

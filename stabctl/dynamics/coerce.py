@@ -52,4 +52,3 @@ def initialize(case: Case, storage: Fleet | None = None) -> OperatingPoint:
     if not isinstance(case, Case):
         raise StudyError(f"{shown(case)} is not a case; give one, as st.load('two_area').")
     return operating_point(case, storage)
-

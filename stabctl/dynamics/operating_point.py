@@ -95,10 +95,10 @@ class OperatingPoint:
 
     def constants(self, table: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Rows of the units of a device table, and its constants by name, an entry per device."""
-        f = self.system.family(table)
         names = devices.every()[table].Par._fields
-        if f is None:
+        if not self.system.has(table):
             return np.zeros(0, np.int64), {name: np.zeros(0) for name in names}
+        f = self.system.family(table)
         return f.w[:, family.UNIT].copy(), dict(zip(names, f.k.T.copy(), strict=True))
 
     def admittance(self, switching: network.Switching = network.UNSWITCHED) -> sp.csc_matrix:

@@ -81,8 +81,9 @@ class Arrays:
         return _fixed(self._of_storage(family.INPUTS, 0))
 
     def _of_storage(self, column: int, shift: int) -> np.ndarray:
-        esd = self._point.system.family("esd")
-        return self._rows[:, esd.w[:, column] + shift] if esd else np.empty((len(self._rows), 0))
+        if not self._point.system.has("esd"):
+            return np.empty((len(self._rows), 0))
+        return self._rows[:, self._point.system.family("esd").w[:, column] + shift]
 
 
 def _fixed(array: np.ndarray) -> np.ndarray:

@@ -33,8 +33,8 @@ def moving(point: OperatingPoint, d: Derivatives) -> None:
 
 def limited(point: OperatingPoint) -> None:
     """`LinearizationError` where a limiter rests on its limit, so that both sides have different slopes; names it."""
-    esd = point.system.family("esd")
     for j, device in enumerate(point.case.storage):
+        esd = point.system.family("esd")
         par = esd.device.Par(*esd.k[j])
         if not par.floor < par.stored < par.capacity:
             what = "full" if par.stored >= par.capacity else "empty"
