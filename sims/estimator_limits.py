@@ -28,8 +28,8 @@ def study(reports: Path) -> Study:
             return base.clearing_time(fault, control=replace(CONTROL, pmu=pmu)).cycles
 
         ideal[name] = base.clearing_time(fault, control=st.BangBang()).cycles
-        late[name] = [cycles(st.Pmu(latency_ms=ms)) for ms in LATENCIES]
-        noisy[name] = [cycles(st.Pmu(angle_mrad=noise, magnitude=1e-3 * noise)) for noise in NOISES]
+        late[name] = [cycles(st.Pmu(latency=1e-3 * ms)) for ms in LATENCIES]
+        noisy[name] = [cycles(st.Pmu(angle=1e-3 * noise, magnitude=1e-3 * noise)) for noise in NOISES]
     sweeps = {"latency of remote signals (ms)": (LATENCIES, late), "phasor noise (mrad and per mille)": (NOISES, noisy)}
     picture = draw(
         clearing_time.panels(sweeps, ideal),

@@ -38,6 +38,7 @@ def estimate(
     loss: options.Loss = 0.02,
     seed: options.Seed = 1,
     plot: Plot = None,
+    settings: options.Set = None,
     classical: options.Classical = False,
     as_json: options.Json = False,
 ) -> None:
@@ -50,7 +51,7 @@ def estimate(
     from stabctl.units import seconds
 
     shared.file(plot, ".png", ".svg")
-    loaded = shared.load(case, classical)
+    loaded = shared.load(case, classical, settings)
     observed = seconds(observe, loaded.frequency_hz)
     if not observed > 0.05:
         raise StudyError(f"--observe {observed:g} s is not allowed; it must be more than 0.05 s.")

@@ -51,6 +51,7 @@ def place(
     seed: options.Seed = 1,
     workers: options.Workers = None,
     report: Report = None,
+    settings: options.Set = None,
     classical: options.Classical = False,
     as_json: options.Json = False,
 ) -> None:
@@ -61,7 +62,7 @@ def place(
     from stabctl.placement.siting import Costs
 
     shared.folder(report)
-    loaded = shared.load(case, classical)
+    loaded = shared.load(case, classical, settings)
     chosen, source = _contingencies(loaded, case, contingencies, classical)
     law = BangBang(deadband, min_voltage)
     kalman = {validate: EstimatorControl(law, validate, seed=seed, engine="batched")} if validate else None

@@ -1,7 +1,7 @@
 """Control laws of the storage devices.
 
-A law is a frozen record with `par(device)`, its constants, and `module`, the file of its equations: a device with the
-role "controller" whose `step` gives the order wanted of a storage device. A new law is one file.
+A law is a frozen record with `par(device)`, its constants, and `module`, the file with its equations: a device with the
+role "controller" whose `step` gives the order of a storage device. A new law is one file.
 """
 
 from types import ModuleType
@@ -27,7 +27,7 @@ class Law(Protocol):
 
 
 def wanted(law: Law, par: Any, signals: Input, voltage: float) -> float:
-    """Order (ratings) that a law asks of one device with these constants, at this voltage magnitude (pu)."""
+    """Order of one device, in ratings (absorbing positive), from a law with its constants at a voltage (pu)."""
     return float(law.module.step(signals, (voltage, 0.0), par).wanted)
 
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from stabctl._util.tabular import Tabular
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.controllers import BangBang
@@ -40,7 +41,7 @@ class Accuracy(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Estimates:
+class Estimates(Tabular):
     """True and estimated speeds of a simulation, for each seed of noise and losses.
 
     Arrays have the shape (frames, seeds, machines) unless stated otherwise; `sigma` is what the filter claims.
@@ -157,5 +158,3 @@ class Estimates:
             f"{self.point.case.name}, {self.control.estimator} estimator: {len(self.time)} frames at "
             f"{self.control.rate} per second, {counted(len(self.seeds), 'seed')}"
         )
-
-    __repr__ = __str__

@@ -18,8 +18,9 @@ from stabctl.simulation.simulation import Simulation
 from .coi import CoiReference, Deviations
 from .estimates import Estimates
 from .estimators import Engine, Estimate, EstimatorName, Filtered, estimator
+from .instrument import Instrument
 from .noise import TUNING, Tuning
-from .pmu import Instrument, Pmu
+from .pmu import Pmu
 from .rotor_units import Terminals, rotor_units
 
 WARM_UP = 1.0  # s   of the system at rest before the first frame
@@ -81,7 +82,7 @@ class EstimatorLoop:
         point = simulations[0].point
         case, pmu = point.case, control.pmu
         if control.estimator == "ideal":
-            pmu = replace(pmu, latency_ms=0.0, loss=0.0, outage_s=None, kind="none")
+            pmu = replace(pmu, latency=0.0, loss=0.0, outage=None, filter_class="none")
         known = rotor_units(point, control.inertia_factor, control.reactance_factor)
         self.control, self.simulations, self.seeds = control, simulations, tuple(seeds)
         self.instrument = Instrument(pmu, seeds, len(case.machines), case.frequency_hz)

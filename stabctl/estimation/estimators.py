@@ -13,8 +13,9 @@ import numpy as np
 
 from .bank import ENGINES, Bank, wrapped
 from .flux import Flux
+from .instrument import Frame
 from .noise import TUNING, Tuning, angle_variance, power_variance, process_covariance, swing_model
-from .pmu import Frame, Pmu
+from .pmu import Pmu
 from .rotor_units import RotorUnits
 
 EstimatorName = Literal["ideal", "frequency", "kinematic", "kalman"]
@@ -31,6 +32,16 @@ class Estimate(NamedTuple):
     drift: np.ndarray  # pu^2/s^2   variance of the acceleration
     received: np.ndarray  # bool   a report arrived
     nis: np.ndarray  # -      normalized innovation squared, NaN without a report
+
+
+class _Measured(NamedTuple):
+    """A frame and what follows from it, arrays (seeds, machines)."""
+
+    frame: Frame
+    ZI: np.ndarray  # pu
+    E: np.ndarray  # pu   internal voltage V + ZI
+    P: np.ndarray  # pu machine   air-gap power
+    variance: np.ndarray  # of P
 
 
 class Estimator(Protocol):
@@ -54,7 +65,7 @@ class Frequency:
     """The frequency at the terminals; a lost report leaves the last."""
 
     def __init__(self, pmu: Pmu, hz: float) -> None:
-        self._variance, self._last = (1e-3 * pmu.frequency_mhz / hz) ** 2, None
+        self._variance, self._last = (pmu.frequency / hz) ** 2, None
 
     def step(self, frame: Frame) -> Estimate:
         """Frequency as speed, no acceleration."""
@@ -71,7 +82,7 @@ class Filtered:
         self, known: RotorUnits, pmu: Pmu, *, swing: bool, tuning: Tuning = TUNING, engine: Engine = "filterpy"
     ) -> None:
         self.known, self.tuning, self.swing = known, tuning, swing
-        self._noise, self._T = {"angle": 1e-3 * pmu.angle_mrad, "magnitude": pmu.magnitude}, 1 / pmu.rate
+        self._noise, self._T = {"angle": pmu.angle, "magnitude": pmu.magnitude}, 1 / pmu.rate
         self._floor = 1e-8  # rad^2   error of the model: without measurement noise the filter would be singular
         self._engine, self._Z = ENGINES[engine], (known.ra + 1j * known.x) / known.mva
         self._H = known.H if swing else np.full(len(known.H), 0.5)
@@ -80,9 +91,10 @@ class Filtered:
 
     def step(self, frame: Frame) -> Estimate:
         """Predict with the mean power since the last report, then use the new angles that pass the gate."""
-        ZI, E, P, var = self._measured(frame)
+        seen = self._measured(frame)
         if self.bank is None:
-            return self._begin(frame, ZI, E, P, var)
+            return self._begin(seen)
+        E, P, var = seen.E, seen.P, seen.variance
         here, m = frame.received, self._missing + 1
         dP = np.where(here, P - self._P, 0.0)
         x, k = self.bank.x, self._flux.coupling
@@ -100,7 +112,7 @@ class Filtered:
         self.bank.predict(u, F, process_covariance(self.model, power=held, jump=dP, frames=m, flux=flux))
         if m.max() > FORGOTTEN / self._T:
             self.bank.accept_next(m > FORGOTTEN / self._T)
-        z, R = self._angle(frame.V, ZI, E)
+        z, R = self._angle(seen)
         nis = self.bank.update(z, R, here)
         self._flux.settle(frame.I, E, self.bank.x[..., 0], here)
         self._P, self._var = np.where(here, P, self._P), np.where(here, var, self._var)
@@ -112,24 +124,25 @@ class Filtered:
         e = np.stack([wrapped(self.bank.x[..., 0] - delta), self.bank.x[..., 1] - slip], -1)
         return np.einsum("...i,...i", e, np.linalg.solve(self.bank.P[..., :2, :2], e[..., None])[..., 0])
 
-    def _measured(self, frame: Frame) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Z I and internal voltage E (pu), air-gap power (pu machine) and its variance."""
+    def _measured(self, frame: Frame) -> "_Measured":
         ZI = self._Z * frame.I
         E = frame.V + ZI
         E = np.where(np.abs(E) < 1e-3, 1e-3, E)
         if not self.swing:
-            return ZI, E, np.zeros(E.shape), np.zeros(E.shape)
+            return _Measured(frame, ZI, E, np.zeros(E.shape), np.zeros(E.shape))
         S = E * frame.I.conj() / self.known.mva
-        return ZI, E, S.real, power_variance(S, **self._noise)
+        return _Measured(frame, ZI, E, S.real, power_variance(S, **self._noise))
 
-    def _angle(self, V: np.ndarray, ZI: np.ndarray, E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _angle(self, seen: "_Measured") -> tuple[np.ndarray, np.ndarray]:
         """The measured rotor angle (rad) and its variance."""
-        turn = self._flux.turn(E)
-        return np.angle(E) - turn, angle_variance(V, ZI, E, turn, **self._noise) + self._floor
+        turn = self._flux.turn(seen.E)
+        variance = angle_variance(seen.frame.V, seen.ZI, seen.E, turn, **self._noise)
+        return np.angle(seen.E) - turn, variance + self._floor
 
-    def _begin(self, frame: Frame, ZI: np.ndarray, E: np.ndarray, P: np.ndarray, var: np.ndarray) -> Estimate:
-        self._flux = Flux(self.known, self._T, I=frame.I, E=E)
-        z, R = self._angle(frame.V, ZI, E)
+    def _begin(self, seen: "_Measured") -> Estimate:
+        self._flux = Flux(self.known, self._T, I=seen.frame.I, E=seen.E)
+        z, R = self._angle(seen)
+        P, var = seen.P, seen.variance
         none = np.zeros(z.shape)
         walk = self.tuning.walk if self.swing else self.tuning.jerk
         options = {"hz": self.known.frequency_hz, "T": self._T, "walk": walk, "with_power": self.swing}

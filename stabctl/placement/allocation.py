@@ -9,33 +9,31 @@ Both objectives are concave: with a gradient g_i = <Z, W_i> at s*, no sizes do b
 a fractional knapsack problem. This bound is computed independently of the solver; an answer that misses it is refused.
 """
 
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
+from stabctl._util.tabular import Tabular
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 from stabctl.model.case import Storage
 from stabctl.smallsignal import Mode
 
+from .allocation_program import AllocationProgram, Objective
 from .gramians import DECAY, MODES, Gramians, gramians
 from .sensitivity import Candidate
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Objective = Literal["min-eigenvalue", "log-det"]
 Caps = float | Sequence[float] | Mapping[tuple[int, int], float]
 GAP = 1e-3  # largest gap to the bound, relative (of a logarithm: absolute)
-NOTHING = 1e-6  # share of the budget that counts as zero
-TIGHT = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), 1e-10)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Allocation:
+class Allocation(Tabular):
     """Megawatts at every candidate, and the gain of the objective per megawatt."""
 
     case: str
@@ -85,62 +83,6 @@ class Allocation:
             for i in self.ranking
         ]
         return "\n".join(head + rows)
-
-    __repr__ = __str__
-
-
-class AllocationProgram:
-    """One objective over the shares x of the budget: sum x = 1, 0 <= x <= limit. Built once; `limit` is a parameter.
-
-    Written in coordinates in which the Gramian of a uniform fleet is the unit matrix: otherwise its eigenvalues can
-    differ by ten orders of magnitude.
-    """
-
-    def __init__(self, W: np.ndarray, objective: Objective) -> None:
-        """Build the program for Gramians W (candidates, n, n)."""
-        import cvxpy as cp
-
-        count, n, _ = W.shape
-        self.whitening = np.linalg.inv(np.linalg.cholesky(W.mean(axis=0)))
-        white = (self.whitening @ W @ self.whitening.T).reshape(count, -1)
-        self.share, self.limit = cp.Variable(count), cp.Parameter(count, nonneg=True)
-        whole = cp.reshape(white.T @ self.share, (n, n), order="C")
-        constraints = [cp.sum(self.share) == 1, self.share >= 0, self.share <= self.limit]
-        self.least = None
-        if objective == "min-eigenvalue":
-            level, unit = cp.Variable(), self.whitening @ self.whitening.T
-            self.least = whole >> level * (unit / np.linalg.norm(unit, 2))
-            constraints, aim = [self.least, *constraints], level
-        else:
-            aim = cp.log_det(whole)
-        self.problem = cp.Problem(cp.Maximize(aim), constraints)
-        if not self.problem.is_dcp(dpp=True):
-            raise AssertionError("the program must be convex with its parameters (DPP)")
-
-    def solve(self, limit: np.ndarray) -> np.ndarray | None:
-        """The shares (candidates); None if the solver found none."""
-        import cvxpy as cp
-
-        self.limit.value = limit
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # an inaccurate solution misses its bound
-            try:
-                self.problem.solve(solver=cp.CLARABEL, **TIGHT)
-            except cp.SolverError:
-                return None
-        if self.share.value is None or not np.isfinite(self.share.value).all():
-            return None
-        share = np.clip(self.share.value, 0, limit)
-        return np.where(share < NOTHING, 0, share)
-
-    def gradient(self, whole: np.ndarray) -> np.ndarray:
-        """Z (n, n) with <Z, W_i> the gradient at W(s): inv(W), or the multiplier of W(s) >= lambda_min, of trace 1."""
-        if self.least is None:
-            return np.linalg.inv(whole)
-        values, vectors = np.linalg.eigh((self.least.dual_value + self.least.dual_value.T) / 2)
-        turned = self.whitening.T @ vectors
-        Z = turned * np.maximum(values, 0) @ turned.T
-        return Z / np.trace(Z)
 
 
 def by_gramian(

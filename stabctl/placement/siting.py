@@ -1,124 +1,21 @@
 """The result of a siting study: a storage fleet, its cost, and the evidence that it survives every contingency."""
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
-from stabctl._util import tables
+from stabctl._util.tabular import Tabular
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.model.case import Storage
-from stabctl.simulation.contingency import Contingency
+
+from .siting_rows import REFINED, CandidateSite, Costs, Evidence, Infeasible, Iteration, Site, Survived
 
 if TYPE_CHECKING:
     import pandas as pd
 
-REFINED = "half the time step, twice the observation window"
-
-
-class Costs(NamedTuple):
-    """What storage costs, in any one currency."""
-
-    mw: float = 1.0  # per MW
-    site: float = 0.0  # per site
-    mwh: float = 0.0  # per MWh, by the energy that a MW of each candidate takes in with the uniform fleet
-
-
-class Site(NamedTuple):
-    """A chosen storage device."""
-
-    bus: int
-    machine: int
-    mw: float
-    mwh: float  # energy it takes in or gives in the worst contingency: the capacity it needs
-
-
-class CandidateSite(NamedTuple):
-    """A place where a storage device was allowed."""
-
-    bus: int
-    machine: int
-    cap_mw: float
-    uniform_mw: float | None  # of the uniform fleet; None if no uniform fleet survives everything
-
-
-class Survived(NamedTuple):
-    """A contingency and its critical clearing time with the fleet."""
-
-    contingency: Contingency
-    target_cycles: float
-    critical_cycles: float | None  # on a grid that contains the target; None: unstable at any clearing time
-    machine: int | None  # loses synchronism first just beyond the critical time
-    stable: bool  # in the simulation at the target
-    binding: bool  # unstable with 3 % less storage
-
-    @property
-    def margin_cycles(self) -> float:
-        """Critical clearing time minus target, cycles."""
-        return (self.critical_cycles or 0.0) - self.target_cycles
-
-
-class Infeasible(NamedTuple):
-    """A contingency that no fleet tried survives."""
-
-    contingency: Contingency
-    target_cycles: float
-    alone_cycles: float | None  # critical clearing time without storage
-    tried: int  # fleets
-
-    def __str__(self) -> str:
-        alone = (
-            "it is unstable at any clearing time"
-            if self.alone_cycles is None
-            else f"its critical clearing time is {self.alone_cycles:.2f} cycles"
-        )
-        return (
-            f"{self.contingency.label} at {self.target_cycles:.2f} cycles: none of the {self.tried} fleets tried "
-            f"within the caps survives it (without storage {alone})."
-        )
-
-
-class Evidence(NamedTuple):
-    """The fleet, or a variant of it, simulated against every contingency."""
-
-    mw: float
-    critical_cycles: tuple[float | None, ...]
-    stable: tuple[bool, ...]  # at the targets
-    scale: float = 1.0  # of all sizes
-    without: str | None = None  # the device (machine@bus) that is removed
-    refined: bool = False  # simulated with half the time step and twice the observation window
-    control: str | None = None  # another controller
-
-    @property
-    def fleet(self) -> str:
-        """The variant in words."""
-        if self.without:
-            return f"without {self.without}"
-        also = [self.control] if self.control else [REFINED] if self.refined else []
-        return ", ".join(also if self.control and self.scale == 1 else [f"x{self.scale:g}", *also])
-
-    @property
-    def smaller(self) -> bool:
-        """It has less storage than the fleet."""
-        return self.scale < 1 or self.without is not None
-
-    @property
-    def lost(self) -> int:
-        """Number of contingencies that it does not survive."""
-        return self.stable.count(False)
-
-
-class Iteration(NamedTuple):
-    """An iteration of the siting program; costs in the given currency."""
-
-    planned: float  # cost of the plan of the master program
-    reached: float  # of the plan scaled until it survives everything; inf if no multiple does
-    best: float  # of the best fleet so far
-    sites: int  # of the best fleet
-
 
 @dataclass(frozen=True, repr=False)
-class Siting:
+class Siting(Tabular):
     """The cheapest storage fleet found that survives every contingency in nonlinear simulation."""
 
     case: str
@@ -197,10 +94,6 @@ class Siting:
         columns = ["contingency", "target_cycles", "critical_cycles", "margin_cycles", "stable", "binding", "machine"]
         return pd.DataFrame(rows, columns=columns).astype({"critical_cycles": float, "machine": "Int64"})
 
-    def save(self, path: str | Path) -> Path:
-        """Write the devices to a .csv file; the path."""
-        return tables.save(self.df, path)
-
     def remarks(self) -> tuple[str, ...]:
         """The result in sentences."""
         survived = counted(len(self.contingencies), "contingency")
@@ -258,7 +151,5 @@ class Siting:
             lines.append(f"{c.contingency.label:26s} {c.target_cycles:7.3f} {found:>9s}{binding}")
         return "\n".join([*lines, *self.remarks()[1:]])
 
-    __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        return tables.html("\n".join(self.remarks()), self.df)
+    def _head(self) -> str:
+        return "\n".join(self.remarks())

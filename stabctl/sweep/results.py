@@ -7,7 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stabctl._util import tables
+from stabctl._util.tabular import Tabular
 from stabctl.schema import fields
 
 from . import store
@@ -22,7 +22,7 @@ DEFAULTS = {f.column: f.default for f in fields(Job).values()}
 
 
 @dataclass(frozen=True, repr=False)
-class Results:
+class Results(Tabular):
     """The rows of a results file, in order; changes of the case are columns of their own in tables, as `pss.1.K`."""
 
     rows: tuple[dict[str, Any], ...]
@@ -69,20 +69,11 @@ class Results:
         names = ("key", *self.inputs, *RESULT)
         return pd.DataFrame([[_value(row, c) for c in names] for row in self.rows], columns=names)
 
-    def save(self, path: str | Path) -> Path:
-        """Write every column of every row to a .csv file; the path."""
-        return tables.save(self.df, path)
-
     def __str__(self) -> str:
         return f"{len(self.rows) - len(self.errors)} ok, {len(self.errors)} with an error"
 
-    __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        import pandas as pd
-
-        head = ", ".join(f"{c} {value}" for c, value in self.common.items())
-        return tables.html(f"{head}\n{self}", pd.DataFrame(self.cells, columns=self.columns))
+    def _head(self) -> str:
+        return ", ".join(f"{c} {value}" for c, value in self.common.items()) + f"\n{self}"
 
 
 def read(path: str | Path) -> Results:

@@ -9,17 +9,22 @@ unstable equilibrium of the network *without* it, because the device switches of
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.optimize import bisect, brentq
 
+from stabctl._util.tabular import Tabular
 from stabctl._util.verbs import verb
 from stabctl.errors import StudyError
 
 from .omib import OMIB
 from .swing_curve import against_speed, swing_curve
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 ALWAYS_STABLE = "The machine stays in synchronism however long the fault lasts, so no clearing time is critical."
 
@@ -37,8 +42,8 @@ class CriticalClearing:
         return f"critical clearing at {self.angle:.6f} rad, {self.time:.6f} s ({self.cycles:.3f} cycles)"
 
 
-@dataclass(frozen=True)
-class EqualArea:
+@dataclass(frozen=True, repr=False)
+class EqualArea(Tabular):
     """The power-angle curves and areas of one clearing angle (Figures 4, 5a, 9); curves are arrays (n,)."""
 
     Pm: float  # pu
@@ -54,6 +59,16 @@ class EqualArea:
     Pe: NDArray[np.float64]  # pu, after clearing
 
     plot = verb("stabctl.plotting.equal_area:plot")
+
+    plot = verb("stabctl.plotting.equal_area:plot")
+
+    @property
+    def df(self) -> "pd.DataFrame":
+        """The power-angle curves during and after the fault, with and without P_C."""
+        import pandas as pd
+
+        curves = {"pe_fault_pu": self.Pe_fault, "pe_pu": self.Pe, "pe_with_pc_pu": self.Pe + self.absorbed}
+        return pd.DataFrame({"angle_rad": self.angle} | curves)
 
     @property
     def stable(self) -> bool:

@@ -9,14 +9,18 @@ so each law is solved for P in closed form. A negative acceleration gain acts as
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
+from stabctl._util.tabular import Tabular
 from stabctl._util.verbs import verb
 from stabctl.errors import StudyError
 
 from .omib import OMIB
 from .phase import Separatrix, separatrix
 from .swing_curve import PowerLaw, SwingCurve, swing_curve
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 LARGEST = 10.0  # pu/(rad/s), pu/(rad/s^2)   larger gains make the motion too stiff to integrate
 
@@ -59,14 +63,27 @@ class FeedbackResponse:
         return f"{self.name}: {'stable' if self.stable else 'unstable'}, {angle}, {speed}, damping {self.damping:.3f}"
 
 
-@dataclass(frozen=True)
-class FeedbackComparison:
+@dataclass(frozen=True, repr=False)
+class FeedbackComparison(Tabular):
     """Figure 7: the responses to one fault, and the separatrix of the machine without a device."""
 
     start: float  # rad
     cycles: float
     separatrix: Separatrix
     responses: tuple[FeedbackResponse, ...]
+
+    plot = verb("stabctl.plotting.phase_plane:feedback")
+
+    @property
+    def df(self) -> "pd.DataFrame":
+        """A row per law."""
+        import pandas as pd
+
+        rows = [
+            (r.name, r.stable, r.min_angle, r.peak_angle, r.min_speed, r.max_speed, r.damping) for r in self.responses
+        ]
+        angles, speeds = ["min_angle_rad", "peak_angle_rad"], ["min_speed_rad_s", "max_speed_rad_s"]
+        return pd.DataFrame(rows, columns=["law", "stable", *angles, *speeds, "damping_ratio"])
 
     plot = verb("stabctl.plotting.phase_plane:feedback")
 

@@ -18,7 +18,7 @@ The same problem is solved by three methods: shooting.py, collocation.py and con
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from annotated_types import Interval
@@ -26,9 +26,13 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from stabctl._util.guard import guard
+from stabctl._util.tabular import Tabular
 from stabctl._util.verbs import verb
 from stabctl.errors import StudyError
 from stabctl.schema import POSITIVE
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Array = NDArray[np.float64]
 Arcs = list[tuple[Array, Array, float]]  # times (n,), (x1, x2, lambda1, lambda2) (4, n), P_C
@@ -80,8 +84,8 @@ class MinimumTimeProblem:
         return replace(self, x1=-self.x1, x2=-self.x2, Pm=-self.Pm, Pc_min=low, Pc_max=high)
 
 
-@dataclass(frozen=True)
-class MinimumTime:
+@dataclass(frozen=True, repr=False)
+class MinimumTime(Tabular):
     """The optimal control from clearing on; without a solution the arrays (n,) are empty and the duration is NaN."""
 
     outcome: str
@@ -96,6 +100,16 @@ class MinimumTime:
     hamiltonian: Array  # (32)
 
     plot = verb("stabctl.plotting.minimum_time:plot")
+
+    plot = verb("stabctl.plotting.minimum_time:plot")
+
+    @property
+    def df(self) -> "pd.DataFrame":
+        """States, co-states and absorbed power from clearing on."""
+        import pandas as pd
+
+        states = {"x1_rad": self.x1, "x2_rad_s": self.x2, "lambda1": self.lambda1, "lambda2": self.lambda2}
+        return pd.DataFrame({"time_s": self.t} | states | {"absorbed_pu": self.Pc})
 
     @property
     def feasible(self) -> bool:

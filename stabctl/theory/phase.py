@@ -1,24 +1,36 @@
 """The phase plane: the separatrix through the unstable equilibrium and the stability region inside it (Figure 3)."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
+from stabctl._util.tabular import Tabular
 from stabctl._util.verbs import verb
 
 from .energy import critical_energy, energy, potential
 from .omib import OMIB, ClearingState, table1
 from .swing_curve import SwingCurve, swing_curve
 
+if TYPE_CHECKING:
+    import pandas as pd
 
-@dataclass(frozen=True)
-class Separatrix:
+
+@dataclass(frozen=True, repr=False)
+class Separatrix(Tabular):
     """The boundary of the stability region: its upper half as arrays (n,); the lower half has negative speed."""
 
     angle: NDArray[np.float64]  # rad, from the left end to the unstable equilibrium
     speed: NDArray[np.float64]  # rad/s, not negative
+
+    @property
+    def df(self) -> "pd.DataFrame":
+        """The upper half of the boundary."""
+        import pandas as pd
+
+        return pd.DataFrame({"angle_rad": self.angle, "speed_rad_s": self.speed})
 
     def __str__(self) -> str:
         return (
@@ -26,8 +38,8 @@ class Separatrix:
         )
 
 
-@dataclass(frozen=True)
-class PhasePortrait:
+@dataclass(frozen=True, repr=False)
+class PhasePortrait(Tabular):
     """Figure 3: the separatrix, and faults of several durations."""
 
     start: float  # rad
@@ -36,6 +48,17 @@ class PhasePortrait:
     curves: tuple[SwingCurve, ...]
 
     plot = verb("stabctl.plotting.phase_plane:plot")
+
+    plot = verb("stabctl.plotting.phase_plane:plot")
+
+    @property
+    def df(self) -> "pd.DataFrame":
+        """A row per fault: the state at clearing, and whether the machine keeps synchronism."""
+        import pandas as pd
+
+        pairs = zip(self.cleared, self.curves, strict=True)
+        rows = [(state.cycles, state.angle, state.speed, curve.stable) for state, curve in pairs]
+        return pd.DataFrame(rows, columns=["cycles", "angle_rad", "speed_rad_s", "stable"])
 
     def __str__(self) -> str:
         pairs = zip(self.cleared, self.curves, strict=True)

@@ -2,15 +2,21 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import OptimizeResult
 
+from stabctl._util.tabular import Tabular
+from stabctl._util.verbs import verb
 from stabctl.errors import StudyError
 
 from .omib import OMIB, TIGHT
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 EXTREME, REST, LIMIT = 0, 1, 2  # solve_ivp events: zero acceleration, zero speed, unstable equilibrium
 
@@ -31,8 +37,8 @@ def against_speed(power: float) -> PowerLaw:
     return lambda _speed, sign, _Pa: sign * power
 
 
-@dataclass(frozen=True)
-class SwingCurve:
+@dataclass(frozen=True, repr=False)
+class SwingCurve(Tabular):
     """A simulated fault: arrays (n,) from the start of the fault to the end of the simulation."""
 
     t: NDArray[np.float64]  # s
@@ -43,6 +49,16 @@ class SwingCurve:
     clearing: float  # s
     lost: float  # s   when an unstable equilibrium is passed, in either direction; inf if never
     rests: tuple[tuple[float, float], ...]  # (s, rad) at which the speed is zero after clearing
+
+    plot = verb("stabctl.plotting.swing_curve:plot")
+
+    @property
+    def df(self) -> "pd.DataFrame":
+        """A row per instant."""
+        import pandas as pd
+
+        motion = {"angle_rad": self.angle, "speed_rad_s": self.speed, "acceleration_rad_s2": self.acceleration}
+        return pd.DataFrame({"time_s": self.t} | motion | {"absorbed_pu": self.power})
 
     @property
     def stable(self) -> bool:

@@ -114,12 +114,14 @@ def test_inertia_and_reactance_may_be_wrong_by_fifteen_percent(study, name, wron
 @pytest.mark.parametrize("name", [*CLASSICAL, *FULL])
 def test_losing_everything_for_a_tenth_of_a_second_at_clearing_swaps_no_command(study, name):
     cleared = study(name)[2]
-    found, accuracy = judged(study, name, replace(FAST, pmu=Pmu(outage_s=(cleared, cleared + 0.1))))
+    found, accuracy = judged(study, name, replace(FAST, pmu=Pmu(outage=(cleared, cleared + 0.1))))
     assert accuracy.opposite_command_share == 0
     assert not (found.true_commands * found.estimated_commands < 0).any()
 
 
-@pytest.mark.parametrize("pmu", [Pmu(rate=30), Pmu(rate=120), Pmu(kind="P"), Pmu(kind="M"), Pmu(loss=0.2, burst=4)])
+@pytest.mark.parametrize(
+    "pmu", [Pmu(rate=30), Pmu(rate=120), Pmu(filter_class="P"), Pmu(filter_class="M"), Pmu(loss=0.2, burst=4)]
+)
 def test_other_pmus(study, pmu):
     _, accuracy = judged(study, "two_area", replace(FAST, pmu=pmu))
     assert accuracy.rmse_mhz < 25  # 11, 6.1, 10, 15, 17
@@ -140,7 +142,7 @@ def test_clearing_time_survives(study, name):
 
 def test_clearing_time_falls_with_latency(study):
     point, _, _, (fault, trip) = study("two_area")
-    one, laws = Contingency(fault, trip=trip), [replace(FAST, pmu=Pmu(latency_ms=ms)) for ms in (0, 100, 200)]
+    one, laws = Contingency(fault, trip=trip), [replace(FAST, pmu=Pmu(latency=1e-3 * ms)) for ms in (0, 100, 200)]
     found = [clearing_time(point, one, control=law).cycles for law in laws]
     assert found == sorted(found, reverse=True)  # 12.25, 12.25, 12
     assert found[-1] > 11.5
@@ -167,17 +169,19 @@ def test_a_tripped_machine_leaves_the_sums_and_its_storage_idles(study):
     assert np.abs(np.delete(error, row, 1)).max() < 60  # 30
 
 
-def test_a_case_in_one_call(cases):
+def test_a_case_in_one_call(cases, tmp_path):
     """From a case, storage as text, and the clearing time found from the contingency."""
     fault = Contingency("7", "6cyc", "7-8")
-    found = estimate(cases("two_area"), fault, storage="50MW", seeds=(1, 2), pmu=Pmu(latency_ms=100.0), step="8ms")
+    found = estimate(cases("two_area"), fault, storage="50MW", seeds=(1, 2), pmu=Pmu(latency="100ms"), step="8ms")
     assert found.cleared_s == pytest.approx(1.1)
     assert found.time[-1] == pytest.approx(6.1, abs=1 / 60)
     assert [run.outcome.stable for run in found.runs] == [True, True]
-    assert found.control.pmu.latency_ms == 100.0
+    assert found.control.pmu.latency == 0.1
     assert "rms" in str(found.accuracy)
     table = found.df
     assert len(table) == found.deviation.size
+    assert len(found._repr_html_()) < 20_000  # a few rows of many
+    assert found.save(tmp_path / "estimates.png").stat().st_size > 1000
     at = table[(table.time_s == found.time[70]) & (table.seed == 2) & (table.machine == 3)]
     assert at.deviation_mhz.item() == pytest.approx(60e3 * found.deviation[70, 1, 2])
 

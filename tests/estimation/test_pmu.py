@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from stabctl.errors import StudyError
-from stabctl.estimation.pmu import Instrument, Pmu
+from stabctl.estimation.instrument import Instrument
+from stabctl.estimation.pmu import Pmu
 
 ONE = np.ones(1000, complex)
 
@@ -51,7 +52,7 @@ def test_losses_have_their_share_and_length(burst):
 
 
 def test_an_outage_loses_every_report():
-    got = [f.received.all() for f in reports(Pmu(loss=0.0, outage_s=(0.05, 0.15)), frames=12)]
+    got = [f.received.all() for f in reports(Pmu(loss=0.0, outage=("50ms", 0.15)), frames=12)]
     assert [k for k, all_there in enumerate(got) if not all_there] == [3, 4, 5, 6, 7, 8]
 
 
@@ -66,7 +67,7 @@ def test_a_moving_voltage_has_its_frequency():
 
 
 def test_a_class_delays_by_half_its_window_and_keeps_a_steady_turn():
-    pmu = Pmu.exact(kind="M")
+    pmu = Pmu.exact(filter_class="M")
     instrument, frames = Instrument(pmu, (1,), 1, 60.0), []
     for k in range(20):
         V = np.exp(1j * 0.01 * k).reshape(1, 1)
@@ -76,23 +77,23 @@ def test_a_class_delays_by_half_its_window_and_keeps_a_steady_turn():
 
 
 def test_frames_of_delay():
-    assert Pmu(latency_ms=50).remote_frames == 3
-    assert Pmu(latency_ms=51).remote_frames == 4
-    assert Pmu(rate=120, latency_ms=50, kind="P").remote_frames == 2 + 6
+    assert Pmu(latency=0.05).remote_frames == 3
+    assert Pmu(latency="51ms").remote_frames == 4
+    assert Pmu(rate=120, latency=0.05, filter_class="P").remote_frames == 2 + 6
 
 
 @pytest.mark.parametrize(
     "wrong",
     [
         {"rate": 61},
-        {"angle_mrad": -1},
-        {"angle_mrad": 1e300},
-        {"latency_ms": float("nan")},
-        {"latency_ms": 1e300},
+        {"angle": -1},
+        {"angle": 1e300},
+        {"latency": float("nan")},
+        {"latency": 1e300},
         {"loss": 1.0},
         {"burst": 0.5},
     ],
 )
 def test_mistakes_are_sentences(wrong):
-    with pytest.raises(StudyError, match=r"not (allowed|one of)"):
+    with pytest.raises(StudyError, match=r"must be|not one of"):
         Pmu(**wrong)

@@ -165,3 +165,18 @@ def test_no_name_of_a_case_leads_out_of_the_folder(siting, tmp_path, name):
     assert [path] == list(folder.iterdir())
     assert [folder] == list(tmp_path.iterdir())
     assert re.fullmatch(r"placement[\w.-]*\.html", path.name)
+
+
+def test_a_siting_is_a_table_and_saves_itself(siting, tmp_path):
+    table = siting.df
+    assert list(table.columns) == ["bus", "machine", "mw", "mwh", "cap_mw"]
+    assert table.mw.tolist() == [40.0, 20.0]
+    assert table.cap_mw.tolist() == [297.0, 269.0]
+    times = siting.clearing_times
+    assert times.margin_cycles.tolist() == [0.25, 1.5]
+    assert times.machine.isna().tolist() == [False, True]
+    assert siting.save(tmp_path / "sites.csv").read_text().splitlines()[1].startswith("103,3,40.0")
+    assert siting.report(tmp_path / "new").name == "placement_some.html"
+    assert "estimated lower bound" in siting._repr_html_()
+    devices = [(s.machine, s.bus, s.rating, s.lag) for s in siting.storage(lag=0.1)]
+    assert devices == [(3, 103, 40.0, 0.1), (31, 131, 20.0, 0.1)]

@@ -1,0 +1,63 @@
+"""Results that print themselves, are tables, and are saved as files."""
+
+from html import escape
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from stabctl.errors import StudyError
+
+from . import files
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+IMAGES = (".png", ".svg", ".pdf")
+ROWS = 20  # shown of a table in a notebook
+
+
+class Tabular:
+    """A result with `df`, sentences (`__str__`) and, for most, `plot`."""
+
+    @property
+    def df(self) -> "pd.DataFrame":
+        """The result as a table."""
+        raise NotImplementedError
+
+    def save(self, path: str | Path) -> Path:
+        """Write the result to a file and return its path.
+
+        Parameters
+        ----------
+        path : str or Path
+            A table ending in .csv, or the figure of `plot` ending in .png, .svg or .pdf. An existing file is replaced
+            only when the new one is complete.
+
+        Raises
+        ------
+        StudyError
+            For another ending, and if the file cannot be written.
+        """
+        path = Path(path)
+        ending, image = path.suffix.lower(), hasattr(type(self), "plot")
+        if ending in IMAGES and image:
+            return import_module("stabctl.plotting.style").save(self.plot(), path)
+        if ending != ".csv":
+            allowed = ", ".join((".csv", *IMAGES)) if image else ".csv"
+            raise StudyError(f"The file {path.name!r} must end in {allowed}.")
+        try:
+            files.replace(path, self.df.to_csv(index=False))
+        except OSError as error:
+            raise StudyError(f"The file {path} cannot be written: {error.strerror or error}.") from None
+        return path
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _repr_html_(self) -> str:
+        lines = "<br>".join(escape(line) for line in self._head().splitlines())
+        return f"<p>{lines}</p>{self.df.to_html(index=False, float_format='{:.4g}'.format, max_rows=ROWS)}"
+
+    def _head(self) -> str:
+        """The sentences above the table in a notebook."""
+        return str(self)

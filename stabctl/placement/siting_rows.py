@@ -1,0 +1,108 @@
+"""The parts of a siting result: costs, sites, contingencies, evidence, iterations."""
+
+from typing import NamedTuple
+
+from stabctl.simulation.contingency import Contingency
+
+REFINED = "half the time step, twice the observation window"
+
+
+class Costs(NamedTuple):
+    """What storage costs, in any one currency."""
+
+    mw: float = 1.0  # per MW
+    site: float = 0.0  # per site
+    mwh: float = 0.0  # per MWh, by the energy that a MW of each candidate takes in with the uniform fleet
+
+
+class Site(NamedTuple):
+    """A chosen storage device."""
+
+    bus: int
+    machine: int
+    mw: float
+    mwh: float  # energy it takes in or gives in the worst contingency: the capacity it needs
+
+
+class CandidateSite(NamedTuple):
+    """A place where a storage device was allowed."""
+
+    bus: int
+    machine: int
+    cap_mw: float
+    uniform_mw: float | None  # of the uniform fleet; None if no uniform fleet survives everything
+
+
+class Survived(NamedTuple):
+    """A contingency and its critical clearing time with the fleet."""
+
+    contingency: Contingency
+    target_cycles: float
+    critical_cycles: float | None  # on a grid that contains the target; None: unstable at any clearing time
+    machine: int | None  # loses synchronism first just beyond the critical time
+    stable: bool  # in the simulation at the target
+    binding: bool  # unstable with 3 % less storage
+
+    @property
+    def margin_cycles(self) -> float:
+        """Critical clearing time minus target, cycles."""
+        return (self.critical_cycles or 0.0) - self.target_cycles
+
+
+class Infeasible(NamedTuple):
+    """A contingency that no fleet tried survives."""
+
+    contingency: Contingency
+    target_cycles: float
+    alone_cycles: float | None  # critical clearing time without storage
+    tried: int  # fleets
+
+    def __str__(self) -> str:
+        alone = (
+            "it is unstable at any clearing time"
+            if self.alone_cycles is None
+            else f"its critical clearing time is {self.alone_cycles:.2f} cycles"
+        )
+        return (
+            f"{self.contingency.label} at {self.target_cycles:.2f} cycles: none of the {self.tried} fleets tried "
+            f"within the caps survives it (without storage {alone})."
+        )
+
+
+class Evidence(NamedTuple):
+    """The fleet, or a variant of it, simulated against every contingency."""
+
+    mw: float
+    critical_cycles: tuple[float | None, ...]
+    stable: tuple[bool, ...]  # at the targets
+    scale: float = 1.0  # of all sizes
+    without: str | None = None  # the device (machine@bus) that is removed
+    refined: bool = False  # simulated with half the time step and twice the observation window
+    control: str | None = None  # another controller
+
+    @property
+    def fleet(self) -> str:
+        """The variant in words."""
+        if self.without:
+            return f"without {self.without}"
+        also = [self.control] if self.control else [REFINED] if self.refined else []
+        return ", ".join(also if self.control and self.scale == 1 else [f"x{self.scale:g}", *also])
+
+    @property
+    def smaller(self) -> bool:
+        """It has less storage than the fleet."""
+        return self.scale < 1 or self.without is not None
+
+    @property
+    def lost(self) -> int:
+        """Number of contingencies that it does not survive."""
+        return self.stable.count(False)
+
+
+class Iteration(NamedTuple):
+    """An iteration of the siting program; costs in the given currency."""
+
+    planned: float  # cost of the plan of the master program
+    reached: float  # of the plan scaled until it survives everything; inf if no multiple does
+    best: float  # of the best fleet so far
+    sites: int  # of the best fleet
