@@ -16,14 +16,15 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import circuit_rate, magnitude, quadratic, through
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
-from .stator import Input, Output
+from .stator import Input, Internal, Output, admittance, source, stator
 
 NAME = "GENROU"
 ROLE = "machine"
 EASED = ("SB",)
 CLOSED = ("T1d", "T2d", "T1q", "T2q")
 __all__ = [
-    "CLOSED", "EASED", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "internal", "output", "source",
+    "CLOSED", "EASED", "NAME", "ROLE", "Input", "Internal", "Output", "Par", "State", "admittance", "derivatives",
+    "internal", "output", "source",
 ]  # fmt: skip
 
 
@@ -76,15 +77,6 @@ class State(NamedTuple):
     kq: Annotated[float, "pu", "damper flux, q axis"]
 
 
-class Internal(NamedTuple):
-    """Rotor position and subtransient flux, which source and stator share."""
-
-    sin: Annotated[float, "-", "sine of the rotor angle"]
-    cos: Annotated[float, "-", "cosine of the rotor angle"]
-    psid: Annotated[float, "pu", "subtransient flux linkage, d axis"]
-    psiq: Annotated[float, "pu", "subtransient flux linkage, q axis"]
-
-
 def prepare(p):
     """The constants with what follows from them alone."""
     SA, SB = through(1.0, p.S10, 1.2, p.S12)
@@ -97,14 +89,6 @@ def internal(x, p):
     a = (p.x2 - p.xl) / (p.x1d - p.xl)
     b = (p.x2 - p.xl) / (p.x1q - p.xl)
     return Internal(np.sin(x.delta), np.cos(x.delta), a * x.eq + (1 - a) * x.kd, b * x.ed + (1 - b) * x.kq)
-
-
-@inline
-def source(x, i, p):
-    """Short-circuit current of the source (pu system), real and imaginary part."""
-    er, ei = x.omega * (i.cos * i.psid - i.sin * i.psiq), x.omega * (i.sin * i.psid + i.cos * i.psiq)
-    k = p.mva / (p.ra * p.ra + p.x2 * p.x2)
-    return k * (p.ra * er + p.x2 * ei), k * (p.ra * ei - p.x2 * er)
 
 
 @inline
@@ -125,26 +109,14 @@ def damping(x, id_, iq, p):
 
 @inline
 def output(x, i, v, p):
-    """Stator: (ra + j x'')(iq - j id) = omega psi'' - V exp(-j delta), psi'' = psi''d + j psi''q."""
-    vr, vi = i.cos * v[0] + i.sin * v[1], i.cos * v[1] - i.sin * v[0]
-    er, ei = x.omega * i.psid - vr, x.omega * i.psiq - vi
-    k = 1 / (p.ra * p.ra + p.x2 * p.x2)
-    iq, id_ = k * (p.ra * er + p.x2 * ei), k * (p.x2 * er - p.ra * ei)
+    """Stator quantities, field current and q-axis rotor current (pu machine)."""
+    id_, iq, Te, P, Q, vt, ve = stator(x, i, v, p)
     damp_d, damp_q = damping(x, id_, iq, p)
     a, b = p.x1d - p.xl, p.x1q - p.xl
     iron_d, iron_q = saturation(i, p)
-    slip = x.omega - 1
-    return Output(
-        id_,
-        iq,
-        i.psid * iq - i.psiq * id_,
-        vr * iq - vi * id_,
-        -(vr * id_ + vi * iq),
-        magnitude(vr, vi),
-        magnitude(vr - slip * i.psid, vi - slip * i.psiq),
-        x.eq + (p.xd - p.x1d) * (id_ + (p.x1d - p.x2) / (a * a) * damp_d) + iron_d,
-        x.ed + (p.xq - p.x1q) * (iq + (p.x1q - p.x2) / (b * b) * damp_q) + iron_q,
-    )
+    Ifd = x.eq + (p.xd - p.x1d) * (id_ + (p.x1d - p.x2) / (a * a) * damp_d) + iron_d
+    Ilq = x.ed + (p.xq - p.x1q) * (iq + (p.x1q - p.x2) / (b * b) * damp_q) + iron_q
+    return Output(id_, iq, Te, P, Q, vt, ve, Ifd, Ilq)
 
 
 @inline
@@ -159,13 +131,6 @@ def derivatives(x, u, y, p):
         circuit_rate(p.T1q, -y.Ilq, x.ed),
         circuit_rate(p.T2q, damp_q, x.kq),
     )
-
-
-@inline
-def admittance(p):
-    """Norton admittance 1/(ra + j x'') (pu system), real and imaginary part."""
-    k = p.mva / (p.ra * p.ra + p.x2 * p.x2)
-    return k * p.ra, -k * p.x2
 
 
 def guess(V, I, p):

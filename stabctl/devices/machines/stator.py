@@ -1,7 +1,12 @@
-"""What every machine reads and gives: field voltage and mechanical power in, stator quantities out."""
+"""What every machine reads and gives, and the stator of a machine with subtransient fluxes.
+
+(ra + j x'')(iq - j id) = omega psi'' - V exp(-j delta) with psi'' = psi''d + j psi''q, rotor frame, pu machine.
+"""
 
 from typing import Annotated, NamedTuple
 
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import magnitude
 from stabctl.devices.ports import PORT
 
 
@@ -24,3 +29,46 @@ class Output(NamedTuple):
     ve: Annotated[float, "pu", "terminal voltage less that of the speed deviation, supply of a rectifier exciter"]
     Ifd: Annotated[float, "pu", "field current, Xad Ifd (classical machine: E')"]
     Ilq: Annotated[float, "pu", "q-axis rotor current, Xaq I1q"]
+
+
+class Internal(NamedTuple):
+    """Rotor position and subtransient flux, which source and stator share."""
+
+    sin: Annotated[float, "-", "sine of the rotor angle"]
+    cos: Annotated[float, "-", "cosine of the rotor angle"]
+    psid: Annotated[float, "pu", "subtransient flux linkage, d axis"]
+    psiq: Annotated[float, "pu", "subtransient flux linkage, q axis"]
+
+
+@inline
+def source(x, i, p):
+    """Short-circuit current of the source omega psi'' behind ra + j x'' (pu system), real and imaginary part."""
+    er, ei = x.omega * (i.cos * i.psid - i.sin * i.psiq), x.omega * (i.sin * i.psid + i.cos * i.psiq)
+    k = p.mva / (p.ra * p.ra + p.x2 * p.x2)
+    return k * (p.ra * er + p.x2 * ei), k * (p.ra * ei - p.x2 * er)
+
+
+@inline
+def stator(x, i, v, p):
+    """id, iq, torque, power P and Q, terminal voltage, and the same less that of the speed deviation (pu machine)."""
+    vr, vi = i.cos * v[0] + i.sin * v[1], i.cos * v[1] - i.sin * v[0]
+    er, ei = x.omega * i.psid - vr, x.omega * i.psiq - vi
+    k = 1 / (p.ra * p.ra + p.x2 * p.x2)
+    iq, id_ = k * (p.ra * er + p.x2 * ei), k * (p.x2 * er - p.ra * ei)
+    slip = x.omega - 1
+    return (
+        id_,
+        iq,
+        i.psid * iq - i.psiq * id_,
+        vr * iq - vi * id_,
+        -(vr * id_ + vi * iq),
+        magnitude(vr, vi),
+        magnitude(vr - slip * i.psid, vi - slip * i.psiq),
+    )
+
+
+@inline
+def admittance(p):
+    """Norton admittance 1/(ra + j x'') (pu system), real and imaginary part."""
+    k = p.mva / (p.ra * p.ra + p.x2 * p.x2)
+    return k * p.ra, -k * p.x2
