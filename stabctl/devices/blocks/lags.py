@@ -1,0 +1,50 @@
+"""Lag, lead-lag, washout, second-order block and rotor circuit."""
+
+from stabctl._util.jit import inline
+
+SHORT = 1e-3  # s   a control time constant below this bypasses its block
+
+
+@inline
+def lag(T, u, x):
+    """u -> [ 1/(1 + sT) ] -> y, state x; bypassed where T < SHORT."""
+    return x if T >= SHORT else u
+
+
+@inline
+def lead_lag(T1, T2, u, x):
+    """u -> [ (1 + s T1)/(1 + s T2) ] -> y, state x (the lagged input); bypassed where T2 < SHORT."""
+    return x + T1 / T2 * (u - x) if T2 >= SHORT else u
+
+
+@inline
+def washout(T, u, x):
+    """u -> [ sT/(1 + sT) ] -> y, state x (the lagged input, `lag_rate`); bypassed where T < SHORT."""
+    return u - x if T >= SHORT else u
+
+
+@inline
+def lag_rate(T, u, x):
+    """State rate (1/s) of `lag` and `washout`, and of `lead_lag` with T = T2; a bypassed state stands still."""
+    return (u - x) / T if T >= SHORT else 0 * x
+
+
+@inline
+def second_order(N1, N2, D1, D2, u, x, dx):
+    """u -> [ (1 + s N1 + s^2 N2)/(1 + s D1 + s^2 D2) ] -> y, states x and dx (the filtered input and its rate).
+
+    A notch at w (rad/s) has N2 = D2 = 1/w^2 and N1 < D1. Where D2 < SHORT^2 it is the lead-lag of N1 and D1.
+    """
+    return x + N1 * dx + N2 / D2 * (u - x - D1 * dx) if D2 >= SHORT * SHORT else lead_lag(N1, D1, u, x)
+
+
+@inline
+def second_order_rates(D1, D2, u, x, dx):
+    """State rates (1/s) of `second_order`."""
+    return (dx, (u - x - D1 * dx) / D2) if D2 >= SHORT * SHORT else (lag_rate(D1, u, x), 0 * dx)
+
+
+@inline
+def circuit_rate(T, drive, x):
+    """State rate (1/s) of a rotor circuit, drive/T; T = 0 means an open circuit, whose flux stays as it is."""
+    return drive / T if T > 0 else 0 * x

@@ -1,0 +1,53 @@
+"""Limits, gates, deadband and rate limit."""
+
+from stabctl._util.jit import inline
+
+
+@inline
+def at_least(x, low):
+    """x, but never below `low`."""
+    return low if x.real < low.real else x
+
+
+@inline
+def at_most(x, high):
+    """x, but never above `high`."""
+    return high if x.real > high.real else x
+
+
+@inline
+def clip(x, low, high):
+    """x between its limits."""
+    if x.real < low.real:
+        return low
+    if x.real > high.real:
+        return high
+    return x
+
+
+@inline
+def low_value(a, b):
+    """Low-value gate: the smaller of two signals, the first where they are equal."""
+    return b if b.real < a.real else a
+
+
+@inline
+def high_value(a, b):
+    """High-value gate: the larger of two signals, the first where they are equal."""
+    return b if b.real > a.real else a
+
+
+@inline
+def deadband(x, low, high):
+    """Zero for x within low..high, beyond it what x exceeds its edge by (no step)."""
+    if x.real < low.real:
+        return x - low
+    if x.real > high.real:
+        return x - high
+    return 0 * x
+
+
+@inline
+def rate_limit(rate, low, high):
+    """State rate (1/s) of a signal that changes no faster than low..high: the rate it asks for, limited."""
+    return clip(rate, low, high)

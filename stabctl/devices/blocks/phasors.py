@@ -1,0 +1,24 @@
+"""Phasors as pairs of real and imaginary part, and a copy of a vector."""
+
+import numpy as np
+
+from stabctl._util.jit import inline
+
+
+@inline
+def copy(source, target):
+    """target[:] = source for vectors (a slice assignment costs seconds of compile time)."""
+    for k in range(len(target)):
+        target[k] = source[k]
+
+
+@inline
+def magnitude(re, im):
+    """Length of the phasor re + j im."""
+    return np.sqrt(re * re + im * im)
+
+
+@inline
+def angle(re, im):
+    """Angle (rad) of the phasor re + j im, within half a turn: twice the arctangent of half of it."""
+    return 2 * np.arctan(im / (magnitude(re, im) + re))

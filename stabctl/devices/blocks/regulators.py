@@ -1,0 +1,32 @@
+"""Integrators that stop at limits, and the PI regulator made with one.
+
+A limit that is a constant, or a constant times a signal, is better listed in a device's LIMITS: the simulator then
+stops the state exactly there.
+"""
+
+from stabctl._util.jit import inline
+
+from .limits import clip
+
+
+@inline
+def non_windup(rate, x, low, high):
+    """State rate (1/s) of an integrator x that stops at its limits and leaves them as soon as it is driven back."""
+    if (x.real >= high.real and rate.real > 0) or (x.real <= low.real and rate.real < 0):
+        return 0 * rate
+    return rate
+
+
+@inline
+def pi(KP, error, x, low, high):
+    """error -> [ KP + KI/s ], limited -> y, state x (the integral)."""
+    return clip(KP * error + x, low, high)
+
+
+@inline
+def pi_rate(KP, KI, error, x, low, high):
+    """State rate (1/s) of `pi`: the integral stops while the output is at a limit and driven beyond it.
+
+    Source: IEEE Std 421.5-2016, annex E, non-windup proportional-integral block.
+    """
+    return non_windup(KI * error, KP * error + x, low, high)
