@@ -13,7 +13,8 @@ and imaginary part), y (its own Output) and p (Par), each marked `@inline`:
     guess(V, I, p)    -> State to start the initialization from
     step(...)         -> Output once per frame, of a sampled law
 
-LIMITS names the states that stop at limits (non-windup). The file name is the name of its table.
+LIMITS names the states that stop at limits (non-windup). The start opens every limit: the constants named ...max and
+...min, and upper limits of other names listed in UPPER. The file name is the name of its table.
 """
 
 import importlib

@@ -67,6 +67,13 @@ def equations(device: ModuleType) -> dict[int, tuple[str, ...]]:
     return found
 
 
+def side(device: ModuleType, name: str) -> int:
+    """1 for a constant that is an upper limit (...max, or listed in UPPER), -1 for a lower one (...min), else 0."""
+    if name.endswith("max") or name in getattr(device, "UPPER", ()):
+        return 1
+    return -1 if name.endswith("min") else 0
+
+
 def width(device: ModuleType) -> int:
     """Columns of w."""
     return INPUTS + len(fields(device, "Input")) + 1

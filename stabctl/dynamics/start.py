@@ -88,11 +88,11 @@ def _guess(system: System, V: np.ndarray, current: np.ndarray, s: np.ndarray) ->
 
 
 def opened(f: Family) -> np.ndarray:
-    """Constants with every limit (a field named ...max or ...min) out of reach and every rotor circuit closed."""
+    """Constants with every limit out of reach and every rotor circuit closed."""
     k, names = f.k.copy(), family.fields(f.device, "Par")
     for i, name in enumerate(names):
-        if name.endswith(("max", "min")):
-            k[:, i] = FAR if name.endswith("max") else -FAR
+        if side := family.side(f.device, name):
+            k[:, i] = side * FAR
         elif name in getattr(f.device, "CLOSED", ()):
             k[:, i] = np.where(k[:, i] > 0, k[:, i], 1.0)
     return k
@@ -214,7 +214,7 @@ class _Newton:
             names = family.fields(f.device, "Par")
             for j in np.flatnonzero(f.w[:, family.UNIT] == unit):
                 for c, name in enumerate(names):
-                    if not name.endswith(("max", "min")):
+                    if not family.side(f.device, name):
                         continue
                     trial = [k.copy() for k in free]
                     trial[i][j, c] = f.k[j, c]

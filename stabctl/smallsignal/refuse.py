@@ -123,5 +123,5 @@ def _limits(point: OperatingPoint, unit: int) -> list[tuple[str, int, int]]:
         for f in point.system.families
         for j in np.flatnonzero(f.w[:, family.UNIT] == unit)
         for c, name in enumerate(family.fields(f.device, "Par"))
-        if name.endswith(("max", "min"))
+        if family.side(f.device, name)
     ]

@@ -80,6 +80,8 @@ def halved(point, events, until, step):
 def test_halving_the_step_shows_the_fourth_order(kind):
     """A load step of 20 MW: nothing meets a limit, the load is an admittance; the ratio of the errors is 2^4."""
     point = operating_point.solve(small(KINDS[kind]))
+    if len(point.system.draw_bus):
+        pytest.skip("its voltages are iterated; see the floor of the next test")
     h = 2.0 ** np.floor(np.log2(0.6 / point.fastest))
     coarse, fine = halved(point, [LoadStep(2, 0.5, 20.0)], 1.5, h)
     assert fine > 1e-12  # the error of the method, not of rounding
