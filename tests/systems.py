@@ -10,7 +10,7 @@ from pathlib import Path
 from stabctl import devices
 from stabctl.devices.exciters import exdc2, exst3, sexs
 from stabctl.devices.governors import tgov
-from stabctl.devices.machines import gencls, genrou
+from stabctl.devices.machines import gencls, genrou, gensal
 from stabctl.devices.stabilizers import pss
 from stabctl.model.case import Branch, Bus, Case, Load, Machine
 
@@ -19,6 +19,7 @@ OWN = Path(__file__).parent / "devices"  # devices as a user would write them
 ROUND = genrou.Par(0, 0, 4.0, 0.5, 0.003, 0.15, 1.8, 0.3, 0.22, 7.0, 0.03, 1.7, 0.5, 0.4, 0.05)
 SATURATED = ROUND._replace(S10=0.1, S12=0.4)
 SALIENT = ROUND._replace(xd=1.1, xq=0.7, x1q=0.7, T1q=0.5)
+POLES = gensal.Par(0, 0, 4.0, 0.5, 0.003, 0.15, 1.1, 0.3, 0.22, 6.0, 0.04, 0.7, 0.08, 0.1, 0.4)
 CLASSICAL = gencls.Par(0, 0, 4.0, 1.0, 0.002, 0.3)
 SEXS = sexs.Par(0.01, 200.0, 0.05)
 EXST3 = exst3.Par(0.01, 200.0, 0.02, 10.0, 1.0, 5.0, -5.0, 0.1, -0.1, KP=1.2)
@@ -33,6 +34,7 @@ KINDS = {  # name -> devices of machine 1 and load 2; between them every model, 
     "bare": {"genrou": ROUND},
     "saturated": {"genrou": SATURATED, "sexs": SEXS},
     "salient": {"genrou": SALIENT, "sexs": SEXS, "tgov": HYDRO},
+    "gensal": {"gensal": POLES, "sexs": SEXS, "tgov": HYDRO},
     "open rotor circuit": {"genrou": ROUND._replace(T1q=0.0), "exst3": EXST3},
     "sexs, pss, steam": {"genrou": ROUND, "sexs": SEXS, "pss": PSS, "tgov": STEAM},
     "sexs with TB, TC": {"genrou": ROUND, "sexs": SEXS._replace(TB=10.0, TC=1.0), "pss": PSS},

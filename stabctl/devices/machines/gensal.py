@@ -1,0 +1,125 @@
+"""GENSAL: salient-pole synchronous machine with one field circuit and one damper circuit per axis, x''q = x''d.
+
+Efd -> (+) -> [1/(s T'd0)] -> E'q            E'q -> (+) -> [1/(s T''d0)] -> psi_kd
+       (-) <- Xad Ifd                              (-) <- psi_kd + (x'd - xl) id
+psi''d = E'q (x''-xl)/(x'd-xl) + psi_kd (x'd-x'')/(x'd-xl)
+psi''q = [1/(1 + s T''q0)] <- -(xq - x'') iq
+Xad Ifd = E'q + S(E'q) + (xd - x'd) (id + (x'd-x'')/(x'd-xl)^2 (E'q - psi_kd - (x'd-xl) id))
+
+S is the saturation of E'q alone, B (E'q - A)^2 through S10 and S12 (S12 = 0: none). The q axis has no field and is
+unsaturated. As in our GENROU the source behind ra + j x'' is omega psi'' and the mechanical torque is Pm/omega; PSS/E
+leaves the speed out of the stator voltage. Per unit on the machine's own MVA; `mva` carries currents to the system
+base.
+Source: PSS/E Model Library, GENSAL; Kundur, Power System Stability and Control, sections 3.4-3.6 and 5.3.
+"""
+
+from collections.abc import Iterator
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Ge
+
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import circuit_rate, quadratic, through
+from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
+
+from .stator import Input, Internal, Output, admittance, source, stator
+
+NAME = "GENSAL"
+ROLE = "machine"
+EASED = ("SB",)
+CLOSED = ("T1d", "T2d", "T2q")
+__all__ = [
+    "CLOSED", "EASED", "NAME", "ROLE", "Input", "Internal", "Output", "Par", "State", "admittance", "derivatives",
+    "internal", "output", "source",
+]  # fmt: skip
+
+
+class Par(NamedTuple):
+    """Constants of one machine."""
+
+    mva: Annotated[float, "-", "machine MVA over system MVA", FROM_CASE]
+    wb: Annotated[float, "rad/s", "base speed, 2 pi f", FROM_CASE]
+    H: Annotated[float, "s", "inertia constant", Ge(0.01)]
+    D: Annotated[float, "pu", "damping torque over speed deviation"]
+    ra: Annotated[float, "pu", "armature resistance", NOT_NEGATIVE]
+    xl: Annotated[float, "pu", "leakage reactance", NOT_NEGATIVE]
+    xd: Annotated[float, "pu", "synchronous reactance, d axis", POSITIVE]
+    x1d: Annotated[float, "pu", "transient reactance, d axis", POSITIVE]
+    x2: Annotated[float, "pu", "subtransient reactance, both axes", POSITIVE]
+    T1d: Annotated[float, "s", "transient open-circuit time constant, d axis (0: circuit open)", NOT_NEGATIVE]
+    T2d: Annotated[float, "s", "subtransient open-circuit time constant, d axis (0: circuit open)", NOT_NEGATIVE]
+    xq: Annotated[float, "pu", "synchronous reactance, q axis", POSITIVE]
+    T2q: Annotated[float, "s", "subtransient open-circuit time constant, q axis (0: circuit open)", NOT_NEGATIVE]
+    S10: Annotated[float, "pu", "saturation at E'q = 1.0", NOT_NEGATIVE] = 0.0
+    S12: Annotated[float, "pu", "saturation at E'q = 1.2 (0: unsaturated)", NOT_NEGATIVE] = 0.0
+    SA: Annotated[float, "pu", "E'q at which saturation begins, from S10 and S12", FROM_CASE] = 0.0
+    SB: Annotated[float, "1/pu", "slope of saturation, from S10 and S12", FROM_CASE] = 0.0
+
+    def errors(self) -> Iterator[tuple[str, str]]:
+        """Field and sentence of everything the equations cannot be formed with."""
+        if self.x1d == self.xl:
+            yield "x1d", f"must differ from the leakage reactance xl = {self.xl:g}"
+        if 0 < self.S12 <= self.S10:
+            yield "S12", f"must be more than S10 = {self.S10:g}, or 0 for no saturation"
+
+    def warnings(self) -> Iterator[tuple[str, str]]:
+        """Field and sentence of everything unusual but usable."""
+        for low, high in (("xl", "x2"), ("x2", "x1d"), ("x1d", "xd"), ("x2", "xq")):
+            if getattr(self, low) > getattr(self, high):
+                yield high, f"is usually not less than {low} = {getattr(self, low):g}"
+
+
+class State(NamedTuple):
+    """Rotor angle and speed, field and damper fluxes."""
+
+    delta: Annotated[float, "rad", "rotor angle against the synchronous frame"]
+    omega: Annotated[float, "pu", "speed"]
+    eq: Annotated[float, "pu", "E'q"]
+    kd: Annotated[float, "pu", "damper flux, d axis"]
+    kq: Annotated[float, "pu", "subtransient flux psi''q"]
+
+
+def prepare(p):
+    """The constants with what follows from them alone."""
+    SA, SB = through(1.0, p.S10, 1.2, p.S12)
+    return p._replace(SA=SA, SB=SB)
+
+
+@inline
+def internal(x, p):
+    """Rotor position, and subtransient flux linkages psi''d, psi''q (pu)."""
+    a = (p.x2 - p.xl) / (p.x1d - p.xl)
+    return Internal(np.sin(x.delta), np.cos(x.delta), a * x.eq + (1 - a) * x.kd, x.kq)
+
+
+@inline
+def damping(x, id_, p):
+    """Voltage that drives the damper flux of the d axis (pu)."""
+    return x.eq - x.kd - (p.x1d - p.xl) * id_
+
+
+@inline
+def output(x, i, v, p):
+    """Stator quantities and field current (pu machine); the q axis has no field circuit."""
+    id_, iq, Te, P, Q, vt, ve = stator(x, i, v, p)
+    a, iron = p.x1d - p.xl, quadratic(x.eq, p.SA, p.SB)
+    Ifd = x.eq + iron + (p.xd - p.x1d) * (id_ + (p.x1d - p.x2) / (a * a) * damping(x, id_, p))
+    return Output(id_, iq, Te, P, Q, vt, ve, Ifd, 0 * Ifd)
+
+
+@inline
+def derivatives(x, u, y, p):
+    """State rates (1/s); y is this machine's own output."""
+    return State(
+        p.wb * (x.omega - 1),
+        (u.Pm / x.omega - y.Te - p.D * (x.omega - 1)) / (2 * p.H),
+        circuit_rate(p.T1d, u.Efd - y.Ifd, x.eq),
+        circuit_rate(p.T2d, damping(x, y.id, p), x.kd),
+        circuit_rate(p.T2q, -x.kq - (p.xq - p.x2) * y.iq, x.kq),
+    )
+
+
+def guess(V, I, p):
+    """States to start from: the rotor on the q axis of V + (ra + j xq) I, at synchronous speed, fluxes of 1 pu."""
+    return State(float(np.angle(V + complex(p.ra, p.xq) * I)), 1.0, 1.0, 1.0, 1.0)
