@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from stabctl import devices
-from stabctl.devices.exciters import exdc2, exst3, sexs
+from stabctl.devices.exciters import exdc2, exst3, ieeet1, sexs
 from stabctl.devices.governors import tgov
 from stabctl.devices.machines import gencls, genrou, gensal
 from stabctl.devices.stabilizers import pss
@@ -24,6 +24,7 @@ CLASSICAL = gencls.Par(0, 0, 4.0, 1.0, 0.002, 0.3)
 SEXS = sexs.Par(0.01, 200.0, 0.05)
 EXST3 = exst3.Par(0.01, 200.0, 0.02, 10.0, 1.0, 5.0, -5.0, 0.1, -0.1, KP=1.2)
 EXDC2 = exdc2.Par(0.02, 40.0, 0.05, 1.0, 0.5, 6.0, -6.0, 1.0, 0.5, 0.05, TF=1.0, E1=1.2, SE1=0.05, E2=2.4, SE2=0.3)
+IEEET1 = ieeet1.Par(0.02, 40.0, 0.05, 6.0, -6.0, 1.0, 0.5, 0.05, TF=1.0, E1=1.2, SE1=0.05, E2=2.4, SE2=0.3)
 PSS = pss.Par(5.0, 10.0, 0.05, 0.02, 0.1, 0.03)
 STEAM = tgov.Par(20.0, 0.1, 0.5, 0.0, 1.25, 5.0)
 HYDRO = tgov.Par(20.0, 0.5, 5.0, 1.0, -1.0, 0.5)
@@ -46,6 +47,7 @@ KINDS = {  # name -> devices of machine 1 and load 2; between them every model, 
     },
     "exdc2": {"genrou": SATURATED, "exdc2": EXDC2, "pss": PSS},
     "exdc2 bypassed": {"genrou": ROUND, "exdc2": EXDC2._replace(TR=0.0, TA=0.0, TB=0.0, KA=20.0, SE2=0.0)},
+    "ieeet1": {"genrou": SATURATED, "ieeet1": IEEET1, "tgov": STEAM},
     "pss bypassed": {"genrou": ROUND, "sexs": SEXS, "pss": PSS._replace(T2=0.0, T4=0.0)},
     "governor bypassed": {"genrou": ROUND, "sexs": SEXS, "tgov": STEAM._replace(Ts=0.0, Tc=0.0, T5=0.0)},
 }
