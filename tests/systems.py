@@ -10,6 +10,7 @@ from pathlib import Path
 from stabctl import devices
 from stabctl.devices.exciters import exdc2, exst3, ieeet1, sexs
 from stabctl.devices.governors import tgov
+from stabctl.devices.loads import exponential
 from stabctl.devices.machines import gencls, genrou, gensal
 from stabctl.devices.stabilizers import pss
 from stabctl.model.case import Branch, Bus, Case, Load, Machine
@@ -26,6 +27,7 @@ EXST3 = exst3.Par(0.01, 200.0, 0.02, 10.0, 1.0, 5.0, -5.0, 0.1, -0.1, KP=1.2)
 EXDC2 = exdc2.Par(0.02, 40.0, 0.05, 1.0, 0.5, 6.0, -6.0, 1.0, 0.5, 0.05, TF=1.0, E1=1.2, SE1=0.05, E2=2.4, SE2=0.3)
 IEEET1 = ieeet1.Par(0.02, 40.0, 0.05, 6.0, -6.0, 1.0, 0.5, 0.05, TF=1.0, E1=1.2, SE1=0.05, E2=2.4, SE2=0.3)
 PSS = pss.Par(5.0, 10.0, 0.05, 0.02, 0.1, 0.03)
+EXPONENTIAL = exponential.Par(0, 0, 1.0, 0.7, 1.3, 3.0)
 STEAM = tgov.Par(20.0, 0.1, 0.5, 0.0, 1.25, 5.0)
 HYDRO = tgov.Par(20.0, 0.5, 5.0, 1.0, -1.0, 0.5)
 
@@ -36,6 +38,7 @@ KINDS = {  # name -> devices of machine 1 and load 2; between them every model, 
     "saturated": {"genrou": SATURATED, "sexs": SEXS},
     "salient": {"genrou": SALIENT, "sexs": SEXS, "tgov": HYDRO},
     "gensal": {"gensal": POLES, "sexs": SEXS, "tgov": HYDRO},
+    "exponential load": {"gencls": CLASSICAL, "exponential": EXPONENTIAL},
     "open rotor circuit": {"genrou": ROUND._replace(T1q=0.0), "exst3": EXST3},
     "sexs, pss, steam": {"genrou": ROUND, "sexs": SEXS, "pss": PSS, "tgov": STEAM},
     "sexs with TB, TC": {"genrou": ROUND, "sexs": SEXS._replace(TB=10.0, TC=1.0), "pss": PSS},
