@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from stabctl import devices
+from stabctl.devices.converters import regc_a
 from stabctl.devices.exciters import exdc2, exst3, ieeet1, sexs
 from stabctl.devices.governors import tgov
 from stabctl.devices.loads import exponential
@@ -28,6 +29,7 @@ EXDC2 = exdc2.Par(0.02, 40.0, 0.05, 1.0, 0.5, 6.0, -6.0, 1.0, 0.5, 0.05, TF=1.0,
 IEEET1 = ieeet1.Par(0.02, 40.0, 0.05, 6.0, -6.0, 1.0, 0.5, 0.05, TF=1.0, E1=1.2, SE1=0.05, E2=2.4, SE2=0.3)
 PSS = pss.Par(5.0, 10.0, 0.05, 0.02, 0.1, 0.03)
 EXPONENTIAL = exponential.Par(0, 0, 1.0, 0.7, 1.3, 3.0)
+REGC = regc_a.Par(0, 0.02)
 STEAM = tgov.Par(20.0, 0.1, 0.5, 0.0, 1.25, 5.0)
 HYDRO = tgov.Par(20.0, 0.5, 5.0, 1.0, -1.0, 0.5)
 
@@ -39,6 +41,7 @@ KINDS = {  # name -> devices of machine 1 and load 2; between them every model, 
     "salient": {"genrou": SALIENT, "sexs": SEXS, "tgov": HYDRO},
     "gensal": {"gensal": POLES, "sexs": SEXS, "tgov": HYDRO},
     "exponential load": {"gencls": CLASSICAL, "exponential": EXPONENTIAL},
+    "converter": {"regc_a": REGC},
     "open rotor circuit": {"genrou": ROUND._replace(T1q=0.0), "exst3": EXST3},
     "sexs, pss, steam": {"genrou": ROUND, "sexs": SEXS, "pss": PSS, "tgov": STEAM},
     "sexs with TB, TC": {"genrou": ROUND, "sexs": SEXS._replace(TB=10.0, TC=1.0), "pss": PSS},
