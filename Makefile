@@ -16,6 +16,9 @@ lint: .venv/dev  ## check style and import layers
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 
+docs: .venv/demo  ## write docs/models.md: parameters, states, ports and source of every device
+	$(BIN)/python tools/models_page.py
+
 reproduce: .venv/demo  ## run all studies, compared with the paper in reports/index.html (FULL=1: also the long ones)
 	$(BIN)/python tools/reproduce.py $(if $(FULL),--full)
 
@@ -50,5 +53,5 @@ clean:  ## remove the virtual environment and all generated files
 	$(BIN)/python -m pip install -q -e '.[dev]'
 	@touch $@
 
-.PHONY: help demo test lint reproduce bench clean
+.PHONY: help demo test lint docs reproduce bench clean
 .DEFAULT_GOAL := help

@@ -11,7 +11,21 @@ from typer.core import TyperGroup
 
 from stabctl.errors import StabctlError, sentence
 
-from . import cases, clearing_time, estimate, linearize, modes, place, powerflow, screen, simulate, sweep, swing, tables
+from . import (
+    cases,
+    clearing_time,
+    estimate,
+    linearize,
+    models,
+    modes,
+    place,
+    powerflow,
+    screen,
+    simulate,
+    sweep,
+    swing,
+    tables,
+)
 
 
 class Commands(TyperGroup):
@@ -35,6 +49,7 @@ app = typer.Typer(
 )
 app.command("cases")(cases.cases)
 app.command("tables")(tables.tables)
+app.command("models")(models.models)
 app.command("powerflow")(powerflow.powerflow)
 app.command("simulate")(simulate.simulate)
 app.command("clearing-time")(clearing_time.clearing_time)

@@ -23,6 +23,7 @@ def clearing_time(
     tripped: TripMachine = None,
     stepped: LoadStep = None,
     settings: options.Set = None,
+    device: options.Device = None,
     resolution: options.Resolution = "0.125cyc",
     limit: options.Limit = "60cyc",
     observe: options.Observe = "5s",

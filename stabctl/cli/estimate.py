@@ -39,6 +39,7 @@ def estimate(
     seed: options.Seed = 1,
     plot: Plot = None,
     settings: options.Set = None,
+    device: options.Device = None,
     classical: options.Classical = False,
     as_json: options.Json = False,
 ) -> None:

@@ -21,6 +21,7 @@ def linearize(
     storage_at: options.SizeAt = None,
     lag: options.Lag = "0s",
     settings: options.Set = None,
+    device: options.Device = None,
     classical: options.Classical = False,
     as_json: options.Json = False,
 ) -> None:

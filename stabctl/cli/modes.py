@@ -33,6 +33,7 @@ def modes(
     open_circuits: Opened = None,
     sparse: Sparse = None,
     settings: options.Set = None,
+    device: options.Device = None,
     classical: options.Classical = False,
     as_json: options.Json = False,
 ) -> None:

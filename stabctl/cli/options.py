@@ -37,11 +37,24 @@ def time(text: object) -> str | float:
         raise typer.BadParameter(wrong) from None
 
 
+def register(files: list[str] | None) -> list[str] | None:
+    """Make the devices of these files known, before the case that uses them is read."""
+    from stabctl import devices
+
+    for file in files or ():
+        devices.register(file)
+    return files
+
+
 CaseName = Annotated[str, typer.Argument(metavar="CASE", help="A packaged case, or a folder.")]
 Classical = Annotated[bool, typer.Option("--classical", help="Classical machines, without controls.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 Set = Annotated[
     list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="Change the case: pss.1.K=10. Repeatable.")
+]
+Device = Annotated[
+    list[str] | None,
+    typer.Option("--device", metavar="FILE", callback=register, help="A device of yours: my_exciter.py. Repeatable."),
 ]
 Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Threads (default: one per core).")]
 

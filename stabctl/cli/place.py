@@ -52,6 +52,7 @@ def place(
     workers: options.Workers = None,
     report: Report = None,
     settings: options.Set = None,
+    device: options.Device = None,
     classical: options.Classical = False,
     as_json: options.Json = False,
 ) -> None:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .options import CaseName, Classical, Json, Set
+from .options import CaseName, Classical, Device, Json, Set
 from .shared import console, load, print_json
 
 Branches = Annotated[bool, typer.Option("--branches", help="Print the flows in the branches too.")]
@@ -16,6 +16,7 @@ def powerflow(
     case: CaseName,
     branches: Branches = False,
     settings: Set = None,
+    device: Device = None,
     classical: Classical = False,
     as_json: Json = False,
 ) -> None:

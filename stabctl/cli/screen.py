@@ -18,6 +18,7 @@ def screen(
     case: options.CaseName,
     below: Below = None,
     settings: options.Set = None,
+    device: options.Device = None,
     resolution: options.Resolution = "0.125cyc",
     limit: options.Limit = "60cyc",
     observe: options.Observe = "5s",

@@ -33,6 +33,7 @@ def simulate(
     tripped: options.TripMachine = None,
     stepped: options.LoadStep = None,
     settings: options.Set = None,
+    device: options.Device = None,
     step: options.Step = None,
     control: options.Control = None,
     storage: options.Size = None,

@@ -17,9 +17,7 @@ if TYPE_CHECKING:
 app = typer.Typer(no_args_is_help=True, help="Many simulations from one study file, on all cores or a Dask cluster.")
 
 Study = Annotated[Path, typer.Argument(metavar="STUDY", help="A study file, TOML.")]
-Out = Annotated[
-    Path, typer.Option("--out", help="Results file (SQLite); jobs that it already has are not run again.")
-]
+Out = Annotated[Path, typer.Option("--out", help="Results file (SQLite); jobs that it already has are not run again.")]
 Workers = Annotated[int | None, typer.Option("--workers", help="Processes on this machine (default: one per core).")]
 Dask = Annotated[str | None, typer.Option("--dask", help="Scheduler of a Dask cluster: tcp://host:8786.")]
 Retry = Annotated[bool, typer.Option("--retry", help="Run jobs again that ended in an error.")]
@@ -28,7 +26,14 @@ Csv = Annotated[Path | None, typer.Option("--csv", help="Write every column of e
 
 
 @app.command("run")
-def run_command(study: Study, out: Out, workers: Workers = None, dask: Dask = None, retry: Retry = False) -> int:
+def run_command(
+    study: Study,
+    out: Out,
+    workers: Workers = None,
+    dask: Dask = None,
+    retry: Retry = False,
+    device: options.Device = None,
+) -> int:
     """Run the jobs of a study; the exit code is 1 if one ended in an error, 130 at Ctrl-C."""
     from stabctl.errors import StudyError
     from stabctl.sweep.sweep import run_sweep

@@ -4,13 +4,13 @@ from typing import Annotated
 
 import typer
 
-from .options import Json
+from .options import Device, Json
 from .shared import console, print_json
 
 Name = Annotated[str | None, typer.Argument(metavar="[TABLE]", help="One table only, such as buses or genrou.")]
 
 
-def tables(name: Name = None, as_json: Json = False) -> None:
+def tables(name: Name = None, device: Device = None, as_json: Json = False) -> None:
     """List the columns of a case's tables: unit, meaning, what is allowed, default."""
     from stabctl.errors import StudyError
     from stabctl.model import catalog

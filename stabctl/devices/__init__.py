@@ -21,7 +21,7 @@ import importlib
 import importlib.util
 import pkgutil
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType, ModuleType
@@ -118,6 +118,13 @@ def register(path: str | Path) -> str:
     every.cache_clear()
     models.cache_clear()
     return name
+
+
+def register_missing(files: Iterable[str]) -> None:
+    """Register those of these files that are not registered yet; in a process that another one has started."""
+    for file in files:
+        if file not in registered():
+            register(file)
 
 
 def registered() -> tuple[str, ...]:

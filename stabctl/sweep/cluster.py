@@ -1,16 +1,18 @@
 """The tasks on a Dask cluster, through its executor."""
 
 import logging
+import pickle
 import re
 from collections.abc import Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import suppress
 from itertools import islice
 
+from stabctl import devices
 from stabctl.errors import StudyError
 
 from .result import Result, Row, signed
-from .run_job import run_job
+from .run_job import run_received
 from .task import Task
 
 PATIENCE = 5.0  # s   to wait for the scheduler
@@ -46,7 +48,7 @@ def rows(tasks: Iterable[Task], address: str) -> Iterator[Row]:
             if not threads and not running:
                 raise StudyError(f"The Dask scheduler at {address} has no workers; start some: dask worker {address}.")
             for task in islice(waiting, max(0, AHEAD * threads - len(running))):
-                running[executor.submit(run_job, task)] = task
+                running[executor.submit(run_received, devices.registered(), pickle.dumps(task))] = task
             if not running:
                 return
             for future in wait(running, return_when=FIRST_COMPLETED).done:

@@ -15,6 +15,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from multiprocessing import connection
 
+from stabctl import devices
 from stabctl.errors import StudyError
 
 from .result import Result, Row, signed
@@ -72,7 +73,7 @@ class Worker:
         context = multiprocessing.get_context(METHOD)
         self.task: Task | None = None
         self.pipe, theirs = context.Pipe()
-        self.process = context.Process(target=_serve, args=(theirs,), daemon=True)
+        self.process = context.Process(target=_serve, args=(theirs, devices.registered()), daemon=True)
         try:
             _start(self.process)
         except (EOFError, OSError) as error:
@@ -126,12 +127,13 @@ def _environment() -> Iterator[None]:
             signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
 
-def _serve(pipe: connection.Connection) -> None:
-    """The main function of a worker."""
+def _serve(pipe: connection.Connection, files: tuple[str, ...]) -> None:
+    """The main function of a worker; `files` are the user's devices, which a case received may need."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_follow, daemon=True).start()
     warnings.simplefilter("ignore", RuntimeWarning)
     importlib.import_module(WARM)
+    devices.register_missing(files)
     from .run_job import run_job
 
     pipe.send(None)

@@ -1,11 +1,13 @@
 """A task and its row. Any error of a job is recorded in its row."""
 
 import os
+import pickle
 import platform
 import time
 
 import numpy as np
 
+from stabctl import devices
 from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
@@ -35,6 +37,12 @@ def run_job(task: Task) -> Row:
         result = Result("bug", message=" ".join(text.split()))
     where = f"{platform.node()}:{os.getpid()}"
     return Row(task.key, task.job, signed(result, wall=time.perf_counter() - began, worker=where))
+
+
+def run_received(files: tuple[str, ...], task: bytes) -> Row:
+    """Run a pickled task once the user's devices in `files` are known, without which its case cannot be unpickled."""
+    devices.register_missing(files)
+    return run_job(pickle.loads(task))  # from the process that made the sweep
 
 
 def _point(task: Task) -> OperatingPoint:

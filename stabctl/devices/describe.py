@@ -1,0 +1,113 @@
+"""What a device is, as plain records: for `stabctl models`, the page of models, and tests."""
+
+from collections.abc import Iterator, Mapping
+from types import ModuleType
+from typing import Any, NamedTuple, get_args, get_type_hints
+
+from stabctl.devices import ROLES, every
+from stabctl.devices.ports import At, Port
+from stabctl.errors import StudyError
+from stabctl.schema import hints
+
+
+class Signal(NamedTuple):
+    """A state, input or output; `from_` says what an input reads."""
+
+    name: str
+    unit: str
+    meaning: str
+    from_: str = ""
+
+
+class Parameter(NamedTuple):
+    """A parameter: what is allowed, and its default; both empty where it is filled from the case."""
+
+    name: str
+    unit: str
+    meaning: str
+    allowed: str
+    default: float | str | None
+
+
+class Limit(NamedTuple):
+    """A state that stops at limits."""
+
+    state: str
+    low: str
+    high: str
+
+
+class Description(NamedTuple):
+    """A device. `name` is that of its file and table, `title` and `text` are the parts of its docstring."""
+
+    name: str
+    title: str
+    role: str
+    role_meaning: str
+    text: str
+    parameters: tuple[Parameter, ...]
+    states: tuple[Signal, ...]
+    inputs: tuple[Signal, ...]
+    outputs: tuple[Signal, ...]
+    limits: tuple[Limit, ...]
+
+
+def describe(name: str) -> Description:
+    """The device of that name: its file's, or what it calls itself (GENROU).
+
+    Raises
+    ------
+    StudyError
+        Where there is no such device.
+    """
+    devices = every()
+    found = name if name in devices else next((k for k, m in devices.items() if m.NAME.lower() == name.lower()), None)
+    if found is None:
+        raise StudyError(f"There is no model {name!r}; known are {', '.join(devices)}.")
+    device = devices[found]
+    title, _, text = (device.__doc__ or device.NAME).partition("\n")
+    signals = (tuple(_signals(device, record)) for record in ("State", "Input", "Output"))
+    parts = tuple(_parameters(device)), *signals, tuple(_limits(device))
+    return Description(found, title.rstrip(". "), device.ROLE, ROLES[device.ROLE], text.strip("\n"), *parts)
+
+
+def _parameters(device: ModuleType) -> Iterator[Parameter]:
+    if not hasattr(device, "Par"):
+        return
+    given = hints(device.Par)
+    for name, (_, unit, meaning, *_) in _annotated(device.Par).items():
+        field = given[name]
+        if field is None:
+            yield Parameter(name, unit, meaning, "", None)
+        else:
+            yield Parameter(name, unit, meaning, field.expected(), None if field.required else field.default)
+
+
+def _signals(device: ModuleType, record: str) -> Iterator[Signal]:
+    if not hasattr(device, record):
+        return
+    for name, (_, unit, meaning, *rest) in _annotated(getattr(device, record)).items():
+        yield Signal(name, unit, meaning, _reads(rest) if record == "Input" else "")
+
+
+def _annotated(record: type) -> Mapping[str, tuple[Any, ...]]:
+    return {name: get_args(hint) for name, hint in get_type_hints(record, include_extras=True).items()}
+
+
+def _reads(markers: list[Any]) -> str:
+    """What an input reads, in words."""
+    for marker in markers:
+        if isinstance(marker, At):
+            return f"{marker.signal} at the bus or machine of {marker.place}"
+        if isinstance(marker, Port) and marker.summing:
+            return "port: the sum of what fills it"
+        if isinstance(marker, Port) and marker.start is not None:
+            return f"port: else the set-point, {marker.start:g} at the start"
+        if isinstance(marker, Port):
+            return "port: else the set-point, solved from the power flow"
+    return "the signal of this name of its unit"
+
+
+def _limits(device: ModuleType) -> Iterator[Limit]:
+    for state, (low, high, *per) in getattr(device, "LIMITS", {}).items():
+        yield Limit(state, *(" x ".join((name, *per)) for name in (low, high)))
