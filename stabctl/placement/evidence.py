@@ -37,7 +37,7 @@ def critical_time(trials: Trials, mw: np.ndarray, k: int, control: Law | Sampled
     target = trials.target(k)
     steps = max(1, round(target / GRID))
     grid = target / steps
-    trial = trials.trial(mw, k, control, grid)
+    trial = trials.trial(trials.fleet(mw), k, control, grid)
 
     def attempt(j: int) -> Run:
         trials.count()

@@ -120,7 +120,7 @@ def place(
     price = np.full(len(found), float(costs.mw))
     if costs.mwh:
         tried = trials.fleet(uniform)
-        price += costs.mwh * energies(trials, uniform) / np.where(tried > 0, tried, np.inf)
+        price += costs.mwh * energies(trials, tried) / np.where(tried > 0, tried, np.inf)
     master = Master(largest, price, np.full(len(found), costs.site), sites)
     planes = CuttingPlanes(trials, master, sensitivity(point, found).J)
     even = initial_fleets.uniform_fleet(planes, uniform, boundary)

@@ -126,13 +126,13 @@ class Trials:
         return target_cycles(self.contingencies[k], self.point.case)
 
     def trial(self, mw: np.ndarray, k: int, control: Law | Sampled | None = None, grid: float | None = None) -> Trial:
-        """Contingency k with this fleet (candidates, MW) at multiples of a clearing time (cycles), the target's."""
+        """Contingency k with this fleet (candidates, MW, also above the caps) at multiples of `grid`, or its target."""
         target = self.target(k)
         limit = max(self.search.limit_cycles, 2 * target)
         search = replace(self.search, resolution_cycles=grid or target, limit_cycles=limit)
-        return Trial(self.point.resized(self.fleet(mw)), self.contingencies[k], control or self.control, search)
+        return Trial(self.point.resized(mw), self.contingencies[k], control or self.control, search)
 
     def simulate(self, mw: np.ndarray, k: int, record: bool = True) -> Trajectory:
-        """The simulation of contingency k with this fleet (candidates, MW)."""
+        """The simulation of contingency k with this fleet (candidates, MW, also above the caps)."""
         self.count()
         return self.trial(mw, k).simulate(1, record)

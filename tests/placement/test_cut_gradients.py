@@ -97,3 +97,9 @@ def test_what_cannot_be_scaled_is_none():
     assert cut_gradients._scaled(np.array([-1.0, 0.5]), mw) is None
     assert cut_gradients._scaled(np.zeros(2), mw) is None
     assert cut_gradients._scaled(np.array([3.0, 1.0]), mw) == pytest.approx([0.75, 0.25])
+
+
+def test_a_cap_does_not_hide_what_a_larger_device_would_do(trials, boundary):
+    """Where a device stands at its cap the gradient is that of the fleet beside it."""
+    capped = Trials(trials.point, trials.contingencies, np.where(np.arange(10) == 8, boundary[0][8], trials.cap))
+    assert cut_gradients.by_peak(capped, boundary[0], 0)[8] > 0
