@@ -1,41 +1,35 @@
-"""Pages and README: their code runs, what they show comes out, their links lead somewhere, no symbol is missing.
+"""Pages and README: their code runs, they show what comes out, their links and paths exist, no symbol is missing.
 
 The first word behind ``` is the language, the next says what the block is:
 
     python              runs, all blocks of a page in one namespace and one empty folder; `text` below it is its output
     console             each `$ stabctl ...` runs there and ends with exit code 0 (`exit=2` behind the word: with that)
     sh                  each `make ...` names a target of the Makefile
-    toml|csv|python FILE  the file is written; FILE in stabctl/ is one of a copy of the package
-    diff FILE           the lines - and those without sign are found once in FILE of that copy, and replaced
-    python edited       runs on that copy, in plain Python (NUMBA_DISABLE_JIT=1)
+    toml|csv|python FILE  the file is written
 
 `...` in what a page shows stands for anything, a computing time or a rounding error for any other.
 """
 
+import ast
 import contextlib
 import doctest
-import importlib
 import io
-import os
-import pkgutil
 import re
 import shlex
-import shutil
-import subprocess
 import sys
+import tomllib
 from pathlib import Path
 from typing import Annotated, get_args, get_origin, get_type_hints
 
 import pytest
 from markdown_it import MarkdownIt
 
-import stabctl as package
 from stabctl import devices
-from stabctl.controllers import signals
-from stabctl.model.case import TABLES
+from stabctl.controllers import bang_bang, feedback
+from stabctl.model.tables import TABLES
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
 each_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 
 
@@ -46,6 +40,7 @@ def tokens(page):
 def told(text):
     """The text without trailing blanks, computing times and numbers below 1e-9."""
     text = re.sub(r"(?<= steps in )[0-9.]+(?= s)|[0-9.]+(?= ms per frame)|[0-9.]+e-1\d", "0", text.strip("\n"))
+    text = re.sub(r"(?<= ms in )[0-9.]+(?= s)", "0", text)
     return "".join(line.rstrip() + "\n" for line in text.splitlines())
 
 
@@ -61,42 +56,37 @@ def commands(text):
         yield command, shown
 
 
-def replaced(path, diff):
-    """Apply a diff without line numbers to a file."""
-    lines, text = diff.splitlines(keepends=True), path.read_text(encoding="utf-8")
-    old, new = ("".join(line[1:] for line in lines if line[0] in signs) for signs in (" -", " +"))
-    assert text.count(old) == 1, f"{path.name} has not once:\n{old}"
-    path.write_text(text.replace(old, new), encoding="utf-8")
-
-
-def run_edited(code, folder):
-    """Output of a script on the copy of the package in the folder."""
-    where = os.environ | {"PYTHONPATH": str(folder), "NUMBA_DISABLE_JIT": "1"}
-    done = subprocess.run([sys.executable, "-c", code], cwd=folder, env=where, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
-@each_page
-def test_code_of_a_page_runs_and_gives_what_it_shows(page, tmp_path, monkeypatch, stabctl):
+@pytest.fixture
+def own_folder(tmp_path, monkeypatch):
+    """An empty folder to work in; afterwards no device of a page is registered."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setenv("COLUMNS", "100")
     monkeypatch.delenv("FORCE_COLOR", raising=False)
     monkeypatch.setenv("MPLBACKEND", "agg")
+    before, modules = dict(devices._registered), set(sys.modules)
+    yield tmp_path
+    devices._registered.clear()
+    devices._registered.update(before)
+    devices.every.cache_clear()
+    devices.models.cache_clear()
+    for name in set(sys.modules) - modules:
+        if str(getattr(sys.modules[name], "__file__", None)).startswith(str(tmp_path)):
+            del sys.modules[name]
+
+
+@each_page
+def test_code_of_a_page_runs_and_gives_what_it_shows(page, own_folder, stabctl):
     targets = re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
     names, printed = {"__name__": page.stem}, None
     for fence in (t for t in tokens(page) if t.type == "fence"):
         where = f"{page.name}, line {fence.map[0] + 1},"
         language, _, what = fence.info.partition(" ")
-        if what.startswith("stabctl/") and not (tmp_path / "stabctl").exists():
-            shutil.copytree(Path(package.__file__).parent, tmp_path / "stabctl")
         match language, what:
             case "python", "":
                 with contextlib.redirect_stdout(io.StringIO()) as out:
                     exec(compile("\n" * (fence.map[0] + 1) + fence.content, str(page), "exec"), names)
                 printed = out.getvalue()
-            case "python", "edited":
-                printed = run_edited(fence.content, tmp_path)
             case "text", "":
                 same(fence.content, printed, where)
             case "console", _:
@@ -109,12 +99,10 @@ def test_code_of_a_page_runs_and_gives_what_it_shows(page, tmp_path, monkeypatch
                         same(shown, out + err, f"{where} {command}")
             case "sh", "":
                 assert set(re.findall(r"^make (\w+)", fence.content, re.MULTILINE)) <= set(targets), where
-            case "diff", path:
-                replaced(tmp_path / path, fence.content)
             case "toml" | "csv" | "python", path:
                 assert path, f"{where} names no file"
-                (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
-                (tmp_path / path).write_text(fence.content, encoding="utf-8")
+                (own_folder / path).parent.mkdir(parents=True, exist_ok=True)
+                (own_folder / path).write_text(fence.content, encoding="utf-8")
             case _:
                 pytest.fail(f"{where} has a block of no known kind: {fence.info!r}")
 
@@ -141,25 +129,111 @@ def test_links_of_a_page_lead_somewhere(page):
 
 
 def test_the_list_of_pages_is_whole():
-    assert {p.name for p in PAGES[1:]} - {"index.md"} <= set(links(ROOT / "docs" / "index.md"))
+    assert {p.name for p in PAGES[2:]} - {"index.md"} <= set(links(ROOT / "docs" / "index.md"))
+
+
+@each_page
+def test_files_that_a_page_names_exist(page):
+    """A path in code font, as `sims/table4.toml`, is one of the repository."""
+    for name in re.findall(
+        r"`((?:stabctl|docs|sims|analysis|tests|benchmarks|tools)/[\w./]*)`", page.read_text("utf-8")
+    ):
+        assert page.name == "CHANGELOG.md" or (ROOT / name).exists(), f"{page.name} names {name}"
+
+
+def test_the_readme_is_short():
+    assert len((ROOT / "README.md").read_text("utf-8").splitlines()) <= 150
+
+
+def imported(path):
+    """Modules that a file imports when it runs."""
+    package, todo = path.relative_to(ROOT).parts[:-1], [ast.parse(path.read_text("utf-8"))]
+    while todo:
+        node = todo.pop()
+        if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING":
+            continue
+        if isinstance(node, ast.Import):
+            yield from (name.name for name in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else ()
+            yield from (".".join((*base, *filter(None, [node.module]), name.name)) for name in node.names)
+        todo += ast.iter_child_nodes(node)
+
+
+def rooms():
+    """Room of the package -> the rooms that it imports."""
+    found = {}
+    for path in (ROOT / "stabctl").rglob("*.py"):
+        room = path.relative_to(ROOT / "stabctl").with_suffix("").parts[0]
+        if not room.startswith("__"):
+            names = {name.split(".")[1] for name in imported(path) if name.startswith("stabctl.")}
+            found[room] = found.get(room, set()) | names - {room}
+    return found
+
+
+def test_the_table_of_rooms_is_that_of_the_code():
+    text = (ROOT / "docs" / "architecture.md").read_text("utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| .* \| ([\w, ]+|-) \|$", text, re.MULTILINE)
+    assert {room: set(names.split(", ")) - {"-"} for room, names in rows} == rooms()
+
+
+def records():
+    """Section of the list of symbols -> the records whose fields stand there: tables of a case, and laws."""
+    found = {name: [record] for name, record in TABLES.items()}
+    for law in (bang_bang, feedback):
+        found[law.__name__.rpartition(".")[2]] = [law.Par, law.Input, law.Output]
+    return found
 
 
 def rows_of_symbols():
-    """`| symbol | meaning | unit |` of every field of every table of a case and record of a model."""
-    found = {name: [record] for name, record in TABLES.items()} | {"signals": [signals.Seen, signals.Par]}
-    for module in pkgutil.iter_modules(devices.__path__):
-        made = vars(importlib.import_module(f"{devices.__name__}.{module.name}")).values()
-        found[module.name] = [r for r in made if hasattr(r, "_fields") and r.__module__.endswith("." + module.name)]
-    for name, records in found.items():
-        for record in records:
-            for field, hint in get_type_hints(record, include_extras=True).items():
-                assert get_origin(hint) is Annotated, f"{name}.{record.__name__}.{field} has no unit and meaning"
-                _, unit, meaning, *_ = get_args(hint)
+    """`| symbol | meaning | unit |` of every field of these records."""
+    for name, found in records().items():
+        for record in found:
+            for field, (_, unit, meaning, *_) in described(record).items():
                 yield name, f"| `{field}` | {meaning} | {unit} |"
 
 
-def test_every_symbol_of_the_models_and_tables_stands_in_the_list():
-    sections = re.split(r"^### ", (ROOT / "docs" / "symbols.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
-    listed = {text.partition("\n")[0].split(":")[0].strip("` "): text for text in sections}
+def described(record):
+    """Field -> type, unit, meaning."""
+    hints = get_type_hints(record, include_extras=True)
+    bare = [field for field, hint in hints.items() if get_origin(hint) is not Annotated or len(get_args(hint)) < 3]
+    assert not bare, f"{record.__module__}.{record.__name__}: {', '.join(bare)} without unit and meaning"
+    return {field: get_args(hint) for field, hint in hints.items()}
+
+
+@pytest.mark.parametrize("name", devices.every())
+def test_every_field_of_a_device_has_unit_and_meaning(name):
+    device = devices.every()[name]
+    for part in ("Par", "State", "Input", "Output"):
+        if hasattr(device, part):
+            described(getattr(device, part))
+    assert device.__doc__
+
+
+def sections():
+    """Name of a section of the list of symbols -> its text."""
+    parts = re.split(r"^### ", (ROOT / "docs" / "symbols.md").read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]
+    return {text.partition("\n")[0].split(":")[0].strip("` "): text for text in parts}
+
+
+def test_every_symbol_of_the_tables_and_laws_is_in_the_list():
+    listed = sections()
     missing = [f"{name}: {row}" for name, row in rows_of_symbols() if row not in listed.get(name, "")]
     assert not missing, "\n".join(["docs/symbols.md lacks", *missing])
+
+
+def test_the_list_has_no_symbol_that_does_not_exist():
+    known = {}
+    for name, row in rows_of_symbols():
+        known.setdefault(name, []).append(row)
+    listed = {
+        (name, line)
+        for name, text in sections().items()
+        for line in re.findall(r"^\| `\w+` \| .*? \| .*? \|", text, re.MULTILINE)
+    }
+    assert listed == {(name, row) for name, rows in known.items() for row in rows}
+
+
+def test_versions_agree():
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
+    assert f"## {version}" in (ROOT / "CHANGELOG.md").read_text("utf-8")
