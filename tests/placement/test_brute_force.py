@@ -1,4 +1,4 @@
-"""The grid of small fleets that the siting program is held against."""
+"""The grid of small fleets with which the siting program is compared."""
 
 import importlib.util
 from itertools import combinations

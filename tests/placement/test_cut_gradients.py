@@ -100,6 +100,6 @@ def test_what_cannot_be_scaled_is_none():
 
 
 def test_a_cap_does_not_hide_what_a_larger_device_would_do(trials, boundary):
-    """Where a device stands at its cap the gradient is that of the fleet beside it."""
+    """The gradient of a device at its cap is found with a larger device."""
     capped = Trials(trials.point, trials.contingencies, np.where(np.arange(10) == 8, boundary[0][8], trials.cap))
     assert cut_gradients.by_peak(capped, boundary[0], 0)[8] > 0

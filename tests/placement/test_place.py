@@ -145,7 +145,7 @@ def test_what_is_refused(case, options, words):
 
 
 def test_estimates_in_the_loop(case):
-    """Margins under a Kalman filter stand beside those of true speeds."""
+    """The evidence has the margins with a Kalman filter too."""
     control = EstimatorControl(BangBang(), "kalman", Pmu(), engine="batched")
     found = study(case, NEAR_9, candidates=((9, 29),), validate={"kalman": control})
     rows = {row.fleet: row for row in found.evidence}

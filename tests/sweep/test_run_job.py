@@ -1,4 +1,4 @@
-"""What a job gives: the same as the call it stands for, or its sentence."""
+"""The result of a job: that of the equivalent call, or a sentence."""
 
 import pytest
 

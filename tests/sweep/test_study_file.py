@@ -40,7 +40,7 @@ def test_groups_belong_together_and_lie_over_what_stands_above(write):
             HEAD + "deadband_hz = [0.1, 0.2]\n"
             '[[job]]\nstorage = "none"\n'
             '[[job]]\nstorage = "50MW"\nclear = ["6cyc", "7cyc"]\n'
-            '[[job]]\nstorage = "50MW"\ndeadband_hz = 0.2\n'  # stands already
+            '[[job]]\nstorage = "50MW"\ndeadband_hz = 0.2\n'  # in the study already
         )
     )
     pairs = [(j.storage, j.clear, j.deadband) for j in jobs]
