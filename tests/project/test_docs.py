@@ -29,7 +29,9 @@ from stabctl.controllers import bang_bang, feedback
 from stabctl.model.tables import TABLES
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+GENERATED = {"docs/models.md"}
+WRITTEN = sorted(p for p in (ROOT / "docs").glob("*.md") if f"docs/{p.name}" not in GENERATED)
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *WRITTEN]
 each_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 
 
@@ -130,7 +132,7 @@ def test_links_of_a_page_lead_somewhere(page):
 
 
 def test_the_list_of_pages_is_whole():
-    assert {p.name for p in PAGES[2:]} - {"index.md"} <= set(links(ROOT / "docs" / "index.md"))
+    assert {p.name for p in WRITTEN} - {"index.md"} <= set(links(ROOT / "docs" / "index.md"))
 
 
 @each_page
@@ -139,7 +141,7 @@ def test_files_that_a_page_names_exist(page):
     for name in re.findall(
         r"`((?:stabctl|docs|sims|analysis|tests|benchmarks|tools)/[\w./]*)`", page.read_text("utf-8")
     ):
-        assert page.name == "CHANGELOG.md" or (ROOT / name).exists(), f"{page.name} names {name}"
+        assert page.name == "CHANGELOG.md" or name in GENERATED or (ROOT / name).exists(), f"{page.name} names {name}"
 
 
 def test_the_readme_is_short():
