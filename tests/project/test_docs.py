@@ -40,11 +40,11 @@ def tokens(page):
 
 
 def told(text):
-    """The text without trailing blanks, notes on compiling, computing times and numbers below 1e-9."""
+    """The text without notes on compiling, padding, computing times and numbers below 1e-9."""
     text = re.sub(r"^stabctl: compiling .*\n", "", text, flags=re.MULTILINE)
     text = re.sub(r"(?<= steps in )[0-9.]+(?= s)|[0-9.]+(?= ms per frame)|[0-9.]+e-1\d", "0", text.strip("\n"))
     text = re.sub(r"(?<= ms in )[0-9.]+(?= s)", "0", text)
-    return "".join(line.rstrip() + "\n" for line in text.splitlines())
+    return "".join(re.sub(r" +│", " │", line).rstrip() + "\n" for line in text.splitlines())
 
 
 def same(shown, got, where):
