@@ -6,6 +6,7 @@ import numpy as np
 
 from stabctl.dynamics import family
 from stabctl.dynamics.operating_point import OperatingPoint, source_admittances
+from stabctl.errors import StudyError
 from stabctl.simulation.simulation import Simulation
 
 REACTANCES = ("x2", "x1d")  # behind which the internal voltage is formed: x'' where the machine has one, else x'd
@@ -39,6 +40,12 @@ class RotorUnits:
 def rotor_units(point: OperatingPoint, inertia: float = 1.0, reactance: float = 1.0) -> RotorUnits:
     """The rotor units of an operating point; `inertia` and `reactance` multiply every H and x (1: exact)."""
     m = len(point.case.machines)
+    without = sorted(set(range(m)) - set(point.rotors.unit.tolist()))
+    if without:
+        raise StudyError(
+            f"The speed of machine {point.case.machines[without[0]].machine} of {point.case.name} cannot be estimated: "
+            "it is a converter without a rotor; estimate in a case of synchronous machines."
+        )
     columns = {name: np.zeros(m) for name in ("mva", "H", "D", "ra", "x")}
     with_flux, flux = np.zeros(0, np.int64), {name: np.zeros(0) for name in FLUX}
     for table in (f.name for f in point.system.families if f.device.ROLE == "machine"):

@@ -137,7 +137,9 @@ def _signal(run: Trajectory, signal: str, machines: Sequence[int] | None) -> Sig
             "power": lambda: run.arrays.P,
         }[signal]()
         name = "bus {0.storage_bus}" if signal == "voltage" else "machine {0.machine}"
-        owners = [(m.machine, name.format(m), column) for m, column in zip(case.machines, values.T, strict=True)]
+        rotors = signal in ("speed", "angle")
+        units = [case.machines[i] for i in run.point.rotors.unit] if rotors else case.machines
+        owners = [(m.machine, name.format(m), column) for m, column in zip(units, values.T, strict=True)]
     shown = [one for one in owners if machines is None or one[0] in machines]
     columns = np.array([column for _, _, column in shown]).reshape(len(shown), len(run.time)).T
     return Signal(columns, [name for _, name, _ in shown], [machine for machine, _, _ in shown])
@@ -146,4 +148,4 @@ def _signal(run: Trajectory, signal: str, machines: Sequence[int] | None) -> Sig
 def _coi_angle(run: Trajectory) -> np.ndarray:
     """Angle of the center of inertia of all machines (rows), rad."""
     H = run.point.inertia
-    return run.arrays.angle @ H / H.sum()
+    return run.arrays.angle @ H / H.sum() if len(H) else np.zeros(len(run.time))

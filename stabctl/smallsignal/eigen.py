@@ -36,7 +36,7 @@ def eigen(A: np.ndarray, angles: np.ndarray) -> Eigen:
     values, Z, Y = np.where(np.abs(values) < ZERO, 0, values)[order], Z[:, order], Y[:, order]
     Z = _paired(values, Y, Z)
     a = turned[0, 1:] @ Y
-    coupling = np.divide(a, values, out=np.zeros_like(a), where=values != 0)
+    coupling = np.divide(a, values, out=np.zeros(len(a), complex), where=values != 0)
     V, W = np.zeros((2, *A.shape), complex).transpose(0, 2, 1)
     V[0, 0] = W[0, 0] = 1
     V[0, 1:], V[1:, 1:] = coupling, Y

@@ -289,8 +289,10 @@ def analyze(
     """Modes of a linear model: all of them; of a descriptor those of a band (Hz), by sparse shift-invert Arnoldi.
 
     A descriptor without a band is treated as a linear model up to `LARGE` states, beyond as one with the band `BAND`.
-    `damping`: least and largest damping ratio in a band. Errors as in `selected.band`.
+    `damping`: least and largest damping ratio in a band. Errors as in `selected.band`, and where no unit has a rotor.
     """
+    if not len(model.point.rotors.unit):
+        raise StudyError(f"{model.point.case.name} has no machine with a rotor, so that nothing holds its frequency.")
     if isinstance(model, Descriptor):
         if band is not None or len(model.rows) > LARGE:
             band = BAND if band is None else band

@@ -1,9 +1,9 @@
 """REGC_A: renewable energy generator/converter, a grid-following current source without a rotor.
 
-Ipcmd -> [1/(1+sTg)], rate <= Rrpwr, at most LVPL(vf) -> x gain(vt) -> Ip, in phase with the bus voltage
+Ipcmd -> [1/(1+sTg)], rate <= Rrpwr, at most LVPL(vfilt) -> x gain(vt) -> Ip, in phase with the bus voltage
 Iqcmd -> [1/(1+sTg)], rate Iqrmin..Iqrmax -> (+) -> at least Iolim -> Iq, positive where it delivers reactive power
                                              (-) Khv (vt - Volim) where vt > Volim
-vt -> [1/(1+sTfltr)] -> vf;   LVPL rises from 0 at Zerox to Lvpl1 at Brkpt and stays there (Lvplsw = 0: no limit)
+vt -> [1/(1+sTfltr)] -> vfilt;   LVPL rises from 0 at Zerox to Lvpl1 at Brkpt and stays there (Lvplsw = 0: no limit)
 gain rises from 0 at Lvpnt0 to 1 at Lvpnt1 (low-voltage active current management)
 
 P + jQ = vt (Ip + j Iq). Its electrical controls fill Ipcmd and Iqcmd; where nothing does, these are constant and solved
@@ -65,7 +65,7 @@ class State(NamedTuple):
 
     ip: Annotated[float, "pu", "active current"]
     iq: Annotated[float, "pu", "reactive current"]
-    vf: Annotated[float, "pu", "filtered terminal voltage"]
+    vfilt: Annotated[float, "pu", "filtered terminal voltage"]
 
 
 class Input(NamedTuple):
@@ -88,7 +88,7 @@ def logic(ip, vt, x, p):
     """Active current (pu) within the limit of low-voltage power logic."""
     if p.Lvplsw < 0.5:
         return ip
-    return low_value(ip, p.Lvpl1 * line(lag(p.Tfltr, vt, x.vf), p.Zerox, 0.0, p.Brkpt, 1.0))
+    return low_value(ip, p.Lvpl1 * line(lag(p.Tfltr, vt, x.vfilt), p.Zerox, 0.0, p.Brkpt, 1.0))
 
 
 @inline
@@ -122,7 +122,7 @@ def derivatives(x, u, y, p):
     return State(
         at_most(lag_rate(p.Tg, logic(u.Ipcmd, y.vt, x, p), x.ip), p.Rrpwr),
         rate_limit(lag_rate(p.Tg, u.Iqcmd, x.iq), p.Iqrmin, p.Iqrmax),
-        lag_rate(p.Tfltr, y.vt, x.vf),
+        lag_rate(p.Tfltr, y.vt, x.vfilt),
     )
 
 
