@@ -1,0 +1,158 @@
+"""Blocks: transfer functions, limits, and derivatives by complex step."""
+
+import control
+import numpy as np
+import pytest
+import sympy
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stabctl.devices import blocks as b
+
+W = np.geomspace(0.01, 300.0, 40)  # rad/s
+LINEAR = {  # name -> output and rates of (u, states), number of states, numerator, denominator
+    "lag": (lambda u, x: b.lag(0.3, u, x), lambda u, x: (b.lag_rate(0.3, u, x),), 1, [1], [0.3, 1]),
+    "lead-lag": (lambda u, x: b.lead_lag(0.5, 0.1, u, x), lambda u, x: (b.lag_rate(0.1, u, x),), 1, [0.5, 1], [0.1, 1]),
+    "washout": (lambda u, x: b.washout(5.0, u, x), lambda u, x: (b.lag_rate(5.0, u, x),), 1, [5, 0], [5, 1]),
+    "second order": (
+        lambda u, x, d: b.second_order(0.2, 0.03, 0.5, 0.04, u, x, d),
+        lambda u, x, d: b.second_order_rates(0.5, 0.04, u, x, d), 2, [0.03, 0.2, 1], [0.04, 0.5, 1],
+    ),
+    "notch at 10 rad/s": (
+        lambda u, x, d: b.second_order(0.0, 0.01, 0.1, 0.01, u, x, d),
+        lambda u, x, d: b.second_order_rates(0.1, 0.01, u, x, d), 2, [0.01, 0, 1], [0.01, 0.1, 1],
+    ),
+    "second order without a square": (
+        lambda u, x, d: b.second_order(0.2, 0.0, 0.5, 0.0, u, x, d),
+        lambda u, x, d: b.second_order_rates(0.5, 0.0, u, x, d), 2, [0.2, 1], [0.5, 1],
+    ),
+    "delay, order 1": (
+        lambda u, x: b.delay1(0.1, u, x), lambda u, x: (b.delay1_rate(0.1, u, x),), 1, *control.pade(0.1, 1),
+    ),
+    "delay, order 2": (
+        lambda u, x, d: b.delay2(0.1, u, x, d), lambda u, x, d: b.delay2_rates(0.1, u, x, d), 2, *control.pade(0.1, 2),
+    ),
+    "PI": (
+        lambda u, x: b.pi(2.0, u, x, -9e9, 9e9),
+        lambda u, x: (b.pi_rate(2.0, 3.0, u, x, -9e9, 9e9),), 1, [2, 3], [1, 0],
+    ),
+}  # fmt: skip
+
+
+def response(output, rates, n):
+    """Frequency response at W of a linear block, from its values for unit vectors."""
+    rows = np.array([[output(*unit), *rates(*unit)] for unit in np.eye(n + 1)]).T
+    A, B, C, D = rows[1:, 1:], rows[1:, :1], rows[:1, 1:], rows[:1, :1]
+    return np.array([(C @ np.linalg.solve(1j * w * np.eye(n) - A, B) + D)[0, 0] for w in W])
+
+
+@pytest.mark.parametrize("name", LINEAR)
+def test_frequency_response_equals_the_transfer_function(name):
+    output, rates, n, *fraction = LINEAR[name]
+    found, exact = response(output, rates, n), control.tf(*fraction)(1j * W)
+    assert np.abs(found - exact).max() < 1e-12 * np.abs(exact).max()  # 2e-15
+
+
+def test_the_transfer_function_in_symbols():
+    """Any constants: s X = rates(U, X), solved by sympy."""
+    s, u, x, d = sympy.symbols("s u x d")
+    N1, N2, D1, D2 = sympy.symbols("N1 N2 D1 D2", positive=True)
+    at = {N1: sympy.Rational(1, 5), N2: sympy.Rational(3, 100), D1: sympy.Rational(1, 2), D2: sympy.Rational(1, 25)}
+    wanted = ((1 + s * N1 + s**2 * N2) / (1 + s * D1 + s**2 * D2)).subs(at)
+    constants = [at[c] for c in (N1, N2, D1, D2)]
+    rates = b.second_order_rates(*constants[2:], u, x, d)
+    states = sympy.solve([s * x - rates[0], s * d - rates[1]], [x, d])
+    assert sympy.simplify(b.second_order(*constants, u, x, d).subs(states) / u - wanted) == 0
+
+
+def test_a_notch_lets_nothing_through_where_it_is():
+    output, rates, n, *_ = LINEAR["notch at 10 rad/s"]
+    assert np.abs(response(output, rates, n)).min() < 0.1
+    assert output(1.0, 1.0, 0.0) == 1.0
+
+
+@pytest.mark.parametrize(("name", "until"), [("delay, order 1", 0.59), ("delay, order 2", 1.65)])
+def test_a_delay_has_gain_1_and_its_phase_within_1_degree(name, until):
+    found = response(*LINEAR[name][:3])
+    assert np.abs(np.abs(found) - 1).max() < 1e-12
+    late = W * 0.1 < until
+    assert np.rad2deg(np.abs(np.angle(found[late] * np.exp(0.1j * W[late])))).max() < 1
+
+
+@pytest.mark.parametrize("T", [0.0, 9e-4])
+def test_short_blocks_are_bypassed_and_stand_still(T):
+    assert b.lag(T, 2.0, 1.0) == b.washout(T, 2.0, 1.0) == b.delay1(T, 2.0, 1.0) == b.delay2(T, 2.0, 1.0, 0.0) == 2.0
+    assert b.lag_rate(T, 2.0, 1.0) == b.delay1_rate(T, 2.0, 1.0) == 0
+    assert b.delay2_rates(T, 2.0, 1.0, 0.0) == (0, 0)
+
+
+numbers = st.floats(-10, 10)
+
+
+@given(numbers, numbers, numbers)
+def test_gates_and_limits(x, y, z):
+    low, high = sorted((y, z))
+    assert b.low_value(x, y) == min(x, y)
+    assert b.high_value(x, y) == max(x, y)
+    assert b.at_least(x, y) == max(x, y)
+    assert b.at_most(x, y) == min(x, y)
+    assert b.clip(x, low, high) == b.rate_limit(x, low, high) == min(max(x, low), high)
+    assert b.deadband(x, low, high) == x - b.clip(x, low, high)
+    assert b.clip(np.inf, low, high) == high
+
+
+@given(st.floats(-3, 8))
+def test_curves_equal_those_of_numpy(x):
+    xs, ys = (0.0, 1.0, 2.5, 5.0), (0.5, 1.0, 0.8, 3.0)
+    assert b.lookup(x, xs, ys) == pytest.approx(np.interp(x, xs, ys), abs=1e-14)
+    assert b.line(x, 1.0, 2.0, 3.0, -4.0) == pytest.approx(np.interp(x, [1.0, 3.0], [2.0, -4.0]), abs=1e-14)
+
+
+def test_saturation_passes_through_its_points():
+    A, B = b.through(1.0, 0.1, 1.2, 0.4)
+    assert b.quadratic(1.0, A, B) == pytest.approx(0.1)
+    assert b.quadratic(1.2, A, B) == pytest.approx(0.48)
+    assert b.quadratic(A - 0.1, A, B) == 0
+
+
+def test_an_integrator_stops_at_its_limits_and_leaves_them_at_once():
+    assert b.non_windup(2.0, 1.0, -1.0, 1.0) == 0
+    assert b.non_windup(-2.0, 1.0, -1.0, 1.0) == -2
+    assert b.non_windup(-2.0, -1.0, -1.0, 1.0) == 0
+    assert b.non_windup(2.0, 0.5, -1.0, 1.0) == 2
+
+
+def test_a_pi_regulator_does_not_wind_up():
+    """Error 1 for two seconds, then -1: the output leaves its limit at once."""
+    h, x, y = 1e-3, 0.0, []
+    for k in range(4000):
+        error = 1.0 if k < 2000 else -1.0
+        y.append(b.pi(0.5, error, x, -1.0, 1.0))
+        x += h * b.pi_rate(0.5, 2.0, error, x, -1.0, 1.0)
+    y = np.array(y)
+    assert y[300:2000] == pytest.approx(1.0)
+    assert y[2000] == pytest.approx(0.0, abs=5e-3)  # the proportional part turns from +0.5 to -0.5
+    assert y[2600:] == pytest.approx(-1.0)
+
+
+CURVED = {  # name -> function of one value, points away from its kinks
+    "clip": (lambda x: b.clip(x, -1.0, 2.0), (-2.0, 0.5, 3.0)),
+    "deadband": (lambda x: b.deadband(x, -1.0, 2.0), (-2.0, 0.5, 3.0)),
+    "low value": (lambda x: b.low_value(x * x, 2 * x), (0.5, 3.0)),
+    "high value": (lambda x: b.high_value(x * x, 2 * x), (0.5, 3.0)),
+    "line": (lambda x: b.line(x, 1.0, 2.0, 3.0, -4.0), (0.5, 1.7, 4.0)),
+    "lookup": (lambda x: b.lookup(x, (0.0, 1.0, 2.5), (0.5, 1.0, 0.8)), (-1.0, 0.5, 2.0, 3.0)),
+    "saturation": (lambda x: b.quadratic(x, 0.8, 2.0), (0.5, 1.1)),
+    "non-windup": (lambda x: b.non_windup(x * x, 0.3, -1.0, 1.0), (0.7,)),
+    "PI": (lambda x: b.pi(2.0, x, 0.1, -1.0, 1.0) + b.pi_rate(2.0, 3.0, x, 0.1, -1.0, 1.0), (-2.0, 0.2, 2.0)),
+    "magnitude": (lambda x: b.magnitude(x, 0.7 + x * x), (0.4,)),
+    "angle": (lambda x: b.angle(x, 0.7 + x * x), (0.4, -0.3)),
+}
+
+
+@pytest.mark.parametrize("name", CURVED)
+def test_complex_step_equals_the_central_difference(name):
+    f, points = CURVED[name]
+    for x in points:
+        step = np.imag(f(x + 1e-30j)) / 1e-30
+        assert step == pytest.approx((f(x + 1e-6) - f(x - 1e-6)) / 2e-6, abs=1e-8)  # 2e-10
