@@ -1,4 +1,4 @@
-"""What can go wrong, each as one sentence that names the object, the value and the remedy."""
+"""The errors a user can cause; each message is one sentence with the object, the value and the remedy."""
 
 
 class StabctlError(Exception):
@@ -6,7 +6,7 @@ class StabctlError(Exception):
 
 
 class CaseError(StabctlError):
-    """A mistake in a case: file, row, column, value and what is allowed."""
+    """An error in the data of a case: file, row, column, value and what is allowed."""
 
 
 class PowerFlowError(StabctlError):
@@ -18,21 +18,21 @@ class EquilibriumError(StabctlError):
 
 
 class LinearizationError(StabctlError):
-    """An operating point has no linear model: it moves, or rests on a limit; names the state or the limit."""
+    """An operating point cannot be linearized: not an equilibrium, or at a limit; names the state or the limit."""
 
 
 class StudyError(StabctlError):
-    """A study asks for what the case does not have (fault place, machine, storage, step, time)."""
+    """A study has an invalid argument, or asks for something the case does not have."""
 
 
 def sentence(error: Exception) -> str:
-    """What a user is told of an error, on one line; of one of the operating system's, with the file."""
+    """The message of an error on one line; that of an operating system error with the file."""
     of_file = isinstance(error, OSError) and error.filename
     return " ".join((f"{error.strerror or error}: {error.filename}" if of_file else str(error)).split())
 
 
 def shown(value: object, most: int = 40) -> str:
-    """A value as it stands in a sentence: as Python writes it, cut where it is long."""
+    """A value as shown in messages: its repr, shortened if it is long."""
     try:
         text = repr(value)
     except ValueError:  # Python does not write integers of more than 4300 digits

@@ -60,7 +60,7 @@ def seconds(x: str | float, frequency_hz: float) -> float:
     x : str or float
         "6cyc", "0.1s", "100ms", or a number of seconds.
     frequency_hz : float
-        Frequency of the case, whose cycles are meant.
+        Frequency of the case, which defines a cycle.
 
     Raises
     ------
@@ -79,32 +79,32 @@ def cycles(x: str | float, frequency_hz: float) -> float:
 
 
 def hertz(x: str | float) -> float:
-    """A frequency in Hz: "0.5Hz", "100mHz", or a number of Hz. Raises `StudyError` where it is none."""
+    """A frequency in Hz: "0.5Hz", "100mHz", or a number of Hz. Raises `StudyError` if it is not one."""
     return _read(x, FREQUENCY, "Hz")
 
 
 def megawatts(x: str | float) -> float:
-    """A power in MW: "50MW", "0.2GW", "300kW", or a number of MW. Raises `StudyError` where it is none."""
+    """A power in MW: "50MW", "0.2GW", "300kW", or a number of MW. Raises `StudyError` if it is not one."""
     return _read(x, POWER, "MW")
 
 
 def megavars(x: str | float) -> float:
-    """A reactive power in Mvar: "20Mvar", "300kvar", or a number of Mvar. Raises `StudyError` where it is none."""
+    """A reactive power in Mvar: "20Mvar", "300kvar", or a number of Mvar. Raises `StudyError` if it is not one."""
     return _read(x, REACTIVE, "Mvar")
 
 
 def megawatt_hours(x: str | float) -> float:
-    """An energy in MWh: "10MWh", "500kWh", or a number of MWh. Raises `StudyError` where it is none."""
+    """An energy in MWh: "10MWh", "500kWh", or a number of MWh. Raises `StudyError` if it is not one."""
     return _read(x, ENERGY, "MWh")
 
 
 def radians(x: str | float) -> float:
-    """An angle in radians: "120deg", "3.5rad", or a number of radians. Raises `StudyError` where it is none."""
+    """An angle in radians: "120deg", "3.5rad", or a number of radians. Raises `StudyError` if it is not one."""
     return _read(x, ANGLE, "rad")
 
 
 def rating(x: str | float) -> Rating:
-    """A storage size: "50MW", "5%mva", "5%dispatch", or a number of MW. Raises `StudyError` where it is none."""
+    """A storage size: "50MW", "5%mva", "5%dispatch", or a number of MW. Raises `StudyError` if it is not one."""
     value, unit = _split(x, "MW", Kind(*_SIZE, {}))
     share = unit.lower() if unit.lower() in ("%mva", "%dispatch") else ""
     value = value if share else _read(x, Kind(*_SIZE, POWER.per), "MW")
@@ -124,7 +124,7 @@ def band(x: str | Sequence[str | float]) -> tuple[float, float]:
     Raises
     ------
     StudyError
-        If it is not a band, or does not rise from at least 0.
+        If it is not a band, is negative, or its ends are not in ascending order.
     """
     ends = x.split("..") if isinstance(x, str) else list(x) if isinstance(x, Sequence) else []
     if len(ends) != 2:

@@ -48,12 +48,12 @@ class ClearingTime:
 
     @property
     def fault(self) -> str:
-        """Place of the fault."""
+        """Fault location."""
         return self.contingency.fault or ""
 
     @property
     def trip(self) -> tuple[str, ...]:
-        """Circuits opened with it, beside the faulted one."""
+        """Circuits opened to clear it, in addition to the faulted one."""
         return self.contingency.trip
 
     @property
@@ -121,8 +121,8 @@ def clearing_time(
     base : Case or OperatingPoint
         The system; a case is initialized first.
     contingency : Contingency or str
-        The fault and the circuits opened to clear it; its own clearing time is ignored. A text is the place of the
-        fault, as "7-8@0.4".
+        The fault and the circuits opened to clear it; its own clearing time is ignored. A text is the fault
+        location, such as "7-8@0.4".
     storage, control, step, criterion
         As in `simulate`.
     resolution, limit : str or float
@@ -130,7 +130,7 @@ def clearing_time(
     observe : str or float
         Time simulated after clearing: "5s", or seconds.
     progress : callable, optional
-        Told every simulation.
+        Called after every simulation.
 
     Returns
     -------
@@ -139,7 +139,7 @@ def clearing_time(
     Raises
     ------
     StudyError
-        For what the case does not have, and for a grid without points.
+        If the case lacks something named, or the grid has no points.
     """
     point = operating_point(base, storage)
     options = {"resolution": resolution, "limit": limit, "observe": observe, "step": step, "criterion": criterion}
@@ -160,11 +160,12 @@ def critical(
     ----------
     trial : Trial
     start : tuple of int, optional
-        First point of the grid and first stride; by default from the time in which a fault that stays is lost.
+        First point of the grid and first stride; by default from the time at which an uncleared fault causes loss
+        of synchronism.
     probes : sequence of float, cycles
         Distances above the answer that are tried as well.
     progress : callable, optional
-        Told every simulation.
+        Called after every simulation.
     """
     began, search, case = time.perf_counter(), trial.search, trial.point.case
 
@@ -195,5 +196,7 @@ def _one(contingency: Contingency | str) -> Contingency:
     if isinstance(contingency, str):
         return Contingency(contingency)
     if not isinstance(contingency, Contingency):
-        raise StudyError(f"{shown(contingency)} is not a contingency; give one, as Contingency('7-8@0.4', trip='7-8').")
+        raise StudyError(
+            f"{shown(contingency)} is not a contingency; give one, such as Contingency('7-8@0.4', trip='7-8')."
+        )
     return contingency

@@ -1,4 +1,4 @@
-"""The last stable clearing time of a grid in few runs: unstable ones, which end early, foretell it."""
+"""The last stable clearing time of a grid in few runs: extrapolated from unstable runs, which end early."""
 
 from collections.abc import Callable, Mapping
 from typing import Literal, NamedTuple
@@ -7,10 +7,10 @@ from .margin import Margin
 from .trial import Run
 
 Status = Literal["found", "unstable_at_zero", "stable_at_limit"]
-FORETOLD = 10  # runs after which only the interval is cut
-HELD = 3.0  # energy the network takes up, against that of the run at clearing: errs to the unstable side
-REACH = 2.0  # how far below two unstable runs their line is believed, in multiples of their distance
-UPPER = 2 / 3  # where an interval is cut: an unstable run costs about a third of a stable one
+FORETOLD = 10  # runs after which the interval is only bisected
+HELD = 3.0  # energy the network absorbs, relative to that of the run at clearing; errs on the unstable side
+REACH = 2.0  # how far below two unstable runs their extrapolation is trusted, in multiples of their spacing
+UPPER = 2 / 3  # where an interval is divided: an unstable run costs about a third of a stable one
 
 
 class Found(NamedTuple):
@@ -30,9 +30,9 @@ class Found(NamedTuple):
 def last_stable(attempt: Callable[[int], Run], last: int, guess: int, stride: int, check: int) -> Found:
     """The last stable point of the grid 0 ... `last`, proved by a run at it and a run at the next.
 
-    From a guess on, upwards in growing strides. Of unstable runs the excess of energy is extrapolated to zero over
-    the square of the clearing time; where that does not help the interval is cut. One of the `check` points below the
-    answer is tried as well: where it is unstable, in a later swing, the answer lies below it.
+    Starts at a guess and moves up in growing steps. The excess energy of unstable runs is extrapolated to zero over the
+    square of the clearing time; if that does not help, the interval is divided. One of the `check` points below the
+    answer is tried as well: if it is unstable, in a later swing, the answer lies below it.
     """
     tried: dict[int, Run] = {}
     low, high, k = -1, last + 1, min(max(guess, 0), last)
@@ -55,7 +55,7 @@ def last_stable(attempt: Callable[[int], Run], last: int, guess: int, stride: in
 
 
 def _next(low: int, high: int, last: int, tried: Mapping[int, Run], stride: int) -> int:
-    """The point to try: the lowest that is foretold to be unstable."""
+    """The point to try: the lowest that is predicted to be unstable."""
     if high > last:
         return min(last, low + stride)
     cut = min(low + max(1, round(UPPER * (high - low))), high - 1)

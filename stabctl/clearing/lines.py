@@ -13,7 +13,7 @@ class Lines(NamedTuple):
     """The lines of a case by their names (`7-8`, `7-8#2`)."""
 
     screened: tuple[str, ...]
-    bridges: tuple[str, ...]  # whose opening cuts the network
+    bridges: tuple[str, ...]  # whose opening splits the network
     twins: tuple[str, ...]  # left out for an equal circuit that is screened
 
 

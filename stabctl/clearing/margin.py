@@ -12,7 +12,7 @@ class Margin(NamedTuple):
     """Energies of the single-machine equivalent of an unstable run, pu s on the system base."""
 
     excess: float  # left where deceleration ends: minus the margin of SIME, zero in the critical run
-    given: float  # the most there was since clearing
+    given: float  # its maximum since clearing
 
 
 def margin(trajectory: Trajectory, cleared_s: float) -> Margin | None:

@@ -73,7 +73,7 @@ class Screen:
         return pd.DataFrame(self.rows(), columns=COLUMNS).astype({"cycles": float, "machine": "Int64"})
 
     def save(self, path: str | Path) -> Path:
-        """Write the pairs to a .csv file, whole or not at all; the path."""
+        """Write the pairs to a .csv file atomically; returns the path."""
         path = Path(path)
         if path.suffix.lower() != ".csv":
             raise StudyError(f"The file {path.name!r} must end in .csv.")
@@ -96,9 +96,9 @@ class Screen:
             opened = dict.fromkeys(name for p in lost for name in p.trip)
             said.append(f"Unstable after opening the line, even without a fault: {', '.join(opened)}.")
         if self.lines.bridges:
-            said.append(f"Left out, as opening them splits the network: {', '.join(self.lines.bridges)}.")
+            said.append(f"Left out because opening them splits the network: {', '.join(self.lines.bridges)}.")
         if self.lines.twins:
-            said.append(f"Left out, as equal to a parallel circuit: {', '.join(self.lines.twins)}.")
+            said.append(f"Left out because a parallel circuit is identical: {', '.join(self.lines.twins)}.")
         return tuple(said)
 
     def __str__(self) -> str:
@@ -145,7 +145,7 @@ def screen(
     workers : int, optional
         Threads; by default one per core.
     progress : callable, optional
-        Told the number of pairs done and of all pairs.
+        Called with the number of pairs done and the total.
 
     Returns
     -------
@@ -182,7 +182,11 @@ def screen(
 
 
 def _trials(
-    point: OperatingPoint, found: Lines, control: Law | Sampled | None, search: Search, buses: int | str | Iterable[int] | None
+    point: OperatingPoint,
+    found: Lines,
+    control: Law | Sampled | None,
+    search: Search,
+    buses: int | str | Iterable[int] | None,
 ) -> dict[str, list[Trial]]:
     """The trials of every faulted bus."""
     wanted = _wanted(point.case, buses)

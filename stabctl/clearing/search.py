@@ -14,7 +14,7 @@ from stabctl.units import cycles, seconds
 class Search:
     """The grid of clearing times and the criterion by which each is judged, in cycles and seconds.
 
-    Raises `StudyError` for a grid without points and for an observation of no length.
+    Raises `StudyError` for a grid without points or an empty observation window.
     """
 
     resolution_cycles: float = 0.125
@@ -30,7 +30,7 @@ class Search:
                 f"most the search limit of {self.limit_cycles:g} cycles."
             )
         if not 0 < self.observed_s < math.inf:
-            raise StudyError(f"The observation of {self.observed_s:g} s is not allowed; it must be more than 0.")
+            raise StudyError(f"The observation window of {self.observed_s:g} s is not allowed; it must be more than 0.")
         object.__setattr__(self, "criterion", checked(self.criterion))
 
     @classmethod

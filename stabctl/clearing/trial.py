@@ -17,8 +17,8 @@ from stabctl.simulation.trajectory import Trajectory
 from .margin import Margin, margin
 from .search import Search
 
-QUIET = 0.5  # s   before the fault, in which a sampled controller sees the system at rest
-SUSTAINED = 0.45  # first guess, as a share of the time in which a fault that stays loses synchronism
+QUIET = 0.5  # s   before the fault, in which a sampled controller sees the system in steady state
+SUSTAINED = 0.45  # first guess, as a share of the time an uncleared fault takes to cause loss of synchronism
 
 
 class Run(NamedTuple):
@@ -47,7 +47,7 @@ class Trial:
 
     def __post_init__(self) -> None:
         if self.contingency.fault is None:
-            raise StudyError(f"{self.contingency} has no fault whose clearing time could be sought; give one.")
+            raise StudyError(f"{self.contingency} has no fault, so it has no clearing time; give one with a fault.")
 
     @cached_property
     def others(self) -> tuple[Event, ...]:
@@ -85,7 +85,7 @@ class Trial:
         return Run(cycles, end.stable, end.kind, end.machine, end.time_s - self.at, beyond)
 
     def guess(self) -> int:
-        """Point of the grid near the answer: a share of the time in which a fault that stays loses synchronism."""
+        """Point of the grid near the answer: a share of the time to loss of synchronism, fault uncleared."""
         hz, search = self.point.case.frequency_hz, self.search
         longest = min(search.limit_cycles / SUSTAINED / hz, search.observed_s)
         fault = Fault(self.contingency.fault, self.at, self.contingency.impedance)

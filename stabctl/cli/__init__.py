@@ -1,4 +1,4 @@
-"""The command line: parses, calls, prints."""
+"""The command line: parses arguments, calls the library, prints results."""
 
 import gc
 import os
@@ -29,10 +29,10 @@ from . import (
 
 
 class Commands(TyperGroup):
-    """The commands; Ctrl-C in one of them is a sentence too, before the library makes a bare exit of it."""
+    """The commands; Ctrl-C prints a message too, before the library turns it into a silent exit."""
 
     def invoke(self, ctx: typer.Context) -> Any:
-        """Run a command; what it returns, 130 where it was interrupted."""
+        """Run a command and return its result, or 130 if it was interrupted."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
@@ -80,16 +80,16 @@ def _options(
 
 
 def main() -> None:
-    """Run the command line; a user's mistake is one line on stderr and exit code 2."""
+    """Run the command line; a user error prints one line on stderr and exits with code 2."""
     warnings.simplefilter("ignore", RuntimeWarning)
     os.environ.setdefault("MPLBACKEND", "agg")  # figures go to files
-    gc.disable()  # a command is short and makes few cycles; collecting while libraries load costs an eighth of it
+    gc.disable()  # collecting garbage while libraries load would cost an eighth of a short command
     try:
         code = app(standalone_mode=False)
     except StabctlError as error:
         code = _complain(sentence(error))
     except OSError as error:
-        code = _complain(sentence(error) + ("; name another file or folder." if error.filename else ""))
+        code = _complain(sentence(error) + ("; choose another file or folder." if error.filename else ""))
     except KeyboardInterrupt:
         code = _complain("interrupted.", 130)
     except Exception as error:

@@ -27,7 +27,7 @@ def cases(as_json: Json = False) -> None:
         return
     from rich.table import Table
 
-    table = Table("case", "machines", "buses", "branches", "loads", "HVDC", "what it is")
+    table = Table("case", "machines", "buses", "branches", "loads", "HVDC", "description")
     table.columns[0].no_wrap = True
     for c in found:
         sizes = (len(part) for part in (c.machines, c.buses, c.branches, c.loads, c.links))

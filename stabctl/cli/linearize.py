@@ -7,7 +7,7 @@ import typer
 
 from . import options, shared
 
-Inputs = Annotated[str, typer.Option("--inputs", help="storage:33,vref:14,pref,load_p:8; a kind alone: all.")]
+Inputs = Annotated[str, typer.Option("--inputs", help="storage:33,vref:14,pref,load_p:8; a kind alone means all.")]
 Outputs = Annotated[str, typer.Option("--outputs", help="speed,angle:14,coi_speed,voltage:33,frequency:33,flow:7-8.")]
 Out = Annotated[Path, typer.Option("--out", help="File to write, FILE.npz or FILE.mat.")]
 
@@ -36,4 +36,4 @@ def linearize(
         labels = {k: list(getattr(model, k)) for k in ("states", "inputs", "outputs")}
         shared.print_json({"file": str(path), **labels})
         return
-    shared.console().print(f"{model}; written: {path}")
+    shared.console().print(f"{model}; written to {path}")

@@ -1,4 +1,4 @@
-"""stabctl models: the device models, and what each of them reads, gives and needs."""
+"""stabctl models: the device models, with their parameters, states, inputs and outputs."""
 
 from typing import TYPE_CHECKING, Annotated
 
@@ -38,7 +38,7 @@ def _listed(found: "list[Description]", as_json: bool) -> None:
         return
     from rich.table import Table
 
-    table = Table("role", "model", "what it is")
+    table = Table("role", "model", "description")
     table.columns[1].no_wrap = True
     last = ""
     for m in found:
@@ -55,7 +55,7 @@ def _shown(found: "Description") -> None:
     if found.parameters:
         table = Table("parameter", "unit", "meaning", "allowed", "default", title="Parameters", title_justify="left")
         for p in found.parameters:
-            default = "must be given" if p.default is None else str(p.default)
+            default = "required" if p.default is None else str(p.default)
             table.add_row(p.name, p.unit, p.meaning, p.allowed, default if p.allowed else "from the case")
         console.print(table)
     for title, signals in (("States", found.states), ("Inputs", found.inputs), ("Outputs", found.outputs)):
@@ -66,4 +66,4 @@ def _shown(found: "Description") -> None:
                 table.add_row(*s[: len(columns)])
             console.print(table)
     for limit in found.limits:
-        print(f"The state {limit.state} stops at {limit.low} and {limit.high}.")
+        print(f"The state {limit.state} has non-windup limits {limit.low} and {limit.high}.")

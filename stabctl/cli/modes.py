@@ -14,7 +14,7 @@ Band = Annotated[
     tuple[float, float], typer.Option("--band", metavar="LOW HIGH", help="Frequencies of the printed table, Hz.")
 ]
 Report = Annotated[Path | None, typer.Option("--report", help="Write one HTML page into this folder.")]
-Count = Annotated[int | None, typer.Option("--areas", help="Number of coherent areas (default: what agrees best).")]
+Count = Annotated[int | None, typer.Option("--areas", help="Number of coherent areas (default: the best fit).")]
 Sparse = Annotated[
     bool | None,
     typer.Option(

@@ -7,7 +7,7 @@ import typer
 
 
 def in_unit(unit: str) -> Callable[[object], float]:
-    """What reads a quantity in a unit."""
+    """The parser of a quantity in a unit."""
 
     def read(text: object) -> float:
         from stabctl.errors import StudyError
@@ -22,7 +22,7 @@ def in_unit(unit: str) -> Callable[[object], float]:
 
 
 def time(text: object) -> str | float:
-    """Read a time: seconds, or text whose cycles the case's frequency will tell."""
+    """Read a time: seconds, or text in cycles of the case's frequency."""
     from stabctl.errors import StudyError
     from stabctl.units import quantity, seconds
 
@@ -38,7 +38,7 @@ def time(text: object) -> str | float:
 
 
 def register(files: list[str] | None) -> list[str] | None:
-    """Make the devices of these files known, before the case that uses them is read."""
+    """Register the devices in these files before the case that uses them is read."""
     from stabctl import devices
 
     for file in files or ():
@@ -54,11 +54,11 @@ Set = Annotated[
 ]
 Device = Annotated[
     list[str] | None,
-    typer.Option("--device", metavar="FILE", callback=register, help="A device of yours: my_exciter.py. Repeatable."),
+    typer.Option("--device", metavar="FILE", callback=register, help="Your own device: my_exciter.py. Repeatable."),
 ]
 Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Threads (default: one per core).")]
 
-FAULT = "Place of the fault: 83 (a bus), 7-8@0.4 (on a line, measured from the first bus), 7-8 (its middle)."
+FAULT = "Fault location: 83 (a bus), 7-8@0.4 (on a line, measured from the first bus), 7-8 (its middle)."
 Fault = Annotated[str, typer.Option("--fault", help=FAULT)]
 Trip = Annotated[
     list[str] | None,
@@ -123,5 +123,5 @@ PmuNoise = Annotated[
 Latency = Annotated[
     float, typer.Option("--latency-ms", parser=in_unit("ms"), metavar="TIME", help="Latency of remote reports, ms.")
 ]
-Loss = Annotated[float, typer.Option("--loss", help="Share of the reports that are lost.")]
+Loss = Annotated[float, typer.Option("--loss", help="Fraction of the reports that are lost.")]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of noise and losses.")]

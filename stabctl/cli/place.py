@@ -1,4 +1,4 @@
-"""stabctl place: where storage belongs, and how large it must be."""
+"""stabctl place: siting and sizing of storage."""
 
 import sys
 from pathlib import Path
@@ -20,15 +20,15 @@ File = Annotated[
         help="FILE.toml with [[contingency]] fault, trip, clear (default: the packaged file, else a screen).",
     ),
 ]
-Sites = Annotated[int | None, typer.Option("--sites", help="Largest number of sites.")]
-Cap = Annotated[str, typer.Option("--cap", help="Largest size of a device: 30%mva, 100%dispatch or 500MW.")]
-CostMw = Annotated[float, typer.Option("--cost-mw", help="Cost of a MW.")]
-CostSite = Annotated[float, typer.Option("--cost-site", help="Cost of a site.")]
-CostMwh = Annotated[float, typer.Option("--cost-mwh", help="Cost of a MWh.")]
+Sites = Annotated[int | None, typer.Option("--sites", help="Maximum number of sites.")]
+Cap = Annotated[str, typer.Option("--cap", help="Maximum size of a device: 30%mva, 100%dispatch or 500MW.")]
+CostMw = Annotated[float, typer.Option("--cost-mw", help="Cost per MW.")]
+CostSite = Annotated[float, typer.Option("--cost-site", help="Cost per site.")]
+CostMwh = Annotated[float, typer.Option("--cost-mwh", help="Cost per MWh.")]
 Report = Annotated[Path | None, typer.Option("--report", help="Write a page with figures to this folder.")]
 Validate = Annotated[
     Literal["frequency", "kinematic", "kalman"] | None,
-    typer.Option("--validate", help="Simulate the fleet with estimated speeds too."),
+    typer.Option("--validate", help="Also simulate the fleet with estimated speeds."),
 ]
 
 

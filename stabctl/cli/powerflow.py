@@ -9,7 +9,7 @@ import typer
 from .options import CaseName, Classical, Device, Json, Set
 from .shared import console, load, print_json
 
-Branches = Annotated[bool, typer.Option("--branches", help="Print the flows in the branches too.")]
+Branches = Annotated[bool, typer.Option("--branches", help="Also print the branch flows.")]
 
 
 def powerflow(
@@ -70,7 +70,15 @@ def powerflow(
 def _print_branches(lines: list[dict[str, Any]]) -> None:
     from rich.table import Table
 
-    heads = ("from", "to", "P in at from, MW", "Q in at from, Mvar", "P in at to, MW", "Q in at to, Mvar", "losses, MW")
+    heads = (
+        "from",
+        "to",
+        "P at from end, MW",
+        "Q at from end, Mvar",
+        "P at to end, MW",
+        "Q at to end, Mvar",
+        "losses, MW",
+    )
     table = Table(*heads)
     for column in table.columns:
         column.justify = "right"
@@ -79,4 +87,4 @@ def _print_branches(lines: list[dict[str, Any]]) -> None:
         table.add_row(str(a), str(b), *(f"{p:.2f}" for p in powers), f"{line['p_from_mw'] + line['p_to_mw']:.2f}")
     console().print(table)
     lost = sum(line["p_from_mw"] + line["p_to_mw"] for line in lines)
-    console().print(f"losses in the branches: {lost:.1f} MW")
+    console().print(f"branch losses: {lost:.1f} MW")

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def load(name: str, classical: bool = False, settings: Iterable[str] | None = None) -> "Case":
-    """The case with its settings (`pss.1.K=10`); what is unusual in it goes to stderr."""
+    """The case with its settings (`pss.1.K=10`) applied; its warnings go to stderr."""
     from stabctl import io
     from stabctl.errors import StudyError
 
@@ -46,7 +46,7 @@ def start(case: "Case", storage: str | None = None, storage_at: str | None = Non
     from stabctl.errors import StudyError
 
     if storage is not None and storage_at is not None:
-        raise StudyError("--storage and --storage-at exclude each other; give one of them.")
+        raise StudyError("--storage and --storage-at cannot be used together; give one of them.")
     if "lag" in options:
         options["lag"] = lag(options["lag"], case)
     sizes = storage if storage is not None else storage_at
@@ -54,7 +54,7 @@ def start(case: "Case", storage: str | None = None, storage_at: str | None = Non
 
 
 def lag(time: str | float, case: "Case") -> float:
-    """The lag (s) of the devices, where it is one."""
+    """The lag (s) of the devices, checked."""
     from stabctl.errors import StudyError
     from stabctl.units import seconds
 
@@ -79,7 +79,7 @@ def events(
 
 
 def file(path: Path | None, *endings: str) -> None:
-    """Refuse a file that cannot be written, before the work for it is done."""
+    """Reject a file that cannot be written, before any work is done."""
     from stabctl.errors import StudyError
 
     if path is None:
@@ -87,30 +87,28 @@ def file(path: Path | None, *endings: str) -> None:
     if path.suffix.lower() not in endings:
         raise StudyError(f"The file {path.name!r} must end in {' or '.join(endings)}.")
     if not path.parent.is_dir():
-        raise StudyError(f"There is no folder {str(path.parent)!r} to write {path.name!r} into; make it first.")
+        raise StudyError(f"There is no folder {str(path.parent)!r} to write {path.name!r} to; create it first.")
     if path.is_dir():
-        raise StudyError(f"{path} is a folder; name a file to write.")
+        raise StudyError(f"{path} is a folder; give a file name.")
     if not os.access(path if path.exists() else path.parent, os.W_OK):
-        raise StudyError(f"{path} may not be written; name a file in a folder of yours.")
+        raise StudyError(f"{path} is not writable; choose another file.")
 
 
 def folder(path: Path | None) -> None:
-    """Refuse a folder for a report that cannot be made or written into, before the work for it is done."""
+    """Reject a report folder that cannot be created or written to, before any work is done."""
     from stabctl.errors import StudyError
 
     if path is None:
         return
     there = next(p for p in (path.absolute(), *path.absolute().parents) if p.exists())
     if not there.is_dir():
-        raise StudyError(f"No report can be written into {path}, since {there} is a file; name a folder.")
+        raise StudyError(f"Cannot write a report to {path} because {there} is a file; give a folder.")
     if not os.access(there, os.W_OK):
-        raise StudyError(
-            f"No report can be written into {path}, since {there} may not be written; name another folder."
-        )
+        raise StudyError(f"Cannot write a report to {path} because {there} is not writable; choose another folder.")
 
 
 def law(case: "Case", control: str | None, deadband: float, min_voltage: float) -> "BangBang | None":
-    """The control law: bang-bang where there is storage, unless told otherwise."""
+    """The control law: bang-bang if there is storage, unless another is given."""
     from stabctl.controllers import BangBang
     from stabctl.errors import StudyError
 
@@ -151,7 +149,7 @@ def impedance(text: str) -> complex:
         r = x = float("nan")
     if not (abs(complex(r, x)) < float("inf") and r >= 0):
         raise StudyError(
-            f"--fault-impedance {text!r} is not allowed; write R,X in pu, as 0.01,0.05, with R at least 0."
+            f"--fault-impedance {text!r} is not allowed; write R,X in pu, such as 0.01,0.05, with R at least 0."
         )
     return complex(r, x)
 
@@ -167,7 +165,7 @@ def criterion(max_angle: float) -> "Criterion":
 
 
 def print_json(record: dict[str, Any]) -> None:
-    """One JSON object on stdout; a number beyond the floating-point range is null, which JSON has for it."""
+    """One JSON object on stdout; infinities and NaN become null."""
     print(json.dumps(_plain(record), allow_nan=False))
 
 
@@ -189,7 +187,7 @@ def console(stderr: bool = False) -> "Console":
 
 @contextmanager
 def progress(text: str, total: float | None) -> Iterator[Any]:
-    """A progress bar on a terminal's stderr; yields what is told (done so far, and what else there is to say)."""
+    """A progress bar on stderr if it is a terminal; yields a function of (amount done, remark)."""
     if not sys.stderr.isatty():
         yield lambda _done, _said="": None
         return

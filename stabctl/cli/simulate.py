@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 FaultOrNone = Annotated[str | None, typer.Option("--fault", help=options.FAULT)]
 Clear = Annotated[str | None, typer.Option("--clear", help="Duration of the fault: 6cyc, 0.1s, 100ms.")]
-At = Annotated[str, typer.Option("--at", metavar="TIME", parser=options.time, help="Instant of the fault, s or 60cyc.")]
+At = Annotated[str, typer.Option("--at", metavar="TIME", parser=options.time, help="Time of the fault, s or 60cyc.")]
 Until = Annotated[
     str, typer.Option("--until", metavar="TIME", parser=options.time, help="End of the simulation, s or 500ms.")
 ]
@@ -64,7 +64,7 @@ def simulate(
     if fault and not clear:
         raise StudyError("--fault needs --clear; give a clearing time such as 6cyc.")
     if clear and not (fault or trip):
-        raise StudyError("--clear needs --fault or --trip; give a place such as 83 or 7-8@0.4.")
+        raise StudyError("--clear needs --fault or --trip; give a location such as 83 or 7-8@0.4.")
     shared.file(out, ".csv", ".nc")
     shared.file(plot, ".png", ".svg")
     through = shared.impedance(fault_impedance)

@@ -39,7 +39,7 @@ def run_command(
     from stabctl.sweep.sweep import run_sweep
 
     if workers is not None and dask is not None:
-        raise StudyError("--workers and --dask exclude each other; give one of them.")
+        raise StudyError("--workers and --dask cannot be used together; give one of them.")
     gc.enable()  # unlike other commands, a sweep may be long
     with _progress() as tell:
         sweep = run_sweep(study, out, workers=workers, dask=dask, retry=retry, progress=tell)

@@ -1,4 +1,4 @@
-"""stabctl tables: what stands in the tables of a case."""
+"""stabctl tables: the columns of a case's tables."""
 
 from typing import Annotated
 
@@ -20,7 +20,7 @@ def tables(name: Name = None, device: Device = None, as_json: Json = False) -> N
     known = {table: list(fields(record).values()) for table, record in TABLES.items()}
     known |= {model: list(catalog.columns(model).values()) for model in catalog.models()}
     if name is not None and name not in known:
-        raise StudyError(f"There is no table {name!r}; known are {', '.join(known)}.")
+        raise StudyError(f"There is no table {name!r}; choose one of {', '.join(known)}.")
     shown = known if name is None else {name: known[name]}
     if as_json:
         rows = {
@@ -43,5 +43,5 @@ def tables(name: Name = None, device: Device = None, as_json: Json = False) -> N
         out = Table("column", "meaning", "allowed", "default", title=f"{table}.csv", title_justify="left")
         out.columns[0].no_wrap = True
         for f in columns:
-            out.add_row(f.column, f.meaning, f.expected(), "must be given" if f.required else str(f.default))
+            out.add_row(f.column, f.meaning, f.expected(), "required" if f.required else str(f.default))
         console().print(out)

@@ -33,7 +33,7 @@ class Bank(Protocol):
         ...
 
     def accept_next(self, where: np.ndarray) -> None:
-        """Accept the next report at these filters whatever it is."""
+        """Make these filters accept the next report unconditionally."""
         ...
 
 

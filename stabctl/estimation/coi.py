@@ -15,7 +15,7 @@ from .estimators import Estimate
 
 REACH = 0.1  # s   longest extrapolation
 COAST = 0.5  # s   without a report until a machine is left out
-ENOUGH = 0.7  # -   share of the island's inertia that must be valid, or the storage idles
+ENOUGH = 0.7  # -   share of the island's inertia that must be valid, else the storage idles
 
 
 class Deviations(NamedTuple):

@@ -49,7 +49,7 @@ def estimate(
     storage : str, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
     control : control law or EstimatorControl, optional
-        The law that the storage devices follow with estimated speeds, `BangBang()` by default. An `EstimatorControl`
+        The control law of the storage devices, with estimated speeds, `BangBang()` by default. An `EstimatorControl`
         also says which estimator and PMUs it uses; `estimator` and `pmu` are then ignored.
     estimator : {"ideal", "frequency", "kinematic", "kalman"}
         How the speeds are estimated.
@@ -69,7 +69,7 @@ def estimate(
     Raises
     ------
     StudyError
-        For arguments that are not possible, and if the simulation ends before its last event.
+        For invalid arguments, and if the simulation ends before its last event.
     """
     point = operating_point(base, storage)
     hz = point.case.frequency_hz

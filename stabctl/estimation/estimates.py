@@ -44,7 +44,7 @@ class Accuracy(NamedTuple):
 class Estimates(Tabular):
     """True and estimated speeds of a simulation, for each seed of noise and losses.
 
-    Arrays have the shape (frames, seeds, machines) unless stated otherwise; `sigma` is what the filter claims.
+    Arrays have the shape (frames, seeds, machines) unless stated otherwise; `sigma` is as reported by the filter.
     """
 
     point: OperatingPoint
@@ -58,7 +58,7 @@ class Estimates(Tabular):
     deviation_estimated: np.ndarray  # pu
     sigma: np.ndarray  # pu
     usable: np.ndarray  # bool   the storage may act
-    on: np.ndarray  # bool   the machine is connected, in a simulation that goes on
+    on: np.ndarray  # bool   the machine is connected, in a simulation that is still running
     nis: np.ndarray  # -
     nees: np.ndarray  # -    of angle and speed, NaN without a filter
     orders: np.ndarray  # (frames, seeds, devices)

@@ -39,7 +39,7 @@ class Pmu:
     latency : float, s
         Latency of remote reports; a machine's own report has none.
     loss, burst : float
-        Share of the reports that never arrive, and mean length (frames) of a run of lost reports.
+        Fraction of the reports that never arrive, and mean length (frames) of a run of lost reports.
     outage : (time, time), optional
         From, to: every report is lost.
     filter_class : {"none", "P", "M"}
@@ -59,7 +59,7 @@ class Pmu:
     rocof: Annotated[float, "Hz/s", "noise of the rate of change of frequency", Interval(ge=0, le=1e3)] = 0.1
     clock: Annotated[float, "s", "offset of the clocks", Interval(ge=0, le=1)] = 1e-6
     latency: Annotated[float, "s", "latency of remote reports", NOISE] = 0.05
-    loss: Annotated[float, "-", "share of the reports that are lost", Interval(ge=0, lt=1)] = 0.02
+    loss: Annotated[float, "-", "fraction of the reports that are lost", Interval(ge=0, lt=1)] = 0.02
     burst: Annotated[float, "-", "mean length of a run of lost reports, frames", Ge(1)] = 1.0
     outage: tuple[str | float, str | float] | None = None
     filter_class: Annotated[Literal["none", "P", "M"], "-", "class of the PMU's filter"] = "none"

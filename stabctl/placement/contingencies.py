@@ -74,7 +74,7 @@ def from_screen(found: Screen, hz: float, *, count: int = COUNT, longer: float =
 
 
 def read(path: str | Path, case: Case) -> tuple[Contingency, ...]:
-    """The contingencies of a TOML file. Raises StudyError with file, row, key and value of the first mistake."""
+    """The contingencies of a TOML file. Raises StudyError with file, row, key and value of the first error."""
     path = Path(path)
     content = toml_file.read(path, "contingency file")
     rows = content.pop("contingency", None)

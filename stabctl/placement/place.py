@@ -68,9 +68,9 @@ def place(
     sites : int, optional
         Largest number of devices.
     candidates : iterable of (machine, bus), optional
-        Where devices may stand; by default at every machine's storage bus.
+        Where devices may be installed; by default at every machine's storage bus.
     control : control law, optional
-        What the devices follow, `BangBang()` by default.
+        Control law of the devices, `BangBang()` by default.
     device : mapping, optional
         Other properties of the devices: fields of `Storage`, as {"lag": 0.05}.
     observe : str or float
@@ -91,7 +91,7 @@ def place(
     Raises
     ------
     StudyError
-        For arguments that are not possible, if no fleet survives any contingency, and if no fleet with so few sites
+        For invalid arguments, if no fleet survives any contingency, and if no fleet with so few sites
         is found.
     """
     began = time.perf_counter()
@@ -172,7 +172,7 @@ def _check(costs: Costs, sites: int | None) -> None:
     if costs.mw + costs.mwh == 0:
         raise StudyError("Neither a MW nor a MWh has a cost; give one of them a cost above 0.")
     if sites is not None and sites < 1:
-        raise StudyError(f"At most {sites} sites leave no place for storage; give at least 1.")
+        raise StudyError(f"sites = {sites} is not allowed; it must be at least 1.")
 
 
 def _controls(validate: EstimatorName | Mapping[str, Sampled] | None, law: Law) -> Mapping[str, Sampled]:
@@ -188,7 +188,7 @@ def _caps(case: Case, cap: str, found: Sequence[Candidate], flow: powerflow.Powe
     """Largest sizes (candidates, MW)."""
     out = np.array([fleet.megawatts(case, case.machine(c.machine), cap, flow) for c in found])
     if not (out > 0).any():
-        raise StudyError(f"The cap of {cap} leaves no room for storage; give a size above 0.")
+        raise StudyError(f"The cap of {cap} is not allowed; give a size above 0.")
     if out.max() > LARGEST:
         raise StudyError(f"The cap of {cap} is not realistic; give at most {LARGEST:g} MW.")
     return out

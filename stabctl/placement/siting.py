@@ -105,7 +105,7 @@ class Siting(Tabular):
             f"({counted(self.simulations, 'simulation')} in {self.wall_s:.1f} s)."
         ]
         if self.uniform_mw == 0:
-            said.append("The system survives every contingency without storage.")
+            said.append("The system survives every contingency even without storage.")
         elif self.uniform_mw:
             said.append(
                 f"The smallest uniform fleet that survives them has {self.uniform_mw:.1f} MW "

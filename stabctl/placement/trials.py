@@ -36,7 +36,7 @@ class Trials:
     cap : (candidates,) array, MW
         Largest sizes; larger ones are reduced to them.
     control : control law, optional
-        What the devices follow, `BangBang()` by default.
+        Control law of the devices, `BangBang()` by default.
     search : Search
         Observation window, time step and criterion of stability, as for a clearing time.
     workers : int, optional

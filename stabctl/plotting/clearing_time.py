@@ -57,7 +57,7 @@ def compare(
     Parameters
     ----------
     x
-        Abscissas.
+        Values on the horizontal axis.
     curves
         Critical clearing times (cycles) at the abscissas, by the name of the curve.
     xlabel

@@ -28,7 +28,7 @@ def plot(found: Estimates, *, machines: Sequence[int] | None = None, seed: int =
     Returns
     -------
     matplotlib.figure.Figure
-        A panel per machine, in mHz; the band is three standard deviations as the estimator claims them.
+        A panel per machine, in mHz; the band is three standard deviations as reported by the estimator.
     """
     case, shown = found.point.case, _rows(found, machines)
     figure, axes = subplots(9, 1.7 * len(shown) + 0.8, len(shown), sharex=True)

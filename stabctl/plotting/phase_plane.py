@@ -27,7 +27,7 @@ def plot(portrait: PhasePortrait, *, ax: "Axes | None" = None) -> "Axes":
     Returns
     -------
     matplotlib.axes.Axes
-        The motion during the fault is drawn thick. A is the start; B, C, D ... are the states at clearing.
+        The motion during the fault is drawn thick. A is the initial state; B, C, D ... are the states at clearing.
     """
     ax = single(ax, 7, 5)
     _boundary(ax, portrait.separatrix)

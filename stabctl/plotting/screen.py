@@ -26,7 +26,7 @@ def plot(found: Screen, *, most: int = 25, ax: "Axes | None" = None) -> "Axes":
     Returns
     -------
     matplotlib.axes.Axes
-        Beside each bar stands the machine that loses synchronism just beyond the clearing time.
+        Each bar is labeled with the machine that loses synchronism just beyond the clearing time.
     """
     shown = found.pairs[:most]
     ax = single(ax, 7, 1.2 + 0.25 * max(len(shown), 1))
@@ -49,7 +49,7 @@ def _cycles(pair: ClearingTime, limit: float) -> float:
 
 
 def _note(pair: ClearingTime) -> str:
-    """What stands beside a bar."""
+    """Label of a bar."""
     if pair.status == "stable_at_limit":
         return "stable at the search limit"
     machine = "" if pair.machine is None else f"machine {pair.machine}"

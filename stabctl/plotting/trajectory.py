@@ -107,7 +107,7 @@ def storage(run: Trajectory, machines: Sequence[int] | None = None) -> "Figure":
 
 
 def _draw(ax: "Axes", run: Trajectory, signal: str, machines: Sequence[int] | None, legend: bool = True) -> None:
-    """Draw the curves of a signal: each in its color while they are few, else all alike but the unstable machine's."""
+    """Draw the curves of a signal: each in its own color if they are few, else only the unstable machine stands out."""
     values, names, owners = _signal(run, signal, machines)
     few, lost = len(names) <= len(COLORS), run.outcome.machine
     for column, name, owner in zip(values.T, names, owners, strict=True):

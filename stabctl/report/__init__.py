@@ -1,1 +1,1 @@
-"""Records -> tables, figures, pages. Reads results, computes nothing."""
+"""Tables, figures and pages of results; nothing is computed here."""

@@ -42,7 +42,7 @@ def expanded(value: object, *, text: bool = True) -> list[Any]:
     Raises
     ------
     PydanticCustomError
-        For a grid with a mistake.
+        For an invalid grid.
     """
     found: list[Any] = []
     for one in value if isinstance(value, list) else [value]:

@@ -24,7 +24,7 @@ class Job(NamedTuple):
     case: Annotated[str, "-", "packaged case, or folder relative to the study file"]
     machines: Annotated[Literal["full", "classical"], "-", "models of the case, or classical machines"] = "full"
     set: Annotated[str, "-", "changes of the case, a JSON object of paths and values"] = ""
-    fault: Annotated[str, "-", "place of the fault: 83, 7-8@0.4"] = ""
+    fault: Annotated[str, "-", "fault location: 83, 7-8@0.4"] = ""
     trip: Annotated[str, "-", "circuits opened to clear the fault: 83-33, 7-8#2"] = ""
     fault_r: Annotated[float, "pu", "fault resistance", NOT_NEGATIVE] = 0.0
     fault_x: Annotated[float, "pu", "fault reactance"] = 0.0
@@ -44,7 +44,7 @@ class Job(NamedTuple):
     pmu_rate: Annotated[int, "-", "PMU reports per second", POSITIVE] = 60
     pmu_noise: Annotated[float, "mrad", "noise of the phasor angles; magnitudes per mille", NOT_NEGATIVE] = 2.0
     latency: Annotated[float, "ms", "latency of remote reports", NOT_NEGATIVE] = 50.0
-    loss: Annotated[float, "-", "share of the reports that are lost", SHARE] = 0.02
+    loss: Annotated[float, "-", "fraction of the reports that are lost", SHARE] = 0.02
     seed: Annotated[int, "-", "seed of noise and losses", Interval(ge=0, le=2**53)] = 1
     max_angle: Annotated[float, "rad", "change of a rotor angle that counts as loss of synchronism", POSITIVE] = 3.5
     step: Annotated[float, "s", "time step (0: at most 1/120 s)", NOT_NEGATIVE] = 0.0

@@ -47,7 +47,7 @@ def rows(tasks: Iterable[Task], workers: int) -> Iterator[Row]:
                     if task is None:
                         failed += 1
                         if failed == TRIES:
-                            raise StudyError(f"The workers do not start: the process {how}.") from None
+                            raise StudyError(f"The worker processes failed to start: the process {how}.") from None
                     else:
                         lost[task.key] += 1
                         if lost[task.key] == TRIES:
@@ -77,7 +77,7 @@ class Worker:
         try:
             _start(self.process)
         except (EOFError, OSError) as error:
-            raise StudyError(f"The workers do not start: {type(error).__name__} {error}.") from None
+            raise StudyError(f"The worker processes failed to start: {type(error).__name__} {error}.") from None
         finally:
             theirs.close()
 
@@ -149,5 +149,5 @@ def _follow() -> None:
 
 
 def _given_up(task: Task, how: str) -> Row:
-    text = f"The worker died {TRIES} times while running this job; the last one {how}. Give it more memory or check it."
+    text = f"The worker died {TRIES} times while running this job; most recently it {how}. Add memory or check the job."
     return Row(task.key, task.job, signed(Result("error", message=text)))

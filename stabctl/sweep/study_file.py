@@ -28,7 +28,7 @@ STRICT = ConfigDict(extra="forbid", strict=True)
 
 
 def read(path: str | Path) -> tuple[Job, ...]:
-    """The jobs of a study file, each once. Raises StudyError with file, key and value of the first mistake."""
+    """The jobs of a study file, each once. Raises StudyError with file, key and value of the first error."""
     path = Path(path)
     content = toml_file.read(path, "study file")
     groups = content.pop("job", [{}])

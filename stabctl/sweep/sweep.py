@@ -91,7 +91,7 @@ def run_sweep(
         For a study, a results file or a cluster that cannot be used; every row up to then is kept.
     """
     if workers is not None and dask is not None:
-        raise StudyError("workers and dask exclude each other; give one of them.")
+        raise StudyError("workers and dask cannot be used together; give one of them.")
     began, workers = time.perf_counter(), cores.used(workers)
     wanted = tasks(study_file.read(study), study)
     with Store(out) as store:

@@ -121,7 +121,7 @@ CHECKS: dict[str, Callable[[Case, str], object]] = {
 
 
 def _check(path: Path, job: Job, case: Case, checked: set[tuple[str, ...]]) -> None:
-    """Refuse what the case does not have; a value is checked once."""
+    """Reject what the case does not have; a value is checked once."""
     for name, check in CHECKS.items():
         text = getattr(job, name)
         if not text or (job.case, job.set, name, text) in checked:

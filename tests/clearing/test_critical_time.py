@@ -126,8 +126,8 @@ def test_impossible_grids_are_refused(grid):
     [
         ({"resolution": "0.125"}, "is not a time"),
         ({"resolution": "0cyc"}, "resolution of 0 cycles"),
-        ({"observe": "0s"}, "observation of 0 s"),
-        ({"observe": -1}, "observation of -1 s"),
+        ({"observe": "0s"}, "observation window of 0 s"),
+        ({"observe": -1}, "observation window of -1 s"),
         ({"criterion": 3}, "is not a criterion"),
         ({"control": BangBang}, "is a class"),
         ({"control": BangBang()}, "no storage device"),
@@ -141,7 +141,7 @@ def test_what_makes_no_sense_is_refused(two_area, options, says):
 @pytest.mark.parametrize(
     ("what", "says"),
     [
-        (Contingency(trip="7-8"), "has no fault whose clearing time"),
+        (Contingency(trip="7-8"), "has no fault, so it has no clearing time"),
         (Contingency("99"), "There is no bus 99"),
         ("7-9", "There is no branch 7-9"),
         (7, "is not a contingency"),

@@ -44,7 +44,7 @@ def test_powerflow_json_balances(stabctl):
     lost = sum(k["p_from_mw"] + k["p_to_mw"] for k in record["branches"])
     made = sum(b["p_gen_mw"] for b in record["buses"])
     assert lost == pytest.approx(made - 2734, abs=1e-6)  # two_area has no shunt conductance
-    assert f"losses in the branches: {lost:.1f} MW" in stabctl("powerflow", "two_area", "--branches")[1]
+    assert f"branch losses: {lost:.1f} MW" in stabctl("powerflow", "two_area", "--branches")[1]
 
 
 @pytest.mark.parametrize(("storage", "outcome"), [((), "lost_synchronism"), (("--storage", "50MW"), "stable")])
@@ -179,7 +179,7 @@ def test_classical_machines_everywhere(stabctl):
         (("simulate", "two_area", "--step", "nan"), "step"),
         (("simulate", "two_area", "--until", "-1"), "-1"),
         (("simulate", "two_area", "--storage", "50"), "50MW"),
-        (("simulate", "two_area", "--storage", "50MW", "--storage-at", "1=5MW"), "exclude"),
+        (("simulate", "two_area", "--storage", "50MW", "--storage-at", "1=5MW"), "used together"),
         (("simulate", "two_area", "--storage-at", "9=5MW"), "machine 9"),
         (("simulate", "two_area", "--storage-at", "1@99=5MW"), "bus 99"),
         (("simulate", "two_area", "--control", "bang-bang"), "--storage"),
@@ -192,7 +192,7 @@ def test_classical_machines_everywhere(stabctl):
         (("clearing-time", "two_area", "--fault", "7", "--resolution", "0cyc"), "resolution"),
         (("clearing-time", "two_area", "--fault", "7", "--observe", "0"), "observation"),
         (("clearing-time", "two_area", "--fault", "7", "--trip", "7"), "circuit"),
-        (("place", "ieee39", "--classical", "--observe", "0"), "observation of 0 s"),
+        (("place", "ieee39", "--classical", "--observe", "0"), "observation window of 0 s"),
         (("place", "ieee39", "--classical", "--lag", "-1"), "--lag -1 s"),
         (("simulate", "two_area", "--open", "7-8"), "does not say when"),
         (("simulate", "two_area", "--open", "7@1s"), "is not a line trip"),
@@ -233,7 +233,7 @@ def test_a_file_that_cannot_be_written_is_told_before_the_work(stabctl, tmp_path
 
 
 @pytest.mark.parametrize(
-    ("command", "said"), [("modes", "is a file; name a folder"), ("place", "is a file; name a folder")]
+    ("command", "said"), [("modes", "is a file; give a folder"), ("place", "is a file; name a folder")]
 )
 def test_a_report_folder_that_is_a_file_is_told_before_the_work(stabctl, tmp_path, monkeypatch, command, said):
     monkeypatch.setattr("stabctl.io.load", lambda name: pytest.fail(f"{name} was loaded"))
@@ -260,7 +260,7 @@ def test_what_was_found_is_printed_though_it_cannot_be_written(stabctl, tmp_path
     code, out, err = stabctl(*words)
     assert code == 2
     assert "7-8" in out or "1, 2 against 3, 4" in out
-    assert err == "stabctl: No space left on device: x; name another file or folder.\n"
+    assert err == "stabctl: No space left on device: x; choose another file or folder.\n"
 
 
 @pytest.mark.parametrize("words", [("powerflow", "two_area"), ("swing", "table1"), ("sweep", "show", "x.db")])

@@ -66,7 +66,7 @@ def test_show_prints_what_varies_and_writes_everything(stabctl, undisturbed, tmp
         (("run", "{study}"), "--out"),
         (("run", "{study}", "--out", "nowhere/x.db"), "cannot be opened or created"),
         (("run", "{study}", "--out", "x.db", "--workers", 0), "0 workers"),
-        (("run", "{study}", "--out", "x.db", "--workers", 1, "--dask", "tcp://h:1"), "exclude"),
+        (("run", "{study}", "--out", "x.db", "--workers", 1, "--dask", "tcp://h:1"), "used together"),
         (("run", "{study}", "--out", "{study}"), "not a results file"),
         (("show", "missing.db"), "missing.db"),
         (("show", "{study}"), "not a results file"),
