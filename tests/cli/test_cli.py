@@ -233,7 +233,7 @@ def test_a_file_that_cannot_be_written_is_told_before_the_work(stabctl, tmp_path
 
 
 @pytest.mark.parametrize(
-    ("command", "said"), [("modes", "is a file; give a folder"), ("place", "is a file; name a folder")]
+    ("command", "said"), [("modes", "is a file; give a folder"), ("place", "is a file; give a folder")]
 )
 def test_a_report_folder_that_is_a_file_is_told_before_the_work(stabctl, tmp_path, monkeypatch, command, said):
     monkeypatch.setattr("stabctl.io.load", lambda name: pytest.fail(f"{name} was loaded"))
