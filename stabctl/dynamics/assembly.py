@@ -14,7 +14,7 @@ from stabctl.model.powerflow import PowerFlow
 from . import family, rows
 from .layout import Layout
 from .limits import Limits, limits
-from .program import Family
+from .program import Family, near
 from .rows import Row
 from .wiring import Wiring
 
@@ -53,6 +53,15 @@ class System:
             if f.name == table:
                 return f
         raise KeyError(table)
+
+    @property
+    def near_bus(self) -> np.ndarray:
+        """Rows of the buses that draw, and of those whose voltages such currents depend on from elsewhere."""
+        if "near bus" not in self.kept:
+            places = near(self.families) - self.layout.nx
+            inside = places[(places >= 0) & (places < 2 * self.layout.buses)] // 2
+            self.kept["near bus"] = np.union1d(inside, self.draw_bus)
+        return self.kept["near bus"]
 
     def with_constants(self, name: str, k: np.ndarray) -> "System":
         """The same system, the constants of one family replaced."""

@@ -19,7 +19,7 @@ from stabctl._util import jit
 from stabctl.errors import EquilibriumError
 
 from . import family
-from .family import BOTH, CURRENT, LOCAL, OUTPUT, RATES, SOURCE, STEP
+from .family import BOTH, CURRENT, INPUTS, LOCAL, OUTPUT, RATES, SOURCE, STEP
 
 
 class Family(NamedTuple):
@@ -107,7 +107,7 @@ def _written(one: Family, rows: Sequence[int]) -> np.ndarray:
 def _read(one: Family, op: int, rows: Sequence[int]) -> np.ndarray:
     device = one.device
     names = [name for equation in family.equations(device)[op] for name in family.reads(device, equation)]
-    at = [family.INPUTS + family.fields(device, "Input").index(name) for name in dict.fromkeys(names)]
+    at = [INPUTS + family.fields(device, "Input").index(name) for name in dict.fromkeys(names)]
     places = one.w[np.ix_(list(rows), at)].ravel()
     own = op == RATES and "y" in family.arguments(device, "derivatives")
     return np.r_[places, _written(one, rows)] if own else places
@@ -154,6 +154,17 @@ def program(families: Sequence[Family], scalar: type = float) -> Program:
     k = np.concatenate([np.zeros(0), *(f.k.ravel() for f in families)])
     step = all_of(LOCAL) if scalar is complex else all_of(STEP)
     return Program(w, k, table(all_of(SOURCE)), table([*heard, *all_of(CURRENT)]), table(sweep), table(step))
+
+
+def near(families: Sequence[Family]) -> np.ndarray:
+    """Places of the buses and inputs of the devices that are called at every iteration of the voltages."""
+    out = [np.zeros(0, np.int64)]
+    draws = [(i, CURRENT, range(len(f.w))) for i, f in enumerate(families) if CURRENT in family.equations(f.device)]
+    for i, _, rows in [*_heard(families, ordered(families) if draws else ()), *draws]:
+        _, inputs, _, buses = family.shape(families[i].device)
+        columns = [*(family.BUS, family.BUS2)[:buses], *range(INPUTS, INPUTS + inputs)]
+        out.append(families[i].w[np.ix_(list(rows), columns)].ravel())
+    return np.unique(np.concatenate(out))
 
 
 def _addresses(families: Sequence[Family], scalar: type) -> list[int]:

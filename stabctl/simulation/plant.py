@@ -37,6 +37,7 @@ class Frame(NamedTuple):
     high: np.ndarray
     scale: np.ndarray  # places of the signals that the limits are per unit of
     draw_bus: np.ndarray  # rows of the buses with currents that depend on their voltage
+    near_bus: np.ndarray  # the same, and those whose voltages such currents read from elsewhere
     watch_bus: np.ndarray  # rows of the buses of loads
     watch_low: np.ndarray  # pu   voltages below which they count as lost
     held: np.ndarray  # places that sampled devices write: the orders
@@ -51,9 +52,9 @@ class Space(NamedTuple):
     current: np.ndarray
     work: np.ndarray
     source: np.ndarray
-    seen: np.ndarray  # (buses) voltages before an iteration
-    past: np.ndarray
-    kept: np.ndarray
+    begun: np.ndarray  # (buses) the substitution up to what is iterated
+    kept: np.ndarray  # (buses) voltages of the stage before
+    moves: np.ndarray  # (2, 4, buses) how they moved in each stage of the two steps before
     x0: np.ndarray
     sum: np.ndarray
     angles: np.ndarray  # (2, rotor units) rad   before the first event, and the largest change against the COI so far
@@ -93,7 +94,7 @@ def frame(system: System, layout: Layout, deviation: int, held: np.ndarray) -> F
     return Frame(
         places, rotors.angle, rotors.unit, rotors.inertia, owner,
         limits.state, limits.low, limits.high, limits.scale,
-        system.draw_bus, system.watch_bus, system.watch_low, held.astype(np.int64),
+        system.draw_bus, system.near_bus, system.watch_bus, system.watch_low, held.astype(np.int64),
     )  # fmt: skip
 
 
@@ -101,10 +102,10 @@ def space(s: np.ndarray, layout: Layout, a: Frame, base_mva: float) -> Space:
     """Buffers of one run that starts at s."""
     nx, nb, m = layout.nx, layout.buses, len(a.rotor)
     s, f = s.copy(), np.zeros(layout.first_setpoint)
-    blank = np.zeros((5, nb), complex)
+    blank = np.zeros((4, nb), complex)
     return Space(
         s, f, s[layout.voltages].view(complex), f[layout.voltages].view(complex),
-        *(row.copy() for row in blank), np.zeros(nx), np.zeros(nx), np.stack([s[a.rotor], np.zeros(m)]),
+        *(row.copy() for row in blank), np.zeros((2, 4, nb), complex), np.zeros(nx), np.zeros(nx), np.stack([s[a.rotor], np.zeros(m)]),
         np.zeros(len(a.watch_bus)), np.zeros(len(a.held)), np.zeros((4, nb)),
         np.zeros(5, np.int64), np.array([TOLERANCE * 100 / base_mva]),
     )  # fmt: skip

@@ -11,12 +11,19 @@ DONE, SLIPPED, NO_VOLTAGE, LOW_VOLTAGE, RUNAWAY, NEWTON = range(6)
 
 
 @inline
-def extrapolate(v, past):
-    """Guess of v half a step ahead, from its value and the one half a step ago."""
-    for i in range(len(v)):
-        now = v[i]
-        v[i] = 2 * now - past[i]
-        past[i] = now
+def guess(stage, q):
+    """Voltages of the next stage: their moves go on changing as they did between the same stages of the steps before."""
+    copy(q.volt, q.kept)
+    for i in range(len(q.volt)):
+        q.volt[i] += 2 * q.moves[0, stage, i] - q.moves[1, stage, i]
+
+
+@inline
+def note(stage, q):
+    """Keep how the voltages have moved since the stage before."""
+    for i in range(len(q.volt)):
+        q.moves[1, stage, i] = q.moves[0, stage, i]
+        q.moves[0, stage, i] = q.volt[i] - q.kept[i]
 
 
 @noinline
@@ -170,15 +177,15 @@ def advance(p, a, net, q, rules, h, steps, last, resume, history):
         for i in range(len(q.volt)):
             if not net.alive[i]:
                 q.volt[i] = 0
-        copy(q.volt, q.past)
+        for stage in range(4):
+            for i in range(len(q.volt)):
+                q.moves[0, stage, i] = q.moves[1, stage, i] = 0
     for step in range(first, steps + last):
         if not resume and sunk(a, net, q):
             from_above(p, net, q)
         for stage in range(stage0, 4):
             if not resume:
-                if stage == 1 or stage == 3:
-                    extrapolate(q.volt, q.past)
-                copy(q.volt, q.kept)
+                guess(stage, q)
                 decided = stage > 0
             while True:
                 n = 0 if resume else settle(p, a, net, q)
@@ -194,6 +201,7 @@ def advance(p, a, net, q, rules, h, steps, last, resume, history):
                 copy(q.s, q.x0)
                 if len(a.held) == 0 or not decide(p, a, net, q):
                     break
+            note(stage, q)
             run(p.sweep, p, q.s, q.f, net.island)
             hold(q.s, q.f, a)
             if not whole:

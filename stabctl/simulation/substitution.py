@@ -1,9 +1,11 @@
 """Sparse factors of a network, and the triangular solution inside the compiled loop.
 
-The entries of both factors stand in one flat list each, in the order of elimination: a loop over columns with a short
-loop inside spends its time on mispredicted branches.
+The entries of both factors stand in one flat list each: a loop over columns with a short loop inside spends its time on
+mispredicted branches. Columns of the same level do not depend on each other and stand together, so that the processor
+works on several at once. Whatever the iterated buses depend on is eliminated last: an iteration repeats only that part.
 """
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -18,48 +20,80 @@ class Factors(NamedTuple):
 
     lower: np.ndarray  # (entries of L, 2)   row and column, columns ascending
     L: np.ndarray  # (entries of L)
-    upper: np.ndarray  # (entries of U, 2)   row and column, columns descending
+    upper: np.ndarray  # (entries of U, 2)   row and column; the iterated rows first, then columns descending
     U: np.ndarray  # (entries of U)
     d: np.ndarray  # (buses)   inverse of D
     rows: np.ndarray  # (buses)   P_r: bus of every row
     cols: np.ndarray  # (buses)   P_c: row of every bus
+    back: np.ndarray  # (buses)   row of every bus, the inverse of P_r
+    again: np.ndarray  # (3)   first row, first entry of L, and last of U that an iteration repeats
 
 
-def factor(Y: sp.csc_matrix) -> Factors:
-    """Factors of an admittance matrix."""
+def factor(Y: sp.csc_matrix, iterated: Iterable[int] = ()) -> Factors:
+    """Factors of an admittance matrix, and the part of them that an iteration of some buses repeats."""
     options = {"SymmetricMode": True}
     lu = spl.splu(Y.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.1, options=options)
     d = 1 / lu.U.diagonal()
     L, U = sp.tril(lu.L, -1).tocoo(), sp.triu(sp.diags(d) @ lu.U, 1).tocoo()
-    down, up = np.lexsort((L.row, L.col)), np.lexsort((U.row, -U.col))
+    buses = np.array(list(iterated), int)
+    last, level = np.zeros(len(d), int), [0] * len(d)
+    last[lu.perm_r[buses]] = last[lu.perm_c[buses]] = 1
+    for before, after in sorted({*zip(L.col.tolist(), L.row.tolist()), *zip(U.row.tolist(), U.col.tolist())}):
+        last[after] |= last[before]
+        level[after] = max(level[after], level[before] + 1)
+    order = np.lexsort((level, last))
+    place = np.argsort(order)
+    down = np.lexsort((place[L.row], place[L.col]))
+    up = np.lexsort((place[U.row], -place[U.col], -last[U.row]))
+    again = len(d) - last.sum(), len(L.data) - last[L.col].sum(), last[U.row].sum()
+    rows, columns = place[lu.perm_r], place[lu.perm_c]
     return Factors(
-        np.stack([L.row, L.col], 1)[down].astype(np.uintp),
+        place[np.stack([L.row, L.col], 1)[down]].astype(np.uintp),
         L.data[down],
-        np.stack([U.row, U.col], 1)[up].astype(np.uintp),
+        place[np.stack([U.row, U.col], 1)[up]].astype(np.uintp),
         U.data[up],
-        d,
-        np.argsort(lu.perm_r).astype(np.uintp),
-        lu.perm_c.astype(np.uintp),
+        d[order],
+        np.argsort(rows).astype(np.uintp),
+        columns.astype(np.uintp),
+        rows.astype(np.uintp),
+        np.array(again, np.uintp),
     )
 
 
 @inline
-def solve(F, current, work, v):
-    """v = inv(Y) current."""
-    n = len(current)
-    for i in range(n):
+def forward(F, current, work):
+    """The rows that are not iterated: work = inv(L) current; the others lack their own columns."""
+    for i in range(len(work)):
         work[i] = current[F.rows[i]]
-    for k in range(len(F.L)):
+    for k in range(F.again[1]):
         work[F.lower[k, 0]] -= F.L[k] * work[F.lower[k, 1]]
-    for i in range(n):
+
+
+@inline
+def middle(F, work):
+    """The rows that are iterated, whose currents are complete now: work = v."""
+    for k in range(F.again[1], len(F.L)):
+        work[F.lower[k, 0]] -= F.L[k] * work[F.lower[k, 1]]
+    for i in range(F.again[0], len(work)):
         work[i] *= F.d[i]
-    for k in range(len(F.U)):
+    for k in range(F.again[2]):
         work[F.upper[k, 0]] -= F.U[k] * work[F.upper[k, 1]]
-    for i in range(n):
+
+
+@inline
+def backward(F, work, v):
+    """The rest of the voltages."""
+    for i in range(F.again[0]):
+        work[i] *= F.d[i]
+    for k in range(F.again[2], len(F.U)):
+        work[F.upper[k, 0]] -= F.U[k] * work[F.upper[k, 1]]
+    for i in range(len(work)):
         v[i] = work[F.cols[i]]
 
 
 @noinline
 def solve_apart(F, current, work, v):
-    """The same, compiled once."""
-    solve(F, current, work, v)
+    """v = inv(Y) current, compiled once."""
+    forward(F, current, work)
+    middle(F, work)
+    backward(F, work, v)

@@ -56,7 +56,7 @@ def _stage(point: OperatingPoint, switching: Switching) -> Stage:
     numbers = np.unique(island[island >= 0])
     compact = np.where(island >= 0, np.searchsorted(numbers, island), -1).astype(np.int64)
     try:
-        factors = factor(Y)
+        factors = factor(Y, point.system.near_bus)
     except RuntimeError:
         raise StudyError(
             f"The network of {point.case.name} has no solution after its switchings: an admittance cancels another; "

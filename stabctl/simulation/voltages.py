@@ -12,7 +12,7 @@ from stabctl.devices.blocks import copy
 from stabctl.dynamics.perform import perform
 
 from .plant import newton_space
-from .substitution import solve, solve_apart
+from .substitution import backward, forward, middle, solve_apart
 
 LIMIT = 30  # -    substitutions before Newton is called
 STEPS = 40  # -    Newton steps
@@ -27,23 +27,32 @@ def settle(p, a, net, q):
         q.current[i] = 0
     perform(p.source, p.w, p.k, q.s, q.f, net.island)
     copy(q.current, q.source)
-    d, before = a.draw_bus, 0.0
+    factors, d, b, before = net.factors, a.draw_bus, a.near_bus, 0.0
+    forward(factors, q.source, q.work)
+    for i in range(factors.again[0], len(q.work)):
+        q.begun[i] = q.work[i]
     for iteration in range(1, LIMIT):
-        if iteration > 1:
-            copy(q.source, q.current)
         for i in range(len(d)):
-            q.seen[i] = q.volt[d[i]]
+            q.current[d[i]] = 0
         perform(p.current, p.w, p.k, q.s, q.f, net.island)
-        solve(net.factors, q.current, q.work, q.volt)
-        change = 0.0
+        if iteration > 1:
+            for i in range(factors.again[0], len(q.work)):
+                q.work[i] = q.begun[i]
         for i in range(len(d)):
-            miss = q.volt[d[i]] - q.seen[i]
+            q.work[factors.back[d[i]]] += q.current[d[i]]
+        middle(factors, q.work)
+        change = 0.0
+        for i in range(len(b)):
+            v = q.work[factors.cols[b[i]]]
+            miss = v - q.volt[b[i]]
             size = miss.real * miss.real + miss.imag * miss.imag
             if not size <= change:
                 change = size
+            q.volt[b[i]] = v
         # the changes fall like a geometric series, whose rest is the error left
         change = np.sqrt(change)
         if change < q.tol[0] or change * change < q.tol[0] * (before - change):
+            backward(factors, q.work, q.volt)
             return iteration
         before = change
     copy(q.kept, q.volt)
