@@ -27,7 +27,7 @@ from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any
 
-from stabctl.errors import StudyError
+from stabctl.errors import StudyError, shown
 
 ROLES: Mapping[str, str] = MappingProxyType(
     {
@@ -96,10 +96,18 @@ def register(path: str | Path) -> str:
     StudyError
         Where the file cannot be read, is no device, or has the name of a device of the package.
     """
+    from . import trial  # reads the markers of this package, which is not complete while it is imported
+
+    if not isinstance(path, str | Path):
+        raise StudyError(f"{shown(path)} is not a device file; give the path of a Python file, as 'my_exciter.py'.")
     path = Path(path)
     name = path.stem
-    if not path.is_file() or path.suffix != ".py" or not name.isidentifier():
+    if not path.is_file() or path.suffix != ".py":
         raise StudyError(f"There is no device file {str(path)!r}; give a Python file such as my_exciter.py.")
+    if not name.isidentifier():
+        raise StudyError(
+            f"{path}: {name!r} cannot name a table; use letters, digits and underscores, as my_exciter.py."
+        )
     if name in _found():
         raise StudyError(f"{path}: {name!r} is the name of a device of the package; give the file another name.")
     spec: Any = importlib.util.spec_from_file_location(f"stabctl_device_{name}", path)
@@ -107,13 +115,16 @@ def register(path: str | Path) -> str:
     sys.modules[spec.name] = module
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise StudyError(f"The device file {path} fails when it is run: {type(error).__name__}: {error}.") from None
     missing = [part for part in ("NAME", "ROLE", "Par") if not hasattr(module, part)]
     if missing:
         raise StudyError(f"The device file {path} lacks {', '.join(missing)}; see docs/extending.md.")
     if module.ROLE not in ROLES:
         raise StudyError(f"{path}: the role {module.ROLE!r} is not known; use one of {', '.join(ROLES)}.")
+    wrong = trial.mistake(module)
+    if wrong:
+        raise StudyError(f"{path}: {wrong}.")
     _registered[name] = module
     every.cache_clear()
     models.cache_clear()

@@ -101,7 +101,10 @@ def read_tables(folder: Path, about: Row) -> dict[str, Table]:
     for path in paths:
         name, known = path.stem, [*TABLES, *catalog.models()]
         if name not in known:
-            raise CaseError(f"{path}: there is no table {name!r}; known are {', '.join(known)}.")
+            raise CaseError(
+                f"{path}: there is no table {name!r}; known are {', '.join(known)}; a device of yours is made known by "
+                "st.register or --device."
+            )
         device = name not in TABLES
         columns = catalog.columns(name) if device else fields(TABLES[name])
         key = next(iter(columns)) if device or name in OVERLAID else None

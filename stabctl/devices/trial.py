@@ -1,0 +1,99 @@
+"""A user's device, tried once in plain Python when it is registered: a mistake is told with its file and line."""
+
+import inspect
+import numbers
+import traceback
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from stabctl.schema import hints
+
+_GIVES = {"internal": "Internal", "output": "Output", "derivatives": "State", "source": None, "current": None}
+_NOT_ANALYTIC = {"abs", "min", "max", "sign", "conj", "conjugate", "fabs", "maximum", "minimum", "absolute"}
+_PLAIN = ("prepare", "guess", "step")  # real numbers only, never differentiated
+
+
+def mistake(device: ModuleType) -> str | None:
+    """What is wrong with a device, without the dot at the end; None where nothing is found."""
+    try:
+        records = {
+            name: hints(getattr(device, name)) for name in ("Par", "State", "Input", "Output") if hasattr(device, name)
+        }
+    except (TypeError, AttributeError, NameError, ValueError) as error:
+        return f"{error}; write every field as name: Annotated[float, unit, meaning]"
+    return _lacks(device) or _limits(device, records) or _forbidden(device) or _fails(device, records)
+
+
+def _lacks(device: ModuleType) -> str | None:
+    """The equation that a record asks for, where there is none."""
+    if hasattr(device, "step") or hasattr(device, "family"):
+        return None
+    for record, equation in (("State", "derivatives"), ("Output", "output")):
+        if hasattr(device, record) != hasattr(device, equation):
+            there, missing = (record, equation) if hasattr(device, record) else (equation, record)
+            return f"it has {there} but no {missing}"
+    return None
+
+
+def _limits(device: ModuleType, records: dict[str, Any]) -> str | None:
+    """A name in LIMITS that no record has."""
+    for state, (low, high, *_) in getattr(device, "LIMITS", {}).items():
+        for name, record in ((state, "State"), (low, "Par"), (high, "Par")):
+            if name not in records.get(record, ()):
+                return f"LIMITS names {name!r}, which is not in {record}"
+    return None
+
+
+def _forbidden(device: ModuleType) -> str | None:
+    """A function in an equation that the derivative by complex step does not pass."""
+    for name, function in inspect.getmembers(device, inspect.isfunction):
+        used = sorted(_NOT_ANALYTIC.intersection(function.__code__.co_names))
+        if function.__module__ == device.__name__ and name not in _PLAIN and used:
+            return f"{name} uses {used[0]}, which has no exact derivative; use a block of stabctl.devices.blocks"
+    return None
+
+
+def _fails(device: ModuleType, records: dict[str, Any]) -> str | None:
+    """The first equation that cannot be evaluated, at made-up complex numbers."""
+    given: dict[str, Any] = {"v": (1 + 0j, 0.1 + 0j), "v1": (1 + 0j, 0.1 + 0j), "v2": (1 + 0j, 0.2 + 0j)}
+    for name, record in (("p", "Par"), ("x", "State"), ("u", "Input"), ("y", "Output")):
+        if record in records:
+            given[name] = getattr(device, record)(**{k: _value(f, name) for k, f in records[record].items()})
+    given |= given["u"]._asdict() if "u" in given else {}
+    if hasattr(device, "Internal"):
+        given["i"] = device.Internal(*[0.5 + 0j for _ in device.Internal._fields])
+    for equation, record in _GIVES.items():
+        if hasattr(device, equation) and not hasattr(device, "step"):
+            wrong = _tried(device, getattr(device, equation), given, getattr(device, record) if record else tuple)
+            if wrong:
+                return wrong
+    return None
+
+
+def _value(f: Any, kind: str) -> Any:
+    if kind != "p":
+        return 0.5 + 0j
+    return 1.0 if f is None or f.required else f.default
+
+
+def _tried(device: ModuleType, equation: Callable[..., Any], given: dict[str, Any], kind: type) -> str | None:
+    """What is wrong with one equation."""
+    names = list(inspect.signature(equation).parameters)
+    strange = [name for name in names if name not in given]
+    if strange:
+        return f"{equation.__name__} takes {strange[0]!r}, which this device has not; it may take {', '.join(given)}"
+    try:
+        with np.errstate(all="ignore"):
+            result = equation(*(given[name] for name in names))
+    except (AttributeError, TypeError, NameError, IndexError) as error:
+        lines = [at.lineno for at in traceback.extract_tb(error.__traceback__) if at.filename == device.__file__]
+        return f"line {lines[-1]}, {equation.__name__}: {error}"
+    except (ArithmeticError, ValueError):  # the numbers are made up
+        return None
+    if not isinstance(result, kind):
+        return f"{equation.__name__} returns {type(result).__name__} instead of {kind.__name__}"
+    wrong = [v for v in result if not isinstance(v, numbers.Number)]
+    return f"{equation.__name__} returns {type(wrong[0]).__name__} where a number is due" if wrong else None

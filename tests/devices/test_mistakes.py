@@ -1,0 +1,55 @@
+"""Mistakes in a user's device file: each is one sentence with the file, before anything is compiled."""
+
+import pytest
+from systems import OWN, registered
+
+from stabctl import devices
+from stabctl.devices import trial
+from stabctl.errors import StudyError
+
+GOOD = (OWN / "wide_area.py").read_text()
+MISTAKES = {
+    "no rates": ("def derivatives", "def rates", "it has State but no derivatives"),
+    "no such limit": (
+        'ROLE = "stab',
+        'LIMITS = {"fast": ("Vmin", "Vmax")}\nROLE = "stab',
+        "LIMITS names 'fast', which",
+    ),
+    "no such state": ("u.V - x.slow)", "u.V - x.fast)", "output: 'State' object has no attribute 'fast'"),
+    "a value too many": ("u.V, x.slow))", "u.V, x.slow), 0.0)", "derivatives: State.__new__() takes 2 positional"),
+    "no derivative": ("(p.T, u.V", "(p.T, abs(u.V)", "derivatives uses abs, which has no exact derivative"),
+    "an argument of no meaning": ("def output(x, u, p)", "def output(x, u, q)", "output takes 'q', which this device"),
+    "no record": ("return State(", "return (", "derivatives returns complex instead of State"),
+    "no unit": (
+        'Kv: Annotated[float, "pu", "gain on the voltage"]',
+        "Kv: float",
+        "write every field as name: Annotated",
+    ),
+    "it exits": ('ROLE = "stab', 'raise SystemExit(3)\nROLE = "stab', "fails when it is run: SystemExit: 3"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_in_a_device_is_a_sentence_with_its_file(name, tmp_path):
+    old, new, told = MISTAKES[name]
+    file = tmp_path / "wrong.py"
+    assert GOOD.count(old) == 1
+    file.write_text(GOOD.replace(old, new))
+    with registered(), pytest.raises(StudyError) as error:
+        devices.register(file)
+    assert told in str(error.value)
+    assert str(file) in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("name", devices.every())
+def test_no_device_of_the_package_is_taken_for_a_mistake(name):
+    assert trial.mistake(devices.every()[name]) is None
+
+
+def test_what_is_no_file_name_of_a_table_is_refused(tmp_path):
+    (tmp_path / "my-exciter.py").write_text(GOOD)
+    with pytest.raises(StudyError, match="'my-exciter' cannot name a table"):
+        devices.register(tmp_path / "my-exciter.py")
+    with pytest.raises(StudyError, match="None is not a device file"):
+        devices.register(None)
