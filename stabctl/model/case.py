@@ -84,6 +84,8 @@ class Case:
     set = verb("stabctl.model.edit:set_value")
     with_load = verb("stabctl.model.edit:with_load")
     with_storage = verb("stabctl.model.fleet:with_storage")
+    with_device = verb("stabctl.model.equip:with_device")
+    without_device = verb("stabctl.model.equip:without_device")
     trip_machine = verb("stabctl.model.edit:trip_machine")
     classical = verb("stabctl.model.edit:classical")
 

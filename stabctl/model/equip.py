@@ -1,0 +1,115 @@
+"""Cases with a device more or less: a stabilizer added, an exciter exchanged."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+from stabctl.errors import CaseError, StudyError, shown
+from stabctl.schema import fields
+
+from . import catalog, keys, paths
+from .case import Case
+
+
+def with_device(case: Case, model: str, at: int | Iterable[int], **values: Any) -> Case:
+    """The case with a device at a machine, in place of the one it has of that role or model.
+
+    A machine, converter, exciter or governor replaces the one of its role; a stabilizer only one of the same model.
+
+    Parameters
+    ----------
+    case : Case
+        The system.
+    model : str
+        Name of the model, as `stabctl models` lists them, or of a registered device: "pss", "exst3".
+    at : int or iterable of int
+        Machine number, for load and shunt models bus number; or several.
+    **values : float, int or str
+        Its parameters, in their units, or text with a unit: `K=20, Tw="10s"`. Those with a default may be left out.
+
+    Raises
+    ------
+    StudyError
+        If there is no such model or machine, or a parameter is missing or not known.
+    CaseError
+        If the case with this device is not a valid one.
+
+    Examples
+    --------
+    >>> case.with_device("pss", 2, K=20, Tw="10s", T1=0.05, T2=0.02, T3=3.0, T4=5.4)
+    """
+    _known(model)
+    known, places = fields(catalog.models()[model].Par), _places(case, model, at)
+    for name in values:
+        if name not in known:
+            raise StudyError(f"{model} has no parameter {name!r}; {keys.near(name, known)}")
+    missing = [name for name, f in known.items() if f.required and name not in values]
+    if missing:
+        raise StudyError(f"{model} needs {', '.join(missing)}; see stabctl models {model}.")
+    read = {name: paths.value(case, f"{model}.{name}", known[name], given) for name, given in values.items()}
+    role, others = catalog.role(model), (model,)
+    if role in catalog.UNIT_ROLES:
+        others = tuple(catalog.of_role(*catalog.UNIT_ROLES))
+    elif role in (*catalog.SINGLE_ROLES, "load"):
+        others = tuple(catalog.of_role(role))
+    devices = _left(case, others, places)
+    rows = case.devices.get(model, {}) | dict.fromkeys(places, catalog.parameters(model, **read))
+    devices[model] = {key: par for key, par in rows.items() if key in places or key in devices.get(model, {})}
+    return _changed(case, devices, f"{model} at {', '.join(map(str, places))}")
+
+
+def without_device(case: Case, model: str, at: int | Iterable[int] | None = None) -> Case:
+    """The case without a device, or without all devices of a model.
+
+    Parameters
+    ----------
+    case : Case
+        The system.
+    model : str
+        Name of the model: "pss".
+    at : int or iterable of int, optional
+        Machine or bus number, or several; by default every one of the model.
+
+    Raises
+    ------
+    StudyError
+        If the case has no such device.
+    CaseError
+        If the case without it is not a valid one.
+    """
+    _known(model)
+    keys.known_table(case, model)
+    places = [keys.number(key) for key in case.devices[model]] if at is None else _places(case, model, at)
+    for place in places:
+        keys.row(case, model, place)
+    return _changed(case, _left(case, (model,), places), f"no {model} at {', '.join(map(str, places))}")
+
+
+def _known(model: object) -> None:
+    if not isinstance(model, str) or model not in catalog.models():
+        raise StudyError(f"There is no model {shown(model)}; known are {', '.join(catalog.models())}.")
+
+
+def _places(case: Case, model: str, at: Any) -> list[int]:
+    """Numbers of machines or buses, all of which the case has."""
+    places = list(at) if isinstance(at, Iterable) and not isinstance(at, str) else [at]
+    table = "buses" if catalog.at_bus(model) else "machines"
+    for place in places:
+        keys.row(case, table, place)
+    return [int(place) for place in places]
+
+
+def _left(case: Case, models: Iterable[str], places: list[int]) -> dict[str, dict[keys.Key, Any]]:
+    """The devices without those of some models at some places."""
+    left = {
+        model: {k: par for k, par in rows.items() if model not in models or keys.number(k) not in places}
+        for model, rows in case.devices.items()
+    }
+    return {model: rows for model, rows in left.items() if rows}
+
+
+def _changed(case: Case, devices: dict[str, dict[keys.Key, Any]], what: str) -> Case:
+    try:
+        return replace(case, devices=devices)
+    except CaseError as error:
+        raise CaseError(f"{case.name} cannot have {what}: {error}") from None
