@@ -84,7 +84,7 @@ def ordered(families: Sequence[Family]) -> list[Node]:
                     f"{families[nodes[n][0]].name} of {families[nodes[n][0]].keys[nodes[n][2][0]]}"
                     for n in error.args[1]
                 ]
-                raise EquilibriumError(f"These devices wait for each other's outputs: {' <- '.join(names)}.") from None
+                raise EquilibriumError(f"These devices form an algebraic loop: {' <- '.join(names)}.") from None
             single = [(i, op, (row,)) for i, op, rows in cycle for row in rows]
             nodes = [n for n in nodes if n not in cycle] + single
 

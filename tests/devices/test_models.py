@@ -95,7 +95,7 @@ def test_models_lists_all_and_shows_one():
     shown = run("models", "exdc2").output
     assert "The state vr has non-windup limits VRmin x vt and VRmax x vt." in shown
     assert "kA" not in shown
-    with pytest.raises(StudyError, match="There is no model 'genru'; known are gencls"):
+    with pytest.raises(StudyError, match="There is no model 'genru'; choose one of gencls"):
         describe("genru")
 
 
