@@ -99,7 +99,7 @@ def register(path: str | Path) -> str:
     from . import trial  # reads the markers of this package, which is not complete while it is imported
 
     if not isinstance(path, str | Path):
-        raise StudyError(f"{shown(path)} is not a device file; give the path of a Python file, as 'my_exciter.py'.")
+        raise StudyError(f"{shown(path)} is not a device file; give the path of a Python file, such as 'my_exciter.py'.")
     path = Path(path)
     name = path.stem
     if not path.is_file() or path.suffix != ".py":
