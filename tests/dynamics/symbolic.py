@@ -114,7 +114,7 @@ class Symbols:
 
     def whole(self):
         """Rates, outputs and currents (real and imaginary part per bus) of the system."""
-        lay, system = self.system.layout, self.system
+        lay = self.system.layout
         rates, current = [sympy.Integer(0)] * lay.nx, [sympy.Integer(0)] * (2 * lay.buses)
         for f in self.families():
             for j, w in enumerate(f.w):

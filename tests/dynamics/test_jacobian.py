@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import sympy
 from symbolic import Symbols, Unlimited, jacobian, kernels
-from systems import EXDC2, KINDS, OWN, PSS, ROUND, registered, small, with_shares
+from systems import EXDC2, KINDS, OWN, ROUND, registered, small, with_shares
 
 import stabctl
 from stabctl import devices
@@ -38,7 +38,7 @@ def everything(kind):
     return point, s
 
 
-@pytest.fixture(scope="module", params=[*KINDS, REMOTE])
+@pytest.fixture(scope="module", params=[REMOTE, *KINDS])
 def moved(request):
     """`everything` of a kind."""
     link = Link("a", 2, 3, 30.0, 1.0)
@@ -47,7 +47,7 @@ def moved(request):
         return
     with registered(OWN / "wide_area.py") as (name,):
         par = devices.every()[name].Par(3, 2, 0.1, 2.0, 3.0)
-        yield everything(small({"genrou": ROUND, "exdc2": EXDC2, "pss": PSS, name: par}, links=[link]))
+        yield everything(small({"genrou": ROUND, "exdc2": EXDC2, name: par}, links=[link]))
 
 
 def test_complex_step_of_a_device_equals_sympy(moved):
@@ -74,7 +74,9 @@ def test_complex_step_of_a_device_equals_sympy(moved):
             vector = [*range(rates + outputs), *(rates + outputs + np.arange(currents) // 2)]
             assert close(J[rows], exact, vector), f.keys[j]
             assert np.abs(exact).max() > 0  # the comparison is not between zeros
-            assert values[rates : rates + outputs] == pytest.approx(s[w[-1] : w[-1] + outputs], rel=1e-13, abs=1e-15)
+            assert values[rates : rates + outputs] == pytest.approx(
+                s[w[-1] : w[-1] + outputs], rel=0, abs=2e-14
+            )  # 3e-15
 
 
 def test_complex_step_of_the_whole_equals_sympy(moved):
