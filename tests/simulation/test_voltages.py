@@ -60,7 +60,10 @@ class TestNewtonFallback:
                 for w, k in zip(f.w, f.k, strict=True):
                     state = row[w[family.STATE] : w[family.STATE] + len(f.device.State._fields)]
                     bus = (w[family.BUS] - point.layout.nx) // 2
-                    out[bus] += complex(*f.device.source(f.device.State(*state), f.device.Par(*k)))
+                    known = {"x": f.device.State(*state), "p": f.device.Par(*k)}
+                    if hasattr(f.device, "internal"):
+                        known["i"] = f.device.internal(**known)
+                    out[bus] += complex(*f.device.source(*(known[a] for a in family.arguments(f.device, "source"))))
             return out
 
         return currents
