@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import platformdirs
 import pytest
-from systems import KINDS, registered, small
+from systems import ROUND, registered, small
 
 import stabctl
 from stabctl import devices, io
@@ -162,19 +162,18 @@ def test_an_edited_device_of_the_user_is_compiled_anew(tmp_path):
     try:
         for text in (source, source.replace("return Output(clip(", "return Output(0.5 * clip(")):
             path.write_text(text)
-            with registered(path) as (name,):
-                par = devices.every()[name].Par(0.01, 200.0, 0.05)
-                kind = {k: v for k, v in KINDS["saturated"].items() if k != "sexs"} | {name: par}
+            with registered(path) as (device,):
+                kind = {"genrou": ROUND, "my_exciter": device.Par(0.01, 200.0, 0.05)}
                 point = operating_point.solve(small(kind))
                 state = next(i for i, p in enumerate(point.layout.states) if p.name == "efd")
                 found.append(point.s[state] / point.s[point.layout.signals[0, "Efd"]])
         assert found == pytest.approx([1.0, 2.0])
-        with registered(path) as (name,):
-            before = jit.sources(devices.every()[name])
+        with registered(path) as (device,):
+            before = jit.sources(device)
         sys.modules.pop("my_signals")
         (tmp_path / "my_signals.py").write_text((tmp_path / "my_signals.py").read_text() + "\n# edited\n")
-        with registered(path) as (name,):
-            assert jit.sources(devices.every()[name]) != before
+        with registered(path) as (device,):
+            assert jit.sources(device) != before
     finally:
         sys.path.remove(str(tmp_path))
         sys.modules.pop("my_signals", None)
