@@ -62,6 +62,9 @@ def test_the_machine_gives_its_power_flow_power(name):
         point = operating_point.solve(doubled(small(models)))
     run = simulation.run(point, until=0.01)
     assert run.arrays.P[0] == pytest.approx(point.flow.S.real * 100, abs=1e-6)
+    units = range(len(point.case.machines))
+    Q = [run.rows[0, point.layout.signals[unit, "Q"]] * point.case.machines[unit].base for unit in units]
+    assert pytest.approx(point.flow.S.imag * 100, abs=1e-6) == Q
 
 
 @pytest.mark.parametrize("name", io.packaged())
