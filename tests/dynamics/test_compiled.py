@@ -3,6 +3,7 @@
 import ast
 import json
 import os
+import re
 import shutil
 import stat
 import subprocess
@@ -116,8 +117,6 @@ def named(tmp_path_factory):
 EDITS = {
     "devices/machines/genrou.py": {"genrou"},
     "devices/stabilizers/pss.py": {"pss"},
-    "devices/machines/stator.py": {"genrou", "gencls"},
-    "devices/exciters/signals.py": {"sexs", "exst3", "exdc2"},
     "controllers/bang_bang.py": {"bang_bang"},
     "controllers/feedback.py": {"feedback"},
     "controllers/signals.py": {"bang_bang", "feedback"},
@@ -140,10 +139,22 @@ def test_an_edit_leads_to_other_machine_code_where_it_is_used_and_nowhere_else(n
     assert {name for name, code in after.items() if code != named.plain[name]} == EDITS[edited]
 
 
-def test_an_edit_of_the_blocks_reaches_every_device_that_uses_them(named):
-    after = named("devices/blocks.py")
-    same = {name for name, code in after.items() if code == named.plain[name]}
-    assert same == {"adder", "hold", "evaluate"}
+SHARED = ("machines/stator", "exciters/signals", "blocks/limits", "blocks/lags", "blocks/curves", "blocks/phasors")
+
+
+@pytest.mark.parametrize("shared", SHARED)
+def test_an_edit_of_what_devices_share_reaches_every_device_that_uses_it(named, shared):
+    after, home = named(f"devices/{shared}.py"), f"stabctl.devices.{shared.replace('/', '.')}"
+    changed = {name for name, code in after.items() if code != named.plain[name]}
+    users = {name for name, device in devices.every().items() if home in map(_home, vars(device).values())}
+    assert users <= changed
+    assert len(users) > 1
+    assert not changed & {"adder", "hold", "evaluate"}
+    assert (STEPPER <= changed) == (shared == "blocks/phasors")
+
+
+def _home(value):
+    return getattr(value, "__module__", None)
 
 
 def test_an_edit_of_how_loops_are_written_reaches_every_device(named):
@@ -187,10 +198,17 @@ def test_every_file_that_machine_code_is_made_from_is_in_its_name(module):
     used = {n.id for f in functions for n in ast.walk(f) if isinstance(n, ast.Name)}
     for node in (n for n in tree.body if isinstance(n, ast.ImportFrom)):
         home = resolve_name("." * node.level + (node.module or ""), package)
-        for name in {alias.name for alias in node.names} & used:
-            one = sys.modules.get(f"{home}.{name}", sys.modules[home])
-            if one.__name__.startswith("stabctl"):
-                assert Path(one.__file__).read_text() in jit.sources(module), one.__name__
+        for name in {alias.name for alias in node.names} & used if home.startswith("stabctl") else ():
+            assert any(text in jit.sources(module) for text in _defining(home, name)), (home, name)
+
+
+def _defining(home, name):
+    """Texts of the module, or of those in it if it is a package, that define a name."""
+    near = [m for key, m in sys.modules.items() if key == home or key.startswith(f"{home}.")]
+    texts = [Path(m.__file__).read_text() for m in near if m.__file__]
+    return [
+        text for text in texts if re.search(rf"^ *((def|class) {name}\b|({name}|.*, {name}|{name}, .*) = )", text, re.M)
+    ]
 
 
 class TestFolder:

@@ -11,7 +11,7 @@ from stabctl.dynamics.program import program
 from stabctl.model.network import UNSWITCHED
 from stabctl.simulation import voltages
 from stabctl.simulation.contingency import Contingency
-from stabctl.simulation.plant import space
+from stabctl.simulation.plant import newton_space, space
 from stabctl.simulation.simulation import run
 from stabctl.simulation.timeline import timeline
 from stabctl.simulation.topology import stage
@@ -94,9 +94,9 @@ class TestNewtonFallback:
             return np.linalg.solve(Y, Y @ V - source - self.draws(point, V)).view(float)
 
         q = space(made.start, made.layout, made.frame, point.case.base_mva)
-        q.source[:], q.sc[:] = source, q.s
+        q.source[:] = source
         p, net = program(made.families, complex), stage(point, UNSWITCHED).net
-        found = voltages.newton_from(p.current, p, made.frame, net, q, slow)
+        found = voltages.newton_from(p.current, p, made.frame, net, q, newton_space(q), slow)
         assert found or not slow
         if found:
             assert np.abs(miss(q.volt.view(float))).max() < 2e-7
