@@ -15,6 +15,7 @@ from stabctl.devices.loads import exponential
 from stabctl.devices.machines import gencls, genrou, gensal
 from stabctl.devices.stabilizers import pss
 from stabctl.model.case import Branch, Bus, Case, Load, Machine
+from stabctl.schema import fields
 
 OWN = Path(__file__).parent / "devices"  # devices as a user would write them
 
@@ -58,10 +59,15 @@ KINDS = {  # name -> devices of machine 1 and load 2; between them every model, 
     "governor bypassed": {"genrou": ROUND, "sexs": SEXS, "tgov": STEAM._replace(Ts=0.0, Tc=0.0, T5=0.0)},
 }
 
+OWN_KINDS = {  # name -> devices of machine 1, and a device of the user's: its table and constants
+    "signals from elsewhere": ({"genrou": ROUND, "exdc2": EXDC2, "pss": PSS}, "wide_area", (3, 2, 0.1, 2.0, 3.0)),
+}
+ALL_KINDS = (*KINDS, *OWN_KINDS)
 
-def small(kind, p=300.0, load=None, base=400.0, v=1.02, links=()):
+
+def small(models, p=300.0, load=None, base=400.0, v=1.02, links=()):
     """Machine 1 with these devices, `p` MW, against the large classical machine 2; a load model stands at bus 2."""
-    tables = {k: {2 if devices.every()[k].ROLE == "load" else 1: par} for k, par in kind.items()}
+    tables = {k: {2 if devices.every()[k].ROLE == "load" else 1: par} for k, par in models.items()}
     tables["gencls"] = tables.get("gencls", {}) | {2: gencls.Par(0, 0, 5.0, 2.0, 0.0, 0.2)}
     return Case(
         name="small",
@@ -76,15 +82,28 @@ def small(kind, p=300.0, load=None, base=400.0, v=1.02, links=()):
 
 @contextmanager
 def registered(*paths):
-    """Devices of these files are known for a while; their names."""
+    """Devices of these files are known for a while; their modules."""
     before = dict(devices._registered)
     try:
-        yield [devices.register(path) for path in paths]
+        names = [devices.register(path) for path in paths]
+        yield [devices.every()[name] for name in names]
     finally:
         devices._registered.clear()
         devices._registered.update(before)
         devices.every.cache_clear()
         devices.models.cache_clear()
+
+
+@contextmanager
+def kind(name):
+    """Devices of a kind of ALL_KINDS, all of them known for a while."""
+    if name in KINDS:
+        yield KINDS[name]
+        return
+    others, table, values = OWN_KINDS[name]
+    with registered(OWN / f"{table}.py") as (device,):
+        filled = [0.0] * sum(field not in fields(device.Par) for field in device.Par._fields)
+        yield {**others, table: device.Par(*filled, *values)}
 
 
 def doubled(case):

@@ -6,9 +6,11 @@ compiled at its first call. Nothing here imports numba before something is compi
 it. With NUMBA_DISABLE_JIT=1 everything runs as the plain Python it is written in.
 """
 
+import atexit
 import hashlib
 import inspect
 import os
+import shutil
 import stat
 import sys
 import tempfile
@@ -55,11 +57,11 @@ def ready() -> None:
 def sources(module: ModuleType) -> str:
     """Text of a module and of every file that it takes functions from, inside the package or beside a user's file."""
     seen: dict[str, str] = {}
-    todo = [module]
+    todo, beside = [module], Path(module.__file__ or "").parent
     while todo:
         found = todo.pop()
         file = getattr(found, "__file__", None) or ""
-        inside = Path(file).is_relative_to(_PACKAGE) or found is module
+        inside = Path(file).is_relative_to(_PACKAGE) or Path(file).parent == beside
         if not file or found.__name__ in seen or not inside:
             continue
         seen[found.__name__] = Path(file).read_text(encoding="utf-8")
@@ -82,30 +84,33 @@ def digest(*texts: str) -> str:
 
 @cache
 def folder() -> Path:
-    """The folder of the machine code: in the user's cache folder, else a private one among the temporary files."""
+    """The folder of the machine code: in the user's cache folder, else among the temporary files, else for this run."""
     import platformdirs
 
-    wanted = Path(platformdirs.user_cache_dir("stabctl"))
-    if _usable(wanted):
-        return wanted
-    own = Path(tempfile.gettempdir()) / f"stabctl-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
-    return own if _usable(own) and _private(own) else Path(tempfile.mkdtemp(prefix="stabctl-"))
+    user = os.getuid() if hasattr(os, "getuid") else "user"
+    for path in (Path(platformdirs.user_cache_dir("stabctl")), Path(tempfile.gettempdir()) / f"stabctl-{user}"):
+        if _made(path) and _ours(path):
+            return path
+    path = Path(tempfile.mkdtemp(prefix="stabctl-"))
+    atexit.register(shutil.rmtree, path, ignore_errors=True)
+    return path
 
 
-def _usable(path: Path) -> bool:
+def _made(path: Path) -> bool:
+    """Is there such a folder to write to? Made where it can be."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.mkdir(mode=0o700, exist_ok=True)
-        return path.is_dir() and os.access(path, os.W_OK | os.X_OK)
+        return os.access(path, os.W_OK | os.X_OK)
     except OSError:
         return False
 
 
-def _private(path: Path) -> bool:
-    """Is the folder ours alone? Another user could plant machine code in it."""
+def _ours(path: Path) -> bool:
+    """Can nobody else write there? Another user could plant machine code."""
     found = path.lstat()
     mine = not hasattr(os, "getuid") or found.st_uid == os.getuid()
-    return mine and stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o077
+    return mine and stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o022
 
 
 _told: list[bool] = []

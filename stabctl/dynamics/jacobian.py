@@ -11,20 +11,11 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from stabctl._util.jit import entry
-
 from . import family
 from .assembly import System
+from .evaluate import evaluate
 from .limits import Limits
-from .perform import perform, perform_local
 from .program import Program, program
-
-
-@entry
-def evaluate(p, starts, s, f, on):
-    """Bring the outputs of s (complex) up to date and write the blocks of all devices into f."""
-    perform(p.sweep, p.w, p.k, s, f, on)
-    perform_local(p.step, starts, p.w, p.k, s, f, on)
 
 
 class Derivatives(NamedTuple):

@@ -15,7 +15,7 @@ if disabled():
 
     def perform_local(calls: Any, starts: Any, w: Any, k: Any, s: Any, f: Any, on: Any) -> None:
         """Call families one after the other, each with its own part of f, as plain Python."""
-        for (address, op, n, i, j), start in zip(calls, starts, strict=True):
+        for (address, op, n, i, j), start in zip(calls, starts, strict=False):
             family.plain[address](op, n, w[i:], k[j:], s, f[start:], on)
 
 else:

@@ -96,7 +96,7 @@ def _graph(families: Sequence[Family], nodes: Sequence[Node]) -> dict[int, set[i
     for n, (i, op, rows) in enumerate(nodes):
         if op != RATES:
             maker[_written(families[i], rows)] = n
-    return {n: set(maker[_read(families[i], op, rows)].tolist()) - {-1, n} for n, (i, op, rows) in enumerate(nodes)}
+    return {n: set(maker[_read(families[i], op, rows)].tolist()) - {-1} for n, (i, op, rows) in enumerate(nodes)}
 
 
 def _written(one: Family, rows: Sequence[int]) -> np.ndarray:

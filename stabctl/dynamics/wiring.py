@@ -208,8 +208,10 @@ class Wiring:
                 n = family.stride(device)
                 for j, row in enumerate(rows):
                     owner[self.first_output[name] + n * j : self.first_output[name] + n * (j + 1)] = row.unit
+        sums = {tuple(places): out for out, places in self.sums}
         for (unit, signal), givers in self.given.items():
-            signals[unit, signal] = self.place(*givers[0], signal)
+            places = tuple(self.place(*giver, signal) for giver in givers)
+            signals[unit, signal] = sums.get(places, places[0])
         for k, point in enumerate(self.setpoints):
             if point.unit != NO_UNIT:
                 signals.setdefault((point.unit, point.name), self.nx + 2 * self.buses + k)

@@ -15,7 +15,7 @@ from . import stepper, voltages
 from .contingency import Happenings, schedule
 from .criterion import DEFAULT, Criterion
 from .outcome import End, Outcome, outcome
-from .plant import space
+from .plant import newton_space, space
 from .sampled import Sampled, carry
 from .timeline import timeline
 from .topology import stage
@@ -208,7 +208,8 @@ class Simulation:
         if "newton" not in kept:
             kept["newton"] = program(self.wired.families, complex)
         p = kept["newton"]._replace(k=self._program.k)
-        return voltages.newton(p.current, p, self.wired.frame, self._stage.net, self._space)
+        q = self._space
+        return voltages.newton(p.current, p, self.wired.frame, self._stage.net, q, newton_space(q))
 
 
 def _checked_step(point: OperatingPoint, step: float | None) -> float:

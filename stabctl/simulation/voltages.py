@@ -11,7 +11,6 @@ from stabctl._util.jit import allocating_entry, inline, noinline
 from stabctl.devices.blocks import copy
 from stabctl.dynamics.perform import perform
 
-from .plant import newton_space
 from .substitution import backward, forward, middle, solve_apart
 
 LIMIT = 30  # -    substitutions before Newton is called
@@ -59,7 +58,7 @@ def settle(p, a, net, q):
     return NEEDS_NEWTON
 
 
-def newton(calls, p, a, net, q) -> bool:
+def newton(calls, p, a, net, q, z) -> bool:
     """Voltages by Newton: from those before, in long implicit steps, and the same from zero; found?
 
     Parameters
@@ -71,8 +70,9 @@ def newton(calls, p, a, net, q) -> bool:
     a, net, q
         Frame, network and buffers of the run; `q.volt` ends as the solution, or as before with the bus of the largest
         residual in `q.marks[0]`.
+    z
+        Work space (`newton_space`).
     """
-    z = newton_space(q)
     for attempt in range(3):
         if newton_from(calls, p, a, net, q, z, attempt > 0):
             return True

@@ -82,6 +82,8 @@ class Symbols:
         for f in self.families():
             outputs = len(family.fields(f.device, "Output"))
             self.maker |= {w[-1] + c: (f, j) for j, w in enumerate(f.w) for c in range(outputs)}
+            inner = range(outputs, family.stride(f.device))  # nobody reads them elsewhere
+            self.signals |= {w[-1] + c: sympy.Integer(0) for w in f.w for c in inner}
 
     def families(self):
         """The families that live between steps."""
@@ -99,6 +101,7 @@ class Symbols:
         """Arguments of equations of row j of a family, by name; `signal` gives the expression of a place."""
         device, w = f.device, f.w[j]
         wanted = {a for e in equations for a in family.arguments(device, e)}
+        wanted |= {"x", "p"} if "i" in wanted else set()
         names = family.fields(device, "Input")
         read = {n: signal(w[family.INPUTS + c]) for c, n in enumerate(names) if "u" in wanted or n in wanted}
         v1, v2 = ((self.z[w[b]], self.z[w[b] + 1]) for b in (family.BUS, family.BUS2))
@@ -110,11 +113,13 @@ class Symbols:
             known["x"] = device.State(*self.z[w[family.STATE] : w[family.STATE] + states])
         if "u" in wanted:
             known["u"] = device.Input(*(read[n] for n in names))
+        if "i" in wanted:
+            known["i"] = device.Internal(*equation(device, "internal", known))
         return known
 
     def whole(self):
         """Rates, outputs and currents (real and imaginary part per bus) of the system."""
-        lay, system = self.system.layout, self.system
+        lay = self.system.layout
         rates, current = [sympy.Integer(0)] * lay.nx, [sympy.Integer(0)] * (2 * lay.buses)
         for f in self.families():
             for j, w in enumerate(f.w):

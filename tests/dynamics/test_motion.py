@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from systems import CLASSICAL, EXDC2, EXST3, KINDS, PSS, ROUND, SEXS, doubled, small, with_shares
+from systems import ALL_KINDS, CLASSICAL, EXDC2, EXST3, KINDS, PSS, ROUND, SEXS, doubled, kind, small, with_shares
 
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
@@ -76,10 +76,11 @@ def halved(point, events, until, step):
     return np.abs(rows[0] - rows[1]).max(), np.abs(rows[1] - rows[2]).max()
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_halving_the_step_shows_the_fourth_order(kind):
+@pytest.mark.parametrize("name", ALL_KINDS)
+def test_halving_the_step_shows_the_fourth_order(name):
     """A load step of 20 MW: nothing meets a limit, the load is an admittance; the ratio of the errors is 2^4."""
-    point = operating_point.solve(small(KINDS[kind]))
+    with kind(name) as models:
+        point = operating_point.solve(small(models))
     if len(point.system.draw_bus):
         pytest.skip("its voltages are iterated; see the floor of the next test")
     h = 2.0 ** np.floor(np.log2(0.6 / point.fastest))
@@ -108,11 +109,12 @@ def same_motion(single, fleet, events, until=3.0, **options):
     return max(np.abs(motion(a, 0) - motion(b, 0)).max(), np.abs(a.arrays.Efd[:, 0] - b.arrays.Efd[:, 0]).max())
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_fleet_equals_its_single(kind):
+@pytest.mark.parametrize("name", ALL_KINDS)
+def test_a_fleet_equals_its_single(name):
     """Two equal machines at one bus move as one of double size."""
-    case = with_shares(small(KINDS[kind]), p_current=1.0, q_current=1.0)
-    assert same_motion(case, doubled(case), [Fault("2", 0.1), Clear("2", 0.18)]) < 1e-9
+    with kind(name) as models:
+        case = with_shares(small(models), p_current=1.0, q_current=1.0)
+        assert same_motion(case, doubled(case), [Fault("2", 0.1), Clear("2", 0.18)]) < 1e-9
 
 
 def test_a_fleet_with_storage_equals_its_single():

@@ -4,7 +4,21 @@ from functools import partialmethod
 
 import numpy as np
 import pytest
-from systems import CLASSICAL, EXDC2, EXST3, KINDS, PSS, ROUND, SEXS, STEAM, doubled, small, with_shares
+from systems import (
+    ALL_KINDS,
+    CLASSICAL,
+    EXDC2,
+    EXST3,
+    KINDS,
+    PSS,
+    ROUND,
+    SEXS,
+    STEAM,
+    doubled,
+    kind,
+    small,
+    with_shares,
+)
 
 from stabctl import devices, io
 from stabctl.dynamics import operating_point, start
@@ -27,10 +41,11 @@ def test_packaged_cases_start_stationary(cases, points, name, classical):
     assert np.abs(mismatch).max() < 1e-8  # pu of 100 MVA, currents up to 60
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", ALL_KINDS)
 @pytest.mark.parametrize("shares", [{}, {"p_current": 1.0, "q_power": 0.4}, {"p_power": 1.0, "q_current": 1.0}])
-def test_every_model_starts_stationary(kind, shares):
-    point = operating_point.solve(with_shares(small(KINDS[kind]), **shares))
+def test_every_model_starts_stationary(name, shares):
+    with kind(name) as models:
+        point = operating_point.solve(with_shares(small(models), **shares))
     moving, mismatch = rates(point)
     assert np.abs(moving).max() < 1e-10
     assert np.abs(mismatch).max() < 1e-9
@@ -38,14 +53,18 @@ def test_every_model_starts_stationary(kind, shares):
 
 def test_the_kinds_hold_every_model():
     """A new model is one file and one row of KINDS."""
-    assert {model for kind in KINDS.values() for model in kind} == set(devices.models())
+    assert {model for models in KINDS.values() for model in models} == set(devices.models())
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_machine_gives_its_power_flow_power(kind):
-    point = operating_point.solve(doubled(small(KINDS[kind])))
+@pytest.mark.parametrize("name", ALL_KINDS)
+def test_the_machine_gives_its_power_flow_power(name):
+    with kind(name) as models:
+        point = operating_point.solve(doubled(small(models)))
     run = simulation.run(point, until=0.01)
     assert run.arrays.P[0] == pytest.approx(point.flow.S.real * 100, abs=1e-6)
+    units = range(len(point.case.machines))
+    Q = [run.rows[0, point.layout.signals[unit, "Q"]] * point.case.machines[unit].base for unit in units]
+    assert pytest.approx(point.flow.S.imag * 100, abs=1e-6) == Q
 
 
 @pytest.mark.parametrize("name", io.packaged())
@@ -57,9 +76,9 @@ def test_nothing_drifts_in_ten_seconds(points, name):
     assert run.outcome.kind == "stable"
 
 
-def needed(kind, part):
-    """Value of an exciter's or governor's output at the start of a kind."""
-    return getattr(simulation.run(operating_point.solve(small(kind)), until=0.01).arrays, part)[0, 0]
+def needed(models, part):
+    """Value of an exciter's or governor's output at the start."""
+    return getattr(simulation.run(operating_point.solve(small(models)), until=0.01).arrays, part)[0, 0]
 
 
 LIMITS = [
@@ -82,11 +101,11 @@ LIMITS = [
 
 
 @pytest.mark.parametrize(
-    ("kind", "model", "limit", "value"), LIMITS, ids=[f"{m} {n} {i}" for i, (_, m, n, _) in enumerate(LIMITS)]
+    ("models", "model", "limit", "value"), LIMITS, ids=[f"{m} {n} {i}" for i, (_, m, n, _) in enumerate(LIMITS)]
 )
-def test_a_limit_beyond_which_the_start_lies_is_named_with_device_and_machine(kind, model, limit, value):
-    figure = float(f"{value(needed(kind, 'Efd')):.4g}")
-    tight = {**kind, model: kind[model]._replace(**{limit: figure})}
+def test_a_limit_beyond_which_the_start_lies_is_named_with_device_and_machine(models, model, limit, value):
+    figure = float(f"{value(needed(models, 'Efd')):.4g}")
+    tight = {**models, model: models[model]._replace(**{limit: figure})}
     with pytest.raises(EquilibriumError) as caught:
         operating_point.solve(small(tight))
     start = f"{devices.every()[model].NAME} of machine 1 at bus 1 cannot be initialized: {limit} = {figure:g} pu"
@@ -96,10 +115,10 @@ def test_a_limit_beyond_which_the_start_lies_is_named_with_device_and_machine(ki
 
 def test_a_bypassed_block_has_no_state_that_could_lie_beyond_a_limit():
     """SEXS with TA = 0 has no regulator state; only its output is limited."""
-    kind = {"genrou": ROUND, "sexs": SEXS._replace(TA=0.0, KA=15.0)}
-    efd = needed(kind, "Efd")
+    models = {"genrou": ROUND, "sexs": SEXS._replace(TA=0.0, KA=15.0)}
+    efd = needed(models, "Efd")
     for low in (0.9 * efd, -5.0):
-        held = {**kind, "sexs": kind["sexs"]._replace(Efdmax=1.1 * efd, Efdmin=low)}
+        held = {**models, "sexs": models["sexs"]._replace(Efdmax=1.1 * efd, Efdmin=low)}
         assert np.abs(rates(operating_point.solve(small(held)))[0]).max() < 1e-10
 
 

@@ -78,7 +78,9 @@ def test_orders_from_outside_are_limited_and_checked(two_area):
     simulation.orders[:] = 5
     simulation.advance(0.3)
     assert simulation.finish().arrays.storage.max() == pytest.approx(50, rel=1e-9)
-    assert simulation.finish().arrays.storage[-1, 0] == pytest.approx(50, rel=1e-9)  # its machine is alone, the order stays
+    assert simulation.finish().arrays.storage[-1, 0] == pytest.approx(
+        50, rel=1e-9
+    )  # its machine is alone, the order stays
     simulation = Simulation(point)
     simulation.orders[0] = np.nan
     with pytest.raises(StudyError, match="not finite"):

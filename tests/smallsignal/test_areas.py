@@ -39,7 +39,7 @@ def test_areas_after_a_topology_change(modes):
 
 
 def test_opening_the_only_way_is_refused(modes):
-    with pytest.raises(StudyError, match=r"Without 7-8 .* bus 8 is cut off"):
+    with pytest.raises(StudyError, match=r"Without 7-8 .* bus 8 is not connected"):
         opened(modes("wnaps").linear.point.case, ["7-8"])
 
 

@@ -8,8 +8,7 @@ from stabctl.dynamics import layout
 
 @pytest.mark.parametrize("name", io.packaged())
 def test_labels_of_states_are_unique_words(point, name):
-    p = point(name)
-    labels = layout.unique(layout.label(p.case, place) for place in layout.states(p.plant))
+    labels = layout.unique(place.label for place in point(name).layout.states)
     assert len(set(labels)) == len(labels)
     assert not any("." in text for text in labels)
 

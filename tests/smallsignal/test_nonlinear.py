@@ -23,7 +23,7 @@ def test_load_step_simulated_and_linear(point):
 
     def difference(mw):
         t = run(p, [LoadStep(7, 0.0, p=mw)], until=4.0, step=1 / 480)
-        simulated = np.vstack([t.speed.T - 1, np.abs(t.V[:, p.net.place[8]]) - abs(p.V[p.net.place[8]])])
+        simulated = np.vstack([t.arrays.speed.T - 1, np.abs(t.arrays.V[:, p.net.place[8]]) - abs(p.V[p.net.place[8]])])
         return _difference(model, t.time, simulated, mw / 100)
 
     (large, moved), (small, _) = difference(40.0), difference(20.0)
@@ -42,8 +42,9 @@ def test_storage_order_simulated_and_linear(point):
         s.advance(4.0)
         t = s.finish()
         H = p.inertia
-        rest = (t.speed[:, 1:] @ H[1:]) / H[1:].sum()
-        return _difference(model, t.time, np.vstack([t.speed.T, rest]) - 1, share)
+        speed = t.arrays.speed
+        rest = (speed[:, 1:] @ H[1:]) / H[1:].sum()
+        return _difference(model, t.time, np.vstack([speed.T, rest]) - 1, share)
 
     (large, _), (small, _) = difference(0.4), difference(0.2)
     assert large / small == pytest.approx(4, rel=0.05)  # 3.94

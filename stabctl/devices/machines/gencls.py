@@ -69,7 +69,7 @@ def output(i, Efd, v, p):
     k = 1 / (p.ra * p.ra + p.x1d * p.x1d)
     iq, id_ = k * (p.ra * er + p.x1d * ei), k * (p.x1d * er - p.ra * ei)
     vt = magnitude(vr, vi)
-    return Output(id_, iq, Efd * iq, vr * iq - vi * id_, -(vr * id_ + vi * iq), vt, vt, Efd, 0 * Efd)
+    return Output(id_, iq, Efd * iq, vr * iq - vi * id_, vr * id_ + vi * iq, vt, vt, Efd, 0 * Efd)
 
 
 @inline

@@ -61,7 +61,7 @@ def stator(x, i, v, p):
         iq,
         i.psid * iq - i.psiq * id_,
         vr * iq - vi * id_,
-        -(vr * id_ + vi * iq),
+        vr * id_ + vi * iq,
         magnitude(vr, vi),
         magnitude(vr - slip * i.psid, vi - slip * i.psiq),
     )

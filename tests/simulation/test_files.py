@@ -1,0 +1,55 @@
+"""Trajectories: what they hold, how they print, and the files they are written to."""
+
+import numpy as np
+import pytest
+
+from stabctl.controllers import BangBang
+from stabctl.dynamics import operating_point
+from stabctl.errors import StudyError
+from stabctl.model.case import Storage
+from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.simulation import run
+
+
+@pytest.fixture(scope="module")
+def traced(cases):
+    case = cases("two_area").with_storage([Storage(1, 5, 50.0), Storage(2, 6, 20.0)])
+    return run(operating_point.solve(case), Contingency("7", 0.1, ["7-8"], at=0.1), 0.5, control=BangBang())
+
+
+class TestTrajectory:
+    def test_is_immutable(self, traced):
+        with pytest.raises(ValueError, match="read-only"):
+            traced.rows[0, 0] = 1
+        with pytest.raises(AttributeError):
+            traced.outcome = None
+
+    def test_tables_and_files_hold_the_same(self, traced, tmp_path):
+        import pandas as pd
+        import xarray as xr
+
+        frame = traced.df
+        assert list(frame.columns) == [
+            "time_s",
+            *(f"speed_pu:{m}" for m in (1, 2, 3, 4)),
+            *(f"angle_rad:{m}" for m in (1, 2, 3, 4)),
+            *(f"voltage_pu:{b}" for b in range(1, 12)),
+            "storage_mw:1",
+            "storage_mw:2",
+        ]
+        assert len(frame) == traced.steps + 1
+        again = pd.read_csv(traced.save(tmp_path / "run.csv"))
+        assert np.abs(again.to_numpy() - frame.to_numpy()).max() < 1e-12
+        data = traced.dataset
+        assert data["speed"].dims == ("time", "machine")
+        assert data["voltage"].dims == ("time", "bus")
+        assert {v.attrs["units"] for v in data.data_vars.values()} == {"pu", "rad", "MW", "MWh", "1"}
+        with xr.open_dataset(traced.save(tmp_path / "run.nc"), engine="scipy") as stored:
+            assert np.array_equal(stored["speed"], traced.arrays.speed)
+            assert stored.attrs["outcome"] == "stable"
+        with pytest.raises(StudyError, match=r"give a name ending in \.csv or \.nc"):
+            traced.save(tmp_path / "run.mat")
+
+    def test_prints_itself_in_a_sentence(self, traced):
+        assert str(traced).startswith("two_area: All machines stayed in synchronism until 0.500 s.")
+        assert traced._repr_html_() == f"<p>{traced}</p>"

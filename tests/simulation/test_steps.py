@@ -1,0 +1,113 @@
+"""Where a run lands in time: steps, events, intervals, ends."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from comparison import KEEP_ON
+
+from stabctl.dynamics import operating_point
+from stabctl.errors import StudyError
+from stabctl.simulation import simulation
+from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.criterion import Criterion
+from stabctl.simulation.events import (
+    Clear,
+    Fault,
+    LoadStep,
+    Open,
+)
+from stabctl.simulation.simulation import Simulation, run
+
+
+@pytest.fixture(scope="module")
+def two_area(points):
+    return points("two_area")
+
+
+class TestTime:
+    def test_it_lands_exactly_on_every_event(self, two_area):
+        instants = (0.1, 0.1 + 1 / 77, 0.3, 0.3 + 1e-4)
+        events = [
+            Fault("7", instants[0]),
+            Clear("7", instants[1]),
+            Open("7-8", instants[2]),
+            LoadStep(7, instants[3], 5.0),
+        ]
+        traced = run(two_area, events, 0.5, step=1 / 100)
+        for t in (*instants, 0.0, 0.5):
+            assert np.abs(traced.time - t).min() < 1e-12
+        assert np.diff(traced.time).max() <= 0.01 + 1e-12
+        assert (np.diff(traced.time) > 0).all()
+        assert traced.steps == len(traced.time) - 1
+
+    def test_an_interval_at_a_time_equals_one_run(self, two_area):
+        events = Contingency("7", 8 / 60, ["7-8"], at=0.5)
+        whole = run(two_area, events, 2.0, step=1 / 120)
+        sim = Simulation(two_area, events, step=1 / 120)
+        for k in range(1, 61):
+            assert sim.advance(k / 30)
+        pieces = sim.finish()
+        assert np.array_equal(np.round(whole.time, 9), np.round(pieces.time, 9))
+        assert np.abs(whole.arrays.speed - pieces.arrays.speed).max() < 1e-7
+        quiet = replace(two_area.case, loads=tuple(d._replace(p_current=0.0) for d in two_area.case.loads))
+        point = operating_point.solve(quiet)
+        whole, sim = run(point, events, 2.0, step=1 / 120), Simulation(point, events, step=1 / 120)
+        for k in range(1, 61):
+            sim.advance(k / 30)
+        assert np.abs(whole.arrays.speed - sim.finish().arrays.speed).max() < 1e-11
+
+    def test_a_late_start_finds_the_events_before_it_done(self, two_area):
+        traced = run(two_area, [Open("7-8", 0.5)], 1.5, start=1.0)
+        assert traced.time[0] == 1.0
+        assert np.ptp(traced.arrays.speed) > 1e-5
+
+    def test_an_early_stop_ends_the_run_at_the_slip(self, two_area):
+        traced = run(two_area, Contingency("7", 0.3, ["7-8"]), 10.0)
+        assert traced.outcome.kind == "lost_synchronism"
+        assert traced.time[-1] == pytest.approx(traced.outcome.time_s)
+        assert traced.outcome.time_s < 4
+        assert traced.max_angle_from_coi_deg >= np.rad2deg(3.5)
+        later = run(two_area, Contingency("7", 0.3, ["7-8"]), 10.0, criterion=Criterion(max_angle=6.0))
+        assert later.outcome.time_s > traced.outcome.time_s
+
+    def test_the_slip_is_measured_against_the_centre_of_inertia(self, two_area):
+        traced = run(two_area, Contingency("7", 0.3, ["7-8"]), 10.0)
+        H = two_area.inertia
+        change = traced.arrays.angle - traced.arrays.angle[0]
+        off = np.abs(change - (change @ H / H.sum())[:, None])
+        assert np.rad2deg(off.max()) == pytest.approx(traced.max_angle_from_coi_deg, abs=1e-9)
+        assert two_area.case.machines[off[-1].argmax()].machine == traced.outcome.machine
+        assert (off[:-1] < 3.5).all()
+
+    def test_without_record_the_outcome_is_the_same(self, two_area):
+        events = Contingency("7", 0.3, ["7-8"])
+        a, b = run(two_area, events, 5.0), run(two_area, events, 5.0, record=False)
+        assert (a.outcome, a.steps) == (b.outcome, b.steps)
+        assert a.peak == pytest.approx(b.peak, abs=0)
+        assert len(b.rows) == 0
+
+
+class TestLimitsOfTheStep:
+    def test_steps(self, two_area):
+        longest = simulation.REACH / two_area.fastest
+        with pytest.raises(StudyError, match=r"^The step 0\.05 s is too long for two_area, whose fastest eigenvalue"):
+            run(two_area, step=0.05)
+        for bad in (0.0, -0.1, float("nan"), float("inf")):
+            with pytest.raises(StudyError, match=r"^The step .* s is not allowed; it must be at least 1e-07 s\.$"):
+                run(two_area, step=bad)
+        assert run(two_area, [LoadStep(7, 0.1, 10.0)], 1.0, step=0.99 * longest).outcome.kind == "stable"
+
+    def test_the_longest_step_is_carried_and_twice_as_long_would_not_be(self, two_area, monkeypatch):
+        longest = simulation.REACH / two_area.fastest
+        events = [LoadStep(7, 0.1, 10.0)]
+        carried = run(two_area, events, 3.0, step=longest, criterion=KEEP_ON)
+        assert np.abs(np.diff(carried.arrays.Efd[-20:], axis=0)).max() < 0.01
+        monkeypatch.setattr(simulation, "REACH", 10.0)
+        wild = run(two_area, events, 3.0, step=2 * longest, criterion=KEEP_ON)
+        assert np.abs(wild.arrays.Efd[-1] - carried.arrays.Efd[0]).max() > 2.5
+
+    @pytest.mark.parametrize("until", [0.0, -1.0, float("nan"), float("inf")])
+    def test_ends(self, two_area, until):
+        with pytest.raises(StudyError, match=r"it must end after its start"):
+            run(two_area, until=until)

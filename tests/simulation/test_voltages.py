@@ -1,0 +1,105 @@
+"""Network voltages where substitution does not contract, against scipy on the same equations."""
+
+import numpy as np
+import pytest
+from comparison import KEEP_ON
+from scipy.optimize import root
+from systems import with_shares
+
+from stabctl.dynamics import family, operating_point
+from stabctl.dynamics.program import program
+from stabctl.model.network import UNSWITCHED
+from stabctl.simulation import voltages
+from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.plant import newton_space, space
+from stabctl.simulation.simulation import run
+from stabctl.simulation.timeline import timeline
+from stabctl.simulation.topology import stage
+from stabctl.simulation.wired import wired
+
+
+def at(run, t):
+    """Row of the first record at t or later."""
+    return np.searchsorted(run.time, t - 1e-9)
+
+
+class TestNewtonFallback:
+    """Two-area near the nose of its loads' voltage: substitution does not contract there."""
+
+    @staticmethod
+    def heavy(cases):
+        case = cases("two_area")
+        return with_shares(case, p_current=0.0, p_power=1.0, q_power=1.0)
+
+    def test_voltages_solve_the_network_where_substitution_would_not_contract(self, cases):
+        point = operating_point.solve(self.heavy(cases))
+        events = Contingency("8", 6 / 60, ["7-8", "8-9"], at=0.1).timed(point.case)
+        traced = run(point, events, 1.5, criterion=KEEP_ON)
+        changes, sources, radius = timeline(point.case, events), self.sources(point), []
+        for t in (0.05, 0.12, 0.25, 0.5, 1.0):
+            k = min(at(traced, t), len(traced.time) - 1)
+            switching = [c for c in changes if c.at <= traced.time[k] + 1e-9][-1].switching
+            Y = point.admittance(switching).toarray()
+
+            def substituted(pairs, Y=Y, k=k):
+                return np.linalg.solve(Y, sources(traced.rows[k]) + self.draws(point, pairs.view(complex))).view(float)
+
+            v = traced.arrays.V[k].copy().view(float)
+            assert np.abs(substituted(v) - v).max() < 1e-6
+            slopes = [(substituted(v + e) - substituted(v - e)) / 2e-6 for e in 1e-6 * np.eye(len(v))]
+            radius.append(np.abs(np.linalg.eigvals(np.array(slopes))).max())
+        assert max(radius) > 1  # 2.6
+
+    @staticmethod
+    def sources(point):
+        """Currents (buses) of the machines' sources in a row of signals, in plain Python."""
+
+        def currents(row):
+            out = np.zeros(len(point.V), complex)
+            for f in (f for f in point.system.families if hasattr(f.device, "source")):
+                for w, k in zip(f.w, f.k, strict=True):
+                    state = row[w[family.STATE] : w[family.STATE] + len(f.device.State._fields)]
+                    bus = (w[family.BUS] - point.layout.nx) // 2
+                    known = {"x": f.device.State(*state), "p": f.device.Par(*k)}
+                    if hasattr(f.device, "internal"):
+                        known["i"] = f.device.internal(**known)
+                    out[bus] += complex(*f.device.source(*(known[a] for a in family.arguments(f.device, "source"))))
+            return out
+
+        return currents
+
+    @staticmethod
+    def draws(point, V):
+        """Currents (buses) of the loads, in plain Python."""
+        out, f = np.zeros(len(V), complex), point.system.family("zip_load")
+        for w, k in zip(f.w, f.k, strict=True):
+            bus = (w[family.BUS] - point.layout.nx) // 2
+            out[bus] += complex(*f.device.current((V[bus].real, V[bus].imag), f.device.Par(*k)))
+        return out
+
+    @pytest.mark.parametrize("slow", [False, True])
+    @pytest.mark.parametrize("scale", [1.0, 0.97, 0.96, 0.955, 0.95, 0.945, 0.94, 0.93, 0.92, 0.9, 0.8, 0.6, 0.3, 0.1])
+    def test_it_agrees_with_scipy_on_the_same_equations(self, cases, scale, slow):
+        """Sources weakened to `scale`, so that one load and then both fall below their thresholds.
+
+        Plain Newton may stop at the kink between; slowly it finds the solution that there always is.
+        """
+        point = operating_point.solve(self.heavy(cases))
+        made = wired(point, None)
+        source = scale * self.sources(point)(point.s)
+        Y = point.admittance().toarray()
+
+        def miss(pairs):
+            V = np.ascontiguousarray(pairs).view(complex)
+            return np.linalg.solve(Y, Y @ V - source - self.draws(point, V)).view(float)
+
+        q = space(made.start, made.layout, made.frame, point.case.base_mva)
+        q.source[:] = source
+        p, net = program(made.families, complex), stage(point, UNSWITCHED).net
+        found = voltages.newton_from(p.current, p, made.frame, net, q, newton_space(q), slow)
+        assert found or not slow
+        if found:
+            assert np.abs(miss(q.volt.view(float))).max() < 2e-7
+            theirs = root(miss, q.volt.view(float), tol=1e-12)
+            assert np.abs(theirs.fun).max() < 1e-12  # 7e-16; it may call a stop at rounding no success
+            assert np.abs(theirs.x.view(complex) - q.volt).max() < 1e-6
