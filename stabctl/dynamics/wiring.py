@@ -181,7 +181,6 @@ class Wiring:
 
     def _adders(self) -> list[Family]:
         """Sums of the signals that fill one summing port, two at a time."""
-
         rows = []
         for out, places in self.sums:
             left = places[0]
@@ -201,6 +200,7 @@ class Wiring:
         """Places in s, after `families`."""
         owner = np.full(self.end, NO_UNIT, np.int64)
         owner[: self.nx] = [place.unit for place in self.states]
+        owner[self.nx + 2 * self.buses : self.step] = [point.unit for point in self.setpoints]
         signals = {}
         for name, rows in self.tables.items():
             device = devices.every()[name]
@@ -209,7 +209,8 @@ class Wiring:
                 for j, row in enumerate(rows):
                     owner[self.first_output[name] + n * j : self.first_output[name] + n * (j + 1)] = row.unit
         for (unit, signal), givers in self.given.items():
-            signals[unit, signal] = self.place(*givers[0], signal)
+            places = [self.place(*giver, signal) for giver in givers]
+            signals[unit, signal] = next((out for out, those in self.sums if those == places), places[0])
         for k, point in enumerate(self.setpoints):
             if point.unit != NO_UNIT:
                 signals.setdefault((point.unit, point.name), self.nx + 2 * self.buses + k)
