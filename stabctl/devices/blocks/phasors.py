@@ -20,5 +20,6 @@ def magnitude(re, im):
 
 @inline
 def angle(re, im):
-    """Angle (rad) of the phasor re + j im, within half a turn: twice the arctangent of half of it."""
-    return 2 * np.arctan(im / (magnitude(re, im) + re))
+    """Angle (rad) of the phasor re + j im, within half a turn: twice the arctangent of half of it; 0 of none."""
+    near = magnitude(re, im) + re
+    return 0 * im if near.real == 0 and im.real == 0 else 2 * np.arctan(im / near)
