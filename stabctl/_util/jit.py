@@ -70,6 +70,8 @@ def sources(module: ModuleType) -> str:
         constants = {k: v for k, v in vars(found).items() if isinstance(v, int | float | complex)}
         seen[found.__name__] = f"{Path(file).read_text(encoding='utf-8')}{constants}"
         for value in vars(found).values():
+            if inspect.ismodule(value) and hasattr(found, "__path__"):
+                continue  # a submodule, which is there or not as others have imported it
             owner = value if inspect.ismodule(value) else sys.modules.get(getattr(value, "__module__", None) or "")
             if owner is not None:
                 todo.append(owner)
@@ -118,6 +120,7 @@ def _ours(path: Path) -> bool:
 
 
 _told: list[bool] = []
+awaited: dict[str, Callable[[], object]] = {}  # module of an entry that another process compiles -> waits for it
 
 
 @contextmanager
@@ -174,6 +177,7 @@ class Entry:
         if self._compiled is not None:
             return self._compiled(*arguments)
         with lock, compiling([] if self.on_disk() else [self.name]) as done:
+            awaited.pop(self.function.__module__, bool)()
             self._compiled = self._compiled or self._compile()
             found = self._compiled(*arguments)
             done()

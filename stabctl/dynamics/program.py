@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stabctl import devices
-from stabctl._util import jit
+from stabctl._util import alongside, jit
 from stabctl.errors import EquilibriumError
 
 from . import family
@@ -170,6 +170,8 @@ def near(families: Sequence[Family]) -> np.ndarray:
 def _addresses(families: Sequence[Family], scalar: type) -> list[int]:
     """Addresses of the families' loops, which are compiled where their machine code is not on disk."""
     new = [f.device.NAME for f in families if len(f.w) and not family.on_disk(f.name, f.device, scalar)]
+    if new:
+        alongside.start("stabctl.simulation.stepper:advance", "stabctl.simulation.prepare")
     with jit.compiling(new) as done:
         out = []
         for f in families:
