@@ -98,7 +98,9 @@ def register(path: str | Path) -> str:
         If the file cannot be read, is not a device, or has the name of a packaged device.
     """
     if not isinstance(path, str | Path):
-        raise StudyError(f"{shown(path)} is not a device file; give the path of a Python file, such as 'my_exciter.py'.")
+        raise StudyError(
+            f"{shown(path)} is not a device file; give the path of a Python file, such as 'my_exciter.py'."
+        )
     path = Path(path)
     name = path.stem
     if not path.is_file() or path.suffix != ".py":
