@@ -100,7 +100,7 @@ def test_a_device_that_waits_for_its_own_output_is_an_error(tmp_path):
     file.write_text(ECHO)
     with registered(file):
         case = small({"genrou": ROUND, "sexs": SEXS, "echo_pss": devices.every()["echo_pss"].Par(0)})
-        with pytest.raises(EquilibriumError, match="wait for each other"):
+        with pytest.raises(EquilibriumError, match="algebraic loop"):
             operating_point.solve(case)
 
 
