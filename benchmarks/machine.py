@@ -1,6 +1,7 @@
 """Where and when something was measured, and how long it took."""
 
 import datetime
+import os
 import platform
 import time
 from collections.abc import Callable
@@ -20,3 +21,16 @@ def stated() -> str:
     names = [k for k in info.read_text().splitlines() if k.startswith("model name")] if info.exists() else []
     name = names[0].partition(":")[2].strip() if names else platform.processor() or platform.machine()
     return f"{name}, one core, {datetime.date.today()}"
+
+
+def cpu(call: Callable[[], object]) -> float:
+    """Processor seconds of one call."""
+    before = time.process_time()
+    call()
+    return time.process_time() - before
+
+
+def cpu_of_children() -> float:
+    """Processor seconds of all child processes that have ended."""
+    used = os.times()
+    return used.children_user + used.children_system

@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def replace(path: Path, content: str | bytes) -> None:
-    """Write a file so that what stood there stays until all of the new is on disk. Raises OSError where it cannot."""
+    """Replace a file only when the new one is completely on disk. Raises OSError if it cannot."""
     number, part = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(number, "wb") as file:

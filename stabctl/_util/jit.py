@@ -66,6 +66,8 @@ def sources(module: ModuleType) -> str:
             continue
         seen[found.__name__] = Path(file).read_text(encoding="utf-8")
         for value in vars(found).values():
+            if inspect.ismodule(value) and hasattr(found, "__path__"):
+                continue  # a submodule, which is there or not as others have imported it
             owner = value if inspect.ismodule(value) else sys.modules.get(getattr(value, "__module__", None) or "")
             if owner is not None:
                 todo.append(owner)
@@ -114,6 +116,7 @@ def _ours(path: Path) -> bool:
 
 
 _told: list[bool] = []
+awaited: dict[str, Callable[[], object]] = {}  # module of an entry that another process compiles -> waits for it
 
 
 @contextmanager
@@ -170,6 +173,7 @@ class Entry:
         if self._compiled is not None:
             return self._compiled(*arguments)
         with compiling([] if self.on_disk() else [self.name]) as done:
+            awaited.pop(self.function.__module__, bool)()
             self._compiled = self._compile()
             found = self._compiled(*arguments)
             done()

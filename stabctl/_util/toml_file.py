@@ -1,4 +1,4 @@
-"""TOML files read and checked by pydantic models, with every mistake as one sentence."""
+"""TOML files read and checked by pydantic models, with every error as one sentence."""
 
 import difflib
 import tomllib
@@ -34,7 +34,7 @@ def read(path: Path, what: str) -> dict[str, Any]:
 
 
 def validated(model: "type[BaseModel]", content: Any, where: str) -> "BaseModel":
-    """The content as a model. Raises StudyError with the place, key and value of the first mistake.
+    """The content as a model. Raises StudyError with the place, key and value of the first error.
 
     The description of a field says what is allowed; a `PydanticCustomError` of type "custom" says what is wrong.
     """
@@ -50,7 +50,9 @@ def unknown(key: str, known: Iterable[str]) -> str:
     """What is wrong with an unknown key, with the nearest known one."""
     known = list(known)
     near = difflib.get_close_matches(key, known, n=1)
-    return f"{key!r} is not known; " + (f"did you mean {near[0]!r}?" if near else f"the keys are {', '.join(known)}.")
+    return f"{key!r} is not a known key; " + (
+        f"did you mean {near[0]!r}?" if near else f"the keys are {', '.join(known)}."
+    )
 
 
 def _sentence(model: "type[BaseModel]", error: "ValidationError", content: Any, where: str) -> str:

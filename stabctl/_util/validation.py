@@ -14,13 +14,13 @@ from stabctl.schema import Field, fields, hints
 if TYPE_CHECKING:
     from pydantic_core import SchemaValidator
 
-LARGEST = 1e12  # beyond it numbers are taken for mistakes
+LARGEST = 1e12  # larger numbers are taken for errors
 
 Record = TypeVar("Record", bound=Any)
 
 
 class Invalid(Exception):
-    """A value that is not allowed: the row it stands in (from 0), its field, and what it must be."""
+    """A value that is not allowed: its row (from 0), its field, and what it must be."""
 
     def __init__(self, row: int, field: Field, value: object, expected: str) -> None:
         super().__init__(f"row {row}, {field.name}: {shown(value)} is not allowed; it must be {expected}")
@@ -109,4 +109,4 @@ def _expected(f: Field, first: Mapping[str, Any]) -> str:
         return f.expected().replace("a number", "a finite number")
     if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) > LARGEST:
         return f"{f.expected()}, and at most {LARGEST:g} in size"
-    return f.expected() if f.kind is not str or f.choices else "text of one line"
+    return f.expected() if f.kind is not str or f.choices else "one line of text"

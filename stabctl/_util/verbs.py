@@ -1,4 +1,4 @@
-"""Methods that live in a higher room than their noun: declared by name, imported at first use."""
+"""Methods implemented in a package above their class: declared by name, imported at first use."""
 
 from collections.abc import Callable
 from importlib import import_module

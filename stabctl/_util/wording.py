@@ -4,7 +4,7 @@ PLURALS = {"bus": "buses", "contingency": "contingencies"}
 
 
 def named(number: int, noun: str) -> str:
-    """The noun as it stands after a number: bus, buses."""
+    """The noun after a number: bus, buses."""
     return noun if number == 1 else PLURALS.get(noun, noun + "s")
 
 

@@ -129,11 +129,11 @@ def steering(
     law: "BangBang | None", estimator: str, pmu: "Pmu", seed: int, engine: "Engine" = "filterpy"
 ) -> "BangBang | EstimatorControl | None":
     """The control of the storage: the law itself where the estimator is ideal, else the law with estimated speeds."""
+    if estimator == "ideal":
+        return law
     from stabctl.errors import StudyError
     from stabctl.estimation.estimator_control import EstimatorControl
 
-    if estimator == "ideal":
-        return law
     if law is None:
         raise StudyError(f"--estimator {estimator} needs storage devices under control; give --storage.")
     return EstimatorControl(law, estimator, pmu, seed=seed, engine=engine)

@@ -1,7 +1,7 @@
 """Continuous laws on speed and acceleration (the paper, section 3, eq. (13) and (14)), as orders of storage devices.
 
 In the one-machine theory the power depends on the acceleration that it causes. Here an order is held over a step and
-reads the acceleration of the step before, which comes to the same within a few steps while |Ka| stays below 2H/wb.
+reads the acceleration of the step before, which gives the same result within a few steps while |Ka| stays below 2H/wb.
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""What stands between whoever wants an order and the storage device: limits, rate limit, hold.
+"""The stage between a control law and the storage device: limits, rate limit, hold.
 
 wanted -> [-1 .. 1] -> [at most ramp per second] -> held until the next step. A machine that is off orders nothing.
 """

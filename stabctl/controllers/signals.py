@@ -1,4 +1,4 @@
-"""What a storage law reads of its machine, what it gives, and what it may know of its device."""
+"""Inputs and output of a storage law, and what it may know about its device."""
 
 from typing import Annotated, NamedTuple
 
@@ -13,7 +13,7 @@ class Input(NamedTuple):
 
 
 class Output(NamedTuple):
-    """What a law asks of its device."""
+    """Output of a law."""
 
     wanted: Annotated[float, "-", "order, in ratings, absorbing positive"]
 

@@ -1,4 +1,4 @@
-"""Device models, one file each, found by looking: a new model is a new file in one of the folders.
+"""Device models, one file each, discovered automatically: a new model is a new file in one of the folders.
 
 A device is a module with NAME, ROLE, Par, and as far as it has them State, Input, Output (NamedTuples whose fields are
 `Annotated` with unit and meaning) and the equations as scalar functions of x (State), u (Input), v (bus voltage, real
@@ -13,8 +13,8 @@ and imaginary part), y (its own Output) and p (Par), each marked `@inline`:
     guess(V, I, p)    -> State to start the initialization from
     step(...)         -> Output once per frame, of a sampled law
 
-LIMITS names the states that stop at limits (non-windup). The start opens every limit: the constants named ...max and
-...min, and upper limits of other names listed in UPPER. The file name is the name of its table.
+LIMITS names the states that stop at limits (non-windup). Initialization ignores every limit: the constants named
+...max and ...min, and upper limits of other names listed in UPPER. The file name is the name of its table.
 """
 
 import importlib
@@ -41,7 +41,7 @@ ROLES: Mapping[str, str] = MappingProxyType(
         "shunt": "controlled shunt at a bus",
         "link": "link between two buses",
         "sensor": "measurement",
-        "controller": "law of storage devices, or a designed controller",
+        "controller": "control law of storage devices, or a designed controller",
     }
 )
 UNIT_ROLES = ("machine", "converter", "exciter", "governor", "stabilizer")
@@ -77,7 +77,7 @@ def models() -> Mapping[str, ModuleType]:
 
 
 def register(path: str | Path) -> str:
-    """Make a device of one's own known, from a file outside the package.
+    """Register a user's device from a file outside the package.
 
     Opening a case never runs code: a device is registered by the user, before the case that uses it is read.
 
@@ -94,12 +94,12 @@ def register(path: str | Path) -> str:
     Raises
     ------
     StudyError
-        Where the file cannot be read, is no device, or has the name of a device of the package.
+        If the file cannot be read, is not a device, or has the name of a packaged device.
     """
     from . import trial  # reads the markers of this package, which is not complete while it is imported
 
     if not isinstance(path, str | Path):
-        raise StudyError(f"{shown(path)} is not a device file; give the path of a Python file, as 'my_exciter.py'.")
+        raise StudyError(f"{shown(path)} is not a device file; give the path of a Python file, such as 'my_exciter.py'.")
     path = Path(path)
     name = path.stem
     if not path.is_file() or path.suffix != ".py":
@@ -109,7 +109,7 @@ def register(path: str | Path) -> str:
             f"{path}: {name!r} cannot name a table; use letters, digits and underscores, as my_exciter.py."
         )
     if name in _found():
-        raise StudyError(f"{path}: {name!r} is the name of a device of the package; give the file another name.")
+        raise StudyError(f"{path}: {name!r} is the name of a packaged device; rename the file.")
     spec: Any = importlib.util.spec_from_file_location(f"stabctl_device_{name}", path)
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module

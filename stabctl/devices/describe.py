@@ -53,7 +53,7 @@ class Description(NamedTuple):
 
 
 def describe(name: str) -> Description:
-    """The device of that name: its file's, or what it calls itself (GENROU).
+    """The device of that name: its file's, or its own NAME (GENROU).
 
     Raises
     ------
@@ -63,7 +63,7 @@ def describe(name: str) -> Description:
     devices = every()
     found = name if name in devices else next((k for k, m in devices.items() if m.NAME.lower() == name.lower()), None)
     if found is None:
-        raise StudyError(f"There is no model {name!r}; known are {', '.join(devices)}.")
+        raise StudyError(f"There is no model {name!r}; choose one of {', '.join(devices)}.")
     device = devices[found]
     title, _, text = (device.__doc__ or device.NAME).partition("\n")
     signals = (tuple(_signals(device, record)) for record in ("State", "Input", "Output"))
@@ -102,7 +102,7 @@ def _reads(markers: list[Any]) -> str:
         if isinstance(marker, Port) and marker.summing:
             return "port: the sum of what fills it"
         if isinstance(marker, Port) and marker.start is not None:
-            return f"port: else the set-point, {marker.start:g} at the start"
+            return f"port: else the set-point, {marker.start:g} initially"
         if isinstance(marker, Port):
             return "port: else the set-point, solved from the power flow"
     return "the signal of this name of its unit"

@@ -10,7 +10,7 @@ from typing import NamedTuple
 class Port(NamedTuple):
     """An input that a control, a stabilizer or a designed controller may fill with an output of the same name.
 
-    Where nothing fills it, it is a set-point: solved for at the start, or `start` where that is a number. A summing
+    If nothing fills it, it is a set-point: solved for at initialization, or `start` where that is a number. A summing
     port adds up whatever fills it and is zero where nothing does.
     """
 

@@ -1,4 +1,4 @@
-"""Case and power flow -> the system: all devices, wired, with what the start and the simulation need of them."""
+"""Case and power flow -> the system: all devices, wired, with what initialization and simulation need."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -29,7 +29,7 @@ class Rotors(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """All devices of a case, with everything that the start, the derivatives and the simulation need of them."""
+    """All devices of a case, with everything that initialization, derivatives and simulation need."""
 
     families: tuple[Family, ...]
     layout: Layout
@@ -37,7 +37,7 @@ class System:
     rotors: Rotors
     unit_bus: np.ndarray  # (units) rows of the buses
     forming: np.ndarray  # (units) does it hold a voltage of its own?
-    fixed: np.ndarray  # (buses) admittance of what stands in the network matrix, pu
+    fixed: np.ndarray  # (buses) admittances included in the network matrix, pu
     draw_bus: np.ndarray  # rows of the buses with currents that depend on their voltage
     watch_bus: np.ndarray  # rows of the buses of loads
     watch_low: np.ndarray  # pu   their voltages below which a load counts as lost

@@ -1,4 +1,4 @@
-"""Where a study starts: a case or an operating point, with or without other storage."""
+"""What a study starts from: a case or an operating point, with or without other storage."""
 
 from stabctl.errors import StudyError, shown
 from stabctl.model import powerflow
@@ -21,13 +21,15 @@ def operating_point(base: Case | OperatingPoint, storage: Fleet | None = None) -
     Raises
     ------
     StudyError
-        Where `base` or `storage` is something else.
+        If `base` or `storage` is anything else.
     """
     if isinstance(base, Case):
         flow = powerflow.solve(base)
         return solve(base if storage is None else base.with_storage(storage, flow), flow)
     if not isinstance(base, OperatingPoint):
-        raise StudyError(f"{shown(base)} is not a system; give a Case, as st.load('two_area'), or its OperatingPoint.")
+        raise StudyError(
+            f"{shown(base)} is not a system; give a Case, such as st.load('two_area'), or its OperatingPoint."
+        )
     return base if storage is None else solve(base.case.with_storage(storage, base.flow), base.flow)
 
 
@@ -47,8 +49,8 @@ def initialize(case: Case, storage: Fleet | None = None) -> OperatingPoint:
     Raises
     ------
     PowerFlowError, EquilibriumError
-        Where there is no power flow, or a device has no state of rest at it.
+        If the power flow has no solution, or a device has no equilibrium there.
     """
     if not isinstance(case, Case):
-        raise StudyError(f"{shown(case)} is not a case; give one, as st.load('two_area').")
+        raise StudyError(f"{shown(case)} is not a case; give one, such as st.load('two_area').")
     return operating_point(case, storage)

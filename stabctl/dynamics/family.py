@@ -86,7 +86,7 @@ def stride(device: ModuleType) -> int:
 
 @cache
 def shape(device: ModuleType) -> tuple[int, int, int, int]:
-    """Numbers of states, inputs and outputs of a device, and of the buses it stands at."""
+    """Numbers of states, inputs and outputs of a device, and of its buses."""
     names = {a for equation in ("current", "output", "derivatives") for a in arguments(device, equation)}
     injects = hasattr(device, "source") or hasattr(device, "current")
     buses = 2 if "v2" in names else 1 if injects or "v" in names else 0

@@ -1,6 +1,6 @@
 """Who owns which signal: states, set-points and outputs by unit and name.
 
-All signals of a system stand in one vector
+All signals of a system are in one vector
 
     s = [states | voltages (re, im per bus) | set-points | step | 0 | 1 | outputs | memory]
 """
@@ -50,7 +50,7 @@ class SetPoint(NamedTuple):
 
 @dataclass(frozen=True)
 class Layout:
-    """Places in s, and names of what stands there."""
+    """Places in s, and the names of the signals there."""
 
     states: tuple[StatePlace, ...]
     setpoints: tuple[SetPoint, ...]

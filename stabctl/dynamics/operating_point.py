@@ -1,4 +1,4 @@
-"""Operating points: a case, its power flow, and the signals at which nothing moves."""
+"""Operating points: a case, its power flow, and the signals in equilibrium."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -35,7 +35,7 @@ class OperatingPoint:
     s
         Every signal at rest; see `dynamics.layout` for the places.
     iterations
-        Newton steps of the start.
+        Newton steps of the initialization.
     fastest
         Largest eigenvalue (1/s) of a unit with its controls at given voltage, or of a device.
     """
@@ -152,7 +152,7 @@ def solve(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
     Raises
     ------
     PowerFlowError, EquilibriumError
-        Where there is none; names the worst bus, or device, machine and limit.
+        If there is none; names the worst bus, or device, machine and limit.
     """
     flow = flow or powerflow.solve(case)
     net = network.build(case)

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stabctl import devices
-from stabctl._util import jit
+from stabctl._util import alongside, jit
 from stabctl.errors import EquilibriumError
 
 from . import family
@@ -84,7 +84,7 @@ def ordered(families: Sequence[Family]) -> list[Node]:
                     f"{families[nodes[n][0]].name} of {families[nodes[n][0]].keys[nodes[n][2][0]]}"
                     for n in error.args[1]
                 ]
-                raise EquilibriumError(f"These devices wait for each other's outputs: {' <- '.join(names)}.") from None
+                raise EquilibriumError(f"These devices form an algebraic loop: {' <- '.join(names)}.") from None
             single = [(i, op, (row,)) for i, op, rows in cycle for row in rows]
             nodes = [n for n in nodes if n not in cycle] + single
 
@@ -170,6 +170,8 @@ def near(families: Sequence[Family]) -> np.ndarray:
 def _addresses(families: Sequence[Family], scalar: type) -> list[int]:
     """Addresses of the families' loops, which are compiled where their machine code is not on disk."""
     new = [f.device.NAME for f in families if len(f.w) and not family.on_disk(f.name, f.device, scalar)]
+    if new:
+        alongside.start("stabctl.simulation.stepper:advance", "stabctl.simulation.prepare")
     with jit.compiling(new) as done:
         out = []
         for f in families:

@@ -27,7 +27,7 @@ class Row(NamedTuple):
 
 
 def tables(case: Case, flow: PowerFlow, net: Network) -> tuple[dict[str, list[Row]], np.ndarray]:
-    """Table -> devices, and the admittance (buses, pu) of loads that stands in the network matrix."""
+    """Table -> devices, and the admittance (buses, pu) of loads that is part of the network matrix."""
     numbers = {m.machine: i for i, m in enumerate(case.machines)}
     found: dict[str, list[Row]] = {}
     for name, device in devices.models().items():

@@ -1,4 +1,4 @@
-"""The start: states and set-points at which every device stands still and every unit gives its power-flow power.
+"""Initialization: states and set-points at which every device is in equilibrium at its power-flow power.
 
 One Newton iteration on the very equations that are simulated. Devices meet only through the network, whose voltages are
 known here, so the Jacobian falls into one small block per unit.
@@ -21,11 +21,11 @@ from .program import Family
 TOLERANCE = 1e-11  # largest residual, 1/s and pu
 ROUNDOFF = 1e-15  # the same over the largest slope of its equation: a fast block cannot come closer
 STILL = 1e-8  # largest rate (1/s) with the limits in place
-FAR = 1e9  # where an opened limit stands
+FAR = 1e9  # value of an opened limit
 
 
 class Start(NamedTuple):
-    """What the start found."""
+    """Result of the initialization."""
 
     s: np.ndarray
     iterations: int
@@ -49,7 +49,7 @@ def start(case: Case, system: System, equations: Equations, V: np.ndarray, curre
     Raises
     ------
     EquilibriumError
-        Where there is none; names device, machine and limit.
+        If there is none; names device, machine and limit.
     """
     layout = system.layout
     s = np.zeros(layout.size)
@@ -189,7 +189,7 @@ class _Newton:
             if np.cos(s[angle] - np.angle(self.V[system.unit_bus[unit]])) < -0.5:
                 number = self.case.machines[unit].machine
                 raise EquilibriumError(
-                    f"Machine {number} of {self.case.name} starts upside down; check its reactances."
+                    f"Machine {number} of {self.case.name} initializes with a reversed rotor; check its reactances."
                 )
         lim = limits(system.families, layout.one)
         for k, place in enumerate(lim.state):
@@ -208,7 +208,7 @@ class _Newton:
         raise EquilibriumError(self._binding(s, worst.unit))
 
     def _binding(self, s: np.ndarray, unit: int) -> str:
-        """The limit of a unit's devices that, closed alone, keeps it from standing still."""
+        """The limit of a unit's devices that alone, when enforced, prevents equilibrium."""
         free = [opened(f) for f in self._live()]
         for i, f in enumerate(self._live()):
             names = family.fields(f.device, "Par")
@@ -222,9 +222,9 @@ class _Newton:
                     if np.abs(rates).max() >= STILL:
                         return self._beyond(f.name, int(j), name, f.k[j, c], " is exceeded at the power flow")
         if unit < 0:
-            return f"A device of {self.case.name} does not stand still at its power flow; check its data."
+            return f"A device of {self.case.name} is not in equilibrium at the power flow; check its data."
         number = self.case.machines[unit].machine
-        return f"Machine {number} of {self.case.name} does not stand still at its power flow; check its data."
+        return f"Machine {number} of {self.case.name} is not in equilibrium at the power flow; check its data."
 
     def _beyond(self, table: str, row: int, name: str, limit: float, what: str) -> str:
         f = self.system.family(table)

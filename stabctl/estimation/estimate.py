@@ -43,7 +43,7 @@ def estimate(
     base : Case or OperatingPoint
         The system; a case is initialized first.
     contingency : Contingency, event, str, or list of them, optional
-        What happens, as in `simulate`. Without it the system stays at rest.
+        What happens, as in `simulate`. Without it nothing happens.
     until : str or float, optional
         End of the simulation: "10s", or seconds; by default 5 s after the last event.
     storage : str, mapping, or iterable of Storage, optional

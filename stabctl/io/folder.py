@@ -40,7 +40,7 @@ def load(name: str | Path) -> Case:
     Raises
     ------
     CaseError
-        For the first mistake, with file, row, column, value and what is allowed.
+        For the first error, with file, row, column, value and what is allowed.
     """
     from . import overlay
 
@@ -62,7 +62,7 @@ def load(name: str | Path) -> Case:
 
 
 def find(name: str | Path) -> Path:
-    """The folder of a case. Raises `CaseError` where there is none."""
+    """The folder of a case. Raises `CaseError` if there is none."""
     if isinstance(name, str) and name in packaged():
         return PACKAGED / name
     text = str(name)
@@ -71,7 +71,7 @@ def find(name: str | Path) -> Path:
     except OSError as error:
         raise CaseError(f"{text}: the folder cannot be read ({error.strerror}).") from None
     if not found:
-        raise CaseError(f"There is no case {text!r}: name a folder, or one of {', '.join(packaged())}.")
+        raise CaseError(f"There is no case {text!r}: give a folder, or one of {', '.join(packaged())}.")
     return Path(name)
 
 
@@ -84,7 +84,7 @@ def read_about(folder: Path) -> Row:
         raise CaseError(f"{path}: it cannot be read as TOML ({error}).") from None
     for key, value in about.items():
         if key not in ABOUT:
-            raise CaseError(f"{path}: {key!r} is not a known entry; known are {', '.join(ABOUT)}.")
+            raise CaseError(f"{path}: {key!r} is not a valid entry; choose one of {', '.join(ABOUT)}.")
         wanted = (str, "text") if ABOUT[key] is str else (int | float, "a number")
         if isinstance(value, bool) or not isinstance(value, wanted[0]):
             raise CaseError(f"{path}, {key}: {shown(value)} is not allowed; it must be {wanted[1]}.")
@@ -134,7 +134,7 @@ def _parameters(model: str, rows: Iterable[Row]) -> list[Any]:
 
 
 def located(parts: dict[str, Any], tables: Mapping[str, Table], folder: Path, base: Path | None = None) -> Case:
-    """The case; a mistake in it is told with file and line (line 0 of a table: a row of the folder `base`)."""
+    """The case; an error in it is reported with file and line (line 0 of a table: a row of the folder `base`)."""
     try:
         return Case(**parts)
     except RowError as error:

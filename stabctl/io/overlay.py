@@ -18,7 +18,7 @@ from .table import Row, Table
 
 
 def load(folder: Path, about: Row, tables: dict[str, Table]) -> Case:
-    """The other case with the changes of this folder. Raises `CaseError` with the place of the mistake."""
+    """The other case with the changes of this folder. Raises `CaseError` with the location of the error."""
     base = _base(folder, about["extends"])
     case = load_full(base)
     parts: dict[str, Any] = {key: getattr(case, key) for key in ABOUT if key not in ("name", "extends")}
@@ -41,16 +41,18 @@ def load(folder: Path, about: Row, tables: dict[str, Table]) -> Case:
 
 
 def _base(folder: Path, name: str) -> Path:
-    """The folder of the case that is extended: one beside, or a packaged one."""
+    """The folder of the case that is extended: a neighboring one, or a packaged one."""
     place = f"{folder / 'case.toml'}, extends: "
     beside = folder.parent / name
     base = PACKAGED / name if name in packaged() else None
     if name.isprintable() and name and (beside / "case.toml").is_file():
         base = beside
     if base is None:
-        raise CaseError(f"{place}there is no case {name!r}; name a folder beside, or one of {', '.join(packaged())}.")
+        raise CaseError(
+            f"{place}there is no case {name!r}; give a folder next to it, or one of {', '.join(packaged())}."
+        )
     if base.resolve() == folder.resolve() or "extends" in read_about(base):
-        raise CaseError(f"{place}{name!r} is itself an overlay; name a full case.")
+        raise CaseError(f"{place}{name!r} is itself an overlay; give a full case.")
     return base
 
 
@@ -72,11 +74,11 @@ def _keys(folder: Path, name: str, table: Table) -> list[int]:
 def _changed(
     folder: Path, name: str, column: str, table: Table, known: dict[Any, Any], keys: list[Any], case: Case
 ) -> Table:
-    """Change rows in `known`; for every row of it the line that changed it, 0 where none did."""
+    """Change rows in `known`; returns for each row the line that changed it, 0 if none did."""
     line_of = dict.fromkeys(known, 0)
     for key, row, line in zip(keys, table.rows, table.lines, strict=True):
         if key not in known:
-            text = f"{case.name} has no {column} {key} in {name}.csv; an overlay changes rows, it adds none."
+            text = f"{case.name} has no {column} {key} in {name}.csv; an overlay can only change existing rows."
             raise CaseError(f"{folder / name}.csv row {line}, column {column}: {text}")
         known[key] = known[key]._replace(**{k: v for k, v in row.items() if k != column})
         line_of[key] = line

@@ -37,12 +37,12 @@ class Case:
     Attributes
     ----------
     warnings : tuple of str
-        What is unusual but usable in the data, a sentence each.
+        What is unusual but usable in the data, one sentence each.
 
     Raises
     ------
     CaseError
-        For the first mistake, with table, row, column, value and what is allowed.
+        For the first error, with table, row, column, value and what is allowed.
     """
 
     name: str
@@ -70,7 +70,7 @@ class Case:
         return _made, (plain | {"devices": {model: dict(rows) for model, rows in self.devices.items()}},)
 
     def machine(self, number: int) -> Machine:
-        """The row of a machine. Raises `StudyError` where there is none of that number."""
+        """The row of a machine. Raises `StudyError` if there is no such machine."""
         for m in self.machines:
             if m.machine == number:
                 return m
@@ -78,7 +78,7 @@ class Case:
         raise StudyError(f"There is no machine {shown(number)} in {self.name}; its machines are {numbers}.")
 
     def model(self, number: int, role: str) -> str | None:
-        """Name of the first model with a role ("machine", "exciter" ...) that a machine has; None where it has none."""
+        """Name of the first model with a role ("machine", "exciter" ...) that a machine has; None if it has none."""
         return next((model for model in catalog.of_role(role) if number in self.devices.get(model, ())), None)
 
     set = verb("stabctl.model.edit:set_value")
@@ -110,7 +110,9 @@ def as_case(base: Any) -> Case:
     """The case, or that of an operating point. Raises `StudyError` for anything else."""
     found = base if isinstance(base, Case) else getattr(base, "case", None)
     if not isinstance(found, Case):
-        raise StudyError(f"{shown(base)} is not a system; give a Case, as st.load('two_area'), or its OperatingPoint.")
+        raise StudyError(
+            f"{shown(base)} is not a system; give a Case, such as st.load('two_area'), or its OperatingPoint."
+        )
     return found
 
 

@@ -1,4 +1,4 @@
-"""The device models that have a table of their own, `<model>.csv`, and what keys its rows.
+"""The device models that have a table of their own, `<model>.csv`, and the key of its rows.
 
 A load model is keyed by bus: it gives dynamic parameters to a row of loads.csv. So is a shunt, which may be at any bus.
 Every other model is keyed by machine.

@@ -1,4 +1,4 @@
-"""Checks of the tables of a case: the first mistake is raised with its place."""
+"""Checks of the tables of a case: the first error is raised with its location."""
 
 import math
 from collections.abc import Hashable, Iterator, Mapping, Sequence
@@ -21,7 +21,7 @@ def values(table: str, record: type, rows: Sequence[Any]) -> tuple[Any, ...]:
     """The rows with every value of the right kind, finite and within its limits. Raises `RowError`."""
     for row in rows:
         if not isinstance(row, record):
-            raise CaseError(f"{table}: {shown(row)} is not a row; make it with {record.__name__}(...).")
+            raise CaseError(f"{table}: {shown(row)} is not a row; create it with {record.__name__}(...).")
     try:
         return checked(record, rows)
     except Invalid as fault:
@@ -35,7 +35,7 @@ def device_values(devices: Mapping[str, Mapping[Any, Any]]) -> Mapping[str, Mapp
     for model, rows in devices.items():
         if model not in catalog.models():
             raise CaseError(
-                f"{model}.csv: there is no device model {model!r}; known are {', '.join(catalog.models())}."
+                f"{model}.csv: there is no device model {model!r}; choose one of {', '.join(catalog.models())}."
             )
         if rows:
             record = catalog.models()[model].Par
@@ -44,11 +44,11 @@ def device_values(devices: Mapping[str, Mapping[Any, Any]]) -> Mapping[str, Mapp
 
 
 def check(case: "Case") -> Iterator[str]:
-    """Raise the first mistake in a case whose values are allowed; yield a sentence for everything unusual."""
+    """Raise the first error in a case whose values are allowed; yield a warning for everything unusual."""
     _about(case)
     for table in ("buses", "machines"):
         if not getattr(case, table):
-            raise CaseError(f"{table}.csv: the table has no row; a case needs at least one.")
+            raise CaseError(f"{table}.csv: the table is empty; a case needs at least one row.")
     _unique("buses", "bus", [b.bus for b in case.buses])
     _unique("machines", "machine", [m.machine for m in case.machines])
     _unique("links", "link", [k.link for k in case.links])
@@ -79,7 +79,7 @@ def _about(case: "Case") -> None:
         if not (number and 1e-6 <= value <= 1e9):
             raise CaseError(f"case.toml, {name}: {shown(value)} is not allowed; it must be a number from 1e-6 to 1e9.")
     if not (isinstance(case.name, str) and case.name.isprintable()):
-        raise CaseError(f"case.toml, name: {shown(case.name)} is not allowed; it must be text of one line.")
+        raise CaseError(f"case.toml, name: {shown(case.name)} is not allowed; it must be one line of text.")
 
 
 def _unique(table: str, column: str, keys: Sequence[Hashable]) -> None:
@@ -132,7 +132,7 @@ def _branches(case: "Case") -> None:
             text = f"branch {k.from_bus}-{k.to_bus} has no impedance; r or x must be at least {least:g} pu in size."
             raise RowError("branches", i, "x_pu", text)
         if k.from_bus == k.to_bus:
-            text = f"branch {k.from_bus}-{k.to_bus} connects a bus to itself; name two different buses."
+            text = f"branch {k.from_bus}-{k.to_bus} connects a bus to itself; give two different buses."
             raise RowError("branches", i, "to_bus", text)
 
 

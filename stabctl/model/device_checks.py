@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def check(case: "Case") -> Iterator[str]:
-    """Raise the first mistake in the device tables; yield a sentence for everything unusual in their parameters."""
+    """Raise the first error in the device tables; yield a warning for every unusual parameter."""
     _owners(case)
     _one_of_a_kind(case)
     _every_unit_has_a_model(case)
@@ -78,7 +78,7 @@ def _every_unit_has_a_model(case: "Case") -> None:
 
 
 def _controls(case: "Case") -> None:
-    """Every control finds what it acts on."""
+    """Every control has something to act on."""
     for model, rows in case.devices.items():
         role = catalog.role(model)
         for i, key in enumerate(rows):
@@ -93,7 +93,7 @@ def _controls(case: "Case") -> None:
 
 
 def _parameters(model: str, i: int, key: keys.Key, par: Any) -> Iterator[str]:
-    """Raise the first combination of parameters that cannot work; yield a sentence for every unusual one."""
+    """Raise the first invalid combination of parameters; yield a warning for every unusual one."""
     of = fields(type(par))
     owner = f"{key_column(model)} {key}"
     for name, f in of.items():

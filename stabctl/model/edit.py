@@ -87,7 +87,7 @@ def with_load(
     keys.row(case, "buses", bus)
     for name in shares:
         if name not in list(fields(Load))[3:]:
-            raise StudyError(f"A load has no {name!r}; {keys.near(name, list(fields(Load))[3:])}")
+            raise StudyError(f"Loads have no column {name!r}; {keys.near(name, list(fields(Load))[3:])}")
     given: dict[str, Any] = dict(shares)
     given |= {} if p is None else {"p": megawatts(p)}
     given |= {} if q is None else {"q": megavars(q)}
@@ -105,7 +105,7 @@ def with_load(
 
 
 def trip_machine(case: Case, number: int) -> Case:
-    """The case with a machine out of service from the start, and with it its controls and storage devices.
+    """The case with a machine out of service, together with its controls and storage devices.
 
     Its bus becomes a pq bus where no other machine is connected.
 

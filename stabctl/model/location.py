@@ -35,7 +35,7 @@ def _no_branch(case: Case, a: int, b: int) -> str:
         return f"There is no branch {a}-{b} in {case.name}, since there is no bus {bus}; {_near(case, bus)}."
     ends = {k.from_bus + k.to_bus - a for k in case.branches if a in (k.from_bus, k.to_bus)}
     others = ", ".join(f"{a}-{other}" for other in sorted(ends))
-    return f"There is no branch {a}-{b} in {case.name}; those of bus {a} are {others}."
+    return f"There is no branch {a}-{b} in {case.name}; the branches at bus {a} are {others}."
 
 
 def locate(case: Case, text: str) -> Location:
@@ -44,7 +44,7 @@ def locate(case: Case, text: str) -> Location:
     Raises
     ------
     StudyError
-        Where the case has no such bus or circuit, or the text names none.
+        If the case has no such bus or circuit, or the text is not a location.
     """
     text = str(text).strip()
     if re.fullmatch(_NUMBER, text):
@@ -55,7 +55,7 @@ def locate(case: Case, text: str) -> Location:
     match = _LINE.match(text)
     if not match:
         raise StudyError(
-            f"{text!r} is not a location; write a bus as 83, a circuit as 7-8 or 7-8#2, a point on it as 7-8@0.4."
+            f"{text!r} is not a location; write 83 for a bus, 7-8 or 7-8#2 for a circuit, 7-8@0.4 for a point on it."
         )
     a, b, circuit = int(match[1]), int(match[2]), int(match[3] or 1)
     rows = [i for i, k in enumerate(case.branches) if {k.from_bus, k.to_bus} == {a, b}]
@@ -63,7 +63,7 @@ def locate(case: Case, text: str) -> Location:
         raise StudyError(_no_branch(case, a, b))
     if not 1 <= circuit <= len(rows):
         raise StudyError(
-            f"Branch {a}-{b} of {case.name} has {len(rows)} circuit{'s' * (len(rows) > 1)}, not a number {circuit}."
+            f"Branch {a}-{b} of {case.name} has {len(rows)} circuit{'s' * (len(rows) > 1)}, but no circuit {circuit}."
         )
     row = rows[circuit - 1]
     if match[4] is None:
@@ -81,5 +81,5 @@ def circuit(case: Case, text: str) -> tuple[int, bool]:
     """Row of the circuit named `7-8` or `7-8#2`, and whether the first bus named is its from end."""
     where = locate(case, text)
     if where.branch is None or where.fraction is not None:
-        raise StudyError(f"{text!r} does not name a circuit; write it as 7-8, or 7-8#2 for the second one.")
+        raise StudyError(f"{text!r} is not a circuit; write 7-8, or 7-8#2 for the second circuit.")
     return where.branch, case.branches[where.branch].from_bus == int(str(text).split("-")[0])

@@ -1,4 +1,4 @@
-"""A mistake in a case and the place of it."""
+"""An error in a case and where it is."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -8,7 +8,7 @@ from stabctl.errors import CaseError
 
 
 class RowError(CaseError):
-    """A mistake in a row of a table (0 is the first below the header).
+    """An error in a row of a table (0 is the first below the header).
 
     Parameters
     ----------

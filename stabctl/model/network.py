@@ -121,7 +121,7 @@ def two_port(z: complex, charging: float, state: BranchState = INTACT) -> np.nda
     Returns
     -------
     ndarray of complex, (2, 2), pu
-        Zero where both ends are open.
+        Zero if both ends are open.
     """
     f, end = state.fault_at, [0.0, 1.0]
     points = end if f is None or f in end else [0.0, f, 1.0]

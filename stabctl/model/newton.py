@@ -23,7 +23,7 @@ class Equations:
     q: np.ndarray  # rows of the buses with a reactive-power equation
 
     def mismatch(self, size: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, float]:
-        """The mismatches (pu), and the largest; infinite where a voltage makes no sense."""
+        """The mismatches (pu), and the largest; infinite if a voltage is not physical."""
         V = size * np.exp(1j * angle)
         miss = V * (self.Y @ V).conj() - self.wanted
         F = np.r_[miss.real[self.p], miss.imag[self.q]]

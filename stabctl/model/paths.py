@@ -16,7 +16,7 @@ ABOUT = {"name": "-", "title": "-", "source": "-", "base_mva": "MVA", "frequency
 def resolve(case: Case, path: object) -> tuple[str, str, Field]:
     """Table, key and column of a path; a key (the name of a link) may hold dots, a column be a name or a header.
 
-    Raises `StudyError` for a table or column that the case does not have, and for what is no path.
+    Raises `StudyError` for a table or column that the case does not have, or if it is not a path.
     """
     table, _, rest = path.partition(".") if isinstance(path, str) else ("", "", "")
     key, _, column = (part.strip() for part in rest.rpartition("."))
@@ -31,9 +31,11 @@ def resolve(case: Case, path: object) -> tuple[str, str, Field]:
 
 
 def not_a_path(path: object) -> StudyError:
-    """The error for what is no path."""
+    """The error for text that is not a path."""
     known = ", ".join(ABOUT)
-    return StudyError(f"{shown(path)} is not a value of a case; write table.key.column, as pss.1.K, or one of {known}.")
+    return StudyError(
+        f"{shown(path)} is not a value of a case; write table.key.column, such as pss.1.K, or one of {known}."
+    )
 
 
 def about(name: str, given: Any) -> Any:
@@ -42,7 +44,7 @@ def about(name: str, given: Any) -> Any:
 
 
 def value(case: Case, path: str, f: Field, given: Any, row: Any = None) -> Any:
-    """A value in the unit of its column; what is no number stays, to be refused with its place."""
+    """A value in the unit of its column; anything but a number is kept, to be rejected later with its location."""
     if not isinstance(given, str) or f.kind is str:
         return given
     if f.kind is int:

@@ -1,4 +1,4 @@
-"""Large systems out of small ones: copies of a case, tied into one network."""
+"""Large systems made of small ones: copies of a case, tied into one network."""
 
 from dataclasses import replace
 from typing import Any, TypeVar
@@ -41,7 +41,7 @@ def replicate(case: Case, copies: int, *, tie_bus: int | None = None, x: float =
     """
     case = as_case(case)
     if copies < 1:
-        raise StudyError(f"{copies} copies of {case.name} are not possible; ask for at least 1.")
+        raise StudyError(f"{copies} copies of {case.name} are not possible; give at least 1.")
     swing = next(b.bus for b in case.buses if b.kind == "swing")
     if tie_bus is None:
         tie_bus = next(m.storage_bus for m in case.machines if m.bus == swing)

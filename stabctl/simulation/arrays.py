@@ -72,7 +72,7 @@ class Arrays:
 
     @cached_property
     def energy(self) -> np.ndarray:
-        """Energy in the storage devices (rows, devices), MWh; against the start where it is unlimited."""
+        """Energy in the storage devices (rows, devices), MWh; from the initial energy if unlimited."""
         return _fixed(self._of_storage(family.STATE, 1) * self._point.case.base_mva / 3600)
 
     @cached_property

@@ -23,7 +23,7 @@ class Contingency:
     Parameters
     ----------
     fault : str or int, optional
-        Place of a three-phase fault: a bus `83`, a point of a circuit `7-8@0.4` (measured from the first bus named),
+        Location of a three-phase fault: a bus `83`, a point of a circuit `7-8@0.4` (measured from the first bus named),
         or `7-8` for its middle.
     clear : str or float, optional
         How long the fault lasts: "6cyc", "0.1s", "100ms", or seconds. A fault on a circuit is cleared by opening it.
@@ -42,7 +42,7 @@ class Contingency:
     Raises
     ------
     StudyError
-        For what cannot be read. What a case does not have is found by `check`, and by every study.
+        For text that cannot be parsed. Names are checked against the case by `check` and by every study.
     """
 
     fault: str | None = None
@@ -57,9 +57,11 @@ class Contingency:
     def __post_init__(self) -> None:
         fault = str(self.fault) if isinstance(self.fault, int) and not isinstance(self.fault, bool) else self.fault
         if fault is not None and not isinstance(fault, str):
-            raise StudyError(f"{fault!r} is not a place of a fault; write a bus as 83, a circuit as 7-8 or 7-8@0.4.")
+            raise StudyError(f"{fault!r} is not a fault location; write 83 for a bus, 7-8 or 7-8@0.4 for a line.")
         if isinstance(self.impedance, bool) or not isinstance(self.impedance, Complex):
-            raise StudyError(f"The fault impedance {self.impedance!r} is not a number; give it in pu, as 0.01+0.05j.")
+            raise StudyError(
+                f"The fault impedance {self.impedance!r} is not a number; give it in pu, such as 0.01+0.05j."
+            )
         for name, time in (("clear", self.clear), ("at", self.at)):
             if not (name == "clear" and time is None) and seconds(time, 60.0) < 0:
                 raise StudyError(f"{name} = {time:g} s is negative; give a time of at least 0.")
@@ -80,7 +82,7 @@ class Contingency:
 
     @property
     def label(self) -> str:
-        """Its name, or fault and trip as a planner says them: `16 trip 16-21`."""
+        """Its name, or its fault and trip: `16 trip 16-21`."""
         trip = f"trip {', '.join(self.trip)}" if self.trip else ""
         return self.name or " ".join(part for part in (self.fault, trip) if part) or str(self)
 
@@ -91,11 +93,11 @@ class Contingency:
     def cleared(self, case: Case) -> float:
         """Instant at which the fault is cleared, s."""
         if self.clear is None and self.fault is not None:
-            raise StudyError(f"The fault at {self.fault} is never cleared; give a clearing time, as clear='6cyc'.")
+            raise StudyError(f"The fault at {self.fault} is never cleared; give a clearing time, such as clear='6cyc'.")
         return self.starts(case) + seconds(self.clear or 0.0, case.frequency_hz)
 
     def others(self, case: Case) -> tuple[Event, ...]:
-        """The events beside the fault and what clears it, with their instants in seconds."""
+        """The events other than the fault and its clearing, with their instants in seconds."""
         return tuple(notation.event(e, case.frequency_hz) if isinstance(e, str) else e for e in self.events)
 
     def timed(self, case: Case) -> tuple[Event, ...]:
@@ -146,12 +148,12 @@ def schedule(case: Case, what: Happenings | None, until: float | None = None, st
     what : Contingency, event, str, iterable of them, or None
         What happens; a text is an event as in `notation`.
     until, start : float, s
-        End and start of the run; without an end none is checked.
+        End and start of the run; without an end it is not checked.
 
     Raises
     ------
     StudyError
-        For what is no event, and for a run that ends before its last event.
+        If an item is not an event, or the run ends before its last event.
     """
     if until is not None and not start < until < math.inf:
         raise StudyError(f"The run ends at {until:g} s; it must end after its start at {start:g} s.")

@@ -16,7 +16,7 @@ FASTEST = 10_000  # frames per second
 
 
 class Snapshot(NamedTuple):
-    """The system at one frame; devices, machines and buses stand in the order of the case's tables."""
+    """The system at one frame; devices, machines and buses are in the order of the case's tables."""
 
     time: float  # s
     deviation: np.ndarray  # (devices) pu   speed of the device's machine less the COI speed of the rest of its island

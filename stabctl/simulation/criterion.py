@@ -31,7 +31,7 @@ UNITS = "rad", "s", "pu", "pu"  # of its values
 
 
 def checked(criterion: object) -> Criterion:
-    """The criterion with every value a float. `StudyError` where it is none."""
+    """The criterion with every value a float. `StudyError` if it is not one."""
     if not isinstance(criterion, Criterion):
         raise StudyError(f"{criterion!r} is not a criterion of stability; write Criterion(max_angle=3.5).")
     found = []

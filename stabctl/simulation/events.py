@@ -44,8 +44,8 @@ class LoadStep:
 
     bus: int
     at: float  # s
-    p: float = 0.0  # MW    at load-flow voltage
-    q: float = 0.0  # Mvar  at load-flow voltage
+    p: float = 0.0  # MW    at power-flow voltage
+    q: float = 0.0  # Mvar  at power-flow voltage
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ def load_step(text: str, frequency_hz: float) -> LoadStep:
 
 
 def event(text: str, frequency_hz: float) -> Event:
-    """The event that a text describes. `StudyError` where it describes none."""
+    """The event that a text describes. `StudyError` if it is not one."""
     what, _ = _split(text, frequency_hz)
     for form, read in ((_OPENING, opening), (_MACHINE, machine_trip), (_LOAD, load_step)):
         if form.match(what):
@@ -52,7 +52,7 @@ def _split(text: str, frequency_hz: float) -> tuple[str, float]:
     """What happens, and when (s)."""
     what, at, when = text.replace(" ", "").rpartition("@")
     if not at:
-        raise StudyError(f"{text!r} does not say when; write {SHOWN}.")
+        raise StudyError(f"{text!r} has no time; write {SHOWN}.")
     try:
         return what, seconds(when, frequency_hz)
     except StudyError:

@@ -1,4 +1,4 @@
-"""How a run ended: one of four kinds, with a sentence a planner understands."""
+"""How a run ended: one of four kinds, with a sentence that explains it."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -15,7 +15,7 @@ from .topology import Stage
 
 
 class Kind(StrEnum):
-    """What became of the system."""
+    """Kinds of outcome."""
 
     STABLE = "stable"
     LOST_SYNCHRONISM = "lost_synchronism"
@@ -30,7 +30,7 @@ class Outcome:
     kind: Kind
     message: str
     time_s: float  # s   when it ended
-    machine: int | None = None  # number of the machine that went first
+    machine: int | None = None  # number of the machine that lost synchronism first
     bus: int | None = None  # number of the bus whose voltage collapsed
 
     @property
@@ -55,13 +55,15 @@ class End(NamedTuple):
 
 
 def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
-    """The outcome of a run that ended so."""
+    """The outcome of a run that ended this way."""
     numbers, bus, t = point.rotor_numbers, point.case.buses[end.bus].bus, end.time
     number = numbers[end.machine] if numbers else None
     cut = " ".join((_cut_off(point, end.stage), *end.taken_off)).strip()
     if not (end.stage.net.island >= 0).any():
         return Outcome(
-            Kind.VOLTAGE_COLLAPSE, f"No machine holds a voltage at {t:.3f} s: the system is dead. {cut}".strip(), t
+            Kind.VOLTAGE_COLLAPSE,
+            f"The system is blacked out at {t:.3f} s: no voltage source is left. {cut}".strip(),
+            t,
         )
     kind, machine, blamed = Kind.ISLANDED if cut else Kind.STABLE, None, None
     match end.verdict:
@@ -73,10 +75,13 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
             )
         case stepper.RUNAWAY:
             kind, machine = Kind.LOST_SYNCHRONISM, number
-            text = f"Machine {number} left {criterion.slowest:g} to {criterion.fastest:g} pu of speed at {t:.3f} s."
+            text = (
+                f"The speed of machine {number} left the range {criterion.slowest:g} to {criterion.fastest:g} pu "
+                f"at {t:.3f} s."
+            )
         case stepper.NO_VOLTAGE:
             kind, blamed = Kind.VOLTAGE_COLLAPSE, bus
-            text = f"Voltage collapse at bus {bus} at {t:.3f} s: no voltages carry the loads and storage."
+            text = f"Voltage collapse at bus {bus} at {t:.3f} s: the network equations have no solution."
         case stepper.LOW_VOLTAGE:
             kind, blamed = Kind.VOLTAGE_COLLAPSE, bus
             text = (
@@ -97,11 +102,11 @@ def _frequencies(point: OperatingPoint, end: End) -> str:
     numbers = [k for k in np.unique(island) if k >= 0]
     found = [end.speed[island == k] @ H[island == k] / H[island == k].sum() for k in numbers]
     shown = ", ".join(f"{f * point.case.frequency_hz:.2f}" for f in sorted(found)[:8])
-    return f"; {'they run' if len(found) > 1 else 'it runs'} at {shown} Hz"
+    return f"; final {'frequencies' if len(found) > 1 else 'frequency'} {shown} Hz"
 
 
 def _cut_off(point: OperatingPoint, now: Stage) -> str:
-    """What the switching has cut off from the island of the largest inertia; empty where nothing."""
+    """What the switching has cut off from the island of the largest inertia; empty if nothing."""
     where = now.island_of_bus
     if where.max() == 0:
         return ""
@@ -116,7 +121,7 @@ def _cut_off(point: OperatingPoint, now: Stage) -> str:
         buses = [b.bus for b, island in zip(point.case.buses, where, strict=True) if island == k]
         places = zip(point.case.machines, point.net.machine_bus, on, strict=True)
         machines = [m.machine for m, at, runs in places if where[at] == k and runs]
-        rest = f"with {_listed('machine', machines)}" if machines else "without a machine: dead, its load lost"
+        rest = f"with {_listed('machine', machines)}" if machines else "without a machine: blacked out, its load lost"
         parts.append(f"{_listed('bus', buses)} {rest}")
     return f"The switching cut off {'; and '.join(parts)}."
 

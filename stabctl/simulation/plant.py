@@ -105,7 +105,8 @@ def space(s: np.ndarray, layout: Layout, a: Frame, base_mva: float) -> Space:
     blank = np.zeros((4, nb), complex)
     return Space(
         s, f, s[layout.voltages].view(complex), f[layout.voltages].view(complex),
-        *(row.copy() for row in blank), np.zeros((2, 4, nb), complex), np.zeros(nx), np.zeros(nx), np.stack([s[a.rotor], np.zeros(m)]),
+        *(row.copy() for row in blank), np.zeros((2, 4, nb), complex),
+        np.zeros(nx), np.zeros(nx), np.stack([s[a.rotor], np.zeros(m)]),
         np.zeros(len(a.watch_bus)), np.zeros(len(a.held)), np.zeros((4, nb)),
         np.zeros(5, np.int64), np.array([TOLERANCE * 100 / base_mva]),
     )  # fmt: skip

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 @runtime_checkable
 class Sampled(Protocol):
-    """A controller with a frame rate. `stabctl.estimate` has those that live on PMU signals."""
+    """A controller with a frame rate. `stabctl.estimate` has those that use PMU signals."""
 
     rate: int  # 1/s
 
@@ -19,7 +19,7 @@ class Sampled(Protocol):
 
 
 def carry(simulations: "Sequence[Simulation]", pilot: Callable[[], None], rate: int, until: float) -> None:
-    """Carry simulations that stand at the same instant on to `until` (s), a frame at a time, while any lives."""
+    """Advance simulations at the same instant to `until` (s), a frame at a time, while any is running."""
     start, k = simulations[0].time, 0
     while start + k / rate < until - 1e-9 and any(s.outcome is None for s in simulations):
         pilot()

@@ -37,13 +37,13 @@ def simulate(
         The system; a case is initialized first.
     contingency : Contingency, event, str, or list of them, optional
         What happens. A text is an event: "7-8@1s" (a line opens), "14@2s" (a machine trips), "7:+50MW@1s" (a load
-        changes). Without it the system stays at rest.
+        changes). Without it nothing happens.
     until : str or float
         End of the run: "10s", or seconds.
     storage : str, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own: "50MW" at every machine, "14=50MW,13=20MW", {14: "50MW"}, rows.
     control : control law, optional
-        What the storage devices follow: `BangBang()`, `Feedback(...)`, a `Controller`; without it they stay idle.
+        Control law of the storage devices: `BangBang()`, `Feedback(...)`, a `Controller`; without it they stay idle.
     step : str or float, optional
         Time step: "2ms", or seconds; by default 1/120 s, or what the fastest eigenvalue allows.
     criterion : Criterion
@@ -51,7 +51,7 @@ def simulate(
     record : bool
         Keep the trajectory; without it only the outcome is known.
     progress : callable, optional
-        Told the simulated time (s) now and then.
+        Called with the simulated time (s) from time to time.
 
     Returns
     -------
@@ -60,7 +60,7 @@ def simulate(
     Raises
     ------
     StudyError
-        For what the case does not have, and for arguments that make no sense; one sentence.
+        If the case lacks something named, or an argument is invalid.
     """
     point = operating_point(base, storage)
     law = checked_control(control, point.case)
@@ -71,7 +71,7 @@ def simulate(
 
 
 def checked_control(control: Any, case: Case) -> Law | Sampled | None:
-    """The control law, where it is one and has storage devices to act on."""
+    """The control law, checked; it needs storage devices to act on."""
     if isinstance(control, type):
         raise StudyError(f"control = {control.__name__} is a class; give an instance, {control.__name__}().")
     if control is None or isinstance(control, Sampled):

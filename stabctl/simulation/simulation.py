@@ -31,7 +31,7 @@ REACH = 2.5  # largest |step * eigenvalue| that RK4 carries, with a margin (it i
 
 
 class Simulation:
-    """A system in motion. `advance` carries it on; storage orders may be set between calls where `control` is None.
+    """A running simulation. `advance` continues it; storage orders may be set between calls where `control` is None.
 
     Args: the operating point; what happens; the storage law (None: orders as set in `orders`); the largest step (s);
     when to give up; whether to keep the rows of the trajectory; the first instant (s); what is told the time (s) now
@@ -101,7 +101,7 @@ class Simulation:
         return self._stage.net.island
 
     def advance(self, until: float) -> bool:
-        """Carry on to `until` (s), landing on every event on the way; is the system still to be carried on?"""
+        """Carry on to `until` (s), landing on every event on the way; returns whether the run continues."""
         while self.outcome is None and self.time < until - 1e-9:
             following = self.changes[self._at + 1].at if self._at + 1 < len(self.changes) else np.inf
             target = min(until, following)
@@ -162,7 +162,7 @@ class Simulation:
         return outcome(self.point, end, self.criterion)
 
     def _alone(self) -> bool:
-        """Has the machine that ran away an island of its own, while others run elsewhere?"""
+        """Is the runaway machine alone in its island, while others run elsewhere?"""
         island, unit = self._stage.net.island, self.point.rotors.unit[self._space.marks[1]]
         return (island == island[unit]).sum() == 1 and (island >= 0).sum() > 1
 
@@ -174,8 +174,8 @@ class Simulation:
         self.changes = (*self.changes[: self._at], *later)
         self._enter()
         self._taken_off.append(
-            f"Machine {self.point.case.machines[row].machine}, alone in its island, left {self.criterion.slowest:g} to "
-            f"{self.criterion.fastest:g} pu of speed at {self.time:.3f} s and was taken off."
+            f"Machine {self.point.case.machines[row].machine}, alone in its island, left the speed range "
+            f"{self.criterion.slowest:g} to {self.criterion.fastest:g} pu at {self.time:.3f} s and was tripped."
         )
 
     def _call(self, h: float, steps: int, last: bool) -> tuple[int, int]:

@@ -12,7 +12,7 @@ DONE, SLIPPED, NO_VOLTAGE, LOW_VOLTAGE, RUNAWAY, NEWTON = range(6)
 
 @inline
 def guess(stage, q):
-    """Voltages of the next stage: their moves go on changing as they did between the same stages of the steps before."""
+    """Voltages of the next stage: their moves go on changing as between the same stages of the steps before."""
     copy(q.volt, q.kept)
     for i in range(len(q.volt)):
         q.volt[i] += 2 * q.moves[0, stage, i] - q.moves[1, stage, i]

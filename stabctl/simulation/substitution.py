@@ -38,7 +38,8 @@ def factor(Y: sp.csc_matrix, iterated: Iterable[int] = ()) -> Factors:
     buses = np.array(list(iterated), int)
     last, level = np.zeros(len(d), int), [0] * len(d)
     last[lu.perm_r[buses]] = last[lu.perm_c[buses]] = 1
-    for before, after in sorted({*zip(L.col.tolist(), L.row.tolist()), *zip(U.row.tolist(), U.col.tolist())}):
+    pairs = np.r_[np.c_[L.col, L.row], np.c_[U.row, U.col]]
+    for before, after in pairs[np.argsort(pairs[:, 0], kind="stable")].tolist():
         last[after] |= last[before]
         level[after] = max(level[after], level[before] + 1)
     order = np.lexsort((level, last))

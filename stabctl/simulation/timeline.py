@@ -1,4 +1,4 @@
-"""What events add up to: the switching of the network from each of their instants on."""
+"""The switching state of the network after each event."""
 
 import cmath
 from collections.abc import Iterable
@@ -73,7 +73,7 @@ class _State:
             case TripMachine(number):
                 row = self.case.machines.index(self.case.machine(number))
                 if row in self.tripped:
-                    raise StudyError(f"Machine {number} is tripped twice; trip it once.")
+                    raise StudyError(f"Machine {number} is tripped twice; remove one trip.")
                 self.tripped.add(row)
             case LoadStep(bus, _, p, q):
                 row = self._bus(bus)

@@ -31,7 +31,7 @@ class Stage:
 def stage(point: OperatingPoint, switching: Switching) -> Stage:
     """The system of an operating point under a switching.
 
-    An island without a unit that holds a voltage of its own (a machine) is dead: no voltage, its load lost, its
+    An island without a unit that holds a voltage of its own (a machine) is blacked out: no voltage, its load lost, its
     converters off.
     """
     found = point.stages.get(switching)  # held, because another thread may clear the store

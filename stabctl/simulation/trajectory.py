@@ -1,4 +1,4 @@
-"""What a run gave: an immutable record of every signal, a row per step, with its units."""
+"""The result of a run: an immutable record of every signal with its units, one row per step."""
 
 import io
 from dataclasses import dataclass
@@ -146,7 +146,7 @@ class Trajectory:
         return pd.DataFrame(columns | total)
 
     def save(self, path: str | Path) -> Path:
-        """Write to a .csv or NetCDF (.nc) file, by the ending, whole or not at all; the path."""
+        """Write atomically to a .csv or NetCDF (.nc) file, by its suffix; returns the path."""
         path = Path(path)
         if path.suffix.lower() == ".csv":
             text = io.StringIO()

@@ -1,6 +1,6 @@
 """An operating point with its storage under a law, wired for the stepper.
 
-Behind the outputs of the system stands a memory: the orders wanted of the storage devices, and three signals of every
+Behind the outputs of the system is a memory: the orders wanted of the storage devices, and three signals of every
 rotor unit, deviation and acceleration against the COI of the rest of its island, and whether it is on.
 """
 

@@ -3,12 +3,14 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse.linalg import splu
 
+from stabctl._util import files
 from stabctl._util.verbs import verb
 from stabctl.dynamics import layout
 from stabctl.dynamics.coerce import operating_point
@@ -44,6 +46,9 @@ class Model:
         """The model for python-control, with its labels."""
         import control
 
+        if not (self.inputs and self.outputs):
+            missing = "outputs" if self.inputs else "inputs"
+            raise StudyError(f"This model has no {missing}; give some, as linearize(inputs='vref', outputs='speed').")
         labels = {k: [label.replace(".", " ") for label in getattr(self, k)] for k in ("states", "inputs", "outputs")}
         system = control.ss(self.A, self.B, self.C, self.D, name=self.name.replace(".", " "), **labels)
         return system
@@ -63,18 +68,21 @@ class Model:
 
     def save(self, path: str | Path) -> Path:
         """Write A, B, C, D and the labels to a .npz or MATLAB .mat file, by the ending; the path."""
-        path = Path(path)
+        path, file = Path(path), BytesIO()
         matrices = {k: getattr(self, k) for k in "ABCD"}
         labels = {k: np.array(getattr(self, k), dtype=object) for k in ("states", "inputs", "outputs")}
         if path.suffix == ".npz":
-            np.savez_compressed(path, **matrices, **{k: v.astype(str) for k, v in labels.items()}, name=self.name)
+            np.savez_compressed(file, **matrices, **{k: v.astype(str) for k, v in labels.items()}, name=self.name)
         elif path.suffix == ".mat":
             from scipy.io import savemat
 
-            savemat(path, matrices | labels | {"name": self.name}, oned_as="column")
+            savemat(file, matrices | labels | {"name": self.name}, oned_as="column")
         else:
             ending = path.suffix or "nothing"
             raise StudyError(f"The file {path.name!r} ends in {ending}; give a name ending in .npz or .mat.")
+        if not path.parent.is_dir():
+            raise StudyError(f"There is no folder {str(path.parent)!r} to write {path.name!r} into; make it first.")
+        files.replace(path, file.getvalue())
         return path
 
     def __str__(self) -> str:

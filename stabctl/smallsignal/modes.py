@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
+from numbers import Integral
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +15,7 @@ from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.errors import StudyError
+from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 
@@ -141,7 +142,12 @@ class Modes:
         return naming.leader(linear, self.shares[:, k], self.shapes[:, k], H, self.eigenvalues[k].imag != 0)
 
     def mode(self, k: int) -> Mode:
-        """Mode k as a record of its own."""
+        """Mode k as a record of its own; k is a place in `eigenvalues`, as `swings()` gives it."""
+        count = len(self.eigenvalues)
+        if not isinstance(k, Integral) or not -count <= k < count:
+            raise StudyError(
+                f"There is no mode {shown(k)}; give a number from 0 to {count - 1}, as swings() gives them."
+            )
         first = np.argsort(-self.shares[:, k], kind="stable")[:10]
         shares = tuple(Share(self.linear.states[i], float(self.shares[i, k])) for i in first)
         parts = zip(self.linear.point.case.machines, self.shapes[:, k], strict=True)

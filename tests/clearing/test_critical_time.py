@@ -146,7 +146,7 @@ def test_what_makes_no_sense_is_refused(two_area, options, says):
         ("7-9", "There is no branch 7-9"),
         (7, "is not a contingency"),
         ([AT_7], "is not a contingency"),
-        (replace(AT_7, trip="7"), "does not name a circuit"),
+        (replace(AT_7, trip="7"), "is not a circuit"),
     ],
 )
 def test_impossible_contingencies_are_refused(two_area, what, says):

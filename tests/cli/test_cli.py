@@ -194,7 +194,7 @@ def test_classical_machines_everywhere(stabctl):
         (("clearing-time", "two_area", "--fault", "7", "--trip", "7"), "circuit"),
         (("place", "ieee39", "--classical", "--observe", "0"), "observation window of 0 s"),
         (("place", "ieee39", "--classical", "--lag", "-1"), "--lag -1 s"),
-        (("simulate", "two_area", "--open", "7-8"), "does not say when"),
+        (("simulate", "two_area", "--open", "7-8"), "has no time"),
         (("simulate", "two_area", "--open", "7@1s"), "is not a line trip"),
         (("simulate", "two_area", "--open", "7-9@1s"), "no branch 7-9"),
         (("simulate", "two_area", "--trip-machine", "7-8@1s"), "is not a machine trip"),

@@ -93,9 +93,9 @@ def test_models_lists_all_and_shows_one():
     assert [p["name"] for p in one["parameters"]] == list(devices.every()["genrou"].Par._fields)
     assert [i["reads"][:4] for i in one["inputs"]] == ["port", "port"]
     shown = run("models", "exdc2").output
-    assert "The state vr stops at VRmin x vt and VRmax x vt." in shown
+    assert "The state vr has non-windup limits VRmin x vt and VRmax x vt." in shown
     assert "kA" not in shown
-    with pytest.raises(StudyError, match="There is no model 'genru'; known are gencls"):
+    with pytest.raises(StudyError, match="There is no model 'genru'; choose one of gencls"):
         describe("genru")
 
 

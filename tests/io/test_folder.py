@@ -101,7 +101,7 @@ MISTAKES = [
     ("genrou", 5, "machine", "1", "machine 1 appears twice (rows 2 and 5); it can have only one row in this table"),
     ("sexs", 3, "machine", "9", "there is no machine 9 in machines.csv"),
     ("branches", 2, "x_pu", "0", "branch 1-5 has no impedance; r or x must be at least 1e-09 pu in size"),
-    ("branches", 6, "to_bus", "5", "branch 5-5 connects a bus to itself; name two different buses"),
+    ("branches", 6, "to_bus", "5", "branch 5-5 connects a bus to itself; give two different buses"),
     ("sexs", 3, "TA_s", "-0.05", "-0.05 is not allowed; it must be a number of at least 0"),
     ("genrou", 3, "T1d_s", "-8", "-8.0 is not allowed; it must be a number of at least 0"),
     ("genrou", 3, "H_s", "0", "0.0 is not allowed; it must be a number of at least 0.01"),
@@ -219,13 +219,13 @@ def test_headers(folder):
 
 def test_files(folder):
     (folder / "lines.csv").write_text("a\n1\n")
-    assert complaint(folder).startswith(f"{folder}/lines.csv: there is no table 'lines'; known are buses, branches")
+    assert complaint(folder).startswith(f"{folder}/lines.csv: there is no table 'lines'; choose one of buses, branches")
     (folder / "lines.csv").unlink()
     (folder / "machines.csv").unlink()
     assert complaint(folder) == f"{folder}/machines.csv: the table is missing; a case folder needs one."
     (folder / "case.toml").unlink()
     assert complaint(folder) == f"{folder}/case.toml: the file is missing; a case folder needs one."
-    assert complaint(folder / "nowhere").startswith(f"There is no case '{folder}/nowhere': name a folder, or one of ")
+    assert complaint(folder / "nowhere").startswith(f"There is no case '{folder}/nowhere': give a folder, or one of ")
 
 
 def test_what_is_no_file_is_not_waited_for(folder):
@@ -277,11 +277,11 @@ def test_reading_a_case_takes_no_compiler_and_no_model_classes():
         ("base_mva = 0", ", base_mva: 0 is not allowed; it must be a number from 1e-6 to 1e9."),
         ("base_mva = 'big'", ", base_mva: 'big' is not allowed; it must be a number."),
         ("frequency_hz = nan", ", frequency_hz: nan is not allowed; it must be a number from 1e-6 to 1e9."),
-        ("frequenzy = 50", ": 'frequenzy' is not a known entry; known are name"),
+        ("frequenzy = 50", ": 'frequenzy' is not a valid entry; choose one of name"),
         ("base_mva = 0x" + "f" * 5000, ", base_mva: a number of many digits is not allowed"),
         ("name = 0x" + "f" * 5000, ", name: a number of many digits is not allowed"),
         ("name = 3", ", name: 3 is not allowed; it must be text."),
-        ('name = "two\\nlines"', ", name: 'two\\nlines' is not allowed; it must be text of one line."),
+        ('name = "two\\nlines"', ", name: 'two\\nlines' is not allowed; it must be one line of text."),
         ("name = ", ": it cannot be read as TOML ("),
     ],
 )
@@ -293,9 +293,9 @@ def test_case_toml(folder, text, says):
 def test_a_relative_folder_is_named_as_given(folder, monkeypatch):
     put(folder / "machines.csv", cells(folder / "machines.csv")[:1])
     monkeypatch.chdir(folder)
-    assert complaint(".") == "./machines.csv: the table has no row; a case needs at least one."
+    assert complaint(".") == "./machines.csv: the table is empty; a case needs at least one row."
     monkeypatch.chdir(folder.parent)
-    assert complaint("mine") == "mine/machines.csv: the table has no row; a case needs at least one."
+    assert complaint("mine") == "mine/machines.csv: the table is empty; a case needs at least one row."
 
 
 class TestOverlay:
@@ -336,21 +336,21 @@ class TestOverlay:
         (overlay / "sexs.csv").write_text("machine,KA_pu\n1,100\n1,120\n")
         assert complaint(overlay) == (
             f"{overlay}/sexs.csv row 3, column machine: two_area has no machine 1#2 in sexs.csv; "
-            "an overlay changes rows, it adds none."
+            "an overlay can only change existing rows."
         )
 
     def test_rows_that_the_other_case_lacks(self, overlay):
         (overlay / "machines.csv").write_text("machine,p_mw\n9,650\n")
         assert complaint(overlay) == (
             f"{overlay}/machines.csv row 2, column machine: two_area has no machine 9 in machines.csv; "
-            "an overlay changes rows, it adds none."
+            "an overlay can only change existing rows."
         )
 
     def test_of_nothing_or_of_another_overlay(self, overlay):
         (overlay / "case.toml").write_text('extends = "nothing"\n')
         assert complaint(overlay).startswith(f"{overlay}/case.toml, extends: there is no case 'nothing'")
         (overlay / "case.toml").write_text('extends = "wnaps_paper"\n')
-        assert "'wnaps_paper' is itself an overlay; name a full case" in complaint(overlay)
+        assert "'wnaps_paper' is itself an overlay; give a full case" in complaint(overlay)
 
 
 NUMBERS = st.one_of(

@@ -141,8 +141,8 @@ def test_load_models_belong_to_rows_of_loads(loads, rows, tmp_path):
         ),
         ({"gencls": {2: CLASSICAL, 1: CLASSICAL, "1#2": CLASSICAL}}, "machine 1 appears twice (rows 3 and 4)"),
         ({"pss": {1: PSS}}, "machine 1 has no exciter for its stabilizer to act on"),
-        ({"nothing": {1: PSS}}, "there is no device model 'nothing'; known are gencls"),
-        ({"pss": {1: SEXS}}, "is not a row; make it with Par(...)"),
+        ({"nothing": {1: PSS}}, "there is no device model 'nothing'; choose one of gencls"),
+        ({"pss": {1: SEXS}}, "is not a row; create it with Par(...)"),
     ],
 )
 def test_devices_that_fit_nothing_are_told(loads, tables, says):
@@ -215,6 +215,6 @@ def test_an_overlay_changes_devices_by_their_keys(loads, tmp_path):
     assert io.load(overlay).devices["exponential"] == {2: A._replace(a=3.0), "2#2": B._replace(a=4.0)}
     (overlay / "exponential.csv").write_text("bus,a\n1,3\n")
     with pytest.raises(
-        CaseError, match=r"exponential.csv row 2, column bus: small has no bus 1 in exponential.csv; an overlay changes"
+        CaseError, match=r"exponential.csv row 2, column bus: small has no bus 1 in exponential.csv; an overlay can only change"
     ):
         io.load(overlay)

@@ -108,7 +108,7 @@ def test_several_values_change_at_once(case):
         ("pss.1.k", 1, r"pss has no column 'k'; it has K, Tw, "),
         ("pss.1.Tww", 1, r"pss has no column 'Tww'; did you mean Tw"),
         ("genrou.1.mva", 1, r"genrou has no column 'mva'"),
-        ("K", 1, r"'K' is not a value of a case; write table.key.column, as pss.1.K, or one of name, "),
+        ("K", 1, r"'K' is not a value of a case; write table.key.column, such as pss.1.K, or one of name, "),
         ("", 1, r"'' is not a value of a case"),
         ("pss..K", 1, r"'pss..K' is not a value of a case"),
         ("machines.2.p", "5s", r"machines.2.p: '5s' is not a power"),
@@ -148,7 +148,7 @@ class TestLoads:
     def test_what_is_no_load_is_told(self, case):
         for says, options in (
             ("has no bus 99; the nearest numbers are 9, 10, 11", {"bus": 99}),
-            ("A load has no 'p_powr'; did you mean p_power", {"bus": 9, "p_powr": 1}),
+            ("Loads have no column 'p_powr'; did you mean p_power", {"bus": 9, "p_powr": 1}),
             ("'50s' is not a power", {"bus": 9, "p": "50s"}),
             ("p_power and p_current add up to 2", {"bus": 9, "p_power": 1, "p_current": 1}),
         ):

@@ -37,20 +37,22 @@ def test_the_wheel_holds_templates_and_not_the_reproduction(installed):
 def test_a_case_runs_from_the_wheel(installed, tmp_path):
     """Also with the package read-only, as a system-wide installation is: the machine code goes to the user's cache."""
     program = installed.parent / "stabctl"
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"} | {
+        "XDG_CACHE_HOME": str(tmp_path / "cache")
+    }
+    told = {"capture_output": True, "text": True, "cwd": tmp_path, "env": environment}
     find = "import stabctl, pathlib; print(pathlib.Path(stabctl.__file__).parent)"
-    done = subprocess.run([installed, "-c", find], check=True, capture_output=True, text=True, cwd=tmp_path)
+    done = subprocess.run([installed, "-c", find], check=True, **told)
     package = Path(done.stdout.strip())
     assert not package.is_relative_to(ROOT)
     for path in (package, *package.rglob("*")):
         if path.is_dir():
             path.chmod(0o555)
     words = ["simulate", "two_area", "--fault", "7-8@0.4", "--clear", "21cyc", "--storage", "50MW", "--json"]
-    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache")}
-    environment.pop("PYTHONPATH", None)
-    done = subprocess.run([program, *words], capture_output=True, text=True, cwd=tmp_path, env=environment)
+    done = subprocess.run([program, *words], **told)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["outcome"] == "stable"
     assert "compiling" in done.stderr
     assert list((tmp_path / "cache").rglob("*.nbc"))
-    again = subprocess.run([program, *words], capture_output=True, text=True, cwd=tmp_path, env=environment)
+    again = subprocess.run([program, *words], **told)
     assert "compiling" not in again.stderr

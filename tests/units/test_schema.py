@@ -67,9 +67,9 @@ def test_whole_numbers_and_numpy_numbers_become_floats():
         ({"share": 1.0}, "a number of at least 0 and below 1"),
         ({"kind": "c"}, "one of a, b"),
         ({"kind": []}, "one of a, b"),
-        ({"name": "two\nlines"}, "text of one line"),
-        ({"name": "\ud800"}, "text of one line"),
-        ({"name": 3}, "text of one line"),
+        ({"name": "two\nlines"}, "one line of text"),
+        ({"name": "\ud800"}, "one line of text"),
+        ({"name": 3}, "one line of text"),
     ],
 )
 def test_what_is_not_allowed_is_found_with_its_place(change, wanted):

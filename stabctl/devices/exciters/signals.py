@@ -1,4 +1,4 @@
-"""What every exciter reads and gives."""
+"""Inputs and outputs of every exciter."""
 
 from typing import Annotated, NamedTuple
 

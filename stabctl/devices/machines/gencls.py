@@ -1,7 +1,7 @@
 """GENCLS: classical machine, a constant voltage E' behind ra + j x'd, and the swing equation.
 
 2H domega/dt = Pm - Pe - D (omega - 1), ddelta/dt = wb (omega - 1), Pe the power of the source (the paper, eq. (1)-(4)).
-No speed factor stands on the source, so that a lossless system conserves its energy function.
+The source has no speed factor, so that a lossless system conserves its energy function.
 Per unit on the machine's own MVA; `mva` carries currents to the system base.
 """
 

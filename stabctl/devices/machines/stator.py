@@ -1,4 +1,4 @@
-"""What every machine reads and gives, and the stator of a machine with subtransient fluxes.
+"""Inputs and outputs of every machine, and the stator of a machine with subtransient fluxes.
 
 (ra + j x'')(iq - j id) = omega psi'' - V exp(-j delta) with psi'' = psi''d + j psi''q, rotor frame, pu machine.
 """

@@ -30,7 +30,7 @@ class Par(NamedTuple):
     ramp: Annotated[float, "1/s", "largest change of the order, in ratings per second (0: unlimited)"]
     floor: Annotated[float, "pu s", "energy of the empty store (-inf: unlimited)"]
     capacity: Annotated[float, "pu s", "energy of the full store (inf: unlimited)"]
-    stored: Annotated[float, "pu s", "energy at the start"]
+    stored: Annotated[float, "pu s", "initial energy"]
     efficiency: Annotated[float, "-", "of one way, the root of the round trip"]
 
 
@@ -70,13 +70,13 @@ def from_case(device: Any, base_mva: float) -> Par:
 
 
 def guess(p: Par) -> State:
-    """States at rest: no power, and the energy of the start."""
+    """States at rest: no power, and the initial energy."""
     return State(0.0, p.stored)
 
 
 @inline
 def allowed(share, x, p):
-    """The share, or nothing where a full store would absorb or an empty one inject."""
+    """The share, or zero if a full store would absorb or an empty one inject."""
     if (x.energy.real >= p.capacity and share.real > 0) or (x.energy.real <= p.floor and share.real < 0):
         return 0 * share
     return share

@@ -1,0 +1,23 @@
+"""A process that does works of `before.py`: reads the name of one a line, answers with its seconds."""
+
+import os
+
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(variable, "1")
+
+import sys
+from importlib import import_module
+
+
+def main() -> None:
+    """Answer until the input ends."""
+    works = import_module(sys.argv[1]).WORKS
+    for work in works.values():
+        work()
+    print(*works, sep="\t", flush=True)
+    for line in sys.stdin:
+        print(works[line.strip()](), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,28 @@
+"""Compile the stepper alone, whose types are the same for every system; a second process does so at a cold start."""
+
+import numpy as np
+import scipy.sparse as sp
+
+from stabctl.dynamics.layout import Layout
+from stabctl.dynamics.program import Program
+
+from .criterion import DEFAULT, Criterion
+from .plant import Frame, Net, space
+from .stepper import advance
+from .substitution import factor
+
+
+def prepare() -> None:
+    """Make no step of a system of one bus without devices."""
+    places, numbers, calls = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 5), np.int64)
+    layout = Layout((), (), 1, 0, 0, {}, places)
+    kinds = {"places": np.zeros(3, np.int64), "inertia": numbers, "low": numbers, "high": numbers, "watch_low": numbers}
+    frame = Frame(**{name: kinds.get(name, places) for name in Frame._fields})
+    net = Net(factor(sp.identity(1, complex, "csc")), places, np.ones(1, bool), False)
+    program = Program(places, numbers, calls, calls, calls, calls)
+    q = space(np.zeros(layout.size), layout, frame, 100.0)
+    advance(program, frame, net, q, Criterion(*map(float, DEFAULT)), 0.0, 0, False, False, np.empty((0, 0)))
+
+
+if __name__ == "__main__":
+    prepare()
