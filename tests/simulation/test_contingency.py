@@ -76,8 +76,8 @@ def test_texts_that_are_no_event(text):
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: Contingency(["7"], 0.1), "is not a place of a fault"),
-        (lambda: Contingency(True, 0.1), "is not a place of a fault"),
+        (lambda: Contingency(["7"], 0.1), "is not a fault location"),
+        (lambda: Contingency(True, 0.1), "is not a fault location"),
         (lambda: Contingency("7", "6"), "'6' is not a time; write it as 6cyc"),
         (lambda: Contingency("7", -0.1), "clear = -0.1 s is negative"),
         (lambda: Contingency("7", 0.1, at=None), "None is not a time"),

@@ -115,7 +115,7 @@ def test_every_kind_of_signal_has_a_place_in_some_case(point):
         ([], ["speed:a"], "write its number"),
         ([], ["voltage:77"], "no bus 77"),
         ([], ["flow:1-2"], "There is no branch 1-2"),
-        ([], ["flow:7-8#3"], "has 2 circuits, not a number 3"),
+        ([], ["flow:7-8#3"], "has 2 circuits, but no circuit 3"),
         ([], ["coi_speed:1"], "has no place"),
         (["field:1"], [], "has an exciter; use vref:1"),
         (["order:1"], [], "its devices are none"),
