@@ -11,10 +11,14 @@ demo: .venv/demo  ## simulate the two-area system: outcomes, and pictures in rep
 test: .venv/test  ## run the tests
 	$(BIN)/python -m pytest -n auto --dist loadfile
 
-lint: .venv/dev  ## check style and import layers
+slow: .venv/test  ## run the tests that take long
+	$(BIN)/python -m pytest -n auto --dist loadfile -m slow
+
+lint: .venv/dev  ## check style, import layers and types
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
+	$(BIN)/mypy
 
 docs: .venv/demo  ## write docs/models.md: parameters, states, ports and source of every device
 	$(BIN)/python tools/models_page.py
@@ -53,5 +57,5 @@ clean:  ## remove the virtual environment and all generated files
 	$(BIN)/python -m pip install -q -e '.[dev]'
 	@touch $@
 
-.PHONY: help demo test lint docs reproduce bench clean
+.PHONY: help demo test slow lint docs reproduce bench clean
 .DEFAULT_GOAL := help

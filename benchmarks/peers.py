@@ -58,7 +58,9 @@ def agreement(own: Answer, other: Answer) -> dict[str, str]:
     """Largest difference of another answer from the own, in every work."""
     mine, theirs = common.swings(own.eigenvalues), common.swings(other.eigenvalues)
     common_time = np.arange(0, common.UNTIL - 0.1, 0.05)
-    traces = [np.column_stack([np.interp(common_time, a.time, column) for column in a.arrays.speed.T]) for a in (own, other)]
+    traces = [
+        np.column_stack([np.interp(common_time, a.time, column) for column in a.arrays.speed.T]) for a in (own, other)
+    ]
     largest, hertz = np.abs(traces[0] - 1).max(), 60e3
     off = np.abs(traces[0] - traces[1]).max()
     swings = f"{np.abs(mine - theirs).max():.1e} 1/s" if len(mine) == len(theirs) else "not the same swings"

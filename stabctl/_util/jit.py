@@ -18,11 +18,13 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
+from threading import RLock
 from types import ModuleType
 from typing import Any
 
 _PACKAGE = Path(__file__).parent.parent
 _pending: list[tuple[Callable[..., Any], bool]] = []
+lock = RLock()  # one thread compiles at a time
 
 
 def inline(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -46,16 +48,17 @@ def ready() -> None:
     """Tell numba of every function marked so far."""
     from numba.extending import register_jitable
 
-    while _pending:
-        function, inlined = _pending.pop()
-        register_jitable(
-            forceinline=inlined, error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True, _nrt=False
-        )(function)
+    with lock:
+        while _pending:
+            function, inlined = _pending.pop()
+            register_jitable(
+                forceinline=inlined, error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True, _nrt=False
+            )(function)
 
 
 @cache
 def sources(module: ModuleType) -> str:
-    """Text of a module and of every file that it takes functions from, inside the package or beside a user's file."""
+    """Text and constants of a module and of all it takes functions from, inside the package or beside it."""
     seen: dict[str, str] = {}
     todo, beside = [module], Path(module.__file__ or "").parent
     while todo:
@@ -64,7 +67,8 @@ def sources(module: ModuleType) -> str:
         inside = Path(file).is_relative_to(_PACKAGE) or Path(file).parent == beside
         if not file or found.__name__ in seen or not inside:
             continue
-        seen[found.__name__] = Path(file).read_text(encoding="utf-8")
+        constants = {k: v for k, v in vars(found).items() if isinstance(v, int | float | complex)}
+        seen[found.__name__] = f"{Path(file).read_text(encoding='utf-8')}{constants}"
         for value in vars(found).values():
             if inspect.ismodule(value) and hasattr(found, "__path__"):
                 continue  # a submodule, which is there or not as others have imported it
@@ -172,9 +176,9 @@ class Entry:
         """Call the compiled function."""
         if self._compiled is not None:
             return self._compiled(*arguments)
-        with compiling([] if self.on_disk() else [self.name]) as done:
+        with lock, compiling([] if self.on_disk() else [self.name]) as done:
             awaited.pop(self.function.__module__, bool)()
-            self._compiled = self._compile()
+            self._compiled = self._compiled or self._compile()
             found = self._compiled(*arguments)
             done()
         return found

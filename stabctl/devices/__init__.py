@@ -17,6 +17,7 @@ LIMITS names the states that stop at limits (non-windup). Initialization ignores
 ...max and ...min, and upper limits of other names listed in UPPER. The file name is the name of its table.
 """
 
+import copyreg
 import importlib
 import importlib.util
 import pkgutil
@@ -96,10 +97,10 @@ def register(path: str | Path) -> str:
     StudyError
         If the file cannot be read, is not a device, or has the name of a packaged device.
     """
-    from . import trial  # reads the markers of this package, which is not complete while it is imported
-
     if not isinstance(path, str | Path):
-        raise StudyError(f"{shown(path)} is not a device file; give the path of a Python file, such as 'my_exciter.py'.")
+        raise StudyError(
+            f"{shown(path)} is not a device file; give the path of a Python file, such as 'my_exciter.py'."
+        )
     path = Path(path)
     name = path.stem
     if not path.is_file() or path.suffix != ".py":
@@ -112,11 +113,29 @@ def register(path: str | Path) -> str:
         raise StudyError(f"{path}: {name!r} is the name of a packaged device; rename the file.")
     spec: Any = importlib.util.spec_from_file_location(f"stabctl_device_{name}", path)
     module = importlib.util.module_from_spec(spec)
+    before = sys.modules.get(spec.name)
     sys.modules[spec.name] = module
     try:
         spec.loader.exec_module(module)
+        _check(path, module)
     except (Exception, SystemExit) as error:
+        sys.modules.pop(spec.name)
+        if before is not None:
+            sys.modules[spec.name] = before
+        if isinstance(error, StudyError):
+            raise
         raise StudyError(f"The device file {path} fails when it is run: {type(error).__name__}: {error}.") from None
+    _registered[name] = module
+    copyreg.pickle(module.Par, lambda par: (_record, (str(module.__file__), *par)))
+    every.cache_clear()
+    models.cache_clear()
+    return name
+
+
+def _check(path: Path, module: ModuleType) -> None:
+    """`StudyError` where a module is no device."""
+    from . import trial  # reads the markers of this package, which is not complete while it is imported
+
     missing = [part for part in ("NAME", "ROLE", "Par") if not hasattr(module, part)]
     if missing:
         raise StudyError(f"The device file {path} lacks {', '.join(missing)}; see docs/extending.md.")
@@ -125,10 +144,12 @@ def register(path: str | Path) -> str:
     wrong = trial.mistake(module)
     if wrong:
         raise StudyError(f"{path}: {wrong}.")
-    _registered[name] = module
-    every.cache_clear()
-    models.cache_clear()
-    return name
+
+
+def _record(file: str, *values: Any) -> Any:
+    """Constants that come from another process, where the device of this file is registered."""
+    register_missing([file])
+    return _registered[Path(file).stem].Par(*values)
 
 
 def register_missing(files: Iterable[str]) -> None:

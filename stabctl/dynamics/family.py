@@ -226,7 +226,11 @@ def _module(name: str, device: ModuleType, scalar: type) -> Callable[..., None]:
         space: dict[str, Any] = {}
         exec(compile(text, f"<{name} {kind}>", "exec"), space)  # our own text, made above
         return space[name]
-    path = jit.folder() / "families" / f"{name}_{kind}_{jit.digest(text, jit.sources(device))}.py"
+    path = (
+        jit.folder()
+        / "families"
+        / f"{name}_{kind}_{jit.digest(text, inspect.getsource(_compile), jit.sources(device))}.py"
+    )
     if not path.exists():
         path.parent.mkdir(mode=0o700, exist_ok=True)
         own = path.with_suffix(f".{os.getpid()}")
@@ -259,13 +263,14 @@ plain: list[Any] = []  # with NUMBA_DISABLE_JIT=1 an "address" is a row of this 
 def address(name: str, device: ModuleType, scalar: type) -> int:
     """Address of the compiled loop in this process."""
     key = device, scalar
-    if key not in _compiled:
-        function = _module(name, device, scalar)
-        if jit.disabled():
-            plain.append(function)
-            _compiled[key] = len(plain) - 1
-        else:
-            _compiled[key] = _compile(function, scalar)
+    with jit.lock:
+        if key not in _compiled:
+            function = _module(name, device, scalar)
+            if jit.disabled():
+                plain.append(function)
+                _compiled[key] = len(plain) - 1
+            else:
+                _compiled[key] = _compile(function, scalar)
     found = _compiled[key]
     return found if isinstance(found, int) else found.address
 

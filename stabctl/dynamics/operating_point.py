@@ -115,9 +115,7 @@ class OperatingPoint:
         case = self.case.with_storage(s._replace(rating=float(rating)) for s, rating in pairs)
         esd = devices.every()["esd"]
         k = np.array([esd.from_case(s, case.base_mva) for s in case.storage], float)
-        changed = replace(self, case=case, system=self.system.with_constants("esd", k))
-        vars(changed).pop("equations", None)
-        return changed
+        return replace(self, case=case, system=self.system.with_constants("esd", k))
 
     def __getstate__(self) -> dict[str, Any]:
         return {k: v for k, v in self.__dict__.items() if k != "equations"} | {"stages": {}}

@@ -90,7 +90,7 @@ def ordered(families: Sequence[Family]) -> list[Node]:
 
 
 def _graph(families: Sequence[Family], nodes: Sequence[Node]) -> dict[int, set[int]]:
-    """Nodes -> the nodes whose outputs they read."""
+    """Nodes -> the nodes whose outputs they read, which may be a node itself."""
     size = 1 + max((int(f.w.max(initial=0)) + family.shape(f.device)[2] for f in families), default=0)
     maker = np.full(size, -1)
     for n, (i, op, rows) in enumerate(nodes):

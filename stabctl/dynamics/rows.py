@@ -99,6 +99,6 @@ def _load(case: Case, flow: PowerFlow, net: Network, i: int, found: dict[str, li
     if name == "zip_load":
         fixed[row.bus] += devices.every()[name].admittance(row.par)
         row = row._replace(par=row.par._replace(Pz=0.0, Qz=0.0))
-        if not any(row.par[:4]):
+        if not any((load.p_power, load.q_power, load.p_current, load.q_current)):
             return
     found.setdefault(name, []).append(row)

@@ -181,7 +181,6 @@ class Wiring:
 
     def _adders(self) -> list[Family]:
         """Sums of the signals that fill one summing port, two at a time."""
-
         rows = []
         for out, places in self.sums:
             left = places[0]
@@ -201,6 +200,7 @@ class Wiring:
         """Places in s, after `families`."""
         owner = np.full(self.end, NO_UNIT, np.int64)
         owner[: self.nx] = [place.unit for place in self.states]
+        owner[self.nx + 2 * self.buses : self.step] = [point.unit for point in self.setpoints]
         signals = {}
         for name, rows in self.tables.items():
             device = devices.every()[name]

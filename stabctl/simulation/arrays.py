@@ -23,9 +23,9 @@ class Arrays:
         self._point, self._rows = point, rows
 
     def _of_units(self, name: str) -> np.ndarray:
-        """A signal of every rotor unit."""
+        """A signal of every rotor unit, 0 of those that have no such."""
         layout = self._point.layout
-        return self._rows[:, [layout.signals[unit, name] for unit in self._point.rotors.unit]]
+        return self._rows[:, [layout.signals.get((unit, name), layout.zero) for unit in self._point.rotors.unit]]
 
     @cached_property
     def angle(self) -> np.ndarray:

@@ -117,11 +117,11 @@ def judge(a, net, q, rules, h):
 
 @noinline
 def record(a, net, q, whole, row):
-    """Every signal; outputs and memory of units that are off are 0."""
+    """Every signal; set-points and outputs of units that are off are 0."""
     for k in range(len(row)):
         row[k] = q.s[k]
     if not whole:
-        for k in range(a.places[1], len(row)):
+        for k in range(len(q.f), len(row)):
             if a.owner[k] >= 0 and net.island[a.owner[k]] < 0:
                 row[k] = 0.0
 

@@ -82,7 +82,7 @@ def _stepped(point: OperatingPoint, switching: Switching) -> tuple[tuple[tuple[s
         if after[0] == "zip_load":
             added[bus] += complex(par.Pz - before[1].Pz, before[1].Qz - par.Qz)
             par = par._replace(Pz=0.0, Qz=0.0)
-            if not any(before[1][:4]):
+            if not any((load.p_power, load.q_power, load.p_current, load.q_current)):
                 continue
         rows = np.flatnonzero(point.system.family(after[0]).w[:, family.BUS] == nx + 2 * bus)
         changed[after[0], int(rows[0])] = par

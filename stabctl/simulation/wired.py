@@ -49,7 +49,7 @@ def wired(point: OperatingPoint, control: Law | None) -> Wired:
         kept[key] = program(families)
     k = np.concatenate([np.zeros(0), *(f.k.ravel() for f in families)])
     orders, deviation, m = places
-    held = layout.first_setpoint + np.array([i for i, p in enumerate(layout.setpoints) if p.name == "order"], np.int64)
+    held = point.system.family("esd").w[:, family.INPUTS] if point.case.storage else np.zeros(0, np.int64)
     start = np.zeros(layout.size)
     start[: layout.first_memory] = point.s[: layout.first_memory]
     online = deviation + 2 * m

@@ -84,7 +84,7 @@ def descriptor(
     nx, nv = lay.nx, lay.first_setpoint
     filled = sp.vstack([d.of_rates, d.of_currents], format="csr").astype(bool)
     live = (np.diff(filled.indptr)[:nx] > 0) | (np.diff(filled[:, :nx].tocsc().indptr) > 0)
-    live &= np.array([p.name != "energy" for p in lay.states], bool)
+    live &= np.array([(p.table, p.name) != ("esd", "energy") for p in lay.states], bool)
     rows = np.flatnonzero(live)
     fx, fv = d.of_rates[rows][:, rows].tocsc(), d.of_rates[rows][:, nx:nv].tocsc()
     gx, gv = d.of_currents[:, rows].tocsc(), (d.of_currents[:, nx:nv] - real(point.admittance())).tocsc()
@@ -127,8 +127,6 @@ def _outputs(
     nx = point.layout.nx
     hx, hv = np.zeros((len(signals), len(rows))), np.zeros((len(signals), gv.shape[0]))
     hu = np.zeros((len(signals), fu.shape[1]))
-    column = np.full(nx, -1)
-    column[rows] = np.arange(len(rows))
     factor = splu(gv.T.tocsc()) if any(s.kind == "frequency" for s in signals) else None
     for k, signal in enumerate(signals):
         if signal.kind == "frequency":
@@ -141,11 +139,9 @@ def _outputs(
         reading = outputs.reading(point, signal)
         if reading is None:
             row = d.of_outputs[outputs.place(point, signal) - point.layout.first_output].toarray().ravel()
-            hx[k], hv[k] = row[rows], row[nx : point.layout.first_setpoint]
-            hu[k] = [0.0 if (at := ins.place(point, s)) is None else row[at] for s in ins_of]
-            continue
-        slopes = reading.slopes(point.s)
-        state = reading.places < nx
-        hx[k, column[reading.places[state]]] = slopes[state]
-        hv[k, reading.places[~state] - nx] = slopes[~state]
+        else:
+            row = np.zeros(point.layout.step)
+            row[reading.places] = reading.slopes(point.s)
+        hx[k], hv[k] = row[rows], row[nx : point.layout.first_setpoint]
+        hu[k] = [0.0 if (at := ins.place(point, s)) is None else row[at] for s in ins_of]
     return sp.csc_matrix(hx), sp.csc_matrix(hv), sp.csc_matrix(hu)

@@ -49,7 +49,7 @@ def value(point: OperatingPoint, signal: Signal) -> Callable[[np.ndarray], float
 
 
 def reading(point: OperatingPoint, signal: Signal) -> Reading | None:
-    """The output as a function of states and voltages; None for an output of a device, which `place` locates.
+    """The output as a function of states, voltages and set-points; None for a device's output, which `place` locates.
 
     A bus frequency is that of its angle, whose rate it is: see `angle_rate`.
     """

@@ -50,7 +50,7 @@ def limited(point: OperatingPoint) -> None:
         f = point.system.family(name)
         k = f.k.copy()
         limit, parameter = f.k[j, column], f.device.Par._fields[column]
-        k[j, column] = FAR if parameter.endswith("max") else -FAR
+        k[j, column] = family.side(f.device, parameter) * FAR
         if rows[0] not in _jumps(point, (name, k)):
             where = (
                 f"machine {point.case.machines[unit].machine} at bus {point.case.machines[unit].bus}"
@@ -85,7 +85,7 @@ def _jumps(point: OperatingPoint, changed: tuple[str, np.ndarray] | None) -> np.
         held = equations.held(s, rates, lim)
         J = J.multiply((~np.r_[held, np.zeros(J.shape[0] - lay.nx, bool)])[:, None]).tocsr()
         sides.append(J)
-    energy = [i for i, p in enumerate(lay.states) if p.name == "energy"]
+    energy = [i for i, p in enumerate(lay.states) if (p.table, p.name) == ("esd", "energy")]
     keep = np.setdiff1d(np.arange(sides[0].shape[0]), energy)
     scale = np.maximum(*(abs(J).max(axis=1).toarray().ravel() for J in sides))
     jump = abs(sides[0] - sides[1]).max(axis=1).toarray().ravel()

@@ -78,6 +78,7 @@ OUTPUTS = _kinds(
     }
 )
 
+OF_ROTOR = ("speed", "angle", "rest_speed", "efd", "pm", "ifd", "field", "power")
 REFERENCES = {"vref": "exciter", "pref": "governor"}  # input -> role of the control it belongs to
 
 
@@ -129,6 +130,8 @@ def _everywhere(case: Case, name: str, kind: Kind) -> list[int | str | None]:
         return [n for n in numbers if _model(case, n, REFERENCES[name])]
     if name in ("field", "power"):
         return [n for n in numbers if not _model(case, n, "exciter" if name == "field" else "governor")]
+    if name in OF_ROTOR:
+        return [n for n in numbers if _model(case, n, "machine")]
     return numbers
 
 
@@ -159,8 +162,8 @@ def _signal(case: Case, name: str, kind: Kind, place: int | str | None) -> Signa
     elif kind.place == "" and place is not None:
         raise StudyError(f"{name} has no place; write {name} alone.")
     words = {
-        role: devices.models()[model].NAME
-        for role in ("machine", "exciter", "governor")
+        "machine" if role == "converter" else role: devices.models()[model].NAME
+        for role in ("machine", "converter", "exciter", "governor")
         if (model := _model(case, place, role))
     }
     return Signal(name, place, kind.label.format(place=place, **words), kind.unit)
@@ -168,6 +171,8 @@ def _signal(case: Case, name: str, kind: Kind, place: int | str | None) -> Signa
 
 def _belongs(case: Case, name: str, number: int) -> None:
     """The machine has the control whose reference is asked for, or lacks the one that would stand in the way."""
+    if name in OF_ROTOR and not _model(case, number, "machine"):
+        raise StudyError(f"Unit {number} of {case.name} is a converter without a rotor; {name} is a machine's.")
     if name in REFERENCES and not _model(case, number, REFERENCES[name]):
         instead = "field" if name == "vref" else "power"
         raise StudyError(f"Machine {number} of {case.name} has no {REFERENCES[name]}; use {instead}:{number}.")

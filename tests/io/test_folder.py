@@ -12,8 +12,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from stabctl import io
-from stabctl import devices
+from stabctl import devices, io
 from stabctl.dynamics import operating_point
 from stabctl.errors import CaseError, StabctlError
 from stabctl.io.folder import PACKAGED
@@ -197,7 +196,9 @@ def test_a_start_outside_a_limit_names_device_machine_bus_and_limit(folder, tabl
     with pytest.raises(StabctlError) as caught:
         operating_point.solve(io.load(folder))
     text = str(caught.value)
-    assert text.startswith(f"{devices.models()[table].NAME} of machine 2 at bus 2 cannot be initialized: {limit} = {value} pu")
+    assert text.startswith(
+        f"{devices.models()[table].NAME} of machine 2 at bus 2 cannot be initialized: {limit} = {value} pu"
+    )
     assert f"{table}.csv" in text
     assert "\n" not in text
 

@@ -215,6 +215,7 @@ def test_an_overlay_changes_devices_by_their_keys(loads, tmp_path):
     assert io.load(overlay).devices["exponential"] == {2: A._replace(a=3.0), "2#2": B._replace(a=4.0)}
     (overlay / "exponential.csv").write_text("bus,a\n1,3\n")
     with pytest.raises(
-        CaseError, match=r"exponential.csv row 2, column bus: small has no bus 1 in exponential.csv; an overlay can only change"
+        CaseError,
+        match=r"exponential.csv row 2, column bus: small has no bus 1 in exponential.csv; an overlay can only change",
     ):
         io.load(overlay)
