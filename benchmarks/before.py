@@ -16,15 +16,13 @@ from machine import cpu_of_children, stated, timed
 COMMAND = ("-m", "stabctl", "simulate", "two_area", "--fault", "7-8@0.4", "--clear", "21cyc")
 BASE = "import numpy, scipy.sparse.linalg, numba"
 HERE = Path(__file__).parent
-WANTED = {"10 s of wnaps": 0.6, "10 s of two_area": 0.3, "cold start, wall": 0.45}
-SHORT = {"cold": 3, "warm": 9}  # processes
 
 
 class Version:
     """One version of the package: a worker process, and whole processes of its command."""
 
     def __init__(self, root: Path, works: str) -> None:
-        self.environment = os.environ | {"PYTHONPATH": str(root)}
+        self.root, self.environment = root, os.environ | {"PYTHONPATH": str(root)}
         self.worker = subprocess.Popen(
             [sys.executable, str(HERE / "worker.py"), works],
             stdin=subprocess.PIPE,
@@ -49,17 +47,17 @@ class Version:
         """Wall and processor seconds of the command, with or without machine code on disk."""
         with tempfile.TemporaryDirectory() as folder:
             environment = self.environment | ({"XDG_CACHE_HOME": folder} if cold else {})
-            return whole((sys.executable, *COMMAND), environment)
+            return whole((sys.executable, *COMMAND), environment, self.root)
 
     def close(self) -> None:
         """End the worker."""
         self.worker.communicate()
 
 
-def whole(command: tuple[str, ...], environment: dict[str, str]) -> tuple[float, float]:
+def whole(command: tuple[str, ...], environment: dict[str, str], folder: Path = HERE) -> tuple[float, float]:
     """Wall and processor seconds of a process."""
     before = cpu_of_children()
-    wall = timed(lambda: subprocess.run(command, check=True, capture_output=True, env=environment))
+    wall = timed(lambda: subprocess.run(command, check=True, capture_output=True, env=environment, cwd=folder))
     return wall, cpu_of_children() - before
 
 

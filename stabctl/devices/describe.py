@@ -66,9 +66,19 @@ def describe(name: str) -> Description:
         raise StudyError(f"There is no model {name!r}; choose one of {', '.join(devices)}.")
     device = devices[found]
     title, _, text = (device.__doc__ or device.NAME).partition("\n")
-    signals = (tuple(_signals(device, record)) for record in ("State", "Input", "Output"))
-    parts = tuple(_parameters(device)), *signals, tuple(_limits(device))
-    return Description(found, title.rstrip(". "), device.ROLE, ROLES[device.ROLE], text.strip("\n"), *parts)
+    states, inputs, outputs = (tuple(_signals(device, record)) for record in ("State", "Input", "Output"))
+    return Description(
+        found,
+        title.rstrip(". "),
+        device.ROLE,
+        ROLES[device.ROLE],
+        text.strip("\n"),
+        tuple(_parameters(device)),
+        states,
+        inputs,
+        outputs,
+        tuple(_limits(device)),
+    )
 
 
 def _parameters(device: ModuleType) -> Iterator[Parameter]:

@@ -26,7 +26,12 @@ from stabctl._util import jit
 
 SOURCE, CURRENT, OUTPUT, RATES, BOTH, STEP, LOCAL = range(7)
 STATE, BUS, BUS2, UNIT, INPUTS = range(5)  # columns of w; inputs follow, and the first output
-EQUATIONS = {SOURCE: ("source",), CURRENT: ("current",), OUTPUT: ("output",), RATES: ("derivatives",)}
+EQUATIONS: dict[int, tuple[str, ...]] = {
+    SOURCE: ("source",),
+    CURRENT: ("current",),
+    OUTPUT: ("output",),
+    RATES: ("derivatives",),
+}
 TINY = 1e-30
 
 
@@ -90,7 +95,8 @@ def shape(device: ModuleType) -> tuple[int, int, int, int]:
     names = {a for equation in ("current", "output", "derivatives") for a in arguments(device, equation)}
     injects = hasattr(device, "source") or hasattr(device, "current")
     buses = 2 if "v2" in names else 1 if injects or "v" in names else 0
-    return (*(len(fields(device, record)) for record in ("State", "Input", "Output")), buses)
+    states, inputs, outputs = (len(fields(device, record)) for record in ("State", "Input", "Output"))
+    return states, inputs, outputs, buses
 
 
 def write(device: ModuleType, name: str, scalar: type) -> str:
@@ -192,7 +198,8 @@ def _local(device: ModuleType) -> list[str]:
         return ["pass"]
     rows, columns = states + inputs + 2 * buses, states + outputs + 2 * buses
     head = _head(device, f"{TINY}j")
-    lines, known = [], {"y"}
+    lines: list[str] = []
+    known = {"y"}
     for a in ("p", "x", "u", *((), ("v",), ("v1", "v2"))[buses]):
         if a in "pxu" and not fields(device, {"p": "Par", "x": "State", "u": "Input"}[a]):
             continue
@@ -286,4 +293,4 @@ def _compile(function: Callable[..., None], scalar: type) -> Any:
         types.int64, types.int64, pointer(types.int64), pointer(types.float64), pointer(number), pointer(number),
         pointer(types.int64),
     )  # fmt: skip
-    return numba.cfunc(signature, cache=True, error_model="numpy", _nrt=False)(function)
+    return numba.cfunc(signature, cache=True, error_model="numpy", _nrt=False)(function)  # type: ignore[call-arg]

@@ -21,7 +21,8 @@ class Limits(NamedTuple):
 
 def limits(families: Iterable[Family], one: int) -> Limits:
     """The states that models list in LIMITS; `one` is the place of the constant 1."""
-    state, low, high, scale, names = [], [], [], [], []
+    state, low, high, scale = [], [], [], []
+    names: list[tuple[str, str]] = []
     for f in families:
         constants, states = family.fields(f.device, "Par"), family.fields(f.device, "State")
         inputs = family.fields(f.device, "Input")
@@ -33,4 +34,4 @@ def limits(families: Iterable[Family], one: int) -> Limits:
             names += [(least, most)] * len(f.w)
     if not state:
         return Limits(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.zeros(0, np.int64), ())
-    return Limits(*(np.concatenate(part) for part in (state, low, high, scale)), tuple(names))
+    return Limits(np.concatenate(state), np.concatenate(low), np.concatenate(high), np.concatenate(scale), tuple(names))

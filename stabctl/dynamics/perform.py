@@ -22,7 +22,7 @@ else:
     from .call import call
 
     @inline
-    def perform_local(calls, starts, w, k, s, f, on):
+    def perform_local(calls, starts, w, k, s, f, on):  # type: ignore[misc]
         """Call families one after the other, each with its own part of f (complex)."""
         for c in range(len(calls)):
             call(
@@ -31,7 +31,7 @@ else:
             )  # fmt: skip
 
     @inline
-    def perform(calls, w, k, s, f, on):
+    def perform(calls, w, k, s, f, on):  # type: ignore[misc]
         """Call families one after the other."""
         for c in range(len(calls)):
             call(

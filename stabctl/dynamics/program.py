@@ -85,7 +85,7 @@ def ordered(families: Sequence[Family]) -> list[Node]:
                     for n in error.args[1]
                 ]
                 raise EquilibriumError(f"These devices form an algebraic loop: {' <- '.join(names)}.") from None
-            single = [(i, op, (row,)) for i, op, rows in cycle for row in rows]
+            single: list[Node] = [(i, op, (row,)) for i, op, rows in cycle for row in rows]
             nodes = [n for n in nodes if n not in cycle] + single
 
 

@@ -62,11 +62,11 @@ def start(case: Case, system: System, equations: Equations, V: np.ndarray, curre
     s[lim.state[fixed]] = np.clip(s[lim.state[fixed]], lim.low[fixed], lim.high[fixed])
     newton = _Newton(case, system, equations, V, current)
     newton.clip_moving(s)
-    iterations, fastest, found = 0, 0.0, None
+    iterations, J = 0, sp.csr_matrix((0, 0))
     for share in (0.0, 0.25, 0.5, 0.75, 1.0) if newton.eased(0.0) is not None else (1.0,):
-        made, found = newton.solve(s, newton.constants(share))
+        made, J = newton.solve(s, newton.constants(share))
         iterations += made
-    fastest = groups.fastest(found[: layout.nx, : layout.nx])
+    fastest = groups.fastest(J[: layout.nx, : layout.nx])
     newton.check(s)
     return Start(s, iterations, fastest)
 

@@ -56,7 +56,8 @@ class Simulation:
         self.time, self.wall_s, self.steps = start, 0.0, 0
         self.outcome: Outcome | None = None
         self._taken_off: list[str] = []
-        self._verdict, self._finished = stepper.DONE, None
+        self._verdict = stepper.DONE
+        self._finished: Trajectory | None = None
         self._at = 0
         while self._at + 1 < len(self.changes) and self.changes[self._at + 1].at <= start + 1e-9:
             self._at += 1
@@ -242,9 +243,9 @@ def run(
     A law runs inside the compiled loop, a sampled controller between intervals of its rate.
     """
     events = schedule(point.case, contingency, until, start)
-    sampled = isinstance(control, Sampled)
-    simulation = Simulation(point, events, None if sampled else control, step, criterion, record, start, progress)
-    if sampled:
+    law = None if isinstance(control, Sampled) else control
+    simulation = Simulation(point, events, law, step, criterion, record, start, progress)
+    if isinstance(control, Sampled):
         carry([simulation], control.pilot([simulation]), control.rate, until)
     else:
         simulation.advance(until)
