@@ -203,7 +203,7 @@ def output(Efd, p):
             yield {"genrou": ROUND, "direct": exciter.Par(20.0), "field_reader": stabilizer.Par(0.01)}
 
     def test_it_is_named_with_its_devices_and_their_machine(self, models):
-        with pytest.raises(EquilibriumError, match=r"^These devices wait for each other's outputs: ") as caught:
+        with pytest.raises(EquilibriumError, match=r"^These devices form an algebraic loop: ") as caught:
             operating_point.solve(small(models))
         for name in ("direct of machine 1 at bus 1", "field_reader of machine 1 at bus 1"):
             assert name in str(caught.value)
@@ -280,7 +280,7 @@ def output(heard):
 
     @pytest.mark.parametrize("last", [1, 101])
     def test_but_not_in_a_circle(self, chain, last):
-        with pytest.raises(EquilibriumError, match=r"wait for each other's outputs: .*relay of machine 101 at bus 1"):
+        with pytest.raises(EquilibriumError, match=r"form an algebraic loop: .*relay of machine 101 at bus 1"):
             chain(last)
 
 
