@@ -16,7 +16,7 @@ import scipy.linalg as sl
 
 from stabctl import io
 from stabctl.dynamics import operating_point
-from stabctl.smallsignal import analyze, descriptor, linearize, local
+from stabctl.smallsignal import analyze, descriptor, linearize
 from stabctl.smallsignal.eigen import eigen
 from stabctl.smallsignal.model import eliminated
 from stabctl.smallsignal.refuse import limited
@@ -38,15 +38,13 @@ def main() -> None:
     """Measure and print, part by part."""
     point = operating_point.solve(io.load("wnaps"))
     model, form = linearize(point), descriptor(point)
-    alone = local.private(point.plant)
     A, angles = model.A, model.angles()
     square = np.random.default_rng(0).normal(size=A.shape)
     whole = best(lambda: analyze(linearize(point)))
     parts = {
         "linearize": best(lambda: linearize(point)),
-        "  private terminals and their layout": best(lambda: local.private(point.plant)),
-        "  colored complex steps": best(lambda: local.derivatives(alone, local.at(alone, point.z))),
-        "  is a limit at rest?": best(lambda: limited(point, alone)),
+        "  blocks of the devices, put together": best(lambda: point.equations.at(point.s.copy())),
+        "  is a limit reached?": best(lambda: limited(point)),
         "  elimination of the voltages": best(lambda: eliminated(form)),
         "eigenvalues and both sets of vectors": best(lambda: eigen(A, angles)),
         "  LAPACK alone": best(lambda: sl.eig(A[1:, 1:], left=True, right=True, check_finite=False)),

@@ -139,6 +139,7 @@ def test_at_most_three_sites(classical, three_sites):
     _check_evidence(three_sites)
 
 
+@pytest.mark.slow
 def test_machines_in_full(cases, full):
     assert len(full.contingencies) == 9
     assert full.total_mw <= 0.80 * full.uniform_mw  # 280.1 of 577.0 MW: 0.485
@@ -146,6 +147,7 @@ def test_machines_in_full(cases, full):
     _check_evidence(full)
 
 
+@pytest.mark.slow
 def test_wnaps(cases, western):
     assert {s.machine for s in western.sites} <= set(CANDIDATES)
     assert western.total_mw <= 0.70 * western.uniform_mw  # 444.5 of 2062.5 MW: 0.216
