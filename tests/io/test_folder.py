@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from systems import KINDS
 
 from stabctl import devices, io
 from stabctl.dynamics import operating_point
@@ -165,7 +166,7 @@ def test_a_machine_without_a_model(folder):
     put(folder / "sexs.csv", cells(folder / "sexs.csv")[:-1])
     assert complaint(folder) == (
         f"{folder}/machines.csv row 5, column machine: machine 4 has no model; "
-        "add a row for it to gencls.csv or genrou.csv."
+        "add a row for it to gencls.csv or genrou.csv or gensal.csv or regc_a.csv."
     )
 
 
@@ -220,7 +221,7 @@ def test_headers(folder):
 
 def test_files(folder):
     (folder / "lines.csv").write_text("a\n1\n")
-    assert complaint(folder).startswith(f"{folder}/lines.csv: there is no table 'lines'; choose one of buses, branches")
+    assert complaint(folder).startswith(f"{folder}/lines.csv: there is no table 'lines'; known are buses, branches")
     (folder / "lines.csv").unlink()
     (folder / "machines.csv").unlink()
     assert complaint(folder) == f"{folder}/machines.csv: the table is missing; a case folder needs one."
@@ -462,4 +463,5 @@ def test_any_case_toml_loads_or_gives_one_sentence(workshop, text):
 
 def test_every_table_of_the_format_is_exercised_by_some_packaged_case_or_test():
     seen = {path.stem for path in PACKAGED.glob("*/*.csv")}
-    assert seen | {"storage", "gencls", "exdc2"} == set(TABLES) | set(devices.models())
+    tried = {model for kind in KINDS.values() for model in kind}  # tests/dynamics
+    assert seen | tried | {"storage", "exponential"} == set(TABLES) | set(devices.models())

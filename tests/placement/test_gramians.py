@@ -39,7 +39,7 @@ def test_python_control_finds_the_same_gramian_of_the_reduced_model(points, deca
     """Its Lyapunov equation of the modal model, in the coordinates of that model."""
     p = points("two_area")
     g = gramians(p, modes=3, decay=decay)
-    m = analyze(linearize(p, [f"storage:{c.bus}" for c in g.candidates]))
+    m = analyze(linearize(p, [f"storage:{c.bus}" for c in g.candidates], "speed"))
     chosen = sorted(critical_modes(m, 3), key=lambda k: -m.eigenvalues[k].real)
     H = p.inertia * p.case.base_mva
     for first in range(3):

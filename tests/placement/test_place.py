@@ -79,7 +79,7 @@ def test_what_needs_no_storage_gets_none(case):
     assert (found.total_mw, found.total_mwh, found.cost, found.uniform_mw, found.gap) == (0, 0, 0, 0, 0)
     assert found.contingencies[0].stable
     assert "0 sites with 0.0 MW and 0 kWh survive 1 contingency," in str(found)
-    assert "survives every contingency without storage" in str(found)
+    assert "survives every contingency even without storage" in str(found)
 
 
 def test_too_few_sites(case):
