@@ -16,10 +16,10 @@ FASTEST = 10_000  # frames per second
 
 
 class Snapshot(NamedTuple):
-    """The system at one frame; devices, machines and buses are in the order of the case's tables."""
+    """The system at one frame; devices, machines (those with a rotor) and buses in the order of the case's tables."""
 
     time: float  # s
-    deviation: np.ndarray  # (devices) pu   speed of the device's machine less the COI speed of the rest of its island
+    deviation: np.ndarray  # (devices) pu   speed of its machine less the COI speed of the rest; nan without a rotor
     voltage: np.ndarray  # (devices) pu   magnitude at the device
     speed: np.ndarray  # (machines) pu
     angle: np.ndarray  # (machines) rad
@@ -70,18 +70,19 @@ class _Watch:
 
     def __init__(self, point: OperatingPoint) -> None:
         rows = {m.machine: i for i, m in enumerate(point.case.machines)}
-        self.machine = np.array([rows[s.machine] for s in point.case.storage], int)
+        self.unit = np.array([rows[s.machine] for s in point.case.storage], int)
         self.bus = np.array([point.net.place[s.bus] for s in point.case.storage], int)
-        self.inertia = point.inertia
+        self.rotors, self.inertia = point.rotors.unit, point.inertia
+        self.own = self.unit[:, None] == self.rotors  # (devices, rotor units) is it the device's?
 
     def snapshot(self, now: "Simulation") -> Snapshot:
         """The system as it is now."""
         V, speed, island = now.V, now.speed, now.island
-        together = (island[self.machine, None] == island) & (island >= 0)
-        together[np.arange(len(self.machine)), self.machine] = False
-        weight = together @ self.inertia
-        rest = np.divide(together @ (self.inertia * speed), weight, out=speed[self.machine].copy(), where=weight > 0)
-        return Snapshot(now.time, speed[self.machine] - rest, np.abs(V[self.bus]), speed, now.angle, V)
+        others = (island[self.unit, None] == island[self.rotors]) & (island[self.rotors] >= 0) & ~self.own
+        own = np.where(self.own.any(axis=1), self.own @ speed, np.nan)
+        weight = others @ self.inertia
+        rest = np.divide(others @ (self.inertia * speed), weight, out=own.copy(), where=weight > 0)
+        return Snapshot(now.time, own - rest, np.abs(V[self.bus]), speed, now.angle, V)
 
 
 def _orders(given: Any, simulation: "Simulation") -> np.ndarray:

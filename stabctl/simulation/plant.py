@@ -12,8 +12,6 @@ from stabctl.dynamics.layout import Layout
 
 from .substitution import Factors
 
-TOLERANCE = 1e-7  # pu on 100 MVA   error of a voltage at which the iteration ends
-
 
 class Net(NamedTuple):
     """The network between two events."""
@@ -62,7 +60,6 @@ class Space(NamedTuple):
     orders: np.ndarray  # (held) before a decision
     coi: np.ndarray  # (4, buses) inertia, speed, acceleration and angle of the islands
     marks: np.ndarray  # bus and rotor unit to blame; step, stage and decided?, where Newton was asked for
-    tol: np.ndarray  # (1) pu
 
 
 class NewtonSpace(NamedTuple):
@@ -98,7 +95,7 @@ def frame(system: System, layout: Layout, deviation: int, held: np.ndarray) -> F
     )  # fmt: skip
 
 
-def space(s: np.ndarray, layout: Layout, a: Frame, base_mva: float) -> Space:
+def space(s: np.ndarray, layout: Layout, a: Frame) -> Space:
     """Buffers of one run that starts at s."""
     nx, nb, m = layout.nx, layout.buses, len(a.rotor)
     s, f = s.copy(), np.zeros(layout.first_setpoint)
@@ -108,7 +105,7 @@ def space(s: np.ndarray, layout: Layout, a: Frame, base_mva: float) -> Space:
         *(row.copy() for row in blank), np.zeros((2, 4, nb), complex),
         np.zeros(nx), np.zeros(nx), np.stack([s[a.rotor], np.zeros(m)]),
         np.zeros(len(a.watch_bus)), np.zeros(len(a.held)), np.zeros((4, nb)),
-        np.zeros(5, np.int64), np.array([TOLERANCE * 100 / base_mva]),
+        np.zeros(5, np.int64),
     )  # fmt: skip
 
 

@@ -20,7 +20,7 @@ def prepare() -> None:
     frame = Frame(**{name: kinds.get(name, places) for name in Frame._fields})
     net = Net(factor(sp.identity(1, complex, "csc")), places, np.ones(1, bool), False)
     program = Program(places, numbers, calls, calls, calls, calls)
-    q = space(np.zeros(layout.size), layout, frame, 100.0)
+    q = space(np.zeros(layout.size), layout, frame)
     advance(program, frame, net, q, Criterion(*map(float, DEFAULT)), 0.0, 0, False, False, np.empty((0, 0)))
 
 

@@ -63,7 +63,7 @@ class Simulation:
             self._at += 1
         self.wired = wired(point, control)
         self._enter()
-        self._space = space(self.wired.start, self.wired.layout, self.wired.frame, point.case.base_mva)
+        self._space = space(self.wired.start, self.wired.layout, self.wired.frame)
         self._width = self.wired.layout.first_memory
         self._times: list[np.ndarray] = []
         self._rows: list[np.ndarray] = []

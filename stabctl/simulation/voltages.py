@@ -13,6 +13,7 @@ from stabctl.dynamics.perform import perform
 
 from .substitution import backward, forward, middle, solve_apart
 
+TOLERANCE = 1e-7  # pu   error of a voltage at which the iteration ends
 LIMIT = 30  # -    substitutions before Newton is called
 STEPS = 40  # -    Newton steps
 FAILED, NEEDS_NEWTON = 1000, 1001  # -    answers of `settle`
@@ -50,7 +51,7 @@ def settle(p, a, net, q):
             q.volt[b[i]] = v
         # the changes fall like a geometric series, whose rest is the error left
         change = np.sqrt(change)
-        if change < q.tol[0] or change * change < q.tol[0] * (before - change):
+        if change < TOLERANCE or change * change < TOLERANCE * (before - change):
             backward(factors, q.work, q.volt)
             return iteration
         before = change
@@ -124,7 +125,7 @@ def newton_from(calls, p, a, net, q, z, slow):
         if before < np.inf:
             pace = min(max(pace * before / now, 0.05), 1e6)
         before = now
-        if now < q.tol[0]:
+        if now < TOLERANCE:
             copy(source, current)
             for i in range(n):
                 current[bus[i]] += i_v[0, i, 0].real + 1j * i_v[0, i, 1].real

@@ -93,7 +93,7 @@ class TestNewtonFallback:
             V = np.ascontiguousarray(pairs).view(complex)
             return np.linalg.solve(Y, Y @ V - source - self.draws(point, V)).view(float)
 
-        q = space(made.start, made.layout, made.frame, point.case.base_mva)
+        q = space(made.start, made.layout, made.frame)
         q.source[:] = source
         p, net = program(made.families, complex), stage(point, UNSWITCHED).net
         found = voltages.newton_from(p.current, p, made.frame, net, q, newton_space(q), slow)
