@@ -1,4 +1,4 @@
-"""What a review of the core brought up, each as a law: solutions, starts, records, processes."""
+"""Laws of the core: solutions, starts, records, processes."""
 
 import dataclasses
 import pickle
