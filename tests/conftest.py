@@ -1,10 +1,10 @@
-"""Fixtures: packaged cases and their operating points, made once, and the folder of reference data."""
+"""Fixtures: packaged cases and their operating points, made once, and the reference data."""
 
-import os
 import sys
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -35,12 +35,9 @@ def points(cases):
 
 @pytest.fixture(scope="session")
 def reference():
-    """Folder of the independent simulator's data."""
-    root = Path(__file__).resolve().parent.parent
-    folder = Path(os.environ.get("STABCTL_REFERENCE", root.parent / "shared" / "reference"))
-    if not folder.is_dir():
-        pytest.skip(f"no reference data in {folder}; set STABCTL_REFERENCE to their folder")
-    return folder
+    """(case, table) -> columns of reference values; their sources are in reference/data/README.md."""
+    folder = Path(__file__).parent / "reference" / "data"
+    return cache(lambda case, table: np.genfromtxt(folder / case / f"{table}.csv", delimiter=",", names=True))
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ What is left, beside the interpolation between rows of 1 ms (about 1e-7 pu in sp
 
 import numpy as np
 import pytest
-from comparison import EARLY, differences, simulated, table
+from comparison import EARLY, differences, recorded, simulated
 
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
@@ -21,16 +21,9 @@ from stabctl.simulation.events import Clear, Fault, Open, SwitchShunt
 CYCLE = 1 / 60
 
 
-def beside(measured):
-    """Tolerance of each signal: twice the measured value at most."""
-    return {signal: 1.5 * value for signal, value in measured.items()}
-
-
 def assert_within(found, measured):
-    too_large = {k: f"{v:.2e} > {beside(measured)[k]:.2e}" for k, v in found.items() if not v < beside(measured)[k]}
-    assert not too_large
-    idle = {k for k, v in found.items() if v < measured[k] / 3}
-    assert not idle, f"much better than written here: {idle}; write the new values"
+    """No signal differs by more than 1.5 times the measured value written here."""
+    assert not {k: f"{v:.2e} > 1.5 * {measured[k]:.1e}" for k, v in found.items() if not v < 1.5 * measured[k]}
 
 
 def wnaps_events(cycles, early):
@@ -48,13 +41,13 @@ def two_area_events(cycles, early):
 # case, run, cycles, compared until (s), switchings early by (s), measured differences
 RUNS = [
     ("wnaps", "stable_4_cycles", 4, 9.9, 0.0,
-     {"speed": 4.6e-5, "angle": 2.3e-3, "terminal": 3.0e-3, "hv": 2.4e-3, "Efd": 4.3e-2, "Pm": 1.3e-4, "Pe": 2.6e-2}),
+     {"speed": 4.6e-5, "angle": 2.3e-3, "terminal": 1.7e-3, "hv": 1.4e-3, "Efd": 4.3e-2, "Pm": 1.2e-4, "Pe": 2.6e-2}),
     ("wnaps", "stable_4_cycles", 4, 9.9, EARLY,
-     {"speed": 7.6e-7, "angle": 8.6e-5, "terminal": 2.3e-5, "hv": 2.4e-5, "Efd": 3.7e-3, "Pm": 4.1e-6, "Pe": 9.1e-4}),
+     {"speed": 7.6e-7, "angle": 8.6e-5, "terminal": 1.4e-5, "hv": 1.4e-5, "Efd": 2.9e-3, "Pm": 4.1e-6, "Pe": 9.1e-4}),
     ("wnaps", "unstable_6_cycles", 6, 2.0, 0.0,
-     {"speed": 4.6e-5, "angle": 2.3e-3, "terminal": 3.0e-3, "hv": 2.4e-3, "Efd": 4.1e-2, "Pm": 1.7e-4, "Pe": 3.9e-2}),
+     {"speed": 4.6e-5, "angle": 2.1e-3, "terminal": 1.7e-3, "hv": 1.4e-3, "Efd": 4.1e-2, "Pm": 1.6e-4, "Pe": 3.4e-2}),
     ("wnaps", "unstable_6_cycles", 6, 2.25, EARLY,
-     {"speed": 1.0e-6, "angle": 7.8e-5, "terminal": 1.0e-4, "hv": 1.0e-4, "Efd": 1.6e-2, "Pm": 4.0e-6, "Pe": 2.1e-3}),
+     {"speed": 1.0e-6, "angle": 7.8e-5, "terminal": 9.7e-5, "hv": 9.6e-5, "Efd": 1.5e-2, "Pm": 4.0e-6, "Pe": 2.0e-3}),
     ("two_area", "stable_8_cycles", 8, 9.9, 0.0,
      {"speed": 6.2e-5, "angle": 3.1e-3, "terminal": 2.1e-3, "hv": 2.0e-3, "Efd": 6.8e-2, "Pm": 7.7e-5, "Pe": 2.2e-2}),
     ("two_area", "stable_8_cycles", 8, 9.9, EARLY,
@@ -67,17 +60,17 @@ RUNS = [
 
 
 @pytest.mark.parametrize(("case", "name", "cycles", "until", "early", "measured"), RUNS)
-def test_every_signal_of_every_machine(points, reference, case, name, cycles, until, early, measured):
+def test_every_signal_of_every_machine(points, case, name, cycles, until, early, measured):
     events = (wnaps_events if case == "wnaps" else two_area_events)(cycles, early)
     run = simulated(points(case), events, until + 0.02)
-    assert_within(differences(run, reference / case, name, (1, 1 + cycles * CYCLE), until), measured)
+    assert_within(differences(run, recorded(case, name), (1, 1 + cycles * CYCLE), until), measured)
 
 
-def test_what_the_charging_of_the_opened_line_amounts_to(points, reference):
+def test_what_the_charging_of_the_opened_line_amounts_to(points):
     """Left away with the line, as it should be, it moves the speeds by 1e-3 pu over ten seconds."""
     plain = [e for e in two_area_events(8, EARLY) if not isinstance(e, SwitchShunt)]
     run = simulated(points("two_area"), plain, 9.92)
-    found = differences(run, reference / "two_area", "stable_8_cycles", (1, 1 + 8 * CYCLE), 9.9)
+    found = differences(run, recorded("two_area", "stable_8_cycles"), (1, 1 + 8 * CYCLE), 9.9)
     assert 5e-4 < found["speed"] < 2e-3  # 9.8e-4
 
 
@@ -100,15 +93,13 @@ def controlled(cases):
 class TestStorage:
     """Bang-bang, 50 MW constant power at every high-voltage bus, ten cycles."""
 
-    NAME = "storage_50mw_10_cycles"
+    DATA = recorded("two_area", "storage_50mw_10_cycles")
 
     @pytest.fixture
-    def both(self, controlled, reference):
+    def both(self, controlled):
         """Their instants, their powers and ours (MW)."""
-        t, theirs = table(reference / "two_area" / f"{self.NAME}__esd_absorb_pu_100MVA.csv.gz")
-        t, theirs = t[t < 9.9], 100 * theirs[t < 9.9]
-        run = controlled
-        return t, theirs, run.arrays.storage[np.searchsorted(run.time, t + 1e-9) - 1]
+        t, theirs = self.DATA["t"], 100 * self.DATA["storage"]
+        return t, theirs, controlled.arrays.storage[np.searchsorted(controlled.time, t + 1e-9) - 1]
 
     def test_orders_come_in_the_same_sequence_at_the_same_time(self, both):
         t, theirs, ours = both
@@ -122,15 +113,13 @@ class TestStorage:
         a, b = (np.trapezoid(x, t, axis=0) for x in (theirs, ours))
         assert np.abs(a - b).max() < 0.6  # 0.42 MW s, a row of the reference
 
-    def test_every_signal_of_every_machine(self, controlled, both, reference):
+    def test_every_signal_of_every_machine(self, controlled, both):
         """Orders given up to two rows apart move everything else; rows with different orders are left out."""
-        t, theirs, ours = both
-        whole, _ = table(reference / "two_area" / f"{self.NAME}__speed_pu.csv.gz")
-        same = np.ones(len(whole), bool)
+        _, theirs, ours = both
         apart = np.abs(theirs - ours).max(axis=1) > 1
-        same[: len(t)] = ~np.convolve(apart, np.ones(5), "same").astype(bool)
+        same = ~np.convolve(apart, np.ones(5), "same").astype(bool)
         assert same.mean() > 0.98  # 0.992
-        found = differences(controlled, reference / "two_area", self.NAME, (1, 1 + 10 * CYCLE), 9.9, same)
+        found = differences(controlled, self.DATA, (1, 1 + 10 * CYCLE), 9.9, same)
         assert_within(
             found,
             {

@@ -1,17 +1,12 @@
-"""Operating points solved once, and the reference figures where they are at hand."""
+"""Operating points and modes of the packaged cases, each solved once."""
 
-import csv
-import os
 from functools import cache
-from pathlib import Path
 
 import pytest
 
 from stabctl import io
 from stabctl.dynamics import operating_point
 from stabctl.smallsignal import analyze, linearize
-
-ROOT = Path(__file__).parents[2]
 
 
 @cache
@@ -34,18 +29,3 @@ def point():
 def modes():
     """Modes of a packaged case."""
     return _modes
-
-
-@pytest.fixture(scope="session")
-def reference():
-    """Rows of a reference table, as dictionaries of text."""
-    folder = Path(os.environ.get("STABCTL_REFERENCE", ROOT.parent / "shared" / "reference"))
-
-    def rows(case, table):
-        path = folder / case / f"{table}.csv"
-        if not path.is_file():
-            pytest.skip(f"no reference figures at {path}; set STABCTL_REFERENCE to their folder")
-        with path.open(newline="") as file:
-            return list(csv.DictReader(file))
-
-    return rows

@@ -21,7 +21,7 @@ from stabctl.smallsignal import INPUTS, OUTPUTS, descriptor, linearize
 @pytest.mark.parametrize("name", ["two_area", "wnaps"])
 def test_every_eigenvalue_of_the_reference_is_found_once(modes, reference, name):
     rows = reference(name, "eigenvalues")
-    listed = np.array([complex(float(r["real_1_per_s"]), float(r["imag_rad_per_s"])) for r in rows])
+    listed = rows["real_1_per_s"] + 1j * rows["imag_rad_per_s"]
     found = modes(name).eigenvalues
     assert len(found) == len(listed)
     distance = np.abs(found[:, None] - listed)

@@ -37,10 +37,10 @@ def test_participation_of_the_reference(modes, reference):
     for name in ("two_area", "wnaps"):
         m = modes(name)
         rotor = np.r_[m.linear.angles(), m.linear.speeds()]
-        for row in reference(name, "modes"):
-            s = complex(float(row["real_1_per_s"]), float(row["imag_rad_per_s"]))
+        for row in reference(name, "participation"):
+            s = complex(row["real_1_per_s"], row["imag_rad_per_s"])
             k = int(np.abs(m.eigenvalues - s).argmin())
-            listed = float(row["sum_participation_of_angle_and_speed_states"])
+            listed = row["angles_and_speeds"]
             assert m.shares[rotor, k].sum() == pytest.approx(listed, abs=1e-4), row  # 5e-5, rounding of the list
 
 
