@@ -76,13 +76,15 @@ def halved(point, events, until, step):
     return np.abs(rows[0] - rows[1]).max(), np.abs(rows[1] - rows[2]).max()
 
 
-@pytest.mark.parametrize("name", ALL_KINDS)
+ITERATED = {"exponential load", "converter"}  # their voltages are solved to a floor, see the next test
+
+
+@pytest.mark.parametrize("name", [name for name in ALL_KINDS if name not in ITERATED])
 def test_halving_the_step_shows_the_fourth_order(name):
     """A load step of 20 MW: nothing meets a limit, the load is an admittance; the ratio of the errors is 2^4."""
     with kind(name) as models:
         point = operating_point.solve(small(models))
-    if len(point.system.draw_bus):
-        pytest.skip("its voltages are iterated; see the floor of the next test")
+    assert not len(point.system.draw_bus)
     h = 2.0 ** np.floor(np.log2(0.6 / point.fastest))
     coarse, fine = halved(point, [LoadStep(2, 0.5, 20.0)], 1.5, h)
     assert fine > 1e-12  # the error of the method, not of rounding

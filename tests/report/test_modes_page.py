@@ -1,20 +1,19 @@
 from dataclasses import replace
 
-import pytest
-
 from stabctl.dynamics import operating_point
 from stabctl.report import modes_page
 from stabctl.smallsignal import analyze, areas, linearize
 
 
-@pytest.mark.parametrize("dark", [False, True])
-def test_in_a_browser(points, tmp_path, browse, dark):
+def test_in_a_browser(points, tmp_path, browse):
     modes = analyze(linearize(points("two_area")))
-    found = browse(modes_page.write(tmp_path, modes, areas(modes), (0.1, 2.5)), 390, dark)
-    assert found["title"] == "Modes of two_area"
-    assert found["scroll"] == found["width"] <= 390
-    wrong = "beyond", "overlapping", "broken", "dead", "fetched", "console"
-    assert {key: found[key] for key in wrong} == {key: [] for key in wrong}
+    page = modes_page.write(tmp_path, modes, areas(modes), (0.1, 2.5))
+    for dark in (False, True):
+        found = browse(page, 390, dark)
+        assert found["title"] == "Modes of two_area"
+        assert found["scroll"] == found["width"] <= 390
+        wrong = "beyond", "overlapping", "broken", "dead", "fetched", "console"
+        assert {key: found[key] for key in wrong} == {key: [] for key in wrong}
 
 
 def test_text_of_a_case_is_text_on_the_page(points):

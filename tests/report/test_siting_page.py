@@ -90,14 +90,15 @@ def test_the_page_needs_no_network_and_holds_its_figures(siting, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["placement_some.html"]
 
 
-@pytest.mark.parametrize("width", [390, 1280])
-@pytest.mark.parametrize("dark", [False, True])
-def test_the_page_in_a_browser(siting, tmp_path, browse, width, dark):
-    seen = browse(siting_page.write(siting, tmp_path), width, dark)
-    assert seen["scroll"] <= seen["width"]
-    assert not any(seen[name] for name in ("beyond", "overlapping", "broken", "unnamed", "dead", "fetched", "console"))
-    ink, paper = (sum(map(int, re.findall(r"\d+", seen[name])[:3])) for name in ("ink", "paper"))
-    assert (ink > paper) == dark
+def test_the_page_in_a_browser(siting, tmp_path, browse):
+    wrong = "beyond", "overlapping", "broken", "unnamed", "dead", "fetched", "console"
+    page = siting_page.write(siting, tmp_path)
+    for width, dark in ((390, True), (1280, False)):
+        seen = browse(page, width, dark)
+        assert seen["scroll"] <= seen["width"]
+        assert not any(seen[name] for name in wrong)
+        ink, paper = (sum(map(int, re.findall(r"\d+", seen[name])[:3])) for name in ("ink", "paper"))
+        assert (ink > paper) == dark
 
 
 def test_without_a_uniform_fleet_rounds_or_places(siting, tmp_path):

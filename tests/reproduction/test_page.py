@@ -84,21 +84,20 @@ def test_a_page_without_studies_is_a_page(tmp_path):
     assert "Summary" in page([], tmp_path, ABOUT)
 
 
-@pytest.mark.parametrize("width", [390, 1280])
-@pytest.mark.parametrize("dark", [False, True])
-def test_in_a_browser(whole, tmp_path, browse, width, dark):
+def test_in_a_browser(whole, tmp_path, browse):
     path = tmp_path / "index.html"
     path.write_text(whole, encoding="utf-8")
-    found = browse(path, width, dark)
-    assert found["title"] == "Reproduction of the paper"
-    assert found["scroll"] == found["width"] <= width
-    assert found["pictures"] == 1
-    assert found["console"] == []
-    wrong = "beyond", "overlapping", "broken", "dead", "fetched"
-    assert {key: found[key] for key in wrong} == {key: [] for key in wrong}
-    assert found["unnamed"] == 0
-    ink, paper = (sum(map(int, re.findall(r"\d+", found[key])[:3])) for key in ("ink", "paper"))
-    assert (paper < ink) == dark
+    for width, dark in ((390, True), (1280, False)):
+        found = browse(path, width, dark)
+        assert found["title"] == "Reproduction of the paper"
+        assert found["scroll"] == found["width"] <= width
+        assert found["pictures"] == 1
+        assert found["console"] == []
+        wrong = "beyond", "overlapping", "broken", "dead", "fetched"
+        assert {key: found[key] for key in wrong} == {key: [] for key in wrong}
+        assert found["unnamed"] == 0
+        ink, paper = (sum(map(int, re.findall(r"\d+", found[key])[:3])) for key in ("ink", "paper"))
+        assert (paper < ink) == dark
 
 
 def test_the_browser_sees_what_is_wrong(tmp_path, browse):
