@@ -200,7 +200,7 @@ def test_command(stabctl, tmp_path):
     ("words", "said"),
     [
         (("--out", "screen.xls"), "screen.xls"),
-        (("--out", "/nowhere/screen.csv"), "nowhere"),
+        (("--out", "nowhere/screen.csv"), "nowhere"),
         (("--below", "soon"), "soon"),
         (("--below", "0cyc"), "0"),
         (("--resolution", "0cyc"), "resolution"),
@@ -208,7 +208,8 @@ def test_command(stabctl, tmp_path):
         (("--observe", "0"), "observation"),
     ],
 )
-def test_a_mistake_is_one_line(stabctl, words, said):
+def test_a_mistake_is_one_line(stabctl, tmp_path, monkeypatch, words, said):
+    monkeypatch.chdir(tmp_path)
     code, out, err = stabctl("screen", "two_area", *words)
     assert (code, out) == (2, "")
     assert said in err.splitlines()[-1]

@@ -12,7 +12,7 @@ from systems import KINDS, small, with_shares
 from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
 from stabctl.model import network
-from stabctl.model.case import Bus
+from stabctl.model.case import Bus, Load
 from stabctl.model.location import locate
 from stabctl.model.network import Switching, two_port
 from stabctl.simulation.contingency import Contingency
@@ -247,3 +247,19 @@ class TestImpossibleEvents:
     def test_clearing_times(self, clear):
         with pytest.raises(StudyError, match=r"give a time of at least 0|is not a time; write"):
             Contingency("7", clear)
+
+
+def test_a_tripped_unit_has_no_field_voltage_and_no_power_even_where_these_are_set_points():
+    point = operating_point.solve(small(KINDS["bare"]))
+    a = run(point, [TripMachine(1, 0.1)], until=0.2).arrays
+    assert (a.Pm[0, 0], a.Efd[0, 0]) != (0.0, 0.0)
+    assert (a.Pm[-1, 0], a.Efd[-1, 0], a.P[-1, 0]) == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("load", "step"), [(Load(2, 200.0, 0.0, q_power=1.0), {"q": 50.0}), (Load(2, 0.0, 0.0, p_power=1.0), {"p": 50.0})]
+)
+def test_a_load_of_zero_power_steps_too(load, step):
+    point = operating_point.solve(small(KINDS["classical"], load=load))
+    a = run(point, [LoadStep(2, 0.1, **step)], until=0.2).arrays
+    assert np.abs(a.V[-1] - a.V[0]).max() > 1e-3

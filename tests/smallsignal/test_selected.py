@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from systems import KINDS, small
 
 from stabctl import io
 from stabctl.dynamics import operating_point
@@ -114,3 +115,17 @@ def test_halves_of_a_box_make_the_box():
     assert not (a.holds(s) & b.holds(s)).any()
     assert box.fitted(-0.5, 0.1) == Box(-1.0, 0.2, 1.0, 2.0)
     assert box.fitted(1.0, 2.0) is None
+
+
+def test_set_points_of_a_machine_without_controls_are_inputs_and_outputs():
+    model = operating_point.solve(small(KINDS["bare"])).linearize(inputs="power:1,field:1", outputs="pm:1,efd:1")
+    assert model.D.tolist() == [[1.0, 0.0], [0.0, 1.0]]
+    assert not model.C.any()
+
+
+def test_a_converter_has_outputs_and_no_speed():
+    point = operating_point.solve(small(KINDS["converter"]))
+    assert point.linearize(outputs="pe:1,qe:1,vt:1").C.shape[0] == 3
+    assert point.linearize(outputs="speed").C.shape[0] == 1
+    with pytest.raises(StudyError, match="without a rotor"):
+        point.linearize(outputs="speed:1")

@@ -1,0 +1,162 @@
+"""Machine code has another name when a source that it is made from changes, and only then."""
+
+import ast
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from importlib.util import resolve_name
+from pathlib import Path
+
+import pytest
+from systems import ROUND, registered, small
+
+import stabctl
+from stabctl import devices
+from stabctl._util import jit
+from stabctl.dynamics import evaluate, operating_point
+from stabctl.simulation import stepper, voltages
+
+PACKAGE = Path(stabctl.__file__).parent
+NAMES = """
+import json
+from pathlib import Path
+from stabctl import devices
+from stabctl.controllers import BangBang, Feedback, hold
+from stabctl.dynamics import adder, evaluate, family
+from stabctl.simulation import stepper, voltages
+laws = {"hold": hold, "bang_bang": BangBang().module, "feedback": Feedback().module}
+modules = {**devices.every(), **laws, "adder": adder}
+names = {
+    name: [family._module(name, device, scalar).__module__ for scalar in (float, complex)]
+    for name, device in modules.items()
+}
+names |= {entry.name: entry._place().name for entry in (stepper.advance, voltages.newton_from, evaluate.evaluate)}
+print(json.dumps(names))
+"""
+
+
+ENTRIES = {"advance", "newton_from", "evaluate"}
+STEPPER = {"advance", "newton_from"}
+
+
+@pytest.fixture(scope="module")
+def named(tmp_path_factory):
+    """Names of all machine code of a copy of the package, one file of which is edited."""
+    root = tmp_path_factory.mktemp("edited")
+    shutil.copytree(PACKAGE, root / "stabctl", ignore=shutil.ignore_patterns("__pycache__"))
+    where = os.environ | {"PYTHONPATH": str(root), "XDG_CACHE_HOME": str(root / "cache")}
+
+    def names(edited=None, old="", new=""):
+        """Names after `old` has become `new` in a file, else after a comment has been added to it."""
+        path = root / "stabctl" / (edited or "__main__.py")
+        before = path.read_text()
+        assert old in before
+        if edited:
+            path.write_text(before.replace(old, new) if old else before + "\n# edited\n")
+        command = [sys.executable, "-c", NAMES]
+        done = subprocess.run(command, capture_output=True, text=True, check=True, env=where, cwd=root)
+        path.write_text(before)
+        return json.loads(done.stdout)
+
+    names.plain = names()
+    return names
+
+
+EDITS = {
+    "devices/machines/genrou.py": {"genrou"},
+    "devices/stabilizers/pss.py": {"pss"},
+    "controllers/bang_bang.py": {"bang_bang"},
+    "controllers/feedback.py": {"feedback"},
+    "controllers/signals.py": {"bang_bang", "feedback"},
+    "controllers/hold.py": {"hold"},
+    "dynamics/adder.py": {"adder"},
+    "dynamics/evaluate.py": {"evaluate"},
+    "dynamics/perform.py": ENTRIES,
+    "dynamics/call.py": ENTRIES,
+    "simulation/stepper.py": {"advance"},
+    "simulation/voltages.py": STEPPER,
+    "simulation/substitution.py": STEPPER,
+    "model/powerflow.py": set(),
+    "dynamics/start.py": set(),
+}
+
+
+@pytest.mark.parametrize("edited", EDITS)
+def test_an_edit_leads_to_other_machine_code_where_it_is_used_and_nowhere_else(named, edited):
+    after = named(edited)
+    assert {name for name, code in after.items() if code != named.plain[name]} == EDITS[edited]
+
+
+SHARED = ("machines/stator", "exciters/signals", "blocks/limits", "blocks/lags", "blocks/curves", "blocks/phasors")
+
+
+@pytest.mark.parametrize("shared", SHARED)
+def test_an_edit_of_what_devices_share_reaches_every_device_that_uses_it(named, shared):
+    after, home = named(f"devices/{shared}.py"), f"stabctl.devices.{shared.replace('/', '.')}"
+    changed = {name for name, code in after.items() if code != named.plain[name]}
+    users = {name for name, device in devices.every().items() if home in map(_home, vars(device).values())}
+    assert users <= changed
+    assert len(users) > 1
+    assert not changed & {"adder", "hold", "evaluate"}
+    assert (STEPPER <= changed) == (shared == "blocks/phasors")
+
+
+def _home(value):
+    return getattr(value, "__module__", None)
+
+
+def test_an_edit_of_how_loops_are_written_reaches_every_device(named):
+    after = named("dynamics/family.py", "TINY = 1e-30", "TINY = 1e-31")
+    assert not [name for name, code in after.items() if code == named.plain[name] and name in devices.every()]
+    assert all(after[entry] != named.plain[entry] for entry in ENTRIES)
+
+
+def test_an_edited_device_of_the_user_is_compiled_anew(tmp_path):
+    """Registered a second time, in the same process, and with a file beside it that has changed."""
+    source = (PACKAGE / "devices" / "exciters" / "sexs.py").read_text().replace("from .signals", "from my_signals")
+    assert "from my_signals" in source
+    (tmp_path / "my_signals.py").write_text((PACKAGE / "devices" / "exciters" / "signals.py").read_text())
+    path, found = tmp_path / "my_exciter.py", []
+    sys.path.insert(0, str(tmp_path))
+    try:
+        for text in (source, source.replace("return Output(clip(", "return Output(0.5 * clip(")):
+            path.write_text(text)
+            with registered(path) as (device,):
+                kind = {"genrou": ROUND, "my_exciter": device.Par(0.01, 200.0, 0.05)}
+                point = operating_point.solve(small(kind))
+                state = next(i for i, p in enumerate(point.layout.states) if p.name == "efd")
+                found.append(point.s[state] / point.s[point.layout.signals[0, "Efd"]])
+        assert found == pytest.approx([1.0, 2.0])
+        with registered(path) as (device,):
+            before = jit.sources(device)
+        sys.modules.pop("my_signals")
+        (tmp_path / "my_signals.py").write_text((tmp_path / "my_signals.py").read_text() + "\n# edited\n")
+        with registered(path) as (device,):
+            assert jit.sources(device) != before
+    finally:
+        sys.path.remove(str(tmp_path))
+        sys.modules.pop("my_signals", None)
+
+
+@pytest.mark.parametrize("module", [*devices.every().values(), stepper, voltages, evaluate], ids=lambda m: m.__name__)
+def test_every_file_that_machine_code_is_made_from_is_in_its_name(module):
+    """Also one of which only a constant is taken."""
+    tree, package = ast.parse(Path(module.__file__).read_text()), module.__name__.rpartition(".")[0]
+    functions = [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)]
+    used = {n.id for f in functions for n in ast.walk(f) if isinstance(n, ast.Name)}
+    for node in (n for n in tree.body if isinstance(n, ast.ImportFrom)):
+        home = resolve_name("." * node.level + (node.module or ""), package)
+        for name in {alias.name for alias in node.names} & used if home.startswith("stabctl") else ():
+            assert any(text in jit.sources(module) for text in _defining(home, name)), (home, name)
+
+
+def _defining(home, name):
+    """Texts of the module, or of those in it if it is a package, that define a name."""
+    near = [m for key, m in sys.modules.items() if key == home or key.startswith(f"{home}.")]
+    texts = [Path(m.__file__).read_text() for m in near if m.__file__]
+    return [
+        text for text in texts if re.search(rf"^ *((def|class) {name}\b|({name}|.*, {name}|{name}, .*) = )", text, re.M)
+    ]
