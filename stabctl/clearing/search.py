@@ -31,7 +31,6 @@ class Search:
             )
         if not 0 < self.observed_s < math.inf:
             raise StudyError(f"The observation window of {self.observed_s:g} s is not allowed; it must be more than 0.")
-        object.__setattr__(self, "criterion", checked(self.criterion))
 
     @classmethod
     def of(
@@ -40,7 +39,8 @@ class Search:
         """The search with quantities as a user gives them: text with a unit, or seconds."""
         hz = case.frequency_hz
         grid, longest = cycles(resolution, hz), cycles(limit, hz)
-        return cls(grid, longest, seconds(observe, hz), None if step is None else seconds(step, hz), criterion)
+        h = None if step is None else seconds(step, hz)
+        return cls(grid, longest, seconds(observe, hz), h, checked(criterion, hz))
 
     @property
     def last(self) -> int:

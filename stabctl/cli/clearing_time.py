@@ -37,6 +37,9 @@ def clearing_time(
     min_voltage: options.MinVoltage = 0.8,
     fault_impedance: options.FaultImpedance = "0,0",
     max_angle: options.Angle = 3.5,
+    min_frequency: options.MinFrequency = None,
+    max_frequency: options.MaxFrequency = None,
+    frequency_delay: options.FrequencyDelay = "1s",
     estimator: options.Estimator = "ideal",
     pmu_rate: options.PmuRate = 60,
     pmu_noise_mrad: options.PmuNoise = 2.0,
@@ -65,7 +68,7 @@ def clearing_time(
             limit=limit,
             observe=observe,
             step=step,
-            criterion=shared.criterion(max_angle),
+            criterion=shared.criterion(loaded, max_angle, min_frequency, max_frequency, frequency_delay),
             progress=lambda _run: tell(None),
         )
     _show(found, as_json)

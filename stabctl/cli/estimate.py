@@ -31,6 +31,9 @@ def estimate(
     min_voltage: options.MinVoltage = 0.8,
     fault_impedance: options.FaultImpedance = "0,0",
     max_angle: options.Angle = 3.5,
+    min_frequency: options.MinFrequency = None,
+    max_frequency: options.MaxFrequency = None,
+    frequency_delay: options.FrequencyDelay = "1s",
     estimator: options.Estimator = "kalman",
     pmu_rate: options.PmuRate = 60,
     pmu_noise_mrad: options.PmuNoise = 2.0,
@@ -68,7 +71,7 @@ def estimate(
         control=EstimatorControl(law, estimator, pmu),
         seeds=seed,
         step=step,
-        criterion=shared.criterion(max_angle),
+        criterion=shared.criterion(loaded, max_angle, min_frequency, max_frequency, frequency_delay),
         record=False,
     )
     if plot:

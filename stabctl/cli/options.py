@@ -110,6 +110,33 @@ Angle = Annotated[
         help="Change of a rotor angle from the COI that counts as loss of synchronism, rad or 200deg.",
     ),
 ]
+MinFrequency = Annotated[
+    float | None,
+    typer.Option(
+        "--min-frequency",
+        metavar="FREQUENCY",
+        parser=in_unit("Hz"),
+        help="Lowest frequency of an island, Hz (default: 0.95 of the rated, 57 of 60).",
+    ),
+]
+MaxFrequency = Annotated[
+    float | None,
+    typer.Option(
+        "--max-frequency",
+        metavar="FREQUENCY",
+        parser=in_unit("Hz"),
+        help="Highest frequency of an island, Hz (default: 1.033 of the rated, 62 of 60).",
+    ),
+]
+FrequencyDelay = Annotated[
+    str,
+    typer.Option(
+        "--frequency-delay",
+        metavar="TIME",
+        parser=time,
+        help="Time outside this range that counts as frequency instability, s or 500ms; 0 turns this off.",
+    ),
+]
 
 Estimator = Annotated[
     Literal["ideal", "frequency", "kinematic", "kalman"],

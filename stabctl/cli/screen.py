@@ -31,6 +31,9 @@ def screen(
     deadband: options.Deadband = 0.1,
     min_voltage: options.MinVoltage = 0.8,
     max_angle: options.Angle = 3.5,
+    min_frequency: options.MinFrequency = None,
+    max_frequency: options.MaxFrequency = None,
+    frequency_delay: options.FrequencyDelay = "1s",
     workers: options.Workers = None,
     out: Out = None,
     classical: options.Classical = False,
@@ -51,7 +54,7 @@ def screen(
             limit=limit,
             observe=observe,
             step=step,
-            criterion=shared.criterion(max_angle),
+            criterion=shared.criterion(loaded, max_angle, min_frequency, max_frequency, frequency_delay),
             workers=workers,
             progress=lambda done, total: tell(done / total),
         )

@@ -154,14 +154,17 @@ def impedance(text: str) -> complex:
     return complex(r, x)
 
 
-def criterion(max_angle: float) -> "Criterion":
-    """The criterion of stability with this angle (rad)."""
+def criterion(case: "Case", max_angle: float, low: float | None, high: float | None, delay: str | float) -> "Criterion":
+    """The criterion of stability with this angle (rad), and range of frequency (Hz)."""
     from stabctl.errors import StudyError
-    from stabctl.simulation.criterion import Criterion
+    from stabctl.simulation.criterion import DEFAULT
+    from stabctl.units import seconds
 
     if not max_angle > 0:
         raise StudyError(f"--max-angle {max_angle:g} rad is not allowed; it must be more than 0.")
-    return Criterion(max_angle=max_angle)
+    hz, given = case.frequency_hz, {"min_frequency": low, "max_frequency": high}
+    limits = {name: value / hz for name, value in given.items() if value is not None}
+    return DEFAULT._replace(max_angle=max_angle, frequency_delay_s=seconds(delay, hz), **limits)
 
 
 def print_json(record: dict[str, Any]) -> None:

@@ -81,7 +81,8 @@ def estimate(
     if not seeds or not all(isinstance(seed, int) and seed >= 0 for seed in seeds):
         raise StudyError(f"seeds = {seeds!r} is not allowed; give one or more whole numbers of at least 0.")
     h = None if step is None else seconds(step, hz)
-    simulations = [Simulation(point, events, None, h, checked(criterion), record) for _ in seeds]
+    rules = checked(criterion, hz)
+    simulations = [Simulation(point, events, None, h, rules, record) for _ in seeds]
     loop = EstimatorLoop(chosen, simulations, seeds)
     carry(simulations, loop, chosen.rate, last + OBSERVE if end is None else end)
     return replace(loop.estimates(), runs=tuple(s.finish() for s in simulations), cleared_s=last)

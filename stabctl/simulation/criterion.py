@@ -1,14 +1,14 @@
-"""The criterion of stability: when a run counts as lost and ends early. Every study uses the same one."""
+"""The criterion of stability: when a run counts as unstable and ends early. Every study uses the same one."""
 
 from numbers import Real
 from typing import NamedTuple
 
 from stabctl.errors import StudyError
-from stabctl.units import quantity
+from stabctl.units import hertz, quantity
 
 
 class Criterion(NamedTuple):
-    """When a run is lost; values are numbers, or text with a unit ("200deg", "500ms").
+    """When a run is unstable; values are numbers, or text with a unit ("200deg", "57Hz", "500ms").
 
     Parameters
     ----------
@@ -18,28 +18,58 @@ class Criterion(NamedTuple):
         A load that long below its voltage threshold, with no fault on, is a voltage collapse; 0 turns this off.
     slowest, fastest : float, pu
         A machine outside this range of speed has run away.
+    min_frequency, max_frequency : float, pu
+        Range of frequency of an island, which is the speed of its center of inertia: 57 to 62 Hz in a 60 Hz system.
+    frequency_delay_s : float, s
+        Frequency instability is an island that long without interruption outside this range; 0 turns this off.
+
+    Notes
+    -----
+    Outside the range units may trip: the no-trip zones of NERC PRC-024-3, Attachment 1, end between 57.0 and 57.8 Hz
+    and at 61.7 or 61.8 Hz (Western and Eastern Interconnection), those of Regulation (EU) 2016/631, Article 13, at 47.5
+    and 51.5 Hz. The delay of 1 s leaves out swings, and is less than the 2 s after which the limits of NERC PRC-006-5
+    for islands begin to narrow.
     """
 
     max_angle: float = 3.5
     low_voltage_s: float = 0.5
     slowest: float = 0.5
     fastest: float = 1.5
+    min_frequency: float = 57 / 60
+    max_frequency: float = 62 / 60
+    frequency_delay_s: float = 1.0
 
 
 DEFAULT = Criterion()
-UNITS = "rad", "s", "pu", "pu"  # of its values
+UNITS = "rad", "s", "pu", "pu", "pu", "pu", "s"  # of its values
 
 
-def checked(criterion: object) -> Criterion:
-    """The criterion with every value a float. `StudyError` if it is not one."""
+def checked(criterion: object, frequency_hz: float) -> Criterion:
+    """The criterion with every value a float, for a system of this frequency. `StudyError` if it is not one."""
     if not isinstance(criterion, Criterion):
         raise StudyError(f"{criterion!r} is not a criterion of stability; write Criterion(max_angle=3.5).")
     found = []
     for name, given, unit in zip(criterion._fields, criterion, UNITS, strict=True):
-        value = quantity(given, unit) if isinstance(given, str) else given
+        value = _value(given, unit, frequency_hz) if isinstance(given, str) else given
         number = isinstance(value, Real) and not isinstance(value, bool)
         if not number or not (value > 0 if name == "max_angle" else value >= 0):
             least = "above 0" if name == "max_angle" else "of at least 0"
             raise StudyError(f"The {name} {given!r} of the criterion is not allowed; it must be a number {least}.")
         found.append(float(value))
-    return Criterion(*found)
+    made = Criterion(*found)
+    if not made.min_frequency < 1 < made.max_frequency:
+        raise StudyError(
+            f"The range of frequency {frequency_range(made, frequency_hz)} is not allowed; it must include the rated "
+            f"{frequency_hz:g} Hz."
+        )
+    return made
+
+
+def frequency_range(criterion: Criterion, frequency_hz: float) -> str:
+    """The range of frequency in words: `57 to 62 Hz`."""
+    return f"{criterion.min_frequency * frequency_hz:.4g} to {criterion.max_frequency * frequency_hz:.4g} Hz"
+
+
+def _value(text: str, unit: str, frequency_hz: float) -> float:
+    """A quantity in its unit; a frequency in Hz as a speed in pu."""
+    return hertz(text) / frequency_hz if unit == "pu" and text.strip().lower().endswith("hz") else quantity(text, unit)

@@ -1,4 +1,4 @@
-"""How a run ended: one of four kinds, with a sentence that explains it."""
+"""How a run ended: one of five kinds, with a sentence that explains it."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -10,7 +10,7 @@ from stabctl._util.wording import named
 from stabctl.dynamics.operating_point import OperatingPoint
 
 from . import stepper
-from .criterion import Criterion
+from .criterion import Criterion, frequency_range
 from .topology import Stage
 
 
@@ -19,6 +19,7 @@ class Kind(StrEnum):
 
     STABLE = "stable"
     LOST_SYNCHRONISM = "lost_synchronism"
+    FREQUENCY_INSTABILITY = "frequency_instability"
     VOLTAGE_COLLAPSE = "voltage_collapse"
     ISLANDED = "islanded"
 
@@ -35,7 +36,7 @@ class Outcome:
 
     @property
     def stable(self) -> bool:
-        """Did every island stay in synchronism, with voltage?"""
+        """Did every island stay in synchronism, within the range of frequency, and with voltage?"""
         return self.kind in (Kind.STABLE, Kind.ISLANDED) and self.machine is None
 
     def __str__(self) -> str:
@@ -51,6 +52,7 @@ class End(NamedTuple):
     speed: np.ndarray  # (rotor units) pu
     machine: int  # row of the rotor unit to blame
     bus: int  # row of the bus to blame
+    outside_s: float  # s   longest time that an island was outside the range of frequency
     taken_off: tuple[str, ...]  # sentences on the machines that ran away alone
 
 
@@ -79,6 +81,9 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
                 f"The speed of machine {number} left the range {criterion.slowest:g} to {criterion.fastest:g} pu "
                 f"at {t:.3f} s."
             )
+        case stepper.FREQUENCY:
+            kind = Kind.FREQUENCY_INSTABILITY
+            text = _off_frequency(point, end, criterion)
         case stepper.NO_VOLTAGE:
             kind, blamed = Kind.VOLTAGE_COLLAPSE, bus
             text = f"Voltage collapse at bus {bus} at {t:.3f} s: the network equations have no solution."
@@ -89,11 +94,36 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
                 f"for {criterion.low_voltage_s:g} s without a fault."
             )
         case _ if cut:
-            text = f"Every island stayed in synchronism until {t:.3f} s{_frequencies(point, end)}."
+            within = _within(point, end, criterion)
+            text = f"Every island stayed in synchronism until {t:.3f} s{within}{_frequencies(point, end)}."
         case _:
-            text = f"All machines stayed in synchronism until {t:.3f} s."
+            text = f"All machines stayed in synchronism until {t:.3f} s{_within(point, end, criterion)}."
     sentences = (cut, text) if end.verdict == stepper.DONE else (text, cut)
     return Outcome(kind, " ".join(sentences).strip(), t, machine, blamed)
+
+
+def _off_frequency(point: OperatingPoint, end: End, criterion: Criterion) -> str:
+    """Which island left the range of frequency, where its frequency is, and when."""
+    where, unit = end.stage.net.island, point.rotors.unit
+    mine = where[unit] == where[unit[end.machine]]
+    H = np.where(mine, point.rotors.inertia, 0.0)
+    hz = point.case.frequency_hz
+    island = "The frequency"
+    if len(np.unique(where[unit][where[unit] >= 0])) > 1:
+        members = [number for number, is_mine in zip(point.rotor_numbers, mine, strict=True) if is_mine]
+        island += f" of the island of {_listed('machine', members)}"
+    return (
+        f"{island} was outside {frequency_range(criterion, hz)} for {criterion.frequency_delay_s:g} s at "
+        f"{end.time:.3f} s: it is {hz * end.speed @ H / H.sum():.2f} Hz."
+    )
+
+
+def _within(point: OperatingPoint, end: End, criterion: Criterion) -> str:
+    """Whether the range of frequency was kept, in words."""
+    if not criterion.frequency_delay_s or not len(end.speed):
+        return ""
+    limits = frequency_range(criterion, point.case.frequency_hz)
+    return f", outside {limits} for {end.outside_s:.2g} s at most" if end.outside_s else f", within {limits}"
 
 
 def _frequencies(point: OperatingPoint, end: End) -> str:

@@ -56,6 +56,7 @@ class Space(NamedTuple):
     x0: np.ndarray
     sum: np.ndarray
     angles: np.ndarray  # (2, rotor units) rad   before the first event, and the largest change against the COI so far
+    off: np.ndarray  # (2, rotor units) s   how long their island is outside the range of frequency, and at most
     low: np.ndarray  # (loads) s     time below the threshold
     orders: np.ndarray  # (held) before a decision
     coi: np.ndarray  # (4, buses) inertia, speed, acceleration and angle of the islands
@@ -103,7 +104,7 @@ def space(s: np.ndarray, layout: Layout, a: Frame) -> Space:
     return Space(
         s, f, s[layout.voltages].view(complex), f[layout.voltages].view(complex),
         *(row.copy() for row in blank), np.zeros((2, 4, nb), complex),
-        np.zeros(nx), np.zeros(nx), np.stack([s[a.rotor], np.zeros(m)]),
+        np.zeros(nx), np.zeros(nx), np.stack([s[a.rotor], np.zeros(m)]), np.zeros((2, m)),
         np.zeros(len(a.watch_bus)), np.zeros(len(a.held)), np.zeros((4, nb)),
         np.zeros(5, np.int64),
     )  # fmt: skip

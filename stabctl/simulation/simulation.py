@@ -13,7 +13,7 @@ from stabctl.errors import StudyError
 
 from . import stepper, voltages
 from .contingency import Happenings, schedule
-from .criterion import DEFAULT, Criterion
+from .criterion import DEFAULT, Criterion, frequency_range
 from .outcome import End, Outcome, outcome
 from .plant import newton_space, space
 from .sampled import Sampled, carry
@@ -149,8 +149,8 @@ class Simulation:
             done += made
             self.time = target if done == steps else start + h * done
             self.steps += made
-            if verdict == stepper.RUNAWAY and self._alone():
-                self._take_off()
+            if verdict in (stepper.RUNAWAY, stepper.FREQUENCY) and self._alone():
+                self._take_off(verdict)
             elif verdict != stepper.DONE:
                 self.outcome = self._end(verdict)
             if self.progress:
@@ -159,7 +159,8 @@ class Simulation:
     def _end(self, verdict: int) -> Outcome:
         self._verdict = verdict
         bus, rotor = map(int, self._space.marks[:2])
-        end = End(verdict, self.time, self._stage, self.speed, rotor, bus, tuple(self._taken_off))
+        outside = self._space.off[1].max(initial=0.0)
+        end = End(verdict, self.time, self._stage, self.speed, rotor, bus, outside, tuple(self._taken_off))
         return outcome(self.point, end, self.criterion)
 
     def _alone(self) -> bool:
@@ -167,17 +168,20 @@ class Simulation:
         island, unit = self._stage.net.island, self.point.rotors.unit[self._space.marks[1]]
         return (island == island[unit]).sum() == 1 and (island >= 0).sum() > 1
 
-    def _take_off(self) -> None:
-        """Trip the machine that ran away, as its overspeed protection would, from now on."""
+    def _take_off(self, verdict: int) -> None:
+        """Trip the machine that ran away or left the range of frequency, as its protection would, from now on."""
         row = int(self.point.rotors.unit[self._space.marks[1]])
         gone = [c.switching._replace(tripped=c.switching.tripped | {row}) for c in self.changes[self._at :]]
         later = (replace(c, switching=s) for c, s in zip(self.changes[self._at :], gone, strict=True))
         self.changes = (*self.changes[: self._at], *later)
         self._enter()
-        self._taken_off.append(
-            f"Machine {self.point.case.machines[row].machine}, alone in its island, left the speed range "
-            f"{self.criterion.slowest:g} to {self.criterion.fastest:g} pu at {self.time:.3f} s and was tripped."
-        )
+        self._space.off[:, self._space.marks[1]] = 0.0
+        rules, hz = self.criterion, self.point.case.frequency_hz
+        left = f"left the speed range {rules.slowest:g} to {rules.fastest:g} pu at {self.time:.3f} s"
+        if verdict == stepper.FREQUENCY:
+            left = f"was outside {frequency_range(rules, hz)} for {rules.frequency_delay_s:g} s at {self.time:.3f} s"
+        number = self.point.case.machines[row].machine
+        self._taken_off.append(f"Machine {number}, alone in its island, {left} and was tripped.")
 
     def _call(self, h: float, steps: int, last: bool) -> tuple[int, int]:
         history = np.empty((steps + last if self.recording else 0, self._width))

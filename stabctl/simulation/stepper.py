@@ -7,7 +7,7 @@ from stabctl.dynamics.perform import perform
 from .substitution import solve_apart
 from .voltages import FAILED, NEEDS_NEWTON, settle
 
-DONE, SLIPPED, NO_VOLTAGE, LOW_VOLTAGE, RUNAWAY, NEWTON = range(6)
+DONE, SLIPPED, NO_VOLTAGE, LOW_VOLTAGE, RUNAWAY, FREQUENCY, NEWTON = range(7)
 
 
 @inline
@@ -90,7 +90,7 @@ def decide(p, a, net, q):
 
 @noinline
 def judge(a, net, q, rules, h):
-    """Has a unit lost synchronism or run away, or a load lost its voltage? Keeps the peaks."""
+    """Has a unit lost synchronism or run away, an island left its frequency, a load lost its voltage? Keeps peaks."""
     verdict, worst = DONE, 0.0
     coi(a, net, q)
     for i in range(len(a.rotor)):
@@ -104,6 +104,11 @@ def judge(a, net, q, rules, h):
             verdict, worst, q.marks[1] = SLIPPED, move, i
         if verdict == DONE and not rules.slowest < q.s[at + 1] < rules.fastest:
             verdict, q.marks[1] = RUNAWAY, i
+        inside = rules.min_frequency <= q.coi[1, k] / q.coi[0, k] <= rules.max_frequency
+        q.off[0, i] = 0.0 if inside else q.off[0, i] + h
+        q.off[1, i] = max(q.off[1, i], q.off[0, i])
+        if verdict == DONE and 0 < rules.frequency_delay_s < q.off[0, i]:
+            verdict, q.marks[1] = FREQUENCY, i
     if verdict == DONE and rules.low_voltage_s > 0 and not net.faulted:
         for j in range(len(a.watch_bus)):
             b = a.watch_bus[j]

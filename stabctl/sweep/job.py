@@ -7,14 +7,15 @@ import json
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, NamedTuple
 
-from annotated_types import Interval
+from annotated_types import Gt, Interval
 
 from stabctl.estimation.estimators import EstimatorName
 from stabctl.model.tables import Characteristic
 from stabctl.schema import NOT_NEGATIVE, POSITIVE, SHARE, Field, fields
+from stabctl.simulation.criterion import DEFAULT, Criterion
 
 JobKind = Literal["clearing-time", "simulate"]
-FORMAT = 2  # of keys and rows; raised when a job or a result changes its meaning
+FORMAT = 3  # of keys and rows; raised when a job or a result changes its meaning
 
 
 class Job(NamedTuple):
@@ -47,11 +48,24 @@ class Job(NamedTuple):
     loss: Annotated[float, "-", "fraction of the reports that are lost", SHARE] = 0.02
     seed: Annotated[int, "-", "seed of noise and losses", Interval(ge=0, le=2**53)] = 1
     max_angle: Annotated[float, "rad", "change of a rotor angle that counts as loss of synchronism", POSITIVE] = 3.5
+    min_frequency: Annotated[float, "pu", "lowest frequency of an island", Interval(ge=0, lt=1)] = DEFAULT.min_frequency
+    max_frequency: Annotated[float, "pu", "highest frequency of an island", Gt(1)] = DEFAULT.max_frequency
+    frequency_delay: Annotated[float, "s", "time outside that counts as unstable (0: none)", NOT_NEGATIVE] = 1.0
     step: Annotated[float, "s", "time step (0: at most 1/120 s)", NOT_NEGATIVE] = 0.0
 
     def given(self) -> dict[str, Any]:
         """Column -> value, of the columns that this kind of job has."""
         return {f.column: getattr(self, name) for name, f in columns(self.kind).items()}
+
+    @property
+    def criterion(self) -> Criterion:
+        """The criterion of stability."""
+        return DEFAULT._replace(
+            max_angle=self.max_angle,
+            min_frequency=self.min_frequency,
+            max_frequency=self.max_frequency,
+            frequency_delay_s=self.frequency_delay,
+        )
 
     @property
     def changes(self) -> dict[str, Any]:

@@ -16,7 +16,6 @@ from stabctl.errors import StabctlError, StudyError
 from stabctl.estimation.estimate import estimate
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.model import powerflow
-from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.simulate import simulate
 from stabctl.simulation.trajectory import Trajectory
 
@@ -74,7 +73,7 @@ def _clearing_time(job: Job, point: OperatingPoint) -> Result:
         limit=job.limit,
         observe=job.observe,
         step=job.step or None,
-        criterion=Criterion(max_angle=job.max_angle),
+        criterion=job.criterion,
     )
     return Result(
         "ok",
@@ -92,7 +91,7 @@ def _simulate(job: Job, point: OperatingPoint) -> Result:
     control = _control(job, point)
     arguments = point, contingency(job), job.until
     record = bool(point.case.storage)
-    options = {"step": job.step or None, "criterion": Criterion(max_angle=job.max_angle), "record": record}
+    options = {"step": job.step or None, "criterion": job.criterion, "record": record}
     if not isinstance(control, EstimatorControl):
         return _ended(simulate(*arguments, control=control, **options), record)
     found = estimate(*arguments, control=control, seeds=job.seed, **options)

@@ -120,9 +120,10 @@ def test_a_schedule_takes_one_or_many(two_area):
 
 
 def test_what_is_no_criterion():
-    assert checked(Criterion(3)) == Criterion(3.0)
-    assert checked(DEFAULT) == DEFAULT
-    assert checked(Criterion("180deg", "500ms")) == (pytest.approx(3.14159265), 0.5, 0.5, 1.5)
+    assert checked(Criterion(3), 60.0) == Criterion(3.0)
+    assert checked(DEFAULT, 60.0) == DEFAULT
+    given = checked(Criterion("180deg", "400ms", min_frequency="47.5Hz", max_frequency="1.04pu"), 50.0)
+    assert given == (pytest.approx(3.14159265), 0.4, 0.5, 1.5, 0.95, 1.04, 1.0)
     for wrong in (
         3.5,
         Criterion,
@@ -131,6 +132,9 @@ def test_what_is_no_criterion():
         Criterion(float("nan")),
         Criterion("3MW"),
         Criterion([3]),
+        Criterion(min_frequency=57),
+        Criterion(max_frequency="59Hz"),
+        Criterion(min_frequency="57MW"),
     ):
-        with pytest.raises(StudyError, match=r"criterion|is not an angle"):
-            checked(wrong)
+        with pytest.raises(StudyError, match=r"criterion|is not an angle|range of frequency|is not a number"):
+            checked(wrong, 60.0)

@@ -1,0 +1,87 @@
+"""Frequency is judged: an island whose frequency stays outside the range of the criterion is unstable."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stabctl.controllers import BangBang
+from stabctl.dynamics import operating_point
+from stabctl.errors import StudyError
+from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.criterion import Criterion
+from stabctl.simulation.events import LoadStep, Open
+from stabctl.simulation.simulate import simulate
+from stabctl.simulation.simulation import run
+
+SPLIT = [Open(f"7-8#{k}", 0.5) for k in (1, 2)]  # area 1 of two_area has 413 MW too many
+
+
+@pytest.fixture(scope="module")
+def ungoverned(cases):
+    """two_area without governors: after a loss of balance the frequency moves on."""
+    case = cases("two_area")
+    devices = {model: rows for model, rows in case.devices.items() if model != "tgov"}
+    return operating_point.solve(replace(case, devices=devices))
+
+
+@pytest.mark.parametrize("high", [62, 61])
+def test_an_island_out_of_range_is_unstable_and_the_verdict_says_limits_and_island(ungoverned, high):
+    low = 57
+    traced = simulate(ungoverned, SPLIT, 20.0, criterion=Criterion(max_frequency=f"{high}Hz"))
+    end, hz = traced.outcome, 60 * traced.arrays.speed
+    assert (end.kind, end.stable, end.machine) == ("frequency_instability", False, None)
+    assert f"was outside {low} to {high} Hz for 1 s at {end.time_s:.3f} s" in end.message
+    H = ungoverned.inertia
+    of_area = hz[:, :2] @ H[:2] / H[:2].sum(), hz[:, 2:] @ H[2:] / H[2:].sum()
+    left = [np.argmax((f < low) | (f > high)) for f in of_area if ((f < low) | (f > high)).any()]
+    assert end.time_s - traced.time[min(left)] == pytest.approx(1.0, abs=2 * traced.step)
+    machines = "1, 2" if of_area[0][-1] > high else "3, 4"
+    assert f"island of machines {machines}" in end.message
+
+
+def test_the_range_and_its_delay_are_settable_and_0_turns_the_judgement_off(ungoverned):
+    ends = {
+        delay: simulate(ungoverned, SPLIT, 12.0, criterion=Criterion(frequency_delay_s=delay)).outcome
+        for delay in ("500ms", "1s", 0)
+    }
+    assert ends["1s"].time_s - ends["500ms"].time_s == pytest.approx(0.5, abs=1.5 / 120)  # ends with a step
+    assert ends[0].stable
+    assert "Every island stayed in synchronism until 12.000 s; final frequencies" in ends[0].message
+
+
+def test_a_run_within_the_range_says_so_and_one_that_left_it_briefly_how_long(ungoverned):
+    back = [LoadStep(9, 0.5, -800.0), LoadStep(9, 1.5, 1600.0), LoadStep(9, 2.3, -800.0)]
+    narrow = Criterion(max_frequency="60.5Hz")
+    assert run(ungoverned, back, 4.0).outcome.message.endswith("until 4.000 s, within 57 to 62 Hz.")
+    traced = simulate(ungoverned, back, 4.0, criterion=narrow)
+    H = ungoverned.inertia
+    above = 60 * traced.arrays.speed @ H / H.sum() > 60.5
+    assert traced.outcome.stable
+    assert f"outside 57 to 60.5 Hz for {above.sum() * traced.step:.2g} s at most" in traced.outcome.message
+
+
+def test_the_system_of_50_hz_has_the_range_of_50_hz(cases):
+    case = replace(cases("two_area"), frequency_hz=50.0)
+    assert run(operating_point.solve(case), None, 0.5).outcome.message.endswith("within 47.5 to 51.67 Hz.")
+
+
+def test_a_machine_alone_in_its_island_is_tripped_and_the_rest_is_judged(points):
+    end = run(points("two_area"), [Open("1-5", 0.5)], 3.0).outcome
+    assert "Machine 1, alone in its island, was outside 57 to 62 Hz for 1 s at " in end.message
+    assert (end.kind, end.stable) == ("islanded", True)
+
+
+@pytest.mark.parametrize("wrong", [{"min_frequency": 57}, {"max_frequency": 0.9}, {"frequency_delay_s": -1}])
+def test_a_range_without_the_rated_frequency_is_refused(points, wrong):
+    with pytest.raises(StudyError):
+        simulate(points("two_area"), None, 1.0, criterion=Criterion(**wrong))
+
+
+def test_the_clearing_times_of_the_paper_do_not_depend_on_it(cases):
+    """Section 5, case 1: 20.375 cycles without storage and 26 with 50 MW at every machine."""
+    base = operating_point.solve(cases("two_area"))
+    stored = base.case.with_storage("50MW")
+    fault = Contingency("7-8@0.4")
+    assert base.clearing_time(fault).cycles == 20.375
+    assert stored.clearing_time(fault, control=BangBang()).cycles == 26.0
