@@ -66,7 +66,7 @@ def _show(found: "Modes", band: tuple[float, float], groups: "Areas | None") -> 
     out.print(modes_table.table(found, found.within(*band)))
     for k in range(len(found)):
         if found.eigenvalues[k] == 0:
-            out.print(f"zero: {found.label(k)}; not an instability.")
+            out.print(f"Zero eigenvalue: {found.label(k)}; not an instability.")
     out.print(str(found))
     if groups:
         out.print(f"{groups}.")

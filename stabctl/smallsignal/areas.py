@@ -1,7 +1,8 @@
-"""Coherent areas: machines that move together in the slow swings (slow coherency).
+"""Coherent areas: machines that swing together in the slow modes (slow coherency).
 
-Rows of the slow eigenvectors, one per machine, point the same way where machines move together. The machines whose rows
-are the most different become references; every other one joins the reference its row resembles most.
+Each machine has a row in the matrix of slow eigenvectors, and coherent machines have nearly equal rows. The machines
+with the most linearly independent rows become the references; every other machine joins the reference whose row is
+closest to its own.
 Source: J. H. Chow (ed.), Time-Scale Modeling of Dynamic Networks, 1982, ch. 5 (grouping algorithm).
 """
 
@@ -10,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stabctl._util.wording import counted
 from stabctl.errors import CaseError, StudyError
 from stabctl.model.case import Case
 from stabctl.model.location import circuit
@@ -19,23 +21,23 @@ from .modes import Modes
 
 @dataclass(frozen=True, repr=False)
 class Areas:
-    """Groups of machines, the reference machine of each first; ordered by inertia."""
+    """Groups of machines, largest inertia first; the first machine of each group is its reference."""
 
     name: str
     groups: tuple[tuple[int, ...], ...]  # machine numbers
-    modes: tuple[int, ...]  # the slow modes behind them
+    modes: tuple[int, ...]  # the slow modes that define them
     frequencies_hz: tuple[float, ...]
     agreement: float  # smallest correlation of a machine's row with its reference's
 
     def of(self, machine: int) -> int:
-        """Place of the group of a machine; `StudyError` where there is none."""
+        """Index of the group of a machine. Raises `StudyError` if there is no such machine."""
         for k, group in enumerate(self.groups):
             if machine in group:
                 return k
         raise StudyError(f"There is no machine {machine} in the areas of {self.name}.")
 
     def moved(self, other: "Areas") -> tuple[int, ...]:
-        """Machines that changed company: each group of `other` is matched to the one it shares most machines with."""
+        """Machines that changed groups; each group of `other` is matched to the one it shares most machines with."""
         from scipy.optimize import linear_sum_assignment
 
         common = np.array([[len(set(a) & set(b)) for b in other.groups] for a in self.groups])
@@ -50,9 +52,28 @@ class Areas:
 
 
 def areas(modes: Modes, count: int | None = None) -> Areas:
-    """Coherent areas from the `count - 1` slowest swings; without a count, the one that agrees best.
+    """Divide the machines into coherent areas by the slowest swing modes.
 
-    Counts from 2 to a third of the machines are tried then. `StudyError` where there are not so many swings.
+    Parameters
+    ----------
+    modes : Modes
+        All modes of the system.
+    count : int, optional
+        Number of areas, found from the `count - 1` slowest swing modes. By default, counts from 2 to a third of the
+        machines are tried, and the one with the best agreement is kept.
+
+    Returns
+    -------
+    Areas
+
+    Raises
+    ------
+    StudyError
+        If the system has fewer than `count - 1` swing modes.
+
+    References
+    ----------
+    J. H. Chow (ed.), Time-Scale Modeling of Dynamic Networks, 1982, ch. 5.
     """
     swings, machines = modes.swings(), len(modes.linear.point.case.machines)
     if count is None:
@@ -60,12 +81,15 @@ def areas(modes: Modes, count: int | None = None) -> Areas:
         return max((_split(modes, swings[: k - 1]) for k in tried), key=lambda found: found.agreement)
     if not 1 <= count <= len(swings) + 1:
         name = modes.linear.point.case.name
-        raise StudyError(f"{name} has {len(swings)} swings; it splits into 1 to {len(swings) + 1} areas, not {count}.")
+        raise StudyError(
+            f"{name} cannot be divided into {counted(count, 'area')}: it has {counted(len(swings), 'swing mode')}; "
+            f"choose 1 to {len(swings) + 1} areas."
+        )
     return _split(modes, swings[: count - 1])
 
 
 def _split(modes: Modes, slow: list[int]) -> Areas:
-    """The machines grouped by the common motion and these swings."""
+    """The machines grouped by the common motion and these swing modes."""
     case, count = modes.linear.point.case, len(slow) + 1
     rows = _rows(modes, slow)
     references = _references(rows)
@@ -82,7 +106,7 @@ def _split(modes: Modes, slow: list[int]) -> Areas:
 
 
 def _rows(modes: Modes, slow: list[int]) -> np.ndarray:
-    """Angles of the machines in the common motion and the slow swings (machines, count), real, columns of norm 1."""
+    """Angles of the machines in the common motion and the slow modes (machines, count), real, columns of norm 1."""
     angles = modes.right[modes.linear.angles()][:, slow]
     turn = np.exp(-0.5j * np.angle((angles**2).sum(axis=0)))
     columns = np.column_stack([np.ones(len(angles)), (angles * turn).real])
@@ -90,7 +114,7 @@ def _rows(modes: Modes, slow: list[int]) -> np.ndarray:
 
 
 def _references(rows: np.ndarray) -> list[int]:
-    """The machine that is farthest from the span of those chosen before: Gaussian elimination, full pivoting."""
+    """Reference machines, each the farthest from the span of those before: Gaussian elimination, full pivoting."""
     left, chosen = rows.copy(), []
     free = list(range(rows.shape[1]))
     for _ in range(rows.shape[1]):
@@ -102,9 +126,23 @@ def _references(rows: np.ndarray) -> list[int]:
 
 
 def opened(case: Case, circuits: Iterable[str]) -> Case:
-    """The case with some circuits, named `7-8` or `7-8#2`, out of service, for its areas after the change.
+    """Take circuits out of service, to study the system without them.
 
-    `StudyError` for a circuit that is not there, or where a part of the network is cut off.
+    Parameters
+    ----------
+    case : Case
+        The system.
+    circuits : iterable of str
+        Circuits, such as "7-8" or "7-8#2".
+
+    Returns
+    -------
+    Case
+
+    Raises
+    ------
+    StudyError
+        If there is no such circuit, or part of the network would be isolated.
     """
     named = list(circuits)
     gone = [circuit(case, text)[0] for text in named]

@@ -29,7 +29,7 @@ class Box(NamedTuple):
         return float(np.hypot(self.right - self.left, self.top - self.bottom)) / 2
 
     def fitted(self, least: float, most: float) -> "Box | None":
-        """As wide as the cone least <= Re/Im <= most requires, None where it is outside; `bottom` is above 0."""
+        """As wide as the cone least <= Re/Im <= most requires; None if it lies outside. `bottom` must be above 0."""
         left = max(self.left, min(least * self.top, least * self.bottom))
         right = min(self.right, max(most * self.top, most * self.bottom))
         return self._replace(left=left, right=right) if left < right else None

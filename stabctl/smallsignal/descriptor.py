@@ -1,8 +1,8 @@
-"""The linearized system with its voltages still in it, sparse.
+"""The linearized system as sparse matrices, with the bus voltages as algebraic variables.
 
-x' = fx x + fv v + fu u        state rates
+x' = fx x + fv v + fu u        state derivatives
 0  = gx x + gv v + gu u        current balance of every bus, gv = (devices) - Y
-y  = hx x + hv v + hu u
+y  = hx x + hv v + hu u        outputs
 """
 
 from collections.abc import Iterable
@@ -24,7 +24,7 @@ from .signals import INPUTS, OUTPUTS, Signal, chosen
 
 @dataclass(frozen=True, repr=False)
 class Descriptor:
-    """Sparse matrices (csc) of the linearized equations; x the states that live, v the voltages (re, im per bus)."""
+    """Sparse matrices (csc) of the linearized equations; x are the active states, v the voltages (re, im per bus)."""
 
     point: OperatingPoint
     fx: sp.csc_matrix
@@ -52,11 +52,11 @@ class Descriptor:
         return layout.unique(place.label for place in self.places)
 
     def speeds(self) -> np.ndarray:
-        """Places (rotor units) of the speeds among the states."""
+        """Indices (rotor units) of the speeds among the states."""
         return self.angles() + 1
 
     def angles(self) -> np.ndarray:
-        """Places (rotor units) of the angles among the states."""
+        """Indices (rotor units) of the angles among the states."""
         return np.searchsorted(self.rows, self.point.rotors.angle)
 
     def __str__(self) -> str:
@@ -72,9 +72,26 @@ def descriptor(
 ) -> Descriptor:
     """Sparse descriptor matrices of an operating point, exact (complex step on the simulated equations).
 
-    `LinearizationError` where the point is no equilibrium (naming the state that moves most) or rests on a limit;
-    `StudyError` for unknown signals. States nobody reads and that stand still (bypassed blocks) are left out, and so is
-    the energy of a store: the integral of its power, read by no equation.
+    States that are constant and appear in no equation (bypassed blocks) are left out, and so is the energy of a storage
+    device, which is the integral of its power and appears in no other equation.
+
+    Parameters
+    ----------
+    point : OperatingPoint
+        The operating point.
+    inputs, outputs : iterable of str or Signal
+        Signals, as in `linearize`.
+
+    Returns
+    -------
+    Descriptor
+
+    Raises
+    ------
+    LinearizationError
+        If the point is not an equilibrium, or a device is exactly at a limit; names the state or the limit.
+    StudyError
+        If a signal is not known.
     """
     case, lay = point.case, point.layout
     u, y = chosen(case, inputs, INPUTS), chosen(case, outputs, OUTPUTS)
@@ -122,7 +139,7 @@ def _outputs(
     ins_of: tuple[Signal, ...],
     signals: tuple[Signal, ...],
 ) -> tuple[sp.csc_matrix, ...]:
-    """Slopes of the outputs. The rate of a bus angle is that of its voltage, v' = -inv(gv) gx x'."""
+    """Derivatives of the outputs. The rate of a bus angle follows from that of its voltage, v' = -inv(gv) gx x'."""
     fx, fv, gx, gv, fu, _ = parts
     nx = point.layout.nx
     hx, hv = np.zeros((len(signals), len(rows))), np.zeros((len(signals), gv.shape[0]))

@@ -1,8 +1,8 @@
-"""Eigenvalues and eigenvectors of a linear model, its zero of the angle reference taken out exactly.
+"""Eigenvalues and eigenvectors of a linear model, with the zero eigenvalue of the angle reference separated exactly.
 
-All angles may turn together: A r = 0 with r = 1 at every angle, 0 elsewhere. In a basis that begins with r this zero
-stands alone, A' = [0 a; 0 A22]. A second zero (nothing holds the frequency) would make A defective, and its double zero
-split into a pair of some 1e-7 that looks unstable; in A22 it is a simple one, as accurate as the rest.
+Rotating all angles together changes nothing: A r = 0 with r = 1 at every angle and 0 elsewhere. In a basis that begins
+with r, A' = [0 a; 0 A22]. A second zero (nothing restores the frequency) would make A defective: rounding would split
+the double zero into a pair of about 1e-7, which looks unstable. In A22 it is a simple eigenvalue, as accurate as any.
 """
 
 from typing import NamedTuple
@@ -16,7 +16,7 @@ ZERO = 1e-7  # 1/s   an eigenvalue this small is zero
 
 
 class Eigen(NamedTuple):
-    """A V = V diag(eigenvalues), W^H V = I, conjugate pairs side by side, by frequency."""
+    """A V = V diag(eigenvalues), W^H V = I, by frequency, conjugate pairs next to each other."""
 
     values: np.ndarray  # (n) complex, 1/s
     right: np.ndarray  # (n, n) V, a column per mode
@@ -24,9 +24,9 @@ class Eigen(NamedTuple):
 
 
 def eigen(A: np.ndarray, angles: np.ndarray) -> Eigen:
-    """Eigenvalues and both sets of eigenvectors; `angles` are the places of the machine angles.
+    """Eigenvalues with left and right eigenvectors; `angles` are the indices of the rotor angles.
 
-    Where a zero is defective its right vector is a generalized one: A v is a turn of all angles, not zero.
+    The right vector of a defective zero is a generalized one: A v is a rotation of all angles, not zero.
     """
     turned = A.copy(order="F")
     _reflect(turned, angles)
@@ -47,7 +47,7 @@ def eigen(A: np.ndarray, angles: np.ndarray) -> Eigen:
 
 
 def _reflect(M: np.ndarray, angles: np.ndarray) -> None:
-    """M := H M, H the reflection that carries the first axis to r."""
+    """M := H M, where H is the reflection that maps the first axis to r."""
     u = np.zeros(len(M))
     u[angles] = -1 / np.sqrt(len(angles))
     u[0] += 1

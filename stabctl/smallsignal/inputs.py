@@ -1,4 +1,4 @@
-"""Inputs: a set-point of z, or a power drawn from a bus."""
+"""Inputs: a set-point, or a power drawn from a bus."""
 
 from typing import NamedTuple
 
@@ -14,13 +14,13 @@ PORTS = {"vref": "Vref", "pref": "Pref", "field": "Efd", "power": "Pm"}
 
 
 class Draw(NamedTuple):
-    """A power of 1 pu drawn from a bus, as a load."""
+    """A power of 1 pu drawn from a bus by a load."""
 
     bus: int
     par: zip_load.Par
 
     def current_of(self, V: complex) -> complex:
-        """Current into the network (pu) per pu of power."""
+        """Current into the network (pu) for 1 pu of power."""
         return complex(*zip_load.current((V.real, V.imag), self.par))
 
 
@@ -47,7 +47,7 @@ def place(point: OperatingPoint, signal: Signal) -> int | None:
 
 
 def draw(point: OperatingPoint, signal: Signal) -> Draw:
-    """The drawn power: a storage device is constant power, a load change is like the bus's first load."""
+    """The drawn power: constant power for a storage device, the voltage dependence of the first load for a load."""
     bus = point.net.place[signal.place]
     v0 = float(abs(point.V[bus]))
     if signal.kind == "storage":

@@ -1,7 +1,7 @@
-"""Root locus: eigenvalues against a gain or a parameter, every one followed from value to value.
+"""Root locus: eigenvalues as a function of a gain or a parameter, each tracked from one value to the next.
 
-From one value to the next an eigenvalue is expected at s + w^H (A' - A) v, its first-order move; the new eigenvalues
-are matched to the expected ones so that the sum of the distances is least.
+The first-order prediction for the next value is s + w^H (A' - A) v; the new eigenvalues are matched to the predictions
+so that the sum of the distances is smallest.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -21,7 +21,7 @@ from .modes import Modes, _place, analyze
 
 @dataclass(frozen=True, repr=False)
 class Locus:
-    """Eigenvalues along a parameter; column k is one mode, numbered as in `start`."""
+    """Eigenvalues at each value of a parameter; column k is one mode, numbered as in `start`."""
 
     parameter: str
     values: np.ndarray  # (values)
@@ -29,7 +29,7 @@ class Locus:
     start: Modes  # at the first value
 
     def damping_ratio(self) -> np.ndarray:
-        """-Re / |eigenvalue| (values, modes); 1 for a zero."""
+        """Damping ratio -Re / |eigenvalue| (values, modes); 1 for a zero eigenvalue."""
         size = np.abs(self.eigenvalues)
         return np.divide(-self.eigenvalues.real, size, out=np.ones_like(size), where=size > 0)
 
@@ -41,19 +41,38 @@ class Locus:
         ratio = self.damping_ratio()[:, swings]
         best = int((ratio[-1] - ratio[0]).argmax())
         moved = f"{ratio[0, best]:.3f} to {ratio[-1, best]:.3f}"
-        return f"{text}: the mode {self.start.label(swings[best])} goes from damping ratio {moved}"
+        return f"{text}: the damping ratio of the mode {self.start.label(swings[best])} changes from {moved}"
 
     __repr__ = __str__
 
 
 def feedback_locus(linear: Linear, output: str | int, input: str | int, gains: Iterable[float]) -> Locus:
-    """Eigenvalues of A + B k (1 - D k)^-1 C for u = k y, one output fed to one input (labels or places)."""
+    """Root locus of the feedback u = k y from one output to one input: eigenvalues of A + B k (1 - D k)^-1 C.
+
+    Parameters
+    ----------
+    linear : Linear
+        The open-loop model.
+    output, input : str or int
+        Labels or indices of the signals.
+    gains : iterable of float
+        Values of k.
+
+    Returns
+    -------
+    Locus
+
+    Raises
+    ------
+    StudyError
+        If the model has no such signal, there are fewer than two finite gains, or a gain makes an algebraic loop.
+    """
     i, j = _place(linear.outputs, output, "output"), _place(linear.inputs, input, "input")
     b, c, d = linear.B[:, j], linear.C[i], linear.D[i, j]
     values = _values(gains)
     for k in values:
         if abs(1 - d * k) < 1e-9:
-            raise StudyError(f"The gain {k:g} makes an algebraic loop, 1 - D k = 0; choose another.")
+            raise StudyError(f"The gain {k:g} makes an algebraic loop (1 - D k = 0); choose another gain.")
     name = f"gain from {linear.outputs[i]} to {linear.inputs[j]}"
     return _follow(name, values, linear, lambda k: linear.A + np.outer(b, c) * k / (1 - d * k))
 
@@ -61,9 +80,27 @@ def feedback_locus(linear: Linear, output: str | int, input: str | int, gains: I
 def parameter_locus(
     case: Case, table: str, parameter: str, values: Iterable[float], machines: Sequence[int] | None = None
 ) -> Locus:
-    """Eigenvalues against a parameter of a device, e.g. `pss`, `K`, at some machines (all that have one by default).
+    """Root locus of a device parameter; the case is initialized again for every value.
 
-    The operating point is found anew for every value. `StudyError` names what the case does not have.
+    Parameters
+    ----------
+    case : Case
+        The system.
+    table, parameter : str
+        Device table and parameter, such as "pss" and "K".
+    values : iterable of float
+        Values of the parameter.
+    machines : sequence of int, optional
+        Machines at which it varies; by default all that have the device.
+
+    Returns
+    -------
+    Locus
+
+    Raises
+    ------
+    StudyError
+        If the case has no such table, parameter or machine, or a value adds or removes states.
     """
     rows = case.devices.get(table, {})
     if table not in models() or not rows:
@@ -86,7 +123,7 @@ def parameter_locus(
         new = model(value)
         if new.states != first.states:
             raise StudyError(
-                f"{parameter} = {value:g} adds or removes states; a locus needs the same states throughout."
+                f"{parameter} = {value:g} adds or removes states; a root locus needs the same states at every value."
             )
         return new.A
 

@@ -1,4 +1,4 @@
-"""Linear models with names: matrices A, B, C, D as python-control, NumPy and MATLAB take them."""
+"""Linear models with named states, inputs and outputs, for python-control, NumPy and MATLAB."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -12,6 +12,7 @@ from scipy.sparse.linalg import splu
 
 from stabctl._util import files
 from stabctl._util.verbs import verb
+from stabctl._util.wording import counted
 from stabctl.dynamics import layout
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Model:
-    """x' = A x + B u, y = C x + D u, every state, input and output with its label; deviations from a point."""
+    """x' = A x + B u, y = C x + D u in deviations from an operating point; states, inputs and outputs have labels."""
 
     name: str
     A: np.ndarray  # (states, states)   1/s
@@ -43,12 +44,21 @@ class Model:
     plot = verb("stabctl.plotting.frequency_response:plot")
 
     def to_control(self) -> "control.StateSpace":
-        """The model for python-control, with its labels."""
+        """The model as a python-control system with the same labels.
+
+        Raises
+        ------
+        StudyError
+            If it has no inputs or no outputs.
+        """
         import control
 
         if not (self.inputs and self.outputs):
             missing = "outputs" if self.inputs else "inputs"
-            raise StudyError(f"This model has no {missing}; give some, as linearize(inputs='vref', outputs='speed').")
+            raise StudyError(
+                f"The linear model of {self.name} has no {missing}; linearize with inputs='vref', outputs='speed', "
+                "for example."
+            )
         labels = {k: [label.replace(".", " ") for label in getattr(self, k)] for k in ("states", "inputs", "outputs")}
         system = control.ss(self.A, self.B, self.C, self.D, name=self.name.replace(".", " "), **labels)
         return system
@@ -67,7 +77,19 @@ class Model:
         return np.array([self.C @ np.linalg.solve(s * one - self.A, self.B) + self.D for s in jw])
 
     def save(self, path: str | Path) -> Path:
-        """Write A, B, C, D and the labels to a .npz or MATLAB .mat file, by the ending; the path."""
+        """Write A, B, C, D and the labels to a file, and return its path.
+
+        Parameters
+        ----------
+        path : str or Path
+            A file ending in .npz (NumPy) or .mat (MATLAB). An existing file is replaced only when the new one is
+            complete.
+
+        Raises
+        ------
+        StudyError
+            If the file has another ending, or its folder does not exist.
+        """
         path, file = Path(path), BytesIO()
         matrices = {k: getattr(self, k) for k in "ABCD"}
         labels = {k: np.array(getattr(self, k), dtype=object) for k in ("states", "inputs", "outputs")}
@@ -78,16 +100,15 @@ class Model:
 
             savemat(file, matrices | labels | {"name": self.name}, oned_as="column")
         else:
-            ending = path.suffix or "nothing"
-            raise StudyError(f"The file {path.name!r} ends in {ending}; give a name ending in .npz or .mat.")
+            raise StudyError(f"The file {path.name!r} must end in .npz or .mat.")
         if not path.parent.is_dir():
-            raise StudyError(f"There is no folder {str(path.parent)!r} to write {path.name!r} into; make it first.")
+            raise StudyError(f"There is no folder {str(path.parent)!r} to write {path.name!r} to; create it first.")
         files.replace(path, file.getvalue())
         return path
 
     def __str__(self) -> str:
-        shape = f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
-        return f"linear model of {self.name}: {shape}"
+        shape = (counted(len(getattr(self, f"{kind}s")), kind) for kind in ("state", "input", "output"))
+        return f"linear model of {self.name}: {', '.join(shape)}"
 
     __repr__ = __str__
 
@@ -97,17 +118,17 @@ class Model:
 
 @dataclass(frozen=True, repr=False)
 class Linear(Model):
-    """The linear model of an operating point, all its states."""
+    """The full linear model of an operating point."""
 
     point: OperatingPoint
     places: tuple[layout.StatePlace, ...]  # device, machine and name of every state
 
     def speeds(self) -> np.ndarray:
-        """Places (rotor units) of the speeds among the states."""
+        """Indices (rotor units) of the speeds among the states."""
         return self.angles() + 1
 
     def angles(self) -> np.ndarray:
-        """Places (rotor units) of the angles among the states."""
+        """Indices (rotor units) of the angles among the states."""
         found = {p.unit: k for k, p in enumerate(self.places) if p.name == "delta"}
         return np.array([found[unit] for unit in self.point.rotors.unit], int)
 
@@ -119,15 +140,15 @@ def linearize(
     *,
     storage: "Fleet | None" = None,
 ) -> Linear:
-    """The linear model of an operating point: A = fx - fv inv(gv) gx, the voltages eliminated exactly.
+    """Linearize a system at its operating point: A = fx - fv inv(gv) gx, with the bus voltages eliminated exactly.
 
     Parameters
     ----------
     base : Case or OperatingPoint
         The system; a case is initialized first.
     inputs, outputs : str or iterable
-        Signals as in `signals.INPUTS` and `signals.OUTPUTS`: "vref:2, storage:33" or ["speed:14", "voltage:7"]; a kind
-        alone, "speed", means all.
+        Signals of `stabctl.smallsignal.INPUTS` and `OUTPUTS`: "vref:2, storage:33" or ["speed:14", "voltage:7"]; a
+        kind alone, such as "speed", means all signals of that kind.
     storage : str, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
 
@@ -138,15 +159,15 @@ def linearize(
     Raises
     ------
     LinearizationError
-        Where the point is no equilibrium, or rests on a limit; names the state or the limit.
+        If the point is not an equilibrium, or a device is exactly at a limit; names the state or the limit.
     StudyError
-        For unknown signals.
+        If a signal is not known.
     """
     return eliminated(descriptor(operating_point(base, storage), inputs, outputs))
 
 
 def eliminated(d: Descriptor) -> Linear:
-    """The model without its voltages, v = -inv(gv) (gx x + gu u)."""
+    """The model with the voltages v = -inv(gv) (gx x + gu u) eliminated."""
     nx = len(d.rows)
     v = -splu(d.gv).solve(np.hstack([d.gx.toarray(), d.gu.toarray()]))
     A, B = d.fx + d.fv @ v[:, :nx], d.fu + d.fv @ v[:, nx:]

@@ -1,4 +1,4 @@
-"""Modes of a linear model: damping, participation, shapes, and where they are seen and moved."""
+"""Modes of a linear model: damping, participation factors, mode shapes, controllability and observability."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -64,12 +64,12 @@ class Mode:
 
     @property
     def frequency_hz(self) -> float:
-        """Of the oscillation, |Im| / 2 pi."""
+        """Frequency of the oscillation, |Im| / 2 pi."""
         return abs(self.eigenvalue.imag) / (2 * np.pi)
 
     @property
     def damping_ratio(self) -> float:
-        """-Re / |eigenvalue|; 1 for a zero, which does not oscillate."""
+        """Damping ratio -Re / |eigenvalue|; 1 for a zero eigenvalue."""
         size = abs(self.eigenvalue)
         return -self.eigenvalue.real / size if size else 1.0
 
@@ -82,7 +82,7 @@ class Mode:
 
 @dataclass(frozen=True, repr=False)
 class Modes:
-    """Eigenvalues with both sets of eigenvectors, W^H V = I; conjugate pairs side by side, by frequency."""
+    """Eigenvalues with left and right eigenvectors, W^H V = I; by frequency, conjugate pairs next to each other."""
 
     linear: Linear
     eigenvalues: np.ndarray  # (modes) complex, 1/s
@@ -97,12 +97,12 @@ class Modes:
 
     @property
     def frequency_hz(self) -> np.ndarray:
-        """|Im| / 2 pi (modes)."""
+        """Frequencies |Im| / 2 pi (modes)."""
         return np.abs(self.eigenvalues.imag) / (2 * np.pi)
 
     @property
     def damping_ratio(self) -> np.ndarray:
-        """-Re / |eigenvalue| (modes); 1 for a zero."""
+        """Damping ratios -Re / |eigenvalue| (modes); 1 for a zero eigenvalue."""
         size = np.abs(self.eigenvalues)
         return np.divide(-self.eigenvalues.real, size, out=np.ones(len(self)), where=size > 0)
 
@@ -113,13 +113,13 @@ class Modes:
 
     @cached_property
     def shares(self) -> np.ndarray:
-        """|p| over its sum (states, modes)."""
+        """Magnitudes of the participation factors (states, modes), each column scaled to a sum of 1."""
         size = np.abs(self.participation)
         return size / size.sum(axis=0)
 
     @cached_property
     def shapes(self) -> np.ndarray:
-        """Speeds of the machines (machines, modes), the largest of every mode 1; 0 where no machine moves."""
+        """Mode shapes: speeds (machines, modes) relative to the largest of each mode; 0 if no machine moves."""
         speeds = self.right[self.linear.speeds()]
         largest = np.take_along_axis(speeds, np.abs(speeds).argmax(axis=0)[None], axis=0)
         still = np.abs(largest[0]) < 1e-9 * np.abs(self.right).max(axis=0)
@@ -127,12 +127,12 @@ class Modes:
 
     @cached_property
     def electromechanical(self) -> np.ndarray:
-        """Which modes are swings of machines against each other (modes)."""
+        """Which modes are electromechanical: machines swing against each other (modes)."""
         rotor = np.r_[self.linear.angles(), self.linear.speeds()]
         return naming.swings(self.eigenvalues, self.shares, self.shapes, rotor, self.linear.point.inertia)
 
     def label(self, k: int) -> str:
-        """Mode k in words."""
+        """Name of mode k: the machines that swing against each other, or the dominant state."""
         linear, H = self.linear, self.linear.point.inertia
         if self.eigenvalues[k] == 0:
             return naming.zero(linear, self.right[:, k], self.left[:, k], k == 0)
@@ -142,11 +142,11 @@ class Modes:
         return naming.leader(linear, self.shares[:, k], self.shapes[:, k], H, self.eigenvalues[k].imag != 0)
 
     def mode(self, k: int) -> Mode:
-        """Mode k as a record of its own; k is a place in `eigenvalues`, as `swings()` gives it."""
+        """Mode k as a record; k is an index of `eigenvalues`, as returned by `swings()`."""
         count = len(self.eigenvalues)
         if not isinstance(k, Integral) or not -count <= k < count:
             raise StudyError(
-                f"There is no mode {shown(k)}; give a number from 0 to {count - 1}, as swings() gives them."
+                f"There is no mode {shown(k)}; give a number from 0 to {count - 1}, such as one of swings()."
             )
         first = np.argsort(-self.shares[:, k], kind="stable")[:10]
         shares = tuple(Share(self.linear.states[i], float(self.shares[i, k])) for i in first)
@@ -155,11 +155,11 @@ class Modes:
         return Mode(complex(self.eigenvalues[k]), bool(self.electromechanical[k]), self.label(k), shares, shape)
 
     def swings(self) -> list[int]:
-        """Electromechanical modes, one of each pair, the slowest first."""
+        """Indices of the electromechanical modes, one of each pair, the slowest first."""
         return [int(k) for k in np.flatnonzero(self.electromechanical) if self.eigenvalues[k].imag > 0]
 
     def within(self, low_hz: float, high_hz: float) -> list[int]:
-        """Oscillating modes of a band of frequency, one of each pair."""
+        """Indices of the oscillatory modes in a band of frequencies, one of each pair."""
         if not 0 <= low_hz <= high_hz:
             raise StudyError(f"The band {low_hz:g} to {high_hz:g} Hz is not allowed; give 0 <= lowest <= highest.")
         f = self.frequency_hz
@@ -167,28 +167,28 @@ class Modes:
 
     @property
     def stable(self) -> bool:
-        """Does no mode grow? Zeros do not, nor does an undamped swing."""
+        """Whether no mode grows; zero eigenvalues and undamped oscillations do not."""
         return bool((self.eigenvalues.real <= ZERO).all())
 
     def controllability(self) -> np.ndarray:
-        """W^H B (modes, inputs): how an input moves a mode."""
+        """Controllability W^H B (modes, inputs): how strongly an input excites a mode."""
         return self.left.conj().T @ self.linear.B
 
     def observability(self) -> np.ndarray:
-        """C V (outputs, modes): how a mode is seen in an output."""
+        """Observability C V (outputs, modes): how strongly a mode appears in an output."""
         return self.linear.C @ self.right
 
     def residues(self, output: str | int = 0, input: str | int = 0) -> np.ndarray:
-        """Residues (modes) of the transfer function from an input to an output (labels or places).
+        """Residues (modes) of the transfer function from an input to an output (labels or indices).
 
-        Also the derivative of every eigenvalue along a gain k that feeds the output back, u = k y.
+        They are also the derivatives of the eigenvalues with respect to the gain k of the feedback u = k y, at k = 0.
         """
         i, j = _place(self.linear.outputs, output, "output"), _place(self.linear.inputs, input, "input")
         return self.observability()[i] * self.controllability()[:, j]
 
     @property
     def df(self) -> "pd.DataFrame":
-        """The modes of the band, or all of them, one of each pair; `swing`: of machines against each other."""
+        """The modes of the band, or all of them, one of each pair; `swing` marks electromechanical modes."""
         import pandas as pd
 
         shown = np.flatnonzero(self.eigenvalues.imag >= 0) if self.band is None else self.within(*self.band)
@@ -203,7 +203,7 @@ class Modes:
         return pd.DataFrame(columns)
 
     def to_control(self) -> "control.StateSpace":
-        """The linear model for python-control, with its labels."""
+        """The linear model as a python-control system with the same labels."""
         return (eliminated(self.linear) if isinstance(self.linear, Descriptor) else self.linear).to_control()
 
     def __str__(self) -> str:
@@ -211,8 +211,8 @@ class Modes:
         counts = counted(len(self), "eigenvalue"), counted(len(self.swings()), "electromechanical mode")
         text = f"{self.linear.point.case.name}: {', '.join(counts)}"
         if worst is not None:
-            ratio = round(self.damping_ratio[worst], 4) + 0.0
-            text += f", the least damped {self.frequency_hz[worst]:.3f} Hz with ratio {ratio:.4f} ({self.label(worst)})"
+            hz, ratio = self.frequency_hz[worst], round(self.damping_ratio[worst], 4) + 0.0
+            text += f"; least damped: {hz:.3f} Hz, damping ratio {ratio:.4f} ({self.label(worst)})"
         return text + ("." if self.stable else "; the operating point is unstable.")
 
     __repr__ = __str__
@@ -223,7 +223,7 @@ class Modes:
 
 @dataclass(frozen=True, repr=False)
 class Selected(Modes):
-    """Some modes, one of each pair: all of a band of frequency and of damping ratio, and no others."""
+    """The modes in a band of frequencies and damping ratios, one of each pair."""
 
     linear: Descriptor
     damping: tuple[float, float] = DAMPING
@@ -241,9 +241,9 @@ class Selected(Modes):
 
     def __str__(self) -> str:
         low, high = self.damping
-        asked = f"{self.band[0]:g} to {self.band[1]:g} Hz with damping ratio {low:g} to {high:g}"
+        asked = f"{self.band[0]:g} to {self.band[1]:g} Hz with damping ratios from {low:g} to {high:g}"
         whole = super().__str__().partition(": ")[2].replace("eigenvalue", "mode", 1)
-        return f"{self.linear.name}, only modes of {asked} of {len(self.linear.states)} states: {whole}"
+        return f"{self.linear.name}, {len(self.linear.states)} states, only modes from {asked}: {whole}"
 
     __repr__ = __str__
 
@@ -255,19 +255,19 @@ def modes(
     storage: "Fleet | None" = None,
     damping: tuple[float, float] = DAMPING,
 ) -> Modes:
-    """The modes of a system at its operating point.
+    """Compute the modes of a system at its operating point.
 
     Parameters
     ----------
     base : Case or OperatingPoint
         The system; a case is initialized first.
     band : str or pair, optional
-        Frequencies of the modes in `df`: "0.1..2Hz", or two numbers in Hz. Beyond 2000 states only the modes of the
-        band are computed (0.1 to 2.5 Hz unless given), below it all of them.
+        Frequencies of the modes in `df`: "0.1..2Hz", or two numbers in Hz. Up to 2000 states all modes are computed;
+        above that, only those of the band (0.1 to 2.5 Hz by default).
     storage : str, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
     damping : tuple of float
-        Least and largest damping ratio where only the modes of a band are computed.
+        Lowest and highest damping ratio, if only the modes of a band are computed.
 
     Returns
     -------
@@ -276,9 +276,9 @@ def modes(
     Raises
     ------
     LinearizationError
-        Where the point is no equilibrium, or rests on a limit; names the state or the limit.
+        If the point is not an equilibrium, or a device is exactly at a limit; names the state or the limit.
     StudyError
-        For a band that is none.
+        If the band is not a band of frequencies.
     """
     chosen = None if band is None else units.band(band)
     d = descriptor(operating_point(base, storage))
@@ -292,20 +292,41 @@ def analyze(
     band: tuple[float, float] | None = None,
     damping: tuple[float, float] = DAMPING,
 ) -> Modes:
-    """Modes of a linear model: all of them; of a descriptor those of a band (Hz), by sparse shift-invert Arnoldi.
+    """Compute the modes of a linear model or of a sparse descriptor.
 
-    A descriptor without a band is treated as a linear model up to `LARGE` states, beyond as one with the band `BAND`.
-    `damping`: least and largest damping ratio in a band. Errors as in `selected.band`, and where no unit has a rotor.
+    Parameters
+    ----------
+    model : Linear or Descriptor
+        Of a linear model all modes are computed (LAPACK); of a descriptor those of a band (shift-invert Arnoldi).
+    band : tuple of float, Hz, optional
+        Lowest and highest frequency. A descriptor without a band is treated as a linear model up to `LARGE` states,
+        and with the band `BAND` above that.
+    damping : tuple of float
+        Lowest and highest damping ratio of the modes in a band.
+
+    Returns
+    -------
+    Modes
+
+    Raises
+    ------
+    StudyError
+        If no unit has a rotor, or the band or the damping ratios are not possible.
     """
     if not len(model.point.rotors.unit):
-        raise StudyError(f"{model.point.case.name} has no machine with a rotor, so that nothing holds its frequency.")
+        raise StudyError(
+            f"{model.point.case.name} has no synchronous machine, so its frequency is not defined; add one to compute "
+            "modes."
+        )
     if isinstance(model, Descriptor):
         if band is not None or len(model.rows) > LARGE:
             band = BAND if band is None else band
             return Selected(model, *_fixed(selected.band(model, *band, damping)), band, damping=damping)
         model = eliminated(model)
     elif band is not None:
-        raise StudyError("Modes of a band alone are those of a descriptor; linearize with linear.descriptor.")
+        raise StudyError(
+            "Computing only the modes of a band needs a sparse model; use stabctl.smallsignal.descriptor to linearize."
+        )
     return Modes(model, *_fixed(eigen(model.A, model.angles())))
 
 
@@ -319,5 +340,5 @@ def _place(labels: tuple[str, ...], wanted: str | int, what: str) -> int:
     if isinstance(wanted, int) and 0 <= wanted < len(labels):
         return wanted
     if wanted not in labels:
-        raise StudyError(f"{wanted!r} is no {what} of the model; its {what}s are {', '.join(labels) or 'none'}.")
+        raise StudyError(f"{wanted!r} is not an {what} of the model; its {what}s are {', '.join(labels) or 'none'}.")
     return labels.index(wanted)

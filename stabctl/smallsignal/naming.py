@@ -1,19 +1,19 @@
-"""What a mode is, in words: who swings against whom, what a zero means, which device leads."""
+"""Names of modes: which machines swing against each other, why an eigenvalue is zero, the dominant state."""
 
 import numpy as np
 
 from .model import Linear
 
-SWING = 1 / 3  # least share of angles and speeds in a swing: finds machines - 1 swings in every packaged case
-NAMED = 0.2  # of the largest participation: a machine that is named
-TOGETHER = 0.7  # |sum H s| / sum H |s| beyond which the machines move together
-MOST = 4  # machines named on each side
+SWING = 1 / 3  # least participation of angles and speeds in a swing mode: n - 1 in every packaged case of n machines
+NAMED = 0.2  # participation, relative to the largest, from which a machine is named
+TOGETHER = 0.7  # |sum H s| / sum H |s| above which the machines move together
+MOST = 4  # largest number of machines named on each side
 
 
 def swings(values: np.ndarray, shares: np.ndarray, speeds: np.ndarray, rotor: np.ndarray, H: np.ndarray) -> np.ndarray:
-    """Which modes are electromechanical: they oscillate, angles and speeds have their share, machines move apart.
+    """Which modes are electromechanical: oscillatory, with rotor angles and speeds, machines against each other.
 
-    `speeds` (machines, modes) are the speed parts of the right vectors, `rotor` the places of angles and speeds.
+    `speeds` (machines, modes) are the speed parts of the right eigenvectors, `rotor` the indices of angles and speeds.
     """
     return (values.imag != 0) & (shares[rotor].sum(axis=0) > SWING) & (_together(speeds, H) < TOGETHER)
 
@@ -24,7 +24,7 @@ def _together(speeds: np.ndarray, H: np.ndarray) -> np.ndarray:
 
 
 def sides(shape: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Machines that swing with the leader, and against it, the strongest first; `weight` their participation."""
+    """Machines in phase with the dominant one, and those against it, largest `weight` (participation) first."""
     strong = np.argsort(-weight)
     strong = strong[weight[strong] >= NAMED * weight.max()]
     ahead = (shape[strong] * shape[strong[0]].conjugate()).real >= 0
@@ -32,7 +32,7 @@ def sides(shape: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def against(shape: np.ndarray, weight: np.ndarray, numbers: list[int]) -> str:
-    """Who swings against whom: "machine 34 against the rest", "1, 2 against 3, 4"."""
+    """Which machines swing against which: "machine 34 against the rest", "1, 2 against 3, 4"."""
     both = [side for side in sides(shape, weight) if len(side)]
     front, *back = (_listed(side, numbers) for side in sorted(both, key=min))
     if back:
@@ -48,17 +48,17 @@ def _listed(side: np.ndarray, numbers: list[int]) -> str:
 def zero(linear: Linear, right: np.ndarray, left: np.ndarray, first: bool) -> str:
     """Why an eigenvalue is zero; none of these is an instability."""
     if first:
-        return "angle reference: all angles may turn together"
+        return "angle reference (rotating all angles together changes nothing)"
     fixed = [k for k in range(len(left)) if not linear.A[k].any() and abs(left[k]) > 0.5 * np.abs(left).max()]
     if fixed:
-        return f"constant: nothing moves {linear.states[fixed[0]]} (open circuit)"
+        return f"constant state {linear.states[fixed[0]]} (open circuit)"
     if np.abs(left[linear.speeds()]).max() >= 0.5 * np.abs(left[np.r_[linear.speeds(), linear.angles()]]).max():
-        return "frequency reference: nothing holds the common speed (no governor, no damping)"
+        return "frequency reference (nothing restores the common speed: no governor, no damping)"
     return f"integral of {linear.states[int(np.abs(right).argmax())]}"
 
 
 def leader(linear: Linear, share: np.ndarray, speeds: np.ndarray, H: np.ndarray, oscillates: bool) -> str:
-    """A mode that is no swing, by its leading state; or as the common frequency."""
+    """Name of a mode that is not a swing mode: its dominant state, or the common frequency."""
     rotor = np.r_[linear.speeds(), linear.angles()]
     if oscillates and share[rotor].sum() > SWING and _together(speeds[:, None], H)[0] >= TOGETHER:
         return "common frequency: all machines together"

@@ -1,4 +1,4 @@
-"""The nonlinear system for python-control, with the names and deviations of its linear model."""
+"""The nonlinear system for python-control, with the signals of its linear model."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
@@ -26,10 +26,25 @@ TOLERANCE = 1e-12  # pu   largest current mismatch of a bus
 def nonlinear(
     point: OperatingPoint, inputs: Iterable[str | Signal] = (), outputs: Iterable[str | Signal] = ()
 ) -> "control.NonlinearIOSystem":
-    """The simulated equations as a python-control system; states, inputs and outputs are deviations from the point.
+    """Return the simulated equations as a python-control system, in deviations from the operating point.
 
-    It bears the names of `linearize`, so that one takes the other's place in an interconnection. Signals and errors as
-    there; `StudyError` during a simulation where the network has no voltages.
+    States, inputs and outputs have the same labels as in `linearize`, so the two models are interchangeable.
+
+    Parameters
+    ----------
+    point : OperatingPoint
+        The operating point.
+    inputs, outputs : iterable of str or Signal
+        Signals, as in `linearize`.
+
+    Returns
+    -------
+    control.NonlinearIOSystem
+
+    Raises
+    ------
+    LinearizationError, StudyError
+        As `linearize` does; also a `StudyError` while simulating, if the network equations have no solution.
     """
     import control
 
@@ -45,7 +60,7 @@ def nonlinear(
 
 
 class Motion:
-    """State rates and outputs of the nonlinear system at deviations (x, u) from its point."""
+    """State derivatives and outputs of the nonlinear system at deviations (x, u) from its operating point."""
 
     def __init__(self, d: Descriptor) -> None:
         point = d.point
@@ -59,13 +74,13 @@ class Motion:
         self._start = np.array([0.0 if r is None else r(point.s) for r in self._readings])
 
     def rates(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """State rates (1/s)."""
+        """State derivatives (1/s)."""
         s, d = self._settled(x, u)
         rates = np.where(self._equations.held(s, d.rates, self._point.system.limits), 0.0, d.rates)
         return rates[self._d.rows]
 
     def outputs(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Outputs, less their value at the point."""
+        """Outputs, as deviations from the operating point."""
         s, d = self._settled(x, u)
         out = np.empty(len(self._readings))
         for k, reading in enumerate(self._readings):

@@ -1,4 +1,4 @@
-"""Outputs as scalar functions of a few places of s; evaluated as they stand, or by complex step for their slopes."""
+"""Outputs as scalar functions of a few signals; complex steps give their derivatives."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -16,13 +16,13 @@ STEP = 1e-30
 
 
 class Reading(NamedTuple):
-    """An output: the places of s it reads, and its value from theirs (any scalar, or a row per place)."""
+    """An output: the places in s that it reads, and the function that gives its value (scalars, or a row per place)."""
 
     places: np.ndarray
     value: Callable[[np.ndarray], np.ndarray]
 
     def slopes(self, s: np.ndarray) -> np.ndarray:
-        """Derivatives along `places` at s, by complex step."""
+        """Derivatives with respect to the signals at `places`, by complex step."""
         steps = s[self.places][:, None] + 1j * STEP * np.eye(len(self.places))
         return np.asarray(self.value(steps)).imag / STEP
 
@@ -31,11 +31,11 @@ OF_UNIT = {"efd": "Efd", "pm": "Pm", "pe": "P", "qe": "Q", "vt": "vt", "ifd": "I
 
 
 def place(point: OperatingPoint, signal: Signal) -> int:
-    """Place in s of a signal of a unit. `StudyError` where the unit has no such signal."""
+    """Place in s of a signal of a unit. Raises `StudyError` if the unit has no such signal."""
     unit = [m.machine for m in point.case.machines].index(signal.place)
     found = point.layout.signals.get((unit, OF_UNIT[signal.kind]))
     if found is None:
-        raise StudyError(f"Machine {signal.place} of {point.case.name} has no {signal.kind}; ask for another signal.")
+        raise StudyError(f"Machine {signal.place} of {point.case.name} has no signal {signal.kind}; choose another.")
     return found
 
 
@@ -75,7 +75,7 @@ def reading(point: OperatingPoint, signal: Signal) -> Reading | None:
 
 
 def angle_rate(point: OperatingPoint, bus: int) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
-    """Places of a bus voltage, and the slopes of its angle along both components, over wb."""
+    """Places of a bus voltage, and the derivatives of its angle with respect to both components, divided by wb."""
     v = point.layout.nx + 2 * point.net.place[bus] + np.arange(2)
     wb = 2 * np.pi * point.case.frequency_hz
     return v, lambda q: np.array([-q[1], q[0]]) / (q[0] * q[0] + q[1] * q[1]) / wb
@@ -87,14 +87,14 @@ def _weighted(places: np.ndarray, weights: np.ndarray) -> Reading:
 
 
 def _angle(q: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Angle of q[0] + j q[1] against the COI of the angles q[2:]: twice the arctangent of the half angle."""
+    """Angle of q[0] + j q[1] relative to the COI of the angles q[2:]: twice the arctangent of half of it."""
     coi = weights @ q[2:]
     re, im = q[0] * np.cos(coi) + q[1] * np.sin(coi), q[1] * np.cos(coi) - q[0] * np.sin(coi)
     return 2 * np.arctan(im / (np.sqrt(re * re + im * im) + re))
 
 
 def _flow(point: OperatingPoint, signal: Signal, states: int) -> Reading:
-    """Power into a circuit at the first bus named, V conj(Y [V, V'])."""
+    """Power into a circuit from the first bus named, V conj(Y [V, V'])."""
     row, forward = circuit(point.case, str(signal.place))
     net = point.net
     t = net.ratio[row]

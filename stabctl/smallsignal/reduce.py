@@ -1,4 +1,4 @@
-"""Reduced models that keep their labels: the modes of interest, or the states that carry most from input to output."""
+"""Reduced models with the same inputs and outputs: modal reduction, and balanced truncation."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as sl
 
+from stabctl._util.wording import counted
 from stabctl.dynamics.layout import unique
 from stabctl.errors import StudyError
 
@@ -15,16 +16,31 @@ from .modes import Modes
 
 @dataclass(frozen=True, repr=False)
 class Reduced(Model):
-    """A smaller model with the inputs and outputs of the whole one."""
+    """A reduced model with the inputs and outputs of the full one."""
 
     hankel: np.ndarray  # singular values of all balanced states; empty for a modal reduction
 
 
 def modal(modes: Modes, keep: Iterable[int], static: bool = True) -> Reduced:
-    """The model of some modes, pairs kept whole: z' = blocks z, two real states a pair.
+    """Keep some modes of a linear model and drop the others.
 
-    With `static` the rest answers at once, -C A^-1 B of what is left out, so that slow changes come out right.
-    `StudyError` for modes there are none of, or nothing to keep.
+    Parameters
+    ----------
+    modes : Modes
+        All modes of the full model.
+    keep : iterable of int
+        Indices of the modes to keep; of a conjugate pair both are kept, as two real states.
+    static : bool
+        Replace the dropped modes by their static gain -C A^-1 B, so that the response to slow changes is right.
+
+    Returns
+    -------
+    Reduced
+
+    Raises
+    ------
+    StudyError
+        If there is no such mode, or `keep` is empty.
     """
     linear = modes.linear
     _all(modes)
@@ -44,21 +60,44 @@ def modal(modes: Modes, keep: Iterable[int], static: bool = True) -> Reduced:
 
 
 def balanced(modes: Modes, order: int) -> Reduced:
-    """The model of `order` states: unstable and zero modes kept, the stable rest balanced and truncated (square root).
+    """Reduce a linear model to `order` states by balanced truncation (square-root method).
 
-    hankel holds the singular values of the rest; twice the sum of those left out bounds the error at any frequency.
-    Source: M. Green, D. Limebeer, Linear Robust Control, ch. 9. `StudyError` without inputs or outputs, or where
-    `order` is not between the number of kept modes and of states.
+    Unstable and zero modes are kept; only the stable part is truncated. `hankel` of the result holds the Hankel
+    singular values of the stable part. Twice the sum of those dropped bounds the error at any frequency.
+
+    Parameters
+    ----------
+    modes : Modes
+        All modes of the full model, with inputs and outputs.
+    order : int
+        Number of states to keep.
+
+    Returns
+    -------
+    Reduced
+
+    Raises
+    ------
+    StudyError
+        If the model has no inputs or no outputs, or `order` is not possible.
+
+    References
+    ----------
+    M. Green, D. Limebeer, Linear Robust Control, ch. 9.
     """
     linear = modes.linear
     _all(modes)
     if not linear.inputs or not linear.outputs:
-        raise StudyError("Balancing needs inputs and outputs; linearize with some of both.")
+        raise StudyError(
+            f"Balanced reduction of {linear.name} needs inputs and outputs; linearize with inputs='vref' and "
+            "outputs='speed', for example."
+        )
     loose = np.flatnonzero(modes.eigenvalues.real >= 0)
     n, kept = len(linear.states), len(loose)
     if not kept < order <= n:
         raise StudyError(
-            f"The order {order} is not possible: {kept} modes are not stable and must stay, of {n} states."
+            f"{linear.name} cannot be reduced to {counted(order, 'state')}: of its {n} states, {kept} unstable or zero "
+            f"modes must be kept; choose an order from {kept + 1} to {n}."
         )
     stable = np.setdiff1d(np.arange(n), loose)
     A, B, C = _block(modes, stable)
@@ -78,13 +117,15 @@ def balanced(modes: Modes, order: int) -> Reduced:
 
 def _all(modes: Modes) -> None:
     if len(modes) < len(modes.linear.states):
-        raise StudyError(f"A reduced model of {modes.linear.name} needs all its modes; analyze a linear model.")
+        raise StudyError(
+            f"Reducing {modes.linear.name} needs all its modes, not those of a band; analyze its full linear model."
+        )
 
 
 def _whole_pairs(modes: Modes, keep: Iterable[int]) -> np.ndarray:
     chosen = {int(k) for k in keep}
     if not chosen or not chosen <= set(range(len(modes))):
-        raise StudyError(f"Keep at least one mode, numbered 0 to {len(modes) - 1}.")
+        raise StudyError(f"Give at least one mode to keep, with numbers from 0 to {len(modes) - 1}.")
     s = modes.eigenvalues
     for k in list(chosen):
         if s[k].imag:
@@ -123,6 +164,6 @@ def _block(modes: Modes, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray, np
 
 
 def _factor(X: np.ndarray) -> np.ndarray:
-    """F with F F' = X, X symmetric and not negative but for rounding."""
+    """F with F F' = X, for a symmetric X that is positive semidefinite to rounding."""
     values, vectors = np.linalg.eigh((X + X.T) / 2)
     return vectors * np.sqrt(np.maximum(values, 0))

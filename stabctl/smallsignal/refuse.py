@@ -1,4 +1,4 @@
-"""Where there is nothing to linearize: a point that moves, and one that rests on a limit."""
+"""Checks before linearization: the operating point must be in equilibrium, and no device exactly at a limit."""
 
 import numpy as np
 
@@ -10,37 +10,37 @@ from stabctl.dynamics.program import Family
 from stabctl.dynamics.start import FAR
 from stabctl.errors import LinearizationError
 
-STILL = 1e-8  # 1/s and pu   largest rate and current mismatch of an equilibrium
-NUDGE = 1e-8  # of every signal: moves a value off the limit it rests on
-JUMP = 1e-3  # change of a slope between both sides, relative to the largest of its row
+STILL = 1e-8  # 1/s and pu   largest state derivative and current mismatch of an equilibrium
+NUDGE = 1e-8  # perturbation of every signal, which moves a value off a limit
+JUMP = 1e-3  # change of a derivative between the two sides, relative to the largest in its row
 
 
 def moving(point: OperatingPoint, d: Derivatives) -> None:
-    """`LinearizationError` unless every rate and every bus's current balance is zero; names the worst."""
+    """Raise `LinearizationError`, naming the largest residual, unless the operating point is an equilibrium."""
     miss = np.abs(d.currents - point.admittance() @ point.s[point.layout.voltages].copy().view(complex))
     k, bus = int(np.abs(d.rates).argmax()), int(miss.argmax())
     if not abs(d.rates[k]) < STILL:
         raise LinearizationError(
-            f"The point of {point.case.name} is no equilibrium: {point.layout.states[k].label} moves at "
-            f"{d.rates[k]:.3g} per second, more than any other state; linearize a point that initialize() gave."
+            f"The operating point of {point.case.name} is not an equilibrium: {point.layout.states[k].label} changes "
+            f"at {d.rates[k]:.3g} per second, faster than any other state; use the result of initialize()."
         )
     if not miss[bus] < STILL:
         raise LinearizationError(
-            f"The point of {point.case.name} is no equilibrium: the currents at bus {point.case.buses[bus].bus} "
-            f"miss by {miss[bus]:.3g} pu; linearize a point that initialize() gave."
+            f"The operating point of {point.case.name} is not an equilibrium: the current mismatch at bus "
+            f"{point.case.buses[bus].bus} is {miss[bus]:.3g} pu; use the result of initialize()."
         )
 
 
 def limited(point: OperatingPoint) -> None:
-    """`LinearizationError` where a limiter rests on its limit, so that both sides have different slopes; names it."""
+    """Raise `LinearizationError`, naming the limit, if a device is exactly at a limit: the derivative jumps there."""
     for j, device in enumerate(point.case.storage):
         esd = point.system.family("esd")
         par = esd.device.Par(*esd.k[j])
         if not par.floor < par.stored < par.capacity:
             what = "full" if par.stored >= par.capacity else "empty"
             raise LinearizationError(
-                f"The store of ESD {device.machine}@{device.bus} is {what}: only one side has a derivative there; "
-                f"start it between empty and full."
+                f"The storage device {device.machine}@{device.bus} of {point.case.name} is {what}, so its power has no "
+                f"derivative; set its initial charge between 0 and 1."
             )
     rows = _jumps(point, None)
     if not len(rows):
@@ -58,18 +58,19 @@ def limited(point: OperatingPoint) -> None:
                 else f.keys[j]
             )
             raise LinearizationError(
-                f"{f.device.NAME} of {where} rests on its limit {parameter} = {limit:g} pu: only one side has a "
-                f"derivative there; widen {parameter} in {name}.csv, or move the operating point off it."
+                f"{f.device.NAME} of {where} is exactly at its limit {parameter} = {limit:g} pu, where the derivative "
+                f"jumps; widen {parameter} in {name}.csv, or choose another operating point."
             )
     raise LinearizationError(
-        f"The equations at {_where(point, rows[0])} have different slopes on both sides of the operating point."
+        f"The equations at {_where(point, rows[0])} have a kink at the operating point of {point.case.name}, so they "
+        "have no derivative; choose another operating point."
     )
 
 
 def _jumps(point: OperatingPoint, changed: tuple[str, np.ndarray] | None) -> np.ndarray:
-    """Rows of [rates | outputs | currents] whose slopes differ between both sides of the point.
+    """Rows of [rates | outputs | currents] whose derivatives differ between the two sides of the operating point.
 
-    The sides lie along one direction that moves every signal; `changed` gives other constants to one family.
+    The two sides are reached by a small perturbation of every signal; `changed` gives other parameters to one family.
     """
     equations, lay = point.equations, point.layout
     k = None
@@ -97,7 +98,7 @@ def _replaced(point: OperatingPoint, changed: tuple[str, np.ndarray]) -> list[Fa
 
 
 def _unit(point: OperatingPoint, row: int) -> int:
-    """Row of the unit whose state, output or current a row belongs to; -1 where it is none's."""
+    """Row of the unit whose state, output or current a row belongs to; -1 if it belongs to no unit."""
     lay = point.layout
     if row < lay.nx:
         return lay.states[row].unit

@@ -1,8 +1,9 @@
-"""Some modes of a large system: shift-invert Arnoldi on the sparse descriptor equations.
+"""Selected modes of a large system: shift-invert Arnoldi iterations on the sparse descriptor equations.
 
-(A - s)^-1 b is the x of [fx - s, fv; gx, gv] [x; v] = [b; 0]: one sparse factorisation per shift, and the eigenvalues
-nearest to the shift are the first that Arnoldi finds. A region is divided into boxes until a disc around the middle of
-each, all of whose eigenvalues are known, covers it. Source: J. Rommes, N. Martins, IEEE Trans. Power Syst. 21 (2006).
+(A - s)^-1 b is the x of [fx - s, fv; gx, gv] [x; v] = [b; 0], which takes one sparse factorization per shift s. Arnoldi
+iterations find the eigenvalues nearest to the shift first. A region is divided into boxes until each is covered by a
+disc around its center in which all eigenvalues are known.
+Source: J. Rommes, N. Martins, IEEE Trans. Power Syst. 21 (2006).
 """
 
 from collections.abc import Callable
@@ -19,14 +20,14 @@ from .boxes import Box
 from .descriptor import Descriptor
 from .eigen import Eigen
 
-MOST = 40  # eigenvalues asked for around a shift
-SLICE = 1.5  # highest over lowest frequency of the first boxes
-SEED = 0  # of the vectors Arnoldi starts from
-AGREE = 1e-6  # of the radius of a disc: eigenvalues of both sides this close are the same
-PRECISE = 1e-10  # relative precision of the eigenvalues of both searches, squared by the Rayleigh quotient
+MOST = 40  # eigenvalues sought around a shift
+SLICE = 1.5  # ratio of highest to lowest frequency of the first boxes
+SEED = 0  # of the random start vectors
+AGREE = 1e-6  # left and right eigenvalues this close, relative to the radius of the disc, are the same
+PRECISE = 1e-10  # relative precision of the two searches; the Rayleigh quotient squares it
 LOOSE = 1e-3  # relative precision of the search for eigenvalues that were missed
-LEAST = 1e-3  # of its frequency: half the diagonal of the smallest box
-CLEAR = 0.99  # of the distance from a shift to the real axis, where many eigenvalues may coincide: largest radius
+LEAST = 1e-3  # half the diagonal of the smallest box, relative to its frequency
+CLEAR = 0.99  # largest radius, relative to the distance from the real axis, where many eigenvalues may coincide
 
 Product = Callable[[np.ndarray], np.ndarray]
 
@@ -53,27 +54,27 @@ class Disc(NamedTuple):
 
 
 def disc(d: Descriptor, shift: complex, count: int = MOST) -> Disc:
-    """Modes nearest to a shift (1/s), at most `count`, cut where the next one is farthest off.
+    """Up to `count` modes nearest to a shift (1/s), cut off at the widest gap.
 
-    Left and right vectors come from two searches that must agree; a third one, with all that is known taken out, must
-    find nothing within the radius. `StudyError` where they do not, or for a count that is not possible.
+    Left and right vectors come from two searches that must agree; a third one, with the known modes deflated, must find
+    nothing within the radius. Raises `StudyError` if these checks fail, or if the count is not possible.
     """
     found = _completed(d, _near(d, shift, count))
     if found is None:
-        raise StudyError(f"The modes near {shift:.4g} 1/s cannot be told apart; choose another shift or count.")
+        raise StudyError(f"The modes near {shift:.4g} 1/s cannot be separated; choose another shift or count.")
     return found
 
 
 def band(d: Descriptor, low_hz: float, high_hz: float, damping: tuple[float, float]) -> Eigen:
-    """Every mode of a band of frequency (Hz) and of damping ratio, one of each pair, by frequency; w^H v = 1.
+    """Every mode in a band of frequencies (Hz) and damping ratios, one of each pair, by frequency; w^H v = 1.
 
-    `StudyError` for a band or ratios that are not possible.
+    Raises `StudyError` if the band or the damping ratios are not possible.
     """
     if not 0 < low_hz < high_hz < np.inf:
         raise StudyError(f"The band {low_hz:g} to {high_hz:g} Hz is not allowed; give 0 < lowest < highest.")
     if not -1 < damping[0] < damping[1] < 1:
         raise StudyError(
-            f"The damping ratios {damping[0]:g} to {damping[1]:g} are not allowed; give -1 < least < most < 1."
+            f"The damping ratios {damping[0]:g} to {damping[1]:g} are not allowed; give -1 < lowest < highest < 1."
         )
     slopes = tuple(-ratio / np.sqrt(1 - ratio**2) for ratio in reversed(damping))
     steps = int(np.ceil(np.log(high_hz / low_hz) / np.log(SLICE)))
@@ -98,7 +99,7 @@ def band(d: Descriptor, low_hz: float, high_hz: float, damping: tuple[float, flo
                 continue
             near, count = None, max(min(2, most), count // 2)
         if box.reach() < LEAST * box.top:
-            raise StudyError(f"The modes near {box.middle():.4g} 1/s cannot be told apart; choose another band.")
+            raise StudyError(f"The modes near {box.middle():.4g} 1/s cannot be separated; choose another band.")
         boxes += [(half, near, count) for half in box.halves()]
     values, right, left = (np.concatenate(part, axis=-1) for part in zip(*found, strict=True))
     ratio = values.real / values.imag
@@ -110,16 +111,16 @@ def band(d: Descriptor, low_hz: float, high_hz: float, damping: tuple[float, flo
 def _near(d: Descriptor, shift: complex, count: int) -> Near:
     n = len(d.rows)
     if n < 5:
-        raise StudyError(f"{d.name} has only {n} states to select modes from; analyze its linear model, for all modes.")
+        raise StudyError(f"{d.name} has only {n} states, too few to select modes; compute all its modes instead.")
     if not np.isfinite(shift):
         raise StudyError(f"The shift {shift:g} 1/s is not allowed; it must be finite.")
     if not 1 <= count < n - 3:
-        raise StudyError(f"{count} modes of {n} states cannot be selected; ask for 1 to {n - 4}.")
+        raise StudyError(f"{count} modes of {n} states cannot be selected; choose 1 to {n - 4}.")
     forward, backward = _resolvent(d, shift)
     try:
         s, V = _largest(forward, n, count + 1)
     except ArpackError as error:
-        raise StudyError(f"The search for modes near {shift:.4g} 1/s failed ({error}); choose another place.") from None
+        raise StudyError(f"The search for modes near {shift:.4g} 1/s failed ({error}); choose another shift.") from None
     away = np.minimum(np.abs(1 / s), CLEAR * abs(shift.imag) or np.inf)
     inner = int((away < away[-1]).sum())
     if not inner:
@@ -130,7 +131,7 @@ def _near(d: Descriptor, shift: complex, count: int) -> Near:
 
 
 def _completed(d: Descriptor, near: Near) -> Disc | None:
-    """The disc with left vectors; None where they do not belong to the right ones, or something is missing."""
+    """The disc with its left vectors; None if they do not match the right ones, or if an eigenvalue was missed."""
     n, V = near.right.shape[0], near.right
     W = V
     try:
@@ -155,7 +156,7 @@ def _resolvent(d: Descriptor, shift: complex) -> tuple[Product, Product]:
     try:
         factors = splu(pencil, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.1, options={"SymmetricMode": True})
     except RuntimeError:
-        raise StudyError(f"The shift {shift:.4g} 1/s is an eigenvalue itself; choose another one beside it.") from None
+        raise StudyError(f"The shift {shift:.4g} 1/s is itself an eigenvalue; choose another one nearby.") from None
 
     def solved(b: np.ndarray, side: str) -> np.ndarray:
         return factors.solve(np.r_[b, np.zeros(m)].astype(complex), side)[:n]
@@ -177,7 +178,7 @@ def _without(x: np.ndarray, V: np.ndarray, W: np.ndarray) -> np.ndarray:
 
 
 def _rayleigh(d: Descriptor, V: np.ndarray, W: np.ndarray) -> np.ndarray:
-    """w^H A v of every mode: the errors of both vectors enter as a product."""
+    """w^H A v of every mode; its error is the product of the errors of both vectors."""
     factors, currents = splu(d.gv), d.gx @ V
     moved = d.fx @ V - d.fv @ (factors.solve(currents.real) + 1j * factors.solve(currents.imag))
     return np.einsum("ik,ik->k", W.conj(), moved)

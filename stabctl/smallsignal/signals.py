@@ -1,6 +1,7 @@
-"""Inputs and outputs by name: `storage:33` is the power of a storage device at bus 33, `speed` all speeds.
+"""Inputs and outputs by name: `storage:33` is the power of a storage device at bus 33, `speed` means all speeds.
 
-Every signal is a deviation from the operating point. Powers are pu on the system base, angles rad, the rest pu.
+Every signal is a deviation from the operating point. Powers are in pu on the system base unless stated otherwise,
+angles in rad, everything else in pu.
 """
 
 from collections.abc import Iterable, Mapping
@@ -14,7 +15,7 @@ from stabctl.model.location import circuit
 
 
 class Kind(NamedTuple):
-    """A kind of signal: where it has its place, its label and unit."""
+    """A kind of signal: what it belongs to, its label, unit and meaning."""
 
     place: str  # "machine", "bus", "line", "device" or ""
     label: str
@@ -42,7 +43,7 @@ INPUTS = _kinds(
             "device",
             "order ESD {place}",
             "ratings",
-            "order to a storage device of the case, absorbing positive",
+            "order to a storage device of the case, positive to absorb",
         ),
         "vref": ("machine", "reference {exciter} {place}", "pu", "voltage reference of an exciter"),
         "pref": ("machine", "reference {governor} {place}", "pu", "load reference of a governor, machine base"),
@@ -51,7 +52,7 @@ INPUTS = _kinds(
             "machine",
             "mechanical power {machine} {place}",
             "pu",
-            "that of a machine without governor, its base",
+            "mechanical power of a machine without governor, machine base",
         ),
         "load_p": ("bus", "P load bus {place}", "pu", "active power added to a load, with its voltage dependence"),
         "load_q": ("bus", "Q load bus {place}", "pu", "reactive power added to a load, with its voltage dependence"),
@@ -59,13 +60,13 @@ INPUTS = _kinds(
 )
 OUTPUTS = _kinds(
     {
-        "speed": ("machine", "speed {machine} {place}", "pu", "speed of a machine"),
-        "angle": ("machine", "angle {machine} {place} to COI", "rad", "angle of a machine against the COI"),
+        "speed": ("machine", "speed {machine} {place}", "pu", "rotor speed"),
+        "angle": ("machine", "angle {machine} {place} to COI", "rad", "rotor angle relative to the COI"),
         "coi_speed": ("", "speed COI", "pu", "speed of the center of inertia (COI)"),
-        "rest_speed": ("machine", "speed COI without {place}", "pu", "COI speed of all machines but this one"),
+        "rest_speed": ("machine", "speed COI without {place}", "pu", "COI speed of all other machines"),
         "voltage": ("bus", "voltage bus {place}", "pu", "magnitude of a bus voltage"),
-        "bus_angle": ("bus", "angle bus {place} to COI", "rad", "angle of a bus voltage against the COI"),
-        "frequency": ("bus", "frequency bus {place}", "pu", "rate of a bus angle while the inputs stand still"),
+        "bus_angle": ("bus", "angle bus {place} to COI", "rad", "angle of a bus voltage relative to the COI"),
+        "frequency": ("bus", "frequency bus {place}", "pu", "bus frequency: rate of the bus angle, inputs constant"),
         "efd": ("machine", "field voltage {machine} {place}", "pu", "field voltage"),
         "pm": ("machine", "mechanical power {machine} {place}", "pu", "mechanical power, machine base"),
         "pe": ("machine", "P {machine} {place}", "pu", "active power at the terminals, machine base"),
@@ -73,8 +74,8 @@ OUTPUTS = _kinds(
         "vt": ("machine", "terminal voltage {machine} {place}", "pu", "terminal voltage of a machine"),
         "ifd": ("machine", "field current {machine} {place}", "pu", "field current"),
         "vs": ("machine", "stabilizing signal {place}", "pu", "output of a stabilizer"),
-        "flow": ("line", "P line {place}", "pu", "active power into a circuit at the first bus named"),
-        "flow_q": ("line", "Q line {place}", "pu", "reactive power into a circuit at the first bus named"),
+        "flow": ("line", "P line {place}", "pu", "active power into a circuit from the first bus named"),
+        "flow_q": ("line", "Q line {place}", "pu", "reactive power into a circuit from the first bus named"),
     }
 )
 
@@ -83,9 +84,9 @@ REFERENCES = {"vref": "exciter", "pref": "governor"}  # input -> role of the con
 
 
 def chosen(case: Case, wanted: str | Iterable[str | Signal], kinds: Mapping[str, Kind]) -> tuple[Signal, ...]:
-    """The signals that are named, in a list or in one text with commas; `kind` alone means all of its kind.
+    """The signals named in a list, or in one text separated by commas; a kind alone means all signals of that kind.
 
-    `StudyError` says what is wrong with a name.
+    Raises `StudyError` if a name is not a signal of the case.
     """
     found: list[Signal] = []
     names = [part for part in wanted.split(",") if part.strip()] if isinstance(wanted, str) else wanted
@@ -97,9 +98,9 @@ def chosen(case: Case, wanted: str | Iterable[str | Signal], kinds: Mapping[str,
             continue
         name, _, place = str(text).strip().partition(":")
         if name not in kinds:
-            what = "input" if kinds is INPUTS else "output"
+            what, example = ("input", "vref:2") if kinds is INPUTS else ("output", "speed:14")
             raise StudyError(
-                f"{name!r} is not an {what}; known are {', '.join(kinds)}, followed by a place as in speed:14."
+                f"{name!r} is not an {what}; the {what}s are {', '.join(kinds)}. Add a number for one only: {example}."
             )
         kind = kinds[name]
         places = [place] if place else _everywhere(case, name, kind)
@@ -107,12 +108,12 @@ def chosen(case: Case, wanted: str | Iterable[str | Signal], kinds: Mapping[str,
     labels = [s.label for s in found]
     for label in labels:
         if labels.count(label) > 1:
-            raise StudyError(f"The signal {label!r} is named twice; name it once.")
+            raise StudyError(f"The signal {label!r} appears twice; give each signal once.")
     return tuple(found)
 
 
 def _everywhere(case: Case, name: str, kind: Kind) -> list[int | str | None]:
-    """The places of every signal of a kind."""
+    """Every machine, bus, circuit or device that has a signal of this kind."""
     if kind.place == "device":
         return [f"{s.machine}@{s.bus}" for s in case.storage]
     if name == "storage":
@@ -148,7 +149,7 @@ def _circuits(case: Case) -> list[str]:
 def _signal(case: Case, name: str, kind: Kind, place: int | str | None) -> Signal:
     if kind.place in ("machine", "bus"):
         if not str(place).isdigit():
-            raise StudyError(f"{name}:{place} does not name a {kind.place}; write its number, as in {name}:14.")
+            raise StudyError(f"{name}:{place} does not name a {kind.place}; give its number, such as {name}:14.")
         place = int(place)
     if kind.place == "machine":
         case.machine(place)
@@ -160,7 +161,7 @@ def _signal(case: Case, name: str, kind: Kind, place: int | str | None) -> Signa
     elif kind.place == "device":
         place = _device(case, str(place))
     elif kind.place == "" and place is not None:
-        raise StudyError(f"{name} has no place; write {name} alone.")
+        raise StudyError(f"{name} is one signal for the whole system; write {name} without a number.")
     words = {
         "machine" if role == "converter" else role: devices.models()[model].NAME
         for role in ("machine", "converter", "exciter", "governor")
@@ -170,9 +171,11 @@ def _signal(case: Case, name: str, kind: Kind, place: int | str | None) -> Signa
 
 
 def _belongs(case: Case, name: str, number: int) -> None:
-    """The machine has the control whose reference is asked for, or lacks the one that would stand in the way."""
+    """Check that the machine has the control whose reference is asked for, or lacks the one that would override it."""
     if name in OF_ROTOR and not _model(case, number, "machine"):
-        raise StudyError(f"Unit {number} of {case.name} is a converter without a rotor; {name} is a machine's.")
+        raise StudyError(
+            f"Unit {number} of {case.name} is a converter without a rotor, so it has no signal {name}; choose another."
+        )
     if name in REFERENCES and not _model(case, number, REFERENCES[name]):
         instead = "field" if name == "vref" else "power"
         raise StudyError(f"Machine {number} of {case.name} has no {REFERENCES[name]}; use {instead}:{number}.")
@@ -187,7 +190,7 @@ def _device(case: Case, text: str) -> str:
     matching = [n for n in names if n == text or n.partition("@")[0] == text]
     if len(matching) != 1:
         known = ", ".join(names) or "none"
-        raise StudyError(f"{text!r} does not name one storage device of {case.name}; its devices are {known}.")
+        raise StudyError(f"{text!r} is not one of the storage devices of {case.name}; they are {known}.")
     return matching[0]
 
 

@@ -61,10 +61,10 @@ def test_zeros_are_explained(modes, point):
     def zeros(m):
         return [m.label(k) for k in range(len(m)) if m.eigenvalues[k] == 0]
 
-    assert zeros(modes("two_area")) == ["angle reference: all angles may turn together"]
-    assert zeros(modes("ieee39"))[1] == "constant: nothing moves rotor flux q GENROU 10 (open circuit)"
+    assert zeros(modes("two_area")) == ["angle reference (rotating all angles together changes nothing)"]
+    assert zeros(modes("ieee39"))[1] == "constant state rotor flux q GENROU 10 (open circuit)"
     classical = analyze(linearize(operating_point.solve(point("two_area").case.classical())))
-    assert zeros(classical)[1].startswith("frequency reference: nothing holds the common speed")
+    assert zeros(classical)[1].startswith("frequency reference (nothing restores the common speed")
     assert classical.stable
     assert not modes("two_area_thyristor").stable
 
@@ -129,7 +129,7 @@ def test_residues_sum_to_the_transfer_function(point):
 
 
 def test_unknown_labels_and_bands_are_refused(modes):
-    with pytest.raises(StudyError, match="is no output"):
+    with pytest.raises(StudyError, match="is not an output"):
         modes("two_area").residues("speed GENROU 9", 0)
     with pytest.raises(StudyError, match="band"):
         modes("two_area").within(2, 1)

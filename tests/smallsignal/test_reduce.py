@@ -50,12 +50,12 @@ def test_balanced_reduction_meets_its_bound(whole):
 
 def test_balanced_keeps_the_zero(whole):
     small = balanced(whole, 10)
-    assert small.states[0] == "angle reference: all angles may turn together"
+    assert small.states[0] == "angle reference (rotating all angles together changes nothing)"
     assert np.abs(np.linalg.eigvals(small.A)).min() < 1e-9
 
 
 def test_impossible_orders_are_refused(whole, modes):
-    with pytest.raises(StudyError, match="order 1 is not possible"):
+    with pytest.raises(StudyError, match="cannot be reduced to 1 state"):
         balanced(whole, 1)
     with pytest.raises(StudyError, match="inputs and outputs"):
         balanced(modes("two_area"), 10)

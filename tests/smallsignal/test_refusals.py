@@ -13,9 +13,9 @@ def base():
 
 
 def test_a_model_without_inputs_or_outputs_is_none_for_python_control(base):
-    with pytest.raises(st.StabctlError, match="This model has no outputs; give some"):
+    with pytest.raises(st.StabctlError, match="The linear model of two_area has no outputs"):
         base.linearize("vref:2").to_control()
-    with pytest.raises(st.StabctlError, match="This model has no inputs; give some"):
+    with pytest.raises(st.StabctlError, match="The linear model of two_area has no inputs"):
         base.linearize(outputs="speed:2").to_control()
 
 
@@ -27,7 +27,7 @@ def test_a_mode_that_is_none(base, k):
 
 def test_a_model_is_written_whole_or_not_at_all(base, tmp_path):
     model = base.linearize("vref:2", "speed:2")
-    with pytest.raises(st.StabctlError, match=r"There is no folder .*nowhere.*; make it first"):
+    with pytest.raises(st.StabctlError, match=r"There is no folder .*nowhere.*; create it first"):
         model.save(tmp_path / "nowhere" / "model.npz")
     for name in ("model.npz", "model.mat"):
         assert model.save(tmp_path / name).stat().st_size > 1000
