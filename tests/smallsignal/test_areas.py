@@ -17,7 +17,7 @@ def test_the_two_areas(modes):
 def test_the_number_of_areas_may_be_chosen(modes):
     assert areas(modes("two_area"), 1).groups == ((1, 2, 3, 4),)
     assert sorted(map(len, areas(modes("two_area"), 4).groups)) == [1, 1, 1, 1]
-    with pytest.raises(StudyError, match="into 5 areas: .* choose 1 to 4"):
+    with pytest.raises(StudyError, match=r"into 5 areas: .* choose 1 to 4"):
         areas(modes("two_area"), 5)
 
 

@@ -170,7 +170,7 @@ def test_a_limit_near_by_does_no_harm(point):
 
 def test_a_full_store_is_refused(point):
     case = point("two_area").case.with_storage([Storage(1, 5, 50.0, energy=10.0, charge=1.0)])
-    with pytest.raises(LinearizationError, match="storage device 1@5 of .* is full"):
+    with pytest.raises(LinearizationError, match=r"storage device 1@5 of .* is full"):
         linearize(operating_point.solve(case))
 
 

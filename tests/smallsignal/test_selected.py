@@ -87,7 +87,7 @@ def test_large_systems_are_given_modes_of_a_band(point, monkeypatch):
     found = analyze(d)
     assert isinstance(found, Selected)
     assert found.band == (0.1, 2.5)
-    assert str(found).startswith("ieee39, 140 states, only modes from 0.1 to 2.5 Hz with damping ratios from -0.1 to 0.3: ")
+    assert str(found).startswith("ieee39, 140 states, only modes from 0.1 to 2.5 Hz with damping ratios ")
     assert areas(found, 3).groups == areas(analyze(linearize(point("ieee39"))), 3).groups
 
 
