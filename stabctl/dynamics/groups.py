@@ -1,73 +1,92 @@
-"""A sparse matrix that falls into groups of rows and columns which do not touch: one per unit with its controls."""
+"""The Jacobian of the devices as dense blocks: one per unit with its controls, since devices of different units touch
+only through the network.
+
+Rows and columns are put into groups by the pattern alone, once; groups of equal shape are solved together.
+"""
 
 import contextlib
-from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 
-def solve(J: sp.csr_matrix, f: np.ndarray) -> np.ndarray:
-    """inv(J) f, group by group; rows and columns without an entry (bypassed blocks) are left out and give 0."""
-    out = np.zeros(J.shape[1])
-    moving = np.flatnonzero(np.diff(J.indptr) > 0)
-    read = np.flatnonzero(np.diff(J.tocsc().indptr) > 0)
-    A = J[moving][:, read]
-    pattern = sp.bmat([[None, A], [A.T, None]], format="csr")
-    count, group = connected_components(pattern, directed=False)
-    of_row, of_column = group[: len(moving)], group[len(moving) :]
-    entries = A.tocoo()
-    for r, c in _groups(count, of_row, of_column):
-        which, local_row, local_column = np.full(count, -1), np.empty(len(moving), int), np.empty(len(read), int)
-        which[of_row[r[:, 0]]] = np.arange(len(r))
-        local_row[r], local_column[c] = np.arange(r.shape[1]), np.arange(c.shape[1])
-        mine = which[of_row[entries.row]]
-        keep = mine >= 0
-        blocks = np.zeros((len(r), r.shape[1], c.shape[1]))
-        blocks[mine[keep], local_row[entries.row[keep]], local_column[entries.col[keep]]] = entries.data[keep]
-        out[read[c]] = _solved(blocks, f[moving[r]])
-    return out
+class Alike(NamedTuple):
+    """Groups of equal shape."""
+
+    rows: np.ndarray  # (groups, height)
+    columns: np.ndarray  # (groups, width)
+    entries: np.ndarray  # entries of the matrix that lie in these groups
+    places: np.ndarray  # where each of them goes in the (groups, height, width) blocks, flattened
 
 
-def _groups(count: int, of_row: np.ndarray, of_column: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Rows and columns of the groups, those of equal shape together: (groups, rows) and (groups, columns)."""
-    heights, widths = np.bincount(of_row, minlength=count), np.bincount(of_column, minlength=count)
-    rows, columns = np.argsort(of_row, kind="stable"), np.argsort(of_column, kind="stable")
-    first_row, first_column = np.cumsum(heights) - heights, np.cumsum(widths) - widths
-    for height, width in sorted(set(zip(heights.tolist(), widths.tolist(), strict=True))):
-        groups = np.flatnonzero((heights == height) & (widths == width))
-        if height:
-            yield (
-                rows[first_row[groups][:, None] + np.arange(height)],
-                columns[first_column[groups][:, None] + np.arange(width)],
+class Groups:
+    """A sparse pattern that falls into groups of rows and columns which do not touch.
+
+    Parameters
+    ----------
+    rows, columns
+        Row and column of every entry; an entry may occur twice (its values then add up).
+    shape
+        Numbers of rows and columns.
+    """
+
+    def __init__(self, rows: np.ndarray, columns: np.ndarray, shape: tuple[int, int]) -> None:
+        self.width = shape[1]
+        pattern = sp.coo_matrix((np.ones(len(rows)), (rows, columns + shape[0])), shape=(sum(shape), sum(shape)))
+        count, group = connected_components(pattern, directed=False)
+        of_row, of_column = group[: shape[0]], group[shape[0] :]
+        heights, widths = np.bincount(of_row, minlength=count), np.bincount(of_column, minlength=count)
+        by_row, by_column = np.argsort(of_row, kind="stable"), np.argsort(of_column, kind="stable")
+        first_row, first_column = np.cumsum(heights) - heights, np.cumsum(widths) - widths
+        local_row, local_column = np.empty(shape[0], np.int64), np.empty(shape[1], np.int64)
+        local_row[by_row] = np.arange(shape[0]) - np.repeat(first_row, heights)
+        local_column[by_column] = np.arange(shape[1]) - np.repeat(first_column, widths)
+        of_entry, number = of_row[rows], np.empty(count, np.int64)
+        self.alike: list[Alike] = []
+        for height, width in sorted(set(zip(heights.tolist(), widths.tolist(), strict=True))):
+            these = (heights == height) & (widths == width)
+            members = np.flatnonzero(these)
+            number[members] = np.arange(len(members))
+            entries = np.flatnonzero(these[of_entry])
+            r, c = rows[entries], columns[entries]
+            self.alike.append(
+                Alike(
+                    by_row[first_row[members][:, None] + np.arange(height)],
+                    by_column[first_column[members][:, None] + np.arange(width)],
+                    entries,
+                    (number[of_entry[entries]] * height + local_row[r]) * width + local_column[c],
+                )
             )
+
+    def blocks(self, data: np.ndarray, alike: Alike) -> np.ndarray:
+        """The blocks (groups, height, width) of the entries `data`."""
+        shape = (*alike.rows.shape, alike.columns.shape[1])
+        return np.bincount(alike.places, data[alike.entries], int(np.prod(shape))).reshape(shape)
+
+    def solve(self, data: np.ndarray, f: np.ndarray) -> np.ndarray:
+        """x of J x = f, for the entries `data` of J; 0 where a row and a column are empty (a bypassed block)."""
+        x = np.zeros(self.width)
+        for alike in self.alike:
+            if alike.rows.size and alike.columns.size:
+                x[alike.columns] = _solved(self.blocks(data, alike), f[alike.rows])
+        return x
 
 
 def _solved(blocks: np.ndarray, f: np.ndarray) -> np.ndarray:
     """inv(block) f of every block; the least-squares solution where a block is singular or not square."""
     if blocks.shape[1] == blocks.shape[2]:
         with contextlib.suppress(np.linalg.LinAlgError):
-            return np.linalg.solve(blocks, f[..., None])[..., 0]
+            return np.linalg.solve(_filled(blocks), f[..., None])[..., 0]
     return np.stack([np.linalg.lstsq(block, one, rcond=None)[0] for block, one in zip(blocks, f, strict=True)])
 
 
-def fastest(A: sp.csr_matrix) -> float:
-    """Largest magnitude of an eigenvalue of a square matrix, group by group."""
-    count, group = connected_components(A, directed=False)
-    order = np.argsort(group, kind="stable")
-    bounds = np.searchsorted(group[order], np.arange(count + 1))
-    largest = 0.0
-    sizes = np.diff(bounds)
-    for size in np.unique(sizes):
-        members = np.array([order[bounds[g] : bounds[g + 1]] for g in np.flatnonzero(sizes == size)])
-        blocks = np.zeros((len(members), size, size))
-        where = np.full(len(group), -1)
-        where[members] = np.arange(size)
-        which = np.full(len(group), -1)
-        which[members] = np.arange(len(members))[:, None]
-        coo = A.tocoo()
-        mine = which[coo.row] >= 0
-        blocks[which[coo.row[mine]], where[coo.row[mine]], where[coo.col[mine]]] = coo.data[mine]
-        largest = max(largest, float(np.abs(np.linalg.eigvals(blocks)).max()))
-    return largest
+def _filled(blocks: np.ndarray) -> np.ndarray:
+    """The same with a 1 where an empty row meets an empty column."""
+    present = blocks != 0
+    row, column = ~present.any(axis=2), ~present.any(axis=1)
+    if (row.sum(axis=1) == column.sum(axis=1)).all():
+        (group, r), (_, c) = np.nonzero(row), np.nonzero(column)
+        blocks[group, r, c] = 1.0
+    return blocks

@@ -6,6 +6,7 @@ blocks are put together by places, and the outputs, which never form a loop, are
     y = E z + F y    ->    y = (1 + F + F^2 + ...) E z,    F nilpotent.
 """
 
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from . import family
 from .assembly import System
 from .evaluate import evaluate
 from .limits import Limits
-from .program import Program, program
+from .program import Program, local_program
 
 
 class Derivatives(NamedTuple):
@@ -37,7 +38,7 @@ class Equations:
     def __init__(self, system: System) -> None:
         self.system = system
         self.families = [f for f in system.families if len(f.w) and not hasattr(f.device, "step")]
-        self.program: Program = program(self.families, complex)
+        self.program: Program = local_program(self.families)
         self._shapes = [family.shape(f.device) for f in self.families]
         counts = [len(f.w) * self._rows(k) * self._columns(k) for k, f in enumerate(self.families)]
         self._starts = np.cumsum([0, *counts]).astype(np.int64)
@@ -75,13 +76,18 @@ class Equations:
             columns.append(np.broadcast_to(variables[:, :, None], shape).ravel())
             rows.append(np.broadcast_to(answers[:, None, :], shape).ravel())
             where.append(answers)
-        self._entry_rows, self._entry_columns = np.concatenate(rows), np.concatenate(columns)
+        self.rows, self.columns = np.concatenate(rows), np.concatenate(columns)
         self._answers = [a.ravel() for a in where]
         self._total = first + 2 * injection
         self.injecting = np.concatenate(places)  # places of the bus voltage of every injection
-        bus = self.injecting - layout.nx
+
+    @cached_property
+    def _gather(self) -> sp.csr_matrix:
+        """Sums the injections of every bus, real and imaginary part."""
+        bus = self.injecting - self.system.layout.nx
         at = np.stack([bus, bus + 1], 1).ravel()
-        self._gather = sp.csr_matrix((np.ones(len(at)), (at, np.arange(len(at)))), shape=(2 * layout.buses, len(at)))
+        shape = 2 * self.system.layout.buses, len(at)
+        return sp.csr_matrix((np.ones(len(at)), (at, np.arange(len(at)))), shape=shape)
 
     def at(self, s: np.ndarray, k: np.ndarray | None = None) -> Derivatives:
         """Values and derivatives at s (real; its outputs are brought up to date).
@@ -94,7 +100,7 @@ class Equations:
             Constants of all devices in place of those of the program.
         """
         layout = self.system.layout
-        J, values = self._local(s, k)
+        J, values = self._matrix(s, k)
         outputs = slice(layout.nx, layout.nx + layout.outputs)
         direct, through = J[:, : layout.step], J[:, layout.first_output : layout.first_memory]
         of_outputs = term = direct[outputs]
@@ -116,8 +122,11 @@ class Equations:
             injections.view(complex),
         )
 
-    def _local(self, s: np.ndarray, k: np.ndarray | None) -> tuple[sp.csr_matrix, np.ndarray]:
-        """Derivatives of [rates | outputs | injections] along all signals, outputs included, and the values."""
+    def entries(self, s: np.ndarray, k: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Derivatives along each device's own variables, an entry per row and column of the pattern, and the values.
+
+        Rows are [rates | outputs | injections], columns all signals, outputs included; s as in `at`.
+        """
         layout = self.system.layout
         z, f = s.astype(complex), np.zeros(self._starts[-1], complex)
         p = self.program if k is None else self.program._replace(k=k)
@@ -128,15 +137,14 @@ class Equations:
             block = f[self._starts[i] : self._starts[i + 1]].reshape(len(one.w), self._rows(i), self._columns(i))
             values[self._answers[i]] = block[:, -1].real.ravel()
             slopes.append(block[:, :-1].imag.ravel())
-        data = np.concatenate(slopes) / family.TINY
-        live = data != 0
-        entries = data[live], (self._entry_rows[live], self._entry_columns[live])
-        return sp.csr_matrix(entries, shape=(self._total, layout.size)), values
+        return np.concatenate(slopes) / family.TINY, values
 
-    def direct(self, s: np.ndarray, k: np.ndarray | None = None) -> tuple[sp.csr_matrix, np.ndarray]:
-        """Derivatives of [rates | outputs | injections] along each device's own variables, and the rates (1/s)."""
-        J, values = self._local(s.copy(), k)
-        return J, values[: self.system.layout.nx]
+    def _matrix(self, s: np.ndarray, k: np.ndarray | None) -> tuple[sp.csr_matrix, np.ndarray]:
+        """The same as a matrix."""
+        data, values = self.entries(s, k)
+        live = data != 0
+        entries = data[live], (self.rows[live], self.columns[live])
+        return sp.csr_matrix(entries, shape=(self._total, self.system.layout.size)), values
 
     def held(self, s: np.ndarray, rates: np.ndarray, limits: Limits) -> np.ndarray:
         """States (mask) that rest at a limit and are driven against it."""

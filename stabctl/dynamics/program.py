@@ -122,38 +122,57 @@ def _merged(nodes: Iterable[Node]) -> list[Node]:
 
 
 def program(families: Sequence[Family], scalar: type = float) -> Program:
-    """The tables and calls of a system; addresses are those of this process.
+    """The tables and calls of a system as simulated, for real or complex numbers; addresses are those of this process.
 
-    For float: as simulated. For complex: `sweep` gives all outputs, `step` all local derivatives.
+    A complex program has no rates: it serves the voltages, which are solved with derivatives.
     """
-    address = _addresses(families, scalar)
-    starts_w = np.cumsum([0, *(f.w.size for f in families)])
-    starts_k = np.cumsum([0, *(f.k.size for f in families)])
+    tables, sweep = _Tables(families, scalar), ordered(families)
+    if scalar is complex:
+        sweep = _outputs(sweep)
+    currents = [*_heard(families, sweep), *_all(families, CURRENT)]
+    nodes = _all(families, SOURCE), currents, sweep, _all(families, STEP)
+    return Program(*tables.constants, *(tables.calls(one) for one in nodes))
 
-    def table(nodes: Iterable[Node]) -> np.ndarray:
+
+def local_program(families: Sequence[Family]) -> Program:
+    """The same for derivatives: `sweep` makes all outputs, `step` all local derivatives."""
+    tables, none = _Tables(families, complex), np.zeros((0, 5), np.int64)
+    every = [(i, LOCAL, tuple(range(len(f.w)))) for i, f in enumerate(families)]
+    return Program(*tables.constants, none, none, tables.calls(_outputs(ordered(families))), tables.calls(every))
+
+
+def _outputs(sweep: Iterable[Node]) -> list[Node]:
+    """The outputs of a sweep alone, as a complex program makes them."""
+    return [(i, OUTPUT, rows) for i, op, rows in sweep if op != RATES]
+
+
+def _all(families: Sequence[Family], op: int) -> list[Node]:
+    """All devices that have an operation."""
+    return [
+        (i, op, tuple(range(len(f.w)))) for i, f in enumerate(families) if len(f.w) and op in family.equations(f.device)
+    ]
+
+
+class _Tables:
+    """The tables of all families, one after the other, and where each begins."""
+
+    def __init__(self, families: Sequence[Family], scalar: type) -> None:
+        self._families, self._address = families, _addresses(families, scalar)
+        self._w = np.cumsum([0, *(f.w.size for f in families)]).tolist()
+        self._k = np.cumsum([0, *(f.k.size for f in families)]).tolist()
+        w = np.concatenate([np.zeros(0, np.int64), *(f.w.ravel() for f in families)])
+        self.constants = w, np.concatenate([np.zeros(0), *(f.k.ravel() for f in families)])
+
+    def calls(self, nodes: Iterable[Node]) -> np.ndarray:
+        """Rows of a program: neighboring rows of a family are one call."""
         out = []
         for i, op, rows in nodes:
-            cut = [0, *(np.flatnonzero(np.diff(rows) != 1) + 1), len(rows)]
+            width, constants = self._families[i].w.shape[1], self._families[i].k.shape[1]
+            cut = [0, *(j for j in range(1, len(rows)) if rows[j] != rows[j - 1] + 1), len(rows)]
             for a, b in pairwise(cut):
-                places = starts_w[i] + families[i].w.shape[1] * rows[a], starts_k[i] + families[i].k.shape[1] * rows[a]
-                out.append((address[i], op, b - a, *places))
+                places = self._w[i] + width * rows[a], self._k[i] + constants * rows[a]
+                out.append((self._address[i], op, b - a, *places))
         return np.array(out, np.int64).reshape(-1, 5)
-
-    def all_of(op: int) -> list[Node]:
-        return [
-            (i, op, tuple(range(len(f.w))))
-            for i, f in enumerate(families)
-            if len(f.w) and (op in family.equations(f.device) or (op == LOCAL and not hasattr(f.device, "step")))
-        ]
-
-    sweep = ordered(families)
-    if scalar is complex:
-        sweep = [(i, OUTPUT, rows) for i, op, rows in sweep if op != RATES]
-    heard = _heard(families, sweep)
-    w = np.concatenate([np.zeros(0, np.int64), *(f.w.ravel() for f in families)])
-    k = np.concatenate([np.zeros(0), *(f.k.ravel() for f in families)])
-    step = all_of(LOCAL) if scalar is complex else all_of(STEP)
-    return Program(w, k, table(all_of(SOURCE)), table([*heard, *all_of(CURRENT)]), table(sweep), table(step))
 
 
 def near(families: Sequence[Family]) -> np.ndarray:

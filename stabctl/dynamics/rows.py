@@ -6,11 +6,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stabctl import devices
+from stabctl.devices.loads import zip_load
 from stabctl.errors import EquilibriumError
 from stabctl.model import keys
 from stabctl.model.case import Case
 from stabctl.model.network import Network
 from stabctl.model.powerflow import PowerFlow
+from stabctl.model.tables import Load
 
 NO_UNIT = -1
 
@@ -37,8 +39,14 @@ def tables(case: Case, flow: PowerFlow, net: Network) -> tuple[dict[str, list[Ro
                 for key, par in case.devices[name].items()
             ]
     found["zip_load"], fixed = [], np.zeros(len(case.buses), complex)
-    for i in range(len(case.loads)):
-        _load(case, flow, net, i, found, fixed)
+    for load, key in zip(case.loads, keys.keys(case, "loads"), strict=True):
+        bus = net.place[load.bus]
+        name, row = load_row(case, load, _voltage(case, load, float(abs(flow.V[bus]))), key=key, bus=bus)
+        if name == "zip_load":
+            fixed[bus] += devices.every()[name].admittance(row.par)
+            row = row._replace(par=row.par._replace(Pz=0.0, Qz=0.0))
+        if name != "zip_load" or zip_load.draws(load):
+            found.setdefault(name, []).append(row)
     esd, hvdc = devices.every()["esd"], devices.every()["hvdc"]
     found["esd"] = [
         Row(
@@ -70,35 +78,39 @@ def _unit_row(case: Case, device: ModuleType, unit: int, key: Any, par: Any, net
     return Row(unit, bus, bus, par, f"{device.NAME} {key}", f"machine {m.machine} at bus {m.bus}")
 
 
-def load_row(case: Case, i: int, V: float, net: Network) -> tuple[str, Row]:
-    """Table and device of row `i` of loads.csv, at the voltage V (pu) of the power flow."""
-    load = case.loads[i]
+def load_row(case: Case, load: Load, V: float, *, key: keys.Key, bus: int) -> tuple[str, Row]:
+    """Table and device of a load.
+
+    Parameters
+    ----------
+    case
+        The case, for the load models of its device tables.
+    load
+        A row of loads.csv.
+    V
+        Voltage magnitude at the power flow, pu.
+    key
+        Key of the row, such as 7 or "7#2".
+    bus
+        Row of its bus.
+    """
     P, Q = load.p / case.base_mva, load.q / case.base_mva
-    key, bus = keys.numbered(load.bus for load in case.loads)[i], net.place[load.bus]
+    where = f"the load at bus {load.bus}"
     for name, device in devices.models().items():
         if device.ROLE == "load" and key in case.devices.get(name, {}):
+            known = {"P0": P, "Q0": Q, "V0": V, "vlow": load.v_low, "wb": 2 * np.pi * case.frequency_hz}
             par = case.devices[name][key]
-            given = {"P0": P, "Q0": Q, "V0": V, "vlow": load.v_low, "wb": 2 * np.pi * case.frequency_hz}
-            par = par._replace(**{k: v for k, v in given.items() if k in par._fields})
-            return name, Row(NO_UNIT, bus, bus, par, f"{device.NAME} {key}", f"the load at bus {load.bus}")
-    zip_load = devices.every()["zip_load"]
-    return "zip_load", Row(
-        NO_UNIT, bus, bus, zip_load.from_case(load, P, Q, V), f"load {key}", f"the load at bus {load.bus}"
-    )
+            par = par._replace(**{k: v for k, v in known.items() if k in par._fields})
+            return name, Row(NO_UNIT, bus, bus, par, f"{device.NAME} {key}", where)
+    par = zip_load.from_case(load, P, Q, V)
+    return "zip_load", Row(NO_UNIT, bus, bus, par, f"load {key}", where)
 
 
-def _load(case: Case, flow: PowerFlow, net: Network, i: int, found: dict[str, list[Row]], fixed: np.ndarray) -> None:
-    """Add row `i` of loads.csv to the devices, its constant-admittance part to the network."""
-    load, V = case.loads[i], float(abs(flow.V[net.place[case.loads[i].bus]]))
+def _voltage(case: Case, load: Load, V: float) -> float:
+    """The voltage, unless the load is below its threshold there."""
     if load.v_low > V:
         raise EquilibriumError(
             f"The load at bus {load.bus} of {case.name} cannot be initialized: its v_low = {load.v_low:g} pu, below "
             f"which it is an admittance, is above its power-flow voltage of {V:.3f} pu; lower v_low_pu in loads.csv."
         )
-    name, row = load_row(case, i, V, net)
-    if name == "zip_load":
-        fixed[row.bus] += devices.every()[name].admittance(row.par)
-        row = row._replace(par=row.par._replace(Pz=0.0, Qz=0.0))
-        if not any((load.p_power, load.q_power, load.p_current, load.q_current)):
-            return
-    found.setdefault(name, []).append(row)
+    return V

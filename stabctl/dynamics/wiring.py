@@ -18,6 +18,7 @@ from stabctl.model.case import Case
 from stabctl.model.network import Network
 
 from . import adder, family
+from .givers import Givers
 from .layout import WORDS, Layout, SetPoint, StatePlace
 from .program import Family
 from .rows import NO_UNIT, Row
@@ -28,11 +29,11 @@ class Wiring:
 
     def __init__(self, case: Case, tables: Mapping[str, list[Row]], buses: int, net: Network) -> None:
         self.case, self.tables, self.buses, self.net = case, dict(tables), buses, net
-        self.states: list[StatePlace] = []
-        self.setpoints: list[SetPoint] = []
-        self.first_state: dict[str, int] = {}
-        self.given: dict[tuple[int, str], list[tuple[str, int]]] = {}  # unit, name -> devices (table, row) that give it
         self._sensors()
+        self.units = {name: np.array([row.unit for row in rows]) for name, rows in self.tables.items()}
+        self.givers = Givers(len(case.machines))
+        self.states: list[StatePlace] = []
+        self.first_state: dict[str, int] = {}
         for name, rows in self.tables.items():
             self._states(name, rows)
         self.nx = len(self.states)
@@ -66,87 +67,101 @@ class Wiring:
 
     def _states(self, name: str, rows: list[Row]) -> None:
         device = devices.every()[name]
-        self.first_state[name] = len(self.states)
-        for j, row in enumerate(rows):
-            for state in family.fields(device, "State"):
-                at = row.unit if device.ROLE in devices.UNIT_ROLES else NO_UNIT
-                if device.ROLE in ("machine", "converter"):
-                    self.given.setdefault((row.unit, state), []).append((name, j))
-                self.states.append(StatePlace(name, j, at, state, f"{WORDS.get(state, state)} {row.label}"))
+        states, first = family.fields(device, "State"), len(self.states)
+        self.first_state[name] = first
+        words, in_unit = [(state, WORDS.get(state, state)) for state in states], device.ROLE in devices.UNIT_ROLES
+        self.states += [
+            StatePlace(name, j, row.unit if in_unit else NO_UNIT, state, f"{word} {row.label}")
+            for j, row in enumerate(rows)
+            for state, word in words
+        ]
+        if device.ROLE in ("machine", "converter"):
+            for i, state in enumerate(states):
+                self.givers.add(state, self.units[name], first + i + len(states) * np.arange(len(rows)))
 
     def _ports(self) -> None:
-        """Who gives each signal of a unit, and the set-points of the ports that nobody fills."""
-        for name, rows in self.tables.items():
-            if devices.every()[name].ROLE in devices.UNIT_ROLES:
-                for j, row in enumerate(rows):
-                    for output in family.fields(devices.every()[name], "Output"):
-                        self.given.setdefault((row.unit, output), []).append((name, j))
+        """The set-points of the ports that nobody fills."""
+        in_unit = {name for name in self.tables if devices.every()[name].ROLE in devices.UNIT_ROLES}
+        filled = {
+            (unit, output)
+            for name in in_unit
+            for output in family.fields(devices.every()[name], "Output")
+            for unit in self.units[name].tolist()
+        }
+        self.setpoints: list[SetPoint] = []
         self.setpoint_of: dict[tuple[Any, str], int] = {}
         for name, rows in self.tables.items():
-            device = devices.every()[name]
-            in_unit = device.ROLE in devices.UNIT_ROLES
-            ports = {k: port for k, port in _inputs(device).items() if isinstance(port, Port) and not port.summing}
-            for signal, port in ports.items():
+            for signal, port in _inputs(devices.every()[name]).items():
+                if not isinstance(port, Port) or port.summing:
+                    continue
                 for j, row in enumerate(rows):
-                    key = self._owner(name, j, row), signal
-                    if key not in self.setpoint_of and not (in_unit and (row.unit, signal) in self.given):
+                    key = row.unit if name in in_unit else (name, j), signal
+                    if key not in self.setpoint_of and key not in filled:
                         self.setpoint_of[key] = len(self.setpoints)
-                        unit = row.unit if in_unit else NO_UNIT
+                        unit = row.unit if name in in_unit else NO_UNIT
                         self.setpoints.append(SetPoint(unit, signal, f"{signal} {row.label}", port.start))
-
-    @staticmethod
-    def _owner(name: str, j: int, row: Row) -> Any:
-        """Whose set-point it is: the unit's, or that of the device alone."""
-        return row.unit if devices.every()[name].ROLE in devices.UNIT_ROLES else (name, j)
 
     def _outputs(self) -> None:
         at = self.step + 3
         self.first_output: dict[str, int] = {}
         for name, rows in self.tables.items():
-            self.first_output[name] = at
-            at += len(rows) * family.stride(devices.every()[name])
+            device = devices.every()[name]
+            self.first_output[name], stride = at, family.stride(device)
+            if device.ROLE in devices.UNIT_ROLES:
+                for i, output in enumerate(family.fields(device, "Output")):
+                    self.givers.add(output, self.units[name], at + i + stride * np.arange(len(rows)))
+            at += len(rows) * stride
         self.sums: list[tuple[int, list[int]]] = []  # outputs, and the places each adds up
         self.end = at
 
-    def place(self, name: str, j: int, signal: str) -> int:
-        """Place of a state or output of a device."""
-        device = devices.every()[name]
-        states, outputs = family.fields(device, "State"), family.fields(device, "Output")
-        if signal in outputs:
-            return self.first_output[name] + j * family.stride(device) + outputs.index(signal)
-        return self.first_state[name] + j * len(states) + states.index(signal)
-
-    def _input(self, name: str, j: int, row: Row, signal: str, hint: Any) -> int:
-        """Place of the signal that an input reads."""
-        givers = self.given.get((row.unit, signal), []) if devices.every()[name].ROLE in devices.UNIT_ROLES else []
+    def _inputs(self, name: str, signal: str, hint: Any) -> np.ndarray:
+        """Places of the signals that an input of the devices of a table reads."""
+        rows, units = self.tables[name], self.units[name]
         if isinstance(hint, At):
-            return self._elsewhere(hint, row)
+            return np.array([self._elsewhere(hint, row) for row in rows])
+        in_unit = devices.every()[name].ROLE in devices.UNIT_ROLES
+        found = self.givers.of(signal, units) if in_unit else np.zeros((0, len(rows)), int)
+        count = (found >= 0).sum(axis=0)
         if isinstance(hint, Port) and hint.summing:
-            return self._sum([self.place(*giver, signal) for giver in givers])
-        if len(givers) > 1:
-            names = " and ".join(f"{devices.every()[n].NAME}" for n, _ in givers)
-            raise EquilibriumError(f"{names} both give {signal} of {row.key} in {self.case.name}; keep one of them.")
-        if givers:
-            return self.place(*givers[0], signal)
-        if isinstance(hint, Port):
-            return self.nx + 2 * self.buses + self.setpoint_of[self._owner(name, j, row), signal]
-        raise EquilibriumError(
+            return np.array([self._sum(found[:n, j].tolist()) for j, n in enumerate(count)])
+        out = found[0].copy() if len(found) else np.full(len(rows), -1)
+        for j in np.flatnonzero(count != 1):
+            key = int(units[j]) if in_unit else (name, int(j))
+            if count[j] or not isinstance(hint, Port):
+                raise EquilibriumError(self._unclear(name, rows[j], signal, found[: count[j], j]))
+            out[j] = self.nx + 2 * self.buses + self.setpoint_of[key, signal]
+        return out
+
+    def _unclear(self, name: str, row: Row, signal: str, places: np.ndarray) -> str:
+        """What is wrong with an input that several devices give, or none."""
+        if len(places):
+            names = " and ".join(devices.every()[self._table(place)].NAME for place in places)
+            return f"{names} both give {signal} of {row.key} in {self.case.name}; keep one of them."
+        return (
             f"{devices.every()[name].NAME} of {row.key} in {self.case.name} reads {signal}, which no device of its "
             "unit gives; use another model."
         )
 
+    def _table(self, place: int) -> str:
+        """The table of the device that gives a state or output."""
+        if place < self.nx:
+            return self.states[place].table
+        return max((first, name) for name, first in self.first_output.items() if first <= place)[1]
+
     def _elsewhere(self, at: At, row: Row) -> int:
         if at.signal in self.tables:
             buses = [s.bus for s in self.tables[at.signal]]
-            return self.place(at.signal, buses.index(self._bus(at, row)), devices.every()[at.signal].Output._fields[0])
+            stride = family.stride(devices.every()[at.signal])
+            return self.first_output[at.signal] + stride * buses.index(self._bus(at, row))
         number = int(getattr(row.par, at.place))
         units = {m.machine: i for i, m in enumerate(self.case.machines)}
-        givers = self.given.get((units.get(number, NO_UNIT) if number else row.unit, at.signal), [])
-        if not givers:
+        unit = units.get(number, NO_UNIT) if number else row.unit
+        found = self.givers.of(at.signal, np.array([unit]))
+        if unit == NO_UNIT or not (found >= 0).any():
             raise EquilibriumError(
                 f"Machine {number} of {self.case.name} gives no {at.signal}, which {row.label} reads."
             )
-        return self.place(*givers[0], at.signal)
+        return int(found[0, 0])
 
     def _sum(self, places: list[int]) -> int:
         if not places:
@@ -164,16 +179,16 @@ class Wiring:
         """The tables of places and constants."""
         made = []
         for name, rows in self.tables.items():
-            device, inputs = devices.every()[name], _inputs(devices.every()[name])
+            device = devices.every()[name]
             states, outputs = len(family.fields(device, "State")), family.stride(device)
             w = np.empty((len(rows), family.width(device)), np.int64)
             j = np.arange(len(rows))
             w[:, family.STATE] = self.first_state[name] + states * j
             w[:, family.BUS] = self.nx + 2 * np.array([row.bus for row in rows])
             w[:, family.BUS2] = self.nx + 2 * np.array([row.bus2 for row in rows])
-            w[:, family.UNIT] = [row.unit for row in rows]
-            for c, (signal, hint) in enumerate(inputs.items()):
-                w[:, family.INPUTS + c] = [self._input(name, i, row, signal, hint) for i, row in enumerate(rows)]
+            w[:, family.UNIT] = self.units[name]
+            for c, (signal, hint) in enumerate(_inputs(device).items()):
+                w[:, family.INPUTS + c] = self._inputs(name, signal, hint)
             w[:, -1] = self.first_output[name] + outputs * j
             k = np.array([row.par for row in rows], float).reshape(len(rows), -1)
             made.append(Family(name, device, w, k, tuple(row.key for row in rows)))
@@ -201,22 +216,25 @@ class Wiring:
         owner = np.full(self.end, NO_UNIT, np.int64)
         owner[: self.nx] = [place.unit for place in self.states]
         owner[self.nx + 2 * self.buses : self.step] = [point.unit for point in self.setpoints]
-        signals = {}
-        for name, rows in self.tables.items():
+        for name, units in self.units.items():
             device = devices.every()[name]
             if device.ROLE in devices.UNIT_ROLES:
-                n = family.stride(device)
-                for j, row in enumerate(rows):
-                    owner[self.first_output[name] + n * j : self.first_output[name] + n * (j + 1)] = row.unit
-        sums = {tuple(places): out for out, places in self.sums}
-        for (unit, signal), givers in self.given.items():
-            places = tuple(self.place(*giver, signal) for giver in givers)
-            signals[unit, signal] = sums.get(places, places[0])
+                first, n = self.first_output[name], family.stride(device)
+                owner[first : first + n * len(units)] = np.repeat(units, n)
+        outputs = self.end - self.step - 3
+        return Layout(tuple(self.states), tuple(self.setpoints), self.buses, outputs, 0, self._signals(), owner)
+
+    def _signals(self) -> dict[tuple[int, str], int]:
+        """Unit and name of every signal -> its place; that of the sum where several devices give it."""
+        signals = {}
+        for signal, places in self.givers:
+            signals |= {(unit, signal): place for unit, place in enumerate(places[0].tolist()) if place >= 0}
+        for out, places in self.sums:
+            signals |= {key: out for key, place in signals.items() if place == places[0]}
         for k, point in enumerate(self.setpoints):
             if point.unit != NO_UNIT:
                 signals.setdefault((point.unit, point.name), self.nx + 2 * self.buses + k)
-        outputs = self.end - self.step - 3
-        return Layout(tuple(self.states), tuple(self.setpoints), self.buses, outputs, 0, signals, owner)
+        return signals
 
 
 @cache

@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from stabctl.devices.loads import zip_load
 from stabctl.dynamics import family
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.rows import load_row
 from stabctl.errors import StudyError
-from stabctl.model import network
+from stabctl.model import keys, network
 from stabctl.model.network import Switching
 
 from .plant import Net
@@ -69,30 +70,22 @@ def _stepped(point: OperatingPoint, switching: Switching) -> tuple[tuple[tuple[s
     """The loads that step, with their new constants, and the admittance (buses, pu) that is added."""
     added, changed = np.zeros(len(point.V), complex), {}
     case, nx = point.case, point.layout.nx
-    first = {load.bus: i for i, load in reversed(list(enumerate(case.loads)))}
+    rows = zip(keys.keys(case, "loads"), case.loads, strict=True)
+    first = {load.bus: (key, load) for key, load in reversed(list(rows))}
     for bus, power in switching.loads:
-        V, i = float(abs(point.V[bus])), first.get(case.buses[bus].bus)
-        if i is None:
+        V, found = float(abs(point.V[bus])), first.get(case.buses[bus].bus)
+        if found is None:
             added[bus] += power.conjugate() / V**2
             continue
-        load = case.loads[i]
+        key, load = found
         more = load._replace(p=load.p + power.real * case.base_mva, q=load.q + power.imag * case.base_mva)
-        before, after = (_load(point, i, one, V) for one in (load, more))
-        par = after[1]
-        if after[0] == "zip_load":
-            added[bus] += complex(par.Pz - before[1].Pz, before[1].Qz - par.Qz)
+        (table, before), (_, after) = (load_row(case, one, V, key=key, bus=bus) for one in (load, more))
+        par = after.par
+        if table == "zip_load":
+            added[bus] += complex(par.Pz - before.par.Pz, before.par.Qz - par.Qz)
             par = par._replace(Pz=0.0, Qz=0.0)
-            if not any((load.p_power, load.q_power, load.p_current, load.q_current)):
+            if not zip_load.draws(load):
                 continue
-        rows = np.flatnonzero(point.system.family(after[0]).w[:, family.BUS] == nx + 2 * bus)
-        changed[after[0], int(rows[0])] = par
+        at = np.flatnonzero(point.system.family(table).w[:, family.BUS] == nx + 2 * bus)
+        changed[table, int(at[0])] = par
     return tuple((table, row, par) for (table, row), par in changed.items()), added
-
-
-def _load(point: OperatingPoint, i: int, load: Any, V: float) -> tuple[str, Any]:
-    """Table and constants of a load like row `i` of loads.csv."""
-    rows = tuple(load if k == i else one for k, one in enumerate(point.case.loads))
-    case = object.__new__(type(point.case))
-    vars(case).update(vars(point.case), loads=rows)
-    table, row = load_row(case, i, V, point.net)
-    return table, row.par

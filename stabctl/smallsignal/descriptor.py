@@ -96,7 +96,8 @@ def descriptor(
     case, lay = point.case, point.layout
     u, y = chosen(case, inputs, INPUTS), chosen(case, outputs, OUTPUTS)
     d = point.equations.at(point.s.copy())
-    refuse.moving(point, d)
+    Y = point.admittance()
+    refuse.moving(point, d, Y)
     refuse.limited(point)
     nx, nv = lay.nx, lay.first_setpoint
     filled = sp.vstack([d.of_rates, d.of_currents], format="csr").astype(bool)
@@ -104,7 +105,7 @@ def descriptor(
     live &= np.array([(p.table, p.name) != ("esd", "energy") for p in lay.states], bool)
     rows = np.flatnonzero(live)
     fx, fv = d.of_rates[rows][:, rows].tocsc(), d.of_rates[rows][:, nx:nv].tocsc()
-    gx, gv = d.of_currents[:, rows].tocsc(), (d.of_currents[:, nx:nv] - real(point.admittance())).tocsc()
+    gx, gv = d.of_currents[:, rows].tocsc(), (d.of_currents[:, nx:nv] - real(Y)).tocsc()
     fu, gu = _inputs(point, d, rows, u)
     parts = (fx, fv, gx, gv, fu, gu)
     hx, hv, hu = _outputs(point, d, parts, rows, u, y)

@@ -1,13 +1,14 @@
 """Checks before linearization: the operating point must be in equilibrium, and no device exactly at a limit."""
 
 import numpy as np
+import scipy.sparse as sp
 
 from stabctl.dynamics import family
 from stabctl.dynamics.jacobian import Derivatives
 from stabctl.dynamics.limits import limits
+from stabctl.dynamics.newton import FAR
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.program import Family
-from stabctl.dynamics.start import FAR
 from stabctl.errors import LinearizationError
 
 STILL = 1e-8  # 1/s and pu   largest state derivative and current mismatch of an equilibrium
@@ -15,9 +16,9 @@ NUDGE = 1e-8  # perturbation of every signal, which moves a value off a limit
 JUMP = 1e-3  # change of a derivative between the two sides, relative to the largest in its row
 
 
-def moving(point: OperatingPoint, d: Derivatives) -> None:
+def moving(point: OperatingPoint, d: Derivatives, Y: sp.csc_matrix) -> None:
     """Raise `LinearizationError`, naming the largest residual, unless the operating point is an equilibrium."""
-    miss = np.abs(d.currents - point.admittance() @ point.s[point.layout.voltages].copy().view(complex))
+    miss = np.abs(d.currents - Y @ point.s[point.layout.voltages].copy().view(complex))
     k, bus = int(np.abs(d.rates).argmax()), int(miss.argmax())
     if not abs(d.rates[k]) < STILL:
         raise LinearizationError(
@@ -79,18 +80,17 @@ def _jumps(point: OperatingPoint, changed: tuple[str, np.ndarray] | None) -> np.
     free = np.arange(lay.step)
     step = np.zeros(lay.size)
     step[free] = NUDGE * np.random.default_rng(0).choice([-1, 1], len(free)) * np.linspace(0.5, 1, len(free))
-    sides = []
     lim = point.system.limits if changed is None else limits(_replaced(point, changed), lay.one)
+    rows = lay.nx + lay.outputs + 2 * equations.injecting.size
+    sides, scale, jump = [], np.zeros(rows), np.zeros(rows)
     for s in (point.s + step, point.s - step):
-        J, rates = equations.direct(s, k)
-        held = equations.held(s, rates, lim)
-        J = J.multiply((~np.r_[held, np.zeros(J.shape[0] - lay.nx, bool)])[:, None]).tocsr()
-        sides.append(J)
-    energy = [i for i, p in enumerate(lay.states) if (p.table, p.name) == ("esd", "energy")]
-    keep = np.setdiff1d(np.arange(sides[0].shape[0]), energy)
-    scale = np.maximum(*(abs(J).max(axis=1).toarray().ravel() for J in sides))
-    jump = abs(sides[0] - sides[1]).max(axis=1).toarray().ravel()
-    return keep[(jump > JUMP * scale + STILL)[keep]]
+        slopes, values = equations.entries(s, k)
+        held = np.flatnonzero(equations.held(s, values[: lay.nx], lim))
+        sides.append(np.where(np.isin(equations.rows, held), 0.0, slopes))
+        np.maximum.at(scale, equations.rows, np.abs(sides[-1]))
+    np.maximum.at(jump, equations.rows, np.abs(sides[0] - sides[1]))
+    jump[[i for i, p in enumerate(lay.states) if (p.table, p.name) == ("esd", "energy")]] = 0.0
+    return np.flatnonzero(jump > JUMP * scale + STILL)
 
 
 def _replaced(point: OperatingPoint, changed: tuple[str, np.ndarray]) -> list[Family]:

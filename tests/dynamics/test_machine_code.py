@@ -80,7 +80,7 @@ EDITS = {
     "simulation/voltages.py": STEPPER,
     "simulation/substitution.py": STEPPER,
     "model/powerflow.py": set(),
-    "dynamics/start.py": set(),
+    "dynamics/newton.py": set(),
 }
 
 

@@ -1,7 +1,5 @@
 """At its start nothing moves, and a start that a limit forbids is refused with the limit's name."""
 
-from functools import partialmethod
-
 import numpy as np
 import pytest
 from systems import (
@@ -21,7 +19,7 @@ from systems import (
 )
 
 from stabctl import devices, io
-from stabctl.dynamics import operating_point, start
+from stabctl.dynamics import newton, operating_point, start
 from stabctl.errors import EquilibriumError
 from stabctl.simulation import simulation
 
@@ -123,7 +121,7 @@ def test_a_bypassed_block_has_no_state_that_could_lie_beyond_a_limit():
 
 
 def test_a_machine_without_an_equilibrium_is_named_with_its_residual(monkeypatch):
-    monkeypatch.setattr(start._Newton, "solve", partialmethod(start._Newton.solve, limit=0))
+    monkeypatch.setattr(newton, "STEPS", 0)
     says = r"^Machine 1 of small has no equilibrium at its power-flow power after 0 Newton steps \(residual .*\); "
     with pytest.raises(EquilibriumError, match=says):
         operating_point.solve(small(KINDS["bare"]))
@@ -141,3 +139,10 @@ def test_a_machine_that_would_stand_upside_down_is_refused(monkeypatch):
     monkeypatch.setattr(start, "_guess", reversed_guess)
     with pytest.raises(EquilibriumError, match="Machine 1 of small initializes with a reversed rotor"):
         operating_point.solve(small(KINDS["bare"]))
+
+
+@pytest.mark.parametrize("name", ["two_area", "ieee39"])
+def test_the_fastest_eigenvalue_is_that_of_all_states_at_given_voltages(points, name):
+    point = points(name)
+    A = point.equations.at(point.s.copy()).of_rates[:, : point.layout.nx].toarray()
+    assert point.fastest == pytest.approx(np.abs(np.linalg.eigvals(A)).max(), rel=1e-9)

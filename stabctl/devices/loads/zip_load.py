@@ -35,6 +35,11 @@ def from_case(load: Any, P: float, Q: float, V: float) -> Par:
     return Par(pp * P, qp * Q, pc * P / V, qc * Q / V, *rest, load.v_low)
 
 
+def draws(load: Any) -> bool:
+    """Has a row of loads.csv a part that is no constant admittance?"""
+    return any((load.p_power, load.q_power, load.p_current, load.q_current))
+
+
 def admittance(p: Par) -> complex:
     """Admittance of the constant-admittance part (pu)."""
     return complex(p.Pz, -p.Qz)

@@ -27,11 +27,11 @@ from .stator import Input, Internal, Output, admittance, source, stator
 
 NAME = "GENSAL"
 ROLE = "machine"
-EASED = ("SB",)
+CONTINUATION = ("SB",)
 CLOSED = ("T1d", "T2d", "T2q")
 __all__ = [
-    "CLOSED", "EASED", "NAME", "ROLE", "Input", "Internal", "Output", "Par", "State", "admittance", "derivatives",
-    "internal", "output", "source",
+    "CLOSED", "CONTINUATION", "NAME", "ROLE", "Input", "Internal", "Output", "Par", "State", "admittance",
+    "derivatives", "internal", "output", "source",
 ]  # fmt: skip
 
 

@@ -1,0 +1,170 @@
+"""Newton's method on the equations that are simulated, with all limits opened.
+
+Unknown are the states, the outputs and the free set-points; known are the bus voltages. The equations are
+
+    0 = rates,    0 = output equations - outputs,    0 = injected currents - those of the power flow.
+"""
+
+import numpy as np
+
+from stabctl.errors import EquilibriumError
+
+from . import family
+from .assembly import System
+from .groups import Groups
+from .jacobian import Equations
+from .program import Family
+
+TOLERANCE = 1e-11  # largest residual, 1/s and pu
+ROUNDOFF = 1e-15  # the same over the largest slope of its equation: a fast block cannot come closer
+FAR = 1e9  # value of an opened limit
+STEPS = 30
+
+
+class Unsolved(EquilibriumError):
+    """No solution was found; `row` is the equation with the largest residual."""
+
+    def __init__(self, row: int, residual: float) -> None:
+        super().__init__(f"{STEPS} Newton steps (residual {abs(residual):.1e})")
+        self.row = row
+
+
+def opened(f: Family) -> np.ndarray:
+    """Constants of a family with every limit out of reach and every rotor circuit closed."""
+    k, names = f.k.copy(), family.fields(f.device, "Par")
+    for i, name in enumerate(names):
+        if side := family.side(f.device, name):
+            k[:, i] = side * FAR
+        elif name in getattr(f.device, "CLOSED", ()):
+            k[:, i] = np.where(k[:, i] > 0, k[:, i], 1.0)
+    return k
+
+
+class Newton:
+    """The iteration for one system at its power flow.
+
+    Parameters
+    ----------
+    system, equations
+        The devices.
+    V
+        Bus voltages (buses), complex, pu.
+    current
+        Current out of every unit (units), complex, pu on the system base.
+    """
+
+    def __init__(self, system: System, equations: Equations, V: np.ndarray, current: np.ndarray) -> None:
+        layout = system.layout
+        self.equations, self.nx, self.outputs = equations, layout.nx, layout.outputs
+        self.constants, self.continued = _constants(equations.families)
+        self.units, self.injections, self.target = _power_flow(system, equations, V, current)
+        free = [layout.first_setpoint + k for k, p in enumerate(layout.setpoints) if p.start is None]
+        outputs = layout.first_output + np.arange(layout.outputs)
+        self.unknown = np.r_[np.arange(layout.nx), outputs, np.array(free, int)].astype(int)
+        self._pattern(layout.size)
+
+    def _pattern(self, size: int) -> None:
+        """Rows and columns of the Jacobian among those of the equations, and its groups."""
+        nx, own = self.nx, self.nx + self.outputs + np.arange(len(self.injections))
+        row, column = np.full(nx + self.outputs + 2 * self.equations.injecting.size, -1), np.full(size, -1)
+        row[: nx + self.outputs] = np.arange(nx + self.outputs)
+        row[nx + self.outputs + self.injections] = own
+        column[self.unknown] = np.arange(len(self.unknown))
+        rows, columns = row[self.equations.rows], column[self.equations.columns]
+        self._inside = np.flatnonzero((rows >= 0) & (columns >= 0))
+        of_outputs = nx + np.arange(self.outputs)
+        self._rows = np.r_[rows[self._inside], of_outputs]
+        shape = nx + self.outputs + len(self.injections), len(self.unknown)
+        self.groups = Groups(self._rows, np.r_[columns[self._inside], of_outputs], shape)
+
+    def solve(self, s: np.ndarray) -> tuple[int, float]:
+        """Bring the residual to zero, saturation in steps.
+
+        Parameters
+        ----------
+        s
+            All signals (layout.size), changed to the solution.
+
+        Returns
+        -------
+        steps : int
+            Newton steps made.
+        fastest : float
+            Largest magnitude (1/s) of an eigenvalue of a unit with its controls at given voltage.
+
+        Raises
+        ------
+        Unsolved
+            If the iteration does not converge.
+        """
+        steps, entries = 0, np.zeros(0)
+        for share in (0.0, 0.25, 0.5, 0.75, 1.0) if self.constants[self.continued].any() else (1.0,):
+            k = self.constants.copy()
+            k[self.continued] *= share
+            made, entries = self._iterate(s, k)
+            steps += made
+        return steps, self._fastest(entries)
+
+    def _iterate(self, s: np.ndarray, k: np.ndarray) -> tuple[int, np.ndarray]:
+        """Solve with the constants k: steps made, and the entries of the last Jacobian."""
+        first = self.nx + self.outputs
+        for made in range(STEPS + 1):
+            derivatives, values = self.equations.entries(s, k)
+            mismatch = values[first + self.injections] - self.target
+            f = np.concatenate([values[: self.nx], np.zeros(self.outputs), mismatch])
+            entries = np.concatenate([derivatives[self._inside], np.full(self.outputs, -1.0)])
+            if not (np.isfinite(f).all() and np.isfinite(entries).all()):
+                break
+            slope = np.ones(len(f))
+            np.maximum.at(slope, self._rows, np.abs(entries))
+            if ((np.abs(f) < TOLERANCE) | (np.abs(f) < ROUNDOFF * slope)).all():
+                return made, entries
+            s[self.unknown] -= self.groups.solve(entries, f)
+        worst = int(np.argmax(np.where(np.isfinite(f), np.abs(f), np.inf)))
+        raise Unsolved(worst, float(f[worst]))
+
+    def _fastest(self, entries: np.ndarray) -> float:
+        """Largest magnitude of an eigenvalue of the states, outputs eliminated, group by group."""
+        largest, nx, end = 0.0, self.nx, self.nx + self.outputs
+        for alike in self.groups.alike:
+            blocks, columns = self.groups.blocks(entries, alike), alike.columns
+            states, both = (columns < nx).sum(axis=1), (columns < end).sum(axis=1)
+            for n, m in set(zip(states.tolist(), both.tolist(), strict=True)) - {(0, 0), (0, 1)}:
+                J = blocks[(states == n) & (both == m)]
+                inner = np.linalg.solve(J[:, n:m, n:m], J[:, n:m, :n])
+                A = J[:, :n, :n] - J[:, :n, n:m] @ inner
+                largest = max(largest, float(np.abs(np.linalg.eigvals(A)).max()))
+        return largest
+
+
+def _constants(families: list[Family]) -> tuple[np.ndarray, np.ndarray]:
+    """All constants with their limits opened, and the places of those that models list in CONTINUATION."""
+    opened_up, continued, start = [np.zeros(0)], [np.zeros(0, int)], 0
+    for f in families:
+        k = opened(f)
+        opened_up.append(k.ravel())
+        for name in getattr(f.device, "CONTINUATION", ()):
+            continued.append(start + k.shape[1] * np.arange(len(k)) + family.fields(f.device, "Par").index(name))
+        start += k.size
+    return np.concatenate(opened_up), np.concatenate(continued)
+
+
+def _power_flow(
+    system: System, equations: Equations, V: np.ndarray, current: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Units whose currents are known; rows of these, real and imaginary, among the injections; their values (pu)."""
+    units, rows, target = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0, complex)]
+    for f in equations.families:
+        part = equations.injections.get(f.name)
+        if part is None or f.device.ROLE not in ("machine", "converter"):
+            continue
+        unit = f.w[:, family.UNIT]
+        own = current[unit]
+        if hasattr(f.device, "admittance"):
+            g, b = f.device.admittance(f.device.Par(*f.k.T))
+            own = own + (g + 1j * b) * V[system.unit_bus[unit]]
+        units.append(unit)
+        rows.append(np.arange(part.start, part.stop))
+        target.append(own)
+    pairs = (2 * np.concatenate(rows)[:, None] + np.arange(2)).ravel()
+    return np.concatenate(units), pairs, np.concatenate(target).view(float)
