@@ -226,9 +226,9 @@ class Wiring:
 
     def _signals(self) -> dict[tuple[int, str], int]:
         """Unit and name of every signal -> its place; that of the sum where several devices give it."""
-        signals = {}
-        for signal, places in self.givers:
-            signals |= {(unit, signal): place for unit, place in enumerate(places[0].tolist()) if place >= 0}
+        signals: dict[tuple[int, str], int] = {}
+        for signal, layers in self.givers:
+            signals |= {(unit, signal): place for unit, place in enumerate(layers[0].tolist()) if place >= 0}
         for out, places in self.sums:
             signals |= {key: out for key, place in signals.items() if place == places[0]}
         for k, point in enumerate(self.setpoints):
