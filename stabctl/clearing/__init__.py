@@ -1,7 +1,8 @@
 """Critical clearing times: of one contingency, and of every line fault of a case."""
 
-from .critical_time import ClearingTime, clearing_time
+from .critical_time import clearing_time
 from .lines import Lines, lines
+from .result import ClearingTime
 from .screen import Screen, screen
 from .search import Search
 from .trial import Run, Trial

@@ -1,6 +1,6 @@
 """The last stable clearing time of a grid in few runs: extrapolated from unstable runs, which end early."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Literal, NamedTuple
 
 from .margin import Margin
@@ -10,6 +10,7 @@ Status = Literal["found", "unstable_at_zero", "stable_at_limit"]
 FORETOLD = 10  # runs after which the interval is only bisected
 HELD = 3.0  # energy the network absorbs, relative to that of the run at clearing; errs on the unstable side
 REACH = 2.0  # how far below two unstable runs their extrapolation is trusted, in multiples of their spacing
+PATIENCE = 5  # unstable runs without a stable one, after which the fault cleared immediately is tried
 UPPER = 2 / 3  # where an interval is divided: an unstable run costs about a third of a stable one
 
 
@@ -27,15 +28,20 @@ class Found(NamedTuple):
         return beyond.machine if beyond else None
 
 
-def last_stable(attempt: Callable[[int], Run], last: int, guess: int, stride: int, check: int) -> Found:
-    """The last stable point of the grid 0 ... `last`, proved by a run at it and a run at the next.
+def last_stable(
+    attempt: Callable[[int], Run], last: int, guess: int, stride: int, spacing: int, scanned: int = 0
+) -> Found:
+    """The last stable point of the grid 0 ... `last` before the lowest unstable one found: a run at each of the two.
 
     Starts at a guess and moves up in growing steps. The excess energy of unstable runs is extrapolated to zero over the
-    square of the clearing time; if that does not help, the interval is divided. One of the `check` points below the
-    answer is tried as well: if it is unstable, in a later swing, the answer lies below it.
+    square of the clearing time; if that does not help, the interval is divided. A fault `spacing` shorter is tried as
+    well: if it is unstable, in a later swing, the answer lies below it. With `scanned` so many are tried below, and
+    multiples of `spacing` come before the points between them, so that a finer grid gives the same answer, only finer.
     """
+    coarse, below = spacing if scanned else 1, range(1, max(scanned, 1) + 1)
     tried: dict[int, Run] = {}
-    low, high, k = -1, last + 1, min(max(guess, 0), last)
+    low, high = -1, last + 1
+    k = min(max(guess, 0), last)
     while True:
         tried[k] = attempt(k)
         if tried[k].stable:
@@ -44,20 +50,37 @@ def last_stable(attempt: Callable[[int], Run], last: int, guess: int, stride: in
             high = k
             low = max((s for s, run in tried.items() if run.stable and s < k), default=-1)
         if high - low > 1:
-            k, stride = _next(low, high, last, tried, stride), 2 * stride
-        elif low < 1 or low == last or any(low - check <= s < low for s in tried):
+            k, stride = _multiple(_next(low, high, last, tried, stride), low, high, coarse), 2 * stride
+        elif low < 1 or low == last or not (gap := _gap(low, tried, spacing, below)):
             break
         else:
-            k = max(low - check, 0)
+            k = max(low - gap, 0)
     if low < 0:
         return Found("unstable_at_zero", 0, tried)
     return Found("stable_at_limit" if low == last else "found", low, tried)
+
+
+def _multiple(k: int, low: int, high: int, spacing: int) -> int:
+    """The multiple of the spacing nearest to k between low and high; k itself if there is none."""
+    least, most = (low // spacing + 1) * spacing, (high - 1) // spacing * spacing
+    return min(max(round(k / spacing) * spacing, least), most) if least <= most else k
+
+
+def _gap(low: int, tried: Iterable[int], spacing: int, below: Iterable[int]) -> int:
+    """The first distance below the answer near which nothing was tried, 0 if there is none."""
+    for n in below:
+        far, near = low - n * spacing, low - (n - 1) * spacing
+        if near > 0 and not any(far <= s < near for s in tried):
+            return low - far
+    return 0
 
 
 def _next(low: int, high: int, last: int, tried: Mapping[int, Run], stride: int) -> int:
     """The point to try: the lowest that is predicted to be unstable."""
     if high > last:
         return min(last, low + stride)
+    if low < 0 and len(tried) >= PATIENCE:
+        return 0
     cut = min(low + max(1, round(UPPER * (high - low))), high - 1)
     if tried[high].margin is None or len(tried) > FORETOLD:
         return max(cut, high - stride) if low < 0 else cut

@@ -26,8 +26,9 @@ from stabctl.simulation.sampled import Sampled
 from stabctl.simulation.simulate import checked_control
 from stabctl.units import cycles
 
-from .critical_time import ClearingTime, critical, first_try
+from .critical_time import critical, first_try
 from .lines import Lines, lines
+from .result import ClearingTime
 from .search import Search
 from .trial import Trial
 
@@ -129,8 +130,9 @@ def screen(
 ) -> Screen:
     """The critical clearing times of bolted faults at both ends of every line, cleared by opening that line.
 
-    Search and answers are those of `clearing_time`. Lines whose opening splits the network, and circuits equal to a
-    parallel one, are left out. The answers do not depend on the number of threads.
+    The search is that of `clearing_time`, but of the other faults it tries only the one half a cycle shorter, so that
+    `monotone` of a pair is unknown (None). Lines whose opening splits the network, and circuits equal to a parallel
+    one, are left out. The answers do not depend on the number of threads.
 
     Parameters
     ----------

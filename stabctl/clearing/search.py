@@ -9,6 +9,8 @@ from stabctl.model.case import Case
 from stabctl.simulation.criterion import DEFAULT, Criterion, checked
 from stabctl.units import cycles, seconds
 
+LONGEST_SCAN = 600.0  # cycles
+
 
 @dataclass(frozen=True)
 class Search:
@@ -22,6 +24,7 @@ class Search:
     observed_s: float = 5.0  # s   observed after clearing
     step: float | None = None  # s
     criterion: Criterion = DEFAULT
+    scan_cycles: float = 0.0  # how far below and above the answer others are tried
 
     def __post_init__(self) -> None:
         if not 0 < self.resolution_cycles <= self.limit_cycles < math.inf:
@@ -31,16 +34,28 @@ class Search:
             )
         if not 0 < self.observed_s < math.inf:
             raise StudyError(f"The observation window of {self.observed_s:g} s is not allowed; it must be more than 0.")
+        if not 0 <= self.scan_cycles <= LONGEST_SCAN:
+            raise StudyError(
+                f"The scan of {self.scan_cycles:g} cycles is not allowed; give 0 to {LONGEST_SCAN:g} cycles."
+            )
 
     @classmethod
     def of(
-        cls, case: Case, *, resolution: Any, limit: Any, observe: Any, step: Any, criterion: Criterion = DEFAULT
+        cls,
+        case: Case,
+        *,
+        resolution: Any,
+        limit: Any,
+        observe: Any,
+        step: Any,
+        criterion: Criterion = DEFAULT,
+        scan: Any = 0.0,
     ) -> "Search":
         """The search with quantities as a user gives them: text with a unit, or seconds."""
         hz = case.frequency_hz
         grid, longest = cycles(resolution, hz), cycles(limit, hz)
         h = None if step is None else seconds(step, hz)
-        return cls(grid, longest, seconds(observe, hz), h, checked(criterion, hz))
+        return cls(grid, longest, seconds(observe, hz), h, checked(criterion, hz), cycles(scan, hz))
 
     @property
     def last(self) -> int:

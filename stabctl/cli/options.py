@@ -100,6 +100,15 @@ Observe = Annotated[
     str, typer.Option("--observe", metavar="TIME", parser=time, help="Time simulated after clearing, s or 300cyc.")
 ]
 Resolution = Annotated[str, typer.Option("--resolution", help="Spacing of the clearing times tried.")]
+Scan = Annotated[
+    str,
+    typer.Option(
+        "--scan",
+        metavar="TIME",
+        parser=time,
+        help="How far below and above the answer shorter and longer faults are tried, every half cycle; 0 is none.",
+    ),
+]
 Limit = Annotated[str, typer.Option("--limit", help="Longest clearing time tried.")]
 Angle = Annotated[
     float,

@@ -16,7 +16,7 @@ class Result(NamedTuple):
     outcome: Annotated[str | None, "-", "how the simulation or the search ended"] = None
     cycles: Annotated[float | None, "-", "critical clearing time in cycles"] = None
     seconds: Annotated[float | None, "-", "critical clearing time in seconds"] = None
-    monotone: Annotated[int | None, "-", "1: every longer fault that was tried was unstable"] = None
+    monotone: Annotated[int | None, "-", "1: no longer fault that was tried was stable"] = None
     runs: Annotated[int | None, "-", "simulations of the search"] = None
     machine: Annotated[int | None, "-", "machine that loses synchronism first"] = None
     bus: Annotated[int | None, "-", "bus whose voltage collapsed"] = None

@@ -72,6 +72,7 @@ def _clearing_time(job: Job, point: OperatingPoint) -> Result:
         resolution=job.resolution,
         limit=job.limit,
         observe=job.observe,
+        scan=job.scan,
         step=job.step or None,
         criterion=job.criterion,
     )
@@ -80,7 +81,7 @@ def _clearing_time(job: Job, point: OperatingPoint) -> Result:
         found.status,
         cycles=found.cycles,
         seconds=found.seconds,
-        monotone=int(found.monotone),
+        monotone=int(not found.stable_above),
         runs=len(found.runs),
         machine=found.machine,
         message=str(found),

@@ -116,6 +116,7 @@ CHECKS: dict[str, Callable[[Case, str], object]] = {
     "clear": lambda case, text: seconds(text, case.frequency_hz),
     "resolution": lambda case, text: seconds(text, case.frequency_hz),
     "limit": lambda case, text: seconds(text, case.frequency_hz),
+    "scan": lambda case, text: seconds(text, case.frequency_hz),
     "storage": lambda case, text: fleet.devices(case, text.replace("%dispatch", "%mva")),
 }
 

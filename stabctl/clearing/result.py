@@ -1,0 +1,104 @@
+"""A critical clearing time: the longest fault, on a grid of clearing times, after which the system stays stable."""
+
+from dataclasses import dataclass
+from html import escape
+from typing import TYPE_CHECKING
+
+from stabctl._util.verbs import verb
+from stabctl._util.wording import counted
+from stabctl.simulation.contingency import Contingency
+
+from .last_stable import Status
+from .search import Search
+from .trial import Run
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, repr=False)
+class ClearingTime:
+    """A critical clearing time, and how it was found."""
+
+    case: str
+    contingency: Contingency
+    status: Status
+    cycles: float | None  # last stable clearing time on the grid
+    seconds: float | None
+    machine: int | None  # loses synchronism first just beyond
+    search: Search
+    runs: tuple[Run, ...]  # by clearing time
+    wall_s: float
+
+    plot = verb("stabctl.plotting.clearing_time:plot")
+
+    @property
+    def fault(self) -> str:
+        """Fault location."""
+        return self.contingency.fault or ""
+
+    @property
+    def trip(self) -> tuple[str, ...]:
+        """Circuits opened to clear it, in addition to the faulted one."""
+        return self.contingency.trip
+
+    @property
+    def lowest_unstable(self) -> float | None:
+        """Lowest unstable clearing time found, cycles; None if every one tried was stable."""
+        return min((r.cycles for r in self.runs if not r.stable), default=None)
+
+    @property
+    def stable_above(self) -> tuple[float, ...]:
+        """Clearing times (cycles) above the lowest unstable one that were found stable again."""
+        least = self.lowest_unstable
+        return () if least is None else tuple(r.cycles for r in self.runs if r.stable and r.cycles > least)
+
+    @property
+    def monotone(self) -> bool | None:
+        """Was every longer fault of the scan unstable? None if none was tried.
+
+        A stable window between two of its points, or beyond them, is not found.
+        """
+        scanned = self.status == "found" and self.search.scan_cycles > 0
+        return False if self.stable_above else True if scanned else None
+
+    @property
+    def df(self) -> "pd.DataFrame":
+        """The simulations of the search, a row for each clearing time tried."""
+        import pandas as pd
+
+        columns = "clearing_cycles", "stable", "outcome", "machine", "end_s"
+        frame = pd.DataFrame([(r.cycles, r.stable, r.outcome.value, r.machine, r.time_s) for r in self.runs])
+        return frame.set_axis(columns, axis=1).astype({"machine": "Int64"})
+
+    def brief(self) -> str:
+        """The answer, without case and search."""
+        first = f"; machine {self.machine} loses synchronism first" if self.machine is not None else ""
+        what = f"fault {self.fault}" + (f", trip {', '.join(self.trip)}" if self.trip else "")
+        if self.status == "unstable_at_zero":
+            return f"{what}: unstable even if cleared immediately{first}"
+        if self.status == "stable_at_limit":
+            return f"{what}: stable up to the limit"
+        return f"{what}: {self.cycles:g} cycles{first}"
+
+    def window(self) -> str:
+        """A sentence on the stable clearing times above the lowest unstable one, empty without any."""
+        again = ", ".join(f"{cycles:g}" for cycles in self.stable_above[:8])
+        least = f"unstable at {self.lowest_unstable:g} cycles, the lowest unstable time found"
+        return f"Stability is not monotone: {least}, and stable again at {again} cycles." if again else ""
+
+    def __str__(self) -> str:
+        observed = f"observed {self.search.observed_s:g} s after clearing, {counted(len(self.runs), 'run')}"
+        what = f"{self.case}, fault {self.fault}" + (f", trip {', '.join(self.trip)}" if self.trip else "")
+        first = f"; machine {self.machine} loses synchronism first" if self.machine is not None else ""
+        if self.status == "unstable_at_zero":
+            return f"{what}: unstable even if cleared immediately{first} ({observed})."
+        if self.status == "stable_at_limit":
+            return f"{what}: stable up to the search limit of {self.search.limit_cycles:g} cycles ({observed})."
+        text = f"{what}: critical clearing time {self.cycles:g} cycles ({self.seconds:.4f} s){first} ({observed})."
+        return f"{text} {self.window()}".rstrip()
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        return f"<p>{escape(str(self))}</p>{self.df.to_html(index=False)}"

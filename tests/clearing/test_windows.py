@@ -1,0 +1,80 @@
+"""Stability need not be monotone: what is said of stable clearing times above an unstable one."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from stabctl import io
+from stabctl.clearing import Run, Search, clearing_time
+from stabctl.clearing.critical_time import critical
+from stabctl.dynamics.coerce import initialize
+from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.outcome import Kind
+
+
+def trial(stable, resolution, guess=10.0, limit=60.0, scan=4.0):
+    """A system of which it is known whether a fault of so many cycles is stable."""
+    search = Search(resolution, limit, scan_cycles=scan)
+
+    def attempt(k):
+        cycles = k * resolution
+        found = (True, Kind.STABLE, None, 5.0) if stable(cycles) else (False, Kind.LOST_SYNCHRONISM, 7, 1.0)
+        return Run(cycles, *found)
+
+    case = SimpleNamespace(name="known", frequency_hz=60.0)
+    return SimpleNamespace(
+        search=search,
+        attempt=attempt,
+        guess=lambda: int(guess / resolution),
+        point=SimpleNamespace(case=case),
+        contingency=Contingency("7"),
+    )
+
+
+def window(cycles):
+    return cycles < 8.3 or 9.2 < cycles < 10.3
+
+
+def second_swing(cycles):
+    """A later swing is lost between 6.6 and 8.2 cycles."""
+    return cycles < 6.6 or 8.2 < cycles < 11.1
+
+
+@pytest.mark.parametrize("resolution", [0.125, 0.06, 0.01])
+@pytest.mark.parametrize("guess", [2.0, 8.0, 20.0])
+def test_a_stable_window_above_the_answer_is_found_and_said(resolution, guess):
+    found = critical(trial(window, resolution, guess))
+    assert found.cycles == pytest.approx(8.3, abs=resolution)
+    assert found.lowest_unstable == pytest.approx(found.cycles + resolution)
+    assert found.monotone is False
+    assert all(9.2 < cycles < 10.3 for cycles in found.stable_above)
+    assert len(found.stable_above) >= 2
+    assert f"unstable at {found.lowest_unstable:g} cycles" in str(found)
+    assert f"stable again at {found.stable_above[0]:g}" in str(found)
+
+
+@pytest.mark.parametrize("resolution", [0.125, 0.06, 0.01])
+def test_an_answer_above_a_lost_later_swing_is_not_given_on_any_grid(resolution):
+    found = critical(trial(second_swing, resolution, 10.0))
+    assert found.cycles == pytest.approx(6.6, abs=resolution)
+    assert found.stable_above
+
+
+def test_what_was_not_tried_is_unknown():
+    assert critical(trial(lambda cycles: cycles < 8.3, 0.125, scan=0.0)).monotone is None
+    assert critical(trial(lambda cycles: cycles < 8.3, 0.125)).monotone is True
+    assert critical(trial(lambda cycles: True, 0.125)).lowest_unstable is None
+
+
+def test_a_system_that_is_never_stable_takes_few_runs():
+    found = critical(trial(lambda cycles: False, 0.125, 30.0))
+    assert (found.status, found.lowest_unstable) == ("unstable_at_zero", 0.0)
+    assert len(found.runs) <= 6
+
+
+@pytest.mark.parametrize("fault", [Contingency("7", trip="7-8"), Contingency("7-8@0.4")])
+def test_grids_in_seconds_and_in_cycles_agree_within_their_resolution(fault):
+    base = initialize(io.load("two_area"))
+    fine = clearing_time(base, fault, resolution="0.01cyc").cycles
+    for resolution, cycles in (("0.001s", 0.06), ("0.125cyc", 0.125)):
+        assert 0 <= fine + 0.01 - clearing_time(base, fault, resolution=resolution).cycles <= cycles + 0.01
