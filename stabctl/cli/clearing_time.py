@@ -48,13 +48,14 @@ def clearing_time(
     loss: options.Loss = 0.02,
     seed: options.Seed = 1,
     classical: options.Classical = False,
+    verbose: options.Verbose = False,
     as_json: options.Json = False,
 ) -> None:
     """Find the critical clearing time of a fault."""
     from stabctl.clearing import clearing_time
     from stabctl.simulation.contingency import Contingency
 
-    loaded = shared.load(case, classical, settings)
+    loaded = shared.load(case, classical, settings, verbose)
     events = shared.events(loaded, opened, tripped, stepped)
     through = shared.impedance(fault_impedance)
     point = shared.start(loaded, storage, storage_at, characteristic=characteristic, lag=lag)

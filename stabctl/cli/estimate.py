@@ -44,6 +44,7 @@ def estimate(
     settings: options.Set = None,
     device: options.Device = None,
     classical: options.Classical = False,
+    verbose: options.Verbose = False,
     as_json: options.Json = False,
 ) -> None:
     """Estimate rotor speeds from PMU reports during a fault, and compare them with the true speeds."""
@@ -55,7 +56,7 @@ def estimate(
     from stabctl.units import seconds
 
     shared.file(plot, ".png", ".svg")
-    loaded = shared.load(case, classical, settings)
+    loaded = shared.load(case, classical, settings, verbose)
     observed = seconds(observe, loaded.frequency_hz)
     if not observed > 0.05:
         raise StudyError(f"--observe {observed:g} s is not allowed; it must be more than 0.05 s.")

@@ -23,13 +23,14 @@ def linearize(
     settings: options.Set = None,
     device: options.Device = None,
     classical: options.Classical = False,
+    verbose: options.Verbose = False,
     as_json: options.Json = False,
 ) -> None:
     """Linearize a case at its operating point and export the model."""
     from stabctl.smallsignal import linearize
 
     shared.file(out, ".npz", ".mat")
-    point = shared.start(shared.load(case, classical, settings), storage, storage_at, lag=lag)
+    point = shared.start(shared.load(case, classical, settings, verbose), storage, storage_at, lag=lag)
     model = linearize(point, inputs, outputs)
     path = model.save(out)
     if as_json:

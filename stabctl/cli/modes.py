@@ -35,6 +35,7 @@ def modes(
     settings: options.Set = None,
     device: options.Device = None,
     classical: options.Classical = False,
+    verbose: options.Verbose = False,
     as_json: options.Json = False,
 ) -> None:
     """Eigenvalues of a case at its operating point: frequency, damping, mode shapes, coherent areas."""
@@ -43,7 +44,7 @@ def modes(
     from stabctl.smallsignal.modes import LARGE
 
     shared.folder(report)
-    loaded = opened(shared.load(case, classical, settings), open_circuits or ())
+    loaded = opened(shared.load(case, classical, settings, verbose), open_circuits or ())
     point = shared.start(loaded)
     model = linearize(point) if sparse is False else descriptor(point)
     few = sparse or (sparse is None and len(model.states) > LARGE)

@@ -56,6 +56,7 @@ Device = Annotated[
     list[str] | None,
     typer.Option("--device", metavar="FILE", callback=register, help="Your own device: my_exciter.py. Repeatable."),
 ]
+Verbose = Annotated[bool, typer.Option("--verbose", help="Print every warning, not only the first.")]
 Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Threads (default: one per core).")]
 
 FAULT = "Fault location: 83 (a bus), 7-8@0.4 (on a line, measured from the first bus), 7-8 (its middle)."

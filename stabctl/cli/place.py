@@ -57,6 +57,7 @@ def place(
     settings: options.Set = None,
     device: options.Device = None,
     classical: options.Classical = False,
+    verbose: options.Verbose = False,
     as_json: options.Json = False,
 ) -> None:
     """Find the cheapest storage fleet that survives every contingency in simulation."""
@@ -66,7 +67,7 @@ def place(
     from stabctl.placement.siting import Costs
 
     shared.folder(report)
-    loaded = shared.load(case, classical, settings)
+    loaded = shared.load(case, classical, settings, verbose)
     chosen, source = _contingencies(loaded, case, contingencies, classical)
     law = BangBang(deadband, min_voltage)
     kalman = {validate: EstimatorControl(law, validate, seed=seed, engine="batched")} if validate else None

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .options import CaseName, Classical, Device, Json, Set
+from .options import CaseName, Classical, Device, Json, Set, Verbose
 from .shared import console, load, print_json
 
 Branches = Annotated[bool, typer.Option("--branches", help="Also print the branch flows.")]
@@ -18,12 +18,13 @@ def powerflow(
     settings: Set = None,
     device: Device = None,
     classical: Classical = False,
+    verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
     """Solve the power flow."""
     from stabctl.model import powerflow
 
-    flow = powerflow.solve(load(case, classical, settings))
+    flow = powerflow.solve(load(case, classical, settings, verbose))
     c = flow.case
     made = dict.fromkeys((b.bus for b in c.buses), 0j)
     for m, S in zip(c.machines, flow.S, strict=True):

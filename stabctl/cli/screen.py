@@ -37,13 +37,14 @@ def screen(
     workers: options.Workers = None,
     out: Out = None,
     classical: options.Classical = False,
+    verbose: options.Verbose = False,
     as_json: options.Json = False,
 ) -> None:
     """Find the critical clearing times of faults at both ends of every line, cleared by opening it; shortest first."""
     from stabctl.clearing import screen
 
     shared.file(out, ".csv")
-    loaded = shared.load(case, classical, settings)
+    loaded = shared.load(case, classical, settings, verbose)
     point = shared.start(loaded, storage, storage_at, characteristic=characteristic, lag=lag)
     with shared.progress("screening", 1.0) as tell:
         found = screen(

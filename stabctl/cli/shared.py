@@ -4,7 +4,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,12 +22,13 @@ if TYPE_CHECKING:
     from stabctl.simulation.events import Event
 
 
-def load(name: str, classical: bool = False, settings: Iterable[str] | None = None) -> "Case":
+def load(name: str, classical: bool = False, settings: Iterable[str] | None = None, verbose: bool = False) -> "Case":
     """The case with its settings (`pss.1.K=10`) applied; its warnings go to stderr."""
     from stabctl import io
     from stabctl.errors import StudyError
 
     case, values = io.load(name), {}
+    known = case.warnings if name in io.packaged() and not verbose else ()
     for text in settings or ():
         path, given, value = text.partition("=")
         if not given:
@@ -35,9 +36,17 @@ def load(name: str, classical: bool = False, settings: Iterable[str] | None = No
         values[path.strip()] = value.strip()
     case = case.set(values) if values else case
     case = case.classical() if classical else case
-    for sentence in case.warnings:
-        print(f"stabctl: warning: {sentence}", file=sys.stderr)
+    warn([sentence for sentence in case.warnings if sentence not in known], verbose)
     return case
+
+
+def warn(sentences: Sequence[str], verbose: bool) -> None:
+    """Print the first warning and the number of the others on stderr, or all of them."""
+    for sentence in sentences if verbose else sentences[:1]:
+        print(f"stabctl: warning: {sentence}", file=sys.stderr)
+    if len(sentences) > 1 and not verbose:
+        more = "another warning" if len(sentences) == 2 else f"{len(sentences) - 1} more warnings"
+        print(f"stabctl: {more}; --verbose prints all {len(sentences)}.", file=sys.stderr)
 
 
 def start(case: "Case", storage: str | None = None, storage_at: str | None = None, **options: Any) -> "OperatingPoint":

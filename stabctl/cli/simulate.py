@@ -56,6 +56,7 @@ def simulate(
     out: Out = None,
     plot: Plot = None,
     classical: options.Classical = False,
+    verbose: options.Verbose = False,
     as_json: options.Json = False,
 ) -> None:
     """Simulate a fault and its clearing, or other events, and tell whether the system stays stable."""
@@ -71,7 +72,7 @@ def simulate(
     shared.file(out, ".csv", ".nc")
     shared.file(plot, ".png", ".svg")
     through = shared.impedance(fault_impedance)
-    loaded = shared.load(case, classical, settings)
+    loaded = shared.load(case, classical, settings, verbose)
     events = shared.events(loaded, opened, tripped, stepped)
     contingency = Contingency(fault, clear, trip or (), at=at, impedance=through, events=events)
     point = shared.start(loaded, storage, storage_at, characteristic=characteristic, lag=lag)

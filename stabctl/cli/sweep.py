@@ -33,6 +33,7 @@ def run_command(
     dask: Dask = None,
     retry: Retry = False,
     device: options.Device = None,
+    verbose: options.Verbose = False,
 ) -> int:
     """Run the jobs of a study; the exit code is 1 if one ended in an error, 130 at Ctrl-C."""
     from stabctl.errors import StudyError
@@ -43,8 +44,7 @@ def run_command(
     gc.enable()  # unlike other commands, a sweep may be long
     with _progress() as tell:
         sweep = run_sweep(study, out, workers=workers, dask=dask, retry=retry, progress=tell)
-    for sentence in sweep.warnings:
-        print(f"stabctl: warning: {sentence}", file=sys.stderr)
+    shared.warn(sweep.warnings, verbose)
     print(f"stabctl: {sweep}", file=sys.stderr)
     return 130 if sweep.interrupted else int(sweep.errors > 0)
 

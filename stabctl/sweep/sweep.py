@@ -1,12 +1,14 @@
 """A sweep: the tasks of a study that the results file does not have, run and stored one by one."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stabctl import io
 from stabctl._util import cores
 from stabctl._util.wording import counted
 from stabctl.errors import StudyError
@@ -117,9 +119,15 @@ def run_sweep(
         len(found) - there,
         sum(status != "ok" for status in found),
         interrupted,
-        tuple(dict.fromkeys(sentence for t in wanted for sentence in t.case.warnings)),
+        _warnings(wanted),
         time.perf_counter() - began,
     )
+
+
+def _warnings(wanted: Iterable[Task]) -> tuple[str, ...]:
+    """The warnings about the cases, each once, without those of packaged cases as they are."""
+    known = cache(lambda name: io.load(name).warnings if name in io.packaged() else ())
+    return tuple(dict.fromkeys(s for t in wanted for s in t.case.warnings if s not in known(t.job.case)))
 
 
 def _rows(missing: list[Task], workers: int, dask: str | None) -> Iterator[Row]:

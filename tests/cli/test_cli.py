@@ -5,6 +5,8 @@ import json
 
 import pytest
 
+from stabctl.io import load, write
+
 
 def test_cases_lists_all_packaged_ones(stabctl):
     code, out, _ = stabctl("cases", "--json")
@@ -136,8 +138,21 @@ def test_other_events_of_a_clearing_time_count_from_the_fault(stabctl):
 
 
 def test_warnings_are_of_the_machines_that_are_used(stabctl):
-    assert "xl = " in stabctl("powerflow", "ieee39")[2]
-    assert not stabctl("powerflow", "ieee39", "--classical")[2]
+    said = stabctl("powerflow", "ieee39", "--verbose")[2]
+    assert said.count("stabctl: warning: ") == said.count("xl = ") == 6
+    assert not stabctl("powerflow", "ieee39", "--classical", "--verbose")[2]
+
+
+def test_packaged_cases_are_silent_and_of_several_warnings_the_first_is_printed(stabctl, tmp_path):
+    assert stabctl("powerflow", "ieee39")[2] == ""
+    changed = stabctl("powerflow", "ieee39", "--set", "genrou.1.xl=0.16")[2]
+    assert changed.startswith("stabctl: warning: genrou.csv, machine 1: ")
+    assert changed.count("\n") == 1
+    write(load("ieee39"), tmp_path / "mine")
+    first, number = stabctl("powerflow", tmp_path / "mine")[2].splitlines()
+    assert first.startswith("stabctl: warning: genrou.csv, machine 2: x2 = 0.1952")
+    assert number == "stabctl: 5 more warnings; --verbose prints all 6."
+    assert stabctl("powerflow", tmp_path / "mine", "--verbose")[2].count("stabctl: warning: ") == 6
 
 
 def test_classical_machines_everywhere(stabctl):
