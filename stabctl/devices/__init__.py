@@ -141,6 +141,8 @@ def _check(path: Path, module: ModuleType) -> None:
         raise StudyError(f"The device file {path} lacks {', '.join(missing)}; see docs/extending.md.")
     if module.ROLE not in ROLES:
         raise StudyError(f"{path}: the role {module.ROLE!r} is not known; use one of {', '.join(ROLES)}.")
+    if module.ROLE == "link":
+        raise StudyError(f"{path}: a link model of your own is not supported; all rows of links.csv are HVDC links.")
     wrong = trial.mistake(module)
     if wrong:
         raise StudyError(f"{path}: {wrong}.")

@@ -57,7 +57,7 @@ class Newton:
         layout = system.layout
         self.equations, self.nx, self.outputs = equations, layout.nx, layout.outputs
         self.constants, self.continued = _constants(equations.families)
-        self.units, self.injections, self.target = _power_flow(system, equations, V, current)
+        self.owners, self.injections, self.target = _power_flow(system, equations, V, current)
         free = [layout.first_setpoint + k for k, p in enumerate(layout.setpoints) if p.start is None]
         outputs = layout.first_output + np.arange(layout.outputs)
         self.unknown = np.r_[np.arange(layout.nx), outputs, np.array(free, int)].astype(int)
@@ -151,20 +151,25 @@ def _constants(families: list[Family]) -> tuple[np.ndarray, np.ndarray]:
 
 def _power_flow(
     system: System, equations: Equations, V: np.ndarray, current: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Units whose currents are known; rows of these, real and imaginary, among the injections; their values (pu)."""
-    units, rows, target = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0, complex)]
+) -> tuple[list[tuple[int, str]], np.ndarray, np.ndarray]:
+    """The devices whose currents the power flow gives: a unit's its own, a shunt's 0.
+
+    Returns their units (-1: none) and names, the rows of these currents (real and imaginary part) among the injections,
+    and the currents (pu).
+    """
+    owners: list[tuple[int, str]] = []
+    rows, target = [np.zeros(0, int)], [np.zeros(0, complex)]
     for f in equations.families:
         part = equations.injections.get(f.name)
-        if part is None or f.device.ROLE not in ("machine", "converter"):
+        if part is None or f.device.ROLE not in ("machine", "converter", "shunt"):
             continue
         unit = f.w[:, family.UNIT]
-        own = current[unit]
+        own = np.where(unit >= 0, current[unit], 0.0)
         if hasattr(f.device, "admittance"):
             g, b = f.device.admittance(f.device.Par(*f.k.T))
             own = own + (g + 1j * b) * V[system.unit_bus[unit]]
-        units.append(unit)
+        owners += [(int(i), f"{f.device.NAME} of {key}") for i, key in zip(unit, f.keys, strict=True)]
         rows.append(np.arange(part.start, part.stop))
         target.append(own)
     pairs = (2 * np.concatenate(rows)[:, None] + np.arange(2)).ravel()
-    return np.concatenate(units), pairs, np.concatenate(target).view(float)
+    return owners, pairs, np.concatenate(target).view(float)

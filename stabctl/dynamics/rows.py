@@ -1,5 +1,6 @@
 """Case and power flow -> the devices of every table, with their constants on the system base."""
 
+from collections.abc import Mapping
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -33,10 +34,12 @@ def tables(case: Case, flow: PowerFlow, net: Network) -> tuple[dict[str, list[Ro
     numbers = {m.machine: i for i, m in enumerate(case.machines)}
     found: dict[str, list[Row]] = {}
     for name, device in devices.models().items():
-        if device.ROLE in devices.UNIT_ROLES and name in case.devices:
+        rows = case.devices.get(name, {})
+        if device.ROLE == "shunt":
+            found[name] = [_bus_row(case, device, key, par, net) for key, par in rows.items()]
+        elif device.ROLE != "load" and rows:
             found[name] = [
-                _unit_row(case, device, numbers[keys.number(key)], key, par, net)
-                for key, par in case.devices[name].items()
+                _unit_row(case, device, numbers[keys.number(key)], key, par, net) for key, par in rows.items()
             ]
     found["zip_load"], fixed = [], np.zeros(len(case.buses), complex)
     for load, key in zip(case.loads, keys.keys(case, "loads"), strict=True):
@@ -69,13 +72,23 @@ def tables(case: Case, flow: PowerFlow, net: Network) -> tuple[dict[str, list[Ro
     return {name: rows for name, rows in found.items() if rows}, fixed
 
 
-def _unit_row(case: Case, device: ModuleType, unit: int, key: Any, par: Any, net: Network) -> Row:
-    m = case.machines[unit]
-    given = {"mva": m.base / case.base_mva, "wb": 2 * np.pi * case.frequency_hz}
-    par = par._replace(**{name: value for name, value in given.items() if name in par._fields})
-    par = device.prepare(par) if hasattr(device, "prepare") else par
-    bus = int(net.machine_bus[unit])
+def _filled(device: ModuleType, par: Any, known: Mapping[str, float]) -> Any:
+    """Constants with those that the case gives, and those that follow from others."""
+    par = par._replace(**{name: value for name, value in known.items() if name in par._fields})
+    return device.prepare(par) if hasattr(device, "prepare") else par
+
+
+def _unit_row(case: Case, device: ModuleType, unit: int, key: keys.Key, par: Any, net: Network) -> Row:
+    m, bus = case.machines[unit], int(net.machine_bus[unit])
+    par = _filled(device, par, {"mva": m.base / case.base_mva, "wb": 2 * np.pi * case.frequency_hz})
     return Row(unit, bus, bus, par, f"{device.NAME} {key}", f"machine {m.machine} at bus {m.bus}")
+
+
+def _bus_row(case: Case, device: ModuleType, key: keys.Key, par: Any, net: Network) -> Row:
+    number = keys.number(key)
+    bus = net.place[number]
+    par = _filled(device, par, {"wb": 2 * np.pi * case.frequency_hz})
+    return Row(NO_UNIT, bus, bus, par, f"{device.NAME} {key}", f"bus {number}")
 
 
 def load_row(case: Case, load: Load, V: float, *, key: keys.Key, bus: int) -> tuple[str, Row]:
@@ -99,8 +112,7 @@ def load_row(case: Case, load: Load, V: float, *, key: keys.Key, bus: int) -> tu
     for name, device in devices.models().items():
         if device.ROLE == "load" and key in case.devices.get(name, {}):
             known = {"P0": P, "Q0": Q, "V0": V, "vlow": load.v_low, "wb": 2 * np.pi * case.frequency_hz}
-            par = case.devices[name][key]
-            par = par._replace(**{k: v for k, v in known.items() if k in par._fields})
+            par = _filled(device, case.devices[name][key], known)
             return name, Row(NO_UNIT, bus, bus, par, f"{device.NAME} {key}", where)
     par = zip_load.from_case(load, P, Q, V)
     return "zip_load", Row(NO_UNIT, bus, bus, par, f"load {key}", where)

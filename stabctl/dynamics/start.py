@@ -55,11 +55,8 @@ def start(case: Case, system: System, equations: Equations, V: np.ndarray, curre
     try:
         iterations, fastest = newton.solve(s)
     except Unsolved as error:
-        what = _named(case, system, newton, error.row)
-        raise EquilibriumError(
-            f"{what} of {case.name} has no equilibrium at its power-flow power after {error}; check its reactances, "
-            "its saturation and its dispatch."
-        ) from None
+        what, check = _unsolved(case, system, newton, error.row)
+        raise EquilibriumError(f"{what} after {error}; check {check}.") from None
     start_checks.check(case, system, equations, s)
     return Start(s, iterations, fastest)
 
@@ -92,11 +89,15 @@ def _within_limits(system: System, equations: Equations, s: np.ndarray) -> None:
         s[lim.state[moving]] = np.clip(1.0, lim.low[moving], lim.high[moving]) * per
 
 
-def _named(case: Case, system: System, newton: Newton, row: int) -> str:
-    """What an equation of the iteration belongs to."""
+def _unsolved(case: Case, system: System, newton: Newton, row: int) -> tuple[str, str]:
+    """What an equation of the iteration belongs to, and what to check there."""
     layout = system.layout
     if row < layout.nx:
-        place = layout.states[row]
-        return f"Machine {case.machines[place.unit].machine}" if place.unit >= 0 else place.label
-    unit = newton.units[(row - layout.nx - layout.outputs) // 2]
-    return f"Machine {case.machines[unit].machine}"
+        unit, name = layout.states[row].unit, layout.states[row].label
+    else:
+        unit, name = newton.owners[(row - layout.nx - layout.outputs) // 2]
+    if unit < 0:
+        what = f"{name} of {case.name} has no equilibrium with zero current"
+        return what, "its data: the power flow does not include it"
+    what = f"Machine {case.machines[unit].machine} of {case.name} has no equilibrium at its power-flow power"
+    return what, "its reactances, its saturation and its dispatch"

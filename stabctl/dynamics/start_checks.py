@@ -33,7 +33,9 @@ def check(case: Case, system: System, equations: Equations, s: np.ndarray) -> No
     """
     _upright(case, system, s)
     _inside(system, s)
-    rates = equations.entries(s)[1][: system.layout.nx]
+    values = equations.entries(s)[1]
+    _no_current(system, equations, values)
+    rates = values[: system.layout.nx]
     if np.abs(rates).max(initial=0.0) >= STILL:
         worst = system.layout.states[int(np.abs(rates).argmax())]
         raise EquilibriumError(_binding(case, system, equations, s, worst.unit))
@@ -59,6 +61,22 @@ def _inside(system: System, s: np.ndarray) -> None:
         what = f", but the power flow needs {value[k] / per[k]:.4g} pu"
         limit, name = (lim.high if above else lim.low)[k], lim.names[k][int(above)]
         raise EquilibriumError(_beyond(system, state.table, state.row, name, limit, what))
+
+
+def _no_current(system: System, equations: Equations, values: np.ndarray) -> None:
+    """A shunt or store draws nothing at the power flow, which knows nothing of it."""
+    first = system.layout.nx + system.layout.outputs
+    for f in equations.families:
+        part = equations.injections[f.name]
+        if f.device.ROLE not in ("shunt", "storage") or part.start == part.stop:
+            continue
+        size = np.abs(values[first + 2 * part.start : first + 2 * part.stop].view(complex))
+        if size.max() > STILL:
+            j = int(size.argmax())
+            raise EquilibriumError(
+                f"{f.device.NAME} of {f.keys[j]} draws {size[j]:.3g} pu of current at the power flow, which does not "
+                "include it; its current must be zero initially."
+            )
 
 
 def _binding(case: Case, system: System, equations: Equations, s: np.ndarray, unit: int) -> str:

@@ -1,0 +1,151 @@
+"""Shunts and stores of the user's, from files outside the package."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from systems import registered
+
+import stabctl as st
+from stabctl.errors import EquilibriumError, StudyError
+
+FAULT = st.Contingency("7-8@0.4", clear="6cyc")
+
+STATCOM = '''
+"""Controlled shunt: a susceptance that follows the bus voltage.
+
+Vref - |V| -> [K/(1+sT)] -> b, current -j b V out of the bus.
+"""
+
+from typing import Annotated, NamedTuple
+
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import magnitude
+from stabctl.devices.ports import PORT
+
+NAME = "STATCOM"
+ROLE = "shunt"
+
+
+class Par(NamedTuple):
+    K: Annotated[float, "pu", "gain"]
+    T: Annotated[float, "s", "time constant"]
+    offset: Annotated[float, "pu", "susceptance that is always there"] = 0.0
+
+
+class State(NamedTuple):
+    b: Annotated[float, "pu", "susceptance"]
+
+
+class Input(NamedTuple):
+    Vref: Annotated[float, "pu", "voltage reference", PORT]
+
+
+class Output(NamedTuple):
+    Q: Annotated[float, "pu", "reactive power"]
+
+
+@inline
+def current(x, v, p):
+    b = x.b + p.offset
+    return b * v[1], -b * v[0]
+
+
+@inline
+def output(x, v, p):
+    return Output((x.b + p.offset) * (v[0] * v[0] + v[1] * v[1]))
+
+
+@inline
+def derivatives(x, u, v, p):
+    return State((p.K * (u.Vref - magnitude(v[0], v[1])) - x.b) / p.T)
+'''
+
+STORE = '''
+"""Store that draws a conductance as ordered."""
+
+from typing import Annotated, NamedTuple
+
+from stabctl._util.jit import inline
+from stabctl.devices.ports import fixed
+
+NAME = "STORE"
+ROLE = "storage"
+
+
+class Par(NamedTuple):
+    G: Annotated[float, "pu", "conductance at full order"]
+
+
+class Input(NamedTuple):
+    order: Annotated[float, "-", "share of the conductance", fixed(0.0)]
+
+
+class Output(NamedTuple):
+    P: Annotated[float, "pu", "power"]
+
+
+@inline
+def current(u, v, p):
+    return -p.G * u.order * v[0], -p.G * u.order * v[1]
+
+
+@inline
+def output(u, v, p):
+    return Output(p.G * u.order * (v[0] * v[0] + v[1] * v[1]))
+'''
+
+
+def written(folder: Path, name: str, text: str) -> Path:
+    path = folder / f"{name}.py"
+    path.write_text(text)
+    return path
+
+
+@pytest.fixture
+def statcom(tmp_path):
+    with registered(written(tmp_path, "statcom", STATCOM)):
+        yield st.load("two_area")
+
+
+def test_a_shunt_starts_at_rest_without_current_and_supports_its_bus(statcom):
+    plain = statcom.initialize()
+    base = statcom.with_device("statcom", 8, K=20, T="20ms").initialize()
+    place = next(k for k, p in enumerate(base.layout.states) if p.name == "b")
+    assert base.s[place] == pytest.approx(0, abs=1e-9)
+    assert np.abs(base.equations.at(base.s.copy()).rates).max() < 1e-9
+    reference = next(k for k, p in enumerate(base.layout.setpoints) if p.name == "Vref" and p.unit < 0)
+    bus = base.net.place[8]
+    assert base.s[base.layout.first_setpoint + reference] == pytest.approx(abs(base.V[bus]), abs=1e-9)
+    runs = [point.simulate(FAULT, until=2.0) for point in (plain, base)]
+    without, held = (np.abs(run.arrays.V[run.time > 0.2, bus]).min() for run in runs)
+    assert held > without + 0.02  # pu; measured 0.05
+
+
+def test_its_susceptance_is_a_state_of_the_linear_model(statcom):
+    found = statcom.with_device("statcom", 8, K=20, T="20ms").linearize()
+    assert "b STATCOM 8" in found.states
+
+
+def test_a_shunt_that_draws_current_initially_is_refused_by_name(statcom):
+    says = "STATCOM of bus 8 of two_area has no equilibrium with zero current after"
+    with pytest.raises(EquilibriumError, match=says):
+        statcom.with_device("statcom", 8, K=0, T="20ms", offset=0.3).initialize()
+
+
+def test_a_store_at_a_machine_draws_what_its_order_says(tmp_path):
+    with registered(written(tmp_path, "store", STORE)):
+        base = st.load("two_area").with_device("store", 1, G=0.5).initialize()
+        f = base.system.family("store")
+        s = base.s.copy()
+        s[f.w[0, -2]] = 1.0
+        change = base.equations.at(s).currents - base.equations.at(base.s.copy()).currents
+        expected = np.zeros(len(change), complex)
+        expected[base.system.unit_bus[0]] = -0.5 * base.V[base.system.unit_bus[0]]
+        assert change == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_link_model_of_ones_own_is_refused(tmp_path):
+    path = written(tmp_path, "my_link", STORE.replace('"storage"', '"link"'))
+    with pytest.raises(StudyError, match=r"my_link\.py: a link model of your own is not supported"):
+        st.register(path)
