@@ -139,7 +139,7 @@ def test_other_events_of_a_clearing_time_count_from_the_fault(stabctl):
 
 def test_warnings_are_of_the_machines_that_are_used(stabctl):
     said = stabctl("powerflow", "ieee39", "--verbose")[2]
-    assert said.count("stabctl: warning: ") == said.count("xl = ") == 6
+    assert said.count("stabctl: warning: ") == said.count(" is usually not less than ") == 6
     assert not stabctl("powerflow", "ieee39", "--classical", "--verbose")[2]
 
 
