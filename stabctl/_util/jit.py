@@ -95,7 +95,7 @@ def folder() -> Path:
 
     user = os.getuid() if hasattr(os, "getuid") else "user"
     for path in (Path(platformdirs.user_cache_dir("stabctl")), Path(tempfile.gettempdir()) / f"stabctl-{user}"):
-        if _made(path) and _ours(path):
+        if _made(path) and _ours(path) and _made(path / "families"):
             return path
     path = Path(tempfile.mkdtemp(prefix="stabctl-"))
     atexit.register(shutil.rmtree, path, ignore_errors=True)

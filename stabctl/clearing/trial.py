@@ -94,4 +94,5 @@ class Trial:
         return int(SUSTAINED * cycles / search.resolution_cycles)
 
     def _run(self, events: list[Contingency | Event], until: float, record: bool) -> Trajectory:
-        return run(self.point, events, until, self.control, self.search.step, self.search.criterion, record)
+        search = self.search
+        return run(self.point, events, until, self.control, step=search.step, criterion=search.criterion, record=record)

@@ -82,7 +82,7 @@ def estimate(
         raise StudyError(f"seeds = {seeds!r} is not allowed; give one or more whole numbers of at least 0.")
     h = None if step is None else seconds(step, hz)
     rules = checked(criterion, hz)
-    simulations = [Simulation(point, events, None, h, rules, record) for _ in seeds]
+    simulations = [Simulation(point, events, step=h, criterion=rules, record=record) for _ in seeds]
     loop = EstimatorLoop(chosen, simulations, seeds)
     carry(simulations, loop, chosen.rate, last + OBSERVE if end is None else end)
     return replace(loop.estimates(), runs=tuple(s.finish() for s in simulations), cleared_s=last)

@@ -67,7 +67,7 @@ def simulate(
     hz = point.case.frequency_hz
     h = None if step is None else seconds(step, hz)
     end = seconds(until, hz)
-    return run(point, contingency, end, law, h, checked(criterion, hz), record, progress=progress)
+    return run(point, contingency, end, law, step=h, criterion=checked(criterion, hz), record=record, progress=progress)
 
 
 def checked_control(control: Any, case: Case) -> Law | Sampled | None:

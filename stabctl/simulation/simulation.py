@@ -43,6 +43,7 @@ class Simulation:
         point: OperatingPoint,
         events: "Happenings | None" = None,
         control: Law | None = None,
+        *,
         step: float | None = None,
         criterion: Criterion = DEFAULT,
         record: bool = True,
@@ -165,8 +166,8 @@ class Simulation:
 
     def _alone(self) -> bool:
         """Is the runaway machine alone in its island, while others run elsewhere?"""
-        island, unit = self._stage.net.island, self.point.rotors.unit[self._space.marks[1]]
-        return (island == island[unit]).sum() == 1 and (island >= 0).sum() > 1
+        island = self._stage.net.island[self.point.rotors.unit]
+        return (island == island[self._space.marks[1]]).sum() == 1 and (island >= 0).sum() > 1
 
     def _take_off(self, verdict: int) -> None:
         """Trip the machine that ran away or left the range of frequency, as its protection would, from now on."""
@@ -236,6 +237,7 @@ def run(
     contingency: "Happenings | None" = None,
     until: float = 10.0,
     control: Law | Sampled | None = None,
+    *,
     step: float | None = None,
     criterion: Criterion = DEFAULT,
     record: bool = True,
@@ -248,7 +250,9 @@ def run(
     """
     events = schedule(point.case, contingency, until, start)
     law = None if isinstance(control, Sampled) else control
-    simulation = Simulation(point, events, law, step, criterion, record, start, progress)
+    simulation = Simulation(
+        point, events, law, step=step, criterion=criterion, record=record, start=start, progress=progress
+    )
     if isinstance(control, Sampled):
         carry([simulation], control.pilot([simulation]), control.rate, until)
     else:
