@@ -4,7 +4,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from . import options, shared
+from . import groups, options, shared
+from .grouped import grouped
 
 if TYPE_CHECKING:
     from stabctl.clearing import ClearingTime
@@ -15,63 +16,49 @@ TripMachine = Annotated[list[str] | None, typer.Option("--trip-machine", help=f"
 LoadStep = Annotated[list[str] | None, typer.Option("--load-step", help=f"Change of load, 7:+50MW@0.1s; {AFTER}")]
 
 
+@grouped
 def clearing_time(
-    case: options.CaseName,
+    *,
     fault: options.Fault,
     trip: options.Trip = None,
     opened: Open = None,
     tripped: TripMachine = None,
     stepped: LoadStep = None,
-    settings: options.Set = None,
-    device: options.Device = None,
     resolution: options.Resolution = "0.125cyc",
     limit: options.Limit = "60cyc",
     observe: options.Observe = "5s",
     scan: options.Scan = "4cyc",
     step: options.Step = None,
     control: options.Control = None,
-    storage: options.Size = None,
-    storage_at: options.SizeAt = None,
-    characteristic: options.Characteristic = "power",
-    lag: options.Lag = "0s",
-    deadband: options.Deadband = 0.1,
-    min_voltage: options.MinVoltage = 0.8,
+    storage: groups.StorageOptions,
+    law: groups.LawOptions,
     fault_impedance: options.FaultImpedance = "0,0",
-    max_angle: options.Angle = 3.5,
-    min_frequency: options.MinFrequency = None,
-    max_frequency: options.MaxFrequency = None,
-    frequency_delay: options.FrequencyDelay = "1s",
+    stability: groups.StabilityOptions,
     estimator: options.Estimator = "ideal",
-    pmu_rate: options.PmuRate = 60,
-    pmu_noise_mrad: options.PmuNoise = 2.0,
-    latency_ms: options.Latency = 50.0,
-    loss: options.Loss = 0.02,
-    seed: options.Seed = 1,
-    classical: options.Classical = False,
-    verbose: options.Verbose = False,
+    pmu: groups.PmuOptions,
+    case: groups.CaseOptions,
     as_json: options.Json = False,
 ) -> None:
     """Find the critical clearing time of a fault."""
     from stabctl.clearing import clearing_time
     from stabctl.simulation.contingency import Contingency
 
-    loaded = shared.load(case, classical, settings, verbose)
+    loaded = case.load()
     events = shared.events(loaded, opened, tripped, stepped)
     through = shared.impedance(fault_impedance)
-    point = shared.start(loaded, storage, storage_at, characteristic=characteristic, lag=lag)
-    law = shared.law(point.case, control, deadband, min_voltage)
-    pmu = shared.pmu(pmu_rate, pmu_noise_mrad, latency_ms, loss)
+    point = storage.initialize(loaded)
+    steering = pmu.steering(law.chosen(point.case, control), estimator, "batched")
     with shared.progress("searching", None) as tell:
         found = clearing_time(
             point,
             Contingency(fault, trip=trip or (), at=0.0, impedance=through, events=events),
-            control=shared.steering(law, estimator, pmu, seed, "batched"),
+            control=steering,
             resolution=resolution,
             limit=limit,
             observe=observe,
             scan=scan,
             step=step,
-            criterion=shared.criterion(loaded, max_angle, min_frequency, max_frequency, frequency_delay),
+            criterion=stability.criterion(loaded),
             progress=lambda _run: tell(None),
         )
     _show(found, as_json)

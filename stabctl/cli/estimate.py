@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from . import options, shared
+from . import groups, options, shared
+from .grouped import grouped
 
 if TYPE_CHECKING:
     from stabctl.estimation.estimates import Accuracy, Estimates
@@ -15,40 +16,26 @@ At = Annotated[float, typer.Option("--at", help="Time of the fault, s.")]
 Plot = Annotated[Path | None, typer.Option("--plot", help="Draw true and estimated speeds to FILE.png or .svg.")]
 
 
+@grouped
 def estimate(
-    case: options.CaseName,
+    *,
     fault: options.Fault,
     clear: Clear,
     trip: options.Trip = None,
     at: At = 1.0,
     observe: options.Observe = "5s",
     step: options.Step = None,
-    storage: options.Size = None,
-    storage_at: options.SizeAt = None,
-    characteristic: options.Characteristic = "power",
-    lag: options.Lag = "0s",
-    deadband: options.Deadband = 0.1,
-    min_voltage: options.MinVoltage = 0.8,
+    storage: groups.StorageOptions,
+    law: groups.LawOptions,
     fault_impedance: options.FaultImpedance = "0,0",
-    max_angle: options.Angle = 3.5,
-    min_frequency: options.MinFrequency = None,
-    max_frequency: options.MaxFrequency = None,
-    frequency_delay: options.FrequencyDelay = "1s",
+    stability: groups.StabilityOptions,
     estimator: options.Estimator = "kalman",
-    pmu_rate: options.PmuRate = 60,
-    pmu_noise_mrad: options.PmuNoise = 2.0,
-    latency_ms: options.Latency = 50.0,
-    loss: options.Loss = 0.02,
-    seed: options.Seed = 1,
+    pmu: groups.PmuOptions,
     plot: Plot = None,
-    settings: options.Set = None,
-    device: options.Device = None,
-    classical: options.Classical = False,
-    verbose: options.Verbose = False,
+    case: groups.CaseOptions,
     as_json: options.Json = False,
 ) -> None:
     """Estimate rotor speeds from PMU reports during a fault, and compare them with the true speeds."""
-    from stabctl.controllers import BangBang
     from stabctl.errors import StudyError
     from stabctl.estimation.estimate import estimate as simulate
     from stabctl.estimation.estimator_control import EstimatorControl
@@ -56,23 +43,21 @@ def estimate(
     from stabctl.units import seconds
 
     shared.file(plot, ".png", ".svg")
-    loaded = shared.load(case, classical, settings, verbose)
+    loaded = case.load()
     observed = seconds(observe, loaded.frequency_hz)
     if not observed > 0.05:
         raise StudyError(f"--observe {observed:g} s is not allowed; it must be more than 0.05 s.")
     off = seconds(clear, loaded.frequency_hz)
     contingency = Contingency(fault, clear, trip or (), at=at, impedance=shared.impedance(fault_impedance))
-    point = shared.start(loaded, storage, storage_at, characteristic=characteristic, lag=lag)
-    law = shared.law(point.case, None, deadband, min_voltage) or BangBang(deadband, min_voltage)
-    pmu = shared.pmu(pmu_rate, pmu_noise_mrad, latency_ms, loss)
+    point = storage.initialize(loaded)
     found = simulate(
         point,
         contingency,
         at + off + observed,
-        control=EstimatorControl(law, estimator, pmu),
-        seeds=seed,
+        control=EstimatorControl(law.law(), estimator, pmu.pmu()),
+        seeds=pmu.seed,
         step=step,
-        criterion=shared.criterion(loaded, max_angle, min_frequency, max_frequency, frequency_delay),
+        criterion=stability.criterion(loaded),
         record=False,
     )
     if plot:

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from . import options, shared
+from . import groups, options, shared
+from .grouped import grouped
 
 if TYPE_CHECKING:
     from stabctl.smallsignal import Areas, Modes
@@ -25,17 +26,15 @@ Sparse = Annotated[
 Opened = Annotated[list[str] | None, typer.Option("--open", help="Circuit out of service: 7-8#2. Repeatable.")]
 
 
+@grouped
 def modes(
-    case: options.CaseName,
+    *,
     band: Band = (0.1, 2.5),
     report: Report = None,
     area_count: Count = None,
     open_circuits: Opened = None,
     sparse: Sparse = None,
-    settings: options.Set = None,
-    device: options.Device = None,
-    classical: options.Classical = False,
-    verbose: options.Verbose = False,
+    case: groups.CaseOptions,
     as_json: options.Json = False,
 ) -> None:
     """Eigenvalues of a case at its operating point: frequency, damping, mode shapes, coherent areas."""
@@ -44,8 +43,8 @@ def modes(
     from stabctl.smallsignal.modes import LARGE
 
     shared.folder(report)
-    loaded = opened(shared.load(case, classical, settings, verbose), open_circuits or ())
-    point = shared.start(loaded)
+    loaded = opened(case.load(), open_circuits or ())
+    point = loaded.initialize()
     model = linearize(point) if sparse is False else descriptor(point)
     few = sparse or (sparse is None and len(model.states) > LARGE)
     found = analyze(model, band if few else None)

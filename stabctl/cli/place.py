@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from . import options, shared
+from . import groups, options, shared
+from .grouped import grouped
 
 if TYPE_CHECKING:
     from stabctl.model.case import Case
@@ -32,8 +33,9 @@ Validate = Annotated[
 ]
 
 
+@grouped
 def place(
-    case: options.CaseName,
+    *,
     contingencies: File = None,
     sites: Sites = None,
     cap: Cap = "30%mva",
@@ -44,33 +46,24 @@ def place(
     step: options.Step = None,
     characteristic: options.Characteristic = "power",
     lag: options.Lag = "0s",
-    deadband: options.Deadband = 0.1,
-    min_voltage: options.MinVoltage = 0.8,
-    max_angle: options.Angle = 3.5,
-    min_frequency: options.MinFrequency = None,
-    max_frequency: options.MaxFrequency = None,
-    frequency_delay: options.FrequencyDelay = "1s",
+    law: groups.LawOptions,
+    stability: groups.StabilityOptions,
     validate: Validate = None,
     seed: options.Seed = 1,
     workers: options.Workers = None,
     report: Report = None,
-    settings: options.Set = None,
-    device: options.Device = None,
-    classical: options.Classical = False,
-    verbose: options.Verbose = False,
+    case: groups.CaseOptions,
     as_json: options.Json = False,
 ) -> None:
     """Find the cheapest storage fleet that survives every contingency in simulation."""
-    from stabctl.controllers import BangBang
     from stabctl.estimation.estimator_control import EstimatorControl
     from stabctl.placement.place import place
     from stabctl.placement.siting import Costs
 
     shared.folder(report)
-    loaded = shared.load(case, classical, settings, verbose)
-    chosen, source = _contingencies(loaded, case, contingencies, classical)
-    law = BangBang(deadband, min_voltage)
-    kalman = {validate: EstimatorControl(law, validate, seed=seed, engine="batched")} if validate else None
+    loaded = case.load()
+    chosen, source = _contingencies(loaded, case.case, contingencies, case.classical)
+    kalman = {validate: EstimatorControl(law.law(), validate, seed=seed, engine="batched")} if validate else None
     with shared.progress("siting", None) as tell:
         found = place(
             loaded,
@@ -78,11 +71,11 @@ def place(
             cap=cap,
             costs=Costs(cost_mw, cost_site, cost_mwh),
             sites=sites,
-            control=law,
+            control=law.law(),
             device={"characteristic": characteristic, "lag": shared.lag(lag, loaded)},
             observe=observe,
             step=step,
-            criterion=shared.criterion(loaded, max_angle, min_frequency, max_frequency, frequency_delay),
+            criterion=stability.criterion(loaded),
             validate=kalman,
             workers=workers,
             progress=lambda runs, cost: tell(None, f"{runs} simulations, lowest cost {cost:.4g}"),

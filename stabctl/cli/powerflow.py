@@ -6,25 +6,25 @@ from typing import Annotated, Any
 
 import typer
 
-from .options import CaseName, Classical, Device, Json, Set, Verbose
-from .shared import console, load, print_json
+from .grouped import grouped
+from .groups import CaseOptions
+from .options import Json
+from .shared import console, print_json
 
 Branches = Annotated[bool, typer.Option("--branches", help="Also print the branch flows.")]
 
 
+@grouped
 def powerflow(
-    case: CaseName,
+    *,
     branches: Branches = False,
-    settings: Set = None,
-    device: Device = None,
-    classical: Classical = False,
-    verbose: Verbose = False,
+    case: CaseOptions,
     as_json: Json = False,
 ) -> None:
     """Solve the power flow."""
     from stabctl.model import powerflow
 
-    flow = powerflow.solve(load(case, classical, settings, verbose))
+    flow = powerflow.solve(case.load())
     c = flow.case
     made = dict.fromkeys((b.bus for b in c.buses), 0j)
     for m, S in zip(c.machines, flow.S, strict=True):

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from . import options, shared
+from . import groups, options, shared
+from .grouped import grouped
 
 if TYPE_CHECKING:
     from stabctl.clearing import Screen
@@ -14,48 +15,39 @@ Below = Annotated[str | None, typer.Option("--below", help="List only pairs with
 Out = Annotated[Path | None, typer.Option("--out", help="Write the pairs to FILE.csv.")]
 
 
+@grouped
 def screen(
-    case: options.CaseName,
+    *,
     below: Below = None,
-    settings: options.Set = None,
-    device: options.Device = None,
     resolution: options.Resolution = "0.125cyc",
     limit: options.Limit = "60cyc",
     observe: options.Observe = "5s",
     step: options.Step = None,
     control: options.Control = None,
-    storage: options.Size = None,
-    storage_at: options.SizeAt = None,
-    characteristic: options.Characteristic = "power",
-    lag: options.Lag = "0s",
-    deadband: options.Deadband = 0.1,
-    min_voltage: options.MinVoltage = 0.8,
-    max_angle: options.Angle = 3.5,
-    min_frequency: options.MinFrequency = None,
-    max_frequency: options.MaxFrequency = None,
-    frequency_delay: options.FrequencyDelay = "1s",
+    storage: groups.StorageOptions,
+    law: groups.LawOptions,
+    stability: groups.StabilityOptions,
     workers: options.Workers = None,
     out: Out = None,
-    classical: options.Classical = False,
-    verbose: options.Verbose = False,
+    case: groups.CaseOptions,
     as_json: options.Json = False,
 ) -> None:
     """Find the critical clearing times of faults at both ends of every line, cleared by opening it; shortest first."""
     from stabctl.clearing import screen
 
     shared.file(out, ".csv")
-    loaded = shared.load(case, classical, settings, verbose)
-    point = shared.start(loaded, storage, storage_at, characteristic=characteristic, lag=lag)
+    loaded = case.load()
+    point = storage.initialize(loaded)
     with shared.progress("screening", 1.0) as tell:
         found = screen(
             point,
             below,
-            control=shared.law(point.case, control, deadband, min_voltage),
+            control=law.chosen(point.case, control),
             resolution=resolution,
             limit=limit,
             observe=observe,
             step=step,
-            criterion=shared.criterion(loaded, max_angle, min_frequency, max_frequency, frequency_delay),
+            criterion=stability.criterion(loaded),
             workers=workers,
             progress=lambda done, total: tell(done / total),
         )

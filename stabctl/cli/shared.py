@@ -12,32 +12,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from stabctl.controllers import BangBang
-    from stabctl.dynamics.operating_point import OperatingPoint
-    from stabctl.estimation.estimator_control import EstimatorControl
-    from stabctl.estimation.estimators import Engine
-    from stabctl.estimation.pmu import Pmu
     from stabctl.model.case import Case
-    from stabctl.simulation.criterion import Criterion
     from stabctl.simulation.events import Event
-
-
-def load(name: str, classical: bool = False, settings: Iterable[str] | None = None, verbose: bool = False) -> "Case":
-    """The case with its settings (`pss.1.K=10`) applied; its warnings go to stderr."""
-    from stabctl import io
-    from stabctl.errors import StudyError
-
-    case, values = io.load(name), {}
-    known = case.warnings if name in io.packaged() and not verbose else ()
-    for text in settings or ():
-        path, given, value = text.partition("=")
-        if not given:
-            raise StudyError(f"--set {text!r} is not allowed; write PATH=VALUE, as in --set pss.1.K=10.")
-        values[path.strip()] = value.strip()
-    case = case.set(values) if values else case
-    case = case.classical() if classical else case
-    warn([sentence for sentence in case.warnings if sentence not in known], verbose)
-    return case
 
 
 def warn(sentences: Sequence[str], verbose: bool) -> None:
@@ -47,19 +23,6 @@ def warn(sentences: Sequence[str], verbose: bool) -> None:
     if len(sentences) > 1 and not verbose:
         more = "another warning" if len(sentences) == 2 else f"{len(sentences) - 1} more warnings"
         print(f"stabctl: {more}; --verbose prints all {len(sentences)}.", file=sys.stderr)
-
-
-def start(case: "Case", storage: str | None = None, storage_at: str | None = None, **options: Any) -> "OperatingPoint":
-    """The operating point of the case with its storage devices; options are columns of their table."""
-    from stabctl.dynamics.coerce import initialize
-    from stabctl.errors import StudyError
-
-    if storage is not None and storage_at is not None:
-        raise StudyError("--storage and --storage-at cannot be used together; give one of them.")
-    if "lag" in options:
-        options["lag"] = lag(options["lag"], case)
-    sizes = storage if storage is not None else storage_at
-    return initialize(case if sizes is None else case.with_storage(sizes, **options))
 
 
 def lag(time: str | float, case: "Case") -> float:
@@ -116,38 +79,6 @@ def folder(path: Path | None) -> None:
         raise StudyError(f"Cannot write a report to {path} because {there} is not writable; choose another folder.")
 
 
-def law(case: "Case", control: str | None, deadband: float, min_voltage: float) -> "BangBang | None":
-    """The control law: bang-bang if there is storage, unless another is given."""
-    from stabctl.controllers import BangBang
-    from stabctl.errors import StudyError
-
-    if control == "bang-bang" and not case.storage:
-        raise StudyError("--control bang-bang needs storage devices; give --storage or --storage-at.")
-    steering = BangBang(deadband, min_voltage)
-    return steering if (control or ("bang-bang" if case.storage else "none")) == "bang-bang" else None
-
-
-def pmu(rate: int, noise_mrad: float, latency_ms: float, loss: float) -> "Pmu":
-    """The PMUs of the options."""
-    from stabctl.estimation.pmu import Pmu
-
-    return Pmu.noisy(rate, noise_mrad, latency_ms, loss)
-
-
-def steering(
-    law: "BangBang | None", estimator: str, pmu: "Pmu", seed: int, engine: "Engine" = "filterpy"
-) -> "BangBang | EstimatorControl | None":
-    """The control of the storage: the law itself where the estimator is ideal, else the law with estimated speeds."""
-    if estimator == "ideal":
-        return law
-    from stabctl.errors import StudyError
-    from stabctl.estimation.estimator_control import EstimatorControl
-
-    if law is None:
-        raise StudyError(f"--estimator {estimator} needs storage devices under control; give --storage.")
-    return EstimatorControl(law, estimator, pmu, seed=seed, engine=engine)
-
-
 def impedance(text: str) -> complex:
     """A fault impedance written as R,X (pu)."""
     from stabctl.errors import StudyError
@@ -161,19 +92,6 @@ def impedance(text: str) -> complex:
             f"--fault-impedance {text!r} is not allowed; write R,X in pu, such as 0.01,0.05, with R at least 0."
         )
     return complex(r, x)
-
-
-def criterion(case: "Case", max_angle: float, low: float | None, high: float | None, delay: str | float) -> "Criterion":
-    """The criterion of stability with this angle (rad), and range of frequency (Hz)."""
-    from stabctl.errors import StudyError
-    from stabctl.simulation.criterion import DEFAULT
-    from stabctl.units import seconds
-
-    if not max_angle > 0:
-        raise StudyError(f"--max-angle {max_angle:g} rad is not allowed; it must be more than 0.")
-    hz, given = case.frequency_hz, {"min_frequency": low, "max_frequency": high}
-    limits = {name: value / hz for name, value in given.items() if value is not None}
-    return DEFAULT._replace(max_angle=max_angle, frequency_delay_s=seconds(delay, hz), **limits)
 
 
 def print_json(record: dict[str, Any]) -> None:

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from . import options, shared
+from . import groups, options, shared
+from .grouped import grouped
 
 if TYPE_CHECKING:
     from stabctl.simulation.trajectory import Trajectory
@@ -22,8 +23,9 @@ Plot = Annotated[
 ]
 
 
+@grouped
 def simulate(
-    case: options.CaseName,
+    *,
     fault: FaultOrNone = None,
     clear: Clear = None,
     trip: options.Trip = None,
@@ -32,31 +34,17 @@ def simulate(
     opened: options.Open = None,
     tripped: options.TripMachine = None,
     stepped: options.LoadStep = None,
-    settings: options.Set = None,
-    device: options.Device = None,
     step: options.Step = None,
     control: options.Control = None,
-    storage: options.Size = None,
-    storage_at: options.SizeAt = None,
-    characteristic: options.Characteristic = "power",
-    lag: options.Lag = "0s",
-    deadband: options.Deadband = 0.1,
-    min_voltage: options.MinVoltage = 0.8,
+    storage: groups.StorageOptions,
+    law: groups.LawOptions,
     fault_impedance: options.FaultImpedance = "0,0",
-    max_angle: options.Angle = 3.5,
-    min_frequency: options.MinFrequency = None,
-    max_frequency: options.MaxFrequency = None,
-    frequency_delay: options.FrequencyDelay = "1s",
+    stability: groups.StabilityOptions,
     estimator: options.Estimator = "ideal",
-    pmu_rate: options.PmuRate = 60,
-    pmu_noise_mrad: options.PmuNoise = 2.0,
-    latency_ms: options.Latency = 50.0,
-    loss: options.Loss = 0.02,
-    seed: options.Seed = 1,
+    pmu: groups.PmuOptions,
     out: Out = None,
     plot: Plot = None,
-    classical: options.Classical = False,
-    verbose: options.Verbose = False,
+    case: groups.CaseOptions,
     as_json: options.Json = False,
 ) -> None:
     """Simulate a fault and its clearing, or other events, and tell whether the system stays stable."""
@@ -72,20 +60,19 @@ def simulate(
     shared.file(out, ".csv", ".nc")
     shared.file(plot, ".png", ".svg")
     through = shared.impedance(fault_impedance)
-    loaded = shared.load(case, classical, settings, verbose)
+    loaded = case.load()
     events = shared.events(loaded, opened, tripped, stepped)
     contingency = Contingency(fault, clear, trip or (), at=at, impedance=through, events=events)
-    point = shared.start(loaded, storage, storage_at, characteristic=characteristic, lag=lag)
-    law = shared.law(point.case, control, deadband, min_voltage)
-    pmu = shared.pmu(pmu_rate, pmu_noise_mrad, latency_ms, loss)
+    point = storage.initialize(loaded)
+    steering = pmu.steering(law.chosen(point.case, control), estimator)
     with shared.progress("simulating", seconds(until, loaded.frequency_hz)) as tell:
         result = simulate(
             point,
             contingency,
             until,
-            control=shared.steering(law, estimator, pmu, seed),
+            control=steering,
             step=step,
-            criterion=shared.criterion(loaded, max_angle, min_frequency, max_frequency, frequency_delay),
+            criterion=stability.criterion(loaded),
             record=out is not None or plot is not None,
             progress=tell,
         )

@@ -1,0 +1,137 @@
+"""Options that belong together, as records that make what they describe."""
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from . import options, shared
+
+if TYPE_CHECKING:
+    from stabctl.controllers import BangBang
+    from stabctl.dynamics.operating_point import OperatingPoint
+    from stabctl.estimation.estimator_control import EstimatorControl
+    from stabctl.estimation.estimators import Engine
+    from stabctl.estimation.pmu import Pmu
+    from stabctl.model.case import Case
+    from stabctl.simulation.criterion import Criterion
+
+
+class CaseOptions(NamedTuple):
+    """A case, and its changes."""
+
+    case: options.CaseName
+    settings: options.Set = None
+    device: options.Device = None
+    classical: options.Classical = False
+    verbose: options.Verbose = False
+
+    def load(self) -> "Case":
+        """The case with its settings (`pss.1.K=10`) applied; its warnings go to stderr."""
+        from stabctl import io
+        from stabctl.errors import StudyError
+
+        case, values = io.load(self.case), {}
+        known = case.warnings if self.case in io.packaged() and not self.verbose else ()
+        for text in self.settings or ():
+            path, given, value = text.partition("=")
+            if not given:
+                raise StudyError(f"--set {text!r} is not allowed; write PATH=VALUE, as in --set pss.1.K=10.")
+            values[path.strip()] = value.strip()
+        case = case.set(values) if values else case
+        case = case.classical() if self.classical else case
+        shared.warn([sentence for sentence in case.warnings if sentence not in known], self.verbose)
+        return case
+
+
+class StorageOptions(NamedTuple):
+    """Storage devices in place of the case's own."""
+
+    storage: options.Size = None
+    storage_at: options.SizeAt = None
+    characteristic: options.Characteristic = "power"
+    lag: options.Lag = "0s"
+
+    def initialize(self, case: "Case") -> "OperatingPoint":
+        """The operating point of the case with these devices."""
+        from stabctl.dynamics.coerce import initialize
+        from stabctl.errors import StudyError
+
+        if self.storage is not None and self.storage_at is not None:
+            raise StudyError("--storage and --storage-at cannot be used together; give one of them.")
+        sizes = self.storage if self.storage is not None else self.storage_at
+        if sizes is not None:
+            lag = shared.lag(self.lag, case)
+            case = case.with_storage(sizes, characteristic=self.characteristic, lag=lag)
+        return initialize(case)
+
+
+class LawOptions(NamedTuple):
+    """The control law of the storage devices."""
+
+    deadband: options.Deadband = 0.1
+    min_voltage: options.MinVoltage = 0.8
+
+    def law(self) -> "BangBang":
+        """Bang-bang with these settings."""
+        from stabctl.controllers import BangBang
+
+        return BangBang(self.deadband, self.min_voltage)
+
+    def chosen(self, case: "Case", control: str | None) -> "BangBang | None":
+        """Bang-bang if the case has storage devices, unless --control says otherwise."""
+        from stabctl.errors import StudyError
+
+        if control == "bang-bang" and not case.storage:
+            raise StudyError("--control bang-bang needs storage devices; give --storage or --storage-at.")
+        law = self.law()
+        return law if (control or ("bang-bang" if case.storage else "none")) == "bang-bang" else None
+
+
+class StabilityOptions(NamedTuple):
+    """What counts as loss of stability."""
+
+    max_angle: options.Angle = 3.5
+    min_frequency: options.MinFrequency = None
+    max_frequency: options.MaxFrequency = None
+    frequency_delay: options.FrequencyDelay = "1s"
+
+    def criterion(self, case: "Case") -> "Criterion":
+        """The criterion, its frequencies in pu of the case's."""
+        from stabctl.errors import StudyError
+        from stabctl.simulation.criterion import DEFAULT
+        from stabctl.units import seconds
+
+        if not self.max_angle > 0:
+            raise StudyError(f"--max-angle {self.max_angle:g} rad is not allowed; it must be more than 0.")
+        hz, given = case.frequency_hz, {"min_frequency": self.min_frequency, "max_frequency": self.max_frequency}
+        limits = {name: value / hz for name, value in given.items() if value is not None}
+        delay = seconds(self.frequency_delay, hz)
+        return DEFAULT._replace(max_angle=self.max_angle, frequency_delay_s=delay, **limits)
+
+
+class PmuOptions(NamedTuple):
+    """The PMUs."""
+
+    pmu_rate: options.PmuRate = 60
+    pmu_noise_mrad: options.PmuNoise = 2.0
+    latency_ms: options.Latency = 50.0
+    loss: options.Loss = 0.02
+    seed: options.Seed = 1
+
+    def pmu(self) -> "Pmu":
+        """PMUs with this noise."""
+        from stabctl.estimation.pmu import Pmu
+
+        return Pmu.noisy(self.pmu_rate, self.pmu_noise_mrad, self.latency_ms, self.loss)
+
+    def steering(
+        self, law: "BangBang | None", estimator: options.Estimator, engine: "Engine" = "filterpy"
+    ) -> "BangBang | EstimatorControl | None":
+        """The control of the storage: the law itself if the estimator is ideal, else the law with estimated speeds."""
+        pmu = self.pmu()
+        if estimator == "ideal":
+            return law
+        from stabctl.errors import StudyError
+        from stabctl.estimation.estimator_control import EstimatorControl
+
+        if law is None:
+            raise StudyError(f"--estimator {estimator} needs storage devices under control; give --storage.")
+        return EstimatorControl(law, estimator, pmu, seed=self.seed, engine=engine)
