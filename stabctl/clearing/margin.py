@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stabctl.simulation.outcome import Kind
+from stabctl.simulation.separation import ahead
 from stabctl.simulation.trajectory import Trajectory
 
 
@@ -45,10 +46,8 @@ def _equivalent(trajectory: Trajectory) -> tuple[np.ndarray, float]:
     """Speed (rows, pu) of the group of machines that is lost against the others, and inertia (s) of the equivalent."""
     H, numbers = trajectory.point.inertia, trajectory.point.rotor_numbers
     end = trajectory.arrays.angle[-1] - trajectory.arrays.angle[0]
-    order = np.argsort(end)
-    ahead = np.zeros(len(H), bool)
-    ahead[order[np.argmax(np.diff(end[order])) + 1 :]] = True
-    lost = next((i for i, number in enumerate(numbers) if number == trajectory.outcome.machine), order[-1])
-    share = np.where(ahead, H / H[ahead].sum(), -H / H[~ahead].sum())
+    first = ahead(end)
+    lost = next((i for i, number in enumerate(numbers) if number == trajectory.outcome.machine), np.argmax(end))
+    share = np.where(first, H / H[first].sum(), -H / H[~first].sum())
     w = trajectory.arrays.speed @ share
-    return (w if ahead[lost] else -w), float(2 * H[ahead].sum() * H[~ahead].sum() / H.sum())
+    return (w if first[lost] else -w), float(2 * H[first].sum() * H[~first].sum() / H.sum())

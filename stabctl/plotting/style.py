@@ -46,7 +46,7 @@ def tidy(ax: "Axes") -> None:
 
 def legend_beside(ax: "Axes", labels: Sequence[str]) -> None:
     """Put a legend to the right of the axes, if there are few enough lines to tell apart."""
-    if 0 < len(labels) <= len(COLORS):
+    if 0 < len(labels) <= len(COLORS) + 3:
         ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize="small")
 
 

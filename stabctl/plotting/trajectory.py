@@ -8,7 +8,7 @@ import numpy as np
 from stabctl.errors import StudyError
 from stabctl.simulation.trajectory import Trajectory
 
-from .style import COLORS, legend_beside, single, subplots
+from .style import COLORS, GRAY, legend_beside, single, subplots
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,6 +21,8 @@ LABELS = {
     "power": "electrical power (MW)",
     "storage": "storage power absorbed (MW)",
 }
+JUMPING = "voltage", "power"  # signals that jump at events
+MANY = "#2a6f9e"  # of curves that are too many to tell apart
 LEAST = {"speed": 0.01, "angle": 1.0, "voltage": 0.01, "power": 1.0, "storage": 1.0}  # smallest range of an axis
 
 
@@ -107,19 +109,62 @@ def storage(run: Trajectory, machines: Sequence[int] | None = None) -> "Figure":
 
 
 def _draw(ax: "Axes", run: Trajectory, signal: str, machines: Sequence[int] | None, legend: bool = True) -> None:
-    """Draw the curves of a signal: each in its own color if they are few, else only the unstable machine stands out."""
+    """Draw the curves of a signal: each in its own color if they are few, else those of machines that are unstable."""
     values, names, owners = _signal(run, signal, machines)
-    few, lost = len(names) <= len(COLORS), run.outcome.machine
-    for column, name, owner in zip(values.T, names, owners, strict=True):
-        marked = not few and owner == lost
-        look = {} if few else {"color": COLORS[1] if marked else COLORS[0], "linewidth": 1.3 if marked else 0.6}
-        ax.plot(run.time, column, **{"linewidth": 1.3} | look, label=name if few or marked else None)
+    colors = _colors(names, owners, run.unstable_machines)
+    times, values = _with_jumps(run, values) if signal in JUMPING else (run.time, values)
+    thin = [color in (GRAY, MANY) for color in colors]
+    for k in sorted(range(len(names)), key=thin.__getitem__):
+        look = {"linewidth": 0.6, "zorder": 1.9} if thin[k] else {"linewidth": 1.3}
+        ax.plot(times, values[:, k], color=colors[k], label=None if thin[k] else names[k], **look)
+    if GRAY in colors:
+        ax.lines[-1].set_label("the others")
+    _mark_events(ax, run)
     ax.set_ylabel(LABELS[signal])
     low, high = ax.get_ylim()
     if high - low < LEAST[signal]:
         ax.set_ylim((low + high - LEAST[signal]) / 2, (low + high + LEAST[signal]) / 2)
     if legend:
         legend_beside(ax, ax.get_legend_handles_labels()[1])
+
+
+def _colors(names: Sequence[str], owners: Sequence[int], unstable: Sequence[int]) -> list[str]:
+    """A color for each curve: of its own if the curves are few; of many, those of unstable machines, the rest gray."""
+    if len(names) <= len(COLORS):
+        return list(COLORS[: len(names)])
+    marked = [owner in unstable for owner in owners]
+    if not 0 < sum(marked) < len(COLORS):  # none, or more than can be told apart
+        return [COLORS[1] if one else MANY for one in marked]
+    own = iter(COLORS[1:])
+    return [next(own) if one else GRAY for one in marked]
+
+
+def _with_jumps(run: Trajectory, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Instants and values with the value before every event held up to it, so that no slope is drawn to the next."""
+    at = [np.searchsorted(run.time, change.at - 1e-9) for change in run.happened.changes[1:]]
+    rows = [row for row in at if 0 < row < len(run.time)]
+    return np.insert(run.time, rows, run.time[rows]), np.insert(values, rows, values[[r - 1 for r in rows]], axis=0)
+
+
+def _mark_events(ax: "Axes", run: Trajectory) -> None:
+    """Shade the time with a fault on, and draw a line at every other event within the run."""
+    end = run.time[-1] if len(run.time) else 0.0
+    changes = [change for change in run.happened.changes if change.at <= end]
+    labels, faulted = dict.fromkeys(("fault on", "clearing", "switching"), True), False  # each once
+    for now, later in zip(changes, [*changes[1:], None], strict=True):
+        if now.switching.faulted:
+            off = later.at if later else end
+            look = {"color": COLORS[4], "alpha": 0.35, "linewidth": 0}
+            ax.axvspan(now.at, off, label=_once(labels, "fault on"), **look)
+        elif now.at > 0:
+            label = _once(labels, "clearing" if faulted else "switching")
+            ax.axvline(now.at, color=GRAY, linestyle=":", linewidth=1, zorder=1.5, label=label)
+        faulted = now.switching.faulted
+
+
+def _once(labels: dict[str, bool], name: str) -> str | None:
+    """The label at its first use, later none."""
+    return name if labels.pop(name, False) else None
 
 
 def _signal(run: Trajectory, signal: str, machines: Sequence[int] | None) -> Signal:
@@ -131,8 +176,8 @@ def _signal(run: Trajectory, signal: str, machines: Sequence[int] | None) -> Sig
     else:
         column_of = {b.bus: k for k, b in enumerate(case.buses)}
         values = {
-            "speed": lambda: run.arrays.speed * case.frequency_hz,
-            "angle": lambda: np.rad2deg(run.arrays.angle - _coi_angle(run)[:, None]),
+            "speed": lambda: np.where(run.on, run.arrays.speed * case.frequency_hz, np.nan),
+            "angle": lambda: np.where(run.on, np.rad2deg(run.arrays.angle - _coi_angle(run)[:, None]), np.nan),
             "voltage": lambda: np.abs(run.arrays.V[:, [column_of[m.storage_bus] for m in case.machines]]),
             "power": lambda: run.arrays.P,
         }[signal]()
@@ -146,6 +191,7 @@ def _signal(run: Trajectory, signal: str, machines: Sequence[int] | None) -> Sig
 
 
 def _coi_angle(run: Trajectory) -> np.ndarray:
-    """Angle of the center of inertia of all machines (rows), rad."""
-    H = run.point.inertia
-    return run.arrays.angle @ H / H.sum() if len(H) else np.zeros(len(run.time))
+    """Angle of the center of inertia of the machines that are on (rows), rad."""
+    H = run.point.inertia * run.on
+    total = H.sum(axis=1)
+    return np.divide((H * run.arrays.angle).sum(axis=1), total, out=np.zeros(len(total)), where=total > 0)

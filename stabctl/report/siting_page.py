@@ -22,7 +22,7 @@ def page(siting: Siting) -> str:
         contingencies=list(_contingencies(siting)),
         variations=[_variation(siting, row) for row in siting.evidence],
         ratings=svg(figures.plot(siting), "Storage ratings by site") if siting.candidates else None,
-        convergence=svg(figures.convergence(siting), "Cost by iteration") if siting.history else None,
+        convergence=svg(figures.convergence(siting), "Cost by iteration") if len(siting.history) > 1 else None,
     )
 
 

@@ -19,7 +19,7 @@ from .plant import newton_space, space
 from .sampled import Sampled, carry
 from .timeline import timeline
 from .topology import stage
-from .trajectory import Trajectory
+from .trajectory import Happened, Trajectory
 from .wired import wired
 
 STEP = 1 / 120  # s   default
@@ -60,6 +60,7 @@ class Simulation:
         self._verdict = stepper.DONE
         self._finished: Trajectory | None = None
         self._at = 0
+        self._off = np.full(len(point.case.machines), np.inf)
         while self._at + 1 < len(self.changes) and self.changes[self._at + 1].at <= start + 1e-9:
             self._at += 1
         self.wired = wired(point, control)
@@ -127,11 +128,14 @@ class Simulation:
         peak = self._space.angles[1].copy()
         for array in (rows, times, peak):
             array.setflags(write=False)
-        self._finished = Trajectory(self.point, self.outcome, times, rows, peak, self.step, self.steps, self.wall_s)
+        happened = Happened(self.changes[: self._at + 1], self._off.copy(), self._stage.net.island)
+        cost = self.step, self.steps, self.wall_s
+        self._finished = Trajectory(self.point, self.outcome, times, rows, peak, happened, *cost)
         return self._finished
 
     def _enter(self) -> None:
         self._stage = stage(self.point, self.changes[self._at].switching)
+        self._off[(self._stage.net.island < 0) & np.isinf(self._off)] = self.time
         self._program = self.wired.program
         if self._stage.loads:
             k = self._program.k.copy()

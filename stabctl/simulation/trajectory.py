@@ -4,7 +4,7 @@ import io
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -15,10 +15,20 @@ from stabctl.errors import StudyError
 
 from .arrays import Arrays
 from .outcome import Outcome
+from .separation import group
+from .timeline import Change
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
+
+
+class Happened(NamedTuple):
+    """What happened to the network during a run."""
+
+    changes: tuple[Change, ...]  # the network after every event
+    off_s: np.ndarray  # (units) s   instant from which a unit was off; infinite if it never was
+    island: np.ndarray  # (units) its island at the end, -1 where it is off
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -37,6 +47,8 @@ class Trajectory:
         All signals at every instant (rows, signals); `arrays` names them.
     peak
         Largest change of angle against the COI of the island (rotor units), rad.
+    happened
+        Events and their effects on the units.
     step, steps, wall_s
         Time step (s), number of steps, and computing time (s).
     """
@@ -46,6 +58,7 @@ class Trajectory:
     time: np.ndarray
     rows: np.ndarray
     peak: np.ndarray
+    happened: Happened
     step: float
     steps: int
     wall_s: float
@@ -56,6 +69,22 @@ class Trajectory:
     def arrays(self) -> Arrays:
         """The signals as plain arrays."""
         return Arrays(self.point, self.rows)
+
+    @cached_property
+    def on(self) -> np.ndarray:
+        """Was the unit of a rotor on (rows, rotor units)?"""
+        return self.time[:, None] < self.happened.off_s[self.point.rotors.unit] - 1e-9
+
+    @cached_property
+    def unstable_machines(self) -> tuple[int, ...]:
+        """Machines that lost synchronism with the rest of their island, on one side of the widest gap of angles."""
+        numbers, first = self.point.rotor_numbers, self.outcome.machine
+        if first is None or not len(self.rows):
+            return () if first is None else (first,)
+        lost, island = numbers.index(first), self.happened.island[self.point.rotors.unit]
+        angle = self.arrays.angle
+        found = group(angle[-1] - angle[0], lost, island == island[lost])
+        return tuple(number for number, out in zip(numbers, found, strict=True) if out)
 
     @property
     def speed(self) -> "xr.DataArray":
@@ -103,8 +132,8 @@ class Trajectory:
 
         case, a = self.point.case, self.arrays
         signals = {
-            "angle": ("machine", a.angle, "rad", "rotor angle against the synchronous frame"),
-            "speed": ("machine", a.speed, "pu", "rotor speed"),
+            "angle": ("machine", self._where_on(a.angle), "rad", "rotor angle against the synchronous frame"),
+            "speed": ("machine", self._where_on(a.speed), "pu", "rotor speed"),
             "field_voltage": ("machine", a.Efd, "pu", "field voltage"),
             "mechanical_power": ("machine", a.Pm, "pu", "mechanical power, machine base"),
             "electrical_power": ("unit", a.P, "MW", "terminal power"),
@@ -130,12 +159,13 @@ class Trajectory:
 
     @cached_property
     def df(self) -> "pd.DataFrame":
-        """A row per step: time_s, then speed_pu, angle_rad of the machines, voltage_pu of the buses, storage_mw."""
+        """A row per step: time_s; of machines speed_pu, angle_rad (NaN once off); of buses voltage_pu; storage_mw."""
         import pandas as pd
 
         case, a = self.point.case, self.arrays
         columns: dict[str, np.ndarray] = {"time_s": self.time}
-        for name, values in (("speed_pu", a.speed), ("angle_rad", a.angle)):
+        for name, given in (("speed_pu", a.speed), ("angle_rad", a.angle)):
+            values = self._where_on(given)
             columns |= {f"{name}:{m}": values[:, i] for i, m in enumerate(self.point.rotor_numbers)}
         size = np.abs(a.V)
         columns |= {f"voltage_pu:{b.bus}": size[:, i] for i, b in enumerate(case.buses)}
@@ -144,6 +174,10 @@ class Trajectory:
             name = f"storage_mw:{s.machine}"
             total[name] = total.get(name, 0.0) + a.storage[:, j]
         return pd.DataFrame(columns | total)
+
+    def _where_on(self, values: np.ndarray) -> np.ndarray:
+        """Values of rotor units (rows, rotor units), NaN from the instant on at which a unit is off."""
+        return np.where(self.on, values, np.nan)
 
     def save(self, path: str | Path) -> Path:
         """Write atomically to a .csv or NetCDF (.nc) file, by its suffix; returns the path."""

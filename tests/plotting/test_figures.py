@@ -42,6 +42,15 @@ def runs(points, cases):
     return {"without storage": bare, "with 50 MW storage": held}
 
 
+def legend(ax):
+    return [text.get_text() for text in ax.get_legend().texts]
+
+
+def curves(ax, found):
+    """The curves of signals, without the lines at events."""
+    return [line for line in ax.lines if len(line.get_xdata()) >= len(found.time)]
+
+
 def test_the_check_sees_labels_that_overlap_or_reach_out():
     figure, _ = style.subplots(4, 3)
     assert crowded(figure) == []
@@ -56,15 +65,58 @@ def test_simulations(runs):
     for figure in (*drawn, trajectory.compare(runs), trajectory.storage(held), trajectory.overview(held)):
         assert crowded(figure) == []
     speed = trajectory.plot(bare, machines=[2, 4])
-    assert np.array_equal([line.get_ydata() for line in speed.lines], 60 * bare.speed[:, [1, 3]].T)
-    assert [text.get_text() for text in speed.get_legend().texts] == ["machine 2", "machine 4"]
+    assert np.array_equal([line.get_ydata() for line in curves(speed, bare)], 60 * bare.speed[:, [1, 3]].T)
+    assert legend(speed) == ["machine 2", "machine 4", "fault on", "clearing"]
 
 
 def test_the_unstable_machine_stands_out_among_many(points):
     found = run(points("wnaps"), Contingency("83", "6cyc", "83-33"), 3.0)
     figure = trajectory.overview(found)
     assert crowded(figure) == []
-    assert [text.get_text() for text in figure.axes[0].get_legend().texts] == ["machine 14"]
+    assert legend(figure.axes[0]) == ["machine 14", "the others", "fault on", "clearing"]
+    own, *others = curves(figure.axes[0], found)
+    assert own.get_color() != style.GRAY
+    assert {line.get_color() for line in others} == {style.GRAY}
+    fault = figure.axes[0].patches[0].get_extents().transformed(figure.axes[0].transData.inverted())
+    assert (fault.x0, fault.x1) == pytest.approx((1.0, 1.1))
+
+
+def test_all_machines_of_the_group_that_is_lost_stand_out(points):
+    found = run(points("wnaps"), Contingency("102", "40cyc", "84-28"), 6.0)
+    assert found.outcome.machine in found.unstable_machines
+    angle, numbers = found.arrays.angle[-1] - found.arrays.angle[0], found.point.rotor_numbers
+    out = np.isin(numbers, found.unstable_machines)
+    gap = min(angle[out].min() - angle[~out].max(), 9.0) if angle[out].min() > angle[~out].min() else 0.0
+    assert gap == pytest.approx(min(np.diff(np.sort(angle)).max(), 9.0))
+    assert legend(trajectory.plot(found))[: out.sum()] == [f"machine {n}" for n in found.unstable_machines]
+
+
+@pytest.mark.parametrize("size", [(4, 3), (8, 4), (16, 9)])
+def test_labels_keep_apart_at_every_size(points, size):
+    found = run(points("wnaps"), Contingency("83", "6cyc", "83-33"), 3.0)
+    _, ax = plt.subplots(figsize=size, layout="constrained")
+    assert crowded(trajectory.plot(found, ax=ax)) == []
+
+
+def test_no_slope_before_a_fault_and_no_curve_of_a_machine_that_is_off(runs, points):
+    bare = runs["without storage"]
+    for line in curves(trajectory.plot(bare, "voltage"), bare):
+        x, y = line.get_data()
+        rows = (bare.time < 1 - 1e-9).sum()
+        assert x[rows] == x[rows + 1] == pytest.approx(1.0)  # the value before the fault, held up to it
+        assert np.ptp(y[: rows + 1]) < 1e-6
+        assert abs(y[rows + 1] - y[rows]) > 0.05
+    tripped = run(points("wnaps"), "14@1s", 2.0)
+    row = tripped.point.rotor_numbers.index(14)
+    off = tripped.time >= 1.0
+    for shown in (
+        curves(trajectory.plot(tripped), tripped)[row].get_ydata(),
+        tripped.df["speed_pu:14"].to_numpy(),
+        tripped.angle.sel(machine=14).to_numpy(),
+    ):
+        assert np.isnan(shown[off]).all()
+        assert np.isfinite(shown[~off]).all()
+    assert np.isfinite(tripped.speed.sel(machine=13)).all()
 
 
 def test_a_signal_that_is_not_there_is_a_sentence(runs):

@@ -58,6 +58,11 @@ def cells(page, heading):
     return [[unescape(cell) for cell in re.findall(r"<td[^>]*>(.*?)</td>", row)] for row in rows]
 
 
+def test_a_single_iteration_is_no_chart(siting):
+    assert "Cost by iteration" in siting_page.page(siting)
+    assert "Cost by iteration" not in siting_page.page(replace(siting, history=siting.history[:1]))
+
+
 def test_the_page_says_what_the_record_holds(siting, tmp_path):
     path = siting_page.write(siting, tmp_path / "new")
     page = path.read_text(encoding="utf-8")
