@@ -4,9 +4,11 @@ import sys
 from functools import cache
 from pathlib import Path
 
+import environment  # noqa: F401
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
+from terminal import said
 
 from stabctl import cli, io
 from stabctl.dynamics import operating_point
@@ -49,6 +51,6 @@ def stabctl(monkeypatch, capsys):
         with pytest.raises(SystemExit) as stop:
             cli.main()
         out, err = capsys.readouterr()
-        return stop.value.code, out, err
+        return stop.value.code, out, said(err)
 
     return call

@@ -7,14 +7,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
 import stabctl as st
-
-matplotlib.use("agg")
 
 TOLD = {
     "speeds": "7-8",

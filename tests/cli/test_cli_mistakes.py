@@ -123,6 +123,8 @@ def test_an_interruption_is_one_line(stabctl, monkeypatch, words):
     def interrupt(*_):
         raise KeyboardInterrupt
 
+    import stabctl.theory.phase  # which keeps the function it finds
+
     for work in ("stabctl.io.load", "stabctl.theory.omib.table1", "stabctl.sweep.store.rows"):
         monkeypatch.setattr(work, interrupt)
     assert stabctl(*words) == (130, "", "stabctl: interrupted.\n")

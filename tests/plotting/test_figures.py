@@ -1,6 +1,5 @@
 """Every kind of figure: labels apart and inside it, curves that are the result's numbers."""
 
-import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -23,8 +22,6 @@ from stabctl.theory.omib import OMIB
 from stabctl.theory.phase import portrait
 from stabctl.theory.shooting import by_shooting
 from stabctl.theory.two_machine import Equivalent
-
-matplotlib.use("agg")
 
 
 @pytest.fixture(autouse=True)

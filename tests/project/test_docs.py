@@ -23,6 +23,7 @@ from typing import Annotated, get_args, get_origin, get_type_hints
 
 import pytest
 from markdown_it import MarkdownIt
+from terminal import said
 
 from stabctl import devices
 from stabctl.controllers import bang_bang, feedback
@@ -31,7 +32,7 @@ from stabctl.model.tables import TABLES
 ROOT = Path(__file__).resolve().parents[2]
 GENERATED = {"docs/models.md"}
 WRITTEN = sorted(p for p in (ROOT / "docs").glob("*.md") if f"docs/{p.name}" not in GENERATED)
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *WRITTEN]
+PAGES = [*(ROOT / f"{name}.md" for name in ("README", "CHANGELOG", "CONTRIBUTING")), *WRITTEN]
 each_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 
 
@@ -41,8 +42,7 @@ def tokens(page):
 
 def told(text):
     """The text without notes on compiling, padding, computing times and numbers below 1e-9."""
-    text = re.sub(r"^stabctl: compiling .*\n", "", text, flags=re.MULTILINE)
-    text = re.sub(r"(?<= steps in )[0-9.]+(?= s)|[0-9.]+(?= ms per frame)|[0-9.]+e-1\d", "0", text.strip("\n"))
+    text = re.sub(r"(?<= steps in )[0-9.]+(?= s)|[0-9.]+(?= ms per frame)|[0-9.]+e-1\d", "0", said(text).strip("\n"))
     text = re.sub(r"(?<= ms in )[0-9.]+(?= s)", "0", text)
     return "".join(re.sub(r" +│", " │", line).rstrip() + "\n" for line in text.splitlines())
 

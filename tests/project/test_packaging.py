@@ -4,25 +4,26 @@ import json
 import os
 import subprocess
 import sys
-import venv
 import zipfile
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
+ALONE = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory):
     """Python of a clean environment in which only the wheel and its dependencies are installed."""
     folder = tmp_path_factory.mktemp("wheel")
-    command = [sys.executable, "-m", "build", "--wheel", "--outdir", folder, ROOT]
-    subprocess.run(command, check=True, capture_output=True)
-    venv.create(folder / "venv", with_pip=True)
     python = folder / "venv" / "bin" / "python"
+    told = {"check": True, "capture_output": True, "env": ALONE}
+    subprocess.run([sys.executable, "-m", "build", "--wheel", "--outdir", folder, ROOT], **told)
+    subprocess.run([sys.executable, ROOT / "tools" / "make_venv.py", folder / "venv"], **told)
     (wheel,) = folder.glob("*.whl")
-    subprocess.run([python, "-m", "pip", "install", "-q", wheel], check=True, capture_output=True)
+    subprocess.run([python, "-m", "pip", "install", "-q", wheel], **told)
     return python
 
 
@@ -37,9 +38,7 @@ def test_the_wheel_holds_templates_and_not_the_reproduction(installed):
 def test_a_case_runs_from_the_wheel(installed, tmp_path):
     """Also with the package read-only, as a system-wide installation is: the machine code goes to the user's cache."""
     program = installed.parent / "stabctl"
-    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"} | {
-        "XDG_CACHE_HOME": str(tmp_path / "cache")
-    }
+    environment = ALONE | {"XDG_CACHE_HOME": str(tmp_path / "cache")}
     told = {"capture_output": True, "text": True, "cwd": tmp_path, "env": environment}
     find = "import stabctl, pathlib; print(pathlib.Path(stabctl.__file__).parent)"
     done = subprocess.run([installed, "-c", find], check=True, **told)

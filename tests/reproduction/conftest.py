@@ -1,11 +1,8 @@
 """Pages in a browser; no figure outlives the test that draws it."""
 
-import matplotlib
 import matplotlib.pyplot as plt
 import pytest
 from browser import browse  # noqa: F401
-
-matplotlib.use("agg")
 
 
 @pytest.fixture(autouse=True)

@@ -1,6 +1,5 @@
 """The runner on small studies: failures are sentences, the page is written, long studies wait for --full."""
 
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -38,8 +37,7 @@ def reproduce(tmp_path):
         for name, text in scripts.items():
             (folder / name).write_text(text)
         command = [sys.executable, ROOT / "tools" / "reproduce.py", "--out", out, folder, *words]
-        environment = os.environ | {"PYTHONPATH": str(ROOT)}
-        done = subprocess.run(command, capture_output=True, text=True, env=environment)
+        done = subprocess.run(command, capture_output=True, text=True)
         return done.returncode, done.stdout, (out / "index.html").read_text()
 
     return go

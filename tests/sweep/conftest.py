@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
+from terminal import said
 
 from stabctl.sweep.result import ABOUT
 from stabctl.sweep.store import rows
@@ -60,13 +61,11 @@ class Sweep:
     """A sweep in a process of its own, leader of its own group as in a terminal."""
 
     def __init__(self, study, out, *words, **options):
-        environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
         self.out = out
         self.process = subprocess.Popen(
             [sys.executable, "-m", "stabctl", "sweep", "run", study, "--out", out, *words],
             stderr=subprocess.PIPE,
             text=True,
-            env=environment,
             start_new_session=True,
             **options,
         )
@@ -95,8 +94,8 @@ class Sweep:
 
     def end(self):
         """Its exit code and what it said."""
-        said = self.process.communicate(timeout=120)[1]
-        return self.process.returncode, said
+        error = self.process.communicate(timeout=120)[1]
+        return self.process.returncode, said(error)
 
 
 @pytest.fixture

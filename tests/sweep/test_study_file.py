@@ -123,7 +123,7 @@ def test_keys_are_the_same_in_every_process(write):
     here = [t.key for t in tasks(study_file.read(path), path)]
     code = "from stabctl.sweep import study_file, task; "
     code += f"[print(t.key) for t in task.tasks(study_file.read({str(path)!r}), 'x')]"
-    environment = os.environ | {"PYTHONHASHSEED": "7", "PYTHONPATH": str(ROOT)}
+    environment = os.environ | {"PYTHONHASHSEED": "7"}
     there = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)
     assert there.stdout.split() == here
     assert len(set(here)) == 6
