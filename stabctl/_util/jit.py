@@ -15,7 +15,7 @@ import stat
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext, suppress
 from functools import cache
 from pathlib import Path
 from threading import RLock
@@ -119,6 +119,20 @@ def _ours(path: Path) -> bool:
     return mine and stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o022
 
 
+@contextmanager
+def alone(path: Path) -> Iterator[None]:
+    """One process at a time compiles what is named `path`; the next finds the machine code on disk."""
+    try:
+        import fcntl
+    except ImportError:  # Windows: two processes may compile the same
+        yield
+        return
+    with path.open("w") as file:
+        with suppress(OSError):  # a file system without locks
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
 _told: list[bool] = []
 awaited: dict[str, Callable[[], object]] = {}  # module of an entry that another process compiles -> waits for it
 
@@ -179,7 +193,8 @@ class Entry:
         with lock, compiling([] if self.on_disk() else [self.name]) as done:
             awaited.pop(self.function.__module__, bool)()
             self._compiled = self._compiled or self._compile()
-            found = self._compiled(*arguments)
+            with nullcontext() if disabled() else alone(self._place() / "lock"):
+                found = self._compiled(*arguments)
             done()
         return found
 
@@ -204,11 +219,13 @@ class Entry:
         ready()
         place = self._place()
         place.mkdir(mode=0o700, exist_ok=True)
-        before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(place)
+        config: Any = numba.config
+        njit: Any = numba.njit
+        before, config.CACHE_DIR = config.CACHE_DIR, str(place)
         try:
-            return numba.njit(error_model="numpy", cache=True, nogil=True, _nrt=self.allocates)(self.function)
+            return njit(error_model="numpy", cache=True, nogil=True, _nrt=self.allocates)(self.function)
         finally:
-            numba.config.CACHE_DIR = before
+            config.CACHE_DIR = before
 
 
 def entry(function: Callable[..., Any]) -> Entry:

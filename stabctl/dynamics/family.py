@@ -19,6 +19,7 @@ import os
 import sys
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -293,4 +294,6 @@ def _compile(function: Callable[..., None], scalar: type) -> Any:
         types.int64, types.int64, pointer(types.int64), pointer(types.float64), pointer(number), pointer(number),
         pointer(types.int64),
     )  # fmt: skip
-    return numba.cfunc(signature, cache=True, error_model="numpy", _nrt=False)(function)  # type: ignore[call-arg]
+    compiled = numba.cfunc(signature, cache=True, error_model="numpy", _nrt=False)  # type: ignore[call-arg]
+    with jit.alone(Path(inspect.getfile(function)).with_suffix(".lock")):
+        return compiled(function)
