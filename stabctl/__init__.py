@@ -12,7 +12,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from stabctl.clearing import ClearingTime, Screen, clearing_time, screen
+    from stabctl.clearing.critical_time import ClearingTime, clearing_time
+    from stabctl.clearing.screen import Screen, screen
     from stabctl.controllers import BangBang, Feedback
     from stabctl.devices import register
     from stabctl.dynamics.coerce import initialize

@@ -27,8 +27,10 @@ class StudyError(StabctlError):
 
 def sentence(error: Exception) -> str:
     """The message of an error on one line; that of an operating system error with the file."""
-    of_file = isinstance(error, OSError) and error.filename
-    return " ".join((f"{error.strerror or error}: {error.filename}" if of_file else str(error)).split())
+    text = str(error)
+    if isinstance(error, OSError) and error.filename:
+        text = f"{error.strerror or error}: {error.filename}"
+    return " ".join(text.split())
 
 
 def shown(value: object, most: int = 40) -> str:

@@ -104,7 +104,7 @@ def hints(record: type) -> Mapping[str, Field | None]:
 def _default(record: type, name: str) -> Any:
     """Default of a field of a NamedTuple or dataclass, NotImplemented where there is none."""
     if not dataclasses.is_dataclass(record):
-        return record._field_defaults.get(name, NotImplemented)
+        return getattr(record, "_field_defaults", {}).get(name, NotImplemented)
     default = record.__dataclass_fields__[name].default
     return NotImplemented if default is dataclasses.MISSING else default
 

@@ -126,12 +126,13 @@ def band(x: str | Sequence[str | float]) -> tuple[float, float]:
     StudyError
         If it is not a band, is negative, or its ends are not in ascending order.
     """
-    ends = x.split("..") if isinstance(x, str) else list(x) if isinstance(x, Sequence) else []
+    ends = x.split("..") if isinstance(x, str) else x if isinstance(x, Sequence) else ()
     if len(ends) != 2:
         raise _not(x, *_BAND)
-    if isinstance(x, str) and re.fullmatch(rf"\s*{_NUMBER}\s*", ends[0]):
-        ends[0] += _split(ends[1], "Hz", Kind(*_BAND, {}))[1]
-    low, high = map(hertz, ends)
+    first, last = ends
+    if isinstance(x, str) and re.fullmatch(rf"\s*{_NUMBER}\s*", str(first)):
+        first = f"{first}{_split(last, 'Hz', Kind(*_BAND, {}))[1]}"
+    low, high = hertz(first), hertz(last)
     if not 0 <= low < high:
         raise StudyError(f"The band from {low:g} to {high:g} Hz is empty or negative; give the lower frequency first.")
     return low, high
@@ -176,7 +177,8 @@ def _read(x: object, kind: Kind, unit: str) -> float:
 def _split(x: object, unit: str, kind: Kind) -> tuple[float, str]:
     """Number and unit of a text; a number has the unit given."""
     if isinstance(x, Real) and not isinstance(x, bool):
-        value, found = x, unit
+        value: Real | str = x
+        found = unit
     elif isinstance(x, str) and (match := _QUANTITY.fullmatch(x)):
         value, found = match[1], match[2]
     else:

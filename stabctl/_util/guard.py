@@ -19,7 +19,8 @@ def guard(record: Any) -> None:
     StudyError
         For the first value that is not allowed; it names the field, the value and what it must be.
     """
-    for name, f in fields(type(record)).items():
+    kind: type = type(record)
+    for name, f in fields(kind).items():
         value = getattr(record, name)
         if value is None:
             continue

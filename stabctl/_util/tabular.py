@@ -39,11 +39,11 @@ class Tabular:
             For another ending, and if the file cannot be written.
         """
         path = Path(path)
-        ending, image = path.suffix.lower(), hasattr(type(self), "plot")
-        if ending in IMAGES and image:
-            return import_module("stabctl.plotting.style").save(self.plot(), path)
+        ending, plot = path.suffix.lower(), getattr(self, "plot", None)
+        if ending in IMAGES and plot:
+            return import_module("stabctl.plotting.style").save(plot(), path)
         if ending != ".csv":
-            allowed = ", ".join((".csv", *IMAGES)) if image else ".csv"
+            allowed = ", ".join((".csv", *IMAGES)) if plot else ".csv"
             raise StudyError(f"The file {path.name!r} must end in {allowed}.")
         try:
             files.replace(path, self.df.to_csv(index=False))

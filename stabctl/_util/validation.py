@@ -6,7 +6,7 @@ loaded, with the first check, in 0.03 s; pydantic's own classes around it would 
 
 from collections.abc import Iterable, Mapping
 from functools import cache
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from stabctl.errors import shown
 from stabctl.schema import Field, fields, hints
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 LARGEST = 1e12  # larger numbers are taken for errors
 
-Record = TypeVar("Record", bound=Any)
+Record = TypeVar("Record", bound=NamedTuple)
 
 
 class Invalid(Exception):
@@ -86,10 +86,12 @@ def _schema(kind: type, choices: tuple[str, ...], limits: Mapping[str, float]) -
         return core_schema.literal_schema(list(choices))
     if kind is str:
         return core_schema.no_info_after_validator_function(_printable, core_schema.str_schema(strict=True))
-    limits = {"ge": -LARGEST, "le": LARGEST} | dict(limits)
+    bounds = {"ge": -LARGEST, "le": LARGEST} | dict(limits)
     if kind is int:
-        return core_schema.int_schema(strict=True, **{name: int(limit) for name, limit in limits.items()})
-    return core_schema.float_schema(strict=True, allow_inf_nan=False, **limits)
+        whole: Any = {name: int(limit) for name, limit in bounds.items()}
+        return core_schema.int_schema(strict=True, **whole)
+    real: Any = bounds
+    return core_schema.float_schema(strict=True, allow_inf_nan=False, **real)
 
 
 def _printable(text: str) -> str:

@@ -71,8 +71,9 @@ def clearing_time(
         If the case lacks something named, or the grid has no points.
     """
     point = operating_point(base, storage)
-    options = {"resolution": resolution, "limit": limit, "observe": observe, "step": step, "criterion": criterion}
-    search = Search.of(point.case, **options, scan=scan)
+    search = Search.of(
+        point.case, resolution=resolution, limit=limit, observe=observe, step=step, criterion=criterion, scan=scan
+    )
     trial = Trial(point, _one(contingency), checked_control(control, point.case), search)
     return critical(trial, progress=progress)
 
@@ -108,9 +109,12 @@ def critical(
     if found.status == "found":
         above = (min(found.critical + n * spacing(search), search.last) for n in range(1, scanned + 1))
         runs |= {k: attempt(k) for k in dict.fromkeys(above) if k not in runs}
-    answer = (cycles, cycles / case.frequency_hz) if found.status == "found" else (None, None)
+    answer = cycles if found.status == "found" else None
+    seconds = None if answer is None else answer / case.frequency_hz
     ordered, wall = tuple(runs[k] for k in sorted(runs)), time.perf_counter() - began
-    return ClearingTime(case.name, trial.contingency, found.status, *answer, found.machine, search, ordered, wall)
+    return ClearingTime(
+        case.name, trial.contingency, found.status, answer, seconds, found.machine, search, ordered, wall
+    )
 
 
 def spacing(search: Search) -> int:

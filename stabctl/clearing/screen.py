@@ -159,8 +159,7 @@ def screen(
         For a grid without points, and where there is no line to open.
     """
     point = operating_point(base, storage)
-    options = {"resolution": resolution, "limit": limit, "observe": observe, "step": step, "criterion": criterion}
-    search = Search.of(point.case, **options)
+    search = Search.of(point.case, resolution=resolution, limit=limit, observe=observe, step=step, criterion=criterion)
     if below is not None:
         search = replace(search, limit_cycles=min(search.limit_cycles, _next(below, search, point.case)))
     found = lines(point.case)
@@ -222,7 +221,7 @@ def _next(below: str | float, search: Search, case: Case) -> float:
 
 
 def _rank(pair: ClearingTime) -> float:
-    return {"unstable_at_zero": -1.0, "stable_at_limit": math.inf}.get(pair.status, pair.cycles)
+    return {"unstable_at_zero": -1.0, "stable_at_limit": math.inf}.get(pair.status, pair.cycles or 0.0)
 
 
 def _at_one_bus(trials: Sequence[Trial]) -> list[ClearingTime]:

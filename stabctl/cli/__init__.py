@@ -31,7 +31,7 @@ from . import (
 class Commands(TyperGroup):
     """The commands; Ctrl-C prints a message too, before the library turns it into a silent exit."""
 
-    def invoke(self, ctx: typer.Context) -> Any:
+    def invoke(self, ctx: Any) -> Any:
         """Run a command and return its result, or 130 if it was interrupted."""
         try:
             return super().invoke(ctx)

@@ -6,10 +6,10 @@ from typing import Annotated, Literal
 import typer
 
 
-def in_unit(unit: str) -> Callable[[object], float]:
+def in_unit(unit: str) -> Callable[[str | float], float]:
     """The parser of a quantity in a unit."""
 
-    def read(text: object) -> float:
+    def read(text: str | float) -> float:
         from stabctl.errors import StudyError
         from stabctl.units import quantity
 
@@ -21,7 +21,7 @@ def in_unit(unit: str) -> Callable[[object], float]:
     return read
 
 
-def time(text: object) -> str | float:
+def time(text: str | float) -> str | float:
     """Read a time: seconds, or text in cycles of the case's frequency."""
     from stabctl.errors import StudyError
     from stabctl.units import quantity, seconds

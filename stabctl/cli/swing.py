@@ -1,6 +1,7 @@
 """`stabctl swing`: the theory on one and two machines, with the values of the paper's tables as defaults."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -185,7 +186,7 @@ def minimum_time_command(
     _print_table("Minimum-time control", ("", ""), lines)
 
 
-def _print_table(title: str, heads: tuple[str, ...], lines: list[tuple[str, ...]]) -> None:
+def _print_table(title: str, heads: tuple[str, ...], lines: Sequence[tuple[str, ...]]) -> None:
     from rich.table import Table
 
     table = Table(title=title, show_header=any(heads))

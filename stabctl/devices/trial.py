@@ -65,9 +65,9 @@ def _fails(device: ModuleType, records: dict[str, Any]) -> str | None:
     given |= given["u"]._asdict() if "u" in given else {}
     if hasattr(device, "Internal"):
         given["i"] = device.Internal(*[0.5 + 0j for _ in device.Internal._fields])
-    for equation, record in _GIVES.items():
+    for equation, result in _GIVES.items():
         if hasattr(device, equation) and not hasattr(device, "step"):
-            wrong = _tried(device, getattr(device, equation), given, getattr(device, record) if record else tuple)
+            wrong = _tried(device, getattr(device, equation), given, getattr(device, result) if result else tuple)
             if wrong:
                 return wrong
     return None
@@ -79,7 +79,9 @@ def _value(f: Any, kind: str) -> Any:
     return 1.0 if f is None or f.required else f.default
 
 
-def _tried(device: ModuleType, equation: Callable[..., Any], given: dict[str, Any], kind: type) -> str | None:
+def _tried(
+    device: ModuleType, equation: Callable[..., Any], given: dict[str, Any], kind: type[tuple[Any, ...]]
+) -> str | None:
     """What is wrong with one equation."""
     names = list(inspect.signature(equation).parameters)
     strange = [name for name in names if name not in given]

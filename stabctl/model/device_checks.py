@@ -94,7 +94,8 @@ def _controls(case: "Case") -> None:
 
 def _parameters(model: str, i: int, key: keys.Key, par: Any) -> Iterator[str]:
     """Raise the first invalid combination of parameters; yield a warning for every unusual one."""
-    of = fields(type(par))
+    kind: type = type(par)
+    of = fields(kind)
     owner = f"{key_column(model)} {key}"
     for name, f in of.items():
         top = name.removesuffix("min") + "max"

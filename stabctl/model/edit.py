@@ -159,5 +159,5 @@ def classical(case: Case) -> Case:
         model: {key: par for key, par in rows.items() if catalog.at_bus(model) or keys.number(key) not in machines}
         for model, rows in case.devices.items()
     }
-    ordered = {m.machine: machines[m.machine] for m in case.machines if m.machine in machines}
+    ordered: dict[keys.Key, Any] = {m.machine: machines[m.machine] for m in case.machines if m.machine in machines}
     return replace(case, devices=others | {"gencls": ordered}, title=f"{case.title}, classical machines")

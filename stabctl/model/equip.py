@@ -47,13 +47,14 @@ def with_device(case: Case, model: str, at: int | Iterable[int], **values: Any) 
     if missing:
         raise StudyError(f"{model} needs {', '.join(missing)}; see stabctl models {model}.")
     read = {name: paths.value(case, f"{model}.{name}", known[name], given) for name, given in values.items()}
-    role, others = catalog.role(model), (model,)
+    role = catalog.role(model)
+    others: tuple[str, ...] = (model,)
     if role in catalog.UNIT_ROLES:
         others = tuple(catalog.of_role(*catalog.UNIT_ROLES))
     elif role in (*catalog.SINGLE_ROLES, "load"):
         others = tuple(catalog.of_role(role))
     devices = _left(case, others, places)
-    rows = case.devices.get(model, {}) | dict.fromkeys(places, catalog.parameters(model, **read))
+    rows = {**case.devices.get(model, {}), **dict.fromkeys(places, catalog.parameters(model, **read))}
     devices[model] = {key: par for key, par in rows.items() if key in places or key in devices.get(model, {})}
     return _changed(case, devices, f"{model} at {', '.join(map(str, places))}")
 

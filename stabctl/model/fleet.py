@@ -58,12 +58,13 @@ def devices(
     if isinstance(sizes, str | Real):
         return everywhere(case, sizes, flow, **given)
     rows = (sizes,) if isinstance(sizes, Storage) else tuple(sizes) if isinstance(sizes, Iterable) else (None,)
-    if not all(isinstance(s, Storage) for s in rows):
+    found = [s for s in rows if isinstance(s, Storage)]
+    if len(found) < len(rows):
         raise StudyError(
             f"{shown(sizes, 100)} is not a fleet of storage devices; give '50MW' at every machine, "
             "'14=50MW,13@33=20MW', {14: '50MW'}, or rows of Storage."
         )
-    return tuple(s._replace(**given) for s in rows)
+    return tuple(s._replace(**given) for s in found)
 
 
 def everywhere(case: Case, size: str | float, flow: PowerFlow | None = None, **options: Any) -> tuple[Storage, ...]:

@@ -60,7 +60,7 @@ def keys(case: "Case", table: str) -> list[Key]:
     match table:
         case "branches":
             count: Counter[frozenset[int]] = Counter()
-            found = []
+            found: list[Key] = []
             for k in rows:
                 ends = frozenset((k.from_bus, k.to_bus))
                 count[ends] += 1

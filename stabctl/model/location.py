@@ -48,8 +48,8 @@ def locate(case: Case, text: str) -> Location:
     """
     text = str(text).strip()
     if re.fullmatch(_NUMBER, text):
-        for i, b in enumerate(case.buses):
-            if b.bus == int(text):
+        for i, bus in enumerate(case.buses):
+            if bus.bus == int(text):
                 return Location(i)
         raise StudyError(_no_bus(case, int(text)))
     match = _LINE.match(text)

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import KW_ONLY, dataclass, replace
 from numbers import Complex
+from typing import TYPE_CHECKING
 
 from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case
@@ -54,6 +55,20 @@ class Contingency:
     events: tuple[Event | str, ...] = ()
     name: str | None = None
 
+    if TYPE_CHECKING:  # what may be given is more than what is kept
+
+        def __init__(
+            self,
+            fault: str | int | None = None,
+            clear: str | float | None = None,
+            trip: str | Iterable[str] = (),
+            *,
+            at: str | float = "1s",
+            impedance: complex = 0j,
+            events: Event | str | Iterable[Event | str] = (),
+            name: str | None = None,
+        ) -> None: ...
+
     def __post_init__(self) -> None:
         fault = str(self.fault) if isinstance(self.fault, int) and not isinstance(self.fault, bool) else self.fault
         if fault is not None and not isinstance(fault, str):
@@ -77,7 +92,7 @@ class Contingency:
     @property
     def opened(self) -> tuple[str, ...]:
         """The circuits opened at clearing: the faulted one first."""
-        own = (self.fault.split("@")[0].strip(),) if self.on_line else ()
+        own = (self.fault.split("@")[0].strip(),) if self.fault is not None and self.on_line else ()
         return tuple(dict.fromkeys((*own, *self.trip)))
 
     @property

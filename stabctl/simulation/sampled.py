@@ -11,7 +11,10 @@ if TYPE_CHECKING:
 class Sampled(Protocol):
     """A controller with a frame rate. `stabctl.estimate` has those that use PMU signals."""
 
-    rate: int  # 1/s
+    @property
+    def rate(self) -> int:
+        """Frames per second."""
+        ...
 
     def pilot(self, simulations: "Sequence[Simulation]") -> Callable[[], None]:
         """What is called at every frame, the first one included, to set the orders of these simulations."""

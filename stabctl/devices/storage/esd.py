@@ -58,7 +58,9 @@ def from_case(device: Any, base_mva: float) -> Par:
     part = {"power": 0.0, "current": 0.0, "conductance": 0.0, device.characteristic: device.rating / base_mva}
     capacity = device.energy * 3600 / base_mva
     return Par(
-        *part.values(),
+        part["power"],
+        part["current"],
+        part["conductance"],
         0.5,
         device.lag,
         device.ramp / device.rating if device.rating else 0.0,
