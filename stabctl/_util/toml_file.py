@@ -4,13 +4,14 @@ import difflib
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from stabctl.errors import StudyError, shown
 
 if TYPE_CHECKING:
     from pydantic import BaseModel, ValidationError
 
+Model = TypeVar("Model", bound="BaseModel")
 LARGEST = 1_000_000  # bytes of a file
 
 
@@ -33,7 +34,7 @@ def read(path: Path, what: str) -> dict[str, Any]:
         raise StudyError(f"The {what} {path} is not valid TOML: {error}.") from None
 
 
-def validated(model: "type[BaseModel]", content: Any, where: str) -> "BaseModel":
+def validated(model: "type[Model]", content: Any, where: str) -> "Model":
     """The content as a model. Raises StudyError with the place, key and value of the first error.
 
     The description of a field says what is allowed; a `PydanticCustomError` of type "custom" says what is wrong.

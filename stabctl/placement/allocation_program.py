@@ -28,6 +28,7 @@ class AllocationProgram:
         whole = cp.reshape(white.T @ self.share, (n, n), order="C")
         constraints = [cp.sum(self.share) == 1, self.share >= 0, self.share <= self.limit]
         self.least = None
+        aim: cp.Expression
         if objective == "min-eigenvalue":
             level, unit = cp.Variable(), self.whitening @ self.whitening.T
             self.least = whole >> level * (unit / np.linalg.norm(unit, 2))
@@ -35,7 +36,7 @@ class AllocationProgram:
         else:
             aim = cp.log_det(whole)
         self.problem = cp.Problem(cp.Maximize(aim), constraints)
-        if not self.problem.is_dcp(dpp=True):
+        if not self.problem.is_dpp():
             raise AssertionError("the program must be convex with its parameters (DPP)")
 
     def solve(self, limit: np.ndarray) -> np.ndarray | None:

@@ -119,7 +119,7 @@ def checked(case: Case, given: Iterable[Contingency]) -> tuple[Contingency, ...]
 
 def clearing_s(one: Contingency, case: Case) -> float:
     """Duration of the fault, s."""
-    return seconds(one.clear, case.frequency_hz)
+    return seconds(one.clear or 0.0, case.frequency_hz)
 
 
 def target_cycles(one: Contingency, case: Case) -> float:

@@ -121,6 +121,7 @@ class CuttingPlanes:
 
     def _drop_sites(self) -> None:
         """Drop sites where the others, scaled again, cost no more; then scale the best fleet finely."""
+        assert self.best is not None
         for i in np.argsort(self.best):
             if 0 < self.best[i] < self.best.max():
                 rest = self.best.copy()

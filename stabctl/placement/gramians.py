@@ -114,7 +114,9 @@ def critical_modes(modes: Modes, wanted: int | Sequence[float] = MODES) -> list[
     if isinstance(wanted, int | np.integer):
         if wanted < 1:
             raise StudyError(f"{wanted} modes of {name} are not allowed; choose 1 to {len(swings)}.")
-        slowest = sorted(swings, key=lambda k: (round(-modes.eigenvalues[k].real / EQUAL), modes.frequency_hz[k]))
+        slowest = sorted(
+            swings, key=lambda k: (round(float(-modes.eigenvalues[k].real) / EQUAL), modes.frequency_hz[k])
+        )
         return slowest[:wanted]
     near = [min(swings, key=lambda k: abs(modes.frequency_hz[k] - hz)) for hz in wanted]
     if not near or not np.isfinite(list(wanted)).all():

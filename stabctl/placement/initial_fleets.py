@@ -41,7 +41,7 @@ def feasible(trials: Trials, uniform: np.ndarray) -> tuple[Trials, list[Boundary
             f"No fleet within the caps survives any of the contingencies. {listed} Raise the caps or shorten the "
             "clearing times."
         )
-    return trials.only(kept), [found[k] for k in kept], infeasible
+    return trials.only(kept), [one for one in found if one is not None], infeasible
 
 
 def _boundary(trials: Trials, fleets: Sequence[np.ndarray], k: int) -> BoundaryFleet | None:
@@ -87,7 +87,7 @@ def linear_fleet(search: CuttingPlanes, uniform: np.ndarray) -> np.ndarray | Non
         return None
     for objective in get_args(Objective):
         try:
-            mw = allocate(found, budget, trials.cap, objective).sizes
+            mw = allocate(found, budget, trials.cap.tolist(), objective).sizes
         except StudyError:
             continue
         scaled = least_scaling(trials, mw)

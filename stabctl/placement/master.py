@@ -74,7 +74,7 @@ class Master:
             if self.sites is not None:
                 constraints.append(cp.sum(self.z) <= self.sites)
         self.problem = cp.Problem(cp.Minimize(cost), constraints)
-        assert self.problem.is_dcp(dpp=True)
+        assert self.problem.is_dpp()
 
     def cost(self, mw: np.ndarray) -> float:
         """Cost of a fleet."""
@@ -96,9 +96,10 @@ class Master:
             most = np.abs(contribution).max() or 1.0
             D[row], b[row] = contribution / most, cut.bound / most
         unit = np.where(self.cap > 0, self.cap, 1.0)
-        near = best is not None and radius < np.inf
-        self.low.value = np.maximum(best - radius, 0) / unit if near else np.zeros(len(unit))
-        self.high.value = (np.minimum(best + radius, self.cap) if near else self.cap) / unit
+        low, high = np.zeros(len(unit)), self.cap
+        if best is not None and radius < np.inf:
+            low, high = np.maximum(best - radius, 0), np.minimum(best + radius, self.cap)
+        self.low.value, self.high.value = low / unit, high / unit
         self.D.value, self.b.value = D, b
         try:
             self.problem.solve(solver=cp.CLARABEL if self.z is None else cp.HIGHS)
@@ -108,5 +109,6 @@ class Master:
             ) from None
         if self.problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
             raise StudyError(f"The siting program is {self.problem.status}; check costs, caps and number of sites.")
-        mw = np.where(self.s.value > NOTHING, np.clip(self.s.value, 0, 1) * self.cap, 0.0)
-        return Plan(mw, self.cost(mw), float(self.xi.value.max()))
+        share, slack = np.asarray(self.s.value), np.asarray(self.xi.value)
+        mw = np.where(share > NOTHING, np.clip(share, 0, 1) * self.cap, 0.0)
+        return Plan(mw, self.cost(mw), float(slack.max()))

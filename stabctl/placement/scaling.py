@@ -89,11 +89,12 @@ def least_scaling(trials: Trials, mw: np.ndarray, fine: float = FINE) -> Scaled 
     near: dict[int, float] = {}
     while lost:
         found = trials.each(above, lost)
-        if None in found:
+        reached = {k: a for k, a in zip(lost, found, strict=True) if a is not None}
+        if len(reached) < len(lost):
             return None
-        near |= dict(zip(lost, found, strict=True))
+        near |= reached
         low = high = max(near.values())
         lost = trials.lost(high * mw)
     under = [k for k in trials.lost(NEAR * high * mw) if k not in near]
-    found = trials.each(lambda k: bisect(lambda a: trials.survives(a * mw, k), NEAR * high, high, 10 * fine), under)
-    return Scaled(high, near | dict(zip(under, found, strict=True)))
+    below = trials.each(lambda k: bisect(lambda a: trials.survives(a * mw, k), NEAR * high, high, 10 * fine), under)
+    return Scaled(high, near | dict(zip(under, below, strict=True)))

@@ -1,7 +1,7 @@
 """The result of a siting study: a storage fleet, its cost, and the evidence that it survives every contingency."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from stabctl._util.tabular import Tabular
 from stabctl._util.verbs import verb
@@ -69,7 +69,7 @@ class Siting(Tabular):
         """Fleets with less storage that survive everything too."""
         return tuple(row for row in self.evidence if self.sites and row.smaller and not row.lost)
 
-    def storage(self, **options: object) -> tuple[Storage, ...]:
+    def storage(self, **options: Any) -> tuple[Storage, ...]:
         """The devices, for `simulate(storage=...)`; options are fields of `Storage`."""
         return tuple(Storage(s.machine, s.bus, s.mw, **options) for s in self.sites)
 

@@ -103,7 +103,7 @@ def space(s: np.ndarray, layout: Layout, a: Frame) -> Space:
     blank = np.zeros((4, nb), complex)
     return Space(
         s, f, s[layout.voltages].view(complex), f[layout.voltages].view(complex),
-        *(row.copy() for row in blank), np.zeros((2, 4, nb), complex),
+        blank[0].copy(), blank[1].copy(), blank[2].copy(), blank[3].copy(), np.zeros((2, 4, nb), complex),
         np.zeros(nx), np.zeros(nx), np.stack([s[a.rotor], np.zeros(m)]), np.zeros((2, m)),
         np.zeros(len(a.watch_bus)), np.zeros(len(a.held)), np.zeros((4, nb)),
         np.zeros(5, np.int64),

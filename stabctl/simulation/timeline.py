@@ -95,6 +95,7 @@ class _State:
                 raise StudyError(f"Bus {text} is faulted twice; clear the first fault before the second.")
             self.faults[place.bus] = admittance
             return
+        assert place.branch is not None
         before = self.branches.get(place.branch, BranchState())
         if before.fault_at is not None:
             raise StudyError(f"Branch {text} is faulted twice; one fault at a time is possible on a circuit.")

@@ -99,8 +99,8 @@ def _split(modes: Modes, slow: list[int]) -> Areas:
     agreement = float((unit * unit[references][member]).sum(axis=1).min())
     H = modes.linear.point.inertia
     groups = []
-    for g in sorted(range(count), key=lambda g: -H[member == g].sum()):
-        others = [i for i in np.flatnonzero(member == g) if i != references[g]]
+    for g in sorted(range(count), key=lambda g: -float(H[member == g].sum())):
+        others = [int(i) for i in np.flatnonzero(member == g) if i != references[g]]
         groups.append(tuple(case.machines[i].machine for i in [references[g], *others]))
     return Areas(case.name, tuple(groups), tuple(slow), tuple(float(f) for f in modes.frequency_hz[slow]), agreement)
 

@@ -8,8 +8,15 @@ import numpy as np
 class Round(Protocol):
     """A disc of the s-plane."""
 
-    shift: complex  # 1/s   its middle
-    radius: float  # 1/s
+    @property
+    def shift(self) -> complex:
+        """Its middle, 1/s."""
+        ...
+
+    @property
+    def radius(self) -> float:
+        """Its radius, 1/s."""
+        ...
 
 
 class Box(NamedTuple):

@@ -7,7 +7,7 @@ y  = hx x + hv v + hu u        outputs
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -112,9 +112,10 @@ def descriptor(
     return Descriptor(point, *parts, hx, hv, hu, tuple(lay.states[k] for k in rows), rows, u, y)
 
 
-def real(Y: sp.spmatrix) -> sp.csc_matrix:
+def real(Y: sp.csc_matrix) -> sp.csc_matrix:
     """Real form (2n, 2n) of a complex admittance, real and imaginary parts interleaved."""
-    return sp.kron(Y.real, np.eye(2), "csc") + sp.kron(Y.imag, [[0, -1], [1, 0]], "csc")
+    turned = np.array([[0.0, -1.0], [1.0, 0.0]])
+    return sp.csc_matrix(sp.kron(Y.real, np.eye(2)) + sp.kron(Y.imag, turned))
 
 
 def _inputs(
@@ -128,7 +129,8 @@ def _inputs(
             bus = ins.draw(point, signal).bus
             gu[2 * bus : 2 * bus + 2, k] = ins.slopes(point, signal)[:, None]
         else:
-            fu[:, k], gu[:, k] = d.of_rates[rows][:, [place]], d.of_currents[:, [place]]
+            fu[:, k] = d.of_rates[rows][:, [place]].toarray()
+            gu[:, k] = d.of_currents[:, [place]].toarray()
     return fu.tocsc(), gu.tocsc()
 
 
@@ -145,13 +147,13 @@ def _outputs(
     nx = point.layout.nx
     hx, hv = np.zeros((len(signals), len(rows))), np.zeros((len(signals), gv.shape[0]))
     hu = np.zeros((len(signals), fu.shape[1]))
-    factor = splu(gv.T.tocsc()) if any(s.kind == "frequency" for s in signals) else None
+    factor = cache(lambda: splu(gv.T.tocsc()))
     for k, signal in enumerate(signals):
         if signal.kind == "frequency":
-            v, slope = outputs.angle_rate(point, signal.place)
+            v, slope = outputs.angle_rate(point, signal.number)
             along = np.zeros(gv.shape[0])
             along[v - nx] = slope(point.s[v])
-            rate = -(gx.T @ factor.solve(along))
+            rate = -(gx.T @ factor().solve(along))
             hx[k], hv[k], hu[k] = rate @ fx, rate @ fv, rate @ fu
             continue
         reading = outputs.reading(point, signal)

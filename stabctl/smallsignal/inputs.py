@@ -39,16 +39,17 @@ def place(point: OperatingPoint, signal: Signal) -> int | None:
     case = point.case
     if signal.kind == "order":
         esd = point.system.family("esd")
-        return int(esd.w[[f"{s.machine}@{s.bus}" for s in case.storage].index(signal.place), family.INPUTS])
+        row = [f"{s.machine}@{s.bus}" for s in case.storage].index(str(signal.place))
+        return int(esd.w[row, family.INPUTS])
     if signal.kind in ("storage", "load_p", "load_q"):
         return None
-    unit = [m.machine for m in case.machines].index(signal.place)
+    unit = [m.machine for m in case.machines].index(signal.number)
     return point.layout.setpoint(unit, PORTS[signal.kind])
 
 
 def draw(point: OperatingPoint, signal: Signal) -> Draw:
     """The drawn power: constant power for a storage device, the voltage dependence of the first load for a load."""
-    bus = point.net.place[signal.place]
+    bus = point.net.place[signal.number]
     v0 = float(abs(point.V[bus]))
     if signal.kind == "storage":
         return Draw(bus, zip_load.from_case(Shares(p_power=1.0), 1.0, 0.0, v0))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from html import escape
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.sparse.linalg import splu
@@ -91,14 +91,14 @@ class Model:
             If the file has another ending, or its folder does not exist.
         """
         path, file = Path(path), BytesIO()
-        matrices = {k: getattr(self, k) for k in "ABCD"}
-        labels = {k: np.array(getattr(self, k), dtype=object) for k in ("states", "inputs", "outputs")}
+        matrices: dict[str, Any] = {k: getattr(self, k) for k in "ABCD"}
+        labels: dict[str, Any] = {k: np.array(getattr(self, k), dtype=object) for k in ("states", "inputs", "outputs")}
         if path.suffix == ".npz":
             np.savez_compressed(file, **matrices, **{k: v.astype(str) for k, v in labels.items()}, name=self.name)
         elif path.suffix == ".mat":
             from scipy.io import savemat
 
-            savemat(file, matrices | labels | {"name": self.name}, oned_as="column")
+            savemat(file, matrices | labels | {"name": self.name}, oned_as="column")  # type: ignore[arg-type]  # a file object, which the stubs lack
         else:
             raise StudyError(f"The file {path.name!r} must end in .npz or .mat.")
         if not path.parent.is_dir():
@@ -170,10 +170,9 @@ def eliminated(d: Descriptor) -> Linear:
     """The model with the voltages v = -inv(gv) (gx x + gu u) eliminated."""
     nx = len(d.rows)
     v = -splu(d.gv).solve(np.hstack([d.gx.toarray(), d.gu.toarray()]))
-    A, B = d.fx + d.fv @ v[:, :nx], d.fu + d.fv @ v[:, nx:]
-    C, D = d.hx + d.hv @ v[:, :nx], d.hu + d.hv @ v[:, nx:]
-    matrices = [np.asarray(M) for M in (A, B, C, D)]
-    for M in matrices:
+    A, B = np.asarray(d.fx + d.fv @ v[:, :nx]), np.asarray(d.fu + d.fv @ v[:, nx:])
+    C, D = np.asarray(d.hx + d.hv @ v[:, :nx]), np.asarray(d.hu + d.hv @ v[:, nx:])
+    for M in (A, B, C, D):
         M.setflags(write=False)
-    names = [tuple(s.label for s in signals) for signals in (d.inputs, d.outputs)]
-    return Linear(d.name, *matrices, d.states, *names, d.point, d.places)
+    inputs, outputs = (tuple(s.label for s in signals) for signals in (d.inputs, d.outputs))
+    return Linear(d.name, A, B, C, D, d.states, inputs, outputs, d.point, d.places)

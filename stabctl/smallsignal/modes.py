@@ -225,7 +225,7 @@ class Modes:
 class Selected(Modes):
     """The modes in a band of frequencies and damping ratios, one of each pair."""
 
-    linear: Descriptor
+    linear: Descriptor  # type: ignore[assignment]  # sparse, in place of the dense model
     damping: tuple[float, float] = DAMPING
 
     def controllability(self) -> np.ndarray:
@@ -240,8 +240,8 @@ class Selected(Modes):
         return d.hx @ self.right - d.hv @ (factors.solve(currents.real) + 1j * factors.solve(currents.imag))
 
     def __str__(self) -> str:
-        low, high = self.damping
-        asked = f"{self.band[0]:g} to {self.band[1]:g} Hz with damping ratios from {low:g} to {high:g}"
+        (slow, fast), (low, high) = self.band or (0.0, np.inf), self.damping
+        asked = f"{slow:g} to {fast:g} Hz with damping ratios from {low:g} to {high:g}"
         whole = super().__str__().partition(": ")[2].replace("eigenvalue", "mode", 1)
         return f"{self.linear.name}, {len(self.linear.states)} states, only modes from {asked}: {whole}"
 

@@ -128,5 +128,5 @@ class Motion:
         """Rate of the angle of a bus over wb, from v' = -inv(gv) gx x'."""
         rows, nx = self._d.rows, self._layout.nx
         rate = -splu(self._slopes(at)).solve(at.of_currents[:, rows] @ at.rates[rows])
-        v, slope = outputs.angle_rate(self._point, self._d.outputs[k].place)
+        v, slope = outputs.angle_rate(self._point, self._d.outputs[k].number)
         return float(slope(s[v]) @ rate[v - nx])

@@ -32,7 +32,7 @@ OF_UNIT = {"efd": "Efd", "pm": "Pm", "pe": "P", "qe": "Q", "vt": "vt", "ifd": "I
 
 def place(point: OperatingPoint, signal: Signal) -> int:
     """Place in s of a signal of a unit. Raises `StudyError` if the unit has no such signal."""
-    unit = [m.machine for m in point.case.machines].index(signal.place)
+    unit = [m.machine for m in point.case.machines].index(signal.number)
     found = point.layout.signals.get((unit, OF_UNIT[signal.kind]))
     if found is None:
         raise StudyError(f"Machine {signal.place} of {point.case.name} has no signal {signal.kind}; choose another.")
@@ -41,10 +41,10 @@ def place(point: OperatingPoint, signal: Signal) -> int:
 
 def value(point: OperatingPoint, signal: Signal) -> Callable[[np.ndarray], float]:
     """The value of an output from all signals s."""
-    if signal.kind in OF_UNIT:
+    read = reading(point, signal)
+    if read is None:
         at = place(point, signal)
         return lambda s: float(s[at])
-    read = reading(point, signal)
     return lambda s: float(read.value(s[read.places]))
 
 
@@ -59,7 +59,7 @@ def reading(point: OperatingPoint, signal: Signal) -> Reading | None:
     angles, inertia, nx = point.rotors.angle, point.inertia, point.layout.nx
     weights = inertia / inertia.sum()
     if signal.kind in ("speed", "angle", "rest_speed"):
-        i = point.rotor_numbers.index(signal.place)
+        i = point.rotor_numbers.index(signal.number)
         own = np.arange(len(angles)) == i
         rest = np.where(own, 0.0, inertia)
         share = {"speed": own * 1.0, "angle": own - weights, "rest_speed": rest / (rest.sum() or 1.0)}[signal.kind]
@@ -68,7 +68,7 @@ def reading(point: OperatingPoint, signal: Signal) -> Reading | None:
         return _weighted(angles + 1, weights)
     if signal.kind in ("flow", "flow_q"):
         return _flow(point, signal, nx)
-    v = nx + 2 * point.net.place[signal.place] + np.arange(2)
+    v = nx + 2 * point.net.place[signal.number] + np.arange(2)
     if signal.kind == "voltage":
         return Reading(v, lambda q: np.sqrt(q[0] * q[0] + q[1] * q[1]))
     return Reading(np.r_[v, angles], lambda q: _angle(q, weights))

@@ -8,7 +8,7 @@ Source: J. Rommes, N. Martins, IEEE Trans. Power Syst. 21 (2006).
 
 from collections.abc import Callable
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -152,16 +152,17 @@ def _completed(d: Descriptor, near: Near) -> Disc | None:
 
 def _resolvent(d: Descriptor, shift: complex) -> tuple[Product, Product]:
     n, m = len(d.rows), d.gv.shape[0]
-    pencil = sp.bmat([[d.fx - shift * sp.eye(n), d.fv], [d.gx, d.gv]], format="csc")
+    moved: Any = shift * sp.identity(n, format="csc")
+    pencil = sp.bmat([[d.fx - moved, d.fv], [d.gx, d.gv]], format="csc")
     try:
         factors = splu(pencil, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.1, options={"SymmetricMode": True})
     except RuntimeError:
         raise StudyError(f"The shift {shift:.4g} 1/s is itself an eigenvalue; choose another one nearby.") from None
 
-    def solved(b: np.ndarray, side: str) -> np.ndarray:
-        return factors.solve(np.r_[b, np.zeros(m)].astype(complex), side)[:n]
+    def padded(b: np.ndarray) -> np.ndarray:
+        return np.r_[b, np.zeros(m)].astype(complex)
 
-    return lambda b: solved(b, "N"), lambda b: solved(b, "H")
+    return lambda b: factors.solve(padded(b))[:n], lambda b: factors.solve(padded(b), "H")[:n]  # type: ignore[call-overload]
 
 
 def _largest(product: Product, n: int, count: int, precision: float = PRECISE) -> tuple[np.ndarray, np.ndarray]:

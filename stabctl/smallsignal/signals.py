@@ -4,7 +4,7 @@ Every signal is a deviation from the operating point. Powers are in pu on the sy
 angles in rad, everything else in pu.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -30,6 +30,13 @@ class Signal(NamedTuple):
     place: int | str | None
     label: str
     unit: str
+
+    @property
+    def number(self) -> int:
+        """Number of its machine or bus."""
+        if not isinstance(self.place, int):
+            raise TypeError(f"{self.label} belongs to no machine and no bus")
+        return self.place
 
 
 def _kinds(rows: Mapping[str, tuple[str, str, str, str]]) -> Mapping[str, Kind]:
@@ -112,7 +119,7 @@ def chosen(case: Case, wanted: str | Iterable[str | Signal], kinds: Mapping[str,
     return tuple(found)
 
 
-def _everywhere(case: Case, name: str, kind: Kind) -> list[int | str | None]:
+def _everywhere(case: Case, name: str, kind: Kind) -> Sequence[int | str | None]:
     """Every machine, bus, circuit or device that has a signal of this kind."""
     if kind.place == "device":
         return [f"{s.machine}@{s.bus}" for s in case.storage]
@@ -150,11 +157,11 @@ def _signal(case: Case, name: str, kind: Kind, place: int | str | None) -> Signa
     if kind.place in ("machine", "bus"):
         if not str(place).isdigit():
             raise StudyError(f"{name}:{place} does not name a {kind.place}; give its number, such as {name}:14.")
-        place = int(place)
-    if kind.place == "machine":
-        case.machine(place)
-        _belongs(case, name, place)
-    elif kind.place == "bus" and place not in {b.bus for b in case.buses}:
+        place = number = int(str(place))
+        if kind.place == "machine":
+            case.machine(number)
+            _belongs(case, name, number)
+    if kind.place == "bus" and place not in {b.bus for b in case.buses}:
         raise StudyError(f"There is no bus {place} in {case.name}.")
     elif kind.place == "line":
         circuit(case, str(place))
@@ -165,7 +172,7 @@ def _signal(case: Case, name: str, kind: Kind, place: int | str | None) -> Signa
     words = {
         "machine" if role == "converter" else role: devices.models()[model].NAME
         for role in ("machine", "converter", "exciter", "governor")
-        if (model := _model(case, place, role))
+        if isinstance(place, int) and (model := _model(case, place, role))
     }
     return Signal(name, place, kind.label.format(place=place, **words), kind.unit)
 
@@ -194,5 +201,5 @@ def _device(case: Case, text: str) -> str:
     return matching[0]
 
 
-def _model(case: Case, number: object, role: str) -> str | None:
+def _model(case: Case, number: int, role: str) -> str | None:
     return case.model(number, role)

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import suppress
 from itertools import islice
+from typing import Any
 
 from stabctl import devices
 from stabctl.errors import StudyError
@@ -40,7 +41,8 @@ def rows(tasks: Iterable[Task], address: str) -> Iterator[Row]:
         raise StudyError(
             f"No Dask scheduler answers at {address} ({error}); start one with dask scheduler, and give its address."
         ) from None
-    waiting, running = iter(tasks), {}
+    waiting = iter(tasks)
+    running: dict[Any, Task] = {}
     try:
         executor = client.get_executor(pure=False)
         while True:

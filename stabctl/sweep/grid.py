@@ -65,7 +65,8 @@ def _numbers(table: dict[str, Any], text: bool) -> list[Any]:
             raise _wrong(f"the step must lead from {low:g} to {high:g}")
         step, intervals = grid.step, (high - low) / grid.step + 1e-9
     else:
-        step, intervals = (high - low) / (grid.count - 1), grid.count - 1
+        intervals = (grid.count or 2) - 1
+        step = (high - low) / intervals
     if intervals >= MOST:
         raise _wrong(f"the grid has more than {MOST} values")
     points = [float(f"{low + k * step:.12g}") + 0.0 for k in range(int(intervals) + 1)]

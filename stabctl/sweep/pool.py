@@ -14,6 +14,7 @@ from collections import Counter, deque
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from multiprocessing import connection
+from typing import Any
 
 from stabctl import devices
 from stabctl.errors import StudyError
@@ -70,7 +71,7 @@ class Worker:
     """A process and the pipe to it; it reports once that it is ready, then a row for every task."""
 
     def __init__(self) -> None:
-        context = multiprocessing.get_context(METHOD)
+        context: Any = multiprocessing.get_context(METHOD)
         self.task: Task | None = None
         self.pipe, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(theirs, devices.registered()), daemon=True)
@@ -144,7 +145,9 @@ def _serve(pipe: connection.Connection, files: tuple[str, ...]) -> None:
 
 def _follow() -> None:
     """End this process with the one that started it."""
-    multiprocessing.parent_process().join()
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
     os._exit(1)
 
 

@@ -106,5 +106,5 @@ def _natural(value: object) -> list[tuple[int, Any]]:
     if value is None:
         return []
     value = str(value) if isinstance(value, dict) else value
-    parts = re.split(r"(\d+(?:\.\d+)?(?:e[+-]?\d+)?)", value) if isinstance(value, str) else ["", value]
+    parts: list[Any] = re.split(r"(\d+(?:\.\d+)?(?:e[+-]?\d+)?)", value) if isinstance(value, str) else ["", value]
     return [(1, part) if k % 2 == 0 else (0, float(part)) for k, part in enumerate(parts) if k % 2 or part]

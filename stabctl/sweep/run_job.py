@@ -4,6 +4,7 @@ import os
 import pickle
 import platform
 import time
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StabctlError, StudyError
 from stabctl.estimation.estimate import estimate
 from stabctl.estimation.estimator_control import EstimatorControl
+from stabctl.estimation.estimators import Engine
 from stabctl.model import powerflow
 from stabctl.simulation.simulate import simulate
 from stabctl.simulation.trajectory import Trajectory
@@ -60,7 +62,7 @@ def _control(job: Job, point: OperatingPoint) -> BangBang | EstimatorControl | N
         return law if point.case.storage and job.control != "none" else None
     if job.control == "none":
         raise StudyError(f"The estimator {job.estimator!r} needs a control law; remove control = 'none'.")
-    engine = "batched" if job.kind == "clearing-time" else "filterpy"
+    engine: Engine = "batched" if job.kind == "clearing-time" else "filterpy"
     return EstimatorControl(law, job.estimator, pmu(job), seed=job.seed, engine=engine)
 
 
@@ -92,7 +94,7 @@ def _simulate(job: Job, point: OperatingPoint) -> Result:
     control = _control(job, point)
     arguments = point, contingency(job), job.until
     record = bool(point.case.storage)
-    options = {"step": job.step or None, "criterion": job.criterion, "record": record}
+    options: Any = {"step": job.step or None, "criterion": job.criterion, "record": record}
     if not isinstance(control, EstimatorControl):
         return _ended(simulate(*arguments, control=control, **options), record)
     found = estimate(*arguments, control=control, seeds=job.seed, **options)

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from functools import cache
 from itertools import product
 from pathlib import Path
+from types import GenericAlias
 from typing import Annotated, Any, Literal, NoReturn, get_args
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
@@ -48,11 +49,11 @@ def read(path: str | Path) -> tuple[Job, ...]:
 
 def _jobs(where: str, keys: dict[str, Any]) -> Iterator[Job]:
     """Every combination of the values of a group."""
-    kind = keys.get("kind")
+    kind: Any = keys.get("kind")
     if kind not in get_args(JobKind):
         what = f", kind = {kind!r}: it" if "kind" in keys else ": kind is missing; it"
         raise StudyError(f"{where}{what} must be one of {', '.join(get_args(JobKind))}.")
-    found = toml_file.validated(_model(kind), keys, where)
+    found: Any = toml_file.validated(_model(kind), keys, where)
     values = {name: getattr(found, f.column) for name, f in columns(kind).items() if f.column in keys and name != "set"}
     changes: dict[str, list[Any]] = found.set
     if math.prod(map(len, (*values.values(), *changes.values()))) > MOST:
@@ -69,12 +70,17 @@ def _model(kind: JobKind) -> type[BaseModel]:
     for name, f in columns(kind).items():
         if name == "set":
             continue
-        default = Field(... if f.column in NEEDED[kind] else [], description=f"{f.expected()} ({f.meaning})")
-        values = Annotated[list[_type(f)], Field(min_length=1), BeforeValidator(_alternatives(f))]
-        keys[f.column] = (values, default)
+        default: Any = Field(... if f.column in NEEDED[kind] else [], description=f"{f.expected()} ({f.meaning})")
+        keys[f.column] = (_list(f), default)
     changes = Annotated[dict[str, list[float | int | str]], BeforeValidator(_changes)]
     keys["set"] = (changes, Field({}, description='a number or text, as in set."pss.1.K" = [5, 10, 20]'))
     return create_model(f"{kind} study", __config__=STRICT, **keys)
+
+
+def _list(f: schema.Field) -> Any:
+    """The values of a key, for pydantic."""
+    values: Any = GenericAlias(list, (_type(f),))
+    return Annotated[values, Field(min_length=1), BeforeValidator(_alternatives(f))]
 
 
 def _type(f: schema.Field) -> Any:
@@ -83,8 +89,8 @@ def _type(f: schema.Field) -> Any:
         return Literal[f.choices]
     if f.kind is str:
         return Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f]*$")]
-    finite = {"allow_inf_nan": False} if f.kind is float else {}
-    return Annotated[f.kind, Field(**f.limits, **finite)]
+    limits: Any = {**f.limits, **({"allow_inf_nan": False} if f.kind is float else {})}
+    return Annotated[f.kind, Field(**limits)]
 
 
 def _alternatives(f: schema.Field) -> Callable[[object], list[Any]]:

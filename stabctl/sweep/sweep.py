@@ -1,7 +1,7 @@
 """A sweep: the tasks of a study that the results file does not have, run and stored one by one."""
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cache
@@ -130,10 +130,10 @@ def _warnings(wanted: Iterable[Task]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(s for t in wanted for s in t.case.warnings if s not in known(t.job.case)))
 
 
-def _rows(missing: list[Task], workers: int, dask: str | None) -> Iterator[Row]:
+def _rows(missing: list[Task], workers: int, dask: str | None) -> Generator[Row, None, None]:
     if missing and dask is None:
         yield from pool.rows(missing, workers)
-    elif missing:
+    elif missing and dask is not None:
         from . import cluster
 
         yield from cluster.rows(missing, dask)

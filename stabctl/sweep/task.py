@@ -5,7 +5,7 @@ import json
 from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from stabctl import devices, io
 from stabctl.errors import StabctlError, StudyError
@@ -64,13 +64,14 @@ def key_of(job: Job, case: str) -> str:
 
 def fingerprint(case: Case) -> str:
     """SHA-256 of the content of a case, wherever it was read from, and of the user's own devices in it."""
-    content = {name: [row._asdict() for row in getattr(case, name)] for name in TABLES}
+    content: dict[str, Any] = {name: [row._asdict() for row in getattr(case, name)] for name in TABLES}
     content |= {name: getattr(case, name) for name in ("name", "base_mva", "frequency_hz")}
     content["devices"] = {
         model: [[number, par._asdict()] for number, par in rows.items()] for model, rows in case.devices.items()
     }
-    own = {model: Path(str(devices.every()[model].__file__)) for model in case.devices}
-    own = {model: file.read_text(encoding="utf-8") for model, file in own.items() if str(file) in devices.registered()}
+    files = {model: Path(str(devices.every()[model].__file__)) for model in case.devices}
+    known = devices.registered()
+    own = {model: file.read_text(encoding="utf-8") for model, file in files.items() if str(file) in known}
     content |= {"device_files": own} if own else {}
     return hashlib.sha256(canonical(content).encode()).hexdigest()
 
