@@ -21,50 +21,41 @@ from stabctl.simulation import stepper, voltages
 
 PACKAGE = Path(stabctl.__file__).parent
 NAMES = """
-import json
+import json, sys
 from pathlib import Path
-from stabctl import devices
-from stabctl.controllers import BangBang, Feedback, hold
-from stabctl.dynamics import adder, evaluate, family
-from stabctl.simulation import stepper, voltages
-laws = {"hold": hold, "bang_bang": BangBang().module, "feedback": Feedback().module}
-modules = {**devices.every(), **laws, "adder": adder}
-names = {
-    name: [family._module(name, device, scalar).__module__ for scalar in (float, complex)]
-    for name, device in modules.items()
-}
-names |= {entry.name: entry._place().name for entry in (stepper.advance, voltages.newton_from, evaluate.evaluate)}
-print(json.dumps(names))
+
+sys.dont_write_bytecode = True
+
+
+def names():
+    for module in [name for name in sys.modules if name.partition(".")[0] == "stabctl"]:
+        del sys.modules[module]
+    from stabctl import devices
+    from stabctl.controllers import BangBang, Feedback, hold
+    from stabctl.dynamics import adder, evaluate, family
+    from stabctl.simulation import stepper, voltages
+
+    laws = {"hold": hold, "bang_bang": BangBang().module, "feedback": Feedback().module}
+    modules = {**devices.every(), **laws, "adder": adder}
+    entries = stepper.advance, voltages.newton_from, evaluate.evaluate
+    return {
+        name: [family._module(name, device, scalar).__module__ for scalar in (float, complex)]
+        for name, device in modules.items()
+    } | {entry.name: entry._place().name for entry in entries}
+
+
+found = {"": names()}
+for file, (old, new) in json.load(sys.stdin).items():
+    path = Path("stabctl") / file
+    before = path.read_text()
+    assert old in before
+    path.write_text(before.replace(old, new) if old else before + new)
+    found[file] = names()
+    path.write_text(before)
+print(json.dumps(found))
 """
-
-
 ENTRIES = {"advance", "newton_from", "evaluate"}
 STEPPER = {"advance", "newton_from"}
-
-
-@pytest.fixture(scope="module")
-def named(tmp_path_factory):
-    """Names of all machine code of a copy of the package, one file of which is edited."""
-    root = tmp_path_factory.mktemp("edited")
-    shutil.copytree(PACKAGE, root / "stabctl", ignore=shutil.ignore_patterns("__pycache__"))
-    where = os.environ | {"PYTHONPATH": str(root), "XDG_CACHE_HOME": str(root / "cache")}
-
-    def names(edited=None, old="", new=""):
-        """Names after `old` has become `new` in a file, else after a comment has been added to it."""
-        path = root / "stabctl" / (edited or "__main__.py")
-        before = path.read_text()
-        assert old in before
-        if edited:
-            path.write_text(before.replace(old, new) if old else before + "\n# edited\n")
-        command = [sys.executable, "-c", NAMES]
-        done = subprocess.run(command, capture_output=True, text=True, check=True, env=where, cwd=root)
-        path.write_text(before)
-        return json.loads(done.stdout)
-
-    names.plain = names()
-    return names
-
-
 EDITS = {
     "devices/machines/genrou.py": {"genrou"},
     "devices/stabilizers/pss.py": {"pss"},
@@ -82,36 +73,56 @@ EDITS = {
     "model/powerflow.py": set(),
     "dynamics/newton.py": set(),
 }
+SHARED = tuple(
+    f"devices/{name}.py"
+    for name in (
+        "machines/stator",
+        "exciters/signals",
+        "blocks/limits",
+        "blocks/lags",
+        "blocks/curves",
+        "blocks/phasors",
+    )
+)
+WRITER = {"dynamics/family.py": ("TINY = 1e-30", "TINY = 1e-31")}
+
+
+@pytest.fixture(scope="module")
+def changed(tmp_path_factory):
+    """File of a copy of the package -> what has other machine code after the file is edited."""
+    root = tmp_path_factory.mktemp("edited")
+    shutil.copytree(PACKAGE, root / "stabctl", ignore=shutil.ignore_patterns("__pycache__"))
+    where = os.environ | {"PYTHONPATH": str(root), "XDG_CACHE_HOME": str(root / "cache")}
+    edits = dict.fromkeys((*EDITS, *SHARED), ("", "\n# edited\n")) | WRITER
+    command, told = [sys.executable, "-c", NAMES], json.dumps(edits)
+    done = subprocess.run(command, input=told, capture_output=True, text=True, check=True, env=where, cwd=root)
+    found = json.loads(done.stdout)
+    plain = found.pop("")
+    return {file: {name for name in plain if names[name] != plain[name]} for file, names in found.items()}
 
 
 @pytest.mark.parametrize("edited", EDITS)
-def test_an_edit_leads_to_other_machine_code_where_it_is_used_and_nowhere_else(named, edited):
-    after = named(edited)
-    assert {name for name, code in after.items() if code != named.plain[name]} == EDITS[edited]
-
-
-SHARED = ("machines/stator", "exciters/signals", "blocks/limits", "blocks/lags", "blocks/curves", "blocks/phasors")
+def test_an_edit_leads_to_other_machine_code_where_it_is_used_and_nowhere_else(changed, edited):
+    assert changed[edited] == EDITS[edited]
 
 
 @pytest.mark.parametrize("shared", SHARED)
-def test_an_edit_of_what_devices_share_reaches_every_device_that_uses_it(named, shared):
-    after, home = named(f"devices/{shared}.py"), f"stabctl.devices.{shared.replace('/', '.')}"
-    changed = {name for name, code in after.items() if code != named.plain[name]}
+def test_an_edit_of_what_devices_share_reaches_every_device_that_uses_it(changed, shared):
+    home = f"stabctl.{shared.removesuffix('.py').replace('/', '.')}"
     users = {name for name, device in devices.every().items() if home in map(_home, vars(device).values())}
-    assert users <= changed
+    assert users <= changed[shared]
     assert len(users) > 1
-    assert not changed & {"adder", "hold", "evaluate"}
-    assert (STEPPER <= changed) == (shared == "blocks/phasors")
+    assert not changed[shared] & {"adder", "hold", "evaluate"}
+    assert (STEPPER <= changed[shared]) == shared.endswith("phasors.py")
 
 
 def _home(value):
     return getattr(value, "__module__", None)
 
 
-def test_an_edit_of_how_loops_are_written_reaches_every_device(named):
-    after = named("dynamics/family.py", "TINY = 1e-30", "TINY = 1e-31")
-    assert not [name for name, code in after.items() if code == named.plain[name] and name in devices.every()]
-    assert all(after[entry] != named.plain[entry] for entry in ENTRIES)
+def test_an_edit_of_how_loops_are_written_reaches_every_device(changed):
+    (writer,) = WRITER
+    assert {*devices.every(), *ENTRIES} <= changed[writer]
 
 
 def test_an_edited_device_of_the_user_is_compiled_anew(tmp_path):
