@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from stabctl.model.case import Case
     from stabctl.placement.siting import Evidence, Siting
     from stabctl.simulation.contingency import Contingency
+    from stabctl.simulation.sampled import Sampled
 
 File = Annotated[
     Path | None,
@@ -63,7 +64,9 @@ def place(
     shared.folder(report)
     loaded = case.load()
     chosen, source = _contingencies(loaded, case.case, contingencies, case.classical)
-    kalman = {validate: EstimatorControl(law.law(), validate, seed=seed, engine="batched")} if validate else None
+    estimated: dict[str, Sampled] = {}
+    if validate:
+        estimated[validate] = EstimatorControl(law.law(), validate, seed=seed, engine="batched")
     with shared.progress("siting", None) as tell:
         found = place(
             loaded,
@@ -76,7 +79,7 @@ def place(
             observe=observe,
             step=step,
             criterion=stability.criterion(loaded),
-            validate=kalman,
+            validate=estimated or None,
             workers=workers,
             progress=lambda runs, cost: tell(None, f"{runs} simulations, lowest cost {cost:.4g}"),
         )
