@@ -14,11 +14,11 @@ class PowerFlowError(StabctlError):
 
 
 class EquilibriumError(StabctlError):
-    """A device cannot be in equilibrium at the power flow; names the device and its limit."""
+    """A device has no equilibrium at its power-flow solution; names the device and the limit."""
 
 
 class LinearizationError(StabctlError):
-    """An operating point cannot be linearized: not an equilibrium, or at a limit; names the state or the limit."""
+    """An operating point cannot be linearized: it is not an equilibrium, or exactly at a limit; names which."""
 
 
 class StudyError(StabctlError):

@@ -33,15 +33,15 @@ class Field(NamedTuple):
     Attributes
     ----------
     name, unit, meaning : str
-        As written in the record; the unit is "-" where there is none.
+        As written in the record; the unit of a dimensionless field is "-".
     kind : type
         `float`, `int` or `str`.
     choices : tuple of str
-        The texts allowed, where the field is a `Literal`.
+        The allowed texts, if the field is a `Literal`.
     limits : mapping
         Bounds of a number by name: ge, gt, le, lt.
     default : object
-        `NotImplemented` where the value must be given.
+        `NotImplemented` if the value is required.
     """
 
     name: str
@@ -59,7 +59,7 @@ class Field(NamedTuple):
 
     @property
     def required(self) -> bool:
-        """Has no default."""
+        """Whether there is no default."""
         return self.default is NotImplemented
 
     def expected(self) -> str:
@@ -82,7 +82,7 @@ def fields(record: type) -> Mapping[str, Field]:
 
 @cache
 def hints(record: type) -> Mapping[str, Field | None]:
-    """Every annotated field of a record by name, in order; None where it is filled from the case."""
+    """Every annotated field of a record by name, in order; None for fields filled from the case."""
     found: dict[str, Field | None] = {}
     for name, hint in get_type_hints(record, include_extras=True).items():
         if get_origin(hint) is not Annotated:
@@ -102,7 +102,7 @@ def hints(record: type) -> Mapping[str, Field | None]:
 
 
 def _default(record: type, name: str) -> Any:
-    """Default of a field of a NamedTuple or dataclass, NotImplemented where there is none."""
+    """Default of a field of a NamedTuple or dataclass, NotImplemented if there is none."""
     if not dataclasses.is_dataclass(record):
         return getattr(record, "_field_defaults", {}).get(name, NotImplemented)
     default = record.__dataclass_fields__[name].default

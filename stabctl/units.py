@@ -3,9 +3,9 @@
     times 6cyc 0.1s 100ms · frequencies 0.5Hz 100mHz · powers 50MW 0.2GW 300kW 5%mva 5%dispatch · energies 10MWh 500kWh
     angles 120deg 3.5rad · bands 0.1..2Hz
 
-A plain number is in seconds, Hz, MW, MWh or radians. Text needs its unit (is "6" in cycles or seconds?); only
-`quantity`, which is told the unit, takes text without one. A library of units (pint) costs 0.4 s to import and knows
-neither cycles nor shares of a machine's rating.
+A plain number is in seconds, Hz, MW, MWh or radians. Text needs a unit ("6" could be cycles or seconds); only
+`quantity`, whose unit is known, accepts text without one. A unit library (pint) would take 0.4 s to import and knows
+neither cycles nor percentages of a machine's rating.
 """
 
 import math
@@ -161,7 +161,7 @@ def quantity(x: str | float, unit: str, *, bare: bool = True) -> float:
 
 
 def kind_of(unit: str) -> Kind | None:
-    """The kind of quantity that a unit belongs to; None where it is the only unit of its kind (pu)."""
+    """The kind of quantity that a unit belongs to; None if it is the only unit of its kind (pu)."""
     return next((kind for kind in KINDS if unit in kind.per), None)
 
 

@@ -1,10 +1,10 @@
-"""A storage control law of one's own: proportional to the speed deviation, idle at low voltage."""
+"""A custom storage control law: proportional to the speed deviation, idle at low voltage."""
 
 import stabctl as st
 
 
 def damper(seen):
-    return 500 * seen.deviation * (seen.voltage > 0.8)  # ratings, absorbing positive
+    return 500 * seen.deviation * (seen.voltage > 0.8)  # ratings, positive when absorbing
 
 
 base = st.load("two_area").initialize(storage="50MW")

@@ -1,4 +1,4 @@
-"""What power system stabilizers and their gain do to the modes of the two-area system."""
+"""Effect of power system stabilizers and their gain on the modes of the two-area system."""
 
 import stabctl as st
 

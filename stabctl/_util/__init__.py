@@ -1,1 +1,1 @@
-"""Helpers without power systems in them: compilation, files, wording, processor cores."""
+"""General helpers: compilation, files, validation, wording, processor cores."""

@@ -14,14 +14,14 @@ _running: dict[str, subprocess.Popen[bytes]] = {}
 
 
 def start(where: str, script: str) -> None:
-    """Compile an entry point in a process of its own, unless it is on disk or there is one core only.
+    """Compile an entry point in a separate process, unless it is on disk already or there is only one core.
 
     Parameters
     ----------
     where
-        The entry point, "module:name". It is named, not imported, since it may stand in a higher room.
+        The entry point, "module:name". It is named rather than imported, because it may be in a higher package.
     script
-        Module that calls it once, which leaves its machine code on disk.
+        Module that calls it once, so that its machine code is written to disk.
     """
     module, _, name = where.partition(":")
     if module in _running or available() < 2 or not sys.executable or getattr(import_module(module), name).on_disk():

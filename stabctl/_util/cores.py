@@ -11,7 +11,7 @@ def available() -> int:
 
 
 def used(workers: int | None) -> int:
-    """Threads or processes: those asked for, else one per core. Raises `StudyError` for fewer than one."""
+    """Number of threads or processes: as requested, or one per core. Raises `StudyError` for fewer than one."""
     if workers is None:
         return available()
     if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:

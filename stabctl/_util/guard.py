@@ -12,7 +12,7 @@ from .validation import fault
 def guard(record: Any) -> None:
     """Check the annotated fields of a frozen dataclass, called from its `__post_init__`.
 
-    A field of None is one left out. Text with a unit ("100mHz") becomes the number in the field's own unit.
+    A field that is None was omitted. Text with a unit ("100mHz") is converted to a number in the unit of the field.
 
     Raises
     ------

@@ -1,9 +1,9 @@
 """Decorators of compiled code, and the folder that keeps the machine code.
 
 `inline` marks a device equation or a part of one: plain Python when called from Python, inlined when called from
-compiled code. `noinline` does the same for what is called seldom: compiled once per caller. `entry` is an entry point,
-compiled at its first call. Nothing here imports numba before something is compiled, so that data can be read without
-it. With NUMBA_DISABLE_JIT=1 everything runs as the plain Python it is written in.
+compiled code. `noinline` does the same for code that is called rarely: it is compiled once per caller. `entry` marks an
+entry point, compiled at its first call. Numba is imported only when something is compiled, so that data can be read
+without it. With NUMBA_DISABLE_JIT=1 everything runs as plain Python.
 """
 
 import atexit
@@ -40,12 +40,12 @@ def noinline(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def disabled() -> bool:
-    """Do the equations run as plain Python?"""
+    """Whether the equations run as plain Python."""
     return os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
 
 
 def ready() -> None:
-    """Tell numba of every function marked so far."""
+    """Register every function marked so far with numba."""
     from numba.extending import register_jitable
 
     with lock:
@@ -58,7 +58,7 @@ def ready() -> None:
 
 @cache
 def sources(module: ModuleType) -> str:
-    """Text and constants of a module and of all it takes functions from, inside the package or beside it."""
+    """Source text and constants of a module and of all modules that it takes functions from."""
     seen: dict[str, str] = {}
     todo, beside = [module], Path(module.__file__ or "").parent
     while todo:
@@ -71,7 +71,7 @@ def sources(module: ModuleType) -> str:
         seen[found.__name__] = f"{Path(file).read_text(encoding='utf-8')}{constants}"
         for value in vars(found).values():
             if inspect.ismodule(value) and hasattr(found, "__path__"):
-                continue  # a submodule, which is there or not as others have imported it
+                continue  # a submodule, which is present only if something has imported it
             owner = value if inspect.ismodule(value) else sys.modules.get(getattr(value, "__module__", None) or "")
             if owner is not None:
                 todo.append(owner)
@@ -90,7 +90,7 @@ def digest(*texts: str) -> str:
 
 @cache
 def folder() -> Path:
-    """The folder of the machine code: in the user's cache folder, else among the temporary files, else for this run."""
+    """Folder of the machine code: in the user's cache, or the temporary folder, or a folder for this run only."""
     import platformdirs
 
     user = os.getuid() if hasattr(os, "getuid") else "user"
@@ -103,7 +103,7 @@ def folder() -> Path:
 
 
 def _made(path: Path) -> bool:
-    """Is there such a folder to write to? Made where it can be."""
+    """Whether the folder exists, or can be created, and is writable."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.mkdir(mode=0o700, exist_ok=True)
@@ -113,7 +113,7 @@ def _made(path: Path) -> bool:
 
 
 def _ours(path: Path) -> bool:
-    """Can nobody else write there? Another user could plant machine code."""
+    """Whether nobody else can write there; another user could plant machine code."""
     found = path.lstat()
     mine = not hasattr(os, "getuid") or found.st_uid == os.getuid()
     return mine and stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o022
@@ -139,12 +139,12 @@ awaited: dict[str, Callable[[], object]] = {}  # module of an entry that another
 
 @contextmanager
 def compiling(labels: Sequence[str]) -> Iterator[Callable[[], None]]:
-    """Say on stderr what is compiled: a progress bar on a terminal, else one line the first time.
+    """Report on stderr what is being compiled: a progress bar on a terminal, otherwise one line the first time.
 
     Parameters
     ----------
     labels
-        What is going to be compiled; nothing is said where there is nothing.
+        What is going to be compiled; if empty, nothing is printed.
 
     Yields
     ------
@@ -167,7 +167,7 @@ def compiling(labels: Sequence[str]) -> Iterator[Callable[[], None]]:
         except LiveError:  # another bar is on the screen
             bar = None
     elif not _told:
-        print("stabctl: compiling the equations, once on this machine ...", file=sys.stderr, flush=True)
+        print("stabctl: compiling the equations, only once on this machine ...", file=sys.stderr, flush=True)
     _told.append(True)
     if bar is None:
         yield lambda: None
@@ -206,7 +206,7 @@ class Entry:
         return folder() / digest(sources(sys.modules[self.function.__module__]))
 
     def on_disk(self) -> bool:
-        """Is its machine code on disk, or not needed?"""
+        """Whether its machine code is on disk, or not needed."""
         if disabled() or self._compiled is not None:
             return True
         return any(self._place().rglob(f"*.{self.name}-*.nbc"))
@@ -229,9 +229,9 @@ class Entry:
 
 
 def entry(function: Callable[..., Any]) -> Entry:
-    """Make `function` an entry point, which runs free of the interpreter lock; its machine code is kept on disk.
+    """Make `function` an entry point, which runs without the interpreter lock; its machine code is kept on disk.
 
-    It must not allocate memory, which makes its calls faster.
+    It must not allocate memory; this makes calls faster.
     """
     return Entry(function, allocates=False)
 

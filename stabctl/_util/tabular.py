@@ -1,4 +1,4 @@
-"""Results that print themselves, are tables, and are saved as files."""
+"""Base class of results: they print themselves, convert to tables, and are saved to files."""
 
 from html import escape
 from importlib import import_module
@@ -17,7 +17,7 @@ ROWS = 20  # shown of a table in a notebook
 
 
 class Tabular:
-    """A result with `df`, sentences (`__str__`) and, for most, `plot`."""
+    """A result with a table (`df`), a summary (`__str__`) and usually a figure (`plot`)."""
 
     @property
     def df(self) -> "pd.DataFrame":
@@ -36,7 +36,7 @@ class Tabular:
         Raises
         ------
         StudyError
-            For another ending, and if the file cannot be written.
+            If the file has another ending or cannot be written.
         """
         path = Path(path)
         ending, plot = path.suffix.lower(), getattr(self, "plot", None)

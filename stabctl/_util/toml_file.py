@@ -1,4 +1,4 @@
-"""TOML files read and checked by pydantic models, with every error as one sentence."""
+"""TOML files checked with pydantic models; every error is one sentence."""
 
 import difflib
 import tomllib
@@ -48,7 +48,7 @@ def validated(model: "type[Model]", content: Any, where: str) -> "Model":
 
 
 def unknown(key: str, known: Iterable[str]) -> str:
-    """What is wrong with an unknown key, with the nearest known one."""
+    """Message about an unknown key, with the most similar known one."""
     known = list(known)
     near = difflib.get_close_matches(key, known, n=1)
     return f"{key!r} is not a known key; " + (
@@ -58,7 +58,8 @@ def unknown(key: str, known: Iterable[str]) -> str:
 
 def _sentence(model: "type[BaseModel]", error: "ValidationError", content: Any, where: str) -> str:
     found = error.errors(include_url=False, include_context=False)
-    first = next((e for e in found if e["type"] == "extra_forbidden"), found[0])  # a typing error hides the right key
+    # a misspelled key also makes the correct one missing
+    first = next((e for e in found if e["type"] == "extra_forbidden"), found[0])
     key, *inner = map(str, first["loc"] or [""])
     if first["type"] == "extra_forbidden":
         return f"{where}: {unknown(key, model.model_fields)}"

@@ -14,7 +14,7 @@ from stabctl.schema import Field, fields, hints
 if TYPE_CHECKING:
     from pydantic_core import SchemaValidator
 
-LARGEST = 1e12  # larger numbers are taken for errors
+LARGEST = 1e12  # larger numbers are assumed to be errors
 
 Record = TypeVar("Record", bound=NamedTuple)
 
@@ -47,7 +47,7 @@ def checked(record: type[Record], rows: Iterable[Record]) -> tuple[Record, ...]:
 
 
 def fault(field: Field, value: object) -> str | None:
-    """What a value must be instead, in words; None where it is allowed."""
+    """What a value must be, in words; None if it is allowed."""
     from pydantic_core import ValidationError
 
     try:
@@ -105,7 +105,7 @@ def _first(error: Any) -> Mapping[str, Any]:
 
 
 def _expected(f: Field, first: Mapping[str, Any]) -> str:
-    """What a value must be, with a word on why it is not where its field does not say so."""
+    """What a value must be, with more detail if the description of its field is not enough."""
     value = first["input"]
     if first["type"] == "finite_number":
         return f.expected().replace("a number", "a finite number")

@@ -7,10 +7,10 @@ from typing import Any
 
 
 class verb:
-    """A method of a class that is a function elsewhere, `verb("stabctl.clearing.screen:screen")`.
+    """A method that is a function in another package, `verb("stabctl.clearing.screen:screen")`.
 
-    The function takes the instance first. On an instance this gives the bound method, with the function's signature
-    and docstring; on the class, the function.
+    The instance is the first argument of the function. Accessed on an instance, this gives the bound method with the
+    signature and docstring of the function; accessed on the class, the function.
     """
 
     def __init__(self, where: str) -> None:

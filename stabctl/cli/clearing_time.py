@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from stabctl.clearing import ClearingTime
 
 AFTER = "times count from the fault. Repeatable."
-Open = Annotated[list[str] | None, typer.Option("--open", help=f"Another line trip, 7-8@0.5s; {AFTER}")]
-TripMachine = Annotated[list[str] | None, typer.Option("--trip-machine", help=f"Machine trip, 14@0.1s; {AFTER}")]
-LoadStep = Annotated[list[str] | None, typer.Option("--load-step", help=f"Change of load, 7:+50MW@0.1s; {AFTER}")]
+Open = Annotated[list[str] | None, typer.Option("--open", help=f"Another line trip: 7-8@0.5s; {AFTER}")]
+TripMachine = Annotated[list[str] | None, typer.Option("--trip-machine", help=f"Machine trip: 14@0.1s; {AFTER}")]
+LoadStep = Annotated[list[str] | None, typer.Option("--load-step", help=f"Load step: 7:+50MW@0.1s; {AFTER}")]
 
 
 @grouped

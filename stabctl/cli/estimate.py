@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 Clear = Annotated[str, typer.Option("--clear", help="Clearing time: 6cyc, 0.1s, 100ms.")]
 At = Annotated[float, typer.Option("--at", help="Time of the fault, s.")]
-Plot = Annotated[Path | None, typer.Option("--plot", help="Draw true and estimated speeds to FILE.png or .svg.")]
+Plot = Annotated[Path | None, typer.Option("--plot", help="Plot true and estimated speeds to FILE.png or .svg.")]
 
 
 @grouped

@@ -33,7 +33,7 @@ class CaseOptions(NamedTuple):
         for text in self.settings or ():
             path, given, value = text.partition("=")
             if not given:
-                raise StudyError(f"--set {text!r} is not allowed; write PATH=VALUE, as in --set pss.1.K=10.")
+                raise StudyError(f"--set {text!r} is not allowed; write PATH=VALUE, such as --set pss.1.K=10.")
             values[path.strip()] = value.strip()
         case = case.set(values) if values else case
         case = case.classical() if self.classical else case

@@ -8,7 +8,7 @@ import typer
 from . import groups, options, shared
 from .grouped import grouped
 
-Inputs = Annotated[str, typer.Option("--inputs", help="storage:33,vref:14,pref,load_p:8; a kind alone means all.")]
+Inputs = Annotated[str, typer.Option("--inputs", help="storage:33,vref:14,load_p:8; pref alone means all governors.")]
 Outputs = Annotated[str, typer.Option("--outputs", help="speed,angle:14,coi_speed,voltage:33,frequency:33,flow:7-8.")]
 Out = Annotated[Path, typer.Option("--out", help="File to write, FILE.npz or FILE.mat.")]
 

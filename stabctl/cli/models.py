@@ -9,11 +9,11 @@ from . import options, shared
 if TYPE_CHECKING:
     from stabctl.devices.describe import Description
 
-Name = Annotated[str | None, typer.Argument(metavar="[NAME]", help="One model in full, such as genrou.")]
+Name = Annotated[str | None, typer.Argument(metavar="[NAME]", help="Only this model, in full, such as genrou.")]
 
 
 def models(name: Name = None, device: options.Device = None, as_json: options.Json = False) -> None:
-    """List the device models by role; with a name, the parameters, states, inputs, outputs and limits of one."""
+    """List the device models by role, or the parameters, states, inputs, outputs and limits of one model."""
     from stabctl import devices
     from stabctl.devices.describe import describe
 
@@ -66,4 +66,4 @@ def _shown(found: "Description") -> None:
                 table.add_row(*s[: len(columns)])
             console.print(table)
     for limit in found.limits:
-        print(f"The state {limit.state} has non-windup limits {limit.low} and {limit.high}.")
+        print(f"The state {limit.state} has the non-windup limits {limit.low} and {limit.high}.")

@@ -12,9 +12,9 @@ if TYPE_CHECKING:
     from stabctl.smallsignal import Areas, Modes
 
 Band = Annotated[
-    tuple[float, float], typer.Option("--band", metavar="LOW HIGH", help="Frequencies of the printed table, Hz.")
+    tuple[float, float], typer.Option("--band", metavar="LOW HIGH", help="Frequency range of the table, Hz.")
 ]
-Report = Annotated[Path | None, typer.Option("--report", help="Write one HTML page into this folder.")]
+Report = Annotated[Path | None, typer.Option("--report", help="Write an HTML page to this folder.")]
 Count = Annotated[int | None, typer.Option("--areas", help="Number of coherent areas (default: the best fit).")]
 Sparse = Annotated[
     bool | None,
@@ -37,7 +37,7 @@ def modes(
     case: groups.CaseOptions,
     as_json: options.Json = False,
 ) -> None:
-    """Eigenvalues of a case at its operating point: frequency, damping, mode shapes, coherent areas."""
+    """Compute frequency, damping and mode shapes at the operating point of a case, and its coherent areas."""
     from stabctl.report import modes_page, modes_table
     from stabctl.smallsignal import analyze, areas, descriptor, linearize, opened
     from stabctl.smallsignal.modes import LARGE

@@ -1,4 +1,4 @@
-"""Options that several commands share. A quantity is a number in the unit that its help names, or text with a unit."""
+"""Options shared by several commands. A quantity is a number in the unit given in its help, or text with a unit."""
 
 from collections.abc import Callable
 from typing import Annotated, Literal
@@ -54,7 +54,9 @@ Set = Annotated[
 ]
 Device = Annotated[
     list[str] | None,
-    typer.Option("--device", metavar="FILE", callback=register, help="Your own device: my_exciter.py. Repeatable."),
+    typer.Option(
+        "--device", metavar="FILE", callback=register, help="File of a device of your own: my_exciter.py. Repeatable."
+    ),
 ]
 Verbose = Annotated[bool, typer.Option("--verbose", help="Print every warning, not only the first.")]
 Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Threads (default: one per core).")]
@@ -63,14 +65,12 @@ FAULT = "Fault location: 83 (a bus), 7-8@0.4 (on a line, measured from the first
 Fault = Annotated[str, typer.Option("--fault", help=FAULT)]
 Trip = Annotated[
     list[str] | None,
-    typer.Option("--trip", help="Line opened to clear the fault (at --at without a fault): 83-33, 7-8#2. Repeatable."),
+    typer.Option("--trip", help="Line opened at clearing, or at --at without a fault: 83-33, 7-8#2. Repeatable."),
 ]
 FaultImpedance = Annotated[str, typer.Option("--fault-impedance", help="R,X of the fault, pu (0,0: bolted).")]
 Open = Annotated[list[str] | None, typer.Option("--open", help="Line trip without a fault: 7-8@1s. Repeatable.")]
 TripMachine = Annotated[list[str] | None, typer.Option("--trip-machine", help="Machine trip: 14@2s. Repeatable.")]
-LoadStep = Annotated[
-    list[str] | None, typer.Option("--load-step", help="Change of load at a bus: 7:+50MW@1s. Repeatable.")
-]
+LoadStep = Annotated[list[str] | None, typer.Option("--load-step", help="Load step at a bus: 7:+50MW@1s. Repeatable.")]
 
 Size = Annotated[
     str | None,
@@ -78,7 +78,8 @@ Size = Annotated[
 ]
 SizeAt = Annotated[str | None, typer.Option("--storage-at", help="Devices at machines: 14=50MW,13@33=20MW.")]
 Characteristic = Annotated[
-    Literal["power", "current", "conductance"], typer.Option("--characteristic", help="What a device holds constant.")
+    Literal["power", "current", "conductance"],
+    typer.Option("--characteristic", help="What a device keeps constant when the voltage changes."),
 ]
 Lag = Annotated[
     str, typer.Option("--lag", metavar="TIME", parser=time, help="Time constant from order to power, s or 100ms.")
@@ -100,17 +101,17 @@ Step = Annotated[
 Observe = Annotated[
     str, typer.Option("--observe", metavar="TIME", parser=time, help="Time simulated after clearing, s or 300cyc.")
 ]
-Resolution = Annotated[str, typer.Option("--resolution", help="Spacing of the clearing times tried.")]
+Resolution = Annotated[str, typer.Option("--resolution", help="Spacing of the clearing times that are tried.")]
 Scan = Annotated[
     str,
     typer.Option(
         "--scan",
         metavar="TIME",
         parser=time,
-        help="How far below and above the answer shorter and longer faults are tried, every half cycle; 0 is none.",
+        help="Range below and above the answer in which every half cycle is tried as well; 0 for none.",
     ),
 ]
-Limit = Annotated[str, typer.Option("--limit", help="Longest clearing time tried.")]
+Limit = Annotated[str, typer.Option("--limit", help="Longest clearing time that is tried.")]
 Angle = Annotated[
     float,
     typer.Option(
@@ -126,7 +127,7 @@ MinFrequency = Annotated[
         "--min-frequency",
         metavar="FREQUENCY",
         parser=in_unit("Hz"),
-        help="Lowest frequency of an island, Hz (default: 0.95 of the rated, 57 of 60).",
+        help="Lowest frequency of an island, Hz (default: 0.95 pu, 57 Hz at 60 Hz).",
     ),
 ]
 MaxFrequency = Annotated[
@@ -135,7 +136,7 @@ MaxFrequency = Annotated[
         "--max-frequency",
         metavar="FREQUENCY",
         parser=in_unit("Hz"),
-        help="Highest frequency of an island, Hz (default: 1.033 of the rated, 62 of 60).",
+        help="Highest frequency of an island, Hz (default: 1.033 pu, 62 Hz at 60 Hz).",
     ),
 ]
 FrequencyDelay = Annotated[
@@ -150,7 +151,7 @@ FrequencyDelay = Annotated[
 
 Estimator = Annotated[
     Literal["ideal", "frequency", "kinematic", "kalman"],
-    typer.Option("--estimator", help="Speeds the control law uses: true ones, or estimates from PMU reports."),
+    typer.Option("--estimator", help="Speeds that the control law uses: the true ones, or estimates from PMU reports."),
 ]
 PmuRate = Annotated[int, typer.Option("--pmu-rate", help="PMU reports per second.")]
 PmuNoise = Annotated[

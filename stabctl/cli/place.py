@@ -19,7 +19,7 @@ File = Annotated[
     Path | None,
     typer.Option(
         "--contingencies",
-        help="FILE.toml with [[contingency]] fault, trip, clear (default: the packaged file, else a screen).",
+        help="FILE.toml with [[contingency]] fault, trip, clear (default: the packaged file, or a screen).",
     ),
 ]
 Sites = Annotated[int | None, typer.Option("--sites", help="Maximum number of sites.")]

@@ -47,7 +47,7 @@ def simulate(
     case: groups.CaseOptions,
     as_json: options.Json = False,
 ) -> None:
-    """Simulate a fault and its clearing, or other events, and tell whether the system stays stable."""
+    """Simulate a fault and its clearing, or other events, and report whether the system remains stable."""
     from stabctl.errors import StudyError
     from stabctl.simulation.contingency import Contingency
     from stabctl.simulation.simulate import simulate

@@ -14,13 +14,15 @@ from . import options, shared
 if TYPE_CHECKING:
     from stabctl.sweep.results import Results as SweepResults
 
-app = typer.Typer(no_args_is_help=True, help="Many simulations from one study file, on all cores or a Dask cluster.")
+app = typer.Typer(
+    no_args_is_help=True, help="Run many simulations from one study file, on all cores or a Dask cluster."
+)
 
 Study = Annotated[Path, typer.Argument(metavar="STUDY", help="A study file, TOML.")]
 Out = Annotated[Path, typer.Option("--out", help="Results file (SQLite); jobs that it already has are not run again.")]
 Workers = Annotated[int | None, typer.Option("--workers", help="Processes on this machine (default: one per core).")]
 Dask = Annotated[str | None, typer.Option("--dask", help="Scheduler of a Dask cluster: tcp://host:8786.")]
-Retry = Annotated[bool, typer.Option("--retry", help="Run jobs again that ended in an error.")]
+Retry = Annotated[bool, typer.Option("--retry", help="Rerun jobs that ended in an error.")]
 Results = Annotated[Path, typer.Argument(metavar="RESULTS", help="A results file.")]
 Csv = Annotated[Path | None, typer.Option("--csv", help="Write every column of every row to FILE.csv.")]
 
@@ -35,7 +37,7 @@ def run_command(
     device: options.Device = None,
     verbose: options.Verbose = False,
 ) -> int:
-    """Run the jobs of a study; the exit code is 1 if one ended in an error, 130 at Ctrl-C."""
+    """Run the jobs of a study. The exit code is 1 if a job ended in an error, 130 after Ctrl-C."""
     from stabctl.errors import StudyError
     from stabctl.sweep.sweep import run_sweep
 
@@ -79,7 +81,7 @@ def _progress() -> Iterator[Callable[[int, int], None]]:
 
 @app.command("show")
 def show_command(results: Results, table: Csv = None, as_json: options.Json = False) -> None:
-    """Print a results file: what varies and what was found."""
+    """Print the results of a sweep as a table."""
     from stabctl.sweep import results as file
 
     shared.file(table, ".csv")

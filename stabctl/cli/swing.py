@@ -10,7 +10,7 @@ import typer
 from .options import Json
 from .shared import console, print_json
 
-app = typer.Typer(no_args_is_help=True, help="One and two machines: Table 1, equal area, feedback laws, minimum time.")
+app = typer.Typer(no_args_is_help=True, help="Theory of one and two machines: equal area, feedback laws, minimum time.")
 
 Plot = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Write the figure to FILE.png or .svg.")]
 Inertia = Annotated[float, typer.Option("--H", help="Inertia constant, s.")]
@@ -26,11 +26,13 @@ def table1_command(
     H: Inertia = 3.0,
     Pm: Mechanical = 0.5,
     X: Reactance = 0.95,
-    cycles: Annotated[list[float] | None, typer.Option("--cycles", help="Duration, cycles; may be repeated.")] = None,
+    cycles: Annotated[
+        list[float] | None, typer.Option("--cycles", help="Duration of the fault, cycles. Repeatable.")
+    ] = None,
     as_json: Json = False,
     plot: Plot = None,
 ) -> None:
-    """Angle and speed when a bolted fault is cleared; the figure shows the phase plane."""
+    """Compute angle and speed when a bolted fault is cleared; the figure shows the phase plane."""
     from stabctl.theory.omib import OMIB, table1
     from stabctl.theory.phase import portrait
 
@@ -57,7 +59,7 @@ def equal_area_command(
     as_json: Json = False,
     plot: Plot = None,
 ) -> None:
-    """Critical clearing angle and time by the equal-area criterion; the figure shows the areas."""
+    """Find the critical clearing angle and time by the equal-area criterion; the figure shows the areas."""
     from stabctl.theory.equal_area import critical_clearing, equal_area
     from stabctl.theory.omib import OMIB, during_fault
 
@@ -89,13 +91,13 @@ def feedback_command(
     Pm: Mechanical = 0.5,
     X: Reactance = 0.95,
     cycles: Cycles = 15,
-    Kv: Annotated[float, typer.Option("--Kv", help="Gain of the speed in (13), pu/(rad/s).")] = 0.02,
-    Ka: Annotated[float, typer.Option("--Ka", help="Gain of the acceleration in (13), pu/(rad/s^2).")] = -0.004,
+    Kv: Annotated[float, typer.Option("--Kv", help="Speed gain in (13), pu/(rad/s).")] = 0.02,
+    Ka: Annotated[float, typer.Option("--Ka", help="Acceleration gain in (13), pu/(rad/s^2).")] = -0.004,
     Ka_size: Annotated[float, typer.Option("--Ka-size", help="Gain of law (14), pu/(rad/s^2).")] = 0.007,
     as_json: Json = False,
     plot: Plot = None,
 ) -> None:
-    """The four speed and acceleration feedback laws on one fault; the figure shows the phase plane."""
+    """Compare four speed and acceleration feedback laws for one fault; the figure shows the phase plane."""
     from stabctl.theory.feedback_laws import compare, paper_laws
     from stabctl.theory.omib import OMIB
 
@@ -144,7 +146,7 @@ def minimum_time_command(
     as_json: Json = False,
     plot: Plot = None,
 ) -> None:
-    """Minimum-time control of two machines; the figure shows states, co-states and absorbed power."""
+    """Find the minimum-time control of two machines; the figure shows states, co-states and absorbed power."""
     from stabctl.errors import StudyError
     from stabctl.theory.collocation import by_collocation
     from stabctl.theory.shooting import by_shooting

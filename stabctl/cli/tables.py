@@ -7,11 +7,11 @@ import typer
 from .options import Device, Json
 from .shared import console, print_json
 
-Name = Annotated[str | None, typer.Argument(metavar="[TABLE]", help="One table only, such as buses or genrou.")]
+Name = Annotated[str | None, typer.Argument(metavar="[TABLE]", help="Only this table, such as buses or genrou.")]
 
 
 def tables(name: Name = None, device: Device = None, as_json: Json = False) -> None:
-    """List the columns of a case's tables: unit, meaning, what is allowed, default."""
+    """List the columns of a case's tables with their meaning, allowed values and default."""
     from stabctl.errors import StudyError
     from stabctl.model import catalog
     from stabctl.model.tables import TABLES

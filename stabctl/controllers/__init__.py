@@ -22,12 +22,12 @@ class Law(Protocol):
         ...
 
     def par(self, device: Device) -> Any:
-        """Constants of the law for a device."""
+        """Parameters of the law for a device."""
         ...
 
 
 def wanted(law: Law, par: Any, signals: Input, voltage: float) -> float:
-    """Order of one device, in ratings (absorbing positive), from a law with its constants at a voltage (pu)."""
+    """Order of one device, in ratings (positive when absorbing), from a law with its parameters, at a voltage (pu)."""
     return float(law.module.step(signals, (voltage, 0.0), par).wanted)
 
 

@@ -18,7 +18,7 @@ __all__ = ["NAME", "ROLE", "BangBang", "Input", "Output", "Par", "step"]
 
 
 class Par(NamedTuple):
-    """Constants for one device."""
+    """Parameters for one device."""
 
     deadband: Annotated[float, "pu", "speed deviation without action"]
     gate: Annotated[float, "pu", "voltage below which the device idles"]
@@ -34,7 +34,7 @@ def step(u, v, p):
 
 @dataclass(frozen=True)
 class BangBang:
-    """The bang-bang law with its two thresholds; the deadband may be text, as "100mHz"."""
+    """The bang-bang law with its two thresholds; the deadband may be text, such as "100mHz"."""
 
     deadband: Annotated[float, "Hz", "speed deviation without action", NOT_NEGATIVE] = 0.1
     min_voltage: Annotated[float, "pu", "voltage below which the device idles", NOT_NEGATIVE] = 0.8
@@ -48,5 +48,5 @@ class BangBang:
         return sys.modules[__name__]
 
     def par(self, device: Device) -> Par:
-        """Constants in pu."""
+        """Parameters in pu."""
         return Par(self.deadband / device.frequency, self.min_voltage)

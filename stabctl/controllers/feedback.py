@@ -23,7 +23,7 @@ __all__ = ["NAME", "ROLE", "Feedback", "Input", "Output", "Par", "step"]
 
 
 class Par(NamedTuple):
-    """Constants for one device."""
+    """Parameters for one device."""
 
     deadband: Annotated[float, "pu", "speed deviation without action"]
     gate: Annotated[float, "pu", "voltage below which the device idles"]
@@ -63,7 +63,7 @@ class Feedback:
         return sys.modules[__name__]
 
     def par(self, device: Device) -> Par:
-        """Constants in orders over pu of speed."""
+        """Parameters, with gains in orders per pu of speed."""
         scale = 2 * pi * device.frequency * device.machine / device.rating if device.rating else 0.0
         gains = self.speed_gain * scale, self.acceleration_gain * scale
         return Par(self.deadband / device.frequency, self.min_voltage, *gains, float(self.braking))

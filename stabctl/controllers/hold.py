@@ -1,6 +1,8 @@
 """The stage between a control law and the storage device: limits, rate limit, hold.
 
-wanted -> [-1 .. 1] -> [at most ramp per second] -> held until the next step. A machine that is off orders nothing.
+wanted -> limited -1..1 -> limited to ramp per second -> held until the next step -> order
+
+The order is zero if the machine is disconnected.
 """
 
 from typing import Annotated, NamedTuple
@@ -13,7 +15,7 @@ ROLE = "controller"
 
 
 class Par(NamedTuple):
-    """Constants of one device."""
+    """Parameters of one device."""
 
     ramp: Annotated[float, "1/s", "largest change of the order, in ratings per second (0: unlimited)"]
 

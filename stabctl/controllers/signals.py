@@ -1,4 +1,4 @@
-"""Inputs and output of a storage law, and what it may know about its device."""
+"""Inputs and output of a storage control law, and the device data it may use."""
 
 from typing import Annotated, NamedTuple
 
@@ -8,14 +8,14 @@ from stabctl.devices.ports import fixed
 class Input(NamedTuple):
     """Signals of a machine with storage, at the start of a step."""
 
-    deviation: Annotated[float, "pu", "own speed less the COI speed of the rest of the island", fixed(0.0)]
-    acceleration: Annotated[float, "pu/s", "its rate, as last evaluated", fixed(0.0)]
+    deviation: Annotated[float, "pu", "own speed minus the COI speed of the rest of the island", fixed(0.0)]
+    acceleration: Annotated[float, "pu/s", "rate of the deviation, as last evaluated", fixed(0.0)]
 
 
 class Output(NamedTuple):
     """Output of a law."""
 
-    wanted: Annotated[float, "-", "order, in ratings, absorbing positive"]
+    wanted: Annotated[float, "-", "order in ratings, positive to absorb"]
 
 
 class Device(NamedTuple):

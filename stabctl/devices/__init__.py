@@ -1,20 +1,20 @@
 """Device models, one file each, discovered automatically: a new model is a new file in one of the folders.
 
-A device is a module with NAME, ROLE, Par, and as far as it has them State, Input, Output (NamedTuples whose fields are
-`Annotated` with unit and meaning) and the equations as scalar functions of x (State), u (Input), v (bus voltage, real
+A device is a module with NAME, ROLE, Par and, where needed, State, Input and Output (NamedTuples whose fields are
+`Annotated` with unit and meaning). Its equations are scalar functions of x (State), u (Input), v (bus voltage, real
 and imaginary part), y (its own Output) and p (Par), each marked `@inline`:
 
-    internal(x, p)    -> Internal, what several equations share; they read it as i
+    internal(x, p)    -> Internal, quantities used by several equations, which read them as i
     output(...)       -> Output
-    derivatives(...)  -> State, the state rates in 1/s
-    source(...)       -> Norton current of a voltage source (system base), beside admittance(p)
-    current(...)      -> current into the bus (system base) of what is not such a source
-    prepare(p)        -> Par, with the constants that follow from others
+    derivatives(...)  -> State, the state derivatives in 1/s
+    source(...)       -> Norton current of a voltage source (system base), together with admittance(p)
+    current(...)      -> current into the bus (system base) of any other device
+    prepare(p)        -> Par, with the parameters computed from others
     guess(V, I, p)    -> State to start the initialization from
-    step(...)         -> Output once per frame, of a sampled law
+    step(...)         -> Output once per time step, for a sampled control law
 
-LIMITS names the states that stop at limits (non-windup). Initialization ignores every limit: the constants named
-...max and ...min, and upper limits of other names listed in UPPER. The file name is the name of its table.
+LIMITS lists the states with non-windup limits. Initialization ignores every limit: the parameters named ...max and
+...min, and upper limits with other names, listed in UPPER. The file name is the name of the table.
 """
 
 import copyreg
@@ -33,7 +33,7 @@ from stabctl.errors import StudyError, shown
 ROLES: Mapping[str, str] = MappingProxyType(
     {
         "machine": "synchronous machine of a generating unit",
-        "converter": "converter that stands in for the machine of a generating unit",
+        "converter": "converter that takes the place of the machine of a generating unit",
         "exciter": "excitation system and voltage regulator",
         "governor": "turbine and speed governor",
         "stabilizer": "power system stabilizer",
@@ -72,7 +72,7 @@ def every() -> Mapping[str, ModuleType]:
 
 @cache
 def models() -> Mapping[str, ModuleType]:
-    """The devices that have a table of their own in a case, by its name."""
+    """The devices with a table of their own in a case, by name."""
     apart = ("sensor", "controller")
     return MappingProxyType({k: m for k, m in every().items() if m.ROLE not in apart and k not in BUILT_IN})
 
@@ -80,7 +80,7 @@ def models() -> Mapping[str, ModuleType]:
 def register(path: str | Path) -> str:
     """Register a user's device from a file outside the package.
 
-    Opening a case never runs code: a device is registered by the user, before the case that uses it is read.
+    Loading a case never runs code, so a device must be registered before the case that uses it is loaded.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def register(path: str | Path) -> str:
     Returns
     -------
     str
-        The name.
+        The name of the device and its table.
 
     Raises
     ------
@@ -107,7 +107,7 @@ def register(path: str | Path) -> str:
         raise StudyError(f"There is no device file {str(path)!r}; give a Python file such as my_exciter.py.")
     if not name.isidentifier():
         raise StudyError(
-            f"{path}: {name!r} cannot name a table; use letters, digits and underscores, as my_exciter.py."
+            f"{path}: {name!r} cannot name a table; use letters, digits and underscores, such as my_exciter.py."
         )
     if name in _found():
         raise StudyError(f"{path}: {name!r} is the name of a packaged device; rename the file.")
@@ -124,7 +124,7 @@ def register(path: str | Path) -> str:
             sys.modules[spec.name] = before
         if isinstance(error, StudyError):
             raise
-        raise StudyError(f"The device file {path} fails when it is run: {type(error).__name__}: {error}.") from None
+        raise StudyError(f"The device file {path} cannot be run: {type(error).__name__}: {error}.") from None
     _registered[name] = module
     copyreg.pickle(module.Par, lambda par: (_record, (str(module.__file__), *par)))
     every.cache_clear()
@@ -133,8 +133,8 @@ def register(path: str | Path) -> str:
 
 
 def _check(path: Path, module: ModuleType) -> None:
-    """`StudyError` where a module is no device."""
-    from . import trial  # reads the markers of this package, which is not complete while it is imported
+    """Raise `StudyError` if a module is not a device."""
+    from . import trial  # imported late: it needs this package
 
     missing = [part for part in ("NAME", "ROLE", "Par") if not hasattr(module, part)]
     if missing:
@@ -149,13 +149,13 @@ def _check(path: Path, module: ModuleType) -> None:
 
 
 def _record(file: str, *values: Any) -> Any:
-    """Constants that come from another process, where the device of this file is registered."""
+    """Parameters received from another process, where the device of this file is registered."""
     register_missing([file])
     return _registered[Path(file).stem].Par(*values)
 
 
 def register_missing(files: Iterable[str]) -> None:
-    """Register those of these files that are not registered yet; in a process that another one has started."""
+    """Register the files that are not registered yet, in a worker process."""
     for file in files:
         if file not in registered():
             register(file)

@@ -1,4 +1,4 @@
-"""What a device is, as plain records: for `stabctl models`, the page of models, and tests."""
+"""Description of a device as plain records, for `stabctl models`, the page of models, and tests."""
 
 from collections.abc import Iterator, Mapping
 from types import ModuleType
@@ -20,7 +20,7 @@ class Signal(NamedTuple):
 
 
 class Parameter(NamedTuple):
-    """A parameter: what is allowed, and its default; both empty where it is filled from the case."""
+    """A parameter: what is allowed, and its default; both are empty if it is filled from the case."""
 
     name: str
     unit: str
@@ -30,7 +30,7 @@ class Parameter(NamedTuple):
 
 
 class Limit(NamedTuple):
-    """A state that stops at limits."""
+    """A state with non-windup limits."""
 
     state: str
     low: str
@@ -53,12 +53,12 @@ class Description(NamedTuple):
 
 
 def describe(name: str) -> Description:
-    """The device of that name: its file's, or its own NAME (GENROU).
+    """Describe the device with this name, that of its file (genrou) or its NAME (GENROU).
 
     Raises
     ------
     StudyError
-        Where there is no such device.
+        If there is no such device.
     """
     devices = every()
     found = name if name in devices else next((k for k, m in devices.items() if m.NAME.lower() == name.lower()), None)
@@ -110,12 +110,12 @@ def _reads(markers: list[Any]) -> str:
         if isinstance(marker, At):
             return f"{marker.signal} at the bus or machine of {marker.place}"
         if isinstance(marker, Port) and marker.summing:
-            return "port: the sum of what fills it"
+            return "sum of all outputs of this name in its unit"
         if isinstance(marker, Port) and marker.start is not None:
-            return f"port: else the set-point, {marker.start:g} initially"
+            return f"output of this name in its unit, otherwise a set-point, initially {marker.start:g}"
         if isinstance(marker, Port):
-            return "port: else the set-point, solved from the power flow"
-    return "the signal of this name of its unit"
+            return "output of this name in its unit, otherwise a set-point from initialization"
+    return "signal of this name in its unit"
 
 
 def _limits(device: ModuleType) -> Iterator[Limit]:

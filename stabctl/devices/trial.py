@@ -1,4 +1,4 @@
-"""A user's device, tried once in plain Python when it is registered: a mistake is told with its file and line."""
+"""Trial run of a user's device in plain Python when it is registered, so that errors are reported with their line."""
 
 import inspect
 import numbers
@@ -17,7 +17,7 @@ _PLAIN = ("prepare", "guess", "step")  # real numbers only, never differentiated
 
 
 def mistake(device: ModuleType) -> str | None:
-    """What is wrong with a device, without the dot at the end; None where nothing is found."""
+    """What is wrong with a device, without a final period; None if nothing is."""
     try:
         records = {
             name: hints(getattr(device, name)) for name in ("Par", "State", "Input", "Output") if hasattr(device, name)
@@ -28,36 +28,36 @@ def mistake(device: ModuleType) -> str | None:
 
 
 def _lacks(device: ModuleType) -> str | None:
-    """The equation that a record asks for, where there is none."""
+    """An equation that is missing for a record, or the other way around."""
     if hasattr(device, "step") or hasattr(device, "family"):
         return None
     for record, equation in (("State", "derivatives"), ("Output", "output")):
         if hasattr(device, record) != hasattr(device, equation):
             there, missing = (record, equation) if hasattr(device, record) else (equation, record)
-            return f"it has {there} but no {missing}"
+            return f"it defines {there} but not {missing}"
     return None
 
 
 def _limits(device: ModuleType, records: dict[str, Any]) -> str | None:
-    """A name in LIMITS that no record has."""
+    """A name in LIMITS that is not a field of State or Par."""
     for state, (low, high, *_) in getattr(device, "LIMITS", {}).items():
         for name, record in ((state, "State"), (low, "Par"), (high, "Par")):
             if name not in records.get(record, ()):
-                return f"LIMITS names {name!r}, which is not in {record}"
+                return f"LIMITS contains {name!r}, which is not a field of {record}"
     return None
 
 
 def _forbidden(device: ModuleType) -> str | None:
-    """A function in an equation that the derivative by complex step does not pass."""
+    """A function used in an equation that complex-step differentiation does not allow."""
     for name, function in inspect.getmembers(device, inspect.isfunction):
         used = sorted(_NOT_ANALYTIC.intersection(function.__code__.co_names))
         if function.__module__ == device.__name__ and name not in _PLAIN and used:
-            return f"{name} uses {used[0]}, which has no exact derivative; use a block of stabctl.devices.blocks"
+            return f"{name} uses {used[0]}, which cannot be differentiated; use a block of stabctl.devices.blocks"
     return None
 
 
 def _fails(device: ModuleType, records: dict[str, Any]) -> str | None:
-    """The first equation that cannot be evaluated, at made-up complex numbers."""
+    """The first equation that fails when evaluated at arbitrary complex numbers."""
     given: dict[str, Any] = {"v": (1 + 0j, 0.1 + 0j), "v1": (1 + 0j, 0.1 + 0j), "v2": (1 + 0j, 0.2 + 0j)}
     for name, record in (("p", "Par"), ("x", "State"), ("u", "Input"), ("y", "Output")):
         if record in records:
@@ -86,16 +86,16 @@ def _tried(
     names = list(inspect.signature(equation).parameters)
     strange = [name for name in names if name not in given]
     if strange:
-        return f"{equation.__name__} takes {strange[0]!r}, which this device has not; it may take {', '.join(given)}"
+        return f"{equation.__name__} has an unknown argument {strange[0]!r}; it may take {', '.join(given)}"
     try:
         with np.errstate(all="ignore"):
             result = equation(*(given[name] for name in names))
     except (AttributeError, TypeError, NameError, IndexError) as error:
         lines = [at.lineno for at in traceback.extract_tb(error.__traceback__) if at.filename == device.__file__]
         return f"line {lines[-1]}, {equation.__name__}: {error}"
-    except (ArithmeticError, ValueError):  # the numbers are made up
+    except (ArithmeticError, ValueError):  # the numbers are arbitrary
         return None
     if not isinstance(result, kind):
         return f"{equation.__name__} returns {type(result).__name__} instead of {kind.__name__}"
     wrong = [v for v in result if not isinstance(v, numbers.Number)]
-    return f"{equation.__name__} returns {type(wrong[0]).__name__} where a number is due" if wrong else None
+    return f"{equation.__name__} returns {type(wrong[0]).__name__} instead of a number" if wrong else None

@@ -1,4 +1,4 @@
-"""What a study starts from: a case or an operating point, with or without other storage."""
+"""The operating point that a study starts from, given a case or an operating point, and other storage if wanted."""
 
 from stabctl.errors import StudyError, shown
 from stabctl.model import powerflow
@@ -9,7 +9,7 @@ from .operating_point import OperatingPoint, solve
 
 
 def operating_point(base: Case | OperatingPoint, storage: Fleet | None = None) -> OperatingPoint:
-    """The operating point of a case, or the point itself, with other storage devices where they are given.
+    """The operating point of a case, or the point itself, with other storage devices if given.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def operating_point(base: Case | OperatingPoint, storage: Fleet | None = None) -
 
 
 def initialize(case: Case, storage: Fleet | None = None) -> OperatingPoint:
-    """The operating point of a case: its power flow, and the states at which every device is at rest.
+    """The operating point of a case: its power flow, and the states at which all devices are in equilibrium.
 
     Parameters
     ----------

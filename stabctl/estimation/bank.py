@@ -33,7 +33,7 @@ class Bank(Protocol):
         ...
 
     def accept_next(self, where: np.ndarray) -> None:
-        """Make these filters accept the next report unconditionally."""
+        """Let these filters accept the next report unconditionally."""
         ...
 
 

@@ -14,8 +14,8 @@ import numpy as np
 from .estimators import Estimate
 
 REACH = 0.1  # s   longest extrapolation
-COAST = 0.5  # s   without a report until a machine is left out
-ENOUGH = 0.7  # -   share of the island's inertia that must be valid, else the storage idles
+COAST = 0.5  # s   time without a report after which a machine is left out
+ENOUGH = 0.7  # -   share of the island's inertia that must be valid, otherwise the storage stays idle
 
 
 class Deviations(NamedTuple):

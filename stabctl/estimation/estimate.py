@@ -8,7 +8,7 @@ from stabctl.dynamics.coerce import Fleet, operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
-from stabctl.simulation.contingency import Happenings, schedule
+from stabctl.simulation.contingency import Disturbance, schedule
 from stabctl.simulation.criterion import DEFAULT, Criterion, checked
 from stabctl.simulation.sampled import carry
 from stabctl.simulation.simulation import Simulation
@@ -24,7 +24,7 @@ OBSERVE = 5.0  # s   after the last event, if no end is given
 
 def estimate(
     base: Case | OperatingPoint,
-    contingency: "Happenings | None" = None,
+    contingency: "Disturbance | None" = None,
     until: str | float | None = None,
     *,
     storage: "Fleet | None" = None,
@@ -43,7 +43,7 @@ def estimate(
     base : Case or OperatingPoint
         The system; a case is initialized first.
     contingency : Contingency, event, str, or list of them, optional
-        What happens, as in `simulate`. Without it nothing happens.
+        The disturbance, as in `simulate`. By default there is none.
     until : str or float, optional
         End of the simulation: "10s", or seconds; by default 5 s after the last event.
     storage : str, mapping, or iterable of Storage, optional

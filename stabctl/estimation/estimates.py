@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from .estimator_control import EstimatorControl
 
-SETTLED = 0.05  # s   after clearing, from when on the estimates are judged
+SETTLED = 0.05  # s   time after clearing from which the estimates are evaluated
 LARGEST_SHIFT = 100  # ms
 
 
@@ -29,7 +29,7 @@ class Accuracy(NamedTuple):
     p99_mhz: float  # mHz   99th percentile of the absolute error
     delay_ms: float  # ms    shift that best aligns estimate and truth, positive if the estimate is late
     wrong_command_share: float  # -     share of machine-frames in which the bang-bang command is not the true one
-    opposite_command_share: float  # -     share of those in which absorb and inject are exchanged
+    opposite_command_share: float  # -     share of those in which absorbing and injecting are swapped
     cpu_ms_per_frame: float  # ms    of the estimator and the controller, all machines of one seed
 
     def __str__(self) -> str:
@@ -117,7 +117,7 @@ class Estimates(Tabular):
         )
 
     def _delay(self, rows: np.ndarray, on: np.ndarray) -> float:
-        """The shift (ms) of the truth, linear between frames, with the smallest square error; to a tenth."""
+        """Time shift (ms, to a tenth) of the true speeds with the smallest square error, linear between frames."""
         at, shifts = self.time[rows], np.arange(-LARGEST_SHIFT, LARGEST_SHIFT + 1)
         estimated, truth = self.deviation_estimated[rows][on], self.deviation
         cost = []

@@ -71,12 +71,12 @@ class EstimatorControl:
         return self.pmu.rate
 
     def pilot(self, simulations: Sequence[Simulation]) -> "EstimatorLoop":
-        """The controller of these simulations, the first with its seed, the others with the following ones."""
+        """The controller of these simulations; the first uses `seed`, the others the following numbers."""
         return EstimatorLoop(self, simulations, range(self.seed, self.seed + len(simulations)))
 
 
 class EstimatorLoop:
-    """A controller in the loop of simulations of one operating point, each with the errors of its seed."""
+    """A controller for several simulations of one operating point, each with the PMU errors of its own seed."""
 
     def __init__(self, control: EstimatorControl, simulations: Sequence[Simulation], seeds: Sequence[int]) -> None:
         point = simulations[0].point

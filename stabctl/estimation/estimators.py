@@ -1,4 +1,4 @@
-"""Estimators of the rotor speeds behind one interface: a Kalman filter of the swing equation, and simpler ones.
+"""Estimators of the rotor speeds with a common interface: a Kalman filter of the swing equation, and simpler ones.
 
 ideal       the true speed
 frequency   the PMU's frequency at the terminal
@@ -20,11 +20,11 @@ from .rotor_units import RotorUnits
 
 EstimatorName = Literal["ideal", "frequency", "kinematic", "kalman"]
 Engine = Literal["filterpy", "batched"]
-FORGOTTEN = 0.5  # s   without a report, after which a filter accepts whatever report comes next
+FORGOTTEN = 0.5  # s   time without a report after which a filter accepts the next one unconditionally
 
 
 class Estimate(NamedTuple):
-    """What an estimator knows at the instant of a frame, arrays (seeds, machines)."""
+    """Estimates at the time of a frame, arrays (seeds, machines)."""
 
     slip: np.ndarray  # pu     speed deviation from nominal
     acceleration: np.ndarray  # pu/s
@@ -62,7 +62,7 @@ class Ideal:
 
 
 class Frequency:
-    """The frequency at the terminals; a lost report leaves the last."""
+    """The frequency at the terminals; if a report is lost, the last one is kept."""
 
     def __init__(self, pmu: Pmu, hz: float) -> None:
         self._variance, self._last = (pmu.frequency / hz) ** 2, None

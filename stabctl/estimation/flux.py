@@ -9,9 +9,9 @@ psi''q follows from the current alone, without field voltage (Kundur, ch. 3-4; n
     T'q de/dt = -e - (xq - x'q)(iq + (x'q - x'')/b^2 (e - k - b iq)) - iron,   b = x'q - xl,
     T''q dk/dt = e - k - b iq,   psi''q = a e + (1 - a) k,   a = (x'' - xl)/b,   iq = Re(I exp(-j delta)),
     iron = S(|psi''|)/|psi''| psi''q (xq - xl)/(xd - xl).
-The instant at which a current jumps within a frame is unknown; the resulting flux error, b, is a state of the filter
-(`noise.py`). It decays as the flux's response to a current does, by `memory` per frame, and grows with an error of the
-angle, which turns the current: k = -response id / |E''|.
+The time at which a current jumps within a frame is unknown; the resulting flux error, b, is a state of the filter
+(`noise.py`). It decays like the response of the flux to a current, by `memory` per frame, and grows with an error of
+the angle, which rotates the current: k = -response id / |E''|.
 A classical machine has no such flux: delta = arg E'.
 Without the flux the error of the speeds of `two_area` after a fault is 25 mHz behind x'', 30 behind x'd and 42 behind
 xq; with it 6 mHz. For `wnaps` the errors are 8, 10, 18 and 4 mHz.

@@ -24,7 +24,7 @@ NOISE = Interval(ge=0, le=10)
 
 @dataclass(frozen=True)
 class Pmu:
-    """A PMU at every machine. Quantities may be text with a unit, as latency="100ms".
+    """A PMU at every machine. Quantities may be text with a unit, such as latency="100ms".
 
     Parameters
     ----------
@@ -78,11 +78,12 @@ class Pmu:
     def __post_init__(self) -> None:
         guard(self)
         if self.rate not in RATES:
-            raise StudyError(f"The PMU rate {self.rate} per second is not one of {', '.join(map(str, RATES))}.")
+            rates = ", ".join(map(str, RATES))
+            raise StudyError(f"A PMU rate of {self.rate} per second is not possible; choose one of {rates}.")
         if self.loss > self.burst / (1 + self.burst):
             raise StudyError(
-                f"The loss {self.loss:g} in bursts of {self.burst:g} frames is not possible; the loss must be at most "
-                "burst/(1 + burst)."
+                f"A loss of {self.loss:g} with a burst length of {self.burst:g} is not possible; it must be at most "
+                f"burst/(1 + burst) = {self.burst / (1 + self.burst):g}."
             )
         if self.outage is not None:
             object.__setattr__(self, "outage", tuple(quantity(time, "s", bare=False) for time in self.outage))

@@ -1,4 +1,4 @@
-"""What the estimators know of the rotor units, and the phasors at their terminals, which the PMUs measure."""
+"""Data of the rotor units used by the estimators, and the phasors at their terminals, measured by the PMUs."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ FLUX = ("xl", "xd", "xq", "x1q", "x2", "T1q", "T2q", "S10", "S12")  # constants 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class RotorUnits:
-    """Constants of the rotor units as the estimators know them: arrays (machines) on the machine base.
+    """Parameters of the rotor units used by the estimators: arrays (machines) on the machine base.
 
     `x` is the reactance behind which the internal voltage is formed: x'd of a classical machine, x'' of a full one.
     """
@@ -43,8 +43,8 @@ def rotor_units(point: OperatingPoint, inertia: float = 1.0, reactance: float = 
     without = sorted(set(range(m)) - set(point.rotors.unit.tolist()))
     if without:
         raise StudyError(
-            f"The speed of machine {point.case.machines[without[0]].machine} of {point.case.name} cannot be estimated: "
-            "it is a converter without a rotor; estimate in a case of synchronous machines."
+            f"The speed of machine {point.case.machines[without[0]].machine} of {point.case.name} cannot be estimated, "
+            "because it is a converter without a rotor; use a case with synchronous machines only."
         )
     columns = {name: np.zeros(m) for name in ("mva", "H", "D", "ra", "x")}
     with_flux, flux = np.zeros(0, np.int64), {name: np.zeros(0) for name in FLUX}

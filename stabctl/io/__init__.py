@@ -1,4 +1,4 @@
-"""Cases from files, and back."""
+"""Reading and writing cases."""
 
 from .folder import load, packaged
 from .writer import write

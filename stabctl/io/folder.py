@@ -102,7 +102,7 @@ def read_tables(folder: Path, about: Row) -> dict[str, Table]:
         name, known = path.stem, [*TABLES, *catalog.models()]
         if name not in known:
             raise CaseError(
-                f"{path}: there is no table {name!r}; known are {', '.join(known)}; a device of yours is made known by "
+                f"{path}: there is no table {name!r}; the tables are {', '.join(known)}; register your own device with "
                 "st.register or --device."
             )
         device = name not in TABLES
@@ -113,7 +113,7 @@ def read_tables(folder: Path, about: Row) -> dict[str, Table]:
 
 
 def device_keys(folder: Path, model: str, table: Table) -> list[Key]:
-    """Keys of the rows of a device table; its second row for machine 2 has the key 2#2, written or not."""
+    """Keys of the rows of a device table; the second row for machine 2 has the key 2#2, which may be implicit."""
     column = catalog.key_field(model).name
     found: dict[Key, int] = {}
     for row, line in zip(table.rows, table.lines, strict=True):

@@ -41,7 +41,7 @@ def load(folder: Path, about: Row, tables: dict[str, Table]) -> Case:
 
 
 def _base(folder: Path, name: str) -> Path:
-    """The folder of the case that is extended: a neighboring one, or a packaged one."""
+    """The folder of the case that is extended: a folder next to this one, or a packaged case."""
     place = f"{folder / 'case.toml'}, extends: "
     beside = folder.parent / name
     base = PACKAGED / name if name in packaged() else None
@@ -57,7 +57,7 @@ def _base(folder: Path, name: str) -> Path:
 
 
 def _keys(folder: Path, name: str, table: Table) -> list[int]:
-    """Bus or machine numbers of the rows, each of them once."""
+    """Bus or machine numbers of the rows, which must be unique."""
     column = OVERLAID[name]
     found: dict[int, int] = {}
     for row, line in zip(table.rows, table.lines, strict=True):

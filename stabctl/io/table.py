@@ -1,4 +1,4 @@
-"""A CSV table of a case: rows by field name. Mistakes are told with file, row, column, value and what is allowed."""
+"""A CSV table of a case: rows by field name. Errors give file, row, column, value and what is allowed."""
 
 import csv
 import difflib
@@ -33,7 +33,7 @@ def read(path: Path, columns: Mapping[str, Field], *, partial: str | None = None
     columns : mapping of str to Field
         Columns by field name.
     partial : str, optional
-        The only column that must be there; what is left out is then not filled with defaults.
+        The only required column; columns that are omitted are then not filled with defaults.
     device : bool
         The first column is the key of a device, which may be written 2#2.
 
@@ -75,7 +75,7 @@ def read(path: Path, columns: Mapping[str, Field], *, partial: str | None = None
 
 
 def text_of(path: Path) -> str:
-    """The text of a file in UTF-8. Raises `CaseError` where it is not a regular file, too large or not text."""
+    """The text of a file in UTF-8. Raises `CaseError` if it is not a regular file, too large or not text."""
     try:
         if path.exists() and not path.is_file():
             raise CaseError(f"{path}: it is not a regular file.")
@@ -92,7 +92,7 @@ def text_of(path: Path) -> str:
 
 
 def text_from(columns: Mapping[str, Field], cells: Sequence[Sequence[Any]]) -> str:
-    """Columns and rows of cells as CSV; numbers as short as they read back the same."""
+    """Columns and rows of cells as CSV; numbers have the fewest digits that read back the same."""
     file = io.StringIO(newline="")
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow([f.column for f in columns.values()])
@@ -108,11 +108,11 @@ def _cell(value: Any) -> Any:
 
 
 def _header(path: Path, cells: list[str], by_header: Mapping[str, Field], partial: str | None) -> list[Field]:
-    """The fields of the columns, each known, given once, and none missing."""
+    """The fields of the columns; each must be known and appear once, and none may be missing."""
     for i, cell in enumerate(cells):
         if cell not in by_header:
             near = difflib.get_close_matches(cell, by_header, 1, 0.5)
-            hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(by_header)}."
+            hint = f"did you mean {near[0]}?" if near else f"the columns are {', '.join(by_header)}."
             hint = "separate the cells by commas." if ";" in cell else hint
             raise CaseError(f"{path} row 1: {cell!r} is not a column of this table; {hint}")
         if cell in cells[:i]:

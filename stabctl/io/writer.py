@@ -1,4 +1,4 @@
-"""A case written as a folder."""
+"""Writing a case to a folder."""
 
 from pathlib import Path
 
@@ -14,14 +14,14 @@ from .table import text_from
 
 
 def write(case: Case, folder: str | Path) -> Path:
-    """Write a case into a folder, so that `load` gives it back.
+    """Write a case to a folder that `load` can read.
 
     Parameters
     ----------
     case : Case
-        What is written.
+        The system.
     folder : str or Path
-        Where; it is made if need be.
+        The folder, created if it does not exist.
 
     Returns
     -------
@@ -31,9 +31,9 @@ def write(case: Case, folder: str | Path) -> Path:
     Raises
     ------
     CaseError
-        If the folder holds tables that the case does not have, which `load` would read with it.
+        If the folder contains tables that the case does not have, which `load` would read as well.
     OSError
-        If a file cannot be written; files written before are whole.
+        If a file cannot be written; files written before are complete.
     """
     case, folder = as_case(case), Path(folder)
     texts = {}
@@ -49,7 +49,9 @@ def write(case: Case, folder: str | Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     other = sorted(path.name for path in folder.glob("*.csv") if path.name not in texts)
     if other:
-        raise CaseError(f"{folder} holds {', '.join(other)}, which {case.name} does not have; choose an empty folder.")
+        raise CaseError(
+            f"{folder} contains {', '.join(other)}, which {case.name} does not have; choose an empty folder."
+        )
     for name, text in texts.items():
         files.replace(folder / name, text)
     about = {key: getattr(case, key) for key in ABOUT if key != "extends"}

@@ -1,4 +1,4 @@
-"""A power system as frozen tables, in the units of its files; every case that exists is a valid one.
+"""A power system as immutable tables, in the units of its files; a case is checked when it is created.
 
 Per-unit values of the network are on the case's `base_mva`, those of machines and controls on the machine's own `base`.
 """
@@ -25,8 +25,8 @@ class Case:
     buses, branches, machines, loads, links, storage : iterable of Bus, Branch, Machine, Load, Link, Storage
         The tables.
     devices : mapping of str to mapping
-        Model name (`genrou`, `pss` ...) to key to parameters. The key is the machine number, for load models the bus
-        number; a second device of a model at machine 2 has the key "2#2".
+        For each model (`genrou`, `pss` ...) a mapping from key to parameters. The key is the machine number, or the bus
+        number for load models; the second device of a model at machine 2 has the key "2#2".
     base_mva : float, MVA
         System base.
     frequency_hz : float, Hz
@@ -37,7 +37,7 @@ class Case:
     Attributes
     ----------
     warnings : tuple of str
-        What is unusual but usable in the data, one sentence each.
+        Unusual but usable data, one sentence each.
 
     Raises
     ------

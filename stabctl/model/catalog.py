@@ -1,7 +1,7 @@
 """The device models that have a table of their own, `<model>.csv`, and the key of its rows.
 
-A load model is keyed by bus: it gives dynamic parameters to a row of loads.csv. So is a shunt, which may be at any bus.
-Every other model is keyed by machine.
+A load model is keyed by bus and gives dynamic parameters to a row of loads.csv. A shunt is also keyed by bus, and may
+be at any bus. Every other model is keyed by machine.
 """
 
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ SINGLE_ROLES = (*UNIT_ROLES, "exciter", "governor")  # a machine has at most one
 
 
 def models() -> Mapping[str, ModuleType]:
-    """Device models by name, those with columns of their own."""
+    """Device models by name, without those that use a table of the case."""
     return {name: device for name, device in devices.models().items() if fields(device.Par)}
 
 
@@ -40,7 +40,7 @@ def key_field(model: str) -> Field:
 
 
 def at_bus(model: str) -> bool:
-    """Is the model keyed by bus?"""
+    """Whether the model is keyed by bus."""
     return role(model) in _OWNERS
 
 
@@ -58,6 +58,6 @@ def parameters(model: str, **values: Any) -> Any:
 
 
 def takes(model: str, control: str) -> bool:
-    """May a unit of this model have a control of that role? Any, unless its CONTROLS lists some."""
+    """Whether a unit of this model may have a control of that role: any, unless its CONTROLS lists some."""
     allowed = getattr(models()[model], "CONTROLS", None)
     return allowed is None or control in allowed

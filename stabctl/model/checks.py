@@ -44,7 +44,7 @@ def device_values(devices: Mapping[str, Mapping[Any, Any]]) -> Mapping[str, Mapp
 
 
 def check(case: "Case") -> Iterator[str]:
-    """Raise the first error in a case whose values are allowed; yield a warning for everything unusual."""
+    """Raise the first inconsistency between the tables of a case; yield a warning for everything unusual."""
     _about(case)
     for table in ("buses", "machines"):
         if not getattr(case, table):
@@ -93,7 +93,7 @@ def _unique(table: str, column: str, keys: Sequence[Hashable]) -> None:
 
 
 def _references(case: "Case") -> None:
-    """Every bus that is named exists."""
+    """Check that every bus that is named exists."""
     known = {b.bus for b in case.buses}
     columns = {
         "branches": ("from_bus", "to_bus"),
@@ -109,7 +109,7 @@ def _references(case: "Case") -> None:
 
 
 def _kinds(case: "Case") -> None:
-    """One bus is the swing bus; the swing and pv buses are those with machines."""
+    """Check that there is one swing bus, and that the swing and pv buses are those with machines."""
     swing = [i for i, b in enumerate(case.buses) if b.kind == "swing"]
     if not swing:
         raise CaseError("buses.csv, column kind: there is no swing bus; make one bus with a machine the swing bus.")
@@ -146,7 +146,7 @@ def _loads(case: "Case") -> None:
 
 
 def _connected(case: "Case") -> None:
-    """Every bus is connected to the swing bus."""
+    """Check that every bus is connected to the swing bus."""
     from . import network
 
     island = network.islands(network.build(case))

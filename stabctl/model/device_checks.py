@@ -1,4 +1,4 @@
-"""Checks of the device tables: each row belongs to something, and fits the other devices there."""
+"""Checks of the device tables: each row belongs to a machine or bus, and is compatible with the other devices there."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
@@ -24,7 +24,7 @@ def check(case: "Case") -> Iterator[str]:
 
 
 def _owners(case: "Case") -> None:
-    """Every device belongs to a machine, a bus, or (a load model) to a row of loads.csv."""
+    """Check that every device belongs to a machine, to a bus, or (load models) to a row of loads.csv."""
     machines, buses = {m.machine for m in case.machines}, {b.bus for b in case.buses}
     loads = set(keys.keys(case, "loads"))
     for model, rows in case.devices.items():
@@ -42,7 +42,7 @@ def _owners(case: "Case") -> None:
 
 
 def _one_of_a_kind(case: "Case") -> None:
-    """A machine has one model, one exciter and one governor; a load has one model."""
+    """Check that a machine has at most one model, one exciter and one governor, and a load one model."""
     first: dict[tuple[keys.Key, str], tuple[str, int]] = {}
     for model, rows in case.devices.items():
         role = catalog.role(model)
@@ -78,7 +78,7 @@ def _every_unit_has_a_model(case: "Case") -> None:
 
 
 def _controls(case: "Case") -> None:
-    """Every control has something to act on."""
+    """Check that every control has something to act on."""
     for model, rows in case.devices.items():
         role = catalog.role(model)
         for i, key in enumerate(rows):

@@ -31,7 +31,7 @@ def set_value(case: Case, path: str | Mapping[str, Any], value: Any = None) -> C
     StudyError
         If the case has no such table, row or column; it names similar ones.
     CaseError
-        If the case with this value is not a valid one.
+        If the case would not be valid.
 
     Examples
     --------
@@ -74,8 +74,8 @@ def with_load(
     bus : int
         Bus number.
     p, q : float or str
-        Active (MW) and reactive (Mvar) power consumed, or text with a unit. A value left out stays as it is; a new load
-        has 0.
+        Active (MW) and reactive (Mvar) power consumed, or text with a unit. A value that is omitted is unchanged, or 0
+        for a new load.
     **shares : float
         Other columns of the loads table: `p_power`, `q_power`, `p_current`, `q_current`, `v_low`.
 
@@ -143,8 +143,7 @@ def trip_machine(case: Case, number: int) -> Case:
 def classical(case: Case) -> Case:
     """The case with every machine a constant voltage behind x'd, without controls (GENCLS).
 
-    Converters keep their models and controls, loads and shunts theirs. Raises `StudyError` for a machine whose model
-    has no x'd.
+    Converters, loads and shunts keep their models. Raises `StudyError` for a machine whose model has no x'd.
     """
     machines: dict[keys.Key, Any] = {}
     for model in catalog.of_role("machine"):

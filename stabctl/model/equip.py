@@ -1,4 +1,4 @@
-"""Cases with a device more or less: a stabilizer added, an exciter exchanged."""
+"""Cases with a device added, replaced or removed."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -12,9 +12,10 @@ from .case import Case
 
 
 def with_device(case: Case, model: str, at: int | Iterable[int], **values: Any) -> Case:
-    """The case with a device at a machine, in place of the one it has of that role or model.
+    """The case with a device added at a machine, or replaced.
 
-    A machine, converter, exciter or governor replaces the one of its role; a stabilizer only one of the same model.
+    A machine, converter, exciter or governor replaces the device with the same role; a stabilizer replaces only one of
+    the same model.
 
     Parameters
     ----------
@@ -23,7 +24,7 @@ def with_device(case: Case, model: str, at: int | Iterable[int], **values: Any) 
     model : str
         Name of the model, as `stabctl models` lists them, or of a registered device: "pss", "exst3".
     at : int or iterable of int
-        Machine number, for load and shunt models bus number; or several.
+        Machine number or, for load and shunt models, bus number; or several.
     **values : float, int or str
         Its parameters, in their units, or text with a unit: `K=20, Tw="10s"`. Those with a default may be left out.
 
@@ -32,7 +33,7 @@ def with_device(case: Case, model: str, at: int | Iterable[int], **values: Any) 
     StudyError
         If there is no such model or machine, or a parameter is missing or not known.
     CaseError
-        If the case with this device is not a valid one.
+        If the case would not be valid with this device.
 
     Examples
     --------
@@ -76,7 +77,7 @@ def without_device(case: Case, model: str, at: int | Iterable[int] | None = None
     StudyError
         If the case has no such device.
     CaseError
-        If the case without it is not a valid one.
+        If the case would not be valid without it.
     """
     _known(model)
     keys.known_table(case, model)
@@ -88,7 +89,7 @@ def without_device(case: Case, model: str, at: int | Iterable[int] | None = None
 
 def _known(model: object) -> None:
     if not isinstance(model, str) or model not in catalog.models():
-        raise StudyError(f"There is no model {shown(model)}; known are {', '.join(catalog.models())}.")
+        raise StudyError(f"There is no model {shown(model)}; choose one of {', '.join(catalog.models())}.")
 
 
 def _places(case: Case, model: str, at: Any) -> list[int]:
@@ -101,7 +102,7 @@ def _places(case: Case, model: str, at: Any) -> list[int]:
 
 
 def _left(case: Case, models: Iterable[str], places: list[int]) -> dict[str, dict[keys.Key, Any]]:
-    """The devices without those of some models at some places."""
+    """The devices without those of some models at some machines or buses."""
     left = {
         model: {k: par for k, par in rows.items() if model not in models or keys.number(k) not in places}
         for model, rows in case.devices.items()

@@ -82,7 +82,7 @@ def chosen(
     for place, size in sizes.items() if isinstance(sizes, Mapping) else map(_split, sizes.split(",")):
         match = _PLACE.fullmatch(str(place))
         if not match:
-            raise StudyError(f"{place!r} is not a place of a storage device; write 14=50MW, or 14@33=50MW at bus 33.")
+            raise StudyError(f"{place!r} does not place a storage device; write 14=50MW, or 14@33=50MW for bus 33.")
         machine = case.machine(int(match[1]))
         bus = int(match[2]) if match[2] else machine.storage_bus
         keys.row(case, "buses", bus)
@@ -95,8 +95,8 @@ def chosen(
 def megawatts(case: Case, machine: Machine, size: str | float, flow: PowerFlow | None = None) -> float:
     """A size (50MW, 5%mva, 5%dispatch, a number of MW) at a machine of the case, MW.
 
-    Percent of dispatch are of the power in the power flow `flow`, which is solved where it is not given; of a machine
-    that consumes power they are 0. Raises `StudyError` where it is not a size.
+    Percentages of dispatch refer to the power in the power flow `flow`, which is solved if it is not given; they give 0
+    for a machine that consumes power. Raises `StudyError` if it is not a size.
     """
     value, unit = rating(size)
     if unit == "%mva":

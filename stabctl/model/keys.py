@@ -97,7 +97,7 @@ def row(case: "Case", table: str, key: Key) -> int:
 
 
 def known_table(case: "Case", name: str) -> str:
-    """The name of a table that has rows in the case. Raises `StudyError` where there is none; it names similar ones."""
+    """The name of a table that has rows in the case. Raises `StudyError` if there is none, with similar names."""
     known = [table for table in TABLES if getattr(case, table)] + list(case.devices)
     if name in known:
         return name
@@ -107,7 +107,7 @@ def known_table(case: "Case", name: str) -> str:
 
 
 def near(wanted: str, known: Iterable[str]) -> str:
-    """End of a sentence: the known names most like the one wanted, or the first few."""
+    """End of a sentence: the names most similar to the one wanted, or the first few."""
     known = list(known)
     if wanted.isdecimal() and all(name.isdecimal() for name in known):
         known.sort(key=lambda name: abs(int(name) - int(wanted)))

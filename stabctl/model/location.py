@@ -1,4 +1,4 @@
-"""Locations in the network as planners write them: a bus `83`, a circuit `7-8` or `7-8#2`, a point on it `7-8@0.4`."""
+"""Locations in the network: a bus `83`, a circuit `7-8` or `7-8#2`, a point on a circuit `7-8@0.4`."""
 
 import re
 from typing import NamedTuple
@@ -32,10 +32,11 @@ def _no_branch(case: Case, a: int, b: int) -> str:
     missing = {a, b} - {k.bus for k in case.buses}
     if missing:
         bus = min(missing)
-        return f"There is no branch {a}-{b} in {case.name}, since there is no bus {bus}; {_near(case, bus)}."
+        return f"There is no branch {a}-{b} in {case.name}, because there is no bus {bus}; {_near(case, bus)}."
     ends = {k.from_bus + k.to_bus - a for k in case.branches if a in (k.from_bus, k.to_bus)}
     others = ", ".join(f"{a}-{other}" for other in sorted(ends))
-    return f"There is no branch {a}-{b} in {case.name}; the branches at bus {a} are {others}."
+    verb = "branch at bus {a} is" if len(ends) == 1 else "branches at bus {a} are"
+    return f"There is no branch {a}-{b} in {case.name}; the {verb.format(a=a)} {others}."
 
 
 def locate(case: Case, text: str) -> Location:
@@ -73,7 +74,9 @@ def locate(case: Case, text: str) -> Location:
     except ValueError:
         along = -1.0
     if not 0 <= along <= 1:
-        raise StudyError(f"The position {match[4]} along {a}-{b} must be a number from 0 (bus {a}) to 1 (bus {b}).")
+        raise StudyError(
+            f"The position {match[4]} along {a}-{b} is not allowed; it must be from 0 (bus {a}) to 1 (bus {b})."
+        )
     return Location(None, row, along if case.branches[row].from_bus == a else 1 - along)
 
 

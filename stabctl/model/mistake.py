@@ -17,7 +17,7 @@ class RowError(CaseError):
     row : int
         Row of the table, from 0.
     text : str
-        The sentence. Where two rows contradict each other it says `{rows}` for both their numbers.
+        The message. If two rows contradict each other, `{rows}` in it stands for both row numbers.
     first : int, optional
         The other of the two rows.
     """

@@ -1,7 +1,7 @@
-"""The network: a case in per unit, its admittance matrix under faults and trips, its islands.
+"""The network: a case in per unit, its admittance matrix with faults and open circuits, its islands.
 
-Here the case's MW, Mvar and degrees become pu on the system base and radians, once. A branch is one two-port whatever
-has happened to it: a fault somewhere along it, either end open (`two_port`); the matrix is a pure function of these.
+This is the only place where MW, Mvar and degrees are converted to pu on the system base and radians. A branch is always
+a two-port, also with a fault along it or with open ends (`two_port`); the matrix is a pure function of these.
 """
 
 from collections.abc import Mapping
@@ -63,7 +63,7 @@ INTACT = BranchState()
 
 
 class Switching(NamedTuple):
-    """Everything that has happened to a network, nothing by default. Rows are those of the case's tables."""
+    """Everything that differs from the intact network. Rows are those of the case's tables."""
 
     branches: tuple[tuple[int, BranchState], ...] = ()  # row of the branch, its state
     faults: tuple[tuple[int, complex], ...] = ()  # row of the bus, fault admittance, pu
@@ -73,7 +73,7 @@ class Switching(NamedTuple):
 
     @property
     def faulted(self) -> bool:
-        """Is a fault on?"""
+        """Whether a fault is on."""
         return bool(self.faults) or any(
             s.fault_at is not None and (s.from_closed or s.to_closed) for _, s in self.branches
         )

@@ -1,4 +1,4 @@
-"""The equations of the power flow in polar coordinates, and Newton's method on them, sparse."""
+"""The power flow equations in polar coordinates, and a sparse Newton method for them."""
 
 from dataclasses import dataclass
 
@@ -6,6 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+from stabctl._util.wording import counted
 from stabctl.errors import PowerFlowError
 
 from .case import Case
@@ -31,7 +32,7 @@ class Equations:
         return F, float(np.abs(F).max(initial=0.0)) if good else np.inf
 
     def step(self, size: np.ndarray, angle: np.ndarray, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Newton step of voltages (pu) and angles (rad). Raises RuntimeError where the Jacobian is singular."""
+        """Newton step of voltages (pu) and angles (rad). Raises RuntimeError if the Jacobian is singular."""
         V = size * np.exp(1j * angle)
         current, Y, p, q = self.Y @ V, self.Y, self.p, self.q
         dV, dI, unit = sp.diags(V), sp.diags(current), sp.diags(V / size)
@@ -76,7 +77,7 @@ def newton(case: Case, equations: Equations, size: np.ndarray, angle: np.ndarray
     miss, low = np.nan_to_num(equations.per_bus(F), nan=np.inf), int(np.argmin(size))
     worst = int(miss.argmax())
     raise PowerFlowError(
-        f"The power flow of {case.name} has no solution, or none was found in {iteration} steps: the largest mismatch "
-        f"is {miss[worst] * case.base_mva:.4g} MVA at bus {case.buses[worst].bus}, the lowest voltage is "
+        f"The power flow of {case.name} did not converge in {counted(iteration, 'iteration')}: the largest mismatch is "
+        f"{miss[worst] * case.base_mva:.4g} MVA at bus {case.buses[worst].bus}, the lowest voltage is "
         f"{size[low]:.3g} pu at bus {case.buses[low].bus}; check the loads, lines and voltages there."
     )

@@ -111,7 +111,7 @@ def demand(case: Case) -> np.ndarray:
 
 
 def solve(case: Case, limit: int = 30) -> PowerFlow:
-    """Solve the power flow of a case, starting from the voltages in its bus table, or else from a flat start.
+    """Solve the power flow of a case, starting from the voltages in its bus table or, if that fails, from a flat start.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Large systems made of small ones: copies of a case, tied into one network."""
+"""Large test systems: copies of a case, tied into one network."""
 
 from dataclasses import replace
 from typing import Any, TypeVar
@@ -15,24 +15,24 @@ Row = TypeVar("Row", bound=Any)
 
 
 def replicate(case: Case, copies: int, *, tie_bus: int | None = None, x: float = 0.01, spread: float = 0.0) -> Case:
-    """Copies of a case in one network, each after the first tied to the one of half its number by a line.
+    """Copies of a case in one network; a line ties each copy to the one with half its number.
 
-    Copy k (from 0) has the bus and machine numbers of the case plus k times the least power of ten above both. The ties
-    carry no power at the operating point, which is that of the case in every copy: only the first copy keeps its swing
-    bus, elsewhere those machines are scheduled at their power in the power flow.
+    Copy k (from 0) has the bus and machine numbers of the case plus k times the smallest power of ten above both. Every
+    copy has the operating point of the case, and the ties carry no power. Only the first copy keeps its swing bus; in
+    the others, the swing machines are scheduled at their power in the power flow.
 
     Parameters
     ----------
     case : Case
-        What is copied.
+        The system.
     copies : int
-        How many there are in all.
+        Number of copies.
     tie_bus : int, optional
         Bus of every copy at which the ties end; by default the high-voltage bus of the swing machine.
     x : float, pu
         Reactance of a tie on the system base.
     spread : float
-        Share by which the inertias grow from the first copy to the last, which tells the modes of the copies apart.
+        Relative increase of the inertias from the first copy to the last, which separates the modes of the copies.
 
     Raises
     ------

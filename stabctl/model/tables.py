@@ -1,4 +1,4 @@
-"""The tables of a case: a row of each is a record, a field a column with its unit, meaning and allowed values."""
+"""The tables of a case: a row is a record, and a field is a column with its unit, meaning and allowed values."""
 
 from collections.abc import Mapping
 from types import MappingProxyType

@@ -6,7 +6,7 @@ The first improves the mode that storage controls worst, the second the volume t
 so the programs are written in shares of the budget, and only the caps over the budget are parameters.
 
 Both objectives are concave: with a gradient g_i = <Z, W_i> at s*, no sizes do better than value(s*) + max_s g (s - s*),
-a fractional knapsack problem. This bound is computed independently of the solver; an answer that misses it is refused.
+a fractional knapsack problem. This bound does not depend on the solver; a solution that misses it is rejected.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

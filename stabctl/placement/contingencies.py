@@ -21,7 +21,7 @@ EXAMPLE = 'write [[contingency]] with fault = "16", trip = "16-21", clear = "8.2
 
 
 def contingencies(case: Case, given: Contingencies) -> tuple[Contingency, ...]:
-    """The contingencies to be survived, all possible in the case and all different.
+    """The contingencies to be survived, checked against the case and without duplicates.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def contingencies(case: Case, given: Contingencies) -> tuple[Contingency, ...]:
     Raises
     ------
     StudyError
-        For something else, and for contingencies that the case does not have or that are listed twice.
+        If it is none of these, or a contingency is not possible in the case or listed twice.
     """
     if isinstance(given, Screen):
         return checked(case, from_screen(given, case.frequency_hz))
@@ -137,10 +137,10 @@ class _Row(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
-    fault: Annotated[str, BeforeValidator(_bus)] = Field(description='a bus or a place on a circuit, as "16"')
-    clear: str = Field(description='a clearing time, as "8.2cyc" or "0.14s"')
-    trip: str | list[str] = Field([], description='a circuit or a list of them, as "16-21"')
-    name: str | None = Field(None, description='text, as "line 16-21"')
+    fault: Annotated[str, BeforeValidator(_bus)] = Field(description='a bus or a point on a circuit, such as "16"')
+    clear: str = Field(description='a clearing time, such as "8.2cyc" or "0.14s"')
+    trip: str | list[str] = Field([], description='a circuit or a list of circuits, such as "16-21"')
+    name: str | None = Field(None, description='text, such as "line 16-21"')
 
 
 def _contingency(where: str, row: object) -> Contingency:

@@ -8,7 +8,7 @@ import numpy as np
 from .scaling import bisect
 from .trials import Trials
 
-INSIDE = (1.04, 1.08, 1.16, 1.02)  # multiples of the boundary's fleet at which its neighbors are simulated
+INSIDE = (1.04, 1.08, 1.16, 1.02)  # multiples of the boundary fleet at which nearby fleets are simulated
 STEP = 0.03  # first change of one size, relative to the whole fleet
 HALVINGS = 8
 
@@ -71,7 +71,7 @@ def by_scaling(trials: Trials, mw: np.ndarray, k: int, fine: float = 1e-4) -> np
 
 
 def by_swept_angle(trials: Trials, mw: np.ndarray, k: int, J: np.ndarray) -> np.ndarray | None:
-    """Equal area from one simulation: the work of each MW against the advanced machines on the way to the peak.
+    """Equal-area gradient from one simulation: work of each MW on the advanced machines, from clearing to the peak.
 
     d_i = integral from clearing to the first peak of sgn_i gate_i sum_j w_j J_ji d(theta), theta the angle of the
     advanced machines C relative to the others N, w the shares of their one-machine equivalent: M_N / M on C, -M_C / M

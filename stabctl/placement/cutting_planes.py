@@ -17,7 +17,7 @@ from .siting import Iteration
 from .trials import Trials
 
 BINDING = 0.97  # of the largest critical scaling, from which a contingency gets a cut
-TOLERANCE = 2e-3  # relative reduction of the cost that is not worth another iteration
+TOLERANCE = 2e-3  # relative reduction of the cost below which the iteration stops
 ITERATIONS = 40
 FINAL = 1e-4  # relative width of the last scaling
 SAME = 1e-3  # of the largest size: fleets on a boundary that are closer count as one
@@ -120,7 +120,7 @@ class CuttingPlanes:
         return cuts
 
     def _drop_sites(self) -> None:
-        """Drop sites where the others, scaled again, cost no more; then scale the best fleet finely."""
+        """Drop sites if the others, scaled again, cost no more; then scale the best fleet accurately."""
         assert self.best is not None
         for i in np.argsort(self.best):
             if 0 < self.best[i] < self.best.max():

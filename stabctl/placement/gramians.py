@@ -1,7 +1,7 @@
 """Modal controllability Gramians: how strongly a megawatt of storage at each candidate acts on the critical modes.
 
 An electromechanical mode s with left and right eigenvectors w, v, and c_i = w^H b_i for candidate i, responds as
-z' = s z + c_i u. With the exponential memory e^(-a t) of the decay rate a, two modes have in common
+z' = s z + c_i u. With the exponential weight e^(-a t) of decay rate a, two modes have in common
 
     W_kl = integral of e^(-2 a t) (e^(s_k t) c_k)(e^(s_l t) c_l)* dt = c_k c_l* / (2 a - s_k - s_l*)
 
@@ -21,7 +21,7 @@ from stabctl.smallsignal import Mode, Modes, analyze, linearize
 from .sensitivity import Candidate, checked
 
 MODES = 6  # number of modes considered
-DECAY = 0.5  # 1/s   memory of one second, e^(-2 a t) = 1/e: the first swings
+DECAY = 0.5  # 1/s   e^(-2 a t) = 1/e after one second, so the first swings dominate
 EQUAL = 1e-6  # 1/s   decay rates this close count as equal
 
 
@@ -69,7 +69,7 @@ def gramians(
     point : OperatingPoint
         The system.
     candidates : iterable of (machine, bus), optional
-        Places for storage; by default every machine's storage bus.
+        Possible storage sites; by default every machine's storage bus.
     modes : int or sequence of float
         Number of electromechanical modes, those that decay slowest (of undamped ones the slowest), or frequencies
         (Hz): the nearest mode to each.

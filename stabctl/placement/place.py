@@ -168,9 +168,10 @@ def place(
 def _check(costs: Costs, sites: int | None) -> None:
     for name, value in costs._asdict().items():
         if not 0 <= value < np.inf:
-            raise StudyError(f"The cost of {value:g} per {name} is not allowed; it must be finite and at least 0.")
+            unit = {"mw": "MW", "mwh": "MWh"}.get(name, name)
+            raise StudyError(f"The cost of {value:g} per {unit} is not allowed; it must be finite and at least 0.")
     if costs.mw + costs.mwh == 0:
-        raise StudyError("Neither a MW nor a MWh has a cost; give one of them a cost above 0.")
+        raise StudyError("The costs per MW and per MWh are both 0; make one of them positive.")
     if sites is not None and sites < 1:
         raise StudyError(f"sites = {sites} is not allowed; it must be at least 1.")
 

@@ -126,7 +126,7 @@ class Siting(Tabular):
         return (*said, *self.reservations())
 
     def reservations(self) -> tuple[str, ...]:
-        """What the fleet does not survive, also in refined simulations, and which smaller fleets would do."""
+        """What the fleet does not survive, also in refined simulations, and which smaller fleets are sufficient."""
         said = [f"Not survived: {one}" for one in self.infeasible]
         for row in self.evidence:
             if row.refined:

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from stabctl.simulation.contingency import Contingency
 
-REFINED = "half the time step, twice the observation window"
+REFINED = "half the time step and twice the observation window"
 
 
 class Costs(NamedTuple):
@@ -12,7 +12,7 @@ class Costs(NamedTuple):
 
     mw: float = 1.0  # per MW
     site: float = 0.0  # per site
-    mwh: float = 0.0  # per MWh, by the energy that a MW of each candidate takes in with the uniform fleet
+    mwh: float = 0.0  # per MWh, for the energy that a MW at each candidate absorbs with the uniform fleet
 
 
 class Site(NamedTuple):
@@ -21,11 +21,11 @@ class Site(NamedTuple):
     bus: int
     machine: int
     mw: float
-    mwh: float  # energy it takes in or gives in the worst contingency: the capacity it needs
+    mwh: float  # energy it absorbs or injects in the worst contingency: the required capacity
 
 
 class CandidateSite(NamedTuple):
-    """A place where a storage device was allowed."""
+    """A site where a storage device was allowed."""
 
     bus: int
     machine: int
@@ -90,7 +90,7 @@ class Evidence(NamedTuple):
 
     @property
     def smaller(self) -> bool:
-        """It has less storage than the fleet."""
+        """Whether it has less storage than the fleet."""
         return self.scale < 1 or self.without is not None
 
     @property

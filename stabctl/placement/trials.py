@@ -1,4 +1,4 @@
-"""Simulations of storage fleets: does a fleet survive a contingency? Every question is simulated once."""
+"""Simulations of storage fleets: whether a fleet survives a contingency. Each combination is simulated only once."""
 
 import copy
 from collections.abc import Callable, Iterable, Sequence

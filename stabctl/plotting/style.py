@@ -37,7 +37,7 @@ def single(ax: "Axes | None", width: float, height: float) -> "Axes":
 
 
 def tidy(ax: "Axes") -> None:
-    """Light grid, two spines, our colors."""
+    """Apply a light grid, two spines and the color cycle."""
     ax.grid(alpha=0.25)
     ax.set_axisbelow(True)
     ax.spines[["top", "right"]].set_visible(False)

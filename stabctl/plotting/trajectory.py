@@ -45,7 +45,7 @@ def plot(
         The simulation, with its rows recorded.
     signal
         ``"speed"`` (Hz), ``"angle"`` (deg, from the center of inertia), ``"voltage"`` (pu, at the buses where storage
-        connects), ``"power"`` (MW, electrical) or ``"storage"`` (MW, absorbing positive).
+        connects), ``"power"`` (MW, electrical) or ``"storage"`` (MW, positive when absorbing).
     machines
         Numbers of the machines to show. Default: all.
     ax

@@ -23,13 +23,13 @@ class Arrays:
         self._point, self._rows = point, rows
 
     def _of_units(self, name: str) -> np.ndarray:
-        """A signal of every rotor unit, 0 of those that have no such."""
+        """A signal of every rotor unit; 0 for units without such a signal."""
         layout = self._point.layout
         return self._rows[:, [layout.signals.get((unit, name), layout.zero) for unit in self._point.rotors.unit]]
 
     @cached_property
     def angle(self) -> np.ndarray:
-        """Rotor angles against the synchronous frame (rows, rotor units), rad."""
+        """Rotor angles relative to the synchronous frame (rows, rotor units), rad."""
         return _fixed(self._rows[:, self._point.rotors.angle])
 
     @cached_property
@@ -39,7 +39,7 @@ class Arrays:
 
     @cached_property
     def coi_speed(self) -> np.ndarray:
-        """Speed of the center of inertia of all rotors (rows), pu; for one island with every machine on."""
+        """Speed of the center of inertia of all rotors (rows), pu; valid for one island with all machines connected."""
         H = self._point.rotors.inertia
         return _fixed(self.speed @ H / H.sum())
 
@@ -55,7 +55,7 @@ class Arrays:
 
     @cached_property
     def Pm(self) -> np.ndarray:
-        """Mechanical powers (rows, rotor units), pu on the machine base; 0 of a unit that is off."""
+        """Mechanical powers (rows, rotor units), pu on the machine base; 0 for a disconnected unit."""
         return _fixed(self._of_units("Pm"))
 
     @cached_property
@@ -67,7 +67,7 @@ class Arrays:
 
     @cached_property
     def storage(self) -> np.ndarray:
-        """Power of the storage devices (rows, devices), MW, absorbing positive."""
+        """Power of the storage devices (rows, devices), MW, positive when absorbing."""
         return _fixed(self._of_storage(-1, 0) * self._point.case.base_mva)
 
     @cached_property
@@ -77,7 +77,7 @@ class Arrays:
 
     @cached_property
     def order(self) -> np.ndarray:
-        """Orders of the storage devices (rows, devices), in ratings, absorbing positive."""
+        """Orders of the storage devices (rows, devices), in ratings, positive when absorbing."""
         return _fixed(self._of_storage(family.INPUTS, 0))
 
     def _of_storage(self, column: int, shift: int) -> np.ndarray:

@@ -86,7 +86,7 @@ class Contingency:
 
     @property
     def on_line(self) -> bool:
-        """Is the fault on a circuit, which is opened to clear it?"""
+        """Whether the fault is on a circuit, which is then opened to clear it."""
         return self.fault is not None and "-" in self.fault
 
     @property
@@ -128,11 +128,11 @@ class Contingency:
         return tuple(events) + tuple(Open(name, off) for name in self.opened)
 
     def check(self, case: Case, until: float | None = None) -> None:
-        """Raise `StudyError` where the case lacks what it names, or a run until `until` (s) ends before it does."""
+        """Raise `StudyError` if the case lacks something it names, or an event is later than `until` (s)."""
         timeline(case, schedule(case, self, until))
 
     def with_clear(self, clear: str | float, at: str | float | None = None) -> "Contingency":
-        """The same contingency with another clearing time, and where `at` is given another instant of the fault."""
+        """The same contingency with another clearing time and, if `at` is given, another fault time."""
         return replace(self, clear=clear, at=self.at if at is None else at)
 
     def __str__(self) -> str:
@@ -150,10 +150,10 @@ class Contingency:
     __repr__ = __str__
 
 
-Happenings = Contingency | Event | str | Iterable[Contingency | Event | str]
+Disturbance = Contingency | Event | str | Iterable[Contingency | Event | str]
 
 
-def schedule(case: Case, what: Happenings | None, until: float | None = None, start: float = 0.0) -> tuple[Event, ...]:
+def schedule(case: Case, what: Disturbance | None, until: float | None = None, start: float = 0.0) -> tuple[Event, ...]:
     """The events of a run, with their instants in seconds.
 
     Parameters

@@ -1,4 +1,4 @@
-"""A storage control law written in Python: a function that sees the system at frames and gives orders."""
+"""A storage control law written in Python: a function called at a fixed rate that returns the storage orders."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ class Snapshot(NamedTuple):
     """The system at one frame; devices, machines (those with a rotor) and buses in the order of the case's tables."""
 
     time: float  # s
-    deviation: np.ndarray  # (devices) pu   speed of its machine less the COI speed of the rest; nan without a rotor
+    deviation: np.ndarray  # (devices) pu   speed of its machine minus the COI speed of the others; nan without a rotor
     voltage: np.ndarray  # (devices) pu   magnitude at the device
     speed: np.ndarray  # (machines) pu
     angle: np.ndarray  # (machines) rad
@@ -28,13 +28,14 @@ class Snapshot(NamedTuple):
 
 @dataclass(frozen=True)
 class Controller:
-    """A control law of the storage devices, called `rate` times a second; its orders are held in between.
+    """A control law of the storage devices, called `rate` times per second; its orders are held in between.
 
     Parameters
     ----------
     law : callable, or class of callables
-        Takes a `Snapshot` and gives the orders of the devices, or one for all, in ratings: 1 absorbs the full rating,
-        -1 injects it, and what lies beyond is cut. A law with memory is a class; every run has its own instance.
+        Takes a `Snapshot` and returns the orders of the devices, or one for all, in per unit of the ratings: 1 absorbs
+        the full rating, -1 injects it, and values beyond are clipped. A law with memory is a class; every run creates
+        its own instance.
     rate : int, 1/s
         Frames per second.
 
@@ -48,12 +49,15 @@ class Controller:
 
     def __post_init__(self) -> None:
         if not callable(self.law):
-            raise StudyError(f"{self.law!r} is not a law; give a function of a snapshot, lambda seen: seen.deviation.")
+            raise StudyError(
+                f"{self.law!r} is not a control law; give a function of a snapshot, such as "
+                "lambda seen: 100 * seen.deviation."
+            )
         if isinstance(self.rate, bool) or not isinstance(self.rate, int) or not 1 <= self.rate <= FASTEST:
             raise StudyError(f"The rate of {self.rate!r} frames a second is not allowed; give 1 to {FASTEST}.")
 
     def pilot(self, simulations: "Sequence[Simulation]") -> Callable[[], None]:
-        """What is called at every frame to set the orders of these simulations."""
+        """The function called at every frame to set the orders of these simulations."""
         laws = [self.law() if isinstance(self.law, type) else self.law for _ in simulations]
         watch = _Watch(simulations[0].point)
 

@@ -8,27 +8,29 @@ from stabctl.units import hertz, quantity
 
 
 class Criterion(NamedTuple):
-    """When a run is unstable; values are numbers, or text with a unit ("200deg", "57Hz", "500ms").
+    """When a run counts as unstable. Values are numbers, or text with a unit ("200deg", "57Hz", "500ms").
 
     Parameters
     ----------
     max_angle : float, rad
-        Change of a rotor angle against the center of inertia of its island at which the machine loses synchronism.
+        Change of a rotor angle relative to the center of inertia of its island that counts as loss of synchronism.
     low_voltage_s : float, s
-        A load that long below its voltage threshold, with no fault on, is a voltage collapse; 0 turns this off.
+        Time that a load may stay below its voltage threshold, with no fault on, before it counts as voltage collapse;
+        0 turns this check off.
     slowest, fastest : float, pu
-        A machine outside this range of speed has run away.
+        A machine outside this speed range has run away.
     min_frequency, max_frequency : float, pu
-        Range of frequency of an island, which is the speed of its center of inertia: 57 to 62 Hz in a 60 Hz system.
+        Allowed frequency of an island (the speed of its center of inertia): 57 to 62 Hz in a 60 Hz system.
     frequency_delay_s : float, s
-        Frequency instability is an island that long without interruption outside this range; 0 turns this off.
+        Time that an island may stay outside this range without interruption before it counts as frequency instability;
+        0 turns this check off.
 
     Notes
     -----
-    Outside the range units may trip: the no-trip zones of NERC PRC-024-3, Attachment 1, end between 57.0 and 57.8 Hz
+    Outside this range units may trip: the no-trip zones of NERC PRC-024-3, Attachment 1, end between 57.0 and 57.8 Hz
     and at 61.7 or 61.8 Hz (Western and Eastern Interconnection), those of Regulation (EU) 2016/631, Article 13, at 47.5
-    and 51.5 Hz. The delay of 1 s leaves out swings, and is less than the 2 s after which the limits of NERC PRC-006-5
-    for islands begin to narrow.
+    and 51.5 Hz. The delay of 1 s excludes swings, and is less than the 2 s after which the limits of NERC PRC-006-5 for
+    islands begin to narrow.
     """
 
     max_angle: float = 3.5
@@ -45,28 +47,30 @@ UNITS = "rad", "s", "pu", "pu", "pu", "pu", "s"  # of its values
 
 
 def checked(criterion: object, frequency_hz: float) -> Criterion:
-    """The criterion with every value a float, for a system of this frequency. `StudyError` if it is not one."""
+    """The criterion with every value a float, for a system of this frequency. Raises `StudyError` if it is not one."""
     if not isinstance(criterion, Criterion):
-        raise StudyError(f"{criterion!r} is not a criterion of stability; write Criterion(max_angle=3.5).")
+        raise StudyError(f"{criterion!r} is not a stability criterion; write Criterion(max_angle=3.5).")
     found = []
     for name, given, unit in zip(criterion._fields, criterion, UNITS, strict=True):
         value = _value(given, unit, frequency_hz) if isinstance(given, str) else given
         number = isinstance(value, Real) and not isinstance(value, bool)
         if not number or not (value > 0 if name == "max_angle" else value >= 0):
             least = "above 0" if name == "max_angle" else "of at least 0"
-            raise StudyError(f"The {name} {given!r} of the criterion is not allowed; it must be a number {least}.")
+            raise StudyError(
+                f"{name} = {given!r} of the stability criterion is not allowed; it must be a number {least}."
+            )
         found.append(float(value))
     made = Criterion(*found)
     if not made.min_frequency < 1 < made.max_frequency:
         raise StudyError(
-            f"The range of frequency {frequency_range(made, frequency_hz)} is not allowed; it must include the rated "
+            f"The frequency range {frequency_range(made, frequency_hz)} is not allowed; it must include the rated "
             f"{frequency_hz:g} Hz."
         )
     return made
 
 
 def frequency_range(criterion: Criterion, frequency_hz: float) -> str:
-    """The range of frequency in words: `57 to 62 Hz`."""
+    """The frequency range in words: `57 to 62 Hz`."""
     return f"{criterion.min_frequency * frequency_hz:.4g} to {criterion.max_frequency * frequency_hz:.4g} Hz"
 
 

@@ -6,7 +6,7 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Fault:
-    """A three-phase fault at a bus or along a branch (in its middle, where no point on it is named)."""
+    """A three-phase fault at a bus or on a branch (in its middle unless a point is given)."""
 
     place: str
     at: float  # s
@@ -15,7 +15,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Clear:
-    """The fault at a location is removed, without opening anything."""
+    """The fault at a location is removed without opening any circuit."""
 
     place: str
     at: float  # s
@@ -23,7 +23,7 @@ class Clear:
 
 @dataclass(frozen=True)
 class Open:
-    """A circuit is opened at both ends, or only at the end of one bus; what is open stays open."""
+    """A circuit is opened at both ends, or at one bus only, and stays open."""
 
     branch: str
     at: float  # s
@@ -40,7 +40,7 @@ class TripMachine:
 
 @dataclass(frozen=True)
 class LoadStep:
-    """Power is added to a bus, with the voltage dependence of its load (constant admittance where it has none)."""
+    """Load is added at a bus, with the voltage dependence of its present load (constant admittance if it has none)."""
 
     bus: int
     at: float  # s

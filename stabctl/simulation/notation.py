@@ -40,7 +40,7 @@ def load_step(text: str, frequency_hz: float) -> LoadStep:
 
 
 def event(text: str, frequency_hz: float) -> Event:
-    """The event that a text describes. `StudyError` if it is not one."""
+    """The event that a text describes. Raises `StudyError` if it is not one."""
     what, _ = _split(text, frequency_hz)
     for form, read in ((_OPENING, opening), (_MACHINE, machine_trip), (_LOAD, load_step)):
         if form.match(what):
@@ -56,4 +56,4 @@ def _split(text: str, frequency_hz: float) -> tuple[str, float]:
     try:
         return what, seconds(when, frequency_hz)
     except StudyError:
-        raise StudyError(f"{text!r} is not an event, since {when!r} is not a time; write {SHOWN}.") from None
+        raise StudyError(f"{text!r} is not an event, because {when!r} is not a time; write {SHOWN}.") from None

@@ -36,7 +36,7 @@ class Outcome:
 
     @property
     def stable(self) -> bool:
-        """Did every island stay in synchronism, within the range of frequency, and with voltage?"""
+        """Whether every island stayed in synchronism, within the frequency range, and with voltage."""
         return self.kind in (Kind.STABLE, Kind.ISLANDED) and self.machine is None
 
     def __str__(self) -> str:
@@ -44,20 +44,20 @@ class Outcome:
 
 
 class End(NamedTuple):
-    """How the stepper left the system."""
+    """How the stepper ended."""
 
     verdict: int  # of the stepper
     time: float  # s
     stage: Stage
     speed: np.ndarray  # (rotor units) pu
-    machine: int  # row of the rotor unit to blame
-    bus: int  # row of the bus to blame
-    outside_s: float  # s   longest time that an island was outside the range of frequency
-    taken_off: tuple[str, ...]  # sentences on the machines that ran away alone
+    machine: int  # row of the critical rotor unit
+    bus: int  # row of the critical bus
+    outside_s: float  # s   longest time that an island was outside the frequency range
+    taken_off: tuple[str, ...]  # sentences on machines that ran away alone in their island
 
 
 def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
-    """The outcome of a run that ended this way."""
+    """The outcome of a run."""
     numbers, bus, t = point.rotor_numbers, point.case.buses[end.bus].bus, end.time
     number = numbers[end.machine] if numbers else None
     cut = " ".join((_cut_off(point, end.stage), *end.taken_off)).strip()
@@ -73,7 +73,7 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
             kind, machine, where = Kind.LOST_SYNCHRONISM, number, " of its island" if cut else ""
             text = (
                 f"Machine {number} lost synchronism at {t:.3f} s: its angle moved "
-                f"{np.rad2deg(criterion.max_angle):.0f} degrees against the center of inertia{where}."
+                f"{np.rad2deg(criterion.max_angle):.0f} degrees relative to the center of inertia{where}."
             )
         case stepper.RUNAWAY:
             kind, machine = Kind.LOST_SYNCHRONISM, number
@@ -90,7 +90,7 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
         case stepper.LOW_VOLTAGE:
             kind, blamed = Kind.VOLTAGE_COLLAPSE, bus
             text = (
-                f"Voltage collapse at bus {bus} at {t:.3f} s: its voltage stayed below what its load needs "
+                f"Voltage collapse at bus {bus} at {t:.3f} s: its voltage stayed below the limit of its load "
                 f"for {criterion.low_voltage_s:g} s without a fault."
             )
         case _ if cut:
@@ -103,7 +103,7 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
 
 
 def _off_frequency(point: OperatingPoint, end: End, criterion: Criterion) -> str:
-    """Which island left the range of frequency, where its frequency is, and when."""
+    """Which island left the frequency range, its frequency, and when."""
     where, unit = end.stage.net.island, point.rotors.unit
     mine = where[unit] == where[unit[end.machine]]
     H = np.where(mine, point.rotors.inertia, 0.0)
@@ -119,7 +119,7 @@ def _off_frequency(point: OperatingPoint, end: End, criterion: Criterion) -> str
 
 
 def _within(point: OperatingPoint, end: End, criterion: Criterion) -> str:
-    """Whether the range of frequency was kept, in words."""
+    """Whether the frequency range was kept, in words."""
     if not criterion.frequency_delay_s or not len(end.speed):
         return ""
     limits = frequency_range(criterion, point.case.frequency_hz)
@@ -136,7 +136,7 @@ def _frequencies(point: OperatingPoint, end: End) -> str:
 
 
 def _cut_off(point: OperatingPoint, now: Stage) -> str:
-    """What the switching has cut off from the island of the largest inertia; empty if nothing."""
+    """What the switching has separated from the island with the largest inertia; empty if nothing."""
     where = now.island_of_bus
     if where.max() == 0:
         return ""

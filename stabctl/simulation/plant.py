@@ -1,6 +1,6 @@
-"""What the stepper looks at itself, by place in s, and the buffers of one run.
+"""What the stepper itself reads, as places in the signal vector s, and the buffers of one run.
 
-The stepper knows places only: no device and no control law.
+The stepper works on places only; it knows no device and no control law.
 """
 
 from typing import NamedTuple
@@ -17,27 +17,27 @@ class Net(NamedTuple):
     """The network between two events."""
 
     factors: Factors
-    island: np.ndarray  # (units) its island, -1 once tripped or dead
-    alive: np.ndarray  # (buses) has a unit in its island that holds a voltage
-    faulted: bool  # a fault is on: low voltages do not count
+    island: np.ndarray  # (units) island of each unit, -1 if it is tripped or blacked out
+    alive: np.ndarray  # (buses) whether its island has a voltage source
+    faulted: bool  # a fault is on, so low voltages are ignored
 
 
 class Frame(NamedTuple):
-    """Places and constants that the stepper itself reads. Its type is the same for every system."""
+    """Places and constants that the stepper itself reads. The type is the same for every system."""
 
-    places: np.ndarray  # (3) of the voltages, of the step, of the signals against the COI
+    places: np.ndarray  # (3) of the voltages, of the time step, of the signals relative to the COI
     rotor: np.ndarray  # (rotor units) places of the angles; the speeds follow
     unit: np.ndarray  # (rotor units) rows of their units
     inertia: np.ndarray  # (rotor units) s
-    owner: np.ndarray  # (size of s) row of the unit whose signal it is, -1: none
-    limited: np.ndarray  # places of the states that stop at limits
+    owner: np.ndarray  # (size of s) row of the unit that owns the signal, -1: none
+    limited: np.ndarray  # places of the states with non-windup limits
     low: np.ndarray
     high: np.ndarray
-    scale: np.ndarray  # places of the signals that the limits are per unit of
-    draw_bus: np.ndarray  # rows of the buses with currents that depend on their voltage
-    near_bus: np.ndarray  # the same, and those whose voltages such currents read from elsewhere
-    watch_bus: np.ndarray  # rows of the buses of loads
-    watch_low: np.ndarray  # pu   voltages below which they count as lost
+    scale: np.ndarray  # places of the signals that multiply the limits
+    draw_bus: np.ndarray  # rows of the buses with voltage-dependent currents
+    near_bus: np.ndarray  # the same, and the remote buses whose voltages these currents depend on
+    watch_bus: np.ndarray  # rows of the buses with loads
+    watch_low: np.ndarray  # pu   voltages below which a load counts as lost
     held: np.ndarray  # places that sampled devices write: the orders
 
 
@@ -50,21 +50,23 @@ class Space(NamedTuple):
     current: np.ndarray
     work: np.ndarray
     source: np.ndarray
-    begun: np.ndarray  # (buses) the substitution up to what is iterated
-    kept: np.ndarray  # (buses) voltages of the stage before
-    moves: np.ndarray  # (2, 4, buses) how they moved in each stage of the two steps before
+    begun: np.ndarray  # (buses) the part of the forward substitution that is not iterated
+    kept: np.ndarray  # (buses) voltages at the previous stage
+    moves: np.ndarray  # (2, 4, buses) voltage changes at each stage of the two previous steps
     x0: np.ndarray
     sum: np.ndarray
-    angles: np.ndarray  # (2, rotor units) rad   before the first event, and the largest change against the COI so far
+    angles: (
+        np.ndarray
+    )  # (2, rotor units) rad   before the first event, and the largest change relative to the COI so far
     off: np.ndarray  # (2, rotor units) s   how long their island is outside the range of frequency, and at most
     low: np.ndarray  # (loads) s     time below the threshold
     orders: np.ndarray  # (held) before a decision
     coi: np.ndarray  # (4, buses) inertia, speed, acceleration and angle of the islands
-    marks: np.ndarray  # bus and rotor unit to blame; step, stage and decided?, where Newton was asked for
+    marks: np.ndarray  # critical bus and rotor unit; step, stage and decided when Newton was requested
 
 
 class NewtonSpace(NamedTuple):
-    """Work space of Newton alone: complex twins of s and f, and voltages."""
+    """Work space of Newton's method: complex copies of s and f, and voltages."""
 
     s: np.ndarray
     f: np.ndarray
@@ -72,16 +74,16 @@ class NewtonSpace(NamedTuple):
 
 
 def frame(system: System, layout: Layout, deviation: int, held: np.ndarray) -> Frame:
-    """The frame of a system whose signals are laid out so.
+    """The places that the stepper reads in a system.
 
     Parameters
     ----------
     system
         Devices.
     layout
-        Places; the states and voltages are the system's own.
+        Layout of the signal vector; it begins with the states and voltages of the system.
     deviation
-        Place of the signals of the rotor units against the COI of the rest, their rates, and whether units are on.
+        Place of the speed deviations of the rotor units from the COI of the others, their rates, and the on/off flags.
     held
         Places that sampled devices write.
     """
@@ -97,7 +99,7 @@ def frame(system: System, layout: Layout, deviation: int, held: np.ndarray) -> F
 
 
 def space(s: np.ndarray, layout: Layout, a: Frame) -> Space:
-    """Buffers of one run that starts at s."""
+    """Buffers of a run that starts at s."""
     nx, nb, m = layout.nx, layout.buses, len(a.rotor)
     s, f = s.copy(), np.zeros(layout.first_setpoint)
     blank = np.zeros((4, nb), complex)
@@ -111,5 +113,5 @@ def space(s: np.ndarray, layout: Layout, a: Frame) -> Space:
 
 
 def newton_space(q: Space) -> NewtonSpace:
-    """Work space of Newton for the buffers of a run."""
+    """Work space of Newton's method for the buffers of a run."""
     return NewtonSpace(q.s.astype(complex), q.f.astype(complex), np.zeros_like(q.volt))

@@ -13,7 +13,7 @@ from .substitution import factor
 
 
 def prepare() -> None:
-    """Make no step of a system of one bus without devices."""
+    """Call the stepper for zero steps of a system of one bus without devices."""
     places, numbers, calls = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 5), np.int64)
     layout = Layout((), (), 1, 0, 0, {}, places)
     kinds = {"places": np.zeros(3, np.int64), "inertia": numbers, "low": numbers, "high": numbers, "watch_low": numbers}

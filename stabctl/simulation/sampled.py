@@ -1,4 +1,4 @@
-"""Controllers outside the compiled loop: they see the system at frames and hold their orders in between."""
+"""Controllers outside the compiled loop: they are called at a fixed rate and their orders are held in between."""
 
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 @runtime_checkable
 class Sampled(Protocol):
-    """A controller with a frame rate. `stabctl.estimate` has those that use PMU signals."""
+    """A controller with a frame rate. Those that use PMU signals are in `stabctl.estimation`."""
 
     @property
     def rate(self) -> int:
@@ -17,7 +17,7 @@ class Sampled(Protocol):
         ...
 
     def pilot(self, simulations: "Sequence[Simulation]") -> Callable[[], None]:
-        """What is called at every frame, the first one included, to set the orders of these simulations."""
+        """The function called at every frame, including the first, to set the orders of these simulations."""
         ...
 
 

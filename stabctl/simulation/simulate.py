@@ -10,7 +10,7 @@ from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.units import seconds
 
-from .contingency import Happenings
+from .contingency import Disturbance
 from .criterion import DEFAULT, Criterion, checked
 from .sampled import Sampled
 from .simulation import run
@@ -19,7 +19,7 @@ from .trajectory import Trajectory
 
 def simulate(
     base: Case | OperatingPoint,
-    contingency: "Happenings | None" = None,
+    contingency: "Disturbance | None" = None,
     until: str | float = "10s",
     *,
     storage: "Fleet | None" = None,
@@ -29,15 +29,15 @@ def simulate(
     record: bool = True,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
-    """Simulate what happens to a system.
+    """Simulate the response of a system to a contingency.
 
     Parameters
     ----------
     base : Case or OperatingPoint
         The system; a case is initialized first.
     contingency : Contingency, event, str, or list of them, optional
-        What happens. A text is an event: "7-8@1s" (a line opens), "14@2s" (a machine trips), "7:+50MW@1s" (a load
-        changes). Without it nothing happens.
+        The disturbance. A text is an event: "7-8@1s" (a line opens), "14@2s" (a machine trips), "7:+50MW@1s" (a load
+        changes). By default there is none.
     until : str or float
         End of the run: "10s", or seconds.
     storage : str, mapping, or iterable of Storage, optional
@@ -51,7 +51,7 @@ def simulate(
     record : bool
         Keep the trajectory; without it only the outcome is known.
     progress : callable, optional
-        Called with the simulated time (s) from time to time.
+        Called with the simulated time (s) at intervals.
 
     Returns
     -------
@@ -71,7 +71,7 @@ def simulate(
 
 
 def checked_control(control: Any, case: Case) -> Law | Sampled | None:
-    """The control law, checked; it needs storage devices to act on."""
+    """The control law, checked; it needs storage devices to control."""
     if isinstance(control, type):
         raise StudyError(f"control = {control.__name__} is a class; give an instance, {control.__name__}().")
     if control is None or isinstance(control, Sampled):
@@ -79,5 +79,7 @@ def checked_control(control: Any, case: Case) -> Law | Sampled | None:
     if not callable(getattr(control, "par", None)):
         raise StudyError(f"control = {control!r} is not a control law; give BangBang(), Feedback(...) or a Controller.")
     if not case.storage:
-        raise StudyError(f"{type(control).__name__} has no storage device to act on; give storage='50MW'.")
+        raise StudyError(
+            f"{type(control).__name__} needs storage devices to control; give storage='50MW', for example."
+        )
     return control

@@ -12,7 +12,7 @@ from stabctl.dynamics.program import program
 from stabctl.errors import StudyError
 
 from . import stepper, voltages
-from .contingency import Happenings, schedule
+from .contingency import Disturbance, schedule
 from .criterion import DEFAULT, Criterion, frequency_range
 from .outcome import End, Outcome, outcome
 from .plant import newton_space, space
@@ -24,24 +24,44 @@ from .wired import wired
 
 STEP = 1 / 120  # s   default
 LEAST_STEP = 1e-7  # s
-MOST = 50_000_000  # steps of one run
+MOST = 50_000_000  # largest number of steps of a run
 NO_ROWS = np.empty((0, 0))
-AT_ONCE = 1200  # steps in one call of the compiled loop, between which Ctrl-C and progress have their turn
-REACH = 2.5  # largest |step * eigenvalue| that RK4 carries, with a margin (it is unstable beyond 2.785)
+AT_ONCE = 1200  # steps per call of the compiled loop; Ctrl-C and progress are handled in between
+REACH = 2.5  # largest |step * eigenvalue| allowed for RK4, with a margin (it is unstable above 2.785)
 
 
 class Simulation:
-    """A running simulation. `advance` continues it; storage orders may be set between calls where `control` is None.
+    """A simulation that is advanced an interval at a time; without a `control`, storage orders can be set in between.
 
-    Args: the operating point; what happens; the storage law (None: orders as set in `orders`); the largest step (s);
-    when to give up; whether to keep the rows of the trajectory; the first instant (s); what is told the time (s) now
-    and then. Raises `StudyError` for impossible events or step.
+    Parameters
+    ----------
+    point : OperatingPoint
+        Where the simulation starts.
+    events : Contingency, event, str, or list of them, optional
+        What happens, as in `simulate`.
+    control : control law, optional
+        Control law of the storage devices; by default the orders set in `orders`.
+    step : float, s, optional
+        Largest time step.
+    criterion : Criterion
+        When the run counts as unstable and ends.
+    record : bool
+        Keep the trajectory.
+    start : float, s
+        Start time.
+    progress : callable, optional
+        Called with the simulated time (s) at intervals.
+
+    Raises
+    ------
+    StudyError
+        If an event or the step is not possible.
     """
 
     def __init__(
         self,
         point: OperatingPoint,
-        events: "Happenings | None" = None,
+        events: "Disturbance | None" = None,
         control: Law | None = None,
         *,
         step: float | None = None,
@@ -74,12 +94,12 @@ class Simulation:
 
     @property
     def orders(self) -> np.ndarray:
-        """Orders (devices) wanted from outside, in ratings, absorbing positive; set them in place."""
+        """Storage orders (devices) in per unit of the ratings, positive to absorb; set them in place."""
         return self._space.s[self.wired.wanted]
 
     @property
     def s(self) -> np.ndarray:
-        """Every signal now; to read. The outputs are those of the last stage evaluated."""
+        """Every signal now (read only). The outputs are those of the last stage evaluated."""
         return self._space.s
 
     @property
@@ -100,11 +120,11 @@ class Simulation:
 
     @property
     def island(self) -> np.ndarray:
-        """Islands (units) now, by number; -1 of a machine that is off."""
+        """Island numbers (units) now; -1 for a disconnected machine."""
         return self._stage.net.island
 
     def advance(self, until: float) -> bool:
-        """Carry on to `until` (s), landing on every event on the way; returns whether the run continues."""
+        """Advance to `until` (s), stopping exactly at every event; returns whether the run continues."""
         while self.outcome is None and self.time < until - 1e-9:
             following = self.changes[self._at + 1].at if self._at + 1 < len(self.changes) else np.inf
             target = min(until, following)
@@ -147,7 +167,7 @@ class Simulation:
     def _segment(self, target: float) -> None:
         steps = max(1, int(np.ceil((target - self.time) / self.step - 1e-6)))
         if steps > MOST:
-            raise StudyError(f"{steps:.2g} steps to {target:g} s are too many; give a longer step or a shorter run.")
+            raise StudyError(f"{steps:.2g} steps to {target:g} s are too many; choose a longer step or a shorter run.")
         start, h, done = self.time, (target - self.time) / steps, 0
         while done < steps and self.outcome is None:
             verdict, made = self._call(h, min(steps - done, AT_ONCE), False)
@@ -169,7 +189,7 @@ class Simulation:
         return outcome(self.point, end, self.criterion)
 
     def _alone(self) -> bool:
-        """Is the runaway machine alone in its island, while others run elsewhere?"""
+        """Whether the runaway machine is alone in its island, while others are running elsewhere."""
         island = self._stage.net.island[self.point.rotors.unit]
         return (island == island[self._space.marks[1]]).sum() == 1 and (island >= 0).sum() > 1
 
@@ -201,7 +221,7 @@ class Simulation:
         return verdict, made
 
     def _advance(self, h: float, steps: int, last: bool, history: np.ndarray) -> tuple[int, int]:
-        """Steps of the compiled loop, with Newton where it asks for it."""
+        """Steps of the compiled loop, with Newton's method when it is requested."""
         p, a, net, q = self._program, self.wired.frame, self._stage.net, self._space
         resume = False
         while True:
@@ -213,7 +233,7 @@ class Simulation:
             resume = True
 
     def _newton(self) -> bool:
-        """Solve for the voltages where substitution does not contract; found?"""
+        """Solve for the voltages if the fixed-point iteration fails; returns whether a solution was found."""
         kept = self.point.system.kept
         if "newton" not in kept:
             kept["newton"] = program(self.wired.families, complex)
@@ -238,7 +258,7 @@ def _checked_step(point: OperatingPoint, step: float | None) -> float:
 
 def run(
     point: OperatingPoint,
-    contingency: "Happenings | None" = None,
+    contingency: "Disturbance | None" = None,
     until: float = 10.0,
     control: Law | Sampled | None = None,
     *,

@@ -12,7 +12,7 @@ DONE, SLIPPED, NO_VOLTAGE, LOW_VOLTAGE, RUNAWAY, FREQUENCY, NEWTON = range(7)
 
 @inline
 def guess(stage, q):
-    """Voltages of the next stage: their moves go on changing as between the same stages of the steps before."""
+    """Predict the voltages of the next stage by extrapolating their changes from the same stage of the last steps."""
     copy(q.volt, q.kept)
     for i in range(len(q.volt)):
         q.volt[i] += 2 * q.moves[0, stage, i] - q.moves[1, stage, i]
@@ -20,7 +20,7 @@ def guess(stage, q):
 
 @inline
 def note(stage, q):
-    """Keep how the voltages have moved since the stage before."""
+    """Store the change of the voltages since the previous stage."""
     for i in range(len(q.volt)):
         q.moves[1, stage, i] = q.moves[0, stage, i]
         q.moves[0, stage, i] = q.volt[i] - q.kept[i]
@@ -28,13 +28,13 @@ def note(stage, q):
 
 @noinline
 def run(calls, p, s, f, on):
-    """Calls of device families, compiled once in the stepper."""
+    """Call the device families, compiled once in the stepper."""
     perform(calls, p.w, p.k, s, f, on)
 
 
 @noinline
 def hold(s, f, a):
-    """Stops the states that rest at a limit (non-windup)."""
+    """Set the derivatives of states at a non-windup limit to zero if they point beyond it."""
     for k in range(len(a.limited)):
         i, per = a.limited[k], s[a.scale[k]]
         if (s[i] >= a.high[k] * per and f[i] > 0) or (s[i] <= a.low[k] * per and f[i] < 0):
@@ -43,7 +43,7 @@ def hold(s, f, a):
 
 @inline
 def confine(s, a):
-    """Brings the states that stop at limits back to them."""
+    """Clip the states with non-windup limits."""
     for k in range(len(a.limited)):
         i, per = a.limited[k], s[a.scale[k]]
         s[i] = min(max(s[i], a.low[k] * per), a.high[k] * per)
@@ -51,7 +51,7 @@ def confine(s, a):
 
 @noinline
 def coi(a, net, q):
-    """Sums of inertia and of inertia times speed, acceleration and angle change, per island."""
+    """Sum inertia, and inertia times speed, acceleration and angle change, per island."""
     s, sums, island = q.s, q.coi, net.island
     for i in range(len(island)):
         for j in range(4):
@@ -67,7 +67,7 @@ def coi(a, net, q):
 
 @noinline
 def decide(p, a, net, q):
-    """Let the sampled devices act on the signals of now; has an order changed?"""
+    """Let the sampled devices act on the present signals; returns whether an order has changed."""
     coi(a, net, q)
     s, sums, island, first, m = q.s, q.coi, net.island, a.places[2], len(a.rotor)
     for i in range(len(island)):
@@ -90,7 +90,7 @@ def decide(p, a, net, q):
 
 @noinline
 def judge(a, net, q, rules, h):
-    """Has a unit lost synchronism or run away, an island left its frequency, a load lost its voltage? Keeps peaks."""
+    """Check synchronism, speeds, frequencies and load voltages by the criterion, and update the peak values."""
     verdict, worst = DONE, 0.0
     coi(a, net, q)
     for i in range(len(a.rotor)):
@@ -122,7 +122,7 @@ def judge(a, net, q, rules, h):
 
 @noinline
 def record(a, net, q, whole, row):
-    """Every signal; set-points and outputs of units that are off are 0."""
+    """Record every signal; set-points and outputs of disconnected units are 0."""
     for k in range(len(row)):
         row[k] = q.s[k]
     if not whole:
@@ -133,7 +133,7 @@ def record(a, net, q, whole, row):
 
 @noinline
 def freeze(a, net, q):
-    """Stops the states of units that are off."""
+    """Set the derivatives of disconnected units to zero."""
     for k in range(len(q.x0)):
         if a.owner[k] >= 0 and net.island[a.owner[k]] < 0:
             q.f[k] = 0
@@ -141,7 +141,7 @@ def freeze(a, net, q):
 
 @noinline
 def from_above(p, net, q):
-    """Start the search for voltages from those without draws: of several solutions the loads live on the highest."""
+    """Start the iteration from the voltages without load: of several solutions, the highest is the operable one."""
     for i in range(len(q.current)):
         q.current[i] = 0
     run(p.source, p, q.s, q.f, net.island)
@@ -152,8 +152,8 @@ def from_above(p, net, q):
 
 
 @noinline
-def sunk(a, net, q):
-    """Is a load near or below its threshold although no fault is on?"""
+def load_voltage_low(a, net, q):
+    """Whether a load is near or below its voltage threshold while no fault is on."""
     if net.faulted:
         return False
     for j in range(len(a.watch_bus)):
@@ -165,10 +165,10 @@ def sunk(a, net, q):
 
 @entry
 def advance(p, a, net, q, rules, h, steps, last, resume, history):
-    """`steps` steps of h seconds on one network; (verdict, steps made).
+    """Make `steps` steps of h seconds on one network; returns the verdict and the number of steps made.
 
-    Row k of `history` (if it has rows) is the record at the start of step k; with `last`, one more at the end. The
-    verdict NEWTON asks the caller to solve for the voltages and to call again with `resume`.
+    Row k of `history` (if it has rows) is the record at the start of step k; with `last`, one more row is recorded at
+    the end. The verdict NEWTON asks the caller to solve for the voltages and to call again with `resume`.
     """
     nx = len(q.x0)
     whole = True
@@ -186,7 +186,7 @@ def advance(p, a, net, q, rules, h, steps, last, resume, history):
             for i in range(len(q.volt)):
                 q.moves[0, stage, i] = q.moves[1, stage, i] = 0
     for step in range(first, steps + last):
-        if not resume and sunk(a, net, q):
+        if not resume and load_voltage_low(a, net, q):
             from_above(p, net, q)
         for stage in range(stage0, 4):
             if not resume:

@@ -1,8 +1,8 @@
 """Sparse factors of a network, and the triangular solution inside the compiled loop.
 
-The entries of both factors stand in one flat list each: a loop over columns with a short loop inside spends its time on
-mispredicted branches. Columns of the same level do not depend on each other and stand together, so that the processor
-works on several at once. Whatever the iterated buses depend on is eliminated last: an iteration repeats only that part.
+The entries of each factor are in one flat list, because a short loop inside a loop over columns would spend its time on
+mispredicted branches. Columns of the same level are independent and next to each other, so that the processor can work
+on several at once. What the iterated buses depend on is eliminated last, so an iteration repeats only that part.
 """
 
 from collections.abc import Iterable
@@ -16,7 +16,7 @@ from stabctl._util.jit import inline, noinline
 
 
 class Factors(NamedTuple):
-    """P_r Y P_c = L D U, L and U with unit diagonals, which are left out."""
+    """P_r Y P_c = L D U; L and U have unit diagonals, which are not stored."""
 
     lower: np.ndarray  # (entries of L, 2)   row and column, columns ascending
     L: np.ndarray  # (entries of L)
@@ -26,11 +26,11 @@ class Factors(NamedTuple):
     rows: np.ndarray  # (buses)   P_r: bus of every row
     cols: np.ndarray  # (buses)   P_c: row of every bus
     back: np.ndarray  # (buses)   row of every bus, the inverse of P_r
-    again: np.ndarray  # (3)   first row, first entry of L, and last of U that an iteration repeats
+    again: np.ndarray  # (3)   first row, first entry of L and last entry of U that an iteration repeats
 
 
 def factor(Y: sp.csc_matrix, iterated: Iterable[int] = ()) -> Factors:
-    """Factors of an admittance matrix, and the part of them that an iteration of some buses repeats."""
+    """Factors of an admittance matrix, and the part of them that each iteration at some buses repeats."""
     options = {"SymmetricMode": True}
     lu = spl.splu(Y.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.1, options=options)
     d = 1 / lu.U.diagonal()
@@ -63,7 +63,7 @@ def factor(Y: sp.csc_matrix, iterated: Iterable[int] = ()) -> Factors:
 
 @inline
 def forward(F, current, work):
-    """The rows that are not iterated: work = inv(L) current; the others lack their own columns."""
+    """Forward substitution of the rows that are not iterated: work = inv(L) current, complete for these rows only."""
     for i in range(len(work)):
         work[i] = current[F.rows[i]]
     for k in range(F.again[1]):
@@ -72,7 +72,7 @@ def forward(F, current, work):
 
 @inline
 def middle(F, work):
-    """The rows that are iterated, whose currents are complete now: work = v."""
+    """Forward and backward substitution of the iterated rows: work = v."""
     for k in range(F.again[1], len(F.L)):
         work[F.lower[k, 0]] -= F.L[k] * work[F.lower[k, 1]]
     for i in range(F.again[0], len(work)):
@@ -83,7 +83,7 @@ def middle(F, work):
 
 @inline
 def backward(F, work, v):
-    """The rest of the voltages."""
+    """Backward substitution for the other voltages."""
     for i in range(F.again[0]):
         work[i] *= F.d[i]
     for k in range(F.again[2], len(F.U)):
@@ -94,7 +94,7 @@ def backward(F, work, v):
 
 @noinline
 def solve_apart(F, current, work, v):
-    """v = inv(Y) current, compiled once."""
+    """Solve v = inv(Y) current; compiled once."""
     forward(F, current, work)
     middle(F, work)
     backward(F, work, v)

@@ -14,14 +14,14 @@ from .events import Clear, Event, Fault, LoadStep, Open, SwitchShunt, TripMachin
 
 @dataclass(frozen=True)
 class Change:
-    """The network from one instant on."""
+    """The network from a given time on."""
 
     at: float  # s
     switching: Switching = field(default_factory=Switching)
 
 
 def timeline(case: Case, events: Iterable[Event]) -> tuple[Change, ...]:
-    """The network after each instant at which something happens, in order of time; the first is the intact one at 0."""
+    """The state of the network after each event, in order of time; the first is the intact network at time 0."""
     changes, now = [Change(0.0)], _State(case)
     for event in sorted(events, key=lambda e: e.at):
         if not 0 <= event.at < float("inf"):
@@ -98,7 +98,7 @@ class _State:
         assert place.branch is not None
         before = self.branches.get(place.branch, BranchState())
         if before.fault_at is not None:
-            raise StudyError(f"Branch {text} is faulted twice; one fault at a time is possible on a circuit.")
+            raise StudyError(f"Branch {text} is faulted twice; a circuit can have only one fault at a time.")
         along = 0.5 if place.fraction is None else place.fraction
         self.branches[place.branch] = before._replace(fault_at=along, fault_admittance=admittance)
 

@@ -1,4 +1,4 @@
-"""A switching of the network -> what the compiled loop needs of it: factors, islands, loads."""
+"""The network after a switching operation, as the compiled loop needs it: factors, islands, loads."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -32,8 +32,8 @@ class Stage:
 def stage(point: OperatingPoint, switching: Switching) -> Stage:
     """The system of an operating point under a switching.
 
-    An island without a unit that holds a voltage of its own (a machine) is blacked out: no voltage, its load lost, its
-    converters off.
+    An island without a voltage source (a synchronous machine) is blacked out: it has no voltage, its load is lost, and
+    its converters are off.
     """
     found = point.stages.get(switching)  # held, because another thread may clear the store
     if found is None:
@@ -60,14 +60,14 @@ def _stage(point: OperatingPoint, switching: Switching) -> Stage:
         factors = factor(Y, point.system.near_bus)
     except RuntimeError:
         raise StudyError(
-            f"The network of {point.case.name} has no solution after its switchings: an admittance cancels another; "
-            "check shunts and series capacitors."
+            f"The network of {point.case.name} has no solution after switching, because admittances cancel; check "
+            "shunts and series capacitors."
         ) from None
     return Stage(Net(factors, compact, alive, switching.faulted), loads, where)
 
 
 def _stepped(point: OperatingPoint, switching: Switching) -> tuple[tuple[tuple[str, int, Any], ...], np.ndarray]:
-    """The loads that step, with their new constants, and the admittance (buses, pu) that is added."""
+    """The loads that change, with their new parameters, and the admittance (buses, pu) that is added."""
     added, changed = np.zeros(len(point.V), complex), {}
     case, nx = point.case, point.layout.nx
     rows = zip(keys.keys(case, "loads"), case.loads, strict=True)

@@ -46,9 +46,9 @@ class Trajectory:
     rows
         All signals at every instant (rows, signals); `arrays` names them.
     peak
-        Largest change of angle against the COI of the island (rotor units), rad.
+        Largest change of angle relative to the COI of the island (rotor units), rad.
     happened
-        Events and their effects on the units.
+        The events, and which units they tripped.
     step, steps, wall_s
         Time step (s), number of steps, and computing time (s).
     """
@@ -93,7 +93,7 @@ class Trajectory:
 
     @property
     def angle(self) -> "xr.DataArray":
-        """Rotor angles against the synchronous frame (time, machine), rad."""
+        """Rotor angles relative to the synchronous frame (time, machine), rad."""
         return self.dataset["angle"]
 
     @property
@@ -113,12 +113,12 @@ class Trajectory:
 
     @property
     def storage(self) -> "xr.DataArray":
-        """Powers of the storage devices (time, device), MW, absorbing positive; empty where there is none."""
+        """Powers of the storage devices (time, device), MW, positive when absorbing; empty where there is none."""
         return self.dataset["storage"]
 
     @property
     def max_angle_from_coi_deg(self) -> float:
-        """Largest change of an angle against the COI of its island, degrees."""
+        """Largest change of a rotor angle relative to the COI of its island, degrees."""
         return float(np.rad2deg(self.peak.max(initial=0.0)))
 
     def devices(self) -> list[str]:
@@ -132,14 +132,14 @@ class Trajectory:
 
         case, a = self.point.case, self.arrays
         signals = {
-            "angle": ("machine", self._where_on(a.angle), "rad", "rotor angle against the synchronous frame"),
+            "angle": ("machine", self._where_on(a.angle), "rad", "rotor angle relative to the synchronous frame"),
             "speed": ("machine", self._where_on(a.speed), "pu", "rotor speed"),
             "field_voltage": ("machine", a.Efd, "pu", "field voltage"),
             "mechanical_power": ("machine", a.Pm, "pu", "mechanical power, machine base"),
             "electrical_power": ("unit", a.P, "MW", "terminal power"),
             "voltage": ("bus", np.abs(a.V), "pu", "voltage magnitude"),
             "voltage_angle": ("bus", np.angle(a.V), "rad", "voltage angle"),
-            "storage": ("device", a.storage, "MW", "power of the storage device, absorbing positive"),
+            "storage": ("device", a.storage, "MW", "power of the storage device, positive when absorbing"),
             "storage_order": ("device", a.order, "1", "order of the storage device, in ratings"),
             "storage_energy": ("device", a.energy, "MWh", "energy in the storage device"),
         }
@@ -190,9 +190,7 @@ class Trajectory:
             kept = self.dataset if self.point.case.storage else self.dataset.drop_dims("device")
             files.replace(path, bytes(kept.to_netcdf(engine="scipy")))
         else:
-            raise StudyError(
-                f"The file {path.name!r} ends in {path.suffix or 'nothing'}; give a name ending in .csv or .nc."
-            )
+            raise StudyError(f"The file {path.name!r} must end in .csv or .nc.")
         return path
 
     def __str__(self) -> str:

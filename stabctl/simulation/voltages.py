@@ -1,8 +1,8 @@
-"""Network voltages at the present states: substitution with factors, Newton where that does not contract.
+"""Network voltages at the present states: fixed-point iteration with factors, Newton's method if that fails.
 
-Newton first lowers the residual at every step; where that ends at a kink, it follows v' = inv(Y) i(v) - v to its rest
-in long implicit steps (pseudo-transient continuation), and in the end does the same from zero voltage: a load that
-breaks down has a solution below its threshold.
+Newton's method first reduces the residual at every step. If that stalls at a kink, it follows v' = inv(Y) i(v) - v to
+its equilibrium in long implicit steps (pseudo-transient continuation), and finally does the same from zero voltage: a
+load whose voltage collapses has a solution below its threshold.
 """
 
 import numpy as np
@@ -13,16 +13,16 @@ from stabctl.dynamics.perform import perform
 
 from .substitution import backward, forward, middle, solve_apart
 
-TOLERANCE = 1e-7  # pu   error of a voltage at which the iteration ends
-LIMIT = 30  # -    substitutions before Newton is called
+TOLERANCE = 1e-7  # pu   voltage error at which the iteration ends
+LIMIT = 30  # -    fixed-point iterations before Newton is called
 STEPS = 40  # -    Newton steps
-FAILED, NEEDS_NEWTON = 1000, 1001  # -    answers of `settle`
+FAILED, NEEDS_NEWTON = 1000, 1001  # -    special results of `settle`
 TINY = 1e-30  # complex step
 
 
 @inline
 def settle(p, a, net, q):
-    """Bring the voltages to the solution of Y v = i(v); the number of substitutions, or NEEDS_NEWTON."""
+    """Solve Y v = i(v) by fixed-point iteration; returns the number of iterations, or NEEDS_NEWTON."""
     for i in range(len(q.current)):
         q.current[i] = 0
     perform(p.source, p.w, p.k, q.s, q.f, net.island)
@@ -49,7 +49,7 @@ def settle(p, a, net, q):
             if not size <= change:
                 change = size
             q.volt[b[i]] = v
-        # the changes fall like a geometric series, whose rest is the error left
+        # the changes fall like a geometric series; its remainder is the error
         change = np.sqrt(change)
         if change < TOLERANCE or change * change < TOLERANCE * (before - change):
             backward(factors, q.work, q.volt)
@@ -60,17 +60,19 @@ def settle(p, a, net, q):
 
 
 def newton(calls, p, a, net, q, z) -> bool:
-    """Voltages by Newton: from those before, in long implicit steps, and the same from zero; found?
+    """Solve for the voltages by Newton's method; returns whether a solution was found.
+
+    Starts from the present voltages, then tries long implicit steps, and finally these from zero voltage.
 
     Parameters
     ----------
     calls
-        Calls of what draws, for complex numbers.
+        Calls of the devices with voltage-dependent currents, for complex numbers.
     p
         The program for complex numbers.
     a, net, q
-        Frame, network and buffers of the run; `q.volt` ends as the solution, or as before with the bus of the largest
-        residual in `q.marks[0]`.
+        Frame, network and buffers of the run. On success `q.volt` is the solution; otherwise it is unchanged, and the
+        bus with the largest residual is in `q.marks[0]`.
     z
         Work space (`newton_space`).
     """
@@ -85,10 +87,10 @@ def newton(calls, p, a, net, q, z) -> bool:
 
 @allocating_entry
 def newton_from(calls, p, a, net, q, z, slow):
-    """Solve v - a - Z i(v) = 0 on the buses that draw, steps halved until the residual falls; found?
+    """Solve v - a - Z i(v) = 0 at the buses with voltage-dependent currents; returns whether a solution was found.
 
-    With `slow`, the steps are those of an implicit Euler method, of a length that grows as the residual falls. Here a
-    and Z are the voltages without draws and the impedances between the buses.
+    a are the voltages without these currents, Z the impedances between the buses. Steps are halved until the residual
+    falls. With `slow`, they are implicit Euler steps, whose length grows as the residual falls.
     """
     bus, factors, source, volt, current, work, new = a.draw_bus, net.factors, q.source, q.volt, q.current, q.work, z.new
     n = len(bus)
@@ -150,7 +152,7 @@ def newton_from(calls, p, a, net, q, z, slow):
 
 @noinline
 def drawn(calls, p, a, net, z, v, out):
-    """Currents (pairs) that whatever draws injects at voltages v (pairs) of its buses."""
+    """Voltage-dependent currents (pairs) at bus voltages v (pairs)."""
     for i in range(len(v)):
         at = a.places[0] + 2 * a.draw_bus[i]
         z.s[at], z.s[at + 1] = v[i, 0], v[i, 1]
@@ -163,7 +165,7 @@ def drawn(calls, p, a, net, z, v, out):
 
 @noinline
 def residual(v, a, Z, drawn, F):
-    """Fill F with v - a - Z i (pairs); its largest magnitude, and where."""
+    """Fill F with v - a - Z i (pairs); returns its largest magnitude and the bus."""
     highest, worst = 0.0, 0
     for i in range(len(a)):
         miss = v[i, 0].real + 1j * v[i, 1].real - a[i]
@@ -178,7 +180,7 @@ def residual(v, a, Z, drawn, F):
 
 @noinline
 def slopes(Z, bent, J):
-    """Jacobian of the residual, 1 - Z di/dv in pairs; `bent[1 + k]` are the currents at component k + j TINY."""
+    """Jacobian 1 - Z di/dv of the residual, in pairs; `bent[1 + k]` are the currents with component k + j TINY."""
     n = len(Z)
     for i in range(n):
         for j in range(n):

@@ -1,7 +1,8 @@
-"""An operating point with its storage under a law, wired for the stepper.
+"""An operating point with a storage control law, connected for the stepper.
 
-Behind the outputs of the system is a memory: the orders wanted of the storage devices, and three signals of every
-rotor unit, deviation and acceleration against the COI of the rest of its island, and whether it is on.
+After the outputs of the system comes a memory: the orders requested from the storage devices, and three signals of
+every rotor unit: its speed deviation and acceleration relative to the COI of the others in its island, and whether it
+is on.
 """
 
 from dataclasses import dataclass, replace
@@ -41,7 +42,7 @@ class Wired:
 
 
 def wired(point: OperatingPoint, control: Law | None) -> Wired:
-    """The system of an operating point under a law; its calls are kept with the system."""
+    """The system of an operating point with a control law; its calls are kept with the system."""
     kept, law = point.system.kept, control.module if control is not None else None
     families, layout, places = _families(point, control)
     key = "wired", law
@@ -80,8 +81,8 @@ def _families(point: OperatingPoint, control: Law | None) -> tuple[tuple[Family,
     if (rotor[unit] < 0).any():
         number = case.machines[unit[rotor[unit] < 0][0]].machine
         raise StudyError(
-            f"The storage of machine {number} of {case.name} cannot follow its speed: it is a converter without a "
-            "rotor; give the storage to a synchronous machine."
+            f"The storage of machine {number} of {case.name} cannot be controlled by its speed, because it is a "
+            "converter without a rotor; assign the storage to a synchronous machine."
         )
     base = {machine.machine: machine.base for machine in case.machines}
     of = [Device(s.rating, base[s.machine], case.frequency_hz) for s in case.storage]

@@ -161,7 +161,9 @@ class Modes:
     def within(self, low_hz: float, high_hz: float) -> list[int]:
         """Indices of the oscillatory modes in a band of frequencies, one of each pair."""
         if not 0 <= low_hz <= high_hz:
-            raise StudyError(f"The band {low_hz:g} to {high_hz:g} Hz is not allowed; give 0 <= lowest <= highest.")
+            raise StudyError(
+                f"The band from {low_hz:g} to {high_hz:g} Hz is empty or negative; give the lower frequency first."
+            )
         f = self.frequency_hz
         return [int(k) for k in np.flatnonzero((self.eigenvalues.imag > 0) & (f >= low_hz) & (f <= high_hz))]
 

@@ -71,7 +71,9 @@ def band(d: Descriptor, low_hz: float, high_hz: float, damping: tuple[float, flo
     Raises `StudyError` if the band or the damping ratios are not possible.
     """
     if not 0 < low_hz < high_hz < np.inf:
-        raise StudyError(f"The band {low_hz:g} to {high_hz:g} Hz is not allowed; give 0 < lowest < highest.")
+        raise StudyError(
+            f"The band from {low_hz:g} to {high_hz:g} Hz is not allowed; it must begin above 0 and not be empty."
+        )
     if not -1 < damping[0] < damping[1] < 1:
         raise StudyError(
             f"The damping ratios {damping[0]:g} to {damping[1]:g} are not allowed; give -1 < lowest < highest < 1."

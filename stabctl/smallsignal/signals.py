@@ -195,8 +195,10 @@ def _belongs(case: Case, name: str, number: int) -> None:
 def _device(case: Case, text: str) -> str:
     names = [f"{s.machine}@{s.bus}" for s in case.storage]
     matching = [n for n in names if n == text or n.partition("@")[0] == text]
+    if not names:
+        raise StudyError(f"{case.name} has no storage devices; give storage='50MW', for example.")
     if len(matching) != 1:
-        known = ", ".join(names) or "none"
+        known = ", ".join(names)
         raise StudyError(f"{text!r} is not one of the storage devices of {case.name}; they are {known}.")
     return matching[0]
 

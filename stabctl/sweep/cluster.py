@@ -17,7 +17,7 @@ from .run_job import run_received
 from .task import Task
 
 PATIENCE = 5.0  # s   to wait for the scheduler
-AHEAD = 4  # tasks per thread of the cluster that are with the scheduler at a time
+AHEAD = 4  # tasks per thread of the cluster submitted to the scheduler at a time
 
 
 def rows(tasks: Iterable[Task], address: str) -> Iterator[Row]:
@@ -63,7 +63,7 @@ def rows(tasks: Iterable[Task], address: str) -> Iterator[Row]:
 
 
 def _row(future: Future, task: Task, address: str, killed: type[Exception]) -> Row:
-    """The row of a task; a job does not raise, so an exception is one of the cluster."""
+    """The row of a task; jobs do not raise, so an exception comes from the cluster."""
     try:
         return future.result()
     except killed:

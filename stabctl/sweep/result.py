@@ -21,7 +21,7 @@ class Result(NamedTuple):
     machine: Annotated[int | None, "-", "machine that loses synchronism first"] = None
     bus: Annotated[int | None, "-", "bus whose voltage collapsed"] = None
     time: Annotated[float | None, "s", "end of the simulation"] = None
-    max_angle_from_coi: Annotated[float | None, "deg", "largest change of an angle against the COI"] = None
+    max_angle_from_coi: Annotated[float | None, "deg", "largest change of an angle relative to the COI"] = None
     energy: Annotated[float | None, "MWh", "range of the charge, summed over the devices"] = None
     rmse: Annotated[float | None, "mHz", "rms error of the estimated deviations"] = None
     p99: Annotated[float | None, "mHz", "99th percentile of the absolute error"] = None

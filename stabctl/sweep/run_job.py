@@ -41,7 +41,7 @@ def run_job(task: Task) -> Row:
 
 
 def run_received(files: tuple[str, ...], task: bytes) -> Row:
-    """Run a pickled task once the user's devices in `files` are known, without which its case cannot be unpickled."""
+    """Register the user's devices in `files`, which unpickling the case may need, and run a pickled task."""
     devices.register_missing(files)
     return run_job(pickle.loads(task))  # from the process that made the sweep
 
@@ -56,7 +56,7 @@ def _point(task: Task) -> OperatingPoint:
 
 
 def _control(job: Job, point: OperatingPoint) -> BangBang | EstimatorControl | None:
-    """The control law if there is storage; an estimator is judged without storage too."""
+    """The control law if there is storage; an estimator is evaluated without storage too."""
     law = BangBang(job.deadband, job.min_voltage)
     if job.estimator == "ideal":
         return law if point.case.storage and job.control != "none" else None

@@ -73,7 +73,7 @@ def _model(kind: JobKind) -> type[BaseModel]:
         default: Any = Field(... if f.column in NEEDED[kind] else [], description=f"{f.expected()} ({f.meaning})")
         keys[f.column] = (_list(f), default)
     changes = Annotated[dict[str, list[float | int | str]], BeforeValidator(_changes)]
-    keys["set"] = (changes, Field({}, description='a number or text, as in set."pss.1.K" = [5, 10, 20]'))
+    keys["set"] = (changes, Field({}, description='a number or text, such as set."pss.1.K" = [5, 10, 20]'))
     return create_model(f"{kind} study", __config__=STRICT, **keys)
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Sweep:
-    """How a sweep went; the results are in its file."""
+    """Summary of a sweep; the results are in its file."""
 
     path: Path
     jobs: int  # of the study

@@ -26,9 +26,9 @@ TOL = 1e-8  # relative residual of the collocation
 def by_collocation(p: MinimumTimeProblem, guess: tuple[float, float] | None = None) -> MinimumTime:
     """Minimum time by collocation.
 
-    Starts from a device that absorbs throughout. If that solution has lambda2 < 0 somewhere, an injecting arc is put in
-    front, and its power is moved from Pc_max to Pc_min in steps. If there are several extremals, this is one of them,
-    not always the shortest.
+    Starts from a device that absorbs throughout. If that solution has lambda2 < 0 somewhere, an injecting arc is added
+    at the beginning, and its power is changed from Pc_max to Pc_min in steps. If there are several extremals, the
+    result is one of them, not necessarily the shortest.
 
     Parameters
     ----------

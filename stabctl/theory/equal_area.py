@@ -26,7 +26,7 @@ from .swing_curve import against_speed, swing_curve
 if TYPE_CHECKING:
     import pandas as pd
 
-ALWAYS_STABLE = "The machine stays in synchronism however long the fault lasts, so no clearing time is critical."
+ALWAYS_STABLE = "The machine stays in synchronism however long the fault lasts, so there is no critical clearing time."
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def critical_clearing(m: OMIB, absorbed: float = 0.0) -> CriticalClearing:
     Raises
     ------
     StudyError
-        If no clearing time is critical, or if the machine loses synchronism even when the fault is cleared at once.
+        If there is no critical clearing time, or the machine loses synchronism even if the fault is cleared at once.
     """
     _check_absorbed(absorbed)
 
@@ -152,7 +152,7 @@ def equal_area(m: OMIB, clearing: float, absorbed: float = 0.0) -> EqualArea:
 
 
 def simulated_critical_time(m: OMIB, absorbed: float = 0.0, resolution: float = 1e-9) -> float:
-    """The critical time (s) by bisection on simulations, to the relative `resolution`; it checks the criterion."""
+    """The critical time (s) by bisection with simulations, to the relative `resolution`; a check of the criterion."""
     _check_absorbed(absorbed)
     law, unit = against_speed(absorbed), math.sqrt(m.M / m.Pmax_post)
 

@@ -22,7 +22,7 @@ from .swing_curve import PowerLaw, SwingCurve, swing_curve
 if TYPE_CHECKING:
     import pandas as pd
 
-LARGEST = 10.0  # pu/(rad/s), pu/(rad/s^2)   larger gains make the motion too stiff to integrate
+LARGEST = 10.0  # pu/(rad/s), pu/(rad/s^2)   larger gains make the equation too stiff to integrate
 
 
 class FeedbackLaw(NamedTuple):

@@ -1,4 +1,4 @@
-"""The two-machine equivalent of one machine of a case against the center of inertia of the others.
+"""The two-machine equivalent of one machine of a case and the center of inertia of the others.
 
 Classical machines, loads as constant impedances. If the other machines move together, every power is a constant plus a
 sinusoid of delta = delta1 - deltaCOI, and the relative motion (21) is that of two machines:
@@ -46,7 +46,7 @@ def reduced_network(case: Case) -> ReducedNetwork:
 
 
 def equivalent(case: Case, machine: int) -> Equivalent:
-    """A machine of a case against the COI of the others.
+    """The equivalent of one machine of a case and the COI of the others.
 
     Parameters
     ----------
@@ -85,10 +85,14 @@ def equivalent(case: Case, machine: int) -> Equivalent:
     Pmax, gamma = float(np.hypot(along, across)), float(np.arctan2(-across, along))
     driving = power(start) - constant
     if not driving < Pmax * (1 - 1e-12):
-        raise StudyError(f"Machine {machine} of {case.name} is not held by the other machines; it has no equivalent.")
+        raise StudyError(
+            f"Machine {machine} of {case.name} has no synchronizing power with the other machines, so it has no "
+            "equivalent; choose another machine."
+        )
     if np.cos(start - gamma) <= 0:
         raise StudyError(
-            f"Machine {machine} of {case.name} operates beyond the peak of its power-angle curve; it has no equivalent."
+            f"Machine {machine} of {case.name} operates beyond the peak of its power-angle curve, so it has no "
+            "equivalent; choose another machine."
         )
     return Equivalent(
         float(H[first]),

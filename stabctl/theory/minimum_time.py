@@ -10,8 +10,8 @@ How often can P_C switch? Between switches x2 and lambda2 satisfy the same linea
 and H = 0 says that their Wronskian x2 lambda2' - x2' lambda2 is 1. So x2 lambda2' = 1 wherever lambda2 = 0: while
 x2 > 0, lambda2 only crosses zero upwards. There is at most one switch, from injecting to absorbing.
 
-The machine must stop no further than the unstable equilibrium pi - asin(Pm/Pmax), from where it returns when the
-device switches off. A solution that reaches this limit ends there with lambda1 >= 0 instead of lambda1 = 0.
+The machine must stop before the unstable equilibrium pi - asin(Pm/Pmax), so that it swings back when the device
+switches off. A solution that reaches this limit ends there with lambda1 >= 0 instead of lambda1 = 0.
 
 The same problem is solved by three methods: shooting.py, collocation.py and convex_program.py.
 """
@@ -60,7 +60,7 @@ class MinimumTimeProblem:
     def __post_init__(self) -> None:
         guard(self)
         if self.Pc_min > self.Pc_max:
-            raise StudyError(f"Pc_min = {self.Pc_min:g} pu is above Pc_max = {self.Pc_max:g} pu; exchange them.")
+            raise StudyError(f"Pc_min = {self.Pc_min:g} pu is above Pc_max = {self.Pc_max:g} pu; swap them.")
         if abs(self.Pm) >= self.Pmax:
             raise StudyError(f"Pm = {self.Pm:g} pu has no equilibrium; choose Pm below Pmax = {self.Pmax:g} pu.")
         if abs(self.x2) < SMALLEST:

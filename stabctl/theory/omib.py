@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 from stabctl._util.guard import guard
 from stabctl.errors import StudyError
 
-# Values outside these ranges are typing errors and would take hours to integrate.
+# Values outside these ranges are probably mistyped and would take hours to integrate.
 INERTIA = Interval(ge=0.01, le=1e6)
 POWER = Interval(ge=1e-6, le=1e3)
 REACTANCE = Interval(ge=0.01, le=1e3)

@@ -1,7 +1,7 @@
 """Minimum time by shooting backwards from the end.
 
 The end angle alone determines the end state (x2 = lambda1 = 0, and H = 0 scales the co-states), so the extremals form a
-one-parameter family; the method finds the one that passes through the state at clearing. Where an extremal would end
+one-parameter family; the method finds the one that passes through the state at clearing. If an extremal would end
 beyond the limit angle, the family continues with lambda1 >= 0 at the limit. Of several extremals the shortest is taken.
 """
 
@@ -28,7 +28,7 @@ def by_shooting(p: MinimumTimeProblem) -> MinimumTime:
     if p.x2 < 0:
         return by_shooting(p.mirrored()).mirrored()
 
-    first = nearest - 1e-6 * (nearest - p.x1)  # slightly too near, so that the errors change sign
+    first = nearest - 1e-6 * (nearest - p.x1)  # slightly too close, so that the errors change sign
 
     def end(s: float) -> Array:  # 0 <= s <= 1 moves the end angle; 1 <= s <= 2 raises lambda1 at the limit
         x1 = first + min(s, 1 - 1e-9) * (p.limit - first)

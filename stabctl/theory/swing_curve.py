@@ -93,7 +93,7 @@ def swing_curve(
     Returns
     -------
     SwingCurve
-        Where a law that jumps at zero speed pushes back from both sides, the machine is held there.
+        If a law that jumps at zero speed pushes the machine back from both sides, it is held at zero speed.
 
     Raises
     ------

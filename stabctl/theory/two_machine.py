@@ -1,4 +1,4 @@
-"""The two-machine equivalent (15)-(28): one machine against the center of inertia of the others (Table 2).
+"""The two-machine equivalent (15)-(28): one machine and the center of inertia of the others (Table 2).
 
 Its relative angle delta = delta1 - deltaCOI moves like one machine on an infinite bus with H = H1 HCOI/(H1 + HCOI).
 A device at machine 1 acts on that machine alone: of its P_C the share M/M1 = HCOI/(H1 + HCOI) acts on delta.
@@ -18,7 +18,7 @@ from .omib import FREQUENCY, INERTIA, OMIB, POWER, REACTANCE, VOLTAGE, during_fa
 
 @dataclass(frozen=True)
 class Equivalent:
-    """Two machines that exchange Pm1; all per-unit values on `base`.
+    """Two machines that exchange Pm1; all per-unit values are on `base`.
 
     Raises StudyError if a value is out of range or Pm1 has no equilibrium.
     """

@@ -131,7 +131,7 @@ class TestConverter:
         assert list(moved.df.filter(like="speed").columns) == ["speed_pu:2"]
         with pytest.raises(StudyError, match="machine 1 of small cannot be estimated: it is a converter"):
             base.estimate(st.Contingency("2", clear="5cyc"))
-        with pytest.raises(StudyError, match="cannot follow its speed"):
+        with pytest.raises(StudyError, match="cannot be controlled by its speed"):
             base.simulate(st.Contingency("2", clear="5cyc"), storage="50MW", control=st.BangBang())
 
     def test_a_system_of_converters_alone_is_dead(self):

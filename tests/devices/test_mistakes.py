@@ -9,23 +9,23 @@ from stabctl.errors import StudyError
 
 GOOD = (OWN / "wide_area.py").read_text()
 MISTAKES = {
-    "no rates": ("def derivatives", "def rates", "it has State but no derivatives"),
+    "no rates": ("def derivatives", "def rates", "it defines State but not derivatives"),
     "no such limit": (
         'ROLE = "stab',
         'LIMITS = {"fast": ("Vmin", "Vmax")}\nROLE = "stab',
-        "LIMITS names 'fast', which",
+        "LIMITS contains 'fast', which",
     ),
     "no such state": ("u.V - x.slow)", "u.V - x.fast)", "output: 'State' object has no attribute 'fast'"),
     "a value too many": ("u.V, x.slow))", "u.V, x.slow), 0.0)", "derivatives: State.__new__() takes 2 positional"),
-    "no derivative": ("(p.T, u.V", "(p.T, abs(u.V)", "derivatives uses abs, which has no exact derivative"),
-    "an argument of no meaning": ("def output(x, u, p)", "def output(x, u, q)", "output takes 'q', which this device"),
+    "no derivative": ("(p.T, u.V", "(p.T, abs(u.V)", "derivatives uses abs, which cannot be differentiated"),
+    "an argument of no meaning": ("def output(x, u, p)", "def output(x, u, q)", "output has an unknown argument 'q'"),
     "no record": ("return State(", "return (", "derivatives returns complex instead of State"),
     "no unit": (
         'Kv: Annotated[float, "pu", "gain on the voltage"]',
         "Kv: float",
         "write every field as name: Annotated",
     ),
-    "it exits": ('ROLE = "stab', 'raise SystemExit(3)\nROLE = "stab', "fails when it is run: SystemExit: 3"),
+    "it exits": ('ROLE = "stab', 'raise SystemExit(3)\nROLE = "stab', "cannot be run: SystemExit: 3"),
 }
 
 

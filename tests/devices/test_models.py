@@ -91,9 +91,9 @@ def test_models_lists_all_and_shows_one():
     assert {row["name"] for row in listed} >= set(devices.every())
     one = json.loads(run("models", "GENROU", "--json").output)["model"]
     assert [p["name"] for p in one["parameters"]] == list(devices.every()["genrou"].Par._fields)
-    assert [i["reads"][:4] for i in one["inputs"]] == ["port", "port"]
+    assert [i["reads"][:6] for i in one["inputs"]] == ["output", "output"]
     shown = run("models", "exdc2").output
-    assert "The state vr has non-windup limits VRmin x vt and VRmax x vt." in shown
+    assert "The state vr has the non-windup limits VRmin x vt and VRmax x vt." in shown
     assert "kA" not in shown
     with pytest.raises(StudyError, match="There is no model 'genru'; choose one of gencls"):
         describe("genru")

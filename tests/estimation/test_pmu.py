@@ -95,5 +95,5 @@ def test_frames_of_delay():
     ],
 )
 def test_mistakes_are_sentences(wrong):
-    with pytest.raises(StudyError, match=r"must be|not one of"):
+    with pytest.raises(StudyError, match=r"must be|choose one of"):
         Pmu(**wrong)

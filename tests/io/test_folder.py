@@ -62,7 +62,9 @@ def test_headers(folder):
 
 def test_files(folder):
     (folder / "lines.csv").write_text("a\n1\n")
-    assert complaint(folder).startswith(f"{folder}/lines.csv: there is no table 'lines'; known are buses, branches")
+    assert complaint(folder).startswith(
+        f"{folder}/lines.csv: there is no table 'lines'; the tables are buses, branches"
+    )
     (folder / "lines.csv").unlink()
     (folder / "machines.csv").unlink()
     assert complaint(folder) == f"{folder}/machines.csv: the table is missing; a case folder needs one."
@@ -97,7 +99,7 @@ def test_what_is_no_name_of_a_case(name):
 
 def test_a_folder_with_other_tables_is_not_written_into(cases, folder):
     with pytest.raises(
-        CaseError, match=r"holds genrou.csv, pss.csv, sexs.csv, tgov.csv, which two_area does not have; choose an em"
+        CaseError, match=r"contains genrou.csv, pss.csv, sexs.csv, tgov.csv, which two_area does not have; choose an em"
     ):
         io.write(cases("two_area").classical(), folder)
     assert io.load(folder).devices == cases("two_area").devices

@@ -50,8 +50,8 @@ def test_a_machine_replaces_a_machine(case):
 @pytest.mark.parametrize(
     ("model", "at", "values", "told"),
     [
-        ("psss", 1, PSS, r"There is no model 'psss'; known are gencls"),
-        (None, 1, PSS, r"There is no model None; known"),
+        ("psss", 1, PSS, r"There is no model 'psss'; choose one of gencls"),
+        (None, 1, PSS, r"There is no model None; choose"),
         ("pss", 9, PSS, r"two_area_thyristor has no machine 9; the nearest numbers are 2, 3, 4"),
         ("pss", "x", PSS, r"has no machine x; it has 1, 2, 3, 4"),
         ("pss", None, PSS, r"has no machine None; it has 1"),

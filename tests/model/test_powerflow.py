@@ -122,7 +122,7 @@ def test_no_solution_names_case_bus_mismatch_and_remedy():
     case = replace(small({"gencls": CLASSICAL}), loads=(Load(2, 9000.0, 0.0),))
     with pytest.raises(
         PowerFlowError,
-        match=r"^The power flow of small has no solution, or none was found .* MVA at bus [123], .* at bus [123]; ",
+        match=r"^The power flow of small did not converge in .* MVA at bus [123], .* at bus [123]; ",
     ):
         powerflow.solve(case)
 

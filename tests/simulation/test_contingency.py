@@ -136,5 +136,5 @@ def test_what_is_no_criterion():
         Criterion(max_frequency="59Hz"),
         Criterion(min_frequency="57MW"),
     ):
-        with pytest.raises(StudyError, match=r"criterion|is not an angle|range of frequency|is not a number"):
+        with pytest.raises(StudyError, match=r"criterion|is not an angle|frequency range|is not a number"):
             checked(wrong, 60.0)

@@ -199,11 +199,17 @@ class TestImpossibleEvents:
         [
             ([Fault("99", 1.0)], "There is no bus 99 in two_area; the nearest numbers are 9, 10, 11."),
             ([Fault("7-9", 1.0)], "There is no branch 7-9 in two_area; the branches at bus 7 are 7-6, 7-8."),
-            ([Fault("7-99", 1.0)], "There is no branch 7-99 in two_area, since there is no bus 99; the nearest "),
+            ([Fault("7-99", 1.0)], "There is no branch 7-99 in two_area, because there is no bus 99; the nearest "),
             ([Fault("7-8#3", 1.0)], "Branch 7-8 of two_area has 2 circuits, but no circuit 3."),
             ([Fault("7-8#0", 1.0)], "Branch 7-8 of two_area has 2 circuits, but no circuit 0."),
-            ([Fault("7-8@1.5", 1.0)], "The position 1.5 along 7-8 must be a number from 0 (bus 7) to 1 (bus 8)."),
-            ([Fault("7-8@1e", 1.0)], "The position 1e along 7-8 must be a number from 0 (bus 7) to 1 (bus 8)."),
+            (
+                [Fault("7-8@1.5", 1.0)],
+                "The position 1.5 along 7-8 is not allowed; it must be from 0 (bus 7) to 1 (bus 8).",
+            ),
+            (
+                [Fault("7-8@1e", 1.0)],
+                "The position 1e along 7-8 is not allowed; it must be from 0 (bus 7) to 1 (bus 8).",
+            ),
             ([Fault("somewhere", 1.0)], "'somewhere' is not a location; write 83 for a bus, "),
             ([Fault("", 1.0)], "'' is not a location; write 83 for a bus, "),
             ([Fault("9" * 5000, 1.0)], "'9999"),

@@ -118,7 +118,7 @@ def test_every_kind_of_signal_has_a_place_in_some_case(point):
         ([], ["flow:7-8#3"], "has 2 circuits, but no circuit 3"),
         ([], ["coi_speed:1"], "one signal for the whole system"),
         (["field:1"], [], "has an exciter; use vref:1"),
-        (["order:1"], [], "they are none"),
+        (["order:1"], [], "has no storage devices"),
         (["storage:8", "storage:8"], [], "appears twice"),
     ],
 )

@@ -91,7 +91,7 @@ def test_groups_belong_together_and_lie_over_what_stands_above(write):
         (HEAD + "trip = '7-8, 7-99'", "trip = '7-8, 7-99': There is no branch 7-99"),
         (HEAD + "storage = '50'", "storage = '50'"),
         (HEAD + "storage = '9=50MW'", "no machine 9"),
-        (HEAD + "pmu_rate = 61", "not one of"),
+        (HEAD + "pmu_rate = 61", "not possible; choose one of"),
         (HEAD + "set = 3", 'write it as set."pss.1.K"'),
         (HEAD + 'set."pss.1.K" = []', "set.pss.1.K = []: it must have at least one value"),
         (HEAD + 'set."pss.1.K" = [[1]]', "set.pss.1.K = [1]: it must be a number or text"),

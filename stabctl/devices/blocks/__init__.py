@@ -1,8 +1,8 @@
-"""Scalar blocks shared by every device, and the only place where a value is limited.
+"""Scalar blocks shared by all devices, and the only place where values are limited.
 
-Each accepts a float or a complex-step number: no `abs`, `min`, `sign` or `conj`, and a branch looks only at
-the real part. A limit is returned plain, never as `lo + 0*x` (which is nan at x = inf). A block with memory is a pair:
-its output, and the rate of its state, such as `lag` and `lag_rate`.
+Each block works for floats and for complex steps: no `abs`, `min`, `sign` or `conj`, and conditions test only the real
+part. A limit is returned as it is, never as `lo + 0*x` (which is nan at x = inf). A block with a state is a pair of
+functions: its output and the derivative of its state, such as `lag` and `lag_rate`.
 """
 
 from .curves import line, lookup, quadratic, through

@@ -1,4 +1,4 @@
-"""Curves: saturation, a straight piece, a table of points."""
+"""Curves: saturation, a straight segment, a piecewise linear table."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from stabctl._util.jit import inline
 
 
 def through(x1, s1, x2, s2):
-    """A and B of the saturation B (x - A)^2 through (x1, s1 x1) and (x2, s2 x2); 0, 0 where s2 = 0 (none)."""
+    """A and B of the saturation B (x - A)^2 through (x1, s1 x1) and (x2, s2 x2); 0, 0 if s2 = 0 (none)."""
     if s2 <= 0:
         return 0.0, 0.0
     ratio = float(np.sqrt(s1 * x1 / (s2 * x2)))
@@ -34,7 +34,7 @@ def line(x, x1, y1, x2, y2):
 
 @inline
 def lookup(x, xs, ys):
-    """Straight pieces through the points of two tuples of equal length, xs rising; the outer values beyond the ends."""
+    """Piecewise linear curve through points (xs ascending); beyond the ends it is constant."""
     y = ys[0] + 0 * x
     for k in range(1, len(xs)):
         y = y + line(x, xs[k - 1], 0.0, xs[k], ys[k] - ys[k - 1])

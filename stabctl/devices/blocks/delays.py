@@ -1,4 +1,4 @@
-"""Delay exp(-sT) in Pade's approximation: its gain is exactly 1, its phase within 1 degree up to w T = 0.59 or 1.67.
+"""Pade approximations of a delay exp(-sT): unit gain, and phase within 1 degree up to w T = 0.59 or 1.67.
 
 A delay shorter than 2 ms is bypassed, like any short lag.
 """
@@ -16,7 +16,7 @@ def delay1(T, u, x):
 
 @inline
 def delay1_rate(T, u, x):
-    """State rate (1/s) of `delay1`."""
+    """State derivative (1/s) of `delay1`."""
     return lag_rate(T / 2, u, x)
 
 
@@ -28,5 +28,5 @@ def delay2(T, u, x, dx):
 
 @inline
 def delay2_rates(T, u, x, dx):
-    """State rates (1/s) of `delay2`."""
+    """State derivatives (1/s) of `delay2`."""
     return second_order_rates(T / 2, T * T / 12, u, x, dx)

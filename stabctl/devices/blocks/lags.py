@@ -25,7 +25,7 @@ def washout(T, u, x):
 
 @inline
 def lag_rate(T, u, x):
-    """State rate (1/s) of `lag` and `washout`, and of `lead_lag` with T = T2; a bypassed state stands still."""
+    """State derivative (1/s) of `lag` and `washout`, and of `lead_lag` with T = T2; a bypassed state stands still."""
     return (u - x) / T if T >= SHORT else 0 * x
 
 
@@ -40,11 +40,11 @@ def second_order(N1, N2, D1, D2, u, x, dx):
 
 @inline
 def second_order_rates(D1, D2, u, x, dx):
-    """State rates (1/s) of `second_order`."""
+    """State derivatives (1/s) of `second_order`."""
     return (dx, (u - x - D1 * dx) / D2) if D2 >= SHORT * SHORT else (lag_rate(D1, u, x), 0 * dx)
 
 
 @inline
 def circuit_rate(T, drive, x):
-    """State rate (1/s) of a rotor circuit, drive/T; T = 0 means an open circuit, whose flux stays as it is."""
+    """State derivative (1/s) of a rotor circuit, drive/T; T = 0 means an open circuit, whose flux stays as it is."""
     return drive / T if T > 0 else 0 * x

@@ -39,7 +39,7 @@ def high_value(a, b):
 
 @inline
 def deadband(x, low, high):
-    """Zero for x within low..high, beyond it what x exceeds its edge by (no step)."""
+    """Deadband: zero for x within low..high, otherwise the distance beyond its edge (no step)."""
     if x.real < low.real:
         return x - low
     if x.real > high.real:
@@ -49,5 +49,5 @@ def deadband(x, low, high):
 
 @inline
 def rate_limit(rate, low, high):
-    """State rate (1/s) of a signal that changes no faster than low..high: the rate it asks for, limited."""
+    """Rate limit: the state derivative (1/s), limited to low..high."""
     return clip(rate, low, high)

@@ -14,7 +14,7 @@ def copy(source, target):
 
 @inline
 def magnitude(re, im):
-    """Length of the phasor re + j im."""
+    """Magnitude of the phasor re + j im."""
     return np.sqrt(re * re + im * im)
 
 

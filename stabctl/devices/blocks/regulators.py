@@ -1,6 +1,6 @@
-"""Integrators that stop at limits, and the PI regulator made with one.
+"""Integrator and PI regulator with non-windup limits.
 
-A limit that is a constant, or a constant times a signal, is better listed in a device's LIMITS: the simulator then
+A limit that is a constant, or a constant times a signal, is better listed in LIMITS of the device: the simulator then
 stops the state exactly there.
 """
 
@@ -11,7 +11,7 @@ from .limits import clip
 
 @inline
 def non_windup(rate, x, low, high):
-    """State rate (1/s) of an integrator x that stops at its limits and leaves them as soon as it is driven back."""
+    """State derivative (1/s) of an integrator x with non-windup limits."""
     if (x.real >= high.real and rate.real > 0) or (x.real <= low.real and rate.real < 0):
         return 0 * rate
     return rate
@@ -25,7 +25,7 @@ def pi(KP, error, x, low, high):
 
 @inline
 def pi_rate(KP, KI, error, x, low, high):
-    """State rate (1/s) of `pi`: the integral stops while the output is at a limit and driven beyond it.
+    """State derivative (1/s) of `pi`: the integral stops while the output is at a limit and driven beyond it.
 
     Source: IEEE Std 421.5-2016, annex E, non-windup proportional-integral block.
     """

@@ -6,12 +6,12 @@ Iqcmd -> [1/(1+sTg)], rate Iqrmin..Iqrmax -> (+) -> at least Iolim -> Iq, positi
 vt -> [1/(1+sTfltr)] -> vfilt;   LVPL rises from 0 at Zerox to Lvpl1 at Brkpt and stays there (Lvplsw = 0: no limit)
 gain rises from 0 at Lvpnt0 to 1 at Lvpnt1 (low-voltage active current management)
 
-P + jQ = vt (Ip + j Iq). Its electrical controls fill Ipcmd and Iqcmd; where nothing does, these are constant and solved
-from the power flow. The phase-locked loop is ideal, as in the source. Below vlow, where a real one would lose the
-angle, the currents fade in proportion to the voltage, so that the network always has a solution. Simplified: Iqrmax and
-Iqrmin hold whatever the sign of Q at the start; while LVPL limits, Ip is cut at once and its lag follows with Tg. Some
-programs lift the limit LVPL altogether above Brkpt. Per unit on the converter's own MVA; `mva` carries currents to the
-system base.
+P + jQ = vt (Ip + j Iq). Ipcmd and Iqcmd come from the electrical controls; without these they are constant and
+initialized from the power flow. The phase-locked loop is ideal, as in the source. Below vlow, where a real one would
+lose synchronism, the currents are reduced in proportion to the voltage, so that the network always has a solution.
+Simplifications: Iqrmax and Iqrmin apply whatever the sign of the initial Q; while LVPL is active, Ip is reduced at once
+and its lag follows with Tg. Some programs remove the limit LVPL above Brkpt. Per unit on the converter's own MVA; `mva`
+converts currents to the system base.
 Source: WECC Renewable Energy Modeling Task Force, WECC Solar Plant Dynamic Modeling Guidelines (2014), REGC_A;
 PSS/E Model Library, REGCA1.
 """
@@ -34,7 +34,7 @@ SWITCH = Interval(ge=0, le=1)
 
 
 class Par(NamedTuple):
-    """Constants of one converter."""
+    """Parameters of one converter."""
 
     mva: Annotated[float, "-", "converter MVA over system MVA", FROM_CASE]
     Tg: Annotated[float, "s", "lag of the current regulators", NOT_NEGATIVE] = 0.02
@@ -54,7 +54,7 @@ class Par(NamedTuple):
     Lvplsw: Annotated[float, "-", "low-voltage power logic (1: on, 0: off)", SWITCH] = 1.0
 
     def errors(self) -> Iterator[tuple[str, str]]:
-        """Field and sentence of everything the equations cannot be formed with."""
+        """Field and message for each parameter that the equations do not allow."""
         for low, high in (("Zerox", "Brkpt"), ("Lvpnt0", "Lvpnt1")):
             if getattr(self, low) >= getattr(self, high):
                 yield high, f"must be above {low} = {getattr(self, low):g}"
@@ -118,7 +118,7 @@ def output(x, v, p):
 
 @inline
 def derivatives(x, u, y, p):
-    """State rates (1/s); y is this converter's own output."""
+    """State derivatives (1/s); y is this converter's own output."""
     return State(
         at_most(lag_rate(p.Tg, logic(u.Ipcmd, y.vt, x, p), x.ip), p.Rrpwr),
         rate_limit(lag_rate(p.Tg, u.Iqcmd, x.iq), p.Iqrmin, p.Iqrmax),

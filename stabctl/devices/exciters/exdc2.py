@@ -1,9 +1,12 @@
-"""EXDC2: DC commutator exciter, its regulator fed from the terminals (IEEE DC2A).
+"""EXDC2: DC commutator exciter with a regulator supplied from the terminals (IEEE DC2A).
 
 Vt -> [1/(1+sTR)] -> (-)
 Vref + Vs -----------> + -> [(1+sTC)/(1+sTB)] -> [KA/(1+sTA)], held Vt VRmin..Vt VRmax -> (+) -> [1/(sTE)] -> Efd
        (-) [sKF/(1+sTF)] <- Efd                                                           (-) (KE + SE(Efd)) Efd
-SE is quadratic through (E1, SE1) and (E2, SE2). Limits are those of the regulator; SE2 = 0 means no saturation.
+
+SE(Efd) Efd is quadratic through (E1, SE1) and (E2, SE2); SE2 = 0 means no saturation. The limits are those of the
+regulator and proportional to the terminal voltage.
+Source: IEEE Std 421.5, type DC2A.
 """
 
 from collections.abc import Iterator
@@ -24,7 +27,7 @@ __all__ = ["LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivat
 
 
 class Par(NamedTuple):
-    """Constants of one exciter."""
+    """Parameters of one exciter."""
 
     TR: Annotated[float, "s", "voltage transducer", NOT_NEGATIVE]
     KA: Annotated[float, "pu", "regulator gain", POSITIVE]
@@ -45,7 +48,7 @@ class Par(NamedTuple):
     SB: Annotated[float, "1/pu", "slope of saturation, from the two points", FROM_CASE] = 0.0
 
     def errors(self) -> Iterator[tuple[str, str]]:
-        """Field and sentence of everything the equations cannot be formed with."""
+        """Field and message for each parameter that the equations do not allow."""
         if self.SE2 > 0 and not (self.E2 > self.E1 and self.SE2 > self.SE1):
             yield "SE2", f"must lie above the first point, SE1 = {self.SE1:g} at E1 = {self.E1:g}"
 
@@ -61,14 +64,14 @@ class State(NamedTuple):
 
 
 def prepare(p):
-    """The constants with what follows from them alone."""
+    """The parameters, with those computed from others."""
     SA, SB = through(p.E1, p.SE1, p.E2, p.SE2)
     return p._replace(SA=SA, SB=SB)
 
 
 @inline
 def demand(x, u, p):
-    """Control error, and the regulator output it asks for (pu)."""
+    """Control error, and the regulator output it demands (pu)."""
     damping = p.KF / p.TF * (x.efd - x.vf) if p.TF >= SHORT else 0 * x.efd
     error = u.Vref - lag(p.TR, u.vt, x.vm) + u.Vs - damping
     return error, p.KA * lead_lag(p.TC, p.TB, error, x.va)
@@ -82,7 +85,7 @@ def output(x):
 
 @inline
 def derivatives(x, u, p):
-    """State rates (1/s)."""
+    """State derivatives (1/s)."""
     error, wanted = demand(x, u, p)
     vr = clip(lag(p.TA, wanted, x.vr), p.VRmin * u.vt, p.VRmax * u.vt)
     iron = quadratic(x.efd, p.SA, p.SB)

@@ -1,8 +1,11 @@
-"""EXST3: bus-fed controlled rectifier (IEEE ST3; current source and rectifier loading left out).
+"""EXST3: bus-fed static exciter with an inner field-voltage loop (IEEE ST3A).
 
 Vt -> [1/(1+sTR)] -> (-)
 Vref + Vs -----------> + -> VI limits -> KJ (1+sTC)/(1+sTB) -> (+) -> [KA/(1+sTA)], held VRmin..VRmax -> x VE -> Efd
           VE = KP ve, Efd <= Emax                                 (-) min(VGmax, KG Efd)
+
+The current source and the rectifier loading of ST3A are not represented.
+Source: IEEE Std 421.5, type ST3A.
 """
 
 from collections.abc import Iterator
@@ -21,7 +24,7 @@ __all__ = ["LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivat
 
 
 class Par(NamedTuple):
-    """Constants of one exciter."""
+    """Parameters of one exciter."""
 
     TR: Annotated[float, "s", "voltage transducer", NOT_NEGATIVE]
     KA: Annotated[float, "pu", "regulator gain", POSITIVE]
@@ -39,9 +42,9 @@ class Par(NamedTuple):
     VGmax: Annotated[float, "pu", "inner feedback limit"] = 5.0
 
     def errors(self) -> Iterator[tuple[str, str]]:
-        """Field and sentence of everything the equations cannot be formed with."""
+        """Field and message for each parameter that the equations do not allow."""
         if self.KG > 0 and self.TA < SHORT:
-            yield "TA", f"must be at least {SHORT:g} s beside an inner feedback KG = {self.KG:g}"
+            yield "TA", f"must be at least {SHORT:g} s with an inner feedback KG = {self.KG:g}"
 
 
 class State(NamedTuple):
@@ -68,7 +71,7 @@ def output(x, u, p):
 
 @inline
 def derivatives(x, u, y, p):
-    """State rates (1/s); y is this exciter's own output."""
+    """State derivatives (1/s); y is this exciter's own output."""
     error, first = demand(x, u, p)
     drive = p.KA * (first - clip(p.KG * y.Efd, -p.VGmax, p.VGmax))
     return State(lag_rate(p.TR, u.vt, x.vm), lag_rate(p.TB, error, x.va), lag_rate(p.TA, drive, x.vr))

@@ -4,9 +4,9 @@ Vt -> [1/(1+sTR)] -> (-)
 Vref + Vs -----------> + -> [KA/(1+sTA)], held between VRmin and VRmax -> (+) -> [1/(sTE)] -> Efd
        (-) [sKF/(1+sTF)] <- Efd                                           (-) (KE + SE(Efd)) Efd
 
-SE(Efd) Efd = B (Efd - A)^2 through (E1, SE1) and (E2, SE2); SE2 = 0 means no saturation. Like EXDC2 without its first
-stage, the regulator limits not in proportion to the terminal voltage. KE and VRmax are taken as given: the values 0 by
-which PSS/E asks to work them out are not special here.
+SE(Efd) Efd = B (Efd - A)^2 through (E1, SE1) and (E2, SE2); SE2 = 0 means no saturation. It is an EXDC2 without the
+first stage, with regulator limits that do not depend on the terminal voltage. KE and VRmax are used as given; unlike in
+PSS/E, a value of 0 does not mean that they are computed.
 Source: IEEE Committee Report, Computer representation of excitation systems, IEEE Trans. PAS-87 (1968), type 1; PSS/E
 Model Library, IEEET1.
 """
@@ -29,7 +29,7 @@ __all__ = ["LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivat
 
 
 class Par(NamedTuple):
-    """Constants of one exciter."""
+    """Parameters of one exciter."""
 
     TR: Annotated[float, "s", "voltage transducer", NOT_NEGATIVE]
     KA: Annotated[float, "pu", "regulator gain", POSITIVE]
@@ -48,7 +48,7 @@ class Par(NamedTuple):
     SB: Annotated[float, "1/pu", "slope of saturation, from the two points", FROM_CASE] = 0.0
 
     def errors(self) -> Iterator[tuple[str, str]]:
-        """Field and sentence of everything the equations cannot be formed with."""
+        """Field and message for each parameter that the equations do not allow."""
         if self.SE2 > 0 and not (self.E2 > self.E1 and self.SE2 > self.SE1):
             yield "SE2", f"must lie above the first point, SE1 = {self.SE1:g} at E1 = {self.E1:g}"
 
@@ -63,7 +63,7 @@ class State(NamedTuple):
 
 
 def prepare(p):
-    """The constants with what follows from them alone."""
+    """The parameters, with those computed from others."""
     SA, SB = through(p.E1, p.SE1, p.E2, p.SE2)
     return p._replace(SA=SA, SB=SB)
 
@@ -76,7 +76,7 @@ def output(x):
 
 @inline
 def derivatives(x, u, p):
-    """State rates (1/s)."""
+    """State derivatives (1/s)."""
     damping = p.KF / p.TF * (x.efd - x.vf) if p.TF >= SHORT else 0 * x.efd
     wanted = p.KA * (u.Vref - lag(p.TR, u.vt, x.vm) + u.Vs - damping)
     vr = clip(lag(p.TA, wanted, x.vr), p.VRmin, p.VRmax)

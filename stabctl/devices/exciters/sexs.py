@@ -1,8 +1,10 @@
-"""SEXS: simple static exciter (PST type 0).
+"""SEXS: simplified static exciter (PST type 0).
 
 Vt -> [1/(1+sTR)] -> (-)
 Vref + Vs -----------> + -> [(1+sTC)/(1+sTB)] -> [KA/(1+sTA)], held between Efdmin and Efdmax -> Efd
-Source: PST's simple exciter; with TC, TB, KA, TA it is also PSS/E's SEXS (there TA, TB, K, TE).
+
+Source: simple exciter of the Power System Toolbox (PST): J. Chow, K. Cheung, IEEE Trans. Power Syst. 7 (1992). It is
+also the SEXS of PSS/E, whose TA, TB, K, TE are TC, TB, KA, TA here.
 """
 
 from typing import Annotated, NamedTuple
@@ -20,7 +22,7 @@ __all__ = ["LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivat
 
 
 class Par(NamedTuple):
-    """Constants of one exciter."""
+    """Parameters of one exciter."""
 
     TR: Annotated[float, "s", "voltage transducer", NOT_NEGATIVE]
     KA: Annotated[float, "pu", "regulator gain", POSITIVE]
@@ -41,7 +43,7 @@ class State(NamedTuple):
 
 @inline
 def demand(x, u, p):
-    """Control error, and the field voltage it asks for (pu)."""
+    """Control error, and the field voltage it demands (pu)."""
     error = u.Vref - lag(p.TR, u.vt, x.vm) + u.Vs
     return error, p.KA * lead_lag(p.TC, p.TB, error, x.va)
 
@@ -55,6 +57,6 @@ def output(x, u, p):
 
 @inline
 def derivatives(x, u, y, p):
-    """State rates (1/s); y is this exciter's own output."""
+    """State derivatives (1/s); y is this exciter's own output."""
     error, wanted = demand(x, u, p)
     return State(lag_rate(p.TR, u.vt, x.vm), lag_rate(p.TB, error, x.va), lag_rate(p.TA, wanted, x.efd))

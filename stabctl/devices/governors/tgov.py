@@ -1,7 +1,11 @@
-"""TGOV: speed governor and turbine (PST's governor; TGOV1-like).
+"""TGOV: speed governor and turbine.
 
-demand = clip(Pref + K (1 - omega), Pmin, Pmax) -> 1/(1+sTs) (1+sT3)/(1+sTc) (1+sT4)/(1+sT5) -> Pm
-Steam: T4, T5 are the high-pressure share and the reheater; hydro: T4 = -1, T5 = 0.5 the water column.
+1 - omega -> [K] -> (+) -> limited Pmin..Pmax -> [1/(1+sTs)] -> [(1+sT3)/(1+sTc)] -> [(1+sT4)/(1+sT5)] -> Pm
+            Pref -> (+)
+
+Steam turbine: T5 is the reheater time constant, T4/T5 the high-pressure share. Hydro turbine: T4 = -1, T5 = 0.5 is the
+water column.
+Source: J. Chow, K. Cheung, IEEE Trans. Power Syst. 7 (1992), turbine governor of the Power System Toolbox (PST).
 """
 
 from typing import Annotated, NamedTuple
@@ -16,7 +20,7 @@ ROLE = "governor"
 
 
 class Par(NamedTuple):
-    """Constants of one governor, on the machine's base."""
+    """Parameters of one governor, on the machine's base."""
 
     K: Annotated[float, "pu", "inverse droop 1/R (0: no speed control)", NOT_NEGATIVE]
     Ts: Annotated[float, "s", "servo", NOT_NEGATIVE]
@@ -66,6 +70,6 @@ def output(x, u, p):
 
 @inline
 def derivatives(x, u, p):
-    """State rates (1/s)."""
+    """State derivatives (1/s)."""
     demand, servo, gate = stages(x, u, p)
     return State(lag_rate(p.Ts, demand, x.servo), lag_rate(p.Tc, servo, x.gate), lag_rate(p.T5, gate, x.turbine))

@@ -1,7 +1,10 @@
-"""HVDC link seen from its terminals: a constant current drawn at the rectifier, and one injected at the inverter.
+"""HVDC link: constant current drawn at the rectifier, constant current injected at the inverter.
 
-The terminals are constant-current devices of unity power factor: P at the voltages of the power flow, in proportion to
-the voltage elsewhere, and a constant admittance below vlow.
+rectifier bus -> P -> [dc line, losses] -> P - loss -> inverter bus
+
+Both terminals have unity power factor and carry the scheduled power at their power-flow voltages. The power is
+proportional to the voltage; below vlow a terminal is a constant admittance. Converter controls (Kundur, Power System
+Stability and Control, ch. 10) are not represented.
 """
 
 from typing import Annotated, NamedTuple
@@ -14,7 +17,7 @@ ROLE = "link"
 
 
 class Par(NamedTuple):
-    """Constants of one link."""
+    """Parameters of one link."""
 
     Prec: Annotated[float, "pu", "power drawn at the rectifier, at 1 pu voltage"]
     Pinv: Annotated[float, "pu", "power injected at the inverter, at 1 pu voltage"]

@@ -1,8 +1,8 @@
 """Exponential load: P = P0 (V/V0)^a, Q = Q0 (V/V0)^b, with the power P0 + jQ0 at the voltage V0 of the power flow.
 
-Current into the network -conj(S(m)/m^2) V with m = max(|V|, vlow): below vlow the load passes continuously to a
-constant admittance, so that the network always has a solution. Exponents of 0, 1 and 2 are constant power, current
-and admittance.
+The current into the network is -conj(S(m)/m^2) V with m = max(|V|, vlow). Below vlow the load changes continuously to a
+constant admittance, so that the network always has a solution. Exponents of 0, 1 and 2 mean constant power, current and
+admittance.
 Source: Kundur, Power System Stability and Control, section 7.1.1, eq. (7.1); typical exponents in table 7.1.
 """
 
@@ -17,7 +17,7 @@ ROLE = "load"
 
 
 class Par(NamedTuple):
-    """Constants of one load."""
+    """Parameters of one load."""
 
     P0: Annotated[float, "pu", "active power at V0, system base", FROM_CASE]
     Q0: Annotated[float, "pu", "reactive power at V0, system base", FROM_CASE]

@@ -1,8 +1,8 @@
-"""ZIP load: power that is constant, or in proportion to the voltage or its square.
+"""ZIP load: constant power, constant current and constant admittance.
 
-Current into the network -conj(Sp/m^2 + Sc/m + Sz) V with m = max(|V|, vlow): below vlow the load passes continuously to
-a constant admittance, so that the network always has a solution. The constant-admittance part of a load that stays as
-it is stands in the network matrix instead (Pz = Qz = 0).
+The current into the network is -conj(Sp/m^2 + Sc/m + Sz) V with m = max(|V|, vlow). Below vlow the load changes
+continuously to a constant admittance, so that the network always has a solution. Unless the load changes during a
+simulation, its constant-admittance part is in the network matrix instead (Pz = Qz = 0).
 Source: Kundur, Power System Stability and Control, section 7.1.1.
 """
 
@@ -17,7 +17,7 @@ ROLE = "load"
 
 
 class Par(NamedTuple):
-    """Constants of one load."""
+    """Parameters of one load."""
 
     Pp: Annotated[float, "pu", "constant power, active"]
     Qp: Annotated[float, "pu", "constant power, reactive"]
@@ -29,7 +29,7 @@ class Par(NamedTuple):
 
 
 def from_case(load: Any, P: float, Q: float, V: float) -> Par:
-    """Constants of a row of loads.csv (its shares), for a power P + jQ (pu) at the voltage V (pu)."""
+    """Parameters from the shares in a row of loads.csv, for a power P + jQ (pu) at the voltage V (pu)."""
     pp, qp, pc, qc = load.p_power, load.q_power, load.p_current, load.q_current
     rest = (1 - pp - pc) * P / V**2, (1 - qp - qc) * Q / V**2
     return Par(pp * P, qp * Q, pc * P / V, qc * Q / V, *rest, load.v_low)

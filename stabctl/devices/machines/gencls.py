@@ -1,8 +1,11 @@
-"""GENCLS: classical machine, a constant voltage E' behind ra + j x'd, and the swing equation.
+"""GENCLS: classical machine, a constant voltage E' behind ra + j x'd.
 
-2H domega/dt = Pm - Pe - D (omega - 1), ddelta/dt = wb (omega - 1), Pe the power of the source (the paper, eq. (1)-(4)).
-The source has no speed factor, so that a lossless system conserves its energy function.
-Per unit on the machine's own MVA; `mva` carries currents to the system base.
+Pm -> (+) -> [1/(2Hs)] -> omega - 1 -> [wb/s] -> delta
+      (-) Pe + D (omega - 1)
+
+Pe is the power of the source. The source voltage does not depend on the speed, so that a lossless system conserves its
+energy function. Per unit on the machine's own MVA; `mva` converts currents to the system base.
+Source: Kundur, Power System Stability and Control, section 12.3.1; the paper, eq. (1)-(4).
 """
 
 from typing import Annotated, NamedTuple
@@ -23,7 +26,7 @@ __all__ = ["CONTROLS", "NAME", "ROLE", "Input", "Output", "Par", "State", "deriv
 
 
 class Par(NamedTuple):
-    """Constants of one machine."""
+    """Parameters of one machine."""
 
     mva: Annotated[float, "-", "machine MVA over system MVA", FROM_CASE]
     wb: Annotated[float, "rad/s", "base speed, 2 pi f", FROM_CASE]
@@ -36,12 +39,12 @@ class Par(NamedTuple):
 class State(NamedTuple):
     """Rotor angle and speed."""
 
-    delta: Annotated[float, "rad", "rotor angle against the synchronous frame"]
+    delta: Annotated[float, "rad", "rotor angle relative to the synchronous frame"]
     omega: Annotated[float, "pu", "speed"]
 
 
 class Internal(NamedTuple):
-    """Rotor position, which source and stator share."""
+    """Rotor position, used by source and stator."""
 
     sin: Annotated[float, "-", "sine of the rotor angle"]
     cos: Annotated[float, "-", "cosine of the rotor angle"]
@@ -74,7 +77,7 @@ def output(i, Efd, v, p):
 
 @inline
 def derivatives(x, u, y, p):
-    """State rates (1/s); y is this machine's own output."""
+    """State derivatives (1/s); y is this machine's own output."""
     slip = x.omega - 1
     return State(p.wb * slip, (u.Pm - y.Te - p.D * slip) / (2 * p.H))
 
@@ -87,5 +90,5 @@ def admittance(p):
 
 
 def guess(V, I, p):
-    """States to start from: the rotor at the angle of V + (ra + j x'd) I, at synchronous speed."""
+    """Initial guess: the rotor at the angle of V + (ra + j x'd) I, at synchronous speed."""
     return State(float(np.angle(V + complex(p.ra, p.x1d) * I)), 1.0)

@@ -1,8 +1,16 @@
-"""GENROU: synchronous machine with one field and three damper circuits, x''q = x''d.
+"""GENROU: round-rotor synchronous machine with a field winding and three damper windings, x''q = x''d.
 
-Round rotor, or salient pole where x'q = xq. Per unit on the machine's own MVA; `mva` carries currents to the
-system base. The source behind ra + j x'' is omega (psi''d + j psi''q) exp(j delta). Saturation is that of the flux
-psi'' on both axes, quadratic through S10 and S12 (S12 = 0: none).
+Pm/omega -> (+) -> [1/(2Hs)] -> omega - 1 -> [wb/s] -> delta
+            (-) Te + D (omega - 1)
+Efd -> (+) -> [1/(s T'd0)] -> E'q            E'q -> (+) -> [1/(s T''d0)] -> psi_kd
+       (-) <- Xad Ifd                               (-) <- psi_kd + (x'd - xl) id
+       (-) Xaq I1q -> [1/(s T'q0)] -> -E'd  -E'd -> (+) -> [1/(s T''q0)] -> psi_kq
+                                                    (-) <- psi_kq + (x'q - xl) iq
+psi''d = E'q (x''-xl)/(x'd-xl) + psi_kd (x'd-x'')/(x'd-xl);  psi''q likewise from -E'd and psi_kq
+
+The source behind ra + j x'' is omega (psi''d + j psi''q) exp(j delta). Saturation depends on the magnitude of psi'' and
+acts on both axes, quadratic through S10 and S12 (S12 = 0: none). With x'q = xq it is a salient-pole machine. Per unit
+on the machine's own MVA; `mva` converts currents to the system base.
 Source: Kundur, Power System Stability and Control, ch. 3-4; saturation as in PSS/E GENROU.
 """
 
@@ -29,7 +37,7 @@ __all__ = [
 
 
 class Par(NamedTuple):
-    """Constants of one machine."""
+    """Parameters of one machine."""
 
     mva: Annotated[float, "-", "machine MVA over system MVA", FROM_CASE]
     wb: Annotated[float, "rad/s", "base speed, 2 pi f", FROM_CASE]
@@ -69,7 +77,7 @@ class Par(NamedTuple):
 class State(NamedTuple):
     """Rotor angle and speed, field and damper fluxes."""
 
-    delta: Annotated[float, "rad", "rotor angle against the synchronous frame"]
+    delta: Annotated[float, "rad", "rotor angle relative to the synchronous frame"]
     omega: Annotated[float, "pu", "speed"]
     eq: Annotated[float, "pu", "E'q"]
     kd: Annotated[float, "pu", "damper flux, d axis"]
@@ -78,7 +86,7 @@ class State(NamedTuple):
 
 
 def prepare(p):
-    """The constants with what follows from them alone."""
+    """The parameters, with those computed from others."""
     SA, SB = through(1.0, p.S10, 1.2, p.S12)
     return p._replace(SA=SA, SB=SB)
 
@@ -103,7 +111,7 @@ def saturation(i, p):
 
 @inline
 def damping(x, id_, iq, p):
-    """Voltages that drive the damper fluxes, d and q axis (pu)."""
+    """Inputs of the integrators of the damper fluxes, d and q axis (pu)."""
     return x.eq - x.kd - (p.x1d - p.xl) * id_, x.ed - x.kq - (p.x1q - p.xl) * iq
 
 
@@ -121,7 +129,7 @@ def output(x, i, v, p):
 
 @inline
 def derivatives(x, u, y, p):
-    """State rates (1/s); y is this machine's own output."""
+    """State derivatives (1/s); y is this machine's own output."""
     damp_d, damp_q = damping(x, y.id, y.iq, p)
     return State(
         p.wb * (x.omega - 1),
@@ -134,5 +142,5 @@ def derivatives(x, u, y, p):
 
 
 def guess(V, I, p):
-    """States to start from: the rotor on the q axis of V + (ra + j xq) I, at synchronous speed, fluxes of 1 pu."""
+    """Initial guess: the rotor on the q axis of V + (ra + j xq) I, at synchronous speed, fluxes of 1 pu."""
     return State(float(np.angle(V + complex(p.ra, p.xq) * I)), 1.0, 1.0, 1.0, 1.0, 1.0)

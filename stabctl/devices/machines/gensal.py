@@ -7,9 +7,8 @@ psi''q = [1/(1 + s T''q0)] <- -(xq - x'') iq
 Xad Ifd = E'q + S(E'q) + (xd - x'd) (id + (x'd-x'')/(x'd-xl)^2 (E'q - psi_kd - (x'd-xl) id))
 
 S is the saturation of E'q alone, B (E'q - A)^2 through S10 and S12 (S12 = 0: none). The q axis has no field and is
-unsaturated. As in our GENROU the source behind ra + j x'' is omega psi'' and the mechanical torque is Pm/omega; PSS/E
-leaves the speed out of the stator voltage. Per unit on the machine's own MVA; `mva` carries currents to the system
-base.
+unsaturated. As in our GENROU, the source behind ra + j x'' is omega psi'' and the mechanical torque is Pm/omega; PSS/E
+neglects the speed in the stator voltage. Per unit on the machine's own MVA; `mva` converts currents to the system base.
 Source: PSS/E Model Library, GENSAL; Kundur, Power System Stability and Control, sections 3.4-3.6 and 5.3.
 """
 
@@ -36,7 +35,7 @@ __all__ = [
 
 
 class Par(NamedTuple):
-    """Constants of one machine."""
+    """Parameters of one machine."""
 
     mva: Annotated[float, "-", "machine MVA over system MVA", FROM_CASE]
     wb: Annotated[float, "rad/s", "base speed, 2 pi f", FROM_CASE]
@@ -73,7 +72,7 @@ class Par(NamedTuple):
 class State(NamedTuple):
     """Rotor angle and speed, field and damper fluxes."""
 
-    delta: Annotated[float, "rad", "rotor angle against the synchronous frame"]
+    delta: Annotated[float, "rad", "rotor angle relative to the synchronous frame"]
     omega: Annotated[float, "pu", "speed"]
     eq: Annotated[float, "pu", "E'q"]
     kd: Annotated[float, "pu", "damper flux, d axis"]
@@ -81,7 +80,7 @@ class State(NamedTuple):
 
 
 def prepare(p):
-    """The constants with what follows from them alone."""
+    """The parameters, with those computed from others."""
     SA, SB = through(1.0, p.S10, 1.2, p.S12)
     return p._replace(SA=SA, SB=SB)
 
@@ -95,7 +94,7 @@ def internal(x, p):
 
 @inline
 def damping(x, id_, p):
-    """Voltage that drives the damper flux of the d axis (pu)."""
+    """Input of the integrator of the d-axis damper flux (pu)."""
     return x.eq - x.kd - (p.x1d - p.xl) * id_
 
 
@@ -110,7 +109,7 @@ def output(x, i, v, p):
 
 @inline
 def derivatives(x, u, y, p):
-    """State rates (1/s); y is this machine's own output."""
+    """State derivatives (1/s); y is this machine's own output."""
     return State(
         p.wb * (x.omega - 1),
         (u.Pm / x.omega - y.Te - p.D * (x.omega - 1)) / (2 * p.H),
@@ -121,5 +120,5 @@ def derivatives(x, u, y, p):
 
 
 def guess(V, I, p):
-    """States to start from: the rotor on the q axis of V + (ra + j xq) I, at synchronous speed, fluxes of 1 pu."""
+    """Initial guess: the rotor on the q axis of V + (ra + j xq) I, at synchronous speed, fluxes of 1 pu."""
     return State(float(np.angle(V + complex(p.ra, p.xq) * I)), 1.0, 1.0, 1.0, 1.0)

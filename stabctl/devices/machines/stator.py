@@ -26,13 +26,13 @@ class Output(NamedTuple):
     P: Annotated[float, "pu", "active power at the terminals"]
     Q: Annotated[float, "pu", "reactive power at the terminals"]
     vt: Annotated[float, "pu", "terminal voltage"]
-    ve: Annotated[float, "pu", "terminal voltage less that of the speed deviation, supply of a rectifier exciter"]
+    ve: Annotated[float, "pu", "terminal voltage corrected for the speed deviation, supply of a rectifier exciter"]
     Ifd: Annotated[float, "pu", "field current, Xad Ifd (classical machine: E')"]
     Ilq: Annotated[float, "pu", "q-axis rotor current, Xaq I1q"]
 
 
 class Internal(NamedTuple):
-    """Rotor position and subtransient flux, which source and stator share."""
+    """Rotor position and subtransient flux, used by source and stator."""
 
     sin: Annotated[float, "-", "sine of the rotor angle"]
     cos: Annotated[float, "-", "cosine of the rotor angle"]
@@ -50,7 +50,7 @@ def source(x, i, p):
 
 @inline
 def stator(x, i, v, p):
-    """id, iq, torque, power P and Q, terminal voltage, and the same less that of the speed deviation (pu machine)."""
+    """id, iq, torque, P, Q, terminal voltage, and terminal voltage corrected for the speed deviation (pu machine)."""
     vr, vi = i.cos * v[0] + i.sin * v[1], i.cos * v[1] - i.sin * v[0]
     er, ei = x.omega * i.psid - vr, x.omega * i.psiq - vi
     k = 1 / (p.ra * p.ra + p.x2 * p.x2)

@@ -1,6 +1,10 @@
-"""Frequency of a bus: rate of its voltage angle, by a washout of time constant T.
+"""Frequency of a bus: rate of change of its voltage angle, filtered with the time constant T.
 
-df = (angle of V exp(-j x)) / T, x' = df: a first-order phase-locked loop. f = 1 + df / wb.
+angle of V -> (+) -> [1/T] -> df -> [1/s] -> theta        f = 1 + df/wb
+              (-) <- theta
+
+This is a washout s/(1+sT) of the angle, a first-order phase-locked loop.
+Source: F. Milano, Power System Modelling and Scripting, 2010, bus frequency estimation.
 """
 
 from typing import Annotated, NamedTuple
@@ -16,7 +20,7 @@ ROLE = "sensor"
 
 
 class Par(NamedTuple):
-    """Constants of one sensor."""
+    """Parameters of one sensor."""
 
     wb: Annotated[float, "rad/s", "base speed, 2 pi f", FROM_CASE]
     T: Annotated[float, "s", "time constant"] = 0.02
@@ -54,5 +58,5 @@ def output(x, v, p):
 
 @inline
 def derivatives(x, v, p):
-    """State rate (1/s)."""
+    """State derivative (1/s)."""
     return State(rate(x, v, p))

@@ -1,4 +1,4 @@
-"""Magnitude of a bus voltage."""
+"""Magnitude of a bus voltage, |V|, without a transducer lag."""
 
 from typing import Annotated, NamedTuple
 

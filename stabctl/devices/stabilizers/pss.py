@@ -1,4 +1,9 @@
-"""PSS: stabilizer on speed, K sTw/(1+sTw) (1+sT1)/(1+sT2) (1+sT3)/(1+sT4), limited."""
+"""PSS: power system stabilizer with speed input.
+
+omega - 1 -> [K] -> [sTw/(1+sTw)] -> [(1+sT1)/(1+sT2)] -> [(1+sT3)/(1+sT4)] -> limited Vmin..Vmax -> Vs
+
+Source: Kundur, Power System Stability and Control, section 12.5; IEEE Std 421.5, type PSS1A without its A1, A2 filter.
+"""
 
 from typing import Annotated, NamedTuple
 
@@ -11,7 +16,7 @@ ROLE = "stabilizer"
 
 
 class Par(NamedTuple):
-    """Constants of one stabilizer."""
+    """Parameters of one stabilizer."""
 
     K: Annotated[float, "pu", "gain, signal over speed deviation"]
     Tw: Annotated[float, "s", "washout", NOT_NEGATIVE]
@@ -59,6 +64,6 @@ def output(x, u, p):
 
 @inline
 def derivatives(x, u, p):
-    """State rates (1/s)."""
+    """State derivatives (1/s)."""
     fast, first = stages(x, u, p)
     return State(lag_rate(p.Tw, u.omega, x.washout), lag_rate(p.T2, fast, x.lag1), lag_rate(p.T4, first, x.lag2))

@@ -1,10 +1,11 @@
-"""Energy storage device (ESD): absorbs an ordered share of its rating from its bus.
+"""Energy storage device (ESD): absorbs the ordered share of its rating from its bus.
 
-order -> [1/(1+sTlag)] -> share -> (stops where the store is full or empty) -> power = share * rating * {1, V, V^2}
-The power against voltage is constant power, constant current or constant conductance (Pp, Pc, Pg); below vlow all of
-it is a conductance. Stored energy grows with k times the absorbed and falls with 1/k times the injected power,
-k^2 the round-trip efficiency; a full or empty store stops at once, whatever ramp and lag. Tlag = 0 and an unlimited
-capacity are the ideal device of the 2022 paper on distributed storage control (section 5).
+order -> [1/(1+sTlag)] -> share -> (zero if full or empty) -> power = share * rating * {1, V, V^2}
+
+The device is constant power, constant current or constant conductance (Pp, Pc, Pg); below vlow it is a conductance. The
+stored energy rises by k times the absorbed power and falls by 1/k times the injected power, where k^2 is the round-trip
+efficiency. A full or empty device stops at once, without ramp or lag. With Tlag = 0 and unlimited capacity it is the
+ideal device of the 2022 paper on distributed storage control (section 5).
 """
 
 from math import inf, sqrt
@@ -20,25 +21,25 @@ LIMITS = {"energy": ("floor", "capacity")}
 
 
 class Par(NamedTuple):
-    """Constants of one device, on the system base."""
+    """Parameters of one device, on the system base."""
 
-    Pp: Annotated[float, "pu", "rating that is constant power"]
-    Pc: Annotated[float, "pu", "rating that is constant current, at 1 pu voltage"]
-    Pg: Annotated[float, "pu", "rating that is constant conductance, at 1 pu voltage"]
+    Pp: Annotated[float, "pu", "constant-power part of the rating"]
+    Pc: Annotated[float, "pu", "constant-current part of the rating, at 1 pu voltage"]
+    Pg: Annotated[float, "pu", "constant-conductance part of the rating, at 1 pu voltage"]
     vlow: Annotated[float, "pu", "voltage below which the device is a conductance"]
     Tlag: Annotated[float, "s", "lag from order to power"]
     ramp: Annotated[float, "1/s", "largest change of the order, in ratings per second (0: unlimited)"]
-    floor: Annotated[float, "pu s", "energy of the empty store (-inf: unlimited)"]
-    capacity: Annotated[float, "pu s", "energy of the full store (inf: unlimited)"]
+    floor: Annotated[float, "pu s", "energy when empty (-inf: unlimited)"]
+    capacity: Annotated[float, "pu s", "energy when full (inf: unlimited)"]
     stored: Annotated[float, "pu s", "initial energy"]
-    efficiency: Annotated[float, "-", "of one way, the root of the round trip"]
+    efficiency: Annotated[float, "-", "one-way efficiency, the square root of the round-trip efficiency"]
 
 
 class State(NamedTuple):
-    """Share of the rating in use, and energy in store."""
+    """Share of the rating in use, and stored energy."""
 
     share: Annotated[float, "-", "lagged order"]
-    energy: Annotated[float, "pu s", "energy in store"]
+    energy: Annotated[float, "pu s", "stored energy"]
 
 
 class Input(NamedTuple):
@@ -54,7 +55,7 @@ class Output(NamedTuple):
 
 
 def from_case(device: Any, base_mva: float) -> Par:
-    """Constants of a row of storage.csv."""
+    """Parameters from a row of storage.csv."""
     part = {"power": 0.0, "current": 0.0, "conductance": 0.0, device.characteristic: device.rating / base_mva}
     capacity = device.energy * 3600 / base_mva
     return Par(
@@ -78,7 +79,7 @@ def guess(p: Par) -> State:
 
 @inline
 def allowed(share, x, p):
-    """The share, or zero if a full store would absorb or an empty one inject."""
+    """The share, or zero if a full device would absorb or an empty one inject."""
     if (x.energy.real >= p.capacity and share.real > 0) or (x.energy.real <= p.floor and share.real < 0):
         return 0 * share
     return share
@@ -107,6 +108,6 @@ def output(x, u, v, p):
 
 @inline
 def derivatives(x, u, y, p):
-    """State rates (1/s)."""
+    """State derivatives (1/s)."""
     way = p.efficiency if y.P.real > 0 else 1 / p.efficiency
     return State(lag_rate(p.Tlag, allowed(u.order, x, p), x.share), way * y.P)
