@@ -10,6 +10,7 @@ from . import groups, options, shared
 from .grouped import grouped
 
 if TYPE_CHECKING:
+    from stabctl.clearing import Screen
     from stabctl.model.case import Case
     from stabctl.placement.siting import Evidence, Siting
     from stabctl.simulation.contingency import Contingency
@@ -87,14 +88,16 @@ def place(
         shared.print_json(_record(found) | {"contingencies_from": source})
     else:
         shared.console().print(str(found))
-        shared.console().print(f"The contingencies and their clearing times come from {source}.")
+        if not found.targets:
+            chosen_by = "come from" if contingencies else "were chosen by default: they are those of"
+            shared.console().print(f"The contingencies and their clearing times {chosen_by} {source}.")
     if report:
         print(found.report(report), file=sys.stderr if as_json else sys.stdout)
 
 
 def _contingencies(
     case: "Case", name: str, file: Path | None, classical: bool
-) -> "tuple[tuple[Contingency, ...], str]":
+) -> "tuple[tuple[Contingency, ...] | Screen, str]":
     """The contingencies of the file, the packaged ones, or the most critical ones of a screen, and their source."""
     from stabctl.clearing import screen
     from stabctl.placement.contingencies import contingencies, packaged
@@ -105,7 +108,7 @@ def _contingencies(
         return contingencies(case, file), f"the packaged file {file.name}"
     with shared.progress("screening", 1.0) as tell:
         found = screen(case, progress=lambda done, of: tell(done / of))
-    return contingencies(case, found), "a screen, with clearing times 20 % longer than without storage"
+    return found, "a screen, with clearing times 20 % longer than without storage"
 
 
 def _record(found: "Siting") -> dict[str, Any]:

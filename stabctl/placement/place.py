@@ -7,7 +7,7 @@ from typing import Any, get_args
 import numpy as np
 
 from stabctl._util.wording import counted
-from stabctl.clearing import Search
+from stabctl.clearing import Screen, Search
 from stabctl.controllers import BangBang, Law
 from stabctl.dynamics import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
@@ -20,7 +20,7 @@ from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.sampled import Sampled
 
 from . import initial_fleets
-from .contingencies import Contingencies, contingencies
+from .contingencies import LONGER, Contingencies, contingencies
 from .cutting_planes import CuttingPlanes
 from .evidence import critical_times, energies, table
 from .master import Master
@@ -32,6 +32,10 @@ from .trials import Trials
 UNIFORM = 0.05  # of machine MVA   the uniform fleet that is scaled
 LARGEST = 1e6  # MW
 LESS = 0.97  # of the fleet, at which a binding contingency is lost
+BY_SCREEN = (
+    f"The clearing times to be survived were chosen by default: {100 * (LONGER - 1):.0f} % longer than the critical "
+    "ones of a screen without storage."
+)
 LIMIT = "60cyc"  # longest clearing time tried for the evidence
 
 
@@ -162,6 +166,7 @@ def place(
             for i, c in enumerate(found)
         ),
         title=case.title,
+        targets=BY_SCREEN if isinstance(given, Screen) else "",
     )
 
 

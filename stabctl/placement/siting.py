@@ -35,6 +35,7 @@ class Siting(Tabular):
     wall_s: float
     candidates: tuple[CandidateSite, ...] = ()
     title: str = ""  # of the case
+    targets: str = ""  # where the clearing times to be survived come from, as a sentence; empty if they were given
 
     plot = verb("stabctl.plotting.siting:plot")
     report = verb("stabctl.report.siting_page:write")
@@ -104,6 +105,9 @@ class Siting(Tabular):
             f"{1e3 * self.total_mwh:.0f} kWh survive {survived}, each observed {self.observed_s:g} s after clearing "
             f"({counted(self.simulations, 'simulation')} in {self.wall_s:.1f} s)."
         ]
+        if self.infeasible:
+            left_out = "; ".join(one.contingency.label for one in self.infeasible)
+            said[0] += f" No fleet within the caps was found that survives {left_out}."
         if self.uniform_mw == 0:
             said.append("The system survives every contingency even without storage.")
         elif self.uniform_mw:
@@ -123,6 +127,8 @@ class Siting(Tabular):
                 f"Cost {self.cost:.4g}, estimated lower bound {self.lower_bound:.4g} ({100 * self.gap:.1f} % lower). "
                 "The bound is an estimate, because the set of surviving fleets need not be convex."
             )
+        if self.targets:
+            said.insert(1, self.targets)
         return (*said, *self.reservations())
 
     def reservations(self) -> tuple[str, ...]:

@@ -58,6 +58,17 @@ def cells(page, heading):
     return [[unescape(cell) for cell in re.findall(r"<td[^>]*>(.*?)</td>", row)] for row in rows]
 
 
+def test_the_headline_names_what_no_fleet_survives_and_targets_by_default_are_said(siting):
+    head = siting.remarks()[0]
+    assert "survive 2 contingencies of 3" in head
+    assert head.endswith("No fleet within the caps was found that survives 3.")
+    assert "No fleet" not in replace(siting, infeasible=()).remarks()[0]
+    assert str(siting).startswith(head)
+    chosen = replace(siting, targets="Chosen by default.")
+    assert chosen.remarks()[1] == "Chosen by default."
+    assert "Chosen by default." in siting_page.page(chosen)
+
+
 def test_a_single_iteration_is_no_chart(siting):
     assert "Cost by iteration" in siting_page.page(siting)
     assert "Cost by iteration" not in siting_page.page(replace(siting, history=siting.history[:1]))
