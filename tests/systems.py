@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
 from stabctl import devices
 from stabctl.devices.converters import regc_a
 from stabctl.devices.exciters import exdc2, exst3, ieeet1, sexs
@@ -63,6 +65,11 @@ OWN_KINDS = {  # name -> devices of machine 1, and a device of the user's: its t
     "signals from elsewhere": ({"genrou": ROUND, "exdc2": EXDC2, "pss": PSS}, "wide_area", (3, 2, 0.1, 2.0, 3.0)),
 }
 ALL_KINDS = (*KINDS, *OWN_KINDS)
+
+
+def one_of(first, *others):
+    """Parameters of a test, of which all but the first are slow ones."""
+    return [first, *(pytest.param(other, marks=pytest.mark.slow) for other in others)]
 
 
 def small(models, p=300.0, load=None, base=400.0, v=1.02, links=()):

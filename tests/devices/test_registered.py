@@ -81,6 +81,7 @@ def test_a_device_file_that_breaks_leaves_the_one_registered_before(tmp_path):
 
 def test_machine_code_is_another_when_a_file_or_a_constant_beside_the_device_changes(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # whose files tell seconds apart, not less
     (tmp_path / "beside.py").write_text("GAIN = 2.0\n\n\ndef twice(x):\n    return 2 * x\n")
     texts = []
     for line in ("from beside import twice\n", "from beside import GAIN\n"):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from systems import one_of
 
 from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang, Feedback
@@ -86,7 +87,7 @@ def test_speeds_are_known_at_the_defaults(study, name):
     assert found.count_commands(before=1.0) == 0
 
 
-@pytest.mark.parametrize("name", [*CLASSICAL, *FULL])
+@pytest.mark.parametrize("name", one_of(*FULL, *CLASSICAL))
 def test_no_command_in_a_minute_of_noise(study, name):
     found = estimate(study(name)[0], (), 60, control=FAST)
     assert found.count_commands() == 0
@@ -104,7 +105,7 @@ def test_it_is_better_than_its_baselines(study):
 
 
 @pytest.mark.parametrize("wrong", [(1.15, 1.15), (0.85, 0.85), (1.15, 0.85), (0.85, 1.15)])
-@pytest.mark.parametrize("name", [*CLASSICAL, *FULL])
+@pytest.mark.parametrize("name", one_of(*FULL, *CLASSICAL))
 def test_inertia_and_reactance_may_be_wrong_by_fifteen_percent(study, name, wrong):
     _, accuracy = judged(study, name, replace(FAST, inertia_factor=wrong[0], reactance_factor=wrong[1]), (1,))
     assert accuracy.rmse_mhz <= 30  # at most 13.4, 10.6, 10.3, 4.9
@@ -128,7 +129,7 @@ def test_other_pmus(study, pmu):
     assert accuracy.opposite_command_share == 0
 
 
-@pytest.mark.parametrize("name", [*CLASSICAL, *FULL])
+@pytest.mark.parametrize("name", one_of(*FULL, *CLASSICAL))
 def test_clearing_time_survives(study, name):
     """Within 3 % or half a cycle of the ideal controller."""
     point, _, _, (fault, trip) = study(name)
@@ -140,6 +141,7 @@ def test_clearing_time_survives(study, name):
     assert found > bare  # 7.625, 5.25, 9, 4.5
 
 
+@pytest.mark.slow
 def test_clearing_time_falls_with_latency(study):
     point, _, _, (fault, trip) = study("two_area")
     one, laws = Contingency(fault, trip=trip), [replace(FAST, pmu=Pmu(latency=1e-3 * ms)) for ms in (0, 100, 200)]

@@ -51,7 +51,7 @@ def attempt(folder):
 
 @pytest.mark.parametrize("table", TABLE_NAMES)
 @given(where=st.lists(st.tuples(PLACE, PLACE, CELLS), min_size=1, max_size=2))
-@settings(max_examples=60)
+@settings(max_examples=25)
 def test_any_cells_load_or_give_one_sentence(workshop, table, where):
     path = copied("two_area", workshop / "cells") / table
     rows = cells(path)
@@ -67,7 +67,7 @@ def test_any_cells_load_or_give_one_sentence(workshop, table, where):
 @example(table="machines.csv", column=0, row=0, value="9" * 5000)
 @example(table="buses.csv", column=5, row=6, value="1e308")
 @example(table="genrou.csv", column=7, row=0, value="1e-320")
-@settings(max_examples=250)
+@settings(max_examples=100)
 def test_any_number_in_a_data_cell_loads_or_gives_one_sentence(workshop, table, column, row, value):
     path = copied("two_area", workshop / "numbers") / table
     rows = cells(path)
@@ -79,7 +79,7 @@ def test_any_number_in_a_data_cell_loads_or_gives_one_sentence(workshop, table, 
 @given(table=st.sampled_from(TABLE_NAMES), kind=st.integers(0, 5), at=PLACE, text=st.text(max_size=40))
 @example(table="buses.csv", kind=4, at=0, text='bus,kind\n1,"pv\n')
 @example(table="buses.csv", kind=4, at=0, text="\x00")
-@settings(max_examples=150)
+@settings(max_examples=60)
 def test_broken_tables_load_or_give_one_sentence(workshop, table, kind, at, text):
     path = copied("two_area", workshop / "tables") / table
     rows = cells(path)
@@ -113,7 +113,7 @@ def test_broken_tables_load_or_give_one_sentence(workshop, table, kind, at, text
 @example("base_mva = " + "9" * 5000)
 @example("base_mva = 1e300")
 @example("x = " + "[" * 5000)
-@settings(max_examples=100)
+@settings(max_examples=60)
 def test_any_case_toml_loads_or_gives_one_sentence(workshop, text):
     folder = copied("two_area", workshop / "toml")
     (folder / "case.toml").write_text(text, encoding="utf-8", errors="surrogatepass")

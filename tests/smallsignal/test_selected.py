@@ -63,6 +63,7 @@ def test_small_systems_too(modes, point, name):
     assert len(analyze(descriptor(point(name)), (20, 25))) == 0
 
 
+@pytest.mark.slow
 def test_three_copies_have_three_of_each(sparse):
     """Copies tied at one bus: the modes of local swings nearly coincide, and none of them is lost."""
     point = operating_point.solve(replicate(io.load("wnaps"), 3))

@@ -48,6 +48,7 @@ def scheduler(tmp_path_factory):
         process.wait()
 
 
+@pytest.mark.slow
 def test_rows_are_those_of_this_machine(scheduler, write, facts, undisturbed, tmp_path):
     client, start = scheduler
     address = client.scheduler.address

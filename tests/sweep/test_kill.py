@@ -60,6 +60,7 @@ def test_closing_the_iterator_ends_the_workers(write):
     assert not alive(pid)
 
 
+@pytest.mark.slow
 @linux
 def test_a_killed_parent_leaves_no_process_and_no_gap(write, facts, undisturbed, sweep, tmp_path):
     one = sweep(write(TINY), tmp_path / "results.db", "--workers", "2")
@@ -98,6 +99,7 @@ def test_ctrl_c_ends_a_sweep_cleanly(write, facts, undisturbed, sweep, tmp_path)
     assert facts(one.out) == facts(undisturbed)
 
 
+@pytest.mark.slow
 @linux
 def test_a_full_disk_is_a_sentence_and_the_rows_so_far_are_kept(write, facts, undisturbed, sweep, tmp_path):
     limit = 40_000  # bytes a file may have
@@ -116,6 +118,7 @@ def test_a_full_disk_is_a_sentence_and_the_rows_so_far_are_kept(write, facts, un
     assert facts(one.out) == facts(undisturbed)
 
 
+@pytest.mark.slow
 @linux
 def test_ctrl_c_while_the_workers_are_readied_is_as_clean(write, sweep, tmp_path):
     one = sweep(write(TINY), tmp_path / "results.db")

@@ -53,7 +53,7 @@ def time_with_one_switch(p, at):
 
 @given(problems(-2.5))
 @example(replace(TABLE2, x1=-1.53125, x2=0.5, Pm=0.072265625, Pc_min=0.0, Pc_max=0.0))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=6, deadline=None)
 def test_shooting_fulfils_the_minimum_principle_and_is_never_beaten(p):
     found = by_shooting(p)
     assert found.feasible == (not math.isnan(stop_angle(p)))
@@ -73,7 +73,7 @@ def test_shooting_fulfils_the_minimum_principle_and_is_never_beaten(p):
 
 
 @given(problems(-math.pi / 2))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=6, deadline=None)
 def test_collocation_agrees_with_shooting(p):
     found, other = by_shooting(p), by_collocation(p)
     assert found.feasible == other.feasible

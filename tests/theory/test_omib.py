@@ -51,7 +51,7 @@ def test_kinetic_energy_at_clearing_is_the_accelerating_area(m, part):
 
 
 @given(machines(faults=True), st.floats(0, 2))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 def test_simulated_critical_time_is_the_equal_area_one(m, power):
     try:
         expected, reason = critical_clearing(m, power * m.Pm).time, ""

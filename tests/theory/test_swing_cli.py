@@ -90,6 +90,7 @@ def test_help_imports_nothing_heavy():
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_gains_that_throw_the_machine_out_of_range_still_give_json():
     laws = record("feedback", "--Kv", "-10")["laws"]
