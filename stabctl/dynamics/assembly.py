@@ -14,8 +14,9 @@ from stabctl.model.powerflow import PowerFlow
 from . import family, rows
 from .layout import Layout
 from .limits import Limits, limits
-from .program import Family, near
+from .order import near
 from .rows import Row
+from .tables import Family
 from .wiring import Wiring
 
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from . import family
-from .program import Family
+from .tables import Family
 
 
 class Limits(NamedTuple):

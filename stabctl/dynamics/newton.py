@@ -13,7 +13,7 @@ from . import family
 from .assembly import System
 from .groups import Groups
 from .jacobian import Equations
-from .program import Family
+from .tables import Family
 
 TOLERANCE = 1e-11  # largest residual, 1/s and pu
 ROUNDOFF = 1e-15  # the same over the largest slope of its equation: a fast block cannot come closer

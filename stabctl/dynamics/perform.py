@@ -4,19 +4,19 @@ from typing import Any
 
 from stabctl._util.jit import disabled, inline
 
-from . import family
+from . import loop
 
 if disabled():
 
     def perform(calls: Any, w: Any, k: Any, s: Any, f: Any, on: Any) -> None:
         """Call families one after the other, as plain Python."""
         for address, op, n, i, j in calls:
-            family.plain[address](op, n, w[i:], k[j:], s, f, on)
+            loop.plain[address](op, n, w[i:], k[j:], s, f, on)
 
     def perform_local(calls: Any, starts: Any, w: Any, k: Any, s: Any, f: Any, on: Any) -> None:
         """Call families one after the other, each with its own part of f, as plain Python."""
         for (address, op, n, i, j), start in zip(calls, starts, strict=False):
-            family.plain[address](op, n, w[i:], k[j:], s, f[start:], on)
+            loop.plain[address](op, n, w[i:], k[j:], s, f[start:], on)
 
 else:
     from .call import call

@@ -5,9 +5,7 @@ sum of what fills it, else zero.
 """
 
 from collections.abc import Mapping
-from functools import cache
-from types import ModuleType
-from typing import Any, get_args, get_type_hints
+from typing import Any
 
 import numpy as np
 
@@ -17,19 +15,20 @@ from stabctl.errors import EquilibriumError
 from stabctl.model.case import Case
 from stabctl.model.network import Network
 
-from . import adder, family
+from . import family
 from .givers import Givers
 from .layout import WORDS, Layout, SetPoint, StatePlace
-from .program import Family
 from .rows import NO_UNIT, Row
+from .sensors import bus_of, inputs, with_sensors
+from .sums import Sums
+from .tables import Family
 
 
 class Wiring:
     """Gives every signal its place."""
 
     def __init__(self, case: Case, tables: Mapping[str, list[Row]], buses: int, net: Network) -> None:
-        self.case, self.tables, self.buses, self.net = case, dict(tables), buses, net
-        self._sensors()
+        self.case, self.tables, self.buses, self.net = case, with_sensors(case, tables, net), buses, net
         self.units = {name: np.array([row.unit for row in rows]) for name, rows in self.tables.items()}
         self.givers = Givers(len(case.machines))
         self.states: list[StatePlace] = []
@@ -40,30 +39,6 @@ class Wiring:
         self._ports()
         self.step = self.nx + 2 * buses + len(self.setpoints)
         self._outputs()
-
-    def _sensors(self) -> None:
-        """A sensor for every bus that an input elsewhere asks for."""
-        for name, rows in list(self.tables.items()):
-            for at, row in (
-                (hint, row) for hint in _inputs(devices.every()[name]).values() for row in rows if isinstance(hint, At)
-            ):
-                if at.signal in devices.every() and devices.every()[at.signal].ROLE == "sensor":
-                    bus, sensors = self._bus(at, row), self.tables.setdefault(at.signal, [])
-                    if bus not in [s.bus for s in sensors]:
-                        sensors.append(self._sensor(at.signal, bus))
-
-    def _sensor(self, name: str, bus: int) -> Row:
-        device, number = devices.every()[name], self.case.buses[bus].bus
-        par = device.Par(2 * np.pi * self.case.frequency_hz) if hasattr(device, "Par") else ()
-        return Row(NO_UNIT, bus, bus, par, f"{device.NAME} {number}", f"bus {number}")
-
-    def _bus(self, at: At, row: Row) -> int:
-        number = int(getattr(row.par, at.place))
-        if number and number not in self.net.place:
-            raise EquilibriumError(
-                f"There is no bus {number} in {self.case.name}, which {row.label} names as {at.place}."
-            )
-        return self.net.place[number] if number else row.bus
 
     def _states(self, name: str, rows: list[Row]) -> None:
         device = devices.every()[name]
@@ -91,7 +66,7 @@ class Wiring:
         self.setpoints: list[SetPoint] = []
         self.setpoint_of: dict[tuple[Any, str], int] = {}
         for name, rows in self.tables.items():
-            for signal, port in _inputs(devices.every()[name]).items():
+            for signal, port in inputs(devices.every()[name]).items():
                 if not isinstance(port, Port) or port.summing:
                     continue
                 for j, row in enumerate(rows):
@@ -111,8 +86,7 @@ class Wiring:
                 for i, output in enumerate(family.fields(device, "Output")):
                     self.givers.add(output, self.units[name], at + i + stride * np.arange(len(rows)))
             at += len(rows) * stride
-        self.sums: list[tuple[int, list[int]]] = []  # outputs, and the places each adds up
-        self.end = at
+        self.sums = Sums(self.step + 1, at)
 
     def _inputs(self, name: str, signal: str, hint: Any) -> np.ndarray:
         """Places of the signals that an input of the devices of a table reads."""
@@ -123,7 +97,7 @@ class Wiring:
         found = self.givers.of(signal, units) if in_unit else np.zeros((0, len(rows)), int)
         count = (found >= 0).sum(axis=0)
         if isinstance(hint, Port) and hint.summing:
-            return np.array([self._sum(found[:n, j].tolist()) for j, n in enumerate(count)])
+            return np.array([self.sums.of(found[:n, j].tolist()) for j, n in enumerate(count)])
         out = found[0].copy() if len(found) else np.full(len(rows), -1)
         for j in np.flatnonzero(count != 1):
             key = int(units[j]) if in_unit else (name, int(j))
@@ -152,7 +126,7 @@ class Wiring:
         if at.signal in self.tables:
             buses = [s.bus for s in self.tables[at.signal]]
             stride = family.stride(devices.every()[at.signal])
-            return self.first_output[at.signal] + stride * buses.index(self._bus(at, row))
+            return self.first_output[at.signal] + stride * buses.index(bus_of(self.case, self.net, at, row))
         number = int(getattr(row.par, at.place))
         units = {m.machine: i for i, m in enumerate(self.case.machines)}
         unit = units.get(number, NO_UNIT) if number else row.unit
@@ -162,18 +136,6 @@ class Wiring:
                 f"Machine {number} of {self.case.name} gives no {at.signal}, which {row.label} reads."
             )
         return int(found[0, 0])
-
-    def _sum(self, places: list[int]) -> int:
-        if not places:
-            return self.step + 1
-        if len(places) == 1:
-            return places[0]
-        for out, those in self.sums:
-            if those == places:
-                return out
-        self.sums.append((self.end, places))
-        self.end += 1
-        return self.end - 1
 
     def families(self) -> tuple[Family, ...]:
         """The tables of places and constants."""
@@ -187,33 +149,16 @@ class Wiring:
             w[:, family.BUS] = self.nx + 2 * np.array([row.bus for row in rows])
             w[:, family.BUS2] = self.nx + 2 * np.array([row.bus2 for row in rows])
             w[:, family.UNIT] = self.units[name]
-            for c, (signal, hint) in enumerate(_inputs(device).items()):
+            for c, (signal, hint) in enumerate(inputs(device).items()):
                 w[:, family.INPUTS + c] = self._inputs(name, signal, hint)
             w[:, -1] = self.first_output[name] + outputs * j
             k = np.array([row.par for row in rows], float).reshape(len(rows), -1)
             made.append(Family(name, device, w, k, tuple(row.key for row in rows)))
-        return (*made, *self._adders())
-
-    def _adders(self) -> list[Family]:
-        """Sums of the signals that fill one summing port, two at a time."""
-        rows = []
-        for out, places in self.sums:
-            left = places[0]
-            for i, right in enumerate(places[1:]):
-                last = i == len(places) - 2
-                here = out if last else self.end
-                self.end += not last
-                rows.append([0, 0, 0, NO_UNIT, left, right, here])
-                left = here
-        if not rows:
-            return []
-        return [
-            Family("adder", adder, np.array(rows, np.int64), np.zeros((len(rows), 0)), ("a summing port",) * len(rows))
-        ]
+        return (*made, *self.sums.families())
 
     def layout(self) -> Layout:
         """Places in s, after `families`."""
-        owner = np.full(self.end, NO_UNIT, np.int64)
+        owner = np.full(self.sums.end, NO_UNIT, np.int64)
         owner[: self.nx] = [place.unit for place in self.states]
         owner[self.nx + 2 * self.buses : self.step] = [point.unit for point in self.setpoints]
         for name, units in self.units.items():
@@ -221,7 +166,7 @@ class Wiring:
             if device.ROLE in devices.UNIT_ROLES:
                 first, n = self.first_output[name], family.stride(device)
                 owner[first : first + n * len(units)] = np.repeat(units, n)
-        outputs = self.end - self.step - 3
+        outputs = self.sums.end - self.step - 3
         return Layout(tuple(self.states), tuple(self.setpoints), self.buses, outputs, 0, self._signals(), owner)
 
     def _signals(self) -> dict[tuple[int, str], int]:
@@ -229,21 +174,9 @@ class Wiring:
         signals: dict[tuple[int, str], int] = {}
         for signal, layers in self.givers:
             signals |= {(unit, signal): place for unit, place in enumerate(layers[0].tolist()) if place >= 0}
-        for out, places in self.sums:
+        for places, out in self.sums.places.items():
             signals |= {key: out for key, place in signals.items() if place == places[0]}
         for k, point in enumerate(self.setpoints):
             if point.unit != NO_UNIT:
                 signals.setdefault((point.unit, point.name), self.nx + 2 * self.buses + k)
         return signals
-
-
-@cache
-def _inputs(device: ModuleType) -> dict[str, Any]:
-    """Inputs of a device, each with its marker (Port, At) or None."""
-    if not hasattr(device, "Input"):
-        return {}
-    hints = get_type_hints(device.Input, include_extras=True)
-    return {
-        name: next((m for m in get_args(hints[name]) if isinstance(m, Port | At)), None)
-        for name in device.Input._fields
-    }

@@ -14,7 +14,8 @@ from stabctl.controllers import Device, Law, hold
 from stabctl.dynamics import family
 from stabctl.dynamics.layout import Layout
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.program import Family, Program, program
+from stabctl.dynamics.program import Program, program
+from stabctl.dynamics.tables import Family
 from stabctl.errors import StudyError
 
 from .plant import Frame, frame

@@ -8,7 +8,7 @@ from stabctl.dynamics.jacobian import Derivatives
 from stabctl.dynamics.limits import limits
 from stabctl.dynamics.newton import FAR
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.program import Family
+from stabctl.dynamics.tables import Family
 from stabctl.errors import LinearizationError
 
 STILL = 1e-8  # 1/s and pu   largest state derivative and current mismatch of an equilibrium

@@ -32,14 +32,14 @@ def names():
         del sys.modules[module]
     from stabctl import devices
     from stabctl.controllers import BangBang, Feedback, hold
-    from stabctl.dynamics import adder, evaluate, family
+    from stabctl.dynamics import adder, evaluate, loop
     from stabctl.simulation import stepper, voltages
 
     laws = {"hold": hold, "bang_bang": BangBang().module, "feedback": Feedback().module}
     modules = {**devices.every(), **laws, "adder": adder}
     entries = stepper.advance, voltages.newton_from, evaluate.evaluate
     return {
-        name: [family._module(name, device, scalar).__module__ for scalar in (float, complex)]
+        name: [loop._module(name, device, scalar).__module__ for scalar in (float, complex)]
         for name, device in modules.items()
     } | {entry.name: entry._place().name for entry in entries}
 

@@ -1,0 +1,157 @@
+"""The devices of one model as the source text of one loop, whatever the model.
+
+    family(op, n, w, k, s, f, on)   op       which of the equations (below)
+                                    n        devices
+                                    w (i64)  a row of places per device: state, bus, second bus, unit, inputs, output
+                                    k (f64)  a row of constants per device, in the order of Par
+                                    s        every signal: states, voltages, set-points, outputs
+                                    f        state rates and injected currents, at the places of states and voltages
+                                    on (i64) island of every unit, -1 where it is off
+
+The loop is written from the field names of Par, State, Input and Output and from the parameter names of the equations:
+x state, u inputs, v bus voltage (v1, v2 of a link), y own output, p constants, or the name of one input. It is written
+once for real numbers (simulation) and once for complex ones (derivatives by complex step, h = 1e-30).
+"""
+
+from types import ModuleType
+
+from .family import (
+    BUS,
+    BUS2,
+    CURRENT,
+    INPUTS,
+    LOCAL,
+    OUTPUT,
+    SOURCE,
+    STATE,
+    TINY,
+    UNIT,
+    arguments,
+    equations,
+    fields,
+    fused,
+    shape,
+    width,
+)
+
+
+def write(device: ModuleType, name: str, scalar: type) -> str:
+    """Source text of the family's loop, for float or complex."""
+    text = [f"def {name}(op, n, w, k, s, f, on):"]
+    if hasattr(device, "family"):
+        return "\n".join([*text, "    device.family(op, n, w, k, s, f, on)", ""])
+    ops = equations(device)
+    if scalar is complex:
+        if fused(device):
+            ops = {**ops, OUTPUT: ("output",)}
+        ops = {op: ops[op] for op in (CURRENT, OUTPUT) if op in ops}
+    for op, names in ops.items():
+        text += [f"    if op == {op}:", "        for j in range(n):"]
+        text += [f"            {line}" for line in _body(device, op, names, op == SOURCE or scalar is complex)]
+    if scalar is complex:
+        text += [f"    if op == {LOCAL}:", *(f"        {line}" for line in _local(device))]
+    return "\n".join([*text, ""])
+
+
+def _head(device: ModuleType, step: str = "") -> dict[str, tuple[str, ...]]:
+    """Lines that read each kind of argument; `step` is added to every value that a derivative may be along."""
+    par, state, inputs, shown = (fields(device, record) for record in ("Par", "State", "Input", "Output"))
+    columns = width(device)
+    at = {n: INPUTS + i for i, n in enumerate(inputs)}
+    count = iter(range(10**6))
+
+    def perturbed(text: str) -> str:
+        return f"{text} + ({step} if c == {next(count)} else 0)" if step else text
+
+    x = ", ".join(perturbed(f"s[first + {i}]") for i in range(len(state)))
+    u = ", ".join(perturbed(f"s[w[{columns} * j + {at[n]}]]") for n in inputs)
+    v = [f"({perturbed(f's[{b}]')}, {perturbed(f's[{b} + 1]')})" for b in ("b", "b2")]
+    buses = f"b, b2 = w[{columns} * j + {BUS}], w[{columns} * j + {BUS2}]"
+    return {
+        "p": (f"p = device.Par({', '.join(f'k[{len(par)} * j + {i}]' for i in range(len(par)))})",),
+        "x": (f"first = w[{columns} * j + {STATE}]", f"x = device.State({x})"),
+        "u": (f"u = device.Input({u})",),
+        "v": (buses, f"v = {v[0]}"),
+        "v1": (buses, f"v1 = {v[0]}"),
+        "v2": (f"v2 = {v[1]}",),
+        "y": (
+            f"o = w[{columns} * j + {columns - 1}]",
+            f"y = device.Output({', '.join(f's[o + {i}]' for i in range(len(shown)))})",
+        ),
+        **{n: (f"{n} = u.{n}",) if step else (f"{n} = s[w[{columns} * j + {at[n]}]]",) for n in inputs},
+    }
+
+
+def _internal(device: ModuleType, anew: bool) -> dict[str, tuple[str, ...]]:
+    """Lines that make the internal quantities anew, or read those that SOURCE has left behind the outputs."""
+    outputs, names = len(fields(device, "Output")), fields(device, "Internal")
+    if anew:
+        return {"i": ("i = device.internal(x, p)",)}
+    kept = ", ".join(f"s[o + {outputs + k}]" for k in range(len(names)))
+    return {"i": (f"o = w[{width(device)} * j + {width(device) - 1}]", f"i = device.Internal({kept})")}
+
+
+def _needed(device: ModuleType, equation: str, anew: bool) -> tuple[str, ...]:
+    """Arguments of an equation, those first that others are made from."""
+    names = arguments(device, equation)
+    return ("x", "p", *(n for n in names if n not in ("x", "p"))) if anew and "i" in names else names
+
+
+def _body(device: ModuleType, op: int, names: tuple[str, ...], anew: bool) -> list[str]:
+    """Lines that evaluate equations of one device and store what they give."""
+    head, columns, links = _head(device) | _internal(device, anew), width(device), shape(device)[3] == 2
+    place, row = f"o = w[{columns} * j + {columns - 1}]", f"first = w[{columns} * j + {STATE}]"
+    bus = f"b, b2 = w[{columns} * j + {BUS}], w[{columns} * j + {BUS2}]"
+    inject = [bus, "f[b] += g[0]", "f[b + 1] += g[1]", *(("f[b2] += g[2]", "f[b2 + 1] += g[3]") if links else ())]
+    shown = [place, *(f"s[o + {i}] = y.{n}" for i, n in enumerate(fields(device, "Output")))]
+    rates = [row, *(f"f[first + {i}] = d.{n}" for i, n in enumerate(fields(device, "State")))]
+    memory = [row, *(f"s[first + {i}] = x.{n}" for i, n in enumerate(fields(device, "State")))]
+    result = {"source": "g", "current": "g", "output": "y", "derivatives": "d", "step": "x, y" if memory[1:] else "y"}
+    store = {"source": inject, "current": inject, "output": shown, "derivatives": rates}
+    store["step"] = [*(memory if memory[1:] else ()), *shown]
+    of_unit = op == SOURCE or (op == CURRENT and device.ROLE in ("machine", "converter"))
+    lines = [f"if on[w[{columns} * j + {UNIT}]] < 0:", "    continue"] if of_unit else []
+    known: set[str] = set()
+    for name in names:
+        needed = _needed(device, name, anew)
+        lines += [line for a in needed if a not in known for line in head[a]]
+        if op == SOURCE and "i" in needed:
+            first = len(fields(device, "Output"))
+            lines += [place, *(f"s[o + {first + k}] = i.{n}" for k, n in enumerate(fields(device, "Internal")))]
+        known |= {*needed, result[name]}
+        lines += [f"{result[name]} = device.{name}({', '.join(arguments(device, name))})", *store[name]]
+    return lines
+
+
+def _local(device: ModuleType) -> list[str]:
+    """Lines that write, for every device, its outputs, rates and currents perturbed along each own variable in turn.
+
+    Block j of f has a row per state, input and voltage component and a last one unperturbed; its columns are the rates,
+    the outputs and the injected currents.
+    """
+    states, inputs, outputs, buses = shape(device)
+    if hasattr(device, "step"):
+        return ["pass"]
+    rows, columns = states + inputs + 2 * buses, states + outputs + 2 * buses
+    head = _head(device, f"{TINY}j")
+    lines: list[str] = []
+    known = {"y"}
+    for a in ("p", "x", "u", *((), ("v",), ("v1", "v2"))[buses]):
+        if a in "pxu" and not fields(device, {"p": "Par", "x": "State", "u": "Input"}[a]):
+            continue
+        lines += head[a]
+        known.add(a)
+    body = ["i = device.internal(x, p)"] if hasattr(device, "internal") else []
+    known.add("i")
+    for equation, result in (("output", "y"), ("derivatives", "d"), ("source", "g"), ("current", "g")):
+        if hasattr(device, equation):
+            needed = arguments(device, equation)
+            body += [line for a in needed if a not in known for line in head[a]]
+            known |= set(needed)
+            body += [f"{result} = device.{equation}({', '.join(needed)})"]
+    names = [f"d.{n}" for n in fields(device, "State")] if hasattr(device, "derivatives") else ["0j"] * states
+    names += [f"y.{n}" for n in fields(device, "Output")]
+    names += [f"g[{i}]" for i in range(2 * buses)] if {"source", "current"} & set(dir(device)) else ["0j"] * 2 * buses
+    body += [f"f[a + {i}] = {value}" for i, value in enumerate(names)]
+    inner = [f"        {line}" for line in (*lines, *body, f"a += {columns}")]
+    return ["a = 0", "for j in range(n):", f"    for c in range({rows + 1}):", *inner]

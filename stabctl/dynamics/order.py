@@ -1,0 +1,110 @@
+"""The order in which devices are called, so that every signal is made before it is read.
+
+A call is a run of neighboring rows of one family. Whole families are ordered by what they read and write; where that
+has a cycle, its families are taken apart into rows. Only a cycle of rows is an algebraic loop.
+"""
+
+from collections.abc import Iterable, Sequence
+from graphlib import CycleError, TopologicalSorter
+
+import numpy as np
+
+from stabctl.errors import EquilibriumError
+
+from . import family
+from .family import BOTH, CURRENT, INPUTS, OUTPUT, RATES
+from .tables import Family
+
+Node = tuple[int, int, tuple[int, ...]]  # family, operation, rows
+
+
+def ordered(families: Sequence[Family]) -> list[Node]:
+    """Outputs and rates of all devices, so that every signal is made before it is read.
+
+    Raises `EquilibriumError` where devices wait for each other's outputs (an algebraic loop), naming them.
+    """
+    nodes: list[Node] = []
+    for i, one in enumerate(families):
+        ops = [op for op in family.equations(one.device) if op in (OUTPUT, BOTH, RATES)]
+        nodes += [(i, op, tuple(range(len(one.w)))) for op in ops if len(one.w)]
+    while True:
+        graph = _graph(families, nodes)
+        try:
+            sorter = TopologicalSorter(graph)
+            sorter.prepare()
+            out: list[Node] = []
+            while sorter.is_active():
+                batch = sorter.get_ready()
+                out += _merged(nodes[n] for n in batch)
+                sorter.done(*batch)
+            return out
+        except CycleError as error:
+            cycle = {nodes[n] for n in error.args[1]}
+            if all(len(rows) == 1 for _, _, rows in cycle):
+                names = [
+                    f"{families[nodes[n][0]].name} of {families[nodes[n][0]].keys[nodes[n][2][0]]}"
+                    for n in error.args[1]
+                ]
+                raise EquilibriumError(f"These devices form an algebraic loop: {' <- '.join(names)}.") from None
+            single: list[Node] = [(i, op, (row,)) for i, op, rows in cycle for row in rows]
+            nodes = [n for n in nodes if n not in cycle] + single
+
+
+def _graph(families: Sequence[Family], nodes: Sequence[Node]) -> dict[int, set[int]]:
+    """Nodes -> the nodes whose outputs they read, which may be a node itself."""
+    size = 1 + max((int(f.w.max(initial=0)) + family.shape(f.device)[2] for f in families), default=0)
+    maker = np.full(size, -1)
+    for n, (i, op, rows) in enumerate(nodes):
+        if op != RATES:
+            maker[_written(families[i], rows)] = n
+    return {n: set(maker[_read(families[i], op, rows)].tolist()) - {-1} for n, (i, op, rows) in enumerate(nodes)}
+
+
+def _written(one: Family, rows: Sequence[int]) -> np.ndarray:
+    outputs = family.shape(one.device)[2]
+    return (one.w[list(rows), -1][:, None] + np.arange(outputs)).ravel()
+
+
+def _read(one: Family, op: int, rows: Sequence[int]) -> np.ndarray:
+    device = one.device
+    names = [name for equation in family.equations(device)[op] for name in family.reads(device, equation)]
+    at = [INPUTS + family.fields(device, "Input").index(name) for name in dict.fromkeys(names)]
+    places = one.w[np.ix_(list(rows), at)].ravel()
+    own = op == RATES and "y" in family.arguments(device, "derivatives")
+    return np.r_[places, _written(one, rows)] if own else places
+
+
+def _merged(nodes: Iterable[Node]) -> list[Node]:
+    """The same with the rows of one family and operation together."""
+    found: dict[tuple[int, int], list[int]] = {}
+    for i, op, rows in nodes:
+        found.setdefault((i, op), []).extend(rows)
+    return [(i, op, tuple(sorted(rows))) for (i, op), rows in sorted(found.items())]
+
+
+def near(families: Sequence[Family]) -> np.ndarray:
+    """Places of the buses and inputs of the devices that are called at every iteration of the voltages."""
+    out = [np.zeros(0, np.int64)]
+    draws = [(i, CURRENT, range(len(f.w))) for i, f in enumerate(families) if CURRENT in family.equations(f.device)]
+    for i, _, rows in [*read_by_currents(families, ordered(families) if draws else ()), *draws]:
+        _, inputs, _, buses = family.shape(families[i].device)
+        columns = [*(family.BUS, family.BUS2)[:buses], *range(INPUTS, INPUTS + inputs)]
+        out.append(families[i].w[np.ix_(list(rows), columns)].ravel())
+    return np.unique(np.concatenate(out))
+
+
+def read_by_currents(families: Sequence[Family], sweep: Sequence[Node]) -> list[Node]:
+    """The part of `sweep` whose outputs the currents read: they are made anew at every iteration of the voltages."""
+    draws = [f for f in families if CURRENT in family.equations(f.device) and len(f.w)]
+    wanted = np.concatenate([np.zeros(0, int), *(_read(f, CURRENT, range(len(f.w))) for f in draws)])
+    out: list[Node] = []
+    for i, op, rows in reversed(sweep):
+        if op == RATES or not family.shape(families[i].device)[2]:
+            continue
+        written = _written(families[i], rows).reshape(len(rows), -1)
+        keep = tuple(np.array(rows)[np.isin(written, wanted).any(axis=1)].tolist())
+        if keep:
+            out.insert(0, (i, op, keep))
+            needed = op if op in family.equations(families[i].device) else BOTH
+            wanted = np.r_[wanted, _read(families[i], needed, keep)]
+    return out
