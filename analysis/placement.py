@@ -48,7 +48,7 @@ def study(reports: Path) -> Study:
 
 
 def sitings(title: str, text: str, tasks: tuple[Task, ...], reports: Path) -> Study:
-    """The optimized fleets compared with the uniform fleet and the linear stage, and a page for each."""
+    """The optimized fleets compared with the uniform fleet and the linear allocation, and a page for each."""
     rows, pages, remarks, pictures = [], {}, [], []
     for task in tasks:
         case = st.load(task.case)

@@ -65,7 +65,7 @@ def grid(count: int, total: float) -> Iterator[np.ndarray]:
 
 
 def survives_all(trials: Trials, fleets: Sequence[np.ndarray], unstable: np.ndarray, i: int) -> bool:
-    """Does fleet i survive all contingencies? The one that was unstable most often is simulated first."""
+    """Whether fleet i survives all contingencies. The one that was unstable most often is simulated first."""
     for k in np.argsort(-unstable):
         if not trials.survives(fleets[i], int(k)):
             unstable[k] += 1

@@ -38,7 +38,7 @@ class Version:
         return line.rstrip("\n")
 
     def seconds(self, work: str) -> float:
-        """Seconds of one work."""
+        """Time (s) of one task."""
         self.worker.stdin.write(f"{work}\n")
         self.worker.stdin.flush()
         return float(self._answer())

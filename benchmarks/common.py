@@ -1,4 +1,4 @@
-"""One system for every tool: the two-area case with the models that all of them have, and what is asked of it."""
+"""One system for every tool: the two-area case with the models that all of them have, and the tasks."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -43,7 +43,7 @@ def full() -> Case:
 
 
 def produced(case: Case) -> np.ndarray:
-    """Power (machines) at the load flow, pu on the machine's base."""
+    """Power (machines) in the power flow, pu on the machine's base."""
     base = np.array([m.base for m in case.machines])
     return powerflow.solve(case).S.real * case.base_mva / base
 

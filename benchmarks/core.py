@@ -1,4 +1,4 @@
-"""Speed of the core on this machine: medians of several runs, beside a bound measured in the same run."""
+"""Speed of the core on this machine: medians of several runs, compared with a bound measured in the same run."""
 
 import os
 
@@ -79,19 +79,19 @@ def main() -> None:
         ("  bound: 9600 dense 122 x 122 complex products", bound, ""),
         ("Table 4 to 1/8 cycle, six clearing times", median(lambda: timed(table_4), 3), "1.5"),
         ("case wnaps from its files", median(lambda: timed(lambda: io.load("wnaps"))), ""),
-        ("load flow of wnaps", median(lambda: timed(lambda: powerflow.solve(case))), ""),
-        ("start of wnaps, 34 machines", median(lambda: timed(lambda: operating_point.solve(case, point.flow))), ""),
+        ("power flow of wnaps", median(lambda: timed(lambda: powerflow.solve(case))), ""),
+        ("initialization of wnaps", median(lambda: timed(lambda: operating_point.solve(case, point.flow))), ""),
         ("stabctl simulate two_area, whole process, warm", median(lambda: whole_process(dict(os.environ)), 5), "1.5"),
     ]
     with tempfile.TemporaryDirectory() as folder:
         cold = whole_process(os.environ | {"XDG_CACHE_HOME": folder})
     rows.append(("the same with cold compilation of everything", cold, "30"))
-    table = Table("what", "seconds", "wanted, s", title=stated())
+    table = Table("what", "seconds", "target, s", title=stated())
     for what, seconds, wanted in rows:
         table.add_row(what, f"{seconds:.4f}" if seconds < 1 else f"{seconds:.2f}", wanted)
     console = Console(highlight=False)
     console.print(table)
-    console.print(f"stepper over bound: {ten_seconds / bound:.2f} (wanted: at most 1.1)")
+    console.print(f"stepper over bound: {ten_seconds / bound:.2f} (target: at most 1.1)")
 
 
 if __name__ == "__main__":

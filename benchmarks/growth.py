@@ -27,8 +27,8 @@ COPIES = (1, 3, 10, 30, 100)
 RUNS = 5
 SHIFT, MODES = complex(-0.3, 2 * np.pi * 0.4), 12  # between areas
 WORKS = (
-    "load flow",
-    "start of the machines",
+    "power flow",
+    "initialization",
     "one simulated second",
     "linearization, sparse",
     "up to 12 modes at 0.4 Hz",
@@ -36,14 +36,14 @@ WORKS = (
 
 
 def second(point: operating_point.Point) -> float:
-    """Seconds for one second from a four-cycle fault on, the two changes of the network in it."""
+    """Computing time (s) of one simulated second that begins with a four-cycle fault, two network changes included."""
     point.stages.clear()
     simulation = Simulation(point, Contingency("83", 4 / 60, ["83-33"], at=0.0), record=False)
     return timed(lambda: simulation.advance(1.0))
 
 
 def works(copies: int) -> tuple[int, int, list[Callable[[], float]]]:
-    """Buses, states, and the works, each of which tells its seconds."""
+    """Number of buses and states, and the tasks, each of which returns its time in seconds."""
     case = replicate(io.load("wnaps"), copies, spread=0.05)
     flow = powerflow.solve(case)
     point = operating_point.solve(case, flow)

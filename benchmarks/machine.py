@@ -1,4 +1,4 @@
-"""Where and when something was measured, and how long it took."""
+"""Description of the machine, date, and timing."""
 
 import datetime
 import os

@@ -1,7 +1,7 @@
-"""The same work on the same data in stabctl, ANDES and TOPS: medians of one run, beside how well the answers agree.
+"""The same tasks with the same data in stabctl, ANDES and TOPS: medians of one run, and how well the results agree.
 
-A tool that is not installed is named and left out. The works are a load flow, ten seconds with a fault at 1/120 s, and
-a linearization with all its eigenvalues; building the tool's own model (set-up) and generating code are not in them.
+A tool that is not installed is named and left out. The tasks are a power flow, ten seconds with a fault at 1/120 s, and
+a linearization with all its eigenvalues; they do not include building the tool's own model (set-up) or generating code.
 """
 
 import os
@@ -31,16 +31,16 @@ Tool = tuple[dict[str, Callable[[], Callable[[], object]]], Callable[[], Answer]
 
 
 def peer(name: str) -> object | None:
-    """The module that speaks to a tool; None, with a sentence, where the tool is not installed."""
+    """The module for a tool; None, with a message, if the tool is not installed."""
     try:
         return importlib.import_module(f"peer_{name}")
     except ImportError as error:
-        print(f"{name} is left out: {error}; pip install 'stabctl[bench]' brings it.")
+        print(f"{name} is left out: {error}; install it with pip install 'stabctl[bench]'.")
         return None
 
 
 def measured(tools: dict[str, Tool]) -> dict[tuple[str, str], tuple[float, float]]:
-    """Medians (s) of set-up and work of every tool, the tools in turn so that all meet the same machine."""
+    """Medians (s) of set-up and tasks of every tool; the tools take turns, so that the load is the same for all."""
     times: dict[tuple[str, str], list[tuple[float, float]]] = {}
     for _ in range(ROUNDS):
         for name, (works, _, _) in tools.items():
@@ -55,7 +55,7 @@ def measured(tools: dict[str, Tool]) -> dict[tuple[str, str], tuple[float, float
 
 
 def agreement(own: Answer, other: Answer) -> dict[str, str]:
-    """Largest difference of another answer from the own, in every work."""
+    """Largest difference of another tool's result from ours, for every task."""
     mine, theirs = common.swings(own.eigenvalues), common.swings(other.eigenvalues)
     common_time = np.arange(0, common.UNTIL - 0.1, 0.05)
     traces = [

@@ -1,4 +1,4 @@
-"""Speed of siting, and of the screen of all line faults against bisection pair by pair in the same run.
+"""Speed of siting, and of the screen of all line faults compared with bisection pair by pair in the same run.
 
 Run: python benchmarks/placement.py. The aims are 15 s for nine contingencies of ieee39 and 30 s for the screen of
 wnaps, on two cores.

@@ -1,4 +1,4 @@
-"""A process that does works of `before.py`: reads the name of one a line, answers with its seconds."""
+"""A process that runs tasks of `before.py`: reads the name of a task per line and answers with its time in seconds."""
 
 import os
 

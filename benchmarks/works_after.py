@@ -1,4 +1,4 @@
-"""The works of `before.py` in the names of today."""
+"""The tasks of `before.py` with the names of this version."""
 
 from functools import partial
 

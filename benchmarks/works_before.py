@@ -1,4 +1,4 @@
-"""The works of `before.py` in the names of version 0.1."""
+"""The tasks of `before.py` with the names of version 0.1."""
 
 from functools import partial
 

@@ -1,4 +1,4 @@
-"""Make a virtual environment with pip, also where Python comes without its installer (Debian's bare python3)."""
+"""Create a virtual environment with pip, even if Python comes without ensurepip (such as Debian's python3)."""
 
 import json
 import subprocess
@@ -13,7 +13,7 @@ INDEX = "https://pypi.org/pypi/pip/json"
 
 
 def main(folder: Path) -> None:
-    """Create the environment; fetch pip itself from the package index where `ensurepip` is missing."""
+    """Create the environment; download pip from the package index if `ensurepip` is missing."""
     if sys.version_info < (3, 11):  # noqa: UP036
         sys.exit(f"stabctl needs Python 3.11 or newer; this is {sys.version.split()[0]} (set PYTHON=python3.12, say).")
     try:

@@ -121,10 +121,10 @@ def _ours(path: Path) -> bool:
 
 @contextmanager
 def alone(path: Path) -> Iterator[None]:
-    """One process at a time compiles what is named `path`; the next finds the machine code on disk."""
+    """Lock on `path`, so that one process compiles at a time and the next one finds the machine code on disk."""
     try:
         import fcntl
-    except ImportError:  # Windows: two processes may compile the same
+    except ImportError:  # Windows: two processes may compile the same code
         yield
         return
     with path.open("w") as file:

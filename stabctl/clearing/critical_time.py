@@ -56,8 +56,8 @@ def clearing_time(
     observe : str or float
         Time simulated after clearing: "5s", or seconds.
     scan : str or float
-        How far below and above the answer faults are tried every half cycle: "4cyc", or seconds; 0 tries only the one
-        half a cycle shorter.
+        Range below and above the answer in which every half cycle is tried: "4cyc", or seconds; with 0 only the fault
+        half a cycle shorter is tried.
     progress : callable, optional
         Called after every simulation.
 

@@ -18,7 +18,7 @@ class Found(NamedTuple):
     """The answer on the grid."""
 
     status: Status
-    critical: int  # last stable point; 0 where there is none
+    critical: int  # last stable point; 0 if there is none
     runs: dict[int, Run]  # by point of the grid
 
     @property

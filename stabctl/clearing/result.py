@@ -55,7 +55,7 @@ class ClearingTime:
 
     @property
     def monotone(self) -> bool | None:
-        """Was every longer fault of the scan unstable? None if none was tried.
+        """Whether every longer fault of the scan was unstable; None if none was tried.
 
         A stable window between two of its points, or beyond them, is not found.
         """
@@ -82,7 +82,7 @@ class ClearingTime:
         return f"{what}: {self.cycles:g} cycles{first}"
 
     def window(self) -> str:
-        """A sentence on the stable clearing times above the lowest unstable one, empty without any."""
+        """A sentence on the stable clearing times above the lowest unstable one; empty if there are none."""
         again = ", ".join(f"{cycles:g}" for cycles in self.stable_above[:8])
         least = f"unstable at {self.lowest_unstable:g} cycles, the lowest unstable time found"
         return f"Stability is not monotone: {least}, and stable again at {again} cycles." if again else ""

@@ -156,7 +156,7 @@ def screen(
     Raises
     ------
     StudyError
-        For a grid without points, and where there is no line to open.
+        If the grid has no points, or there is no line to open.
     """
     point = operating_point(base, storage)
     search = Search.of(point.case, resolution=resolution, limit=limit, observe=observe, step=step, criterion=criterion)

@@ -24,7 +24,7 @@ class Search:
     observed_s: float = 5.0  # s   observed after clearing
     step: float | None = None  # s
     criterion: Criterion = DEFAULT
-    scan_cycles: float = 0.0  # how far below and above the answer others are tried
+    scan_cycles: float = 0.0  # range below and above the answer in which others are tried
 
     def __post_init__(self) -> None:
         if not 0 < self.resolution_cycles <= self.limit_cycles < math.inf:

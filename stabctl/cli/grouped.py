@@ -1,4 +1,4 @@
-"""Commands whose options come in records."""
+"""Commands with options grouped in records."""
 
 import functools
 import inspect

@@ -1,4 +1,4 @@
-"""Options that belong together, as records that make what they describe."""
+"""Groups of options, as records that create the objects they describe."""
 
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -125,7 +125,7 @@ class PmuOptions(NamedTuple):
     def steering(
         self, law: "BangBang | None", estimator: options.Estimator, engine: "Engine" = "filterpy"
     ) -> "BangBang | EstimatorControl | None":
-        """The control of the storage: the law itself if the estimator is ideal, else the law with estimated speeds."""
+        """The storage control: the law itself with the ideal estimator, otherwise the law with estimated speeds."""
         pmu = self.pmu()
         if estimator == "ideal":
             return law

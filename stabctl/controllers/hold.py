@@ -24,7 +24,7 @@ class Input(NamedTuple):
     """Signals at the hold."""
 
     wanted: Annotated[float, "-", "order wanted, in ratings", fixed(0.0)]
-    online: Annotated[float, "-", "1 where the machine is on, 0 where it is off", fixed(1.0)]
+    online: Annotated[float, "-", "1 if the machine is on, 0 if it is off", fixed(1.0)]
     step: Annotated[float, "s", "time step", fixed(0.0)]
 
 

@@ -1,4 +1,4 @@
-"""Sum of two signals, where several devices fill one summing port."""
+"""Sum of two signals, for several devices that drive the same summing port."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""Case and power flow -> the system: all devices, wired, with what initialization and simulation need."""
+"""Assembly of the system from a case and its power flow: all devices and their connections."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -37,19 +37,19 @@ class System:
     limits: Limits
     rotors: Rotors
     unit_bus: np.ndarray  # (units) rows of the buses
-    forming: np.ndarray  # (units) does it hold a voltage of its own?
+    forming: np.ndarray  # (units) whether it is a voltage source
     fixed: np.ndarray  # (buses) admittances included in the network matrix, pu
-    draw_bus: np.ndarray  # rows of the buses with currents that depend on their voltage
+    draw_bus: np.ndarray  # rows of the buses with voltage-dependent currents
     watch_bus: np.ndarray  # rows of the buses of loads
-    watch_low: np.ndarray  # pu   their voltages below which a load counts as lost
-    kept: dict[Any, Any] = field(default_factory=dict, repr=False)  # what is worked out once for all such systems
+    watch_low: np.ndarray  # pu   voltages below which a load counts as lost
+    kept: dict[Any, Any] = field(default_factory=dict, repr=False)  # results computed once for all such systems
 
     def has(self, table: str) -> bool:
-        """Does the case have devices of this table?"""
+        """Whether the case has devices of this table."""
         return any(f.name == table for f in self.families)
 
     def family(self, table: str) -> Family:
-        """The devices of a table; `KeyError` where the case has none."""
+        """The devices of a table. Raises `KeyError` if the case has none."""
         for f in self.families:
             if f.name == table:
                 return f
@@ -57,7 +57,7 @@ class System:
 
     @property
     def near_bus(self) -> np.ndarray:
-        """Rows of the buses that draw, and of those whose voltages such currents depend on from elsewhere."""
+        """Rows of the buses with voltage-dependent currents, and of the remote buses that these depend on."""
         if "near bus" not in self.kept:
             places = near(self.families) - self.layout.nx
             inside = places[(places >= 0) & (places < 2 * self.layout.buses)] // 2
@@ -65,7 +65,7 @@ class System:
         return self.kept["near bus"]
 
     def with_constants(self, name: str, k: np.ndarray) -> "System":
-        """The same system, the constants of one family replaced."""
+        """The same system with other parameters of one family."""
         changed = tuple(f._replace(k=k) if f.name == name else f for f in self.families)
         return replace(self, families=changed, limits=limits(changed, self.layout.one))
 
@@ -74,7 +74,7 @@ class System:
 
 
 def system(case: Case, flow: PowerFlow, net: Network) -> System:
-    """Every device of the case, wired. `EquilibriumError` where a device reads a signal that its unit does not have."""
+    """Connect all devices of a case. Raises `EquilibriumError` if a device reads a signal that its unit lacks."""
     tables, fixed = rows.tables(case, flow, net)
     wired = Wiring(case, tables, len(case.buses), net)
     families = wired.families()

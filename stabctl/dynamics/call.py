@@ -1,4 +1,4 @@
-"""One call of a family of devices through its address: the caller's machine code knows nothing of the device."""
+"""Calls of a family of devices through its address, so that the machine code of the caller is independent of it."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The compiled evaluation behind the exact derivatives, in a file of its own: no device is part of it."""
+"""The compiled evaluation of the exact derivatives, in a separate file because it does not depend on any device."""
 
 from stabctl._util.jit import entry
 
@@ -7,6 +7,6 @@ from .perform import perform, perform_local
 
 @entry
 def evaluate(p, starts, s, f, on):
-    """Bring the outputs of s (complex) up to date and write the blocks of all devices into f."""
+    """Update the outputs in s (complex) and write the derivative blocks of all devices to f."""
     perform(p.sweep, p.w, p.k, s, f, on)
     perform_local(p.step, starts, p.w, p.k, s, f, on)

@@ -1,4 +1,4 @@
-"""The devices of one model: what their equations read and give, and the columns of their table of places.
+"""The devices of one model: inputs and outputs of their equations, and the columns of their table of places.
 
 A family is evaluated by one compiled loop, `family(op, n, w, k, s, f, on)`; see `loop_text`.
 """
@@ -20,13 +20,13 @@ TINY = 1e-30
 
 @cache
 def fields(device: ModuleType, record: str) -> tuple[str, ...]:
-    """Field names of one of a device's records, none where it has no such."""
+    """Field names of a record of the device; empty if it has no such record."""
     return getattr(getattr(device, record, None), "_fields", ())
 
 
 @cache
 def arguments(device: ModuleType, equation: str) -> tuple[str, ...]:
-    """Parameter names of an equation of the device, none where it has no such."""
+    """Argument names of an equation of the device; empty if it has no such equation."""
     return tuple(inspect.signature(getattr(device, equation)).parameters) if hasattr(device, equation) else ()
 
 
@@ -39,7 +39,7 @@ def reads(device: ModuleType, equation: str) -> tuple[str, ...]:
 
 @cache
 def fused(device: ModuleType) -> bool:
-    """Is the output made together with the rates, since it needs all inputs?"""
+    """Whether the output is computed together with the derivatives, because it needs all inputs."""
     return hasattr(device, "derivatives") and "u" in arguments(device, "output")
 
 
@@ -56,7 +56,7 @@ def equations(device: ModuleType) -> dict[int, tuple[str, ...]]:
 
 
 def side(device: ModuleType, name: str) -> int:
-    """1 for a constant that is an upper limit (...max, or listed in UPPER), -1 for a lower one (...min), else 0."""
+    """1 for a parameter that is an upper limit (...max, or listed in UPPER), -1 for a lower limit (...min), else 0."""
     if name.endswith("max") or name in getattr(device, "UPPER", ()):
         return 1
     return -1 if name.endswith("min") else 0

@@ -1,4 +1,4 @@
-"""Which devices give each signal of a unit."""
+"""Which devices provide each signal of a unit."""
 
 from collections.abc import Iterator
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 class Givers:
-    """Places of the signals that the devices of every unit give; several devices may give the same.
+    """Places of the signals that the devices of every unit provide; several devices may provide the same signal.
 
     Parameters
     ----------
@@ -19,7 +19,7 @@ class Givers:
         self._layers: dict[str, list[np.ndarray]] = {}  # signal -> (units) places, -1: none; first giver, second giver
 
     def add(self, signal: str, units: np.ndarray, places: np.ndarray) -> None:
-        """Add a signal that devices of these units give at these places."""
+        """Add a signal that devices of these units provide at these places."""
         layers = self._layers.setdefault(signal, [])
         depth = 0
         while len(units):
@@ -33,7 +33,7 @@ class Givers:
             depth += 1
 
     def of(self, signal: str, units: np.ndarray) -> np.ndarray:
-        """Places (givers, units) of a signal of these units, -1 where there is no further giver."""
+        """Places (givers, units) of a signal of these units; -1 if there is no further device."""
         return np.array([layer[units] for layer in self._layers.get(signal, ())], int).reshape(-1, len(units))
 
     def __iter__(self) -> Iterator[tuple[str, np.ndarray]]:

@@ -1,7 +1,7 @@
-"""The Jacobian of the devices as dense blocks: one per unit with its controls, since devices of different units touch
-only through the network.
+"""The Jacobian of the devices as dense blocks, one per unit with its controls.
 
-Rows and columns are put into groups by the pattern alone, once; groups of equal shape are solved together.
+Devices of different units are coupled only through the network. Rows and columns are grouped once, by the pattern
+alone; groups of equal shape are solved together.
 """
 
 import contextlib
@@ -22,12 +22,12 @@ class Alike(NamedTuple):
 
 
 class Groups:
-    """A sparse pattern that falls into groups of rows and columns which do not touch.
+    """A sparse pattern that separates into independent groups of rows and columns.
 
     Parameters
     ----------
     rows, columns
-        Row and column of every entry; an entry may occur twice (its values then add up).
+        Row and column of every entry; the values of repeated entries are added.
     shape
         Numbers of rows and columns.
     """
@@ -66,7 +66,7 @@ class Groups:
         return np.bincount(alike.places, data[alike.entries], int(np.prod(shape))).reshape(shape)
 
     def solve(self, data: np.ndarray, f: np.ndarray) -> np.ndarray:
-        """x of J x = f, for the entries `data` of J; 0 where a row and a column are empty (a bypassed block)."""
+        """Solve J x = f for the entries `data` of J; x is 0 for empty rows and columns (bypassed blocks)."""
         x = np.zeros(self.width)
         for alike in self.alike:
             if alike.rows.size and alike.columns.size:
@@ -75,7 +75,7 @@ class Groups:
 
 
 def _solved(blocks: np.ndarray, f: np.ndarray) -> np.ndarray:
-    """inv(block) f of every block; the least-squares solution where a block is singular or not square."""
+    """inv(block) f of every block; the least-squares solution if a block is singular or not square."""
     if blocks.shape[1] == blocks.shape[2]:
         with contextlib.suppress(np.linalg.LinAlgError):
             return np.linalg.solve(_filled(blocks), f[..., None])[..., 0]

@@ -1,7 +1,7 @@
 """Exact derivatives of the system, from the blocks of its devices.
 
-Every device is differentiated at its own terminals by complex step (h = 1e-30), one of its variables at a time. The
-blocks are put together by places, and the outputs, which never form a loop, are eliminated:
+Every device is differentiated at its own terminals by complex step (h = 1e-30), one variable at a time. The blocks are
+assembled by the places of their signals, and the outputs, which never form a loop, are eliminated:
 
     y = E z + F y    ->    y = (1 + F + F^2 + ...) E z,    F nilpotent.
 """
@@ -20,7 +20,7 @@ from .program import Program, local_program
 
 
 class Derivatives(NamedTuple):
-    """Values and derivatives at one point; columns are the places of [states | voltages | set-points]."""
+    """Values and derivatives at a point; columns are the places of [states | voltages | set-points]."""
 
     rates: np.ndarray  # (states) 1/s
     outputs: np.ndarray  # (outputs)
@@ -33,7 +33,7 @@ class Derivatives(NamedTuple):
 
 
 class Equations:
-    """The equations of a system, ready to be evaluated and differentiated anywhere."""
+    """The equations of a system, which can be evaluated and differentiated at any point."""
 
     def __init__(self, system: System) -> None:
         self.system = system
@@ -97,7 +97,7 @@ class Equations:
         s
             All signals (layout.size).
         k
-            Constants of all devices in place of those of the program.
+            Parameters of all devices, in place of those of the program.
         """
         layout = self.system.layout
         J, values = self._matrix(s, k)
@@ -123,7 +123,7 @@ class Equations:
         )
 
     def entries(self, s: np.ndarray, k: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives along each device's own variables, an entry per row and column of the pattern, and the values.
+        """Derivatives with respect to the variables of each device, one per entry of the pattern, and the values.
 
         Rows are [rates | outputs | injections], columns all signals, outputs included; s as in `at`.
         """
@@ -147,7 +147,7 @@ class Equations:
         return sp.csr_matrix(entries, shape=(self._total, self.system.layout.size)), values
 
     def held(self, s: np.ndarray, rates: np.ndarray, limits: Limits) -> np.ndarray:
-        """States (mask) that rest at a limit and are driven against it."""
+        """States (mask) that are at a limit and driven beyond it."""
         x, f, per = s[limits.state], rates[limits.state], s[limits.scale]
         stopped = ((x >= limits.high * per) & (f > 0)) | ((x <= limits.low * per) & (f < 0))
         out = np.zeros(len(rates), bool)

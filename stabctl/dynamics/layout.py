@@ -1,4 +1,4 @@
-"""Who owns which signal: states, set-points and outputs by unit and name.
+"""Places of all signals: states, set-points and outputs, by unit and name.
 
 All signals of a system are in one vector
 
@@ -40,7 +40,7 @@ class StatePlace(NamedTuple):
 
 
 class SetPoint(NamedTuple):
-    """One set-point: the row of its unit (-1: none), its name, its label, and its value where it is not solved for."""
+    """One set-point: the row of its unit (-1: none), its name, its label, and its value if it is fixed."""
 
     unit: int
     name: str
@@ -58,7 +58,7 @@ class Layout:
     outputs: int
     memory: int
     signals: Mapping[tuple[int, str], int] = field(repr=False)  # (row of a unit, name) -> place
-    owner: np.ndarray = field(repr=False)  # (size) row of the unit whose signal goes to zero when it is off, -1: none
+    owner: np.ndarray = field(repr=False)  # (size) row of the unit that sets it to zero when off, -1: none
 
     @property
     def nx(self) -> int:
@@ -106,7 +106,7 @@ class Layout:
         return self.first_memory + self.memory
 
     def setpoint(self, unit: int, name: str) -> int | None:
-        """Place of a set-point of a unit; None where it has none of that name (a control fills the port)."""
+        """Place of a set-point of a unit; None if it has none of that name (the port is driven by a control)."""
         for k, one in enumerate(self.setpoints):
             if one.unit == unit and one.name == name:
                 return self.first_setpoint + k
@@ -114,7 +114,7 @@ class Layout:
 
 
 def unique(labels: Iterable[str]) -> tuple[str, ...]:
-    """The labels, a repeated one followed by its number."""
+    """The labels, with a number appended to repeated ones."""
     seen: dict[str, int] = {}
     out = []
     for text in labels:

@@ -1,4 +1,4 @@
-"""States that stop at limits (non-windup)."""
+"""States with non-windup limits."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -10,12 +10,12 @@ from .tables import Family
 
 
 class Limits(NamedTuple):
-    """States that stop at limits (non-windup): low * scale <= state <= high * scale."""
+    """States with non-windup limits: low * scale <= state <= high * scale."""
 
     state: np.ndarray  # places
     low: np.ndarray
     high: np.ndarray
-    scale: np.ndarray  # places of the signals that the limits are per unit of; the constant 1 where there is none
+    scale: np.ndarray  # places of the signals that multiply the limits; the constant 1 if there is none
     names: tuple[tuple[str, str], ...]  # parameters (low, high)
 
 

@@ -1,4 +1,4 @@
-"""The compiled loop of every model: its source beside its machine code, and its address in this process."""
+"""The compiled loop of every model: its source, stored next to its machine code, and its address in this process."""
 
 import importlib.util
 import inspect
@@ -17,7 +17,7 @@ from .loop_text import write
 
 @cache
 def _module(name: str, device: ModuleType, scalar: type) -> Callable[..., None]:
-    """The loop as a Python function whose source lies beside its machine code."""
+    """The loop as a Python function, whose source is stored next to its machine code."""
     kind = scalar.__name__
     text = f"import {device.__name__} as device\n" if device.__package__ else "import sys\n"
     if not device.__package__:
@@ -25,7 +25,7 @@ def _module(name: str, device: ModuleType, scalar: type) -> Callable[..., None]:
     text += f"\n\n{write(device, name, scalar)}"
     if jit.disabled():
         space: dict[str, Any] = {}
-        exec(compile(text, f"<{name} {kind}>", "exec"), space)  # our own text, made above
+        exec(compile(text, f"<{name} {kind}>", "exec"), space)  # text generated above
         return space[name]
     path = (
         jit.folder()
@@ -36,7 +36,7 @@ def _module(name: str, device: ModuleType, scalar: type) -> Callable[..., None]:
         path.parent.mkdir(mode=0o700, exist_ok=True)
         own = path.with_suffix(f".{os.getpid()}")
         own.write_text(text, encoding="utf-8")
-        os.utime(own, (0, 0))  # numba's stamp of a source is its time and size; the name holds the hash
+        os.utime(own, (0, 0))  # numba identifies a source by its time and size; the name contains the hash
         own.replace(path)
     spec: Any = importlib.util.spec_from_file_location(path.stem, path)
     module = importlib.util.module_from_spec(spec)
@@ -46,7 +46,7 @@ def _module(name: str, device: ModuleType, scalar: type) -> Callable[..., None]:
 
 
 def on_disk(name: str, device: ModuleType, scalar: type) -> bool:
-    """Is the machine code of a family on disk, loaded, or not needed?"""
+    """Whether the machine code of a family is on disk, loaded, or not needed."""
     if jit.disabled() or (device, scalar) in _compiled:
         return True
     function = _module(name, device, scalar)

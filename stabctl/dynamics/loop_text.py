@@ -1,16 +1,16 @@
-"""The devices of one model as the source text of one loop, whatever the model.
+"""Source text of the loop over the devices of one model, with the same signature for every model.
 
     family(op, n, w, k, s, f, on)   op       which of the equations (below)
                                     n        devices
                                     w (i64)  a row of places per device: state, bus, second bus, unit, inputs, output
-                                    k (f64)  a row of constants per device, in the order of Par
+                                    k (f64)  a row of parameters per device, in the order of Par
                                     s        every signal: states, voltages, set-points, outputs
-                                    f        state rates and injected currents, at the places of states and voltages
-                                    on (i64) island of every unit, -1 where it is off
+                                    f        derivatives and injected currents, at the places of states and voltages
+                                    on (i64) island of every unit, -1 if it is off
 
-The loop is written from the field names of Par, State, Input and Output and from the parameter names of the equations:
-x state, u inputs, v bus voltage (v1, v2 of a link), y own output, p constants, or the name of one input. It is written
-once for real numbers (simulation) and once for complex ones (derivatives by complex step, h = 1e-30).
+The loop is generated from the field names of Par, State, Input and Output and from the argument names of the equations:
+x state, u inputs, v bus voltage (v1, v2 of a link), y own output, p parameters, or the name of one input. It is
+generated once for real numbers (simulation) and once for complex numbers (derivatives by complex step, h = 1e-30).
 """
 
 from types import ModuleType
@@ -54,7 +54,7 @@ def write(device: ModuleType, name: str, scalar: type) -> str:
 
 
 def _head(device: ModuleType, step: str = "") -> dict[str, tuple[str, ...]]:
-    """Lines that read each kind of argument; `step` is added to every value that a derivative may be along."""
+    """Lines that read each kind of argument; `step` is added to every variable that may be differentiated."""
     par, state, inputs, shown = (fields(device, record) for record in ("Par", "State", "Input", "Output"))
     columns = width(device)
     at = {n: INPUTS + i for i, n in enumerate(inputs)}
@@ -83,7 +83,7 @@ def _head(device: ModuleType, step: str = "") -> dict[str, tuple[str, ...]]:
 
 
 def _internal(device: ModuleType, anew: bool) -> dict[str, tuple[str, ...]]:
-    """Lines that make the internal quantities anew, or read those that SOURCE has left behind the outputs."""
+    """Lines that compute the internal quantities, or read those that SOURCE has stored after the outputs."""
     outputs, names = len(fields(device, "Output")), fields(device, "Internal")
     if anew:
         return {"i": ("i = device.internal(x, p)",)}
@@ -92,13 +92,13 @@ def _internal(device: ModuleType, anew: bool) -> dict[str, tuple[str, ...]]:
 
 
 def _needed(device: ModuleType, equation: str, anew: bool) -> tuple[str, ...]:
-    """Arguments of an equation, those first that others are made from."""
+    """Arguments of an equation, in an order in which they can be computed."""
     names = arguments(device, equation)
     return ("x", "p", *(n for n in names if n not in ("x", "p"))) if anew and "i" in names else names
 
 
 def _body(device: ModuleType, op: int, names: tuple[str, ...], anew: bool) -> list[str]:
-    """Lines that evaluate equations of one device and store what they give."""
+    """Lines that evaluate equations of one device and store the results."""
     head, columns, links = _head(device) | _internal(device, anew), width(device), shape(device)[3] == 2
     place, row = f"o = w[{columns} * j + {columns - 1}]", f"first = w[{columns} * j + {STATE}]"
     bus = f"b, b2 = w[{columns} * j + {BUS}], w[{columns} * j + {BUS2}]"
@@ -124,10 +124,10 @@ def _body(device: ModuleType, op: int, names: tuple[str, ...], anew: bool) -> li
 
 
 def _local(device: ModuleType) -> list[str]:
-    """Lines that write, for every device, its outputs, rates and currents perturbed along each own variable in turn.
+    """Lines that write the outputs, derivatives and currents of every device, perturbing each of its variables in turn.
 
-    Block j of f has a row per state, input and voltage component and a last one unperturbed; its columns are the rates,
-    the outputs and the injected currents.
+    Block j of f has a row per state, input and voltage component and a last one without perturbation; its columns are
+    the derivatives, the outputs and the injected currents.
     """
     states, inputs, outputs, buses = shape(device)
     if hasattr(device, "step"):

@@ -1,6 +1,6 @@
 """Newton's method on the equations that are simulated, with all limits opened.
 
-Unknown are the states, the outputs and the free set-points; known are the bus voltages. The equations are
+The unknowns are the states, the outputs and the free set-points; the bus voltages are known. The equations are
 
     0 = rates,    0 = output equations - outputs,    0 = injected currents - those of the power flow.
 """
@@ -16,7 +16,7 @@ from .jacobian import Equations
 from .tables import Family
 
 TOLERANCE = 1e-11  # largest residual, 1/s and pu
-ROUNDOFF = 1e-15  # the same over the largest slope of its equation: a fast block cannot come closer
+ROUNDOFF = 1e-15  # the same relative to the largest derivative of its equation, for fast blocks
 FAR = 1e9  # value of an opened limit
 STEPS = 30
 
@@ -30,7 +30,7 @@ class Unsolved(EquilibriumError):
 
 
 def opened(f: Family) -> np.ndarray:
-    """Constants of a family with every limit out of reach and every rotor circuit closed."""
+    """Parameters of a family with every limit removed and every rotor circuit closed."""
     k, names = f.k.copy(), family.fields(f.device, "Par")
     for i, name in enumerate(names):
         if side := family.side(f.device, name):
@@ -41,7 +41,7 @@ def opened(f: Family) -> np.ndarray:
 
 
 class Newton:
-    """The iteration for one system at its power flow.
+    """The Newton iteration for one system at its power flow.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class Newton:
         self.groups = Groups(self._rows, np.r_[columns[self._inside], of_outputs], shape)
 
     def solve(self, s: np.ndarray) -> tuple[int, float]:
-        """Bring the residual to zero, saturation in steps.
+        """Solve the equations, introducing saturation in steps.
 
         Parameters
         ----------
@@ -106,7 +106,7 @@ class Newton:
         return steps, self._fastest(entries)
 
     def _iterate(self, s: np.ndarray, k: np.ndarray) -> tuple[int, np.ndarray]:
-        """Solve with the constants k: steps made, and the entries of the last Jacobian."""
+        """Solve with the parameters k; returns the number of steps and the entries of the last Jacobian."""
         first = self.nx + self.outputs
         for made in range(STEPS + 1):
             derivatives, values = self.equations.entries(s, k)

@@ -33,7 +33,7 @@ class OperatingPoint:
     system
         Its devices and their wiring.
     s
-        Every signal at rest; see `dynamics.layout` for the places.
+        Every signal in equilibrium; see `dynamics.layout` for the places.
     iterations
         Newton steps of the initialization.
     fastest
@@ -47,7 +47,7 @@ class OperatingPoint:
     s: np.ndarray
     iterations: int
     fastest: float
-    stages: dict[network.Switching, Any] = field(default_factory=dict, compare=False)  # networks met so far
+    stages: dict[network.Switching, Any] = field(default_factory=dict, compare=False)  # networks used so far
 
     simulate = verb("stabctl.simulation.simulate:simulate")
     clearing_time = verb("stabctl.clearing:clearing_time")
@@ -94,7 +94,7 @@ class OperatingPoint:
         return Equations(self.system)
 
     def constants(self, table: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Rows of the units of a device table, and its constants by name, an entry per device."""
+        """Rows of the units of a device table, and its parameters by name, one entry per device."""
         names = devices.every()[table].Par._fields
         if not self.system.has(table):
             return np.zeros(0, np.int64), {name: np.zeros(0) for name in names}
@@ -110,7 +110,7 @@ class OperatingPoint:
         return network.admittance(self.net, switching) + added
 
     def resized(self, ratings: Iterable[float]) -> "OperatingPoint":
-        """The same point, its storage devices of other ratings (devices, MW): at rest they change nothing else."""
+        """The same point with other storage ratings (devices, MW), which change nothing else in equilibrium."""
         pairs = zip(self.case.storage, ratings, strict=True)
         case = self.case.with_storage(s._replace(rating=float(rating)) for s, rating in pairs)
         esd = devices.every()["esd"]
@@ -128,7 +128,7 @@ class OperatingPoint:
 
 
 def source_admittances(of: System) -> np.ndarray:
-    """Norton admittance (units, complex, pu system) of every unit's source, 0 of those without one."""
+    """Norton admittance (units, complex, pu system) of every unit's source; 0 if it has none."""
     out = np.zeros(len(of.unit_bus), complex)
     for f in of.families:
         if hasattr(f.device, "source"):
@@ -150,7 +150,7 @@ def solve(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
     Raises
     ------
     PowerFlowError, EquilibriumError
-        If there is none; names the worst bus, or device, machine and limit.
+        If there is no operating point; names the bus with the largest mismatch, or the device, machine and limit.
     """
     flow = flow or powerflow.solve(case)
     net = network.build(case)

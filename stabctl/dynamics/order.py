@@ -1,7 +1,7 @@
-"""The order in which devices are called, so that every signal is made before it is read.
+"""The order in which devices are called, so that every signal is computed before it is read.
 
-A call is a run of neighboring rows of one family. Whole families are ordered by what they read and write; where that
-has a cycle, its families are taken apart into rows. Only a cycle of rows is an algebraic loop.
+A call covers consecutive rows of one family. Families are ordered by the signals that they read and write; families in
+a cycle are split into rows. Only a cycle of rows is an algebraic loop.
 """
 
 from collections.abc import Iterable, Sequence
@@ -19,9 +19,9 @@ Node = tuple[int, int, tuple[int, ...]]  # family, operation, rows
 
 
 def ordered(families: Sequence[Family]) -> list[Node]:
-    """Outputs and rates of all devices, so that every signal is made before it is read.
+    """Calls for the outputs and derivatives of all devices, in an order in which every signal is computed before use.
 
-    Raises `EquilibriumError` where devices wait for each other's outputs (an algebraic loop), naming them.
+    Raises `EquilibriumError`, naming the devices, if they form an algebraic loop.
     """
     nodes: list[Node] = []
     for i, one in enumerate(families):
@@ -45,13 +45,15 @@ def ordered(families: Sequence[Family]) -> list[Node]:
                     f"{families[nodes[n][0]].name} of {families[nodes[n][0]].keys[nodes[n][2][0]]}"
                     for n in error.args[1]
                 ]
-                raise EquilibriumError(f"These devices form an algebraic loop: {' <- '.join(names)}.") from None
+                raise EquilibriumError(
+                    f"These devices form an algebraic loop: {' <- '.join(names)}; add a lag to one of them."
+                ) from None
             single: list[Node] = [(i, op, (row,)) for i, op, rows in cycle for row in rows]
             nodes = [n for n in nodes if n not in cycle] + single
 
 
 def _graph(families: Sequence[Family], nodes: Sequence[Node]) -> dict[int, set[int]]:
-    """Nodes -> the nodes whose outputs they read, which may be a node itself."""
+    """For each node, the nodes whose outputs it reads, which may include itself."""
     size = 1 + max((int(f.w.max(initial=0)) + family.shape(f.device)[2] for f in families), default=0)
     maker = np.full(size, -1)
     for n, (i, op, rows) in enumerate(nodes):

@@ -1,4 +1,4 @@
-"""The calls of all devices of a system, as compiled code makes them."""
+"""The calls of all devices of a system, for compiled code."""
 
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
@@ -15,7 +15,7 @@ from .tables import Family
 
 
 class Program(NamedTuple):
-    """What a compiled caller needs of all devices. Its type is the same for every system."""
+    """What compiled code needs to call all devices. The type is the same for every system."""
 
     w: np.ndarray  # (i64) the families' tables of places, one after the other
     k: np.ndarray  # (f64) the families' tables of constants
@@ -80,7 +80,7 @@ class _Tables:
 
 
 def _addresses(families: Sequence[Family], scalar: type) -> list[int]:
-    """Addresses of the families' loops, which are compiled where their machine code is not on disk."""
+    """Addresses of the families' loops, which are compiled if their machine code is not on disk."""
     new = [f.device.NAME for f in families if len(f.w) and not loop.on_disk(f.name, f.device, scalar)]
     if new:
         alongside.start("stabctl.simulation.stepper:advance", "stabctl.simulation.prepare")

@@ -1,4 +1,4 @@
-"""Case and power flow -> the devices of every table, with their constants on the system base."""
+"""The devices of every table of a case at its power flow, with their parameters on the system base."""
 
 from collections.abc import Mapping
 from types import ModuleType
@@ -19,7 +19,7 @@ NO_UNIT = -1
 
 
 class Row(NamedTuple):
-    """One device: its unit and buses (rows), its constants, what it is called in labels and in messages."""
+    """One device: its unit and buses (rows), its parameters, and its names in labels and in messages."""
 
     unit: int
     bus: int
@@ -73,7 +73,7 @@ def tables(case: Case, flow: PowerFlow, net: Network) -> tuple[dict[str, list[Ro
 
 
 def _filled(device: ModuleType, par: Any, known: Mapping[str, float]) -> Any:
-    """Constants with those that the case gives, and those that follow from others."""
+    """Parameters, with those filled from the case and those computed from others."""
     par = par._replace(**{name: value for name, value in known.items() if name in par._fields})
     return device.prepare(par) if hasattr(device, "prepare") else par
 

@@ -1,4 +1,4 @@
-"""The sensors of a system: one at every bus that an input of some device asks for."""
+"""The sensors of a system: one at every bus that a remote input reads."""
 
 from collections.abc import Mapping
 from functools import cache
@@ -29,10 +29,12 @@ def inputs(device: ModuleType) -> dict[str, Any]:
 
 
 def bus_of(case: Case, net: Network, at: At, row: Row) -> int:
-    """Row of the bus whose number is a device's parameter; its own bus where that is 0."""
+    """Row of the bus whose number is a device's parameter; its own bus if that is 0."""
     number = int(getattr(row.par, at.place))
     if number and number not in net.place:
-        raise EquilibriumError(f"There is no bus {number} in {case.name}, which {row.label} names as {at.place}.")
+        raise EquilibriumError(
+            f"There is no bus {number} in {case.name}, the {at.place} of {row.label}; choose another."
+        )
     return net.place[number] if number else row.bus
 
 

@@ -1,7 +1,7 @@
 """Initialization: states and set-points at which every device is in equilibrium at its power-flow power.
 
-One Newton iteration on the very equations that are simulated. Devices meet only through the network, whose voltages are
-known here, so the Jacobian falls into one small block per unit.
+Newton's method is applied to the equations that are simulated. Devices are coupled only through the network, whose
+voltages are known here, so the Jacobian separates into one small block per unit.
 """
 
 from typing import NamedTuple
@@ -42,7 +42,7 @@ def start(case: Case, system: System, equations: Equations, V: np.ndarray, curre
     Raises
     ------
     EquilibriumError
-        If there is none; names device, machine and limit.
+        If there is no equilibrium; names device, machine and limit.
     """
     layout = system.layout
     s = np.zeros(layout.size)
@@ -62,7 +62,7 @@ def start(case: Case, system: System, equations: Equations, V: np.ndarray, curre
 
 
 def _guess(system: System, V: np.ndarray, current: np.ndarray, s: np.ndarray) -> None:
-    """States to start from: what each device's `guess` says, else 1."""
+    """Initial guess of the states: from the `guess` of each device, otherwise 1."""
     layout = system.layout
     s[: layout.nx] = 1.0
     for f in system.families:
@@ -78,7 +78,7 @@ def _guess(system: System, V: np.ndarray, current: np.ndarray, s: np.ndarray) ->
 
 
 def _within_limits(system: System, equations: Equations, s: np.ndarray) -> None:
-    """Bring states within their limits: a bypassed state stays there."""
+    """Clip states to their limits, where bypassed states remain."""
     lim = system.limits
     fixed = lim.scale == system.layout.one
     s[lim.state[fixed]] = np.clip(s[lim.state[fixed]], lim.low[fixed], lim.high[fixed])
@@ -90,7 +90,7 @@ def _within_limits(system: System, equations: Equations, s: np.ndarray) -> None:
 
 
 def _unsolved(case: Case, system: System, newton: Newton, row: int) -> tuple[str, str]:
-    """What an equation of the iteration belongs to, and what to check there."""
+    """The device that an equation belongs to, and what to check there."""
     layout = system.layout
     if row < layout.nx:
         unit, name = layout.states[row].unit, layout.states[row].label

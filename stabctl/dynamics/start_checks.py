@@ -15,7 +15,7 @@ STILL = 1e-8  # largest rate (1/s)
 
 
 def check(case: Case, system: System, equations: Equations, s: np.ndarray) -> None:
-    """Every rotor upright, every state within its limits, nothing moved by a limit that binds.
+    """Check that no rotor is reversed, that states are within their limits, and that no active limit moves anything.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def _inside(system: System, s: np.ndarray) -> None:
 
 
 def _no_current(system: System, equations: Equations, values: np.ndarray) -> None:
-    """A shunt or store draws nothing at the power flow, which knows nothing of it."""
+    """Check that shunts and storage devices draw no current at the power flow, which does not include them."""
     first = system.layout.nx + system.layout.outputs
     for f in equations.families:
         part = equations.injections[f.name]
@@ -80,7 +80,7 @@ def _no_current(system: System, equations: Equations, values: np.ndarray) -> Non
 
 
 def _binding(case: Case, system: System, equations: Equations, s: np.ndarray, unit: int) -> str:
-    """The limit of a unit's devices that alone, when enforced, prevents equilibrium."""
+    """Find the limit of a unit's devices that prevents equilibrium when it alone is enforced."""
     free = [opened(f) for f in equations.families]
     for i, f in enumerate(equations.families):
         for j in np.flatnonzero(f.w[:, family.UNIT] == unit):

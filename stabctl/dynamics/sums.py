@@ -1,4 +1,4 @@
-"""Sums of the signals that fill one summing port."""
+"""Sums of the signals that drive one summing port."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from .tables import Family
 
 
 class Sums:
-    """Gives sums a place, each of them once.
+    """Assigns a place to every sum, once.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ class Family(NamedTuple):
     device: ModuleType
     w: np.ndarray  # (devices, width) i64   places, see `family`
     k: np.ndarray  # (devices, constants)
-    keys: tuple[str, ...]  # what each is called, e.g. "machine 3"
+    keys: tuple[str, ...]  # name of each, such as "machine 3"
 
     def __reduce__(self) -> tuple[Any, ...]:
         where = self.device.__name__, self.device.__file__
@@ -25,7 +25,7 @@ class Family(NamedTuple):
 
 
 def _family(name: str, module: str, file: str, *rest: Any) -> Family:
-    """A family that comes from another process; a device registered there is registered here too."""
+    """A family received from another process; a device registered there is registered here too."""
     if module not in sys.modules and not module.startswith("stabctl."):
         devices.register(file)
     return Family(name, import_module(module), *rest)

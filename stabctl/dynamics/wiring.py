@@ -1,7 +1,7 @@
-"""Places of all signals: states, set-points and outputs, and which of them every input reads.
+"""Connections: the place of every signal, and the signals that every input reads.
 
-An input reads the signal of that name in its unit. A port reads what fills it, else its set-point; a summing port the
-sum of what fills it, else zero.
+An input reads the signal with its name in its unit. A port reads the output that drives it, or its set-point if there
+is none; a summing port reads the sum of the outputs that drive it, or zero.
 """
 
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ from .tables import Family
 
 
 class Wiring:
-    """Gives every signal its place."""
+    """Assigns a place to every signal."""
 
     def __init__(self, case: Case, tables: Mapping[str, list[Row]], buses: int, net: Network) -> None:
         self.case, self.tables, self.buses, self.net = case, with_sensors(case, tables, net), buses, net
@@ -55,7 +55,7 @@ class Wiring:
                 self.givers.add(state, self.units[name], first + i + len(states) * np.arange(len(rows)))
 
     def _ports(self) -> None:
-        """The set-points of the ports that nobody fills."""
+        """Add the set-points of the ports that no device drives."""
         in_unit = {name for name in self.tables if devices.every()[name].ROLE in devices.UNIT_ROLES}
         filled = {
             (unit, output)
@@ -107,13 +107,13 @@ class Wiring:
         return out
 
     def _unclear(self, name: str, row: Row, signal: str, places: np.ndarray) -> str:
-        """What is wrong with an input that several devices give, or none."""
+        """The error for an input that no device, or more than one device, drives."""
         if len(places):
             names = " and ".join(devices.every()[self._table(place)].NAME for place in places)
-            return f"{names} both give {signal} of {row.key} in {self.case.name}; keep one of them."
+            return f"{names} both provide {signal} of {row.key} in {self.case.name}; keep one of them."
         return (
             f"{devices.every()[name].NAME} of {row.key} in {self.case.name} reads {signal}, which no device of its "
-            "unit gives; use another model."
+            "unit provides; use another model."
         )
 
     def _table(self, place: int) -> str:
@@ -133,12 +133,13 @@ class Wiring:
         found = self.givers.of(at.signal, np.array([unit]))
         if unit == NO_UNIT or not (found >= 0).any():
             raise EquilibriumError(
-                f"Machine {number} of {self.case.name} gives no {at.signal}, which {row.label} reads."
+                f"Machine {number} of {self.case.name} has no signal {at.signal}, which {row.label} reads; choose "
+                "another machine."
             )
         return int(found[0, 0])
 
     def families(self) -> tuple[Family, ...]:
-        """The tables of places and constants."""
+        """The tables of places and parameters."""
         made = []
         for name, rows in self.tables.items():
             device = devices.every()[name]

@@ -65,7 +65,7 @@ def set_value(case: Case, path: str | Mapping[str, Any], value: Any = None) -> C
 def with_load(
     case: Case, bus: int, p: str | float | None = None, q: str | float | None = None, **shares: float
 ) -> Case:
-    """The case with the load at a bus changed, or with a new load where the bus has none.
+    """The case with the load at a bus changed, or with a new load if the bus has none.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def with_load(
 def trip_machine(case: Case, number: int) -> Case:
     """The case with a machine out of service, together with its controls and storage devices.
 
-    Its bus becomes a pq bus where no other machine is connected.
+    Its bus becomes a pq bus if no other machine is connected to it.
 
     Parameters
     ----------

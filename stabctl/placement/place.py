@@ -20,7 +20,8 @@ from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.sampled import Sampled
 
 from . import initial_fleets
-from .contingencies import LONGER, Contingencies, contingencies
+from .contingencies import LONGER, Contingencies
+from .contingencies import contingencies as as_contingencies
 from .cutting_planes import CuttingPlanes
 from .evidence import critical_times, energies, table
 from .master import Master
@@ -33,7 +34,7 @@ UNIFORM = 0.05  # of machine MVA   the uniform fleet that is scaled
 LARGEST = 1e6  # MW
 LESS = 0.97  # of the fleet, at which a binding contingency is lost
 BY_SCREEN = (
-    f"The clearing times to be survived were chosen by default: {100 * (LONGER - 1):.0f} % longer than the critical "
+    f"The required clearing times were chosen by default: {100 * (LONGER - 1):.0f} % longer than the critical "
     "ones of a screen without storage."
 )
 LIMIT = "60cyc"  # longest clearing time tried for the evidence
@@ -41,7 +42,7 @@ LIMIT = "60cyc"  # longest clearing time tried for the evidence
 
 def place(
     base: Case | OperatingPoint,
-    given: Contingencies,
+    contingencies: Contingencies,
     *,
     cap: str = "30%mva",
     costs: Costs = Costs(),  # noqa: B008
@@ -62,7 +63,7 @@ def place(
     ----------
     base : Case or OperatingPoint
         The system; its own storage is ignored.
-    given : iterable of Contingency, Screen, str or Path
+    contingencies : iterable of Contingency, Screen, str or Path
         The contingencies with the clearing times to be survived: a list, a screen (its most critical ones, with 20 %
         longer clearing times), or a TOML file.
     cap : str
@@ -76,7 +77,7 @@ def place(
     control : control law, optional
         Control law of the devices, `BangBang()` by default.
     device : mapping, optional
-        Other properties of the devices: fields of `Storage`, as {"lag": 0.05}.
+        Other properties of the devices: fields of `Storage`, such as {"lag": 0.05}.
     observe : str or float
         Observation window after clearing: "5s", or seconds.
     step, criterion
@@ -95,8 +96,7 @@ def place(
     Raises
     ------
     StudyError
-        For invalid arguments, if no fleet survives any contingency, and if no fleet with so few sites
-        is found.
+        If an argument is invalid, no fleet survives any contingency, or no fleet with so few sites is found.
     """
     began = time.perf_counter()
     case = as_case(base)
@@ -117,7 +117,7 @@ def place(
         if progress:
             progress(runs, planes.cost if planes else np.inf)
 
-    wanted = contingencies(case, given)
+    wanted = as_contingencies(case, contingencies)
     trials = Trials(point, wanted, largest, law, search=search, workers=workers, progress=tell)
     uniform = UNIFORM * mva
     trials, boundary, infeasible = initial_fleets.feasible(trials, uniform)
@@ -166,7 +166,7 @@ def place(
             for i, c in enumerate(found)
         ),
         title=case.title,
-        targets=BY_SCREEN if isinstance(given, Screen) else "",
+        targets=BY_SCREEN if isinstance(contingencies, Screen) else "",
     )
 
 

@@ -112,16 +112,15 @@ class Siting(Tabular):
             said.append("The system survives every contingency even without storage.")
         elif self.uniform_mw:
             said.append(
-                f"The smallest uniform fleet that survives them has {self.uniform_mw:.1f} MW "
-                f"({self.uniform_percent:.2f} % of every machine's MVA); this fleet has "
-                f"{self.percent_of_uniform:.0f} % of that."
+                f"A uniform fleet would need at least {self.uniform_mw:.1f} MW ({self.uniform_percent:.2f} % of every "
+                f"machine's MVA); this fleet needs {self.percent_of_uniform:.0f} % of that."
             )
         else:
-            said.append("No uniform fleet within the caps survives them.")
+            said.append("No uniform fleet within the caps is sufficient.")
         if self.linear_mw:
             said.append(f"The allocation by linear analysis needs {self.linear_mw:.1f} MW.")
         elif self.linear_mw is None:
-            said.append("The allocation by linear analysis does not survive them at any size within the caps.")
+            said.append("No multiple of the allocation by linear analysis within the caps is sufficient.")
         if self.cost:
             said.append(
                 f"Cost {self.cost:.4g}, estimated lower bound {self.lower_bound:.4g} ({100 * self.gap:.1f} % lower). "

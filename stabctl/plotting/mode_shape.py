@@ -79,7 +79,7 @@ def _new() -> "PolarAxes":
 
 
 def _with(p: Part, lead: float) -> bool:
-    """Does the machine move with the largest arrow?"""
+    """Whether the machine moves with the largest arrow."""
     return math.cos(math.radians(p.angle_deg - lead)) >= 0
 
 

@@ -22,7 +22,7 @@ LABELS = {
     "storage": "storage power absorbed (MW)",
 }
 JUMPING = "voltage", "power"  # signals that jump at events
-MANY = "#2a6f9e"  # of curves that are too many to tell apart
+MANY = "#2a6f9e"  # of curves that are too many to distinguish
 LEAST = {"speed": 0.01, "angle": 1.0, "voltage": 0.01, "power": 1.0, "storage": 1.0}  # smallest range of an axis
 
 
@@ -129,11 +129,11 @@ def _draw(ax: "Axes", run: Trajectory, signal: str, machines: Sequence[int] | No
 
 
 def _colors(names: Sequence[str], owners: Sequence[int], unstable: Sequence[int]) -> list[str]:
-    """A color for each curve: of its own if the curves are few; of many, those of unstable machines, the rest gray."""
+    """A color for each curve: all different if they are few; otherwise unstable machines in color, the rest in gray."""
     if len(names) <= len(COLORS):
         return list(COLORS[: len(names)])
     marked = [owner in unstable for owner in owners]
-    if not 0 < sum(marked) < len(COLORS):  # none, or more than can be told apart
+    if not 0 < sum(marked) < len(COLORS):  # none, or more than can be distinguished
         return [COLORS[1] if one else MANY for one in marked]
     own = iter(COLORS[1:])
     return [next(own) if one else GRAY for one in marked]
@@ -163,7 +163,7 @@ def _mark_events(ax: "Axes", run: Trajectory) -> None:
 
 
 def _once(labels: dict[str, bool], name: str) -> str | None:
-    """The label at its first use, later none."""
+    """The label when it is first used, afterwards none."""
     return name if labels.pop(name, False) else None
 
 

@@ -1,4 +1,4 @@
-"""A contingency: a fault and how it is cleared, and whatever else happens to the system."""
+"""A contingency: a fault, its clearing, and other events."""
 
 import math
 from collections.abc import Iterable

@@ -58,7 +58,7 @@ class Space(NamedTuple):
     angles: (
         np.ndarray
     )  # (2, rotor units) rad   before the first event, and the largest change relative to the COI so far
-    off: np.ndarray  # (2, rotor units) s   how long their island is outside the range of frequency, and at most
+    off: np.ndarray  # (2, rotor units) s   time that their island has been outside the frequency range, and its maximum
     low: np.ndarray  # (loads) s     time below the threshold
     orders: np.ndarray  # (held) before a decision
     coi: np.ndarray  # (4, buses) inertia, speed, acceleration and angle of the islands

@@ -21,7 +21,7 @@ def ahead(moved: np.ndarray) -> np.ndarray:
 
 
 def group(moved: np.ndarray, lost: int, together: np.ndarray) -> np.ndarray:
-    """The rotors on the side of one that has lost synchronism, among those of its island.
+    """The rotors on the same side as one that has lost synchronism, among those of its island.
 
     Parameters
     ----------

@@ -194,7 +194,7 @@ class Simulation:
         return (island == island[self._space.marks[1]]).sum() == 1 and (island >= 0).sum() > 1
 
     def _take_off(self, verdict: int) -> None:
-        """Trip the machine that ran away or left the range of frequency, as its protection would, from now on."""
+        """Trip the machine that ran away or left the frequency range, as its protection would."""
         row = int(self.point.rotors.unit[self._space.marks[1]])
         gone = [c.switching._replace(tripped=c.switching.tripped | {row}) for c in self.changes[self._at :]]
         later = (replace(c, switching=s) for c, s in zip(self.changes[self._at :], gone, strict=True))

@@ -27,8 +27,8 @@ class Happened(NamedTuple):
     """What happened to the network during a run."""
 
     changes: tuple[Change, ...]  # the network after every event
-    off_s: np.ndarray  # (units) s   instant from which a unit was off; infinite if it never was
-    island: np.ndarray  # (units) its island at the end, -1 where it is off
+    off_s: np.ndarray  # (units) s   time at which a unit was disconnected; infinite if it was not
+    island: np.ndarray  # (units) its island at the end, -1 if it is off
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -72,12 +72,12 @@ class Trajectory:
 
     @cached_property
     def on(self) -> np.ndarray:
-        """Was the unit of a rotor on (rows, rotor units)?"""
+        """Whether the unit of a rotor was on (rows, rotor units)."""
         return self.time[:, None] < self.happened.off_s[self.point.rotors.unit] - 1e-9
 
     @cached_property
     def unstable_machines(self) -> tuple[int, ...]:
-        """Machines that lost synchronism with the rest of their island, on one side of the widest gap of angles."""
+        """Machines that lost synchronism with the rest of their island: those on one side of the widest angle gap."""
         numbers, first = self.point.rotor_numbers, self.outcome.machine
         if first is None or not len(self.rows):
             return () if first is None else (first,)
@@ -113,7 +113,7 @@ class Trajectory:
 
     @property
     def storage(self) -> "xr.DataArray":
-        """Powers of the storage devices (time, device), MW, positive when absorbing; empty where there is none."""
+        """Powers of the storage devices (time, device), MW, positive when absorbing; empty if there are none."""
         return self.dataset["storage"]
 
     @property
@@ -176,7 +176,7 @@ class Trajectory:
         return pd.DataFrame(columns | total)
 
     def _where_on(self, values: np.ndarray) -> np.ndarray:
-        """Values of rotor units (rows, rotor units), NaN from the instant on at which a unit is off."""
+        """Values of rotor units (rows, rotor units), NaN after a unit is disconnected."""
         return np.where(self.on, values, np.nan)
 
     def save(self, path: str | Path) -> Path:

@@ -42,7 +42,7 @@ class Box(NamedTuple):
         return self._replace(left=left, right=right) if left < right else None
 
     def within(self, disc: Round) -> bool:
-        """Does a disc cover it?"""
+        """Whether a disc covers it."""
         corners = (complex(x, y) for x in (self.left, self.right) for y in (self.bottom, self.top))
         return all(abs(corner - disc.shift) < disc.radius for corner in corners)
 

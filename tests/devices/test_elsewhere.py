@@ -85,8 +85,11 @@ class TestElsewhere:
     @pytest.mark.parametrize(
         ("change", "says"),
         [
-            ({"bus": 9}, "There is no bus 9 in small, which wide-area stabilizer 1 names as bus."),
-            ({"machine": 9}, "Machine 9 of small gives no omega, which wide-area stabilizer 1 reads."),
+            ({"bus": 9}, "There is no bus 9 in small, the bus of wide-area stabilizer 1; choose another."),
+            (
+                {"machine": 9},
+                "Machine 9 of small has no signal omega, which wide-area stabilizer 1 reads; choose another machine.",
+            ),
         ],
     )
     def test_what_is_not_there_is_named(self, change, says):

@@ -79,7 +79,9 @@ def test_without_effect_it_changes_nothing(droop):
 def test_two_that_fill_one_port_are_refused(droop):
     case = small({**WITH_PSS, "droop": droop.Par(0.05)})
     case = replace(case, devices={**case.devices, "droop": {1: droop.Par(0.05), "1#2": droop.Par(0.05)}})
-    with pytest.raises(EquilibriumError, match="droop and droop both give Vref of machine 1 at bus 1 in small; keep"):
+    with pytest.raises(
+        EquilibriumError, match="droop and droop both provide Vref of machine 1 at bus 1 in small; keep"
+    ):
         operating_point.solve(case)
 
 
@@ -88,5 +90,5 @@ def test_a_signal_that_nobody_gives_is_named(droop, tmp_path):
     path.write_text(FILLS_VREF.replace("Q:", "gas:").replace("u.Q", "u.gas").replace('"droop"', '"hungry"'))
     with registered(path) as (device,), pytest.raises(EquilibriumError) as caught:
         operating_point.solve(small({**WITH_PSS, "hungry": device.Par(0.1)}))
-    says = "hungry of machine 1 at bus 1 in small reads gas, which no device of its unit gives; use another model."
+    says = "hungry of machine 1 at bus 1 in small reads gas, which no device of its unit provides; use another model."
     assert str(caught.value) == says

@@ -66,7 +66,7 @@ def anchor(text: str) -> str:
 
 
 def _section(study: Study, r: Ran, folder: Path) -> dict[str, Any]:
-    """A study with what stands around it on the page."""
+    """A study with its surroundings on the page."""
     return {
         "study": study,
         "ran": r,

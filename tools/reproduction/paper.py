@@ -1,4 +1,4 @@
-"""What the paper prints, each number once: where it is, what it is, its digits, its unit. Statements in our words.
+"""The numbers of the paper, each once: where it is, what it is, its digits, its unit; and statements in our words.
 
 The paper: feedback control of distributed energy storage for transient stability, 2022, MDPI, CC BY 4.0.
 """

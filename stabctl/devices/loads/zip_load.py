@@ -36,7 +36,7 @@ def from_case(load: Any, P: float, Q: float, V: float) -> Par:
 
 
 def draws(load: Any) -> bool:
-    """Has a row of loads.csv a part that is no constant admittance?"""
+    """Whether a row of loads.csv has a part that is not constant admittance."""
     return any((load.p_power, load.q_power, load.p_current, load.q_current))
 
 
