@@ -22,7 +22,7 @@ class LinearizationError(StabctlError):
 
 
 class StudyError(StabctlError):
-    """A study has an invalid argument, or asks for something the case does not have."""
+    """A study has an invalid argument, or names something that the case does not have."""
 
 
 def sentence(error: Exception) -> str:

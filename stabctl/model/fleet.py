@@ -49,7 +49,7 @@ def with_storage(case: Case, sizes: Fleet, flow: PowerFlow | None = None, **opti
 def devices(
     case: Case, sizes: Fleet, flow: PowerFlow | None = None, options: Mapping[str, Any] | None = None
 ) -> tuple[Storage, ...]:
-    """The storage devices that a user asks for, as in `with_storage`."""
+    """The storage devices given by a user, as in `with_storage`."""
     given = _options(options or {})
     if isinstance(sizes, str) and sizes.strip() == "none":
         return ()

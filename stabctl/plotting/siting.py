@@ -1,4 +1,4 @@
-"""Figures of a siting study: ratings by site beside the uniform fleet, and cost by iteration."""
+"""Figures of a siting study: ratings by site compared with the uniform fleet, and cost by iteration."""
 
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ WIDTH = 5.2  # inches; letters stay readable on a phone
 
 
 def plot(siting: Siting, *, ax: "Axes | None" = None) -> "Axes":
-    """Plot the rating at every candidate site, largest first, beside that of the uniform fleet.
+    """Plot the rating at every candidate site, largest first, and that of the uniform fleet.
 
     Parameters
     ----------

@@ -178,7 +178,7 @@ def _signal(case: Case, name: str, kind: Kind, place: int | str | None) -> Signa
 
 
 def _belongs(case: Case, name: str, number: int) -> None:
-    """Check that the machine has the control whose reference is asked for, or lacks the one that would override it."""
+    """Check that the machine has the control that the reference belongs to, or lacks the one that would override it."""
     if name in OF_ROTOR and not _model(case, number, "machine"):
         raise StudyError(
             f"Unit {number} of {case.name} is a converter without a rotor, so it has no signal {name}; choose another."

@@ -101,7 +101,7 @@ def rows(path: str | Path) -> list[dict[str, Any]]:
 
 
 def _reading(path: Path) -> str:
-    """How to open a file for reading: SQLite creates a log beside it, which it cannot do in a read-only folder."""
+    """How to open a file for reading: SQLite creates a log next to it, which is not possible in a read-only folder."""
     logged = path.with_name(f"{path.name}-wal").exists()
     return "mode=ro" if logged or os.access(path.parent, os.W_OK) else "mode=ro&immutable=1"
 

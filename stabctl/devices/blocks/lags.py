@@ -25,7 +25,7 @@ def washout(T, u, x):
 
 @inline
 def lag_rate(T, u, x):
-    """State derivative (1/s) of `lag` and `washout`, and of `lead_lag` with T = T2; a bypassed state stands still."""
+    """State derivative (1/s) of `lag` and `washout`, and of `lead_lag` with T = T2; a bypassed state is constant."""
     return (u - x) / T if T >= SHORT else 0 * x
 
 
