@@ -9,10 +9,11 @@ from stabctl.units import NUMBER, kind_of, quantity
 from .validation import fault
 
 
-def guard(record: Any) -> None:
+def guard(record: Any, *, omitted: bool = True) -> None:
     """Check the annotated fields of a frozen dataclass, called from its `__post_init__`.
 
-    A field that is None was omitted. Text with a unit ("100mHz") is converted to a number in the unit of the field.
+    A field that is None was omitted, where this is allowed. Text with a unit ("100mHz") becomes a number in the unit of
+    the field.
 
     Raises
     ------
@@ -22,7 +23,7 @@ def guard(record: Any) -> None:
     kind: type = type(record)
     for name, f in fields(kind).items():
         value = getattr(record, name)
-        if value is None:
+        if value is None and omitted:
             continue
         if isinstance(value, str) and f.kind is float and kind_of(f.unit) not in (None, NUMBER):
             value = _number(name, value, f.unit)

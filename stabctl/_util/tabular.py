@@ -38,17 +38,14 @@ class Tabular:
         StudyError
             If the file has another ending or cannot be written.
         """
-        path = Path(path)
+        path = files.path_of(path)
         ending, plot = path.suffix.lower(), getattr(self, "plot", None)
         if ending in IMAGES and plot:
             return import_module("stabctl.plotting.style").save(plot(), path)
         if ending != ".csv":
             allowed = ", ".join((".csv", *IMAGES)) if plot else ".csv"
             raise StudyError(f"The file {path.name!r} must end in {allowed}.")
-        try:
-            files.replace(path, self.df.to_csv(index=False))
-        except OSError as error:
-            raise StudyError(f"The file {path} cannot be written: {error.strerror or error}.") from None
+        files.replace(path, self.df.to_csv(index=False))
         return path
 
     def __repr__(self) -> str:

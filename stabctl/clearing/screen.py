@@ -75,7 +75,7 @@ class Screen:
 
     def save(self, path: str | Path) -> Path:
         """Write the pairs to a .csv file atomically; returns the path."""
-        path = Path(path)
+        path = files.path_of(path)
         if path.suffix.lower() != ".csv":
             raise StudyError(f"The file {path.name!r} must end in .csv.")
         text = io.StringIO()

@@ -81,6 +81,8 @@ class LawOptions(NamedTuple):
 
         if control == "bang-bang" and not case.storage:
             raise StudyError("--control bang-bang needs storage devices; give --storage or --storage-at.")
+        if control == "none" and self != LawOptions():
+            raise StudyError("--deadband and --min-voltage have no effect with --control none; leave them out.")
         law = self.law()
         return law if (control or ("bang-bang" if case.storage else "none")) == "bang-bang" else None
 

@@ -38,11 +38,13 @@ def modes(
     as_json: options.Json = False,
 ) -> None:
     """Compute frequency, damping and mode shapes at the operating point of a case, and its coherent areas."""
+    from stabctl import units
     from stabctl.report import modes_page, modes_table
     from stabctl.smallsignal import analyze, areas, descriptor, linearize, opened
     from stabctl.smallsignal.modes import LARGE
 
     shared.folder(report)
+    units.band(band)
     loaded = opened(case.load(), open_circuits or ())
     point = loaded.initialize()
     model = linearize(point) if sparse is False else descriptor(point)

@@ -52,6 +52,7 @@ def events(
 
 def file(path: Path | None, *endings: str) -> None:
     """Reject a file that cannot be written, before any work is done."""
+    from stabctl._util import files
     from stabctl.errors import StudyError
 
     if path is None:
@@ -62,8 +63,9 @@ def file(path: Path | None, *endings: str) -> None:
         raise StudyError(f"There is no folder {str(path.parent)!r} to write {path.name!r} to; create it first.")
     if path.is_dir():
         raise StudyError(f"{path} is a folder; give a file name.")
-    if not os.access(path if path.exists() else path.parent, os.W_OK):
+    if path.exists() and not os.access(path, os.W_OK):
         raise StudyError(f"{path} is not writable; choose another file.")
+    files.check(path)
 
 
 def folder(path: Path | None) -> None:

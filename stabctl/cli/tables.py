@@ -1,5 +1,6 @@
 """stabctl tables: the columns of a case's tables."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -7,11 +8,15 @@ import typer
 from .options import Device, Json
 from .shared import console, print_json
 
-Name = Annotated[str | None, typer.Argument(metavar="[TABLE]", help="Only this table, such as buses or genrou.")]
+Name = Annotated[
+    str | None,
+    typer.Argument(metavar="[TABLE|CASE]", help="Only this table, such as buses or genrou, or those of a case."),
+]
 
 
 def tables(name: Name = None, device: Device = None, as_json: Json = False) -> None:
     """List the columns of a case's tables with their meaning, allowed values and default."""
+    from stabctl import io
     from stabctl.errors import StudyError
     from stabctl.model import catalog
     from stabctl.model.tables import TABLES
@@ -19,9 +24,13 @@ def tables(name: Name = None, device: Device = None, as_json: Json = False) -> N
 
     known = {table: list(fields(record).values()) for table, record in TABLES.items()}
     known |= {model: list(catalog.columns(model).values()) for model in catalog.models()}
-    if name is not None and name not in known:
-        raise StudyError(f"There is no table {name!r}; choose one of {', '.join(known)}.")
-    shown = known if name is None else {name: known[name]}
+    if name is None or name in known:
+        shown = known if name is None else {name: known[name]}
+    elif name in io.packaged() or Path(name).is_dir():
+        case = io.load(name)
+        shown = {table: rows for table, rows in known.items() if table in case.devices or getattr(case, table, None)}
+    else:
+        raise StudyError(f"There is no table or case {name!r}; the tables are {', '.join(known)}.")
     if as_json:
         rows = {
             table: [

@@ -55,7 +55,7 @@ class Feedback:
     min_voltage: Annotated[float, "pu", "voltage below which the device idles", NOT_NEGATIVE] = 0.8
 
     def __post_init__(self) -> None:
-        guard(self)
+        guard(self, omitted=False)
 
     @property
     def module(self) -> ModuleType:

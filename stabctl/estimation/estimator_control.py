@@ -12,7 +12,7 @@ from typing import NamedTuple, get_args
 import numpy as np
 
 from stabctl.controllers import BangBang, Device, Input, Law, wanted
-from stabctl.errors import StudyError
+from stabctl.errors import StudyError, shown
 from stabctl.simulation.simulation import Simulation
 
 from .coi import CoiReference, Deviations
@@ -59,6 +59,10 @@ class EstimatorControl:
     reactance_factor: float = 1.0
 
     def __post_init__(self) -> None:
+        if isinstance(self.law, type) or not callable(getattr(self.law, "par", None)):
+            raise StudyError(f"law = {shown(self.law)} is not a control law; give BangBang() or Feedback(...).")
+        if not isinstance(self.pmu, Pmu):
+            raise StudyError(f"pmu = {shown(self.pmu)} does not describe PMUs; give Pmu(...).")
         for name, allowed in (("estimator", EstimatorName), ("engine", Engine)):
             if getattr(self, name) not in get_args(allowed):
                 raise StudyError(

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from stabctl._util import files
-from stabctl.errors import CaseError
+from stabctl.errors import CaseError, StudyError
 from stabctl.model import catalog
 from stabctl.model.case import Case, as_case
 from stabctl.model.tables import TABLES
@@ -32,10 +32,10 @@ def write(case: Case, folder: str | Path) -> Path:
     ------
     CaseError
         If the folder contains tables that the case does not have, which `load` would read as well.
-    OSError
+    StudyError
         If a file cannot be written; files written before are complete.
     """
-    case, folder = as_case(case), Path(folder)
+    case, folder = as_case(case), files.path_of(folder)
     texts = {}
     for name, record in TABLES.items():
         if getattr(case, name):
@@ -46,7 +46,10 @@ def write(case: Case, folder: str | Path) -> Path:
         texts[f"{name}.csv"] = text_from(
             columns, [[key, *(getattr(par, c) for c in names)] for key, par in rows.items()]
         )
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StudyError(f"The folder {folder} cannot be created: {error.strerror or error}.") from None
     other = sorted(path.name for path in folder.glob("*.csv") if path.name not in texts)
     if other:
         raise CaseError(

@@ -54,7 +54,7 @@ def check(case: "Case") -> Iterator[str]:
     _unique("links", "link", [k.link for k in case.links])
     _references(case)
     _kinds(case)
-    _branches(case)
+    yield from _branches(case)
     _loads(case)
     yield from device_checks.check(case)
     storage(case)
@@ -125,7 +125,8 @@ def _kinds(case: "Case") -> None:
             raise RowError("buses", i, "kind", f"bus {b.bus} has a machine; make it pv or swing, not pq.")
 
 
-def _branches(case: "Case") -> None:
+def _branches(case: "Case") -> Iterator[str]:
+    """Raise the first branch without impedance or to itself; yield a warning for each without reactance."""
     least = LEAST_IMPEDANCE * case.base_mva / 100
     for i, k in enumerate(case.branches):
         if math.hypot(k.r, k.x) < least:
@@ -134,6 +135,8 @@ def _branches(case: "Case") -> None:
         if k.from_bus == k.to_bus:
             text = f"branch {k.from_bus}-{k.to_bus} connects a bus to itself; give two different buses."
             raise RowError("branches", i, "to_bus", text)
+        if k.x == 0:
+            yield f"branches.csv, branch {k.from_bus}-{k.to_bus}: x = 0 is unusual for a line or a transformer."
 
 
 def _loads(case: "Case") -> None:

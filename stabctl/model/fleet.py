@@ -16,6 +16,7 @@ from .tables import Machine, Storage
 
 _PLACE = re.compile(r"\s*([0-9]{1,18})(?:@([0-9]{1,18}))?\s*")
 
+LARGEST = 1e6  # MW   of one device
 Fleet = str | float | Mapping[int | str, str | float] | Iterable[Storage] | Storage
 
 
@@ -99,6 +100,8 @@ def megawatts(case: Case, machine: Machine, size: str | float, flow: PowerFlow |
     for a machine that consumes power. Raises `StudyError` if it is not a size.
     """
     value, unit = rating(size)
+    if unit == "MW" and value > LARGEST:
+        raise StudyError(f"A storage device of {value:g} MW is not realistic; give at most {LARGEST:g} MW.")
     if unit == "%mva":
         return value * machine.base / 100
     if unit == "%dispatch":

@@ -1,5 +1,7 @@
 """Paths to the values of a case: `pss.1.K`, `machines.2.p`, `branches.7-8#2.x`, `frequency_hz`."""
 
+import difflib
+from collections.abc import Mapping
 from typing import Any
 
 from stabctl.errors import StudyError, shown
@@ -27,7 +29,14 @@ def resolve(case: Case, path: object) -> tuple[str, str, Field]:
     for f in known.values():
         if column in (f.name, f.column):
             return table, key, f
-    raise StudyError(f"{table} has no column {column!r}; {keys.near(column, known)}")
+    raise StudyError(f"{table} has no column {column!r}; {_near(column, known)}")
+
+
+def _near(column: str, known: Mapping[str, Field]) -> str:
+    """End of a sentence: the columns written like this or with it in their meaning, else all."""
+    like = difflib.get_close_matches(column, list(known), 3, 0.6)
+    like += [name for name, f in known.items() if column.lower() in f.meaning.lower() and name not in like]
+    return f"did you mean {' or '.join(like)}?" if like else f"it has {', '.join(known)}."
 
 
 def not_a_path(path: object) -> StudyError:

@@ -5,7 +5,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from stabctl.errors import StudyError
+from stabctl.errors import StudyError, shown
 
 from . import catalog, keys, powerflow
 from .case import Case, as_case
@@ -40,8 +40,8 @@ def replicate(case: Case, copies: int, *, tie_bus: int | None = None, x: float =
         For fewer than one copy, a bus that does not exist, or a reactance that is not positive.
     """
     case = as_case(case)
-    if copies < 1:
-        raise StudyError(f"{copies} copies of {case.name} are not possible; give at least 1.")
+    if not isinstance(copies, int) or isinstance(copies, bool) or copies < 1:
+        raise StudyError(f"{shown(copies)} copies of {case.name} are not possible; give a whole number of at least 1.")
     swing = next(b.bus for b in case.buses if b.kind == "swing")
     if tie_bus is None:
         tie_bus = next(m.storage_bus for m in case.machines if m.bus == swing)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stabctl._util import files
-from stabctl.errors import StudyError
+from stabctl.errors import StudyError, shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,6 +33,8 @@ def subplots(
 
 def single(ax: "Axes | None", width: float, height: float) -> "Axes":
     """Return the axes given, or those of a new figure of this size in inches."""
+    if ax is not None and not callable(getattr(ax, "plot", None)):
+        raise StudyError(f"ax = {shown(ax)} is not a pair of axes to draw on; give matplotlib Axes, or leave it out.")
     return subplots(width, height)[1][0, 0] if ax is None else ax
 
 
@@ -75,7 +77,7 @@ def save(drawn: "Figure | Axes", path: str | Path, dpi: int = DPI) -> Path:
     """
     import matplotlib.pyplot as plt
 
-    path, image = Path(path), io.BytesIO()
+    path, image = files.path_of(path), io.BytesIO()
     try:
         drawn.figure.savefig(image, format=path.suffix.removeprefix(".").lower() or None, dpi=dpi)
         files.replace(path, image.getvalue())

@@ -113,7 +113,7 @@ class Contingency:
 
     def others(self, case: Case) -> tuple[Event, ...]:
         """The events other than the fault and its clearing, with their instants in seconds."""
-        return tuple(notation.event(e, case.frequency_hz) if isinstance(e, str) else e for e in self.events)
+        return tuple(notation.event(e, case.frequency_hz) for e in self.events)
 
     def timed(self, case: Case) -> tuple[Event, ...]:
         """Every event with its instant in seconds; cycles are those of the case's frequency."""
@@ -121,7 +121,7 @@ class Contingency:
         if self.fault is None and not self.trip:
             return tuple(events)
         at, off = self.starts(case), self.cleared(case)
-        if self.fault is not None and off > at:
+        if self.fault is not None and seconds(self.clear or 0.0, case.frequency_hz) > 0:
             events.append(Fault(self.fault, at, self.impedance))
             if not self.on_line:
                 events.append(Clear(self.fault, off))
@@ -144,7 +144,9 @@ class Contingency:
             parts.append(f"cleared after {_said(self.clear)}" + (f" by {opened}" if opened else ""))
         elif opened:
             parts.append(opened if self.fault is None else f"to be cleared by {opened}")
-        parts += [event if isinstance(event, str) else f"{described(event)} at {event.at:g} s" for event in self.events]
+        parts += [
+            event if isinstance(event, str) else f"{described(event)} at {_said(event.at)}" for event in self.events
+        ]
         return ", ".join(parts) or "no event"
 
     __repr__ = __str__
@@ -182,7 +184,7 @@ def schedule(case: Case, what: Disturbance | None, until: float | None = None, s
         if isinstance(item, Contingency):
             events += item.timed(case)
         elif isinstance(item, str | Event):
-            events.append(notation.event(item, case.frequency_hz) if isinstance(item, str) else item)
+            events.append(notation.event(item, case.frequency_hz))
         else:
             raise _not_an_event(item)
     latest = max((event.at for event in events if math.isfinite(event.at)), default=start)

@@ -1,11 +1,25 @@
 """Events in the network: faults, openings, trips, steps. Their locations are written as in `model.location`."""
 
 from dataclasses import dataclass
+from numbers import Real
 from typing import Literal
+
+from stabctl.errors import StudyError
+from stabctl.units import megavars, megawatts, seconds
+
+
+class _Timed:
+    """An event at an instant, in seconds or as text ("1s", "60cyc")."""
+
+    at: float  # s, or text
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.at, Real) or isinstance(self.at, bool):
+            seconds(self.at, 60.0)
 
 
 @dataclass(frozen=True)
-class Fault:
+class Fault(_Timed):
     """A three-phase fault at a bus or on a branch (in its middle unless a point is given)."""
 
     place: str
@@ -14,7 +28,7 @@ class Fault:
 
 
 @dataclass(frozen=True)
-class Clear:
+class Clear(_Timed):
     """The fault at a location is removed without opening any circuit."""
 
     place: str
@@ -22,7 +36,7 @@ class Clear:
 
 
 @dataclass(frozen=True)
-class Open:
+class Open(_Timed):
     """A circuit is opened at both ends, or at one bus only, and stays open."""
 
     branch: str
@@ -31,7 +45,7 @@ class Open:
 
 
 @dataclass(frozen=True)
-class TripMachine:
+class TripMachine(_Timed):
     """A machine is disconnected."""
 
     machine: int
@@ -39,17 +53,25 @@ class TripMachine:
 
 
 @dataclass(frozen=True)
-class LoadStep:
+class LoadStep(_Timed):
     """Load is added at a bus, with the voltage dependence of its present load (constant admittance if it has none)."""
 
     bus: int
     at: float  # s
-    p: float = 0.0  # MW    at power-flow voltage
-    q: float = 0.0  # Mvar  at power-flow voltage
+    p: float = 0.0  # MW    at power-flow voltage; text such as "50MW" too
+    q: float = 0.0  # Mvar  at power-flow voltage; text such as "20Mvar" too
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, power, read in (("p", self.p, megawatts), ("q", self.q, megavars)):
+            if not isinstance(power, Real) or isinstance(power, bool):
+                object.__setattr__(self, name, read(power))
+        if self.p == self.q == 0:
+            raise StudyError(f"The load step at bus {self.bus} has no power; give p=50 (MW) or q=20 (Mvar).")
 
 
 @dataclass(frozen=True)
-class SwitchShunt:
+class SwitchShunt(_Timed):
     """A shunt is switched in at a bus."""
 
     bus: int

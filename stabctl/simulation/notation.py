@@ -1,6 +1,7 @@
 """Events written as text: `7-8@1s` opens a circuit, `14@2s` trips a machine, `7:+50MW@1s` adds to a load."""
 
 import re
+from dataclasses import replace
 
 from stabctl.errors import StudyError
 from stabctl.units import seconds
@@ -10,8 +11,8 @@ from .events import Event, LoadStep, Open, TripMachine
 SHOWN = "7-8@1s (a line opens), 14@2s (a machine trips) or 7:+50MW@1s (a load changes)"
 _OPENING = re.compile(r"^(\d{1,18}-\d{1,18}(?:#\d{1,18})?)$", re.ASCII)
 _MACHINE = re.compile(r"^(\d{1,18})$", re.ASCII)
-_POWER = r"[+-]?\d+(?:\.\d*)?(?:[eE][+-]?\d+)?"
-_LOAD = re.compile(rf"^(\d{{1,18}}):(?:({_POWER})MW)?(?:([+-]?{_POWER})Mvar)?$", re.ASCII | re.IGNORECASE)
+_POWER = r"[+-]\d+(?:\.\d*)?(?:[eE][+-]?\d+)?"
+_LOAD = re.compile(rf"^(\d{{1,18}}):(?:({_POWER})MW)?(?:({_POWER})Mvar)?$", re.ASCII | re.IGNORECASE)
 
 
 def opening(text: str, frequency_hz: float) -> Open:
@@ -36,11 +37,15 @@ def load_step(text: str, frequency_hz: float) -> LoadStep:
     match = _LOAD.match(what)
     if match and (match[2] or match[3]):
         return LoadStep(int(match[1]), at, float(match[2] or 0), float(match[3] or 0))
-    raise StudyError(f"{text!r} is not a load step; write it as 7:+50MW@1s or 7:+50MW+10Mvar@1s.")
+    raise StudyError(
+        f"{text!r} is not a load step; write what is added, with its sign, as 7:+50MW@1s or 7:-50MW-10Mvar@1s."
+    )
 
 
-def event(text: str, frequency_hz: float) -> Event:
-    """The event that a text describes. Raises `StudyError` if it is not one."""
+def event(text: str | Event, frequency_hz: float) -> Event:
+    """The event that a text describes, or a record with its instant in seconds. `StudyError` if it is not one."""
+    if not isinstance(text, str):
+        return replace(text, at=seconds(text.at, frequency_hz)) if isinstance(text.at, str) else text
     what, _ = _split(text, frequency_hz)
     for form, read in ((_OPENING, opening), (_MACHINE, machine_trip), (_LOAD, load_step)):
         if form.match(what):

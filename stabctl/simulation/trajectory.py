@@ -181,7 +181,7 @@ class Trajectory:
 
     def save(self, path: str | Path) -> Path:
         """Write atomically to a .csv or NetCDF (.nc) file, by its suffix; returns the path."""
-        path = Path(path)
+        path = files.path_of(path)
         if path.suffix.lower() == ".csv":
             text = io.StringIO()
             self.df.to_csv(text, index=False)

@@ -16,7 +16,7 @@ from stabctl._util.wording import counted
 from stabctl.dynamics import layout
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.errors import StudyError
+from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 
@@ -73,7 +73,10 @@ class Model:
 
     def response(self, hz: np.ndarray) -> np.ndarray:
         """Frequency response C (jw - A)^-1 B + D (frequencies, outputs, inputs), complex, at frequencies in Hz."""
-        one, jw = np.eye(len(self.A)), 2j * np.pi * np.asarray(hz, float)
+        try:
+            one, jw = np.eye(len(self.A)), 2j * np.pi * np.atleast_1d(np.asarray(hz, float))
+        except (TypeError, ValueError):
+            raise StudyError(f"{shown(hz)} is not a list of frequencies; give numbers in Hz: [0.5, 1.0].") from None
         return np.array([self.C @ np.linalg.solve(s * one - self.A, self.B) + self.D for s in jw])
 
     def save(self, path: str | Path) -> Path:
@@ -90,7 +93,7 @@ class Model:
         StudyError
             If the file has another ending, or its folder does not exist.
         """
-        path, file = Path(path), BytesIO()
+        path, file = files.path_of(path), BytesIO()
         matrices: dict[str, Any] = {k: getattr(self, k) for k in "ABCD"}
         labels: dict[str, Any] = {k: np.array(getattr(self, k), dtype=object) for k in ("states", "inputs", "outputs")}
         if path.suffix == ".npz":

@@ -20,7 +20,7 @@ def test_what_stood_in_a_file_stays_when_writing_fails(tmp_path: Path) -> None:
 def test_a_file_that_cannot_take_its_place_leaves_nothing(tmp_path: Path) -> None:
     folder = tmp_path / "taken"
     (folder / "inside").mkdir(parents=True)
-    with pytest.raises(OSError, match="directory"):
+    with pytest.raises(StudyError, match="taken cannot be written: Is a directory"):
         files.replace(folder, b"content")
     assert list(tmp_path.iterdir()) == [folder]
 

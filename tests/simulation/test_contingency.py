@@ -58,7 +58,7 @@ def test_other_events_are_records_or_text(two_area):
         (machine_trip, "14@2s", TripMachine(14, 2.0)),
         (load_step, "7:+50MW@1s", LoadStep(7, 1.0, 50.0)),
         (load_step, "7:-5e1mw@1s", LoadStep(7, 1.0, -50.0)),
-        (load_step, "7:10Mvar@100ms", LoadStep(7, 0.1, 0.0, 10.0)),
+        (load_step, "7:+10Mvar@100ms", LoadStep(7, 0.1, 0.0, 10.0)),
     ],
 )
 def test_text_of_events(read, text, made):

@@ -47,7 +47,7 @@ class TestTrajectory:
         with xr.open_dataset(traced.save(tmp_path / "run.nc"), engine="scipy") as stored:
             assert np.array_equal(stored["speed"], traced.arrays.speed)
             assert stored.attrs["outcome"] == "stable"
-        with pytest.raises(StudyError, match=r"give a name ending in \.csv or \.nc"):
+        with pytest.raises(StudyError, match=r"must end in \.csv or \.nc"):
             traced.save(tmp_path / "run.mat")
 
     def test_prints_itself_in_a_sentence(self, traced):

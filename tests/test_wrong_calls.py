@@ -1,0 +1,116 @@
+"""Calls that make no sense are answered with a sentence, not with a traceback or a silent result."""
+
+import pytest
+
+import stabctl as st
+from stabctl.errors import StudyError
+from stabctl.model.replicate import replicate
+from stabctl.simulation.notation import event
+
+
+@pytest.fixture(scope="module")
+def base():
+    return st.load("two_area").initialize()
+
+
+@pytest.fixture(scope="module")
+def run(base):
+    return base.simulate(until="0.1s")
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: st.LoadStep(7, "1MW", p=50), "'1MW' is not a time"),
+        (lambda: st.LoadStep(7, None, p=50), "None is not a time"),
+        (lambda: st.LoadStep(7, 1.0), "The load step at bus 7 has no power"),
+        (lambda: st.LoadStep(7, 1.0, p="50Hz"), "'50Hz' is not a power"),
+        (lambda: event("7:50MW@1s", 60.0), "is not an event"),
+        (lambda: st.EstimatorControl(3), "law = 3 is not a control law"),
+        (lambda: st.EstimatorControl(st.BangBang(), pmu=3), "pmu = 3 does not describe PMUs"),
+        (lambda: st.BangBang(deadband=None), "deadband = None"),
+        (lambda: st.load("two_area").with_storage("1e9MW"), "not realistic; give at most 1e\\+06 MW"),
+        (lambda: replicate(st.load("two_area"), "x"), "'x' copies of two_area are not possible"),
+        (lambda: st.load("two_area").set("pss.1.gain", 10), "pss has no column 'gain'; did you mean K"),
+        (lambda: st.load("two_area").set("pss.1.zzz", 10), "pss has no column 'zzz'; it has .*Vmin"),
+    ],
+)
+def test_records(call, says):
+    with pytest.raises(StudyError, match=says):
+        call()
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda run: run.save(None), "None is not the name of a file"),
+        (lambda run: run.save("none/such/run.csv"), "There is no folder 'none/such'"),
+        (lambda run: run.plot(ax=3), "ax = 3 is not a pair of axes"),
+        (lambda run: run.point.estimate(st.Contingency("7", clear="3cyc"), until=2, pmu=3), "pmu = 3"),
+        (lambda run: run.point.linearize("vref:2", "speed:2").response("x"), "'x' is not a list of frequencies"),
+        (lambda run: run.point.linearize("vref:2", "speed:2").save(None), "None is not the name of a file"),
+        (
+            lambda run: run.point.simulate(st.Contingency("7", clear="3cyc", at="1e99s")),
+            "must end after its last event",
+        ),
+        (lambda run: st.write(run.point.case, None), "None is not the name of a file or folder"),
+    ],
+)
+def test_results(run, call, says, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(StudyError, match=says):
+        call(run)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_cannot_be_created_is_a_sentence(run, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StudyError, match="file/case cannot be created"):
+        st.write(run.point.case, tmp_path / "file" / "case")
+
+
+def test_instants_and_powers_of_records_are_text_too(base):
+    text, number = st.LoadStep(7, "60cyc", p="50MW", q="20Mvar"), st.LoadStep(7, 1.0, p=50.0, q=20.0)
+    assert (text.p, text.q) == (50.0, 20.0)
+    assert base.simulate(text, 1.5).rows.tobytes() == base.simulate(number, 1.5).rows.tobytes()
+    assert st.Contingency("7", "3cyc", events=[text]).others(base.case) == (number,)
+
+
+def test_a_branch_without_reactance_is_a_warning():
+    case = st.load("two_area").set("branches.7-8.x", 0)
+    assert [text for text in case.warnings if "7-8: x = 0 is unusual" in text]
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("modes", "two_area", "--band", "0", "0"), "The band from 0 to 0 Hz is empty"),
+        (("simulate", "two_area", "--control", "none", "--deadband", "5"), "have no effect with --control none"),
+        (("tables", "nothing"), "There is no table or case 'nothing'"),
+    ],
+)
+def test_commands(stabctl, words, says):
+    code, out, err = stabctl(*words)
+    assert (code, out) == (2, "")
+    assert says in err
+
+
+def test_a_file_that_cannot_be_written_is_said_before_the_work(stabctl, tmp_path, monkeypatch):
+    def refuse(**_):
+        raise OSError(13, "Permission denied")
+
+    def work(*_, **__):
+        raise AssertionError("began to simulate")
+
+    monkeypatch.setattr("stabctl._util.files.tempfile.mkstemp", refuse)
+    monkeypatch.setattr("stabctl.simulation.simulate.simulate", work)
+    code, _, err = stabctl("simulate", "two_area", "--out", tmp_path / "run.csv")
+    assert code == 2
+    assert "run.csv cannot be written: Permission denied" in err
+
+
+def test_tables_of_a_case(stabctl):
+    code, out, _ = stabctl("tables", "two_area")
+    assert code == 0
+    assert "pss.csv" in out
+    assert "gensal.csv" not in out
