@@ -1,7 +1,7 @@
 """Figures of the equal-area criterion (the paper's Figures 4, 5 and 9)."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from stabctl.theory.equal_area import EqualArea
 from stabctl.theory.swing_curve import SwingCurve
@@ -50,7 +50,13 @@ def plot(area: EqualArea, *, title: str = "", ax: "Axes | None" = None) -> "Axes
     sizes = f"$A_1$ = {area.A1:.4f}, $A_2$ = {area.A2:.4f} pu rad: {result}"
     ax.set_title(f"{title}{sizes}", fontsize="medium", loc="left", pad=24)
     ax.set(xlim=(0, area.angle[-1]), ylim=(0, 1.1 * max(lifted.max(), area.Pm)), xlabel=ANGLE, ylabel="power (pu)")
-    legend = {"loc": "lower left", "bbox_to_anchor": (-0.02, 0.98), "ncols": 6, "columnspacing": 1, "handlelength": 1.6}
+    legend: Any = {
+        "loc": "lower left",
+        "bbox_to_anchor": (-0.02, 0.98),
+        "ncols": 6,
+        "columnspacing": 1,
+        "handlelength": 1.6,
+    }
     ax.legend(**legend, frameon=False, fontsize="small")
     return ax
 
@@ -60,7 +66,8 @@ def in_time(area: EqualArea, curve: SwingCurve) -> "Figure":
     import matplotlib.pyplot as plt
 
     figure = plt.figure(figsize=(12, 5), layout="constrained")
-    left, right = figure.subfigures(1, 2)
+    parts: Any = figure.subfigures(1, 2)
+    left, right = parts
     first = left.subplots()
     tidy(first)
     plot(area, title="(a) ", ax=first)

@@ -1,8 +1,8 @@
 """Figures of the minimum-time control (the paper's Figures 10 and 11)."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from numpy.typing import NDArray
+import numpy as np
 
 from stabctl.errors import StudyError
 from stabctl.theory.minimum_time import MinimumTime
@@ -40,7 +40,8 @@ def plot(control: MinimumTime) -> "Figure":
     if not control.feasible:
         raise StudyError(f"There is nothing to plot. {control.outcome}")
     figure = plt.figure(figsize=(9, 8), layout="constrained")
-    upper, lower = figure.subfigures(2, 1, height_ratios=(2, 1))
+    parts: Any = figure.subfigures(2, 1, height_ratios=(2, 1))
+    upper, lower = parts
     _states(upper.subplots(2, 2, sharex=True), control)
     power(control, ax=lower.subplots())
     return figure
@@ -64,7 +65,7 @@ def power(control: MinimumTime, *, ax: "Axes | None" = None) -> "Axes":
     return ax
 
 
-def _states(axes: "NDArray[Axes]", control: MinimumTime) -> None:
+def _states(axes: np.ndarray, control: MinimumTime) -> None:
     """Fill four axes."""
     rows = control.x1, control.x2, control.lambda1, control.lambda2
     for ax, name, y in zip(axes.flat, STATES, rows, strict=True):

@@ -1,7 +1,7 @@
 """Figure of a mode shape: the speeds of the machines as arrows."""
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from stabctl.smallsignal import Mode, Part
 
@@ -46,7 +46,7 @@ def plot(mode: Mode, *, ax: "PolarAxes | None" = None) -> "PolarAxes":
     for p, at in zip(named, spread([p.angle_deg for p in named], GAP), strict=True):
         rim, angle = math.radians(at), math.radians(p.angle_deg)
         ax.plot((angle, rim), (p.magnitude, 1.06), color=GRAY, linewidth=0.6, clip_on=False, zorder=2)
-        text = {"color": _color(p, lead), "ha": "center", "va": "center", "fontsize": "small"}
+        text: Any = {"color": _color(p, lead), "ha": "center", "va": "center", "fontsize": "small"}
         ax.text(rim, 1.17, str(p.machine), **text)
     return ax
 
@@ -75,7 +75,8 @@ def _new() -> "PolarAxes":
     """Polar axes with room for the numbers around the rim."""
     import matplotlib.pyplot as plt
 
-    return plt.figure(figsize=(3, 3)).add_axes((0.12, 0.12, 0.76, 0.76), projection="polar")
+    axes: Any = plt.figure(figsize=(3, 3)).add_axes((0.12, 0.12, 0.76, 0.76), projection="polar")
+    return axes
 
 
 def _with(p: Part, lead: float) -> bool:

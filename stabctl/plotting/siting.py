@@ -1,6 +1,6 @@
 """Figures of a siting study: ratings by site compared with the uniform fleet, and cost by iteration."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from stabctl.placement.siting import Siting
 
@@ -48,7 +48,7 @@ def convergence(siting: Siting, *, ax: "Axes | None" = None) -> "Axes":
     """Plot the cost of the fleet at each iteration of the siting program; arguments as for `plot`."""
     rounds = range(1, len(siting.history) + 1)
     ax = single(ax, WIDTH, 3.4)
-    drawn = {
+    drawn: dict[str, tuple[list[float], Any]] = {
         "plan": ([r.planned for r in siting.history], {"marker": "v", "color": COLORS[4]}),
         "plan scaled until stable": ([r.reached for r in siting.history], {"marker": "o", "color": COLORS[1]}),
         "best so far": ([r.best for r in siting.history], {"drawstyle": "steps-post", "color": COLORS[0]}),
@@ -56,7 +56,7 @@ def convergence(siting: Siting, *, ax: "Axes | None" = None) -> "Axes":
     for name, (costs, look) in drawn.items():
         ax.plot(rounds, costs, label=name, markersize=4, linewidth=1.3, **look)
     ax.axhline(siting.lower_bound, color=GRAY, linestyle="--", linewidth=1, label="estimated lower bound")
-    ax.xaxis.get_major_locator().set_params(integer=True)
+    ax.locator_params(axis="x", integer=True)
     ax.set_xlabel("iteration")
     ax.set_ylabel("cost" if siting.lower_bound_mw is None or siting.costs.mw != 1 else "total rating (MW)")
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1), ncols=2, frameon=False, fontsize="small")

@@ -3,15 +3,15 @@
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from stabctl._util import files
 from stabctl.errors import StudyError, shown
 
 if TYPE_CHECKING:
+    import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8c564b")  # Okabe-Ito
 GRAY = "#808080"
@@ -20,8 +20,8 @@ DPI = 150
 
 
 def subplots(
-    width: float, height: float, rows: int = 1, columns: int = 1, **options: object
-) -> "tuple[Figure, NDArray[Axes]]":
+    width: float, height: float, rows: int = 1, columns: int = 1, **options: Any
+) -> "tuple[Figure, np.ndarray]":
     """Return a pyplot figure of a size in inches and its axes (rows, columns); options are pyplot's."""
     import matplotlib.pyplot as plt
 
@@ -52,6 +52,16 @@ def legend_beside(ax: "Axes", labels: Sequence[str]) -> None:
         ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize="small")
 
 
+def whole(drawn: "Figure | Axes") -> "Figure":
+    """The figure itself, or the one that axes are on."""
+    from matplotlib.figure import SubFigure
+
+    figure = drawn.figure
+    while isinstance(figure, SubFigure):
+        figure = figure.figure
+    return figure
+
+
 def save(drawn: "Figure | Axes", path: str | Path, dpi: int = DPI) -> Path:
     """Write a figure in the format of the file's suffix, and close it.
 
@@ -79,11 +89,11 @@ def save(drawn: "Figure | Axes", path: str | Path, dpi: int = DPI) -> Path:
 
     path, image = files.path_of(path), io.BytesIO()
     try:
-        drawn.figure.savefig(image, format=path.suffix.removeprefix(".").lower() or None, dpi=dpi)
+        whole(drawn).savefig(image, format=path.suffix.removeprefix(".").lower() or None, dpi=dpi)
         files.replace(path, image.getvalue())
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
         raise StudyError(f"The figure {path} cannot be written: {reason}.") from None
     finally:
-        plt.close(drawn.figure)
+        plt.close(whole(drawn))
     return path

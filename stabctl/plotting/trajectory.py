@@ -1,7 +1,7 @@
 """Figures of simulations: one signal, an overview, several runs side by side, storage device by device."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -115,7 +115,7 @@ def _draw(ax: "Axes", run: Trajectory, signal: str, machines: Sequence[int] | No
     times, values = _with_jumps(run, values) if signal in JUMPING else (run.time, values)
     thin = [color in (GRAY, MANY) for color in colors]
     for k in sorted(range(len(names)), key=thin.__getitem__):
-        look = {"linewidth": 0.6, "zorder": 1.9} if thin[k] else {"linewidth": 1.3}
+        look: Any = {"linewidth": 0.6, "zorder": 1.9} if thin[k] else {"linewidth": 1.3}
         ax.plot(times, values[:, k], color=colors[k], label=None if thin[k] else names[k], **look)
     if GRAY in colors:
         ax.lines[-1].set_label("the others")
@@ -154,7 +154,7 @@ def _mark_events(ax: "Axes", run: Trajectory) -> None:
     for now, later in zip(changes, [*changes[1:], None], strict=True):
         if now.switching.faulted:
             off = later.at if later else end
-            look = {"color": COLORS[4], "alpha": 0.35, "linewidth": 0}
+            look: Any = {"color": COLORS[4], "alpha": 0.35, "linewidth": 0}
             ax.axvspan(now.at, off, label=_once(labels, "fault on"), **look)
         elif now.at > 0:
             label = _once(labels, "clearing" if faulted else "switching")

@@ -3,9 +3,9 @@
 import hashlib
 import io
 import re
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from stabctl.plotting.style import COLORS, GRAY
+from stabctl.plotting.style import COLORS, GRAY, whole
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -21,7 +21,7 @@ VARIABLES = {  # color of the figure -> variable of the page, which has another 
     COLORS[2]: "c",
     COLORS[4]: "d",
 }
-OPTIONS = {"svg.fonttype": "none", "svg.hashsalt": "stabctl"}
+OPTIONS: Any = {"svg.fonttype": "none", "svg.hashsalt": "stabctl"}
 NO_METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))
 
 
@@ -32,8 +32,8 @@ def svg(drawn: "Figure | Axes", label: str) -> "Markup":
 
     image = io.StringIO()
     with plt.rc_context(OPTIONS):
-        drawn.figure.savefig(image, format="svg", transparent=True, metadata=NO_METADATA)
-    plt.close(drawn.figure)
+        whole(drawn).savefig(image, format="svg", transparent=True, metadata=NO_METADATA)
+    plt.close(whole(drawn))
     text = image.getvalue()
     text = text[text.index("<svg") :]
     text = re.sub(r"\s*<metadata>.*?</metadata>|\s*<defs>\s*<style.*?</style>\s*</defs>", "", text, flags=re.DOTALL)
@@ -42,6 +42,6 @@ def svg(drawn: "Figure | Axes", label: str) -> "Markup":
     text = re.sub(r'(id="|url\(#|href="#)', rf"\g<1>f{unique}", text)
     for color, variable in VARIABLES.items():
         text = text.replace(color, f"var(--{variable})")
-    size = re.match(r'<svg[^>]*? width="([\d.]+)pt"', text)[1]
+    size = re.findall(r'<svg[^>]*? width="([\d.]+)pt"', text)[0]
     opening = f'<svg role="img" aria-label="{escape(label)}" style="width:{size}pt"'
     return Markup(re.sub(r"^<svg(?=[ >])", opening, re.sub(r' (?:width|height)="[\d.]+pt"', "", text, count=2)))

@@ -19,6 +19,7 @@ from .minimum_time import (
     solution,
     stop_angle,
 )
+from .stops import stops
 
 TOL = 1e-8  # relative residual of the collocation
 
@@ -68,7 +69,7 @@ def _absorbing(p: MinimumTimeProblem) -> tuple[Array, Array]:
     def rest(_t: float, y: Array) -> float:
         return y[1]
 
-    rest.terminal, rest.direction = True, -1
+    stops(rest, -1)
     span, start = (0, 100 * math.sqrt(p.M / p.Pmax)), (p.x1, p.x2, 0.0, 0.0)
     T = solve_ivp(lambda _, y: rates(p, y, p.Pc_max), span, start, events=rest, **TIGHT).t[-1]
     end = np.array([stop_angle(p), 0.0, 0.0, 1.0])
@@ -101,7 +102,8 @@ def _collocate(
     lengths = np.array([t[-1] - t[0] for t, _ in guess])
     y = np.vstack([[np.interp(t[0] + tau * (t[-1] - t[0]), t, row) for row in y] for t, y in guess])
     found = solve_bvp(field, ends, tau, y, p=lengths, tol=tol, max_nodes=20000)
-    if not found.success or found.p.min() <= 0 or found.y[1::4].min() < -1e-6 * p.x2:
+    lengths = np.asarray(found.p)
+    if not found.success or lengths.min() <= 0 or found.y[1::4].min() < -1e-6 * p.x2:
         raise StudyError(f"The collocation did not converge ({found.message.rstrip('.')}); use shooting.")
-    begins = np.concatenate([[0.0], np.cumsum(found.p)])
-    return [(begins[k] + found.p[k] * found.x, found.y[4 * k : 4 * k + 4], Pc) for k, Pc in enumerate(powers)]
+    begins = np.concatenate([[0.0], np.cumsum(lengths)])
+    return [(begins[k] + lengths[k] * found.x, found.y[4 * k : 4 * k + 4], Pc) for k, Pc in enumerate(powers)]

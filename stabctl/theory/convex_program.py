@@ -52,7 +52,7 @@ class SpeedProgram:
             cp.abs(self.x1 - self.motion) <= self.radius,
         ]
         self.problem = cp.Problem(cp.Minimize(self.z[n]), constraints)
-        if not self.problem.is_dcp(dpp=True):
+        if not self.problem.is_dpp():
             raise AssertionError("the program must be convex with its parameters (DPP)")
 
     def move(self, T: float, Pc: Array) -> tuple[Array, float]:
@@ -84,9 +84,9 @@ class SpeedProgram:
                 break
             if self.problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
                 break
-            if speed - float(self.z.value[-1]) / h < 1e-9 * p.x2:
+            if speed - float(np.asarray(self.z.value)[-1]) / h < 1e-9 * p.x2:
                 break
-            tried = np.clip(self.Pc.value, p.Pc_min, p.Pc_max)
+            tried = np.clip(np.asarray(self.Pc.value), p.Pc_min, p.Pc_max)
             moved, slower = self.move(T, tried)
             if slower < speed:
                 motion, speed, Pc = moved, slower, tried
@@ -100,8 +100,8 @@ def by_convex_program(p: MinimumTimeProblem, n: int = 100, resolution: float = 1
     if math.isnan(stop_angle(p)):
         return DiscreteMinimumTime(infeasible(p).outcome, math.nan, np.empty(0))
     if p.x2 < 0:
-        found = by_convex_program(p.mirrored(), n, resolution)
-        return DiscreteMinimumTime(found.outcome, found.duration, -found.Pc)
+        mirrored = by_convex_program(p.mirrored(), n, resolution)
+        return DiscreteMinimumTime(mirrored.outcome, mirrored.duration, -mirrored.Pc)
     program = SpeedProgram(p, n)
     low = p.x2 / float((p.Pmax - p.Pm) / p.M + p.Pc_max / p.M1)
     high, Pc = low, np.full(n, p.Pc_max)

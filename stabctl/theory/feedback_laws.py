@@ -140,8 +140,9 @@ def respond(m: OMIB, clearing: float, law: FeedbackLaw, *, until: float = 5.0) -
     if curve.stable and len(peaks) > 1 and peaks[1] > m.stable:
         decrement = math.log((peaks[0] - m.stable) / (peaks[1] - m.stable))
         damping = decrement / math.hypot(2 * math.pi, decrement)
-    extremes = (float(x) for x in (curve.angle.max(), curve.angle.min(), curve.speed.max(), curve.speed.min()))
-    return FeedbackResponse(law.name, curve.stable, *extremes, damping, curve)
+    high, low = float(curve.angle.max()), float(curve.angle.min())
+    fast, slow = float(curve.speed.max()), float(curve.speed.min())
+    return FeedbackResponse(law.name, curve.stable, high, low, fast, slow, damping, curve)
 
 
 def compare(

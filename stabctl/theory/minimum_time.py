@@ -18,7 +18,7 @@ The same problem is solved by three methods: shooting.py, collocation.py and con
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from annotated_types import Interval
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Arcs = list[tuple[Array, Array, float]]  # times (n,), (x1, x2, lambda1, lambda2) (4, n), P_C
-TIGHT = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
+TIGHT: dict[str, Any] = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
 SMALLEST = 1e-6  # rad/s   a lower speed counts as rest
 DEVICE = Interval(ge=-1e3, le=1e3)  # pu, wide enough for every device
 
@@ -177,4 +177,5 @@ def solution(p: MinimumTimeProblem, arcs: Arcs) -> MinimumTime:
         else "without a switch"
     )
     outcome = f"The speed is zero {t[-1]:.6f} s after clearing, at {y[0, -1]:.6f} rad, {how}."
-    return MinimumTime(outcome, float(t[-1]), switches, t, *y, Pc, hamiltonian(p, y, Pc))
+    x1, x2, lambda1, lambda2 = y
+    return MinimumTime(outcome, float(t[-1]), switches, t, x1, x2, lambda1, lambda2, Pc, hamiltonian(p, y, Pc))

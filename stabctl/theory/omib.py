@@ -8,7 +8,7 @@ delta is the rotor angle in rad, omega its rate in rad/s; powers are in pu on on
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Interval
@@ -26,7 +26,7 @@ FREQUENCY = Interval(ge=1.0, le=1e3)
 
 LONGEST = 60.0  # s   longest fault
 
-TIGHT = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-12}
+TIGHT: dict[str, Any] = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-12}
 
 
 @dataclass(frozen=True)

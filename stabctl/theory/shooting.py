@@ -7,6 +7,7 @@ beyond the limit angle, the family continues with lambda1 >= 0 at the limit. Of 
 
 import math
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -15,6 +16,7 @@ from scipy.optimize import brentq
 from stabctl.errors import StudyError
 
 from .minimum_time import TIGHT, Arcs, Array, MinimumTime, MinimumTimeProblem, infeasible, rates, solution, stop_angle
+from .stops import stops
 
 
 def by_shooting(p: MinimumTimeProblem) -> MinimumTime:
@@ -65,13 +67,14 @@ def _backward(p: MinimumTimeProblem, end: Array, step: float = math.inf) -> Arcs
     def switch(_t: float, y: Array) -> float:
         return y[3]
 
-    angle.terminal = rest.terminal = switch.terminal = True
-    rest.direction = switch.direction = -1
+    stops(angle)
+    stops(rest, -1)
+    stops(switch, -1)
     longest = 100 * math.sqrt(p.M / p.Pmax)
     arcs, t, y = [], 0.0, end
-    options = {"max_step": step, "dense_output": True, **TIGHT}
+    options: dict[str, Any] = {"max_step": step, "dense_output": True, **TIGHT}
     for Pc, events in ((p.Pc_max, (angle, rest, switch)), (p.Pc_min, (angle, rest))):
-        run = solve_ivp(lambda _, y, Pc=Pc: -rates(p, y, Pc), (t, longest), y, events=events, **options)
+        run: Any = solve_ivp(lambda _, y, Pc=Pc: -rates(p, y, Pc), (t, longest), y, events=events, **options)
         times, path = run.t, run.y
         if run.t_events[0].size == 0 and path[0, -1] < p.x1:  # the angle was passed twice within the last step
             t = brentq(lambda t, run=run: run.sol(t)[0] - p.x1, times[-2], times[-1], xtol=1e-15)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,7 @@ from stabctl._util.verbs import verb
 from stabctl.errors import StudyError
 
 from .omib import OMIB, TIGHT
+from .stops import stops
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -125,7 +126,8 @@ def swing_curve(
     rows = np.hstack(parts)
     if rests and not decide and rows[0, -1] == rests[-1][0] < until:
         rows = np.column_stack([rows, (until, rest, 0.0, 0.0, m.Pm - m.Pmax_post * np.sin(rest))])
-    return SwingCurve(*rows, clearing, min(lost, default=np.inf), tuple(rests))
+    t, angle, speed, acceleration, power = rows
+    return SwingCurve(t, angle, speed, acceleration, power, clearing, min(lost, default=np.inf), tuple(rests))
 
 
 @dataclass(frozen=True)
@@ -161,10 +163,11 @@ class _Arc:
         def limit(_t: float, y: NDArray[np.float64]) -> float:
             return (unstable - y[0]) * (y[0] - unstable + 2 * np.pi)
 
-        rest.terminal, rest.direction, limit.terminal = to_rest, -self.sign, to_limit
+        stops(rest, -self.sign, when=to_rest)
+        stops(limit, when=to_limit)
         step = 0.2 * np.sqrt(self.m.M / self.m.Pmax_post)
-        run = solve_ivp(rates, span, y, events=(extreme, rest, limit), dense_output=True, max_step=step, **TIGHT)
-        even = np.linspace(*run.t[[0, -1]], 2 + int(20 * (run.t[-1] - run.t[0]) / step))
+        run: Any = solve_ivp(rates, span, y, events=(extreme, rest, limit), dense_output=True, max_step=step, **TIGHT)
+        even = np.linspace(run.t[0], run.t[-1], 2 + int(20 * (run.t[-1] - run.t[0]) / step))
         t = run.t if to_limit else np.union1d(np.union1d(even, run.t), run.t_events[EXTREME])
         angle, speed = run.sol(t)
         if run.t_events[REST].size and to_rest:
