@@ -166,7 +166,9 @@ class _Arc:
         stops(rest, -self.sign, when=to_rest)
         stops(limit, when=to_limit)
         step = 0.2 * np.sqrt(self.m.M / self.m.Pmax_post)
-        run: Any = solve_ivp(rates, span, y, events=(extreme, rest, limit), dense_output=True, max_step=step, **TIGHT)
+        run: Any = solve_ivp(
+            rates, span, np.asarray(y, float), events=(extreme, rest, limit), dense_output=True, max_step=step, **TIGHT
+        )
         even = np.linspace(run.t[0], run.t[-1], 2 + int(20 * (run.t[-1] - run.t[0]) / step))
         t = run.t if to_limit else np.union1d(np.union1d(even, run.t), run.t_events[EXTREME])
         angle, speed = run.sol(t)
