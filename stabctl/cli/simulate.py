@@ -101,11 +101,15 @@ def _show(result: "Trajectory", as_json: bool, written: list[Path]) -> None:
         return
     from rich.table import Table
 
+    from stabctl.simulation import steps
+
     table = Table("", result.point.case.name, show_header=True)
     table.add_row("outcome", end.kind.value.replace("_", " "))
     table.add_row("", end.message)
     table.add_row("largest change of angle from the COI", f"{result.max_angle_from_coi_deg:.1f} degrees")
     table.add_row("simulated", f"{result.steps} steps in {result.wall_s:.3f} s")
+    if result.step < steps.STEP / 4:
+        table.add_row("short time step", f"{1e3 * result.step:.3g} ms{steps.forced_by(result.point)}")
     for path in written:
         table.add_row("written", str(path))
     shared.console().print(table)

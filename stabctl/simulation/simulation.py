@@ -11,7 +11,7 @@ from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.program import program
 from stabctl.errors import StudyError
 
-from . import stepper, voltages
+from . import stepper, steps, voltages
 from .contingency import Disturbance, schedule
 from .criterion import DEFAULT, Criterion, frequency_range
 from .outcome import End, Outcome, outcome
@@ -22,12 +22,9 @@ from .topology import stage
 from .trajectory import Happened, Trajectory
 from .wired import wired
 
-STEP = 1 / 120  # s   default
-LEAST_STEP = 1e-7  # s
 MOST = 50_000_000  # largest number of steps of a run
 NO_ROWS = np.empty((0, 0))
 AT_ONCE = 1200  # steps per call of the compiled loop; Ctrl-C and progress are handled in between
-REACH = 2.5  # largest |step * eigenvalue| allowed for RK4, with a margin (it is unstable above 2.785)
 
 
 class Simulation:
@@ -72,7 +69,7 @@ class Simulation:
     ) -> None:
         self.progress = progress
         self.point, self.criterion, self.recording = point, Criterion(*map(float, criterion)), record
-        self.step = _checked_step(point, step)
+        self.step = steps.checked(point, step)
         self.changes = timeline(point.case, schedule(point.case, events))
         self.time, self.wall_s, self.steps = start, 0.0, 0
         self.outcome: Outcome | None = None
@@ -165,14 +162,17 @@ class Simulation:
             self._program = self._program._replace(k=k)
 
     def _segment(self, target: float) -> None:
-        steps = max(1, int(np.ceil((target - self.time) / self.step - 1e-6)))
-        if steps > MOST:
-            raise StudyError(f"{steps:.2g} steps to {target:g} s are too many; choose a longer step or a shorter run.")
-        start, h, done = self.time, (target - self.time) / steps, 0
-        while done < steps and self.outcome is None:
-            verdict, made = self._call(h, min(steps - done, AT_ONCE), False)
+        count = max(1, int(np.ceil((target - self.time) / self.step - 1e-6)))
+        if count > MOST:
+            forced = steps.forced_by(self.point) if self.step < steps.STEP else ""
+            raise StudyError(
+                f"{count:.2g} steps to {target:g} s are too many{forced}; choose a longer step or a shorter run."
+            )
+        start, h, done = self.time, (target - self.time) / count, 0
+        while done < count and self.outcome is None:
+            verdict, made = self._call(h, min(count - done, AT_ONCE), False)
             done += made
-            self.time = target if done == steps else start + h * done
+            self.time = target if done == count else start + h * done
             self.steps += made
             if verdict in (stepper.RUNAWAY, stepper.FREQUENCY) and self._alone():
                 self._take_off(verdict)
@@ -240,20 +240,6 @@ class Simulation:
         p = kept["newton"]._replace(k=self._program.k)
         q = self._space
         return voltages.newton(p.current, p, self.wired.frame, self._stage.net, q, newton_space(q))
-
-
-def _checked_step(point: OperatingPoint, step: float | None) -> float:
-    longest = REACH / point.fastest
-    if step is None:
-        return min(STEP, longest / 2)
-    if not LEAST_STEP <= step < np.inf:
-        raise StudyError(f"The step {step:g} s is not allowed; it must be at least {LEAST_STEP:g} s.")
-    if step > longest:
-        raise StudyError(
-            f"The step {step:.4g} s is too long for {point.case.name}, whose fastest eigenvalue is near "
-            f"{point.fastest:.0f} 1/s; give at most {longest:.3g} s."
-        )
-    return step
 
 
 def run(

@@ -172,3 +172,11 @@ def test_help_names_every_command(stabctl):
     code, out, _ = stabctl("--help")
     assert code == 0
     assert all(name in out for name in ("cases", "powerflow", "simulate", "clearing-time"))
+
+
+def test_a_short_time_step_names_its_cause(stabctl):
+    code, out, _ = stabctl("simulate", "two_area", "--until", "0.01", "--set", "genrou.3.T2d=2e-5")
+    assert code == 0
+    assert "short time step" in out
+    assert "T2d = 2e-05 s of genrou" in out
+    assert "short time step" not in stabctl("simulate", "two_area", "--until", "0.01")[1]

@@ -8,7 +8,7 @@ from comparison import KEEP_ON
 
 from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
-from stabctl.simulation import simulation
+from stabctl.simulation import steps
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.events import (
@@ -90,7 +90,7 @@ class TestTime:
 
 class TestLimitsOfTheStep:
     def test_steps(self, two_area):
-        longest = simulation.REACH / two_area.fastest
+        longest = steps.REACH / two_area.fastest
         with pytest.raises(StudyError, match=r"^The step 0\.05 s is too long for two_area, whose fastest eigenvalue"):
             run(two_area, step=0.05)
         for bad in (0.0, -0.1, float("nan"), float("inf")):
@@ -98,12 +98,25 @@ class TestLimitsOfTheStep:
                 run(two_area, step=bad)
         assert run(two_area, [LoadStep(7, 0.1, 10.0)], 1.0, step=0.99 * longest).outcome.kind == "stable"
 
+    @pytest.mark.parametrize(
+        ("path", "value", "says"),
+        [
+            ("genrou.3.T2d", 2e-5, r"T2d = 2e-05 s of genrou, machine 3 at bus 3\)"),
+            ("sexs.2.TR", 1.1e-3, r"TR = 0.0011 s of sexs, machine 2 at bus 2; a control lag below 1 ms is bypassed\)"),
+        ],
+    )
+    def test_a_short_step_names_the_time_constant_that_forces_it(self, cases, path, value, says):
+        point = operating_point.solve(cases("two_area").set(path, value))
+        assert steps.checked(point, None) < steps.STEP
+        with pytest.raises(StudyError, match=says):
+            run(point, step=0.01)
+
     def test_the_longest_step_is_carried_and_twice_as_long_would_not_be(self, two_area, monkeypatch):
-        longest = simulation.REACH / two_area.fastest
+        longest = steps.REACH / two_area.fastest
         events = [LoadStep(7, 0.1, 10.0)]
         carried = run(two_area, events, 3.0, step=longest, criterion=KEEP_ON)
         assert np.abs(np.diff(carried.arrays.Efd[-20:], axis=0)).max() < 0.01
-        monkeypatch.setattr(simulation, "REACH", 10.0)
+        monkeypatch.setattr(steps, "REACH", 10.0)
         wild = run(two_area, events, 3.0, step=2 * longest, criterion=KEEP_ON)
         assert np.abs(wild.arrays.Efd[-1] - carried.arrays.Efd[0]).max() > 2.5
 
