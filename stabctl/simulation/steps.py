@@ -36,7 +36,7 @@ def forced_by(point: OperatingPoint) -> str:
 
 
 def cause(point: OperatingPoint) -> str:
-    """The time constant that explains the fastest eigenvalue: `T2d = 1e-05 s of genrou, machine 3 at bus 3`; empty if none."""
+    """The time constant behind the fastest eigenvalue: `T2d = 1e-05 s of genrou, machine 3 at bus 3`; empty if none."""
     best, text = NEAR, ""
     for f in point.system.families:
         columns = [(name, field) for name, field in hints(f.device.Par).items() if field and field.unit == "s"]
