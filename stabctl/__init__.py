@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from stabctl.dynamics.coerce import initialize
     from stabctl.dynamics.operating_point import OperatingPoint
     from stabctl.errors import StabctlError
+    from stabctl.estimation.bad_pmu import BadPmu
     from stabctl.estimation.estimate import estimate
     from stabctl.estimation.estimates import Estimates
     from stabctl.estimation.estimator_control import EstimatorControl
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     from stabctl.sweep.sweep import run_sweep
 
 _WHERE = {
+    "BadPmu": "estimation.bad_pmu:BadPmu",
     "BangBang": "controllers:BangBang",
     "Case": "model.case:Case",
     "Clear": "simulation.events:Clear",

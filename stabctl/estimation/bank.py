@@ -1,137 +1,161 @@
-"""Kalman filters of all machines and seeds: one filterpy filter each, or all at once with the same numbers.
+"""Extended Kalman filters of all machines and seeds: one filterpy filter each, or all at once with the same numbers.
 
-    predict   x = F x + B u,  P = F P F' + Q
-    gate      y = z - h x (wrapped), S = h P h' + R, NIS = y^2/S; a report beyond the 0.999 quantile of chi-square(1) is
-              rejected; after two rejections in a row the third is accepted with a larger covariance (P + y^2 reset)
-    update    K = P h'/S, x = x + K y, P = (1 - K h) P (1 - K h)' + K R K', h = [1 0 0 1]
+    predict   x = f(x), P = F P F' + Q
+    gate      y = z - h(x) (wrapped), S = h P h' + R, NIS = y^2/S; a report beyond the 0.999 quantile of chi-square(1)
+              is rejected; after two rejections in a row the third is accepted with a larger covariance (P + y^2 reset)
+    update    K = P h'/S, x = x + K y, P = (1 - K h) P (1 - K h)' + K R K', h = dh/dx
 A lost report is a prediction without an update.
 """
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy.special import chdtri
 
-from .noise import REJECTED, SwingModel
+from .swing import REJECTED, STATES
 
 GATE = float(chdtri(1, 0.001))  # 0.999 quantile of chi-square with one degree of freedom
-h = np.array([[1.0, 0.0, 0.0, 1.0]])
+
+
+class Seen(NamedTuple):
+    """Measured angles, arrays (seeds, machines)."""
+
+    angle: np.ndarray  # rad
+    expected: np.ndarray  # rad   h(x)
+    slope: np.ndarray  # (seeds, machines, 5)   dh/dx
+    variance: np.ndarray  # rad^2
+    received: np.ndarray  # bool
 
 
 class Bank(Protocol):
     """Filters of (seeds, machines)."""
 
-    x: np.ndarray  # (seeds, machines, 4)
-    P: np.ndarray  # (seeds, machines, 4, 4)
-
-    def predict(self, u: np.ndarray, F: np.ndarray, Q: np.ndarray) -> None:
-        """Advance one frame; u (seeds, machines, 4) as in `SwingModel`, F and Q (seeds, machines, 4, 4)."""
+    @property
+    def x(self) -> np.ndarray:
+        """States (seeds, machines, 5)."""
         ...
 
-    def update(self, z: np.ndarray, R: np.ndarray, received: np.ndarray) -> np.ndarray:
-        """Use the angles z (rad, variance R) that were received; the NIS (seeds, machines), NaN if lost."""
+    @property
+    def P(self) -> np.ndarray:
+        """Covariances (seeds, machines, 5, 5)."""
         ...
 
-    def accept_next(self, where: np.ndarray) -> None:
-        """Let these filters accept the next report unconditionally."""
+    def predict(self, x: np.ndarray, F: np.ndarray, Q: np.ndarray) -> None:
+        """Advance one frame, to the states x (seeds, machines, 5); F and Q (seeds, machines, 5, 5)."""
+        ...
+
+    def update(self, seen: Seen) -> np.ndarray:
+        """Use the angles that were received; the NIS (seeds, machines), NaN if lost."""
+        ...
+
+    def restart(self, x: np.ndarray, P: np.ndarray) -> None:
+        """Go on from these states and covariances."""
         ...
 
 
 class Batched:
     """All filters at once, in numpy."""
 
-    def __init__(self, model: SwingModel, x: np.ndarray, P: np.ndarray) -> None:
-        self.model, self.x, self.P = model, x.copy(), P.copy()
+    def __init__(self, x: np.ndarray, P: np.ndarray, reset: np.ndarray) -> None:
+        self.x, self.P, self._reset = x.copy(), P.copy(), reset
         self._rejected = np.zeros(x.shape[:2], int)
 
-    def predict(self, u: np.ndarray, F: np.ndarray, Q: np.ndarray) -> None:
+    def predict(self, x: np.ndarray, F: np.ndarray, Q: np.ndarray) -> None:
         """As in `Bank`."""
-        self.x = (F @ self.x[..., None] + self.model.B @ u[..., None])[..., 0]
+        self.x = x
         self.P = F @ self.P @ F.swapaxes(-1, -2) + Q
 
-    def update(self, z: np.ndarray, R: np.ndarray, received: np.ndarray) -> np.ndarray:
+    def update(self, seen: Seen) -> np.ndarray:
         """As in `Bank`."""
-        row = self.P[..., 0] + self.P[..., 3]  # h P
-        S = row[..., 0] + row[..., 3] + R
-        y = wrapped(z - self.x[..., 0] - self.x[..., 3])
+        h, received = seen.slope, seen.received
+        row = (self.P @ h[..., None])[..., 0]
+        S = (h * row).sum(-1) + seen.variance
+        y = wrapped(seen.angle - seen.expected)
         nis = y * y / S
         accepted, beyond = received, received & (nis > GATE)
         if beyond.any():
             reset = beyond & (self._rejected >= REJECTED)
             accepted = received & (~beyond | reset)
-            self.P += (reset * y * y)[..., None, None] * self.model.reset
-            row = self.P[..., 0] + self.P[..., 3]
-            S = row[..., 0] + row[..., 3] + R
+            self.P[..., range(STATES), range(STATES)] += (reset * y * y)[..., None] * self._reset
+            row = (self.P @ h[..., None])[..., 0]
+            S = (h * row).sum(-1) + seen.variance
         self._rejected = (self._rejected + beyond) * ~accepted
-        gain = accepted / S
-        K = gain[..., None] * row
-        self.x += K * np.where(accepted, y, 0.0)[..., None]
+        K = (accepted / S)[..., None] * row
+        self.x = self.x + K * np.where(accepted, y, 0.0)[..., None]
         # (1 - K h) P (1 - K h)' + K R K' = P - p p'/S if K = p/S, p = P h'
         self.P -= K[..., :, None] * row[..., None, :]
         return np.where(received, nis, np.nan)
 
-    def accept_next(self, where: np.ndarray) -> None:
+    def restart(self, x: np.ndarray, P: np.ndarray) -> None:
         """As in `Bank`."""
-        self._rejected = np.where(where, REJECTED, self._rejected)
+        self.x, self.P = x, P
 
 
 class Filterpy:
-    """One `filterpy.kalman.KalmanFilter` per machine and seed."""
+    """One `filterpy.kalman.ExtendedKalmanFilter` per machine and seed."""
 
-    def __init__(self, model: SwingModel, x: np.ndarray, P: np.ndarray) -> None:
-        from filterpy.kalman import KalmanFilter
+    def __init__(self, x: np.ndarray, P: np.ndarray, reset: np.ndarray) -> None:
+        from filterpy.kalman import ExtendedKalmanFilter
 
-        self.model, self.shape = model, x.shape[:2]
+        class Filter(ExtendedKalmanFilter):
+            def predict_x(self, u: float = 0) -> None:
+                self.x = self.to
+
+        self.shape, self._reset = x.shape[:2], reset
         self._rejected = np.zeros(self.shape, int)
         self.filters = {}
         for at in np.ndindex(self.shape):
-            kf = self.filters[at] = KalmanFilter(dim_x=4, dim_z=1, dim_u=4)
-            kf.B, kf.H = model.B[at[1]], h
-            kf.inv = np.reciprocal  # the innovation is a scalar
-            kf.x, kf.P = x[at].reshape(4, 1).copy(), P[at].copy()
+            ekf = self.filters[at] = Filter(dim_x=STATES, dim_z=1)
+            ekf.x, ekf.P = x[at].copy(), P[at].copy()
 
     @property
     def x(self) -> np.ndarray:
-        """States (seeds, machines, 4)."""
-        return np.array([kf.x[:, 0] for kf in self.filters.values()]).reshape(*self.shape, 4)
+        """States (seeds, machines, 5)."""
+        return np.array([ekf.x for ekf in self.filters.values()]).reshape(*self.shape, STATES)
 
     @property
     def P(self) -> np.ndarray:
-        """Covariances (seeds, machines, 4, 4)."""
-        return np.array([kf.P for kf in self.filters.values()]).reshape(*self.shape, 4, 4)
+        """Covariances (seeds, machines, 5, 5)."""
+        return np.array([ekf.P for ekf in self.filters.values()]).reshape(*self.shape, STATES, STATES)
 
-    def predict(self, u: np.ndarray, F: np.ndarray, Q: np.ndarray) -> None:
+    def predict(self, x: np.ndarray, F: np.ndarray, Q: np.ndarray) -> None:
         """As in `Bank`."""
-        for at, kf in self.filters.items():
-            kf.predict(u=u[at].reshape(4, 1), F=F[at], Q=Q[at])
+        for at, ekf in self.filters.items():
+            ekf.F, ekf.Q = F[at], Q[at]
+            ekf.to = x[at]
+            ekf.predict()
 
-    def update(self, z: np.ndarray, R: np.ndarray, received: np.ndarray) -> np.ndarray:
+    def update(self, seen: Seen) -> np.ndarray:
         """As in `Bank`."""
         nis = np.full(self.shape, np.nan)
-        for at, kf in self.filters.items():
-            if not received[at]:
-                kf.update(None)
+        for at, ekf in self.filters.items():
+            if not seen.received[at]:
                 continue
-            x, P = kf.x, kf.P
-            seen = x[0, 0] + x[3, 0]
-            y = wrapped(z[at] - seen)
-            nis[at] = y * y / (P[0, 0] + P[0, 3] + P[3, 0] + P[3, 3] + R[at])
+            h, R = seen.slope[at], seen.variance[at]
+            y = wrapped(seen.angle[at] - seen.expected[at])
+            nis[at] = y * y / (h @ ekf.P @ h + R)
             if nis[at] > GATE:
                 if self._rejected[at] < REJECTED:
                     self._rejected[at] += 1
-                    kf.update(None)
                     continue
-                kf.P = P + y * y * self.model.reset[at[1]]
+                ekf.P = ekf.P + np.diag(y * y * self._reset[at[1]])
             self._rejected[at] = 0
-            kf.update(np.array([[seen + y]]), R=np.array([[R[at]]]), H=h)
+            ekf.update(
+                np.array([seen.angle[at]]),
+                HJacobian=lambda x, row=h: row[None, :],
+                Hx=lambda x, value=seen.expected[at]: np.array([value]),
+                R=np.array([[R]]),
+                residual=lambda z, expected: wrapped(z - expected),
+            )
         return nis
 
-    def accept_next(self, where: np.ndarray) -> None:
+    def restart(self, x: np.ndarray, P: np.ndarray) -> None:
         """As in `Bank`."""
-        self._rejected[where] = REJECTED
+        for at, ekf in self.filters.items():
+            ekf.x, ekf.P = x[at], P[at]
 
 
-ENGINES = {"batched": Batched, "filterpy": Filterpy}
+ENGINES: dict[str, type[Batched | Filterpy]] = {"batched": Batched, "filterpy": Filterpy}
 
 
 def wrapped(angle: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@
     w_i = s_i(own age) - sum_{j != i} H_j s_j(remote age) / sum_{j != i} H_j,   over the valid machines of its island
 
 Every speed is extrapolated to the present with its acceleration, s + a t, t its age but at most `REACH`. A machine
-without a report is extrapolated for `COAST` and is then left out of both sums.
+without a report stays in both sums, with a growing variance.
 """
 
 from collections import deque
@@ -14,8 +14,10 @@ import numpy as np
 from .estimators import Estimate
 
 REACH = 0.1  # s   longest extrapolation
-COAST = 0.5  # s   time without a report after which a machine is left out
-ENOUGH = 0.7  # -   share of the island's inertia that must be valid, otherwise the storage stays idle
+COAST = 0.5  # s   time without a report after which the storage of a machine stays idle
+ENOUGH = 0.7  # -   share of the island's inertia that must have reported by then, otherwise the storage stays idle
+SHARED = 0.2  # -   of a change of a machine's acceleration that the COI of the others makes too, before it is reported
+LEAST = 3e-4  # pu   standard deviation of the speeds of machines about that of the COI, at least
 
 
 class Deviations(NamedTuple):
@@ -45,23 +47,52 @@ class CoiReference:
         self._past: deque[tuple[Estimate, np.ndarray]] = deque(maxlen=remote - own + 1)
         self._silent: np.ndarray | None = None
 
-    def step(self, now: Estimate, island: np.ndarray) -> Deviations:
-        """The deviations at the instant of the frame; island numbers (seeds, machines), -1 for tripped machines."""
+    def step(self, now: Estimate, island: np.ndarray, without: np.ndarray | None = None) -> Deviations:
+        """The deviations at the instant of the frame.
+
+        Parameters
+        ----------
+        now : Estimate
+            The estimates of this frame.
+        island : (seeds, machines) array
+            Numbers of islands, -1 for tripped machines.
+        without : (seeds, machines) array of bool, optional
+            Machines without a PMU: what they know of themselves comes from the others, and as late as that.
+        """
         silent = np.zeros(now.slip.shape) if self._silent is None else self._silent
-        self._silent = np.where(now.received, 0.0, silent + self.T)
-        valid = self._silent <= COAST + 1e-9
+        self._silent = silent = np.where(now.received, 0.0, silent + self.T)
+        whole = island.max(initial=0) == 0 and island.min(initial=0) == 0
+        if (silent > 1.5 * self.T).any():
+            now = self._together(now, silent, island)
+        valid = silent <= COAST + 1e-9
         self._past.append((now, valid))
         remote, remote_valid = self._past[0]
+        jumped = (now.acceleration - remote.acceleration) ** 2  # of a machine, which the others may have done too
         s, a, var = _extrapolated(now, self.own * self.T)
         rs, ra, rvar = _extrapolated(remote, self.remote * self.T)
-        whole = island.max(initial=0) == 0 and island.min(initial=0) == 0
-        H = self.H * remote_valid if whole else self.H * remote_valid * (island >= 0)
-        sums = [_others(w, island, whole) for w in (H, H * rs, H * ra, H * H * rvar)]
-        everyone = self.H.sum() if whole else self.H + _others(self.H * (island >= 0), island, whole)
+        if without is not None and without.any():
+            s, a, var = np.where(without, (rs, ra, rvar), (s, a, var))
+        H = self.H if whole else self.H * (island >= 0)
+        reporting, *sums = (_others(w, island, whole) for w in (H * remote_valid, H, H * rs, H * ra, H * H * rvar))
         weight = np.where(sums[0] > 0, sums[0], 1.0)
-        usable = valid & (island >= 0) & (sums[0] > 0) & (sums[0] + self.H >= ENOUGH * everyone)
-        sigma = np.sqrt(var + sums[3] / weight**2)
+        usable = valid & (island >= 0) & (reporting > 0) & (reporting + self.H >= ENOUGH * (sums[0] + self.H))
+        unseen = (SHARED * min((self.remote - self.own) * self.T, REACH)) ** 2 * jumped
+        sigma = np.sqrt(var + sums[3] / weight**2 + unseen)
         return Deviations(s - sums[1] / weight, a - sums[2] / weight, sigma, usable)
+
+    def _together(self, e: Estimate, silent: np.ndarray, island: np.ndarray) -> Estimate:
+        """A silent machine stays in synchronism: its speed is near that of the COI, as near as those of the others are.
+
+        This prior and the estimate are weighted by their inverse variances.
+        """
+        H = self.H * (silent < self.T) * (island >= 0)
+        total, first, second = (_others(w, island, False) for w in (H, H * e.slip, H * e.slip**2))
+        weight = np.where(total > 0, total, 1.0)
+        mean = first / weight
+        spread = np.maximum(second / weight - mean**2, LEAST**2)
+        gain = np.where((silent > 1.5 * self.T) & (total > 0), e.variance / (e.variance + spread), 0.0)
+        slip = e.slip + gain * (mean - e.slip)
+        return e._replace(slip=slip, acceleration=(1 - gain) * e.acceleration, variance=(1 - gain) * e.variance)
 
 
 def _extrapolated(e: Estimate, age: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

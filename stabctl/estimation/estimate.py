@@ -99,4 +99,4 @@ def _control(control: Law | EstimatorControl | None, estimator: EstimatorName, p
         raise StudyError(
             f"control = {law!r} is not a control law; give BangBang(), Feedback(...) or an EstimatorControl."
         )
-    return EstimatorControl(law, estimator, pmu or Pmu())
+    return EstimatorControl(law, estimator, Pmu() if pmu is None else pmu)

@@ -13,6 +13,8 @@ from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 from stabctl.simulation.trajectory import Trajectory
 
+from .pmu_check import Alarm
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -56,6 +58,7 @@ class Estimates(Tabular):
     slip_sigma: np.ndarray  # pu
     deviation: np.ndarray  # pu   true speed relative to the COI of the other machines
     deviation_estimated: np.ndarray  # pu
+    acceleration: np.ndarray  # pu/s   of the estimated deviation
     sigma: np.ndarray  # pu
     usable: np.ndarray  # bool   the storage may act
     on: np.ndarray  # bool   the machine is connected, in a simulation that is still running
@@ -65,6 +68,7 @@ class Estimates(Tabular):
     wall_s: np.ndarray  # (frames) s   computing time of the estimator and the controller, all seeds
     runs: tuple[Trajectory, ...] = ()
     cleared_s: float = 0.0  # s   instant of the last event
+    alarms: tuple[Alarm, ...] = ()  # PMUs found to be bad
 
     plot = verb("stabctl.plotting.estimates:plot")
 
@@ -157,4 +161,5 @@ class Estimates(Tabular):
         return (
             f"{self.point.case.name}, {self.control.estimator} estimator: {len(self.time)} frames at "
             f"{self.control.rate} per second, {counted(len(self.seeds), 'seed')}"
+            + "".join(f"\n{alarm}" for alarm in self.alarms)
         )

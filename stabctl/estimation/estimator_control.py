@@ -5,6 +5,7 @@ Simulation -> V, I -> Instrument -> Estimator -> CoiReference -> law -> orders -
 """
 
 import time
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import NamedTuple, get_args
@@ -15,13 +16,13 @@ from stabctl.controllers import BangBang, Device, Input, Law, wanted
 from stabctl.errors import StudyError, shown
 from stabctl.simulation.simulation import Simulation
 
-from .coi import CoiReference, Deviations
+from .coi import CoiReference
 from .estimates import Estimates
-from .estimators import Engine, Estimate, EstimatorName, Filtered, estimator
-from .instrument import Instrument
+from .estimators import Engine, EstimatorName, Filtered, estimator
 from .noise import TUNING, Tuning
+from .observation import Observation, Truth
 from .pmu import Pmu
-from .rotor_units import Terminals, rotor_units
+from .rotor_units import rotor_units
 
 WARM_UP = 1.0  # s   of the system at rest before the first frame
 
@@ -46,6 +47,8 @@ class EstimatorControl:
         Process noise of the filters.
     inertia_factor, reactance_factor : float
         Multiply every H and x that the estimator uses, to study wrong machine data.
+    check_pmus : bool
+        Find bad PMUs with the network model, and use them no longer.
     """
 
     law: Law = field(default_factory=BangBang)
@@ -57,12 +60,13 @@ class EstimatorControl:
     tuning: Tuning = TUNING
     inertia_factor: float = 1.0
     reactance_factor: float = 1.0
+    check_pmus: bool = False
 
     def __post_init__(self) -> None:
         if isinstance(self.law, type) or not callable(getattr(self.law, "par", None)):
             raise StudyError(f"law = {shown(self.law)} is not a control law; give BangBang() or Feedback(...).")
         if not isinstance(self.pmu, Pmu):
-            raise StudyError(f"pmu = {shown(self.pmu)} does not describe PMUs; give Pmu(...).")
+            raise StudyError(f'pmu = {self.pmu!r} is not a PMU; give Pmu(rate=60, latency="50ms").')
         for name, allowed in (("estimator", EstimatorName), ("engine", Engine)):
             if getattr(self, name) not in get_args(allowed):
                 raise StudyError(
@@ -86,88 +90,92 @@ class EstimatorLoop:
         point = simulations[0].point
         case, pmu = point.case, control.pmu
         if control.estimator == "ideal":
-            pmu = replace(pmu, latency=0.0, loss=0.0, outage=None, filter_class="none")
+            pmu = replace(pmu, latency=0.0, loss=0.0, outage=None, filter_class="none", missing=(), bad=())
         known = rotor_units(point, control.inertia_factor, control.reactance_factor)
         self.control, self.simulations, self.seeds = control, simulations, tuple(seeds)
-        self.instrument = Instrument(pmu, seeds, len(case.machines), case.frequency_hz)
+        self.observation = Observation(simulations, pmu, seeds, control.check_pmus)
         self.estimator = estimator(control.estimator, known, pmu, tuning=control.tuning, engine=control.engine)
         self.coi = CoiReference(known.inertia, pmu.rate, pmu.own_frames, pmu.remote_frames)
         self._true_coi = CoiReference(rotor_units(point).inertia, pmu.rate, 0, 0)
-        self._terminals = [Terminals(s) for s in simulations]
         row = {m.machine: i for i, m in enumerate(case.machines)}
         self._machine = [row[s.machine] for s in case.storage]
         self._bus = [point.net.place[s.bus] for s in case.storage]
         devices = [Device(s.rating, case.machine(s.machine).base, case.frequency_hz) for s in case.storage]
         self._par = [control.law.par(device) for device in devices]
         self._random = [np.random.default_rng([seed, 1]) for seed in seeds]
-        self._last = [None] * len(simulations)
-        self._rows: list[tuple] = []
+        self._past: deque[Truth] = deque(maxlen=pmu.own_frames + 1)
+        self._rows: list[_Row] = []
         for k in range(round(WARM_UP * pmu.rate)):
             self._frame(simulations[0].time - WARM_UP + k / pmu.rate, point.V)
 
     def __call__(self) -> None:
         """One frame: measure, estimate, set the orders."""
-        true, est, dev, wall = self._frame(self.simulations[0].time, None)
+        row = self._frame(self.simulations[0].time, None)
         before = time.perf_counter()
-        orders = np.array([self._orders(k, dev, true.volts[k]) for k in range(len(self.simulations))])
-        wall += time.perf_counter() - before
+        for k in range(len(self.simulations)):
+            row.orders[k] = self._orders(k, row)
+        wall = row.wall_s + time.perf_counter() - before
         running = np.array([s.outcome is None for s in self.simulations])
-        self._rows.append(
-            (
-                self.simulations[0].time, true.slip, est.slip, np.sqrt(est.variance), true.deviation, dev.speed,
-                dev.sigma, dev.usable, true.on & running[:, None], est.nis, true.nees, orders, wall,
-            )
-        )  # fmt: skip
+        self._rows.append(row._replace(on=row.on & running[:, None], wall_s=wall))
 
     def estimates(self) -> Estimates:
         """The record so far."""
-        columns = [np.array(column) for column in zip(*self._rows, strict=True)]
+        columns = _Row(*(np.array(column) for column in zip(*self._rows, strict=True)))
         for column in columns:
             column.setflags(write=False)
-        return Estimates(self.simulations[0].point, self.control, self.seeds, *columns)
+        alarms = tuple(self.observation.alarms)
+        return Estimates(self.simulations[0].point, self.control, self.seeds, *columns, alarms=alarms)
 
-    def _orders(self, k: int, dev: Deviations, volts: np.ndarray) -> np.ndarray:
+    def _orders(self, k: int, row: "_Row") -> np.ndarray:
         """Orders (devices) of simulation k, set there too."""
         n = len(self._par)
         orders = np.zeros(n)
         if n:
-            size = np.abs(volts) * (1 + self.control.pmu.magnitude * self._random[k].standard_normal(n))
+            volts = np.abs(self._past[-1].buses[k, self._bus])
+            size = volts * (1 + self.control.pmu.magnitude * self._random[k].standard_normal(n))
             for j, (i, par) in enumerate(zip(self._machine, self._par, strict=True)):
-                if dev.usable[k, i]:
-                    signals = Input(dev.speed[k, i], dev.acceleration[k, i])
+                if row.usable[k, i]:
+                    signals = Input(row.deviation_estimated[k, i], row.acceleration[k, i])
                     orders[j] = wanted(self.control.law, par, signals, size[j])
             self.simulations[k].orders[:] = orders
         return orders
 
-    def _frame(self, at: float, resting: np.ndarray | None) -> "tuple[_Truth, Estimate, Deviations, float]":
-        """Truth, estimates, deviations and computing time (s); `resting` are the bus voltages of a system at rest."""
-        truth = [self._true(k, s, resting) for k, s in enumerate(self.simulations)]
-        V, I, slip, delta, island, volts = (np.array(part) for part in zip(*truth, strict=True))
-        frame = self.instrument.report(at, V, I, slip)
+    def _frame(self, at: float, resting: np.ndarray | None) -> "_Row":
+        """Measure and estimate; `resting` are the bus voltages of a system at rest."""
+        true, frame = self.observation(at, resting)
         before = time.perf_counter()
+        if isinstance(self.estimator, Filtered) and self.observation.excluded.any():
+            self.estimator.forget(self.observation.excluded)
         estimate = self.estimator.step(frame)
-        deviations = self.coi.step(estimate, island)
+        dev = self.coi.step(estimate, true.island, self.observation.without)
         wall = time.perf_counter() - before
-        none = np.zeros(slip.shape)
-        exact = estimate._replace(slip=slip, acceleration=none, variance=none, drift=none, received=none == 0)
-        nees = np.full(slip.shape, np.nan)
-        if isinstance(self.estimator, Filtered) and not self.control.pmu.own_frames:
-            nees = self.estimator.error(delta, slip)
-        deviation = self._true_coi.step(exact, island).speed
-        return _Truth(slip, deviation, nees, island >= 0, volts), estimate, deviations, wall
-
-    def _true(self, k: int, s: Simulation, resting: np.ndarray | None) -> tuple:
-        """Phasors, speeds, angles, islands and device voltages of a simulation; the last ones once it has ended."""
-        if self._last[k] is None or s.outcome is None:
-            buses = s.V if resting is None else resting
-            V, I = self._terminals[k].phasors(buses)
-            self._last[k] = V, I, s.speed - 1, s.angle.copy(), s.island.copy(), buses[self._bus]
-        return self._last[k]
+        none = np.zeros(true.slip.shape)
+        exact = estimate._replace(slip=true.slip, acceleration=none, variance=none, drift=none, received=none == 0)
+        self._past.append(true)
+        nees = none + np.nan
+        if isinstance(self.estimator, Filtered):
+            nees = self.estimator.error(self._past[0].delta, self._past[0].slip)
+        return _Row(
+            np.array(at), true.slip, estimate.slip, np.sqrt(estimate.variance),
+            self._true_coi.step(exact, true.island).speed, dev.speed, dev.acceleration, dev.sigma, dev.usable,
+            true.island >= 0, estimate.nis, nees, np.zeros((len(self.simulations), len(self._par))), np.array(wall),
+        )  # fmt: skip
 
 
-class _Truth(NamedTuple):
+class _Row(NamedTuple):
+    """What is recorded of a frame, in the order of `Estimates`."""
+
+    time: np.ndarray
     slip: np.ndarray
+    estimated: np.ndarray
+    slip_sigma: np.ndarray
     deviation: np.ndarray
-    nees: np.ndarray
+    deviation_estimated: np.ndarray
+    acceleration: np.ndarray
+    sigma: np.ndarray
+    usable: np.ndarray
     on: np.ndarray
-    volts: np.ndarray
+    nis: np.ndarray
+    nees: np.ndarray
+    orders: np.ndarray
+    wall_s: np.ndarray

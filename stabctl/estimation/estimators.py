@@ -1,4 +1,4 @@
-"""Estimators of the rotor speeds with a common interface: a Kalman filter of the swing equation, and simpler ones.
+"""Estimators of the rotor speeds behind one interface: a Kalman filter of the swing equation, and simpler ones.
 
 ideal       the true speed
 frequency   the PMU's frequency at the terminal
@@ -12,19 +12,18 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 
 from .bank import ENGINES, Bank, wrapped
-from .flux import Flux
 from .instrument import Frame
-from .noise import TUNING, Tuning, angle_variance, power_variance, process_covariance, swing_model
+from .machine_model import MachineModel
+from .noise import TUNING, Tuning
 from .pmu import Pmu
 from .rotor_units import RotorUnits
 
 EstimatorName = Literal["ideal", "frequency", "kinematic", "kalman"]
 Engine = Literal["filterpy", "batched"]
-FORGOTTEN = 0.5  # s   time without a report after which a filter accepts the next one unconditionally
 
 
 class Estimate(NamedTuple):
-    """Estimates at the time of a frame, arrays (seeds, machines)."""
+    """What an estimator knows at the instant of a frame, arrays (seeds, machines)."""
 
     slip: np.ndarray  # pu     speed deviation from nominal
     acceleration: np.ndarray  # pu/s
@@ -32,16 +31,6 @@ class Estimate(NamedTuple):
     drift: np.ndarray  # pu^2/s^2   variance of the acceleration
     received: np.ndarray  # bool   a report arrived
     nis: np.ndarray  # -      normalized innovation squared, NaN without a report
-
-
-class _Measured(NamedTuple):
-    """A frame and what follows from it, arrays (seeds, machines)."""
-
-    frame: Frame
-    ZI: np.ndarray  # pu
-    E: np.ndarray  # pu   internal voltage V + ZI
-    P: np.ndarray  # pu machine   air-gap power
-    variance: np.ndarray  # of P
 
 
 class Estimator(Protocol):
@@ -62,102 +51,65 @@ class Ideal:
 
 
 class Frequency:
-    """The frequency at the terminals; if a report is lost, the last one is kept."""
+    """The frequency at the terminals; a lost report leaves the last."""
 
     def __init__(self, pmu: Pmu, hz: float) -> None:
-        self._variance, self._last = (pmu.frequency / hz) ** 2, None
+        self._variance = (pmu.frequency / hz) ** 2
+        self._last: np.ndarray | None = None
 
     def step(self, frame: Frame) -> Estimate:
         """Frequency as speed, no acceleration."""
         before = np.zeros(frame.frequency.shape) if self._last is None else self._last
-        self._last = np.where(frame.received, frame.frequency, before)
-        none = np.zeros(self._last.shape)
-        return Estimate(self._last, none, none + self._variance, none, frame.received, none * np.nan)
+        self._last = last = np.where(frame.received, frame.frequency, before)
+        none = np.zeros(last.shape)
+        return Estimate(last, none, none + self._variance, none, frame.received, none * np.nan)
 
 
 class Filtered:
-    """A bank of Kalman filters on the internal angles; with `swing` the measured power is their input."""
+    """A bank of extended Kalman filters on the internal angles; with `swing` the measured power is their input."""
 
     def __init__(
         self, known: RotorUnits, pmu: Pmu, *, swing: bool, tuning: Tuning = TUNING, engine: Engine = "filterpy"
     ) -> None:
-        self.known, self.tuning, self.swing = known, tuning, swing
-        self._noise, self._T = {"angle": pmu.angle, "magnitude": pmu.magnitude}, 1 / pmu.rate
-        self._floor = 1e-8  # rad^2   error of the model: without measurement noise the filter would be singular
-        self._engine, self._Z = ENGINES[engine], (known.ra + 1j * known.x) / known.mva
-        self._H = known.H if swing else np.full(len(known.H), 0.5)
-        self._D = known.D if swing else np.zeros(len(known.H))
+        self.model, self._engine = MachineModel(known, pmu, power=swing, tuning=tuning), ENGINES[engine]
+        self._clock = (2 * np.pi * known.frequency_hz * pmu.clock) ** 2
         self.bank: Bank | None = None
 
     def step(self, frame: Frame) -> Estimate:
         """Predict with the mean power since the last report, then use the new angles that pass the gate."""
-        seen = self._measured(frame)
+        model, seen = self.model, self.model.measured(frame)
         if self.bank is None:
-            return self._begin(seen)
-        E, P, var = seen.E, seen.P, seen.variance
-        here, m = frame.received, self._missing + 1
-        dP = np.where(here, P - self._P, 0.0)
-        x, k = self.bank.x, self._flux.coupling
-        u, F = np.empty(x.shape), np.empty((*x.shape, 4))
-        u[..., 0], u[..., 1], u[..., 3] = self._P, m * dP, -k * x[..., 0]
-        u[..., 2] = m * u[..., 1]
-        F[:] = self.model.F
-        F[..., 3, 0] = k
-        delta = (x * self.model.F[:, 0] + u * self.model.B[:, 0]).sum(-1)
-        flux = self._flux.predict(frame.I, E, delta, received=here, frames=m)
-        held = (self._var + np.where(here, var, self._var)) / 4
-        if self.swing:
-            error = self.tuning.share * (x[..., 2] - self._P)
-            held = held + error * error
-        self.bank.predict(u, F, process_covariance(self.model, power=held, jump=dP, frames=m, flux=flux))
-        if m.max() > FORGOTTEN / self._T:
-            self.bank.accept_next(m > FORGOTTEN / self._T)
-        z, R = self._angle(seen)
-        nis = self.bank.update(z, R, here)
-        self._flux.settle(frame.I, E, self.bank.x[..., 0], here)
-        self._P, self._var = np.where(here, P, self._P), np.where(here, var, self._var)
-        self._missing = np.where(here, 0, m)
-        return self._estimate(here, nis)
+            self.bank = self._engine(*model.begin(seen), model.swing.reset)
+            return self._estimate(self.bank, np.ones(seen.P.shape, bool), np.full(seen.P.shape, np.nan))
+        self.bank.predict(*model.predict(self.bank.x, seen))
+        forgotten = (model.missing >= model.memory) & frame.received
+        if forgotten.any():
+            self.bank.restart(*model.restarted(self.bank.x, self.bank.P, seen, forgotten))
+        nis = self.bank.update(model.observe(self.bank.x, seen))
+        model.settle(self.bank.x, seen)
+        return self._estimate(self.bank, frame.received, nis)
+
+    def forget(self, where: np.ndarray) -> None:
+        """Start anew with the next report of these machines (seeds, machines)."""
+        self.model.missing = np.where(where, self.model.memory, self.model.missing)
 
     def error(self, delta: np.ndarray, slip: np.ndarray) -> np.ndarray:
-        """Normalized squared error (NEES) of angle and speed (seeds, machines), chi-square with two degrees."""
-        e = np.stack([wrapped(self.bank.x[..., 0] - delta), self.bank.x[..., 1] - slip], -1)
-        return np.einsum("...i,...i", e, np.linalg.solve(self.bank.P[..., :2, :2], e[..., None])[..., 0])
+        """Normalized squared error (NEES) of angle and speed (seeds, machines), chi-square with two degrees.
 
-    def _measured(self, frame: Frame) -> "_Measured":
-        ZI = self._Z * frame.I
-        E = frame.V + ZI
-        E = np.where(np.abs(E) < 1e-3, 1e-3, E)
-        if not self.swing:
-            return _Measured(frame, ZI, E, np.zeros(E.shape), np.zeros(E.shape))
-        S = E * frame.I.conj() / self.known.mva
-        return _Measured(frame, ZI, E, S.real, power_variance(S, **self._noise))
+        The offset of a clock turns the angle and is not known to the filter: its variance is added here.
+        """
+        assert self.bank is not None
+        x, P = self.model.angle_and_slip(self.bank.x, self.bank.P)
+        e = np.stack([wrapped(x[..., 0] - delta), x[..., 1] - slip], -1)
+        P = P + np.diag([self._clock, 0.0])
+        return np.einsum("...i,...i", e, np.linalg.solve(P, e[..., None])[..., 0])
 
-    def _angle(self, seen: "_Measured") -> tuple[np.ndarray, np.ndarray]:
-        """The measured rotor angle (rad) and its variance."""
-        turn = self._flux.turn(seen.E)
-        variance = angle_variance(seen.frame.V, seen.ZI, seen.E, turn, **self._noise)
-        return np.angle(seen.E) - turn, variance + self._floor
-
-    def _begin(self, seen: "_Measured") -> Estimate:
-        self._flux = Flux(self.known, self._T, I=seen.frame.I, E=seen.E)
-        z, R = self._angle(seen)
-        P, var = seen.P, seen.variance
-        none = np.zeros(z.shape)
-        walk = self.tuning.walk if self.swing else self.tuning.jerk
-        options = {"hz": self.known.frequency_hz, "T": self._T, "walk": walk, "with_power": self.swing}
-        self.model = swing_model(self._H, self._D, self._flux.memory, **options)
-        x0, P0 = np.stack([z, none, P, none], -1), np.zeros((*z.shape, 4, 4))
-        P0[..., 0, 0], P0[..., 1, 1], P0[..., 2, 2] = R, 1e-4**2, var + (0 if self.swing else 1e-3**2)
-        self.bank = self._engine(self.model, x0, P0)
-        self._P, self._var, self._missing = P, var, np.zeros(z.shape, int)
-        return self._estimate(np.ones(z.shape, bool), none * np.nan)
-
-    def _estimate(self, received: np.ndarray, nis: np.ndarray) -> Estimate:
-        x, P, rate = self.bank.x, self.bank.P, 1 / (2 * self._H)
-        acceleration = (x[..., 2] - self._P - self._D * x[..., 1]) * rate
-        drift = (P[..., 2, 2] + self._var) * rate**2
-        return Estimate(x[..., 1].copy(), acceleration, P[..., 1, 1].copy(), drift, received, nis)
+    def _estimate(self, bank: Bank, received: np.ndarray, nis: np.ndarray) -> Estimate:
+        x, P = bank.x, bank.P
+        acceleration, drift = self.model.acceleration(x, P)
+        y, C = self.model.angle_and_slip(x, P)
+        variance = C[..., 1, 1] + self.model.unknown_slip**2
+        return Estimate(y[..., 1].copy(), acceleration, variance, drift, received, nis)
 
 
 def estimator(

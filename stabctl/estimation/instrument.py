@@ -19,6 +19,15 @@ class Frame(NamedTuple):
     rocof: np.ndarray  # pu/s
     received: np.ndarray  # bool
     slip: np.ndarray  # pu
+    parts: "Parts | None" = None
+
+
+class Parts(NamedTuple):
+    """Phasors that are not reports of the machine itself, but computed from those of others."""
+
+    computed: np.ndarray  # (seeds, machines) bool
+    V: np.ndarray  # (seeds, machines, reports) pu   what each report contributes to the voltage
+    I: np.ndarray  # (seeds, machines, reports) pu
 
 
 class Instrument:
@@ -28,15 +37,19 @@ class Instrument:
     instant `own_frames` ago.
     """
 
-    def __init__(self, pmu: Pmu, seeds: Sequence[int], machines: int, frequency_hz: float) -> None:
+    def __init__(
+        self, pmu: Pmu, seeds: Sequence[int] | Sequence[list[int]], machines: int, frequency_hz: float
+    ) -> None:
         self.pmu, self.hz, self.shape = pmu, frequency_hz, (len(seeds), machines)
         self._random = [np.random.default_rng(seed) for seed in seeds]
         offset = np.array([r.standard_normal(machines) for r in self._random])
         self._clock = np.exp(2j * pi * frequency_hz * pmu.clock * offset)
         self._lost = np.zeros(self.shape, bool)
-        self._recent: deque[tuple[np.ndarray, ...]] = deque(maxlen=2 * pmu.own_frames + 1)
-        self._weights = _window(pmu.own_frames)
-        self._angle = self._frequency = None
+        self._length = 2 * pmu.own_frames + 1
+        self._recent: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=self._length)
+        self._weights = window(pmu.own_frames)
+        self._angle: np.ndarray | None = None
+        self._frequency: np.ndarray | None = None
 
     def report(self, time: float, V: np.ndarray, I: np.ndarray, slip: np.ndarray) -> Frame:
         """The frame at `time` (s) of true voltages and currents (pu)."""
@@ -49,7 +62,7 @@ class Instrument:
         ends = chance < 1 / p.burst
         begins = chance < p.loss / (p.burst * (1 - p.loss)) if p.loss else np.zeros(self.shape, bool)
         self._lost = np.where(self._lost, ~ends, begins) if p.burst > 1 else chance < p.loss
-        out = p.outage is not None and p.outage[0] - 1e-9 <= time < p.outage[1] - 1e-9
+        out = p.outage is not None and float(p.outage[0]) - 1e-9 <= time < float(p.outage[1]) - 1e-9
         return Frame(
             V * (1 + noise[0].real) * np.exp(1j * noise[0].imag) * self._clock,
             I * (1 + noise[1].real) * np.exp(1j * noise[1].imag) * self._clock,
@@ -61,11 +74,12 @@ class Instrument:
 
     def _filtered(self, V: np.ndarray, I: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         self._recent.append((V, I))
-        while len(self._recent) < self._recent.maxlen:
+        while len(self._recent) < self._length:
             self._recent.append((V, I))
         if len(self._weights) == 1:
             return V, I
-        return tuple(np.tensordot(self._weights, [pair[k] for pair in self._recent], 1) for k in (0, 1))
+        voltages, currents = zip(*self._recent, strict=True)
+        return np.tensordot(self._weights, voltages, 1), np.tensordot(self._weights, currents, 1)
 
     def _rates(self, V: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         angle = np.angle(V)
@@ -77,7 +91,7 @@ class Instrument:
         return frequency, (frequency - earlier) * self.pmu.rate
 
 
-def _window(half: int) -> np.ndarray:
+def window(half: int) -> np.ndarray:
     """Triangular weights over 2 half + 1 frames."""
     weights = np.bartlett(2 * half + 3)[1:-1]
     return weights / weights.sum()

@@ -9,13 +9,15 @@ and its frequency and ROCOF are those of the voltage angle between two frames, w
 
 from dataclasses import KW_ONLY, dataclass
 from math import ceil, hypot
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Interval
 
 from stabctl._util.guard import guard
 from stabctl.errors import StudyError
 from stabctl.units import quantity
+
+from .bad_pmu import BadPmu
 
 RATES = (10, 12, 15, 20, 24, 25, 30, 40, 50, 60, 100, 120, 200, 240)  # 1/s
 HALF_WINDOW = {"none": 0.0, "P": 1 / 60, "M": 3 / 60}  # s   half the length of the class's filter
@@ -42,6 +44,10 @@ class Pmu:
         Fraction of the reports that never arrive, and mean length (frames) of a run of lost reports.
     outage : (time, time), optional
         From, to: every report is lost.
+    missing : tuple of int
+        Numbers of the machines without a PMU; their phasors are computed from those of the others.
+    bad : tuple of BadPmu
+        PMUs that report wrong phasors.
     filter_class : {"none", "P", "M"}
         Class of the PMU's filter: none, or centered windows of 2 and 6 cycles.
 
@@ -62,6 +68,8 @@ class Pmu:
     loss: Annotated[float, "-", "fraction of the reports that are lost", Interval(ge=0, lt=1)] = 0.02
     burst: Annotated[float, "-", "mean length of a run of lost reports, frames", Ge(1)] = 1.0
     outage: tuple[str | float, str | float] | None = None
+    missing: tuple[int, ...] = ()
+    bad: tuple[BadPmu, ...] = ()
     filter_class: Annotated[Literal["none", "P", "M"], "-", "class of the PMU's filter"] = "none"
 
     @classmethod
@@ -70,8 +78,9 @@ class Pmu:
         return cls(rate, angle=1e-3 * noise_mrad, magnitude=1e-3 * noise_mrad, latency=1e-3 * latency_ms, loss=loss)
 
     @classmethod
-    def exact(cls, rate: int = 60, **options: object) -> "Pmu":
+    def exact(cls, rate: int = 60, **options: Any) -> "Pmu":
         """PMUs without noise, latency or losses."""
+        none: dict[str, Any]
         none = dict.fromkeys(("angle", "magnitude", "frequency", "rocof", "clock", "latency", "loss"), 0.0)
         return cls(rate, **(none | options))
 

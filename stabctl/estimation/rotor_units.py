@@ -1,5 +1,6 @@
 """Data of the rotor units used by the estimators, and the phasors at their terminals, measured by the PMUs."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,8 +10,12 @@ from stabctl.dynamics.operating_point import OperatingPoint, source_admittances
 from stabctl.errors import StudyError
 from stabctl.simulation.simulation import Simulation
 
+from .governor import GOVERNOR
+
 REACTANCES = ("x2", "x1d")  # behind which the internal voltage is formed: x'' where the machine has one, else x'd
-FLUX = ("xl", "xd", "xq", "x1q", "x2", "T1q", "T2q", "S10", "S12")  # constants of the q-axis flux of GENROU
+FLUX = ("xl", "xd", "xq", "x1q", "x2", "T1q", "T2q", "S10", "S12")  # constants of the q-axis circuits of GENROU
+
+SALIENT = {"x1q": 0.0, "T1q": 0.0, "S10": 0.0, "S12": 0.0}  # of a machine with one damper circuit: x'q = xq
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -27,12 +32,12 @@ class RotorUnits:
     D: np.ndarray  # pu
     ra: np.ndarray  # pu
     x: np.ndarray  # pu
-    with_flux: np.ndarray  # rows of the machines with flux dynamics
-    flux: dict[str, np.ndarray]  # their constants
+    flux: dict[str, np.ndarray]  # constants of the q-axis circuits; 0 for classical machines
+    governor: dict[str, np.ndarray]  # constants of the governors; K = 0 without one
     frequency_hz: float
 
     def __str__(self) -> str:
-        return f"{len(self.H)} rotor units, {len(self.with_flux)} of them with flux dynamics"
+        return f"{len(self.H)} rotor units, {np.count_nonzero(self.flux['xq'])} of them with flux dynamics"
 
     __repr__ = __str__
 
@@ -47,19 +52,26 @@ def rotor_units(point: OperatingPoint, inertia: float = 1.0, reactance: float = 
             "because it is a converter without a rotor; use a case with synchronous machines only."
         )
     columns = {name: np.zeros(m) for name in ("mva", "H", "D", "ra", "x")}
-    with_flux, flux = np.zeros(0, np.int64), {name: np.zeros(0) for name in FLUX}
+    flux, governor = ({name: np.zeros(m) for name in names} for names in (FLUX, GOVERNOR))
     for table in (f.name for f in point.system.families if f.device.ROLE == "machine"):
         at, par = point.constants(table)
         given = par | {"x": par[next(name for name in REACTANCES if name in par)]}
-        for name, column in columns.items():
-            column[at] = given[name]
-        if set(FLUX) <= set(par):
-            with_flux = np.r_[with_flux, at]
-            flux = {name: np.r_[flux[name], par[name]] for name in FLUX}
+        _fill(columns, at, given)
+        if set(FLUX) <= set(given | SALIENT):
+            _fill(flux, at, given if "x1q" in given else given | SALIENT | {"x1q": given["xq"]})
+    for table in (f.name for f in point.system.families if f.device.ROLE == "governor"):
+        at, par = point.constants(table)
+        if set(GOVERNOR) <= set(par):
+            _fill(governor, at, par)
     columns["H"] = columns["H"] * inertia
     columns["x"] = columns["x"] * reactance
     bus, H = point.system.unit_bus, columns["H"] * columns["mva"]
-    return RotorUnits(bus, H, **columns, with_flux=with_flux, flux=flux, frequency_hz=point.case.frequency_hz)
+    return RotorUnits(bus, H, **columns, flux=flux, governor=governor, frequency_hz=point.case.frequency_hz)
+
+
+def _fill(columns: dict[str, np.ndarray], at: np.ndarray, given: Mapping[str, np.ndarray | float]) -> None:
+    for name, column in columns.items():
+        column[at] = given[name]
 
 
 class Terminals:

@@ -10,6 +10,7 @@ from stabctl.controllers import Law
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.program import program
 from stabctl.errors import StudyError
+from stabctl.model.network import Switching
 
 from . import stepper, steps, voltages
 from .contingency import Disturbance, schedule
@@ -119,6 +120,11 @@ class Simulation:
     def island(self) -> np.ndarray:
         """Island numbers (units) now; -1 for a disconnected machine."""
         return self._stage.net.island
+
+    @property
+    def switching(self) -> Switching:
+        """What is open, faulted or tripped now."""
+        return self.changes[self._at].switching
 
     def advance(self, until: float) -> bool:
         """Advance to `until` (s), stopping exactly at every event; returns whether the run continues."""

@@ -4,19 +4,24 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from stabctl.estimation.bank import ENGINES, GATE, Batched, wrapped
-from stabctl.estimation.noise import REJECTED, swing_model
+from stabctl.estimation.bank import ENGINES, GATE, Seen, wrapped
+from stabctl.estimation.swing import REJECTED, STATES, swing
 
 T, R = 1 / 60, 4e-6
 H = np.array([2.0, 4.0, 6.5])
-MODEL = swing_model(H, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 0.8]), hz=60.0, T=T, walk=0.05)
-P0 = np.diag([1e-5, 1e-7, 1e-4, 0.0])
+FLUX = np.array([0.0, 0.0, 1.0])
+MODEL = swing(H, np.array([0.0, 1.0, 0.0]), hz=60.0, T=T, walk=0.05, flux=FLUX)
+P0 = np.diag([1e-5, 1e-7, 1e-4, 0.0, 0.0])
+SLOPE = np.stack([1 + 0 * H, 0 * H, 0 * H, 0.2 * FLUX, 0.8 * FLUX], -1)
+TRANSITION = np.zeros((3, STATES, STATES))
+TRANSITION[:, :3, :3], TRANSITION[:, 3, 3], TRANSITION[:, 4, 4] = MODEL.F, 0.9, 0.7
 
 
 def process_noise(seeds):
-    flux = np.zeros((3, 4, 4))
-    flux[2, 3, 3] = 1e-5
-    return np.broadcast_to(MODEL.walk + 1e-4 * MODEL.power + flux, (seeds, 3, 4, 4))
+    Q = np.zeros((3, STATES, STATES))
+    Q[:, 0, 0], Q[:, 0, 1], Q[:, 1, 0], Q[:, 1, 1] = MODEL.c**2, MODEL.c * MODEL.d, MODEL.c * MODEL.d, MODEL.d**2
+    Q[2, 3:, 3:] = 0.1 * np.array([[1.0, 0.5], [0.5, 1.0]])
+    return np.broadcast_to(MODEL.walk + 1e-4 * Q, (seeds, 3, STATES, STATES))
 
 
 def draw(random, covariance):
@@ -25,22 +30,33 @@ def draw(random, covariance):
     return (root @ random.standard_normal((*covariance.shape[:-1], 1)))[..., 0]
 
 
+def seen(bank, angle, received=True, R=R):
+    expected = (SLOPE * bank.x).sum(-1)
+    shape = expected.shape
+    slope = np.broadcast_to(SLOPE, bank.x.shape)
+    return Seen(np.full(shape, angle), expected, slope, np.full(shape, R), np.full(shape, received))
+
+
+def begun(engine, seeds=1, x=0.0):
+    start = np.zeros((seeds, 3, STATES))
+    start[..., 0] = x
+    return ENGINES[engine](start, np.broadcast_to(P0, (seeds, 3, STATES, STATES)), MODEL.reset)
+
+
 def exact(engine, seeds, frames, loss=0.1):
     """Banks on truths that are their own model; the last NEES (three states) and every NIS."""
-    random = np.random.default_rng(5)
-    Q, F = process_noise(seeds), np.broadcast_to(MODEL.F, (seeds, 3, 4, 4))
-    start = np.zeros((seeds, 3, 4))
-    truth = start + draw(random, np.broadcast_to(P0, (seeds, 3, 4, 4)))
-    bank, seen = ENGINES[engine](MODEL, start, np.broadcast_to(P0, (seeds, 3, 4, 4))), []
+    random, bank, every = np.random.default_rng(5), begun(engine, seeds), []
+    Q, F = process_noise(seeds), np.broadcast_to(TRANSITION, (seeds, 3, STATES, STATES))
+    truth = draw(random, np.broadcast_to(P0, (seeds, 3, STATES, STATES)))
     for k in range(frames):
-        u = np.zeros((seeds, 3, 4))
-        u[..., 0], u[..., 1] = 0.2 * np.sin(k / 5), 0.05
-        truth = (F @ truth[..., None] + MODEL.B @ u[..., None])[..., 0] + draw(random, Q)
-        bank.predict(u, F, Q)
-        z = truth[..., 0] + truth[..., 3] + np.sqrt(R) * random.standard_normal((seeds, 3))
-        seen.append(bank.update(wrapped(z), np.full((seeds, 3), R), random.random((seeds, 3)) >= loss))
+        pushed = np.zeros((seeds, 3, STATES))
+        pushed[..., :3] = MODEL.B @ [0.2 * np.sin(k / 5), 0.05, 0.0]
+        truth = (F @ truth[..., None])[..., 0] + pushed + draw(random, Q)
+        bank.predict((F @ bank.x[..., None])[..., 0] + pushed, F, Q)
+        z = (SLOPE * truth).sum(-1) + np.sqrt(R) * random.standard_normal((seeds, 3))
+        every.append(bank.update(seen(bank, wrapped(z), random.random((seeds, 3)) >= loss)))
     e = (truth - bank.x)[..., :3]
-    return np.einsum("...i,...i", e, np.linalg.solve(bank.P[..., :3, :3], e[..., None])[..., 0]), np.array(seen), bank
+    return np.einsum("...i,...i", e, np.linalg.solve(bank.P[..., :3, :3], e[..., None])[..., 0]), np.array(every), bank
 
 
 def test_nees_and_nis_lie_within_their_chi_square_bounds():
@@ -66,9 +82,9 @@ def test_both_engines_give_the_same_numbers():
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_lost_report_is_a_prediction_without_an_update(engine):
-    bank = ENGINES[engine](MODEL, np.zeros((1, 3, 4)), np.broadcast_to(P0, (1, 3, 4, 4)))
+    bank = begun(engine)
     x, P = bank.x.copy(), bank.P.copy()
-    nis = bank.update(np.full((1, 3), 1.0), np.full((1, 3), R), np.zeros((1, 3), bool))
+    nis = bank.update(seen(bank, 1.0, False))
     assert np.isnan(nis).all()
     assert (bank.x == x).all()
     assert (bank.P == P).all()
@@ -76,30 +92,26 @@ def test_a_lost_report_is_a_prediction_without_an_update(engine):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_the_gate_leaves_out_two_reports_and_opens_at_the_third(engine):
-    bank = ENGINES[engine](MODEL, np.zeros((1, 3, 4)), np.broadcast_to(P0, (1, 3, 4, 4)))
-    z, everywhere = np.full((1, 3), 0.5), np.ones((1, 3), bool)
+    bank = begun(engine)
     for _ in range(REJECTED):
-        assert (bank.update(z, np.full((1, 3), R), everywhere) > GATE).all()
+        assert (bank.update(seen(bank, 0.5)) > GATE).all()
         assert np.abs(bank.x).max() == 0
-    bank.update(z, np.full((1, 3), R), everywhere)
-    assert np.abs(bank.x[..., 0] + bank.x[..., 3] - 0.5).max() < 1e-3  # 8e-6
-    assert (bank.update(z, np.full((1, 3), R), everywhere) < GATE).all()
+    bank.update(seen(bank, 0.5))
+    assert np.abs((SLOPE * bank.x).sum(-1) - 0.5).max() < 1e-3  # 8e-6
+    assert (bank.update(seen(bank, 0.5)) < GATE).all()
 
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_single_wild_report_does_nothing(engine):
-    bank = ENGINES[engine](MODEL, np.zeros((1, 3, 4)), np.broadcast_to(P0, (1, 3, 4, 4)))
-    everywhere = np.ones((1, 3), bool)
-    bank.update(np.full((1, 3), 1.0), np.full((1, 3), R), everywhere)
-    bank.update(np.zeros((1, 3)), np.full((1, 3), R), everywhere)
+    bank = begun(engine)
+    bank.update(seen(bank, 1.0))
+    bank.update(seen(bank, 0.0))
     for _ in range(REJECTED):
-        bank.update(np.full((1, 3), -1.0), np.full((1, 3), R), everywhere)
+        bank.update(seen(bank, -1.0))
     assert np.abs(bank.x).max() == 0
 
 
 def test_angles_are_unwrapped_around_the_prediction():
-    start = np.zeros((1, 3, 4))
-    start[..., 0] = 4 * np.pi + 3.1
-    bank = Batched(MODEL, start, np.broadcast_to(P0, (1, 3, 4, 4)))
-    bank.update(np.full((1, 3), 3.101), np.full((1, 3), R), np.ones((1, 3), bool))
-    assert bank.x[..., 0] + bank.x[..., 3] == pytest.approx(np.full((1, 3), 4 * np.pi + 3.1007), abs=3e-4)
+    bank = begun("batched", x=4 * np.pi + 3.1)
+    bank.update(seen(bank, 3.101))
+    assert (SLOPE * bank.x).sum(-1) == pytest.approx(np.full((1, 3), 4 * np.pi + 3.1007), abs=3e-4)

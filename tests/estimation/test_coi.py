@@ -47,13 +47,28 @@ def test_prediction_is_capped():
     assert got.speed[0, 0] == pytest.approx(rest(0) - H[1] * 0.6 * 0.1 / 17)
 
 
-def test_a_silent_machine_coasts_and_then_leaves_both_sums():
-    coi, gone = CoiReference(H, 60, 0, 0), np.array([[True, True, False, True]])
+def test_a_silent_machine_stays_in_the_sums_with_a_growing_variance():
+    """Its own estimate while it is sure, the speed of the others as its variance grows beyond their spread."""
+    coi, gone, sigma = CoiReference(H, 60, 0, 0), np.array([[True, True, False, True]]), []
+    others = H[[0, 1, 3]] @ S[0, [0, 1, 3]] / H[[0, 1, 3]].sum()
     for k in range(40):
-        got = coi.step(estimate(received=gone), WHOLE)
-        silent = (k + 1) / 60 > COAST + 1e-9
-        assert got.speed[0, 0] == pytest.approx(rest(0, (0, 1, 3) if silent else (0, 1, 2, 3)))
-        assert got.usable[0].tolist() == [True, True, not silent, True]
+        variance = np.where(gone, 0.0, (1e-3 * k) ** 2)
+        got = coi.step(estimate(received=gone)._replace(variance=variance), WHOLE)
+        sigma.append(got.sigma[0, 0])
+        assert got.usable[0].tolist() == [True, True, (k + 1) / 60 <= COAST + 1e-9, True]
+    assert np.all(np.diff(sigma[:3]) > 0)
+    at_last = H[[1, 3]] @ S[0, [1, 3]] + H[2] * others
+    assert got.speed[0, 0] == pytest.approx(S[0, 0] - at_last / 17, abs=2e-5)
+    assert sigma[-1] < sigma[3] * 5 + 1e-3  # no more than the spread of the others
+
+
+def test_a_machine_without_a_pmu_knows_itself_as_late_as_the_others_do():
+    coi, without = CoiReference(H, 60, 0, 3), np.array([[True, False, False, False]])
+    for k in range(6):
+        got = coi.step(estimate(S + 0.001 * k), WHOLE, without)
+    late = S[0] + 0.002
+    assert got.speed[0, 0] == pytest.approx(late[0] - H[1:] @ late[1:] / H[1:].sum())
+    assert got.speed[0, 1] == pytest.approx(S[0, 1] + 0.005 - H[[0, 2, 3]] @ late[[0, 2, 3]] / H[[0, 2, 3]].sum())
 
 
 def test_storage_is_off_below_seventy_percent_of_the_inertia():

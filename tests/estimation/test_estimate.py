@@ -199,9 +199,18 @@ def test_a_case_in_one_call(cases, tmp_path):
         ({"seeds": ()}, "seeds = "),
         ({"seeds": -1}, "seeds = "),
         ({"storage": "50"}, "is not a storage size"),
+        ({"pmu": 3}, "pmu = 3 is not a PMU"),
     ],
 )
 def test_impossible_arguments_are_one_sentence(points, arguments, says):
     with pytest.raises(StudyError, match=says) as refusal:
         estimate(points("two_area"), Contingency("7", "6cyc", "7-8"), **arguments)
     assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("given", "says"), [((3,), "law = 3 is not a control law"), ((BangBang,), "is not a control law")]
+)
+def test_a_control_is_made_of_a_law(given, says):
+    with pytest.raises(StudyError, match=says):
+        EstimatorControl(*given)

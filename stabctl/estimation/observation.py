@@ -1,0 +1,133 @@
+"""What the estimators are given of simulations, frame by frame, and what is true there."""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from stabctl.errors import StudyError
+from stabctl.model.network import Switching
+from stabctl.simulation.simulation import Simulation
+
+from .bad_reports import BadReports
+from .instrument import Frame, Instrument, Parts
+from .network_model import AMPLIFIED, NetworkModel
+from .pmu import Pmu
+from .pmu_check import Alarm, PmuCheck
+from .rotor_units import Terminals
+
+
+class Truth(NamedTuple):
+    """What is true at an instant, arrays (seeds, machines) unless stated otherwise."""
+
+    V: np.ndarray  # pu   terminal voltages
+    I: np.ndarray  # pu   currents out of the machines
+    slip: np.ndarray  # pu
+    delta: np.ndarray  # rad
+    island: np.ndarray  # by number; -1 of tripped machines
+    buses: np.ndarray  # (seeds, buses) pu   voltages
+    others: np.ndarray  # (seeds, others) pu   currents into the network of storage devices and loads
+
+
+class Observation:
+    """The PMUs of simulations of one operating point, each with the errors of its seed.
+
+    A machine without a PMU has a report where the network model computes one from those of the others. The model knows
+    the branches in service and the fault; the currents of storage devices and loads are measured, with PMU noise.
+    """
+
+    def __init__(self, simulations: Sequence[Simulation], pmu: Pmu, seeds: Sequence[int], check: bool = False) -> None:
+        point, shape = simulations[0].point, (len(seeds), len(simulations[0].point.case.machines))
+        hz, self.numbers, self.seeds = point.case.frequency_hz, [m.machine for m in point.case.machines], seeds
+        without = np.isin(self.numbers, _known(pmu.missing, self.numbers, point.case.name))
+        bad = _known([one.machine for one in pmu.bad], self.numbers, point.case.name)
+        self._spoil = BadReports(pmu.bad, [self.numbers.index(number) for number in bad], hz)
+        self.simulations, self.network = simulations, NetworkModel(point)
+        self.without = np.broadcast_to(without, shape).copy()  # machines whose reports are not used
+        self._check = PmuCheck(self.network, pmu, hz, shape) if check else None
+        self._metered = check or bool(without.any())
+        self.excluded = np.zeros(shape, bool)  # with this frame
+        self._found: deque[tuple[int, list[tuple[int, int]]]] = deque()
+        self._frames, self._late = 0, pmu.remote_frames - pmu.own_frames
+        self.alarms: list[Alarm] = []
+        self._instrument = Instrument(pmu, seeds, shape[1], hz)
+        always = replace(pmu, loss=0.0, outage=None)
+        others = len(self.network.others)
+        self._meters = Instrument(always, [[seed, 2] for seed in seeds], others, hz)
+        self._terminals = [Terminals(s) for s in simulations]
+        self._last: list[tuple[np.ndarray, ...] | None] = [None] * len(simulations)
+        self._window = 2 * pmu.own_frames
+        self._switching: list[tuple[Switching, int]] = [(s.switching, self._window) for s in simulations]
+
+    def __call__(self, at: float, resting: np.ndarray | None = None) -> tuple[Truth, Frame]:
+        """Truth and frame at an instant (s); `resting` are the bus voltages of a system at rest."""
+        truth = Truth(*map(np.array, zip(*(self._true(k, resting) for k in range(len(self._last))), strict=True)))
+        frame = self._spoil(at, self._instrument.report(at, truth.V, truth.I, truth.slip))
+        if not self._metered:
+            return truth, frame
+        metered = self._meters.report(at, truth.others, truth.others, truth.others.real).I
+        self.excluded = self._exclude(at, frame, metered)
+        if not self.without.any():
+            return truth, frame
+        return truth, self._completed(frame._replace(received=frame.received & ~self.without), metered)
+
+    def _exclude(self, at: float, frame: Frame, metered: np.ndarray) -> np.ndarray:
+        """Machines whose PMUs are not used from now on: those found bad as long ago as reports are late."""
+        now, self._frames = np.zeros(frame.V.shape, bool), self._frames + 1
+        if self._check is not None:
+            used = ~self.without
+            for _, pairs in self._found:
+                for pair in pairs:
+                    used[pair] = False
+            settled = [since >= self._window for _, since in self._switching]
+            checked = frame._replace(received=frame.received & np.array(settled)[:, None])
+            found = self._check(checked, metered, [switching for switching, _ in self._switching], used)
+            self.alarms += [Alarm(self.seeds[k], self.numbers[row], at, why) for k, row, why in found]
+            self._found.append((self._frames + self._late, [(k, row) for k, row, _ in found]))
+            while self._found and self._found[0][0] <= self._frames:
+                for pair in self._found.popleft()[1]:
+                    now[pair] = self.without[pair] = True
+        return now
+
+    def _completed(self, frame: Frame, others: np.ndarray) -> Frame:
+        """The frame with computed reports of the machines without."""
+        reports = 2 * frame.V.shape[1] + others.shape[1]
+        parts = Parts(np.zeros(frame.V.shape, bool), *np.zeros((2, *frame.V.shape, reports), complex))
+        for k, (switching, since) in enumerate(self._switching):
+            known = frame.received[k]
+            given = {"switching": switching, "known": known}
+            found = self.network.computed(frame.V[k], frame.I[k], others[k], **given) if since >= self._window else None
+            if found is None:
+                continue
+            rows = np.flatnonzero(~known)
+            sharp = np.sqrt((np.abs(found.V_parts) ** 2).sum(-1)) < AMPLIFIED
+            parts.computed[k, rows] = self.without[k, rows] & sharp
+            parts.V[k, rows[sharp]], parts.I[k, rows[sharp]] = found.V_parts[sharp], found.I_parts[sharp]
+        V = np.where(parts.computed, parts.V.sum(-1), frame.V)
+        I = np.where(parts.computed, parts.I.sum(-1), frame.I)
+        return frame._replace(V=V, I=I, received=frame.received | parts.computed, parts=parts)
+
+    def _true(self, k: int, resting: np.ndarray | None) -> tuple[np.ndarray, ...]:
+        """The fields of `Truth` in simulation k; the last ones once it has ended."""
+        s, last = self.simulations[k], self._last[k]
+        if last is None or s.outcome is None:
+            before, since = self._switching[k]
+            self._switching[k] = s.switching, since + 1 if s.switching == before else 0
+            buses = s.V if resting is None else resting
+            V, I = self._terminals[k].phasors(buses)
+            others = self.network.other_currents(buses, I, s.switching) if self._metered else np.zeros(0, complex)
+            self._last[k] = last = V, I, s.speed - 1, s.angle.copy(), s.island.copy(), buses, others
+        return last
+
+
+def _known(numbers: Sequence[int], of: Sequence[int], name: str) -> Sequence[int]:
+    """These numbers of machines, if a case has them and does not lose all."""
+    unknown = sorted(set(numbers) - set(of))
+    if unknown or len(set(numbers)) == len(of):
+        wrong = f"{name} has no machine {unknown[0]}" if unknown else "no machine would have a PMU"
+        raise StudyError(
+            f"missing or bad PMUs {tuple(numbers)} are not possible: {wrong}; give the numbers of some machines."
+        )
+    return numbers

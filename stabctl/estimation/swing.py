@@ -1,0 +1,104 @@
+"""The swing equation of all machines over a frame, and the covariance of what it leaves out.
+
+State of a machine: x = [delta (rad), s = omega - 1 (pu), Pm (pu machine), e, k (pu)]; input is the air-gap power P, and
+a governor adds g to Pm:
+
+    d delta/dt = wb s,   2H omega ds/dt = Pm + g - P - D s,   dPm/dt = white noise of density q,
+    (e, k): the fluxes of `q_axis`, driven by the current I.
+A classical machine has no omega in its swing equation.
+
+Process noise over a frame T has four sources:
+    walk   q * integral of h h', h(t) = [wb t^2/4H, t/2H, 1];
+    power  (var P + (share (Pm - P))^2) * h h', h = [c, d, 0, 0, 0], c = wb T^2/4H, d = T/2H; share is the model error;
+           the noise of a report acts in the frames before and after it, so that it counts in full;
+    flux   var iq * h h', h = [0, 0, 0, response of e and k to iq over a frame];
+    jump   P and iq jump by dP and di at an unknown instant since the last report, m frames ago. The share u of this
+           time that is left is uniform: delta has moved by -c m^2 u^2 dP, s by -d m u dP, e and k by u times their
+           response to di. Means -dP c/3 and -dP d/2 (the same as of a ramp), covariance r r' times that of
+           (u^2, u, 0, u, u): var u^2 = 4/45, var u = cov(u, u^2) = 1/12.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import expm
+
+REJECTED = 2  # reports in a row that the gate rejects before it accepts one
+STATES = 5
+JUMP = np.full((STATES, STATES), 1 / 12)
+JUMP[0, 0], JUMP[2], JUMP[:, 2] = 4 / 45, 0, 0
+
+
+class Swing(NamedTuple):
+    """The swing equation over a frame: [delta, s, Pm] = F [delta, s, Pm] + B u, u = [P0, m dP, m^2 dP]."""
+
+    F: np.ndarray  # (machines, 3, 3)
+    B: np.ndarray  # (machines, 3, 3)
+    walk: np.ndarray  # (machines, 5, 5)   covariance of the random walk
+    c: np.ndarray  # (machines) rad/pu   change of the angle per unit of power in a frame
+    d: np.ndarray  # (machines)          change of the speed
+    reset: np.ndarray  # (machines, 5)   variances added per square of the innovation that the gate accepts at last
+
+
+def swing(
+    H: np.ndarray, D: np.ndarray, *, hz: float, T: float, walk: float, flux: np.ndarray, with_power: bool = True
+) -> Swing:
+    """The swing equation over a frame; exact except for D T/2H in B.
+
+    When the gate accepts an innovation y after `REJECTED` rejections, y may come from an error of the angle, of the
+    flux, or of the speed (without measured power, of the acceleration): each gets the variance that explains y alone.
+
+    Parameters
+    ----------
+    H, D : (machines,) array, s and pu
+        Inertia constant and damping.
+    hz, T : float
+        Frequency (Hz) and length of a frame (s).
+    walk : float
+        Density of the random walk, pu/s^0.5.
+    flux : (machines,) array
+        1 of machines with q-axis fluxes, else 0.
+    with_power : bool
+        The measured power is an input; without it the model is that of a constant acceleration.
+    """
+    wb, n = 2 * np.pi * hz, len(H)
+    a, b, one = wb / (2 * H), 1 / (2 * H), np.ones(n)
+    A, B, Q = np.zeros((3, n, 3, 3))
+    A[:, 0, 1], A[:, 1, 1], A[:, 1, 2] = wb, -D * b, b
+    c, d = a * T**2 / 2, b * T
+    B[:, 0, 0], B[:, 0, 2], B[:, 1, 0], B[:, 1, 1] = -c, -c / 3, -d, -d / 2
+    upper = a * a * T**5 / 20, a * b * T**4 / 8, a * T**3 / 6, b * b * T**3 / 3, b * T**2 / 2, one * T
+    for i, j, values in zip(*np.triu_indices(3), upper, strict=True):
+        Q[:, i, j] = Q[:, j, i] = values
+    since = (REJECTED + 1) * T
+    acceleration = 0 * one if with_power else one / (a * since**2)
+    reset = np.stack([one, one / (wb * since), acceleration, flux, flux], -1) ** 2
+    return Swing(expm(A * T), B, np.pad(walk**2 * Q, ((0, 0), (0, 2), (0, 2))), c, d, reset)
+
+
+def process_covariance(
+    model: Swing, *, power: np.ndarray, jump: np.ndarray, frames: np.ndarray, flux: np.ndarray, noise: np.ndarray
+) -> np.ndarray:
+    """Process covariance (seeds, machines, 5, 5).
+
+    Parameters
+    ----------
+    model : Swing
+        The model.
+    power : (seeds, machines) array
+        Variance of the power over the frame.
+    jump, frames : (seeds, machines) array
+        Jump of the power, and frames since it was last known.
+    flux, noise : (seeds, machines, 2) array, pu
+        Response of e and k to the jump of iq, and to its standard deviation over the frame.
+    """
+    r, late = np.empty((*jump.shape, STATES)), frames * jump
+    r[..., 0], r[..., 1], r[..., 2], r[..., 3:] = -model.c * late * frames, -model.d * late, 0, flux
+    Q = r[..., :, None] * r[..., None, :]
+    Q *= JUMP
+    Q += model.walk
+    size = np.sqrt(power)
+    r[..., 0], r[..., 1], r[..., 3:] = model.c * size, model.d * size, 0
+    Q += r[..., :, None] * r[..., None, :]
+    Q[..., 3:, 3:] += noise[..., :, None] * noise[..., None, :]
+    return Q

@@ -1,0 +1,97 @@
+"""Bad PMUs: frozen, drifting, turned, spoofed; each is named, left out, and the loop hardly notices."""
+
+import numpy as np
+import pytest
+
+from stabctl import io
+from stabctl.clearing import clearing_time
+from stabctl.errors import StudyError
+from stabctl.estimation.bad_pmu import BadPmu
+from stabctl.estimation.estimate import estimate
+from stabctl.estimation.estimator_control import EstimatorControl
+from stabctl.estimation.instrument import Instrument
+from stabctl.estimation.network_model import NetworkModel
+from stabctl.estimation.pmu import Pmu
+from stabctl.estimation.pmu_check import PmuCheck
+from stabctl.estimation.rotor_units import Terminals
+from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.simulation import Simulation
+
+FAULT = Contingency("7", "11cyc", "7-8")
+KINDS = {  # what is wrong, and seconds within which it is found
+    "frozen": ({"frozen": True}, 0.1),
+    "jump": ({"jump": "5deg"}, 0.1),
+    "ramp": ({"ramp": "1deg"}, 1.0),
+    "drift": ({"drift": "30us"}, 1.5),
+}
+
+
+def control(*bad):
+    return EstimatorControl(pmu=Pmu(bad=bad), engine="batched", check_pmus=True)
+
+
+@pytest.mark.parametrize(
+    ("kind", "at"),
+    [("jump", 1.1), *(pytest.param(kind, at, marks=pytest.mark.slow) for kind in KINDS for at in (0.5, 1.1))],
+)
+def test_a_bad_pmu_is_named_and_the_speeds_stay_right(kind, at):
+    wrong, within = KINDS[kind]
+    bad = BadPmu(3, at, **wrong)
+    found = estimate(io.load("two_area"), FAULT, 3.5, storage="50MW", control=control(bad), seeds=(1, 2), record=False)
+    assert [(alarm.seed, alarm.machine) for alarm in sorted(found.alarms)] == [(1, 3), (2, 3)]
+    assert all(at < alarm.time_s + 1e-9 < at + within for alarm in found.alarms)
+    assert "PMU of machine 3" in str(found)
+    late = found.time > at + within + 0.7
+    error = (found.deviation_estimated - found.deviation)[late] * 60e3
+    assert np.sqrt(np.mean(error**2)) < 6  # 2.5..4.8 mHz; 2.2 with good PMUs
+    assert all(run.outcome.stable for run in found.runs)
+
+
+def test_good_pmus_raise_no_alarm_in_a_fault():
+    found = estimate(io.load("two_area"), FAULT, 4, storage="50MW", control=control(), seeds=(1, 2, 3), record=False)
+    assert found.alarms == ()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_loop_with_a_bad_pmu_keeps_its_clearing_time(kind):
+    point = operating_point()
+    fault = Contingency("7", trip="7-8")
+    ideal = clearing_time(point, fault, control=EstimatorControl(engine="batched")).cycles
+    found = clearing_time(point, fault, control=control(BadPmu(3, 1.0, **KINDS[kind][0]))).cycles
+    assert abs(found - ideal) <= 0.25
+
+
+def operating_point():
+    return io.load("two_area").initialize(storage="50MW")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "minutes"), [("two_area", 10), ("ieee39", 2)])
+def test_no_false_alarm(points, name, minutes):
+    """Six seeds; the N of a good PMU is normal, so that one beyond 6 is rarer than once in years."""
+    point, seeds, pmu = points(name), 6, Pmu()
+    simulation, network = Simulation(point), NetworkModel(point)
+    V, I = Terminals(simulation).phasors(point.V)
+    others = network.other_currents(point.V, I, simulation.switching)
+    instrument = Instrument(pmu, range(seeds), len(V), 60.0)
+    meters = Instrument(Pmu(loss=0.0), [[k, 2] for k in range(seeds)], len(others), 60.0)
+    check, used = PmuCheck(network, pmu, 60.0, (seeds, len(V))), np.ones((seeds, len(V)), bool)
+    rows = [np.tile(each, (seeds, 1)) for each in (V, I, 0 * V.real, others)]
+    for k in range(minutes * 3600):
+        metered = meters.report(k / 60, rows[3], rows[3], rows[3].real).I
+        frame = instrument.report(k / 60, *rows[:3])
+        assert check(frame, metered, [simulation.switching] * seeds, used) == []
+
+
+@pytest.mark.parametrize(
+    ("given", "says"), [({"at": -1}, "at = -1"), ({"at": 1, "jump": "90us"}, "jump"), ({"at": 1, "drift": 3}, "drift")]
+)
+def test_mistakes_are_sentences(given, says):
+    with pytest.raises(StudyError, match=says):
+        BadPmu(3, **given)
+
+
+def test_a_bad_pmu_is_one_of_the_case(points):
+    with pytest.raises(StudyError, match="has no machine 9"):
+        estimate(points("two_area"), FAULT, control=control(BadPmu(9, 1.0, frozen=True)))
