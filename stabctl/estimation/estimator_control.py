@@ -66,7 +66,7 @@ class EstimatorControl:
         if isinstance(self.law, type) or not callable(getattr(self.law, "par", None)):
             raise StudyError(f"law = {shown(self.law)} is not a control law; give BangBang() or Feedback(...).")
         if not isinstance(self.pmu, Pmu):
-            raise StudyError(f'pmu = {self.pmu!r} is not a PMU; give Pmu(rate=60, latency="50ms").')
+            raise StudyError(f"pmu = {shown(self.pmu)} does not describe PMUs; give Pmu(...).")
         for name, allowed in (("estimator", EstimatorName), ("engine", Engine)):
             if getattr(self, name) not in get_args(allowed):
                 raise StudyError(

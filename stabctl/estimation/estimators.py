@@ -1,4 +1,4 @@
-"""Estimators of the rotor speeds behind one interface: a Kalman filter of the swing equation, and simpler ones.
+"""Estimators of the rotor speeds with a common interface: a Kalman filter of the swing equation, and simpler ones.
 
 ideal       the true speed
 frequency   the PMU's frequency at the terminal
@@ -23,7 +23,7 @@ Engine = Literal["filterpy", "batched"]
 
 
 class Estimate(NamedTuple):
-    """What an estimator knows at the instant of a frame, arrays (seeds, machines)."""
+    """Estimates at the time of a frame, arrays (seeds, machines)."""
 
     slip: np.ndarray  # pu     speed deviation from nominal
     acceleration: np.ndarray  # pu/s
@@ -51,7 +51,7 @@ class Ideal:
 
 
 class Frequency:
-    """The frequency at the terminals; a lost report leaves the last."""
+    """The frequency at the terminals; if a report is lost, the last one is kept."""
 
     def __init__(self, pmu: Pmu, hz: float) -> None:
         self._variance = (pmu.frequency / hz) ** 2
@@ -108,7 +108,7 @@ class Filtered:
         x, P = bank.x, bank.P
         acceleration, drift = self.model.acceleration(x, P)
         y, C = self.model.angle_and_slip(x, P)
-        variance = C[..., 1, 1] + self.model.unknown_slip**2
+        variance = C[..., 1, 1] + self.model.silence.slip**2
         return Estimate(y[..., 1].copy(), acceleration, variance, drift, received, nis)
 
 

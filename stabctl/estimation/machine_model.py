@@ -10,37 +10,19 @@ import numpy as np
 from .bank import Seen, wrapped
 from .governor import Governors
 from .instrument import Frame
-from .noise import (
-    Tuning,
-    angle_variance,
-    computed_angle_variance,
-    computed_current_variance,
-    computed_power_variance,
-    current_variance,
-    power_variance,
-)
+from .measured import Measured, measured
+from .noise import Tuning, angle_variance, computed_angle_variance, current_variance
 from .pmu import Pmu
 from .pmu_window import PmuWindow
 from .q_axis import QAxis, turn, within
 from .rotor_units import RotorUnits
+from .silence import Silence
 from .swing import STATES, process_covariance, swing
 
 FORGOTTEN = 0.5  # s   without a report, after which a filter starts anew with the next one
 UNSETTLED = 0.05  # pu   standard deviation of a flux that may not be at rest
 RUNAWAY = 5e-3  # pu   standard deviation of a speed after a long silence, at least
 FLOOR = 1e-8  # rad^2   error of the model: without measurement noise the filter would be singular
-
-
-class Measured(NamedTuple):
-    """A frame and what follows from it, arrays (seeds, machines)."""
-
-    frame: Frame
-    ZI: np.ndarray  # pu
-    E: np.ndarray  # pu   internal voltage V + ZI
-    I: np.ndarray  # pu machine   current
-    P: np.ndarray  # pu machine   air-gap power
-    variance: np.ndarray  # of P
-    of_current: np.ndarray  # (pu machine)^2   variance of a part of I, if it is computed, else 0
 
 
 class Step(NamedTuple):
@@ -61,7 +43,6 @@ class MachineModel:
         self.known, self.tuning, self.power, self.T = known, tuning, power, 1 / pmu.rate
         n, self.memory = len(known.H), max(1, round(FORGOTTEN * pmu.rate))
         self._noise = {"angle": pmu.angle, "magnitude": pmu.magnitude}
-        self._Z = (known.ra + 1j * known.x) / known.mva
         self._has_flux = (known.flux["xq"] > 0).astype(float)
         self.H: np.ndarray = known.H if power else np.full(n, 0.5)
         self.D: np.ndarray = known.D if power else np.zeros(n)
@@ -77,21 +58,7 @@ class MachineModel:
 
     def measured(self, frame: Frame) -> Measured:
         """The internal voltages and powers of a frame."""
-        ZI = self._Z * frame.I
-        E = frame.V + ZI
-        E = np.where(np.abs(E) < 1e-3, 1e-3, E)
-        I = frame.I / self.known.mva
-        none = np.zeros(E.shape)
-        if not self.power:
-            return Measured(frame, ZI, E, I, none, none, none)
-        variance = power_variance(frame.V * I.conj(), **self._noise)
-        parts = frame.parts
-        if parts is None:
-            return Measured(frame, ZI, E, I, (E * I.conj()).real, variance, none)
-        of_power = computed_power_variance(parts.V, parts.I, (frame.V, frame.I), **self._noise) / self.known.mva**2
-        of_current = computed_current_variance(parts.I, **self._noise) / self.known.mva**2
-        variance = np.where(parts.computed, of_power, variance)
-        return Measured(frame, ZI, E, I, (E * I.conj()).real, variance, of_current * parts.computed)
+        return measured(frame, self.known, self._noise, self.power)
 
     def begin(self, seen: Measured) -> tuple[np.ndarray, np.ndarray]:
         """States and covariances at rest."""
@@ -103,8 +70,7 @@ class MachineModel:
         P[..., 0, 0], P[..., 1, 1], P[..., 2, 2] = start.variance, 1e-4**2, seen.variance
         P[..., 2, 2] += 0 if self.power else 1e-3**2
         P[..., 3, 3] = P[..., 4, 4] = (1e-3**2 + seen.of_current) * self._has_flux
-        self._before = np.repeat(seen.P[:, None, :], seen.P.shape[1], 1)
-        self.unknown_power, self.unknown_slip = np.zeros((2, *seen.P.shape))
+        self.silence = Silence(seen.P, self.T / (2 * self.H))
         self.missing, self._rate = np.zeros(seen.P.shape, int), np.zeros(seen.P.shape)
         self.rotor_current = seen.I * np.exp(-1j * x[..., 0])
         self.rotor_voltage = seen.E * np.exp(-1j * x[..., 0])
@@ -118,7 +84,7 @@ class MachineModel:
         fresh[..., 3:] = self.q_axis.rest(seen.I, seen.E)
         fresh[..., 0] = np.angle(seen.E) - turn(self.q_axis.psi(fresh[..., 3:]), size)
         flux = UNSETTLED**2 * self._has_flux + np.zeros(size.shape)
-        known = P[..., 1, 1] + np.maximum(self.unknown_slip, RUNAWAY) ** 2
+        known = P[..., 1, 1] + np.maximum(self.silence.slip, RUNAWAY) ** 2
         variances = np.stack([flux + 1e-3**2, known, P[..., 2, 2] + 1e-2**2, flux, flux], -1)
         fresh_P = variances[..., None] * np.eye(STATES)
         return np.where(where[..., None], fresh, x), np.where(where[..., None, None], fresh_P, P)
@@ -164,8 +130,8 @@ class MachineModel:
             power = power + self._window.power_noise(moved, change) * here
         parts = np.sqrt(self._window.together)
         jump = {"jump": parts * dP, "frames": m, "flux": parts * step * change.real[..., None]}
-        self._g, self._now = g, seen.P
-        self._silence(here)
+        self._g = g
+        self.silence.step(here, self.missing, before=self.P, now=seen.P, variance=self.variance)
         self._rate = dP / (m * self.T)
         return Step(after, F, process_covariance(self.swing, power=power, noise=noise, **jump))
 
@@ -182,7 +148,7 @@ class MachineModel:
         parts = seen.frame.parts
         if parts is not None:
             tilt = (1 + 1j * np.tan(middle)) / seen.E
-            of_parts = computed_angle_variance(parts.V, parts.I, self._Z, tilt, **self._noise) + FLOOR
+            of_parts = computed_angle_variance(parts.V, parts.I, self.known.impedance, tilt, **self._noise) + FLOOR
             variance = np.where(parts.computed, of_parts, variance)
         if self._window.wide:
             variance = variance + (self._window.turned(x[..., 1]) * (1 - self.size / size)) ** 2
@@ -205,25 +171,10 @@ class MachineModel:
         jerk = -self._rate / (2 * self.H)
         return self._window.middle(x[..., :2], P[..., :2, :2], acceleration=a, jerk=jerk)
 
-    def _silence(self, here: np.ndarray) -> None:
-        """Standard deviations of power and speed of machines without report, from what happens to those with one.
-
-        The powers of the others have moved by so much, root mean square, since the last report; the power of the silent
-        machine may have, too, and its speed has then moved by the integral.
-        """
-        if here.all() and not self.missing.any():
-            return
-        first = ~here & (self.missing == 0)
-        self._before = np.where(first[..., None], self.P[:, None, :], self._before)
-        moved = ((self._now[:, None, :] - self._before) ** 2 - 2 * self.variance[:, None, :]) * here[:, None, :]
-        mean = moved.sum(-1) / np.maximum(here.sum(-1, keepdims=True), 1)
-        self.unknown_power = np.where(here, 0.0, np.sqrt(np.maximum(mean, 0.0)))
-        self.unknown_slip = np.where(here, 0.0, self.unknown_slip + self.T / (2 * self.H) * self.unknown_power)
-
     def acceleration(self, x: np.ndarray, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The acceleration (pu/s) at these states, and its variance from their covariances P."""
         rate = 1 / (2 * self.H)
-        variance = P[..., 2, 2] + self.variance + self.unknown_power**2
+        variance = P[..., 2, 2] + self.variance + self.silence.power**2
         return (x[..., 2] + self.g - self.P - self.D * x[..., 1]) * rate, variance * rate**2
 
     def _governed(self, x: np.ndarray) -> np.ndarray:

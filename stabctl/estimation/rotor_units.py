@@ -36,6 +36,11 @@ class RotorUnits:
     governor: dict[str, np.ndarray]  # constants of the governors; K = 0 without one
     frequency_hz: float
 
+    @property
+    def impedance(self) -> np.ndarray:
+        """Impedance ra + j x (machines) on the system base, behind which the internal voltages are."""
+        return (self.ra + 1j * self.x) / self.mva
+
     def __str__(self) -> str:
         return f"{len(self.H)} rotor units, {np.count_nonzero(self.flux['xq'])} of them with flux dynamics"
 

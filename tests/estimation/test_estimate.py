@@ -199,7 +199,7 @@ def test_a_case_in_one_call(cases, tmp_path):
         ({"seeds": ()}, "seeds = "),
         ({"seeds": -1}, "seeds = "),
         ({"storage": "50"}, "is not a storage size"),
-        ({"pmu": 3}, "pmu = 3 is not a PMU"),
+        ({"pmu": 3}, "pmu = 3 does not describe PMUs"),
     ],
 )
 def test_impossible_arguments_are_one_sentence(points, arguments, says):
