@@ -57,7 +57,9 @@ def test_with_machine_10_missing_claimed_and_true_spread_agree(points):
     assert np.abs(np.delete(error, 9, 2).mean(1)).max() < 10
 
 
-@pytest.mark.parametrize(("missing", "says"), [((11,), "has no machine 11"), ((1, 2, 3, 4), "no machine would have a PMU")])
+@pytest.mark.parametrize(
+    ("missing", "says"), [((11,), "has no machine 11"), ((1, 2, 3, 4), "no machine would have a PMU")]
+)
 def test_missing_machines_are_checked(points, missing, says):
     with pytest.raises(StudyError, match=says):
         estimate(points("two_area"), FAULTS["two_area"], pmu=Pmu(missing=missing))
