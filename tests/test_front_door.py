@@ -33,13 +33,10 @@ def base(case):
 
 
 def test_the_import_is_light():
-    code = "import time; t = time.perf_counter(); import stabctl; print(time.perf_counter() - t); import sys; "
-    code += "print(*sys.modules)"
-    runs = [subprocess.run([sys.executable, "-c", code], capture_output=True, text=True) for _ in range(3)]
-    seconds, modules = zip(*(run.stdout.splitlines() for run in runs), strict=True)
-    assert min(map(float, seconds)) < 0.1  # 0.002
-    modules = modules[0]
-    assert not {"numpy", "numba", "scipy", "pandas", "xarray", "matplotlib"} & set(modules.split())
+    code = "import stabctl, sys; print(*sys.modules)"
+    modules = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert "stabctl" in modules
+    assert not {"numpy", "numba", "scipy", "pandas", "xarray", "matplotlib"} & set(modules)
 
 
 def test_every_name_is_there_and_known_to_editors():

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from threading import get_ident
 from types import ModuleType
 from typing import Any
 
@@ -34,7 +35,7 @@ def _module(name: str, device: ModuleType, scalar: type) -> Callable[..., None]:
     )
     if not path.exists():
         path.parent.mkdir(mode=0o700, exist_ok=True)
-        own = path.with_suffix(f".{os.getpid()}")
+        own = path.with_suffix(f".{os.getpid()}-{get_ident()}")  # other threads may write it too
         own.write_text(text, encoding="utf-8")
         os.utime(own, (0, 0))  # numba identifies a source by its time and size; the name contains the hash
         own.replace(path)
