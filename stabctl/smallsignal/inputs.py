@@ -7,10 +7,11 @@ import numpy as np
 from stabctl.devices.loads import zip_load
 from stabctl.dynamics import family
 from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.errors import StudyError
 
-from .signals import Signal
+from .signals import OF_CONVERTER, Signal
 
-PORTS = {"vref": "Vref", "pref": "Pref", "field": "Efd", "power": "Pm"}
+PORTS = {"vref": "Vref", "pref": "Pref", "field": "Efd", "power": "Pm", "ipcmd": "Ipcmd", "iqcmd": "Iqcmd"}
 
 
 class Draw(NamedTuple):
@@ -44,7 +45,10 @@ def place(point: OperatingPoint, signal: Signal) -> int | None:
     if signal.kind in ("storage", "load_p", "load_q"):
         return None
     unit = [m.machine for m in case.machines].index(signal.number)
-    return point.layout.setpoint(unit, PORTS[signal.kind])
+    found = point.layout.setpoint(unit, PORTS[signal.kind])
+    if found is None and signal.kind in OF_CONVERTER:
+        raise StudyError(f"A control of converter {signal.number} sets {PORTS[signal.kind]}, so it is not an input.")
+    return found
 
 
 def draw(point: OperatingPoint, signal: Signal) -> Draw:

@@ -61,6 +61,13 @@ INPUTS = _kinds(
             "pu",
             "mechanical power of a machine without governor, machine base",
         ),
+        "ipcmd": (
+            "machine",
+            "active current {machine} {place}",
+            "pu",
+            "active current command of a converter, its base",
+        ),
+        "iqcmd": ("machine", "reactive current {machine} {place}", "pu", "reactive current command, converter base"),
         "load_p": ("bus", "P load bus {place}", "pu", "active power added to a load, with its voltage dependence"),
         "load_q": ("bus", "Q load bus {place}", "pu", "reactive power added to a load, with its voltage dependence"),
     }
@@ -87,6 +94,7 @@ OUTPUTS = _kinds(
 )
 
 OF_ROTOR = ("speed", "angle", "rest_speed", "efd", "pm", "ifd", "field", "power")
+OF_CONVERTER = ("ipcmd", "iqcmd")
 REFERENCES = {"vref": "exciter", "pref": "governor"}  # input -> role of the control it belongs to
 
 
@@ -138,6 +146,8 @@ def _everywhere(case: Case, name: str, kind: Kind) -> Sequence[int | str | None]
         return [n for n in numbers if _model(case, n, REFERENCES[name])]
     if name in ("field", "power"):
         return [n for n in numbers if not _model(case, n, "exciter" if name == "field" else "governor")]
+    if name in OF_CONVERTER:
+        return [n for n in numbers if _model(case, n, "converter")]
     if name in OF_ROTOR:
         return [n for n in numbers if _model(case, n, "machine")]
     return numbers
@@ -182,6 +192,10 @@ def _belongs(case: Case, name: str, number: int) -> None:
     if name in OF_ROTOR and not _model(case, number, "machine"):
         raise StudyError(
             f"Unit {number} of {case.name} is a converter without a rotor, so it has no signal {name}; choose another."
+        )
+    if name in OF_CONVERTER and not _model(case, number, "converter"):
+        raise StudyError(
+            f"Unit {number} of {case.name} is not a converter, so it has no signal {name}; choose another."
         )
     if name in REFERENCES and not _model(case, number, REFERENCES[name]):
         instead = "field" if name == "vref" else "power"
