@@ -10,7 +10,6 @@ from . import groups, options, shared
 from .grouped import grouped
 
 if TYPE_CHECKING:
-    from stabctl.clearing import Screen
     from stabctl.model.case import Case
     from stabctl.placement.siting import Evidence, Siting
     from stabctl.simulation.contingency import Contingency
@@ -97,7 +96,7 @@ def place(
 
 def _contingencies(
     case: "Case", name: str, file: Path | None, classical: bool
-) -> "tuple[tuple[Contingency, ...] | Screen, str]":
+) -> "tuple[tuple[Contingency, ...], str]":
     """The contingencies of the file, the packaged ones, or the most critical ones of a screen, and their source."""
     from stabctl.clearing import screen
     from stabctl.placement.contingencies import contingencies, packaged
@@ -108,7 +107,7 @@ def _contingencies(
         return contingencies(case, file), f"the packaged file {file.name}"
     with shared.progress("screening", 1.0) as tell:
         found = screen(case, progress=lambda done, of: tell(done / of))
-    return found, "a screen, with clearing times 20 % longer than without storage"
+    return contingencies(case, found), "a screen, with clearing times 20 % longer than without storage"
 
 
 def _record(found: "Siting") -> dict[str, Any]:

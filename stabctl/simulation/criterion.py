@@ -3,7 +3,9 @@
 from numbers import Real
 from typing import NamedTuple
 
+from stabctl import devices
 from stabctl.errors import StudyError
+from stabctl.model.case import Case
 from stabctl.units import hertz, quantity
 
 
@@ -30,7 +32,8 @@ class Criterion(NamedTuple):
     Outside this range units may trip: the no-trip zones of NERC PRC-024-3, Attachment 1, end between 57.0 and 57.8 Hz
     and at 61.7 or 61.8 Hz (Western and Eastern Interconnection), those of Regulation (EU) 2016/631, Article 13, at 47.5
     and 51.5 Hz. The delay of 1 s excludes swings, and is less than the 2 s after which the limits of NERC PRC-006-5 for
-    islands begin to narrow.
+    islands begin to narrow. In a system without any governor the mechanical powers are constant and nothing restores
+    the frequency, so it is checked only if one of these three values is not the default.
     """
 
     max_angle: float = 3.5
@@ -67,6 +70,13 @@ def checked(criterion: object, frequency_hz: float) -> Criterion:
             f"{frequency_hz:g} Hz."
         )
     return made
+
+
+def for_system(criterion: Criterion, case: Case) -> Criterion:
+    """The criterion for a system: without governors frequency is not judged unless its limits or delay were changed."""
+    rules, by_default = Criterion(*map(float, criterion)), criterion[4:] == DEFAULT[4:]
+    governed = any(rows and devices.models()[model].ROLE == "governor" for model, rows in case.devices.items())
+    return rules._replace(frequency_delay_s=0.0) if by_default and not governed else rules
 
 
 def frequency_range(criterion: Criterion, frequency_hz: float) -> str:

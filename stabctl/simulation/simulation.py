@@ -14,7 +14,7 @@ from stabctl.model.network import Switching
 
 from . import stepper, steps, voltages
 from .contingency import Disturbance, schedule
-from .criterion import DEFAULT, Criterion, frequency_range
+from .criterion import DEFAULT, Criterion, for_system, frequency_range
 from .outcome import End, Outcome, outcome
 from .plant import newton_space, space
 from .sampled import Sampled, carry
@@ -69,7 +69,7 @@ class Simulation:
         progress: Callable[[float], None] | None = None,
     ) -> None:
         self.progress = progress
-        self.point, self.criterion, self.recording = point, Criterion(*map(float, criterion)), record
+        self.point, self.criterion, self.recording = point, for_system(criterion, point.case), record
         self.step = steps.checked(point, step)
         self.changes = timeline(point.case, schedule(point.case, events))
         self.time, self.wall_s, self.steps = start, 0.0, 0
