@@ -172,9 +172,12 @@ def test_json(stabctl, tmp_path):
 
 def test_contingencies_come_from_a_file_the_package_or_a_screen(cases, monkeypatch):
     from stabctl.cli.place import _contingencies
+    from stabctl.placement.contingencies import contingencies
 
     assert len(_contingencies(cases("ieee39"), "ieee39", None, classical=True)[0]) == 9
-    found, source = _contingencies(cases("two_area_manual"), "two_area_manual", None, classical=False)
+    case = cases("two_area_manual")
+    screen, source = _contingencies(case, "two_area_manual", None, classical=False)
+    found = contingencies(case, screen)
     assert 0 < len(found) <= 4  # machines
     assert all(len(one.trip) == 1 and one.clear > 0 for one in found)
     assert "20 % longer" in source
