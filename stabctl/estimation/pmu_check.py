@@ -49,7 +49,7 @@ class PmuCheck:
         self.network, self._noise = network, max(pmu.angle, pmu.magnitude)
         self._clock = 2 * np.pi * frequency_hz * pmu.clock
         self._share = 1 - np.exp(-1 / (WINDOW * pmu.rate))
-        self._mean, self._weight, self._same = np.zeros(shape), np.zeros(shape), np.zeros(shape, int)
+        self._mean, self._weight, self._same = np.zeros(shape), np.zeros(shape[0]), np.zeros(shape, int)
         self._last: np.ndarray | None = None
 
     def __call__(
@@ -78,13 +78,14 @@ class PmuCheck:
                 found += [(k, int(row), "it repeats the same phasors") for row in stuck]
                 self._same[k, stuck], self._mean[k], self._weight[k] = 0, 0, 0
                 continue
-            worst = self._residuals(k, frame, others[k], now, known[k] & (self._same[k] == 0))
+            fresh = known[k] & (self._same[k] == 0)
+            worst = self._residuals(k, frame, others[k], switching=now, known=fresh, complete=(fresh == used[k]).all())
             if worst is not None:
                 found.append(worst)
         return found
 
     def _residuals(
-        self, k: int, frame: Frame, others: np.ndarray, switching: Switching, known: np.ndarray
+        self, k: int, frame: Frame, others: np.ndarray, *, switching: Switching, known: np.ndarray, complete: bool
     ) -> tuple[int, int, str] | None:
         at, L = self.network.each_from_the_rest(switching, known)
         if not len(at):
@@ -97,21 +98,25 @@ class PmuCheck:
         white = self._noise**2 * (errors @ errors.conj().T).real
         turns = (errors[:, at] + errors[:, n + at]).real  # g_i in columns
         clock = self._clock**2 * turns @ turns.T
-        a = self._share
-        self._mean[k, at] += a * (r - self._mean[k, at])
-        self._weight[k, at] += a * (1 - self._weight[k, at])
-        weight = self._weight[k, at]
-        frames = (weight**2 * (2 - a) / (a * (1 - (1 - weight) ** 2))).min()  # (sum of weights)^2 over that of squares
-        mean = self._mean[k, at] / weight
-        N = normalized(r, white + clock, turns), normalized(mean, white / frames + clock, turns)
-        largest = np.maximum(*np.abs(N))
+        N = normalized(r, white + clock, turns)
+        largest, angle = np.abs(N), r
+        if complete:  # means of all over the same frames, so that their covariance is that of r
+            a = self._share
+            self._mean[k, at] += a * (r - self._mean[k, at])
+            self._weight[k] += a * (1 - self._weight[k])
+            weight = self._weight[k]
+            frames = weight**2 * (2 - a) / (a * (1 - (1 - weight) ** 2))  # (sum of weights)^2 over that of squares
+            mean = self._mean[k, at] / weight
+            of_mean = np.abs(normalized(mean, white / frames + clock, turns))
+            angle = np.where(of_mean > largest, mean, r)
+            largest = np.maximum(largest, of_mean)
         row = int(np.argmax(largest))
         second = np.partition(largest, -2)[-2] if len(largest) > 1 else 0.0
         if largest[row] <= LIMIT or largest[row] ** 2 - second**2 < CLEAR:
             return None
         self._mean[k], self._weight[k] = 0, 0
-        angle = np.rad2deg((r if abs(N[0][row]) > abs(N[1][row]) else mean)[row])
-        return k, int(at[row]), f"its voltage is {angle:.2f} degrees from what the others say"
+        turned = np.rad2deg(angle[row])
+        return k, int(at[row]), f"its voltage is {turned:.2f} degrees from what the others say"
 
 
 def normalized(r: np.ndarray, C: np.ndarray, g: np.ndarray) -> np.ndarray:
