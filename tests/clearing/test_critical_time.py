@@ -128,9 +128,9 @@ def test_impossible_grids_are_refused(grid):
         ({"resolution": "0cyc"}, "resolution of 0 cycles"),
         ({"observe": "0s"}, "observation window of 0 s"),
         ({"observe": -1}, "observation window of -1 s"),
-        ({"criterion": 3}, "is not a criterion"),
+        ({"criterion": 3}, "is not a stability criterion"),
         ({"control": BangBang}, "is a class"),
-        ({"control": BangBang()}, "no storage device"),
+        ({"control": BangBang()}, "needs storage devices to control"),
     ],
 )
 def test_what_makes_no_sense_is_refused(two_area, options, says):
