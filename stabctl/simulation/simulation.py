@@ -160,9 +160,9 @@ class Simulation:
         self._stage = stage(self.point, self.changes[self._at].switching)
         self._off[(self._stage.net.island < 0) & np.isinf(self._off)] = self.time
         self._program = self.wired.program
-        if self._stage.loads:
+        if self._stage.constants:
             k = self._program.k.copy()
-            for table, row, par in self._stage.loads:
+            for table, row, par in self._stage.constants:
                 at = self.wired.constants_at(table) + row * len(par)
                 k[at : at + len(par)] = par
             self._program = self._program._replace(k=k)

@@ -1,5 +1,6 @@
 """The network after a switching operation, as the compiled loop needs it: factors, islands, loads."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,15 +26,15 @@ class Stage:
     """The system between two events."""
 
     net: Net
-    loads: tuple[tuple[str, int, Any], ...]  # table, row and new constants of the loads that have changed
+    constants: tuple[tuple[str, int, Any], ...]  # table, row and new constants of the devices that have changed
     island_of_bus: np.ndarray  # (buses)
 
 
 def stage(point: OperatingPoint, switching: Switching) -> Stage:
     """The system of an operating point under a switching.
 
-    An island without a voltage source (a synchronous machine) is blacked out: it has no voltage, its load is lost, and
-    its converters are off.
+    An island without a voltage source (a synchronous machine) is blacked out: it has no voltage, its load is lost, its
+    converters are off, and the HVDC links that end there are blocked.
     """
     found = point.stages.get(switching)  # held, because another thread may clear the store
     if found is None:
@@ -63,7 +64,16 @@ def _stage(point: OperatingPoint, switching: Switching) -> Stage:
             f"The network of {point.case.name} has no solution after switching, because admittances cancel; check "
             "shunts and series capacitors."
         ) from None
-    return Stage(Net(factors, compact, alive, switching.faulted), loads, where)
+    return Stage(Net(factors, compact, alive, switching.faulted), (*loads, *_blocked(point, alive)), where)
+
+
+def _blocked(point: OperatingPoint, alive: np.ndarray) -> Iterator[tuple[str, int, Any]]:
+    """The links with a terminal that has no voltage, blocked."""
+    for f in point.system.families:
+        if f.device.ROLE == "link":
+            bus = (f.w[:, [family.BUS, family.BUS2]] - point.layout.nx) // 2
+            for j in np.flatnonzero(~alive[bus].all(axis=1)):
+                yield f.name, int(j), f.device.blocked(f.device.Par(*f.k[j]))
 
 
 def _stepped(point: OperatingPoint, switching: Switching) -> tuple[tuple[tuple[str, int, Any], ...], np.ndarray]:

@@ -7,12 +7,12 @@ import pytest
 from comparison import KEEP_ON
 from hypothesis import given
 from hypothesis import strategies as st
-from systems import KINDS, small, with_shares
+from systems import KINDS, ROUND, small, with_shares
 
 from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
 from stabctl.model import network
-from stabctl.model.case import Bus, Load
+from stabctl.model.case import Branch, Bus, Link, Load
 from stabctl.model.location import locate
 from stabctl.model.network import Switching, two_port
 from stabctl.simulation.contingency import Contingency
@@ -269,3 +269,19 @@ def test_a_load_of_zero_power_steps_too(load, step):
     point = operating_point.solve(small(KINDS["classical"], load=load))
     a = run(point, [LoadStep(2, 0.1, **step)], until=0.2).arrays
     assert np.abs(a.V[-1] - a.V[0]).max() > 1e-3
+
+
+@pytest.mark.parametrize(("ends", "opened"), [((3, 4), "2-4"), ((4, 3), "2-4")])
+def test_a_link_with_a_dead_terminal_is_blocked(ends, opened):
+    """Without bus 4, the machines feed the load at bus 2 and the losses, and nothing through the link."""
+    case = small({"genrou": ROUND}, p=200.0)
+    case = replace(
+        case,
+        buses=(*case.buses, Bus(4, "pq")),
+        branches=(*case.branches, Branch(2, 4, 0.001, 0.02)),
+        links=(Link("a", *ends, 50.0, 0.0),),
+    )
+    ran = run(operating_point.solve(case), [Open(opened, 0.1)], 0.2)
+    P = ran.arrays.P[-1].sum()
+    V = abs(ran.arrays.V[-1, 1]) / abs(ran.point.V[1])
+    assert P == pytest.approx(200.0 * V**2, abs=1.0)  # MW; losses 0.45 and 0.43

@@ -24,6 +24,11 @@ class Par(NamedTuple):
     vlow: Annotated[float, "pu", "voltage below which a terminal is an admittance"]
 
 
+def blocked(p: Par) -> Par:
+    """Constants of the link while a terminal has no voltage: no current at either."""
+    return p._replace(Prec=0.0, Pinv=0.0)
+
+
 @inline
 def terminal(P, v, vlow):
     """Current into the network (pu) of a terminal that injects P at 1 pu voltage."""
