@@ -104,7 +104,7 @@ def judge(a, net, q, rules, h):
             verdict, worst, q.marks[1] = SLIPPED, move, i
         if verdict == DONE and not rules.slowest < q.s[at + 1] < rules.fastest:
             verdict, q.marks[1] = RUNAWAY, i
-        inside = rules.min_frequency <= q.coi[1, k] / q.coi[0, k] <= rules.max_frequency
+        inside = rules.min_frequency * q.coi[0, k] <= q.coi[1, k] <= rules.max_frequency * q.coi[0, k]
         q.off[0, i] = 0.0 if inside else q.off[0, i] + h
         q.off[1, i] = max(q.off[1, i], q.off[0, i])
         if verdict == DONE and 0 < rules.frequency_delay_s < q.off[0, i]:
