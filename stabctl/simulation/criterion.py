@@ -3,9 +3,8 @@
 from numbers import Real
 from typing import NamedTuple
 
-from stabctl import devices
+from stabctl.dynamics.assembly import System
 from stabctl.errors import StudyError
-from stabctl.model.case import Case
 from stabctl.units import hertz, quantity
 
 
@@ -72,10 +71,10 @@ def checked(criterion: object, frequency_hz: float) -> Criterion:
     return made
 
 
-def for_system(criterion: Criterion, case: Case) -> Criterion:
+def for_system(criterion: Criterion, system: System) -> Criterion:
     """The criterion for a system: without governors frequency is not judged unless its limits or delay were changed."""
     rules, by_default = Criterion(*map(float, criterion)), criterion[4:] == DEFAULT[4:]
-    governed = any(rows and devices.models()[model].ROLE == "governor" for model, rows in case.devices.items())
+    governed = any(f.device.ROLE == "governor" for f in system.families)
     return rules._replace(frequency_delay_s=0.0) if by_default and not governed else rules
 
 

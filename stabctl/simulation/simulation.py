@@ -69,7 +69,7 @@ class Simulation:
         progress: Callable[[float], None] | None = None,
     ) -> None:
         self.progress = progress
-        self.point, self.criterion, self.recording = point, for_system(criterion, point.case), record
+        self.point, self.criterion, self.recording = point, for_system(criterion, point.system), record
         self.step = steps.checked(point, step)
         self.changes = timeline(point.case, schedule(point.case, events))
         self.time, self.wall_s, self.steps = start, 0.0, 0
