@@ -84,6 +84,8 @@ def main() -> None:
     """Run the command line; a user error prints one line on stderr and exits with code 2."""
     warnings.simplefilter("ignore", RuntimeWarning)
     os.environ.setdefault("MPLBACKEND", "agg")  # figures go to files
+    if os.environ.get("COLUMNS", "").strip() == "0":
+        del os.environ["COLUMNS"]  # a terminal of unknown width
     gc.disable()  # collecting garbage while libraries load would cost an eighth of a short command
     try:
         code = app(standalone_mode=False)

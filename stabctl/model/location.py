@@ -3,7 +3,7 @@
 import re
 from typing import NamedTuple
 
-from stabctl.errors import StudyError
+from stabctl.errors import StudyError, shown
 
 from .case import Case
 
@@ -56,7 +56,8 @@ def locate(case: Case, text: str) -> Location:
     match = _LINE.match(text)
     if not match:
         raise StudyError(
-            f"{text!r} is not a location; write 83 for a bus, 7-8 or 7-8#2 for a circuit, 7-8@0.4 for a point on it."
+            f"{shown(text)} is not a location; write 83 for a bus, 7-8 or 7-8#2 for a circuit, 7-8@0.4 for a point on "
+            "it."
         )
     a, b, circuit = int(match[1]), int(match[2]), int(match[3] or 1)
     rows = [i for i, k in enumerate(case.branches) if {k.from_bus, k.to_bus} == {a, b}]

@@ -23,6 +23,8 @@ class Sampled(Protocol):
 
 def carry(simulations: "Sequence[Simulation]", pilot: Callable[[], None], rate: int, until: float) -> None:
     """Advance simulations at the same instant to `until` (s), a frame at a time, while any is running."""
+    for simulation in simulations:
+        simulation.affordable(until)
     start, k = simulations[0].time, 0
     while start + k / rate < until - 1e-9 and any(s.outcome is None for s in simulations):
         pilot()

@@ -23,7 +23,6 @@ from .topology import stage
 from .trajectory import Happened, Trajectory
 from .wired import wired
 
-MOST = 50_000_000  # largest number of steps of a run
 NO_ROWS = np.empty((0, 0))
 AT_ONCE = 1200  # steps per call of the compiled loop; Ctrl-C and progress are handled in between
 
@@ -126,8 +125,13 @@ class Simulation:
         """What is open, faulted or tripped now."""
         return self.changes[self._at].switching
 
+    def affordable(self, until: float) -> None:
+        """Raise `StudyError` if a run to `until` (s) takes too many steps, or too much memory."""
+        steps.affordable(self.point, self.step, until - self.time, self._width if self.recording else 0)
+
     def advance(self, until: float) -> bool:
         """Advance to `until` (s), stopping exactly at every event; returns whether the run continues."""
+        self.affordable(until)
         while self.outcome is None and self.time < until - 1e-9:
             following = self.changes[self._at + 1].at if self._at + 1 < len(self.changes) else np.inf
             target = min(until, following)
@@ -169,11 +173,6 @@ class Simulation:
 
     def _segment(self, target: float) -> None:
         count = max(1, int(np.ceil((target - self.time) / self.step - 1e-6)))
-        if count > MOST:
-            forced = steps.forced_by(self.point) if self.step < steps.STEP else ""
-            raise StudyError(
-                f"{count:.2g} steps to {target:g} s are too many{forced}; choose a longer step or a shorter run."
-            )
         start, h, done = self.time, (target - self.time) / count, 0
         while done < count and self.outcome is None:
             verdict, made = self._call(h, min(count - done, AT_ONCE), False)

@@ -1,5 +1,8 @@
 """The time step of a run, and the time constant that makes it short."""
 
+import math
+import os
+
 import numpy as np
 
 from stabctl.devices.blocks import SHORT
@@ -10,6 +13,7 @@ from stabctl.schema import hints
 
 STEP = 1 / 120  # s   default
 LEAST_STEP = 1e-7  # s
+MOST = 50_000_000  # steps of a run
 REACH = 2.5  # largest |step * eigenvalue| that RK4 carries, with a margin (it is unstable beyond 2.785)
 NEAR = 3.0  # between the inverse of a time constant and the eigenvalue that it explains
 
@@ -28,6 +32,46 @@ def checked(point: OperatingPoint, step: float | None) -> float:
             f"{point.fastest:.0f} 1/s{because}; give at most {longest:.3g} s."
         )
     return step
+
+
+def affordable(point: OperatingPoint, step: float, length: float, width: int) -> None:
+    """Check the length of a run before it starts.
+
+    Parameters
+    ----------
+    point
+        The operating point, for the message.
+    step, length
+        Time step and length of the run, s.
+    width
+        Signals recorded at every step; 0 records nothing.
+
+    Raises
+    ------
+    StudyError
+        If there are too many steps, or the record would fill the memory.
+    """
+    count = length / step
+    if not count <= MOST:
+        because = forced_by(point) if step < STEP else ""
+        raise StudyError(
+            f"A run of {length:g} s takes {count:.2g} steps{because}, more than the {MOST:g} allowed; choose a longer "
+            "step or a shorter run."
+        )
+    size, most = count * width * 8, memory() / 2
+    if size > most:
+        raise StudyError(
+            f"The record of a run of {length:g} s takes {size / 1e9:.3g} GB, more than half of the memory "
+            f"({most / 1e9:.3g} GB); choose a longer step or a shorter run, or record nothing."
+        )
+
+
+def memory() -> float:
+    """Physical memory, bytes; infinite where the system does not tell."""
+    try:
+        return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    except (AttributeError, ValueError, OSError):
+        return math.inf
 
 
 def forced_by(point: OperatingPoint) -> str:

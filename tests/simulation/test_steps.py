@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from comparison import KEEP_ON
 
+from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
+from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.simulation import steps
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import Criterion
@@ -124,3 +126,19 @@ class TestLimitsOfTheStep:
     def test_ends(self, two_area, until):
         with pytest.raises(StudyError, match=r"it must end after its start"):
             run(two_area, until=until)
+
+
+class TestLength:
+    def test_a_run_of_too_many_steps_is_refused_before_it_starts(self, two_area):
+        for control in (None, EstimatorControl(BangBang())):
+            with pytest.raises(StudyError, match=r"1e\+09 s takes 1.2e\+11 steps, more than the 5e\+07 "):
+                run(two_area.case.with_storage("50MW").initialize(), None, 1e9, control)
+
+    def test_a_record_that_would_fill_the_memory_is_refused(self, two_area, monkeypatch):
+        monkeypatch.setattr(steps, "memory", lambda: 2e6)
+        with pytest.raises(StudyError, match=r"100 s takes .* GB, more than half of the memory \(0.001 GB\)"):
+            run(two_area, None, 100.0)
+        assert run(two_area, None, 0.1, record=False).outcome.stable
+
+    def test_the_memory_is_known(self):
+        assert 1e8 < steps.memory() < 1e15
