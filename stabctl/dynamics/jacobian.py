@@ -16,7 +16,8 @@ from . import family
 from .assembly import System
 from .evaluate import evaluate
 from .limits import Limits
-from .program import Program, local_program
+from .pattern import pattern
+from .program import Program
 
 
 class Derivatives(NamedTuple):
@@ -38,48 +39,12 @@ class Equations:
     def __init__(self, system: System) -> None:
         self.system = system
         self.families = [f for f in system.families if len(f.w) and not hasattr(f.device, "step")]
-        self.program: Program = local_program(self.families)
-        self._shapes = [family.shape(f.device) for f in self.families]
-        counts = [len(f.w) * self._rows(k) * self._columns(k) for k, f in enumerate(self.families)]
-        self._starts = np.cumsum([0, *counts]).astype(np.int64)
+        self.pattern = pattern(self.families, system.layout)
+        k = np.concatenate([np.zeros(0), *(f.k.ravel() for f in self.families)])
+        self.program: Program = self.pattern.program._replace(k=k)
+        self.rows, self.columns = self.pattern.rows, self.pattern.columns
+        self.injections, self.injecting = self.pattern.injections, self.pattern.injecting
         self._on = np.zeros(max(len(system.unit_bus), 1), np.int64)
-        self._pattern()
-
-    def _rows(self, k: int) -> int:
-        states, inputs, _, buses = self._shapes[k]
-        return states + inputs + 2 * buses + 1
-
-    def _columns(self, k: int) -> int:
-        states, _, outputs, buses = self._shapes[k]
-        return states + outputs + 2 * buses
-
-    def _pattern(self) -> None:
-        """Rows and columns of every entry of the blocks in [rates | outputs | injections] and s."""
-        layout, rows, columns, where, injection = self.system.layout, [], [], [], 0
-        places: list[np.ndarray] = []
-        self.injections: dict[str, slice] = {}
-        first = layout.nx + layout.outputs
-        for k, f in enumerate(self.families):
-            states, inputs, outputs, buses = self._shapes[k]
-            n, j = len(f.w), np.arange(len(f.w))[:, None]
-            bus = f.w[:, [family.BUS, family.BUS2][:buses]]
-            voltages = (bus[:, :, None] + np.arange(2)).reshape(n, 2 * buses)
-            x = f.w[:, [family.STATE]] + np.arange(states)
-            variables = np.hstack([x, f.w[:, family.INPUTS : family.INPUTS + inputs], voltages])
-            y = f.w[:, [-1]] - layout.first_output + layout.nx + np.arange(outputs)
-            g = first + 2 * (injection + buses * j) + np.arange(2 * buses)
-            answers = np.hstack([x, y, g])
-            self.injections[f.name] = slice(injection, injection + buses * n)
-            injection += buses * n
-            places.append(bus.ravel())
-            shape = (n, variables.shape[1], answers.shape[1])
-            columns.append(np.broadcast_to(variables[:, :, None], shape).ravel())
-            rows.append(np.broadcast_to(answers[:, None, :], shape).ravel())
-            where.append(answers)
-        self.rows, self.columns = np.concatenate(rows), np.concatenate(columns)
-        self._answers = [a.ravel() for a in where]
-        self._total = first + 2 * injection
-        self.injecting = np.concatenate(places)  # places of the bus voltage of every injection
 
     @cached_property
     def _gather(self) -> sp.csr_matrix:
@@ -127,15 +92,17 @@ class Equations:
 
         Rows are [rates | outputs | injections], columns all signals, outputs included; s as in `at`.
         """
-        layout = self.system.layout
-        z, f = s.astype(complex), np.zeros(self._starts[-1], complex)
+        layout, pattern = self.system.layout, self.pattern
+        z, f = s.astype(complex), np.zeros(pattern.starts[-1], complex)
         p = self.program if k is None else self.program._replace(k=k)
-        evaluate(p, self._starts, z, f, self._on)
+        evaluate(p, pattern.starts, z, f, self._on)
         s[layout.first_output : layout.first_memory] = z.real[layout.first_output : layout.first_memory]
-        values, slopes = np.zeros(self._total), []
-        for i, one in enumerate(self.families):
-            block = f[self._starts[i] : self._starts[i + 1]].reshape(len(one.w), self._rows(i), self._columns(i))
-            values[self._answers[i]] = block[:, -1].real.ravel()
+        values, slopes = np.zeros(pattern.total), []
+        for start, end, shape, answers in zip(
+            pattern.starts[:-1], pattern.starts[1:], pattern.blocks, pattern.answers, strict=True
+        ):
+            block = f[start:end].reshape(shape)
+            values[answers] = block[:, -1].real.ravel()
             slopes.append(block[:, :-1].imag.ravel())
         return np.concatenate(slopes) / family.TINY, values
 
@@ -144,7 +111,7 @@ class Equations:
         data, values = self.entries(s, k)
         live = data != 0
         entries = data[live], (self.rows[live], self.columns[live])
-        return sp.csr_matrix(entries, shape=(self._total, self.system.layout.size)), values
+        return sp.csr_matrix(entries, shape=(self.pattern.total, self.system.layout.size)), values
 
     def held(self, s: np.ndarray, rates: np.ndarray, limits: Limits) -> np.ndarray:
         """States (mask) that are at a limit and driven beyond it."""

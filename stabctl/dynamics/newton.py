@@ -61,21 +61,24 @@ class Newton:
         free = [layout.first_setpoint + k for k, p in enumerate(layout.setpoints) if p.start is None]
         outputs = layout.first_output + np.arange(layout.outputs)
         self.unknown = np.r_[np.arange(layout.nx), outputs, np.array(free, int)].astype(int)
-        self._pattern(layout.size)
+        kept = equations.pattern.kept
+        if "newton" not in kept:
+            kept["newton"] = self._pattern(layout.size)
+        self._inside, self._rows, self.groups = kept["newton"]
 
-    def _pattern(self, size: int) -> None:
-        """Rows and columns of the Jacobian among those of the equations, and its groups."""
+    def _pattern(self, size: int) -> tuple[np.ndarray, np.ndarray, Groups]:
+        """Entries of the equations that are in the Jacobian, rows of these and of the outputs, and its groups."""
         nx, own = self.nx, self.nx + self.outputs + np.arange(len(self.injections))
         row, column = np.full(nx + self.outputs + 2 * self.equations.injecting.size, -1), np.full(size, -1)
         row[: nx + self.outputs] = np.arange(nx + self.outputs)
         row[nx + self.outputs + self.injections] = own
         column[self.unknown] = np.arange(len(self.unknown))
         rows, columns = row[self.equations.rows], column[self.equations.columns]
-        self._inside = np.flatnonzero((rows >= 0) & (columns >= 0))
+        inside = np.flatnonzero((rows >= 0) & (columns >= 0))
         of_outputs = nx + np.arange(self.outputs)
-        self._rows = np.r_[rows[self._inside], of_outputs]
+        all_rows = np.r_[rows[inside], of_outputs]
         shape = nx + self.outputs + len(self.injections), len(self.unknown)
-        self.groups = Groups(self._rows, np.r_[columns[self._inside], of_outputs], shape)
+        return inside, all_rows, Groups(all_rows, np.r_[columns[inside], of_outputs], shape)
 
     def solve(self, s: np.ndarray) -> tuple[int, float]:
         """Solve the equations, introducing saturation in steps.

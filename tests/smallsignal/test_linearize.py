@@ -46,13 +46,13 @@ def test_blocks_of_devices_equal_one_place_at_a_time(point):
 
 def _along(equations, s, place):
     """Derivatives of rates, outputs and currents along one place, by complex step through the outputs."""
-    z, f = s.astype(complex), np.zeros(equations._starts[-1], complex)
+    z, f = s.astype(complex), np.zeros(equations.pattern.starts[-1], complex)
     z[place] += 1j * TINY
-    evaluate(equations.program, equations._starts, z, f, equations._on)
-    slopes = np.zeros(equations._total)
-    for i, one in enumerate(equations.families):
-        block = f[equations._starts[i] : equations._starts[i + 1]].reshape(len(one.w), equations._rows(i), -1)
-        slopes[equations._answers[i]] = block[:, -1].imag.ravel() / TINY
+    evaluate(equations.program, equations.pattern.starts, z, f, equations._on)
+    slopes = np.zeros(equations.pattern.total)
+    for i in range(len(equations.families)):
+        block = f[equations.pattern.starts[i] : equations.pattern.starts[i + 1]].reshape(equations.pattern.blocks[i])
+        slopes[equations.pattern.answers[i]] = block[:, -1].imag.ravel() / TINY
     first = equations.system.layout.nx + equations.system.layout.outputs
     return np.r_[slopes[:first], equations._gather @ slopes[first:]]
 
