@@ -79,6 +79,7 @@ def test_an_answer_above_faults_that_are_lost_is_not_given():
     assert last_stable(attempt, 480, 120, 4, 4).critical == 84
 
 
+@pytest.mark.slow
 def test_margins_foretell_the_critical_time(points):
     trial = Trial(points("ieee39"), Contingency("29", trip="26-29"))
     near, far = (trial.attempt(k).margin for k in (34, 40))

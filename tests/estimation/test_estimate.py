@@ -87,6 +87,7 @@ def test_speeds_are_known_at_the_defaults(study, name):
     assert found.count_commands(before=1.0) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", one_of(*FULL, *CLASSICAL))
 def test_no_command_in_a_minute_of_noise(study, name):
     found = estimate(study(name)[0], (), 60, control=FAST)
@@ -129,6 +130,7 @@ def test_other_pmus(study, pmu):
     assert accuracy.opposite_command_share == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", one_of(*FULL, *CLASSICAL))
 def test_clearing_time_survives(study, name):
     """Within 3 % or half a cycle of the ideal controller."""

@@ -131,6 +131,7 @@ def test_no_fleet_on_a_grid_does_with_less(classical, six):
     assert tried > 400
 
 
+@pytest.mark.slow
 def test_at_most_three_sites(classical, three_sites):
     assert len(three_sites.sites) <= 3
     assert len(three_sites.contingencies) == 9

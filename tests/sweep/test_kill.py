@@ -81,6 +81,7 @@ def test_a_killed_parent_leaves_no_process_and_no_gap(write, facts, undisturbed,
     assert {row["key"]: row for row in rows(one.out) if row["key"] in kept} == kept  # not done again
 
 
+@pytest.mark.slow
 @linux
 def test_ctrl_c_ends_a_sweep_cleanly(write, facts, undisturbed, sweep, tmp_path):
     one = sweep(write(TINY), tmp_path / "results.db", "--workers", "2")
