@@ -3,8 +3,9 @@
 from .areas import Areas, areas, opened
 from .descriptor import Descriptor, descriptor
 from .locus import Locus, feedback_locus, parameter_locus
+from .mode import Mode, Part, Share
 from .model import Linear, Model, linearize
-from .modes import Mode, Modes, Part, Selected, Share, analyze
+from .modes import Modes, Selected, analyze
 from .nonlinear import nonlinear
 from .reduce import Reduced, balanced, modal
 from .signals import INPUTS, OUTPUTS, Signal

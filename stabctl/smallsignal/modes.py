@@ -22,6 +22,7 @@ from stabctl.model.fleet import Fleet
 from . import naming, selected
 from .descriptor import Descriptor, descriptor
 from .eigen import ZERO, Eigen, eigen
+from .mode import Mode, Part, Share
 from .model import Linear, eliminated
 
 if TYPE_CHECKING:
@@ -31,53 +32,6 @@ if TYPE_CHECKING:
 LARGE = 2000  # states beyond which only modes of a band are computed: all would take minutes
 BAND = (0.1, 2.5)  # Hz   electromechanical modes
 DAMPING = (-0.1, 0.3)  # damping ratios of a selection
-
-
-@dataclass(frozen=True)
-class Share:
-    """Participation of a state in a mode."""
-
-    state: str
-    share: float  # |p| over the sum of all |p|
-
-
-@dataclass(frozen=True)
-class Part:
-    """A machine in a mode shape: its speed relative to the largest."""
-
-    machine: int
-    magnitude: float
-    angle_deg: float
-
-
-@dataclass(frozen=True, repr=False)
-class Mode:
-    """One eigenvalue of the system."""
-
-    eigenvalue: complex  # 1/s
-    electromechanical: bool
-    label: str
-    participation: tuple[Share, ...]  # the ten largest
-    shape: tuple[Part, ...]
-
-    plot = verb("stabctl.plotting.mode_shape:plot")
-
-    @property
-    def frequency_hz(self) -> float:
-        """Frequency of the oscillation, |Im| / 2 pi."""
-        return abs(self.eigenvalue.imag) / (2 * np.pi)
-
-    @property
-    def damping_ratio(self) -> float:
-        """Damping ratio -Re / |eigenvalue|; 1 for a zero eigenvalue."""
-        size = abs(self.eigenvalue)
-        return -self.eigenvalue.real / size if size else 1.0
-
-    def __str__(self) -> str:
-        s, ratio = self.eigenvalue, round(self.damping_ratio, 4) + 0.0
-        return f"{s.real:.4f} {s.imag:+.4f}j 1/s: {self.frequency_hz:.3f} Hz, damping {ratio:.4f}; {self.label}"
-
-    __repr__ = __str__
 
 
 @dataclass(frozen=True, repr=False)
