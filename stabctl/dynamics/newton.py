@@ -132,7 +132,7 @@ class Newton:
         for alike in self.groups.alike:
             blocks, columns = self.groups.blocks(entries, alike), alike.columns
             states, both = (columns < nx).sum(axis=1), (columns < end).sum(axis=1)
-            for n, m in set(zip(states.tolist(), both.tolist(), strict=True)) - {(0, 0), (0, 1)}:
+            for n, m in {(n, m) for n, m in zip(states.tolist(), both.tolist(), strict=True) if n}:
                 J = blocks[(states == n) & (both == m)]
                 inner = np.linalg.solve(J[:, n:m, n:m], J[:, n:m, :n])
                 A = J[:, :n, :n] - J[:, :n, n:m] @ inner

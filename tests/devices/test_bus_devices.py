@@ -149,3 +149,17 @@ def test_a_link_model_of_ones_own_is_refused(tmp_path):
     path = written(tmp_path, "my_link", STORE.replace('"storage"', '"link"'))
     with pytest.raises(StudyError, match=r"my_link\.py: a link model of your own is not supported"):
         st.register(path)
+
+
+def test_a_device_without_states_may_have_several_outputs_that_share_a_set_point(tmp_path):
+    """Its group in the initialization has outputs but no eigenvalue."""
+    text = STORE.replace("fixed(0.0)", "PORT").replace("import fixed", "import PORT").replace("STORE", "PAIR")
+    text = text.replace('ROLE = "storage"', 'ROLE = "shunt"')
+    text = text.replace('"power"]\n', '"power"]\n    share: Annotated[float, "-", "its order"]\n')
+    text = text.replace("(v[0] * v[0] + v[1] * v[1]))", "(v[0] * v[0] + v[1] * v[1]), u.order)")
+    with registered(written(tmp_path, "pair", text)):
+        case = st.load("two_area")
+        base = case.with_device("pair", 8, G=0.5).initialize()
+        f = base.system.family("pair")
+        assert base.s[f.w[0, -2]] == pytest.approx(0, abs=1e-9)
+        assert base.fastest == pytest.approx(case.initialize().fastest, rel=1e-12)
