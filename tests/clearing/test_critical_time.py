@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from stabctl import io
@@ -83,6 +84,32 @@ def test_other_events_keep_their_time_from_the_fault(two_area):
     assert cycles[0] == cycles[1] == 4.375
     assert cycles[2] == 9
     assert Trial(two_area, before).at == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize(
+    ("one", "begins", "ends"),
+    [
+        (AT_7, 0.0, 0.1 + 0.3),
+        (replace(AT_7, at="2s"), 0.0, 0.1 + 0.3),  # its own instant is ignored
+        (Contingency("7", trip="7-8", at="1s", events="7:+1MW@1.5s"), 0.0, 0.5 + 0.3),
+        (Contingency("7", trip="7-8", at="1s", events="7:+1MW@0.8s"), 0.2, 0.2 + 0.1 + 0.3),
+    ],
+)
+def test_a_run_ends_when_fault_clearing_and_observation_are_over(two_area, one, begins, ends):
+    trial = Trial(two_area, one, None, Search(0.5, 20.0, observed_s=0.3))
+    run = trial.simulate(12, record=True)  # cleared after 6 cycles
+    assert (trial.at, trial.cleared(12)) == pytest.approx((begins, begins + 0.1))
+    assert run.time[-1] == pytest.approx(ends, abs=1e-9) == run.outcome.time_s
+    assert trial.attempt(12).time_s == pytest.approx(ends - begins, abs=1e-9)
+    faulted = np.abs(run.arrays.V[:, 6]) < 1e-3
+    assert run.time[faulted].min() == pytest.approx(begins, abs=1e-9)
+    assert run.time[faulted].max() == pytest.approx(begins + 0.1, abs=1e-2)
+
+
+def test_a_sampled_controller_sees_the_system_at_rest_first(stored):
+    trial = Trial(stored, AT_7, Controller(lambda seen: 0.0 * seen.deviation), Search(0.5, 20.0, observed_s=0.3))
+    assert (trial.at, trial.cleared(12)) == pytest.approx((0.5, 0.6))
+    assert trial.simulate(12).outcome.time_s == pytest.approx(0.9)
 
 
 def test_a_law_written_in_python_has_a_clearing_time(two_area):

@@ -1,6 +1,7 @@
 """stabctl estimate, and the estimator's options of simulate and clearing-time."""
 
 import json
+import re
 
 import pytest
 
@@ -21,6 +22,23 @@ def test_estimate_prints_its_measures_and_draws(stabctl, tmp_path):
     again = json.loads(stabctl(*words, "--json")[1])
     assert all(again[k] == record[k] for k in names[:-1])
     assert "mHz" in stabctl(*words, "--classical", "--clear", "8cyc")[1]
+
+
+def test_the_shares_of_wrong_commands_are_printed_in_percent(stabctl):
+    words = ("estimate", *FAULT, "--clear", "11cyc", "--observe", 1, "--deadband", "3mHz")
+    record, printed = json.loads(stabctl(*words, "--json")[1]), stabctl(*words)[1]
+    for kind in ("wrong", "opposite"):
+        percent = float(re.search(rf"{kind} commands\s*│\s*([\d.]+) %", printed)[1])
+        assert percent == pytest.approx(100 * record[f"{kind}_command_share"], abs=0.006)
+        assert percent > 0
+    for row, name in (("error, rms", "rmse_mhz"), ("error, 99th percentile", "p99_mhz"), ("delay", "delay_ms")):
+        number = float(re.search(rf"{row}\s*│\s*(-?[\d.]+) m", printed)[1])
+        assert number == pytest.approx(record[name], abs=0.06)
+
+
+def test_a_run_ends_after_fault_clearing_and_observation(stabctl):
+    words = ("estimate", *FAULT, "--at", 0.5, "--clear", "6cyc", "--observe", "300ms")
+    assert "until 0.900 s" in json.loads(stabctl(*words, "--json")[1])["message"]
 
 
 def test_simulate_and_clearing_time_take_an_estimator(stabctl):

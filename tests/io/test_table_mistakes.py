@@ -55,6 +55,16 @@ def test_a_mistake_is_told_with_file_row_column_value_and_what_is_allowed(folder
     assert complaint(folder) == f"{place}{says}."
 
 
+def test_a_link_given_twice(folder):
+    head = ["link", "from_bus", "to_bus", "p_mw"]
+    put(folder / "links.csv", [head, ["east", "7", "9", "10"], ["west", "7", "9", "10"], ["east", "9", "7", "5"]])
+    assert complaint(folder) == (
+        f"{folder}/links.csv row 4, column link: link east appears twice (rows 2 and 4); link names must be unique."
+    )
+    put(folder / "links.csv", [head, ["east", "7", "9", "10"], ["west", "7", "9", "10"]])  # two between the same buses
+    assert [k.link for k in io.load(folder).links] == ["east", "west"]
+
+
 def test_shares_of_a_load_that_sum_to_more_than_one(folder):
     spoil(folder, "loads", 2, "p_power", "0.5")
     assert complaint(folder) == (

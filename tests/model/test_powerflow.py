@@ -203,3 +203,35 @@ def test_a_power_flow_prints_itself_and_has_tables(cases):
     assert flow.branches.loss_mw.sum() == pytest.approx(flow.df.p_gen_mw.sum() - flow.df.p_load_mw.sum())
     assert "<table" in flow._repr_html_()
     assert case.power_flow().V == pytest.approx(flow.V)
+
+
+@pytest.mark.parametrize(("tap", "phase"), [(1.0, 0.0), (1.05, 0.0), (1.0, 8.0), (0.95, -12.0)])
+def test_the_flow_through_a_phase_shifter_is_that_of_its_equation(tap, phase):
+    """P = V1 V2 sin(d1 - d2 - phase)/(t x), Q = (V1/t)^2/x - V1 V2 cos(...)/(t x), and nothing is lost."""
+    x, base = 0.1, small({"gencls": CLASSICAL})
+    case = replace(base, branches=(Branch(1, 2, 0.0, x, 0.0, tap, phase), *base.branches[1:]))
+    flow = powerflow.solve(case)
+    (V1, V2), (sent, received) = flow.V[:2], flow.branch_power[0]
+    size, angle = abs(V1) * abs(V2) / (tap * x), np.angle(V1) - np.angle(V2) - np.deg2rad(phase)
+    assert sent.real == pytest.approx(size * np.sin(angle), abs=1e-12)
+    assert sent.imag == pytest.approx(abs(V1 / tap) ** 2 / x - size * np.cos(angle), abs=1e-12)
+    assert received.real == pytest.approx(-sent.real, abs=1e-12)
+    assert received.imag == pytest.approx(abs(V2) ** 2 / x - size * np.cos(angle), abs=1e-12)
+    row = flow.branches.iloc[0]
+    assert (row.p_from_mw, row.q_from_mvar) == pytest.approx((300.0, 100 * sent.imag), abs=1e-6)  # all of machine 1's
+    assert (row.p_to_mw, row.q_to_mvar, row.loss_mw) == pytest.approx((-300.0, 100 * received.imag, 0.0), abs=1e-6)
+
+
+def test_a_phase_shifter_moves_power_from_one_of_two_parallel_circuits_to_the_other():
+    """The from side leads by the shift, so that its circuit carries less: V^2 phi/2x in a loop of two reactances x."""
+    base = small({"gencls": CLASSICAL})
+    first, *others = base.branches
+    twins = [k._replace(r=0.0, b=0.0) for k in others]
+    even, moved = (
+        powerflow.solve(replace(base, branches=(first, twins[0]._replace(phase=phase), twins[1])))
+        for phase in (0.0, 1.0)
+    )
+    change = (moved.branches.p_from_mw - even.branches.p_from_mw).to_numpy()
+    around = 100 * abs(even.V[1]) * np.deg2rad(1.0) / (2 * twins[0].x)
+    assert change[0] == pytest.approx(0, abs=1e-6)
+    assert change[1:] == pytest.approx([-around, around], rel=0.01)  # 0.002

@@ -197,3 +197,21 @@ def test_a_siting_is_a_table_and_saves_itself(siting, tmp_path):
     assert "estimated lower bound" in siting._repr_html_()
     devices = [(s.machine, s.bus, s.rating, s.lag) for s in siting.storage(lag=0.1)]
     assert devices == [(3, 103, 40.0, 0.1), (31, 131, 20.0, 0.1)]
+
+
+def test_the_percentages_are_those_of_the_record(siting):
+    """The bound below the cost in percent of the cost, and the fleet in percent of the uniform one."""
+    page = unescape(siting_page.page(siting))
+    cost, bound, gap = map(float, re.search(r"Cost ([\d.]+), .*bound ([\d.]+) \(([\d.]+) % lower\)", page).groups())
+    assert (cost, bound) == (siting.cost, siting.lower_bound) == (60.0, 57.0)
+    assert gap == pytest.approx(100 * (cost - bound) / cost) == 100 * siting.gap
+    uniform, share, percent = map(
+        float, re.search(r"at least ([\d.]+) MW \(([\d.]+) % of .* needs ([\d.]+) % of that", page).groups()
+    )
+    assert (uniform, share) == (siting.uniform_mw, siting.uniform_percent)
+    assert percent == round(100 * 60.0 / 765.0) == round(siting.percent_of_uniform)
+    kwh = float(re.search(r"([\d.]+) MW and ([\d.]+) kWh", page)[2])
+    assert kwh == round(1e3 * (0.0123 + 0.004)) == round(1e3 * siting.total_mwh)
+    assert replace(siting, costs=Costs(mw=2.0)).lower_bound_mw == 57.0 / 2
+    assert replace(siting, costs=Costs(mwh=2.0)).lower_bound_mw is None
+    assert replace(siting, costs=Costs(site=2.0)).lower_bound_mw is None

@@ -118,3 +118,26 @@ def test_the_browser_sees_what_is_wrong(tmp_path, browse):
 def test_the_record_of_a_study_prints_itself():
     assert str(RECORD).splitlines()[0] == "A title"
     assert "close" in str(RECORD)
+
+
+@pytest.mark.parametrize(
+    ("text", "ours", "shown", "difference", "percent"),
+    [
+        ("0.6519", 0.6584, "0.6584", "+0.0065", 100 * 0.0065 / 0.6519),
+        ("-20", -25.4, "-25", "-5", -100 * 5.4 / 20),
+        ("60", 75.0, "75", "+15", 25.0),
+        ("0", 3.0, "3", "+3", None),
+        ("60", 60.3, "60", None, None),
+    ],
+)
+def test_a_difference_stands_beside_our_number_absolute_and_in_percent(
+    tmp_path, text, ours, shown, difference, percent
+):
+    study = Study("It", comparisons=(Printed("Table 9", "it", text).compare(ours),))
+    whole = page([Ran("sims/it.py", 1, (study,))], tmp_path, ABOUT)
+    section = whole[whole.index("<section") :]
+    row = re.search(r"<td>([^<]*)</td><td>([^<]*)<small>([^<]*)</small></td></tr>", section).groups()
+    assert row[:2] == (text, shown)
+    found = re.fullmatch(r"([+-]\d+(?:\.\d+)?)(?: \(([+-][\d.e+]+) %\))?|", row[2])
+    assert found[1] == difference
+    assert (found[2] and float(found[2])) == (percent and pytest.approx(percent, rel=0.05))

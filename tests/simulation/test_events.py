@@ -285,3 +285,18 @@ def test_a_link_with_a_dead_terminal_is_blocked(ends, opened):
     P = ran.arrays.P[-1].sum()
     V = abs(ran.arrays.V[-1, 1]) / abs(ran.point.V[1])
     assert P == pytest.approx(200.0 * V**2, abs=1.0)  # MW; losses 0.45 and 0.43
+
+
+@pytest.mark.parametrize("fault_at", [None, 0.0, 0.4, 1.0])
+@pytest.mark.parametrize("from_closed", [True, False])
+@pytest.mark.parametrize("to_closed", [True, False])
+def test_a_fault_on_a_circuit_is_on_until_both_its_ends_are_open(fault_at, from_closed, to_closed):
+    state = network.BranchState(fault_at, 1e7 + 0j, from_closed, to_closed)
+    switching = Switching(branches=((0, network.INTACT), (3, state)))
+    assert switching.faulted == (fault_at is not None and (from_closed or to_closed))
+    assert Switching(branches=((3, state),), faults=((0, 1e7 + 0j),)).faulted
+
+
+def test_without_a_fault_no_fault_is_on():
+    assert not Switching().faulted
+    assert not Switching(shunts=((0, 1j),), loads=((0, 1 + 0j),), tripped=frozenset({0})).faulted

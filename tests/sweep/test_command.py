@@ -6,6 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from stabctl.sweep import study_file
+from stabctl.sweep.result import Result, Row
+from stabctl.sweep.store import Store, rows
+from stabctl.sweep.sweep import run_sweep
+from stabctl.sweep.task import tasks
+
 from .conftest import TINY
 
 SIMS = Path(__file__).parents[2] / "sims"
@@ -40,6 +46,21 @@ def test_a_sweep_continues_and_reports_errors(stabctl, write, tmp_path):
     assert "until_s 1.01: The run ends at 1.01 s" in printed
     more = write(PAIR + "until_s = 1.5", "more.toml")
     assert stabctl("sweep", "run", more, "--out", out)[0] == 0  # the row is there, and no error
+
+
+def test_retry_runs_again_what_ended_in_an_error_or_a_bug_and_nothing_else(write, tmp_path):
+    study, out = write(PAIR + "until_s = [1.5, 1.6, 1.7, 1.8]"), tmp_path / "results.db"
+    path = tuple(tasks(study_file.read(study), study))
+    with Store(out) as kept:
+        for task, status in zip(path, ("ok", "error", "bug"), strict=False):
+            kept.add(Row(task.key, task.job, Result(status, message="of the first sweep")))
+    first = run_sweep(study, out, workers=1)
+    assert (first.before, first.done, first.errors) == (3, 1, 2)
+    again = run_sweep(study, out, workers=1, retry=True)
+    assert (again.jobs, again.before, again.done, again.errors) == (4, 2, 2, 0)
+    found = {row["until_s"]: (row["status"], row["message"] == "of the first sweep") for row in rows(out)}
+    assert found == {1.5: ("ok", True), 1.6: ("ok", False), 1.7: ("ok", False), 1.8: ("ok", False)}
+    assert run_sweep(study, out, workers=1, retry=True).done == 0
 
 
 def test_show_prints_what_varies_and_writes_everything(stabctl, undisturbed, tmp_path):

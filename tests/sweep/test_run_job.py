@@ -1,5 +1,7 @@
 """The result of a job: that of the equivalent call, or a sentence."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from stabctl.clearing import clearing_time
@@ -84,6 +86,16 @@ def test_a_parameter_of_the_case_changes_the_result(results):
     found = results(SIMULATE.replace("11cyc", "5cyc") + 'set."genrou.1.H" = [6.5, 13]')
     assert {r.status for r in found} == {"ok"}
     assert found[0].max_angle_from_coi != found[1].max_angle_from_coi
+
+
+@pytest.mark.parametrize(("stable_above", "monotone"), [((), 1), ((9.5,), 0)])
+def test_whether_stability_is_monotone_is_in_the_row(results, monkeypatch, stable_above, monotone):
+    found = SimpleNamespace(
+        status="found", cycles=9.0, seconds=0.15, runs=(1, 2), machine=4, stable_above=stable_above, wall_s=0.0
+    )
+    monkeypatch.setattr(run_job, "clearing_time", lambda *_, **__: found)
+    (result,) = results('kind = "clearing-time"\ncase = "two_area"\nfault = "7"\n')
+    assert (result.monotone, result.cycles, result.runs, result.machine) == (monotone, 9.0, 2, 4)
 
 
 def test_a_failure_that_must_not_be_is_marked_as_one(results, monkeypatch):

@@ -1,14 +1,19 @@
 """Study files: what is crossed, what is not, what is refused before anything runs, and the keys of the jobs."""
 
+import copy
+import math
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from stabctl import io
 from stabctl.errors import StudyError
+from stabctl.model.tables import TABLES, Link
+from stabctl.schema import fields
 from stabctl.sweep import study_file
 from stabctl.sweep.job import Job, columns
 from stabctl.sweep.store import JOB
@@ -152,6 +157,43 @@ def test_a_key_follows_what_determines_the_result_and_nothing_else(write, cases,
     cells[column] = repr(float(cells[column]) * (1 + 1e-12))
     table.write_text("\n".join([head, ",".join(cells), *rest]))
     assert fingerprint(io.load(tmp_path / "mine")) != fingerprint(two_area)
+
+
+def test_a_key_follows_every_number_and_word_of_the_case(cases):
+    """Frequency, base, and every field of one row of every table and of every device model."""
+    case = replace(cases("two_area").with_storage("5%mva"), links=(Link("dc", 7, 9, 10.0),))
+    changed = [replace(case, frequency_hz=50.0), replace(case, base_mva=case.base_mva * 2), replace(case, name="other")]
+    for table, record in TABLES.items():
+        rows = getattr(case, table)
+        for field, f in fields(record).items():
+            for value in _others(getattr(rows[-1], field), f) if rows else ():
+                changed.append(_altered(case, table, (*rows[:-1], rows[-1]._replace(**{field: value}))))
+    for model, rows in case.devices.items():
+        key, par = list(rows.items())[-1]
+        for field, f in fields(type(par)).items():
+            for value in _others(getattr(par, field), f):
+                changed.append(
+                    _altered(case, "devices", case.devices | {model: {**rows, key: par._replace(**{field: value})}})
+                )
+    assert len(changed) > 75
+    assert len({fingerprint(one) for one in (case, *changed)}) == len(changed) + 1
+    assert fingerprint(replace(case, title="another title", source="elsewhere")) == fingerprint(case)
+
+
+def _others(value, f):
+    """Another value of a field: the next number up, another word."""
+    if f.choices:
+        return [next(word for word in f.choices if word != value)]
+    return (
+        [value + "x"] if isinstance(value, str) else [value + 1 if isinstance(value, int) else math.nextafter(value, 9)]
+    )
+
+
+def _altered(case, table, rows):
+    """The case with one table changed; whether it makes sense does not matter here."""
+    other = copy.copy(case)
+    object.__setattr__(other, table, rows)
+    return other
 
 
 @pytest.mark.parametrize(("name", "count"), [("table4", 6), ("fault_place", 42), ("estimator_monte_carlo", 41)])

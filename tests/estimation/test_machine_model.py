@@ -1,0 +1,68 @@
+"""What the filters know of the machines, frame by frame, against its definition."""
+
+import numpy as np
+import pytest
+
+from stabctl.dynamics import operating_point
+from stabctl.estimation.instrument import Frame
+from stabctl.estimation.machine_model import MachineModel
+from stabctl.estimation.noise import Tuning
+from stabctl.estimation.pmu import Pmu
+from stabctl.estimation.rotor_units import Terminals, rotor_units
+from stabctl.simulation.simulation import Simulation
+
+PMU, TUNING = Pmu(angle=3e-3, magnitude=2e-3), Tuning(walk=0.005, share=0.02)
+
+
+@pytest.fixture(scope="module")
+def classical(cases):
+    return operating_point.solve(cases("two_area").classical())
+
+
+def frames(point, turns, received):
+    """Reports in which every current is turned by an angle (rad), so that powers and their variances differ."""
+    V, I = (phasor[None, :] for phasor in Terminals(Simulation(point)).phasors(point.V))
+    zero = np.zeros(V.shape)
+    return [
+        Frame(V, I * np.exp(1j * turn), zero, zero, np.array([here]), zero)
+        for turn, here in zip(turns, received, strict=True)
+    ]
+
+
+def test_the_variance_of_the_power_is_the_mean_of_two_reports_and_held_while_none_arrives(classical):
+    """2 sm^2 P^2 + 2 sa^2 Q^2 at the terminals of a report, and (share (Pm - P))^2 of the model."""
+    known, m = rotor_units(classical), 4
+    model = MachineModel(known, PMU, power=True, tuning=TUNING)
+    lost, every = [True, False, True, False], [True] * m
+    reports = [model.measured(f) for f in frames(classical, (0.0, 0.3, -0.4, 0.6), (every, lost, lost, every))]
+    S = [(seen.frame.V * seen.frame.I.conj() / known.mva)[0] for seen in reports]
+    of_report = [2 * PMU.magnitude**2 * s.real**2 + 2 * PMU.angle**2 * s.imag**2 for s in S]
+    x, _ = model.begin(reports[0])
+    x[..., 2] += 0.25
+    held, P, since = of_report[0], reports[0].P[0], np.ones(m)
+    for seen, variance in zip(reports[1:], of_report[1:], strict=True):
+        here = seen.frame.received[0]
+        Q = model.predict(x, seen).Q[0]
+        jump = np.where(here, since * (seen.P[0] - P), 0.0)
+        power = (held + np.where(here, variance, held)) / 2 + (TUNING.share * (x[0, :, 2] - P)) ** 2
+        d = 1 / (2 * known.H * PMU.rate)
+        expected = model.swing.walk[:, 1, 1] + d**2 * (jump**2 / 12 + power)
+        assert Q[:, 1, 1] == pytest.approx(expected, rel=1e-12)
+        c = 2 * np.pi * 60 / (4 * known.H * PMU.rate**2)
+        expected = model.swing.walk[:, 0, 0] + c**2 * (since**2 * jump**2 * 4 / 45 + power)
+        assert Q[:, 0, 0] == pytest.approx(expected, rel=1e-12)
+        model.settle(x, seen)
+        held, P = np.where(here, variance, held), np.where(here, seen.P[0], P)
+        since = np.where(here, 1, since + 1)
+        assert model.variance[0] == pytest.approx(held, rel=1e-12)
+
+
+def test_the_acceleration_is_that_of_the_swing_equation_with_the_variance_of_its_powers(classical):
+    known = rotor_units(classical)
+    model = MachineModel(known, PMU, power=True, tuning=TUNING)
+    (report,) = (model.measured(f) for f in frames(classical, (0.2,), ([True] * 4,)))
+    x, P = model.begin(report)
+    x[..., 2] += [0.1, -0.2, 0.3, 0.0]
+    a, variance = model.acceleration(x, P)
+    assert a[0] == pytest.approx(np.array([0.1, -0.2, 0.3, 0.0]) / (2 * known.H), abs=1e-15)
+    assert variance[0] == pytest.approx((P[0, :, 2, 2] + report.variance[0]) / (2 * known.H) ** 2, rel=1e-12)
