@@ -28,9 +28,15 @@ class StudyError(StabctlError):
 def sentence(error: Exception) -> str:
     """The message of an error on one line; that of an operating system error with the file."""
     text = str(error)
-    if isinstance(error, OSError) and error.filename:
-        text = f"{error.strerror or error}: {error.filename}"
-    return " ".join(text.split())
+    if isinstance(error, OSError) and error.strerror:
+        text = f"{error.strerror}: {error.filename}" if error.filename else error.strerror
+    return one_line(text)
+
+
+def one_line(text: str) -> str:
+    """The text on one line, with control characters as escapes (`\\x1b`), which a terminal would obey."""
+    words = " ".join(text.split())
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in words)
 
 
 def shown(value: object, most: int = 40) -> str:

@@ -40,6 +40,7 @@ ANGLE = Kind("angle", "120deg or 3.5rad", {"rad": 1, "mrad": 1e3, "deg": 180 / m
 NUMBER = Kind("number", "0.05 or 5%", {"-": 1, "%": 100})
 KINDS = (TIME, FREQUENCY, POWER, REACTIVE, APPARENT, ENERGY, RAMP, VOLTAGE, ANGLE, NUMBER)
 
+LOWEST, HIGHEST = 1e-6, 1e6  # Hz   of a band
 _CYCLES = ("cyc", "cycles")
 _SIZE = ("storage size", "50MW, 5%mva or 5%dispatch")
 _BAND = ("band of frequencies", "0.1..2Hz, or as two numbers in Hz")
@@ -124,7 +125,7 @@ def band(x: str | Sequence[str | float]) -> tuple[float, float]:
     Raises
     ------
     StudyError
-        If it is not a band, is negative, or its ends are not in ascending order.
+        If it is not a band, is negative or outside `LOWEST` to `HIGHEST`, or its ends are not in ascending order.
     """
     ends = x.split("..") if isinstance(x, str) else x if isinstance(x, Sequence) else ()
     if len(ends) != 2:
@@ -135,6 +136,10 @@ def band(x: str | Sequence[str | float]) -> tuple[float, float]:
     low, high = hertz(first), hertz(last)
     if not 0 <= low < high:
         raise StudyError(f"The band from {low:g} to {high:g} Hz is empty or negative; give the lower frequency first.")
+    if high > HIGHEST or 0 < low < LOWEST:
+        raise StudyError(
+            f"The band from {low:g} to {high:g} Hz is too wide; give frequencies from {LOWEST:g} to {HIGHEST:g} Hz."
+        )
     return low, high
 
 

@@ -85,11 +85,26 @@ def test_a_branch_without_reactance_is_a_warning():
     ("words", "says"),
     [
         (("modes", "two_area", "--band", "0", "0"), "The band from 0 to 0 Hz is empty"),
+        (("modes", "two_area", "--band", "1", "1e308"), "The band from 1 to 1e+308 Hz is too wide"),
+        (("modes", "two_area", "--band", "1e-308", "1", "--sparse"), "The band from 1e-308 to 1 Hz is too wide"),
+        (("modes", "two_area", "--set", f"pss.{'9' * 5000}.K=1"), f"no pss at {'9' * 36}...; it has 1, 2, 3, 4"),
+        (("simulate", "two_area", "--storage-at", f"{'9' * 5000}=5MW"), "9... does not place a storage device"),
+        (("simulate", "two_area", "--trip-machine", "\u0663@1s"), "is not a machine trip"),
+        (("simulate", "two_area", "--fault", "\u0667", "--clear", "3cyc"), "is not a location"),
+        (
+            ("linearize", "two_area", "--inputs", "vref:\u00b2", "--out", "x.npz"),
+            "'vref:\u00b2' does not name a machine",
+        ),
+        (
+            ("linearize", "two_area", "--inputs", "vref:\u0662", "--out", "x.npz"),
+            "'vref:\u0662' does not name a machine",
+        ),
         (("simulate", "two_area", "--control", "none", "--deadband", "5"), "have no effect with --control none"),
         (("tables", "nothing"), "There is no table or case 'nothing'"),
     ],
 )
-def test_commands(stabctl, words, says):
+def test_commands(stabctl, tmp_path, monkeypatch, words, says):
+    monkeypatch.chdir(tmp_path)
     code, out, err = stabctl(*words)
     assert (code, out) == (2, "")
     assert says in err

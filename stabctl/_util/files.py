@@ -36,7 +36,8 @@ def replace(path: Path, content: str | bytes) -> None:
 def _unwritable(path: Path, error: OSError) -> StudyError:
     if not path.parent.is_dir():
         return StudyError(f"There is no folder {str(path.parent)!r} to write {path.name!r} to; create it first.")
-    return StudyError(f"{path} cannot be written: {error.strerror or error}; choose another file or folder.")
+    kept = "; what it held before is unchanged" if path.is_file() else ""
+    return StudyError(f"{path} cannot be written: {error.strerror or error}; choose another file or folder{kept}.")
 
 
 def _replace(path: Path, content: str | bytes) -> None:

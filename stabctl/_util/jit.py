@@ -167,7 +167,8 @@ def compiling(labels: Sequence[str]) -> Iterator[Callable[[], None]]:
         except LiveError:  # another bar is on the screen
             bar = None
     elif not _told:
-        print("stabctl: compiling the equations, only once on this machine ...", file=sys.stderr, flush=True)
+        with suppress(OSError):  # nobody reads it
+            print("stabctl: compiling the equations, only once on this machine ...", file=sys.stderr, flush=True)
     _told.append(True)
     if bar is None:
         yield lambda: None

@@ -4,12 +4,12 @@ import gc
 import os
 import sys
 import warnings
-from typing import Annotated, Any
+from contextlib import suppress
+from typing import Annotated, Any, TextIO
 
 import typer
-from typer.core import TyperGroup
 
-from stabctl.errors import StabctlError, sentence
+from stabctl.errors import StabctlError, one_line, sentence
 
 from . import (
     cases,
@@ -27,20 +27,9 @@ from . import (
     tables,
 )
 
-
-class Commands(TyperGroup):
-    """The commands; Ctrl-C prints a message too, before the library turns it into a silent exit."""
-
-    def invoke(self, ctx: Any) -> Any:
-        """Run a command and return its result, or 130 if it was interrupted."""
-        try:
-            return super().invoke(ctx)
-        except KeyboardInterrupt:
-            return _complain("interrupted.", 130)
-
+CLOSED_PIPE = 141  # exit code; what a shell reports for a program ended by SIGPIPE
 
 app = typer.Typer(
-    cls=Commands,
     add_completion=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     rich_markup_mode=None,
@@ -81,30 +70,68 @@ def _options(
 
 
 def main() -> None:
-    """Run the command line; a user error prints one line on stderr and exits with code 2."""
+    """Run the command line and exit; the exit code is 2 after a user error, which is one line on stderr."""
     warnings.simplefilter("ignore", RuntimeWarning)
     os.environ.setdefault("MPLBACKEND", "agg")  # figures go to files
     if os.environ.get("COLUMNS", "").strip() == "0":
         del os.environ["COLUMNS"]  # a terminal of unknown width
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")  # a character that the terminal does not have
     gc.disable()  # collecting garbage while libraries load would cost an eighth of a short command
     try:
-        code = app(standalone_mode=False)
-    except StabctlError as error:
-        code = _complain(sentence(error))
+        code = _run(sys.argv[1:])
+        sys.stdout.flush()
+    except BrokenPipeError:
+        code = CLOSED_PIPE
     except OSError as error:
-        code = _complain(sentence(error) + ("; choose another file or folder." if error.filename else ""))
+        code = _complain(f"The output cannot be written: {error.strerror}.")
+    _flush(sys.stdout)
+    _flush(sys.stderr)
+    sys.exit(code)
+
+
+def _run(words: list[str]) -> int:
+    """The exit code of a command."""
+    try:
+        with typer.main.get_command(app).make_context("stabctl", words) as context:
+            code: Any = context.command.invoke(context)
+    except StabctlError as error:
+        return _complain(sentence(error))
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        return _complain(sentence(error) + ("; choose another file or folder." if error.filename else "."))
     except KeyboardInterrupt:
-        code = _complain("interrupted.", 130)
+        return _complain("interrupted.", 130)
+    except typer.Exit as end:
+        return end.exit_code
     except Exception as error:
+        if _interrupted(error):
+            return _complain("interrupted.", 130)
         if not hasattr(error, "format_message"):
             raise
         if type(error).__name__ == "NoArgsIsHelpError":
             print(error.format_message())
-            sys.exit(0)
-        code = _complain(error.format_message(), getattr(error, "exit_code", 2))
-    sys.exit(code if isinstance(code, int) else 0)
+            return 0
+        return _complain(error.format_message(), getattr(error, "exit_code", 2))
+    return code if isinstance(code, int) else 0
 
 
-def _complain(sentence: str, code: int = 2) -> int:
-    print("stabctl:", " ".join(sentence.split()), file=sys.stderr)
+def _interrupted(error: BaseException | None) -> bool:
+    """Whether Ctrl-C is behind the error: an import turns it into another one."""
+    return error is not None and (isinstance(error, KeyboardInterrupt) or _interrupted(error.__context__))
+
+
+def _complain(text: str, code: int = 2) -> int:
+    with suppress(OSError):  # nobody reads it
+        print("stabctl:", one_line(text), file=sys.stderr)
     return code
+
+
+def _flush(stream: TextIO) -> None:
+    """Write what is left, or nowhere: a reader that has gone is no error at exit."""
+    try:
+        stream.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

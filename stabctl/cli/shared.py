@@ -5,7 +5,7 @@ import math
 import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,11 +18,14 @@ if TYPE_CHECKING:
 
 def warn(sentences: Sequence[str], verbose: bool) -> None:
     """Print the first warning and the number of the others on stderr, or all of them."""
-    for sentence in sentences if verbose else sentences[:1]:
-        print(f"stabctl: warning: {sentence}", file=sys.stderr)
-    if len(sentences) > 1 and not verbose:
-        more = "another warning" if len(sentences) == 2 else f"{len(sentences) - 1} more warnings"
-        print(f"stabctl: {more}; --verbose prints all {len(sentences)}.", file=sys.stderr)
+    from stabctl.errors import one_line
+
+    with suppress(OSError):  # nobody reads it
+        for sentence in sentences if verbose else sentences[:1]:
+            print("stabctl: warning:", one_line(sentence), file=sys.stderr)
+        if len(sentences) > 1 and not verbose:
+            more = "another warning" if len(sentences) == 2 else f"{len(sentences) - 1} more warnings"
+            print(f"stabctl: {more}; --verbose prints all {len(sentences)}.", file=sys.stderr)
 
 
 def lag(time: str | float, case: "Case") -> float:
@@ -114,7 +117,11 @@ def console(stderr: bool = False) -> "Console":
     """Where tables (stdout) and progress (stderr) go."""
     from rich.console import Console
 
-    return Console(stderr=stderr, highlight=False, markup=False)
+    class Open(Console):
+        def on_broken_pipe(self) -> None:
+            raise  # the BrokenPipeError, which the command line handles
+
+    return Open(stderr=stderr, highlight=False, markup=False)
 
 
 @contextmanager

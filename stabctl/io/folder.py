@@ -5,7 +5,7 @@ by bus). A folder whose case.toml says `extends = "other"` holds only what diffe
 """
 
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -109,7 +109,19 @@ def read_tables(folder: Path, about: Row) -> dict[str, Table]:
         columns = catalog.columns(name) if device else fields(TABLES[name])
         key = next(iter(columns)) if device or name in OVERLAID else None
         tables[name] = read(path, columns, partial=key if "extends" in about else None, device=device)
+        if device or name == "loads":
+            _refuse_copies(path, tables[name], device)
     return tables
+
+
+def _refuse_copies(path: Path, table: Table, device: bool) -> None:
+    """Raise `CaseError` for a row that repeats another one, and would count twice."""
+    instead = "number the second device, as 2#2" if device else "give one row with the sum"
+    first: dict[Hashable, int] = {}
+    for row, line in zip(table.rows, table.lines, strict=True):
+        seen = first.setdefault(tuple(row.items()), line)
+        if seen != line:
+            raise CaseError(f"{path} row {line}: it repeats row {seen}; remove it, or {instead}.")
 
 
 def device_keys(folder: Path, model: str, table: Table) -> list[Key]:

@@ -1,5 +1,6 @@
 """Writing a case to a folder."""
 
+from collections import Counter
 from pathlib import Path
 
 from stabctl._util import files
@@ -37,14 +38,17 @@ def write(case: Case, folder: str | Path) -> Path:
     """
     case, folder = as_case(case), files.path_of(folder)
     texts = {}
+    equal = Counter(case.loads).items()  # equal loads at a bus become one row, as a copy of a row is refused
+    rows = {name: getattr(case, name) for name in TABLES}
+    rows["loads"] = tuple(load._replace(p=count * load.p, q=count * load.q) for load, count in equal)
     for name, record in TABLES.items():
-        if getattr(case, name):
-            texts[f"{name}.csv"] = text_from(fields(record), getattr(case, name))
-    for name, rows in case.devices.items():
+        if rows[name]:
+            texts[f"{name}.csv"] = text_from(fields(record), rows[name])
+    for name, devices in case.devices.items():
         columns = catalog.columns(name)
         names = list(columns)[1:]
         texts[f"{name}.csv"] = text_from(
-            columns, [[key, *(getattr(par, c) for c in names)] for key, par in rows.items()]
+            columns, [[key, *(getattr(par, c) for c in names)] for key, par in devices.items()]
         )
     try:
         folder.mkdir(parents=True, exist_ok=True)

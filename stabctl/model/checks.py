@@ -10,6 +10,7 @@ from stabctl.errors import CaseError, shown
 
 from . import catalog, device_checks
 from .mistake import RowError
+from .tables import Storage
 
 if TYPE_CHECKING:
     from .case import Case
@@ -62,9 +63,13 @@ def check(case: "Case") -> Iterator[str]:
 
 
 def storage(case: "Case") -> None:
-    """Raise the first storage device whose bus or machine does not exist."""
+    """Raise the first storage device that repeats another, or whose bus or machine does not exist."""
     buses, machines = {b.bus for b in case.buses}, {m.machine for m in case.machines}
+    first: dict[Storage, int] = {}
     for i, s in enumerate(case.storage):
+        if first.setdefault(s, i) != i:
+            text = f"the device of machine {s.machine} at bus {s.bus} is given twice ({{rows}}); remove one of them."
+            raise RowError("storage", i, "machine", text, first[s])
         if s.bus not in buses:
             raise RowError("storage", i, "bus", f"there is no bus {s.bus} in buses.csv.")
         if s.machine not in machines:
@@ -80,6 +85,12 @@ def _about(case: "Case") -> None:
             raise CaseError(f"case.toml, {name}: {shown(value)} is not allowed; it must be a number from 1e-6 to 1e9.")
     if not (isinstance(case.name, str) and case.name.isprintable()):
         raise CaseError(f"case.toml, name: {shown(case.name)} is not allowed; it must be one line of text.")
+    for name in ("title", "source"):
+        value = getattr(case, name)
+        if not (isinstance(value, str) and all(c.isprintable() or c in "\n\t" for c in value)):
+            raise CaseError(
+                f"case.toml, {name}: {shown(value)} is not allowed; it must be text without control characters."
+            )
 
 
 def _unique(table: str, column: str, keys: Sequence[Hashable]) -> None:

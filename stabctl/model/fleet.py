@@ -83,7 +83,9 @@ def chosen(
     for place, size in sizes.items() if isinstance(sizes, Mapping) else map(_split, sizes.split(",")):
         match = _PLACE.fullmatch(str(place))
         if not match:
-            raise StudyError(f"{place!r} does not place a storage device; write 14=50MW, or 14@33=50MW for bus 33.")
+            raise StudyError(
+                f"{shown(place)} does not place a storage device; write 14=50MW, or 14@33=50MW for bus 33."
+            )
         machine = case.machine(int(match[1]))
         bus = int(match[2]) if match[2] else machine.storage_bus
         keys.row(case, "buses", bus)
@@ -113,7 +115,7 @@ def megawatts(case: Case, machine: Machine, size: str | float, flow: PowerFlow |
 def _split(part: str) -> tuple[str, str]:
     place, equals, size = part.partition("=")
     if not equals:
-        raise StudyError(f"{part!r} does not place a storage device; write it as 14=50MW or 14@33=50MW.")
+        raise StudyError(f"{shown(part)} does not place a storage device; write it as 14=50MW or 14@33=50MW.")
     return place, size
 
 

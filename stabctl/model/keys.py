@@ -92,7 +92,8 @@ def row(case: "Case", table: str, key: Key) -> int:
         of_machine = [i for k, i in known.items() if k.partition("@")[0] == wanted]
         if len(of_machine) == 1:
             return of_machine[0]
-    what = f"{_NOUNS[table]} {wanted}" if table in _NOUNS else f"{table} at {wanted}"
+    name = wanted if len(wanted) <= 40 else f"{wanted[:36]}..."
+    what = f"{_NOUNS[table]} {name}" if table in _NOUNS else f"{table} at {name}"
     raise StudyError(f"{case.name} has no {what}; {near(wanted, known)}")
 
 
@@ -109,7 +110,7 @@ def known_table(case: "Case", name: str) -> str:
 def near(wanted: str, known: Iterable[str]) -> str:
     """End of a sentence: the names most similar to the one wanted, or the first few."""
     known = list(known)
-    if wanted.isdecimal() and all(name.isdecimal() for name in known):
+    if re.fullmatch(r"[0-9]{1,18}", wanted) and all(name.isdecimal() for name in known):
         known.sort(key=lambda name: abs(int(name) - int(wanted)))
         return f"the nearest numbers are {', '.join(sorted(known[:3], key=int))}."
     similar = difflib.get_close_matches(wanted, known, 3, 0.5)

@@ -4,12 +4,13 @@ Every signal is a deviation from the operating point. Powers are in pu on the sy
 angles in rad, everything else in pu.
 """
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
 from stabctl import devices
-from stabctl.errors import StudyError
+from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case
 from stabctl.model.location import circuit
 
@@ -165,8 +166,10 @@ def _circuits(case: Case) -> list[str]:
 
 def _signal(case: Case, name: str, kind: Kind, place: int | str | None) -> Signal:
     if kind.place in ("machine", "bus"):
-        if not str(place).isdigit():
-            raise StudyError(f"{name}:{place} does not name a {kind.place}; give its number, such as {name}:14.")
+        if not re.fullmatch(r"[0-9]{1,18}", str(place)):
+            raise StudyError(
+                f"{shown(f'{name}:{place}')} does not name a {kind.place}; give its number, such as {name}:14."
+            )
         place = number = int(str(place))
         if kind.place == "machine":
             case.machine(number)

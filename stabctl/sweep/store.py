@@ -46,6 +46,7 @@ class Store:
             self._base = sqlite3.connect(self.path, timeout=PATIENCE, isolation_level=None)
             try:
                 self._open()
+                self._file = os.stat(self.path)
             except BaseException:
                 self._base.close()
                 raise
@@ -73,13 +74,27 @@ class Store:
         """Write a row; it replaces one with the same key."""
         given = row.job.given()
         values = (row.key, *(given.get(column) for column in JOB), *row.result)
+        self._check_present()
         with _explained(self.path):
             self._base.execute(f"INSERT OR REPLACE INTO results VALUES ({', '.join('?' * len(values))})", values)
 
     def statuses(self) -> dict[str, str]:
         """Key -> status of every row."""
+        self._check_present()
         with _explained(self.path):
             return dict(self._base.execute("SELECT key, status FROM results"))
+
+    def _check_present(self) -> None:
+        """Raise StudyError if the file was deleted or replaced, which SQLite does not notice while it is open."""
+        try:
+            present = os.path.samestat(os.stat(self.path), self._file)
+        except OSError:
+            present = False
+        if not present:
+            raise StudyError(
+                f"{self.path}: it was deleted, moved or replaced while the sweep was running, which ends here; run the "
+                "same command again."
+            )
 
 
 def rows(path: str | Path) -> list[dict[str, Any]]:

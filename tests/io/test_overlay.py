@@ -52,6 +52,23 @@ def test_a_device_given_twice(overlay):
     )
 
 
+def test_a_load_given_twice(overlay):
+    (overlay / "loads.csv").write_text("bus,p_mw,q_mvar\n7,967,100\n9,1767,100\n7,967,100\n")
+    assert complaint(overlay) == (
+        f"{overlay}/loads.csv row 4: it repeats row 2; remove it, or give one row with the sum."
+    )
+    (overlay / "loads.csv").write_text("bus,p_mw,q_mvar\n7,966,100\n9,1767,100\n7,1,0\n")
+    assert io.load(overlay).loads[2].p == 1  # a second load at a bus is none
+
+
+def test_a_storage_device_given_twice(overlay):
+    (overlay / "storage.csv").write_text("machine,bus,rating_mw\n1,1,50\n1,1,50\n")
+    assert complaint(overlay) == (
+        f"{overlay}/storage.csv row 3, column machine: the device of machine 1 at bus 1 is given twice (rows 2 and 3); "
+        "remove one of them."
+    )
+
+
 def test_rows_that_the_other_case_lacks(overlay):
     (overlay / "machines.csv").write_text("machine,p_mw\n9,650\n")
     assert complaint(overlay) == (

@@ -81,6 +81,32 @@ def test_a_bus_cut_off_from_the_swing_bus(folder):
     )
 
 
+@pytest.mark.parametrize(
+    ("table", "instead"), [("loads", "give one row with the sum"), ("pss", "number the second device, as 2#2")]
+)
+def test_a_row_given_twice(folder, table, instead):
+    rows = cells(folder / f"{table}.csv")
+    put(folder / f"{table}.csv", [*rows, rows[-1]])
+    repeated = f"row {len(rows) + 1}: it repeats row {len(rows)}; remove it, or {instead}."
+    assert complaint(folder) == f"{folder}/{table}.csv {repeated}"
+
+
+def test_no_digits_but_ascii(folder):
+    spoil(folder, "loads", 2, "bus", "\u0667")
+    assert (
+        complaint(folder)
+        == f"{folder}/loads.csv row 2, column bus: '\u0667' is not allowed; it must be a whole number."
+    )
+
+
+def test_a_folder_that_cannot_be_listed(folder, monkeypatch):
+    def refuse(_):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("pathlib.Path.iterdir", refuse)
+    assert complaint(folder) == f"{folder}: the folder cannot be read (Permission denied)."
+
+
 def test_no_swing_bus(folder):
     spoil(folder, "buses", 4, "kind", "pv")
     assert complaint(folder) == (
@@ -141,6 +167,8 @@ def test_a_start_outside_a_limit_names_device_machine_bus_and_limit(folder, tabl
         ("base_mva = 0x" + "f" * 5000, ", base_mva: a number of many digits is not allowed"),
         ("name = 0x" + "f" * 5000, ", name: a number of many digits is not allowed"),
         ("name = 3", ", name: 3 is not allowed; it must be text."),
+        ('title = "a\\u001b[31m"', ", title: 'a\\x1b[31m' is not allowed; it must be text without control"),
+        ('source = "\\u202e"', ", source: '\\u202e' is not allowed; it must be text without control"),
         ('name = "two\\nlines"', ", name: 'two\\nlines' is not allowed; it must be one line of text."),
         ("name = ", ": it cannot be read as TOML ("),
     ],

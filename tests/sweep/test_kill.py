@@ -38,6 +38,27 @@ def test_a_killed_worker_is_replaced_and_its_job_done_again(write, facts, undist
     assert facts(out) == facts(undisturbed)
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(pool.METHOD != "forkserver", reason="has no fork server")
+def test_a_killed_fork_server_is_replaced(write, facts, undisturbed, tmp_path):
+    from multiprocessing import forkserver
+
+    out, killed = tmp_path / "results.db", []
+
+    def kill(done, _total):
+        if done in (0, 3):
+            killed.append(forkserver._forkserver._forkserver_pid)
+            if killed[-1]:
+                os.kill(killed[-1], signal.SIGKILL)
+        if done == 4:  # a worker too, so that another one is needed
+            os.kill(max(filter(alive, workers(out))), signal.SIGKILL)
+
+    summary = run_sweep(write(TINY), out, workers=2, progress=kill)
+    assert (summary.done, summary.errors) == (12, 0)
+    assert killed[-1]
+    assert facts(out) == facts(undisturbed)
+
+
 class Deadly:
     """What kills the worker that unpacks it."""
 

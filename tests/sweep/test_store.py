@@ -109,6 +109,20 @@ def test_a_full_disk_keeps_what_was_there(tmp_path):
     assert len(rows(path)) == there + 1
 
 
+@pytest.mark.parametrize("become", [lambda path: path.unlink(), lambda path: path.rename(path.with_name("moved.db"))])
+def test_a_file_that_is_deleted_or_moved_while_open(tmp_path, become):
+    path = tmp_path / "results.db"
+    with Store(path) as kept:
+        kept.add(row("a"))
+        become(path)
+        for use in (lambda: kept.add(row("b")), kept.statuses):
+            with pytest.raises(StudyError, match="it was deleted, moved or replaced while the sweep was running"):
+                use()
+        path.write_text("")  # another file of that name
+        with pytest.raises(StudyError, match="it was deleted, moved or replaced"):
+            kept.add(row("b"))
+
+
 def test_places_where_no_file_can_be(tmp_path):
     for path in (tmp_path / "nowhere" / "results.db", tmp_path):
         with pytest.raises(StudyError, match="cannot be opened or created"):

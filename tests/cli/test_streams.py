@@ -1,0 +1,79 @@
+"""Terminals, pipes and streams of every kind, and Ctrl-C at any instant."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+INTERRUPT = """
+import builtins, os, signal, sys
+plain = builtins.__import__
+def interrupt(name, *rest, **more):
+    if name == {module!r}:
+        builtins.__import__ = plain
+        os.kill(os.getpid(), signal.SIGINT)
+    return plain(name, *rest, **more)
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from stabctl.__main__ import main
+builtins.__import__ = interrupt
+sys.argv = ["stabctl", "powerflow", "two_area"]
+main()
+"""
+
+
+def shell(command):
+    """Exit code, stdout and stderr of a shell command; "$stabctl" runs the program."""
+    run = f"{sys.executable} -m stabctl"
+    found = subprocess.run(["bash", "-c", command], env=os.environ | {"stabctl": run}, capture_output=True, text=True)
+    return found.returncode, found.stdout, found.stderr
+
+
+@pytest.mark.parametrize("columns", ["0", " 0 ", "-1", "x", ""])
+def test_a_terminal_of_unknown_width_shows_everything(stabctl, monkeypatch, columns):
+    monkeypatch.setenv("COLUMNS", columns)
+    code, out, err = stabctl("cases")
+    assert (code, err) == (0, "")
+    assert "two_area_thyristor" in out
+
+
+def test_a_reader_that_goes_away_is_no_error():
+    code, _, err = shell("$stabctl models genrou | true; exit ${PIPESTATUS[0]}")
+    assert (code, err) == (141, "")  # as if ended by SIGPIPE
+
+
+def test_a_closed_stderr_does_not_send_messages_to_stdout():
+    code, out, _ = shell("$stabctl tables nothing 2>&-")
+    assert (code, out) == (2, "")
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="has no device that is full")
+def test_an_output_that_is_full_is_a_sentence():
+    full = "stabctl: The output cannot be written: No space left on device.\n"
+    assert shell("$stabctl models --json >/dev/full") == (2, "", full)
+    assert shell("$stabctl tables nothing 2>/dev/full")[:2] == (2, "")
+
+
+def test_what_the_encoding_lacks_is_escaped(tmp_path):
+    code, out, err = shell(f"cd {tmp_path}; export PYTHONIOENCODING=ascii; $stabctl cases; $stabctl tables 'é\x1b'")
+    assert code == 2
+    assert "two_area" in out
+    assert err.startswith("stabctl: There is no table or case '\\xe9\\x1b'; the tables are buses")
+
+
+@pytest.mark.parametrize("module", ["typer", "numpy"])
+def test_ctrl_c_while_the_program_loads_is_a_sentence(module):
+    run = subprocess.run([sys.executable, "-c", INTERRUPT.format(module=module)], capture_output=True, text=True)
+    assert run.returncode in (130, -2)  # a shell shows 130 for both
+    assert (run.stdout, run.stderr) == ("", "stabctl: interrupted.\n")
+
+
+def test_ctrl_c_that_an_import_turned_into_another_error(stabctl, monkeypatch):
+    def wrapped(*_):
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as error:
+            raise RuntimeError("Error calling __set_name__") from error
+
+    monkeypatch.setattr("stabctl.io.load", wrapped)
+    assert stabctl("powerflow", "two_area") == (130, "", "stabctl: interrupted.\n")
