@@ -14,7 +14,7 @@ from stabctl.devices.converters import regc_a
 from stabctl.devices.exciters import exdc2, exst3, ieeet1, sexs
 from stabctl.devices.governors import tgov
 from stabctl.devices.loads import exponential
-from stabctl.devices.machines import gencls, genrou, gensal
+from stabctl.devices.machines import gencls, genrou, gensal, gentpj1, two_axis
 from stabctl.devices.stabilizers import pss
 from stabctl.model.case import Branch, Bus, Case, Load, Machine
 from stabctl.schema import fields
@@ -25,6 +25,8 @@ ROUND = genrou.Par(0, 0, 4.0, 0.5, 0.003, 0.15, 1.8, 0.3, 0.22, 7.0, 0.03, 1.7, 
 SATURATED = ROUND._replace(S10=0.1, S12=0.4)
 SALIENT = ROUND._replace(xd=1.1, xq=0.7, x1q=0.7, T1q=0.5)
 POLES = gensal.Par(0, 0, 4.0, 0.5, 0.003, 0.15, 1.1, 0.3, 0.22, 6.0, 0.04, 0.7, 0.08, 0.1, 0.4)
+TWO_AXES = two_axis.Par(0, 0, 4.0, 0.5, 0.003, 1.1, 0.3, 6.0, 0.9, 0.5, 0.5)
+TYPE_J = gentpj1.Par(0, 0, 4.0, 0.5, 0.003, 0.15, 1.8, 0.3, 0.22, 7.0, 0.03, 1.7, 0.5, 0.25, 0.4, 0.05, 0.1, 0.4, 0.1)
 CLASSICAL = gencls.Par(0, 0, 4.0, 1.0, 0.002, 0.3)
 SEXS = sexs.Par(0.01, 200.0, 0.05)
 EXST3 = exst3.Par(0.01, 200.0, 0.02, 10.0, 1.0, 5.0, -5.0, 0.1, -0.1, KP=1.2)
@@ -61,15 +63,29 @@ KINDS = {  # name -> devices of machine 1 and load 2; between them every model, 
     "governor bypassed": {"genrou": ROUND, "sexs": SEXS, "tgov": STEAM._replace(Ts=0.0, Tc=0.0, T5=0.0)},
 }
 
+LIBRARY = {  # the same for devices of the library, whose tests are slow ones: each of them compiles its devices
+    "genrou with speed factor": {"genrou": SATURATED._replace(speed_factor=1), "sexs": SEXS},
+    "genroe": {"genroe": SATURATED, "sexs": SEXS},
+    "gensae": {"gensae": POLES, "sexs": SEXS},
+    "gentpj1": {"gentpj1": TYPE_J, "sexs": SEXS},
+    "gentpj1 without saturation": {"gentpj1": TYPE_J._replace(S10=0.0, T1q=0.0)},
+    "two axes": {"two_axis": TWO_AXES, "sexs": SEXS, "tgov": STEAM},
+}
+
 OWN_KINDS = {  # name -> devices of machine 1, and a device of the user's: its table and constants
     "signals from elsewhere": ({"genrou": ROUND, "exdc2": EXDC2, "pss": PSS}, "wide_area", (3, 2, 0.1, 2.0, 3.0)),
 }
-ALL_KINDS = (*KINDS, *OWN_KINDS)
+ALL_KINDS = (*KINDS, *OWN_KINDS, *LIBRARY)
 
 
 def one_of(first, *others):
     """Parameters of a test, of which all but the first are slow ones."""
     return [first, *(pytest.param(other, marks=pytest.mark.slow) for other in others)]
+
+
+def each(names=ALL_KINDS):
+    """Parameters of a test of kinds, of which those of the library are slow ones."""
+    return [pytest.param(name, marks=pytest.mark.slow) if name in LIBRARY else name for name in names]
 
 
 def small(models, p=300.0, load=None, base=400.0, v=1.02, links=()):
@@ -104,8 +120,8 @@ def registered(*paths):
 @contextmanager
 def kind(name):
     """Devices of a kind of ALL_KINDS, all of them known for a while."""
-    if name in KINDS:
-        yield KINDS[name]
+    if name not in OWN_KINDS:
+        yield (KINDS | LIBRARY)[name]
         return
     others, table, values = OWN_KINDS[name]
     with registered(OWN / f"{table}.py") as (device,):

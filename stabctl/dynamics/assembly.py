@@ -19,6 +19,8 @@ from .rows import Row
 from .tables import Family
 from .wiring import Wiring
 
+INFINITE = 1e9  # s   inertia constant in place of that of an infinite bus
+
 
 class Rotors(NamedTuple):
     """The units with a rotor."""
@@ -113,7 +115,8 @@ def _rotors(families: Iterable[Family], unit: Mapping[str, list[int]]) -> Rotors
     for f in families:
         states, constants = family.fields(f.device, "State"), family.fields(f.device, "Par")
         if {"delta", "omega"} <= set(states) and "H" in constants:
-            inertia = f.k[:, constants.index("H")] * f.k[:, constants.index("mva")]
+            H = f.k[:, constants.index("H")]
+            inertia = np.where(H > 0, H, INFINITE) * f.k[:, constants.index("mva")]
             found += zip(unit[f.name], f.w[:, family.STATE] + states.index("delta"), inertia, strict=True)
     found.sort()
     parts = list(zip(*found, strict=True)) or [(), (), ()]

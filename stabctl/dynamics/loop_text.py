@@ -143,12 +143,14 @@ def _local(device: ModuleType) -> list[str]:
         known.add(a)
     body = ["i = device.internal(x, p)"] if hasattr(device, "internal") else []
     known.add("i")
-    for equation, result in (("output", "y"), ("derivatives", "d"), ("source", "g"), ("current", "g")):
+    both = hasattr(device, "source") and hasattr(device, "current")
+    for equation, result in (("output", "y"), ("derivatives", "d"), ("source", "g"), ("current", "c" if both else "g")):
         if hasattr(device, equation):
             needed = arguments(device, equation)
             body += [line for a in needed if a not in known for line in head[a]]
             known |= set(needed)
             body += [f"{result} = device.{equation}({', '.join(needed)})"]
+    body += ["g = g[0] + c[0], g[1] + c[1]"] if both else []
     names = [f"d.{n}" for n in fields(device, "State")] if hasattr(device, "derivatives") else ["0j"] * states
     names += [f"y.{n}" for n in fields(device, "Output")]
     names += [f"g[{i}]" for i in range(2 * buses)] if {"source", "current"} & set(dir(device)) else ["0j"] * 2 * buses

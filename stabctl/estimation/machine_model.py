@@ -138,7 +138,7 @@ class MachineModel:
     def observe(self, x: np.ndarray, seen: Measured) -> Seen:
         """What the report says of these states: arg E = delta + theta, its slope that of a chord of the arc sine."""
         size, angle = np.abs(seen.E), np.angle(seen.E)
-        theta = turn((1 + x[..., 1]) * self.q_axis.psi(x[..., 3:]), size)
+        theta = turn((1 + self.q_axis.speed * x[..., 1]) * self.q_axis.psi(x[..., 3:]), size)
         apart = within(wrapped(angle - x[..., 0]) - theta, 1.0) / 2
         middle, square = within(theta + apart, 1.4), apart * apart
         chord = 1 / (size * np.cos(middle) * (1 - square / 6 * (1 - square / 20)))  # sin(apart)/apart to 1e-5

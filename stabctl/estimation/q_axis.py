@@ -1,8 +1,9 @@
 """The q-axis rotor circuits of machines with subtransient dynamics: they relate the angle of E'' to that of the rotor.
 
-The stator is omega (psi''d + j psi''q) exp(j delta) = E'' = V + (ra + j x'') I, so that
+The stator is w (psi''d + j psi''q) exp(j delta) = E'' = V + (ra + j x'') I, where w is 1, or omega with the
+speed factor of GENROU, so that
 
-    delta = arg E'' - asin(omega psi''q / |E''|).
+    delta = arg E'' - asin(w psi''q / |E''|).
 
 psi''q follows from the current alone, without field voltage (Kundur, ch. 3-4; names as in `devices.machines.genrou`):
 
@@ -32,6 +33,8 @@ class QAxis:
         Transition of (e, k) over a frame.
     B : (machines, 2, 2) array
         Response after a frame to constant inputs (iq, iron).
+    speed : (machines,) array
+        Speed factor, 0 or 1: w = 1 + speed (omega - 1).
     step, ramp : (frames, machines, 2) array
         Response after 0, 1, ... frames to an iq of 1 pu, constant or rising from 0 to 1 over these frames.
     """
@@ -41,6 +44,7 @@ class QAxis:
         has = f["xq"] > 0
         b = np.where(has, f["x1q"] - f["xl"], 1.0)
         a, k, wide = (f["x2"] - f["xl"]) / b, (f["x1q"] - f["x2"]) / (b * b), f["xq"] - f["x1q"]
+        self.speed = f["speed_factor"]
         self.out = np.stack([a, 1 - a], -1) * has[:, None]
         A, B = np.zeros((n, 2, 2)), np.zeros((n, 2, 2))
         A[:, 0, 0], A[:, 0, 1], B[:, 0, 0], B[:, 0, 1] = -1 - wide * k, wide * k, -wide * (1 - k * b), -1
@@ -62,7 +66,7 @@ class QAxis:
         ratio = np.sqrt(f["S10"] / steep)
         self._knee = (1 - 1.2 * ratio) / (1 - ratio)
         gap = np.divide(f["xq"] - f["xl"], f["xd"] - f["xl"], out=np.zeros(n), where=has)
-        self._slope = steep / (1.2 - self._knee) ** 2 * gap * (f["S12"] > 0)
+        self._slope = steep / (1.2 - self._knee) ** 2 * gap * ((f["S10"] > 0) & (f["S12"] > 0))
         self.saturated = bool(self._slope.any())
 
     def psi(self, flux: np.ndarray) -> np.ndarray:
@@ -85,7 +89,7 @@ class QAxis:
 
 
 def turn(psi: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """asin(omega psi''q / |E''|), rad."""
+    """asin(w psi''q / |E''|), rad."""
     return np.arcsin(within(psi / size, 0.99))
 
 

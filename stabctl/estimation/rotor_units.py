@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stabctl.dynamics import family
+from stabctl.dynamics.assembly import INFINITE
 from stabctl.dynamics.operating_point import OperatingPoint, source_admittances
 from stabctl.errors import StudyError
 from stabctl.simulation.simulation import Simulation
@@ -13,9 +14,15 @@ from stabctl.simulation.simulation import Simulation
 from .governor import GOVERNOR
 
 REACTANCES = ("x2", "x1d")  # behind which the internal voltage is formed: x'' where the machine has one, else x'd
-FLUX = ("xl", "xd", "xq", "x1q", "x2", "T1q", "T2q", "S10", "S12")  # constants of the q-axis circuits of GENROU
+FLUX = ("xl", "xd", "xq", "x1q", "x2", "T1q", "T2q", "S10", "S12", "speed_factor")  # of the q axis of GENROU
 
-SALIENT = {"x1q": 0.0, "T1q": 0.0, "S10": 0.0, "S12": 0.0}  # of a machine with one damper circuit: x'q = xq
+SALIENT = {
+    "x1q": 0.0,
+    "T1q": 0.0,
+    "S10": 0.0,
+    "S12": 0.0,
+    "speed_factor": 0.0,
+}  # of a machine with one damper circuit: x'q = xq
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -56,6 +63,12 @@ def rotor_units(point: OperatingPoint, inertia: float = 1.0, reactance: float = 
             f"The speed of machine {point.case.machines[without[0]].machine} of {point.case.name} cannot be estimated, "
             "because it is a converter without a rotor; use a case with synchronous machines only."
         )
+    for f in point.system.families:
+        if f.device.ROLE == "machine" and hasattr(f.device, "current"):
+            raise StudyError(
+                f"The speed of {f.keys[0]} of {point.case.name} cannot be estimated, because {f.device.NAME} has "
+                "transient saliency; use a case with GENROU, GENSAL or GENCLS."
+            )
     columns = {name: np.zeros(m) for name in ("mva", "H", "D", "ra", "x")}
     flux, governor = ({name: np.zeros(m) for name in names} for names in (FLUX, GOVERNOR))
     for table in (f.name for f in point.system.families if f.device.ROLE == "machine"):
@@ -68,7 +81,7 @@ def rotor_units(point: OperatingPoint, inertia: float = 1.0, reactance: float = 
         at, par = point.constants(table)
         if set(GOVERNOR) <= set(par):
             _fill(governor, at, par)
-    columns["H"] = columns["H"] * inertia
+    columns["H"] = np.where(columns["H"] > 0, columns["H"] * inertia, INFINITE)
     columns["x"] = columns["x"] * reactance
     bus, H = point.system.unit_bus, columns["H"] * columns["mva"]
     return RotorUnits(bus, H, **columns, flux=flux, governor=governor, frequency_hz=point.case.frequency_hz)

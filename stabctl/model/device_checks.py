@@ -73,7 +73,9 @@ def _every_unit_has_a_model(case: "Case") -> None:
     modeled = {keys.number(key) for model in known for key in case.devices.get(model, ())}
     for i, m in enumerate(case.machines):
         if m.machine not in modeled:
-            text = f"machine {m.machine} has no model; add a row for it to {' or '.join(f'{k}.csv' for k in known)}."
+            text = (
+                f"machine {m.machine} has no model; add a row for it to one of {', '.join(f'{k}.csv' for k in known)}."
+            )
             raise RowError("machines", i, "machine", text)
 
 

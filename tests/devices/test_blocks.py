@@ -156,3 +156,18 @@ def test_complex_step_equals_the_central_difference(name):
     for x in points:
         step = np.imag(f(x + 1e-30j)) / 1e-30
         assert step == pytest.approx((f(x + 1e-6) - f(x - 1e-6)) / 2e-6, abs=1e-8)  # 2e-10
+
+
+def test_a_polyline_goes_on_beyond_its_ends():
+    xs, ys = (0.1, 0.7, 0.9, 1.0), (0.0, 0.3, 0.5, 0.9)
+    at = np.linspace(0.1, 1.0, 50)
+    assert [b.polyline(x, xs, ys) for x in at] == pytest.approx(np.interp(at, xs, ys), abs=1e-14)
+    assert b.polyline(1.1, xs, ys) == pytest.approx(0.9 + 4 * 0.1)
+    assert b.polyline(0.0, xs, ys) == pytest.approx(-0.05)
+    assert b.polyline(0.8 + 1e-30j, xs, ys).imag == pytest.approx(1e-30)
+
+
+def test_a_power_is_zero_below_zero_and_has_its_derivative():
+    assert b.power(1.3, 4.2) == pytest.approx(1.3**4.2, rel=1e-15)
+    assert b.power(0.0, 4.2) == b.power(-1.0, 4.2) == 0
+    assert b.power(1.3 + 1e-30j, 4.2).imag == pytest.approx(4.2e-30 * 1.3**3.2, rel=1e-14)

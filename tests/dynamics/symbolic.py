@@ -140,7 +140,8 @@ class Symbols:
         if y:
             known["y"] = device.Output(*y)
         rates = equation(device, "derivatives", known) or (0,) * len(family.fields(device, "State"))
-        return rates, y, equation(device, "source", known) or equation(device, "current", known) or ()
+        parts = [g for g in (equation(device, name, known) for name in ("source", "current")) if g]
+        return rates, y, tuple(map(sum, zip(*parts, strict=True)))
 
 
 def jacobian(z, f, values):

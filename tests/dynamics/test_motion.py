@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from systems import ALL_KINDS, CLASSICAL, EXDC2, EXST3, KINDS, PSS, ROUND, SEXS, doubled, kind, small, with_shares
+from systems import ALL_KINDS, CLASSICAL, EXDC2, EXST3, KINDS, PSS, ROUND, SEXS, doubled, each, kind, small, with_shares
 
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
@@ -76,10 +76,11 @@ def halved(point, events, until, step):
     return np.abs(rows[0] - rows[1]).max(), np.abs(rows[1] - rows[2]).max()
 
 
-ITERATED = {"exponential load", "converter"}  # their voltages are solved to a floor, see the next test
+SALIENT = {"two axes", "gentpj1", "gentpj1 without saturation"}
+ITERATED = {"exponential load", "converter", *SALIENT}  # their voltages are solved to a floor, see the next test
 
 
-@pytest.mark.parametrize("name", [name for name in ALL_KINDS if name not in ITERATED])
+@pytest.mark.parametrize("name", each(name for name in ALL_KINDS if name not in ITERATED))
 def test_halving_the_step_shows_the_fourth_order(name):
     """A load step of 20 MW: nothing meets a limit, the load is an admittance; the ratio of the errors is 2^4."""
     with kind(name) as models:
@@ -111,7 +112,7 @@ def same_motion(single, fleet, events, until=3.0, **options):
     return max(np.abs(motion(a, 0) - motion(b, 0)).max(), np.abs(a.arrays.Efd[:, 0] - b.arrays.Efd[:, 0]).max())
 
 
-@pytest.mark.parametrize("name", ALL_KINDS)
+@pytest.mark.parametrize("name", each())
 def test_a_fleet_equals_its_single(name):
     """Two equal machines at one bus move as one of double size."""
     with kind(name) as models:

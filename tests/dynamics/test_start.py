@@ -3,16 +3,17 @@
 import numpy as np
 import pytest
 from systems import (
-    ALL_KINDS,
     CLASSICAL,
     EXDC2,
     EXST3,
     KINDS,
+    LIBRARY,
     PSS,
     ROUND,
     SEXS,
     STEAM,
     doubled,
+    each,
     kind,
     small,
     with_shares,
@@ -39,7 +40,7 @@ def test_packaged_cases_start_stationary(cases, points, name, classical):
     assert np.abs(mismatch).max() < 1e-8  # pu of 100 MVA, currents up to 60
 
 
-@pytest.mark.parametrize("name", ALL_KINDS)
+@pytest.mark.parametrize("name", each())
 @pytest.mark.parametrize("shares", [{}, {"p_current": 1.0, "q_power": 0.4}, {"p_power": 1.0, "q_current": 1.0}])
 def test_every_model_starts_stationary(name, shares):
     with kind(name) as models:
@@ -51,10 +52,10 @@ def test_every_model_starts_stationary(name, shares):
 
 def test_the_kinds_hold_every_model():
     """A new model is one file and one row of KINDS."""
-    assert {model for models in KINDS.values() for model in models} == set(devices.models())
+    assert {model for models in (KINDS | LIBRARY).values() for model in models} == set(devices.models())
 
 
-@pytest.mark.parametrize("name", ALL_KINDS)
+@pytest.mark.parametrize("name", each())
 def test_the_machine_gives_its_power_flow_power(name):
     with kind(name) as models:
         point = operating_point.solve(doubled(small(models)))

@@ -4,7 +4,7 @@ import os
 
 import pytest
 from case_folder import cells, complaint, put, spoil
-from systems import KINDS
+from systems import KINDS, LIBRARY
 
 from stabctl import devices, io
 from stabctl.errors import CaseError
@@ -116,5 +116,5 @@ def test_a_relative_folder_is_named_as_given(folder, monkeypatch):
 
 def test_every_table_of_the_format_is_exercised_by_some_packaged_case_or_test():
     seen = {path.stem for path in PACKAGED.glob("*/*.csv")}
-    tried = {model for kind in KINDS.values() for model in kind}  # tests/dynamics
+    tried = {model for kind in (KINDS | LIBRARY).values() for model in kind}  # tests/dynamics
     assert seen | tried | {"storage", "exponential"} == set(TABLES) | set(devices.models())

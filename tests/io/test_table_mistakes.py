@@ -119,7 +119,8 @@ def test_a_machine_without_a_model(folder):
     put(folder / "sexs.csv", cells(folder / "sexs.csv")[:-1])
     assert complaint(folder) == (
         f"{folder}/machines.csv row 5, column machine: machine 4 has no model; "
-        "add a row for it to gencls.csv or genrou.csv or gensal.csv or regc_a.csv."
+        "add a row for it to one of gencls.csv, genroe.csv, genrou.csv, gensae.csv, gensal.csv, gentpj1.csv, "
+        "two_axis.csv, regc_a.csv."
     )
 
 

@@ -137,7 +137,7 @@ def test_load_models_belong_to_rows_of_loads(loads, rows, tmp_path):
         ),
         (
             {"gencls": {2: CLASSICAL}},
-            "machine 1 has no model; add a row for it to gencls.csv or genrou.csv or",
+            "machine 1 has no model; add a row for it to one of gencls.csv, ",
         ),
         ({"gencls": {2: CLASSICAL, 1: CLASSICAL, "1#2": CLASSICAL}}, "machine 1 appears twice (rows 3 and 4)"),
         ({"pss": {1: PSS}}, "machine 1 has no exciter for its stabilizer to act on"),

@@ -5,7 +5,7 @@ part. A limit is returned as it is, never as `lo + 0*x` (which is nan at x = inf
 functions: its output and the derivative of its state, such as `lag` and `lag_rate`.
 """
 
-from .curves import line, lookup, quadratic, through
+from .curves import line, lookup, polyline, power, quadratic, through
 from .delays import delay1, delay1_rate, delay2, delay2_rates
 from .lags import SHORT, circuit_rate, lag, lag_rate, lead_lag, second_order, second_order_rates, washout
 from .limits import at_least, at_most, clip, deadband, high_value, low_value, rate_limit
@@ -36,6 +36,8 @@ __all__ = [
     "non_windup",
     "pi",
     "pi_rate",
+    "polyline",
+    "power",
     "quadratic",
     "rate_limit",
     "second_order",

@@ -1,8 +1,10 @@
-"""Curves: saturation, a straight segment, a piecewise linear table."""
+"""Curves: saturation, a straight segment, piecewise linear tables, a power."""
 
 import numpy as np
 
 from stabctl._util.jit import inline
+
+from .limits import at_least
 
 
 def through(x1, s1, x2, s2):
@@ -39,3 +41,22 @@ def lookup(x, xs, ys):
     for k in range(1, len(xs)):
         y = y + line(x, xs[k - 1], 0.0, xs[k], ys[k] - ys[k - 1])
     return y
+
+
+@inline
+def polyline(x, xs, ys):
+    """Piecewise linear curve through points (xs ascending); its first and last segments go on beyond the ends."""
+    slope = (ys[1] - ys[0]) / (xs[1] - xs[0])
+    y = ys[0] + slope * (x - xs[0])
+    for k in range(2, len(xs)):
+        steeper = (ys[k] - ys[k - 1]) / (xs[k] - xs[k - 1])
+        y, slope = y + (steeper - slope) * at_least(x - xs[k - 1], 0.0), steeper
+    return y
+
+
+@inline
+def power(x, n):
+    """x^n for x > 0, otherwise 0."""
+    if x.real <= 0:
+        return 0 * x
+    return np.exp(n * np.log(x))

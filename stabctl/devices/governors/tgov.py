@@ -12,11 +12,13 @@ from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
 from stabctl.devices.blocks import clip, lag, lag_rate, lead_lag
-from stabctl.devices.ports import PORT
 from stabctl.schema import NOT_NEGATIVE
+
+from .signals import Input, Output
 
 NAME = "TGOV"
 ROLE = "governor"
+__all__ = ["NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "output"]
 
 
 class Par(NamedTuple):
@@ -38,19 +40,6 @@ class State(NamedTuple):
     servo: Annotated[float, "pu", "servo output"]
     gate: Annotated[float, "pu", "lagged signal of the governor"]
     turbine: Annotated[float, "pu", "lagged signal of the turbine"]
-
-
-class Input(NamedTuple):
-    """Signals at a governor."""
-
-    Pref: Annotated[float, "pu", "load reference", PORT]
-    omega: Annotated[float, "pu", "speed"]
-
-
-class Output(NamedTuple):
-    """Signal of a governor."""
-
-    Pm: Annotated[float, "pu", "mechanical power, machine base"]
 
 
 @inline

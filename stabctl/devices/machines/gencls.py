@@ -4,17 +4,18 @@ Pm -> (+) -> [1/(2Hs)] -> omega - 1 -> [wb/s] -> delta
       (-) Pe + D (omega - 1)
 
 Pe is the power of the source. The source voltage does not depend on the speed, so that a lossless system conserves its
-energy function. Per unit on the machine's own MVA; `mva` converts currents to the system base.
+energy function. With H = 0 it is an infinite bus: a source of constant voltage, angle and frequency. Per unit on the
+machine's own MVA; `mva` converts currents to the system base.
 Source: Kundur, Power System Stability and Control, section 12.3.1; the paper, eq. (1)-(4).
 """
 
+from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from annotated_types import Ge
 
 from stabctl._util.jit import inline
-from stabctl.devices.blocks import magnitude
+from stabctl.devices.blocks import circuit_rate, magnitude
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 from .stator import Input, Output
@@ -22,7 +23,13 @@ from .stator import Input, Output
 NAME = "GENCLS"
 ROLE = "machine"
 CONTROLS = ("governor",)  # E' is constant
-__all__ = ["CONTROLS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "internal", "output", "source"]
+CLOSED = ("H",)
+SHORTEST = 0.01  # s
+DYR = {"GENCLS": "H D"}
+__all__ = [
+    "CLOSED", "CONTROLS", "DYR", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "internal", "output",
+    "source",
+]  # fmt: skip
 
 
 class Par(NamedTuple):
@@ -30,10 +37,15 @@ class Par(NamedTuple):
 
     mva: Annotated[float, "-", "machine MVA over system MVA", FROM_CASE]
     wb: Annotated[float, "rad/s", "base speed, 2 pi f", FROM_CASE]
-    H: Annotated[float, "s", "inertia constant", Ge(0.01)]
+    H: Annotated[float, "s", "inertia constant (0: infinite)", NOT_NEGATIVE]
     D: Annotated[float, "pu", "damping power over speed deviation"]
     ra: Annotated[float, "pu", "armature resistance", NOT_NEGATIVE]
     x1d: Annotated[float, "pu", "transient reactance", POSITIVE]
+
+    def errors(self) -> Iterator[tuple[str, str]]:
+        """Field and sentence of everything the equations cannot be formed with."""
+        if 0 < self.H < SHORTEST:
+            yield "H", f"must be at least {SHORTEST:g} s, or 0 for an infinite bus"
 
 
 class State(NamedTuple):
@@ -79,7 +91,7 @@ def output(i, Efd, v, p):
 def derivatives(x, u, y, p):
     """State derivatives (1/s); y is this machine's own output."""
     slip = x.omega - 1
-    return State(p.wb * slip, (u.Pm - y.Te - p.D * slip) / (2 * p.H))
+    return State(p.wb * slip, circuit_rate(2 * p.H, u.Pm - y.Te - p.D * slip, x.omega))
 
 
 @inline

@@ -8,30 +8,33 @@ Efd -> (+) -> [1/(s T'd0)] -> E'q            E'q -> (+) -> [1/(s T''d0)] -> psi_
                                                     (-) <- psi_kq + (x'q - xl) iq
 psi''d = E'q (x''-xl)/(x'd-xl) + psi_kd (x'd-x'')/(x'd-xl);  psi''q likewise from -E'd and psi_kq
 
-The source behind ra + j x'' is omega (psi''d + j psi''q) exp(j delta). Saturation depends on the magnitude of psi'' and
-acts on both axes, quadratic through S10 and S12 (S12 = 0: none). With x'q = xq it is a salient-pole machine. Per unit
-on the machine's own MVA; `mva` converts currents to the system base.
-Source: Kundur, Power System Stability and Control, ch. 3-4; saturation as in PSS/E GENROU.
+The source behind ra + j x'' is (psi''d + j psi''q) exp(j delta), times omega with speed_factor = 1 (PST). Saturation
+depends on the magnitude of psi'' and acts on both axes, B (|psi''| - A)^2 through S10 and S12 (one of them 0: none).
+With x'q = xq it is a salient-pole machine. Per unit on the machine's own MVA; `mva` converts currents to the system
+base.
+Source: Kundur, Power System Stability and Control, ch. 3-5; PSS/E Model Library, GENROU; Power System Toolbox (PST).
 """
 
 from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from annotated_types import Ge
+from annotated_types import Ge, Interval
 
 from stabctl._util.jit import inline
-from stabctl.devices.blocks import circuit_rate, magnitude, quadratic, through
+from stabctl.devices.blocks import circuit_rate, magnitude, quadratic
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
+from .saturation import along, mistakes, points
 from .stator import Input, Internal, Output, admittance, source, stator
 
 NAME = "GENROU"
 ROLE = "machine"
 CONTINUATION = ("SB",)
 CLOSED = ("T1d", "T2d", "T1q", "T2q")
+DYR = {"GENROU": "T1d T2d T1q T2q H D xd xq x1d x1q x2 xl S10 S12"}
 __all__ = [
-    "CLOSED", "CONTINUATION", "NAME", "ROLE", "Input", "Internal", "Output", "Par", "State", "admittance",
+    "CLOSED", "CONTINUATION", "DYR", "NAME", "ROLE", "Input", "Internal", "Output", "Par", "State", "admittance",
     "derivatives", "internal", "output", "source",
 ]  # fmt: skip
 
@@ -54,8 +57,9 @@ class Par(NamedTuple):
     x1q: Annotated[float, "pu", "transient reactance, q axis", POSITIVE]
     T1q: Annotated[float, "s", "transient open-circuit time constant, q axis (0: circuit open)", NOT_NEGATIVE]
     T2q: Annotated[float, "s", "subtransient open-circuit time constant, q axis (0: circuit open)", NOT_NEGATIVE]
-    S10: Annotated[float, "pu", "saturation at flux 1.0", NOT_NEGATIVE] = 0.0
+    S10: Annotated[float, "pu", "saturation at flux 1.0 (0: unsaturated)", NOT_NEGATIVE] = 0.0
     S12: Annotated[float, "pu", "saturation at flux 1.2 (0: unsaturated)", NOT_NEGATIVE] = 0.0
+    speed_factor: Annotated[int, "-", "1: stator voltage omega psi'' (PST), 0: psi'' (PSS/E)", Interval(ge=0, le=1)] = 0
     SA: Annotated[float, "pu", "flux at which saturation begins, from S10 and S12", FROM_CASE] = 0.0
     SB: Annotated[float, "1/pu", "slope of saturation, from S10 and S12", FROM_CASE] = 0.0
 
@@ -64,8 +68,11 @@ class Par(NamedTuple):
         for name in ("x1d", "x1q"):
             if getattr(self, name) == self.xl:
                 yield name, f"must differ from the leakage reactance xl = {self.xl:g}"
-        if 0 < self.S12 <= self.S10:
-            yield "S12", f"must be more than S10 = {self.S10:g}, or 0 for no saturation"
+        for T, name in (("T2d", "x1d"), ("T2q", "x1q")):
+            if getattr(self, T) == 0 and self.x2 != getattr(self, name):
+                text = f"must be above 0 where {name} = {getattr(self, name):g} is not x2 = {self.x2:g}"
+                yield T, f"{text}; a machine without subtransient circuits is a two_axis"
+        yield from mistakes(self)
 
     def warnings(self) -> Iterator[tuple[str, str]]:
         """Field and sentence of everything unusual but usable."""
@@ -87,16 +94,17 @@ class State(NamedTuple):
 
 def prepare(p):
     """The parameters, with those computed from others."""
-    SA, SB = through(1.0, p.S10, 1.2, p.S12)
+    SA, SB = points(p.S10, p.S12)
     return p._replace(SA=SA, SB=SB)
 
 
 @inline
 def internal(x, p):
-    """Rotor position, and subtransient flux linkages psi''d, psi''q (pu)."""
+    """Rotor position, subtransient flux linkages psi''d, psi''q (pu) and factor of the stator voltage."""
     a = (p.x2 - p.xl) / (p.x1d - p.xl)
     b = (p.x2 - p.xl) / (p.x1q - p.xl)
-    return Internal(np.sin(x.delta), np.cos(x.delta), a * x.eq + (1 - a) * x.kd, b * x.ed + (1 - b) * x.kq)
+    psid, psiq = a * x.eq + (1 - a) * x.kd, b * x.ed + (1 - b) * x.kq
+    return Internal(np.sin(x.delta), np.cos(x.delta), psid, psiq, 1 + p.speed_factor * (x.omega - 1))
 
 
 @inline
@@ -105,8 +113,7 @@ def saturation(i, p):
     if p.SB <= 0:
         return 0 * i.psid, 0 * i.psiq
     flux = magnitude(i.psid, i.psiq)
-    extra = quadratic(flux, p.SA, p.SB) / flux
-    return extra * i.psid, extra * i.psiq * (p.xq - p.xl) / (p.xd - p.xl)
+    return along(i, quadratic(flux, p.SA, p.SB) / flux, p)
 
 
 @inline
@@ -118,12 +125,17 @@ def damping(x, id_, iq, p):
 @inline
 def output(x, i, v, p):
     """Stator quantities, field current and q-axis rotor current (pu machine)."""
-    id_, iq, Te, P, Q, vt, ve = stator(x, i, v, p)
+    return currents(x, i, v, p, saturation(i, p))
+
+
+@inline
+def currents(x, i, v, p, iron):
+    """The same for an extra excitation of the two axes."""
+    id_, iq, Te, P, Q, vt, ve = stator(i, v, p)
     damp_d, damp_q = damping(x, id_, iq, p)
     a, b = p.x1d - p.xl, p.x1q - p.xl
-    iron_d, iron_q = saturation(i, p)
-    Ifd = x.eq + (p.xd - p.x1d) * (id_ + (p.x1d - p.x2) / (a * a) * damp_d) + iron_d
-    Ilq = x.ed + (p.xq - p.x1q) * (iq + (p.x1q - p.x2) / (b * b) * damp_q) + iron_q
+    Ifd = x.eq + (p.xd - p.x1d) * (id_ + (p.x1d - p.x2) / (a * a) * damp_d) + iron[0]
+    Ilq = x.ed + (p.xq - p.x1q) * (iq + (p.x1q - p.x2) / (b * b) * damp_q) + iron[1]
     return Output(id_, iq, Te, P, Q, vt, ve, Ifd, Ilq)
 
 

@@ -6,9 +6,9 @@ psi''d = E'q (x''-xl)/(x'd-xl) + psi_kd (x'd-x'')/(x'd-xl)
 psi''q = [1/(1 + s T''q0)] <- -(xq - x'') iq
 Xad Ifd = E'q + S(E'q) + (xd - x'd) (id + (x'd-x'')/(x'd-xl)^2 (E'q - psi_kd - (x'd-xl) id))
 
-S is the saturation of E'q alone, B (E'q - A)^2 through S10 and S12 (S12 = 0: none). The q axis has no field and is
-unsaturated. As in our GENROU, the source behind ra + j x'' is omega psi'' and the mechanical torque is Pm/omega; PSS/E
-neglects the speed in the stator voltage. Per unit on the machine's own MVA; `mva` converts currents to the system base.
+S is the saturation of E'q alone, B (E'q - A)^2 through S10 and S12 (one of them 0: none). The q axis has no field and
+is unsaturated. The source behind ra + j x'' is psi'', the mechanical torque is Pm/omega. Per unit on the machine's own
+MVA; `mva` converts currents to the system base.
 Source: PSS/E Model Library, GENSAL; Kundur, Power System Stability and Control, sections 3.4-3.6 and 5.3.
 """
 
@@ -19,17 +19,19 @@ import numpy as np
 from annotated_types import Ge
 
 from stabctl._util.jit import inline
-from stabctl.devices.blocks import circuit_rate, quadratic, through
+from stabctl.devices.blocks import circuit_rate, quadratic
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
+from .saturation import mistakes, points
 from .stator import Input, Internal, Output, admittance, source, stator
 
 NAME = "GENSAL"
 ROLE = "machine"
 CONTINUATION = ("SB",)
 CLOSED = ("T1d", "T2d", "T2q")
+DYR = {"GENSAL": "T1d T2d T2q H D xd xq x1d x2 xl S10 S12"}
 __all__ = [
-    "CLOSED", "CONTINUATION", "NAME", "ROLE", "Input", "Internal", "Output", "Par", "State", "admittance",
+    "CLOSED", "CONTINUATION", "DYR", "NAME", "ROLE", "Input", "Internal", "Output", "Par", "State", "admittance",
     "derivatives", "internal", "output", "source",
 ]  # fmt: skip
 
@@ -50,7 +52,7 @@ class Par(NamedTuple):
     T2d: Annotated[float, "s", "subtransient open-circuit time constant, d axis (0: circuit open)", NOT_NEGATIVE]
     xq: Annotated[float, "pu", "synchronous reactance, q axis", POSITIVE]
     T2q: Annotated[float, "s", "subtransient open-circuit time constant, q axis (0: circuit open)", NOT_NEGATIVE]
-    S10: Annotated[float, "pu", "saturation at E'q = 1.0", NOT_NEGATIVE] = 0.0
+    S10: Annotated[float, "pu", "saturation at E'q = 1.0 (0: unsaturated)", NOT_NEGATIVE] = 0.0
     S12: Annotated[float, "pu", "saturation at E'q = 1.2 (0: unsaturated)", NOT_NEGATIVE] = 0.0
     SA: Annotated[float, "pu", "E'q at which saturation begins, from S10 and S12", FROM_CASE] = 0.0
     SB: Annotated[float, "1/pu", "slope of saturation, from S10 and S12", FROM_CASE] = 0.0
@@ -59,8 +61,7 @@ class Par(NamedTuple):
         """Field and sentence of everything the equations cannot be formed with."""
         if self.x1d == self.xl:
             yield "x1d", f"must differ from the leakage reactance xl = {self.xl:g}"
-        if 0 < self.S12 <= self.S10:
-            yield "S12", f"must be more than S10 = {self.S10:g}, or 0 for no saturation"
+        yield from mistakes(self)
 
     def warnings(self) -> Iterator[tuple[str, str]]:
         """Field and sentence of everything unusual but usable."""
@@ -81,7 +82,7 @@ class State(NamedTuple):
 
 def prepare(p):
     """The parameters, with those computed from others."""
-    SA, SB = through(1.0, p.S10, 1.2, p.S12)
+    SA, SB = points(p.S10, p.S12)
     return p._replace(SA=SA, SB=SB)
 
 
@@ -89,7 +90,7 @@ def prepare(p):
 def internal(x, p):
     """Rotor position, and subtransient flux linkages psi''d, psi''q (pu)."""
     a = (p.x2 - p.xl) / (p.x1d - p.xl)
-    return Internal(np.sin(x.delta), np.cos(x.delta), a * x.eq + (1 - a) * x.kd, x.kq)
+    return Internal(np.sin(x.delta), np.cos(x.delta), a * x.eq + (1 - a) * x.kd, x.kq, 1.0)
 
 
 @inline
@@ -101,8 +102,14 @@ def damping(x, id_, p):
 @inline
 def output(x, i, v, p):
     """Stator quantities and field current (pu machine); the q axis has no field circuit."""
-    id_, iq, Te, P, Q, vt, ve = stator(x, i, v, p)
-    a, iron = p.x1d - p.xl, quadratic(x.eq, p.SA, p.SB)
+    return currents(x, i, v, p, quadratic(x.eq, p.SA, p.SB))
+
+
+@inline
+def currents(x, i, v, p, iron):
+    """The same for an extra excitation of the d axis."""
+    id_, iq, Te, P, Q, vt, ve = stator(i, v, p)
+    a = p.x1d - p.xl
     Ifd = x.eq + iron + (p.xd - p.x1d) * (id_ + (p.x1d - p.x2) / (a * a) * damping(x, id_, p))
     return Output(id_, iq, Te, P, Q, vt, ve, Ifd, 0 * Ifd)
 
@@ -110,12 +117,18 @@ def output(x, i, v, p):
 @inline
 def derivatives(x, u, y, p):
     """State derivatives (1/s); y is this machine's own output."""
+    return rates(x, u, y, p, 0.0)
+
+
+@inline
+def rates(x, u, y, p, iron):
+    """The same for an extra excitation of the q axis."""
     return State(
         p.wb * (x.omega - 1),
         (u.Pm / x.omega - y.Te - p.D * (x.omega - 1)) / (2 * p.H),
         circuit_rate(p.T1d, u.Efd - y.Ifd, x.eq),
         circuit_rate(p.T2d, damping(x, y.id, p), x.kd),
-        circuit_rate(p.T2q, -x.kq - (p.xq - p.x2) * y.iq, x.kq),
+        circuit_rate(p.T2q, -x.kq - (p.xq - p.x2) * y.iq - iron, x.kq),
     )
 
 

@@ -1,6 +1,8 @@
 """Inputs and outputs of every machine, and the stator of a machine with subtransient fluxes.
 
-(ra + j x'')(iq - j id) = omega psi'' - V exp(-j delta) with psi'' = psi''d + j psi''q, rotor frame, pu machine.
+(ra + j x'')(iq - j id) = w psi'' - V exp(-j delta) with psi'' = psi''d + j psi''q, in the rotor frame.
+Per unit on the machine base. As in PSS/E, w is 1: the effect of the speed on the stator voltage and that of neglected
+stator transients nearly cancel (Kundur, section 5.1). With the speed factor of GENROU it is the speed.
 """
 
 from typing import Annotated, NamedTuple
@@ -38,24 +40,25 @@ class Internal(NamedTuple):
     cos: Annotated[float, "-", "cosine of the rotor angle"]
     psid: Annotated[float, "pu", "subtransient flux linkage, d axis"]
     psiq: Annotated[float, "pu", "subtransient flux linkage, q axis"]
+    w: Annotated[float, "pu", "factor of the stator voltage: the speed, or 1"]
 
 
 @inline
-def source(x, i, p):
-    """Short-circuit current of the source omega psi'' behind ra + j x'' (pu system), real and imaginary part."""
-    er, ei = x.omega * (i.cos * i.psid - i.sin * i.psiq), x.omega * (i.sin * i.psid + i.cos * i.psiq)
+def source(i, p):
+    """Short-circuit current of the source w psi'' behind ra + j x'' (pu system), real and imaginary part."""
+    er, ei = i.w * (i.cos * i.psid - i.sin * i.psiq), i.w * (i.sin * i.psid + i.cos * i.psiq)
     k = p.mva / (p.ra * p.ra + p.x2 * p.x2)
     return k * (p.ra * er + p.x2 * ei), k * (p.ra * ei - p.x2 * er)
 
 
 @inline
-def stator(x, i, v, p):
+def stator(i, v, p):
     """id, iq, torque, P, Q, terminal voltage, and terminal voltage corrected for the speed deviation (pu machine)."""
     vr, vi = i.cos * v[0] + i.sin * v[1], i.cos * v[1] - i.sin * v[0]
-    er, ei = x.omega * i.psid - vr, x.omega * i.psiq - vi
+    er, ei = i.w * i.psid - vr, i.w * i.psiq - vi
     k = 1 / (p.ra * p.ra + p.x2 * p.x2)
     iq, id_ = k * (p.ra * er + p.x2 * ei), k * (p.x2 * er - p.ra * ei)
-    slip = x.omega - 1
+    slip = i.w - 1
     return (
         id_,
         iq,
