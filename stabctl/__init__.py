@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from stabctl.estimation.pmu import Pmu
     from stabctl.io import load, write
     from stabctl.io import packaged as cases
+    from stabctl.io.psse import read_psse
     from stabctl.model.case import Case, Storage
     from stabctl.model.powerflow import PowerFlow
     from stabctl.model.powerflow import solve as power_flow
@@ -80,6 +81,7 @@ _WHERE = {
     "modes": "smallsignal.modes:modes",
     "place": "placement.place:place",
     "power_flow": "model.powerflow:solve",
+    "read_psse": "io.psse:read_psse",
     "read_sweep": "sweep.results:read",
     "register": "devices:register",
     "replicate": "model.replicate:replicate",

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from stabctl.model import network
+from stabctl.model import circuits, network
 from stabctl.model.case import Branch, Case
 from stabctl.model.network import Switching
 
@@ -30,16 +30,14 @@ def lines(case: Case) -> Lines:
     whole = network.islands(net).max()
     screened, bridges, twins = [], [], []
     beside: dict[frozenset[int], list[Branch]] = {}
-    for row, k in enumerate(case.branches):
-        circuits = beside.setdefault(frozenset((k.from_bus, k.to_bus)), [])
-        circuits.append(k)
+    for row, (k, name) in enumerate(zip(case.branches, circuits.names(case.branches), strict=True)):
+        parallel = beside.setdefault(frozenset((k.from_bus, k.to_bus)), [])
+        parallel.append(k)
         if not _is_line(k, rated, stepped_up):
             continue
-        first, circuit = circuits[0], len(circuits)
-        name = f"{first.from_bus}-{first.to_bus}" + (f"#{circuit}" if circuit > 1 else "")
         if network.islands(net, Switching(branches=((row, OPEN),))).max() > whole:
             bridges.append(name)
-        elif any(_same(k, other) for other in circuits[:-1]):
+        elif any(_same(k, other) for other in parallel[:-1]):
             twins.append(name)
         else:
             screened.append(name)
@@ -52,4 +50,5 @@ def _is_line(k: Branch, rated: dict[int, float], stepped_up: set[int]) -> bool:
 
 
 def _same(one: Branch, other: Branch) -> bool:
-    return (one.r, one.x, one.b, one.tap, one.phase) == (other.r, other.x, other.b, other.tap, other.phase)
+    same = other._replace(from_bus=one.from_bus, to_bus=one.to_bus, circuit=one.circuit)
+    return one == same

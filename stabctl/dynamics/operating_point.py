@@ -10,6 +10,7 @@ import scipy.sparse as sp
 
 from stabctl import devices
 from stabctl._util.verbs import verb
+from stabctl.errors import StudyError
 from stabctl.model import network, powerflow
 from stabctl.model.case import Case
 from stabctl.model.network import Network
@@ -152,6 +153,10 @@ def solve(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
     PowerFlowError, EquilibriumError
         If there is no operating point; names the bus with the largest mismatch, or the device, machine and limit.
     """
+    if not any(devices.every()[model].ROLE in devices.UNIT_ROLES for model in case.devices):
+        raise StudyError(
+            f"{case.name} has no dynamic models, only a power flow; give its dynamic data, --dyr or --machines typical."
+        )
     flow = flow or powerflow.solve(case)
     net = network.build(case)
     made = system(case, flow, net)

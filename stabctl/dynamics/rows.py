@@ -107,14 +107,20 @@ def load_row(case: Case, load: Load, V: float, *, key: keys.Key, bus: int) -> tu
     bus
         Row of its bus.
     """
-    P, Q = load.p / case.base_mva, load.q / case.base_mva
+    drawn = zip_load.drawn(load, V) / case.base_mva
     where = f"the load at bus {load.bus}"
     for name, device in devices.models().items():
         if device.ROLE == "load" and key in case.devices.get(name, {}):
-            known = {"P0": P, "Q0": Q, "V0": V, "vlow": load.v_low, "wb": 2 * np.pi * case.frequency_hz}
+            known = {
+                "P0": drawn.real,
+                "Q0": drawn.imag,
+                "V0": V,
+                "vlow": load.v_low,
+                "wb": 2 * np.pi * case.frequency_hz,
+            }
             par = _filled(device, case.devices[name][key], known)
             return name, Row(NO_UNIT, bus, bus, par, f"{device.NAME} {key}", where)
-    par = zip_load.from_case(load, P, Q, V)
+    par = zip_load.from_case(load, load.p / case.base_mva, load.q / case.base_mva, load.v or V)
     return "zip_load", Row(NO_UNIT, bus, bus, par, f"load {key}", where)
 
 

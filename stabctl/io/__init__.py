@@ -1,6 +1,7 @@
 """Reading and writing cases."""
 
-from .folder import load, packaged
+from .by_ending import load
+from .folder import packaged
 from .writer import write
 
 __all__ = ["load", "packaged", "write"]

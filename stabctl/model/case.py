@@ -10,7 +10,7 @@ from typing import Any
 from stabctl._util.verbs import verb
 from stabctl.errors import StudyError, shown
 
-from . import catalog, checks, keys
+from . import catalog, checks, keys, labels
 from .tables import TABLES, Branch, Bus, Link, Load, Machine, Storage
 
 
@@ -33,11 +33,13 @@ class Case:
         Rated frequency.
     title, source : str
         What the system is, and where its data come from.
+    notes : tuple of str
+        What the reader of its files corrected or left out, one sentence each.
 
     Attributes
     ----------
     warnings : tuple of str
-        Unusual but usable data, one sentence each.
+        The notes, then unusual but usable data, one sentence each.
 
     Raises
     ------
@@ -57,24 +59,26 @@ class Case:
     frequency_hz: float = 60.0
     title: str = ""
     source: str = ""
+    notes: tuple[str, ...] = field(default=(), compare=False)
     warnings: tuple[str, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
         for table, record in TABLES.items():
             object.__setattr__(self, table, checks.values(table, record, getattr(self, table)))
         object.__setattr__(self, "devices", checks.device_values(self.devices))
-        object.__setattr__(self, "warnings", tuple(checks.check(self)))
+        object.__setattr__(self, "warnings", (*self.notes, *checks.check(self)))
 
     def __reduce__(self) -> tuple[Any, ...]:
         plain = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "warnings"}
         return _made, (plain | {"devices": {model: dict(rows) for model, rows in self.devices.items()}},)
 
-    def machine(self, number: int) -> Machine:
-        """The row of a machine. Raises `StudyError` if there is no such machine."""
+    def machine(self, number: int | str) -> Machine:
+        """The row of a machine by its number or name (30/1). Raises `StudyError` if there is no such machine."""
+        found = labels.machine_number(self, number) if isinstance(number, str) else number
         for m in self.machines:
-            if m.machine == number:
+            if m.machine == found:
                 return m
-        numbers = ", ".join(str(m.machine) for m in self.machines)
+        numbers = ", ".join(labels.label(m) for m in self.machines)
         raise StudyError(f"There is no machine {shown(number)} in {self.name}; its machines are {numbers}.")
 
     def model(self, number: int, role: str) -> str | None:
@@ -83,6 +87,7 @@ class Case:
 
     set = verb("stabctl.model.edit:set_value")
     with_load = verb("stabctl.model.edit:with_load")
+    with_loads = verb("stabctl.model.characteristic:with_loads")
     with_storage = verb("stabctl.model.fleet:with_storage")
     with_device = verb("stabctl.model.equip:with_device")
     without_device = verb("stabctl.model.equip:without_device")

@@ -52,6 +52,7 @@ def check(case: "Case") -> Iterator[str]:
             raise CaseError(f"{table}.csv: the table is empty; a case needs at least one row.")
     _unique("buses", "bus", [b.bus for b in case.buses])
     _unique("machines", "machine", [m.machine for m in case.machines])
+    _unique("machines", "name", [m.name or m.machine for m in case.machines])
     _unique("links", "link", [k.link for k in case.links])
     _references(case)
     _kinds(case)
@@ -120,20 +121,17 @@ def _references(case: "Case") -> None:
 
 
 def _kinds(case: "Case") -> None:
-    """Check that there is one swing bus, and that the swing and pv buses are those with machines."""
-    swing = [i for i, b in enumerate(case.buses) if b.kind == "swing"]
-    if not swing:
+    """Check that there is a swing bus, that swing and pv buses have machines, and those at pq buses a q or a name."""
+    if not any(b.kind == "swing" for b in case.buses):
         raise CaseError("buses.csv, column kind: there is no swing bus; make one bus with a machine the swing bus.")
-    if len(swing) > 1:
-        first, second = (case.buses[i].bus for i in swing[:2])
-        text = f"buses {first} and {second} are both swing buses ({{rows}}); keep exactly one."
-        raise RowError("buses", swing[1], "kind", text, swing[0])
     at_machines = {m.bus for m in case.machines}
+    unscheduled = {m.bus for m in case.machines if not (m.q or m.name)}
     for i, b in enumerate(case.buses):
         if b.kind != "pq" and b.bus not in at_machines:
             raise RowError("buses", i, "kind", f"bus {b.bus} is a {b.kind} bus but has no machine; make it pq.")
-        if b.kind == "pq" and b.bus in at_machines:
-            raise RowError("buses", i, "kind", f"bus {b.bus} has a machine; make it pv or swing, not pq.")
+        if b.kind == "pq" and b.bus in unscheduled:
+            text = f"bus {b.bus} has a machine; make it pv or swing, not pq."
+            raise RowError("buses", i, "kind", text)
 
 
 def _branches(case: "Case") -> Iterator[str]:
@@ -160,12 +158,20 @@ def _loads(case: "Case") -> None:
 
 
 def _connected(case: "Case") -> None:
-    """Check that every bus is connected to the swing bus."""
+    """Check that there is one swing bus in every island of the network."""
     from . import network
 
-    island = network.islands(network.build(case))
-    swing = next(i for i, b in enumerate(case.buses) if b.kind == "swing")
+    island = network.islands(network.build(case)).tolist()
+    swing: dict[int, int] = {}
     for i, b in enumerate(case.buses):
-        if island[i] != island[swing]:
+        if b.kind != "swing":
+            continue
+        if island[i] in swing:
+            first = swing[island[i]]
+            text = f"buses {case.buses[first].bus} and {b.bus} are both swing buses ({{rows}}); keep exactly one."
+            raise RowError("buses", i, "kind", text, first)
+        swing[island[i]] = i
+    for i, b in enumerate(case.buses):
+        if island[i] not in swing:
             text = f"bus {b.bus} is not connected to the swing bus; add a branch or remove the bus."
             raise RowError("buses", i, "bus", text)

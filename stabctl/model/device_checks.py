@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from stabctl import devices
 from stabctl.schema import fields
 
 from . import catalog, keys
@@ -69,7 +70,10 @@ def key_column(model: str) -> str:
 
 
 def _every_unit_has_a_model(case: "Case") -> None:
+    """Check that every machine has a model, unless none has: such a case has a power flow only."""
     known = catalog.of_role(*catalog.UNIT_ROLES)
+    if not any(catalog.role(model) in devices.UNIT_ROLES for model in case.devices):
+        return
     modeled = {keys.number(key) for model in known for key in case.devices.get(model, ())}
     for i, m in enumerate(case.machines):
         if m.machine not in modeled:

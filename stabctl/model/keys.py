@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from stabctl.errors import StudyError, shown
 
-from . import catalog
+from . import catalog, circuits, labels
 from .tables import TABLES
 
 if TYPE_CHECKING:
@@ -59,13 +59,7 @@ def keys(case: "Case", table: str) -> list[Key]:
     rows = getattr(case, table)
     match table:
         case "branches":
-            count: Counter[frozenset[int]] = Counter()
-            found: list[Key] = []
-            for k in rows:
-                ends = frozenset((k.from_bus, k.to_bus))
-                count[ends] += 1
-                found.append(f"{k.from_bus}-{k.to_bus}" + (f"#{count[ends]}" if count[ends] > 1 else ""))
-            return found
+            return list(circuits.names(rows))
         case "storage":
             return numbered(f"{s.machine}@{s.bus}" for s in rows)
         case _:
@@ -73,7 +67,7 @@ def keys(case: "Case", table: str) -> list[Key]:
 
 
 def row(case: "Case", table: str, key: Key) -> int:
-    """Row of a table (from 0) with that key; a circuit may be named from either end.
+    """Row of a table (from 0) with that key; a circuit may be named from either end, buses and machines by name.
 
     Raises
     ------
@@ -84,10 +78,12 @@ def row(case: "Case", table: str, key: Key) -> int:
     wanted = key.strip() if isinstance(key, str) else shown(key)
     if wanted in known:
         return known[wanted]
-    if table == "branches" and (match := re.fullmatch(r"([0-9]+)-([0-9]+)(#[0-9]+)?", wanted)):
-        other = f"{match[2]}-{match[1]}{match[3] or ''}"
-        if other in known:
-            return known[other]
+    if table == "branches" and (circuit := circuits.parse(case, wanted)) and (rows := circuits.rows(case, circuit)):
+        return rows[0]
+    at_bus = table in ("buses", "loads") or (table not in TABLES and catalog.at_bus(table))
+    number = labels.bus_number(case, wanted) if at_bus else labels.machine_number(case, wanted)
+    if number is not None and str(number) in known:
+        return known[str(number)]
     if table == "storage":
         of_machine = [i for k, i in known.items() if k.partition("@")[0] == wanted]
         if len(of_machine) == 1:

@@ -1,14 +1,15 @@
-"""Locations in the network: a bus `83`, a circuit `7-8` or `7-8#2`, a point on a circuit `7-8@0.4`."""
+"""Locations in the network: a bus `83`, a circuit `7-8`, `7-8#2` or `7-8 ckt 2`, a point on a circuit `7-8@0.4`."""
 
 import re
 from typing import NamedTuple
 
 from stabctl.errors import StudyError, shown
 
+from . import circuits, labels
 from .case import Case
 
-_NUMBER = r"([0-9]{1,18})"
-_LINE = re.compile(rf"^{_NUMBER}-{_NUMBER}(?:#{_NUMBER})?(?:@([0-9.eE+-]+))?$")
+_NUMBER = re.compile(r"[0-9]{1,18}")
+_POINT = re.compile(r"(.+)@([0-9.eE+-]+)")
 
 
 class Location(NamedTuple):
@@ -48,37 +49,45 @@ def locate(case: Case, text: str) -> Location:
         If the case has no such bus or circuit, or the text is not a location.
     """
     text = str(text).strip()
-    if re.fullmatch(_NUMBER, text):
-        for i, bus in enumerate(case.buses):
-            if bus.bus == int(text):
-                return Location(i)
+    if (number := labels.bus_number(case, text)) is not None:
+        return Location(next(i for i, bus in enumerate(case.buses) if bus.bus == number))
+    if _NUMBER.fullmatch(text):
         raise StudyError(_no_bus(case, int(text)))
-    match = _LINE.match(text)
-    if not match:
+    point = _POINT.fullmatch(text)
+    wanted = circuits.parse(case, point[1] if point else text)
+    if wanted is None:
         raise StudyError(
             f"{shown(text)} is not a location; write 83 for a bus, 7-8 or 7-8#2 for a circuit, 7-8@0.4 for a point on "
             "it."
         )
-    a, b, circuit = int(match[1]), int(match[2]), int(match[3] or 1)
-    rows = [i for i, k in enumerate(case.branches) if {k.from_bus, k.to_bus} == {a, b}]
-    if not rows:
-        raise StudyError(_no_branch(case, a, b))
-    if not 1 <= circuit <= len(rows):
-        raise StudyError(
-            f"Branch {a}-{b} of {case.name} has {len(rows)} circuit{'s' * (len(rows) > 1)}, but no circuit {circuit}."
-        )
-    row = rows[circuit - 1]
-    if match[4] is None:
+    a, b = wanted.a, wanted.b
+    row = _circuit_row(case, wanted)
+    if point is None:
         return Location(None, row)
     try:
-        along = float(match[4])
+        along = float(point[2])
     except ValueError:
         along = -1.0
     if not 0 <= along <= 1:
         raise StudyError(
-            f"The position {match[4]} along {a}-{b} is not allowed; it must be from 0 (bus {a}) to 1 (bus {b})."
+            f"The position {point[2]} along {a}-{b} is not allowed; it must be from 0 (bus {a}) to 1 (bus {b})."
         )
     return Location(None, row, along if case.branches[row].from_bus == a else 1 - along)
+
+
+def _circuit_row(case: Case, wanted: circuits.Circuit) -> int:
+    """Row of a circuit; the first of those between its buses if it is not told from the others."""
+    a, b = wanted.a, wanted.b
+    if rows := circuits.rows(case, wanted):
+        return rows[0]
+    among = circuits.rows(case, wanted._replace(place=None, id=None))
+    if not among:
+        raise StudyError(_no_branch(case, a, b))
+    if wanted.id is None:
+        count = f"{len(among)} circuit{'s' * (len(among) > 1)}"
+        raise StudyError(f"Branch {a}-{b} of {case.name} has {count}, but no circuit {wanted.place}.")
+    known = ", ".join(case.branches[i].circuit or "none" for i in among)
+    raise StudyError(f"Branch {a}-{b} of {case.name} has no circuit {wanted.id}; its identifiers are {known}.")
 
 
 def circuit(case: Case, text: str) -> tuple[int, bool]:
@@ -86,4 +95,5 @@ def circuit(case: Case, text: str) -> tuple[int, bool]:
     where = locate(case, text)
     if where.branch is None or where.fraction is not None:
         raise StudyError(f"{text!r} is not a circuit; write 7-8, or 7-8#2 for the second circuit.")
-    return where.branch, case.branches[where.branch].from_bus == int(str(text).split("-")[0])
+    wanted = circuits.parse(case, str(text))
+    return where.branch, wanted is not None and case.branches[where.branch].from_bus == wanted.a

@@ -33,6 +33,8 @@ class Network(NamedTuple):
         Total charging susceptance.
     ratio : ndarray of complex, (branches)
         Turns ratio; the from side leads by its angle.
+    ends : ndarray of complex, (branches, 2), pu
+        Shunt admittance at the from and at the to end, outside the turns ratio.
     shunt : ndarray of complex, (buses), pu
         Admittance of the bus shunts.
     machine_bus : ndarray of int, (machines)
@@ -46,6 +48,7 @@ class Network(NamedTuple):
     z: np.ndarray
     charging: np.ndarray
     ratio: np.ndarray
+    ends: np.ndarray
     shunt: np.ndarray
     machine_bus: np.ndarray
 
@@ -98,12 +101,15 @@ def build(case: Case) -> Network:
         column("r") + 1j * column("x"),
         column("b"),
         column("tap") * np.exp(1j * np.deg2rad(column("phase"))),
+        np.stack([column("g_from") + 1j * column("b_from"), column("g_to") + 1j * column("b_to")], axis=1),
         np.array([b.g + 1j * b.b for b in case.buses]) / case.base_mva,
         np.array([place[m.bus] for m in case.machines], int),
     )
 
 
-def two_port(z: complex, charging: float, state: BranchState = INTACT) -> np.ndarray:
+def two_port(
+    z: complex, charging: float, state: BranchState = INTACT, ends: tuple[complex, complex] = (0j, 0j)
+) -> np.ndarray:
     """Admittance of a pi-section branch seen from its ends, without its turns ratio.
 
     A fault splits the branch into sections of f and 1 - f of its length, with the fault admittance between them; an
@@ -117,6 +123,8 @@ def two_port(z: complex, charging: float, state: BranchState = INTACT) -> np.nda
         Total charging susceptance.
     state : BranchState
         Fault and open ends.
+    ends : tuple of complex, pu
+        Further shunt admittances at the two ends.
 
     Returns
     -------
@@ -130,6 +138,8 @@ def two_port(z: complex, charging: float, state: BranchState = INTACT) -> np.nda
         length = points[k + 1] - points[k]
         y, half = 1 / (length * z), 0.5j * length * charging
         Y[k : k + 2, k : k + 2] += [[y + half, -y], [-y, y + half]]
+    Y[0, 0] += ends[0]
+    Y[-1, -1] += ends[1]
     if f is not None:
         Y[points.index(f), points.index(f)] += state.fault_admittance
     kept = [k for k, closed in ((0, state.from_closed), (len(points) - 1, state.to_closed)) if closed]
@@ -137,8 +147,8 @@ def two_port(z: complex, charging: float, state: BranchState = INTACT) -> np.nda
     if kept and gone:
         Y[np.ix_(kept, kept)] -= Y[np.ix_(kept, gone)] @ np.linalg.solve(Y[np.ix_(gone, gone)], Y[np.ix_(gone, kept)])
     out = np.zeros((2, 2), complex)
-    ends = [0 if k == 0 else 1 for k in kept]
-    out[np.ix_(ends, ends)] = Y[np.ix_(kept, kept)]
+    left = [0 if k == 0 else 1 for k in kept]
+    out[np.ix_(left, left)] = Y[np.ix_(kept, kept)]
     return out
 
 
@@ -158,11 +168,12 @@ def admittance(net: Network, switching: Switching = UNSWITCHED) -> sp.csc_matrix
         Machines and loads are not in it.
     """
     y, half = 1 / net.z, 0.5j * net.charging
-    ports = np.array([[y + half, -y], [-y, y + half]])
+    ends = net.ends * np.stack([np.abs(net.ratio) ** 2, np.ones(len(net.z))], axis=1)  # inside the ratio
+    ports = np.array([[y + half + ends[:, 0], -y], [-y, y + half + ends[:, 1]]])
     for k, state in switching.branches:
         if state.fault_at == 0:  # on the bus's side of the ratio
             state = state._replace(fault_admittance=state.fault_admittance * abs(net.ratio[k]) ** 2)
-        ports[:, :, k] = two_port(net.z[k], net.charging[k], state)
+        ports[:, :, k] = two_port(net.z[k], net.charging[k], state, (ends[k, 0], ends[k, 1]))
     shunt = net.shunt.copy()
     for bus, extra in (*switching.faults, *switching.shunts):
         shunt[bus] += extra

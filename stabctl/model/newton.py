@@ -1,6 +1,7 @@
 """The power flow equations in polar coordinates, and a sparse Newton method for them."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -14,19 +15,32 @@ from .case import Case
 TOLERANCE = 1e-8  # MVA   largest power mismatch (1e-10 pu on 100 MVA)
 
 
+class Demand(NamedTuple):
+    """Power drawn at every bus (buses), complex, pu: s0 + s1 |V| + s2 |V|^2."""
+
+    s0: np.ndarray
+    s1: np.ndarray
+    s2: np.ndarray
+
+    def at(self, size: np.ndarray) -> np.ndarray:
+        """The power at these voltage magnitudes (buses), pu."""
+        return self.s0 + self.s1 * size + self.s2 * size**2
+
+
 @dataclass(frozen=True)
 class Equations:
     """Mismatch of active power at every bus but the swing bus, and of reactive power at the pq buses."""
 
     Y: sp.csc_matrix
-    wanted: np.ndarray  # (buses) complex, pu   power to be injected
+    produced: np.ndarray  # (buses) complex, pu   power of the machines
+    drawn: Demand
     p: np.ndarray  # rows of the buses with an active-power equation
     q: np.ndarray  # rows of the buses with a reactive-power equation
 
     def mismatch(self, size: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, float]:
         """The mismatches (pu), and the largest; infinite if a voltage is not physical."""
         V = size * np.exp(1j * angle)
-        miss = V * (self.Y @ V).conj() - self.wanted
+        miss = V * (self.Y @ V).conj() - self.produced + self.drawn.at(size)
         F = np.r_[miss.real[self.p], miss.imag[self.q]]
         good = np.isfinite(F).all() and (not len(self.q) or size[self.q].min() > 0)
         return F, float(np.abs(F).max(initial=0.0)) if good else np.inf
@@ -37,7 +51,7 @@ class Equations:
         current, Y, p, q = self.Y @ V, self.Y, self.p, self.q
         dV, dI, unit = sp.diags(V), sp.diags(current), sp.diags(V / size)
         da = (1j * dV @ (dI - Y @ dV).conj()).tocsr()
-        dm = (dV @ (Y @ unit).conj() + dI.conj() @ unit).tocsr()
+        dm = (dV @ (Y @ unit).conj() + dI.conj() @ unit + sp.diags(self.drawn.s1 + 2 * self.drawn.s2 * size)).tocsr()
         J = sp.bmat([[da[p][:, p].real, dm[p][:, q].real], [da[q][:, p].imag, dm[q][:, q].imag]])
         x = splu(J.tocsc()).solve(-F)
         d_size, d_angle = np.zeros(len(size)), np.zeros(len(size))
@@ -46,7 +60,7 @@ class Equations:
 
     def per_bus(self, F: np.ndarray) -> np.ndarray:
         """Size (buses, pu) of the mismatch at every bus."""
-        out = np.zeros(len(self.wanted), complex)
+        out = np.zeros(len(self.produced), complex)
         out[self.p] += F[: len(self.p)]
         out[self.q] += 1j * F[len(self.p) :]
         return np.abs(out)

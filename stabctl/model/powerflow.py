@@ -5,11 +5,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stabctl.devices.loads import zip_load
 from stabctl.errors import PowerFlowError
 
 from . import keys, network
 from .case import Case, as_case
-from .newton import Equations, newton
+from .newton import Demand, Equations, newton
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,7 +46,8 @@ class PowerFlow:
         net = network.build(self.case)
         frm, to = self.V[net.frm] / net.ratio, self.V[net.to]
         through, half = (frm - to) / net.z, 0.5j * net.charging
-        return np.stack([frm * (through + half * frm).conj(), to * (half * to - through).conj()], axis=1)
+        series = np.stack([frm * (through + half * frm).conj(), to * (half * to - through).conj()], axis=1)
+        return series + np.abs(self.V[np.stack([net.frm, net.to], axis=1)]) ** 2 * net.ends.conj()
 
     @property
     def df(self) -> "pd.DataFrame":
@@ -53,7 +55,7 @@ class PowerFlow:
         import pandas as pd
 
         base, net = self.case.base_mva, network.build(self.case)
-        made, drawn = np.zeros(len(self.V), complex), demand(self.case) * base
+        made, drawn = np.zeros(len(self.V), complex), demand(self.case, np.abs(self.V)) * base
         np.add.at(made, net.machine_bus, self.S * base)
         columns = {
             "v_pu": np.abs(self.V),
@@ -98,16 +100,22 @@ class PowerFlow:
         return f"<p>{self}</p>{self.df.to_html(float_format='{:.4g}'.format)}"
 
 
-def demand(case: Case) -> np.ndarray:
-    """Power drawn at every bus by loads and HVDC terminals at the power-flow voltage (buses), complex, pu."""
+def demands(case: Case) -> Demand:
+    """What loads and HVDC terminals draw; a load depends on the voltage if its row gives that of its p and q."""
     place = {b.bus: i for i, b in enumerate(case.buses)}
-    S = np.zeros(len(case.buses), complex)
+    S = Demand(*np.zeros((3, len(case.buses)), complex))
     for load in case.loads:
-        S[place[load.bus]] += (load.p + 1j * load.q) / case.base_mva
+        for order, part in enumerate(zip_load.parts(load)):
+            S[order][place[load.bus]] += part / case.base_mva
     for link in case.links:
-        S[place[link.from_bus]] += link.p / case.base_mva
-        S[place[link.to_bus]] -= (link.p - link.loss) / case.base_mva
+        S.s0[place[link.from_bus]] += link.p / case.base_mva
+        S.s0[place[link.to_bus]] -= (link.p - link.loss) / case.base_mva
     return S
+
+
+def demand(case: Case, size: np.ndarray | None = None) -> np.ndarray:
+    """Power (buses, complex, pu) drawn by loads and HVDC terminals at voltages of this size, or of the bus table."""
+    return demands(case).at(np.array([b.v for b in case.buses]) if size is None else size)
 
 
 def solve(case: Case, limit: int = 30) -> PowerFlow:
@@ -117,7 +125,8 @@ def solve(case: Case, limit: int = 30) -> PowerFlow:
     ----------
     case : Case
         The system. Machines at one bus share its reactive power, and at the swing bus the rest of its active power, in
-        proportion to their bases.
+        proportion to their bases. At a pq bus they produce their scheduled power. Loads with a voltage of their own
+        draw the power of their characteristic at the voltage found.
     limit : int
         Largest number of Newton steps.
 
@@ -133,14 +142,13 @@ def solve(case: Case, limit: int = 30) -> PowerFlow:
     case = as_case(case)
     net = network.build(case)
     Y = network.admittance(net)
-    drawn = demand(case)
-    wanted = -drawn
-    for m, bus in zip(case.machines, net.machine_bus, strict=True):
-        wanted[bus] += m.p / case.base_mva
+    drawn = demands(case)
+    produced = np.zeros(len(case.buses), complex)
+    np.add.at(produced, net.machine_bus, np.array([m.p + 1j * m.q for m in case.machines]) / case.base_mva)
     kind = np.array([b.kind for b in case.buses])
-    equations = Equations(Y, wanted, np.flatnonzero(kind != "swing"), np.flatnonzero(kind == "pq"))
+    equations = Equations(Y, produced, drawn, np.flatnonzero(kind != "swing"), np.flatnonzero(kind == "pq"))
     size, angle = np.array([b.v for b in case.buses]), np.deg2rad([b.angle for b in case.buses])
-    flat = np.where(kind == "pq", 1.0, size), np.full(len(kind), angle[kind == "swing"][0])
+    flat = np.where(kind == "pq", 1.0, size), _swing_angles(net, kind, angle)
     try:
         V, iterations = newton(case, equations, size, angle, limit)
     except PowerFlowError as as_given:
@@ -148,13 +156,21 @@ def solve(case: Case, limit: int = 30) -> PowerFlow:
             V, iterations = newton(case, equations, *flat, limit)
         except PowerFlowError:
             raise as_given from None
-    injected = V * (Y @ V).conj() + drawn
+    injected = V * (Y @ V).conj() + drawn.at(np.abs(V))
     return PowerFlow(case, V, _shared(case, net.machine_bus, injected), iterations)
+
+
+def _swing_angles(net: network.Network, kind: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """The angle (buses, rad) of the swing bus of the island of every bus."""
+    island, swing = network.islands(net), np.flatnonzero(kind == "swing")
+    of_island = np.zeros(island.max() + 1)
+    of_island[island[swing]] = angle[swing]
+    return of_island[island]
 
 
 def _shared(case: Case, machine_bus: np.ndarray, injected: np.ndarray) -> np.ndarray:
     """Power (pu) of every machine: as scheduled, and the rest of the bus's power shared by machine base."""
-    S = np.array([m.p for m in case.machines], complex) / case.base_mva
+    S = np.array([m.p + 1j * m.q for m in case.machines]) / case.base_mva
     base = np.array([m.base for m in case.machines])
     rest, whole = injected.copy(), np.zeros(len(injected))
     np.add.at(rest, machine_bus, -S)

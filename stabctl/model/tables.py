@@ -8,6 +8,7 @@ from annotated_types import Ge, Interval
 
 from stabctl.schema import NOT_NEGATIVE, POSITIVE, RATIO, SHARE
 
+LoadKind = Literal["load", "injection"]
 Characteristic = Literal["power", "current", "conductance"]
 
 
@@ -21,6 +22,10 @@ class Bus(NamedTuple):
     g: Annotated[float, "MW", "shunt conductance: power consumed at 1 pu voltage"] = 0.0
     b: Annotated[float, "Mvar", "shunt susceptance: reactive power produced at 1 pu voltage"] = 0.0
     rated: Annotated[float, "kV", "rated voltage, for information only", NOT_NEGATIVE] = 0.0
+    name: Annotated[str, "-", "name of the bus"] = ""
+    area: Annotated[int, "-", "area, for information only"] = 0
+    zone: Annotated[int, "-", "zone, for information only"] = 0
+    owner: Annotated[int, "-", "owner, for information only"] = 0
 
 
 class Branch(NamedTuple):
@@ -33,6 +38,11 @@ class Branch(NamedTuple):
     b: Annotated[float, "pu", "total line charging susceptance"] = 0.0
     tap: Annotated[float, "-", "turns ratio on the from side (1 for a line)", RATIO] = 1.0
     phase: Annotated[float, "deg", "phase shift by which the from side leads"] = 0.0
+    circuit: Annotated[str, "-", "circuit identifier, by which it is then named: 7-8 ckt 2"] = ""
+    g_from: Annotated[float, "pu", "shunt conductance at the from end, switched with the branch"] = 0.0
+    b_from: Annotated[float, "pu", "shunt susceptance at the from end, switched with the branch"] = 0.0
+    g_to: Annotated[float, "pu", "shunt conductance at the to end, switched with the branch"] = 0.0
+    b_to: Annotated[float, "pu", "shunt susceptance at the to end, switched with the branch"] = 0.0
 
 
 class Machine(NamedTuple):
@@ -43,6 +53,10 @@ class Machine(NamedTuple):
     base: Annotated[float, "MVA", "rating, the base of its per-unit parameters", Ge(1e-6)]
     p: Annotated[float, "MW", "scheduled active power (initial guess at the swing bus)"]
     storage_bus: Annotated[int, "-", "bus for its storage device: high-voltage side, or the terminal bus"]
+    q: Annotated[float, "Mvar", "reactive power: fixed at a pq bus, elsewhere its share before the rest is divided"] = (
+        0.0
+    )
+    name: Annotated[str, "-", "name, by which it is then called: 30/1 for identifier 1 at bus 30"] = ""
 
 
 class Load(NamedTuple):
@@ -56,6 +70,9 @@ class Load(NamedTuple):
     p_current: Annotated[float, "-", "constant-current share of p", SHARE] = 0.0
     q_current: Annotated[float, "-", "constant-current share of q", SHARE] = 0.0
     v_low: Annotated[float, "pu", "voltage below which the whole load is an admittance", POSITIVE] = 0.5
+    v: Annotated[float, "pu", "voltage at which p and q are consumed (0: the power-flow voltage)", NOT_NEGATIVE] = 0.0
+    id: Annotated[str, "-", "identifier of the load at its bus"] = ""
+    kind: Annotated[LoadKind, "-", "load, or another injection, which --loads leaves as it is"] = "load"
 
 
 class Link(NamedTuple):

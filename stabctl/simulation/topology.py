@@ -88,7 +88,9 @@ def _stepped(point: OperatingPoint, switching: Switching) -> tuple[tuple[tuple[s
             added[bus] += power.conjugate() / V**2
             continue
         key, load = found
-        more = load._replace(p=load.p + power.real * case.base_mva, q=load.q + power.imag * case.base_mva)
+        share = zip_load.drawn(load._replace(p=1.0, q=1.0), V)  # of p and q at the power-flow voltage
+        p, q = power.real / share.real * case.base_mva, power.imag / share.imag * case.base_mva
+        more = load._replace(p=load.p + p, q=load.q + q)
         (table, before), (_, after) = (load_row(case, one, V, key=key, bus=bus) for one in (load, more))
         par = after.par
         if table == "zip_load":

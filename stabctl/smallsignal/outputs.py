@@ -99,7 +99,7 @@ def _flow(point: OperatingPoint, signal: Signal, states: int) -> Reading:
     net = point.net
     t = net.ratio[row]
     Y = network.two_port(net.z[row], net.charging[row])
-    Y = np.array([[Y[0, 0] / abs(t) ** 2, Y[0, 1] / t.conjugate()], [Y[1, 0] / t, Y[1, 1]]])
+    Y = np.array([[Y[0, 0] / abs(t) ** 2, Y[0, 1] / t.conjugate()], [Y[1, 0] / t, Y[1, 1]]]) + np.diag(net.ends[row])
     ends = [net.frm[row], net.to[row]]
     if not forward:
         Y, ends = Y[::-1, ::-1], ends[::-1]

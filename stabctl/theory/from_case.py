@@ -37,7 +37,7 @@ def reduced_network(case: Case) -> ReducedNetwork:
     V = flow.V[net.machine_bus]
     E = V + (flow.S / V).conj() / y
     at, n = net.machine_bus, len(flow.V)
-    shunt = powerflow.demand(case).conj() / np.abs(flow.V) ** 2
+    shunt = powerflow.demand(case, np.abs(flow.V)).conj() / np.abs(flow.V) ** 2
     np.add.at(shunt, at, y)
     sources = np.zeros((n, len(y)), complex)
     sources[at, np.arange(len(y))] = y

@@ -28,6 +28,23 @@ class Par(NamedTuple):
     vlow: Annotated[float, "pu", "voltage below which the load is an admittance"]
 
 
+def parts(load: Any) -> tuple[complex, complex, complex]:
+    """What a row of loads.csv draws in the power flow: s0 + s1 |V| + s2 |V|^2 (MVA); s0 alone if it has no voltage."""
+    if not load.v:
+        return complex(load.p, load.q), 0j, 0j
+    power, current = (
+        complex(load.p * load.p_power, load.q * load.q_power),
+        complex(load.p * load.p_current, load.q * load.q_current),
+    )
+    return power, current / load.v, (complex(load.p, load.q) - power - current) / load.v**2
+
+
+def drawn(load: Any, V: float) -> complex:
+    """Power (MVA) that a row of loads.csv draws at the power-flow voltage V (pu)."""
+    s0, s1, s2 = parts(load)
+    return s0 + s1 * V + s2 * V * V
+
+
 def from_case(load: Any, P: float, Q: float, V: float) -> Par:
     """Parameters from the shares in a row of loads.csv, for a power P + jQ (pu) at the voltage V (pu)."""
     pp, qp, pc, qc = load.p_power, load.q_power, load.p_current, load.q_current

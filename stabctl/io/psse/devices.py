@@ -1,0 +1,166 @@
+"""Records of a DYR file as rows of the device tables, by the `DYR` data of the device modules."""
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from functools import cache
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+from stabctl.model import catalog, keys
+from stabctl.model.tables import Load
+from stabctl.schema import fields
+
+from .dyr import Record
+from .generators import Source
+from .lexer import Place, number, whole
+
+
+class Unsupported(NamedTuple):
+    """A record without a model here."""
+
+    kind: str
+    place: Place
+    reason: str
+    machine: str = ""  # the machine in service that it belongs to
+
+
+class Dynamics:
+    """Rows of the device tables while they are collected, each with its place in the file."""
+
+    def __init__(self) -> None:
+        self.rows: dict[str, dict[keys.Key, Any]] = defaultdict(dict)
+        self.places: dict[str, list[Place]] = defaultdict(list)
+        self.corrections: list[str] = []
+        self.supported: list[Record] = []
+        self.unsupported: list[Unsupported] = []
+
+    def add(self, model: str, key: keys.Key, par: Any, place: Place) -> None:
+        """Add a device; the second of a model at machine 2 has the key 2#2."""
+        own, count = key, 1
+        while own in self.rows[model]:
+            count += 1
+            own = f"{key}#{count}"
+        self.rows[model][own] = par
+        self.places[model].append(place)
+
+
+@cache
+def kinds() -> Mapping[str, tuple[str, str]]:
+    """Kind of record -> name of the device model, and its constants in order."""
+    found = {
+        kind: (name, order)
+        for name, device in catalog.models().items()
+        for kind, order in getattr(device, "DYR", {}).items()
+    }
+    return MappingProxyType(found)
+
+
+def read(
+    records: Iterable[Record],
+    machines: Mapping[tuple[int, str], Source],
+    loads: Iterable[Load],
+    known: set[tuple[int, str]],
+) -> Dynamics:
+    """The devices that the records describe.
+
+    Parameters
+    ----------
+    records
+        Records of the DYR file.
+    machines
+        The machines in service, by bus and ID.
+    loads
+        Rows of the loads, in the order of the table.
+    known
+        Bus and ID of every machine of the RAW file, in service or not.
+
+    Raises
+    ------
+    CaseError
+        With line and field for the first constant that cannot be read.
+    """
+    found, of_load = Dynamics(), _load_keys(loads)
+    for record in records:
+        if record.kind not in kinds():
+            owner = f"{record.bus}/{record.id}" if (record.bus, record.id) in machines else ""
+            found.unsupported.append(Unsupported(record.kind, record.place, "there is no such model", owner))
+            continue
+        model, order = kinds()[record.kind]
+        _read(found, record, model, order, machines, of_load, known)
+    return found
+
+
+def _read(
+    found: Dynamics,
+    record: Record,
+    model: str,
+    order: str,
+    machines: Mapping[tuple[int, str], Source],
+    of_load: Mapping[tuple[int, str], list[keys.Key]],
+    known: set[tuple[int, str]],
+) -> None:
+    role, where = catalog.role(model), (record.bus or 0, record.id)
+    source = machines.get(where)
+    if role == "load":
+        owners: list[keys.Key] = of_load.get(where, [])
+    elif catalog.at_bus(model):
+        owners = [where[0]]
+    else:
+        owners = [source.machine] if source else []
+    if not owners:
+        if where not in known:
+            what = "load" if role == "load" else "machine"
+            reason = f"the RAW file has no {what} {record.bus}/{record.id} in service"
+            found.unsupported.append(Unsupported(record.kind, record.place, reason))
+        return
+    try:
+        par, sentences = parameters(record, model, order, source)
+    except ValueError as error:
+        owner = f"{record.bus}/{record.id}" if source else ""
+        found.unsupported.append(Unsupported(record.kind, record.place, str(error).rstrip("."), owner))
+        return
+    found.corrections += [f"{record.place}, {record.kind} of {record.bus}/{record.id}: {s}" for s in sentences]
+    found.supported.append(record)
+    for key in owners:
+        found.add(model, key, par, record.place)
+
+
+def parameters(record: Record, model: str, order: str, source: Source | None) -> tuple[Any, list[str]]:
+    """Parameters of a device and what was corrected in them; `ValueError` with a sentence for an unsupported code."""
+    device, names = catalog.models()[model], order.split()
+    values = {}
+    if len(record.constants) < len(names):
+        given = len(record.constants)
+        text = f"the record has {given} constants, {record.kind} of {record.bus}/{record.id} needs {len(names)}."
+        raise record.place.error(text)
+    for k, (name, text) in enumerate(zip(names, record.constants, strict=False), 1):
+        plain = name.lstrip("+_")
+        value = (whole if name.startswith("+") else number)(
+            text or "0", record.place, f"constant {k} ({plain or 'unused'})"
+        )
+        if not name.startswith("_"):
+            values[plain] = value
+    sentences: list[str] = []
+    if hasattr(device, "from_record"):
+        made, sentences = device.from_record(record.kind, values)
+        values = made if isinstance(made, dict) else made._asdict()
+    allowed = fields(device.Par)
+    values = {name: value for name, value in values.items() if name in allowed}
+    if source is not None:
+        for name, value in (("ra", source.ra), ("x1d", source.x)):
+            if name in allowed and name not in names:
+                values[name] = value
+    extra = len(record.constants) - len(names)
+    if extra > 0 and any(number(text or "0", record.place, "constant") for text in record.constants[len(names) :]):
+        sentences = [*sentences, f"{extra} further constants are not used."]
+    return catalog.parameters(model, **values), sentences
+
+
+def _load_keys(loads: Iterable[Load]) -> dict[tuple[int, str], list[keys.Key]]:
+    """Keys of the rows of every load, by bus and ID."""
+    loads = tuple(loads)
+    found: dict[tuple[int, str], list[keys.Key]] = defaultdict(list)
+    for load, key in zip(loads, keys.numbered(load.bus for load in loads), strict=True):
+        if load.kind == "load":
+            found[load.bus, load.id].append(key)
+    return found

@@ -1,0 +1,69 @@
+"""A DYR file as records: bus, kind of model, ID, constants, up to a slash."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+from stabctl.errors import CaseError
+
+from .lexer import NUMBER, Place, lines, split
+
+
+class Record(NamedTuple):
+    """A record of a DYR file; the constants are texts."""
+
+    place: Place
+    bus: int | None  # None for a record that does not begin with a bus number
+    kind: str
+    id: str
+    constants: tuple[str, ...]
+
+
+def read(path: Path) -> list[Record]:
+    """The records of a DYR file. Raises `CaseError` with the line for the first that cannot be read."""
+    found: list[Record] = []
+    fields: list[str] = []
+    start: Place | None = None
+    for i, text in enumerate(lines(path), 1):
+        rest = text
+        while rest.strip():
+            place = Place(path, i)
+            if not fields and rest.lstrip().startswith(("@!", "//")):
+                break
+            line = split(rest, place, commas=False)
+            start = start if fields else place
+            fields += line.fields
+            if not line.closed:
+                break
+            if fields and start:
+                found.append(_record(start, fields))
+            fields, rest = [], _after(rest)
+    if fields and start:
+        raise start.error("the record has no slash at its end.")
+    return found
+
+
+def _after(text: str) -> str:
+    """What follows the first slash outside quotes if it is another record, otherwise nothing."""
+    quote = ""
+    for i, c in enumerate(text):
+        if quote:
+            quote = "" if c == quote else quote
+        elif c in "'\"":
+            quote = c
+        elif c == "/":
+            rest = text[i + 1 :]
+            parts = rest.split()
+            return rest if len(parts) >= 3 and parts[0].isdecimal() and parts[1][:1] in "'\"" else ""
+    return ""
+
+
+def _record(place: Place, fields: list[str]) -> Record:
+    numeric = NUMBER.fullmatch(fields[0]) is not None
+    if not numeric:  # such as the name of a DC line
+        kind = next((f for f in fields[1:2]), fields[0])
+        return Record(place, None, kind.upper(), "", tuple(fields[2:]))
+    if len(fields) < 3:
+        raise CaseError(f"{place}: a record needs a bus number, the name of a model and an ID.")
+    if not fields[0].isdecimal():
+        raise place.error(f"{fields[0]!r} is not a bus number.", "bus")
+    return Record(place, int(fields[0]), fields[1].upper(), fields[2] or "1", tuple(fields[3:]))

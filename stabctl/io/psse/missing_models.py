@@ -1,0 +1,99 @@
+"""Machines and controls without a model: refused, or on request injections and constant controls."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from stabctl.errors import CaseError
+from stabctl.model import catalog, keys
+from stabctl.model.tables import Load, Machine
+
+from .devices import Dynamics
+from .generators import Source
+from .network import POWER_LOW, Network
+
+SHOWN = 8  # names in a list
+
+
+def settle(
+    net: Network,
+    dynamics: Dynamics,
+    sources: Mapping[tuple[int, str], Source],
+    dyr: str | Path | None,
+    missing: str,
+    missing_controls: str,
+) -> list[str]:
+    """Replace or refuse what has no model; returns a sentence for everything replaced or left out.
+
+    Raises `CaseError` with the list if it is refused.
+    """
+    names = {source.machine: f"{bus}/{id}" for (bus, id), source in sources.items()}
+    with_model = {
+        keys.number(key) for model in catalog.of_role(*catalog.UNIT_ROLES) for key in dynamics.rows.get(model, {})
+    }
+    without = [m for m in net.rows["machines"] if m.machine not in with_model]
+    said = []
+    if dyr is not None and without:
+        if missing == "refuse":
+            raise CaseError(_machines_without(dyr, [names[m.machine] for m in without], dynamics))
+        said += [_injection(net, dynamics, m) for m in without]
+    elif dyr is None:
+        without = []
+    gone = {names[m.machine] for m in without}
+    controls = [u for u in dynamics.unsupported if u.machine and u.machine not in gone]
+    if controls and missing_controls == "refuse":
+        listed = _listed(f"{u.kind} of {u.machine} (line {u.place.line}: {u.reason})" for u in controls)
+        raise CaseError(f"{dyr}: no model for {listed}; --missing-controls fixed keeps what they control constant.")
+    said += [
+        f"{u.place}: {u.kind} {u.machine or ''} left out: {u.reason}.".replace("  ", " ") for u in dynamics.unsupported
+    ]
+    return said + _without_exciter(net, dynamics, names)
+
+
+def _machines_without(dyr: str | Path, names: list[str], dynamics: Dynamics) -> str:
+    tried = {u.machine: f" ({u.kind}, line {u.place.line}: {u.reason})" for u in reversed(dynamics.unsupported)}
+    listed = _listed(f"{name}{tried.get(name, '')}" for name in names)
+    noun = "machine" if len(names) == 1 else "machines"
+    return f"{dyr}: no model for {noun} {listed}; --missing injection makes them constant-power injections."
+
+
+def _injection(net: Network, dynamics: Dynamics, m: Machine) -> str:
+    """Replace a machine by an injection of its stored power."""
+    i = net.rows["machines"].index(m)
+    place = net.places["machines"].pop(i)
+    del net.rows["machines"][i]
+    for model, rows in dynamics.rows.items():
+        if not catalog.at_bus(model):
+            gone = [k for k, key in enumerate(rows) if keys.number(key) == m.machine]
+            for key in [list(rows)[k] for k in gone]:
+                del rows[key]
+            dynamics.places[model] = [p for k, p in enumerate(dynamics.places[model]) if k not in gone]
+    if all(other.bus != m.bus for other in net.rows["machines"]):
+        if net.bus(m.bus).kind == "swing":
+            raise place.error(f"machine {m.name} is alone at the swing bus {m.bus}, so it needs a model.")
+        net.change(m.bus, kind="pq")
+    if m.p or m.q:
+        net.add("loads", Load(m.bus, -m.p, -m.q, 1.0, 1.0, v_low=POWER_LOW, id=m.name, kind="injection"), place)
+    return f"{place}: machine {m.name} has no model and is a constant-power injection of {m.p:.4g} MW, {m.q:.4g} Mvar."
+
+
+def _without_exciter(net: Network, dynamics: Dynamics, names: Mapping[int, str]) -> list[str]:
+    """Leave out the stabilizers of machines whose exciter has no model."""
+    known = {keys.number(key) for model in catalog.of_role("exciter") for key in dynamics.rows.get(model, {})}
+    said = []
+    for model in catalog.of_role("stabilizer"):
+        rows: dict[keys.Key, Any] = dynamics.rows.get(model, {})
+        for key, place in zip(list(rows), list(dynamics.places.get(model, ())), strict=True):
+            if keys.number(key) not in known:
+                del rows[key]
+                dynamics.places[model].remove(place)
+                said.append(
+                    f"{place}: {model} of {names[keys.number(key)]} left out, because its exciter has no model."
+                )
+    return said
+
+
+def _listed(names: Iterable[str]) -> str:
+    names = list(names)
+    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    return ", ".join(names[:SHOWN]) + more

@@ -1,0 +1,138 @@
+"""A case from a RAW and a DYR file."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+from stabctl.errors import CaseError, StudyError, shown
+from stabctl.model.case import Case
+from stabctl.model.mistake import RowError
+
+from . import dc, devices, dyr, generators, islands, missing_models, network, raw, transformers
+from .devices import Dynamics
+from .lexer import Place
+
+Missing = Literal["refuse", "injection"]
+MissingControls = Literal["refuse", "fixed"]
+
+
+@dataclass(frozen=True)
+class Import:
+    """What was read from a RAW and a DYR file.
+
+    Attributes
+    ----------
+    case : Case
+        The system.
+    net : network.Network
+        The rows of its network with their places, and the corrections.
+    records : tuple of dyr.Record
+        Every record of the DYR file.
+    dynamics : Dynamics
+        The devices with their places, and the records without a model.
+    left_out : tuple of str
+        What was read and is not modeled, one sentence each.
+    """
+
+    case: Case
+    net: network.Network
+    records: tuple[dyr.Record, ...]
+    dynamics: Dynamics
+    left_out: tuple[str, ...]
+
+    @property
+    def corrections(self) -> tuple[str, ...]:
+        """What was changed, one sentence each."""
+        return (*self.net.corrections, *self.dynamics.corrections)
+
+
+def read_psse(
+    raw: str | Path,
+    dyr: str | Path | None = None,
+    *,
+    missing: Missing = "refuse",
+    missing_controls: MissingControls = "refuse",
+) -> Case:
+    """Read a system from a PSS/E RAW file (versions 30 to 35) and a DYR file.
+
+    Parameters
+    ----------
+    raw : str or Path
+        The RAW file.
+    dyr : str or Path, optional
+        The DYR file. Without one the case has no dynamic models: its power flow can be solved.
+    missing : {"refuse", "injection"}
+        A machine without a model is refused, or becomes a constant-power injection.
+    missing_controls : {"refuse", "fixed"}
+        A control without a model is refused, or left out: field voltage or mechanical power stay constant.
+
+    Returns
+    -------
+    Case
+        With the numbers, names and identifiers of the files. What was corrected or left out is in its `warnings`.
+
+    Raises
+    ------
+    CaseError
+        For the first mistake, with file, line and field; or with the list of machines and controls without a model.
+    """
+    return read(raw, dyr, missing=missing, missing_controls=missing_controls).case
+
+
+def read(
+    raw_path: str | Path,
+    dyr_path: str | Path | None = None,
+    *,
+    missing: Missing = "refuse",
+    missing_controls: MissingControls = "refuse",
+) -> Import:
+    """What `read_psse` reads, with what was corrected and left out."""
+    for name, value, allowed in (
+        ("missing", missing, Missing),
+        ("missing_controls", missing_controls, MissingControls),
+    ):
+        if value not in get_args(allowed):
+            raise StudyError(f"{name} = {shown(value)} is not allowed; choose one of {', '.join(get_args(allowed))}.")
+    file = raw.read(Path(raw_path))
+    net = network.read(file)
+    transformers.read(net)
+    sources = generators.read(net)
+    dc.read(net)
+    apart = islands.settle(net)
+    if not net.rows["machines"]:
+        raise CaseError(f"{raw_path}: no generator in service is connected to a swing bus; a case needs one.")
+    left = {m.machine for m in net.rows["machines"]}
+    sources = {key: source for key, source in sources.items() if source.machine in left}
+    known = {(g.I, g.ID) for g, _ in file.of("generator")} | {(load.I, load.ID) for load, _ in file.of("load")}
+    records = tuple(dyr.read(Path(dyr_path))) if dyr_path is not None else ()
+    dynamics = devices.read(records, sources, net.rows["loads"], known)
+    unmodeled = [f"{u.place}: {u.kind} {u.name} is not modeled." for u in file.unmodeled]
+    substitutes = missing_models.settle(net, dynamics, sources, dyr_path, missing, missing_controls)
+    left_out = (*apart, *unmodeled, *substitutes)
+    notes = (*net.corrections, *dynamics.corrections, *left_out)
+    case = _case(net, dynamics, Path(raw_path), notes)
+    return Import(case, net, records, dynamics, left_out)
+
+
+def _case(net: network.Network, dynamics: Dynamics, path: Path, notes: tuple[str, ...]) -> Case:
+    """The case; an error in it is reported with file and line."""
+    places: dict[str, list[Place]] = {**net.places, **dynamics.places}
+    try:
+        return Case(
+            name=path.stem,
+            **{table: tuple(rows) for table, rows in net.rows.items()},
+            devices=dynamics.rows,
+            base_mva=net.raw.base_mva,
+            frequency_hz=net.raw.frequency_hz,
+            title=net.raw.title,
+            source=f"PSS/E {path.name}",
+            notes=notes,
+        )
+    except RowError as error:
+        at = places.get(error.table, [])
+        place = at[error.row] if error.row < len(at) else path
+        first = at[error.first] if error.first is not None and error.first < len(at) else place
+        text = error.text.replace("{rows}", f"{first} and {place}")
+        raise CaseError(f"{place}, {error.column}: {text}") from None
+    except CaseError as error:
+        raise CaseError(f"{path}: {error}") from None

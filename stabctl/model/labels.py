@@ -1,0 +1,50 @@
+"""Names of machines and buses: machine 30/1 is the one with identifier 1 at bus 30; a bus may have a name."""
+
+from typing import TYPE_CHECKING
+
+from .tables import Machine
+
+if TYPE_CHECKING:
+    from .case import Case
+
+
+def label(m: Machine) -> str:
+    """What a machine is called: its name, such as 30/1, or its number."""
+    return m.name or str(m.machine)
+
+
+def machine(case: "Case", number: int) -> str:
+    """What the machine with this number is called."""
+    return next((label(m) for m in case.machines if m.machine == number), str(number))
+
+
+def machine_number(case: "Case", name: object) -> int | None:
+    """Number of the machine with this number or name; the bus before the slash of a name may be given by its own."""
+    text = _plain(name)
+    if text.isdecimal():
+        return next((m.machine for m in case.machines if str(m.machine) == text), None)
+    where, slash, id = text.rpartition("/")
+    bus = bus_number(case, where) if slash else None
+    wanted = text if bus is None else f"{bus}/{id.strip()}"
+    return next((m.machine for m in case.machines if m.name and _plain(m.name) == wanted), None)
+
+
+def bus_number(case: "Case", name: object) -> int | None:
+    """Number of the bus with this number, or with this name if only one has it; capitals do not matter."""
+    text = _plain(name)
+    if text.isdecimal():
+        return next((b.bus for b in case.buses if str(b.bus) == text), None)
+    found = [b.bus for b in case.buses if b.name and _plain(b.name) == text]
+    return found[0] if len(found) == 1 else None
+
+
+def bus(case: "Case", number: int) -> str:
+    """A bus in words: `bus 7`, or `bus 7 (NORTH)` if it has a name."""
+    name = next((b.name for b in case.buses if b.bus == number), "")
+    return f"bus {number} ({name})" if name else f"bus {number}"
+
+
+def _plain(name: object) -> str:
+    """A name in capitals, with single blanks; a number without leading zeros."""
+    text = " ".join(str(name).split()).upper()
+    return text.lstrip("0") or text if text.isdecimal() else text

@@ -1,0 +1,69 @@
+"""PSS/E files: what they say of the network is what the case has, in every version, with their names."""
+
+import numpy as np
+import pytest
+from psse_replay import DATA
+
+import stabctl as st
+from stabctl.errors import CaseError, StudyError
+from stabctl.io import psse
+from stabctl.model import network, powerflow
+
+THREE = DATA / "psid/GENROU/ThreeBusMulti.raw"
+TVC = DATA / "psid/EXAC1/TVC_System_32.raw"
+
+
+def mismatch(case):
+    """Largest power mismatch (MW, Mvar) at the voltages that the file gives."""
+    net = network.build(case)
+    V = np.array([b.v * np.exp(1j * np.deg2rad(b.angle)) for b in case.buses])
+    S = V * (network.admittance(net) @ V).conj() + powerflow.demand(case)
+    np.add.at(S, net.machine_bus, -np.array([m.p + 1j * m.q for m in case.machines]) / case.base_mva)
+    return np.abs(S.real).max() * case.base_mva, np.abs(S.imag).max() * case.base_mva
+
+
+@pytest.mark.parametrize(
+    ("raw", "p", "q"),
+    [(THREE, 0.0015, 0.0006), (TVC, 0.04, 0.3), (DATA / "psid/Test01/OMIB.raw", 0.0013, 0.0005)],
+)  # the last digits of the voltages amount to 0.0014, 0.039, 0.0012 MW and 0.0005, 0.29, 0.0004 Mvar
+def test_stored_voltages_are_those_of_the_power_flow(raw, p, q):
+    case = psse.read_psse(raw)
+    assert mismatch(case) < (p, q)
+    flow = case.power_flow()
+    assert np.abs(np.abs(flow.V) - [b.v for b in case.buses]).max() < 5e-6  # 4.7e-6 pu, the last digit
+    assert np.abs(np.rad2deg(np.angle(flow.V)) - [b.angle for b in case.buses]).max() < 1e-4  # 5.0e-5 degrees
+
+
+def test_names_and_identifiers_are_those_of_the_file():
+    case = psse.read_psse(TVC)
+    assert [m.name for m in case.machines] == ["1/1", "2/1"]
+    assert [b.name for b in case.buses] == ["BUS1", "BUS2", "BUS3", "BUS4"]
+    assert list(case.power_flow().branches.index) == ["1-4 ckt 1", "1-4 ckt 2", "2-4", "4-3"]
+
+
+def test_a_case_without_dynamic_data_has_a_power_flow_only():
+    case = st.load(THREE)
+    assert case.power_flow().iterations > 0
+    with pytest.raises(StudyError, match="ThreeBusMulti has no dynamic models, only a power flow; give its dynamic"):
+        case.initialize()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("0.99341", "O.99341", "line 6, field VM: 'O.99341' is not a number."),
+        ("103,'BUS 3'", "102,'BUS 3'", "line 6, field I: bus 102 appears twice, first in line 5."),
+        ("103,'1 ',1", "109,'1 ',1", "line 8, field I: there is no bus 109."),
+        ("100.00, 33,", "100.00, 28,", "line 1, field REV: version 28 of RAW files is not supported; save it as 30"),
+        ("1.20000E-1,   0.00000", ",   0.00000", "line 14, field X: it is left out and has no default."),
+        ("'BUS 2'", "'BUS 2", "line 5: the quote in "),
+        ("0.99341", "0.0", "line 6, v_pu: 0.0 is not allowed; it must be a number from 0.01 to 100."),
+    ],
+)
+def test_a_mistake_is_told_with_line_and_field(tmp_path, old, new, says):
+    text = THREE.read_text()
+    assert old in text
+    (tmp_path / "x.raw").write_text(text.replace(old, new, 1))
+    with pytest.raises(CaseError) as caught:
+        psse.read_psse(tmp_path / "x.raw")
+    assert str(caught.value).startswith(f"{tmp_path / 'x.raw'} {says}")
