@@ -29,13 +29,13 @@ class Unsolved(EquilibriumError):
         self.row = row
 
 
-def opened(f: Family) -> np.ndarray:
-    """Parameters of a family with every limit removed and every rotor circuit closed."""
+def opened(f: Family, closed: bool = True) -> np.ndarray:
+    """Parameters of a family with every limit removed and, if `closed`, every rotor circuit closed."""
     k, names = f.k.copy(), family.fields(f.device, "Par")
     for i, name in enumerate(names):
         if side := family.side(f.device, name):
             k[:, i] = side * FAR
-        elif name in getattr(f.device, "CLOSED", ()):
+        elif closed and name in getattr(f.device, "CLOSED", ()):
             k[:, i] = np.where(k[:, i] > 0, k[:, i], 1.0)
     return k
 
@@ -100,28 +100,32 @@ class Newton:
         Unsolved
             If the iteration does not converge.
         """
-        steps, entries = 0, np.zeros(0)
+        steps = 0
         for share in (0.0, 0.25, 0.5, 0.75, 1.0) if self.constants[self.continued].any() else (1.0,):
             k = self.constants.copy()
             k[self.continued] *= share
-            made, entries = self._iterate(s, k)
-            steps += made
-        return steps, self._fastest(entries)
+            steps += self._iterate(s, k)
+        simulated = np.concatenate([np.zeros(0), *(opened(f, closed=False).ravel() for f in self.equations.families)])
+        return steps, self._fastest(self._entries(self.equations.entries(s, simulated)[0]))
 
-    def _iterate(self, s: np.ndarray, k: np.ndarray) -> tuple[int, np.ndarray]:
-        """Solve with the parameters k; returns the number of steps and the entries of the last Jacobian."""
+    def _entries(self, derivatives: np.ndarray) -> np.ndarray:
+        """Entries of the Jacobian, from those of all equations."""
+        return np.concatenate([derivatives[self._inside], np.full(self.outputs, -1.0)])
+
+    def _iterate(self, s: np.ndarray, k: np.ndarray) -> int:
+        """Solve with the parameters k; returns the number of steps."""
         first = self.nx + self.outputs
         for made in range(STEPS + 1):
             derivatives, values = self.equations.entries(s, k)
             mismatch = values[first + self.injections] - self.target
             f = np.concatenate([values[: self.nx], np.zeros(self.outputs), mismatch])
-            entries = np.concatenate([derivatives[self._inside], np.full(self.outputs, -1.0)])
+            entries = self._entries(derivatives)
             if not (np.isfinite(f).all() and np.isfinite(entries).all()):
                 break
             slope = np.ones(len(f))
             np.maximum.at(slope, self._rows, np.abs(entries))
             if ((np.abs(f) < TOLERANCE) | (np.abs(f) < ROUNDOFF * slope)).all():
-                return made, entries
+                return made
             s[self.unknown] -= self.groups.solve(entries, f)
         worst = int(np.argmax(np.where(np.isfinite(f), np.abs(f), np.inf)))
         raise Unsolved(worst, float(f[worst]))
