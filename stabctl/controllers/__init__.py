@@ -1,7 +1,8 @@
 """Control laws of the storage devices.
 
 A law is a frozen record with `par(device)`, its constants, and `module`, the file with its equations: a device with the
-role "controller" whose `step` gives the order of a storage device. A new law is one file.
+role "controller" whose `step` gives the order of a storage device. RELAY = True in that file says that the order
+switches between fixed values; the simulation then finds the instants within a step. A new law is one file.
 """
 
 from types import ModuleType

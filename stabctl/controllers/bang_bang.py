@@ -14,7 +14,8 @@ from .signals import Device, Input, Output
 
 NAME = "bang-bang"
 ROLE = "controller"
-__all__ = ["NAME", "ROLE", "BangBang", "Input", "Output", "Par", "step"]
+RELAY = True
+__all__ = ["NAME", "RELAY", "ROLE", "BangBang", "Input", "Output", "Par", "step"]
 
 
 class Par(NamedTuple):

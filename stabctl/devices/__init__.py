@@ -13,7 +13,8 @@ and imaginary part), y (its own Output) and p (Par), each marked `@inline`:
     guess(V, I, p)    -> State to start the initialization from
     step(...)         -> Output once per time step, for a sampled control law
 
-LIMITS lists the states with non-windup limits. Initialization ignores every limit: the parameters named ...max and
+LIMITS lists the states with non-windup limits, STOPS those of them at whose limit the power of the device jumps (the
+simulation ends a step there). Initialization ignores every limit: the parameters named ...max and
 ...min, and upper limits with other names, listed in UPPER. The file name is the name of the table.
 """
 

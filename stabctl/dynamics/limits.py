@@ -17,11 +17,12 @@ class Limits(NamedTuple):
     high: np.ndarray
     scale: np.ndarray  # places of the signals that multiply the limits; the constant 1 if there is none
     names: tuple[tuple[str, str], ...]  # parameters (low, high)
+    stops: np.ndarray  # which of them stop their device at once, so that its power jumps
 
 
 def limits(families: Iterable[Family], one: int) -> Limits:
-    """The states that models list in LIMITS; `one` is the place of the constant 1."""
-    state, low, high, scale = [], [], [], []
+    """The states that models list in LIMITS, with those also in STOPS; `one` is the place of the constant 1."""
+    state, low, high, scale, stops = [], [], [], [], []
     names: list[tuple[str, str]] = []
     for f in families:
         constants, states = family.fields(f.device, "Par"), family.fields(f.device, "State")
@@ -31,7 +32,10 @@ def limits(families: Iterable[Family], one: int) -> Limits:
             low.append(f.k[:, constants.index(least)])
             high.append(f.k[:, constants.index(most)])
             scale.append(f.w[:, family.INPUTS + inputs.index(per[0])] if per else np.full(len(f.w), one))
+            stops.append(np.full(len(f.w), name in getattr(f.device, "STOPS", ())))
             names += [(least, most)] * len(f.w)
+    none = np.zeros(0, np.int64)
     if not state:
-        return Limits(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.zeros(0, np.int64), ())
-    return Limits(np.concatenate(state), np.concatenate(low), np.concatenate(high), np.concatenate(scale), tuple(names))
+        return Limits(none, np.zeros(0), np.zeros(0), none, (), none)
+    places, lows, highs, scales = (np.concatenate(column) for column in (state, low, high, scale))
+    return Limits(places, lows, highs, scales, tuple(names), np.flatnonzero(np.concatenate(stops)))

@@ -39,6 +39,8 @@ class Frame(NamedTuple):
     watch_bus: np.ndarray  # rows of the buses with loads
     watch_low: np.ndarray  # pu   voltages below which a load counts as lost
     held: np.ndarray  # places that sampled devices write: the orders
+    stops: np.ndarray  # rows of `limited` at whose limits a power jumps
+    relay: bool  # the orders switch between fixed values, at instants to be found within a step
 
 
 class Space(NamedTuple):
@@ -55,14 +57,19 @@ class Space(NamedTuple):
     moves: np.ndarray  # (2, 4, buses) voltage changes at each stage of the two previous steps
     x0: np.ndarray
     sum: np.ndarray
+    rate: np.ndarray  # (states) 1/s   at the start of the step
+    end: np.ndarray  # states at the end of the step
+    volts: np.ndarray  # (3, buses) at the start, middle and end of the step
+    part: np.ndarray  # (3) where the present part of a step begins and ends; where volts[1] are in it (fractions)
     angles: (
         np.ndarray
     )  # (2, rotor units) rad   before the first event, and the largest change relative to the COI so far
     off: np.ndarray  # (2, rotor units) s   time that their island has been outside the frequency range, and its maximum
     low: np.ndarray  # (loads) s     time below the threshold
-    orders: np.ndarray  # (held) before a decision
+    orders: np.ndarray  # (2, held) before a decision, and after the next instant of switching
     coi: np.ndarray  # (4, buses) inertia, speed, acceleration and angle of the islands
-    marks: np.ndarray  # critical bus and rotor unit; step, stage and decided when Newton was requested
+    marks: np.ndarray  # critical bus and rotor unit; step, stage, what is known and parts when Newton was requested;
+    # row of `limited` at which a device stopped, -1 if none; steps in a row with switching
 
 
 class NewtonSpace(NamedTuple):
@@ -73,7 +80,7 @@ class NewtonSpace(NamedTuple):
     new: np.ndarray
 
 
-def frame(system: System, layout: Layout, deviation: int, held: np.ndarray) -> Frame:
+def frame(system: System, layout: Layout, deviation: int, held: np.ndarray, *, relay: bool) -> Frame:
     """The places that the stepper reads in a system.
 
     Parameters
@@ -86,6 +93,8 @@ def frame(system: System, layout: Layout, deviation: int, held: np.ndarray) -> F
         Place of the speed deviations of the rotor units from the COI of the others, their rates, and the on/off flags.
     held
         Places that sampled devices write.
+    relay
+        Whether they switch between fixed values.
     """
     rotors, limits = system.rotors, system.limits
     places = np.array([layout.nx, layout.step, deviation], np.int64)
@@ -95,6 +104,7 @@ def frame(system: System, layout: Layout, deviation: int, held: np.ndarray) -> F
         places, rotors.angle, rotors.unit, rotors.inertia, owner,
         limits.state, limits.low, limits.high, limits.scale,
         system.draw_bus, system.near_bus, system.watch_bus, system.watch_low, held.astype(np.int64),
+        limits.stops, relay,
     )  # fmt: skip
 
 
@@ -106,9 +116,10 @@ def space(s: np.ndarray, layout: Layout, a: Frame) -> Space:
     return Space(
         s, f, s[layout.voltages].view(complex), f[layout.voltages].view(complex),
         blank[0].copy(), blank[1].copy(), blank[2].copy(), blank[3].copy(), np.zeros((2, 4, nb), complex),
-        np.zeros(nx), np.zeros(nx), np.stack([s[a.rotor], np.zeros(m)]), np.zeros((2, m)),
-        np.zeros(len(a.watch_bus)), np.zeros(len(a.held)), np.zeros((4, nb)),
-        np.zeros(5, np.int64),
+        np.zeros(nx), np.zeros(nx), np.zeros(nx), np.zeros(nx), np.zeros((3, nb), complex), np.array([0.0, 1.0, 0.5]),
+        np.stack([s[a.rotor], np.zeros(m)]), np.zeros((2, m)),
+        np.zeros(len(a.watch_bus)), np.zeros((2, len(a.held))), np.zeros((4, nb)),
+        np.zeros(8, np.int64),
     )  # fmt: skip
 
 

@@ -1,5 +1,7 @@
 """Compile the stepper alone, whose types are the same for every system; a second process does so at a cold start."""
 
+from typing import Any
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -17,7 +19,8 @@ def prepare() -> None:
     places, numbers, calls = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 5), np.int64)
     layout = Layout((), (), 1, 0, 0, {}, places)
     kinds = {"places": np.zeros(3, np.int64), "inertia": numbers, "low": numbers, "high": numbers, "watch_low": numbers}
-    frame = Frame(**{name: kinds.get(name, places) for name in Frame._fields})
+    arrays: dict[str, Any] = {name: kinds.get(name, places) for name in Frame._fields if name != "relay"}
+    frame = Frame(**arrays, relay=False)
     net = Net(factor(sp.identity(1, complex, "csc")), places, np.ones(1, bool), False)
     program = Program(places, numbers, calls, calls, calls, calls)
     q = space(np.zeros(layout.size), layout, frame)

@@ -2,19 +2,24 @@
 
 from stabctl._util.jit import entry, inline, noinline
 from stabctl.devices.blocks import copy
-from stabctl.dynamics.perform import perform
 
+from .orders import coi, decide, run
 from .substitution import solve_apart
+from .switching import CHATTER, MOST, instant, jump
 from .voltages import FAILED, NEEDS_NEWTON, settle
 
+NOTHING, SETTLED, DECIDED = range(3)  # known at a stage: nothing, the voltages, also the orders
 DONE, SLIPPED, NO_VOLTAGE, LOW_VOLTAGE, RUNAWAY, FREQUENCY, NEWTON = range(7)
 
 
 @inline
-def guess(stage, q):
-    """Predict the voltages of the next stage by extrapolating their changes from the same stage of the last steps."""
+def guess(stage, entire, q):
+    """Predict the voltages of the next stage by extrapolating their changes from the same stage of the last steps.
+
+    The voltages are kept as they are in a part of a step.
+    """
     copy(q.volt, q.kept)
-    for i in range(len(q.volt)):
+    for i in range(len(q.volt) if entire else 0):
         q.volt[i] += 2 * q.moves[0, stage, i] - q.moves[1, stage, i]
 
 
@@ -27,18 +32,16 @@ def note(stage, q):
 
 
 @noinline
-def run(calls, p, s, f, on):
-    """Call the device families, compiled once in the stepper."""
-    perform(calls, p.w, p.k, s, f, on)
+def hold(q, a):
+    """Set the derivatives of states to zero that begin the step at a non-windup limit and point beyond it.
 
-
-@noinline
-def hold(s, f, a):
-    """Set the derivatives of states at a non-windup limit to zero if they point beyond it."""
+    A state that reaches its limit within the step is only clipped: without its derivative it would fall short.
+    """
     for k in range(len(a.limited)):
-        i, per = a.limited[k], s[a.scale[k]]
-        if (s[i] >= a.high[k] * per and f[i] > 0) or (s[i] <= a.low[k] * per and f[i] < 0):
-            f[i] = 0
+        i, per = a.limited[k], q.s[a.scale[k]]
+        low, high = a.low[k] * per, a.high[k] * per
+        if (q.x0[i] >= high and q.s[i] >= high and q.f[i] > 0) or (q.x0[i] <= low and q.s[i] <= low and q.f[i] < 0):
+            q.f[i] = 0
 
 
 @inline
@@ -47,45 +50,6 @@ def confine(s, a):
     for k in range(len(a.limited)):
         i, per = a.limited[k], s[a.scale[k]]
         s[i] = min(max(s[i], a.low[k] * per), a.high[k] * per)
-
-
-@noinline
-def coi(a, net, q):
-    """Sum inertia, and inertia times speed, acceleration and angle change, per island."""
-    s, sums, island = q.s, q.coi, net.island
-    for i in range(len(island)):
-        for j in range(4):
-            sums[j, max(island[i], 0)] = 0.0
-    for i in range(len(a.rotor)):
-        k, h, at = island[a.unit[i]], a.inertia[i], a.rotor[i]
-        if k >= 0:
-            sums[0, k] += h
-            sums[1, k] += h * s[at + 1]
-            sums[2, k] += h * q.f[at + 1]
-            sums[3, k] += h * (s[at] - q.angles[0, i])
-
-
-@noinline
-def decide(p, a, net, q):
-    """Let the sampled devices act on the present signals; returns whether an order has changed."""
-    coi(a, net, q)
-    s, sums, island, first, m = q.s, q.coi, net.island, a.places[2], len(a.rotor)
-    for i in range(len(island)):
-        s[first + 2 * m + i] = 1.0 if island[i] >= 0 else 0.0
-    for i in range(m):
-        k, own, at = island[a.unit[i]], a.inertia[i], a.rotor[i]
-        s[first + i] = s[first + m + i] = 0.0
-        if k >= 0 and sums[0, k] > own:
-            rest = sums[0, k] - own
-            s[first + i] = s[at + 1] - (sums[1, k] - own * s[at + 1]) / rest
-            s[first + m + i] = q.f[at + 1] - (sums[2, k] - own * q.f[at + 1]) / rest
-    for j in range(len(a.held)):
-        q.orders[j] = q.s[a.held[j]]
-    run(p.step, p, q.s, q.f, net.island)
-    changed = False
-    for j in range(len(a.held)):
-        changed |= q.orders[j] != q.s[a.held[j]]
-    return changed
 
 
 @noinline
@@ -168,62 +132,91 @@ def advance(p, a, net, q, rules, h, steps, last, resume, history):
     """Make `steps` steps of h seconds on one network; returns the verdict and the number of steps made.
 
     Row k of `history` (if it has rows) is the record at the start of step k; with `last`, one more row is recorded at
-    the end. The verdict NEWTON asks the caller to solve for the voltages and to call again with `resume`.
+    the end. A step in which the power of storage jumps is made in parts that end at the jumps, unless the orders
+    chatter. The verdict NEWTON asks the caller to solve for the voltages and to call again with `resume`.
     """
     nx = len(q.x0)
     whole = True
     for i in range(len(net.island)):
         whole &= net.island[i] >= 0
-    first, stage0, decided = 0, 0, False
-    q.s[a.places[1]] = h
+    step, stage0, known, parts = 0, 0, NOTHING, 1
     if resume:
-        first, stage0, decided = q.marks[2], q.marks[3], q.marks[4] > 0
+        step, stage0, known, parts = q.marks[2], q.marks[3], q.marks[4], q.marks[5]
     else:
+        q.part[0], q.part[1] = 0.0, 1.0
         for i in range(len(q.volt)):
             if not net.alive[i]:
                 q.volt[i] = 0
         for stage in range(4):
             for i in range(len(q.volt)):
                 q.moves[0, stage, i] = q.moves[1, stage, i] = 0
-    for step in range(first, steps + last):
-        if not resume and load_voltage_low(a, net, q):
-            from_above(p, net, q)
-        for stage in range(stage0, 4):
-            if not resume:
-                guess(stage, q)
-                decided = stage > 0
+    while step < steps + last:
+        entire, span = q.part[1] - q.part[0] == 1, (q.part[1] - q.part[0]) * h
+        q.s[a.places[1]] = span
+        for stage in range(stage0, 5 if a.relay and q.part[1] == 1 else 4):
+            if not resume and not (stage == 0 and known == SETTLED):
+                if stage % 4 == 0 and load_voltage_low(a, net, q):
+                    from_above(p, net, q)
+                guess(stage % 4, entire, q)
+                known = DECIDED if 0 < stage < 4 else known
             while True:
-                n = 0 if resume else settle(p, a, net, q)
+                n = 0 if resume or known == SETTLED else settle(p, a, net, q)
                 resume = False
                 if n == NEEDS_NEWTON:
-                    q.marks[2], q.marks[3], q.marks[4] = step, stage, 1 if decided else 0
+                    q.marks[2], q.marks[3], q.marks[4], q.marks[5] = step, stage, known, parts
                     return NEWTON, step
                 if n == FAILED:
                     return NO_VOLTAGE, step
-                if decided:
+                if known == DECIDED:
                     break
-                decided = True
+                known = DECIDED
                 copy(q.s, q.x0)
                 if len(a.held) == 0 or not decide(p, a, net, q):
+                    q.marks[7] = 0 if q.marks[7] == CHATTER else q.marks[7]
                     break
-            note(stage, q)
+            if stage == 4:
+                break
+            if entire:
+                note(stage, q)
             run(p.sweep, p, q.s, q.f, net.island)
-            hold(q.s, q.f, a)
+            hold(q, a)
             if not whole:
                 freeze(a, net, q)
-            if stage == 0 and step < len(history):
-                record(a, net, q, whole, history[step])
-            if stage == 0 and step == steps:
-                return DONE, steps
-            weight = h / 6 if stage == 0 or stage == 3 else h / 3
-            reach = h if stage == 2 else h / 2
+            if stage == 0:
+                if step < len(history) and q.part[0] == 0:
+                    record(a, net, q, whole, history[step])
+                if step == steps:
+                    return DONE, steps
+                copy(q.f, q.rate)
+                copy(q.volt, q.volts[0])
+            if stage == 2:
+                copy(q.volt, q.volts[1])
+            weight = span / 6 if stage == 0 or stage == 3 else span / 3
+            reach = span if stage == 2 else span / 2
             for k in range(nx):
                 total = weight * q.f[k] + (q.sum[k] if stage else q.x0[k])
                 q.sum[k] = total
                 q.s[k] = total if stage == 3 else q.x0[k] + reach * q.f[k]
             confine(q.s, a)
-        stage0 = 0
+        stage0, known = 0, SETTLED if a.relay else NOTHING
+        if q.part[1] < 1:
+            jump(h, a, q)
+            copy(q.s, q.x0)
+            q.part[0], q.part[1], known = q.part[1], 1.0, DECIDED
+            continue
+        if parts <= MOST and q.marks[7] < CHATTER and (a.relay or len(a.stops)):
+            t = instant(span, p, a, net, q)
+            if t < 1:
+                for k in range(nx):
+                    q.s[k] = q.x0[k]
+                copy(q.volts[0], q.volt)
+                q.part[1], known, parts = q.part[0] + t * (q.part[1] - q.part[0]), DECIDED, parts + 1
+                continue
+        if q.marks[7] < CHATTER:
+            q.marks[7] = q.marks[7] + 1 if parts > 1 else 0
+        q.part[0], parts = 0.0, 1
         verdict = judge(a, net, q, rules, h)
+        step += 1
         if verdict != DONE:
-            return verdict, step + 1
+            return verdict, step
     return DONE, steps

@@ -7,7 +7,7 @@ load whose voltage collapses has a solution below its threshold.
 
 import numpy as np
 
-from stabctl._util.jit import allocating_entry, inline, noinline
+from stabctl._util.jit import allocating_entry, noinline
 from stabctl.devices.blocks import copy
 from stabctl.dynamics.perform import perform
 
@@ -20,7 +20,7 @@ FAILED, NEEDS_NEWTON = 1000, 1001  # -    special results of `settle`
 TINY = 1e-30  # complex step
 
 
-@inline
+@noinline
 def settle(p, a, net, q):
     """Solve Y v = i(v) by fixed-point iteration; returns the number of iterations, or NEEDS_NEWTON."""
     for i in range(len(q.current)):

@@ -6,6 +6,7 @@ is on.
 """
 
 from dataclasses import dataclass, replace
+from types import ModuleType
 
 import numpy as np
 
@@ -56,8 +57,15 @@ def wired(point: OperatingPoint, control: Law | None) -> Wired:
     start[: layout.first_memory] = point.s[: layout.first_memory]
     online = deviation + 2 * m
     start[online : online + len(point.case.machines)] = 1.0
-    made = frame(point.system, layout, deviation, held)
+    made = frame(point.system, layout, deviation, held, relay=_switches(families, law))
     return Wired(kept[key]._replace(k=k), families, layout, made, slice(orders, orders + len(held)), start)
+
+
+def _switches(families: tuple[Family, ...], law: ModuleType | None) -> bool:
+    """Whether the orders switch between fixed values: a relay, no ramp limit, no other device with a memory."""
+    others = any(hasattr(f.device, "step") for f in families if f.name not in ("law", "hold"))
+    ramped = any(f.name == "hold" and (f.k > 0).any() for f in families)
+    return bool(getattr(law, "RELAY", False)) and not ramped and not others
 
 
 def _families(point: OperatingPoint, control: Law | None) -> tuple[tuple[Family, ...], Layout, tuple[int, int, int]]:

@@ -18,6 +18,7 @@ from stabctl.devices.ports import fixed
 NAME = "ESD"
 ROLE = "storage"
 LIMITS = {"energy": ("floor", "capacity")}
+STOPS = ("energy",)
 
 
 class Par(NamedTuple):

@@ -1,0 +1,49 @@
+"""The orders of sampled devices, and the signals that they read: speeds and accelerations against the others' COI."""
+
+from stabctl._util.jit import noinline
+from stabctl.dynamics.perform import perform
+
+
+@noinline
+def run(calls, p, s, f, on):
+    """Call the device families, compiled once in the stepper."""
+    perform(calls, p.w, p.k, s, f, on)
+
+
+@noinline
+def coi(a, net, q):
+    """Sum inertia, and inertia times speed, acceleration and angle change, per island."""
+    s, sums, island = q.s, q.coi, net.island
+    for i in range(len(island)):
+        for j in range(4):
+            sums[j, max(island[i], 0)] = 0.0
+    for i in range(len(a.rotor)):
+        k, h, at = island[a.unit[i]], a.inertia[i], a.rotor[i]
+        if k >= 0:
+            sums[0, k] += h
+            sums[1, k] += h * s[at + 1]
+            sums[2, k] += h * q.f[at + 1]
+            sums[3, k] += h * (s[at] - q.angles[0, i])
+
+
+@noinline
+def decide(p, a, net, q):
+    """Let the sampled devices act on the present signals; returns whether an order has changed."""
+    coi(a, net, q)
+    s, sums, island, first, m = q.s, q.coi, net.island, a.places[2], len(a.rotor)
+    for i in range(len(island)):
+        s[first + 2 * m + i] = 1.0 if island[i] >= 0 else 0.0
+    for i in range(m):
+        k, own, at = island[a.unit[i]], a.inertia[i], a.rotor[i]
+        s[first + i] = s[first + m + i] = 0.0
+        if k >= 0 and sums[0, k] > own:
+            rest = sums[0, k] - own
+            s[first + i] = s[at + 1] - (sums[1, k] - own * s[at + 1]) / rest
+            s[first + m + i] = q.f[at + 1] - (sums[2, k] - own * q.f[at + 1]) / rest
+    for j in range(len(a.held)):
+        q.orders[0, j] = q.s[a.held[j]]
+    run(p.step, p, q.s, q.f, net.island)
+    changed = False
+    for j in range(len(a.held)):
+        changed |= q.orders[0, j] != q.s[a.held[j]]
+    return changed
