@@ -20,6 +20,9 @@ lint: .venv/dev  ## check style, import layers and types
 	$(BIN)/lint-imports
 	$(BIN)/mypy
 
+mutate: .venv/dev  ## put faults into a copy of the code and count those that the tests notice (MUTATE="--seed 7 model io")
+	$(BIN)/python tools/mutate.py $(MUTATE)
+
 docs: .venv/demo  ## write docs/models.md: parameters, states, ports and source of every device
 	$(BIN)/python tools/models_page.py
 
@@ -57,5 +60,5 @@ clean:  ## remove the virtual environment and all generated files
 	$(BIN)/python -m pip install -q -e '.[dev]'
 	@touch $@
 
-.PHONY: help demo test slow lint docs reproduce bench clean
+.PHONY: help demo test slow lint mutate docs reproduce bench clean
 .DEFAULT_GOAL := help

@@ -60,8 +60,6 @@ class EqualArea(Tabular):
 
     plot = verb("stabctl.plotting.equal_area:plot")
 
-    plot = verb("stabctl.plotting.equal_area:plot")
-
     @property
     def df(self) -> "pd.DataFrame":
         """The power-angle curves during and after the fault, with and without P_C."""

@@ -85,8 +85,6 @@ class FeedbackComparison(Tabular):
         angles, speeds = ["min_angle_rad", "peak_angle_rad"], ["min_speed_rad_s", "max_speed_rad_s"]
         return pd.DataFrame(rows, columns=["law", "stable", *angles, *speeds, "damping_ratio"])
 
-    plot = verb("stabctl.plotting.phase_plane:feedback")
-
     def __str__(self) -> str:
         return "\n".join(map(str, self.responses))
 

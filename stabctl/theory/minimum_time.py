@@ -101,8 +101,6 @@ class MinimumTime(Tabular):
 
     plot = verb("stabctl.plotting.minimum_time:plot")
 
-    plot = verb("stabctl.plotting.minimum_time:plot")
-
     @property
     def df(self) -> "pd.DataFrame":
         """States, co-states and absorbed power from clearing on."""

@@ -49,8 +49,6 @@ class PhasePortrait(Tabular):
 
     plot = verb("stabctl.plotting.phase_plane:plot")
 
-    plot = verb("stabctl.plotting.phase_plane:plot")
-
     @property
     def df(self) -> "pd.DataFrame":
         """A row per fault: the state at clearing, and whether the machine keeps synchronism."""

@@ -57,11 +57,23 @@ def test_the_variance_of_the_power_is_the_mean_of_two_reports_and_held_while_non
         assert model.variance[0] == pytest.approx(held, rel=1e-12)
 
 
+def test_at_the_start_the_fluxes_of_full_machines_are_uncertain_by_a_thousandth(points):
+    model = MachineModel(rotor_units(points("two_area")), PMU, power=True, tuning=TUNING)
+    (report,) = (model.measured(f) for f in frames(points("two_area"), (0.0,), ([True] * 4,)))
+    x, P = model.begin(report)
+    assert P[0, :, 3:, 3:] == pytest.approx(np.broadcast_to(1e-6 * np.eye(2), (4, 2, 2)))
+    assert not P[0, :, :3, 3:].any()
+    assert np.ptp(x[0, :, 2] - report.P[0]) < 1e-12
+
+
 def test_the_acceleration_is_that_of_the_swing_equation_with_the_variance_of_its_powers(classical):
     known = rotor_units(classical)
     model = MachineModel(known, PMU, power=True, tuning=TUNING)
     (report,) = (model.measured(f) for f in frames(classical, (0.2,), ([True] * 4,)))
     x, P = model.begin(report)
+    diagonal = [report.variance[0] for _ in range(3)]
+    diagonal[0], diagonal[1] = model.observe(x, report).variance[0], np.full(4, 1e-4**2)
+    assert P[0] == pytest.approx(np.stack([np.diag([*v, 0, 0]) for v in np.transpose(diagonal)]), rel=1e-12)
     x[..., 2] += [0.1, -0.2, 0.3, 0.0]
     a, variance = model.acceleration(x, P)
     assert a[0] == pytest.approx(np.array([0.1, -0.2, 0.3, 0.0]) / (2 * known.H), abs=1e-15)

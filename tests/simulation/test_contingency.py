@@ -29,10 +29,29 @@ def test_a_fault_at_a_bus_goes_out_when_its_circuits_open(two_area):
     assert str(one) == "fault 7 through 0.01j pu, cleared after 0.1 s by opening 7-8, 8-9#2"
 
 
+@pytest.mark.parametrize(
+    ("one", "label"),
+    [
+        (Contingency("7", 0.1), "7"),
+        (Contingency("7", 0.1, "7-8, 8-9"), "7 trip 7-8, 8-9"),
+        (Contingency(trip="7-8"), "trip 7-8"),
+        (Contingency("7", 0.1, "7-8", name="west"), "west"),
+        (Contingency(events="2@1s"), "2@1s"),
+        (Contingency(), "no event"),
+    ],
+)
+def test_a_label_is_the_name_or_the_fault_and_what_opens(one, label):
+    assert one.label == label
+
+
 def test_cycles_are_those_of_the_case(two_area):
     from dataclasses import replace
 
-    assert Contingency("7", "6cyc").cleared(replace(two_area, frequency_hz=50.0)) == pytest.approx(1.12)
+    fifty = replace(two_area, frequency_hz=50.0)
+    assert Contingency("7", "6cyc").cleared(fifty) == pytest.approx(1.12)
+    assert Contingency("7", "6cyc", at="20cyc").starts(fifty) == pytest.approx(0.4)
+    assert Contingency("7", "6cyc", at="20cyc", events="2@30cyc").others(fifty) == (TripMachine(2, 0.6),)
+    assert event("7-8@30cyc", 50.0) == Open("7-8", 0.6)
 
 
 def test_circuits_open_without_a_fault(two_area):

@@ -134,6 +134,14 @@ class TestLength:
             with pytest.raises(StudyError, match=r"1e\+09 s takes 1.2e\+11 steps, more than the 5e\+07 "):
                 run(two_area.case.with_storage("50MW").initialize(), None, 1e9, control)
 
+    def test_too_many_steps_name_the_time_constant_that_makes_them_short(self, cases, two_area):
+        short = operating_point.solve(cases("two_area").set("genrou.3.T2d", 2e-5))
+        with pytest.raises(StudyError, match=r"steps \(T2d = 2e-05 s of genrou, machine 3 at bus 3\), more than"):
+            run(short, None, 1e6)
+        with pytest.raises(StudyError, match=r"takes 1\.2e\+08 steps, more than the 5e\+07 allowed"):
+            run(two_area, None, 1e6)
+        steps.affordable(two_area, 0.01, 0.01 * steps.MOST, 0)  # as many as are allowed
+
     def test_a_record_that_would_fill_the_memory_is_refused(self, two_area, monkeypatch):
         monkeypatch.setattr(steps, "memory", lambda: 2e6)
         with pytest.raises(StudyError, match=r"100 s takes .* GB, more than half of the memory \(0.001 GB\)"):

@@ -25,6 +25,21 @@ def test_storage_damping_at_both_ends_of_the_tie(point):
     assert np.abs(np.sort_complex(locus.eigenvalues[-1]) - np.sort_complex(end)).max() < 1e-5  # 3e-13
 
 
+def test_a_gain_around_an_output_that_the_input_reaches_at_once(point):
+    """u = k y with y = C x + D u, D = 0.07: u = k C x/(1 - D k)."""
+    model = linearize(point("two_area"), ["storage:5"], ["voltage:5"])
+    C, d = model.C, model.D[0, 0]
+    assert abs(d) > 1e-3
+    gains = np.array([0.0, 0.2, 0.4, 0.6]) / d
+    locus = feedback_locus(model, 0, 0, gains)
+    for k, found in zip(gains, locus.eigenvalues, strict=True):
+        u = k * np.linalg.solve(np.eye(1) - k * model.D, C)  # of the states
+        end = np.linalg.eigvals(model.A + model.B @ u)
+        assert np.abs(np.sort_complex(found) - np.sort_complex(end)).max() < 1e-4
+    with pytest.raises(StudyError, match="algebraic loop"):
+        feedback_locus(model, 0, 0, [0.0, 1 / d])
+
+
 def test_branches_do_not_jump(point):
     model = linearize(point("two_area"), ["storage:5"], ["speed:1"])
     coarse = feedback_locus(model, 0, 0, np.linspace(0, 40, 11))

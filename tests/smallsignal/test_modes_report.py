@@ -86,6 +86,8 @@ def test_the_band_filters_the_table_only():
 
 def test_report_open_and_classical(tmp_path):
     out = run("modes", "two_area", "--classical", "--report", tmp_path, "--open", "7-8#2").output
+    zeros = [line for line in out.splitlines() if line.startswith("Zero eigenvalue: ")]
+    assert len(zeros) == 2
     assert "frequency reference" in out
     assert (tmp_path / "two_area_modes.html").is_file()
 

@@ -64,6 +64,7 @@ def test_table_and_picture(command, tmp_path):
     result = run(command, "--plot", str(file))
     assert result.exit_code == 0
     assert len(result.stdout.splitlines()) > 4
+    assert not result.stdout.lstrip().startswith("{")
     assert file.read_bytes()[:4] == b"\x89PNG"
 
 

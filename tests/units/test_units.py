@@ -35,6 +35,27 @@ def test_text_with_a_unit(read, text, value):
     assert read(value) == value
 
 
+PER = {  # of each unit, what one of the first of its kind is
+    "s": {"s": 1, "ms": 1000, "us": 1000000, "min": 1 / 60, "h": 1 / 3600},
+    "Hz": {"Hz": 1, "mHz": 1000},
+    "MW": {"MW": 1, "kW": 1000, "GW": 0.001},
+    "Mvar": {"Mvar": 1, "MVAr": 1, "MVAR": 1, "kvar": 1000, "Gvar": 0.001},
+    "MVA": {"MVA": 1, "kVA": 1000, "GVA": 0.001},
+    "MWh": {"MWh": 1, "kWh": 1000, "GWh": 0.001},
+    "MW/s": {"MW/s": 1, "kW/s": 1000, "MW/min": 60, "GW/s": 0.001},
+    "kV": {"kV": 1, "V": 1000},
+    "rad": {"rad": 1, "mrad": 1000, "deg": 57.29577951308232},
+    "-": {"-": 1, "%": 100},
+}
+
+
+def test_every_unit_is_what_its_prefix_says():
+    assert {next(iter(kind.per)): dict(kind.per) for kind in units.KINDS} == {
+        first: {unit: pytest.approx(per) for unit, per in table.items()} for first, table in PER.items()
+    }
+    assert len(units.KINDS) == len(PER)
+
+
 @pytest.mark.parametrize(
     ("text", "value"), [("6cyc", 0.1), ("0.1s", 0.1), ("100ms", 0.1), ("6CYC", 0.1), ("1e-1 s", 0.1), (0.1, 0.1)]
 )
