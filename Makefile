@@ -14,6 +14,9 @@ test: .venv/test  ## run the tests
 slow: .venv/test  ## run the tests that take long
 	$(BIN)/python -m pytest -n auto --dist loadfile -m slow
 
+fuzz: .venv/test  ## run mutated inputs until a failure is found or FUZZ_MINUTES (10) are over; FUZZ_SEED gives others
+	PYTHONPATH=.:tests $(BIN)/python -m fuzz --minutes $(or $(FUZZ_MINUTES),10) --seed $(or $(FUZZ_SEED),1)
+
 lint: .venv/dev  ## check style, import layers and types
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -60,5 +63,5 @@ clean:  ## remove the virtual environment and all generated files
 	$(BIN)/python -m pip install -q -e '.[dev]'
 	@touch $@
 
-.PHONY: help demo test slow lint mutate docs reproduce bench clean
+.PHONY: help demo test slow fuzz lint mutate docs reproduce bench clean
 .DEFAULT_GOAL := help

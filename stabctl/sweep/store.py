@@ -23,6 +23,9 @@ PATIENCE = 30.0  # s   to wait for a file that another process has locked
 JOB = tuple(f.column for f in fields(Job).values())
 RESULT = tuple(f.column for f in fields(Result).values())
 COLUMNS = ("key", *JOB, *RESULT)
+KINDS: dict[str, Any] = {"key": str} | {
+    f.column: (int, float) if f.kind is float else f.kind for record in (Job, Result) for f in fields(record).values()
+}
 
 SENTENCES = {
     "SQLITE_FULL": "the disk is full; free some space and run the same command again to continue with the rows so far",
@@ -109,10 +112,25 @@ def rows(path: str | Path) -> list[dict[str, Any]]:
                 return []
             found = base.execute("SELECT * FROM results")
             names = [column[0] for column in found.description]
-            rows = [dict(zip(names, row, strict=True)) for row in found]
+            rows = [_checked(dict(zip(names, row, strict=True)), path) for row in found]
             return [row | {"set": json.loads(row["set"] or "null")} for row in rows]
         finally:
             base.close()
+
+
+def _checked(row: dict[str, Any], path: Path) -> dict[str, Any]:
+    """A row with the columns of this format and values of their kinds. Raises StudyError if it is damaged."""
+    sound = tuple(row) == COLUMNS and all(
+        value is None or (isinstance(value, KINDS[name]) and (not isinstance(value, str) or value.isprintable()))
+        for name, value in row.items()
+    )
+    try:
+        sound = sound and isinstance(json.loads(row["set"] or "{}"), dict)
+    except ValueError:
+        sound = False
+    if not sound:
+        raise StudyError(f"{path}: {SENTENCES['SQLITE_CORRUPT']}.")
+    return row
 
 
 def _reading(path: Path) -> str:

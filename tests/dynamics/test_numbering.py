@@ -11,6 +11,7 @@ from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.model.case import Link, Storage
 from stabctl.model.keys import number
+from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.events import Clear, Fault, LoadStep, Open, TripMachine
 from stabctl.simulation.simulation import run
 from stabctl.smallsignal import analyze, linearize
@@ -90,12 +91,20 @@ def test_numbers_and_order_do_not_matter(case, plain):
     assert np.abs(plain.arrays.storage).max() > 30
 
 
-@pytest.mark.parametrize("base", [1.0, 37.0, 1e4])
+@pytest.mark.parametrize("base", [0.01, 0.1, 37.0, 1e4])
 def test_the_base_does_not_matter(case, plain, base):
     other = run(operating_point.solve(rebased(case, base)), events(), 2.0, control=BangBang(), criterion=KEEP_ON)
     assert np.abs(other.arrays.speed - plain.arrays.speed).max() < 1e-13  # 4e-16
     assert np.abs(other.arrays.V - plain.arrays.V).max() < 1e-11  # 1e-13
     assert np.abs(other.arrays.storage - plain.arrays.storage).max() < 1e-10  # 5e-13
+
+
+@pytest.mark.parametrize("base", [0.01, 1e4])
+def test_clearing_times_are_those_of_any_base(cases, base):
+    plain = cases("two_area").classical()
+    for fault in ("7-8@0.4", "9"):
+        wanted, other = (c.clearing_time(Contingency(fault), observe=1.0) for c in (plain, rebased(plain, base)))
+        assert (other.cycles, other.lowest_unstable) == (wanted.cycles, wanted.lowest_unstable)
 
 
 def test_modes_are_the_same(case):

@@ -130,3 +130,25 @@ def test_places_where_no_file_can_be(tmp_path):
     with pytest.raises(StudyError, match="There is no results file"):
         rows(tmp_path / "missing.db")
     assert not (tmp_path / "missing.db").exists()
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        "ALTER TABLE results RENAME COLUMN rmse_mhz TO rmse",
+        "ALTER TABLE results DROP COLUMN worker",
+        "UPDATE results SET cycles = 'x'",
+        "UPDATE results SET message = X'FF'",
+        "UPDATE results SET message = 'a' || char(27)",
+        "UPDATE results SET \"set\" = '[1]'",
+        "UPDATE results SET \"set\" = '{'",
+    ],
+)
+def test_rows_that_are_no_results(tmp_path, damage):
+    path = tmp_path / "results.db"
+    with Store(path) as kept:
+        kept.add(row("a", message="stable"))
+    with sqlite3.connect(path) as base:
+        base.execute(damage)
+    with pytest.raises(StudyError, match="it is damaged"):
+        rows(path)
