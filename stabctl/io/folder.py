@@ -116,7 +116,7 @@ def read_tables(folder: Path, about: Row) -> dict[str, Table]:
 
 def _refuse_copies(path: Path, table: Table, device: bool) -> None:
     """Raise `CaseError` for a row that repeats another one, and would count twice."""
-    instead = "number the second device, as 2#2" if device else "give one row with the sum"
+    instead = "number the second device, as 2#2" if device else "give the second load an id"
     first: dict[Hashable, int] = {}
     for row, line in zip(table.rows, table.lines, strict=True):
         seen = first.setdefault(tuple(row.items()), line)

@@ -55,7 +55,7 @@ def test_a_device_given_twice(overlay):
 def test_a_load_given_twice(overlay):
     (overlay / "loads.csv").write_text("bus,p_mw,q_mvar\n7,967,100\n9,1767,100\n7,967,100\n")
     assert complaint(overlay) == (
-        f"{overlay}/loads.csv row 4: it repeats row 2; remove it, or give one row with the sum."
+        f"{overlay}/loads.csv row 4: it repeats row 2; remove it, or give the second load an id."
     )
     (overlay / "loads.csv").write_text("bus,p_mw,q_mvar\n7,966,100\n9,1767,100\n7,1,0\n")
     assert io.load(overlay).loads[2].p == 1  # a second load at a bus is none

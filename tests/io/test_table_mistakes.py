@@ -82,7 +82,7 @@ def test_a_bus_cut_off_from_the_swing_bus(folder):
 
 
 @pytest.mark.parametrize(
-    ("table", "instead"), [("loads", "give one row with the sum"), ("pss", "number the second device, as 2#2")]
+    ("table", "instead"), [("loads", "give the second load an id"), ("pss", "number the second device, as 2#2")]
 )
 def test_a_row_given_twice(folder, table, instead):
     rows = cells(folder / f"{table}.csv")
