@@ -12,7 +12,19 @@ import pytest
 from stabctl import devices
 from stabctl.devices.converters import regc_a
 from stabctl.devices.exciters import exdc2, exst3, ieeet1, sexs
-from stabctl.devices.governors import tgov
+from stabctl.devices.governors import (
+    degov,
+    degov1,
+    gast,
+    hygov,
+    ieeeg1,
+    ieeeg3,
+    ieesgo,
+    pidgov,
+    tgov,
+    tgov1,
+    wpidhy,
+)  # fmt: skip
 from stabctl.devices.loads import exponential
 from stabctl.devices.machines import gencls, genrou, gensal, gentpj1, two_axis
 from stabctl.devices.stabilizers import pss
@@ -38,6 +50,22 @@ REGC = regc_a.Par(0, 0.02)
 STEAM = tgov.Par(20.0, 0.1, 0.5, 0.0, 1.25, 5.0)
 HYDRO = tgov.Par(20.0, 0.5, 5.0, 1.0, -1.0, 0.5)
 
+GOVERNORS = {  # of machines at 0.3 to 0.85 pu, whose limits a large step of the speed reaches
+    tgov1: tgov1.Par(0.05, 0.3, 1.0, 5.0, 0.0, 0.9, 0.3),
+    gast: gast.Par(0.05, 0.4, 0.1, 3.0, 1.0, 2.0, 0.9, 0.3),
+    ieeeg1: ieeeg1.Par(20.0, 0.2, 0.0, 0.1, 0.3, 0.3, T5=5.0, K3=0.7, Pmax=0.9, Pmin=0.3),
+    hygov: hygov.Par(0.05, 0.3, 5.0, 0.05, 0.2, 1.0, VELM=0.1, Gmax=0.85, Gmin=0.3),
+    ieesgo: ieesgo.Par(0.1, 0.0, 0.2, 0.1, 0.4, 0.2, 20.0, 0.7, 0.2, 0.9, 0.3),
+    ieeeg3: ieeeg3.Par(0.2, 0.05, 0.05, 0.3, 5.0, 1.0, Umax=0.15, Umin=-0.15, Pmax=0.9, Pmin=0.3),
+    degov: degov.Par(0.02, 0.01, 0.1, 10.0, 0.5, 0.1, 0.05, 0.1, 0.9, 0.3),
+    degov1: degov1.Par(0, 0.02, 0.01, 0.1, 10.0, 0.5, 0.1, 0.05, 0.1, 0.05, 0.1, 0.9, 0.3),
+    pidgov: pidgov.Par(
+        1, 0.05, 0.05, 4.0, 1.0, 0.2, 0.1, 0.3, 0.0, 0.1, 0.5, 0.3, 0.75, 0.55, 1.0, 1.0, 1.0, 0.9, 0.3, 0.1, -0.1
+    ),
+    wpidhy: wpidhy.Par(
+        0.05, -0.05, 2.0, 0.05, 1.0, 0.05, 0.05, 1.0, 0.0, 0.1, 0.5, 0.3, 0.75, 0.55, 1.0, 0.1, -0.1, 0.9, 0.3
+    ),
+}
 KINDS = {  # name -> devices of machine 1 and load 2; between them every model, and every branch of its equations
     "classical": {"gencls": CLASSICAL},
     "classical with governor": {"gencls": CLASSICAL, "tgov": STEAM},
@@ -69,6 +97,12 @@ LIBRARY = {  # the same for devices of the library, whose tests are slow ones: e
     "gensae": {"gensae": POLES, "sexs": SEXS},
     "gentpj1": {"gentpj1": TYPE_J, "sexs": SEXS},
     "gentpj1 without saturation": {"gentpj1": TYPE_J._replace(S10=0.0, T1q=0.0)},
+    **{
+        device.NAME.lower(): {"genrou": ROUND, device.__name__.rpartition(".")[2]: par}
+        for device, par in GOVERNORS.items()
+    },
+    "degov1 with power": {"gencls": CLASSICAL, "degov1": GOVERNORS[degov1]._replace(M=1)},
+    "pidgov with power": {"gencls": CLASSICAL, "pidgov": GOVERNORS[pidgov]._replace(feedback=0)},
     "two axes": {"two_axis": TWO_AXES, "sexs": SEXS, "tgov": STEAM},
 }
 

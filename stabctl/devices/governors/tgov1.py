@@ -1,0 +1,62 @@
+"""TGOV1: steam turbine and governor.
+
+Pref -> (+) -> [1/R] -> [1/(1+sT1)], held between Vmin and Vmax -> [(1+sT2)/(1+sT3)] -> (+) -> Pm
+        (-) <- omega - 1                                            Dt (omega - 1) -> (-)
+
+T3 is the reheater time constant, T2/T3 the high-pressure share.
+Source: PSS/E Model Library, TGOV1; IEEE Task Force, Dynamic Models for Turbine-Governors, PES-TR1 (2013), section 2.1.
+"""
+
+from typing import Annotated, NamedTuple
+
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import clip, lag, lag_rate, lead_lag
+from stabctl.schema import NOT_NEGATIVE, POSITIVE
+
+from .signals import Input, Output
+
+NAME = "TGOV1"
+ROLE = "governor"
+LIMITS = {"valve": ("Vmin", "Vmax")}
+DYR = {"TGOV1": "R T1 Vmax Vmin T2 T3 Dt"}
+__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "output"]
+
+
+class Par(NamedTuple):
+    """Parameters of one governor, on the machine's base."""
+
+    R: Annotated[float, "pu", "droop", POSITIVE]
+    T1: Annotated[float, "s", "governor and valve", NOT_NEGATIVE]
+    T2: Annotated[float, "s", "turbine lead", NOT_NEGATIVE]
+    T3: Annotated[float, "s", "turbine lag, reheater", NOT_NEGATIVE]
+    Dt: Annotated[float, "pu", "turbine damping, power over speed deviation", NOT_NEGATIVE] = 0.0
+    Vmax: Annotated[float, "pu", "valve limit"] = 1.0
+    Vmin: Annotated[float, "pu", "valve limit"] = 0.0
+
+
+class State(NamedTuple):
+    """Valve and reheater."""
+
+    valve: Annotated[float, "pu", "valve position"]
+    turbine: Annotated[float, "pu", "lagged signal of the turbine"]
+
+
+@inline
+def stages(x, u, p):
+    """Power demand and valve position (pu)."""
+    demand = (u.Pref - (u.omega - 1)) / p.R
+    return demand, clip(lag(p.T1, demand, x.valve), p.Vmin, p.Vmax)
+
+
+@inline
+def output(x, u, p):
+    """Mechanical power (pu machine)."""
+    _, valve = stages(x, u, p)
+    return Output(lead_lag(p.T2, p.T3, valve, x.turbine) - p.Dt * (u.omega - 1))
+
+
+@inline
+def derivatives(x, u, p):
+    """State derivatives (1/s)."""
+    demand, valve = stages(x, u, p)
+    return State(lag_rate(p.T1, demand, x.valve), lag_rate(p.T3, valve, x.turbine))
