@@ -2,11 +2,14 @@
 
 import numpy as np
 
+from stabctl.dynamics.assembly import INFINITE
+
 from .model import Linear
 
 SWING = 1 / 3  # least participation of angles and speeds in a swing mode: n - 1 in every packaged case of n machines
 NAMED = 0.2  # participation, relative to the largest, from which a machine is named
 TOGETHER = 0.7  # |sum H s| / sum H |s| above which the machines move together
+STANDING = 1e-4 * INFINITE  # s   inertia of an infinite bus, whatever its MVA
 MOST = 4  # largest number of machines named on each side
 
 
@@ -19,6 +22,9 @@ def swings(values: np.ndarray, shares: np.ndarray, speeds: np.ndarray, rotor: np
 
 
 def _together(speeds: np.ndarray, H: np.ndarray) -> np.ndarray:
+    """|sum H s| / sum H |s| (modes); 0 with an infinite bus, which stands still while the others move."""
+    if H.max(initial=0.0) >= STANDING:
+        return np.zeros(speeds.shape[1])
     whole = H @ np.abs(speeds)
     return np.divide(np.abs(H @ speeds), whole, out=np.zeros(speeds.shape[1]), where=whole > 0)
 

@@ -106,7 +106,7 @@ def distance(found, diagrams):
 
 
 def motion(device, p, x, u, until, v=(1.0, 0.0)):
-    """States and outputs (times, ...) every 2.5 ms as the inputs u(t) move: Heun's method, with the limits of LIMITS."""
+    """States and outputs (times, ...) every 2.5 ms as the inputs u(t) move: Heun's method with the limits of LIMITS."""
     x, out, step = np.array(x, float), [], 2.5e-3
 
     def held(x, u):

@@ -150,6 +150,9 @@ def test_an_infinite_bus_neither_moves_nor_turns():
     assert np.ptp(run.arrays.speed[:, 1]) == 0
     place = point.rotors.angle[1]
     assert np.ptp(run.rows[:, place]) == 0
+    modes = point.modes()
+    assert [modes.label(k) for k in modes.swings()] == ["machine 1 against the rest"]
+    assert modes.stable
 
 
 def test_subtransients_cannot_be_left_out_by_their_time_constants():

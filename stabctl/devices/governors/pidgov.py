@@ -10,6 +10,7 @@ The feedback f is the electrical power or, with feedback = 1, the gate. The curv
 Source: PSS/E Model Library, PIDGOV; IEEE Task Force, Dynamic Models for Turbine-Governors, PES-TR1 (2013), section 4.
 """
 
+from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -56,7 +57,9 @@ class Par(NamedTuple):
     Velmin: Annotated[float, "pu/s", "largest closing rate, negative"] = -0.1
     mva: Annotated[float, "-", "machine MVA over system MVA", FROM_CASE] = 1.0
 
-    errors = ascending
+    def errors(self) -> Iterator[tuple[str, str]]:
+        """Field and sentence of everything the equations cannot be formed with."""
+        return ascending(self)
 
 
 class State(NamedTuple):

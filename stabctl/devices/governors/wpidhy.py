@@ -9,6 +9,7 @@ Reg is the droop with a negative sign. The curve leads through (G0, 0), (G1, P1)
 Source: PSS/E Model Library, WPIDHY.
 """
 
+from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -55,7 +56,9 @@ class Par(NamedTuple):
     Pmin: Annotated[float, "pu", "power limit"] = 0.0
     mva: Annotated[float, "-", "machine MVA over system MVA", FROM_CASE] = 1.0
 
-    errors = ascending
+    def errors(self) -> Iterator[tuple[str, str]]:
+        """Field and sentence of everything the equations cannot be formed with."""
+        return ascending(self)
 
 
 class State(NamedTuple):
