@@ -50,6 +50,12 @@ def siting():
     )
 
 
+@pytest.fixture
+def plain(siting):
+    """The same without figures, which take most of the time of a page."""
+    return replace(siting, candidates=(), history=())
+
+
 def cells(page, heading):
     """Rows of the table below a heading, as text."""
     part = page[page.index(f"<h2>{heading}</h2>") :]
@@ -66,12 +72,12 @@ def test_the_headline_names_what_no_fleet_survives_and_targets_by_default_are_sa
     assert str(siting).startswith(head)
     chosen = replace(siting, targets="Chosen by default.")
     assert chosen.remarks()[1] == "Chosen by default."
-    assert "Chosen by default." in siting_page.page(chosen)
+    assert "Chosen by default." in siting_page.page(replace(chosen, candidates=(), history=()))
 
 
 def test_a_single_iteration_is_no_chart(siting):
     assert "Cost by iteration" in siting_page.page(siting)
-    assert "Cost by iteration" not in siting_page.page(replace(siting, history=siting.history[:1]))
+    assert "Cost by iteration" not in siting_page.page(replace(siting, candidates=(), history=siting.history[:1]))
 
 
 def test_the_page_says_what_the_record_holds(siting, tmp_path):
@@ -153,16 +159,16 @@ def test_sites_stand_largest_first_beside_the_uniform_fleet(siting):
     assert even == [8.0, 36.0] + [5.0 + k for k in range(34, 0, -1) if k not in (3, 31)]
 
 
-def test_a_folder_that_cannot_be_is_told_in_a_sentence(siting, tmp_path):
+def test_a_folder_that_cannot_be_is_told_in_a_sentence(plain, tmp_path):
     (tmp_path / "file").write_text("kept")
     for folder in (tmp_path / "file", tmp_path / "file" / "below"):
         with pytest.raises(StudyError, match=r"^The report placement_some.html cannot be written to .* Give another"):
-            siting_page.write(siting, folder)
+            siting_page.write(plain, folder)
     assert (tmp_path / "file").read_text() == "kept"
 
 
-def test_a_page_stands_until_the_new_one_is_whole(siting, tmp_path, monkeypatch):
-    path = siting_page.write(siting, tmp_path)
+def test_a_page_stands_until_the_new_one_is_whole(plain, tmp_path, monkeypatch):
+    path = siting_page.write(plain, tmp_path)
     before = path.read_bytes()
 
     def fail(_):
@@ -170,15 +176,15 @@ def test_a_page_stands_until_the_new_one_is_whole(siting, tmp_path, monkeypatch)
 
     monkeypatch.setattr("stabctl._util.files.os.fsync", fail)
     with pytest.raises(StudyError, match="No space left on device"):
-        siting_page.write(replace(siting, cost=1.0), tmp_path)
+        siting_page.write(replace(plain, cost=1.0), tmp_path)
     assert path.read_bytes() == before
     assert len(list(tmp_path.iterdir())) == 1
 
 
 @pytest.mark.parametrize("name", ["../../x", "/etc/passwd", "..", "a/b\\c", "line\nbreak", "x" * 300, "\N{SNOWMAN}"])
-def test_no_name_of_a_case_leads_out_of_the_folder(siting, tmp_path, name):
+def test_no_name_of_a_case_leads_out_of_the_folder(plain, tmp_path, name):
     folder = tmp_path / "reports"
-    path = siting_page.write(replace(siting, case=name), folder)
+    path = siting_page.write(replace(plain, case=name), folder)
     assert [path] == list(folder.iterdir())
     assert [folder] == list(tmp_path.iterdir())
     assert re.fullmatch(r"placement[\w.-]*\.html", path.name)
@@ -199,19 +205,19 @@ def test_a_siting_is_a_table_and_saves_itself(siting, tmp_path):
     assert devices == [(3, 103, 40.0, 0.1), (31, 131, 20.0, 0.1)]
 
 
-def test_the_percentages_are_those_of_the_record(siting):
+def test_the_percentages_are_those_of_the_record(plain):
     """The bound below the cost in percent of the cost, and the fleet in percent of the uniform one."""
-    page = unescape(siting_page.page(siting))
+    page = unescape(siting_page.page(plain))
     cost, bound, gap = map(float, re.search(r"Cost ([\d.]+), .*bound ([\d.]+) \(([\d.]+) % lower\)", page).groups())
-    assert (cost, bound) == (siting.cost, siting.lower_bound) == (60.0, 57.0)
-    assert gap == pytest.approx(100 * (cost - bound) / cost) == 100 * siting.gap
+    assert (cost, bound) == (plain.cost, plain.lower_bound) == (60.0, 57.0)
+    assert gap == pytest.approx(100 * (cost - bound) / cost) == 100 * plain.gap
     uniform, share, percent = map(
         float, re.search(r"at least ([\d.]+) MW \(([\d.]+) % of .* needs ([\d.]+) % of that", page).groups()
     )
-    assert (uniform, share) == (siting.uniform_mw, siting.uniform_percent)
-    assert percent == round(100 * 60.0 / 765.0) == round(siting.percent_of_uniform)
+    assert (uniform, share) == (plain.uniform_mw, plain.uniform_percent)
+    assert percent == round(100 * 60.0 / 765.0) == round(plain.percent_of_uniform)
     kwh = float(re.search(r"([\d.]+) MW and ([\d.]+) kWh", page)[2])
-    assert kwh == round(1e3 * (0.0123 + 0.004)) == round(1e3 * siting.total_mwh)
-    assert replace(siting, costs=Costs(mw=2.0)).lower_bound_mw == 57.0 / 2
-    assert replace(siting, costs=Costs(mwh=2.0)).lower_bound_mw is None
-    assert replace(siting, costs=Costs(site=2.0)).lower_bound_mw is None
+    assert kwh == round(1e3 * (0.0123 + 0.004)) == round(1e3 * plain.total_mwh)
+    assert replace(plain, costs=Costs(mw=2.0)).lower_bound_mw == 57.0 / 2
+    assert replace(plain, costs=Costs(mwh=2.0)).lower_bound_mw is None
+    assert replace(plain, costs=Costs(site=2.0)).lower_bound_mw is None

@@ -7,6 +7,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 import typer
+from systems import one_of
 from typer.testing import CliRunner
 
 from stabctl.cli.linearize import linearize
@@ -45,7 +46,7 @@ class Balanced(HTMLParser):
             assert self.open.pop() == tag
 
 
-@pytest.mark.parametrize("name", ["two_area", "ieee39", "wnaps", "two_area_thyristor"])
+@pytest.mark.parametrize("name", one_of("two_area_thyristor", "two_area", "ieee39", "wnaps"))
 def test_the_page_is_whole_and_needs_no_network(modes, name):
     m = modes(name)
     page = modes_page.page(m, areas(m), (0.1, 2.5))

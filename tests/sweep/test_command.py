@@ -18,6 +18,7 @@ SIMS = Path(__file__).parents[2] / "sims"
 PAIR = 'kind = "simulate"\ncase = "two_area"\nmachines = "classical"\nfault = "7"\nclear = "3cyc"\n'
 
 
+@pytest.mark.slow
 def test_table_4_of_the_paper(stabctl, tmp_path):
     out = tmp_path / "table4.db"
     assert stabctl("sweep", "run", SIMS / "table4.toml", "--out", out)[0] == 0
