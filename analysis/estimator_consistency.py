@@ -72,7 +72,7 @@ def closed_loop(name: str) -> list[tuple[str, ...]]:
         for cycles in clearings:
             contingency = st.Contingency(fault, clear=f"{cycles}cyc", trip=trip)
             found = base.estimate(contingency, UNTIL, control=control, seeds=range(1, SEEDS + 1), record=False)
-            nees, nis, _ = means(found, cycles, pmu.own_frames / pmu.rate)
+            nees, nis, _ = means(found, cycles, pmu.own_frames(60) / pmu.rate)
             rows.append((name, kind, f"{cycles:g}", *(f"{n:.2f}" for n in (*nees, *nis))))
     return rows
 

@@ -43,7 +43,8 @@ def per_frame(simulation: Simulation, seen: list[Frame], engine: Engine) -> tupl
     """Median seconds of a frame: of the estimates, and with the deviations from the COI of the rest."""
     pmu, known = Pmu(), rotor_units(simulation.point)
     made: Estimator = estimator("kalman", known, pmu, engine=engine)
-    coi = CoiReference(known.inertia, pmu.rate, pmu.own_frames, pmu.remote_frames)
+    hz = known.frequency_hz
+    coi = CoiReference(known.inertia, pmu.rate, pmu.own_frames(hz), pmu.remote_frames(hz))
     island, walls = np.zeros(seen[0].V.shape, int), []
     for frame in seen:
         before = time.perf_counter()

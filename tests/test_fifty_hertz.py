@@ -94,6 +94,21 @@ def test_a_pmu_reports_the_frequency_of_a_turning_phasor():
     assert 50 * frame.rocof[0, 0] == pytest.approx(0.5, abs=1e-9)
 
 
+@pytest.mark.parametrize("hz", [50, 60])
+@pytest.mark.parametrize(("name", "frames"), [("none", 0), ("P", 1), ("M", 3)])
+def test_the_window_of_a_class_has_as_many_cycles(hz, name, frames):
+    """One report per cycle: the window of class P reaches one cycle to each side, that of class M three."""
+    pmu = Pmu.exact(hz, filter_class=name)
+    assert pmu.own_frames(hz) == pmu.remote_frames(hz) == frames
+    instrument, reported = Instrument(pmu, (1,), 1, float(hz)), []
+    for k in range(12):
+        V = np.full((1, 1), 1.0 if k == 5 else 0.0, complex)
+        reported.append(instrument.report(k / hz, V, V, V.real).V[0, 0])
+    assert np.flatnonzero(reported).tolist() == list(range(5, 5 + 2 * frames + 1))
+    assert sum(reported) == pytest.approx(1)
+    assert np.argmax(np.abs(reported)) == 5 + frames
+
+
 def test_noise_of_a_pmu_is_in_hertz_and_seconds():
     one = np.ones((1, 4000), complex)
     frequency = Instrument(Pmu.exact(50, frequency=0.01, rocof=0.2), (1,), 4000, 50.0).report(0, one, one, one.real)

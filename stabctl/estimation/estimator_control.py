@@ -95,7 +95,8 @@ class EstimatorLoop:
         self.control, self.simulations, self.seeds = control, simulations, tuple(seeds)
         self.observation = Observation(simulations, pmu, seeds, control.check_pmus)
         self.estimator = estimator(control.estimator, known, pmu, tuning=control.tuning, engine=control.engine)
-        self.coi = CoiReference(known.inertia, pmu.rate, pmu.own_frames, pmu.remote_frames)
+        own = pmu.own_frames(case.frequency_hz)
+        self.coi = CoiReference(known.inertia, pmu.rate, own, pmu.remote_frames(case.frequency_hz))
         self._true_coi = CoiReference(rotor_units(point).inertia, pmu.rate, 0, 0)
         row = {m.machine: i for i, m in enumerate(case.machines)}
         self._machine = [row[s.machine] for s in case.storage]
@@ -103,7 +104,7 @@ class EstimatorLoop:
         devices = [Device(s.rating, case.machine(s.machine).base, case.frequency_hz) for s in case.storage]
         self._par = [control.law.par(device) for device in devices]
         self._random = [np.random.default_rng([seed, 1]) for seed in seeds]
-        self._past: deque[Truth] = deque(maxlen=pmu.own_frames + 1)
+        self._past: deque[Truth] = deque(maxlen=own + 1)
         self._rows: list[_Row] = []
         for k in range(round(WARM_UP * pmu.rate)):
             self._frame(simulations[0].time - WARM_UP + k / pmu.rate, point.V)

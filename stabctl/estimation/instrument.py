@@ -45,9 +45,10 @@ class Instrument:
         offset = np.array([r.standard_normal(machines) for r in self._random])
         self._clock = np.exp(2j * pi * frequency_hz * pmu.clock * offset)
         self._lost = np.zeros(self.shape, bool)
-        self._length = 2 * pmu.own_frames + 1
+        half = pmu.own_frames(frequency_hz)
+        self._length = 2 * half + 1
         self._recent: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=self._length)
-        self._weights = window(pmu.own_frames)
+        self._weights = window(half)
         self._angle: np.ndarray | None = None
         self._frequency: np.ndarray | None = None
 

@@ -52,7 +52,7 @@ class MachineModel:
         self.swing = swing(self.H, self.D, hz=hz, T=self.T, walk=walk, flux=flux, with_power=power)
         self.q_axis = QAxis(known, self.T, self.memory)
         self.governors = Governors(known.governor, self.T)
-        self._window = PmuWindow(pmu.own_frames, self.T, hz)
+        self._window = PmuWindow(pmu.own_frames(hz), self.T, hz)
         self._row, self._F = np.arange(n), np.zeros((n, STATES, STATES))
         self._F[:, :3, :3], self._F[:, 3:, 3:] = self.swing.F, self.q_axis.A
 

@@ -50,7 +50,7 @@ class Observation:
         self._metered = check or bool(without.any())
         self.excluded = np.zeros(shape, bool)  # with this frame
         self._found: deque[tuple[int, list[tuple[int, int]]]] = deque()
-        self._frames, self._late = 0, pmu.remote_frames - pmu.own_frames
+        self._frames, self._late = 0, pmu.remote_frames(hz) - pmu.own_frames(hz)
         self.alarms: list[Alarm] = []
         self._instrument = Instrument(pmu, seeds, shape[1], hz)
         always = replace(pmu, loss=0.0, outage=None)
@@ -58,7 +58,7 @@ class Observation:
         self._meters = Instrument(always, [[seed, 2] for seed in seeds], others, hz)
         self._terminals = [Terminals(s) for s in simulations]
         self._last: list[tuple[np.ndarray, ...] | None] = [None] * len(simulations)
-        self._window = 2 * pmu.own_frames
+        self._window = 2 * pmu.own_frames(hz)
         self._switching: list[tuple[Switching, int]] = [(s.switching, self._window) for s in simulations]
 
     def __call__(self, at: float, resting: np.ndarray | None = None) -> tuple[Truth, Frame]:

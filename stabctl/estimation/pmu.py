@@ -20,7 +20,7 @@ from stabctl.units import quantity
 from .bad_pmu import BadPmu
 
 RATES = (10, 12, 15, 20, 24, 25, 30, 40, 50, 60, 100, 120, 200, 240)  # 1/s
-HALF_WINDOW = {"none": 0.0, "P": 1 / 60, "M": 3 / 60}  # s   half the length of the class's filter
+HALF_WINDOW = {"none": 0, "P": 1, "M": 3}  # cycles   half the length of the class's filter
 NOISE = Interval(ge=0, le=10)
 
 
@@ -97,15 +97,13 @@ class Pmu:
         if self.outage is not None:
             object.__setattr__(self, "outage", tuple(quantity(time, "s", bare=False) for time in self.outage))
 
-    @property
-    def own_frames(self) -> int:
-        """Age (frames) of a machine's own report: the group delay of its filter."""
-        return round(HALF_WINDOW[self.filter_class] * self.rate)
+    def own_frames(self, hz: float) -> int:
+        """Age (frames) of a machine's own report in a system of `hz`: the group delay of its filter."""
+        return round(HALF_WINDOW[self.filter_class] * self.rate / hz)
 
-    @property
-    def remote_frames(self) -> int:
-        """Age (frames) of the newest report of another machine."""
-        return self.own_frames + ceil(self.latency * self.rate - 1e-9)
+    def remote_frames(self, hz: float) -> int:
+        """Age (frames) of the newest report of another machine in a system of `hz`."""
+        return self.own_frames(hz) + ceil(self.latency * self.rate - 1e-9)
 
     @property
     def tve(self) -> float:

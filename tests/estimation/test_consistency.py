@@ -29,7 +29,7 @@ def means(name, cycles, pmu, seeds=range(1, SEEDS + 1)):
     contingency = Contingency(fault, f"{cycles}cyc", trip)
     found = estimate(io.load(name), contingency, 3, storage=storage, control=control, seeds=seeds, record=False)
     cleared = 1 + cycles / 60
-    edges = np.array([0.0, 1.0, cleared, cleared + 0.2, 3.0]) + pmu.own_frames / pmu.rate - 1e-9
+    edges = np.array([0.0, 1.0, cleared, cleared + 0.2, 3.0]) + pmu.own_frames(60) / pmu.rate - 1e-9
     windows = [(found.time >= a) & (found.time < b) for a, b in pairwise(edges)]
     return tuple(
         np.array([np.nanmean(np.where(found.on, each, np.nan)[w]) for w in windows]) for each in (found.nees, found.nis)

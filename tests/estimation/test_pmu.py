@@ -72,14 +72,14 @@ def test_a_class_delays_by_half_its_window_and_keeps_a_steady_turn():
     for k in range(20):
         V = np.exp(1j * 0.01 * k).reshape(1, 1)
         frames.append(instrument.report(k / 60, V, V, V.real))
-    assert (pmu.own_frames, pmu.remote_frames) == (3, 3)
+    assert (pmu.own_frames(60), pmu.remote_frames(60)) == (3, 3)
     assert np.angle(frames[-1].V[0, 0]) == pytest.approx(0.01 * (19 - 3))
 
 
 def test_frames_of_delay():
-    assert Pmu(latency=0.05).remote_frames == 3
-    assert Pmu(latency="51ms").remote_frames == 4
-    assert Pmu(rate=120, latency=0.05, filter_class="P").remote_frames == 2 + 6
+    assert Pmu(latency=0.05).remote_frames(60) == 3
+    assert Pmu(latency="51ms").remote_frames(60) == 4
+    assert Pmu(rate=120, latency=0.05, filter_class="P").remote_frames(60) == 2 + 6
 
 
 @pytest.mark.parametrize(
