@@ -266,6 +266,14 @@ def test_areas_are_between_the_curves(absorbed):
     assert f"= {area.A1:.4f}" in ax.get_title(loc="left")
 
 
+def test_areas_side_by_side_share_an_axis_that_holds_them_all():
+    areas = {"without": Equivalent().equal_area(8), "with": Equivalent().equal_area(8, 0.5)}
+    figure = equal_area.compare(areas)
+    highest = max((area.Pe + area.absorbed).max() for area in areas.values())
+    assert [ax.get_ylim() for ax in figure.axes] == [(0, pytest.approx(1.1 * highest))] * 2
+    assert [ax.get_title(loc="left").split("$")[0] for ax in figure.axes] == list(areas)
+
+
 def test_minimum_time():
     control = by_shooting(Equivalent().minimum_time_problem(6))
     figure = minimum_time.plot(control)

@@ -106,6 +106,7 @@ def test_linearize_exports_named_matrices(tmp_path):
     assert record["outputs"][-1] == "P line 7-8#2"
     assert saved["B"].shape == (56, 5)
     assert list(saved["states"]) == record["states"]
+    assert saved["name"] == "two_area"
 
 
 @pytest.mark.parametrize(

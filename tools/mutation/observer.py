@@ -59,7 +59,7 @@ class Watched:
         if self.target:
             import coverage
 
-            self.observer.coverage = coverage.Coverage(data_file=None, include=[f"{self.tree}/stabctl/*.py"])
+            self.observer.coverage = coverage.Coverage(data_file=None, include=[f"{self.tree}/stabctl/*"])
             self.observer.coverage.start()
 
     def __exit__(self, kind: type | None, error: BaseException | None, traceback: TracebackType | None) -> None:
@@ -68,7 +68,7 @@ class Watched:
         seen = self.observer
         seen.coverage.stop()
         data, runs = seen.coverage.get_data(), {}
-        for file in data.measured_files():
+        for file in (f for f in data.measured_files() if f.endswith(".py")):  # pages are made of templates
             path = Path(file).relative_to(self.tree)
             for line, tests in data.contexts_by_lineno(file).items():
                 runs.setdefault(f"{path}:{function_at(self.tree, str(path), line)}", set()).update(tests)
