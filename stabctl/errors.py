@@ -1,5 +1,7 @@
 """The errors a user can cause; each message is one sentence with the object, the value and the remedy."""
 
+LONGEST = 400  # characters of a word in a message
+
 
 class StabctlError(Exception):
     """Base of every error a user can cause; its text is one sentence."""
@@ -34,8 +36,8 @@ def sentence(error: Exception) -> str:
 
 
 def one_line(text: str) -> str:
-    """The text on one line, with control characters as escapes (`\\x1b`), which a terminal would obey."""
-    words = " ".join(text.split())
+    """The text on one line, long words shortened, control characters as escapes: a terminal would obey them."""
+    words = " ".join(word if len(word) <= LONGEST else f"{word[:LONGEST]}..." for word in text.split())
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in words)
 
 

@@ -20,7 +20,7 @@ NEAR = 3.0  # between the inverse of a time constant and the eigenvalue that it 
 
 def checked(point: OperatingPoint, step: float | None) -> float:
     """The step given, or the default one (s). `StudyError` if it is not stable, or far too short."""
-    longest = REACH / point.fastest
+    longest = REACH / point.fastest if point.fastest else math.inf  # infinite buses alone do not move
     if step is None:
         return min(STEP, longest / 2)
     if not LEAST_STEP <= step < np.inf:

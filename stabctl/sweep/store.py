@@ -160,6 +160,8 @@ def _explained(path: Path) -> Iterator[None]:
     """An error of SQLite as a sentence."""
     try:
         yield
+    except UnicodeDecodeError:  # in the name of a column
+        raise StudyError(f"{path}: {SENTENCES['SQLITE_CORRUPT']}.") from None
     except sqlite3.Error as error:
         name = getattr(error, "sqlite_errorname", "")
         said = next((text for start, text in SENTENCES.items() if name.startswith(start)), f"SQLite reports: {error}")

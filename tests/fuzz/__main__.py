@@ -48,7 +48,7 @@ def _next_batch(seed: int, first: int, state: Path) -> int:
     process = subprocess.Popen([sys.executable, *words])
     while process.poll() is None:
         time.sleep(0.2)
-        if current.exists() and time.time() - current.stat().st_mtime > 6 * LIMIT:
+        if current.exists() and time.time() - current.stat().st_mtime > 12 * LIMIT:
             process.kill()  # it hangs where no signal is heard
     if process.returncode == 0:
         return last

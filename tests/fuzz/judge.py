@@ -55,14 +55,14 @@ def _inside(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def _limited() -> Iterator[None]:
-    """Hang after `LIMIT` s of computing, or four times as long in all."""
+    """Hang after `LIMIT` s of computing, or ten times as long in all."""
 
     def stop(*_: object) -> None:
         raise Hang
 
     before = {name: signal.signal(name, stop) for name in (signal.SIGVTALRM, signal.SIGALRM)}
     signal.setitimer(signal.ITIMER_VIRTUAL, LIMIT)
-    signal.setitimer(signal.ITIMER_REAL, 4 * LIMIT)
+    signal.setitimer(signal.ITIMER_REAL, 10 * LIMIT)
     try:
         yield
     finally:

@@ -99,6 +99,26 @@ def toml(rng: Random, given: str) -> str:
     return "\n".join(lines) + "\n"
 
 
+def lines(rng: Random, given: str) -> str:
+    """Lines of fields between commas or blanks with other fields, or in another order."""
+    made = given.split("\n")
+    for _ in range(rng.choice((1, 1, 1, 2, 4))):
+        i, change = rng.randrange(len(made)), rng.randrange(10)
+        if change == 0:
+            made.insert(rng.randrange(len(made)), made[i])
+        elif change == 1 and len(made) > 1:
+            del made[i]
+        elif change == 2:
+            made[i] = text(rng, made[i])
+        else:
+            separator = "," if "," in made[i] else " "
+            fields = made[i].split(separator)
+            j = rng.randrange(len(fields))
+            fields[j : j + 1] = rng.choice(([], [fields[j]] * 2, *[[number(rng, fields[j].strip())]] * 6))
+            made[i] = separator.join(fields)
+    return "\n".join(made)
+
+
 def raw(rng: Random, given: bytes) -> bytes:
     """Bytes with some of them flipped, lost or repeated."""
     made = bytearray(given)

@@ -1,10 +1,13 @@
 """What is mutated: case folders, overlays, arguments, studies, contingencies, results files."""
 
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from random import Random
 from typing import Any
 
 import typer.main
+from psse_replay import replays
 
 from stabctl.cli import app
 from stabctl.io.folder import PACKAGED
@@ -259,6 +262,26 @@ def results(rng: Random) -> Attempt:
     return Attempt("results", words, {}, {"r.db": made, "kept.csv": KEPT})
 
 
+def imported(rng: Random) -> Attempt:
+    """Files of other programs, of one base name so that one is found beside the other."""
+    files: dict[str, str | None] = {
+        f"x{path.suffix.lower()}": path.read_text(errors="surrogateescape") for path in rng.choice(_imported())
+    }
+    for name in {rng.choice(list(files)), rng.choice(list(files))}:
+        given = files[name] or ""
+        whole = given.encode("utf-8", "surrogateescape")
+        spoilt = mutate.raw(rng, whole).decode("utf-8", "surrogateescape")
+        files[name] = spoilt if rng.random() < 0.1 else mutate.lines(rng, given)
+    command = rng.choice([words for words in ON_A_CASE if "--fault" not in words])
+    return Attempt("imported", _on("x.raw", command), {}, _encodable(files))
+
+
+@cache
+def _imported() -> list[tuple[Path, ...]]:
+    """Files that belong together: a network, and its dynamic data, of which every model is there."""
+    return [(replay.raw, replay.dyr) for replay in replays().values() if not replay.missing()]
+
+
 def _encodable(files: dict[str, str | None]) -> dict[str, str | None]:
     """The files with surrogates only where they stand for bytes."""
     return {
@@ -268,7 +291,7 @@ def _encodable(files: dict[str, str | None]) -> dict[str, str | None]:
 
 
 TARGETS: dict[str, Callable[[Random], Attempt]] = {
-    f.__name__: f for f in (case, overlay, arguments, study, contingencies, results)
+    f.__name__: f for f in (case, overlay, arguments, study, contingencies, results, imported)
 }
 
 

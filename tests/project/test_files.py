@@ -54,5 +54,6 @@ def test_errors_are_one_line(tmp_path: Path) -> None:
 
 
 def test_no_message_commands_the_terminal() -> None:
+    assert sentence(StudyError("there is no " + "9" * 5000)) == f"there is no {'9' * 400}..."
     text = "x\x1b[31m\x07y\u202e\udcff \u00e9\u03b4"
     assert sentence(StudyError(text)) == r"x\x1b[31m\x07y\u202e\udcff " + "\u00e9\u03b4"

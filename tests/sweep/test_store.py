@@ -138,6 +138,7 @@ def test_places_where_no_file_can_be(tmp_path):
         "ALTER TABLE results RENAME COLUMN rmse_mhz TO rmse",
         "ALTER TABLE results DROP COLUMN worker",
         "UPDATE results SET cycles = 'x'",
+        "PRAGMA writable_schema = 1; UPDATE sqlite_master SET sql = CAST(REPLACE(sql, 'worker', X'9d') AS TEXT)",
         "UPDATE results SET message = X'FF'",
         "UPDATE results SET message = 'a' || char(27)",
         "UPDATE results SET \"set\" = '[1]'",
@@ -149,6 +150,6 @@ def test_rows_that_are_no_results(tmp_path, damage):
     with Store(path) as kept:
         kept.add(row("a", message="stable"))
     with sqlite3.connect(path) as base:
-        base.execute(damage)
+        base.executescript(damage)
     with pytest.raises(StudyError, match="it is damaged"):
         rows(path)
