@@ -11,11 +11,14 @@ and imaginary part), y (its own Output) and p (Par), each marked `@inline`:
     current(...)      -> current into the bus (system base) of any other device
     prepare(p)        -> Par, with the parameters computed from others
     guess(V, I, p)    -> State to start the initialization from
+    automatic(p, u, y) -> Par, with the parameters that depend on the starting point (u, y: inputs and output there)
     step(...)         -> Output once per time step, for a sampled control law
 
-LIMITS lists the states with non-windup limits, STOPS those of them at whose limit the power of the device jumps (the
-simulation ends a step there). Initialization ignores every limit: the parameters named ...max and
-...min, and upper limits with other names, listed in UPPER. The file name is the name of the table.
+LIMITS lists the states with non-windup limits, each a parameter or a number, STOPS those of them at whose limit the
+power of the device jumps (the simulation ends a step there). Initialization ignores every limit: the parameters named
+...max and ...min, and upper limits with other names, listed in UPPER. The file name is the name of the table. DYR names
+the fields of Par in the order of the constants of a PSS/E record (`_name`: ignored, `+name`: an integer before the
+constants); from_record(kind, values) -> (Par, corrections) converts values where that is needed.
 """
 
 import copyreg

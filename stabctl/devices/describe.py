@@ -120,4 +120,6 @@ def _reads(markers: list[Any]) -> str:
 
 def _limits(device: ModuleType) -> Iterator[Limit]:
     for state, (low, high, *per) in getattr(device, "LIMITS", {}).items():
-        yield Limit(state, *(" x ".join((name, *per)) for name in (low, high)))
+        yield Limit(
+            state, *(f"{limit:g}" if isinstance(limit, float) else " x ".join((limit, *per)) for limit in (low, high))
+        )

@@ -42,7 +42,7 @@ def _limits(device: ModuleType, records: dict[str, Any]) -> str | None:
     """A name in LIMITS that is not a field of State or Par."""
     for state, (low, high, *_) in getattr(device, "LIMITS", {}).items():
         for name, record in ((state, "State"), (low, "Par"), (high, "Par")):
-            if name not in records.get(record, ()):
+            if not isinstance(name, float) and name not in records.get(record, ()):
                 return f"LIMITS contains {name!r}, which is not a field of {record}"
     return None
 

@@ -16,21 +16,23 @@ class Limits(NamedTuple):
     low: np.ndarray
     high: np.ndarray
     scale: np.ndarray  # places of the signals that multiply the limits; the constant 1 if there is none
-    names: tuple[tuple[str, str], ...]  # parameters (low, high)
+    names: tuple[tuple[str | float, str | float], ...]  # parameters (low, high), or numbers
     stops: np.ndarray  # which of them stop their device at once, so that its power jumps
 
 
 def limits(families: Iterable[Family], one: int) -> Limits:
     """The states that models list in LIMITS, with those also in STOPS; `one` is the place of the constant 1."""
-    state, low, high, scale, stops = [], [], [], [], []
-    names: list[tuple[str, str]] = []
+    state, scale, stops = [], [], []
+    low: list[np.ndarray] = []
+    high: list[np.ndarray] = []
+    names: list[tuple[str | float, str | float]] = []
     for f in families:
         constants, states = family.fields(f.device, "Par"), family.fields(f.device, "State")
         inputs = family.fields(f.device, "Input")
         for name, (least, most, *per) in getattr(f.device, "LIMITS", {}).items():
             state.append(f.w[:, family.STATE] + states.index(name))
-            low.append(f.k[:, constants.index(least)])
-            high.append(f.k[:, constants.index(most)])
+            for values, limit in ((low, least), (high, most)):
+                values.append(np.full(len(f.w), limit) if isinstance(limit, float) else f.k[:, constants.index(limit)])
             scale.append(f.w[:, family.INPUTS + inputs.index(per[0])] if per else np.full(len(f.w), one))
             stops.append(np.full(len(f.w), name in getattr(f.device, "STOPS", ())))
             names += [(least, most)] * len(f.w)

@@ -160,9 +160,8 @@ def solve(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
     flow = flow or powerflow.solve(case)
     net = network.build(case)
     made = system(case, flow, net)
-    equations = Equations(made)
     current = (flow.S / flow.V[net.machine_bus]).conj()
-    found = start(case, made, equations, flow.V, current)
-    point = OperatingPoint(case, flow, net, made, found.s, found.iterations, found.fastest)
-    vars(point)["equations"] = equations
+    found = start(case, made, Equations(made), flow.V, current)
+    point = OperatingPoint(case, flow, net, found.system, found.s, found.iterations, found.fastest)
+    vars(point)["equations"] = found.equations
     return point

@@ -11,7 +11,7 @@ import numpy as np
 from stabctl.errors import EquilibriumError
 from stabctl.model.case import Case
 
-from . import family, start_checks
+from . import automatic, family, start_checks
 from .assembly import System
 from .jacobian import Equations
 from .newton import Newton, Unsolved
@@ -20,6 +20,8 @@ from .newton import Newton, Unsolved
 class Start(NamedTuple):
     """Result of the initialization."""
 
+    system: System  # with the parameters that depend on the starting point
+    equations: Equations  # of this system
     s: np.ndarray
     iterations: int
     fastest: float  # 1/s   largest eigenvalue of a unit with its controls at given voltage, or of a device
@@ -51,14 +53,26 @@ def start(case: Case, system: System, equations: Equations, V: np.ndarray, curre
     s[layout.first_setpoint : layout.step] = [1.0 if p.start is None else p.start for p in layout.setpoints]
     _guess(system, V, current, s)
     _within_limits(system, equations, s)
+    iterations, fastest = _solve(case, system, equations, V, current, s)
+    completed = automatic.completed(system, s)
+    if completed is not system:
+        system, equations = completed, Equations(completed)
+        more, fastest = _solve(case, system, equations, V, current, s)
+        iterations += more
+    start_checks.check(case, system, equations, s)
+    return Start(system, equations, s, iterations, fastest)
+
+
+def _solve(
+    case: Case, system: System, equations: Equations, V: np.ndarray, current: np.ndarray, s: np.ndarray
+) -> tuple[int, float]:
+    """Solve for the equilibrium, from and to `s`: Newton steps made, and the largest eigenvalue."""
     newton = Newton(system, equations, V, current)
     try:
-        iterations, fastest = newton.solve(s)
+        return newton.solve(s)
     except Unsolved as error:
         what, check = _unsolved(case, system, newton, error.row)
         raise EquilibriumError(f"{what} after {error}; check {check}.") from None
-    start_checks.check(case, system, equations, s)
-    return Start(s, iterations, fastest)
 
 
 def _guess(system: System, V: np.ndarray, current: np.ndarray, s: np.ndarray) -> None:

@@ -60,6 +60,12 @@ def _inside(system: System, s: np.ndarray) -> None:
         state = system.layout.states[lim.state[k]]
         what = f", but the power flow needs {value[k] / per[k]:.4g} pu"
         limit, name = (lim.high if above else lim.low)[k], lim.names[k][int(above)]
+        if isinstance(name, float):
+            f = system.family(state.table)
+            raise EquilibriumError(
+                f"{f.device.NAME} of {f.keys[state.row]} cannot be initialized: its {state.name} must be at "
+                f"{'most' if above else 'least'} {name:g} pu{what}; check its parameters and the power there."
+            )
         raise EquilibriumError(_beyond(system, state.table, state.row, name, limit, what))
 
 

@@ -7,10 +7,11 @@ functions: its output and the derivative of its state, such as `lag` and `lag_ra
 
 from .curves import line, lookup, polyline, power, quadratic, through
 from .delays import delay1, delay1_rate, delay2, delay2_rates
-from .lags import SHORT, circuit_rate, lag, lag_rate, lead_lag, second_order, second_order_rates, washout
-from .limits import at_least, at_most, clip, deadband, high_value, low_value, rate_limit
+from .lags import SHORT, circuit_rate, derivative, lag, lag_rate, lead_lag, second_order, second_order_rates, washout
+from .limits import at_least, at_most, clip, deadband, high_value, low_value, rate_limit, while_within
 from .phasors import angle, copy, magnitude
-from .regulators import non_windup, pi, pi_rate
+from .rectifiers import compound, crowbar, field_demand, rectified, regulation
+from .regulators import integral, non_windup, pi, pi_rate
 
 __all__ = [
     "SHORT",
@@ -19,13 +20,18 @@ __all__ = [
     "at_most",
     "circuit_rate",
     "clip",
+    "compound",
     "copy",
+    "crowbar",
     "deadband",
     "delay1",
     "delay1_rate",
     "delay2",
     "delay2_rates",
+    "derivative",
+    "field_demand",
     "high_value",
+    "integral",
     "lag",
     "lag_rate",
     "lead_lag",
@@ -40,8 +46,11 @@ __all__ = [
     "power",
     "quadratic",
     "rate_limit",
+    "rectified",
+    "regulation",
     "second_order",
     "second_order_rates",
     "through",
     "washout",
+    "while_within",
 ]

@@ -24,8 +24,14 @@ def washout(T, u, x):
 
 
 @inline
+def derivative(K, T, u, x):
+    """u -> [ sK/(1 + sT) ] -> y, state x (the lagged input, `lag_rate`); 0 where T < SHORT."""
+    return K / T * (u - x) if T >= SHORT else 0 * u
+
+
+@inline
 def lag_rate(T, u, x):
-    """State derivative (1/s) of `lag` and `washout`, and of `lead_lag` with T = T2; a bypassed state is constant."""
+    """State derivative (1/s) of `lag`, `washout` and `derivative`, and of `lead_lag` with T = T2; 0 if bypassed."""
     return (u - x) / T if T >= SHORT else 0 * x
 
 

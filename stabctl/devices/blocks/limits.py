@@ -51,3 +51,11 @@ def deadband(x, low, high):
 def rate_limit(rate, low, high):
     """Rate limit: the state derivative (1/s), limited to low..high."""
     return clip(rate, low, high)
+
+
+@inline
+def while_within(x, measured, low, high):
+    """x while `measured` is within low..high, otherwise 0; high = 0 means no upper bound."""
+    if measured.real < low or (high > 0 and measured.real > high):
+        return 0 * x
+    return x

@@ -18,6 +18,12 @@ def non_windup(rate, x, low, high):
 
 
 @inline
+def integral(KI, x):
+    """State x of an integrator, 0 where its gain KI is 0 (there is none)."""
+    return x if KI > 0 else 0 * x
+
+
+@inline
 def pi(KP, error, x, low, high):
     """error -> [ KP + KI/s ], limited -> y, state x (the integral)."""
     return clip(KP * error + x, low, high)

@@ -1,12 +1,14 @@
-"""EXDC2: DC commutator exciter with a regulator supplied from the terminals (IEEE DC2A).
+"""EXDC2: DC exciter with a continuously acting regulator (IEEE type DC2).
 
 Vt -> [1/(1+sTR)] -> (-)
-Vref + Vs -----------> + -> [(1+sTC)/(1+sTB)] -> [KA/(1+sTA)], held Vt VRmin..Vt VRmax -> (+) -> [1/(sTE)] -> Efd
-       (-) [sKF/(1+sTF)] <- Efd                                                           (-) (KE + SE(Efd)) Efd
+Vref + Vs -----------> + -> [(1+sTC)/(1+sTB)] -> [KA/(1+sTA)], held between Vt VRmin and Vt VRmax
+       (-) [sKF/(1+sTF)] <- Efd                           |
+                                                         (+) -> [1/(sTE)] -> Efd
+                                                         (-) (KE + SE(Efd)) Efd
 
-SE(Efd) Efd is quadratic through (E1, SE1) and (E2, SE2); SE2 = 0 means no saturation. The limits are those of the
-regulator and proportional to the terminal voltage.
-Source: IEEE Std 421.5, type DC2A.
+SE(Efd) Efd = B (Efd - A)^2 through (E1, SE1) and (E2, SE2); SE2 = 0 means no saturation. KE = 0 is computed at the
+start: KE = VRmax/(10 Efd) - SE(Efd). The speed of the exciter is that of the machine at rest: it multiplies nothing.
+Source: IEEE Std 421.5, types DC2 and DC2A; PSS/E Model Library, EXDC2.
 """
 
 from collections.abc import Iterator
@@ -15,15 +17,21 @@ from typing import Annotated, NamedTuple
 from annotated_types import Ge
 
 from stabctl._util.jit import inline
-from stabctl.devices.blocks import SHORT, clip, lag, lag_rate, lead_lag, quadratic, through
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
+from . import dc, saturation
+from .dc import State, automatic, output, rates
+from .saturation import prepare
 from .signals import Input, Output
 
 NAME = "EXDC2"
 ROLE = "exciter"
 LIMITS = {"vr": ("VRmin", "VRmax", "vt")}
-__all__ = ["LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "output"]
+DYR = {"EXDC2": "TR KA TA TB TC VRmax VRmin KE TE KF TF _switch E1 SE1 E2 SE2"}
+__all__ = [
+    "DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par",
+    "State", "automatic", "derivatives", "from_record", "output", "prepare",
+]  # fmt: skip
 
 
 class Par(NamedTuple):
@@ -36,63 +44,29 @@ class Par(NamedTuple):
     TC: Annotated[float, "s", "lead of the first stage", NOT_NEGATIVE]
     VRmax: Annotated[float, "pu", "regulator limit at 1 pu terminal voltage"]
     VRmin: Annotated[float, "pu", "regulator limit at 1 pu terminal voltage"]
-    KE: Annotated[float, "pu", "exciter constant"]
+    KE: Annotated[float, "pu", "exciter constant (0: computed at the start)"]
     TE: Annotated[float, "s", "exciter time constant", Ge(1e-3)]
     KF: Annotated[float, "pu", "stabilizing feedback gain", NOT_NEGATIVE]
     TF: Annotated[float, "s", "stabilizing feedback lag (0: no feedback)", NOT_NEGATIVE] = 1.0
-    E1: Annotated[float, "pu", "field voltage of SE1", POSITIVE] = 3.0
+    E1: Annotated[float, "pu", "field voltage of SE1", NOT_NEGATIVE] = 3.0
     SE1: Annotated[float, "pu", "saturation at E1", NOT_NEGATIVE] = 0.0
-    E2: Annotated[float, "pu", "field voltage of SE2", POSITIVE] = 4.0
+    E2: Annotated[float, "pu", "field voltage of SE2", NOT_NEGATIVE] = 4.0
     SE2: Annotated[float, "pu", "saturation at E2 (0: unsaturated)", NOT_NEGATIVE] = 0.0
     SA: Annotated[float, "pu", "field voltage at which saturation begins, from the two points", FROM_CASE] = 0.0
     SB: Annotated[float, "1/pu", "slope of saturation, from the two points", FROM_CASE] = 0.0
 
     def errors(self) -> Iterator[tuple[str, str]]:
         """Field and message for each parameter that the equations do not allow."""
-        if self.SE2 > 0 and not (self.E2 > self.E1 and self.SE2 > self.SE1):
-            yield "SE2", f"must lie above the first point, SE1 = {self.SE1:g} at E1 = {self.E1:g}"
-
-
-class State(NamedTuple):
-    """Transducer, first stage, regulator, exciter and stabilizing feedback."""
-
-    vm: Annotated[float, "pu", "measured terminal voltage"]
-    va: Annotated[float, "pu", "lagged control error"]
-    vr: Annotated[float, "pu", "regulator output"]
-    efd: Annotated[float, "pu", "field voltage"]
-    vf: Annotated[float, "pu", "lagged field voltage of the feedback"]
-
-
-def prepare(p):
-    """The parameters, with those computed from others."""
-    SA, SB = through(p.E1, p.SE1, p.E2, p.SE2)
-    return p._replace(SA=SA, SB=SB)
-
-
-@inline
-def demand(x, u, p):
-    """Control error, and the regulator output it demands (pu)."""
-    damping = p.KF / p.TF * (x.efd - x.vf) if p.TF >= SHORT else 0 * x.efd
-    error = u.Vref - lag(p.TR, u.vt, x.vm) + u.Vs - damping
-    return error, p.KA * lead_lag(p.TC, p.TB, error, x.va)
-
-
-@inline
-def output(x):
-    """Field voltage Efd (pu)."""
-    return Output(x.efd)
+        yield from saturation.errors(self)
 
 
 @inline
 def derivatives(x, u, p):
     """State derivatives (1/s)."""
-    error, wanted = demand(x, u, p)
-    vr = clip(lag(p.TA, wanted, x.vr), p.VRmin * u.vt, p.VRmax * u.vt)
-    iron = quadratic(x.efd, p.SA, p.SB)
-    return State(
-        lag_rate(p.TR, u.vt, x.vm),
-        lag_rate(p.TB, error, x.va),
-        lag_rate(p.TA, wanted, x.vr),
-        (vr - p.KE * x.efd - iron) / p.TE,
-        lag_rate(p.TF, x.efd, x.vf),
-    )
+    return rates(x, u, p, u.vt)
+
+
+def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:
+    """Parameters of a PSS/E record, and what was corrected."""
+    values, said = dc.computed(values)
+    return Par(**values), said

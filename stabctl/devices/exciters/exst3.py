@@ -1,26 +1,30 @@
-"""EXST3: bus-fed static exciter with an inner field-voltage loop (IEEE ST3A).
+"""EXST3: static exciter with a compound source and an inner field-voltage loop (IEEE type ST3, 1981).
 
 Vt -> [1/(1+sTR)] -> (-)
-Vref + Vs -----------> + -> VI limits -> KJ (1+sTC)/(1+sTB) -> (+) -> [KA/(1+sTA)], held VRmin..VRmax -> x VE -> Efd
-          VE = KP ve, Efd <= Emax                                 (-) min(VGmax, KG Efd)
+Vref + Vs -----------> + -> VI limits -> KJ (1+sTC)/(1+sTB) -> (+) -> [KA/(1+sTA)], held VRmin..VRmax -> x VB -> Efd
+                                                               (-) min(VGmax, KG Efd)
 
-The current source and the rectifier loading of ST3A are not represented.
-Source: IEEE Std 421.5, type ST3A.
+VE = |KP Vt + j (KI + KP XL) It|, KP at the angle THETAP;  VB = VE FEX(KC Ifd/VE);  Efd <= Emax. Without a current
+source (KI = XL = 0), Vt is the supply voltage of the machine, without the speed factor of its source.
+Source: IEEE Committee Report, Excitation system models for power system stability studies, IEEE Trans. PAS-100 (1981),
+type ST3; IEEE Std 421.5, type ST3A; PSS/E Model Library, EXST3.
 """
 
 from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
-from stabctl.devices.blocks import SHORT, clip, lag, lag_rate, lead_lag
+from stabctl.devices.blocks import SHORT, clip, compound, lag, lag_rate, lead_lag, rectified
+from stabctl.devices.ports import PORT, SUM
 from stabctl.schema import NOT_NEGATIVE, POSITIVE
 
-from .signals import Input, Output
+from .signals import Output
 
 NAME = "EXST3"
 ROLE = "exciter"
 LIMITS = {"vr": ("VRmin", "VRmax")}
-__all__ = ["LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "output"]
+DYR = {"EXST3": "TR VImax VImin KJ TC TB KA TA VRmax VRmin KG KP KI Emax KC XL VGmax THETAP"}
+__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "output"]
 
 
 class Par(NamedTuple):
@@ -40,6 +44,10 @@ class Par(NamedTuple):
     Emax: Annotated[float, "pu", "field voltage limit"] = 5.0
     KG: Annotated[float, "pu", "inner feedback gain", NOT_NEGATIVE] = 0.0
     VGmax: Annotated[float, "pu", "inner feedback limit"] = 5.0
+    KI: Annotated[float, "pu", "gain of the current source", NOT_NEGATIVE] = 0.0
+    XL: Annotated[float, "pu", "reactance of the potential source", NOT_NEGATIVE] = 0.0
+    THETAP: Annotated[float, "-", "angle of the potential source, degrees"] = 0.0
+    KC: Annotated[float, "pu", "rectifier loading, proportional to the commutating reactance", NOT_NEGATIVE] = 0.0
 
     def errors(self) -> Iterator[tuple[str, str]]:
         """Field and message for each parameter that the equations do not allow."""
@@ -55,6 +63,26 @@ class State(NamedTuple):
     vr: Annotated[float, "pu", "regulator output"]
 
 
+class Input(NamedTuple):
+    """Signals at an exciter whose source is fed by terminal voltage and current."""
+
+    Vref: Annotated[float, "pu", "voltage reference", PORT]
+    Vs: Annotated[float, "pu", "stabilizing signal", SUM]
+    vt: Annotated[float, "pu", "terminal voltage"]
+    ve: Annotated[float, "pu", "supply voltage of the rectifier"]
+    Ifd: Annotated[float, "pu", "field current"]
+    delta: Annotated[float, "rad", "rotor angle"]
+    id: Annotated[float, "pu", "current, d axis"]
+    iq: Annotated[float, "pu", "current, q axis"]
+
+
+@inline
+def supply(u, v, p):
+    """Voltage VB of the rectifier (pu)."""
+    ve = p.KP * u.ve if p.KI == 0 and p.XL == 0 else compound(v, u, p.KP, p.THETAP, p.KI, p.XL)
+    return rectified(ve, p.KC, u.Ifd)
+
+
 @inline
 def demand(x, u, p):
     """Control error, and the signal after the first stage (pu)."""
@@ -63,10 +91,10 @@ def demand(x, u, p):
 
 
 @inline
-def output(x, u, p):
-    """Field voltage Efd = min(VR KP VE, Emax) (pu)."""
+def output(x, u, v, p):
+    """Field voltage Efd = min(VR VB, Emax) (pu)."""
     vr = clip(x.vr if p.TA >= SHORT else p.KA * demand(x, u, p)[1], p.VRmin, p.VRmax)
-    return Output(clip(vr * p.KP * u.ve, -p.Emax, p.Emax))
+    return Output(clip(vr * supply(u, v, p), -p.Emax, p.Emax))
 
 
 @inline

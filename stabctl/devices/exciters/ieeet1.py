@@ -5,8 +5,8 @@ Vref + Vs -----------> + -> [KA/(1+sTA)], held between VRmin and VRmax -> (+) ->
        (-) [sKF/(1+sTF)] <- Efd                                           (-) (KE + SE(Efd)) Efd
 
 SE(Efd) Efd = B (Efd - A)^2 through (E1, SE1) and (E2, SE2); SE2 = 0 means no saturation. It is an EXDC2 without the
-first stage, with regulator limits that do not depend on the terminal voltage. KE and VRmax are used as given; unlike in
-PSS/E, a value of 0 does not mean that they are computed.
+first stage, with regulator limits that do not depend on the terminal voltage. KE = 0 is computed at the start:
+KE = VRmax/(10 Efd) - SE(Efd).
 Source: IEEE Committee Report, Computer representation of excitation systems, IEEE Trans. PAS-87 (1968), type 1; PSS/E
 Model Library, IEEET1.
 """
@@ -17,15 +17,22 @@ from typing import Annotated, NamedTuple
 from annotated_types import Ge
 
 from stabctl._util.jit import inline
-from stabctl.devices.blocks import SHORT, clip, lag, lag_rate, quadratic, through
+from stabctl.devices.blocks import clip, derivative, field_demand, lag, lag_rate
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
+from . import dc, saturation
+from .dc import automatic, output
+from .saturation import prepare
 from .signals import Input, Output
 
 NAME = "IEEET1"
 ROLE = "exciter"
 LIMITS = {"vr": ("VRmin", "VRmax")}
-__all__ = ["LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "output"]
+DYR = {"IEEET1": "TR KA TA VRmax VRmin KE TE KF TF _switch E1 SE1 E2 SE2"}
+__all__ = [
+    "DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "automatic", "derivatives", "from_record",
+    "output", "prepare",
+]  # fmt: skip
 
 
 class Par(NamedTuple):
@@ -36,21 +43,20 @@ class Par(NamedTuple):
     TA: Annotated[float, "s", "regulator lag", NOT_NEGATIVE]
     VRmax: Annotated[float, "pu", "regulator limit"]
     VRmin: Annotated[float, "pu", "regulator limit"]
-    KE: Annotated[float, "pu", "exciter constant"]
+    KE: Annotated[float, "pu", "exciter constant (0: computed at the start)"]
     TE: Annotated[float, "s", "exciter time constant", Ge(1e-3)]
     KF: Annotated[float, "pu", "stabilizing feedback gain", NOT_NEGATIVE]
     TF: Annotated[float, "s", "stabilizing feedback lag (0: no feedback)", NOT_NEGATIVE] = 1.0
-    E1: Annotated[float, "pu", "field voltage of SE1", POSITIVE] = 3.0
+    E1: Annotated[float, "pu", "field voltage of SE1", NOT_NEGATIVE] = 3.0
     SE1: Annotated[float, "pu", "saturation at E1", NOT_NEGATIVE] = 0.0
-    E2: Annotated[float, "pu", "field voltage of SE2", POSITIVE] = 4.0
+    E2: Annotated[float, "pu", "field voltage of SE2", NOT_NEGATIVE] = 4.0
     SE2: Annotated[float, "pu", "saturation at E2 (0: unsaturated)", NOT_NEGATIVE] = 0.0
     SA: Annotated[float, "pu", "field voltage at which saturation begins, from the two points", FROM_CASE] = 0.0
     SB: Annotated[float, "1/pu", "slope of saturation, from the two points", FROM_CASE] = 0.0
 
     def errors(self) -> Iterator[tuple[str, str]]:
         """Field and message for each parameter that the equations do not allow."""
-        if self.SE2 > 0 and not (self.E2 > self.E1 and self.SE2 > self.SE1):
-            yield "SE2", f"must lie above the first point, SE1 = {self.SE1:g} at E1 = {self.E1:g}"
+        yield from saturation.errors(self)
 
 
 class State(NamedTuple):
@@ -62,28 +68,21 @@ class State(NamedTuple):
     vf: Annotated[float, "pu", "lagged field voltage of the feedback"]
 
 
-def prepare(p):
-    """The parameters, with those computed from others."""
-    SA, SB = through(p.E1, p.SE1, p.E2, p.SE2)
-    return p._replace(SA=SA, SB=SB)
-
-
-@inline
-def output(x):
-    """Field voltage Efd (pu)."""
-    return Output(x.efd)
-
-
 @inline
 def derivatives(x, u, p):
     """State derivatives (1/s)."""
-    damping = p.KF / p.TF * (x.efd - x.vf) if p.TF >= SHORT else 0 * x.efd
+    damping = derivative(p.KF, p.TF, x.efd, x.vf)
     wanted = p.KA * (u.Vref - lag(p.TR, u.vt, x.vm) + u.Vs - damping)
     vr = clip(lag(p.TA, wanted, x.vr), p.VRmin, p.VRmax)
-    iron = quadratic(x.efd, p.SA, p.SB)
     return State(
         lag_rate(p.TR, u.vt, x.vm),
         lag_rate(p.TA, wanted, x.vr),
-        (vr - p.KE * x.efd - iron) / p.TE,
+        (vr - field_demand(x.efd, p.KE, p.SA, p.SB)) / p.TE,
         lag_rate(p.TF, x.efd, x.vf),
     )
+
+
+def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:
+    """Parameters of a PSS/E record, and what was corrected."""
+    values, said = dc.computed(values)
+    return Par(**values), said

@@ -18,7 +18,8 @@ from .signals import Input, Output
 NAME = "SEXS"
 ROLE = "exciter"
 LIMITS = {"efd": ("Efdmin", "Efdmax")}
-__all__ = ["LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "output"]
+DYR = {"SEXS": "TA_over_TB TB K TE EMIN EMAX"}
+__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "from_record", "output"]
 
 
 class Par(NamedTuple):
@@ -60,3 +61,13 @@ def derivatives(x, u, y, p):
     """State derivatives (1/s); y is this exciter's own output."""
     error, wanted = demand(x, u, p)
     return State(lag_rate(p.TR, u.vt, x.vm), lag_rate(p.TB, error, x.va), lag_rate(p.TA, wanted, x.efd))
+
+
+def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:
+    """Parameters of a PSS/E record, and what was corrected: nothing."""
+    TB = values["TB"]
+    par = Par(
+        TR=0.0, KA=values["K"], TA=values["TE"], TB=TB, TC=values["TA_over_TB"] * TB,
+        Efdmax=values["EMAX"], Efdmin=values["EMIN"],
+    )  # fmt: skip
+    return par, []

@@ -1,0 +1,82 @@
+"""ESAC1A: alternator with uncontrolled rectifier (IEEE type AC1A).
+
+Vt -> [1/(1+sTR)] -> (-)
+Vref + Vs -----------> + -> [(1+sTC)/(1+sTB)] -> [KA/(1+sTA)], held VAmin..VAmax -> limited VRmin..VRmax -> VR
+      (-) [sKF/(1+sTF)] <- VFE
+VR -> (+) -> [1/(sTE)] >= 0 -> VE
+      (-) VFE
+
+VFE = (KE + SE(VE)) VE + KD Ifd;  Efd = VE FEX(KC Ifd/VE);  SE(VE) VE = B (VE - A)^2 through (E1, SE1) and (E2, SE2),
+SE2 = 0 means no saturation. The gates for excitation limiters are not represented.
+Source: IEEE Std 421.5, type AC1A; PSS/E Model Library, ESAC1A.
+"""
+
+from collections.abc import Iterator
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Ge
+
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import clip, lag
+from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
+
+from . import saturation
+from .ac import State, demand, guess, load, output, rates
+from .saturation import prepare
+from .signals import LoadedInput as Input
+from .signals import Output
+
+NAME = "ESAC1A"
+ROLE = "exciter"
+LIMITS = {"vr": ("VAmin", "VAmax"), "ve": (0.0, np.inf)}
+DYR = {"ESAC1A": "TR TB TC KA TA VAmax VAmin TE KF TF KC KD KE E1 SE1 E2 SE2 VRmax VRmin"}
+__all__ = [
+    "DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "from_record", "guess", "output",
+    "prepare",
+]  # fmt: skip
+
+
+class Par(NamedTuple):
+    """Parameters of one exciter."""
+
+    TR: Annotated[float, "s", "voltage transducer", NOT_NEGATIVE]
+    TB: Annotated[float, "s", "lag of the first stage", NOT_NEGATIVE]
+    TC: Annotated[float, "s", "lead of the first stage", NOT_NEGATIVE]
+    KA: Annotated[float, "pu", "regulator gain", POSITIVE]
+    TA: Annotated[float, "s", "regulator lag", NOT_NEGATIVE]
+    VAmax: Annotated[float, "pu", "regulator limit"]
+    VAmin: Annotated[float, "pu", "regulator limit"]
+    TE: Annotated[float, "s", "exciter time constant", Ge(1e-3)]
+    KF: Annotated[float, "pu", "stabilizing feedback gain", NOT_NEGATIVE]
+    TF: Annotated[float, "s", "stabilizing feedback lag (0: no feedback)", NOT_NEGATIVE]
+    KC: Annotated[float, "pu", "rectifier loading, proportional to the commutating reactance", NOT_NEGATIVE]
+    KD: Annotated[float, "pu", "demagnetizing effect of the field current", NOT_NEGATIVE]
+    KE: Annotated[float, "pu", "exciter constant"]
+    VRmax: Annotated[float, "pu", "limit of the voltage at the field of the exciter"]
+    VRmin: Annotated[float, "pu", "limit of the voltage at the field of the exciter"]
+    E1: Annotated[float, "pu", "exciter voltage of SE1", NOT_NEGATIVE] = 3.0
+    SE1: Annotated[float, "pu", "saturation at E1", NOT_NEGATIVE] = 0.0
+    E2: Annotated[float, "pu", "exciter voltage of SE2", NOT_NEGATIVE] = 4.0
+    SE2: Annotated[float, "pu", "saturation at E2 (0: unsaturated)", NOT_NEGATIVE] = 0.0
+    SA: Annotated[float, "pu", "voltage at which saturation begins, from the two points", FROM_CASE] = 0.0
+    SB: Annotated[float, "1/pu", "slope of saturation, from the two points", FROM_CASE] = 0.0
+
+    def errors(self) -> Iterator[tuple[str, str]]:
+        """Field and message for each parameter that the equations do not allow."""
+        yield from saturation.errors(self)
+
+
+@inline
+def derivatives(x, u, p):
+    """State derivatives (1/s)."""
+    vfe = load(x, u, p)
+    error, wanted = demand(x, u, p, vfe)
+    va = clip(lag(p.TA, wanted, x.vr), p.VAmin, p.VAmax)
+    return rates(x, u, p, error, wanted, clip(va, p.VRmin, p.VRmax), vfe)
+
+
+def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:
+    """Parameters of a PSS/E record, and what was corrected."""
+    values, said = saturation.ordered(values)
+    return Par(**values), said

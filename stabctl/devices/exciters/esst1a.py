@@ -1,0 +1,110 @@
+"""ESST1A: bus-fed static exciter with two lead-lags and a limit of the field current (IEEE type ST1A).
+
+Vt -> [1/(1+sTR)] -> (-)
+Vref + Vs -----------> + -> VImin..VImax -> [(1+sTC)/(1+sTB)] -> [(1+sTC1)/(1+sTB1)] -> [KA/(1+sTA)], held VAmin..VAmax
+       (-) [sKF/(1+sTF)] <- VA'
+VA' = VA - max(0, KLR (Ifd - ILR));  Vt VRmin <= Efd = VA' <= Vt VRmax - KC Ifd
+
+The stabilizer acts at the input (VOS = 1). The gates for excitation limiters are not represented.
+Source: IEEE Std 421.5, type ST1A; PSS/E Model Library, ESST1A.
+"""
+
+from collections.abc import Iterator
+from typing import Annotated, NamedTuple
+
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import SHORT, at_least, at_most, clip, derivative, lag, lag_rate, lead_lag
+from stabctl.schema import NOT_NEGATIVE, POSITIVE
+
+from .signals import LoadedInput as Input
+from .signals import Output
+
+NAME = "ESST1A"
+ROLE = "exciter"
+LIMITS = {"vr": ("VAmin", "VAmax")}
+DYR = {
+    "ESST1A": "+UEL +VOS TR VImax VImin TC TB TC1 TB1 KA TA VAmax VAmin VRmax VRmin KC KF TF KLR ILR",
+}
+__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "from_record", "output"]
+
+
+class Par(NamedTuple):
+    """Parameters of one exciter."""
+
+    TR: Annotated[float, "s", "voltage transducer", NOT_NEGATIVE]
+    VImax: Annotated[float, "pu", "error limit"]
+    VImin: Annotated[float, "pu", "error limit"]
+    TC: Annotated[float, "s", "lead of the first stage", NOT_NEGATIVE]
+    TB: Annotated[float, "s", "lag of the first stage", NOT_NEGATIVE]
+    TC1: Annotated[float, "s", "lead of the second stage", NOT_NEGATIVE]
+    TB1: Annotated[float, "s", "lag of the second stage", NOT_NEGATIVE]
+    KA: Annotated[float, "pu", "regulator gain", POSITIVE]
+    TA: Annotated[float, "s", "regulator lag", NOT_NEGATIVE]
+    VAmax: Annotated[float, "pu", "regulator limit"]
+    VAmin: Annotated[float, "pu", "regulator limit"]
+    VRmax: Annotated[float, "pu", "ceiling at 1 pu terminal voltage without load"]
+    VRmin: Annotated[float, "pu", "lower limit at 1 pu terminal voltage"]
+    KC: Annotated[float, "pu", "fall of the ceiling with field current", NOT_NEGATIVE] = 0.0
+    KF: Annotated[float, "pu", "stabilizing feedback gain", NOT_NEGATIVE] = 0.0
+    TF: Annotated[float, "s", "stabilizing feedback lag (0: no feedback)", NOT_NEGATIVE] = 1.0
+    KLR: Annotated[float, "pu", "gain of the field current limiter", NOT_NEGATIVE] = 0.0
+    ILR: Annotated[float, "pu", "field current above which its limiter acts"] = 0.0
+
+    def errors(self) -> Iterator[tuple[str, str]]:
+        """Field and message for each parameter that the equations do not allow."""
+        if self.KF > 0 and self.TF >= SHORT > self.TA:
+            yield "TA", f"must be at least {SHORT:g} s with a feedback KF = {self.KF:g}"
+
+
+class State(NamedTuple):
+    """Transducer, two stages, regulator and stabilizing feedback."""
+
+    vm: Annotated[float, "pu", "measured terminal voltage"]
+    va: Annotated[float, "pu", "lagged control error"]
+    vb: Annotated[float, "pu", "lagged signal of the second stage"]
+    vr: Annotated[float, "pu", "regulator output"]
+    vf: Annotated[float, "pu", "lagged regulator output of the feedback"]
+
+
+@inline
+def demand(x, u, p, excess):
+    """Control error, the signal after the first stage, and the regulator output they demand (pu)."""
+    error = u.Vref - lag(p.TR, u.vt, x.vm) + u.Vs - derivative(p.KF, p.TF, x.vr - excess, x.vf)
+    error = clip(error, p.VImin, p.VImax)
+    first = lead_lag(p.TC, p.TB, error, x.va)
+    return error, first, p.KA * lead_lag(p.TC1, p.TB1, first, x.vb)
+
+
+@inline
+def limiter(u, p):
+    """Signal of the field current limiter (pu)."""
+    return at_least(p.KLR * (u.Ifd - p.ILR), 0.0)
+
+
+@inline
+def output(x, u, p):
+    """Field voltage Efd (pu)."""
+    excess = limiter(u, p)
+    va = clip(lag(p.TA, demand(x, u, p, excess)[2], x.vr), p.VAmin, p.VAmax) - excess
+    return Output(at_least(at_most(va, u.vt * p.VRmax - p.KC * u.Ifd), u.vt * p.VRmin))
+
+
+@inline
+def derivatives(x, u, p):
+    """State derivatives (1/s)."""
+    excess = limiter(u, p)
+    error, first, wanted = demand(x, u, p, excess)
+    return State(
+        lag_rate(p.TR, u.vt, x.vm),
+        lag_rate(p.TB, error, x.va),
+        lag_rate(p.TB1, first, x.vb),
+        lag_rate(p.TA, wanted, x.vr),
+        lag_rate(p.TF, x.vr - excess, x.vf),
+    )
+
+
+def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:
+    """Parameters of a PSS/E record, and what was corrected: nothing."""
+    if values["VOS"] != 1:
+        raise ValueError(f"VOS = {values['VOS']:g} is not supported; it must be 1 (stabilizer at the input).")
+    return Par(**{name: value for name, value in values.items() if name in Par._fields}), []

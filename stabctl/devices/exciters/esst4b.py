@@ -1,0 +1,84 @@
+"""ESST4B: static exciter with a compound source and two PI regulators (IEEE type ST4B).
+
+Vt -> [1/(1+sTR)] -> (-)
+Vref + Vs -----------> + -> [KPR + KIR/s], limited VRmin..VRmax -> [1/(1+sTA)] -> VA
+VA - KG Efd -> [KPM + KIM/s], limited VMmin..VMmax -> VM;  Efd = VM VB
+VE = |KP Vt + j (KI + KP XL) It|, KP at the angle THETAP;  VB = min(VBmax, VE FEX(KC Ifd/VE))
+
+The gates for excitation limiters are not represented.
+Source: IEEE Std 421.5, type ST4B; PSS/E Model Library, ESST4B.
+"""
+
+from typing import Annotated, NamedTuple
+
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import at_most, clip, compound, integral, lag, lag_rate, pi, pi_rate, rectified
+from stabctl.schema import NOT_NEGATIVE, POSITIVE
+
+from .signals import CompoundInput as Input
+from .signals import Output
+
+NAME = "ESST4B"
+ROLE = "exciter"
+DYR = {"ESST4B": "TR KPR KIR VRmax VRmin TA KPM KIM VMmax VMmin KG KP KI VBmax KC XL THETAP"}
+__all__ = ["DYR", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "output"]
+
+
+class Par(NamedTuple):
+    """Parameters of one exciter."""
+
+    TR: Annotated[float, "s", "voltage transducer", NOT_NEGATIVE]
+    KPR: Annotated[float, "pu", "proportional gain of the regulator", NOT_NEGATIVE]
+    KIR: Annotated[float, "1/s", "integral gain of the regulator", NOT_NEGATIVE]
+    VRmax: Annotated[float, "pu", "regulator limit"]
+    VRmin: Annotated[float, "pu", "regulator limit"]
+    TA: Annotated[float, "s", "regulator lag", NOT_NEGATIVE]
+    KPM: Annotated[float, "pu", "proportional gain of the inner regulator", NOT_NEGATIVE]
+    KIM: Annotated[float, "1/s", "integral gain of the inner regulator", NOT_NEGATIVE]
+    VMmax: Annotated[float, "pu", "inner regulator limit"]
+    VMmin: Annotated[float, "pu", "inner regulator limit"]
+    KG: Annotated[float, "pu", "inner feedback gain", NOT_NEGATIVE]
+    KP: Annotated[float, "pu", "gain of the potential source", POSITIVE]
+    KI: Annotated[float, "pu", "gain of the current source", NOT_NEGATIVE]
+    VBmax: Annotated[float, "pu", "limit of the source"]
+    KC: Annotated[float, "pu", "rectifier loading, proportional to the commutating reactance", NOT_NEGATIVE]
+    XL: Annotated[float, "pu", "reactance of the potential source", NOT_NEGATIVE]
+    THETAP: Annotated[float, "-", "angle of the potential source, degrees"]
+
+
+class State(NamedTuple):
+    """Transducer, regulator, its lag and inner regulator."""
+
+    vc: Annotated[float, "pu", "measured terminal voltage"]
+    vr: Annotated[float, "pu", "integral of the regulator"]
+    va: Annotated[float, "pu", "lagged regulator output"]
+    vm: Annotated[float, "pu", "integral of the inner regulator"]
+
+
+@inline
+def regulator(x, u, p):
+    """Control error, and the regulator output (pu)."""
+    error = u.Vref - lag(p.TR, u.vt, x.vc) + u.Vs
+    return error, pi(p.KPR, error, integral(p.KIR, x.vr), p.VRmin, p.VRmax)
+
+
+@inline
+def output(x, u, v, p):
+    """Field voltage: Efd = VM VB with VM = KPM (VA - KG Efd) + integral, solved for VM (pu)."""
+    va = lag(p.TA, regulator(x, u, p)[1], x.va)
+    vb = at_most(rectified(compound(v, u, p.KP, p.THETAP, p.KI, p.XL), p.KC, u.Ifd), p.VBmax)
+    vm = (p.KPM * va + integral(p.KIM, x.vm)) / (1 + p.KPM * p.KG * vb)
+    return Output(vb * clip(vm, p.VMmin, p.VMmax))
+
+
+@inline
+def derivatives(x, u, y, p):
+    """State derivatives (1/s); y is this exciter's own output."""
+    error, vr = regulator(x, u, p)
+    inner = lag(p.TA, vr, x.va) - p.KG * y.Efd
+    return State(
+        lag_rate(p.TR, u.vt, x.vc),
+        pi_rate(p.KPR, p.KIR, error, integral(p.KIR, x.vr), p.VRmin, p.VRmax),
+        lag_rate(p.TA, vr, x.va),
+        pi_rate(p.KPM, p.KIM, inner, integral(p.KIM, x.vm), p.VMmin, p.VMmax),
+    )

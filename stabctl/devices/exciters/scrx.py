@@ -1,0 +1,75 @@
+"""SCRX: static exciter, fed by its bus or by a constant source.
+
+Vref + Vs - Vt -> [(1+sTC)/(1+sTB)] -> [K/(1+sTE)], held between Emin and Emax -> x Vt or x 1 -> Efd
+
+Where `resistor` > 0, the field current cannot reverse through the bridge: it then flows through a resistor, and
+Efd = -resistor Ifd.
+Source: PSS/E Model Library, SCRX; IEEE Std 421.5, type AC4A.
+"""
+
+from typing import Annotated, NamedTuple
+
+from annotated_types import Interval
+
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import clip, crowbar, lag, lag_rate, lead_lag
+from stabctl.schema import NOT_NEGATIVE, POSITIVE
+
+from .signals import LoadedInput as Input
+from .signals import Output
+
+NAME = "SCRX"
+ROLE = "exciter"
+LIMITS = {"vr": ("Emin", "Emax")}
+DYR = {"SCRX": "TA_over_TB TB K TE Emin Emax switch resistor"}
+__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "from_record", "output"]
+
+
+class Par(NamedTuple):
+    """Parameters of one exciter."""
+
+    K: Annotated[float, "pu", "gain", POSITIVE]
+    TE: Annotated[float, "s", "regulator lag", NOT_NEGATIVE]
+    TB: Annotated[float, "s", "transient gain reduction, lag", NOT_NEGATIVE] = 0.0
+    TC: Annotated[float, "s", "transient gain reduction, lead", NOT_NEGATIVE] = 0.0
+    Emax: Annotated[float, "pu", "limit of the regulator"] = 5.0
+    Emin: Annotated[float, "pu", "limit of the regulator"] = -5.0
+    switch: Annotated[int, "-", "0: fed by its bus, 1: by a constant source", Interval(ge=0, le=1)] = 0
+    resistor: Annotated[float, "-", "resistor over field resistance (0: the bridge reverses)", NOT_NEGATIVE] = 0.0
+
+
+class State(NamedTuple):
+    """Lead-lag and regulator."""
+
+    va: Annotated[float, "pu", "lagged control error"]
+    vr: Annotated[float, "pu", "regulator output"]
+
+
+@inline
+def demand(x, u, p):
+    """Control error, and the regulator output it demands (pu)."""
+    error = u.Vref - u.vt + u.Vs
+    return error, p.K * lead_lag(p.TC, p.TB, error, x.va)
+
+
+@inline
+def output(x, u, p):
+    """Field voltage Efd (pu)."""
+    vr = clip(lag(p.TE, demand(x, u, p)[1], x.vr), p.Emin, p.Emax)
+    return Output(crowbar(vr * u.vt if p.switch == 0 else vr, u.Ifd, p.resistor))
+
+
+@inline
+def derivatives(x, u, p):
+    """State derivatives (1/s)."""
+    error, wanted = demand(x, u, p)
+    return State(lag_rate(p.TB, error, x.va), lag_rate(p.TE, wanted, x.vr))
+
+
+def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:
+    """Parameters of a PSS/E record, and what was corrected: nothing."""
+    TB, switch = values["TB"], values["switch"]
+    if switch not in (0, 1):
+        raise ValueError(f"CSWITCH = {switch:g} is not supported; it must be 0 (bus fed) or 1 (constant source).")
+    same = {name: values[name] for name in ("K", "TE", "Emin", "Emax", "resistor")}
+    return Par(TB=TB, TC=values["TA_over_TB"] * TB, switch=int(switch), **same), []

@@ -1,0 +1,97 @@
+"""ST6B: bus-fed static exciter with a PID regulator, an inner field-voltage loop and a limit of the field current.
+
+Vt -> [1/(1+sTR)] -> Vm -> (-)
+Vref + Vs -----------------> + -> [KPA + KIA/s], limited VAmin..VAmax, + [sKDA/(1+sTDA)] -> VA
+KFF VA + KM (VA - VG), limited VRmin..VRmax, at most max(VRmin, KLR (KCI ILR - Ifd)) -> x Vm -> Efd
+VG = Efd [KG/(1+sTG)]
+
+The gates for excitation limiters are not represented.
+Source: IEEE Std 421.5-2005, type ST6B; PSS/E Model Library, ST6B.
+"""
+
+from collections.abc import Iterator
+from typing import Annotated, NamedTuple
+
+from annotated_types import Ge
+
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import at_least, clip, derivative, integral, lag, lag_rate, low_value, pi, pi_rate
+from stabctl.schema import NOT_NEGATIVE
+
+from .signals import LoadedInput as Input
+from .signals import Output
+
+NAME = "ST6B"
+ROLE = "exciter"
+DYR = {"ST6B": "_OEL TR KPA KIA KDA TDA VAmax VAmin KFF KM KCI KLR ILR VRmax VRmin KG TG"}
+__all__ = ["DYR", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "guess", "output"]
+
+
+class Par(NamedTuple):
+    """Parameters of one exciter."""
+
+    TR: Annotated[float, "s", "voltage transducer", NOT_NEGATIVE]
+    KPA: Annotated[float, "pu", "proportional gain", NOT_NEGATIVE]
+    KIA: Annotated[float, "1/s", "integral gain", NOT_NEGATIVE]
+    KDA: Annotated[float, "s", "derivative gain", NOT_NEGATIVE]
+    TDA: Annotated[float, "s", "lag of the derivative (0: no derivative)", NOT_NEGATIVE]
+    VAmax: Annotated[float, "pu", "limit of the proportional and integral part"]
+    VAmin: Annotated[float, "pu", "limit of the proportional and integral part"]
+    KFF: Annotated[float, "pu", "gain around the inner loop", NOT_NEGATIVE]
+    KM: Annotated[float, "pu", "gain of the inner loop", NOT_NEGATIVE]
+    KCI: Annotated[float, "pu", "adjustment of the field current limiter", NOT_NEGATIVE]
+    KLR: Annotated[float, "pu", "gain of the field current limiter", NOT_NEGATIVE]
+    ILR: Annotated[float, "pu", "reference of the field current limiter"]
+    VRmax: Annotated[float, "pu", "limit of the voltage at the bridge, at 1 pu terminal voltage"]
+    VRmin: Annotated[float, "pu", "limit of the voltage at the bridge, at 1 pu terminal voltage"]
+    KG: Annotated[float, "pu", "inner feedback gain", NOT_NEGATIVE]
+    TG: Annotated[float, "s", "inner feedback lag", Ge(1e-3)]
+
+    def errors(self) -> Iterator[tuple[str, str]]:
+        """Field and message for each parameter that the equations do not allow."""
+        if self.KPA == 0 and self.KIA == 0:
+            yield "KPA", "must be above 0 where KIA = 0"
+        if self.KFF == 0 and self.KM == 0:
+            yield "KM", "must be above 0 where KFF = 0"
+
+
+class State(NamedTuple):
+    """Transducer, integral and derivative of the regulator, inner feedback."""
+
+    vm: Annotated[float, "pu", "measured terminal voltage"]
+    vi: Annotated[float, "pu", "integral of the regulator"]
+    vd: Annotated[float, "pu", "lagged control error of the derivative"]
+    vg: Annotated[float, "pu", "inner feedback"]
+
+
+@inline
+def compared(x, u, p):
+    """Measured voltage, and control error (pu)."""
+    vm = lag(p.TR, u.vt, x.vm)
+    return vm, u.Vref - vm + u.Vs
+
+
+@inline
+def output(x, u, p):
+    """Field voltage Efd = VR Vm (pu)."""
+    vm, error = compared(x, u, p)
+    va = pi(p.KPA, error, integral(p.KIA, x.vi), p.VAmin, p.VAmax) + derivative(p.KDA, p.TDA, error, x.vd)
+    vr = clip(p.KFF * va + p.KM * (va - x.vg), p.VRmin, p.VRmax)
+    return Output(vm * low_value(vr, at_least(p.KLR * (p.KCI * p.ILR - u.Ifd), p.VRmin)))
+
+
+@inline
+def derivatives(x, u, y, p):
+    """State derivatives (1/s); y is this exciter's own output."""
+    _, error = compared(x, u, p)
+    return State(
+        lag_rate(p.TR, u.vt, x.vm),
+        pi_rate(p.KPA, p.KIA, error, integral(p.KIA, x.vi), p.VAmin, p.VAmax),
+        lag_rate(p.TDA, error, x.vd),
+        lag_rate(p.TG, p.KG * y.Efd, x.vg),
+    )
+
+
+def guess(V, I, p):
+    """Initial guess: no signal, so that the field current limiter does not act."""
+    return State(1.0, 0.0, 0.0, 0.0)

@@ -1,0 +1,101 @@
+"""IEEEST: power system stabilizer with one input.
+
+input -> [1/(1 + sA3 + s^2 A4)] -> [(1 + sA5 + s^2 A6)/(1 + sA1 + s^2 A2)] -> [(1+sT1)/(1+sT2)] -> [(1+sT3)/(1+sT4)]
+      -> [KS sT5/(1+sT6)] -> limited Lmin..Lmax -> Vs, 0 while Vt is outside VCL..VCU
+
+The input is chosen by a code: 1 speed deviation, 3 electrical power on the machine's base, 5 terminal voltage. A second
+order block with a zero leading coefficient is one of first order. VCU = 0 means no upper bound. With T6 = 0 the washout
+is a gain.
+Source: IEEE Std 421.5, type PSS1A; PSS/E Model Library, IEEEST.
+"""
+
+from typing import Annotated, NamedTuple
+
+from annotated_types import Interval
+
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import SHORT, clip, lag_rate, lead_lag, second_order, second_order_rates, while_within
+from stabctl.schema import NOT_NEGATIVE
+
+from .signals import Input, Output, measured, supported
+
+NAME = "IEEEST"
+ROLE = "stabilizer"
+DYR = {"IEEEST": "+code +bus A1 A2 A3 A4 A5 A6 T1 T2 T3 T4 T5 T6 KS Lmax Lmin VCU VCL"}
+__all__ = ["DYR", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "from_record", "output"]
+
+
+class Par(NamedTuple):
+    """Parameters of one stabilizer."""
+
+    A1: Annotated[float, "s", "filter, second denominator", NOT_NEGATIVE]
+    A2: Annotated[float, "s^2", "filter, second denominator", NOT_NEGATIVE]
+    A3: Annotated[float, "s", "filter, first denominator", NOT_NEGATIVE]
+    A4: Annotated[float, "s^2", "filter, first denominator", NOT_NEGATIVE]
+    A5: Annotated[float, "s", "filter, numerator"]
+    A6: Annotated[float, "s^2", "filter, numerator"]
+    T1: Annotated[float, "s", "first lead"]
+    T2: Annotated[float, "s", "first lag", NOT_NEGATIVE]
+    T3: Annotated[float, "s", "second lead"]
+    T4: Annotated[float, "s", "second lag", NOT_NEGATIVE]
+    T5: Annotated[float, "s", "washout, numerator"]
+    T6: Annotated[float, "s", "washout, lag", NOT_NEGATIVE]
+    KS: Annotated[float, "pu", "gain"]
+    Lmax: Annotated[float, "pu", "output limit"] = 0.1
+    Lmin: Annotated[float, "pu", "output limit"] = -0.1
+    VCU: Annotated[float, "pu", "terminal voltage above which the output is 0 (0: none)", NOT_NEGATIVE] = 0.0
+    VCL: Annotated[float, "pu", "terminal voltage below which the output is 0", NOT_NEGATIVE] = 0.0
+    code: Annotated[int, "-", "input: 1 speed, 3 power, 5 terminal voltage", Interval(ge=0, le=5)] = 1
+
+
+class State(NamedTuple):
+    """Two filters, two lead-lags and washout."""
+
+    f1: Annotated[float, "pu", "first filter"]
+    df1: Annotated[float, "pu/s", "rate of the first filter"]
+    f2: Annotated[float, "pu", "second filter"]
+    df2: Annotated[float, "pu/s", "rate of the second filter"]
+    lag1: Annotated[float, "pu", "lagged signal of the first lead-lag"]
+    lag2: Annotated[float, "pu", "lagged signal of the second lead-lag"]
+    washout: Annotated[float, "pu", "slow part of the signal"]
+
+
+@inline
+def stages(x, u, p):
+    """Signals before and after the first filter, after the second filter, and after each lead-lag (pu)."""
+    signal = measured(u, p.code)
+    first = second_order(0.0, 0.0, p.A3, p.A4, signal, x.f1, x.df1)
+    second = second_order(p.A5, p.A6, p.A1, p.A2, first, x.f2, x.df2)
+    third = lead_lag(p.T1, p.T2, second, x.lag1)
+    return signal, first, second, third, lead_lag(p.T3, p.T4, third, x.lag2)
+
+
+@inline
+def output(x, u, p):
+    """Stabilizing signal (pu)."""
+    last = stages(x, u, p)[4]
+    signal = p.KS * (p.T5 / p.T6 * (last - x.washout) if p.T6 >= SHORT else last)
+    return Output(while_within(clip(signal, p.Lmin, p.Lmax), u.vt, p.VCL, p.VCU))
+
+
+@inline
+def derivatives(x, u, p):
+    """State derivatives (1/s)."""
+    signal, first, second, third, last = stages(x, u, p)
+    f1, df1 = second_order_rates(p.A3, p.A4, signal, x.f1, x.df1)
+    f2, df2 = second_order_rates(p.A1, p.A2, first, x.f2, x.df2)
+    return State(
+        f1,
+        df1,
+        f2,
+        df2,
+        lag_rate(p.T2, second, x.lag1),
+        lag_rate(p.T4, third, x.lag2),
+        lag_rate(p.T6, last, x.washout),
+    )
+
+
+def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:
+    """Parameters of a PSS/E record, and what was corrected: nothing."""
+    code = supported(values["code"], values["bus"], "ICS")
+    return Par(**{name: values[name] for name in Par._fields if name != "code"}, code=code), []
