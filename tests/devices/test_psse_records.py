@@ -44,7 +44,7 @@ def test_ratios_of_time_constants():
     par, _ = scrx.from_record("SCRX", values(scrx, "SCRX", "0.4 5 20 1 -50 50 1 0.5"))
     assert par == scrx.Par(20.0, 1.0, 5.0, 2.0, 50.0, -50.0, 1, 0.5)
     par, _ = pss.from_record("STAB1", values(pss, "STAB1", "6 1.5 13.3 0.0447 13.3 0.0447 0.2"))
-    assert par == pytest.approx((9.0, 1.5, 13.3 * 0.0447, 0.0447, 13.3 * 0.0447, 0.0447, 0.2, -0.2))
+    assert par == pytest.approx((6.0, 1.5, 13.3 * 0.0447, 0.0447, 13.3 * 0.0447, 0.0447, 0.2, -0.2))
 
 
 IEEET1 = {

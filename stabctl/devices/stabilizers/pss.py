@@ -2,7 +2,7 @@
 
 omega - 1 -> [K] -> [sTw/(1+sTw)] -> [(1+sT1)/(1+sT2)] -> [(1+sT3)/(1+sT4)] -> limited Vmin..Vmax -> Vs
 
-With Vmin = -Vmax it is the STAB1 of PSS/E, whose constants are K/Tw, Tw, T1/T2, T2, T3/T4, T4 and Vmax.
+With Vmin = -Vmax it is the STAB1 of PSS/E, whose constants are K (K/T there), Tw, T1/T2, T2, T3/T4, T4 and Vmax.
 Source: Kundur, Power System Stability and Control, section 12.5; IEEE Std 421.5, type PSS1A without its A1, A2 filter;
 PSS/E Model Library, STAB1.
 """
@@ -15,7 +15,7 @@ from stabctl.schema import NOT_NEGATIVE
 
 NAME = "PSS"
 ROLE = "stabilizer"
-DYR = {"STAB1": "K_over_Tw Tw T1_over_T2 T2 T3_over_T4 T4 Vmax"}
+DYR = {"STAB1": "K Tw T1_over_T2 T2 T3_over_T4 T4 Vmax"}
 
 
 class Par(NamedTuple):
@@ -76,4 +76,4 @@ def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:
     """Parameters of a PSS/E record, and what was corrected: nothing."""
     Tw, T2, T4, limit = (values[name] for name in ("Tw", "T2", "T4", "Vmax"))
     T1, T3 = values["T1_over_T2"] * T2, values["T3_over_T4"] * T4
-    return Par(values["K_over_Tw"] * Tw, Tw, T1, T2, T3, T4, limit, -limit), []
+    return Par(values["K"], Tw, T1, T2, T3, T4, limit, -limit), []
