@@ -3,6 +3,7 @@
 import csv
 import gzip
 import io
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -80,6 +81,7 @@ def simulated(replay, step=0.005, **changes):
     elif event.startswith("load at bus 2"):
         events, step = [LoadStep(2, at, p=-55.0)], 1e-4
     elif event.startswith("set SEXS Vref"):
+        point = operating_point.solve(replace(case, frequency_hz=60.0))  # the angle of the trace turns at 60 Hz
         point.s[point.layout.setpoint(0, "Vref")] = 1.0472  # from the start on: the trace is compared from then
         return simulation.run(point, [], replay.until - at, step=step, criterion=KEEP_ON), at
     return simulation.run(point, events, replay.until, step=step, criterion=KEEP_ON), 0.0

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from library import EXCITERS, STABILIZERS
 
 from stabctl import devices
 from stabctl.devices.converters import regc_a
@@ -104,6 +105,11 @@ LIBRARY = {  # the same for devices of the library, whose tests are slow ones: e
     "degov1 with power": {"gencls": CLASSICAL, "degov1": GOVERNORS[degov1]._replace(M=1)},
     "pidgov with power": {"gencls": CLASSICAL, "pidgov": GOVERNORS[pidgov]._replace(feedback=0)},
     "two axes": {"two_axis": TWO_AXES, "sexs": SEXS, "tgov": STEAM},
+    **{name: {"genrou": SATURATED, par.__class__.__module__.rpartition(".")[2]: par} for name, par in EXCITERS.items()},
+    **{
+        name: {"genrou": ROUND, "sexs": SEXS, par.__class__.__module__.rpartition(".")[2]: par}
+        for name, par in STABILIZERS.items()
+    },
 }
 
 OWN_KINDS = {  # name -> devices of machine 1, and a device of the user's: its table and constants

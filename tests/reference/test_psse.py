@@ -17,6 +17,12 @@ RUNS = [  # row of cases.csv, largest differences measured
     ("GENROU_HIGH_SAT", {"angle 102/1": 3.4e-3}),
     ("GENROE", {"angle 102/1": 4.6e-3}),
     ("GENSAL", {"angle 102/1": 1.6e-3}),
+    ("SEXS", {"v 102": 1.1e-4, "efd 102/1": 2.5e-5, "pm 102/1": 1e-11}),
+    ("ESAC1A", {"angle 102/1": 1.7e-2, "v 102": 1.2e-4}),
+    ("ESAC1A_SAT", {"angle 102/1": 1.2e-2, "v 102": 1.2e-4}),
+    ("IEEEST_NOFILT", {"efd 102/1": 2.1e-4, "v 102": 1.1e-4}),
+    ("IEEEST_FILT", {"efd 102/1": 2.2e-5, "v 102": 1.1e-4}),
+    ("STAB1", {"v 1": 2.0e-5, "speed_deviation 1/1": 4.7e-7, "angle 1/1": 3.1e-3}),
     ("ZIP_CONST_P", {"v 102": 6.7e-5, "bus_angle 102": 4.3e-3, "v 103": 3.7e-5, "bus_angle 103": 2.2e-3}),
     ("ZIP_CONST_I", {"v 102": 5.5e-5, "bus_angle 102": 3.9e-3, "v 103": 2.9e-5, "bus_angle 103": 1.9e-3}),
 ]

@@ -12,7 +12,7 @@ Source: IEEE Std 421.5-2016, type ST8C; PSS/E Model Library, ST8C.
 """
 
 from collections.abc import Iterator
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from annotated_types import Interval
 
@@ -128,6 +128,6 @@ def derivatives(x, u, p):
     )
 
 
-def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:
+def from_record(kind: str, values: dict[str, Any]) -> tuple[Par, list[str]]:
     """Parameters of a PSS/E record, and what was corrected: nothing."""
     return Par(**(values | {"SW1": int(values["SW1"])})), []

@@ -11,7 +11,7 @@ Source: IEEE Std 421.5, types PSS2A and PSS2B; PSS/E Model Library, PSS2A and PS
 """
 
 from collections.abc import Iterator
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from annotated_types import Interval
 
@@ -188,7 +188,7 @@ def derivatives(x, u, p):
     )
 
 
-def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:
+def from_record(kind: str, values: dict[str, Any]) -> tuple[Par, list[str]]:
     """Parameters of a PSS/E record, and what was corrected: nothing."""
     whole = {f"code{k}": supported(values[f"code{k}"], values[f"bus{k}"], f"ICS{k}") for k in (1, 2)}
     whole |= {name: int(values[name]) for name in ("M", "N")}

@@ -100,7 +100,7 @@ def automatic(p: Any, u: Any) -> Any:
     return p._replace(V0=u.vt)
 
 
-def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:
+def from_record(kind: str, values: dict[str, Any]) -> tuple[Par, list[str]]:
     """Parameters of a PSS/E record, and what was corrected: nothing."""
     codes = {f"code{k}": supported(values[f"code{k}"], values[f"bus{k}"], f"ICS{k}") for k in (1, 2)}
     return Par(**{name: value for name, value in values.items() if name[:3] not in ("cod", "bus")}, **codes), []
