@@ -21,16 +21,8 @@ class Limits(NamedTuple):
 
 
 def limits(families: Iterable[Family], one: int) -> Limits:
-    names: tuple[tuple[str | float, str | float], ...]  # parameters (low, high), or numbers
-    stops: np.ndarray  # which of them stop their device at once, so that its power jumps
-
-
-def limits(families: Iterable[Family], one: int) -> Limits:
     """The states that models list in LIMITS, with those also in STOPS; `one` is the place of the constant 1."""
     state, scale, stops = [], [], []
-    low: list[np.ndarray] = []
-    high: list[np.ndarray] = []
-    names: list[tuple[str | float, str | float]] = []
     low: list[np.ndarray] = []
     high: list[np.ndarray] = []
     names: list[tuple[str | float, str | float]] = []
