@@ -16,6 +16,12 @@ IMAGES = (".png", ".svg", ".pdf")
 ROWS = 20  # shown of a table in a notebook
 
 
+def machine_column(frame: "pd.DataFrame") -> "pd.DataFrame":
+    """The table with machines as whole numbers where they have no names; none is a missing value."""
+    named = any(isinstance(name, str) for name in frame["machine"])
+    return frame.astype({"machine": "string" if named else "Int64"})
+
+
 class Tabular:
     """A result with a table (`df`), a summary (`__str__`) and usually a figure (`plot`)."""
 

@@ -22,7 +22,7 @@ class Found(NamedTuple):
     runs: dict[int, Run]  # by point of the grid
 
     @property
-    def machine(self) -> int | None:
+    def machine(self) -> int | str | None:
         """Machine that loses synchronism first just beyond."""
         beyond = self.runs.get(0 if self.status == "unstable_at_zero" else self.critical + 1)
         return beyond.machine if beyond else None

@@ -44,7 +44,7 @@ def margin(trajectory: Trajectory, cleared_s: float) -> Margin | None:
 
 def _equivalent(trajectory: Trajectory) -> tuple[np.ndarray, float]:
     """Speed (rows, pu) of the group of machines that is lost against the others, and inertia (s) of the equivalent."""
-    H, numbers = trajectory.point.inertia, trajectory.point.rotor_numbers
+    H, numbers = trajectory.point.inertia, trajectory.point.rotor_names
     end = trajectory.arrays.angle[-1] - trajectory.arrays.angle[0]
     first = ahead(end)
     lost = next((i for i, number in enumerate(numbers) if number == trajectory.outcome.machine), np.argmax(end))

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING
 
+from stabctl._util.tabular import machine_column
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.simulation.contingency import Contingency
@@ -25,7 +26,7 @@ class ClearingTime:
     status: Status
     cycles: float | None  # last stable clearing time on the grid
     seconds: float | None
-    machine: int | None  # loses synchronism first just beyond
+    machine: int | str | None  # loses synchronism first just beyond
     search: Search
     runs: tuple[Run, ...]  # by clearing time
     wall_s: float
@@ -69,7 +70,7 @@ class ClearingTime:
 
         columns = "clearing_cycles", "stable", "outcome", "machine", "end_s"
         frame = pd.DataFrame([(r.cycles, r.stable, r.outcome.value, r.machine, r.time_s) for r in self.runs])
-        return frame.set_axis(columns, axis=1).astype({"machine": "Int64"})
+        return machine_column(frame.set_axis(columns, axis=1))
 
     def brief(self) -> str:
         """The answer, without case and search."""

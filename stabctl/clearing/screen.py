@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stabctl._util import cores, files
+from stabctl._util.tabular import machine_column
 from stabctl._util.verbs import verb
 from stabctl.controllers import Law
 from stabctl.dynamics.coerce import operating_point
@@ -62,7 +63,7 @@ class Screen:
         search = replace(self.search, limit_cycles=max(shortest, min(limit, longest)))
         return replace(self, pairs=tuple(kept), search=search)
 
-    def rows(self) -> list[tuple[str, str, float | None, str, int | None]]:
+    def rows(self) -> list[tuple[str, str, float | None, str, int | str | None]]:
         """A row of `COLUMNS` for every pair."""
         return [(p.fault, " ".join(p.trip), p.cycles, p.status, p.machine) for p in self.pairs]
 
@@ -71,7 +72,7 @@ class Screen:
         """The pairs, a row each; `machine` loses synchronism first just beyond the clearing time."""
         import pandas as pd
 
-        return pd.DataFrame(self.rows(), columns=COLUMNS).astype({"cycles": float, "machine": "Int64"})
+        return machine_column(pd.DataFrame(self.rows(), columns=COLUMNS).astype({"cycles": float}))
 
     def save(self, path: str | Path) -> Path:
         """Write the pairs to a .csv file atomically; returns the path."""

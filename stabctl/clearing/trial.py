@@ -27,7 +27,7 @@ class Run(NamedTuple):
     cycles: float  # clearing time
     stable: bool
     outcome: Kind
-    machine: int | None  # that lost synchronism first
+    machine: int | str | None  # that lost synchronism first
     time_s: float  # s   end of the run, from the fault on
     margin: Margin | None = None  # of an unstable run
 

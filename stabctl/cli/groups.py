@@ -22,13 +22,26 @@ class CaseOptions(NamedTuple):
     device: options.Device = None
     classical: options.Classical = False
     verbose: options.Verbose = False
+    dyr: options.Dyr = None
+    loads: options.Loads = None
+    machines: options.Machines = None
+    missing: options.Missing = "refuse"
+    missing_controls: options.MissingControls = "refuse"
 
     def load(self) -> "Case":
         """The case with its settings (`pss.1.K=10`) applied; its warnings go to stderr."""
         from stabctl import io
         from stabctl.errors import StudyError
 
-        case, values = io.load(self.case), {}
+        case = io.load(
+            self.case,
+            dyr=self.dyr,
+            loads=self.loads,
+            machines=self.machines,
+            missing=self.missing,
+            missing_controls=self.missing_controls,
+        )
+        values = {}
         known = case.warnings if self.case in io.packaged() and not self.verbose else ()
         for text in self.settings or ():
             path, given, value = text.partition("=")

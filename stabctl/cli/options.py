@@ -1,6 +1,7 @@
 """Options shared by several commands. A quantity is a number in the unit given in its help, or text with a unit."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
@@ -46,7 +47,26 @@ def register(files: list[str] | None) -> list[str] | None:
     return files
 
 
-CaseName = Annotated[str, typer.Argument(metavar="CASE", help="A packaged case, or a folder.")]
+CaseName = Annotated[
+    str, typer.Argument(metavar="CASE", help="A packaged case, a folder, a PSS/E file x.raw, or a MATPOWER file x.m.")
+]
+Dyr = Annotated[Path | None, typer.Option("--dyr", help="DYR file of x.raw (default: x.dyr beside it).")]
+Loads = Annotated[
+    Literal["impedance", "current", "power"] | None,
+    typer.Option("--loads", help="What every load keeps constant when the voltage changes (default: as in the case)."),
+]
+Machines = Annotated[
+    Literal["typical"] | None,
+    typer.Option("--machines", help="Give a case without dynamic data typical machines, exciters and governors."),
+]
+Missing = Annotated[
+    Literal["refuse", "injection"],
+    typer.Option("--missing", help="A machine of x.raw without a model: refuse it, or make it an injection."),
+]
+MissingControls = Annotated[
+    Literal["refuse", "fixed"],
+    typer.Option("--missing-controls", help="A control without a model: refuse it, or keep what it controls constant."),
+]
 Classical = Annotated[bool, typer.Option("--classical", help="Classical machines, without controls.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 Set = Annotated[

@@ -21,6 +21,10 @@ Out = Annotated[Path | None, typer.Option("--out", help="Write the trajectory to
 Plot = Annotated[
     Path | None, typer.Option("--plot", help="Plot speeds, angles, voltages, storage to FILE.png or .svg.")
 ]
+AngleReference = Annotated[
+    str | None,
+    typer.Option("--angle-reference", metavar="MACHINE", help="Machine that the angles in FILE.csv are relative to."),
+]
 
 
 @grouped
@@ -43,6 +47,7 @@ def simulate(
     estimator: options.Estimator = "ideal",
     pmu: groups.PmuOptions,
     out: Out = None,
+    angle_reference: AngleReference = None,
     plot: Plot = None,
     case: groups.CaseOptions,
     as_json: options.Json = False,
@@ -60,7 +65,11 @@ def simulate(
     shared.file(out, ".csv", ".nc")
     shared.file(plot, ".png", ".svg")
     through = shared.impedance(fault_impedance)
+    if angle_reference is not None and (out is None or out.suffix.lower() != ".csv"):
+        raise StudyError("--angle-reference applies to the angles in a .csv file; give --out FILE.csv.")
     loaded = case.load()
+    if angle_reference is not None:
+        loaded.machine(angle_reference)
     events = shared.events(loaded, opened, tripped, stepped)
     contingency = Contingency(fault, clear, trip or (), at=at, impedance=through, events=events)
     point = storage.initialize(loaded)
@@ -77,7 +86,7 @@ def simulate(
             progress=tell,
         )
     if out:
-        result.save(out)
+        result.save(out, angle_reference=angle_reference)
     if plot:
         from stabctl.plotting import style, trajectory
 

@@ -89,6 +89,11 @@ class OperatingPoint:
         """Numbers of the machines with a rotor, in the order of `rotors`."""
         return tuple(self.case.machines[i].machine for i in self.rotors.unit)
 
+    @property
+    def rotor_names(self) -> tuple[int | str, ...]:
+        """What the machines with a rotor are called, in the order of `rotors`: their names, or else their numbers."""
+        return tuple(self.case.machines[i].called for i in self.rotors.unit)
+
     @cached_property
     def equations(self) -> Equations:
         """The equations of the system, to be evaluated and differentiated."""

@@ -81,7 +81,8 @@ def _filled(device: ModuleType, par: Any, known: Mapping[str, float]) -> Any:
 def _unit_row(case: Case, device: ModuleType, unit: int, key: keys.Key, par: Any, net: Network) -> Row:
     m, bus = case.machines[unit], int(net.machine_bus[unit])
     par = _filled(device, par, {"mva": m.base / case.base_mva, "wb": 2 * np.pi * case.frequency_hz})
-    return Row(unit, bus, bus, par, f"{device.NAME} {key}", f"machine {m.machine} at bus {m.bus}")
+    name = str(key).replace(str(m.machine), str(m.called), 1)
+    return Row(unit, bus, bus, par, f"{device.NAME} {name}", f"machine {m.called} at bus {m.bus}")
 
 
 def _bus_row(case: Case, device: ModuleType, key: keys.Key, par: Any, net: Network) -> Row:

@@ -113,5 +113,5 @@ def _unsolved(case: Case, system: System, newton: Newton, row: int) -> tuple[str
     if unit < 0:
         what = f"{name} of {case.name} has no equilibrium with zero current"
         return what, "its data: the power flow does not include it"
-    what = f"Machine {case.machines[unit].machine} of {case.name} has no equilibrium at its power-flow power"
+    what = f"Machine {case.machines[unit].called} of {case.name} has no equilibrium at its power-flow power"
     return what, "its reactances, its saturation and its dispatch"

@@ -46,7 +46,7 @@ def _upright(case: Case, system: System, s: np.ndarray) -> None:
     angle = np.angle(V[system.unit_bus[rotors.unit]])
     reversed_ = np.flatnonzero(np.cos(s[rotors.angle] - angle) < -0.5)
     if len(reversed_):
-        number = case.machines[rotors.unit[reversed_[0]]].machine
+        number = case.machines[rotors.unit[reversed_[0]]].called
         raise EquilibriumError(
             f"Machine {number} of {case.name} initializes with a reversed rotor; check its reactances."
         )
@@ -100,7 +100,7 @@ def _binding(case: Case, system: System, equations: Equations, s: np.ndarray, un
                     return _beyond(system, f.name, int(j), name, f.k[j, c], " is exceeded at the power flow")
     if unit < 0:
         return f"A device of {case.name} is not in equilibrium at the power flow; check its data."
-    number = case.machines[unit].machine
+    number = case.machines[unit].called
     return f"Machine {number} of {case.name} is not in equilibrium at the power flow; check its data."
 
 

@@ -1,7 +1,7 @@
 """Loading a case by what its name says: a packaged case, a folder, a PSS/E RAW file."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
@@ -19,6 +19,7 @@ def load(
     *,
     dyr: str | Path | None = None,
     loads: "Loads | None" = None,
+    machines: Literal["typical"] | None = None,
     missing: "Missing" = "refuse",
     missing_controls: "MissingControls" = "refuse",
 ) -> Case:

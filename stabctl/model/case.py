@@ -78,8 +78,9 @@ class Case:
         for m in self.machines:
             if m.machine == found:
                 return m
-        numbers = ", ".join(labels.label(m) for m in self.machines)
-        raise StudyError(f"There is no machine {shown(number)} in {self.name}; its machines are {numbers}.")
+        numbers = ", ".join(str(m.called) for m in self.machines)
+        wanted = number.strip() if isinstance(number, str) else shown(number)
+        raise StudyError(f"There is no machine {wanted} in {self.name}; its machines are {numbers}.")
 
     def model(self, number: int, role: str) -> str | None:
         """Name of the first model with a role ("machine", "exciter" ...) that a machine has; None if it has none."""

@@ -14,7 +14,7 @@ from .case import Case
 from .powerflow import PowerFlow
 from .tables import Machine, Storage
 
-_PLACE = re.compile(r"\s*([0-9]{1,18})(?:@([0-9]{1,18}))?\s*")
+_PLACE = re.compile(r"\s*([0-9]{1,18}(?:/\s*[^\s@]+)?)(?:@([0-9]{1,18}))?\s*")
 
 LARGEST = 1e6  # MW   of one device
 Fleet = str | float | Mapping[int | str, str | float] | Iterable[Storage] | Storage
@@ -86,7 +86,7 @@ def chosen(
             raise StudyError(
                 f"{shown(place)} does not place a storage device; write 14=50MW, or 14@33=50MW for bus 33."
             )
-        machine = case.machine(int(match[1]))
+        machine = case.machine(match[1].strip())
         bus = int(match[2]) if match[2] else machine.storage_bus
         keys.row(case, "buses", bus)
         if any((s.machine, s.bus) == (machine.machine, bus) for s in found):

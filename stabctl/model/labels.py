@@ -2,20 +2,8 @@
 
 from typing import TYPE_CHECKING
 
-from .tables import Machine
-
 if TYPE_CHECKING:
     from .case import Case
-
-
-def label(m: Machine) -> str:
-    """What a machine is called: its name, such as 30/1, or its number."""
-    return m.name or str(m.machine)
-
-
-def machine(case: "Case", number: int) -> str:
-    """What the machine with this number is called."""
-    return next((label(m) for m in case.machines if m.machine == number), str(number))
 
 
 def machine_number(case: "Case", name: object) -> int | None:
@@ -42,6 +30,11 @@ def bus(case: "Case", number: int) -> str:
     """A bus in words: `bus 7`, or `bus 7 (NORTH)` if it has a name."""
     name = next((b.name for b in case.buses if b.bus == number), "")
     return f"bus {number} ({name})" if name else f"bus {number}"
+
+
+def order(name: int | str) -> tuple[int, str]:
+    """Key for sorting names of machines: numbers by size."""
+    return len(str(name)), str(name)
 
 
 def _plain(name: object) -> str:

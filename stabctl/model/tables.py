@@ -23,9 +23,9 @@ class Bus(NamedTuple):
     b: Annotated[float, "Mvar", "shunt susceptance: reactive power produced at 1 pu voltage"] = 0.0
     rated: Annotated[float, "kV", "rated voltage, for information only", NOT_NEGATIVE] = 0.0
     name: Annotated[str, "-", "name of the bus"] = ""
-    area: Annotated[int, "-", "area, for information only"] = 0
-    zone: Annotated[int, "-", "zone, for information only"] = 0
-    owner: Annotated[int, "-", "owner, for information only"] = 0
+    area: Annotated[int, "-", "area, for information only", NOT_NEGATIVE] = 0
+    zone: Annotated[int, "-", "zone, for information only", NOT_NEGATIVE] = 0
+    owner: Annotated[int, "-", "owner, for information only", NOT_NEGATIVE] = 0
 
 
 class Branch(NamedTuple):
@@ -57,6 +57,11 @@ class Machine(NamedTuple):
         0.0
     )
     name: Annotated[str, "-", "name, by which it is then called: 30/1 for identifier 1 at bus 30"] = ""
+
+    @property
+    def called(self) -> int | str:
+        """What it is called: its name, or its number if it has none."""
+        return self.name or self.machine
 
 
 class Load(NamedTuple):

@@ -66,7 +66,7 @@ def from_screen(found: Screen, hz: float, *, count: int = COUNT, longer: float =
     longer : float
         Clearing time to be survived, relative to that of the screen (1.2: 20 % longer).
     """
-    chosen: dict[int | None, Contingency] = {}
+    chosen: dict[int | str | None, Contingency] = {}
     for pair in found.pairs:
         if pair.cycles and pair.machine not in chosen:
             chosen[pair.machine] = Contingency(pair.fault, longer * pair.cycles / hz, pair.trip)

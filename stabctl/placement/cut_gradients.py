@@ -28,7 +28,7 @@ def by_peak(trials: Trials, mw: np.ndarray, k: int) -> np.ndarray | None:
             break
     else:
         return None
-    numbers = [m.machine for m in trials.point.case.machines]
+    numbers = [m.called for m in trials.point.case.machines]
     machine = int(run.peak.argmax()) if lost is None else numbers.index(lost)
 
     def slope(i: int) -> float:

@@ -29,7 +29,7 @@ class CriticalTime(NamedTuple):
 
     cycles: float | None  # on a grid of about 1/8 cycle that contains the target; None: unstable at any clearing time
     stable: bool  # at the target
-    machine: int | None  # loses synchronism first just beyond
+    machine: int | str | None  # loses synchronism first just beyond
 
 
 def critical_time(trials: Trials, mw: np.ndarray, k: int, control: Law | Sampled | None = None) -> CriticalTime:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from stabctl._util.tabular import Tabular
+from stabctl._util.tabular import Tabular, machine_column
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.model.case import Storage
@@ -93,7 +93,7 @@ class Siting(Tabular):
             for c in self.contingencies
         ]
         columns = ["contingency", "target_cycles", "critical_cycles", "margin_cycles", "stable", "binding", "machine"]
-        return pd.DataFrame(rows, columns=columns).astype({"critical_cycles": float, "machine": "Int64"})
+        return machine_column(pd.DataFrame(rows, columns=columns).astype({"critical_cycles": float}))
 
     def remarks(self) -> tuple[str, ...]:
         """The result in sentences."""

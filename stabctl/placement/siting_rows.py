@@ -39,7 +39,7 @@ class Survived(NamedTuple):
     contingency: Contingency
     target_cycles: float
     critical_cycles: float | None  # on a grid that contains the target; None: unstable at any clearing time
-    machine: int | None  # loses synchronism first just beyond the critical time
+    machine: int | str | None  # loses synchronism first just beyond the critical time
     stable: bool  # in the simulation at the target
     binding: bool  # unstable with 3 % less storage
 

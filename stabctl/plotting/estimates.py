@@ -40,7 +40,7 @@ def plot(found: Estimates, *, machines: Sequence[int] | None = None, seed: int =
         ax.fill_between(found.time, seen - 3 * sigma, seen + 3 * sigma, color=COLORS[1], alpha=0.25, linewidth=0)
         ax.plot(found.time, seen, color=COLORS[1], linewidth=1, label="estimated, with ±3 sigma")
         ax.plot(found.time, true, color=COLORS[0], linewidth=1, label="true")
-        ax.set_title(f"machine {case.machines[i].machine}", loc="left", fontsize="small")
+        ax.set_title(f"machine {case.machines[i].called}", loc="left", fontsize="small")
     axes[0, 0].legend(frameon=False, fontsize="small", ncols=2)
     axes[-1, 0].set_xlabel("time (s)")
     figure.supylabel("speed relative to the COI of the other machines (mHz)", fontsize="medium")
@@ -56,7 +56,7 @@ def commands(found: Estimates, *, machines: Sequence[int] | None = None, seed: i
         ax.step(found.time, found.true_commands[:, seed, i], where="post", color=COLORS[0], linewidth=2.5, alpha=0.45)
         ax.step(found.time, found.estimated_commands[:, seed, i], where="post", color=COLORS[1], linewidth=1)
         ax.set_yticks((-1, 0, 1), ("inject", "idle", "absorb"))
-        ax.set_title(f"machine {case.machines[i].machine}", loc="left", fontsize="small")
+        ax.set_title(f"machine {case.machines[i].called}", loc="left", fontsize="small")
     labels = "from true speeds", "from estimates"
     axes[0, 0].legend(
         axes[0, 0].lines, labels, frameon=False, fontsize="small", ncols=2, loc="lower right", bbox_to_anchor=(1, 1)

@@ -31,11 +31,11 @@ class Signal(NamedTuple):
 
     values: np.ndarray  # (rows, curves)
     names: list[str]
-    machines: list[int]  # to which the curves belong
+    machines: list[int | str]  # to which the curves belong
 
 
 def plot(
-    run: Trajectory, signal: str = "speed", *, machines: Sequence[int] | None = None, ax: "Axes | None" = None
+    run: Trajectory, signal: str = "speed", *, machines: Sequence[int | str] | None = None, ax: "Axes | None" = None
 ) -> "Axes":
     """Plot one signal of a simulation against time.
 
@@ -47,7 +47,7 @@ def plot(
         ``"speed"`` (Hz), ``"angle"`` (deg, from the center of inertia), ``"voltage"`` (pu, at the buses where storage
         connects), ``"power"`` (MW, electrical) or ``"storage"`` (MW, positive when absorbing).
     machines
-        Numbers of the machines to show. Default: all.
+        Names or numbers of the machines to show. Default: all.
     ax
         Axes to draw on. Default: a new figure.
 
@@ -71,7 +71,7 @@ def plot(
     return ax
 
 
-def overview(run: Trajectory, machines: Sequence[int] | None = None) -> "Figure":
+def overview(run: Trajectory, machines: Sequence[int | str] | None = None) -> "Figure":
     """Plot speeds, angles, voltages and, if there is storage, its power, one above the other."""
     signals = ["speed", "angle", "voltage"] + ["storage"] * bool(run.point.case.storage)
     figure, axes = subplots(9, 2.3 * len(signals) + 0.6, len(signals), sharex=True)
@@ -83,7 +83,9 @@ def overview(run: Trajectory, machines: Sequence[int] | None = None) -> "Figure"
     return figure
 
 
-def compare(runs: Mapping[str, Trajectory], signal: str = "speed", machines: Sequence[int] | None = None) -> "Figure":
+def compare(
+    runs: Mapping[str, Trajectory], signal: str = "speed", machines: Sequence[int | str] | None = None
+) -> "Figure":
     """Plot one signal of several runs, given by title, side by side on the same scale."""
     figure, axes = subplots(5 * len(runs), 3.8, 1, len(runs), sharey=True)
     for ax, (title, run) in zip(axes[0], runs.items(), strict=True):
@@ -94,21 +96,25 @@ def compare(runs: Mapping[str, Trajectory], signal: str = "speed", machines: Seq
     return figure
 
 
-def storage(run: Trajectory, machines: Sequence[int] | None = None) -> "Figure":
+def storage(run: Trajectory, machines: Sequence[int | str] | None = None) -> "Figure":
     """Plot the power of the storage devices of some machines (default: all), one above the other."""
     case = run.point.case
-    shown = [k for k, s in enumerate(case.storage) if machines is None or s.machine in machines]
+    shown = [k for k, s in enumerate(case.storage) if machines is None or case.machine(s.machine).called in machines]
     figure, axes = subplots(9, 1.25 * len(shown) + 0.6, len(shown), sharex=True, sharey=len(shown) > 2)
     for ax, k in zip(axes[:, 0], shown, strict=True):
         device = case.storage[k]
         ax.plot(run.time, run.arrays.storage[:, k], drawstyle="steps-post")
-        ax.set_title(f"storage of machine {device.machine} at bus {device.bus}", loc="left", fontsize="small")
+        ax.set_title(
+            f"storage of machine {case.machine(device.machine).called} at bus {device.bus}",
+            loc="left",
+            fontsize="small",
+        )
     axes[-1, 0].set_xlabel("time (s)")
     figure.supylabel("power absorbed (MW)", fontsize="medium")
     return figure
 
 
-def _draw(ax: "Axes", run: Trajectory, signal: str, machines: Sequence[int] | None, legend: bool = True) -> None:
+def _draw(ax: "Axes", run: Trajectory, signal: str, machines: Sequence[int | str] | None, legend: bool = True) -> None:
     """Draw the curves of a signal: each in its own color if they are few, else those of machines that are unstable."""
     values, names, owners = _signal(run, signal, machines)
     colors = _colors(names, owners, run.unstable_machines)
@@ -128,7 +134,7 @@ def _draw(ax: "Axes", run: Trajectory, signal: str, machines: Sequence[int] | No
         legend_beside(ax, ax.get_legend_handles_labels()[1])
 
 
-def _colors(names: Sequence[str], owners: Sequence[int], unstable: Sequence[int]) -> list[str]:
+def _colors(names: Sequence[str], owners: Sequence[int | str], unstable: Sequence[int | str]) -> list[str]:
     """A color for each curve: all different if they are few; otherwise unstable machines in color, the rest in gray."""
     if len(names) <= len(COLORS):
         return list(COLORS[: len(names)])
@@ -167,12 +173,12 @@ def _once(labels: dict[str, bool], name: str) -> str | None:
     return name if labels.pop(name, False) else None
 
 
-def _signal(run: Trajectory, signal: str, machines: Sequence[int] | None) -> Signal:
+def _signal(run: Trajectory, signal: str, machines: Sequence[int | str] | None) -> Signal:
     """The curves of a signal."""
     case = run.point.case
     if signal == "storage":
         devices = zip(case.storage, run.devices(), run.arrays.storage.T, strict=True)
-        owners = [(s.machine, f"storage {name}", column) for s, name, column in devices]
+        owners = [(case.machine(s.machine).called, f"storage {name}", column) for s, name, column in devices]
     else:
         column_of = {b.bus: k for k, b in enumerate(case.buses)}
         values = {
@@ -181,10 +187,10 @@ def _signal(run: Trajectory, signal: str, machines: Sequence[int] | None) -> Sig
             "voltage": lambda: np.abs(run.arrays.V[:, [column_of[m.storage_bus] for m in case.machines]]),
             "power": lambda: run.arrays.P,
         }[signal]()
-        name = "bus {0.storage_bus}" if signal == "voltage" else "machine {0.machine}"
+        name = "bus {0.storage_bus}" if signal == "voltage" else "machine {0.called}"
         rotors = signal in ("speed", "angle")
         units = [case.machines[i] for i in run.point.rotors.unit] if rotors else case.machines
-        owners = [(m.machine, name.format(m), column) for m, column in zip(units, values.T, strict=True)]
+        owners = [(m.called, name.format(m), column) for m, column in zip(units, values.T, strict=True)]
     shown = [one for one in owners if machines is None or one[0] in machines]
     columns = np.array([column for _, _, column in shown]).reshape(len(shown), len(run.time)).T
     return Signal(columns, [name for _, name, _ in shown], [machine for machine, _, _ in shown])

@@ -200,11 +200,16 @@ def _not_an_event(item: object) -> StudyError:
 
 
 def _circuits(trip: str | Iterable[str]) -> tuple[str, ...]:
-    names = trip.replace(",", " ").split() if isinstance(trip, str) else trip
+    names = [name for part in trip.split(",") for name in _names(part)] if isinstance(trip, str) else trip
     names = tuple(names) if isinstance(names, Iterable) else (None,)
     if not all(isinstance(name, str) for name in names):
         raise StudyError(f"trip = {trip!r} does not name circuits; write trip='7-8' or trip=['7-8', '8-9#2'].")
     return names
+
+
+def _names(part: str) -> list[str]:
+    """Circuits separated by blanks; one with a letter, such as 7-8 ckt 2, may hold blanks itself."""
+    return [part.strip()] if any(c.isalpha() for c in part) else part.split()
 
 
 def _events(events: Event | str | Iterable[Event | str]) -> tuple[Event | str, ...]:

@@ -48,7 +48,7 @@ class Open(_Timed):
 class TripMachine(_Timed):
     """A machine is disconnected."""
 
-    machine: int
+    machine: int | str  # its number, or its name such as 30/1
     at: float  # s
 
 
@@ -56,7 +56,7 @@ class TripMachine(_Timed):
 class LoadStep(_Timed):
     """Load is added at a bus, with the voltage dependence of its present load (constant admittance if it has none)."""
 
-    bus: int
+    bus: int | str  # its number or name
     at: float  # s
     p: float = 0.0  # MW    at power-flow voltage; text such as "50MW" too
     q: float = 0.0  # Mvar  at power-flow voltage; text such as "20Mvar" too
@@ -74,7 +74,7 @@ class LoadStep(_Timed):
 class SwitchShunt(_Timed):
     """A shunt is switched in at a bus."""
 
-    bus: int
+    bus: int | str  # its number or name
     at: float  # s
     g: float = 0.0  # MW    consumed at 1 pu
     b: float = 0.0  # Mvar  produced at 1 pu

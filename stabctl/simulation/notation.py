@@ -9,37 +9,43 @@ from stabctl.units import seconds
 from .events import Event, LoadStep, Open, TripMachine
 
 SHOWN = "7-8@1s (a line opens), 14@2s (a machine trips) or 7:+50MW@1s (a load changes)"
-_OPENING = re.compile(r"^(\d{1,18}-\d{1,18}(?:#\d{1,18})?)$", re.ASCII)
-_MACHINE = re.compile(r"^(\d{1,18})$", re.ASCII)
+_NUMBERS = re.compile(r"\d{1,18}-\d{1,18}(?:#\d{1,18})?", re.ASCII)
+_MACHINE = re.compile(r"\d{1,18}|[^:]+/[^:/]+", re.ASCII)
 _POWER = r"[+-]\d+(?:\.\d*)?(?:[eE][+-]?\d+)?"
-_LOAD = re.compile(rf"^(\d{{1,18}}):(?:({_POWER})MW)?(?:({_POWER})Mvar)?$", re.ASCII | re.IGNORECASE)
+_LOAD = re.compile(rf"([^:]+):(?:({_POWER})\s*MW)?\s*(?:({_POWER})\s*Mvar)?", re.ASCII | re.IGNORECASE)
 
 
 def opening(text: str, frequency_hz: float) -> Open:
-    """The opening of a circuit at both ends: `7-8@1s`, `7-8#2@60cyc`."""
+    """The opening of a circuit at both ends: `7-8@1s`, `7-8#2@60cyc`, `7-8 ckt 2@1s`."""
     what, at = _split(text, frequency_hz)
-    if match := _OPENING.match(what):
-        return Open(match[1], at)
+    if _circuit(what):
+        return Open(what, at)
     raise StudyError(f"{text!r} is not a line trip; write it as 7-8@1s, or 7-8#2@1s for the second circuit.")
 
 
 def machine_trip(text: str, frequency_hz: float) -> TripMachine:
-    """The trip of a machine: `14@2s`."""
+    """The trip of a machine: `14@2s`, `30/1@2s`."""
     what, at = _split(text, frequency_hz)
-    if match := _MACHINE.match(what):
-        return TripMachine(int(match[1]), at)
+    if _MACHINE.fullmatch(what):
+        return TripMachine(int(what) if what.isdecimal() else what, at)
     raise StudyError(f"{text!r} is not a machine trip; write it as 14@2s.")
 
 
 def load_step(text: str, frequency_hz: float) -> LoadStep:
     """A change of load at a bus: `7:+50MW@1s`, `7:-50MW-10Mvar@1s`."""
     what, at = _split(text, frequency_hz)
-    match = _LOAD.match(what)
+    match = _LOAD.fullmatch(what)
     if match and (match[2] or match[3]):
-        return LoadStep(int(match[1]), at, float(match[2] or 0), float(match[3] or 0))
+        bus = int(match[1]) if match[1].isdecimal() and len(match[1]) < 19 else match[1]
+        return LoadStep(bus, at, float(match[2] or 0), float(match[3] or 0))
     raise StudyError(
         f"{text!r} is not a load step; write what is added, with its sign, as 7:+50MW@1s or 7:-50MW-10Mvar@1s."
     )
+
+
+def _circuit(what: str) -> bool:
+    """Whether it has the form of a circuit: two numbers, or the names of two buses; or an identifier."""
+    return bool(_NUMBERS.fullmatch(what)) or ("-" in what and any(c.isalpha() for c in what))
 
 
 def event(text: str | Event, frequency_hz: float) -> Event:
@@ -47,15 +53,18 @@ def event(text: str | Event, frequency_hz: float) -> Event:
     if not isinstance(text, str):
         return replace(text, at=seconds(text.at, frequency_hz)) if isinstance(text.at, str) else text
     what, _ = _split(text, frequency_hz)
-    for form, read in ((_OPENING, opening), (_MACHINE, machine_trip), (_LOAD, load_step)):
-        if form.match(what):
+    for is_one, read in ((_LOAD.fullmatch, load_step), (_MACHINE.fullmatch, machine_trip), (_circuit, opening)):
+        if is_one(what):
             return read(text, frequency_hz)
     raise StudyError(f"{text!r} is not an event; write {SHOWN}.")
 
 
 def _split(text: str, frequency_hz: float) -> tuple[str, float]:
     """What happens, and when (s)."""
-    what, at, when = text.replace(" ", "").rpartition("@")
+    what, at, when = text.rpartition("@")
+    what, when = what.strip(), when.replace(" ", "")
+    if not any(c.isalpha() for c in what.rpartition(":")[0] or what):
+        what = what.replace(" ", "")
     if not at:
         raise StudyError(f"{text!r} has no time; write {SHOWN}.")
     try:

@@ -1,5 +1,6 @@
 """How a run ended: one of five kinds, with a sentence that explains it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
@@ -31,7 +32,7 @@ class Outcome:
     kind: Kind
     message: str
     time_s: float  # s   when it ended
-    machine: int | None = None  # number of the machine that lost synchronism first
+    machine: int | str | None = None  # name or number of the machine that lost synchronism first
     bus: int | None = None  # number of the bus whose voltage collapsed
 
     @property
@@ -58,7 +59,7 @@ class End(NamedTuple):
 
 def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
     """The outcome of a run."""
-    numbers, bus, t = point.rotor_numbers, point.case.buses[end.bus].bus, end.time
+    numbers, bus, t = point.rotor_names, point.case.buses[end.bus].bus, end.time
     number = numbers[end.machine] if numbers else None
     cut = " ".join((_cut_off(point, end.stage), *end.taken_off)).strip()
     if not (end.stage.net.island >= 0).any():
@@ -110,7 +111,7 @@ def _off_frequency(point: OperatingPoint, end: End, criterion: Criterion) -> str
     hz = point.case.frequency_hz
     island = "The frequency"
     if len(np.unique(where[unit][where[unit] >= 0])) > 1:
-        members = [number for number, is_mine in zip(point.rotor_numbers, mine, strict=True) if is_mine]
+        members = [number for number, is_mine in zip(point.rotor_names, mine, strict=True) if is_mine]
         island += f" of the island of {_listed('machine', members)}"
     return (
         f"{island} was outside {frequency_range(criterion, hz)} for {criterion.frequency_delay_s:g} s at "
@@ -150,12 +151,12 @@ def _cut_off(point: OperatingPoint, now: Stage) -> str:
     for k in (k for k in range(where.max() + 1) if k != main):
         buses = [b.bus for b, island in zip(point.case.buses, where, strict=True) if island == k]
         places = zip(point.case.machines, point.net.machine_bus, on, strict=True)
-        machines = [m.machine for m, at, runs in places if where[at] == k and runs]
+        machines = [m.called for m, at, runs in places if where[at] == k and runs]
         rest = f"with {_listed('machine', machines)}" if machines else "without a machine: blacked out, its load lost"
         parts.append(f"{_listed('bus', buses)} {rest}")
     return f"The switching cut off {'; and '.join(parts)}."
 
 
-def _listed(noun: str, numbers: list[int]) -> str:
+def _listed(noun: str, numbers: Sequence[int | str]) -> str:
     shown = ", ".join(map(str, numbers[:8])) + (f" and {len(numbers) - 8} more" if len(numbers) > 8 else "")
     return f"{named(len(numbers), noun)} {shown}"

@@ -82,7 +82,7 @@ class _State:
                 row = self._bus(bus)
                 self.shunts[row] = self.shunts.get(row, 0j) + (g + 1j * b) / self.case.base_mva
 
-    def _bus(self, number: int) -> int:
+    def _bus(self, number: int | str) -> int:
         place = locate(self.case, str(number))
         if place.bus is None:
             raise StudyError(f"{number!r} is not a bus of {self.case.name}; give a bus number.")

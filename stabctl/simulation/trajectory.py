@@ -76,9 +76,9 @@ class Trajectory:
         return self.time[:, None] < self.happened.off_s[self.point.rotors.unit] - 1e-9
 
     @cached_property
-    def unstable_machines(self) -> tuple[int, ...]:
+    def unstable_machines(self) -> tuple[int | str, ...]:
         """Machines that lost synchronism with the rest of their island: those on one side of the widest angle gap."""
-        numbers, first = self.point.rotor_numbers, self.outcome.machine
+        numbers, first = self.point.rotor_names, self.outcome.machine
         if first is None or not len(self.rows):
             return () if first is None else (first,)
         lost, island = numbers.index(first), self.happened.island[self.point.rotors.unit]
@@ -149,8 +149,8 @@ class Trajectory:
         }
         coords = {
             "time": ("time", self.time, {"units": "s"}),
-            "machine": list(self.point.rotor_numbers),
-            "unit": [m.machine for m in case.machines],
+            "machine": list(self.point.rotor_names),
+            "unit": [m.called for m in case.machines],
             "bus": [b.bus for b in case.buses],
             "device": np.array(self.devices(), dtype=str),
         }
@@ -159,32 +159,64 @@ class Trajectory:
 
     @cached_property
     def df(self) -> "pd.DataFrame":
-        """A row per step: time_s; of machines speed_pu, angle_rad (NaN once off); of buses voltage_pu; storage_mw."""
+        """The `table` with absolute angles."""
+        return self.table()
+
+    def table(self, angle_reference: int | str | None = None) -> "pd.DataFrame":
+        """A row per step: time_s; of machines speed_pu, angle_rad (NaN once off); of buses voltage_pu; storage_mw.
+
+        If the machines have names, as those of imported cases: speed_pu:30/1, angle_deg:30/1, efd_pu:30/1, v_pu:30.
+
+        Parameters
+        ----------
+        angle_reference
+            Name or number of the machine that angles are relative to; by default they are relative to the synchronous
+            frame.
+
+        Raises
+        ------
+        StudyError
+            If there is no such machine, or it has no rotor.
+        """
         import pandas as pd
 
-        case, a = self.point.case, self.arrays
+        case, a, names = self.point.case, self.arrays, self.point.rotor_names
+        angle = a.angle if angle_reference is None else a.angle - a.angle[:, [self._rotor(angle_reference)]]
+        signals = {"speed_pu": a.speed, "angle_rad": angle}
+        if any(m.name for m in case.machines):
+            signals = {"speed_pu": a.speed, "angle_deg": np.rad2deg(angle), "efd_pu": a.Efd}
         columns: dict[str, np.ndarray] = {"time_s": self.time}
-        for name, given in (("speed_pu", a.speed), ("angle_rad", a.angle)):
+        for name, given in signals.items():
             values = self._where_on(given)
-            columns |= {f"{name}:{m}": values[:, i] for i, m in enumerate(self.point.rotor_numbers)}
-        size = np.abs(a.V)
-        columns |= {f"voltage_pu:{b.bus}": size[:, i] for i, b in enumerate(case.buses)}
+            columns |= {f"{name}:{m}": values[:, i] for i, m in enumerate(names)}
+        size, voltage = np.abs(a.V), "v_pu" if "efd_pu" in signals else "voltage_pu"
+        columns |= {f"{voltage}:{b.bus}": size[:, i] for i, b in enumerate(case.buses)}
         total: dict[str, np.ndarray] = {}
         for j, s in enumerate(case.storage):
-            name = f"storage_mw:{s.machine}"
+            name = f"storage_mw:{case.machine(s.machine).called}"
             total[name] = total.get(name, 0.0) + a.storage[:, j]
         return pd.DataFrame(columns | total)
+
+    def _rotor(self, machine: int | str) -> int:
+        """Place of a machine among those with a rotor."""
+        row = self.point.case.machines.index(self.point.case.machine(machine))
+        found = np.flatnonzero(self.point.rotors.unit == row)
+        if not len(found):
+            raise StudyError(
+                f"Machine {machine} of {self.point.case.name} has no rotor; angles cannot be relative to it."
+            )
+        return int(found[0])
 
     def _where_on(self, values: np.ndarray) -> np.ndarray:
         """Values of rotor units (rows, rotor units), NaN after a unit is disconnected."""
         return np.where(self.on, values, np.nan)
 
-    def save(self, path: str | Path) -> Path:
-        """Write atomically to a .csv or NetCDF (.nc) file, by its suffix; returns the path."""
+    def save(self, path: str | Path, *, angle_reference: int | str | None = None) -> Path:
+        """Write atomically to a .csv (`table`) or NetCDF (.nc) file, by its suffix; returns the path."""
         path = files.path_of(path)
         if path.suffix.lower() == ".csv":
             text = io.StringIO()
-            self.df.to_csv(text, index=False)
+            self.table(angle_reference).to_csv(text, index=False)
             files.replace(path, text.getvalue())
         elif path.suffix.lower() == ".nc":
             kept = self.dataset if self.point.case.storage else self.dataset.drop_dims("device")

@@ -13,6 +13,7 @@ import numpy as np
 
 from stabctl._util.wording import counted
 from stabctl.errors import CaseError, StudyError
+from stabctl.model import labels
 from stabctl.model.case import Case
 from stabctl.model.location import circuit
 
@@ -24,28 +25,29 @@ class Areas:
     """Groups of machines, largest inertia first; the first machine of each group is its reference."""
 
     name: str
-    groups: tuple[tuple[int, ...], ...]  # machine numbers
+    groups: tuple[tuple[int | str, ...], ...]  # names or numbers of machines
     modes: tuple[int, ...]  # the slow modes that define them
     frequencies_hz: tuple[float, ...]
     agreement: float  # smallest correlation of a machine's row with its reference's
 
-    def of(self, machine: int) -> int:
+    def of(self, machine: int | str) -> int:
         """Index of the group of a machine. Raises `StudyError` if there is no such machine."""
         for k, group in enumerate(self.groups):
             if machine in group:
                 return k
         raise StudyError(f"There is no machine {machine} in the areas of {self.name}.")
 
-    def moved(self, other: "Areas") -> tuple[int, ...]:
+    def moved(self, other: "Areas") -> tuple[int | str, ...]:
         """Machines that changed groups; each group of `other` is matched to the one it shares most machines with."""
         from scipy.optimize import linear_sum_assignment
 
         common = np.array([[len(set(a) & set(b)) for b in other.groups] for a in self.groups])
         pairs = dict(zip(*(side.tolist() for side in linear_sum_assignment(-common)), strict=True))
-        return tuple(sorted(m for group in self.groups for m in group if pairs.get(self.of(m)) != other.of(m)))
+        moved = (m for group in self.groups for m in group if pairs.get(self.of(m)) != other.of(m))
+        return tuple(sorted(moved, key=labels.order))
 
     def __str__(self) -> str:
-        listed = "; ".join(", ".join(map(str, sorted(group))) for group in self.groups)
+        listed = "; ".join(", ".join(map(str, sorted(group, key=labels.order))) for group in self.groups)
         return f"{self.name}: {len(self.groups)} areas: {listed}"
 
     __repr__ = __str__
@@ -101,7 +103,7 @@ def _split(modes: Modes, slow: list[int]) -> Areas:
     groups = []
     for g in sorted(range(count), key=lambda g: -float(H[member == g].sum())):
         others = [int(i) for i in np.flatnonzero(member == g) if i != references[g]]
-        groups.append(tuple(case.machines[i].machine for i in [references[g], *others]))
+        groups.append(tuple(case.machines[i].called for i in [references[g], *others]))
     return Areas(case.name, tuple(groups), tuple(slow), tuple(float(f) for f in modes.frequency_hz[slow]), agreement)
 
 

@@ -19,7 +19,7 @@ class Share:
 class Part:
     """A machine in a mode shape: its speed relative to the largest."""
 
-    machine: int
+    machine: int | str
     magnitude: float
     angle_deg: float
 

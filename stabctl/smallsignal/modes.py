@@ -92,7 +92,7 @@ class Modes:
             return naming.zero(linear, self.right[:, k], self.left[:, k], k == 0)
         if self.electromechanical[k]:
             weight = self.shares[linear.speeds(), k]
-            return naming.against(self.shapes[:, k], weight, [m.machine for m in linear.point.case.machines])
+            return naming.against(self.shapes[:, k], weight, [m.called for m in linear.point.case.machines])
         return naming.leader(linear, self.shares[:, k], self.shapes[:, k], H, self.eigenvalues[k].imag != 0)
 
     def mode(self, k: int) -> Mode:
@@ -105,7 +105,7 @@ class Modes:
         first = np.argsort(-self.shares[:, k], kind="stable")[:10]
         shares = tuple(Share(self.linear.states[i], float(self.shares[i, k])) for i in first)
         parts = zip(self.linear.point.case.machines, self.shapes[:, k], strict=True)
-        shape = tuple(Part(m.machine, float(abs(s)), float(np.angle(s, deg=True))) for m, s in parts)
+        shape = tuple(Part(m.called, float(abs(s)), float(np.angle(s, deg=True))) for m, s in parts)
         return Mode(complex(self.eigenvalues[k]), bool(self.electromechanical[k]), self.label(k), shares, shape)
 
     def swings(self) -> list[int]:

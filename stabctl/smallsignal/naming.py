@@ -1,5 +1,7 @@
 """Names of modes: which machines swing against each other, why an eigenvalue is zero, the dominant state."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from stabctl.dynamics.assembly import INFINITE
@@ -37,17 +39,17 @@ def sides(shape: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return strong[ahead], strong[~ahead]
 
 
-def against(shape: np.ndarray, weight: np.ndarray, numbers: list[int]) -> str:
+def against(shape: np.ndarray, weight: np.ndarray, names: Sequence[int | str]) -> str:
     """Which machines swing against which: "machine 34 against the rest", "1, 2 against 3, 4"."""
     both = [side for side in sides(shape, weight) if len(side)]
-    front, *back = (_listed(side, numbers) for side in sorted(both, key=min))
+    front, *back = (_listed(side, names) for side in sorted(both, key=min))
     if back:
         return f"{front} against {back[0]}"
-    return f"machine {front} against the rest" if front.isdigit() else f"{front} against the rest"
+    return f"machine {front} against the rest" if "," not in front else f"{front} against the rest"
 
 
-def _listed(side: np.ndarray, numbers: list[int]) -> str:
-    named = ", ".join(str(numbers[i]) for i in sorted(side[:MOST]))
+def _listed(side: np.ndarray, names: Sequence[int | str]) -> str:
+    named = ", ".join(str(names[i]) for i in sorted(side[:MOST]))
     return named + (f" and {len(side) - MOST} more" if len(side) > MOST else "")
 
 

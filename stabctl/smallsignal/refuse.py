@@ -54,7 +54,7 @@ def limited(point: OperatingPoint) -> None:
         k[j, column] = family.side(f.device, parameter) * FAR
         if rows[0] not in _jumps(point, (name, k)):
             where = (
-                f"machine {point.case.machines[unit].machine} at bus {point.case.machines[unit].bus}"
+                f"machine {point.case.machines[unit].called} at bus {point.case.machines[unit].bus}"
                 if unit >= 0
                 else f.keys[j]
             )
@@ -110,7 +110,7 @@ def _unit(point: OperatingPoint, row: int) -> int:
 def _where(point: OperatingPoint, row: int) -> str:
     unit = _unit(point, row)
     if unit >= 0:
-        return f"machine {point.case.machines[unit].machine}"
+        return f"machine {point.case.machines[unit].called}"
     lay = point.layout
     at = (row - lay.nx - lay.outputs) // 2
     bus = point.equations.injecting[at] if row >= lay.nx + lay.outputs else 0

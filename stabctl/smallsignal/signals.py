@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from stabctl import devices
 from stabctl.errors import StudyError, shown
+from stabctl.model import circuits, labels
 from stabctl.model.case import Case
 from stabctl.model.location import circuit
 
@@ -139,7 +140,7 @@ def _everywhere(case: Case, name: str, kind: Kind) -> Sequence[int | str | None]
     if kind.place == "bus":
         return [b.bus for b in case.buses]
     if kind.place == "line":
-        return _circuits(case)
+        return list(circuits.names(case.branches))
     if kind.place == "":
         return [None]
     numbers = [m.machine for m in case.machines]
@@ -154,18 +155,11 @@ def _everywhere(case: Case, name: str, kind: Kind) -> Sequence[int | str | None]
     return numbers
 
 
-def _circuits(case: Case) -> list[str]:
-    seen: dict[frozenset[int], int] = {}
-    out = []
-    for k in case.branches:
-        ends = frozenset((k.from_bus, k.to_bus))
-        seen[ends] = seen.get(ends, 0) + 1
-        out.append(f"{k.from_bus}-{k.to_bus}" + (f"#{seen[ends]}" if seen[ends] > 1 else ""))
-    return out
-
-
 def _signal(case: Case, name: str, kind: Kind, place: int | str | None) -> Signal:
     if kind.place in ("machine", "bus"):
+        by_name = labels.machine_number if kind.place == "machine" else labels.bus_number
+        if not re.fullmatch(r"[0-9]{1,18}", str(place)):
+            place = by_name(case, place) or place
         if not re.fullmatch(r"[0-9]{1,18}", str(place)):
             raise StudyError(
                 f"{shown(f'{name}:{place}')} does not name a {kind.place}; give its number, such as {name}:14."
@@ -187,7 +181,8 @@ def _signal(case: Case, name: str, kind: Kind, place: int | str | None) -> Signa
         for role in ("machine", "converter", "exciter", "governor")
         if isinstance(place, int) and (model := _model(case, place, role))
     }
-    return Signal(name, place, kind.label.format(place=place, **words), kind.unit)
+    called = case.machine(number).called if kind.place == "machine" else place
+    return Signal(name, place, kind.label.format(place=called, **words), kind.unit)
 
 
 def _belongs(case: Case, name: str, number: int) -> None:

@@ -18,6 +18,7 @@ from stabctl.estimation.estimate import estimate
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.estimators import Engine
 from stabctl.model import powerflow
+from stabctl.model.case import Case
 from stabctl.simulation.simulate import simulate
 from stabctl.simulation.trajectory import Trajectory
 
@@ -85,7 +86,7 @@ def _clearing_time(job: Job, point: OperatingPoint) -> Result:
         seconds=found.seconds,
         monotone=int(not found.stable_above),
         runs=len(found.runs),
-        machine=found.machine,
+        machine=_number(found.machine, point.case),
         message=str(found),
     )
 
@@ -112,12 +113,17 @@ def _simulate(job: Job, point: OperatingPoint) -> Result:
     )
 
 
+def _number(machine: int | str | None, case: Case) -> int | None:
+    """Number of the machine called so."""
+    return None if machine is None else case.machine(machine).machine
+
+
 def _ended(run: Trajectory, record: bool) -> Result:
     end = run.outcome
     return Result(
         "ok",
         end.kind.value,
-        machine=end.machine,
+        machine=_number(end.machine, run.point.case),
         bus=end.bus,
         time=end.time_s,
         max_angle_from_coi=run.max_angle_from_coi_deg,

@@ -7,7 +7,7 @@ from psse_replay import DATA
 import stabctl as st
 from stabctl.errors import CaseError, StudyError
 from stabctl.io import psse
-from stabctl.model import network, powerflow
+from stabctl.model import keys, network, powerflow
 
 THREE = DATA / "psid/GENROU/ThreeBusMulti.raw"
 TVC = DATA / "psid/EXAC1/TVC_System_32.raw"
@@ -67,3 +67,55 @@ def test_a_mistake_is_told_with_line_and_field(tmp_path, old, new, says):
     with pytest.raises(CaseError) as caught:
         psse.read_psse(tmp_path / "x.raw")
     assert str(caught.value).startswith(f"{tmp_path / 'x.raw'} {says}")
+
+
+class TestNames:
+    """Machines, circuits and buses are accepted and told by the names of the file."""
+
+    @pytest.fixture
+    def case(self):
+        return st.load(TVC)
+
+    def test_of_circuits(self, case):
+        rows = {
+            text: keys.row(case, "branches", text) for text in ("1-4 ckt 2", "4-1 CKT 2", "1-4#2", "BUS1-bus4 ckt 2")
+        }
+        assert set(rows.values()) == {1}
+        with pytest.raises(StudyError, match="Branch 1-4 of TVC_System_32 has no circuit 3; its identifiers are 1, 2"):
+            st.Contingency("1-4 ckt 3@0.5", "6cyc").check(case)
+
+    def test_of_machines_and_buses(self, case):
+        assert case.machine("2/1") is case.machine(2) is case.machine("bus2/1")
+        with pytest.raises(StudyError, match="There is no machine 2/7 in TVC_System_32; its machines are 1/1, 2/1"):
+            case.machine("2/7")
+        st.Contingency("Bus4", "6cyc", events=["1-4 ckt 2@2s", "2/1@3s", "BUS3:+50MW@2s"]).check(case)
+
+    def test_of_several_machines_at_a_bus(self, tmp_path):
+        text = TVC.read_text()
+        line = next(row for row in text.splitlines(keepends=True) if row.startswith("     2,'1 ',   300"))
+        (tmp_path / "x.raw").write_text(
+            text.replace(line, line.replace("300.000", "100.000") + line.replace("'1 '", "'B '"))
+        )
+        case = st.load(tmp_path / "x.raw")
+        assert [m.name for m in case.machines] == ["1/1", "2/1", "2/B"]
+        assert case.machine("2/b").p == 300
+
+
+@pytest.mark.parametrize("kind", ["impedance", "current", "power"])
+def test_loads_of_a_kind_draw_the_same_power(tmp_path, kind):
+    powers = "250.000,    30.000,     0.000,     0.000,     0.000,     0.000"
+    (tmp_path / "x.raw").write_text(THREE.read_text().replace(powers, "100, 5, 70, 20, 80, -5"))
+    case = st.load(tmp_path / "x.raw")
+    assert [(load.p, load.q, load.v) for load in case.loads] == [(100, 5, 0), (70, 20, 1), (80, 5, 1)]
+    V = abs(case.power_flow().V[2])
+    assert case.power_flow().df.p_load_mw[103] == pytest.approx(100 + 70 * V + 80 * V**2, rel=1e-12)
+    same = case.with_loads(kind)
+    assert np.abs(same.power_flow().V - case.power_flow().V).max() < 1e-12  # 2e-15
+    assert {(load.p_power, load.p_current, load.v) for load in same.loads} == {
+        {"impedance": (0, 0, 0), "current": (0, 1, 0), "power": (1, 0, 0)}[kind]
+    }
+
+
+def test_a_case_read_back_from_its_folder_is_equal(tmp_path):
+    case = st.load(TVC)
+    assert st.load(st.write(case, tmp_path / "TVC_System_32")) == case

@@ -9,8 +9,9 @@ import math
 
 from stabctl.model.tables import Load
 
+from ..collected import POWER_LOW
 from .lexer import Place
-from .network import POWER_LOW, Network
+from .network import Network
 from .raw import DcLine
 from .records import Converter
 

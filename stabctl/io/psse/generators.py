@@ -47,8 +47,8 @@ def read(net: Network) -> dict[tuple[int, str], Source]:
             where = bus if terminal is None else terminal[0]
             net.add("machines", Machine(number, where, base, p, where, q, f"{bus}/{g.ID}"), place)
             found[bus, g.ID] = Source(number, g.ZR, g.ZX, place)
-    _idle(net)
-    _storage_buses(net)
+    net.idle()
+    net.storage_buses()
     return found
 
 
@@ -93,31 +93,6 @@ def _terminal(net: Network, g: Any, base: float, place: Place) -> tuple[int, flo
     net.new_bus(
         Bus(number, held, abs(behind), angle, 0.0, 0.0, 0.0, *labels), f"terminal of machine {g.I}/{g.ID}", place
     )
-    net.step_up.append(len(net.rows["branches"]))
-    net.branch(Branch(g.I, number, z.real, z.imag, 0.0, g.GTAP, circuit=g.ID), place)
+    net.step_up.add(g.I)
+    net.circuit(Branch(g.I, number, z.real, z.imag, 0.0, g.GTAP, circuit=g.ID), place)
     return number, S.real, S.imag
-
-
-def _idle(net: Network) -> None:
-    """Make every bus without a machine in service a pq bus."""
-    stepped_up = {net.rows["branches"][k].from_bus for k in net.step_up}
-    with_machine = {m.bus for m in net.rows["machines"]}
-    for bus, place in zip(list(net.rows["buses"]), net.places["buses"], strict=True):
-        if bus.kind != "pq" and bus.bus not in with_machine:
-            net.change(bus.bus, kind="pq")
-            if bus.bus in stepped_up:
-                continue
-            net.corrections.append(f"{place}: bus {bus.bus} has no machine in service and holds no voltage.")
-
-
-def _storage_buses(net: Network) -> None:
-    """The bus of a storage device: the high-voltage side if only a transformer connects the terminal."""
-    joined: dict[int, list[int]] = defaultdict(list)
-    for branch in net.rows["branches"]:
-        joined[branch.from_bus].append(branch.to_bus)
-        joined[branch.to_bus].append(branch.from_bus)
-    rated = {b.bus: b.rated for b in net.rows["buses"]}
-    for k, m in enumerate(net.rows["machines"]):
-        others = set(joined[m.bus])
-        if len(others) == 1 and (high := others.pop()) and rated[high] > rated[m.bus]:
-            net.rows["machines"][k] = m._replace(storage_bus=high)

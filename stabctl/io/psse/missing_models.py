@@ -8,9 +8,10 @@ from stabctl.errors import CaseError
 from stabctl.model import catalog, keys
 from stabctl.model.tables import Load, Machine
 
+from ..collected import POWER_LOW
 from .devices import Dynamics
 from .generators import Source
-from .network import POWER_LOW, Network
+from .network import Network
 
 SHOWN = 8  # names in a list
 

@@ -1,52 +1,37 @@
-"""The network of a RAW file as rows of the tables of a case, each with its place in the file."""
+"""The network of a RAW file as rows of the tables of a case: buses, shunts, lines, loads."""
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any
 
 from stabctl.model.tables import Branch, Bus, Load
 
+from ..collected import ISOLATED, KINDS, POWER_LOW, Collected
 from .lexer import Place
 from .raw import Raw
 
-ISOLATED = 4
-KINDS: dict[int, Literal["pq", "pv", "swing"]] = {1: "pq", 2: "pv", 3: "swing"}
-NO_IMPEDANCE = 1e-5  # pu   reactance given to a branch without impedance
-POWER_LOW = 0.7  # pu   voltage below which PSS/E changes constant-power loads (PQBRAK)
 
-
-class Network:
-    """Rows of the tables of a case while they are collected.
+class Network(Collected):
+    """Rows of the tables of a case while they are collected from a RAW file.
 
     Attributes
     ----------
     raw : Raw
         The file.
-    rows, places : dict
-        Rows of every table, and the place of each in the file.
-    corrections : list of str
-        What was changed, one sentence each.
-    joined : list of pairs of int
-        Buses joined by a branch without impedance.
     internal : dict of int to str
         Star buses of transformers and terminals behind step-up transformers, which the file does not number.
-    step_up : list of int
-        Rows of the branches that are step-up transformers of generators.
+    step_up : set of int
+        Buses whose generators are behind step-up transformers.
     """
 
     def __init__(self, raw: Raw) -> None:
+        super().__init__()
         self.raw = raw
-        self.rows: dict[str, list[Any]] = {"buses": [], "branches": [], "machines": [], "loads": []}
-        self.places: dict[str, list[Place]] = {table: [] for table in self.rows}
-        self.corrections: list[str] = []
-        self.joined: list[tuple[int, int]] = []
         self.internal: dict[int, str] = {}
-        self.step_up: list[int] = []
-        self._at: dict[int, int] = {}  # row of every bus in service
+        self.step_up: set[int] = set()
         self._numbers: dict[int, Place] = {}
         self._circuits: dict[tuple[frozenset[int], str], Place] = {}
         for bus, place in raw.of("bus"):
             self._bus(bus, place)
-        self._next = 10 ** len(str(max(self._numbers, default=1)))
 
     def _bus(self, bus: Any, place: Place) -> None:
         if bus.I in self._numbers:
@@ -57,70 +42,38 @@ class Network:
         if bus.IDE not in KINDS:
             raise place.error(f"{bus.IDE} is not a type of bus; it must be 1, 2, 3 or 4.", "IDE")
         labels = (bus.NAME, bus.AREA, bus.ZONE, bus.OWNER)
-        self._at[bus.I] = len(self._at)
         self.add("buses", Bus(bus.I, KINDS[bus.IDE], bus.VM, bus.VA, bus.GL, bus.BL, bus.BASKV, *labels), place)
-
-    def add(self, table: str, row: Any, place: Place) -> None:
-        """Add a row."""
-        self.rows[table].append(row)
-        self.places[table].append(place)
 
     def new_number(self) -> int:
         """A number that no bus and no machine has."""
-        self._next += 1
-        return self._next
+        self._next = self._next or 10 ** len(str(max(self._numbers, default=1)))
+        return super().new_number()
 
     def new_bus(self, bus: Bus, what: str, place: Place) -> None:
         """Add a bus that the file does not number."""
-        self._at[bus.bus] = len(self._at)
         self.internal[bus.bus] = what
         self.add("buses", bus, place)
 
-    def bus(self, number: int) -> Bus:
-        """The row of a bus in service."""
-        return self.rows["buses"][self._at[number]]
-
-    def change(self, number: int, **values: Any) -> None:
-        """Change the row of a bus."""
-        self.rows["buses"][self._at[number]] = self.bus(number)._replace(**values)
-
     def has(self, number: int, place: Place, field: str = "I") -> bool:
         """Whether a bus is in service. Raises `CaseError` if there is no such bus."""
-        if number in self._at:
+        if number in self.at:
             return True
         if number in self._numbers:
             return False
         raise place.error(f"there is no bus {number}.", field)
 
-    def shunt(self, number: int, g: float, b: float) -> None:
-        """Add a shunt (MW, Mvar at 1 pu) to a bus."""
-        bus = self.bus(number)
-        self.change(number, g=bus.g + g, b=bus.b + b)
-
-    def leave_out(self, buses: set[int]) -> None:
-        """Remove buses with everything at them."""
-        for table, rows in self.rows.items():
-            ends = "from_bus" if table == "branches" else "bus"
-            kept = [i for i, row in enumerate(rows) if getattr(row, ends) not in buses]
-            self.rows[table] = [rows[i] for i in kept]
-            self.places[table] = [self.places[table][i] for i in kept]
-        self._at = {b.bus: i for i, b in enumerate(self.rows["buses"])}
-
-    def branch(self, branch: Branch, place: Place) -> None:
-        """Add a branch; one without impedance gets a small one."""
-        ends, id = frozenset((branch.from_bus, branch.to_bus)), branch.circuit
-        if (ends, id) in self._circuits:
-            first = self._circuits[ends, id].line
-            name = f"{branch.from_bus}-{branch.to_bus}"
+    def circuit(self, branch: Branch, place: Place) -> None:
+        """Add a branch of the file."""
+        key, id = (frozenset((branch.from_bus, branch.to_bus)), branch.circuit), branch.circuit
+        if key in self._circuits:
+            name, first = f"{branch.from_bus}-{branch.to_bus}", self._circuits[key].line
             self.corrections.append(f"{place}: circuit {id} of {name} is already in line {first}; both are kept.")
-        self._circuits.setdefault((ends, id), place)
-        if branch.r == 0 and abs(branch.x) <= self.raw.threshold:
-            self.joined.append((branch.from_bus, branch.to_bus))
-        if branch.r == 0 and abs(branch.x) < NO_IMPEDANCE:
-            name = f"{branch.from_bus}-{branch.to_bus} ckt {id}"
-            self.corrections.append(f"{place}: {name} has no impedance and gets x = {NO_IMPEDANCE:g} pu.")
-            branch = branch._replace(x=NO_IMPEDANCE)
-        self.add("branches", branch, place)
+        self._circuits.setdefault(key, place)
+        self.branch(branch, place, self.raw.threshold)
+
+    def stepped_up(self) -> set[int]:
+        """Buses whose generators are behind step-up transformers."""
+        return self.step_up
 
 
 def read(raw: Raw) -> Network:
@@ -136,10 +89,10 @@ def read(raw: Raw) -> Network:
         i, j = abs(k.I), abs(k.J)  # the sign of a bus number once said where the line is metered
         if net.has(i, place) and net.has(j, place, "J") and k.ST:
             ends = (k.GI, k.BI, k.GJ, k.BJ)
-            net.branch(Branch(i, j, k.R, k.X, k.B, 1.0, 0.0, k.CKT, *ends), place)
+            net.circuit(Branch(i, j, k.R, k.X, k.B, 1.0, 0.0, k.CKT, *ends), place)
     for k, place in raw.of("switch"):
         if net.has(k.I, place) and net.has(k.J, place, "J") and k.STAT:
-            net.branch(Branch(k.I, k.J, 0.0, k.X, circuit=k.CKT), place)
+            net.circuit(Branch(k.I, k.J, 0.0, k.X, circuit=k.CKT), place)
     for load, place in raw.of("load"):
         if net.has(load.I, place) and load.STATUS:
             for row in _loads(load):

@@ -8,7 +8,7 @@ from stabctl.errors import CaseError, StudyError, shown
 from stabctl.model.case import Case
 from stabctl.model.mistake import RowError
 
-from . import dc, devices, dyr, generators, islands, missing_models, network, raw, transformers
+from . import dc, devices, dyr, generators, missing_models, network, raw, transformers
 from .devices import Dynamics
 from .lexer import Place
 
@@ -98,7 +98,7 @@ def read(
     transformers.read(net)
     sources = generators.read(net)
     dc.read(net)
-    apart = islands.settle(net)
+    apart = net.settle_islands(str(raw_path))
     if not net.rows["machines"]:
         raise CaseError(f"{raw_path}: no generator in service is connected to a swing bus; a case needs one.")
     left = {m.machine for m in net.rows["machines"]}

@@ -36,7 +36,7 @@ def _two_windings(net: Network, t: Transformer, place: Place) -> None:
     z = _impedance(net, t.head, place, t.z.R12, t.z.X12, t.z.SBASE12) * second**2
     phase = t.windings[0].ANG - t.windings[1].ANG
     magnetizing = _magnetizing(net, t, i, place)
-    net.branch(
+    net.circuit(
         Branch(i, j, z.real, z.imag, 0.0, first / second, phase, t.head.CKT, magnetizing.real, magnetizing.imag), place
     )
 
@@ -62,7 +62,7 @@ def _three_windings(net: Network, t: Transformer, place: Place) -> None:
         ratio = _ratio(net, t.head, winding, bus, place)
         ends = _magnetizing(net, t, bus, place) if k == 0 else 0j
         values = (0.0, ratio, winding.ANG, t.head.CKT, ends.real, ends.imag)
-        net.branch(Branch(bus, star, own.real, own.imag, *values), place)
+        net.circuit(Branch(bus, star, own.real, own.imag, *values), place)
 
 
 def _base_kv(net: Network, bus: int, place: Place, why: str) -> float:

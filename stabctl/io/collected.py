@@ -1,0 +1,140 @@
+"""Rows of the tables of a case while a reader collects them, each with its place in the file."""
+
+from collections import defaultdict
+from typing import Any, Literal
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from stabctl.model.tables import Branch, Bus
+
+KINDS: dict[int, Literal["pq", "pv", "swing"]] = {1: "pq", 2: "pv", 3: "swing"}
+ISOLATED = 4
+NO_IMPEDANCE = 1e-5  # pu   reactance given to a branch without impedance
+POWER_LOW = 0.7  # pu   voltage below which PSS/E changes constant-power loads (PQBRAK)
+SHOWN = 5  # buses in a sentence
+
+
+class Collected:
+    """Rows of the tables of a case, and what was decided on the way.
+
+    Attributes
+    ----------
+    rows, places : dict
+        Rows of every table, and the place of each in the file.
+    corrections : list of str
+        What was changed, one sentence each.
+    joined : list of pairs of int
+        Buses joined by a branch without impedance.
+    """
+
+    def __init__(self) -> None:
+        self.rows: dict[str, list[Any]] = {"buses": [], "branches": [], "machines": [], "loads": []}
+        self.places: dict[str, list[Any]] = {table: [] for table in self.rows}
+        self.corrections: list[str] = []
+        self.joined: list[tuple[int, int]] = []
+        self.at: dict[int, int] = {}  # row of every bus in service
+        self._next = 0
+
+    def add(self, table: str, row: Any, place: Any) -> None:
+        """Add a row."""
+        if table == "buses":
+            self.at[row.bus] = len(self.at)
+        self.rows[table].append(row)
+        self.places[table].append(place)
+
+    def new_number(self) -> int:
+        """A number that no bus and no machine has."""
+        if not self._next:
+            self._next = 10 ** len(str(max(self.at, default=1)))
+        self._next += 1
+        return self._next
+
+    def bus(self, number: int) -> Bus:
+        """The row of a bus in service."""
+        return self.rows["buses"][self.at[number]]
+
+    def change(self, number: int, **values: Any) -> None:
+        """Change the row of a bus."""
+        self.rows["buses"][self.at[number]] = self.bus(number)._replace(**values)
+
+    def shunt(self, number: int, g: float, b: float) -> None:
+        """Add a shunt (MW, Mvar at 1 pu) to a bus."""
+        bus = self.bus(number)
+        self.change(number, g=bus.g + g, b=bus.b + b)
+
+    def branch(self, branch: Branch, place: Any, threshold: float = 0.0) -> None:
+        """Add a branch; one without impedance gets a small one. `threshold`: reactance (pu) that counts as none."""
+        if branch.r == 0 and abs(branch.x) <= max(threshold, 0.0):
+            self.joined.append((branch.from_bus, branch.to_bus))
+        if branch.r == 0 and abs(branch.x) < NO_IMPEDANCE:
+            name = f"{branch.from_bus}-{branch.to_bus} ckt {branch.circuit}"
+            self.corrections.append(f"{place}: {name} has no impedance and gets x = {NO_IMPEDANCE:g} pu.")
+            branch = branch._replace(x=NO_IMPEDANCE)
+        self.add("branches", branch, place)
+
+    def leave_out(self, buses: set[int]) -> None:
+        """Remove buses with everything at them."""
+        for table, rows in self.rows.items():
+            end = "from_bus" if table == "branches" else "bus"
+            kept = [i for i, row in enumerate(rows) if getattr(row, end) not in buses]
+            self.rows[table] = [rows[i] for i in kept]
+            self.places[table] = [self.places[table][i] for i in kept]
+        self.at = {b.bus: i for i, b in enumerate(self.rows["buses"])}
+
+    def idle(self) -> None:
+        """Make every bus that has no machine a pq bus."""
+        with_machine = {m.bus for m in self.rows["machines"]}
+        for bus, place in zip(list(self.rows["buses"]), self.places["buses"], strict=True):
+            if bus.kind != "pq" and bus.bus not in with_machine:
+                self.change(bus.bus, kind="pq")
+                if bus.bus not in self.stepped_up():
+                    self.corrections.append(f"{place}: bus {bus.bus} has no machine in service and holds no voltage.")
+
+    def stepped_up(self) -> set[int]:
+        """Buses whose machines are behind step-up transformers that the reader added."""
+        return set()
+
+    def storage_buses(self) -> None:
+        """Give every machine a bus for a storage device: the high-voltage side if only a transformer is at it."""
+        joined: dict[int, list[int]] = defaultdict(list)
+        for branch in self.rows["branches"]:
+            joined[branch.from_bus].append(branch.to_bus)
+            joined[branch.to_bus].append(branch.from_bus)
+        for k, m in enumerate(self.rows["machines"]):
+            others = set(joined[m.bus])
+            if len(others) == 1 and (high := others.pop()) and self.bus(high).rated > self.bus(m.bus).rated > 0:
+                self.rows["machines"][k] = m._replace(storage_bus=high)
+
+    def islands(self) -> np.ndarray:
+        """The island (from 0) of every bus."""
+        ends = np.array([(self.at[k.from_bus], self.at[k.to_bus]) for k in self.rows["branches"]], int).reshape(-1, 2)
+        links = sp.csr_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(self.at),) * 2)
+        return connected_components(links, directed=False)[1]
+
+    def settle_islands(self, source: str) -> list[str]:
+        """Keep one swing bus in every island, and leave out islands without one; returns a sentence for each."""
+        of_bus = {b.bus: int(i) for b, i in zip(self.rows["buses"], self.islands(), strict=True)}
+        swing: dict[int, int] = {}
+        for bus, place in zip(list(self.rows["buses"]), self.places["buses"], strict=True):
+            if bus.kind != "swing":
+                continue
+            first = swing.setdefault(of_bus[bus.bus], bus.bus)
+            if first != bus.bus:
+                self.change(bus.bus, kind="pv")
+                text = f"bus {bus.bus} is a second swing bus beside {first}; it holds its voltage and stored power."
+                self.corrections.append(f"{place}: {text}")
+        gone: dict[int, list[int]] = {}
+        for number, island in of_bus.items():
+            if island not in swing:
+                gone.setdefault(island, []).append(number)
+        self.leave_out({bus for buses in gone.values() for bus in buses})
+        sentences = []
+        for buses in gone.values():
+            shown = ", ".join(map(str, buses[:SHOWN])) + (
+                f" and {len(buses) - SHOWN} more" if len(buses) > SHOWN else ""
+            )
+            noun = "bus" if len(buses) == 1 else "buses"
+            sentences.append(f"{source}: {noun} {shown} left out: not connected to a swing bus.")
+        return sentences
