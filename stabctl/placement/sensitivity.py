@@ -12,12 +12,13 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+from stabctl.dynamics import inputs, signals
 from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.dynamics.signals import INPUTS
 from stabctl.errors import StudyError
 from stabctl.model import network
 from stabctl.model.case import Case
 from stabctl.model.network import UNSWITCHED, Switching
-from stabctl.smallsignal import INPUTS, inputs, signals
 from stabctl.smallsignal.descriptor import real
 
 TOLERANCE = 1e-10  # pu   largest current mismatch of a bus

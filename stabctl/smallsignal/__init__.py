@@ -1,5 +1,7 @@
 """Linear models and modes: exact linearization with names, eigenvalues, participation, root loci, reduction."""
 
+from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal
+
 from .areas import Areas, areas, opened
 from .descriptor import Descriptor, descriptor
 from .locus import Locus, feedback_locus, parameter_locus
@@ -8,7 +10,6 @@ from .model import Linear, Model, linearize
 from .modes import Modes, Selected, analyze
 from .nonlinear import nonlinear
 from .reduce import Reduced, balanced, modal
-from .signals import INPUTS, OUTPUTS, Signal
 
 __all__ = [
     "INPUTS", "OUTPUTS", "Areas", "Descriptor", "Linear", "Locus", "Mode", "Model", "Modes", "Part", "Reduced",

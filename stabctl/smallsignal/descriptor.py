@@ -13,13 +13,13 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from stabctl.dynamics import layout
+from stabctl.dynamics import inputs as ins
+from stabctl.dynamics import layout, outputs
 from stabctl.dynamics.jacobian import Derivatives
 from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
 
-from . import inputs as ins
-from . import outputs, refuse
-from .signals import INPUTS, OUTPUTS, Signal, chosen
+from . import refuse
 
 
 @dataclass(frozen=True, repr=False)

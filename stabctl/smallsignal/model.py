@@ -16,12 +16,12 @@ from stabctl._util.wording import counted
 from stabctl.dynamics import layout
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.dynamics.signals import Signal
 from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 
 from .descriptor import Descriptor, descriptor
-from .signals import Signal
 
 if TYPE_CHECKING:
     import control

@@ -7,15 +7,15 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+from stabctl.dynamics import inputs as ins
+from stabctl.dynamics import outputs
 from stabctl.dynamics.jacobian import Derivatives
 from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.dynamics.signals import Signal
 from stabctl.errors import StudyError
 
-from . import inputs as ins
-from . import outputs
 from .descriptor import Descriptor, descriptor, real
 from .model import eliminated
-from .signals import Signal
 
 if TYPE_CHECKING:
     import control

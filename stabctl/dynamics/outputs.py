@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 from stabctl.model import network
 from stabctl.model.location import circuit
 
+from .operating_point import OperatingPoint
 from .signals import Signal
 
 STEP = 1e-30

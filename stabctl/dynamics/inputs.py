@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from stabctl.devices.loads import zip_load
-from stabctl.dynamics import family
-from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 
+from . import family
+from .operating_point import OperatingPoint
 from .signals import OF_CONVERTER, Signal
 
 PORTS = {"vref": "Vref", "pref": "Pref", "field": "Efd", "power": "Pm", "ipcmd": "Ipcmd", "iqcmd": "Iqcmd"}
