@@ -58,14 +58,19 @@ def main() -> int:
 
 
 def sample(tree: Path, where: list[str], size: int, seed: int) -> list[mutants.Mutant]:
-    """Faults drawn at random from the files of these packages; never two alike, none that is known as equivalent."""
+    """Faults of these packages or files, drawn at random but from each package as many as its share of all.
+
+    Never two alike, and none that is known as equivalent.
+    """
     paths = [tree / "stabctl" / w if w != "stabctl" else tree / w for w in where]
     files = sorted({f for p in paths for f in ([p] if p.suffix else p.rglob("*.py"))})
     names = [str(f.relative_to(tree)) for f in files]
     places = [(name, i) for name in names for i in range(mutants.count(tree, name))]
     random.Random(seed).shuffle(places)
+    places.sort(key=lambda place: place[0].split("/")[1])  # within a package still at random
+    stride = -(-len(places) // size)
     equivalent, chosen = known(), {}
-    for name, i in places:
+    for name, i in (place for first in range(stride) for place in places[first::stride]):
         if len(chosen) == size:
             break
         fault = mutants.mutant(tree, name, i)

@@ -16,7 +16,7 @@ from stabctl.model.case import Case
 from stabctl.model.network import Network
 from stabctl.model.powerflow import PowerFlow
 
-from . import family
+from . import family, rating
 from .assembly import Rotors, System, system
 from .jacobian import Equations
 from .layout import Layout
@@ -165,7 +165,9 @@ def solve(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
     flow = flow or powerflow.solve(case)
     net = network.build(case)
     made = system(case, flow, net)
-    current = (flow.S / flow.V[net.machine_bus]).conj()
+    V = flow.V[net.machine_bus]
+    current = (flow.S / V).conj()
+    rating.check(case, V, current, source_admittances(made))
     found = start(case, made, Equations(made), flow.V, current)
     point = OperatingPoint(case, flow, net, found.system, found.s, found.iterations, found.fastest)
     vars(point)["equations"] = found.equations

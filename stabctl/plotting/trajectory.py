@@ -35,7 +35,11 @@ class Signal(NamedTuple):
 
 
 def plot(
-    run: Trajectory, signal: str = "speed", *, machines: Sequence[int | str] | None = None, ax: "Axes | None" = None
+    run: Trajectory,
+    signal: str = "speed",
+    *others: str,
+    machines: Sequence[int | str] | None = None,
+    ax: "Axes | None" = None,
 ) -> "Axes":
     """Plot one signal of a simulation against time.
 
@@ -46,6 +50,8 @@ def plot(
     signal
         ``"speed"`` (Hz), ``"angle"`` (deg, from the center of inertia), ``"voltage"`` (pu, at the buses where storage
         connects), ``"power"`` (MW, electrical) or ``"storage"`` (MW, positive when absorbing).
+    others
+        Not allowed: one plot shows one signal.
     machines
         Names or numbers of the machines to show. Default: all.
     ax
@@ -58,8 +64,13 @@ def plot(
     Raises
     ------
     StudyError
-        If there is no such signal, or the case has no storage to show.
+        If there is no such signal, more than one, or the case has no storage to show.
     """
+    if others:
+        raise StudyError(
+            f"One plot shows one signal, but {1 + len(others)} are given; plot each of them, with ax= on axes of one "
+            "figure if you like."
+        )
     if signal not in LABELS:
         raise StudyError(f"There is no signal {signal!r}; choose one of {', '.join(LABELS)}.")
     if signal == "storage" and not run.point.case.storage:
