@@ -28,7 +28,13 @@ def test_it_lies_outside_the_package():
     assert not list(PACKAGE.rglob("*.nb?"))
 
 
-def test_it_is_in_the_users_cache_folder_and_private(folder, tmp_path):
+@pytest.mark.parametrize("umask", [0o000, 0o022, 0o077])
+def test_it_is_in_the_users_cache_folder_and_private(folder, tmp_path, umask):
+    before = os.umask(umask)
+    try:
+        folder()
+    finally:
+        os.umask(before)
     assert folder() == tmp_path / "cache" / "stabctl" == folder()
     assert stat.S_IMODE(folder().stat().st_mode) == 0o700
     assert not list((tmp_path / "tmp").iterdir())

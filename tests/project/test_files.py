@@ -1,12 +1,19 @@
 """Files written whole or not at all, and errors on one line."""
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+import stabctl as st
 from stabctl._util import files
+from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError, sentence
+from stabctl.plotting import style
+from stabctl.report import modes_page
+from stabctl.theory.equal_area import equal_area
+from stabctl.theory.omib import OMIB
 
 
 def test_a_full_disk_leaves_the_old_file_and_a_sentence_says_so(
@@ -26,6 +33,36 @@ def test_a_full_disk_leaves_the_old_file_and_a_sentence_says_so(
         files.replace(new, "after")
     assert path.read_text() == "before"
     assert list(tmp_path.iterdir()) == [path]
+
+
+WRITERS = {  # file -> what writes it, of an operating point
+    "run.csv": lambda point, path: point.simulate(until="0.05s").save(path),
+    "run.nc": lambda point, path: point.simulate(until="0.05s").save(path),
+    "run.png": lambda point, path: style.save(point.simulate(until="0.05s").plot(), path),
+    "area.csv": lambda point, path: equal_area(OMIB(), 1.2).save(path),
+    "model.npz": lambda point, path: point.linearize("vref:2", "speed:2").save(path),
+    "screen.csv": lambda point, path: point.screen(buses=[7], observe=0.1, limit="1cyc").save(path),
+    "two_area_modes.html": lambda point, path: modes_page.write(path.parent, point.modes(), None, (0.1, 2)),
+    "case.toml": lambda point, path: st.write(point.case, path.parent),
+}
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_every_file_is_replaced_only_when_the_new_one_is_complete(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, points: Callable[[str], OperatingPoint], name: str
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    point, path = points("two_area"), tmp_path / name
+    WRITERS[name](point, path)
+    before = {file: file.read_bytes() for file in tmp_path.iterdir()}
+    assert path in before
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(StudyError, match=r"cannot be written( to .*)?: No space left on device.*unchanged") as caught:
+        WRITERS[name](point, path)
+    assert any(file.name in str(caught.value) for file in before)
+    assert {file: file.read_bytes() for file in tmp_path.iterdir()} == before
 
 
 def test_what_stood_in_a_file_stays_when_writing_fails(tmp_path: Path) -> None:
