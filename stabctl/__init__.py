@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from stabctl.estimation.pmu import Pmu
     from stabctl.io import load, write
     from stabctl.io import packaged as cases
+    from stabctl.io.matpower import read_matpower
     from stabctl.io.psse import read_psse
     from stabctl.model.case import Case, Storage
     from stabctl.model.powerflow import PowerFlow
@@ -81,6 +82,7 @@ _WHERE = {
     "modes": "smallsignal.modes:modes",
     "place": "placement.place:place",
     "power_flow": "model.powerflow:solve",
+    "read_matpower": "io.matpower:read_matpower",
     "read_psse": "io.psse:read_psse",
     "read_sweep": "sweep.results:read",
     "register": "devices:register",

@@ -25,6 +25,7 @@ class CaseOptions(NamedTuple):
     dyr: options.Dyr = None
     loads: options.Loads = None
     machines: options.Machines = None
+    frequency: options.Frequency = None
     missing: options.Missing = "refuse"
     missing_controls: options.MissingControls = "refuse"
 
@@ -38,6 +39,7 @@ class CaseOptions(NamedTuple):
             dyr=self.dyr,
             loads=self.loads,
             machines=self.machines,
+            frequency=self.frequency,
             missing=self.missing,
             missing_controls=self.missing_controls,
         )

@@ -59,6 +59,10 @@ Machines = Annotated[
     Literal["typical"] | None,
     typer.Option("--machines", help="Give a case without dynamic data typical machines, exciters and governors."),
 ]
+Frequency = Annotated[
+    float | None,
+    typer.Option("--frequency", metavar="FREQUENCY", parser=in_unit("Hz"), help="Rated frequency of x.m (60 Hz)."),
+]
 Missing = Annotated[
     Literal["refuse", "injection"],
     typer.Option("--missing", help="A machine of x.raw without a model: refuse it, or make it an injection."),

@@ -1,4 +1,4 @@
-"""Loading a case by what its name says: a packaged case, a folder, a PSS/E RAW file."""
+"""Loading a case by what its name says: a packaged case, a folder, a PSS/E RAW file, a MATPOWER file."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -20,6 +20,7 @@ def load(
     dyr: str | Path | None = None,
     loads: "Loads | None" = None,
     machines: Literal["typical"] | None = None,
+    frequency: float | str | None = None,
     missing: "Missing" = "refuse",
     missing_controls: "MissingControls" = "refuse",
 ) -> Case:
@@ -28,11 +29,13 @@ def load(
     Parameters
     ----------
     name : str or Path
-        A packaged case by its name, a folder, or a PSS/E file ending in .raw.
+        A packaged case by its name, a folder, a PSS/E file ending in .raw, or a MATPOWER file ending in .m.
     dyr : str or Path, optional
         The DYR file of a RAW file; by default the one beside it with the same name.
     loads : {"impedance", "current", "power"}, optional
         What all loads keep constant when the voltage changes; by default what the case says.
+    frequency : float or str, Hz, optional
+        Rated frequency of a MATPOWER file, which does not hold it: 50 or "50Hz"; 60 Hz by default.
     missing, missing_controls : str
         What to do with machines and controls without a model; see `read_psse`.
 
@@ -44,20 +47,32 @@ def load(
         If an argument does not apply.
     """
     ending = Path(name).suffix.lower() if isinstance(name, str | Path) and "\0" not in str(name) else ""
-    if ending == ".raw":
+    given: dict[str, Any] = {"dyr": dyr}
+    given |= {"missing": missing if missing != "refuse" else None}
+    given |= {"missing_controls": missing_controls if missing_controls != "refuse" else None}
+    if ending == ".m":
+        from . import matpower
+
+        _refuse(name, given, "a PSS/E file ending in .raw")
+        case = matpower.read_matpower(name, frequency=matpower.FREQUENCY if frequency is None else frequency)
+    elif ending == ".raw":
         from . import psse
 
+        _refuse(name, {"frequency": frequency}, "a MATPOWER file ending in .m")
         beside = _beside(Path(name)) if dyr is None else dyr
         case = psse.read_psse(name, beside, missing=missing, missing_controls=missing_controls)
     else:
-        given: dict[str, Any] = {"dyr": dyr}
-        given |= {"missing": missing if missing != "refuse" else None}
-        given |= {"missing_controls": missing_controls if missing_controls != "refuse" else None}
-        for option, value in given.items():
-            if value is not None:
-                raise StudyError(f"{option} applies only to a PSS/E file ending in .raw, and {name} is none.")
+        _refuse(name, given, "a PSS/E file ending in .raw")
+        _refuse(name, {"frequency": frequency}, "a MATPOWER file ending in .m")
         case = folder.load(name)
     return case.with_loads(loads) if loads is not None else case
+
+
+def _refuse(name: str | Path, given: dict[str, Any], files: str) -> None:
+    """Raise `StudyError` for an argument that is given but applies to other files."""
+    for option, value in given.items():
+        if value is not None:
+            raise StudyError(f"{option} applies only to {files}, and {name} is none.")
 
 
 def _beside(raw: Path) -> Path | None:

@@ -1,12 +1,16 @@
 """Rows of the tables of a case while a reader collects them, each with its place in the file."""
 
 from collections import defaultdict
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
+from stabctl.errors import CaseError
+from stabctl.model.case import Case
+from stabctl.model.mistake import RowError
 from stabctl.model.tables import Branch, Bus
 
 KINDS: dict[int, Literal["pq", "pv", "swing"]] = {1: "pq", 2: "pv", 3: "swing"}
@@ -138,3 +142,17 @@ class Collected:
             noun = "bus" if len(buses) == 1 else "buses"
             sentences.append(f"{source}: {noun} {shown} left out: not connected to a swing bus.")
         return sentences
+
+    def case(self, path: Path, **parts: Any) -> Case:
+        """The case with these rows; a mistake in one is reported with its place. `parts`: what else a case has."""
+        parts |= {table: tuple(rows) for table, rows in self.rows.items()}
+        try:
+            return Case(name=path.stem, **parts)
+        except RowError as error:
+            at = self.places.get(error.table, [])
+            place = at[error.row] if error.row < len(at) else path
+            first = at[error.first] if error.first is not None and error.first < len(at) else place
+            text = error.text.replace("{rows}", f"{first} and {place}")
+            raise CaseError(f"{place}, {error.column}: {text}") from None
+        except CaseError as error:
+            raise CaseError(f"{path}: {error}") from None
