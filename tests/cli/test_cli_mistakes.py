@@ -81,7 +81,7 @@ def test_a_mistake_is_one_line(stabctl, tmp_path, monkeypatch, words, said):
     ],
 )
 def test_a_file_that_cannot_be_written_is_told_before_the_work(stabctl, tmp_path, monkeypatch, words, option, ending):
-    monkeypatch.setattr("stabctl.io.load", lambda name: pytest.fail(f"{name} was loaded"))
+    monkeypatch.setattr("stabctl.io.load", lambda name, **_: pytest.fail(f"{name} was loaded"))
     there = tmp_path / f"there{ending}"
     there.mkdir()
     assert "is a folder" in complaint(stabctl(*words, option, there))
@@ -93,7 +93,7 @@ def test_a_file_that_cannot_be_written_is_told_before_the_work(stabctl, tmp_path
     ("command", "said"), [("modes", "is a file; give a folder"), ("place", "is a file; give a folder")]
 )
 def test_a_report_folder_that_is_a_file_is_told_before_the_work(stabctl, tmp_path, monkeypatch, command, said):
-    monkeypatch.setattr("stabctl.io.load", lambda name: pytest.fail(f"{name} was loaded"))
+    monkeypatch.setattr("stabctl.io.load", lambda name, **_: pytest.fail(f"{name} was loaded"))
     taken = tmp_path / "taken"
     taken.write_text("mine")
     for folder in (taken, taken / "below"):
@@ -122,7 +122,7 @@ def test_what_was_found_is_printed_though_it_cannot_be_written(stabctl, tmp_path
 
 @pytest.mark.parametrize("words", [("powerflow", "two_area"), ("swing", "table1"), ("sweep", "show", "x.db")])
 def test_an_interruption_is_one_line(stabctl, monkeypatch, words):
-    def interrupt(*_):
+    def interrupt(*_, **__):
         raise KeyboardInterrupt
 
     import_module("stabctl.theory.phase")  # which keeps the function it finds

@@ -69,7 +69,7 @@ def test_ctrl_c_while_the_program_loads_is_a_sentence(module):
 
 
 def test_ctrl_c_that_an_import_turned_into_another_error(stabctl, monkeypatch):
-    def wrapped(*_):
+    def wrapped(*_, **__):
         try:
             raise KeyboardInterrupt
         except KeyboardInterrupt as error:
