@@ -10,13 +10,13 @@ import scipy.sparse as sp
 
 from stabctl import devices
 from stabctl._util.verbs import verb
-from stabctl.errors import StudyError
+from stabctl.errors import EquilibriumError, StudyError
 from stabctl.model import network, powerflow
 from stabctl.model.case import Case
 from stabctl.model.network import Network
 from stabctl.model.powerflow import PowerFlow
 
-from . import family, rating
+from . import family, rating, violations
 from .assembly import Rotors, System, system
 from .jacobian import Equations
 from .layout import Layout
@@ -157,6 +157,18 @@ def solve(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
     ------
     PowerFlowError, EquilibriumError
         If there is no operating point; names the bus with the largest mismatch, or the device, machine and limit.
+    """
+    point = unlimited(case, flow)
+    exceeded = next(violations.find(case, point.system, point.equations, point.s), None)
+    if exceeded:
+        raise EquilibriumError(exceeded.sentence(case))
+    return point
+
+
+def unlimited(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
+    """The operating point without limits, which is an equilibrium unless it exceeds some: see `violations.find`.
+
+    Parameters and errors are those of `solve`, but for limits.
     """
     if not any(devices.every()[model].ROLE in devices.UNIT_ROLES for model in case.devices):
         raise StudyError(

@@ -28,7 +28,7 @@ class Start(NamedTuple):
 
 
 def start(case: Case, system: System, equations: Equations, V: np.ndarray, current: np.ndarray) -> Start:
-    """The equilibrium of a system at its power flow.
+    """The equilibrium of a system at its power flow, without limits.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def start(case: Case, system: System, equations: Equations, V: np.ndarray, curre
     Raises
     ------
     EquilibriumError
-        If there is no equilibrium; names device, machine and limit.
+        If there is none; names device and machine.
     """
     layout = system.layout
     s = np.zeros(layout.size)
