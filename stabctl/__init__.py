@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from stabctl.estimation.estimates import Estimates
     from stabctl.estimation.estimator_control import EstimatorControl
     from stabctl.estimation.pmu import Pmu
+    from stabctl.importing.report import ImportReport, import_report
     from stabctl.io import load, write
     from stabctl.io import packaged as cases
     from stabctl.io.matpower import read_matpower
@@ -62,6 +63,7 @@ _WHERE = {
     "Feedback": "controllers:Feedback",
     "LoadStep": "simulation.events:LoadStep",
     "Open": "simulation.events:Open",
+    "ImportReport": "importing.report:ImportReport",
     "OperatingPoint": "dynamics.operating_point:OperatingPoint",
     "Pmu": "estimation.pmu:Pmu",
     "PowerFlow": "model.powerflow:PowerFlow",
@@ -76,6 +78,7 @@ _WHERE = {
     "cases": "io:packaged",
     "clearing_time": "clearing:clearing_time",
     "estimate": "estimation.estimate:estimate",
+    "import_report": "importing.report:import_report",
     "initialize": "dynamics.coerce:initialize",
     "linearize": "smallsignal:linearize",
     "load": "io:load",

@@ -1,6 +1,6 @@
 """Numbers and nouns in sentences."""
 
-PLURALS = {"bus": "buses", "contingency": "contingencies"}
+PLURALS = {"branch": "branches", "bus": "buses", "contingency": "contingencies"}
 
 
 def named(number: int, noun: str) -> str:

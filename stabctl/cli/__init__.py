@@ -15,6 +15,7 @@ from . import (
     cases,
     clearing_time,
     estimate,
+    importing,
     linearize,
     models,
     modes,
@@ -40,6 +41,7 @@ app = typer.Typer(
 app.command("cases")(cases.cases)
 app.command("tables")(tables.tables)
 app.command("models")(models.models)
+app.command("import")(importing.importing)
 app.command("powerflow")(powerflow.powerflow)
 app.command("simulate")(simulate.simulate)
 app.command("clearing-time")(clearing_time.clearing_time)

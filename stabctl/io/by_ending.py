@@ -59,8 +59,8 @@ def load(
         from . import psse
 
         _refuse(name, {"frequency": frequency}, "a MATPOWER file ending in .m")
-        beside = _beside(Path(name)) if dyr is None else dyr
-        case = psse.read_psse(name, beside, missing=missing, missing_controls=missing_controls)
+        dynamic = beside(Path(name)) if dyr is None else dyr
+        case = psse.read_psse(name, dynamic, missing=missing, missing_controls=missing_controls)
     else:
         _refuse(name, given, "a PSS/E file ending in .raw")
         _refuse(name, {"frequency": frequency}, "a MATPOWER file ending in .m")
@@ -75,6 +75,6 @@ def _refuse(name: str | Path, given: dict[str, Any], files: str) -> None:
             raise StudyError(f"{option} applies only to {files}, and {name} is none.")
 
 
-def _beside(raw: Path) -> Path | None:
+def beside(raw: Path) -> Path | None:
     """The DYR file with the name of a RAW file, if there is one."""
     return next((path for path in (raw.with_suffix(".dyr"), raw.with_suffix(".DYR")) if path.is_file()), None)

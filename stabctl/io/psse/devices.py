@@ -1,18 +1,22 @@
 """Records of a DYR file as rows of the device tables, by the `DYR` data of the device modules."""
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+from stabctl.devices.blocks.lags import SHORT
 from stabctl.model import catalog, keys
 from stabctl.model.tables import Load
 from stabctl.schema import fields
 
+from ..collected import NO_IMPEDANCE
 from .dyr import Record
 from .generators import Source
 from .lexer import Place, number, whole
+
+OF_LOADS = "BL", "OW", "ZN", "AR"  # endings of the kinds of loads: at a bus, of an owner, of a zone, of an area
 
 
 class Unsupported(NamedTuple):
@@ -21,7 +25,13 @@ class Unsupported(NamedTuple):
     kind: str
     place: Place
     reason: str
-    machine: str = ""  # the machine in service that it belongs to
+    owner: str = ""  # what it belongs to
+    machine: str = ""  # the machine in service whose control or model it is
+
+    def __str__(self) -> str:
+        """The sentence of a warning."""
+        what = f"{self.kind} of {self.owner}" if self.owner else self.kind
+        return f"{self.place}: {what} is left out: {self.reason}."
 
 
 class Dynamics:
@@ -82,8 +92,7 @@ def read(
     found, of_load = Dynamics(), _load_keys(loads)
     for record in records:
         if record.kind not in kinds():
-            owner = f"{record.bus}/{record.id}" if (record.bus, record.id) in machines else ""
-            found.unsupported.append(Unsupported(record.kind, record.place, "there is no such model", owner))
+            found.unsupported.append(_without_model(record, "there is no model of this kind", machines, of_load))
             continue
         model, order = kinds()[record.kind]
         _read(found, record, model, order, machines, of_load, known)
@@ -110,19 +119,31 @@ def _read(
     if not owners:
         if where not in known:
             what = "load" if role == "load" else "machine"
-            reason = f"the RAW file has no {what} {record.bus}/{record.id} in service"
+            reason = f"the RAW file has no {what} {record.bus}/{record.id}"
             found.unsupported.append(Unsupported(record.kind, record.place, reason))
         return
     try:
         par, sentences = parameters(record, model, order, source)
     except ValueError as error:
-        owner = f"{record.bus}/{record.id}" if source else ""
-        found.unsupported.append(Unsupported(record.kind, record.place, str(error).rstrip("."), owner))
+        found.unsupported.append(_without_model(record, str(error).rstrip("."), machines, of_load))
         return
     found.corrections += [f"{record.place}, {record.kind} of {record.bus}/{record.id}: {s}" for s in sentences]
     found.supported.append(record)
     for key in owners:
         found.add(model, key, par, record.place)
+
+
+def _without_model(
+    record: Record,
+    reason: str,
+    machines: Mapping[tuple[int, str], Source],
+    of_load: Mapping[tuple[int, str], list[keys.Key]],
+) -> Unsupported:
+    where, name = (record.bus or 0, record.id), f"{record.bus}/{record.id}"
+    if where in machines and not record.kind.endswith(OF_LOADS):
+        return Unsupported(record.kind, record.place, reason, f"machine {name}", name)
+    owner = f"load {name}" if where in of_load else name if record.bus else ""
+    return Unsupported(record.kind, record.place, reason, owner)
 
 
 def parameters(record: Record, model: str, order: str, source: Source | None) -> tuple[Any, list[str]]:
@@ -147,13 +168,27 @@ def parameters(record: Record, model: str, order: str, source: Source | None) ->
     allowed = fields(device.Par)
     values = {name: value for name, value in values.items() if name in allowed}
     if source is not None:
+        if "x1d" in allowed and "x1d" not in names and source.x == 0:
+            source = source._replace(x=NO_IMPEDANCE)
+            sentences = [*sentences, f"ZX = 0: the source reactance is {NO_IMPEDANCE:g} pu."]
         for name, value in (("ra", source.ra), ("x1d", source.x)):
             if name in allowed and name not in names:
                 values[name] = value
     extra = len(record.constants) - len(names)
     if extra > 0 and any(number(text or "0", record.place, "constant") for text in record.constants[len(names) :]):
         sentences = [*sentences, f"{extra} further constants are not used."]
-    return catalog.parameters(model, **values), sentences
+    par = catalog.parameters(model, **values)
+    return par, [*sentences, *_short_lags(par, catalog.role(model))]
+
+
+def _short_lags(par: Any, role: str) -> Iterator[str]:
+    """A sentence for every time constant of a control that is too short to be simulated."""
+    if role in catalog.UNIT_ROLES:
+        return
+    kind: type = type(par)
+    for name, of in fields(kind).items():
+        if of.unit == "s" and 0 < getattr(par, name) < SHORT:
+            yield f"{name} = {getattr(par, name):g} s is below {1e3 * SHORT:g} ms, where a lag is bypassed."
 
 
 def _load_keys(loads: Iterable[Load]) -> dict[tuple[int, str], list[keys.Key]]:

@@ -1,6 +1,6 @@
 """Machines and controls without a model: refused, or on request injections and constant controls."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,31 +24,32 @@ def settle(
     missing: str,
     missing_controls: str,
 ) -> list[str]:
-    """Replace or refuse what has no model; returns a sentence for everything replaced or left out.
+    """Replace or refuse what has no model; returns a sentence for everything replaced.
 
     Raises `CaseError` with the list if it is refused.
     """
     names = {source.machine: f"{bus}/{id}" for (bus, id), source in sources.items()}
-    with_model = {
-        keys.number(key) for model in catalog.of_role(*catalog.UNIT_ROLES) for key in dynamics.rows.get(model, {})
-    }
-    without = [m for m in net.rows["machines"] if m.machine not in with_model]
+    lacking = without(net, dynamics) if dyr is not None else []
     said = []
-    if dyr is not None and without:
+    if dyr is not None and lacking:
         if missing == "refuse":
-            raise CaseError(_machines_without(dyr, [names[m.machine] for m in without], dynamics))
-        said += [_injection(net, dynamics, m) for m in without]
-    elif dyr is None:
-        without = []
-    gone = {names[m.machine] for m in without}
+            raise CaseError(_machines_without(dyr, [names[m.machine] for m in lacking], dynamics))
+        said += [_new_swing(net, bus, lacking) for bus in _swings_without(net, lacking)]
+        said += [_injection(net, dynamics, m) for m in lacking]
+    gone = {names[m.machine] for m in lacking}
     controls = [u for u in dynamics.unsupported if u.machine and u.machine not in gone]
     if controls and missing_controls == "refuse":
         listed = _listed(f"{u.kind} of {u.machine} (line {u.place.line}: {u.reason})" for u in controls)
         raise CaseError(f"{dyr}: no model for {listed}; --missing-controls fixed keeps what they control constant.")
-    said += [
-        f"{u.place}: {u.kind} {u.machine or ''} left out: {u.reason}.".replace("  ", " ") for u in dynamics.unsupported
-    ]
     return said + _without_exciter(net, dynamics, names)
+
+
+def without(net: Network, dynamics: Dynamics) -> list[Machine]:
+    """The machines that no record models."""
+    modeled = {
+        keys.number(key) for model in catalog.of_role(*catalog.UNIT_ROLES) for key in dynamics.rows.get(model, {})
+    }
+    return [m for m in net.rows["machines"] if m.machine not in modeled]
 
 
 def _machines_without(dyr: str | Path, names: list[str], dynamics: Dynamics) -> str:
@@ -56,6 +57,25 @@ def _machines_without(dyr: str | Path, names: list[str], dynamics: Dynamics) -> 
     listed = _listed(f"{name}{tried.get(name, '')}" for name in names)
     noun = "machine" if len(names) == 1 else "machines"
     return f"{dyr}: no model for {noun} {listed}; --missing injection makes them constant-power injections."
+
+
+def _swings_without(net: Network, lacking: Sequence[Machine]) -> list[int]:
+    """The swing buses that keep no machine."""
+    kept = {m.bus for m in net.rows["machines"] if m not in lacking}
+    return [b.bus for b in net.rows["buses"] if b.kind == "swing" and b.bus not in kept]
+
+
+def _new_swing(net: Network, bus: int, lacking: Sequence[Machine]) -> str:
+    """Make the bus of the largest machine of an island with a model its swing bus, at its stored voltage."""
+    island = dict(zip((b.bus for b in net.rows["buses"]), net.islands().tolist(), strict=True))
+    others = [m for m in net.rows["machines"] if m not in lacking and island[m.bus] == island[bus]]
+    place = net.places["buses"][net.at[bus]]
+    if not others:
+        raise place.error(f"no machine of the island of swing bus {bus} has a model; a simulation needs one.")
+    largest = max(others, key=lambda m: m.base)
+    net.change(largest.bus, kind="swing")
+    net.change(bus, kind="pv")
+    return f"{place}: no machine at the swing bus {bus} has a model; bus {largest.bus} is the swing bus instead."
 
 
 def _injection(net: Network, dynamics: Dynamics, m: Machine) -> str:
@@ -70,8 +90,6 @@ def _injection(net: Network, dynamics: Dynamics, m: Machine) -> str:
                 del rows[key]
             dynamics.places[model] = [p for k, p in enumerate(dynamics.places[model]) if k not in gone]
     if all(other.bus != m.bus for other in net.rows["machines"]):
-        if net.bus(m.bus).kind == "swing":
-            raise place.error(f"machine {m.name} is alone at the swing bus {m.bus}, so it needs a model.")
         net.change(m.bus, kind="pq")
     if m.p or m.q:
         net.add("loads", Load(m.bus, -m.p, -m.q, 1.0, 1.0, v_low=POWER_LOW, id=m.name, kind="injection"), place)

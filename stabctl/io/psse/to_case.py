@@ -9,11 +9,12 @@ from stabctl.model.case import Case
 from stabctl.model.mistake import RowError
 
 from . import dc, devices, dyr, generators, missing_models, network, raw, transformers
-from .devices import Dynamics
+from .devices import Dynamics, Unsupported
 from .lexer import Place
 
 Missing = Literal["refuse", "injection"]
 MissingControls = Literal["refuse", "fixed"]
+WITHOUT_RECORD = "generator"  # kind of a machine that no record models
 
 
 @dataclass(frozen=True)
@@ -24,26 +25,21 @@ class Import:
     ----------
     case : Case
         The system.
-    net : network.Network
-        The rows of its network with their places, and the corrections.
+    raw : Raw
+        The records of the RAW file.
     records : tuple of dyr.Record
-        Every record of the DYR file.
-    dynamics : Dynamics
-        The devices with their places, and the records without a model.
-    left_out : tuple of str
-        What was read and is not modeled, one sentence each.
+        The records of the DYR file.
+    corrections : tuple of str
+        What was changed or replaced, one sentence each.
+    unsupported : tuple of Unsupported
+        What has no model: elements of the network, machines without a record, records.
     """
 
     case: Case
-    net: network.Network
+    raw: raw.Raw
     records: tuple[dyr.Record, ...]
-    dynamics: Dynamics
-    left_out: tuple[str, ...]
-
-    @property
-    def corrections(self) -> tuple[str, ...]:
-        """What was changed, one sentence each."""
-        return (*self.net.corrections, *self.dynamics.corrections)
+    corrections: tuple[str, ...]
+    unsupported: tuple[Unsupported, ...]
 
 
 def read_psse(
@@ -106,12 +102,26 @@ def read(
     known = {(g.I, g.ID) for g, _ in file.of("generator")} | {(load.I, load.ID) for load, _ in file.of("load")}
     records = tuple(dyr.read(Path(dyr_path))) if dyr_path is not None else ()
     dynamics = devices.read(records, sources, net.rows["loads"], known)
-    unmodeled = [f"{u.place}: {u.kind} {u.name} is not modeled." for u in file.unmodeled]
-    substitutes = missing_models.settle(net, dynamics, sources, dyr_path, missing, missing_controls)
-    left_out = (*apart, *unmodeled, *substitutes)
-    notes = (*net.corrections, *dynamics.corrections, *left_out)
-    case = _case(net, dynamics, Path(raw_path), notes)
-    return Import(case, net, records, dynamics, left_out)
+    unsupported = _unsupported(file, net, dynamics, dyr_path)
+    replaced = missing_models.settle(net, dynamics, sources, dyr_path, missing, missing_controls)
+    corrections = (*net.corrections, *dynamics.corrections, *apart, *replaced)
+    notes = (*corrections, *(str(u) for u in unsupported if u.kind != WITHOUT_RECORD))
+    return Import(_case(net, dynamics, Path(raw_path), notes), file, records, corrections, unsupported)
+
+
+def _unsupported(
+    file: raw.Raw, net: network.Network, dynamics: Dynamics, dyr_path: str | Path | None
+) -> tuple[Unsupported, ...]:
+    """What has no model: elements of the network, machines without any record, and records."""
+    found = [Unsupported(u.kind, u.place, "it is read and not modeled", u.name) for u in file.unmodeled]
+    named = {u.machine for u in dynamics.unsupported}
+    places = dict(zip(net.rows["machines"], net.places["machines"], strict=True))
+    if dyr_path is not None:
+        for m in missing_models.without(net, dynamics):
+            if m.name not in named:
+                reason = f"{Path(dyr_path).name} has no model of it"
+                found.append(Unsupported(WITHOUT_RECORD, places[m], reason, f"machine {m.name}", m.name))
+    return (*found, *dynamics.unsupported)
 
 
 def _case(net: network.Network, dynamics: Dynamics, path: Path, notes: tuple[str, ...]) -> Case:

@@ -1,0 +1,100 @@
+"""An imported system beside the solution stored in its file, and at rest."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from stabctl.dynamics import operating_point, violations
+from stabctl.dynamics.violations import Violation
+from stabctl.model import network, powerflow
+from stabctl.model.case import Case
+from stabctl.simulation import simulation
+from stabctl.simulation.criterion import Criterion
+
+DRIFT_S = 2.0
+KEEP_ON = Criterion(max_angle=np.inf, low_voltage_s=0.0, frequency_delay_s=0.0)
+
+
+class Stored(NamedTuple):
+    """The network at the voltages stored in its file, and its load flow beside them.
+
+    Attributes
+    ----------
+    mw, mvar : float
+        Largest mismatch of active and of reactive power of a bus at the stored voltages.
+    bus : int
+        Bus with the largest mismatch of active power.
+    """
+
+    mw: float
+    mvar: float
+    bus: int
+
+
+class Moved(NamedTuple):
+    """Largest difference of a load flow from the stored voltages: magnitude (pu), and angle (degrees)."""
+
+    dv: float
+    dangle: float
+
+
+class Standstill(NamedTuple):
+    """The start of the dynamic models at the load flow.
+
+    Attributes
+    ----------
+    rate : float, 1/s
+        Largest derivative of a state, limits enforced.
+    state : str
+        That state.
+    violations : tuple of Violation
+        The limits that the start exceeds.
+    drift : float, pu
+        Largest change of a voltage or a speed in 2 s without a fault.
+    """
+
+    rate: float
+    state: str
+    violations: tuple[Violation, ...]
+    drift: float
+
+
+def mismatch(case: Case) -> Stored:
+    """The power mismatch of every bus at the voltages in the bus table; returns the largest."""
+    net = network.build(case)
+    V = np.array([b.v for b in case.buses]) * np.exp(1j * np.deg2rad([b.angle for b in case.buses]))
+    S = V * (network.admittance(net) @ V).conj() + powerflow.demand(case)
+    np.add.at(S, net.machine_bus, -np.array([complex(m.p, m.q) for m in case.machines]) / case.base_mva)
+    worst = int(np.abs(S.real).argmax())
+    mw, mvar = np.abs(S.real).max() * case.base_mva, np.abs(S.imag).max() * case.base_mva
+    return Stored(float(mw), float(mvar), case.buses[worst].bus)
+
+
+def moved(case: Case) -> Moved:
+    """The load flow beside the voltages in the bus table. Raises `PowerFlowError`."""
+    V = powerflow.solve(case).V
+    stored = np.exp(1j * np.deg2rad([b.angle for b in case.buses]))
+    dv = np.abs(np.abs(V) - [b.v for b in case.buses]).max()
+    return Moved(float(dv), float(np.rad2deg(np.abs(np.angle(V / stored)).max())))
+
+
+def standstill(case: Case) -> Standstill:
+    """The start of a case and what it does without a fault. Raises `PowerFlowError`, `EquilibriumError`."""
+    point = operating_point.unlimited(case)
+    found = tuple(violations.find(case, point.system, point.equations, point.s))
+    s = violations.within(point.system, point.s)
+    rates = np.abs(point.equations.entries(s.copy())[1][: point.layout.nx])
+    worst = int(rates.argmax()) if len(rates) else -1
+    state = point.layout.states[worst].label if len(rates) else ""
+    point = replace(point, s=s) if found else point
+    return Standstill(float(rates.max(initial=0.0)), state, found, _drift(point))
+
+
+def _drift(point: operating_point.OperatingPoint) -> float:
+    """Largest change of a voltage or a speed (pu) without a fault; infinite if the system does not hold out."""
+    run = simulation.run(point, None, DRIFT_S, criterion=KEEP_ON)
+    if run.time[-1] < DRIFT_S - 1e-6:
+        return np.inf
+    changes = (np.abs(x - x[0]).max(initial=0.0) for x in (np.abs(run.arrays.V), run.arrays.speed))
+    return float(max(changes))

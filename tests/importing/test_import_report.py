@@ -1,0 +1,134 @@
+"""The import report says what is understood of a file, and whether the system stands still."""
+
+import json
+
+import pytest
+from psse_replay import DATA
+
+import stabctl as st
+
+THREE = DATA / "psid/GENROU/ThreeBusMulti.raw"
+KEYS = [
+    "records",
+    "supported",
+    "whole",
+    "unsupported",
+    "corrections",
+    "mismatch_mw",
+    "mismatch_mvar",
+    "mismatch_bus",
+    "dv_pu",
+    "dangle_deg",
+    "dxdt",
+    "violations",
+    "drift_pu",
+]
+GENROU = "102 'GENROU' 1 8.0 0.03 0.4 0.05 6.175 0.05 1.8 1.7 0.3 0.55 0.25 0.2 0.1 0.8 /\n"
+GOVERNED = f"101 'GENCLS' 1 0.0 0.0 /\n{GENROU}102 'SEXS' 1 0.1 10 100 0.0005 -5 5 /\n"
+FACTS = "0 /End of Owner data, Begin FACTS device data\n", "0 /End of Owner data\n'F1',103,0,1\n"
+
+
+@pytest.fixture
+def files(tmp_path):
+    """Writes x.raw and x.dyr."""
+
+    def write(dyr, *changes):
+        text = THREE.read_text()
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new, 1)
+        (tmp_path / "x.raw").write_text(text)
+        (tmp_path / "x.dyr").write_text(dyr)
+        return tmp_path / "x.raw"
+
+    return write
+
+
+def line_of(path, start):
+    return next(k for k, text in enumerate(path.read_text().split("\n"), 1) if text.strip().startswith(start))
+
+
+def test_a_whole_system_stands_still(files, stabctl):
+    raw = files(GOVERNED)
+    code, out, err = stabctl("import", raw, "--json")
+    found = json.loads(out)
+    assert (code, err) == (0, "")
+    assert list(found) == KEYS
+    assert (found["records"], found["supported"], found["whole"]) == (3, 3, True)
+    assert found["unsupported"] == found["violations"] == []
+    assert found["corrections"] == [
+        f"{raw.with_suffix('.dyr')} line 3, SEXS of 102/1: TA = 0.0005 s is below 1 ms, where a lag is bypassed."
+    ]
+    assert found["mismatch_mw"] < 0.0014  # 0.00137
+    assert found["mismatch_bus"] == 102
+    assert found["dv_pu"] < 3e-7  # 2.4e-7
+    assert found["dangle_deg"] < 5e-5  # 4.8e-5
+    assert found["dxdt"] < 1e-9  # 4e-16
+    assert found["drift_pu"] < 1e-7  # 5e-16
+
+
+def test_what_is_not_supported_is_named_once_with_file_and_line(files, stabctl):
+    raw = files(f"101 'GENCLS' 1 0 0 /\n{GENROU}103 'UFLSBL' 1 59 /\n\n102 'WTRLY0' 1 1 2 /\n", FACTS)
+    code, out, _ = stabctl("import", raw, "--json", "--no-check")
+    found = json.loads(out)
+    assert code == 1
+    assert (found["records"], found["supported"], found["whole"]) == (4, 2, False)
+    assert [(u["kind"], u["file"], u["line"]) for u in found["unsupported"]] == [
+        ("FACTS device", str(raw), line_of(raw, "'F1'")),
+        ("UFLSBL", str(raw.with_suffix(".dyr")), 3),
+        ("WTRLY0", str(raw.with_suffix(".dyr")), 5),
+    ]
+    assert all(found[key] is None for key in ("mismatch_mw", "dv_pu", "dxdt", "drift_pu"))
+    with pytest.raises(st.StabctlError, match=r"no model for WTRLY0 of 102/1 \(line 5: "):
+        st.load(raw)
+    case = st.load(raw, missing_controls="fixed")
+    for what in ("FACTS device", "UFLSBL", "WTRLY0"):
+        assert sum(what in sentence for sentence in case.warnings) == 1
+    assert case.simulate(until=0.5).outcome.stable
+
+
+def test_a_machine_without_a_model_is_named_and_replaced(files, stabctl):
+    raw = files(GENROU)
+    report = st.import_report(raw)
+    assert [(u.kind, u.place.line) for u in report.unsupported] == [("generator", line_of(raw, "101,'1 '"))]
+    assert "bus 102 is the swing bus instead" in report.corrections[0]
+    assert "machine 101/1 has no model and is a constant-power injection" in report.corrections[1]
+    assert report.start.drift < 1e-6
+    code, _, err = stabctl("import", raw, "--out", raw.parent / "folder", "--no-check")
+    assert code == 2
+    assert "no model for machine 101/1; --missing injection" in err
+    assert not (raw.parent / "folder").exists()
+
+
+def test_every_limit_that_the_start_exceeds_is_listed(files):
+    lower = "102 'SEXS' 1 0.1 10 100 0.05 -5 1.5 /\n102 'TGOV1' 1 0.05 0.05 0.9 0 1 3 0 /\n"
+    report = st.import_report(files(f"101 'GENCLS' 1 0 0 /\n{GENROU}{lower}"))
+    found = {(v["device"], v["machine"], v["limit"], v["value"]) for v in report.plain()["violations"]}
+    assert found == {("SEXS", "102/1", "Efdmax", 1.5), ("TGOV1", "102/1", "Vmax", 0.9)}
+    assert report.start.rate > 0.01
+    with pytest.raises(st.StabctlError, match=r"SEXS of machine 102/1 at bus 102 cannot be initialized: Efdmax = 1\.5"):
+        report.case.initialize()
+
+
+def test_a_load_flow_without_a_solution_is_reported(files):
+    report = st.import_report(files(GOVERNED, ("250.000,    30.000", "2500.000,    30.000")))
+    assert report.whole
+    assert report.stored.mw > 2000
+    assert report.plain()["dv_pu"] is None
+    assert "did not converge" in str(report)
+
+
+def test_the_folder_that_is_written_is_the_case(files, stabctl):
+    raw, folder = files(GOVERNED), "folder"
+    code, out, _ = stabctl("import", raw, "--out", raw.parent / folder)
+    assert code == 0
+    assert out.endswith(f"written: {raw.parent / folder}\n")
+    assert st.load(raw.parent / folder) == st.load(raw)
+
+
+def test_the_table_has_a_row_for_every_kind(files):
+    report = st.import_report(files(GOVERNED), check=False)
+    assert list(report.df.kind) == ["GENCLS", "GENROU", "SEXS"]
+    assert list(report.df.role) == ["machine", "machine", "exciter"]
+    assert report.df.mva.sum() == 300
+    assert "3 of 3 records supported." in str(report)
