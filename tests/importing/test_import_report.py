@@ -8,21 +8,8 @@ from psse_replay import DATA
 import stabctl as st
 
 THREE = DATA / "psid/GENROU/ThreeBusMulti.raw"
-KEYS = [
-    "records",
-    "supported",
-    "whole",
-    "unsupported",
-    "corrections",
-    "mismatch_mw",
-    "mismatch_mvar",
-    "mismatch_bus",
-    "dv_pu",
-    "dangle_deg",
-    "dxdt",
-    "violations",
-    "drift_pu",
-]
+KEYS = ["records", "supported", "whole", "unsupported", "corrections", "mismatch_mw", "mismatch_mvar", "mismatch_bus"]
+KEYS += ["dv_pu", "dangle_deg", "dxdt", "violations", "drift_pu"]
 GENROU = "102 'GENROU' 1 8.0 0.03 0.4 0.05 6.175 0.05 1.8 1.7 0.3 0.55 0.25 0.2 0.1 0.8 /\n"
 GOVERNED = f"101 'GENCLS' 1 0.0 0.0 /\n{GENROU}102 'SEXS' 1 0.1 10 100 0.0005 -5 5 /\n"
 FACTS = "0 /End of Owner data, Begin FACTS device data\n", "0 /End of Owner data\n'F1',103,0,1\n"
