@@ -26,6 +26,11 @@ ON_A_CASE = (  # cheap commands
     ["linearize", "CASE", "--inputs", "vref", "--outputs", "speed", "--out", "x.npz"],
     ["tables", "CASE"],
 )
+IMPORTS = (
+    ["import", "CASE", "--out", "mine"],
+    ["import", "CASE", "--json"],
+    ["powerflow", "CASE", "--json", "--missing", "injection", "--missing-controls", "fixed"],
+)
 COMMANDS = (
     *ON_A_CASE,
     [
@@ -272,7 +277,7 @@ def imported(rng: Random) -> Attempt:
         whole = given.encode("utf-8", "surrogateescape")
         spoilt = mutate.raw(rng, whole).decode("utf-8", "surrogateescape")
         files[name] = spoilt if rng.random() < 0.1 else mutate.lines(rng, given)
-    command = rng.choice([words for words in ON_A_CASE if "--fault" not in words])
+    command = rng.choice([words for words in (*ON_A_CASE, *IMPORTS) if "--fault" not in words])
     return Attempt("imported", _on("x.raw", command), {}, _encodable(files))
 
 
