@@ -29,6 +29,7 @@ lock = RLock()  # one thread compiles at a time
 
 def inline(function: Callable[..., Any]) -> Callable[..., Any]:
     """Mark `function` to be inlined into compiled callers."""
+    vars(function)["inlined"] = True
     _pending.append((function, True))
     return function
 

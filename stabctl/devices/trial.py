@@ -13,7 +13,6 @@ from stabctl.schema import hints
 
 _GIVES = {"internal": "Internal", "output": "Output", "derivatives": "State", "source": None, "current": None}
 _NOT_ANALYTIC = {"abs", "min", "max", "sign", "conj", "conjugate", "fabs", "maximum", "minimum", "absolute"}
-_PLAIN = ("prepare", "guess", "step")  # real numbers only, never differentiated
 
 
 def mistake(device: ModuleType) -> str | None:
@@ -49,9 +48,11 @@ def _limits(device: ModuleType, records: dict[str, Any]) -> str | None:
 
 def _forbidden(device: ModuleType) -> str | None:
     """A function used in an equation that complex-step differentiation does not allow."""
+    if hasattr(device, "step"):
+        return None  # never differentiated
     for name, function in inspect.getmembers(device, inspect.isfunction):
         used = sorted(_NOT_ANALYTIC.intersection(function.__code__.co_names))
-        if function.__module__ == device.__name__ and name not in _PLAIN and used:
+        if function.__module__ == device.__name__ and hasattr(function, "inlined") and used:
             return f"{name} uses {used[0]}, which cannot be differentiated; use a block of stabctl.devices.blocks"
     return None
 

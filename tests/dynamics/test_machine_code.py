@@ -57,7 +57,7 @@ print(json.dumps(found))
 ENTRIES = {"advance", "newton_from", "evaluate"}
 STEPPER = {"advance", "newton_from"}
 EDITS = {
-    "devices/machines/genrou.py": {"genrou"},
+    "devices/machines/genrou.py": {"genrou", "genroe"},
     "devices/stabilizers/pss.py": {"pss"},
     "controllers/bang_bang.py": {"bang_bang"},
     "controllers/feedback.py": {"feedback"},
@@ -165,7 +165,9 @@ def test_every_file_that_machine_code_is_made_from_is_in_its_name(module):
 
 
 def _defining(home, name):
-    """Texts of the module, or of those in it if it is a package, that define a name."""
+    """Texts of the module, or of those in it if it is a package, that are or define what has a name."""
+    if f"{home}.{name}" in sys.modules:
+        return [Path(sys.modules[f"{home}.{name}"].__file__).read_text()]  # a module itself
     near = [m for key, m in sys.modules.items() if key == home or key.startswith(f"{home}.")]
     texts = [Path(m.__file__).read_text() for m in near if m.__file__]
     return [

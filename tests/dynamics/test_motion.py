@@ -124,7 +124,8 @@ def test_a_fleet_with_storage_equals_its_single():
     case = small(KINDS["sexs, pss, steam"])
     one = case.with_storage([Storage(1, 2, 40.0, "current", lag=0.05), Storage(2, 3, 10.0)])
     two = doubled(case).with_storage([Storage(1, 2, 40.0, "current", lag=0.05), Storage(2, 3, 10.0)])
-    three = doubled(case).with_storage([*(Storage(1, 2, 20.0, "current", lag=0.05) for _ in "ab"), Storage(2, 3, 10.0)])
+    parts = [Storage(1, 2, rating, "current", lag=0.05) for rating in (15.0, 25.0)]
+    three = doubled(case).with_storage([*parts, Storage(2, 3, 10.0)])
     events = [Fault("2", 0.1), Clear("2", 0.18)]
     assert same_motion(case, doubled(case), events) < 1e-9
     runs = [
@@ -132,8 +133,8 @@ def test_a_fleet_with_storage_equals_its_single():
         for c in (two, three)
     ]
     assert np.abs(runs[0].arrays.speed - runs[1].arrays.speed).max() < 1e-12
-    halves = runs[1].arrays.storage[:, 0] + runs[1].arrays.storage[:, 1]
-    assert runs[0].arrays.storage[:, 0] == pytest.approx(halves, abs=1e-9)
+    together = runs[1].arrays.storage[:, 0] + runs[1].arrays.storage[:, 1]
+    assert runs[0].arrays.storage[:, 0] == pytest.approx(together, abs=1e-9)
     assert np.abs(runs[0].arrays.storage[:, 0]).max() > 30
     assert one.storage == two.storage
 
