@@ -127,8 +127,6 @@ class Impedances(NamedTuple):
     R31: float = 0.0
     X31: float = 0.0
     SBASE31: float = 0.0
-    VMSTAR: float = 1.0
-    ANSTAR: float = 0.0
 
 
 class Winding(NamedTuple):
@@ -192,7 +190,7 @@ ORDERS: Mapping[type, Mapping[int, str]] = MappingProxyType(
         Branch: {29: "I J CKT R X B _ _ _ GI BI GJ BJ ST", 34: f"I J CKT R X B _ {_RATES} GI BI GJ BJ ST"},
         Switch: {34: f"I J CKT X {_RATES} STAT"},
         Transformer: {29: "I J K CKT CW CZ CM MAG1 MAG2 _ NAME STAT"},
-        Impedances: {29: "R12 X12 SBASE12 R23 X23 SBASE23 R31 X31 SBASE31 VMSTAR ANSTAR"},
+        Impedances: {29: "R12 X12 SBASE12 R23 X23 SBASE23 R31 X31 SBASE31"},
         Winding: {
             29: _WINDING,
             34: f"WINDV NOMV ANG {_RATES} _ _ _ _ _ _ _ TAB",

@@ -1,10 +1,13 @@
 """Transformers as branches: turns ratios and impedances from their codes CW, CZ and CM, the star of three windings."""
 
+import cmath
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from stabctl.model.tables import Branch, Bus
 
+from ..collected import NO_IMPEDANCE
 from .lexer import Place
 from .network import Network
 from .raw import Transformer
@@ -51,10 +54,7 @@ def _three_windings(net: Network, t: Transformer, place: Place) -> None:
     pairs = ((z.R12, z.X12, z.SBASE12), (z.R23, z.X23, z.SBASE23), (z.R31, z.X31, z.SBASE31))
     z12, z23, z31 = (_impedance(net, t.head, place, *pair) for pair in pairs)
     star, name = net.new_number(), "-".join(map(str, buses))
-    what = f"star point of transformer {name} ckt {t.head.CKT}"
-    size = z.VMSTAR if 0.01 <= z.VMSTAR <= 100 else 1.0
-    labels = (f"star {name}", *net.bus(buses[on[0]])[8:])
-    net.new_bus(Bus(star, "pq", size, z.ANSTAR, 0.0, 0.0, 0.0, *labels), what, place)
+    branches = []
     for k, own in enumerate(((z12 + z31 - z23) / 2, (z12 + z23 - z31) / 2, (z23 + z31 - z12) / 2)):
         if k not in on:
             continue
@@ -62,7 +62,25 @@ def _three_windings(net: Network, t: Transformer, place: Place) -> None:
         ratio = _ratio(net, t.head, winding, bus, place)
         ends = _magnetizing(net, t, bus, place) if k == 0 else 0j
         values = (0.0, ratio, winding.ANG, t.head.CKT, ends.real, ends.imag)
-        net.circuit(Branch(bus, star, own.real, own.imag, *values), place)
+        branches.append(Branch(bus, star, own.real, own.imag, *values))
+    V = _star_voltage(net, branches)
+    labels = (f"star {name}", *net.bus(buses[on[0]])[8:])
+    what = f"star point of transformer {name} ckt {t.head.CKT}"
+    net.new_bus(Bus(star, "pq", abs(V), math.degrees(cmath.phase(V)), 0.0, 0.0, 0.0, *labels), what, place)
+    for branch in branches:
+        net.circuit(branch, place)
+
+
+def _star_voltage(net: Network, branches: Sequence[Branch]) -> complex:
+    """Voltage of a star point (pu) at which its currents sum to zero. The stored VMSTAR is not always a solution."""
+    sources, total = 0j, 0j
+    for k in branches:
+        y = 1 / (complex(k.r, k.x) or 1j * NO_IMPEDANCE)
+        bus = net.bus(k.from_bus)
+        sources += y * cmath.rect(bus.v / k.tap, math.radians(bus.angle - k.phase))
+        total += y
+    V = sources / total if total else 1 + 0j
+    return V if 0.01 <= abs(V) <= 100 else 1 + 0j
 
 
 def _base_kv(net: Network, bus: int, place: Place, why: str) -> float:
