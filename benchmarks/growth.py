@@ -21,7 +21,7 @@ from stabctl.plotting import style
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import Simulation
 from stabctl.smallsignal import descriptor
-from stabctl.smallsignal.selected import disc
+from stabctl.smallsignal.search import disc
 
 COPIES = (1, 3, 10, 30, 100)
 RUNS = 5

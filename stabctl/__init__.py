@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from stabctl.simulation.simulate import simulate
     from stabctl.simulation.trajectory import Trajectory
     from stabctl.smallsignal import linearize
-    from stabctl.smallsignal.modes import modes
+    from stabctl.smallsignal.analysis import modes
     from stabctl.sweep.results import Results as SweepResults
     from stabctl.sweep.results import read as read_sweep
     from stabctl.sweep.sweep import run_sweep
@@ -82,7 +82,7 @@ _WHERE = {
     "initialize": "dynamics.coerce:initialize",
     "linearize": "smallsignal:linearize",
     "load": "io:load",
-    "modes": "smallsignal.modes:modes",
+    "modes": "smallsignal.analysis:modes",
     "place": "placement.place:place",
     "power_flow": "model.powerflow:solve",
     "read_matpower": "io.matpower:read_matpower",

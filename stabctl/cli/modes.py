@@ -41,7 +41,7 @@ def modes(
     from stabctl import units
     from stabctl.report import modes_page, modes_table
     from stabctl.smallsignal import analyze, areas, descriptor, linearize, opened
-    from stabctl.smallsignal.modes import LARGE
+    from stabctl.smallsignal.analysis import LARGE
 
     shared.folder(report)
     units.band(band)

@@ -100,7 +100,7 @@ class Case:
     simulate = verb("stabctl.simulation.simulate:simulate")
     clearing_time = verb("stabctl.clearing:clearing_time")
     screen = verb("stabctl.clearing:screen")
-    modes = verb("stabctl.smallsignal.modes:modes")
+    modes = verb("stabctl.smallsignal.analysis:modes")
     linearize = verb("stabctl.smallsignal:linearize")
     estimate = verb("stabctl.estimation.estimate:estimate")
     place = verb("stabctl.placement.place:place")

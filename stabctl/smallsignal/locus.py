@@ -14,9 +14,11 @@ from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
 
+from . import naming
+from .analysis import analyze
 from .eigen import eigen
 from .model import Linear, linearize
-from .modes import Modes, _place, analyze
+from .modes import Modes
 
 
 @dataclass(frozen=True, repr=False)
@@ -67,7 +69,8 @@ def feedback_locus(linear: Linear, output: str | int, input: str | int, gains: I
     StudyError
         If the model has no such signal, there are fewer than two finite gains, or a gain makes an algebraic loop.
     """
-    i, j = _place(linear.outputs, output, "output"), _place(linear.inputs, input, "input")
+    i = naming.index(linear.outputs, output, "output")
+    j = naming.index(linear.inputs, input, "input")
     b, c, d = linear.B[:, j], linear.C[i], linear.D[i, j]
     values = _values(gains)
     for k in values:

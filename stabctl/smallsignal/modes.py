@@ -1,37 +1,26 @@
 """Modes of a linear model: damping, participation factors, mode shapes, controllability and observability."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 from numbers import Integral
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse.linalg import splu
 
-from stabctl import units
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
-from stabctl.dynamics.coerce import operating_point
-from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError, shown
-from stabctl.model.case import Case
-from stabctl.model.fleet import Fleet
 
-from . import naming, selected
-from .descriptor import Descriptor, descriptor
-from .eigen import ZERO, Eigen, eigen
+from . import naming
+from .descriptor import Descriptor
+from .eigen import ZERO
 from .mode import Mode, Part, Share
 from .model import Linear, eliminated
 
 if TYPE_CHECKING:
     import control
     import pandas as pd
-
-LARGE = 2000  # states beyond which only modes of a band are computed: all would take minutes
-BAND = (0.1, 2.5)  # Hz   electromechanical modes
-DAMPING = (-0.1, 0.3)  # damping ratios of a selection
 
 
 @dataclass(frozen=True, repr=False)
@@ -139,7 +128,8 @@ class Modes:
 
         They are also the derivatives of the eigenvalues with respect to the gain k of the feedback u = k y, at k = 0.
         """
-        i, j = _place(self.linear.outputs, output, "output"), _place(self.linear.inputs, input, "input")
+        i = naming.index(self.linear.outputs, output, "output")
+        j = naming.index(self.linear.inputs, input, "input")
         return self.observability()[i] * self.controllability()[:, j]
 
     @property
@@ -175,126 +165,3 @@ class Modes:
 
     def _repr_html_(self) -> str:
         return f"<p>{escape(str(self))}</p>{self.df.to_html(index=False, float_format='{:.4f}'.format)}"
-
-
-@dataclass(frozen=True, repr=False)
-class Selected(Modes):
-    """The modes in a band of frequencies and damping ratios, one of each pair."""
-
-    linear: Descriptor  # type: ignore[assignment]  # sparse, in place of the dense model
-    damping: tuple[float, float] = DAMPING
-
-    def controllability(self) -> np.ndarray:
-        """W^H B (modes, inputs), B = fu - fv inv(gv) gu."""
-        d = self.linear
-        return self.left.conj().T @ (d.fu.toarray() - d.fv @ splu(d.gv).solve(d.gu.toarray()))
-
-    def observability(self) -> np.ndarray:
-        """C V (outputs, modes), C = hx - hv inv(gv) gx."""
-        d, factors = self.linear, splu(self.linear.gv)
-        currents = d.gx @ self.right
-        return d.hx @ self.right - d.hv @ (factors.solve(currents.real) + 1j * factors.solve(currents.imag))
-
-    def __str__(self) -> str:
-        (slow, fast), (low, high) = self.band or (0.0, np.inf), self.damping
-        asked = f"{slow:g} to {fast:g} Hz with damping ratios from {low:g} to {high:g}"
-        whole = super().__str__().partition(": ")[2].replace("eigenvalue", "mode", 1)
-        return f"{self.linear.name}, {len(self.linear.states)} states, only modes from {asked}: {whole}"
-
-    __repr__ = __str__
-
-
-def modes(
-    base: Case | OperatingPoint,
-    band: str | Sequence[str | float] | None = None,
-    *,
-    storage: "Fleet | None" = None,
-    damping: tuple[float, float] = DAMPING,
-) -> Modes:
-    """Compute the modes of a system at its operating point.
-
-    Parameters
-    ----------
-    base : Case or OperatingPoint
-        The system; a case is initialized first.
-    band : str or pair, optional
-        Frequencies of the modes in `df`: "0.1..2Hz", or two numbers in Hz. Up to 2000 states all modes are computed;
-        above that, only those of the band (0.1 to 2.5 Hz by default).
-    storage : str, mapping, or iterable of Storage, optional
-        Storage devices in place of the case's own, as in `simulate`.
-    damping : tuple of float
-        Lowest and highest damping ratio, if only the modes of a band are computed.
-
-    Returns
-    -------
-    Modes
-
-    Raises
-    ------
-    LinearizationError
-        If the point is not an equilibrium, or a device is exactly at a limit; names the state or the limit.
-    StudyError
-        If the band is not a band of frequencies.
-    """
-    chosen = None if band is None else units.band(band)
-    d = descriptor(operating_point(base, storage))
-    if len(d.rows) > LARGE:
-        return analyze(d, chosen, damping)
-    return replace(analyze(d), band=chosen)
-
-
-def analyze(
-    model: Linear | Descriptor,
-    band: tuple[float, float] | None = None,
-    damping: tuple[float, float] = DAMPING,
-) -> Modes:
-    """Compute the modes of a linear model or of a sparse descriptor.
-
-    Parameters
-    ----------
-    model : Linear or Descriptor
-        Of a linear model all modes are computed (LAPACK); of a descriptor those of a band (shift-invert Arnoldi).
-    band : tuple of float, Hz, optional
-        Lowest and highest frequency. A descriptor without a band is treated as a linear model up to `LARGE` states,
-        and with the band `BAND` above that.
-    damping : tuple of float
-        Lowest and highest damping ratio of the modes in a band.
-
-    Returns
-    -------
-    Modes
-
-    Raises
-    ------
-    StudyError
-        If no unit has a rotor, or the band or the damping ratios are not possible.
-    """
-    if not len(model.point.rotors.unit):
-        raise StudyError(
-            f"{model.point.case.name} has no synchronous machine, so its frequency is not defined; add one to compute "
-            "modes."
-        )
-    if isinstance(model, Descriptor):
-        if band is not None or len(model.rows) > LARGE:
-            band = BAND if band is None else band
-            return Selected(model, *_fixed(selected.band(model, *band, damping)), band, damping=damping)
-        model = eliminated(model)
-    elif band is not None:
-        raise StudyError(
-            "Computing only the modes of a band needs a sparse model; use stabctl.smallsignal.descriptor to linearize."
-        )
-    return Modes(model, *_fixed(eigen(model.A, model.angles())))
-
-
-def _fixed(found: Eigen) -> Eigen:
-    for part in found:
-        part.setflags(write=False)
-    return found
-
-
-def _place(labels: tuple[str, ...], wanted: str | int, what: str) -> int:
-    if isinstance(wanted, int) and 0 <= wanted < len(labels):
-        return wanted
-    if wanted not in labels:
-        raise StudyError(f"{wanted!r} is not an {what} of the model; its {what}s are {', '.join(labels) or 'none'}.")
-    return labels.index(wanted)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from stabctl.dynamics.assembly import INFINITE
+from stabctl.errors import StudyError
 
 from .model import Linear
 
@@ -71,3 +72,12 @@ def leader(linear: Linear, share: np.ndarray, speeds: np.ndarray, H: np.ndarray,
     if oscillates and share[rotor].sum() > SWING and _together(speeds[:, None], H)[0] >= TOGETHER:
         return "common frequency: all machines together"
     return linear.states[int(share.argmax())]
+
+
+def index(labels: tuple[str, ...], wanted: str | int, what: str) -> int:
+    """Place of an input or output, given by its label or as a number."""
+    if isinstance(wanted, int) and 0 <= wanted < len(labels):
+        return wanted
+    if wanted not in labels:
+        raise StudyError(f"{wanted!r} is not an {what} of the model; its {what}s are {', '.join(labels) or 'none'}.")
+    return labels.index(wanted)

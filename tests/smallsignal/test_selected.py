@@ -9,9 +9,8 @@ from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
 from stabctl.model.replicate import replicate
 from stabctl.smallsignal import Selected, analyze, areas, descriptor, linearize, modal
-from stabctl.smallsignal import modes as module
 from stabctl.smallsignal.boxes import Box
-from stabctl.smallsignal.selected import disc
+from stabctl.smallsignal.search import disc
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +83,7 @@ def test_a_disc_holds_what_is_near_its_shift(point, modes):
 def test_large_systems_are_given_modes_of_a_band(point, monkeypatch):
     d = descriptor(point("ieee39"))
     assert not isinstance(analyze(d), Selected)
-    monkeypatch.setattr(module, "LARGE", 100)
+    monkeypatch.setattr("stabctl.smallsignal.analysis.LARGE", 100)
     found = analyze(d)
     assert isinstance(found, Selected)
     assert found.band == (0.1, 2.5)

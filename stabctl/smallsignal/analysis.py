@@ -1,0 +1,109 @@
+"""The modes of a system: all of them, or of a large system those of a band."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from stabctl import units
+from stabctl.dynamics.coerce import operating_point
+from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.errors import StudyError
+from stabctl.model.case import Case
+from stabctl.model.fleet import Fleet
+
+from . import search
+from .descriptor import Descriptor, descriptor
+from .eigen import Eigen, eigen
+from .model import Linear, eliminated
+from .modes import Modes
+from .some_modes import DAMPING, Selected
+
+LARGE = 2000  # states beyond which only modes of a band are computed: all would take minutes
+BAND = (0.1, 2.5)  # Hz   electromechanical modes
+
+
+def modes(
+    base: Case | OperatingPoint,
+    band: str | Sequence[str | float] | None = None,
+    *,
+    storage: "Fleet | None" = None,
+    damping: tuple[float, float] = DAMPING,
+) -> Modes:
+    """Compute the modes of a system at its operating point.
+
+    Parameters
+    ----------
+    base : Case or OperatingPoint
+        The system; a case is initialized first.
+    band : str or pair, optional
+        Frequencies of the modes in `df`: "0.1..2Hz", or two numbers in Hz. Up to 2000 states all modes are computed;
+        above that, only those of the band (0.1 to 2.5 Hz by default).
+    storage : str, mapping, or iterable of Storage, optional
+        Storage devices in place of the case's own, as in `simulate`.
+    damping : tuple of float
+        Lowest and highest damping ratio, if only the modes of a band are computed.
+
+    Returns
+    -------
+    Modes
+
+    Raises
+    ------
+    LinearizationError
+        If the point is not an equilibrium, or a device is exactly at a limit; names the state or the limit.
+    StudyError
+        If the band is not a band of frequencies.
+    """
+    chosen = None if band is None else units.band(band)
+    d = descriptor(operating_point(base, storage))
+    if len(d.rows) > LARGE:
+        return analyze(d, chosen, damping)
+    return replace(analyze(d), band=chosen)
+
+
+def analyze(
+    model: Linear | Descriptor,
+    band: tuple[float, float] | None = None,
+    damping: tuple[float, float] = DAMPING,
+) -> Modes:
+    """Compute the modes of a linear model or of a sparse descriptor.
+
+    Parameters
+    ----------
+    model : Linear or Descriptor
+        Of a linear model all modes are computed (LAPACK); of a descriptor those of a band (shift-invert Arnoldi).
+    band : tuple of float, Hz, optional
+        Lowest and highest frequency. A descriptor without a band is treated as a linear model up to `LARGE` states,
+        and with the band `BAND` above that.
+    damping : tuple of float
+        Lowest and highest damping ratio of the modes in a band.
+
+    Returns
+    -------
+    Modes
+
+    Raises
+    ------
+    StudyError
+        If no unit has a rotor, or the band or the damping ratios are not possible.
+    """
+    if not len(model.point.rotors.unit):
+        raise StudyError(
+            f"{model.point.case.name} has no synchronous machine, so its frequency is not defined; add one to compute "
+            "modes."
+        )
+    if isinstance(model, Descriptor):
+        if band is not None or len(model.rows) > LARGE:
+            band = BAND if band is None else band
+            return Selected(model, *_fixed(search.band(model, *band, damping)), band, damping=damping)
+        model = eliminated(model)
+    elif band is not None:
+        raise StudyError(
+            "Computing only the modes of a band needs a sparse model; use stabctl.smallsignal.descriptor to linearize."
+        )
+    return Modes(model, *_fixed(eigen(model.A, model.angles())))
+
+
+def _fixed(found: Eigen) -> Eigen:
+    for part in found:
+        part.setflags(write=False)
+    return found
