@@ -3,7 +3,11 @@
 The fleets that survive a contingency are assumed to lie on one side of a plane through each fleet found on the
 boundary. The master program minimizes the cost under these cuts near the best fleet known. Its plan is scaled until it
 survives everything, and becomes the best fleet if it is cheaper; otherwise the trust radius shrinks. A cut found far
-from the best fleet that a surviving fleet contradicts is moved back to that fleet.
+from the best fleet that a surviving fleet contradicts is moved back to that fleet. At last the program is solved
+without the trust region, and its plan, whose cost is the bound, is visited in the same way while that raises the bound.
+
+The energy that a MW needs depends on the whole fleet. A fleet is compared at its own energies, and the master program
+takes the MWh per MW of the best fleet, or where it has no device of the uniform fleet.
 """
 
 from dataclasses import dataclass, field
@@ -11,16 +15,32 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from . import cut_gradients
-from .master import Cut, Master
+from .evidence import energies
+from .master import Cut, Master, Plan, Unsolved
+from .prices import Prices
 from .scaling import Scaled, critical_scaling, largest_scaling, least_scaling
 from .siting import Iteration
 from .trials import Trials
 
 BINDING = 0.97  # of the largest critical scaling, from which a contingency gets a cut
 TOLERANCE = 2e-3  # relative reduction of the cost below which the iteration stops
+RISE = 5e-4  # of the cost, by which the bound must rise for another visit
 ITERATIONS = 40
 FINAL = 1e-4  # relative width of the last scaling
 SAME = 1e-3  # of the largest size: fleets on a boundary that are closer count as one
+DECIMALS = 2  # of a size in MW; more if no cap reaches `LARGE`
+LARGE = 10.0  # MW
+MORE = 1.0, 1.001, 1.002, 1.005, 1.01, 1.02, 1.05, 1.1  # multiples tried when rounded sizes do not survive
+
+
+def decimals(cap: np.ndarray) -> int:
+    """Decimals of a size in MW: two, or with caps (candidates, MW) of a few MW as many as give six digits."""
+    return DECIMALS if cap.max() >= LARGE else 5 - int(np.floor(np.log10(cap.max())))
+
+
+def rounded_up(values: np.ndarray, digits: int) -> np.ndarray:
+    """The values at so many decimals, none of them smaller by more than a millionth of the last."""
+    return np.round(np.ceil(values * 10.0**digits - 1e-6) / 10.0**digits, digits)
 
 
 @dataclass
@@ -30,25 +50,49 @@ class CuttingPlanes:
     trials: Trials
     master: Master
     J: np.ndarray  # (machines, candidates) dPe_j / dP_i
+    prices: Prices
+    hours: np.ndarray  # (candidates) MWh that a MW needs
     cuts: list[Cut] = field(default_factory=list)
     boundary: list[tuple[int, np.ndarray]] = field(default_factory=list)  # contingency, a fleet that just survives it
+    survivors: list[np.ndarray] = field(default_factory=list)  # fleets that survive everything
     best: np.ndarray | None = None
     cost: float = np.inf
+    energy: np.ndarray | None = None  # (candidates) MWh of the best fleet, once it is final
     history: list[Iteration] = field(default_factory=list)
 
     @property
-    def bound(self) -> float:
-        """Cost of the cheapest fleet that satisfies the cuts."""
-        return min(self.master.solve(self._trusted(np.inf)).cost, self.cost)
+    def bound(self) -> float | None:
+        """Cost of the cheapest fleet that satisfies the cuts; None if the solver fails."""
+        try:
+            return min(self.master.solve(self._valid()).cost, self.cost)
+        except Unsolved:
+            return None
 
-    def accept(self, mw: np.ndarray) -> bool:
-        """Take a fleet that survives everything as the best one, if it is cheaper and has few enough sites."""
+    def accept(self, mw: np.ndarray) -> float:
+        """The cost of a fleet that survives everything, which becomes the best one if it is cheaper than that.
+
+        Infinite for a fleet with too many sites.
+        """
         mw = self.trials.fleet(mw)
-        cost = self.master.cost(mw)
-        if cost >= self.cost or not self.master.allows(mw):
-            return False
-        self.best, self.cost = mw, cost
-        return True
+        if not self.master.allows(mw):
+            return np.inf
+        energy = self.energies(mw)
+        cost = self.prices.cost(mw, energy)
+        self.survivors.append(mw)
+        if cost < self.cost:
+            self.take(mw, energy)
+        return cost
+
+    def take(self, mw: np.ndarray, energy: np.ndarray) -> None:
+        """Make a fleet (candidates, MW) with its energies (candidates, MWh) the best one."""
+        self.best, self.cost = mw, self.prices.cost(mw, energy)
+        self.survivors.append(mw)
+        self.hours = np.where(mw > 0, energy / np.where(mw > 0, mw, 1.0), self.hours)
+        self.master.cost_mw = self.prices.per_mw(self.hours)
+
+    def energies(self, mw: np.ndarray) -> np.ndarray:
+        """The energy capacities (candidates, MWh) of a fleet; zeros if they have no price."""
+        return energies(self.trials, mw) if self.prices.mwh.any() else np.zeros(len(mw))
 
     def cut(self, mw: np.ndarray, k: int) -> None:
         """Add a cut at a fleet (candidates, MW) on the boundary of contingency k."""
@@ -84,27 +128,70 @@ class CuttingPlanes:
                 self.boundary.append((k, self.trials.fleet(a * mw)))
 
     def run(self) -> None:
-        """Iterate master program and simulations until the cost no longer falls; then drop small sites if possible."""
+        """Approach the cheapest fleet, tighten the bound, and make the best fleet one that can be built."""
+        self._approach()
+        if self.best is not None:
+            self._tighten()
+            self._drop_sites()
+            self._round()
+
+    def _approach(self) -> None:
+        """Iterate master program and simulations until the cost no longer falls."""
         radius = np.inf
         for _ in range(ITERATIONS):
-            plan = self.master.solve(self._trusted(radius), self.best, radius)
-            if plan.cost > (1 - TOLERANCE) * self.cost or not plan.mw.any():
+            plan = self._plan(self._trusted(radius), radius)
+            if plan is None or plan.cost > (1 - TOLERANCE) * self.cost or not plan.mw.any():
                 break
-            scaled = least_scaling(self.trials, plan.mw)
-            reached = self.trials.fleet(scaled.scaling * plan.mw) if scaled else None
-            accepted = reached is not None and self.accept(reached)
-            self.cut_along(plan.mw, scaled)
-            cost = np.inf if reached is None else self.master.cost(reached)
-            sites = 0 if self.best is None else int((self.best > 0).sum())
-            self.history.append(Iteration(plan.cost, cost, self.cost, sites))
-            if accepted:
+            before = self.cost
+            self._visit(plan)
+            if self.cost < before:
                 radius *= 2
             elif self.best is not None:
                 radius = min(radius, np.abs(plan.mw - self.best).max()) / 2
                 if radius < TOLERANCE * self.best.max():
                     break
-        if self.best is not None:
-            self._drop_sites()
+
+    def _tighten(self) -> None:
+        """Visit the cheapest fleet that satisfies the cuts, wherever it is, as long as that raises its cost."""
+        bound = -np.inf
+        for _ in range(ITERATIONS):
+            plan = self._plan(self._valid())
+            if plan is None or plan.cost < bound + RISE * self.cost or not plan.mw.any():
+                break
+            if plan.cost > (1 - TOLERANCE) * self.cost:
+                break
+            bound = plan.cost
+            self._visit(plan)
+
+    def _plan(self, cuts: list[Cut], radius: float = np.inf) -> Plan | None:
+        """The plan of the master program; None if the solver fails, which is kept in the history."""
+        try:
+            return self.master.solve(cuts, self.best, radius)
+        except Unsolved as reason:
+            self._record(np.nan, np.inf, str(reason), np.nan)
+            return None
+
+    def _visit(self, plan: Plan) -> None:
+        """Scale a plan until it survives everything, accept that fleet if it is cheaper, and cut at the boundary."""
+        scaled = least_scaling(self.trials, plan.mw)
+        reached = None if scaled is None else self.buildable(scaled.scaling * plan.mw)
+        cost = np.inf if reached is None else self.accept(reached)
+        self.cut_along(plan.mw, scaled)
+        self._record(plan.cost, cost, plan.status, plan.slack)
+
+    def _record(self, planned: float, reached: float, status: str, slack: float) -> None:
+        sites = 0 if self.best is None else int((self.best > 0).sum())
+        self.history.append(Iteration(planned, reached, self.cost, sites, status, slack))
+
+    def buildable(self, mw: np.ndarray) -> np.ndarray | None:
+        """The fleet in whole modules, slightly larger if it does not survive everything; None if none does."""
+        fleets = (self.master.built(more * mw) for more in MORE)
+        return next((fleet for fleet in fleets if not self.trials.lost(fleet)), None)
+
+    def _valid(self) -> list[Cut]:
+        """The cuts, moved back to the fleets known to survive everything that they would exclude."""
+        reached = [min(float(cut.gradient @ mw) for mw in self.survivors) for cut in self.cuts]
+        return [cut._replace(bound=min(cut.bound, b)) for cut, b in zip(self.cuts, reached, strict=True)]
 
     def _trusted(self, radius: float) -> list[Cut]:
         """The cuts; those found far away are moved back to fleets known to survive their contingencies."""
@@ -127,12 +214,21 @@ class CuttingPlanes:
                 rest = self.best.copy()
                 rest[i] = 0.0
                 scaled = least_scaling(self.trials, rest)
-                if scaled is None:
+                fleet = None if scaled is None else self.buildable(scaled.scaling * rest)
+                if fleet is None:
                     continue
-                fleet = self.trials.fleet(scaled.scaling * rest)
-                cost = self.master.cost(fleet)
-                if cost <= (1 + TOLERANCE) * self.cost:
-                    self.best, self.cost = fleet, cost
+                energy = self.energies(fleet)
+                if self.prices.cost(fleet, energy) <= (1 + TOLERANCE) * self.cost:
+                    self.take(fleet, energy)
         scaled = least_scaling(self.trials, self.best, FINAL)
-        if scaled:
-            self.accept(scaled.scaling * self.best)
+        if scaled and (fleet := self.buildable(scaled.scaling * self.best)) is not None:
+            self.accept(fleet)
+
+    def _round(self) -> None:
+        """Round the best fleet and its energies up to the digits that are printed; the fleet still survives."""
+        assert self.best is not None
+        digits = decimals(self.trials.cap)
+        fleets = (rounded_up(self.master.built(more * self.best), digits) for more in MORE)
+        found = next((mw for mw in map(self.trials.fleet, fleets) if not self.trials.lost(mw)), self.best)
+        self.energy = rounded_up(energies(self.trials, found), digits + 2)
+        self.take(found, self.energy)

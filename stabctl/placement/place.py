@@ -22,9 +22,10 @@ from stabctl.simulation.sampled import Sampled
 from . import initial_fleets
 from .contingencies import LONGER, Contingencies
 from .contingencies import contingencies as as_contingencies
-from .cutting_planes import CuttingPlanes
+from .cutting_planes import CuttingPlanes, decimals
 from .evidence import critical_times, energies, table
 from .master import Master
+from .prices import Prices
 from .sensitivity import Candidate, sensitivity
 from .sensitivity import checked as checked_candidates
 from .siting import CandidateSite, Costs, Site, Siting, Survived
@@ -121,12 +122,11 @@ def place(
     trials = Trials(point, wanted, largest, law, search=search, workers=workers, progress=tell)
     uniform = UNIFORM * mva
     trials, boundary, infeasible = initial_fleets.feasible(trials, uniform)
-    price = np.full(len(found), float(costs.mw))
-    if costs.mwh:
-        tried = trials.fleet(uniform)
-        price += costs.mwh * energies(trials, tried) / np.where(tried > 0, tried, np.inf)
-    master = Master(largest, price, np.full(len(found), costs.site), sites)
-    planes = CuttingPlanes(trials, master, sensitivity(point, found).J)
+    prices = Prices(*(np.full(len(found), float(cost)) for cost in (costs.mw, costs.mwh, costs.site)))
+    tried = trials.fleet(uniform)
+    hours = energies(trials, tried) / np.where(tried > 0, tried, np.inf) if costs.mwh else np.zeros(len(found))
+    master = Master(largest, prices.per_mw(hours), prices.site, sites)
+    planes = CuttingPlanes(trials, master, sensitivity(point, found).J, prices, hours)
     even = initial_fleets.uniform_fleet(planes, uniform, boundary)
     linear = initial_fleets.linear_fleet(planes, uniform)
     for start in (even, linear):
@@ -139,7 +139,7 @@ def place(
     times = critical_times(trials, best)
     rows = table(trials, best, times, controls)
     lost_with_less = trials.lost(LESS * best)
-    energy = energies(trials, best)
+    assert planes.energy is not None
     survived = tuple(
         Survived(one, trials.target(k), c.cycles, c.machine, c.stable, k in lost_with_less)
         for k, (one, c) in enumerate(zip(trials.contingencies, times, strict=True))
@@ -147,7 +147,7 @@ def place(
     order = [int(i) for i in np.argsort(-best) if best[i] > 0]
     return Siting(
         case=case.name,
-        sites=tuple(Site(found[i].bus, found[i].machine, float(best[i]), float(energy[i])) for i in order),
+        sites=tuple(Site(found[i].bus, found[i].machine, float(best[i]), float(planes.energy[i])) for i in order),
         costs=costs,
         cost=planes.cost,
         lower_bound=planes.bound,
@@ -197,7 +197,7 @@ def _caps(case: Case, cap: str, found: Sequence[Candidate], flow: powerflow.Powe
         raise StudyError(f"The cap of {cap} is not allowed; give a size above 0.")
     if out.max() > LARGEST:
         raise StudyError(f"The cap of {cap} is not realistic; give at most {LARGEST:g} MW.")
-    return out
+    return np.floor(out * 10 ** decimals(out) + 1e-6) / 10 ** decimals(out)
 
 
 def _none_found(trials: Trials, sites: int | None) -> str:

@@ -23,6 +23,11 @@ class Site(NamedTuple):
     mw: float
     mwh: float  # energy it absorbs or injects in the worst contingency: the required capacity
 
+    @property
+    def size(self) -> str:
+        """Megawatts with two decimals, or more in systems of a few MW."""
+        return f"{self.mw:.2f}" if round(self.mw, 2) == self.mw else f"{self.mw:g}"
+
 
 class CandidateSite(NamedTuple):
     """A site where a storage device was allowed."""
@@ -106,3 +111,10 @@ class Iteration(NamedTuple):
     reached: float  # of the plan scaled until it survives everything; inf if no multiple does
     best: float  # of the best fleet so far
     sites: int  # of the best fleet
+    status: str = "optimal"  # of the solver; "optimal_inaccurate", or why it failed
+    slack: float = 0.0  # largest violation of a cut by the plan, relative to the largest contribution of one device
+
+    @property
+    def failed(self) -> bool:
+        """Whether the solver found no plan."""
+        return not self.status.startswith("optimal")

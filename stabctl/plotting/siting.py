@@ -55,7 +55,8 @@ def convergence(siting: Siting, *, ax: "Axes | None" = None) -> "Axes":
     }
     for name, (costs, look) in drawn.items():
         ax.plot(rounds, costs, label=name, markersize=4, linewidth=1.3, **look)
-    ax.axhline(siting.lower_bound, color=GRAY, linestyle="--", linewidth=1, label="estimated lower bound")
+    if siting.lower_bound is not None:
+        ax.axhline(siting.lower_bound, color=GRAY, linestyle="--", linewidth=1, label="estimated lower bound")
     ax.locator_params(axis="x", integer=True)
     ax.set_xlabel("iteration")
     ax.set_ylabel("cost" if siting.lower_bound_mw is None or siting.costs.mw != 1 else "total rating (MW)")

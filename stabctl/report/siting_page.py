@@ -58,7 +58,7 @@ def _numbers(siting: Siting) -> Iterator[tuple[str, str]]:
 def _sites(siting: Siting) -> Iterator[tuple[str, ...]]:
     caps = {(p.bus, p.machine): f"{p.cap_mw:.1f}" for p in siting.candidates}
     for s in siting.sites:
-        yield f"bus {s.bus}", str(s.machine), f"{s.mw:.2f}", caps.get((s.bus, s.machine), ""), f"{1e3 * s.mwh:.1f}"
+        yield f"bus {s.bus}", str(s.machine), s.size, caps.get((s.bus, s.machine), ""), f"{1e3 * s.mwh:.1f}"
 
 
 def _contingencies(siting: Siting) -> Iterator[tuple[str, ...]]:

@@ -114,10 +114,31 @@ def test_dear_sites_are_fewer(case):
 
 
 def test_energy_has_its_price(case, both):
+    """The cost is that of the fleet and the energies in the result, not of the energies of another fleet."""
     dear = study(case, NEAR_9, NEAR_6, costs=Costs(mw=0.0, mwh=1e3))
-    assert dear.cost > 0
+    assert dear.cost == pytest.approx(1e3 * dear.total_mwh, rel=1e-12)
+    assert 0 < dear.lower_bound <= dear.cost
     assert dear.lower_bound_mw is None
     assert dear.total_mwh <= 1.1 * both.total_mwh
+    mixed = study(case, NEAR_9, NEAR_6, costs=Costs(1.0, 5.0, 1e3))
+    assert mixed.cost == pytest.approx(mixed.total_mw + 5 * len(mixed.sites) + 1e3 * mixed.total_mwh, rel=1e-12)
+
+
+def test_the_fleet_that_is_printed_survives(case, both):
+    """Its sizes have two decimals; typed in again it survives, and its energies are those of its own simulations."""
+    printed = {int(words[1]): words[2] for words in map(str.split, str(both).splitlines()[2 : 2 + len(both.sites)])}
+    assert [f"{s.mw:.2f}" for s in both.sites] == list(printed.values())
+    assert [round(s.mw, 2) for s in both.sites] == [s.mw for s in both.sites]
+    sized = case.with_storage({machine: f"{mw}MW" for machine, mw in printed.items()}).initialize()
+    drawn = []
+    for one in (NEAR_9, NEAR_6):
+        run = sized.simulate(replace(one, at=0.0), one.clear + 2.0, control=BangBang())
+        assert run.outcome.stable
+        drawn.append(np.ptp(run.arrays.energy, axis=0))
+    found = {s.machine: s.mwh for s in both.sites}
+    for machine, mwh in zip(printed, np.max(drawn, axis=0), strict=True):
+        assert mwh <= found[machine] <= mwh + 1.01e-4
+    assert both.cost == both.total_mw
 
 
 @pytest.mark.parametrize(

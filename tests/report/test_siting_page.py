@@ -159,6 +159,22 @@ def test_sites_stand_largest_first_beside_the_uniform_fleet(siting):
     assert even == [8.0, 36.0] + [5.0 + k for k in range(34, 0, -1) if k not in (3, 31)]
 
 
+def test_what_the_solver_missed_is_said(plain):
+    rows = (
+        Iteration(50.0, 62.0, 62.0, 2),
+        Iteration(55.0, 61.0, 61.0, 2, "optimal_inaccurate"),
+        Iteration(58.0, 60.0, 60.0, 2, slack=0.034),
+        Iteration(math.nan, math.inf, 60.0, 2, "InsufficientProgress", math.nan),
+    )
+    said = replace(plain, history=rows, lower_bound=None).remarks()
+    assert "Cost 60, without a lower bound, because the solver failed." in said
+    solver = [sentence for sentence in said if "iteration" in sentence]
+    assert [word in sentence for word, sentence in zip(("iteration 4 (Insuff", "1 of 4", "3.4 %"), solver, strict=True)]
+    page = unescape(siting_page.page(replace(plain, history=rows, lower_bound=None)))
+    assert all(sentence in page for sentence in solver)
+    assert not [s for s in plain.remarks() if "solver" in s or "iteration" in s]
+
+
 def test_a_folder_that_cannot_be_is_told_in_a_sentence(plain, tmp_path):
     (tmp_path / "file").write_text("kept")
     for folder in (tmp_path / "file", tmp_path / "file" / "below"):
@@ -216,6 +232,7 @@ def test_the_percentages_are_those_of_the_record(plain):
     )
     assert (uniform, share) == (plain.uniform_mw, plain.uniform_percent)
     assert percent == round(100 * 60.0 / 765.0) == round(plain.percent_of_uniform)
+    assert bound < cost
     kwh = float(re.search(r"([\d.]+) MW and ([\d.]+) kWh", page)[2])
     assert kwh == round(1e3 * (0.0123 + 0.004)) == round(1e3 * plain.total_mwh)
     assert replace(plain, costs=Costs(mw=2.0)).lower_bound_mw == 57.0 / 2

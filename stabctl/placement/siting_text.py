@@ -1,0 +1,99 @@
+"""A siting result in sentences."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from stabctl._util.wording import counted
+
+from .siting_rows import REFINED
+
+if TYPE_CHECKING:
+    from .siting import Siting
+
+SLACK = 1e-6  # largest violation of a cut that is rounding
+
+
+def remarks(siting: "Siting") -> tuple[str, ...]:
+    """The fleet, what it is compared with, and what is left open."""
+    survived = counted(len(siting.contingencies), "contingency")
+    if siting.infeasible:
+        survived += f" of {len(siting.contingencies) + len(siting.infeasible)}"
+    first = (
+        f"{siting.case}: {counted(len(siting.sites), 'site')} with {siting.total_mw:.1f} MW and "
+        f"{1e3 * siting.total_mwh:.0f} kWh survive {survived}, each observed {siting.observed_s:g} s after clearing "
+        f"({counted(siting.simulations, 'simulation')} in {siting.wall_s:.1f} s)."
+    )
+    if siting.infeasible:
+        left_out = "; ".join(one.contingency.label for one in siting.infeasible)
+        first += f" No fleet within the caps was found that survives {left_out}."
+    targets = (siting.targets,) if siting.targets else ()
+    return (first, *targets, *_comparisons(siting), *_bound(siting), *reservations(siting))
+
+
+def _comparisons(siting: "Siting") -> Iterator[str]:
+    """The uniform fleet and the allocation by linear analysis."""
+    if siting.uniform_mw == 0:
+        yield "The system survives every contingency even without storage."
+    elif siting.uniform_mw:
+        yield (
+            f"A uniform fleet would need at least {siting.uniform_mw:.1f} MW ({siting.uniform_percent:.2f} % of every "
+            f"machine's MVA); this fleet needs {siting.percent_of_uniform:.0f} % of that."
+        )
+    else:
+        yield "No uniform fleet within the caps is sufficient."
+    if siting.linear_mw:
+        yield f"The allocation by linear analysis needs {siting.linear_mw:.1f} MW."
+    elif siting.linear_mw is None:
+        yield "No multiple of the allocation by linear analysis within the caps is sufficient."
+
+
+def _bound(siting: "Siting") -> Iterator[str]:
+    if not siting.cost:
+        return
+    if siting.lower_bound is None or siting.gap is None:
+        yield f"Cost {siting.cost:.5g}, without a lower bound, because the solver failed."
+        return
+    yield (
+        f"Cost {siting.cost:.5g}, estimated lower bound {siting.lower_bound:.5g} ({100 * siting.gap:.1f} % lower). "
+        "The bound is an estimate, because the set of surviving fleets need not be convex."
+    )
+
+
+def reservations(siting: "Siting") -> tuple[str, ...]:
+    """What the fleet does not survive, what the solver missed, and which smaller fleets are sufficient."""
+    said = [*(f"Not survived: {one}" for one in siting.infeasible), *_solver(siting)]
+    for row in siting.evidence:
+        if row.refined:
+            fleet = f"{row.scale:g} times this fleet" if siting.sites else "the system without storage"
+            lost = [c.contingency.label for c, ok in zip(siting.contingencies, row.stable, strict=True) if not ok]
+            said.append(
+                f"With {REFINED}, {fleet} does not survive {'; '.join(lost)}; use a longer observation window."
+                if lost
+                else f"With {REFINED}, {fleet} survives every contingency."
+            )
+    also = "survives every contingency too, so a smaller fleet is possible"
+    said += [f"The fleet {row.fleet} {also}." for row in siting.smaller]
+    return tuple(said)
+
+
+def _solver(siting: "Siting") -> Iterator[str]:
+    """Programs that the solver did not solve accurately, could not solve, or solved with violated cuts."""
+    count = counted(len(siting.history), "iteration")
+    for i, row in enumerate(siting.history, start=1):
+        if row.failed:
+            yield (
+                f"The solver failed in iteration {i} ({row.status}); the search ended there, and the fleet is the best "
+                "one found until then."
+            )
+    inaccurate = sum(row.status == "optimal_inaccurate" for row in siting.history)
+    if inaccurate:
+        yield (
+            f"In {inaccurate} of {count} the solver did not reach its tolerances (optimal_inaccurate); each fleet was "
+            "simulated nevertheless, but the bound may be inaccurate."
+        )
+    slack = [row.slack for row in siting.history if row.slack > SLACK]
+    if slack:
+        yield (
+            f"In {len(slack)} of {count} no fleet within the caps, sites and trust region satisfied every cut (largest "
+            f"violation {100 * max(slack):.3g} % of the contribution of one device)."
+        )
