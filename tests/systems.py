@@ -11,7 +11,7 @@ import pytest
 from library import EXCITERS, STABILIZERS
 
 from stabctl import devices
-from stabctl.devices.converters import regc_a
+from stabctl.devices.converters import reec_b, regc_a, repc_a
 from stabctl.devices.exciters import exdc2, exst3, ieeet1, sexs
 from stabctl.devices.governors import (
     degov,
@@ -48,6 +48,8 @@ IEEET1 = ieeet1.Par(0.02, 40.0, 0.05, 6.0, -6.0, 1.0, 0.5, 0.05, TF=1.0, E1=1.2,
 PSS = pss.Par(5.0, 10.0, 0.05, 0.02, 0.1, 0.03)
 EXPONENTIAL = exponential.Par(0, 0, 1.0, 0.7, 1.3, 3.0)
 REGC = regc_a.Par(0, 0.02)
+REEC = reec_b.Par(0, Kqv=2.0, Imax=1.5)
+PLANT = repc_a.Par(RefFlag=1, FFlag=1, Kp=2.0, Ki=1.0, Ddn=20.0, Dup=20.0)
 STEAM = tgov.Par(20.0, 0.1, 0.5, 0.0, 1.25, 5.0)
 HYDRO = tgov.Par(20.0, 0.5, 5.0, 1.0, -1.0, 0.5)
 
@@ -104,6 +106,15 @@ LIBRARY = {  # the same for devices of the library, whose tests are slow ones: e
     },
     "degov1 with power": {"gencls": CLASSICAL, "degov1": GOVERNORS[degov1]._replace(M=1)},
     "pidgov with power": {"gencls": CLASSICAL, "pidgov": GOVERNORS[pidgov]._replace(feedback=0)},
+    "reec_b, currents": {"regc_a": REGC, "reec_b": REEC._replace(PqFlag=1)},
+    "reec_b, voltage": {"regc_a": REGC, "reec_b": REEC._replace(QFlag=1, Kvp=1.0, Kvi=4.0, PfFlag=1)},
+    "repc_a, voltage": {
+        "regc_a": REGC,
+        "reec_b": REEC._replace(VFlag=0, QFlag=1, Kvi=4.0),
+        "repc_a": PLANT._replace(Qmax=1.1, Qmin=0.9),
+    },
+    "repc_a, reactive power": {"regc_a": REGC, "reec_b": REEC, "repc_a": PLANT._replace(RefFlag=0, FFlag=0)},
+    "repc_a, compensation": {"regc_a": REGC, "reec_b": REEC, "repc_a": PLANT._replace(VcFlag=1, Rc=0.01, Xc=0.05)},
     "two axes": {"two_axis": TWO_AXES, "sexs": SEXS, "tgov": STEAM},
     **{name: {"genrou": SATURATED, par.__class__.__module__.rpartition(".")[2]: par} for name, par in EXCITERS.items()},
     **{

@@ -16,9 +16,10 @@ and imaginary part), y (its own Output) and p (Par), each marked `@inline`:
 
 LIMITS lists the states with non-windup limits, each a parameter or a number, STOPS those of them at whose limit the
 power of the device jumps (the simulation ends a step there). Initialization ignores every limit: the parameters named
-...max and ...min, and upper limits with other names, listed in UPPER. The file name is the name of the table. DYR names
-the fields of Par in the order of the constants of a PSS/E record (`_name`: ignored, `+name`: an integer before the
-constants); from_record(kind, values) -> (Par, corrections) converts values where that is needed.
+...max and ...min, and upper limits with other names, listed in UPPER; it also closes the deadbands whose edges are in
+DEADBANDS. The file name is the name of the table. DYR names the fields of Par in the order of the constants of a PSS/E
+record (`_name`: ignored, `+name`: an integer before the constants, `'name`: a text there); from_record(kind, values) ->
+(Par, corrections) converts values where that is needed.
 """
 
 import copyreg
@@ -41,6 +42,9 @@ ROLES: Mapping[str, str] = MappingProxyType(
         "exciter": "excitation system and voltage regulator",
         "governor": "turbine and speed governor",
         "stabilizer": "power system stabilizer",
+        "electrical control": "electrical control of a converter",
+        "plant control": "plant controller of a converter",
+        "drive train": "drive train of a wind turbine with a converter",
         "load": "load at a bus",
         "storage": "energy storage device at a bus",
         "shunt": "controlled shunt at a bus",
@@ -49,7 +53,8 @@ ROLES: Mapping[str, str] = MappingProxyType(
         "controller": "control law of storage devices, or a designed controller",
     }
 )
-UNIT_ROLES = ("machine", "converter", "exciter", "governor", "stabilizer")
+OF_CONVERTER = ("electrical control", "plant control", "drive train")
+UNIT_ROLES = ("machine", "converter", "exciter", "governor", "stabilizer", *OF_CONVERTER)
 BUILT_IN = ("zip_load", "esd", "hvdc")  # their rows come from the tables loads, storage and links
 
 _registered: dict[str, ModuleType] = {}

@@ -30,11 +30,13 @@ class Unsolved(EquilibriumError):
 
 
 def opened(f: Family, closed: bool = True) -> np.ndarray:
-    """Parameters of a family with every limit removed and, if `closed`, every rotor circuit closed."""
+    """Parameters of a family without limits and deadbands and, if `closed`, with every rotor circuit closed."""
     k, names = f.k.copy(), family.fields(f.device, "Par")
     for i, name in enumerate(names):
         if side := family.side(f.device, name):
             k[:, i] = side * FAR
+        elif name in getattr(f.device, "DEADBANDS", ()):
+            k[:, i] = 0.0
         elif closed and name in getattr(f.device, "CLOSED", ()):
             k[:, i] = np.where(k[:, i] > 0, k[:, i], 1.0)
     return k

@@ -39,7 +39,7 @@ def tables(case: Case, flow: PowerFlow, net: Network) -> tuple[dict[str, list[Ro
             found[name] = [_bus_row(case, device, key, par, net) for key, par in rows.items()]
         elif device.ROLE != "load" and rows:
             found[name] = [
-                _unit_row(case, device, numbers[keys.number(key)], key, par, net) for key, par in rows.items()
+                _unit_row(case, device, numbers[keys.number(key)], key, par, net, flow) for key, par in rows.items()
             ]
     found["zip_load"], fixed = [], np.zeros(len(case.buses), complex)
     for load, key in zip(case.loads, keys.keys(case, "loads"), strict=True):
@@ -78,9 +78,10 @@ def _filled(device: ModuleType, par: Any, known: Mapping[str, float]) -> Any:
     return device.prepare(par) if hasattr(device, "prepare") else par
 
 
-def _unit_row(case: Case, device: ModuleType, unit: int, key: keys.Key, par: Any, net: Network) -> Row:
+def _unit_row(case: Case, device: ModuleType, unit: int, key: keys.Key, par: Any, net: Network, flow: PowerFlow) -> Row:
     m, bus = case.machines[unit], int(net.machine_bus[unit])
-    par = _filled(device, par, {"mva": m.base / case.base_mva, "wb": 2 * np.pi * case.frequency_hz})
+    known = {"mva": m.base / case.base_mva, "wb": 2 * np.pi * case.frequency_hz, "V0": float(abs(flow.V[bus]))}
+    par = _filled(device, par, known)
     name = str(key).replace(str(m.machine), str(m.called), 1)
     return Row(unit, bus, bus, par, f"{device.NAME} {name}", f"machine {m.called} at bus {m.bus}")
 

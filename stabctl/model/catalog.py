@@ -15,7 +15,12 @@ from .tables import TABLES
 
 UNIT_ROLES = ("machine", "converter")  # every row of machines.csv has exactly one model with one of these
 _OWNERS = {"load": ("loads", "bus"), "shunt": ("buses", "bus")}  # role -> table and column of the key
-SINGLE_ROLES = (*UNIT_ROLES, "exciter", "governor")  # a machine has at most one model with each of these
+SINGLE_ROLES = (
+    *UNIT_ROLES,
+    "exciter",
+    "governor",
+    *devices.OF_CONVERTER,
+)  # a machine has at most one model with each of these
 
 
 def models() -> Mapping[str, ModuleType]:

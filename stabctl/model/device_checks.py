@@ -93,6 +93,12 @@ def _controls(case: "Case") -> None:
             if role == "exciter" and machine and not catalog.takes(machine, role):
                 text = f"machine {number} is modeled by {machine}, which takes no exciter; remove this row."
                 raise RowError(model, i, "machine", text)
+            if role in devices.OF_CONVERTER and machine:
+                text = f"machine {number} is modeled by {machine}, which takes no {role}; remove this row."
+                raise RowError(model, i, "machine", text)
+            if role == "plant control" and not case.model(number, "electrical control"):
+                text = f"machine {number} has no electrical control for its plant control to act on; add one."
+                raise RowError(model, i, "machine", text)
             if role == "stabilizer" and machine and not case.model(number, "exciter"):
                 text = f"machine {number} has no exciter for its stabilizer to act on; add one or remove this row."
                 raise RowError(model, i, "machine", text)

@@ -39,12 +39,22 @@ def high_value(a, b):
 
 @inline
 def deadband(x, low, high):
-    """Deadband: zero for x within low..high, otherwise the distance beyond its edge (no step)."""
+    """Deadband: zero for x within low..high, otherwise the distance beyond its edge (no step); none if low = high."""
+    if low == high:
+        return x - low
     if x.real < low.real:
         return x - low
     if x.real > high.real:
         return x - high
     return 0 * x
+
+
+@inline
+def two_slopes(x, below, above):
+    """below x for x < 0, otherwise above x."""
+    if x.real < 0:
+        return below * x
+    return above * x
 
 
 @inline

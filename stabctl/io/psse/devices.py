@@ -149,13 +149,16 @@ def _without_model(
 def parameters(record: Record, model: str, order: str, source: Source | None) -> tuple[Any, list[str]]:
     """Parameters of a device and what was corrected in them; `ValueError` with a sentence for an unsupported code."""
     device, names = catalog.models()[model], order.split()
-    values = {}
+    values: dict[str, Any] = {}
     if len(record.constants) < len(names):
         given = len(record.constants)
         text = f"the record has {given} constants, {record.kind} of {record.bus}/{record.id} needs {len(names)}."
         raise record.place.error(text)
     for k, (name, text) in enumerate(zip(names, record.constants, strict=False), 1):
-        plain = name.lstrip("+_")
+        plain = name.lstrip("+_'")
+        if name.startswith("'"):
+            values[plain] = text.strip()
+            continue
         value = (whole if name.startswith("+") else number)(
             text or "0", record.place, f"constant {k} ({plain or 'unused'})"
         )

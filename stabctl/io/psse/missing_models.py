@@ -14,6 +14,7 @@ from .generators import Source
 from .network import Network
 
 SHOWN = 8  # names in a list
+ACTS_ON = {"stabilizer": "exciter", "plant control": "electrical control"}
 
 
 def settle(
@@ -41,7 +42,7 @@ def settle(
     if controls and missing_controls == "refuse":
         listed = _listed(f"{u.kind} of {u.machine} (line {u.place.line}: {u.reason})" for u in controls)
         raise CaseError(f"{dyr}: no model for {listed}; --missing-controls fixed keeps what they control constant.")
-    return said + _without_exciter(net, dynamics, names)
+    return said + _without_owner(dynamics, names)
 
 
 def without(net: Network, dynamics: Dynamics) -> list[Machine]:
@@ -96,19 +97,20 @@ def _injection(net: Network, dynamics: Dynamics, m: Machine) -> str:
     return f"{place}: machine {m.name} has no model and is a constant-power injection of {m.p:.4g} MW, {m.q:.4g} Mvar."
 
 
-def _without_exciter(net: Network, dynamics: Dynamics, names: Mapping[int, str]) -> list[str]:
-    """Leave out the stabilizers of machines whose exciter has no model."""
-    known = {keys.number(key) for model in catalog.of_role("exciter") for key in dynamics.rows.get(model, {})}
+def _without_owner(dynamics: Dynamics, names: Mapping[int, str]) -> list[str]:
+    """Leave out the controls that act on a control which has no model: its stabilizers, its plant control."""
     said = []
-    for model in catalog.of_role("stabilizer"):
-        rows: dict[keys.Key, Any] = dynamics.rows.get(model, {})
-        for key, place in zip(list(rows), list(dynamics.places.get(model, ())), strict=True):
-            if keys.number(key) not in known:
-                del rows[key]
-                dynamics.places[model].remove(place)
-                said.append(
-                    f"{place}: {model} of {names[keys.number(key)]} left out, because its exciter has no model."
-                )
+    for role, owner in ACTS_ON.items():
+        known = {keys.number(key) for model in catalog.of_role(owner) for key in dynamics.rows.get(model, {})}
+        for model in catalog.of_role(role):
+            rows: dict[keys.Key, Any] = dynamics.rows.get(model, {})
+            for key, place in zip(list(rows), list(dynamics.places.get(model, ())), strict=True):
+                if keys.number(key) not in known:
+                    del rows[key]
+                    dynamics.places[model].remove(place)
+                    said.append(
+                        f"{place}: {model} of {names[keys.number(key)]} left out, because its {owner} has no model."
+                    )
     return said
 
 

@@ -1,0 +1,160 @@
+"""What the electrical controls REEC_A, REEC_B and REEC_C share: signals, reactive and active current, current limits.
+
+    Qref = Qext, or tan(pf) P/(1+sTp) with PfFlag = 1, held between Qmin and Qmax
+    Vref = [Kqp + Kqi/s] (Qref - Q) between Vmin and Vmax with VFlag = 1, otherwise the same input as a voltage
+    Iq   = [Kvp + Kvi/s] (Vref - vf) between -Iqmax and Iqmax with QFlag = 1, otherwise Qref/vf/(1+sTiq)
+    Iqcmd = Iq + Iqv between -Iqmax and Iqmax, Iqv = Kqv (Vref0 - vf) outside dbd1..dbd2, between Iqvmin and Iqvmax
+    Ipcmd = Pord/vf between Ipmin and Ipmax; Pord = Pref/(1+sTpord), rate dPmin..dPmax, between Pmin and Pmax
+
+vf is the filtered terminal voltage vt/(1+sTrv), at least 0.01 as a divisor. While vt is below Vdip or above Vup, the
+integrals, Iq/(1+sTiq) and Pord stay as they are.
+Source: WECC Renewable Energy Modeling Task Force, WECC Solar Plant Dynamic Modeling Guidelines (2014), and WECC Battery
+Storage Dynamic Modeling Guideline (2016); NREL-Sienna/PowerSimulationsDynamics.jl, outer and inner control type B.
+"""
+
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from annotated_types import Interval
+
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import (
+    at_least,
+    at_most,
+    clip,
+    deadband,
+    integral,
+    lag,
+    lag_rate,
+    pi,
+    pi_rate,
+    rate_limit,
+    while_within,
+)
+from stabctl.devices.ports import PORT
+
+FLAG = Interval(ge=0, le=1)
+
+
+class State(NamedTuple):
+    """Filters, integrals and orders."""
+
+    vm: Annotated[float, "pu", "filtered terminal voltage"]
+    pf: Annotated[float, "pu", "filtered power, for the power factor"]
+    vq: Annotated[float, "pu", "integral of the reactive power error"]
+    iv: Annotated[float, "pu", "integral of the voltage error"]
+    iq: Annotated[float, "pu", "lagged reactive current"]
+    pord: Annotated[float, "pu", "power order"]
+
+
+class Input(NamedTuple):
+    """Signals that an electrical control reads, on the converter base."""
+
+    Pref: Annotated[float, "pu", "power reference", PORT]
+    Qext: Annotated[float, "pu", "reactive power or voltage reference", PORT]
+    pfref: Annotated[float, "-", "Q/P to be held with PfFlag = 1", PORT]
+    vt: Annotated[float, "pu", "terminal voltage"]
+    P: Annotated[float, "pu", "active power"]
+    Q: Annotated[float, "pu", "reactive power"]
+
+
+class Output(NamedTuple):
+    """Current commands."""
+
+    Ipcmd: Annotated[float, "pu", "active current command, converter base"]
+    Iqcmd: Annotated[float, "pu", "reactive current command, converter base"]
+
+
+@inline
+def within(x, most):
+    """x between -most and most."""
+    return at_least(at_most(x, most), -most)
+
+
+@inline
+def steady(rate, used, u, p):
+    """The state derivative (1/s), 0 while the voltage is outside Vdip..Vup or where the state is not used."""
+    return while_within(rate, u.vt, p.Vdip, p.Vup) if used else 0 * rate
+
+
+@inline
+def voltage(x, u, p):
+    """Filtered voltage (pu), and the same as a divisor."""
+    vf = lag(p.Trv, u.vt, x.vm)
+    return vf, at_least(vf, 0.01)
+
+
+@inline
+def reference(x, u, p):
+    """Reactive power reference (pu), before and after its limits."""
+    q = u.pfref * lag(p.Tp, u.P, x.pf) if p.PfFlag > 0.5 else u.Qext
+    return q, clip(q, p.Qmin, p.Qmax)
+
+
+@inline
+def voltage_error(x, u, p, bias):
+    """Voltage reference of the inner regulator, from reactive power or as given, less the voltage (pu)."""
+    given, q = reference(x, u, p)
+    if p.VFlag > 0.5:
+        wanted = pi(p.Kqp, q - u.Q, integral(p.Kqi, x.vq), p.Vmin, p.Vmax)
+    else:
+        wanted = clip(given + bias, p.Vmin, p.Vmax)
+    return wanted - voltage(x, u, p)[0]
+
+
+@inline
+def injected(x, u, p):
+    """Reactive current of the voltage error outside the deadband (pu)."""
+    error = (p.Vref0 if p.Vref0 > 0 else p.V0) - voltage(x, u, p)[0]
+    return clip(p.Kqv * deadband(error, p.dbd1, p.dbd2), p.Iqvmin, p.Iqvmax)
+
+
+@inline
+def regulated(x, u, p, bias, most):
+    """Reactive current within -most..most (pu) before the injection."""
+    if p.QFlag > 0.5:
+        return pi(p.Kvp, voltage_error(x, u, p, bias), integral(p.Kvi, x.iv), -most, most)
+    return lag(p.Tiq, reference(x, u, p)[1] / voltage(x, u, p)[1], x.iq)
+
+
+@inline
+def root(I, used):
+    """What the limit I leaves beside a current in quadrature, sqrt(I^2 - used^2), or nothing."""
+    return np.sqrt(at_least(I * I - used * used, 0.0))
+
+
+@inline
+def order(pref, x, p):
+    """Power order (pu); where Tpord is too short, the reference within its limits."""
+    return lag(p.Tpord, clip(pref, p.Pmin, p.Pmax), x.pord)
+
+
+@inline
+def active(pref, x, u, p):
+    """Active current (pu) before its limits."""
+    return order(pref, x, p) / voltage(x, u, p)[1]
+
+
+@inline
+def rates(pref, x, u, p, bias, most):
+    """State derivatives (1/s), `most` the limit of the reactive current; regulators that are not in use rest."""
+    inner = p.QFlag > 0.5
+    q = reference(x, u, p)[1]
+    vq = pi_rate(p.Kqp, p.Kqi, q - u.Q, integral(p.Kqi, x.vq), p.Vmin, p.Vmax)
+    iv = pi_rate(p.Kvp, p.Kvi, voltage_error(x, u, p, bias), integral(p.Kvi, x.iv), -most, most)
+    pord = rate_limit(lag_rate(p.Tpord, pref, x.pord), p.dPmin, p.dPmax)
+    return State(
+        lag_rate(p.Trv, u.vt, x.vm),
+        lag_rate(p.Tp, u.P, x.pf),
+        steady(vq, inner and p.VFlag > 0.5, u, p),
+        steady(iv, inner, u, p),
+        steady(lag_rate(p.Tiq, q / voltage(x, u, p)[1], x.iq), not inner, u, p),
+        steady(pord, True, u, p),
+    )
+
+
+def local(values: dict[str, Any]) -> dict[str, Any]:
+    """Constants of a record that controls its own bus; `ValueError` for a remote bus."""
+    if values["bus"]:
+        raise ValueError(f"voltage control of the remote bus {values['bus']} is not modeled")
+    return {name: value for name, value in values.items() if name != "bus"}
