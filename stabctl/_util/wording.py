@@ -1,4 +1,6 @@
-"""Numbers and nouns in sentences."""
+"""Numbers, nouns and lists in sentences."""
+
+from collections.abc import Sequence
 
 PLURALS = {"branch": "branches", "bus": "buses", "contingency": "contingencies"}
 
@@ -11,3 +13,9 @@ def named(number: int, noun: str) -> str:
 def counted(number: int, noun: str) -> str:
     """The number with its noun: 1 bus, 2 buses."""
     return f"{number} {named(number, noun)}"
+
+
+def listed(names: Sequence[str], most: int = 8) -> str:
+    """The first names, and the number of the others."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more

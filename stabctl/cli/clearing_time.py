@@ -78,6 +78,7 @@ def _show(found: "ClearingTime", as_json: bool) -> None:
         ]
         shared.print_json(
             {
+                "case": found.case,
                 "cycles": found.cycles,
                 "seconds": found.seconds,
                 "status": found.status,

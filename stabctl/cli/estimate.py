@@ -70,7 +70,9 @@ def estimate(
 def _show(found: "Estimates", accuracy: "Accuracy", as_json: bool, plot: Path | None) -> None:
     end = found.runs[0].outcome
     if as_json:
-        shared.print_json(accuracy._asdict() | {"outcome": end.kind.value, "message": end.message})
+        name = found.point.case.name
+        outcome = {"outcome": end.kind.value, "message": end.message}
+        shared.print_json({"case": name, **accuracy._asdict(), **outcome})
         return
     from rich.table import Table
 

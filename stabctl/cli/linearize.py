@@ -32,6 +32,6 @@ def linearize(
     path = model.save(out)
     if as_json:
         labels = {k: list(getattr(model, k)) for k in ("states", "inputs", "outputs")}
-        shared.print_json({"file": str(path), **labels})
+        shared.print_json({"case": point.case.name, "file": str(path), **labels})
         return
     shared.console().print(f"{model}; written to {path}")

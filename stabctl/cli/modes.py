@@ -52,7 +52,7 @@ def modes(
     found = analyze(model, band if few else None)
     groups = areas(found, area_count) if found.swings() or area_count else None
     if as_json:
-        shared.print_json(modes_table.record(found))
+        shared.print_json({"case": point.case.name} | modes_table.record(found))
     else:
         _show(found, band, groups)
     if report:

@@ -52,7 +52,7 @@ def powerflow(
         for k, (a, b) in zip(c.branches, ends, strict=True)
     ]
     if as_json:
-        print_json({"converged": True, "iterations": flow.iterations, "buses": rows, "branches": lines})
+        print_json({"case": c.name, "converged": True, "iterations": flow.iterations, "buses": rows, "branches": lines})
         return
     from rich.table import Table
 

@@ -97,6 +97,7 @@ def simulate(
 def _show(result: "Trajectory", as_json: bool, written: list[Path]) -> None:
     end = result.outcome
     record = {
+        "case": result.point.case.name,
         "outcome": end.kind.value,
         "message": end.message,
         "machine": end.machine,

@@ -26,7 +26,7 @@ def tables(name: Name = None, device: Device = None, as_json: Json = False) -> N
     known |= {model: list(catalog.columns(model).values()) for model in catalog.models()}
     if name is None or name in known:
         shown = known if name is None else {name: known[name]}
-    elif name in io.packaged() or Path(name).is_dir():
+    elif name in io.packaged() or Path(name).is_dir() or Path(name).suffix.lower() in (".m", ".raw"):
         case = io.load(name)
         shown = {table: rows for table, rows in known.items() if table in case.devices or getattr(case, table, None)}
     else:

@@ -10,6 +10,7 @@ import scipy.sparse as sp
 
 from stabctl import devices
 from stabctl._util.verbs import verb
+from stabctl._util.wording import listed, named
 from stabctl.errors import EquilibriumError, StudyError
 from stabctl.model import network, powerflow
 from stabctl.model.case import Case
@@ -171,8 +172,10 @@ def unlimited(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
     Parameters and errors are those of `solve`, but for limits.
     """
     if not any(devices.every()[model].ROLE in devices.UNIT_ROLES for model in case.devices):
+        names = f"{named(len(case.machines), 'machine')} {listed([str(m.called) for m in case.machines])}"
         raise StudyError(
-            f"{case.name} has no dynamic models, only a power flow; give its dynamic data, --dyr or --machines typical."
+            f"{case.name} has no dynamic models, only a power flow: no model for {names}; give their dynamic data, "
+            "--dyr or --machines typical."
         )
     flow = flow or powerflow.solve(case)
     net = network.build(case)

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from stabctl.errors import StudyError
+from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case
 
 from . import folder
@@ -34,6 +34,8 @@ def load(
         The DYR file of a RAW file; by default the one beside it with the same name.
     loads : {"impedance", "current", "power"}, optional
         What all loads keep constant when the voltage changes; by default what the case says.
+    machines : {"typical"}, optional
+        Give a case without dynamic data typical machines, exciters and governors.
     frequency : float or str, Hz, optional
         Rated frequency of a MATPOWER file, which does not hold it: 50 or "50Hz"; 60 Hz by default.
     missing, missing_controls : str
@@ -54,7 +56,9 @@ def load(
         from . import matpower
 
         _refuse(name, given, "a PSS/E file ending in .raw")
-        case = matpower.read_matpower(name, frequency=matpower.FREQUENCY if frequency is None else frequency)
+        case = matpower.read_matpower(
+            name, frequency=matpower.FREQUENCY if frequency is None else frequency, machines=machines
+        )
     elif ending == ".raw":
         from . import psse
 
@@ -65,6 +69,10 @@ def load(
         _refuse(name, given, "a PSS/E file ending in .raw")
         _refuse(name, {"frequency": frequency}, "a MATPOWER file ending in .m")
         case = folder.load(name)
+    if machines not in (None, "typical"):
+        raise StudyError(f"machines = {shown(machines)} is not allowed; the only choice is typical.")
+    if machines is not None and ending != ".m":
+        case = case.with_typical_machines()
     return case.with_loads(loads) if loads is not None else case
 
 

@@ -92,6 +92,7 @@ class Case:
     with_storage = verb("stabctl.model.fleet:with_storage")
     with_device = verb("stabctl.model.equip:with_device")
     without_device = verb("stabctl.model.equip:without_device")
+    with_typical_machines = verb("stabctl.model.typical:with_typical_machines")
     trip_machine = verb("stabctl.model.edit:trip_machine")
     classical = verb("stabctl.model.edit:classical")
 

@@ -3,11 +3,12 @@
 from pathlib import Path
 from typing import Literal
 
-from stabctl.errors import CaseError
+from stabctl.errors import CaseError, StudyError, shown
 from stabctl.model.case import Case
+from stabctl.model.typical import with_typical_machines
 from stabctl.units import quantity
 
-from . import mpc, network
+from . import kinds, mpc, network
 
 FREQUENCY = 60.0  # Hz   the file does not hold it
 
@@ -24,8 +25,8 @@ def read_matpower(
     frequency : float or str, Hz
         Rated frequency, which the file does not hold: 50 or "50Hz".
     machines : {"typical"}, optional
-        Give every generator a typical machine, exciter and governor. Without it the case has no dynamic models: its
-        power flow can be solved.
+        Give every generator a typical machine, exciter and governor (see `with_typical_machines`), of the kind that
+        mpc.genfuel and mpc.gentype say. Without it the case has no dynamic models: its power flow can be solved.
 
     Returns
     -------
@@ -40,6 +41,8 @@ def read_matpower(
     StudyError
         If an argument is not allowed.
     """
+    if machines not in (None, "typical"):
+        raise StudyError(f"machines = {shown(machines)} is not allowed; the only choice is typical.")
     hertz = quantity(frequency, "Hz")
     file = mpc.read(Path(path))
     net = network.read(file)
@@ -47,7 +50,7 @@ def read_matpower(
     if not net.rows["machines"]:
         raise CaseError(f"{path}: no generator in service is connected to a reference bus; a case needs one.")
     unread = [f"{path}: not represented: {', '.join(file.unread)}."] if file.unread else []
-    return net.case(
+    case = net.case(
         Path(path),
         devices={},
         base_mva=file.base_mva,
@@ -56,3 +59,4 @@ def read_matpower(
         source=f"MATPOWER {Path(path).name}",
         notes=(*net.corrections, *apart, *unread),
     )
+    return with_typical_machines(case, kinds.known(net)) if machines else case

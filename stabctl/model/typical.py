@@ -1,0 +1,148 @@
+"""Typical machines, exciters and governors for a case without dynamic data, from `typical_units.csv`.
+
+A machine gets the unit of its kind that is nearest in rating, per unit on its own rating: a GENROU (steam, gas,
+nuclear) or a GENSAL (hydro, condenser) with an EXST1 and, if it produces power, an IEESGO.
+Source: Anderson and Fouad, Power System Control and Stability, 2nd ed., appendix D; see the table.
+"""
+
+import csv
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Literal, NamedTuple
+
+from stabctl._util.wording import counted
+from stabctl.errors import StudyError
+
+from . import catalog, powerflow
+from .case import Case, as_case
+from .characteristic import LOW
+from .tables import Load, Machine
+
+Kind = Literal["steam", "gas", "hydro", "nuclear", "condenser", "converter"]
+TABLE = Path(__file__).with_name("typical_units.csv")
+SOURCE = "Anderson and Fouad, Power System Control and Stability, appendix D"
+LABEL = " with typical machines"  # of the name of the case, which every output shows
+POWER_FACTOR = 0.85  # of a rating computed from the power
+ABSORBED = 0.3  # pu   largest reactive power absorbed, on the rating
+PRODUCES = 1e-3  # MW   smallest power of a generator that is not a condenser
+RESERVE = 0.98  # largest power, over the limit of the governor
+SALIENT = ("hydro", "condenser")
+_ROUND = "H D ra xl xd x1d x2 T1d T2d xq x1q T1q T2q S10 S12"
+_SALIENT = "H D ra xl xd x1d x2 T1d T2d xq T2q S10 S12"
+_UNUSED = MappingProxyType({"TR": 0.0, "VImax": 99.0, "VImin": -99.0, "TC": 0.0, "TB": 0.0})  # of the exciter
+_EXCITER = "KA TA KF TF VRmax VRmin"
+
+
+class Known(NamedTuple):
+    """What the files of a case say about a generator."""
+
+    kind: Kind | None = None  # None: a condenser if it produces no power, otherwise steam
+    mva: float = 0.0  # rating, MVA; 0: unknown
+
+
+def with_typical_machines(case: Case, known: Mapping[int, Known] = MappingProxyType({})) -> Case:
+    """The case with a typical machine, exciter and governor for every generator; its name and notes say so.
+
+    A rating is that of the file or the case, raised to what the power-flow power needs. Generators behind converters
+    (wind, solar, batteries) become constant-power injections.
+
+    Parameters
+    ----------
+    case : Case
+        A system without dynamic data.
+    known : mapping of int to Known, optional
+        Kind and rating of generators, by machine number.
+
+    Raises
+    ------
+    StudyError
+        If the case has dynamic data.
+    PowerFlowError
+        If its power flow, which gives the ratings, has no solution.
+    """
+    case = as_case(case)
+    if any(model in case.devices for model in catalog.of_role(*catalog.UNIT_ROLES)):
+        raise StudyError(f"{case.name} has dynamic data; typical machines are for a case without any.")
+    flow = powerflow.solve(case)
+    power = dict(zip((m.machine for m in case.machines), (flow.S * case.base_mva).tolist(), strict=True))
+    swing = {b.bus for b in case.buses if b.kind == "swing"}
+    kept: list[Machine] = []
+    loads: list[Load] = []
+    raised = 0
+    devices: dict[str, dict[Any, Any]] = {model: dict(rows) for model, rows in case.devices.items()}
+    for m in case.machines:
+        S, about = power[m.machine], known.get(m.machine, Known(None, m.base))
+        if about.kind == "converter" and m.bus not in swing:
+            name = str(m.called)
+            loads.append(Load(m.bus, -S.real, -S.imag, 1.0, 1.0, v_low=LOW["power"], id=name, kind="injection"))
+            continue
+        unit, rating = _sized(about, S)
+        raised += rating > about.mva > 0
+        kept.append(m._replace(base=rating, p=S.real, q=S.imag))
+        for model, par in _devices(unit, S).items():
+            devices.setdefault(model, {})[m.machine] = par
+    at = {m.bus for m in kept}
+    return replace(
+        case,
+        name=case.name + LABEL,
+        title=f"{case.title}{LABEL}",
+        source=f"{case.source}; machines: {SOURCE}",
+        buses=tuple(b if b.bus in at else b._replace(kind="pq") for b in case.buses),
+        machines=tuple(kept),
+        loads=(*case.loads, *(load for load in loads if load.p or load.q)),
+        devices=devices,
+        notes=(*_notes(case, len(kept), len(loads), raised), *case.notes),
+    )
+
+
+def _sized(about: Known, S: complex) -> tuple[dict[str, Any], float]:
+    """The unit for a generator that supplies S (MW, Mvar), and its rating (MVA)."""
+    kind = about.kind if about.kind not in (None, "converter") else ("steam" if S.real > PRODUCES else "condenser")
+    kind = "steam" if kind == "condenser" and S.real > PRODUCES else kind
+    mva = about.mva or abs(S) / POWER_FACTOR or 1.0
+    units = [unit for unit in _units() if unit["kind"] == kind]
+    unit = min(units, key=lambda unit: abs(math.log(unit["mva"] / mva)))
+    limit = RESERVE * unit["Pmax"] if S.real > PRODUCES else 1.0
+    return unit, max(mva, abs(S), S.real / limit, -S.imag / ABSORBED)
+
+
+def _devices(unit: dict[str, Any], S: complex) -> dict[str, Any]:
+    """Parameters of machine, exciter and governor by model."""
+    salient = unit["kind"] in SALIENT
+    names = _SALIENT if salient else _ROUND
+    made = {
+        "gensal" if salient else "genrou": {name: unit[name] for name in names.split()},
+        "exst1": {**_UNUSED, **{name: unit[name] for name in _EXCITER.split()}},
+    }
+    if S.real > PRODUCES:
+        lags = {f"T{k}": unit[f"GT{k}"] for k in range(1, 6)}
+        made["ieesgo"] = {**lags, "T6": 0.0, "K1": 1 / unit["R"], "K2": 1 - unit["F"], "Pmax": unit["Pmax"]}
+    return {model: catalog.parameters(model, **values) for model, values in made.items()}
+
+
+def _notes(case: Case, machines: int, converters: int, raised: int) -> list[str]:
+    said = [
+        f"{case.name}: its {machines} machines, exciters and governors are typical, chosen by rating from {SOURCE}; "
+        "they are not those of the system."
+    ]
+    if raised:
+        said.append(
+            f"{case.name}: ratings raised to what the power of the machine needs: {counted(raised, 'machine')}."
+        )
+    if converters:
+        said.append(f"{case.name}: constant-power injections behind converters: {counted(converters, 'generator')}.")
+    return said
+
+
+@cache
+def _units() -> tuple[dict[str, Any], ...]:
+    """The rows of the table, numbers as numbers; what a unit does not have is 0."""
+    with TABLE.open(newline="") as file:
+        rows = csv.DictReader(line for line in file if not line.startswith("#"))
+        return tuple(
+            {key: text if key in ("unit", "kind") else float(text or 0) for key, text in row.items()} for row in rows
+        )
