@@ -29,6 +29,9 @@ mutate: .venv/dev  ## put faults into a copy of the code and count those that th
 docs: .venv/demo  ## write docs/models.md: parameters, states, ports and source of every device
 	$(BIN)/python tools/models_page.py
 
+coverage: .venv/demo  ## write docs/coverage.md: what of a collection of PSS/E systems is understood (COLLECTION=folder)
+	$(BIN)/python tools/coverage_page.py $(COLLECTION)
+
 reproduce: .venv/demo  ## run all studies, compared with the paper in reports/index.html (FULL=1: also the long ones)
 	$(BIN)/python tools/reproduce.py $(if $(FULL),--full)
 
@@ -63,5 +66,5 @@ clean:  ## remove the virtual environment and all generated files
 	$(BIN)/python -m pip install -q -e '.[dev]'
 	@touch $@
 
-.PHONY: help demo test slow fuzz lint mutate docs reproduce bench clean
+.PHONY: help demo test slow fuzz lint mutate docs coverage reproduce bench clean
 .DEFAULT_GOAL := help

@@ -21,6 +21,7 @@ from .table import Row, Table, read, text_of
 
 PACKAGED = Path(__file__).parent.parent / "model" / "cases"
 ABOUT = {"name": str, "title": str, "source": str, "base_mva": float, "frequency_hz": float, "extends": str}
+NEEDED = "buses", "branches", "machines"  # tables that every folder has
 OVERLAID = {"buses": "bus", "machines": "machine"}  # tables of which an overlay gives single rows, and their keys
 
 
@@ -49,7 +50,7 @@ def load(name: str | Path) -> Case:
     tables = read_tables(folder, about)
     if "extends" in about:
         return overlay.load(folder, about, tables)
-    for table in ("buses", "branches", "machines"):
+    for table in NEEDED:
         if table not in tables:
             raise CaseError(f"{folder / table}.csv: the table is missing; a case folder needs one.")
     rows = {name: tuple(TABLES[name](**row) for row in tables[name].rows) for name in TABLES if name in tables}

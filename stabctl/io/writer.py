@@ -10,7 +10,7 @@ from stabctl.model.case import Case, as_case
 from stabctl.model.tables import TABLES
 from stabctl.schema import fields
 
-from .folder import ABOUT
+from .folder import ABOUT, NEEDED
 from .table import text_from
 
 
@@ -42,7 +42,7 @@ def write(case: Case, folder: str | Path) -> Path:
     rows = {name: getattr(case, name) for name in TABLES}
     rows["loads"] = tuple(load._replace(p=count * load.p, q=count * load.q) for load, count in equal)
     for name, record in TABLES.items():
-        if rows[name]:
+        if rows[name] or name in NEEDED:
             texts[f"{name}.csv"] = text_from(fields(record), rows[name])
     for name, devices in case.devices.items():
         columns = catalog.columns(name)

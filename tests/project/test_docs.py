@@ -5,7 +5,7 @@ The first word behind ``` is the language, the next says what the block is:
     python              runs, all blocks of a page in one namespace and one empty folder; `text` below it is its output
     console             each `$ stabctl ...` runs there and ends with exit code 0 (`exit=2` behind the word: with that)
     sh                  each `make ...` names a target of the Makefile
-    toml|csv|python FILE  the file is written
+    toml|csv|python|dyr FILE  the file is written
 
 `...` in what a page shows stands for anything, a computing time or a rounding error for any other.
 """
@@ -16,6 +16,7 @@ import doctest
 import io
 import re
 import shlex
+import shutil
 import sys
 import tomllib
 from pathlib import Path
@@ -61,8 +62,10 @@ def commands(text):
 
 @pytest.fixture
 def own_folder(tmp_path, monkeypatch):
-    """An empty folder to work in; afterwards no device of a page is registered."""
+    """A folder to work in, with the files of PSS/E in docs/examples; afterwards no device of a page is registered."""
     monkeypatch.chdir(tmp_path)
+    for name in ("three.raw", "three.dyr"):
+        shutil.copy(ROOT / "docs" / "examples" / name, tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setenv("COLUMNS", "100")
     monkeypatch.delenv("FORCE_COLOR", raising=False)
@@ -102,7 +105,7 @@ def test_code_of_a_page_runs_and_gives_what_it_shows(page, own_folder, stabctl):
                         same(shown, out + err, f"{where} {command}")
             case "sh", "":
                 assert set(re.findall(r"^make (\w+)", fence.content, re.MULTILINE)) <= set(targets), where
-            case "toml" | "csv" | "python", path:
+            case "toml" | "csv" | "python" | "dyr", path:
                 assert path, f"{where} names no file"
                 (own_folder / path).parent.mkdir(parents=True, exist_ok=True)
                 (own_folder / path).write_text(fence.content, encoding="utf-8")

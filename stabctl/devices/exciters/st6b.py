@@ -23,8 +23,9 @@ from .signals import Output
 
 NAME = "ST6B"
 ROLE = "exciter"
+UPPER = ("ILR",)
 DYR = {"ST6B": "_OEL TR KPA KIA KDA TDA VAmax VAmin KFF KM KCI KLR ILR VRmax VRmin KG TG"}
-__all__ = ["DYR", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "guess", "output"]
+__all__ = ["DYR", "NAME", "ROLE", "UPPER", "Input", "Output", "Par", "State", "derivatives", "guess", "output"]
 
 
 class Par(NamedTuple):

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from stabctl.errors import CaseError
 
-from .lexer import NUMBER, Place, lines, split
+from .lexer import NUMBER, Place, lines, split, whole
 
 
 class Record(NamedTuple):
@@ -64,6 +64,4 @@ def _record(place: Place, fields: list[str]) -> Record:
         return Record(place, None, kind.upper(), "", tuple(fields[2:]))
     if len(fields) < 3:
         raise CaseError(f"{place}: a record needs a bus number, the name of a model and an ID.")
-    if not fields[0].isdecimal():
-        raise place.error(f"{fields[0]!r} is not a bus number.", "bus")
-    return Record(place, int(fields[0]), fields[1].upper(), fields[2] or "1", tuple(fields[3:]))
+    return Record(place, whole(fields[0], place, "bus"), fields[1].upper(), fields[2] or "1", tuple(fields[3:]))

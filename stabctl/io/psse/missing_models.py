@@ -56,8 +56,8 @@ def without(net: Network, dynamics: Dynamics) -> list[Machine]:
 def _machines_without(dyr: str | Path, names: list[str], dynamics: Dynamics) -> str:
     tried = {u.machine: f" ({u.kind}, line {u.place.line}: {u.reason})" for u in reversed(dynamics.unsupported)}
     listed = _listed(f"{name}{tried.get(name, '')}" for name in names)
-    noun = "machine" if len(names) == 1 else "machines"
-    return f"{dyr}: no model for {noun} {listed}; --missing injection makes them constant-power injections."
+    noun, become = ("machine", "it a constant-power injection") if len(names) == 1 else ("machines", "them constant-power injections")
+    return f"{dyr}: no model for {noun} {listed}; --missing injection makes {become}."
 
 
 def _swings_without(net: Network, lacking: Sequence[Machine]) -> list[int]:
@@ -72,7 +72,7 @@ def _new_swing(net: Network, bus: int, lacking: Sequence[Machine]) -> str:
     others = [m for m in net.rows["machines"] if m not in lacking and island[m.bus] == island[bus]]
     place = net.places["buses"][net.at[bus]]
     if not others:
-        raise place.error(f"no machine of the island of swing bus {bus} has a model; a simulation needs one.")
+        raise place.error(f"no machine of the island of swing bus {bus} has a model in the DYR file.")
     largest = max(others, key=lambda m: m.base)
     net.change(largest.bus, kind="swing")
     net.change(bus, kind="pv")
