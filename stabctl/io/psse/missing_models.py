@@ -56,8 +56,8 @@ def without(net: Network, dynamics: Dynamics) -> list[Machine]:
 def _machines_without(dyr: str | Path, names: list[str], dynamics: Dynamics) -> str:
     tried = {u.machine: f" ({u.kind}, line {u.place.line}: {u.reason})" for u in reversed(dynamics.unsupported)}
     listed = _listed(f"{name}{tried.get(name, '')}" for name in names)
-    noun, become = ("machine", "it a constant-power injection") if len(names) == 1 else ("machines", "them constant-power injections")
-    return f"{dyr}: no model for {noun} {listed}; --missing injection makes {become}."
+    noun, become = ("machine", "it an injection") if len(names) == 1 else ("machines", "them injections")
+    return f"{dyr}: no model for {noun} {listed}; --missing injection makes {become} of constant power."
 
 
 def _swings_without(net: Network, lacking: Sequence[Machine]) -> list[int]:
