@@ -17,6 +17,7 @@ from stabctl.devices.governors import (
     degov,
     degov1,
     gast,
+    ggov1,
     hygov,
     ieeeg1,
     ieeeg3,
@@ -51,6 +52,7 @@ REGC = regc_a.Par(0, 0.02)
 REEC = reec_b.Par(0, Kqv=2.0, Imax=1.5)
 PLANT = repc_a.Par(RefFlag=1, FFlag=1, Kp=2.0, Ki=1.0, Ddn=20.0, Dup=20.0)
 STEAM = tgov.Par(20.0, 0.1, 0.5, 0.0, 1.25, 5.0)
+GAS = ggov1.Par()
 HYDRO = tgov.Par(20.0, 0.5, 5.0, 1.0, -1.0, 0.5)
 
 GOVERNORS = {  # of machines at 0.3 to 0.85 pu, whose limits a large step of the speed reaches
@@ -104,6 +106,12 @@ LIBRARY = {  # the same for devices of the library, whose tests are slow ones: e
         device.NAME.lower(): {"genrou": ROUND, device.__name__.rpartition(".")[2]: par}
         for device, par in GOVERNORS.items()
     },
+    "ggov1": {"genrou": ROUND, "ggov1": GAS},
+    "ggov1, diesel engine": {
+        "gencls": CLASSICAL,
+        "ggov1": GAS._replace(select=-2, fuel=1, Teng=0.05, Dm=0.5, Vmin=0.0, Kdgov=0.5, Tdgov=0.1),
+    },
+    "ggov1 with a load controller": {"gencls": CLASSICAL, "ggov1": GAS._replace(Kimw=0.01, Dm=-0.5, db=0.0)},
     "degov1 with power": {"gencls": CLASSICAL, "degov1": GOVERNORS[degov1]._replace(M=1)},
     "pidgov with power": {"gencls": CLASSICAL, "pidgov": GOVERNORS[pidgov]._replace(feedback=0)},
     "reec_b, currents": {"regc_a": REGC, "reec_b": REEC._replace(PqFlag=1)},

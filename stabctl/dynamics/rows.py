@@ -80,7 +80,12 @@ def _filled(device: ModuleType, par: Any, known: Mapping[str, float]) -> Any:
 
 def _unit_row(case: Case, device: ModuleType, unit: int, key: keys.Key, par: Any, net: Network, flow: PowerFlow) -> Row:
     m, bus = case.machines[unit], int(net.machine_bus[unit])
-    known = {"mva": m.base / case.base_mva, "wb": 2 * np.pi * case.frequency_hz, "V0": float(abs(flow.V[bus]))}
+    known = {
+        "mva": m.base / case.base_mva,
+        "wb": 2 * np.pi * case.frequency_hz,
+        "V0": float(abs(flow.V[bus])),
+        "base": m.base,
+    }
     par = _filled(device, par, known)
     name = str(key).replace(str(m.machine), str(m.called), 1)
     return Row(unit, bus, bus, par, f"{device.NAME} {name}", f"machine {m.called} at bus {m.bus}")

@@ -4,12 +4,13 @@ import control
 import numpy as np
 import pytest
 from block_diagram import W, motion, opened, response, rest
-from systems import GOVERNORS, one_of
+from systems import GAS, GOVERNORS, one_of
 
 from stabctl.devices.governors import (
     degov,
     degov1,
     gast,
+    ggov1,
     hygov,
     ieeeg1,
     ieeeg3,
@@ -124,6 +125,21 @@ def wpidhy_diagram(p, x):
     return {"omega": -terms * turbine - p.D, "Pref": -droop * terms * turbine, "P": droop * terms * turbine}
 
 
+def ggov1_diagram(p, x):
+    Td, rating = p.Teng, p.Trate / p.base
+    delay = block([Td**2 / 12, -Td / 2, 1], [Td**2 / 12, Td / 2, 1])
+    turbine = p.Kturb * delay * block([p.Tc, 1], [p.Tb, 1])
+    C = p.Kpgov + p.Kigov / S + p.Kdgov * S * lag(p.Tdgov)
+    feedback = {1: 0.0, 0: 0.0, -1: p.R * lag(0.01), -2: p.R * lag(p.Tact)}[p.select]
+    valve = lag(p.Tact) * C / (1 + C * feedback)
+    measured = lag(p.Tpelec) * (p.Kimw / S + (p.R if p.select == 1 else 0.0))
+    return {
+        "omega": rating * (turbine * ((x["valve"] if p.fuel == 1 else 0.0) - valve) - p.Dm),
+        "Pref": rating * turbine * valve * (1 + p.Kimw / S / p.R),
+        "P": -turbine * valve * measured,
+    }
+
+
 DIAGRAMS = {  # device -> its diagram; ranges of parameters that are not 0.05 to 0.8
     tgov1: (tgov1_diagram, {}),
     gast: (gast_diagram, {}),
@@ -134,9 +150,10 @@ DIAGRAMS = {  # device -> its diagram; ranges of parameters that are not 0.05 to
     degov: (degov_diagram, {}),
     degov1: (degov1_diagram, {}),
     pidgov: (pidgov_diagram, GATE),
+    ggov1: (ggov1_diagram, {"db": (0, 0), "Kturb": (1, 2)}),
     wpidhy: (wpidhy_diagram, GATE | {"Reg": (-0.08, -0.03), "Pmax": (5, 9)}),
 }
-FLAGS = {"M": (0, 1), "feedback": (0, 1)}
+FLAGS = {"M": (0, 1), "feedback": (0, 1), "select": (1, 0, -1, -2), "fuel": (0, 1)}
 
 
 def random_par(device, ranges, seed):
@@ -144,7 +161,7 @@ def random_par(device, ranges, seed):
     rng, values = np.random.default_rng(seed), {}
     for name in fields(device.Par):
         low, high = ranges.get(name, (0.05, 0.8))
-        values[name] = int(seed % 2) if name in FLAGS else float(rng.uniform(low, high))
+        values[name] = FLAGS[name][seed % len(FLAGS[name])] if name in FLAGS else float(rng.uniform(low, high))
         if name in ("AT",) or (name.endswith("max") and name not in ranges):
             values[name] = 9.0
         elif name.endswith("min"):
@@ -260,3 +277,67 @@ def test_ieeeg1_tells_shares_that_do_not_add_up_and_refuses_cross_compound_units
     ]
     with pytest.raises(ValueError, match="cross-compound"):
         ieeeg1.from_record("IEEEG1", values | {"JBUS": 5})
+
+
+def gas(change, until=20.0, turn=12.0, **values):
+    """Times and signals by name of GGOV1 while the speed is changed from 1 s on, and the other way from `turn` on."""
+    par = ggov1.prepare(GAS._replace(base=100.0, **values))
+    x, u = still(ggov1, par)
+    out = motion(
+        ggov1, par, x, lambda t: u | {"omega": 1.0 + (0.0 if t < 1 else change if t < turn else -change)}, until
+    )
+    names = [*ggov1.State._fields, "Pm"]
+    signals = dict(zip(names, out.T, strict=True))
+    time = 2.5e-3 * np.arange(len(out))
+    assert np.abs(out[time < 1] - out[0]).max() < 1e-9
+    return time, signals, par
+
+
+@pytest.mark.parametrize(("change", "limit"), [(-0.04, "Vmax"), (0.04, "Vmin")])
+def test_the_valve_of_ggov1_is_at_a_limit_and_leaves_it_without_windup(change, limit):
+    time, found, par = gas(change, Kpload=0.0, Kiload=0.0, Rmax=1.0, Rmin=-1.0)
+    edge = getattr(par, limit)
+    assert found["valve"][time < 12][-1] == pytest.approx(edge, abs=1e-6)
+    assert found["valve"].min() >= par.Vmin - 1e-9
+    assert found["valve"].max() <= par.Vmax + 1e-9
+    assert np.abs(found["valve"][time > 12.5][0] - edge) > 0.1
+
+
+def test_the_valve_of_ggov1_moves_no_faster_than_its_rates():
+    time, found, par = gas(-0.04, Kpload=0.0, Kiload=0.0)
+    rate = np.gradient(found["valve"], time)
+    assert rate.max() == pytest.approx(par.Rmax, rel=1e-6)
+    assert rate.min() == pytest.approx(par.Rmin, rel=1e-6)
+
+
+def test_the_load_limiter_of_ggov1_holds_the_exhaust_and_gives_way():
+    """At low speed the exhaust settles at Ldref/Kturb + Wfnl; at high speed the governor takes over within a second."""
+    time, found, par = gas(-0.04, until=85.0, turn=80.0, Ldref=0.8, Rmax=1.0, Rmin=-1.0)
+    late = (time > 78) & (time < 80)
+    assert found["exhaust"][late] == pytest.approx(par.Ldref / par.Kturb + par.Wfnl, abs=2e-3)
+    assert found["Pm"][late] == pytest.approx(par.Ldref, abs=2e-2)
+    assert found["Pm"][time > 82][0] < 0.6
+
+
+def test_the_acceleration_limiter_of_ggov1_lowers_the_request():
+    """A speed that rises by 0.05 pu/s, above Aset = 0.01, closes the valve, although the governor may not lower it."""
+    valves = []
+    for gain in (10.0, 0.0):
+        par = ggov1.prepare(GAS._replace(Aset=0.01, errmin=0.0, Ka=gain))
+        x, u = still(ggov1, par)
+        out = motion(ggov1, par, x, lambda t, u=u: u | {"omega": 1.0 + 0.05 * t}, 0.8)
+        valves.append(out[:, ggov1.State._fields.index("valve")])
+    assert valves[0][-1] < 0.55
+    assert valves[1] == pytest.approx(0.6, abs=1e-9)
+
+
+RECORD = {"select": 1, "Kpgov": 10.0, "Kimw": 0.0, "Kpload": 2.0, "Kiload": 0.67}
+
+
+@pytest.mark.parametrize(
+    ("changed", "text"),
+    [({"Kpgov": 0.0}, "Kpgov = 0"), ({"Kimw": 0.01, "select": 0}, "Rselect = 0"), ({"Kpload": 0.0}, "Kiload = 0.67")],
+)
+def test_ggov1_refuses_what_it_does_not_represent(changed, text):
+    with pytest.raises(ValueError, match=text):
+        ggov1.from_record("GGOV1", RECORD | changed)

@@ -8,7 +8,18 @@ functions: its output and the derivative of its state, such as `lag` and `lag_ra
 from .curves import line, lookup, polyline, power, quadratic, through
 from .delays import delay1, delay1_rate, delay2, delay2_rates
 from .lags import SHORT, circuit_rate, derivative, lag, lag_rate, lead_lag, second_order, second_order_rates, washout
-from .limits import at_least, at_most, clip, deadband, high_value, low_value, rate_limit, two_slopes, while_within
+from .limits import (
+    at_least,
+    at_most,
+    available,
+    clip,
+    deadband,
+    high_value,
+    low_value,
+    rate_limit,
+    two_slopes,
+    while_within,
+)
 from .phasors import angle, copy, magnitude
 from .rectifiers import compound, crowbar, field_demand, rectified, regulation
 from .regulators import integral, non_windup, pi, pi_rate
@@ -18,6 +29,7 @@ __all__ = [
     "angle",
     "at_least",
     "at_most",
+    "available",
     "circuit_rate",
     "clip",
     "compound",

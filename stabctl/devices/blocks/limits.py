@@ -50,6 +50,14 @@ def deadband(x, low, high):
 
 
 @inline
+def available(x, stored, low, high):
+    """x, but not above 0 where a store is down to `low`, nor below 0 where it is filled to `high`."""
+    if (stored.real <= low and x.real > 0) or (stored.real >= high and x.real < 0):
+        return 0 * x
+    return x
+
+
+@inline
 def two_slopes(x, below, above):
     """below x for x < 0, otherwise above x."""
     if x.real < 0:

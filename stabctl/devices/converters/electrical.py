@@ -26,6 +26,8 @@ from stabctl.devices.blocks import (
     integral,
     lag,
     lag_rate,
+    lookup,
+    low_value,
     pi,
     pi_rate,
     rate_limit,
@@ -34,6 +36,7 @@ from stabctl.devices.blocks import (
 from stabctl.devices.ports import PORT
 
 FLAG = Interval(ge=0, le=1)
+NO_LIMIT = 99.0  # pu   of a curve without points
 
 
 class State(NamedTuple):
@@ -151,6 +154,48 @@ def rates(pref, x, u, p, bias, most):
         steady(lag_rate(p.Tiq, q / voltage(x, u, p)[1], x.iq), not inner, u, p),
         steady(pord, True, u, p),
     )
+
+
+@inline
+def table_q(x, u, p):
+    """Limit of the reactive current by the curve VDL1 (pu)."""
+    return lookup(voltage(x, u, p)[0], (p.Vq1, p.Vq2, p.Vq3, p.Vq4), (p.Iq1, p.Iq2, p.Iq3, p.Iq4))
+
+
+@inline
+def table_p(x, u, p):
+    """Limit of the active current by the curve VDL2 (pu)."""
+    return lookup(voltage(x, u, p)[0], (p.Vp1, p.Vp2, p.Vp3, p.Vp4), (p.Ip1, p.Ip2, p.Ip3, p.Ip4))
+
+
+@inline
+def limited(pref, x, u, p, bias, low, most_p, most_q):
+    """Current commands and the limit of the reactive current (pu).
+
+    `low` is 0 for a plant and -1 for storage, whose active current may be negative; `most_p` and `most_q` are limits by
+    voltage.
+    """
+    ip, most_p, most = active(pref, x, u, p), at_most(most_p, p.Imax), at_most(most_q, p.Imax)
+    if p.PqFlag > 0.5:
+        ip = at_least(at_most(ip, most_p), low * most_p)
+        most = low_value(most, root(p.Imax, ip))
+        return ip, within(regulated(x, u, p, bias, most) + injected(x, u, p), most), most
+    iq = within(regulated(x, u, p, bias, most) + injected(x, u, p), most)
+    most_p = low_value(most_p, root(p.Imax, iq))
+    return at_least(at_most(ip, most_p), low * most_p), iq, most
+
+
+def rising(p: Any) -> Any:
+    """Parameters whose curves have ascending voltages, and no limit where every point is zero."""
+    for v, i in (("Vq", "Iq"), ("Vp", "Ip")):
+        points = sorted({getattr(p, f"{v}{k}"): getattr(p, f"{i}{k}") for k in range(4, 0, -1)}.items())
+        if not any(limit for _, limit in points):
+            points = [(0.0, NO_LIMIT)]
+        while len(points) < 4:
+            points.append((points[-1][0] + 1.0, points[-1][1]))
+        for k, (volts, limit) in enumerate(points, 1):
+            p = p._replace(**{f"{v}{k}": volts, f"{i}{k}": limit})
+    return p
 
 
 def local(values: dict[str, Any]) -> dict[str, Any]:

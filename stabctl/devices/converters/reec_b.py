@@ -15,10 +15,9 @@ Model Library, REECB1; NREL-Sienna/PowerSimulationsDynamics.jl, RECurrentControl
 from typing import Annotated, Any, NamedTuple
 
 from stabctl._util.jit import inline
-from stabctl.devices.blocks import at_least, at_most
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
-from .electrical import FLAG, Input, Output, State, active, injected, local, rates, regulated, root, within
+from .electrical import FLAG, Input, Output, State, limited, local, rates
 
 NAME = "REEC_B"
 ROLE = "electrical control"
@@ -73,13 +72,7 @@ def from_record(_kind: str, values: dict[str, Any]) -> tuple[dict[str, Any], lis
 @inline
 def commands(x, u, p):
     """Active and reactive current command, and the limit of the reactive current (pu)."""
-    ip = at_least(active(u.Pref, x, u, p), 0.0)
-    if p.PqFlag > 0.5:
-        ip = at_most(ip, p.Imax)
-        most = root(p.Imax, ip)
-        return ip, within(regulated(x, u, p, 0.0, most) + injected(x, u, p), most), most
-    iq = within(regulated(x, u, p, 0.0, p.Imax) + injected(x, u, p), p.Imax)
-    return at_most(ip, root(p.Imax, iq)), iq, p.Imax + 0 * iq
+    return limited(u.Pref, x, u, p, 0.0, 0.0, p.Imax + 0 * u.vt, p.Imax + 0 * u.vt)
 
 
 @inline
