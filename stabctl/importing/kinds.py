@@ -3,6 +3,7 @@
 from collections import Counter, defaultdict
 from typing import NamedTuple
 
+from stabctl import devices
 from stabctl.io.psse import Import
 from stabctl.io.psse.devices import kinds
 from stabctl.model import catalog
@@ -39,12 +40,12 @@ def by_kind(read: Import) -> tuple[Kind, ...]:
         count[record.kind] += 1
         sums[record.kind] += mva.get((record.bus or 0, record.id), 0.0)
     lost = Counter(u.kind for u in read.unsupported if u.place.path != read.raw.path)
-    order = {role: k for k, role in enumerate(("machine", "converter", "exciter", "governor", "stabilizer", "load"))}
+    order = {role: k for k, role in enumerate((*devices.ROLES, NO_ROLE))}
     found = [
         Kind(kind, catalog.role(kinds()[kind][0]) if kind in kinds() else NO_ROLE, n, n - lost[kind], sums[kind])
         for kind, n in count.items()
     ]
-    found.sort(key=lambda one: (order.get(one.role, len(order) + (one.role == NO_ROLE)), one.kind))
+    found.sort(key=lambda one: (order[one.role], one.kind))
     return tuple(found)
 
 

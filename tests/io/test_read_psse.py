@@ -44,7 +44,7 @@ def test_names_and_identifiers_are_those_of_the_file():
 def test_a_case_without_dynamic_data_has_a_power_flow_only():
     case = st.load(THREE)
     assert case.power_flow().iterations > 0
-    with pytest.raises(StudyError, match="ThreeBusMulti has no dynamic models, only a power flow; give its dynamic"):
+    with pytest.raises(StudyError, match="ThreeBusMulti has no dynamic models, only a power flow"):
         case.initialize()
 
 

@@ -12,8 +12,8 @@ from stabctl.model.tables import Load
 from ..collected import POWER_LOW
 from .lexer import Place
 from .network import Network
-from .raw import DcLine
 from .records import Converter
+from .sections import DcLine
 
 BLOCKED, POWER, CURRENT = 0, 1, 2
 

@@ -10,7 +10,7 @@ from stabctl.model.tables import Branch, Bus
 from ..collected import NO_IMPEDANCE
 from .lexer import Place
 from .network import Network
-from .raw import Transformer
+from .sections import Transformer
 
 OUT = {0: (1, 2, 3), 1: (), 2: (2,), 3: (3,), 4: (1,)}  # STAT -> windings out of service
 
