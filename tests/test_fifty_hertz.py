@@ -3,6 +3,7 @@
 With inertias 6/5 as long, a classical system of 50 Hz takes 6/5 as long for everything: as many cycles as at 60 Hz.
 """
 
+import json
 from dataclasses import replace
 from functools import cache
 
@@ -10,7 +11,9 @@ import numpy as np
 import pytest
 
 from stabctl import io
-from stabctl.clearing import clearing_time
+from stabctl.clearing import clearing_time, screen
+from stabctl.cli import shared
+from stabctl.cli.groups import StabilityOptions
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.estimation.estimate import estimate
@@ -83,6 +86,33 @@ def test_two_area_at_fifty_hertz():
     """9 cycles at 60 Hz: the same inertia and the same torque, but an angle that grows more slowly."""
     found = clearing_time(io.load("two_area").set("frequency_hz", 50), "7-8@0", scan=0)
     assert (found.cycles, found.seconds) == (8.625, 0.1725)
+
+
+def test_a_screen_counts_cycles_of_the_case():
+    options = {"buses": [7], "resolution": "0.5cyc", "limit": "20cyc"}
+    sixty, fifty = (screen(point(hz), observe=f"{100 / hz}s", below=f"{15 / hz}s", **options) for hz in (60, 50))
+    assert sixty.pairs
+    assert [(p.fault, p.trip, p.cycles) for p in fifty.pairs] == [(p.fault, p.trip, p.cycles) for p in sixty.pairs]
+    assert fifty.search.limit_cycles == 15
+    least = min(p.seconds for p in fifty.pairs)
+    assert fifty.pairs[0].cycles == 50 * least
+    assert not fifty.below(least).pairs
+    assert fifty.below(least + 1e-6).pairs == fifty.pairs[: len(fifty.below(f"{50 * least + 1e-4}cyc").pairs)] != ()
+
+
+def test_options_of_commands_count_cycles_of_the_case():
+    case = io.load("two_area").set("frequency_hz", 50)
+    assert shared.lag("5cyc", case) == 0.1
+    opened, tripped, stepped = shared.events(case, ["7-8@25cyc"], ["2@50cyc"], ["7:+50MW@5cyc"])
+    assert (opened.at, tripped.at, stepped.at) == (0.5, 1.0, 0.1)
+    limits = StabilityOptions(min_frequency=47.5, max_frequency=51.5, frequency_delay="25cyc").criterion(case)
+    assert (limits.min_frequency, limits.max_frequency, limits.frequency_delay_s) == (0.95, 1.03, 0.5)
+
+
+def test_an_estimate_ends_after_cycles_of_the_case(stabctl):
+    words = ("estimate", "two_area", "--classical", "--set", "frequency_hz=50", "--storage", "50MW", "--fault", "7")
+    out = stabctl(*words, "--at", 0.5, "--clear", "5cyc", "--observe", "15cyc", "--pmu-rate", 50, "--json")[1]
+    assert "until 0.900 s" in json.loads(out)["message"]
 
 
 def test_a_pmu_reports_the_frequency_of_a_turning_phasor():

@@ -9,6 +9,7 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+import stabctl
 from stabctl.sweep import run_job, study_file, task
 from stabctl.sweep.result import ABOUT
 from stabctl.sweep.store import Store, rows
@@ -37,7 +38,8 @@ def run(attempt: Attempt) -> str | None:
     """Kill it and run it again; what is wrong, or None."""
     name, delay, whom = attempt.words
     start = [sys.executable, "-m", "stabctl", "sweep", "run", "s.toml", "--out", "r.db", "--workers", "1"]
-    process = subprocess.Popen(start, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    env = os.environ | {"PYTHONPATH": str(Path(stabctl.__file__).parents[1])}
+    process = subprocess.Popen(start, stderr=subprocess.PIPE, text=True, start_new_session=True, env=env)
     try:
         process.wait(float(delay))
     except subprocess.TimeoutExpired:
@@ -46,7 +48,7 @@ def run(attempt: Attempt) -> str | None:
     if "Traceback" in err and "stabctl" in err and process.returncode != -signal.SIGINT:
         return err  # Python itself writes one if it is interrupted before the program begins
     kept = _facts() if Path("r.db").exists() else {}
-    again = subprocess.run(start, capture_output=True, text=True, timeout=300)
+    again = subprocess.run(start, capture_output=True, text=True, timeout=300, env=env)
     if again.returncode != 0:
         return f"the second run ends with {again.returncode}: {again.stderr}"
     found = _facts()
