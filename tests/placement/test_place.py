@@ -178,9 +178,10 @@ def test_json(stabctl, tmp_path):
     file = tmp_path / "one.toml"
     file.write_text('[[contingency]]\nfault = "29"\ntrip = "26-29"\nclear = "4.75cyc"\n')
     words = ("place", "ieee39", "--classical", "--contingencies", file, "--observe", 2, "--sites", 1)
-    code, out, err = stabctl(*words, "--json")
+    code, out, err = stabctl(*words, "--json", "--report", tmp_path / "pages")
     record = json.loads(out)
-    assert (code, err) == (0, "")
+    assert (code, err) == (0, f"{tmp_path}/pages/placement_ieee39.html\n")
+    assert (tmp_path / "pages" / "placement_ieee39.html").is_file()
     assert KEYS <= set(record)
     assert set(record["sites"][0]) == {"bus", "machine", "mw", "mwh"}
     (row,) = record["contingencies"]
