@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from stabctl.clearing.critical_time import ClearingTime, clearing_time
     from stabctl.clearing.screen import Screen, screen
-    from stabctl.controllers import BangBang, Feedback
+    from stabctl.controllers import BangBang, Controller, Feedback, Gate
     from stabctl.devices import register
     from stabctl.dynamics.coerce import initialize
     from stabctl.dynamics.operating_point import OperatingPoint
@@ -36,13 +36,13 @@ if TYPE_CHECKING:
     from stabctl.placement.place import place
     from stabctl.placement.siting import Costs, Siting
     from stabctl.simulation.contingency import Contingency
-    from stabctl.simulation.controller import Controller
     from stabctl.simulation.criterion import Criterion
     from stabctl.simulation.events import Clear, Fault, LoadStep, Open, SwitchShunt, TripMachine
     from stabctl.simulation.simulate import simulate
     from stabctl.simulation.trajectory import Trajectory
     from stabctl.smallsignal import linearize
     from stabctl.smallsignal.analysis import modes
+    from stabctl.smallsignal.closed_loop import ClosedLoop, closed_loop
     from stabctl.sweep.results import Results as SweepResults
     from stabctl.sweep.results import read as read_sweep
     from stabctl.sweep.sweep import run_sweep
@@ -52,15 +52,17 @@ _WHERE = {
     "BangBang": "controllers:BangBang",
     "Case": "model.case:Case",
     "Clear": "simulation.events:Clear",
+    "ClosedLoop": "smallsignal.closed_loop:ClosedLoop",
     "ClearingTime": "clearing:ClearingTime",
     "Contingency": "simulation.contingency:Contingency",
-    "Controller": "simulation.controller:Controller",
+    "Controller": "controllers:Controller",
     "Costs": "placement.siting:Costs",
     "Criterion": "simulation.criterion:Criterion",
     "Estimates": "estimation.estimates:Estimates",
     "EstimatorControl": "estimation.estimator_control:EstimatorControl",
     "Fault": "simulation.events:Fault",
     "Feedback": "controllers:Feedback",
+    "Gate": "controllers:Gate",
     "LoadStep": "simulation.events:LoadStep",
     "Open": "simulation.events:Open",
     "ImportReport": "importing.report:ImportReport",
@@ -77,6 +79,7 @@ _WHERE = {
     "TripMachine": "simulation.events:TripMachine",
     "cases": "io:packaged",
     "clearing_time": "clearing:clearing_time",
+    "closed_loop": "smallsignal.closed_loop:closed_loop",
     "estimate": "estimation.estimate:estimate",
     "import_report": "importing.report:import_report",
     "initialize": "dynamics.coerce:initialize",

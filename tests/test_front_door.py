@@ -20,6 +20,7 @@ TOLD = {
     "own_law": "critical clearing time 26.625 cycles",
 }  # by a script
 FAULT = st.Contingency("7-8@0.4", clear="21cyc", trip="7-8")
+VOLTAGES = "voltage:5", "voltage:6", "voltage:11", "voltage:10"  # at the storage devices
 
 
 @pytest.fixture(scope="module")
@@ -125,15 +126,21 @@ def test_what_happens_may_be_one_or_many(base):
     assert np.array_equal(base.simulate("7-8@1s", 2).rows, base.simulate(st.Open("7-8", 1.0), 2).rows)
 
 
+def law_giving(answer):
+    return st.Controller.from_function(lambda seen: answer, "deviation", "order")
+
+
 def test_a_law_written_in_python_approaches_the_compiled_one(base):
     """Its orders are held from frame to frame; those of the compiled law switch in between."""
 
     def bang_bang(seen):
-        return np.where((seen.voltage < 0.8) | (abs(seen.deviation) <= 0.1 / 60), 0, np.sign(seen.deviation))
+        w, v = seen["deviation"], seen.actual("voltage")
+        return np.where((v < 0.8) | (abs(w) <= 0.1 / 60), 0, np.sign(w))
 
     def differences(rate):
         options = {"storage": "50MW", "step": 1 / rate}
-        ours = base.simulate(FAULT, "2.4s", control=st.Controller(bang_bang, rate=rate), **options)
+        law = st.Controller.from_function(bang_bang, ["deviation", *VOLTAGES], "order", rate=rate)
+        ours = base.simulate(FAULT, "2.4s", control=law, **options)
         theirs = base.simulate(FAULT, "2.4s", control=st.BangBang(deadband="100mHz"), **options)
         assert np.abs(ours.arrays.order).max() == 1
         other = (ours.arrays.order != theirs.arrays.order).any(1).sum()
@@ -151,10 +158,10 @@ def test_a_law_with_memory_starts_anew_in_every_run(base):
             self.past = []
 
         def __call__(self, seen):
-            self.past.append(seen.deviation)
+            self.past.append(seen["deviation"])
             return 300 * self.past[-6] if len(self.past) > 5 else 0.0
 
-    law = st.Controller(Delayed)
+    law = st.Controller.from_function(Delayed, "deviation", "order")
     one, two = (base.simulate(FAULT, "2s", storage="50MW", control=law) for _ in range(2))
     assert np.array_equal(one.rows, two.rows)
 
@@ -186,12 +193,12 @@ def test_a_law_with_memory_starts_anew_in_every_run(base):
         (lambda b: b.simulate(FAULT, control=st.BangBang()), "needs storage devices to control"),
         (lambda b: b.simulate(FAULT, storage="50MW", control="bang"), "is not a control law"),
         (
-            lambda b: b.simulate(FAULT, storage="50MW", control=st.Controller(lambda s: "x")),
-            "The law gave 'x' at 0.000",
+            lambda b: b.simulate(FAULT, storage="50MW", control=law_giving("x")),
+            "The law controller gave 'x' at 0.000",
         ),
-        (lambda b: b.simulate(FAULT, storage="50MW", control=st.Controller(lambda s: [1, 2])), "The law gave"),
-        (lambda b: st.Controller(3), "3 is not a control law"),
-        (lambda b: st.Controller(abs, rate=0), "rate of 0 frames"),
+        (lambda b: b.simulate(FAULT, storage="50MW", control=law_giving([1, 2])), "it must give 4 outputs"),
+        (lambda b: st.Controller.from_function(3, "speed:1", "order"), "3 is not a control law"),
+        (lambda b: st.Controller.from_function(abs, "speed:1", "order", rate=0), "rate of 0 frames"),
         (lambda b: b.simulate(FAULT, storage=[50]), "is not a fleet of storage devices"),
         (lambda b: b.simulate(FAULT, storage="50"), "is not a storage size"),
         (lambda b: b.simulate(FAULT, storage={9: "50MW"}), "There is no machine 9"),

@@ -3,15 +3,14 @@
 import time
 from collections.abc import Callable
 
-from stabctl.controllers import Law
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.control import Control
 from stabctl.simulation.criterion import DEFAULT, Criterion
-from stabctl.simulation.sampled import Sampled
 from stabctl.simulation.simulate import checked_control
 
 from .last_stable import last_stable
@@ -27,7 +26,7 @@ def clearing_time(
     contingency: Contingency | str,
     *,
     storage: "Fleet | None" = None,
-    control: Law | Sampled | None = None,
+    control: Control = None,
     resolution: str | float = "0.125cyc",
     limit: str | float = "60cyc",
     observe: str | float = "5s",

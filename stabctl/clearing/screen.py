@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 from stabctl._util import cores, files
 from stabctl._util.tabular import machine_column
 from stabctl._util.verbs import verb
-from stabctl.controllers import Law
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
@@ -22,8 +21,8 @@ from stabctl.model import keys
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.control import Control
 from stabctl.simulation.criterion import DEFAULT, Criterion
-from stabctl.simulation.sampled import Sampled
 from stabctl.simulation.simulate import checked_control
 from stabctl.units import cycles
 
@@ -119,7 +118,7 @@ def screen(
     below: str | float | None = None,
     *,
     storage: "Fleet | None" = None,
-    control: Law | Sampled | None = None,
+    control: Control = None,
     resolution: str | float = "0.125cyc",
     limit: str | float = "60cyc",
     observe: str | float = "5s",
@@ -186,7 +185,7 @@ def screen(
 def _trials(
     point: OperatingPoint,
     found: Lines,
-    control: Law | Sampled | None,
+    control: Control,
     search: Search,
     buses: int | str | Iterable[int] | None,
 ) -> dict[str, list[Trial]]:

@@ -4,13 +4,12 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
-from stabctl.controllers import Law
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.control import Control, acting
 from stabctl.simulation.events import Event, Fault
 from stabctl.simulation.outcome import Kind
-from stabctl.simulation.sampled import Sampled
 from stabctl.simulation.simulation import run
 from stabctl.simulation.trajectory import Trajectory
 
@@ -42,7 +41,7 @@ class Trial:
 
     point: OperatingPoint
     contingency: Contingency
-    control: Law | Sampled | None = None
+    control: Control = None
     search: Search = field(default_factory=Search)
 
     def __post_init__(self) -> None:
@@ -60,7 +59,7 @@ class Trial:
     def at(self) -> float:
         """Instant of the fault, s: late enough for events before it."""
         before = -min((e.at for e in self.others), default=0.0)
-        return max(before, 0.0) + (QUIET if isinstance(self.control, Sampled) else 0.0)
+        return max(before, 0.0) + (QUIET if acting(self.control).pilots else 0.0)
 
     def duration(self, k: int) -> float:
         """Duration (s) of the fault at the grid's point k."""

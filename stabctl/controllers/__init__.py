@@ -9,7 +9,10 @@ from types import ModuleType
 from typing import Any, Protocol, runtime_checkable
 
 from .bang_bang import BangBang
+from .controller import Controller
 from .feedback import Feedback
+from .gate import Gate
+from .python_law import Seen
 from .signals import Device, Input
 
 
@@ -32,4 +35,4 @@ def wanted(law: Law, par: Any, signals: Input, voltage: float) -> float:
     return float(law.module.step(signals, (voltage, 0.0), par).wanted)
 
 
-__all__ = ["BangBang", "Device", "Feedback", "Input", "Law", "wanted"]
+__all__ = ["BangBang", "Controller", "Device", "Feedback", "Gate", "Input", "Law", "Seen", "wanted"]

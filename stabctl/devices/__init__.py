@@ -19,7 +19,8 @@ power of the device jumps (the simulation ends a step there). Initialization ign
 ...max and ...min, and upper limits with other names, listed in UPPER; it also closes the deadbands whose edges are in
 DEADBANDS. The file name is the name of the table. DYR names the fields of Par in the order of the constants of a PSS/E
 record (`_name`: ignored, `+name`: an integer before the constants, `'name`: a text there); from_record(kind, values) ->
-(Par, corrections) converts values where that is needed.
+(Par, corrections) converts values where that is needed. ANGLES lists the states that are angles in the synchronous
+frame, by default "delta".
 """
 
 import copyreg

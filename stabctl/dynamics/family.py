@@ -4,10 +4,15 @@ A family is evaluated by one compiled loop, `family(op, n, w, k, s, f, on)`; see
 """
 
 import inspect
+from collections.abc import Sequence
 from functools import cache
 from types import ModuleType
 
-SOURCE, CURRENT, OUTPUT, RATES, BOTH, STEP, LOCAL = range(7)
+import numpy as np
+
+from .tables import Family
+
+SOURCE, CURRENT, OUTPUT, RATES, BOTH, STEP, LOCAL, FRAME = range(8)
 STATE, BUS, BUS2, UNIT, INPUTS = range(5)  # columns of w; inputs follow, and the first output
 EQUATIONS: dict[int, tuple[str, ...]] = {
     SOURCE: ("source",),
@@ -80,3 +85,25 @@ def shape(device: ModuleType) -> tuple[int, int, int, int]:
     buses = 2 if "v2" in names else 1 if injects or "v" in names else 0
     states, inputs, outputs = (len(fields(device, record)) for record in ("State", "Input", "Output"))
     return states, inputs, outputs, buses
+
+
+def size(f: Family) -> tuple[int, int, int, int]:
+    """Numbers of states, inputs and outputs of each device of a family, and of its buses.
+
+    A device without the records State, Input and Output tells the numbers itself, from the constants.
+    """
+    return f.device.sizes(f.k[0]) if hasattr(f.device, "sizes") else shape(f.device)
+
+
+def operations(f: Family) -> dict[int, tuple[str, ...]]:
+    """Operations of the devices of a family in a simulation, each with its equations."""
+    return f.device.operations(f.k[0]) if hasattr(f.device, "operations") else equations(f.device)
+
+
+def read(f: Family, op: int, rows: Sequence[int]) -> np.ndarray:
+    """Places that an operation of these devices reads."""
+    if hasattr(f.device, "read"):
+        return np.concatenate([f.device.read(op, f.w[row], f.k[row]) for row in rows])
+    names = [name for equation in equations(f.device)[op] for name in reads(f.device, equation)]
+    at = [INPUTS + fields(f.device, "Input").index(name) for name in dict.fromkeys(names)]
+    return f.w[np.ix_(list(rows), at)].ravel()

@@ -11,7 +11,15 @@ from . import family
 from .operating_point import OperatingPoint
 from .signals import OF_CONVERTER, Signal
 
-PORTS = {"vref": "Vref", "pref": "Pref", "field": "Efd", "power": "Pm", "ipcmd": "Ipcmd", "iqcmd": "Iqcmd"}
+PORTS = {
+    "vs": "added Vs",
+    "vref": "Vref",
+    "pref": "Pref",
+    "field": "Efd",
+    "power": "Pm",
+    "ipcmd": "Ipcmd",
+    "iqcmd": "Iqcmd",
+}
 
 
 class Draw(NamedTuple):

@@ -56,6 +56,7 @@ class OperatingPoint:
     screen = verb("stabctl.clearing:screen")
     modes = verb("stabctl.smallsignal.analysis:modes")
     linearize = verb("stabctl.smallsignal:linearize")
+    closed_loop = verb("stabctl.smallsignal.closed_loop:closed_loop")
     estimate = verb("stabctl.estimation.estimate:estimate")
     place = verb("stabctl.placement.place:place")
     power_flow = verb("stabctl.model.powerflow:solve")

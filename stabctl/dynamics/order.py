@@ -12,7 +12,7 @@ import numpy as np
 from stabctl.errors import EquilibriumError
 
 from . import family
-from .family import BOTH, CURRENT, INPUTS, OUTPUT, RATES
+from .family import BOTH, CURRENT, FRAME, INPUTS, OUTPUT, RATES
 from .tables import Family
 
 Node = tuple[int, int, tuple[int, ...]]  # family, operation, rows
@@ -25,8 +25,8 @@ def ordered(families: Sequence[Family]) -> list[Node]:
     """
     nodes: list[Node] = []
     for i, one in enumerate(families):
-        ops = [op for op in family.equations(one.device) if op in (OUTPUT, BOTH, RATES)]
-        nodes += [(i, op, tuple(range(len(one.w)))) for op in ops if len(one.w)]
+        ops = [op for op in family.operations(one) if op in (OUTPUT, BOTH, RATES)] if len(one.w) else []
+        nodes += [(i, op, tuple(range(len(one.w)))) for op in ops]
     while True:
         graph = _graph(families, nodes)
         try:
@@ -41,10 +41,7 @@ def ordered(families: Sequence[Family]) -> list[Node]:
         except CycleError as error:
             cycle = {nodes[n] for n in error.args[1]}
             if all(len(rows) == 1 for _, _, rows in cycle):
-                names = [
-                    f"{families[nodes[n][0]].name} of {families[nodes[n][0]].keys[nodes[n][2][0]]}"
-                    for n in error.args[1]
-                ]
+                names = [_called(families[nodes[n][0]], nodes[n][2][0]) for n in error.args[1]]
                 raise EquilibriumError(
                     f"These devices form an algebraic loop: {' <- '.join(names)}; add a lag to one of them."
                 ) from None
@@ -52,9 +49,14 @@ def ordered(families: Sequence[Family]) -> list[Node]:
             nodes = [n for n in nodes if n not in cycle] + single
 
 
+def _called(one: Family, row: int) -> str:
+    """What a device is called: `sexs of machine 1`, `controller pod`."""
+    return f"controller {one.keys[row]}" if one.device.ROLE == "controller" else f"{one.name} of {one.keys[row]}"
+
+
 def _graph(families: Sequence[Family], nodes: Sequence[Node]) -> dict[int, set[int]]:
     """For each node, the nodes whose outputs it reads, which may include itself."""
-    size = 1 + max((int(f.w.max(initial=0)) + family.shape(f.device)[2] for f in families), default=0)
+    size = 1 + max((int(f.w.max(initial=0)) + family.size(f)[2] for f in families if len(f.w)), default=0)
     maker = np.full(size, -1)
     for n, (i, op, rows) in enumerate(nodes):
         if op != RATES:
@@ -63,16 +65,13 @@ def _graph(families: Sequence[Family], nodes: Sequence[Node]) -> dict[int, set[i
 
 
 def _written(one: Family, rows: Sequence[int]) -> np.ndarray:
-    outputs = family.shape(one.device)[2]
+    outputs = family.size(one)[2]
     return (one.w[list(rows), -1][:, None] + np.arange(outputs)).ravel()
 
 
 def _read(one: Family, op: int, rows: Sequence[int]) -> np.ndarray:
-    device = one.device
-    names = [name for equation in family.equations(device)[op] for name in family.reads(device, equation)]
-    at = [INPUTS + family.fields(device, "Input").index(name) for name in dict.fromkeys(names)]
-    places = one.w[np.ix_(list(rows), at)].ravel()
-    own = op == RATES and "y" in family.arguments(device, "derivatives")
+    places = family.read(one, op, rows)
+    own = op == RATES and "y" in family.arguments(one.device, "derivatives")
     return np.r_[places, _written(one, rows)] if own else places
 
 
@@ -87,9 +86,9 @@ def _merged(nodes: Iterable[Node]) -> list[Node]:
 def near(families: Sequence[Family]) -> np.ndarray:
     """Places of the buses and inputs of the devices that are called at every iteration of the voltages."""
     out = [np.zeros(0, np.int64)]
-    draws = [(i, CURRENT, range(len(f.w))) for i, f in enumerate(families) if CURRENT in family.equations(f.device)]
+    draws = _draws(families)
     for i, _, rows in [*read_by_currents(families, ordered(families) if draws else ()), *draws]:
-        _, inputs, _, buses = family.shape(families[i].device)
+        _, inputs, _, buses = family.size(families[i])
         columns = [*(family.BUS, family.BUS2)[:buses], *range(INPUTS, INPUTS + inputs)]
         out.append(families[i].w[np.ix_(list(rows), columns)].ravel())
     return np.unique(np.concatenate(out))
@@ -97,16 +96,34 @@ def near(families: Sequence[Family]) -> np.ndarray:
 
 def read_by_currents(families: Sequence[Family], sweep: Sequence[Node]) -> list[Node]:
     """The part of `sweep` whose outputs the currents read: they are made anew at every iteration of the voltages."""
-    draws = [f for f in families if CURRENT in family.equations(f.device) and len(f.w)]
-    wanted = np.concatenate([np.zeros(0, int), *(_read(f, CURRENT, range(len(f.w))) for f in draws)])
+    return makers(families, sweep, _draws(families))
+
+
+def read_by_frames(families: Sequence[Family], sweep: Sequence[Node]) -> list[Node]:
+    """The part of `sweep` whose outputs sampled controllers read: they are made at every frame."""
+    return makers(families, sweep, all_of(families, FRAME))
+
+
+def all_of(families: Sequence[Family], op: int) -> list[Node]:
+    """All devices that have an operation."""
+    return [(i, op, tuple(range(len(f.w)))) for i, f in enumerate(families) if len(f.w) and op in family.operations(f)]
+
+
+def _draws(families: Sequence[Family]) -> list[Node]:
+    return all_of(families, CURRENT)
+
+
+def makers(families: Sequence[Family], sweep: Sequence[Node], readers: Iterable[Node]) -> list[Node]:
+    """The part of `sweep` that makes what the readers read, directly or through others."""
+    wanted = np.concatenate([np.zeros(0, int), *(_read(families[i], op, rows) for i, op, rows in readers)])
     out: list[Node] = []
     for i, op, rows in reversed(sweep):
-        if op == RATES or not family.shape(families[i].device)[2]:
+        if op == RATES or not family.size(families[i])[2]:
             continue
         written = _written(families[i], rows).reshape(len(rows), -1)
         keep = tuple(np.array(rows)[np.isin(written, wanted).any(axis=1)].tolist())
         if keep:
             out.insert(0, (i, op, keep))
-            needed = op if op in family.equations(families[i].device) else BOTH
+            needed = op if op in family.operations(families[i]) else BOTH
             wanted = np.r_[wanted, _read(families[i], needed, keep)]
     return out

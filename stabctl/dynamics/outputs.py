@@ -1,16 +1,20 @@
 """Outputs as scalar functions of a few signals; complex steps give their derivatives."""
 
+import difflib
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from stabctl.errors import StudyError
+from stabctl.devices.sensors import line_power
+from stabctl.errors import StudyError, shown
 from stabctl.model import network
 from stabctl.model.location import circuit
 
+from . import family
+from .layout import unique
 from .operating_point import OperatingPoint
-from .signals import Signal
+from .signals import Signal, machines
 
 STEP = 1e-30
 
@@ -31,7 +35,12 @@ OF_UNIT = {"efd": "Efd", "pm": "Pm", "pe": "P", "qe": "Q", "vt": "vt", "ifd": "I
 
 
 def place(point: OperatingPoint, signal: Signal) -> int:
-    """Place in s of a signal of a unit. Raises `StudyError` if the unit has no such signal."""
+    """Place in s of a signal that a device gives. Raises `StudyError` if there is none."""
+    if signal.kind == "absorbed":
+        names = [f"{s.machine}@{s.bus}" for s in point.case.storage]
+        return int(point.system.family("esd").w[names.index(str(signal.place)), -1])
+    if signal.kind == "bus_frequency":
+        return _sensor(point, "bus_frequency", signal.number)
     unit = [m.machine for m in point.case.machines].index(signal.number)
     found = point.layout.signals.get((unit, OF_UNIT[signal.kind]))
     if found is None:
@@ -53,11 +62,18 @@ def reading(point: OperatingPoint, signal: Signal) -> Reading | None:
 
     A bus frequency is that of its angle, whose rate it is: see `angle_rate`.
     """
-    if signal.kind in OF_UNIT:
+    if signal.kind in OF_UNIT or signal.kind in ("absorbed", "bus_frequency"):
         at = place(point, signal)
         return None if at >= point.layout.first_output else _weighted(np.array([at]), np.ones(1))
     angles, inertia, nx = point.rotors.angle, point.inertia, point.layout.nx
     weights = inertia / inertia.sum()
+    if signal.kind == "deviation":
+        group = np.isin(point.rotor_numbers, machines(signal))
+        rest = np.where(group, 0.0, inertia)
+        own = np.where(group, inertia, 0.0) / inertia[group].sum()
+        return _weighted(angles + 1, own - rest / rest.sum() if rest.any() else 0 * own)
+    if signal.kind == "state":
+        return _weighted(np.array([state(point, signal)]), np.ones(1))
     if signal.kind in ("speed", "angle", "rest_speed"):
         i = point.rotor_numbers.index(signal.number)
         own = np.arange(len(angles)) == i
@@ -94,21 +110,47 @@ def _angle(q: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 
 def _flow(point: OperatingPoint, signal: Signal, states: int) -> Reading:
-    """Power into a circuit from the first bus named, V conj(Y [V, V'])."""
-    row, forward = circuit(point.case, str(signal.place))
+    """Power into a circuit from the first bus named."""
+    places, par = line(point, str(signal.place))
+
+    def power(q: np.ndarray) -> np.ndarray:
+        return np.asarray(line_power.output((q[0], q[1]), (q[2], q[3]), par)[signal.kind == "flow_q"])
+
+    return Reading(places + states, power)
+
+
+def line(
+    point: OperatingPoint, name: str, state: network.BranchState = network.INTACT
+) -> tuple[np.ndarray, line_power.Par]:
+    """Components (4) of the voltages at the ends of a circuit, the first one named first, and its admittances."""
+    row, forward = circuit(point.case, name)
     net = point.net
     t = net.ratio[row]
-    Y = network.two_port(net.z[row], net.charging[row])
-    Y = np.array([[Y[0, 0] / abs(t) ** 2, Y[0, 1] / t.conjugate()], [Y[1, 0] / t, Y[1, 1]]]) + np.diag(net.ends[row])
+    if state.fault_at == 0:  # on the bus's side of the ratio
+        state = state._replace(fault_admittance=state.fault_admittance * abs(t) ** 2)
+    Y = network.two_port(net.z[row], net.charging[row], state, (net.ends[row, 0] * abs(t) ** 2, net.ends[row, 1]))
+    Y = np.array([[Y[0, 0] / abs(t) ** 2, Y[0, 1] / t.conjugate()], [Y[1, 0] / t, Y[1, 1]]])
     ends = [net.frm[row], net.to[row]]
     if not forward:
         Y, ends = Y[::-1, ::-1], ends[::-1]
-    places = states + np.array([2 * ends[0], 2 * ends[0] + 1, 2 * ends[1], 2 * ends[1] + 1])
-    g, b, gm, bm = Y[0, 0].real, Y[0, 0].imag, Y[0, 1].real, Y[0, 1].imag
+    at = np.array([2 * ends[0], 2 * ends[0] + 1, 2 * ends[1], 2 * ends[1] + 1])
+    return at, line_power.Par(Y[0, 0].real, Y[0, 0].imag, Y[0, 1].real, Y[0, 1].imag)
 
-    def power(q: np.ndarray) -> np.ndarray:
-        re = g * q[0] - b * q[1] + gm * q[2] - bm * q[3]
-        im = b * q[0] + g * q[1] + bm * q[2] + gm * q[3]
-        return q[0] * re + q[1] * im if signal.kind == "flow" else q[1] * re - q[0] * im
 
-    return Reading(places, power)
+def state(point: OperatingPoint, signal: Signal) -> int:
+    """Place in s of a state, by its label. Raises `StudyError` if there is no such state."""
+    labels = unique(p.label for p in point.layout.states)
+    if signal.place not in labels:
+        near = difflib.get_close_matches(str(signal.place), labels, n=3)
+        raise StudyError(
+            f"{point.case.name} has no state {shown(signal.place)}; " + (f"similar ones are {', '.join(near)}."
+            if near else f"its first ones are {', '.join(labels[:3])}.")
+        )  # fmt: skip
+    return labels.index(str(signal.place))
+
+
+def _sensor(point: OperatingPoint, table: str, bus: int) -> int:
+    """Place of the output of a sensor at a bus, which `with_sensors` has added."""
+    f = point.system.family(table)
+    at = point.layout.nx + 2 * point.net.place[bus]
+    return int(f.w[f.w[:, family.BUS] == at][0, -1])

@@ -18,8 +18,22 @@ if disabled():
         for (address, op, n, i, j), start in zip(calls, starts, strict=False):
             loop.plain[address](op, n, w[i:], k[j:], s, f[start:], on)
 
+    def perform_due(calls: Any, bits: Any, due: int, w: Any, k: Any, s: Any, f: Any, on: Any) -> None:
+        """Call the families whose bit is in `due`, as plain Python."""
+        perform(calls[(bits & due) != 0], w, k, s, f, on)
+
 else:
     from .call import call
+
+    @inline
+    def perform_due(calls, bits, due, w, k, s, f, on):  # type: ignore[misc]
+        """Call the families whose bit is in `due`."""
+        for c in range(len(calls)):
+            if bits[c] & due:
+                call(
+                    calls[c, 0], calls[c, 1], calls[c, 2], w.ctypes.data + 8 * calls[c, 3],
+                    k.ctypes.data + 8 * calls[c, 4], s.ctypes.data, f.ctypes.data, on.ctypes.data,
+                )  # fmt: skip
 
     @inline
     def perform_local(calls, starts, w, k, s, f, on):  # type: ignore[misc]

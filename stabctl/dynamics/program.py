@@ -8,9 +8,9 @@ import numpy as np
 
 from stabctl._util import alongside, jit
 
-from . import family, loop
-from .family import CURRENT, LOCAL, OUTPUT, RATES, SOURCE, STEP
-from .order import Node, ordered, read_by_currents
+from . import loop
+from .family import CURRENT, FRAME, LOCAL, OUTPUT, RATES, SOURCE, STEP
+from .order import Node, all_of, ordered, read_by_currents, read_by_frames
 from .tables import Family
 
 
@@ -22,7 +22,10 @@ class Program(NamedTuple):
     source: np.ndarray  # (calls, 5)  address, op, devices, start in w, start in k; once before the voltages are solved
     current: np.ndarray  # at every iteration of the voltages
     sweep: np.ndarray  # all outputs and rates
-    step: np.ndarray  # sampled devices
+    step: np.ndarray  # devices that decide at every step
+    sense: np.ndarray  # the outputs that sampled controllers read
+    frame: np.ndarray  # sampled controllers
+    bits: np.ndarray  # (frame) the bit of the rate of each
 
 
 def program(families: Sequence[Family], scalar: type = float) -> Program:
@@ -33,28 +36,30 @@ def program(families: Sequence[Family], scalar: type = float) -> Program:
     tables, sweep = _Tables(families, scalar), ordered(families)
     if scalar is complex:
         sweep = _outputs(sweep)
-    currents = [*read_by_currents(families, sweep), *_all(families, CURRENT)]
-    nodes = _all(families, SOURCE), currents, sweep, _all(families, STEP)
-    return Program(*tables.constants, *(tables.calls(one) for one in nodes))
+    frames = all_of(families, FRAME)
+    return Program(
+        *tables.constants,
+        source=tables.calls(all_of(families, SOURCE)),
+        current=tables.calls([*read_by_currents(families, sweep), *all_of(families, CURRENT)]),
+        sweep=tables.calls(sweep),
+        step=tables.calls(all_of(families, STEP)),
+        sense=tables.calls(read_by_frames(families, sweep)),
+        frame=tables.calls(frames),
+        bits=np.array([1 << int(families[i].k[0, -1]) for i, _, _ in frames], np.int64),
+    )
 
 
 def local_program(families: Sequence[Family]) -> Program:
     """The same for derivatives: `sweep` makes all outputs, `step` all local derivatives."""
     tables, none = _Tables(families, complex), np.zeros((0, 5), np.int64)
     every = [(i, LOCAL, tuple(range(len(f.w)))) for i, f in enumerate(families)]
-    return Program(*tables.constants, none, none, tables.calls(_outputs(ordered(families))), tables.calls(every))
+    outputs = tables.calls(_outputs(ordered(families)))
+    return Program(*tables.constants, none, none, outputs, tables.calls(every), none, none, np.zeros(0, np.int64))
 
 
 def _outputs(sweep: Iterable[Node]) -> list[Node]:
     """The outputs of a sweep alone, as a complex program makes them."""
     return [(i, OUTPUT, rows) for i, op, rows in sweep if op != RATES]
-
-
-def _all(families: Sequence[Family], op: int) -> list[Node]:
-    """All devices that have an operation."""
-    return [
-        (i, op, tuple(range(len(f.w)))) for i, f in enumerate(families) if len(f.w) and op in family.equations(f.device)
-    ]
 
 
 class _Tables:

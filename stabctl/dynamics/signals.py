@@ -19,7 +19,7 @@ from stabctl.model.location import circuit
 class Kind(NamedTuple):
     """A kind of signal: what it belongs to, its label, unit and meaning."""
 
-    place: str  # "machine", "bus", "line", "device" or ""
+    place: str  # "machine", "group", "bus", "line", "device", "state" or ""
     label: str
     unit: str
     meaning: str
@@ -54,6 +54,7 @@ INPUTS = _kinds(
             "ratings",
             "order to a storage device of the case, positive to absorb",
         ),
+        "vs": ("machine", "stabilizer input {exciter} {place}", "pu", "signal added to the stabilizers of an exciter"),
         "vref": ("machine", "reference {exciter} {place}", "pu", "voltage reference of an exciter"),
         "pref": ("machine", "reference {governor} {place}", "pu", "load reference of a governor, machine base"),
         "field": ("machine", "field voltage {machine} {place}", "pu", "field voltage of a machine without exciter"),
@@ -80,9 +81,21 @@ OUTPUTS = _kinds(
         "angle": ("machine", "angle {machine} {place} to COI", "rad", "rotor angle relative to the COI"),
         "coi_speed": ("", "speed COI", "pu", "speed of the center of inertia (COI)"),
         "rest_speed": ("machine", "speed COI without {place}", "pu", "COI speed of all other machines"),
+        "deviation": (
+            "group",
+            "speed deviation {place}",
+            "pu",
+            "speed of a machine, or COI speed of a group (13+14), minus the COI speed of the others",
+        ),
         "voltage": ("bus", "voltage bus {place}", "pu", "magnitude of a bus voltage"),
         "bus_angle": ("bus", "angle bus {place} to COI", "rad", "angle of a bus voltage relative to the COI"),
         "frequency": ("bus", "frequency bus {place}", "pu", "bus frequency: rate of the bus angle, inputs constant"),
+        "bus_frequency": (
+            "bus",
+            "measured frequency bus {place}",
+            "pu",
+            "frequency from the filtered bus angle (20 ms)",
+        ),
         "efd": ("machine", "field voltage {machine} {place}", "pu", "field voltage"),
         "pm": ("machine", "mechanical power {machine} {place}", "pu", "mechanical power, machine base"),
         "pe": ("machine", "P {machine} {place}", "pu", "active power at the terminals, machine base"),
@@ -90,14 +103,16 @@ OUTPUTS = _kinds(
         "vt": ("machine", "terminal voltage {machine} {place}", "pu", "terminal voltage of a machine"),
         "ifd": ("machine", "field current {machine} {place}", "pu", "field current"),
         "vs": ("machine", "stabilizing signal {place}", "pu", "output of a stabilizer"),
+        "absorbed": ("device", "P ESD {place}", "pu", "power absorbed by a storage device"),
+        "state": ("state", "{place}", "", "a state, by its label in linear models"),
         "flow": ("line", "P line {place}", "pu", "active power into a circuit from the first bus named"),
         "flow_q": ("line", "Q line {place}", "pu", "reactive power into a circuit from the first bus named"),
     }
 )
 
-OF_ROTOR = ("speed", "angle", "rest_speed", "efd", "pm", "ifd", "field", "power")
+OF_ROTOR = ("speed", "angle", "rest_speed", "deviation", "efd", "pm", "ifd", "field", "power")
 OF_CONVERTER = ("ipcmd", "iqcmd")
-REFERENCES = {"vref": "exciter", "pref": "governor"}  # input -> role of the control it belongs to
+REFERENCES = {"vref": "exciter", "vs": "exciter", "pref": "governor"}  # input -> role of the control it belongs to
 
 
 def chosen(case: Case, wanted: str | Iterable[str | Signal], kinds: Mapping[str, Kind]) -> tuple[Signal, ...]:
@@ -150,6 +165,8 @@ def _everywhere(case: Case, name: str, kind: Kind) -> Sequence[int | str | None]
         return [n for n in numbers if not _model(case, n, "exciter" if name == "field" else "governor")]
     if name in OF_CONVERTER:
         return [n for n in numbers if _model(case, n, "converter")]
+    if kind.place == "state":
+        raise StudyError("Name the states that are meant: state:speed GENROU 2, as in the labels of linear models.")
     if name in OF_ROTOR:
         return [n for n in numbers if _model(case, n, "machine")]
     return numbers
@@ -174,6 +191,8 @@ def _signal(case: Case, name: str, kind: Kind, place: int | str | None) -> Signa
         circuit(case, str(place))
     elif kind.place == "device":
         place = _device(case, str(place))
+    elif kind.place == "group":
+        place = _group(case, name, str(place))
     elif kind.place == "" and place is not None:
         raise StudyError(f"{name} is one signal for the whole system; write {name} without a number.")
     words = {
@@ -183,6 +202,24 @@ def _signal(case: Case, name: str, kind: Kind, place: int | str | None) -> Signa
     }
     called = case.machine(number).called if kind.place == "machine" else place
     return Signal(name, place, kind.label.format(place=called, **words), kind.unit)
+
+
+def machines(signal: Signal) -> tuple[int, ...]:
+    """Numbers of the machines of a signal of a machine or group."""
+    return tuple(map(int, str(signal.place).split("+")))
+
+
+def _group(case: Case, name: str, text: str) -> int | str:
+    """A machine, or several joined by "+", as numbers in ascending order."""
+    found = set()
+    for part in text.split("+"):
+        number = part if re.fullmatch(r"[0-9]{1,18}", part) else labels.machine_number(case, part)
+        if number is None:
+            raise StudyError(f"{shown(f'{name}:{text}')} does not name machines; give numbers: {name}:13+14.")
+        case.machine(int(number))
+        _belongs(case, name, int(number))
+        found.add(int(number))
+    return "+".join(map(str, sorted(found))) if len(found) > 1 else found.pop()
 
 
 def _belongs(case: Case, name: str, number: int) -> None:
@@ -196,7 +233,7 @@ def _belongs(case: Case, name: str, number: int) -> None:
             f"Unit {number} of {case.name} is not a converter, so it has no signal {name}; choose another."
         )
     if name in REFERENCES and not _model(case, number, REFERENCES[name]):
-        instead = "field" if name == "vref" else "power"
+        instead = "power" if name == "pref" else "field"
         raise StudyError(f"Machine {number} of {case.name} has no {REFERENCES[name]}; use {instead}:{number}.")
     if name in ("field", "power"):
         reference, control = ("vref", "an exciter") if name == "field" else ("pref", "a governor")

@@ -8,7 +8,7 @@ import numpy as np
 from stabctl.clearing import Run
 from stabctl.clearing.critical_time import spacing
 from stabctl.clearing.last_stable import last_stable
-from stabctl.controllers import Law
+from stabctl.simulation.control import Control
 from stabctl.simulation.sampled import Sampled
 
 from .siting import Evidence
@@ -32,7 +32,7 @@ class CriticalTime(NamedTuple):
     machine: int | str | None  # loses synchronism first just beyond
 
 
-def critical_time(trials: Trials, mw: np.ndarray, k: int, control: Law | Sampled | None = None) -> CriticalTime:
+def critical_time(trials: Trials, mw: np.ndarray, k: int, control: Control = None) -> CriticalTime:
     """The critical clearing time of contingency k with a fleet (candidates, MW), also under another control."""
     target = trials.target(k)
     steps = max(1, round(target / GRID))
@@ -49,7 +49,7 @@ def critical_time(trials: Trials, mw: np.ndarray, k: int, control: Law | Sampled
     return CriticalTime(cycles, stable, found.machine)
 
 
-def critical_times(trials: Trials, mw: np.ndarray, control: Law | Sampled | None = None) -> list[CriticalTime]:
+def critical_times(trials: Trials, mw: np.ndarray, control: Control = None) -> list[CriticalTime]:
     """The critical clearing time of every contingency with a fleet (candidates, MW)."""
     return trials.each(lambda k: critical_time(trials, mw, k, control))
 

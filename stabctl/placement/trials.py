@@ -14,7 +14,7 @@ from stabctl.clearing import Search, Trial
 from stabctl.controllers import BangBang, Law
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.simulation.contingency import Contingency
-from stabctl.simulation.sampled import Sampled
+from stabctl.simulation.control import Control
 from stabctl.simulation.simulation import Simulation
 from stabctl.simulation.trajectory import Trajectory
 
@@ -125,7 +125,7 @@ class Trials:
         """Clearing time of contingency k to be survived, in cycles."""
         return target_cycles(self.contingencies[k], self.point.case)
 
-    def trial(self, mw: np.ndarray, k: int, control: Law | Sampled | None = None, grid: float | None = None) -> Trial:
+    def trial(self, mw: np.ndarray, k: int, control: Control = None, grid: float | None = None) -> Trial:
         """Contingency k with this fleet (candidates, MW, also above the caps) at multiples of `grid`, or its target."""
         target = self.target(k)
         limit = max(self.search.limit_cycles, 2 * target)

@@ -1,7 +1,7 @@
 """The orders of sampled devices, and the signals that they read: speeds and accelerations against the others' COI."""
 
 from stabctl._util.jit import noinline
-from stabctl.dynamics.perform import perform
+from stabctl.dynamics.perform import perform, perform_due
 
 
 @noinline
@@ -27,8 +27,22 @@ def coi(a, net, q):
 
 
 @noinline
-def decide(p, a, net, q):
-    """Let the sampled devices act on the present signals; returns whether an order has changed."""
+def due_frames(calls, bits, due, p, s, f, on):
+    """Call the sampled controllers whose frame it is."""
+    perform_due(calls, bits, due, p.w, p.k, s, f, on)
+
+
+@noinline
+def decide(p, a, net, q, due):
+    """Let the devices that act at every step, and controllers whose frame is due, act; returns whether one has changed.
+
+    `due` has a bit for every frame rate.
+    """
+    if due:
+        run(p.sense, p, q.s, q.f, net.island)
+        due_frames(p.frame, p.bits, due, p, q.s, q.f, net.island)
+    if len(a.held) == 0:
+        return due != 0
     coi(a, net, q)
     s, sums, island, first, m = q.s, q.coi, net.island, a.places[2], len(a.rotor)
     for i in range(len(island)):
@@ -43,7 +57,7 @@ def decide(p, a, net, q):
     for j in range(len(a.held)):
         q.orders[0, j] = q.s[a.held[j]]
     run(p.step, p, q.s, q.f, net.island)
-    changed = False
+    changed = due != 0
     for j in range(len(a.held)):
         changed |= q.orders[0, j] != q.s[a.held[j]]
     return changed

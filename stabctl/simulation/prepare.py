@@ -22,9 +22,9 @@ def prepare() -> None:
     arrays: dict[str, Any] = {name: kinds.get(name, places) for name in Frame._fields if name != "relay"}
     frame = Frame(**arrays, relay=False)
     net = Net(factor(sp.identity(1, complex, "csc")), places, np.ones(1, bool), False)
-    program = Program(places, numbers, calls, calls, calls, calls)
+    program = Program(places, numbers, calls, calls, calls, calls, calls, calls, places)
     q = space(np.zeros(layout.size), layout, frame)
-    advance(program, frame, net, q, Criterion(*map(float, DEFAULT)), 0.0, 0, False, False, np.empty((0, 0)))
+    advance(program, frame, net, q, Criterion(*map(float, DEFAULT)), numbers, places, False, False, np.empty((0, 0)))
 
 
 if __name__ == "__main__":

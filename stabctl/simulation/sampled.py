@@ -7,6 +7,9 @@ if TYPE_CHECKING:
     from .simulation import Simulation
 
 
+Pilot = tuple[int, Callable[[], None]]
+
+
 @runtime_checkable
 class Sampled(Protocol):
     """A controller with a frame rate. Those that use PMU signals are in `stabctl.estimation`."""
@@ -21,13 +24,20 @@ class Sampled(Protocol):
         ...
 
 
-def carry(simulations: "Sequence[Simulation]", pilot: Callable[[], None], rate: int, until: float) -> None:
-    """Advance simulations at the same instant to `until` (s), a frame at a time, while any is running."""
+def carry(simulations: "Sequence[Simulation]", pilots: "Sequence[Pilot]", until: float) -> None:
+    """Advance simulations at the same instant to `until` (s), from frame to frame, while any is running.
+
+    Each pilot is a rate (1/s) and the function called at its frames, which begin at the present instant.
+    """
     for simulation in simulations:
         simulation.affordable(until)
-    start, k = simulations[0].time, 0
-    while start + k / rate < until - 1e-9 and any(s.outcome is None for s in simulations):
-        pilot()
-        k += 1
+    start, now = simulations[0].time, simulations[0].time
+    counts = [0] * len(pilots)
+    while now < until - 1e-9 and any(s.outcome is None for s in simulations):
+        for k, (rate, frame) in enumerate(pilots):
+            if start + counts[k] / rate <= now + 1e-9:
+                frame()
+                counts[k] += 1
+        now = min([until, *(start + n / rate for n, (rate, _) in zip(counts, pilots, strict=True))])
         for simulation in simulations:
-            simulation.advance(min(start + k / rate, until))
+            simulation.advance(now)

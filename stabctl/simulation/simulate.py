@@ -3,16 +3,14 @@
 from collections.abc import Callable
 from typing import Any
 
-from stabctl.controllers import Law
 from stabctl.dynamics.coerce import Fleet, operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.units import seconds
 
 from .contingency import Disturbance
+from .control import Control, acting
 from .criterion import DEFAULT, Criterion, checked
-from .sampled import Sampled
 from .simulation import run
 from .trajectory import Trajectory
 
@@ -23,7 +21,7 @@ def simulate(
     until: str | float = "10s",
     *,
     storage: "Fleet | None" = None,
-    control: Law | Sampled | None = None,
+    control: Control = None,
     step: str | float | None = None,
     criterion: Criterion = DEFAULT,
     record: bool = True,
@@ -42,8 +40,9 @@ def simulate(
         End of the run: "10s", or seconds.
     storage : str, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own: "50MW" at every machine, "14=50MW,13=20MW", {14: "50MW"}, rows.
-    control : control law, optional
-        Control law of the storage devices: `BangBang()`, `Feedback(...)`, a `Controller`; without it they stay idle.
+    control : control law, Controller, or list of them, optional
+        A law of the storage devices, `BangBang()` or `Feedback(...)`, and controllers of anything; without a law or
+        controller storage devices stay idle.
     step : str or float, optional
         Time step: "2ms", or seconds; by default 1/120 s, or what the fastest eigenvalue allows.
     criterion : Criterion
@@ -70,16 +69,7 @@ def simulate(
     return run(point, contingency, end, law, step=h, criterion=checked(criterion, hz), record=record, progress=progress)
 
 
-def checked_control(control: Any, case: Case) -> Law | Sampled | None:
-    """The control law, checked; it needs storage devices to control."""
-    if isinstance(control, type):
-        raise StudyError(f"control = {control.__name__} is a class; give an instance, {control.__name__}().")
-    if control is None or isinstance(control, Sampled):
-        return control
-    if not callable(getattr(control, "par", None)):
-        raise StudyError(f"control = {control!r} is not a control law; give BangBang(), Feedback(...) or a Controller.")
-    if not case.storage:
-        raise StudyError(
-            f"{type(control).__name__} needs storage devices to control; give storage='50MW', for example."
-        )
+def checked_control(control: Any, case: Case) -> Control:
+    """The control of a study, checked; laws need storage devices to control."""
+    acting(control, bool(case.storage))
     return control

@@ -1,23 +1,26 @@
 """A simulation that can be advanced an interval at a time, and the run from start to end in one call."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from stabctl.controllers import Law
+from stabctl.controllers.controller import Controller
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.program import program
 from stabctl.errors import StudyError
 from stabctl.model.network import Switching
 
 from . import stepper, steps, voltages
+from .attached import Attached, attached
 from .contingency import Disturbance, schedule
+from .control import Control, Frames, acting
 from .criterion import DEFAULT, Criterion, for_system, frequency_range
 from .outcome import End, Outcome, outcome
 from .plant import newton_space, space
-from .sampled import Sampled, carry
+from .sampled import Pilot, carry
 from .timeline import timeline
 from .topology import stage
 from .trajectory import Happened, Trajectory
@@ -38,6 +41,8 @@ class Simulation:
         What happens, as in `simulate`.
     control : control law, optional
         Control law of the storage devices; by default the orders set in `orders`.
+    controllers : sequence of Controller
+        Controllers; the frames of Python functions are called by `frames`.
     step : float, s, optional
         Largest time step.
     criterion : Criterion
@@ -60,6 +65,7 @@ class Simulation:
         point: OperatingPoint,
         events: "Disturbance | None" = None,
         control: Law | None = None,
+        controllers: Sequence[Controller] = (),
         *,
         step: float | None = None,
         criterion: Criterion = DEFAULT,
@@ -68,6 +74,8 @@ class Simulation:
         progress: Callable[[float], None] | None = None,
     ) -> None:
         self.progress = progress
+        self.attached = attached(point, controllers) if controllers else Attached(point)
+        point = self.attached.point
         self.point, self.criterion, self.recording = point, for_system(criterion, point.system), record
         self.step = steps.checked(point, step)
         self.changes = timeline(point.case, schedule(point.case, events))
@@ -83,10 +91,12 @@ class Simulation:
         self.wired = wired(point, control)
         self._enter()
         self._space = space(self.wired.start, self.wired.layout, self.wired.frame)
+        self.frames = tuple((c.named.controller.rate or 1, Frames(c, self)) for c in self.attached.called)
+        self._windows()
         self._width = self.wired.layout.first_memory
         self._times: list[np.ndarray] = []
         self._rows: list[np.ndarray] = []
-        self._call(0.0, 0, False)  # compiles, or loads the machine code, outside the time that is measured
+        self._call(steps.NONE, False)  # compiles, or loads the machine code, outside the time that is measured
         self.wall_s = 0.0
 
     @property
@@ -112,8 +122,13 @@ class Simulation:
     @property
     def V(self) -> np.ndarray:
         """Voltages (buses) now, complex, pu."""
-        self._advance(0.0, 0, True, NO_ROWS)
+        self.settled()
         return self._space.volt.copy()
+
+    def settled(self) -> np.ndarray:
+        """Every signal now, with voltages and outputs brought up to date."""
+        self._advance(steps.NONE, True, NO_ROWS)
+        return self._space.s
 
     @property
     def island(self) -> np.ndarray:
@@ -134,9 +149,10 @@ class Simulation:
         self.affordable(until)
         while self.outcome is None and self.time < until - 1e-9:
             following = self.changes[self._at + 1].at if self._at + 1 < len(self.changes) else np.inf
-            target = min(until, following)
+            target = min([until, following, *(t for t in self._edges if t > self.time + 1e-9)])
             if target > self.time + 1e-9:
                 self._segment(target)
+                self._windows()
             if self.outcome is None and following <= target + 1e-9:
                 self._at += 1
                 self._enter()
@@ -149,7 +165,7 @@ class Simulation:
         if self.outcome is None:
             self.outcome = self._end(stepper.DONE)
         if self.recording and self._verdict != stepper.NO_VOLTAGE:
-            self._call(0.0, 0, True)
+            self._call(steps.NONE, True)
         rows = np.concatenate(self._rows) if self._rows else np.empty((0, self._width))
         times = np.concatenate(self._times) if self._times else np.empty(0)
         peak = self._space.angles[1].copy()
@@ -171,13 +187,21 @@ class Simulation:
                 k[at : at + len(par)] = par
             self._program = self._program._replace(k=k)
 
+    def _windows(self) -> None:
+        """Open and close the windows of time in which controllers act."""
+        windows = self.attached.windows
+        for place, start, end in windows:
+            self._space.s[place] = 1.0 if start <= self.time + 1e-9 < end else 0.0
+        self._edges = sorted({edge for _, *both in windows for edge in both})
+
     def _segment(self, target: float) -> None:
-        count = max(1, int(np.ceil((target - self.time) / self.step - 1e-6)))
-        start, h, done = self.time, (target - self.time) / count, 0
+        all_steps, done = steps.steps(self.time, target, self.step, self.attached.rates), 0
+        count = len(all_steps.sizes)
         while done < count and self.outcome is None:
-            verdict, made = self._call(h, min(count - done, AT_ONCE), False)
+            now = slice(done, done + AT_ONCE)
+            verdict, made = self._call(steps.Steps(*(column[now] for column in all_steps)), False)
             done += made
-            self.time = target if done == count else start + h * done
+            self.time = target if done == count else float(all_steps.starts[done])
             self.steps += made
             if verdict in (stepper.RUNAWAY, stepper.FREQUENCY) and self._alone():
                 self._take_off(verdict)
@@ -213,24 +237,24 @@ class Simulation:
         number = self.point.case.machines[row].machine
         self._taken_off.append(f"Machine {number}, alone in its island, {left} and was tripped.")
 
-    def _call(self, h: float, steps: int, last: bool) -> tuple[int, int]:
-        history = np.empty((steps + last if self.recording else 0, self._width))
+    def _call(self, now: steps.Steps, last: bool) -> tuple[int, int]:
+        history = np.empty((len(now.sizes) + last if self.recording else 0, self._width))
         before = time.perf_counter()
         if not np.isfinite(self.orders).all():
             raise StudyError(f"The storage orders {self.orders} are not finite numbers; set them between -1 and 1.")
-        verdict, made = self._advance(h, steps, last, history)
+        verdict, made = self._advance(now, last, history)
         self.wall_s += time.perf_counter() - before
         if self.recording:
-            self._times.append(self.time + h * np.arange(made + last))
+            self._times.append(np.r_[now.starts[:made], [self.time] * last])
             self._rows.append(history[: made + last])
         return verdict, made
 
-    def _advance(self, h: float, steps: int, last: bool, history: np.ndarray) -> tuple[int, int]:
+    def _advance(self, now: steps.Steps, last: bool, history: np.ndarray) -> tuple[int, int]:
         """Steps of the compiled loop, with Newton's method when it is requested."""
         p, a, net, q = self._program, self.wired.frame, self._stage.net, self._space
         resume = False
         while True:
-            verdict, made = stepper.advance(p, a, net, q, self.criterion, h, steps, last, resume, history)
+            verdict, made = stepper.advance(p, a, net, q, self.criterion, now.sizes, now.due, last, resume, history)
             if verdict != stepper.NEWTON:
                 return verdict, made
             if not self._newton():
@@ -251,7 +275,7 @@ def run(
     point: OperatingPoint,
     contingency: "Disturbance | None" = None,
     until: float = 10.0,
-    control: Law | Sampled | None = None,
+    control: Control = None,
     *,
     step: float | None = None,
     criterion: Criterion = DEFAULT,
@@ -261,15 +285,16 @@ def run(
 ) -> Trajectory:
     """Simulate an operating point under a contingency, or events, until `until` (s); the rest as in `Simulation`.
 
-    A law runs inside the compiled loop, a sampled controller between intervals of its rate.
+    Laws and controllers run inside the compiled loop, Python functions and estimators between intervals of their rate.
     """
-    events = schedule(point.case, contingency, until, start)
-    law = None if isinstance(control, Sampled) else control
+    events, parts = schedule(point.case, contingency, until, start), acting(control)
     simulation = Simulation(
-        point, events, law, step=step, criterion=criterion, record=record, start=start, progress=progress
-    )
-    if isinstance(control, Sampled):
-        carry([simulation], control.pilot([simulation]), control.rate, until)
+        point, events, parts.law, parts.controllers,
+        step=step, criterion=criterion, record=record, start=start, progress=progress,
+    )  # fmt: skip
+    pilots: list[Pilot] = [*simulation.frames, *((one.rate, one.pilot([simulation])) for one in parts.pilots)]
+    if pilots:
+        carry([simulation], pilots, until)
     else:
         simulation.advance(until)
     return simulation.finish()

@@ -128,14 +128,17 @@ def load_voltage_low(a, net, q):
 
 
 @entry
-def advance(p, a, net, q, rules, h, steps, last, resume, history):
-    """Make `steps` steps of h seconds on one network; returns the verdict and the number of steps made.
+def advance(p, a, net, q, rules, sizes, due, last, resume, history):
+    """Make steps of the given sizes (s) on one network; returns the verdict and the number of steps made.
+
+    `due` has the bits of the frame rates that are due at the start of each step; it is empty without sampled
+    controllers.
 
     Row k of `history` (if it has rows) is the record at the start of step k; with `last`, one more row is recorded at
     the end. A step in which the power of storage jumps is made in parts that end at the jumps, unless the orders
     chatter. The verdict NEWTON asks the caller to solve for the voltages and to call again with `resume`.
     """
-    nx = len(q.x0)
+    nx, steps = len(q.x0), len(sizes)
     whole = True
     for i in range(len(net.island)):
         whole &= net.island[i] >= 0
@@ -151,6 +154,7 @@ def advance(p, a, net, q, rules, h, steps, last, resume, history):
             for i in range(len(q.volt)):
                 q.moves[0, stage, i] = q.moves[1, stage, i] = 0
     while step < steps + last:
+        h = sizes[step] if step < steps else 0.0
         entire, span = q.part[1] - q.part[0] == 1, (q.part[1] - q.part[0]) * h
         q.s[a.places[1]] = span
         for stage in range(stage0, 5 if a.relay and q.part[1] == 1 else 4):
@@ -171,7 +175,8 @@ def advance(p, a, net, q, rules, h, steps, last, resume, history):
                     break
                 known = DECIDED
                 copy(q.s, q.x0)
-                if len(a.held) == 0 or not decide(p, a, net, q):
+                frames = due[step] if stage == 0 and step < len(due) and q.part[0] == 0 else 0
+                if (len(a.held) == 0 and frames == 0) or not decide(p, a, net, q, frames):
                     q.marks[7] = 0 if q.marks[7] == CHATTER else q.marks[7]
                     break
             if stage == 4:

@@ -2,6 +2,8 @@
 
 import math
 import os
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,6 +34,39 @@ def checked(point: OperatingPoint, step: float | None) -> float:
             f"{point.fastest:.0f} 1/s{because}; give at most {longest:.3g} s."
         )
     return step
+
+
+class Steps(NamedTuple):
+    """Consecutive steps."""
+
+    starts: np.ndarray  # s
+    sizes: np.ndarray  # s
+    due: np.ndarray  # bits of the frame rates due at the start of each; empty without rates
+
+
+NONE = Steps(np.empty(0), np.empty(0), np.empty(0, np.int64))
+
+
+def steps(start: float, end: float, step: float, rates: Sequence[int] = ()) -> Steps:
+    """Steps of at most `step` (s) from start to end that begin at every frame.
+
+    Frame j of a rate is at j / rate. One that falls on the start belongs to this interval, one on the end to the next;
+    a frame within 1e-7 s of the start counts as there.
+    """
+    due: dict[float, int] = {}
+    for bit, rate in enumerate(rates):
+        for j in range(math.ceil(start * rate - 1e-6), math.ceil(end * rate - 1e-6)):
+            at = start if j / rate < start + 1e-7 else round(j / rate, 12)
+            due[at] = due.get(at, 0) | 1 << bit
+    marks = sorted({start, *due})
+    length = np.diff([*marks, end])
+    count = np.maximum(1, np.ceil(length / step - 1e-6)).astype(int)
+    first, sizes = np.cumsum(count) - count, np.repeat(length / count, count)
+    bits = np.zeros(len(sizes) if rates else 0, np.int64)
+    if rates:
+        bits[first] = [due.get(t, 0) for t in marks]
+    starts = np.repeat(marks, count) + sizes * (np.arange(len(sizes)) - np.repeat(first, count))
+    return Steps(starts, sizes, bits)
 
 
 def affordable(point: OperatingPoint, step: float, length: float, width: int) -> None:

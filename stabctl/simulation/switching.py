@@ -58,7 +58,7 @@ def bisect(h, p, a, net, q):
         t = (low + high) / 2
         set_orders(0, a, q)
         interpolate(t, h, q)
-        if decide(p, a, net, q):
+        if decide(p, a, net, q, 0):
             high = t
             for j in range(len(a.held)):
                 q.orders[1, j] = q.s[a.held[j]]
@@ -74,7 +74,7 @@ def switched(h, p, a, net, q):
 
     The voltages are solved for at the instant found, which is then found again.
     """
-    if not decide(p, a, net, q):
+    if not decide(p, a, net, q, 0):
         return 1.0
     copy(q.s, q.end)
     copy(q.volt, q.volts[2])

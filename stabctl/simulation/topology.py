@@ -8,11 +8,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from stabctl.devices.loads import zip_load
-from stabctl.dynamics import family
+from stabctl.dynamics import family, outputs
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.rows import load_row
 from stabctl.errors import StudyError
 from stabctl.model import keys, network
+from stabctl.model.location import circuit
 from stabctl.model.network import Switching
 
 from .plant import Net
@@ -64,7 +65,8 @@ def _stage(point: OperatingPoint, switching: Switching) -> Stage:
             f"The network of {point.case.name} has no solution after switching, because admittances cancel; check "
             "shunts and series capacitors."
         ) from None
-    return Stage(Net(factors, compact, alive, switching.faulted), (*loads, *_blocked(point, alive)), where)
+    changed = *loads, *_blocked(point, alive), *_measured(point, switching)
+    return Stage(Net(factors, compact, alive, switching.faulted), changed, where)
 
 
 def _blocked(point: OperatingPoint, alive: np.ndarray) -> Iterator[tuple[str, int, Any]]:
@@ -74,6 +76,16 @@ def _blocked(point: OperatingPoint, alive: np.ndarray) -> Iterator[tuple[str, in
             bus = (f.w[:, [family.BUS, family.BUS2]] - point.layout.nx) // 2
             for j in np.flatnonzero(~alive[bus].all(axis=1)):
                 yield f.name, int(j), f.device.blocked(f.device.Par(*f.k[j]))
+
+
+def _measured(point: OperatingPoint, switching: Switching) -> Iterator[tuple[str, int, Any]]:
+    """The sensors of circuits that are open or faulted, with the admittances that these have now."""
+    states = dict(switching.branches)
+    if states and point.system.has("line_power"):
+        for j, name in enumerate(point.system.family("line_power").keys):
+            row, _ = circuit(point.case, name)
+            if row in states:
+                yield "line_power", j, outputs.line(point, name, states[row])[1]
 
 
 def _stepped(point: OperatingPoint, switching: Switching) -> tuple[tuple[tuple[str, int, Any], ...], np.ndarray]:

@@ -16,6 +16,7 @@ from stabctl.dynamics import family
 from stabctl.dynamics.layout import Layout
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.program import Program, program
+from stabctl.dynamics.rows import NO_UNIT
 from stabctl.dynamics.tables import Family
 from stabctl.errors import StudyError
 
@@ -52,13 +53,19 @@ def wired(point: OperatingPoint, control: Law | None) -> Wired:
         kept[key] = program(families)
     k = np.concatenate([np.zeros(0), *(f.k.ravel() for f in families)])
     orders, deviation, m = places
-    held = point.system.family("esd").w[:, family.INPUTS] if point.case.storage else np.zeros(0, np.int64)
+    held = orders_of(layout)
     start = np.zeros(layout.size)
     start[: layout.first_memory] = point.s[: layout.first_memory]
     online = deviation + 2 * m
     start[online : online + len(point.case.machines)] = 1.0
     made = frame(point.system, layout, deviation, held, relay=_switches(families, law))
     return Wired(kept[key]._replace(k=k), families, layout, made, slice(orders, orders + len(held)), start)
+
+
+def orders_of(layout: Layout) -> np.ndarray:
+    """Places of the set-points of the storage devices' orders."""
+    found = [k for k, point in enumerate(layout.setpoints) if (point.unit, point.name) == (NO_UNIT, "order")]
+    return layout.first_setpoint + np.array(found, np.int64)
 
 
 def _switches(families: tuple[Family, ...], law: ModuleType | None) -> bool:
@@ -71,9 +78,9 @@ def _switches(families: tuple[Family, ...], law: ModuleType | None) -> bool:
 def _families(point: OperatingPoint, control: Law | None) -> tuple[tuple[Family, ...], Layout, tuple[int, int, int]]:
     """The system's families, those of the law and of the holds; the layout; places of orders and deviations, rotors."""
     system, case = point.system, point.case
-    n, m, first = len(case.storage), len(system.rotors.unit), system.layout.first_memory
+    n, m, first = len(case.storage), len(system.rotors.unit), system.layout.size
     deviation = first + n
-    layout = replace(system.layout, memory=n + 2 * m + len(case.machines))
+    layout = replace(system.layout, memory=system.layout.memory + n + 2 * m + len(case.machines))
     if not n:
         return system.families, layout, (first, deviation, m)
     esd = system.family("esd")
@@ -81,7 +88,7 @@ def _families(point: OperatingPoint, control: Law | None) -> tuple[tuple[Family,
     rotor = np.full(len(case.machines), -1)
     rotor[system.rotors.unit] = np.arange(m)
     common = [np.zeros(n, np.int64), esd.w[:, family.BUS], esd.w[:, family.BUS], unit]
-    order, wanted = esd.w[:, family.INPUTS], first + j
+    order, wanted = orders_of(layout), first + j
     columns = [*common, wanted, deviation + 2 * m + unit, np.full(n, layout.step), order]
     ramp = esd.k[:, [devices.every()["esd"].Par._fields.index("ramp")]]
     holds = Family("hold", hold, np.stack(columns, 1), ramp, esd.keys)

@@ -100,7 +100,7 @@ def analyze(
         raise StudyError(
             "Computing only the modes of a band needs a sparse model; use stabctl.smallsignal.descriptor to linearize."
         )
-    return Modes(model, *_fixed(eigen(model.A, model.angles())))
+    return Modes(model, *_fixed(eigen(model.A, model.rotation())))
 
 
 def _fixed(found: Eigen) -> Eigen:

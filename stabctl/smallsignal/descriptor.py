@@ -15,6 +15,7 @@ from scipy.sparse.linalg import splu
 
 from stabctl.dynamics import inputs as ins
 from stabctl.dynamics import layout, outputs
+from stabctl.dynamics.extended import extended
 from stabctl.dynamics.jacobian import Derivatives
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
@@ -93,8 +94,10 @@ def descriptor(
     StudyError
         If a signal is not known.
     """
-    case, lay = point.case, point.layout
+    case = point.case
     u, y = chosen(case, inputs, INPUTS), chosen(case, outputs, OUTPUTS)
+    point = extended(point, u, y)
+    lay = point.layout
     d = point.equations.at(point.s.copy())
     Y = point.admittance()
     refuse.moving(point, d, Y)

@@ -1,6 +1,7 @@
 """Eigenvalues and eigenvectors of a linear model, with the zero eigenvalue of the angle reference separated exactly.
 
-Rotating all angles together changes nothing: A r = 0 with r = 1 at every angle and 0 elsewhere. In a basis that begins
+Rotating all angles together changes nothing: A r = 0 with r = 1 at every angle (of rotors, and those that sensors
+track) and 0 elsewhere. In a basis that begins
 with r, A' = [0 a; 0 A22]. A second zero (nothing restores the frequency) would make A defective: rounding would split
 the double zero into a pair of about 1e-7, which looks unstable. In A22 it is a simple eigenvalue, as accurate as any.
 """
@@ -23,14 +24,14 @@ class Eigen(NamedTuple):
     left: np.ndarray  # (n, n) W, a column per mode
 
 
-def eigen(A: np.ndarray, angles: np.ndarray) -> Eigen:
-    """Eigenvalues with left and right eigenvectors; `angles` are the indices of the rotor angles.
+def eigen(A: np.ndarray, rotation: np.ndarray) -> Eigen:
+    """Eigenvalues with left and right eigenvectors; `rotation` is the vector r (n) above.
 
     The right vector of a defective zero is a generalized one: A v is a rotation of all angles, not zero.
     """
     turned = A.copy(order="F")
-    _reflect(turned, angles)
-    _reflect(turned.T, angles)
+    _reflect(turned, rotation)
+    _reflect(turned.T, rotation)
     values, Z, Y = sl.eig(turned[1:, 1:], left=True, right=True, check_finite=False)
     order = np.lexsort((-values.imag, values.real, np.abs(values.imag)))
     values, Z, Y = np.where(np.abs(values) < ZERO, 0, values)[order], Z[:, order], Y[:, order]
@@ -41,15 +42,14 @@ def eigen(A: np.ndarray, angles: np.ndarray) -> Eigen:
     V[0, 0] = W[0, 0] = 1
     V[0, 1:], V[1:, 1:] = coupling, Y
     W[1:, 1:], W[1:, 0] = Z, -(Z @ coupling.conj())
-    _reflect(V, angles)
-    _reflect(W, angles)
+    _reflect(V, rotation)
+    _reflect(W, rotation)
     return Eigen(np.r_[0j, values], V, W)
 
 
-def _reflect(M: np.ndarray, angles: np.ndarray) -> None:
-    """M := H M, where H is the reflection that maps the first axis to r."""
-    u = np.zeros(len(M))
-    u[angles] = -1 / np.sqrt(len(angles))
+def _reflect(M: np.ndarray, rotation: np.ndarray) -> None:
+    """M := H M, where H is the reflection that maps the first axis to the direction of r."""
+    u = -rotation / np.linalg.norm(rotation)
     u[0] += 1
     rows = np.flatnonzero(u)
     u = u[rows] / (np.linalg.norm(u) or 1.0)

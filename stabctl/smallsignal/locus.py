@@ -150,7 +150,7 @@ def _follow(name: str, values: np.ndarray, linear: Linear, matrix: Callable[[flo
     for value in values[1:]:
         new = matrix(value)
         expected = s + np.einsum("ij,ij->j", W.conj(), (new - A) @ V)
-        found = eigen(new, linear.angles())
+        found = eigen(new, linear.rotation())
         order = linear_sum_assignment(np.abs(expected[:, None] - found.values))[1]
         A, (s, V, W) = new, (found.values[order], found.right[:, order], found.left[:, order])
         rows.append(s)

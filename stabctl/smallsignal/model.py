@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.sparse.linalg import splu
 
+from stabctl import devices
 from stabctl._util import files
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
@@ -129,6 +130,11 @@ class Linear(Model):
     def speeds(self) -> np.ndarray:
         """Indices (rotor units) of the speeds among the states."""
         return self.angles() + 1
+
+    def rotation(self) -> np.ndarray:
+        """The change of the states (states) when all angles are rotated by 1 rad, which changes nothing else."""
+        every = devices.every()
+        return np.array([p.name in getattr(every.get(p.table), "ANGLES", ("delta",)) for p in self.places], float)
 
     def angles(self) -> np.ndarray:
         """Indices (rotor units) of the angles among the states."""

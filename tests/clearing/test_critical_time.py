@@ -7,12 +7,12 @@ import pytest
 
 from stabctl import io
 from stabctl.clearing import Search, Trial, clearing_time
-from stabctl.controllers import BangBang
+from stabctl.controllers import BangBang, Controller
 from stabctl.dynamics.coerce import initialize
 from stabctl.errors import StudyError
+from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.model import fleet, powerflow
 from stabctl.simulation.contingency import Contingency
-from stabctl.simulation.controller import Controller
 
 AT_7 = Contingency("7", trip="7-8")
 
@@ -106,17 +106,19 @@ def test_a_run_ends_when_fault_clearing_and_observation_are_over(two_area, one, 
     assert run.time[faulted].max() == pytest.approx(begins + 0.1, abs=1e-2)
 
 
-def test_a_sampled_controller_sees_the_system_at_rest_first(stored):
-    trial = Trial(stored, AT_7, Controller(lambda seen: 0.0 * seen.deviation), Search(0.5, 20.0, observed_s=0.3))
+def test_an_estimator_sees_the_system_at_rest_first(stored):
+    trial = Trial(stored, AT_7, EstimatorControl(), Search(0.5, 20.0, observed_s=0.3))
     assert (trial.at, trial.cleared(12)) == pytest.approx((0.5, 0.6))
     assert trial.simulate(12).outcome.time_s == pytest.approx(0.9)
 
 
 def test_a_law_written_in_python_has_a_clearing_time(two_area):
     def steep(seen):
-        return 1000 * seen.deviation * (seen.voltage > 0.8)
+        return 1000 * seen["deviation"] * (seen.actual("voltage") > 0.8)
 
-    found = clearing_time(two_area, AT_7, storage="50MW", control=Controller(steep), resolution="0.5cyc")
+    reads = "deviation, voltage:5, voltage:6, voltage:11, voltage:10"
+    law = Controller.from_function(steep, reads, "order")
+    found = clearing_time(two_area, AT_7, storage="50MW", control=law, resolution="0.5cyc")
     assert found.cycles == 12.5
 
 

@@ -8,11 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from systems import KINDS, REGC, ROUND, doubled, small
 
-from stabctl.controllers import BangBang, Device, Feedback, Input, bang_bang, wanted
+from stabctl.controllers import BangBang, Controller, Device, Feedback, Input, bang_bang, wanted
 from stabctl.dynamics import operating_point
 from stabctl.model.case import Storage
 from stabctl.simulation import simulation
-from stabctl.simulation.controller import Controller
 from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.events import Clear, Fault, Open, TripMachine
 
@@ -137,23 +136,23 @@ def test_a_device_alone_in_its_island_idles():
 
 
 def test_a_law_in_python_sees_the_rotors_of_a_system_with_a_converter():
-    """The same as without it, for the machines; a converter has no speed to follow."""
+    """A converter has no speed to follow, but its storage device takes orders."""
     shown = []
 
     def law(seen):
         shown.append(seen)
-        return np.where(np.isnan(seen.deviation), 0.5, 10 * seen.deviation)
+        return [0.5, 10 * seen["deviation"][0]] if seen.time else 0.0
 
     case = doubled(small(KINDS["bare"]))
     case = replace(case, devices={"genrou": {101: ROUND}, "gencls": case.devices["gencls"], "regc_a": {1: REGC}})
     point = operating_point.solve(case.with_storage([Storage(1, 2, 40.0), Storage(101, 2, 40.0)]))
     events = [Fault("2", 0.1), Clear("2", 0.18), TripMachine(2, 0.3)]
-    run = simulation.run(point, events, 0.5, control=Controller(law), criterion=KEEP_ON)
-    assert np.isnan([seen.deviation[0] for seen in shown]).all()
-    assert shown[0].speed.shape == shown[0].angle.shape == (2,)
-    deviation = np.array([seen.deviation[1] for seen in shown if seen.time < 0.3 - 1e-9])
+    control = Controller.from_function(law, "deviation, speed, angle", "order")
+    run = simulation.run(point, events, 0.5, control=control, criterion=KEEP_ON)
+    assert shown[0]["speed"].shape == shown[0]["angle"].shape == shown[0]["deviation"].shape == (2,)
+    deviation = np.array([seen["deviation"][0] for seen in shown if seen.time < 0.3 - 1e-9])
     rows = np.searchsorted(run.time, [seen.time - 1e-9 for seen in shown[: len(deviation)]])
     assert deviation == pytest.approx(run.arrays.speed[rows, 0] - run.arrays.speed[rows, 1], abs=1e-12)
     assert np.ptp(deviation) > 1e-3
-    assert shown[-1].deviation[1] == 0  # alone in its island
+    assert shown[-1]["deviation"][0] == 0  # alone in its island
     assert run.arrays.storage[-1, 0] == pytest.approx(20.0)

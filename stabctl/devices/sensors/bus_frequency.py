@@ -17,6 +17,7 @@ from stabctl.schema import FROM_CASE
 
 NAME = "bus frequency"
 ROLE = "sensor"
+ANGLES = ("theta",)
 
 
 class Par(NamedTuple):

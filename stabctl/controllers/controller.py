@@ -1,0 +1,306 @@
+"""A controller: named inputs and outputs, its own states, and what real controllers have: rate, delay, limits, gate.
+
+    continuous   x' = A x + B y,  u = shape(C x + D y),   delayed by a Pade approximation
+    sampled      the same once per frame with x+ in place of x'; u is held, and acts `delay` later
+
+y are the inputs and u the outputs, as deviations from the operating point, so a controller gives nothing at rest. An
+output is added to what the driven input has without the controller.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import KW_ONLY, dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stabctl.errors import StudyError, shown
+from stabctl.units import TIME, quantity
+
+from .gate import Gate
+from .python_law import checked_law
+
+if TYPE_CHECKING:
+    import control
+
+FASTEST = 10_000  # frames per second
+PADE = 4  # order of the approximation of a continuous delay
+UNLIMITED = math.inf
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Controller:
+    """A controller of any inputs of a system, the same in simulation and linear model.
+
+    Parameters
+    ----------
+    inputs : tuple of str
+        Signals that it reads, such as "speed:2" or "flow:7-8"; see `stabctl.smallsignal.OUTPUTS`. A kind alone means
+        all signals of that kind.
+    outputs : tuple of str
+        Inputs of the system that it drives, such as "vs:2" or "order:1@5"; see `stabctl.smallsignal.INPUTS`.
+    A, B, C, D : ndarray
+        Matrices (states, states), (states, inputs), (outputs, states), (outputs, inputs); 1/s if continuous.
+    name : str
+        Name in labels and messages.
+    rate : int, 1/s, optional
+        Frames per second; None if it is continuous.
+    delay : str or float, s
+        From reading to action; of a sampled controller a multiple of its frame.
+    limits : pair of float
+        Lowest and highest output, in the unit of the driven input.
+    deadband : float
+        Output below which it gives nothing, in the same unit; a relay switches beyond it.
+    relay : bool
+        Give the lowest or highest output, or nothing.
+    ramp : float, 1/s
+        Largest change of the output of a sampled controller per second; 0 is unlimited.
+    tracking : str or float, s, optional
+        Time constant Tt of the anti-windup: x' also has C+ (limited - unlimited output) / Tt, C+ the pseudoinverse of
+        C, as in a PI controller (K. Astrom, T. Hagglund, Advanced PID Control, 2006, section 3.5).
+    gate : Gate, optional
+        When it acts.
+    law : callable, optional
+        Python function in place of the matrices; see `from_function`.
+    start : tuple of float
+        States of the function at rest.
+
+    Raises
+    ------
+    StudyError
+        If the matrices do not fit, or a value is not allowed.
+    """
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    _: KW_ONLY
+    name: str = "controller"
+    rate: int | None = None
+    delay: float = 0.0
+    limits: tuple[float, float] = (-UNLIMITED, UNLIMITED)
+    deadband: float = 0.0
+    relay: bool = False
+    ramp: float = 0.0
+    tracking: float | None = None
+    gate: Gate | None = None
+    law: Callable[..., Any] | None = None
+    start: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        for key in ("inputs", "outputs"):
+            object.__setattr__(self, key, _names(key, getattr(self, key)))
+        for key in "ABCD" if self.law is None else "":
+            object.__setattr__(self, key, _matrix(key, getattr(self, key), self._shape(key)))
+        for key in ("delay", "tracking"):
+            if getattr(self, key) is not None:
+                object.__setattr__(self, key, _seconds(key, getattr(self, key)))
+        self._check()
+
+    def _shape(self, key: str) -> tuple[int | None, int | None]:
+        """Shape of a matrix; None where the names are kinds, whose number depends on the case."""
+        n = len(np.atleast_2d(np.asarray(self.A, float))) if np.size(self.A) else 0
+        m, p = (None if any(":" not in k for k in names) else len(names) for names in (self.inputs, self.outputs))
+        return {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}[key]
+
+    def _check(self) -> None:
+        rate = self.rate
+        if rate is not None and (isinstance(rate, bool) or not isinstance(rate, int) or not 1 <= rate <= FASTEST):
+            raise StudyError(
+                f"{self.name}: the rate of {shown(rate)} frames a second is not allowed; give 1 to {FASTEST}."
+            )
+        if self.law is not None and rate is None:
+            raise StudyError(f"{self.name}: a Python function is called at frames; give a rate, such as rate=60.")
+        low, high = _limits(self.name, self.limits)
+        object.__setattr__(self, "limits", (low, high))
+        if not low <= 0 <= high or (math.isnan(low + high) and low == high):
+            raise StudyError(f"{self.name}: the limits {low:g} to {high:g} must include 0, which it gives at rest.")
+        for key in ("deadband", "ramp"):
+            value = getattr(self, key)
+            if not (isinstance(value, int | float) and 0 <= value < math.inf):
+                raise StudyError(f"{self.name}: {key} = {shown(value)} is not allowed; give a number of at least 0.")
+        if self.relay and not (math.isfinite(low) and math.isfinite(high) and low < high):
+            raise StudyError(f"{self.name}: a relay needs finite limits, which it switches between; give limits.")
+        if self.ramp and rate is None:
+            raise StudyError(f"{self.name}: a ramp limit needs a sampled controller; give a rate, such as rate=60.")
+        if rate is not None and abs(self.delay * rate - round(self.delay * rate)) > 1e-6:
+            below = math.floor(self.delay * rate)
+            raise StudyError(
+                f"{self.name}: a delay of {1e3 * self.delay:g} ms is not a whole number of frames at {rate}/s; give "
+                f"{1e3 * below / rate:.4g} or {1e3 * (below + 1) / rate:.4g} ms."
+            )
+
+    @property
+    def frames(self) -> int:
+        """Frames from reading to action; 0 of a continuous controller."""
+        return round(self.delay * self.rate) if self.rate else 0
+
+    @property
+    def linear(self) -> bool:
+        """Whether it acts linearly on small deviations: no deadband and no relay."""
+        return not (self.relay or self.deadband)
+
+    @classmethod
+    def from_control(
+        cls,
+        system: "control.StateSpace | control.TransferFunction",
+        inputs: str | Sequence[str] | None = None,
+        outputs: str | Sequence[str] | None = None,
+        *,
+        rate: int | None = None,
+        **more: Any,
+    ) -> "Controller":
+        """A controller from a python-control system.
+
+        Parameters
+        ----------
+        system : control.StateSpace or control.TransferFunction
+            Continuous, or sampled with dt in seconds.
+        inputs, outputs : str or sequence of str, optional
+            Names of the signals; by default the labels of the system.
+        rate : int, 1/s, optional
+            Sample a continuous system at this rate (Tustin's method).
+        **more
+            The other fields of `Controller`: delay, limits, ...
+
+        Raises
+        ------
+        StudyError
+            If the system is improper, has no labels that name signals, or its rate does not agree.
+        """
+        from .from_control import parts
+
+        found = parts(system, inputs, outputs, rate)
+        return cls(**found, **more)
+
+    @classmethod
+    def from_function(
+        cls,
+        law: Callable[..., Any] | type,
+        inputs: str | Sequence[str],
+        outputs: str | Sequence[str],
+        *,
+        rate: int = 60,
+        start: Sequence[float] = (),
+        **more: Any,
+    ) -> "Controller":
+        """A controller from a Python function, called once per frame.
+
+        Parameters
+        ----------
+        law : callable
+            `law(seen)` returns the outputs, one number for all or one for each; `seen` is a `Seen`. With states,
+            `law(seen, x)` returns the outputs and the states at the next frame. A class is instantiated for every
+            run, and the instance is called.
+        inputs, outputs : str or sequence of str
+            Names of the signals.
+        rate : int, 1/s
+            Frames per second.
+        start : sequence of float
+            States at rest; empty if it has none.
+        **more
+            The other fields of `Controller`: delay, limits, ...
+
+        Examples
+        --------
+        >>> Controller.from_function(lambda seen: 500 * seen["deviation"], "deviation", "order", rate=60, delay="50ms")
+        """
+        checked_law(law)
+        names, none = (_split(inputs), _split(outputs)), np.zeros((0, 0))
+        start = tuple(map(float, start))
+        return cls(*names, none, none, none, none, rate=rate, law=law, start=start, **more)
+
+    def delayed(self, delay: str | float) -> "Controller":
+        """The same with another delay."""
+        return replace(self, delay=_seconds("delay", delay))
+
+    def scaled(self, gain: float) -> "Controller":
+        """The same with all outputs multiplied by a gain."""
+        if self.law is not None:
+            raise StudyError(f"{self.name} is a Python function; multiply its result instead.")
+        return replace(self, C=gain * self.C, D=gain * self.D)
+
+    def sampled(self, rate: int, delay: str | float = 0.0) -> "Controller":
+        """A continuous controller as a sampled one (Tustin's method), x of the trapezoidal rule as its state."""
+        if self.rate is not None:
+            raise StudyError(f"{self.name} is sampled already, at {self.rate}/s.")
+        from .from_control import tustin
+
+        A, B, C, D = tustin(self.A, self.B, self.C, self.D, rate)
+        return replace(self, A=A, B=B, C=C, D=D, rate=rate, delay=_seconds("delay", delay))
+
+    def to_control(self) -> "control.StateSpace":
+        """The matrices as a python-control system, without delay, limits, deadband and gate."""
+        import control
+
+        if self.law is not None:
+            raise StudyError(f"{self.name} is a Python function, which python-control has no matrices for.")
+        labels = {"inputs": list(self.inputs), "outputs": list(self.outputs)}
+        labels = {key: [k.replace(".", " ") for k in names] for key, names in labels.items()}
+        return control.ss(self.A, self.B, self.C, self.D, 1 / self.rate if self.rate else 0, **labels)
+
+    def save(self, path: Any) -> Any:
+        """Write the controller to a TOML file, which `stabctl.load_controller` and `--controller` read."""
+        from .file import save
+
+        return save(self, path)
+
+    def __str__(self) -> str:
+        kind = f"{self.rate}/s" if self.rate else "continuous"
+        what = "Python function" if self.law else f"{len(self.A)} states"
+        late = f", delay {1e3 * self.delay:g} ms" if self.delay else ""
+        return f"{self.name}: {', '.join(self.inputs)} -> {', '.join(self.outputs)} ({what}, {kind}{late})"
+
+    __repr__ = __str__
+
+
+def _split(names: str | Sequence[str]) -> tuple[str, ...]:
+    return tuple(n.strip() for n in names.split(",")) if isinstance(names, str) else tuple(names)
+
+
+def _names(key: str, names: Any) -> tuple[str, ...]:
+    found = _split(names) if isinstance(names, str | list | tuple) else ()
+    if not found or not all(isinstance(n, str) and n for n in found):
+        raise StudyError(f"{key} = {shown(names)} does not name signals; give names such as 'speed:2' or 'vs:2'.")
+    if len(set(found)) < len(found):
+        raise StudyError(f"{key} = {shown(names)} names a signal twice; give each once.")
+    return found
+
+
+def _matrix(key: str, value: Any, shape: tuple[int | None, int | None]) -> np.ndarray:
+    try:
+        found = np.array(value, float)
+    except (TypeError, ValueError):
+        raise StudyError(f"The matrix {key} of the controller is not made of numbers: {shown(value)}.") from None
+    if found.size == 0 and 0 in shape:
+        found = found.reshape([0 if k is None else k for k in shape])
+    found = np.atleast_2d(found) if found.ndim < 2 else found
+    if found.ndim != 2 or any(want is not None and n != want for n, want in zip(found.shape, shape, strict=True)):
+        wanted = " x ".join("any" if n is None else str(n) for n in shape)
+        raise StudyError(
+            f"The matrix {key} of the controller is {' x '.join(map(str, found.shape))}, but must be {wanted}."
+        )
+    if not np.isfinite(found).all():
+        raise StudyError(f"The matrix {key} of the controller has entries that are not finite numbers.")
+    found.setflags(write=False)
+    return found
+
+
+def _seconds(key: str, value: Any) -> float:
+    found = quantity(value, "s", bare=False) if isinstance(value, str) else value
+    if isinstance(found, bool) or not isinstance(found, int | float) or not 0 <= found < math.inf:
+        raise StudyError(f"{key} = {shown(value)} is not a time; give {TIME.examples}.")
+    return float(found)
+
+
+def _limits(name: str, value: Any) -> tuple[float, float]:
+    try:
+        low, high = (-abs(value), abs(value)) if isinstance(value, int | float) else value
+        return float(low), float(high)
+    except (TypeError, ValueError):
+        raise StudyError(
+            f"{name}: limits = {shown(value)} is not allowed; give (-0.1, 0.1), or 0.1 for both."
+        ) from None

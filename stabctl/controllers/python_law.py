@@ -1,0 +1,101 @@
+"""A control law as a Python function: what it sees at a frame."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from stabctl.errors import StudyError, shown
+
+
+@dataclass(frozen=True)
+class Seen:
+    """The inputs of a controller at one frame.
+
+    Attributes
+    ----------
+    names
+        Names of the inputs.
+    values
+        Deviations from the operating point (inputs).
+    rest
+        Values at the operating point (inputs); `rest + values` are the values themselves.
+    time
+        Instant, s.
+    """
+
+    names: tuple[str, ...]
+    values: np.ndarray
+    rest: np.ndarray
+    time: float = 0.0
+
+    def __getitem__(self, name: str) -> Any:
+        """Deviation of one input ("speed:2"), or of all inputs of a kind ("speed"), as an array."""
+        return _of(self.names, self.values, name)
+
+    def actual(self, name: str) -> Any:
+        """Value of one input, or of all inputs of a kind, as an array."""
+        return _of(self.names, self.rest + self.values, name)
+
+
+def _of(names: Sequence[str], values: np.ndarray, name: str) -> Any:
+    if name in names and ":" in name:
+        return values[names.index(name)]
+    rows = [i for i, n in enumerate(names) if n.partition(":")[0] == name]
+    if not rows:
+        raise StudyError(f"The controller does not read {shown(name)}; its inputs are {', '.join(names)}.")
+    return values[rows]
+
+
+def checked_law(law: Any) -> Callable[..., Any]:
+    """The law. `StudyError` if it cannot be called."""
+    if not callable(law):
+        raise StudyError(f"{shown(law)} is not a control law; give a function: lambda seen: 500 * seen['deviation'].")
+    return law
+
+
+def answer(
+    law: Callable[..., Any], seen: Seen, x: np.ndarray, outputs: int, name: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """Outputs and next states of a law, checked."""
+    given = law(seen, x) if len(x) else law(seen)
+    try:
+        u, following = given if len(x) else (given, x)
+        u = np.broadcast_to(np.asarray(u), (outputs,))
+        following = np.asarray(following).reshape(x.shape)
+        right = np.isfinite(u).all() and np.isfinite(following).all()
+    except (TypeError, ValueError):
+        right = False
+    if not right:
+        wanted = f"{outputs} outputs" if outputs > 1 else "an output"
+        states = f" and {len(x)} states" if len(x) else ""
+        raise StudyError(f"The law {name} gave {shown(given)} at {seen.time:.3f} s; it must give {wanted}{states}.")
+    return u, following
+
+
+def slopes(
+    law: Callable[..., Any], names: tuple[str, ...], rest: np.ndarray, start: Sequence[float], outputs: int, name: str
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Matrices A, B, C, D of a law at the operating point, by complex step, or by central differences.
+
+    Raises `StudyError` if it does not rest there: outputs 0 and states unchanged.
+    """
+    x0, n, m = np.array(start, float), len(start), len(names)
+
+    def ask(z: np.ndarray) -> np.ndarray:
+        u, x = answer(law, Seen(names, z[n:], rest), x0 + z[:n], outputs, name)
+        return np.r_[x - x0, u]
+
+    still = ask(np.zeros(n + m))
+    if np.abs(still).max(initial=0.0) > 1e-9:
+        raise StudyError(
+            f"The law {name} is not at rest at the operating point: it gives {shown(still.tolist())} for deviations of "
+            "0; let it give 0 and leave its states unchanged there."
+        )
+    try:
+        J = np.array([ask(1e-30j * e).imag / 1e-30 for e in np.eye(n + m)])
+    except TypeError:
+        J = np.array([(ask(1e-6 * e) - ask(-1e-6 * e)) / 2e-6 for e in np.eye(n + m)])
+    J = J.T.reshape(n + outputs, n + m)
+    return J[:n, :n], J[:n, n:], J[n:, :n], J[n:, n:]

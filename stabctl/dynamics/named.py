@@ -1,0 +1,53 @@
+"""A controller with the signals that its names mean in a case."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stabctl.controllers.controller import Controller
+from stabctl.controllers.realization import Matrices, realized
+from stabctl.errors import StudyError
+
+from . import outputs
+from .extended import extended
+from .operating_point import OperatingPoint
+from .signals import INPUTS, OUTPUTS, Signal, chosen
+
+NO_DRIVE = ("storage", "load_p", "load_q")  # powers of linear models that no device of the case draws
+
+
+@dataclass(frozen=True)
+class Named:
+    """A controller with the signals that its names mean in a case."""
+
+    controller: Controller
+    inputs: tuple[Signal, ...]
+    outputs: tuple[Signal, ...]
+    names: tuple[str, ...]  # of the inputs, each with its place
+    rest: np.ndarray  # values of the inputs at the operating point
+
+    @property
+    def matrices(self) -> Matrices:
+        """Its matrices at the operating point."""
+        return realized(self.controller, self.names, self.rest, len(self.outputs))
+
+
+def named(point: OperatingPoint, c: Controller) -> Named:
+    """The signals of a controller in a case. Raises `StudyError` if one does not exist, or the matrices do not fit."""
+    case = point.case
+    reads, drives = chosen(case, c.inputs, OUTPUTS), chosen(case, c.outputs, INPUTS)
+    for signal in drives:
+        if signal.kind in NO_DRIVE:
+            raise StudyError(
+                f"{c.name} cannot drive {signal.kind}, which no device of {case.name} takes in a simulation; drive the "
+                "order of a storage device, such as order:1@5."
+            )
+    if c.law is None and (c.B.shape[1], c.C.shape[0]) != (len(reads), len(drives)):
+        raise StudyError(
+            f"{c.name} has matrices for {c.B.shape[1]} inputs and {c.C.shape[0]} outputs, but its names mean "
+            f"{len(reads)} inputs and {len(drives)} outputs in {case.name}."
+        )
+    seen = extended(point, (), reads)
+    rest = np.array([0.0 if s.kind == "frequency" else outputs.value(seen, s)(seen.s) for s in reads])
+    names = tuple(s.kind if s.place is None else f"{s.kind}:{s.place}" for s in reads)
+    return Named(c, reads, drives, names, rest)

@@ -1,0 +1,220 @@
+"""An operating point with controllers: the places of all that they read and drive."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from stabctl.controllers.controller import Controller
+from stabctl.controllers.realization import Matrices
+from stabctl.devices.sensors import bus_angle, bus_voltage, line_power
+from stabctl.dynamics import inputs as ins
+from stabctl.dynamics import outputs
+from stabctl.dynamics.extended import extended
+from stabctl.dynamics.extension import Extension
+from stabctl.dynamics.layout import StatePlace
+from stabctl.dynamics.named import Named, named
+from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen, machines
+from stabctl.errors import StudyError
+
+from . import center, frame, lti
+
+NONE = np.zeros((0, 0))
+BOUND = 1e300  # in place of an infinite limit, which must not be multiplied by zero
+
+
+@dataclass(frozen=True)
+class Called:
+    """A Python function: where it reads, and where its held outputs are."""
+
+    named: Named
+    reads: np.ndarray
+    held: slice
+
+
+@dataclass(frozen=True, eq=False)
+class Attached:
+    """An operating point with controllers."""
+
+    point: OperatingPoint
+    named: tuple[Named, ...] = ()
+    rates: tuple[int, ...] = ()  # 1/s, of the sampled controllers that are compiled; place k is bit k
+    called: tuple[Called, ...] = ()
+    windows: tuple[tuple[int, float, float], ...] = ()  # place of a flag, its start and end, s
+    memory: int = field(default=0)
+
+
+def attached(point: OperatingPoint, controllers: Sequence[Controller]) -> Attached:
+    """The operating point with controllers, which it keeps; it does not move.
+
+    Raises
+    ------
+    StudyError
+        If a controller reads or drives what the case does not have.
+    EquilibriumError
+        If a controller forms an algebraic loop with the devices, which it names.
+    """
+    kept = vars(point).setdefault("attached", {})
+    key = tuple(controllers)
+    if key not in kept:
+        kept[key] = _Attachment(point, [named(point, c) for c in controllers]).done()
+    return kept[key]
+
+
+class _Attachment:
+    """Adds controllers one after the other."""
+
+    def __init__(self, point: OperatingPoint, controllers: Sequence[Named]) -> None:
+        gates = [chosen(point.case, [g], OUTPUTS)[0] if (g := _gate(c)) else None for c in controllers]
+        read = [s for c in controllers for s in c.inputs] + [g for g in gates if g is not None]
+        self.base = extended(point, (), read)
+        self.more = Extension(self.base)
+        self.controllers, self.gates = controllers, gates
+        rates = {c.controller.rate for c in controllers if c.controller.law is None}
+        self.rates = tuple(sorted(r for r in rates if r))
+        self.sensors: dict[Signal, int] = {}
+        self.ports: dict[Signal, list[tuple[int, int, int]]] = {}
+        self.called: list[tuple[Named, list[int], int]] = []
+        self.windows: list[tuple[int, float, float]] = []
+        self.unit = {m.machine: i for i, m in enumerate(point.case.machines)}
+        for signal in dict.fromkeys(s for c in controllers for s in c.outputs):
+            self.ports[signal] = self._ports(signal)
+
+    def done(self) -> Attached:
+        """The operating point with all of them."""
+        for c, gate in zip(self.controllers, self.gates, strict=True):
+            self._add(c, gate)
+        point, final = self.more.build(), self.more.place
+        called = (
+            Called(c, np.array([final(r) for r in reads], int), slice(final(held), final(held) + len(c.outputs)))
+            for c, reads, held in self.called
+        )
+        windows = tuple((final(at), start, end) for at, start, end in self.windows)
+        return Attached(point, tuple(self.controllers), self.rates, tuple(called), windows)
+
+    def _ports(self, signal: Signal) -> list[tuple[int, int, int]]:
+        """The inputs of devices that a signal drives."""
+        if signal.kind == "vs":
+            found = self.more.ports(self.unit[signal.number], "Vs")
+        else:
+            place = ins.place(self.base, signal)
+            found = [] if place is None else self.more.readers(place)
+        if not found:
+            raise StudyError(f"No device of {self.base.case.name} reads {signal.label}, so it cannot be driven.")
+        return found
+
+    def _add(self, c: Named, gate: Signal | None) -> None:
+        what, more, m, p = c.controller, self.more, len(c.inputs), len(c.outputs)
+        reads = [self._place(s) for s in c.inputs]
+        owner = self._owner(c)
+        base = [int(self.more.connected(self.ports[s], 0)) for s in c.outputs]
+        out = more.outputs([more.value(at) for at in base], owner)
+        for i, s in enumerate(c.outputs):
+            more.connected(self.ports[s], out + i)
+        one = self.base.layout.one
+        opens, window = one if gate is None else self._place(gate), one
+        if what.gate is not None and (what.gate.start > -np.inf or what.gate.end < np.inf):
+            window = more.memory(1)
+            self.windows.append((window, what.gate.start, what.gate.end))
+        if what.law is not None:
+            held = more.memory(p)
+            k = self._constants(c, Matrices(NONE, NONE, NONE, np.zeros((p, 0))), 0)
+            more.add("frame", frame, [0, 0, 0, owner, *base, opens, window, held, out], [*k, 0, 0.0, -1], what.name)
+            self.called.append((c, reads, held))
+            return
+        matrices = c.matrices
+        k = self._constants(c, matrices, m)
+        n = len(matrices.A)
+        if what.rate is None:
+            labels = [StatePlace("controller", 0, owner, f"x{i + 1}", f"x{i + 1} {what.name}") for i in range(n)]
+            w = [more.states(labels, [0.0] * n), 0, 0, owner, *reads, *base, opens, window, out]
+            more.add("lti", lti, w, k, what.name)
+            return
+        memory = more.memory(n + what.frames * p + p + n + p)
+        tail = [what.frames, what.ramp / what.rate, self.rates.index(what.rate)]
+        more.add("frame", frame, [0, 0, 0, owner, *reads, *base, opens, window, memory, out], [*k, *tail], what.name)
+
+    def _constants(self, c: Named, M: Matrices, m: int) -> list[float]:
+        """The row of constants, as `lti` describes it."""
+        what, (n, p) = c.controller, (len(M.A), len(M.C))
+        p = len(c.outputs)
+        gate, (low, high) = what.gate, what.limits
+        bounds = (
+            (max(gate.low, -BOUND), min(gate.high, BOUND), gate.magnitude) if gate and gate.signal else (0.0, 2.0, 0.0)
+        )
+        if any(s.kind == "order" for s in c.outputs):
+            low, high = max(low, -1.0), min(high, 1.0)
+        L = np.zeros((n, p))
+        if what.tracking and n:
+            rate = what.rate or 0
+            L = np.linalg.pinv(M.C) * (1 - np.exp(-1 / (rate * what.tracking)) if rate else 1 / what.tracking)
+        units = [
+            self.unit[machines(s)[0]] if OUTPUTS[s.kind].place in ("machine", "group") else -1 for s in c.inputs[:m]
+        ]
+        levels = [max(low, -BOUND), min(high, BOUND), what.deadband, float(what.relay)]
+        parts = [[n, m, p], bounds, *(X.ravel() for X in M), c.rest[:m], units, levels, L.ravel()]
+        return np.concatenate(parts).tolist()
+
+    def _owner(self, c: Named) -> int:
+        """The unit of a controller that drives one machine only: it is frozen when the machine is off."""
+        driven = {self.unit[s.number] if INPUTS[s.kind].place == "machine" else -1 for s in c.outputs}
+        return driven.pop() if len(driven) == 1 else -1
+
+    def _place(self, signal: Signal) -> int:
+        """Place of a signal; a sensor is added where no device gives it."""
+        if signal not in self.sensors:
+            self.sensors[signal] = self._sensor(signal)
+        return self.sensors[signal]
+
+    def _sensor(self, signal: Signal) -> int:
+        base, kind = self.base, signal.kind
+        if kind in outputs.OF_UNIT or kind in ("absorbed", "bus_frequency"):
+            return outputs.place(base, signal)
+        if kind == "state":
+            return outputs.state(base, signal)
+        if kind == "frequency":
+            raise StudyError(
+                f"A controller cannot read frequency:{signal.place}, the exact rate of a bus angle; let it read "
+                f"bus_frequency:{signal.place}, the measured frequency."
+            )
+        if kind == "speed":
+            return int(base.rotors.angle[base.rotor_numbers.index(signal.number)]) + 1
+        rest = float(outputs.value(base, signal)(base.s))
+        if kind in ("angle", "rest_speed", "coi_speed", "deviation"):
+            return self._center(signal, rest)
+        out = self.more.outputs([rest] if kind in ("voltage", "bus_angle") else [0.0, 0.0])
+        if kind in ("flow", "flow_q"):
+            ends, par = outputs.line(base, str(signal.place))
+            first, second = (int(base.layout.nx + k) for k in ends[[0, 2]])
+            self.more.add("line_power", line_power, [0, first, second, -1, out], par, str(signal.place))
+            return out + (kind == "flow_q")
+        at = base.layout.nx + 2 * base.net.place[signal.number]
+        if kind == "voltage":
+            self.more.add("bus_voltage", bus_voltage, [0, at, at, -1, out], [], f"bus {signal.place}")
+        else:
+            mean = self._center(Signal("coi_angle", None, "", ""), 0.0)
+            self.more.add("bus_angle", bus_angle, [0, at, at, -1, mean, out], [], f"bus {signal.place}")
+        return out
+
+    def _center(self, signal: Signal, rest: float) -> int:
+        """A mean of angles or speeds; see `center`."""
+        rotors, kind = self.base.rotors, signal.kind
+        group: np.ndarray = np.zeros(len(rotors.unit))
+        if signal.place is not None:
+            group = np.isin(self.base.rotor_numbers, machines(signal)) * 1.0
+        own, mean, others = {
+            "deviation": (1.0, -1.0, 1), "angle": (1.0, -1.0, 0), "rest_speed": (0.0, 1.0, 1),
+            "coi_speed": (0.0, 1.0, 0), "coi_angle": (0.0, 1.0, 0),
+        }[kind]  # fmt: skip
+        unit = int(rotors.unit[np.flatnonzero(group)[0]]) if group.any() else -1
+        places = rotors.angle + (kind not in ("angle", "coi_angle"))
+        out = self.more.outputs([rest])
+        k = [len(group), own, mean, others, *group, *rotors.inertia, *rotors.unit]
+        self.more.add("center", center, [0, 0, 0, unit, *map(int, places), out], k, signal.label)
+        return out
+
+
+def _gate(c: Named) -> str | None:
+    """Name of the signal that opens the gate of a controller."""
+    return c.controller.gate.signal if c.controller.gate else None

@@ -1,0 +1,60 @@
+"""Means of the angles or speeds of rotors, weighted with their inertia, in the island of one of them.
+
+    y = a (mean of a group) + b (mean of all, or of the others)
+
+    k: rotors m, a, b, 1 if the mean is of the others, group (m, 0 or 1), inertia (m), unit (m)
+    w: -, -, -, unit whose island is meant (-1: all that are on), signals (m), output
+
+Where there are no others, their mean is that of the group.
+"""
+
+import numpy as np
+
+from stabctl._util.jit import inline
+from stabctl.dynamics.family import OUTPUT
+
+NAME = "center of inertia"
+ROLE = "sensor"
+HEAD = 4
+
+
+@inline
+def family(op, count, w, k, s, f, on):
+    """The calls of the stepper; see `stabctl.dynamics.loop_text`."""
+    m = int(k[0])
+    width = m + 5
+    for j in range(count):
+        r, c = width * j, (HEAD + 3 * m) * j
+        mine = on[w[r + 3]] if w[r + 3] >= 0 else 0
+        inside, outside = 0.0, 0.0
+        own, rest = 0 * s[w[r + 4]], 0 * s[w[r + 4]]
+        for i in range(m):
+            group, H, island = k[c + HEAD + i], k[c + HEAD + m + i], on[int(k[c + HEAD + 2 * m + i])]
+            if island < 0 or (w[r + 3] >= 0 and island != mine):
+                continue
+            y = s[w[r + 4 + i]]
+            if group > 0:
+                inside += H
+                own += H * y
+            if group == 0 or k[c + 3] == 0:
+                outside += H
+                rest += H * y
+        own = own / inside if inside > 0 else own
+        rest = rest / outside if outside > 0 else own
+        if op == OUTPUT:
+            s[w[r + 4 + m]] = k[c + 1] * own + k[c + 2] * rest
+
+
+def sizes(k: np.ndarray) -> tuple[int, int, int, int]:
+    """Numbers of states, inputs, outputs and buses."""
+    return 0, int(k[0]), 1, 0
+
+
+def operations(k: np.ndarray) -> dict[int, tuple[str, ...]]:
+    """Operations, each with its equations."""
+    return {OUTPUT: ("family",)}
+
+
+def read(op: int, w: np.ndarray, k: np.ndarray) -> np.ndarray:
+    """Places that an operation reads."""
+    return w[4:-1]

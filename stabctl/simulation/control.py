@@ -1,0 +1,106 @@
+"""What acts on a simulation: a storage law, controllers, and what is called from outside at frames."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stabctl.controllers import Law
+from stabctl.controllers.controller import Controller
+from stabctl.controllers.python_law import Seen, answer
+from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.errors import StudyError, shown
+
+from .attached import Attached, Called, attached
+from .lti import shape
+from .sampled import Sampled
+
+if TYPE_CHECKING:
+    from .simulation import Simulation
+
+Control = Law | Sampled | Controller | Sequence[Law | Sampled | Controller] | None
+
+
+@dataclass(frozen=True)
+class Acting:
+    """The parts of what a study is given as `control`."""
+
+    law: Law | None = None  # acts at every step
+    pilots: tuple[Sampled, ...] = ()
+    controllers: tuple[Controller, ...] = ()
+
+    def at(self, point: OperatingPoint) -> Attached:
+        """The operating point with the controllers."""
+        return attached(point, self.controllers) if self.controllers else Attached(point)
+
+
+def acting(control: Any, storage: bool = True) -> Acting:
+    """The parts of a control, checked.
+
+    Parameters
+    ----------
+    control : control law, Controller, sequence of them, or None
+        What a study was given.
+    storage : bool
+        Whether the case has storage devices, which laws need.
+
+    Raises
+    ------
+    StudyError
+        If something is not a controller, or there are two laws for the same storage devices.
+    """
+    several = control if isinstance(control, list | tuple) else () if control is None else (control,)
+    if not isinstance(several, Iterable):
+        raise StudyError(f"control = {shown(control)} is not a control law.")
+    laws: list[Any] = []
+    for one in several:
+        if isinstance(one, type):
+            raise StudyError(f"control = {one.__name__} is a class; give an instance, {one.__name__}().")
+        if isinstance(one, Controller | Sampled):
+            continue
+        if not callable(getattr(one, "par", None)):
+            raise StudyError(
+                f"control = {shown(one)} is not a control law; give BangBang(), Feedback(...) or a Controller."
+            )
+        if not storage:
+            raise StudyError(
+                f"{type(one).__name__} needs storage devices to control; give storage='50MW', for example."
+            )
+        laws.append(one)
+    controllers = tuple(c for c in several if isinstance(c, Controller))
+    pilots = tuple(c for c in several if isinstance(c, Sampled) and not isinstance(c, Controller))
+    if len(laws) + len(pilots) > 1:
+        raise StudyError("Give one storage law; further controllers are made with Controller.")
+    return Acting(laws[0] if laws else None, pilots, controllers)
+
+
+class Frames:
+    """The frames of a Python function in one simulation: it reads, and its outputs are held."""
+
+    def __init__(self, called: Called, simulation: "Simulation") -> None:
+        what = called.named.controller
+        self._called, self._what, self._simulation = called, what, simulation
+        self._law: Callable[..., Any] = what.law() if isinstance(what.law, type) else what.law  # type: ignore[assignment]
+        self._x = np.array(what.start, float)
+        self._late = [np.zeros(called.held.stop - called.held.start)] * what.frames
+
+    def __call__(self) -> None:
+        """One frame."""
+        simulation, named, what = self._simulation, self._called.named, self._what
+        if simulation.outcome is not None:
+            return
+        s = simulation.settled()
+        seen = Seen(named.names, s[self._called.reads] - named.rest, named.rest, simulation.time)
+        u, self._x = answer(self._law, seen, self._x, len(named.outputs), what.name)
+        self._late.append(np.array(u, float))
+        low, high = what.limits
+        if any(o.kind == "order" for o in named.outputs):
+            low, high = max(low, -1.0), min(high, 1.0)
+        late = [shape(float(value), low, high, what.deadband, float(what.relay)) for value in self._late.pop(0)]
+        held = s[self._called.held]
+        reach = what.ramp / (what.rate or 1)
+        held[:] = np.clip(late, held - reach, held + reach) if reach else late
+
+
+__all__ = ["Acting", "Control", "Frames", "acting"]

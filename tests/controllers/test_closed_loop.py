@@ -1,0 +1,129 @@
+"""One controller in simulation and linear model: the ring-down is the eigenvalue of the closed loop."""
+
+import control
+import numpy as np
+import pytest
+from ringdown import errors, ringdown
+
+import stabctl as st
+
+S = control.tf("s")
+WASHOUT = 3 * S / (1 + 3 * S) / (1 + 0.05 * S)
+PSS = 20 * (10 * S / (1 + 10 * S)) * (1 + 0.05 * S) / (1 + 0.02 * S) * (1 + 3 * S) / (1 + 5.4 * S)
+
+
+@pytest.fixture(scope="module")
+def thyristor(cases):
+    """Kundur's system without stabilizers, whose inter-area mode grows, with storage."""
+    return cases("two_area_thyristor").initialize(storage="50MW")
+
+
+def least_damped(base, controllers):
+    """Least damped electromechanical eigenvalue of the closed loop, 1/s."""
+    modes = base.closed_loop(*controllers).modes()
+    return modes.eigenvalues[min(modes.swings(), key=lambda k: modes.damping_ratio[k])]
+
+
+def stabilizers():
+    return [st.Controller.from_control(PSS, f"speed:{i}", f"vs:{i}", name=f"pss {i}") for i in (1, 2, 3, 4)]
+
+
+def damper():
+    return st.Controller.from_control(40 * WASHOUT, "deviation:1", "order:1@5", name="damper")
+
+
+CONTROLLERS = {
+    "stabilizers": (stabilizers, 1e-5),  # 7.7e-6
+    "stabilizers at 60/s": (lambda: [c.sampled(60) for c in stabilizers()], 1e-5),  # 5.1e-7
+    "stabilizers at 60/s, 3 frames": (lambda: [c.sampled(60, "50ms") for c in stabilizers()], 1e-5),  # 3.8e-6
+    "stabilizers at 60/s, 12 frames": (lambda: [c.sampled(60, "200ms") for c in stabilizers()], 3e-4),  # 1.8e-4
+    "continuous delay": (lambda: [damper().delayed("100ms")], 2e-4),  # 6.1e-5
+    "sampled delay": (lambda: [damper().sampled(60, "100ms")], 2e-4),  # 3.7e-5
+    "line power, which follows the order at once": (
+        lambda: [
+            st.Controller.from_control(-0.02 * WASHOUT, "flow:7-8", "order:3@11", rate=60, delay="50ms", name="flow")
+        ],
+        1e-4,  # 1.6e-5
+    ),
+    "line power, continuous": (
+        lambda: [st.Controller.from_control(-0.02 * WASHOUT, "flow:7-8", "order:3@11", name="flow")],
+        1e-4,
+    ),
+    "measured frequency": (
+        lambda: [st.Controller.from_control(20 * WASHOUT, "bus_frequency:7", "order:1@5", name="frequency")],
+        1e-4,  # 2.6e-5
+    ),
+    "Python function": (
+        lambda: [st.Controller.from_function(lambda seen: 20 * seen["deviation"], "deviation", "order", delay="50ms")],
+        5e-4,  # 3.0e-4
+    ),
+    "two rates": (lambda: [damper().sampled(60), stabilizers()[2].sampled(30, "100ms")], 1e-4),  # 1.8e-5
+}
+FAST = ("stabilizers", "sampled delay", "line power, which follows the order at once", "two rates")
+
+
+@pytest.mark.parametrize("name", [n if n in FAST else pytest.param(n, marks=pytest.mark.slow) for n in CONTROLLERS])
+def test_the_ringdown_is_the_eigenvalue_of_the_closed_loop(thyristor, name):
+    make, tolerance = CONTROLLERS[name]
+    controllers = make()
+    wanted = least_damped(thyristor, controllers)
+    assert abs(wanted - least_damped(thyristor, [])) > 3e-3  # 1/s   the controllers matter
+    poles, run = ringdown(thyristor, controllers, bus=7)
+    assert run.outcome.stable
+    frequency, decay = errors(poles, wanted)
+    assert frequency < 1e-5  # at most 6.6e-6
+    assert decay < tolerance
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("case", "bus", "reads", "drives"),
+    [("ieee39", 16, "deviation:1", "order:1@39"), ("wnaps", 83, "deviation:14", "order:14@36")],
+)
+def test_larger_systems(cases, case, bus, reads, drives):
+    base = cases(case).initialize(storage="50MW")
+    device = next(f"order:{s.machine}@{s.bus}" for s in base.case.storage if s.machine == int(reads.partition(":")[2]))
+    one = st.Controller.from_control(200 * WASHOUT, reads, device, rate=60, delay="50ms", name="damper")
+    wanted = least_damped(base, [one])
+    poles, _ = ringdown(base, one, bus=bus, mw=5.0)
+    frequency, decay = errors(poles, wanted)
+    assert max(frequency, decay) < 5e-4
+
+
+def test_the_closed_loop_of_continuous_controllers_is_that_of_python_control(thyristor):
+    """Two routes: our interconnection with names, and feedback() of python-control's matrices."""
+    plant = thyristor.linearize("vs", "speed").to_control()
+    gains = control.append(*[control.ss(PSS)] * 4)
+    theirs = np.sort_complex(control.feedback(plant, -gains).poles())
+    ours = np.sort_complex(np.linalg.eigvals(thyristor.closed_loop(*stabilizers()).A))
+    assert np.abs(ours - theirs).max() < 1e-6 * np.abs(theirs).max()
+
+
+def test_sampling_infinitely_fast_is_continuous(thyristor):
+    """The error of the modes falls as the frame, from half a frame of delay."""
+    exact = least_damped(thyristor, [damper()])
+    gaps = [abs(least_damped(thyristor, [damper().sampled(rate)]) - exact) for rate in (100, 200, 400)]
+    assert gaps[0] / gaps[1] == pytest.approx(2, abs=0.1)
+    assert gaps[1] / gaps[2] == pytest.approx(2, abs=0.1)
+
+
+def test_the_angle_reference_stays_the_only_zero(thyristor):
+    for controllers in ([damper()], [damper().sampled(60, "50ms")]):
+        modes = thyristor.closed_loop(*controllers).modes()
+        assert modes.eigenvalues[0] == 0
+        assert modes.label(0).startswith("angle reference")
+
+
+def test_a_common_period_of_several_rates(thyristor):
+    assert thyristor.closed_loop(damper().sampled(60), stabilizers()[0].sampled(30)).period == pytest.approx(1 / 30)
+    assert thyristor.closed_loop(damper().sampled(60), stabilizers()[0].sampled(50)).period == pytest.approx(1 / 10)
+
+
+def test_labels_and_export(thyristor):
+    loop = thyristor.closed_loop(damper(), inputs="vref:2", outputs="speed:2")
+    system = loop.to_control()
+    assert system.nstates == len(loop.states) == len(thyristor.linearize().states) + 2
+    assert loop.states[-1] == "x2 damper"
+    assert system.input_labels == ["reference SEXS 2"]
+    bare = thyristor.linearize("vref:2", "speed:2")
+    assert np.abs(loop.response([0.6]) - bare.response([0.6])).max() > 1e-5

@@ -1,0 +1,197 @@
+"""Controllers in the simulation: limits, deadband, delay, ramp, gate, anti-windup, and what is refused."""
+
+import control
+import numpy as np
+import pytest
+
+import stabctl as st
+from stabctl.errors import EquilibriumError, StudyError
+
+S = control.tf("s")
+LAG = control.ss(100 / (1 + 0.1 * S))
+STEP = st.LoadStep(7, "0.1s", p=50)
+
+
+@pytest.fixture(scope="module")
+def base(cases):
+    return cases("two_area").initialize(storage="50MW")
+
+
+def order(run, device=0):
+    return run.arrays.order[:, device]
+
+
+def test_a_controller_at_rest_gives_nothing(base):
+    run = base.simulate(until="1s", control=st.Controller.from_control(LAG, "deviation:1", "order:1@5"))
+    assert np.abs(order(run)).max() < 1e-9
+    assert np.abs(run.arrays.speed - 1).max() < 1e-9
+
+
+def test_a_gain_at_frames_is_the_python_function(base):
+    """Matrices and Python function give the same orders, as far as the voltages are iterated (1e-7 pu)."""
+    gain = control.ss([], [], [], [[300.0]])
+    options = {"rate": 60, "delay": "50ms", "limits": 0.5, "deadband": 0.01}
+    one = st.Controller.from_control(gain, "deviation:1", "order:1@5", **options)
+    two = st.Controller.from_function(lambda seen: 300 * seen["deviation:1"], "deviation:1", "order:1@5", **options)
+    a, b = (base.simulate(STEP, "3s", control=c) for c in (one, two))
+    assert np.abs(order(a)).max() > 0.01
+    assert np.abs(order(a) - order(b)).max() < 1e-7  # 2.0e-8
+    assert np.abs(a.arrays.speed - b.arrays.speed).max() < 1e-9
+
+
+def test_orders_are_late_by_the_delay(base):
+    late = st.Controller.from_control(control.ss([], [], [], [[300.0]]), "deviation:1", "order:1@5", rate=60)
+    first = []
+    for frames in (0, 3, 12):
+        run = base.simulate(STEP, "1s", control=late.delayed(frames / 60))
+        first.append(run.time[np.flatnonzero(np.abs(order(run)) > 1e-9)[0]])
+    assert np.diff(first) == pytest.approx([3 / 60, 9 / 60], abs=1e-9)
+
+
+def test_limits_hold_and_are_left_without_windup(base):
+    """An integrator at its limit: with tracking it leaves the limit soon after the input changes sign."""
+
+    def last_at_limit(tracking):
+        integral = control.ss(500 / S)
+        one = st.Controller.from_control(integral, "deviation:1", "order:1@5", limits=0.2, tracking=tracking)
+        run = base.simulate(st.Contingency("7-8@0.4", clear="6cyc"), "5s", control=one)
+        assert np.abs(order(run)).max() == pytest.approx(0.2, abs=1e-12)
+        return run.time[np.abs(order(run)) > 0.2 - 1e-9].max()
+
+    assert last_at_limit("50ms") < last_at_limit(None) - 0.5
+
+
+def test_a_ramp_limits_the_change_per_frame(base):
+    one = st.Controller.from_control(LAG, "deviation:1", "order:1@5", rate=60, ramp=0.6)
+    run = base.simulate(st.Contingency("7-8@0.4", clear="6cyc"), "3s", control=one)
+    assert np.abs(np.diff(order(run))).max() == pytest.approx(0.01, abs=1e-12)
+
+
+def test_a_relay_gives_its_limits_or_nothing(base):
+    one = st.Controller.from_control(
+        control.ss([], [], [], [[1.0]]),
+        "deviation:1",
+        "order:1@5",
+        rate=60,
+        relay=True,
+        limits=(-1, 0.5),
+        deadband=1e-4,
+    )
+    run = base.simulate(st.Contingency("7-8@0.4", clear="6cyc"), "3s", control=one)
+    assert set(np.unique(order(run))) == {-1.0, 0.0, 0.5}
+
+
+@pytest.mark.parametrize("rate", [None, 60])
+def test_a_gate_opens_and_closes(base, rate):
+    one = st.Controller.from_control(
+        100 * control.ss([], [], [], [[1.0]]), "deviation:1", "order:1@5", rate=rate, gate=st.Gate("voltage:7", 0.9)
+    )
+    run = base.simulate(st.Contingency("7-8@0.4", clear="6cyc", at="0.5s"), "3s", control=one)
+    low = np.abs(run.arrays.V[:, 6]) < 0.9
+    assert low.any()
+    assert np.abs(order(run)[low]).max() == 0
+    assert np.abs(order(run)).max() > 0.01
+
+
+@pytest.mark.parametrize("rate", [None, 60])
+def test_a_window_of_time(base, rate):
+    gate = st.Gate(start=1.0, end=1.505)
+    one = st.Controller.from_control(LAG, "deviation:1", "order:1@5", rate=rate, gate=gate)
+    run = base.simulate(st.Contingency("7-8@0.4", clear="6cyc", at="0.5s"), "3s", control=one)
+    inside = (run.time > 1.02) & (run.time < 1.505 - 1e-9)
+    assert np.abs(order(run)[inside]).min() > 0
+    assert np.abs(order(run)[(run.time < 1 - 1e-9) | (run.time > 1.505 + 1 / 60)]).max() == 0
+
+
+def test_the_controller_of_a_tripped_machine_stops(base):
+    one = st.Controller.from_control(LAG, "speed:1", "vs:1", name="pss")
+    run = base.simulate(st.TripMachine(1, 0.5), "1.5s", control=one, criterion=st.Criterion(max_angle=1e3))
+    state = run.rows[:, base.layout.nx]  # of the controller, behind those of the system
+    after = run.time > 0.5 + 1e-9
+    assert np.ptp(state[after]) == 0
+
+
+def test_inputs_of_a_tripped_machine_count_as_at_rest(base):
+    gain = control.ss([], [], [], [[50.0]])
+    one = st.Controller.from_control(gain, "speed:1", "order:2@6", rate=60)
+    run = base.simulate(st.TripMachine(1, 0.5), "2s", control=one, criterion=st.Criterion(max_angle=1e3))
+    assert np.abs(order(run, 1)[run.time > 0.55]).max() == 0
+
+
+@pytest.mark.parametrize("signal", ["speed:2", "angle:2", "rest_speed:2", "coi_speed", "deviation:2", "deviation:1+2",
+                                    "voltage:7", "bus_angle:7", "efd:2", "pe:2", "flow:7-8", "flow_q:8-9", "absorbed:1",
+                                    "vt:2", "bus_frequency:7"])  # fmt: skip
+def test_a_controller_reads_what_the_linear_model_calls_by_that_name(base, signal):
+    """The signal in a simulated small step, and its linear response to the same step."""
+    shown = []
+
+    def law(seen):
+        shown.append(seen.values[0])
+        return 1e-3 * (seen.time > 0.0999)
+
+    one = st.Controller.from_function(law, signal, "vref:1", rate=60)
+    base.simulate(until="0.5s", control=one)
+    model = base.linearize("vref:1", signal).to_control()
+    t = np.arange(len(shown)) / 60
+    after = t >= 0.1 - 1e-9
+    linear = control.forced_response(model, t[after] - 0.1, np.full(after.sum(), 1e-3)).outputs.ravel()
+    ours = np.array(shown)[after]
+    assert np.abs(shown)[~after].max(initial=0.0) < 1e-10
+    if signal == "absorbed:1":
+        assert np.abs(ours).max() == 0
+        return
+    assert np.abs(ours).max() > 1e-8
+    # a frame reads the voltages of the old outputs, so its first value is still at rest
+    assert np.abs(ours - linear)[1:].max() < 0.02 * np.abs(linear).max()
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: st.Controller.from_control(S, "speed:1", "vs:1"), "is improper: its numerator has degree 1"),
+        (lambda: st.Controller.from_control(LAG), r"have no names \(u\[0\]\); give inputs"),
+        (lambda: st.Controller.from_control(3, "speed:1", "vs:1"), "is not a python-control"),
+        (lambda: st.Controller.from_control(LAG, "speed:1", "vs:1", rate=60, delay="20ms"), "give 16.67 or 33.33 ms"),
+        (lambda: st.Controller.from_control(LAG, "speed:1,speed:2", "vs:1"), "matrix B .* is 1 x 1, but must be 1 x 2"),
+        (lambda: st.Controller.from_control(LAG, "speed:1", "vs:1", limits=(0.1, 0.2)), "must include 0"),
+        (lambda: st.Controller.from_control(LAG, "speed:1", "vs:1", delay="5cyc"), "is not a time"),
+        (lambda: st.Controller.from_control(LAG, "speed:1", "vs:1", ramp=1.0), "needs a sampled controller"),
+        (lambda: st.Controller.from_control(LAG, "speed:1", "vs:1", relay=True), "needs finite limits"),
+        (lambda: st.Gate(low=2, high=1), "never open"),
+    ],
+)
+def test_mistakes_in_a_controller(make, says):
+    with pytest.raises(StudyError, match=says):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("reads", "drives", "says"),
+    [
+        ("speeed:1", "vs:1", "'speeed' is not an output"),
+        ("speed:9", "vs:1", "There is no machine 9"),
+        ("speed:1", "storage:5", "cannot drive storage"),
+        ("speed:1", "field:1", "has an exciter; use vref:1"),
+        ("frequency:7", "vs:1", "let it read bus_frequency:7"),
+        ("state:speed of 1", "vs:1", "has no state 'speed of 1'; similar ones are"),
+        ("deviation", "vs:1", "has matrices for 1 inputs and 1 outputs, but its names mean 4 inputs"),
+    ],
+)
+def test_signals_that_the_case_does_not_have(base, reads, drives, says):
+    one = st.Controller.from_control(LAG, reads, drives)
+    with pytest.raises(StudyError, match=says):
+        base.simulate(until="0.1s", control=one)
+
+
+def test_an_algebraic_loop_is_named(base):
+    direct = control.ss([], [], [], [[0.01]])
+    for reads, drives in (("efd:1", "vs:1"), ("absorbed:1", "order:1@5")):
+        one = st.Controller.from_control(direct, reads, drives, name="loop")
+        with pytest.raises(EquilibriumError, match=r"algebraic loop: .*controller loop.*; add a lag"):
+            base.simulate(until="0.1s", control=one)
+
+
+def test_a_law_that_does_not_rest_has_no_linear_model(base):
+    one = st.Controller.from_function(lambda seen: 0.1, "speed:1", "order:1@5")
+    with pytest.raises(StudyError, match="is not at rest at the operating point"):
+        base.closed_loop(one)
