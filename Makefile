@@ -42,6 +42,7 @@ bench: .venv/bench  ## measure speed on this machine, and that of ANDES and TOPS
 	$(BIN)/python benchmarks/placement.py
 	$(BIN)/python benchmarks/peers.py
 	$(BIN)/python benchmarks/growth.py
+	$(BIN)/python benchmarks/large.py
 
 clean:  ## remove the virtual environment and all generated files
 	rm -rf .venv build dist

@@ -9,7 +9,7 @@ from stabctl.errors import StudyError, shown
 
 from . import catalog, keys, powerflow
 from .case import Case, as_case
-from .tables import Branch, Bus
+from .tables import Branch, Bus, Machine
 
 Row = TypeVar("Row", bound=Any)
 
@@ -60,9 +60,9 @@ def replicate(case: Case, copies: int, *, tie_bus: int | None = None, x: float =
         title=f"{copies} times {case.title}",
         buses=tuple(_bus(b, s) for s in shifts for b in case.buses),
         branches=(*(_moved(k, s) for s in shifts for k in case.branches), *ties),
-        machines=tuple(_moved(m, s) for s in shifts for m in scheduled),
+        machines=tuple(_machine(m, s) for s in shifts for m in scheduled),
         loads=tuple(_moved(load, s) for s in shifts for load in case.loads),
-        links=tuple(_moved(k, s)._replace(link=f"{k.link} {s}" if s else k.link) for s in shifts for k in case.links),
+        links=tuple(_moved(k, s)._replace(link=_copied(k.link, s)) for s in shifts for k in case.links),
         storage=tuple(_moved(d, s) for s in shifts for d in case.storage),
         devices={
             model: {
@@ -87,7 +87,19 @@ def _moved(row: Row, shift: int) -> Row:
     return row._replace(**numbers)
 
 
+def _machine(machine: Machine, shift: int) -> Machine:
+    """A machine of a copy; the bus in a name such as 30/1 is that of the copy."""
+    bus, slash, id = machine.name.partition("/")
+    name = f"{int(bus) + shift}/{id}" if slash and bus.isdecimal() else _copied(machine.name, shift)
+    return _moved(machine, shift)._replace(name=name)
+
+
+def _copied(name: str, shift: int) -> str:
+    """A name in a copy."""
+    return f"{name} {shift}" if name and shift else name
+
+
 def _bus(bus: Bus, shift: int) -> Bus:
     """A bus of a copy; only the first copy has a swing bus."""
-    moved = _moved(bus, shift)
+    moved = _moved(bus, shift)._replace(name=_copied(bus.name, shift))
     return moved._replace(kind="pv") if shift and bus.kind == "swing" else moved

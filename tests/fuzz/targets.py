@@ -7,7 +7,7 @@ from random import Random
 from typing import Any
 
 import typer.main
-from psse_replay import replays
+from psse_replay import DATA, replays
 
 from stabctl.cli import app
 from stabctl.io.folder import PACKAGED
@@ -281,6 +281,21 @@ def imported(rng: Random) -> Attempt:
     return Attempt("imported", _on("x.raw", command), {}, _encodable(files))
 
 
+def matpower(rng: Random) -> Attempt:
+    """MATPOWER files, some of them with typical machines."""
+    path = rng.choice(sorted((DATA / "powermodels").glob("*.m")))
+    given = path.read_text().replace("\t", " ")
+    way = rng.random()
+    if way < 0.1:
+        made = mutate.raw(rng, given.encode()).decode("utf-8", "surrogateescape")
+    else:
+        made = mutate.lines(rng, given) if way < 0.9 else mutate.text(rng, given)
+    command = rng.choice([words for words in (*ON_A_CASE, *IMPORTS) if "--fault" not in words])
+    options = rng.choice(([], ["--machines", "typical"], ["--frequency", _value(rng)]))
+    words = [_plain(word) for word in (*_on("x.m", command), *options)]
+    return Attempt("matpower", words, {}, _encodable({"x.m": made}))
+
+
 @cache
 def _imported() -> list[tuple[Path, ...]]:
     """Files that belong together: a network, and its dynamic data, of which every model is there."""
@@ -296,7 +311,7 @@ def _encodable(files: dict[str, str | None]) -> dict[str, str | None]:
 
 
 TARGETS: dict[str, Callable[[Random], Attempt]] = {
-    f.__name__: f for f in (case, overlay, arguments, study, contingencies, results, imported)
+    f.__name__: f for f in (case, overlay, arguments, study, contingencies, results, imported, matpower)
 }
 
 

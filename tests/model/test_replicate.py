@@ -63,3 +63,16 @@ def test_what_is_not_possible_is_said():
     ):
         with pytest.raises(StudyError, match=what):
             replicate(case, copies, **options)
+
+
+def test_names_in_copies_are_their_own(cases):
+    """Machine 1/1 of the second copy is 101/1, and a bus name has the number that is added."""
+    case = cases("two_area")
+    named = replace(
+        case,
+        machines=tuple(m._replace(name=f"{m.bus}/1") for m in case.machines),
+        buses=tuple(b._replace(name=f"bus {b.bus}") for b in case.buses),
+    )
+    twice = replicate(named, 2)
+    assert [m.name for m in twice.machines[4:]] == [f"{m.bus}/1" for m in twice.machines[4:]]
+    assert len({b.name for b in twice.buses}) == len(twice.buses)
