@@ -2,6 +2,7 @@
 
 import csv
 import json
+from typing import get_args
 
 import pytest
 
@@ -180,3 +181,11 @@ def test_a_short_time_step_names_its_cause(stabctl):
     assert "short time step" in out
     assert "T2d = 2e-05 s of genrou" in out
     assert "short time step" not in stabctl("simulate", "two_area", "--until", "0.01")[1]
+
+
+def test_every_value_that_is_read_in_its_own_way_has_a_name_in_the_help():
+    from stabctl.cli import options
+
+    read = {name: option for name, alias in vars(options).items() for option in get_args(alias)[1:] if option.parser}
+    assert {"Observe"} <= read.keys()
+    assert not [name for name, option in read.items() if not option.metavar]
