@@ -32,6 +32,8 @@ class BadPmu:
         Angle by which its phasors are turned.
     ramp : float, rad
         Angle by which they are turned further in every second, as by a spoofed time signal.
+    until : float, s
+        Instant from which it is right again.
 
     Raises
     ------
@@ -46,6 +48,7 @@ class BadPmu:
     drift: Annotated[float, "s", "error of a clock per second", Interval(ge=-1, le=1)] = 0.0
     jump: Annotated[float, "rad", "jump of the angles of a PMU", TURN] = 0.0
     ramp: Annotated[float, "rad", "turn of the angles of a PMU per second", TURN] = 0.0
+    until: Annotated[float, "s", "instant from which a PMU is right again", Interval(ge=0, le=1e6)] = 1e6
 
     def __post_init__(self) -> None:
         guard(self)

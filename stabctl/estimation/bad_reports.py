@@ -25,6 +25,7 @@ class BadReports:
             since = at - bad.at
             if since < -1e-9:
                 self._last[k] = V[:, row].copy(), I[:, row].copy()
+            if since < -1e-9 or at > bad.until - 1e-9:
                 continue
             if bad.frozen and k in self._last:
                 V[:, row], I[:, row] = self._last[k]

@@ -129,7 +129,8 @@ class MachineModel:
             moved = seen.E * np.exp(-1j * after[..., 0]) - self.rotor_voltage
             power = power + self._window.power_noise(moved, change) * here
         parts = np.sqrt(self._window.together)
-        jump = {"jump": parts * dP, "frames": m, "flux": parts * step * change.real[..., None]}
+        jumped = self._window.entering(change.real) if self._window.wide else change.real
+        jump = {"jump": parts * dP, "frames": m, "flux": parts * step * jumped[..., None]}
         self._g = g
         self.silence.step(here, self.missing, before=self.P, now=seen.P, variance=self.variance)
         self._rate = dP / (m * self.T)

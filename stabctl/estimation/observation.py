@@ -15,7 +15,7 @@ from .bad_reports import BadReports
 from .instrument import Frame, Instrument, Parts
 from .network_model import AMPLIFIED, NetworkModel
 from .pmu import Pmu
-from .pmu_check import Alarm, PmuCheck
+from .pmu_check import RETURN, Alarm, PmuCheck
 from .rotor_units import Terminals
 
 
@@ -49,7 +49,9 @@ class Observation:
         self._check = PmuCheck(self.network, pmu, hz, shape) if check else None
         self._metered = check or bool(without.any())
         self.excluded = np.zeros(shape, bool)  # with this frame
-        self._found: deque[tuple[int, list[tuple[int, int]]]] = deque()
+        self._never = self.without.copy()
+        self._used = ~self.without  # PMUs not known to be bad
+        self._due: deque[tuple[int, np.ndarray]] = deque()  # frames at which others hear of it, and machines without
         self._frames, self._late = 0, pmu.remote_frames(hz) - pmu.own_frames(hz)
         self.alarms: list[Alarm] = []
         self._instrument = Instrument(pmu, seeds, shape[1], hz)
@@ -75,21 +77,28 @@ class Observation:
 
     def _exclude(self, at: float, frame: Frame, metered: np.ndarray) -> np.ndarray:
         """Machines whose PMUs are not used from now on: those found bad as long ago as reports are late."""
-        now, self._frames = np.zeros(frame.V.shape, bool), self._frames + 1
+        before, self._frames = self.without.copy(), self._frames + 1
         if self._check is not None:
-            used = ~self.without
-            for _, pairs in self._found:
-                for pair in pairs:
-                    used[pair] = False
-            settled = [since >= self._window for _, since in self._switching]
-            checked = frame._replace(received=frame.received & np.array(settled)[:, None])
-            found = self._check(checked, metered, [switching for switching, _ in self._switching], used)
-            self.alarms += [Alarm(self.seeds[k], self.numbers[row], at, why) for k, row, why in found]
-            self._found.append((self._frames + self._late, [(k, row) for k, row, _ in found]))
-            while self._found and self._found[0][0] <= self._frames:
-                for pair in self._found.popleft()[1]:
-                    now[pair] = self.without[pair] = True
-        return now
+            settled = np.array([since >= self._window for _, since in self._switching])
+            checked = frame._replace(received=frame.received & settled[:, None])
+            switching = [switching for switching, _ in self._switching]
+            found = self._check(checked, metered, switching, self._used)
+            for k, row, why in found:
+                self._used[k, row] = False
+                self.alarms.append(Alarm(self.seeds[k], self.numbers[row], at, why))
+            left_out = ~self._used & ~self._never
+            right = []
+            if left_out.any():
+                right = self._check.recovered(checked, metered, switching, used=self._used, left_out=left_out)
+            for k, row in right:
+                self._used[k, row] = True
+                why = f"its phasors have been right for {RETURN:g} s"
+                self.alarms.append(Alarm(self.seeds[k], self.numbers[row], at, why, left_out=False))
+            if found or right:
+                self._due.append((self._frames + self._late, ~self._used))
+            while self._due and self._due[0][0] <= self._frames:
+                self.without = self._due.popleft()[1]
+        return self.without & ~before
 
     def _completed(self, frame: Frame, others: np.ndarray) -> Frame:
         """The frame with computed reports of the machines without."""

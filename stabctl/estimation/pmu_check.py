@@ -1,15 +1,11 @@
-"""Finds bad PMUs: compares the angle of every voltage with what the network model says of it from all other reports.
+"""Finds bad PMUs: compares every voltage V with V', what the network model says of it from all other reports.
 
-    r = arg(V / V'),   V' from the reports of the others (`network_model`),   C = covariance of r
+The network model is exact through faults and swings, so that e = 1 - V'/V is only noise, whatever the machines do.
+`suspects` names the PMUs that explain e, and those that explain its mean, exponential over `WINDOW`. The offsets of the
+clocks are constant: their variance does not fall with the mean. A PMU that repeats the same phasor is bad, too.
 
-A turn of the phasors of PMU i by an angle phi adds g_i phi to r. The best estimate of phi, over its standard deviation,
-
-    N_i = g_i' C^-1 r / sqrt(g_i' C^-1 g_i),
-
-is normal with variance 1 if all PMUs are good; the same of the mean of r, exponential over `WINDOW`, with the constant
-offsets of the clocks in C. The network model is exact through faults and swings, so that this holds whatever the
-machines do. The PMU with the largest N beyond `LIMIT` is bad (the largest normalized residual of state estimation), if
-it stands out (`CLEAR`), and so is one that repeats the same phasor.
+A PMU that was left out is used again when its e has been normal for `RETURN`: no report repeated or beyond `LIMIT`, mean
+square and square of the mean below `USUAL` and `CENTERED` times their variances (both are 2 on average).
 """
 
 from typing import NamedTuple
@@ -19,37 +15,40 @@ import numpy as np
 from stabctl.model.network import Switching
 
 from .instrument import Frame
-from .network_model import NetworkModel
+from .network_model import AMPLIFIED, NetworkModel
 from .pmu import Pmu
+from .suspects import LIMIT, Residuals
 
 WINDOW = 0.5  # s   of the mean
-LIMIT = 6.0  # standard deviations
-CLEAR = 16.0  # difference of N^2 between the worst and the second, below which it is not yet clear which is bad
+RETURN = 5.0  # s
+USUAL, CENTERED = 4.0, 12.0
 SAME = 3  # equal reports in a row
 
 
 class Alarm(NamedTuple):
-    """A PMU found to be bad."""
+    """A PMU found to be bad, or right again."""
 
     seed: int
     machine: int
     time_s: float
     why: str
+    left_out: bool = True
 
     def __str__(self) -> str:
-        return (
-            f"seed {self.seed}: the PMU of machine {self.machine} is left out from {self.time_s:.3f} s on; {self.why}"
-        )
+        now = "left out" if self.left_out else "used again"
+        return f"seed {self.seed}: the PMU of machine {self.machine} is {now} from {self.time_s:.3f} s on; {self.why}"
 
 
 class PmuCheck:
     """The check of all PMUs; arrays (seeds, machines)."""
 
     def __init__(self, network: NetworkModel, pmu: Pmu, frequency_hz: float, shape: tuple[int, int]) -> None:
-        self.network, self._noise = network, max(pmu.angle, pmu.magnitude)
+        self.network, self._noise, self._rate = network, max(pmu.angle, pmu.magnitude), pmu.rate
         self._clock = 2 * np.pi * frequency_hz * pmu.clock
         self._share = 1 - np.exp(-1 / (WINDOW * pmu.rate))
-        self._mean, self._weight, self._same = np.zeros(shape), np.zeros(shape[0]), np.zeros(shape, int)
+        self._mean: list[Residuals | None] = [None] * shape[0]
+        self._same = np.zeros(shape, int)
+        self._return = np.zeros((4, *shape), complex)  # of PMUs left out: reports, sums of e, of |e|^2 and of variances
         self._last: np.ndarray | None = None
 
     def __call__(
@@ -70,56 +69,87 @@ class PmuCheck:
         """
         known, found = frame.received & used, []
         before = np.full(frame.V.shape, np.nan) if self._last is None else self._last
-        self._same = np.where(known, np.where(before == frame.V, self._same + 1, 0), self._same)
-        self._last = np.where(known, frame.V, before)
+        repeated = frame.received & (before == frame.V) & (self._noise > 0)
+        self._same = np.where(frame.received, np.where(repeated, self._same + 1, 0), self._same)
+        self._last = np.where(frame.received, frame.V, before)
         for k, now in enumerate(switching):
-            stuck = np.flatnonzero((self._same[k] >= SAME) & (self._noise > 0))
+            stuck = np.flatnonzero((self._same[k] >= SAME) & known[k])
             if stuck.size:
                 found += [(k, int(row), "it repeats the same phasors") for row in stuck]
-                self._same[k, stuck], self._mean[k], self._weight[k] = 0, 0, 0
+                self.begin(k)
                 continue
             fresh = known[k] & (self._same[k] == 0)
-            worst = self._residuals(k, frame, others[k], switching=now, known=fresh, complete=(fresh == used[k]).all())
-            if worst is not None:
-                found.append(worst)
+            found += self._turned(k, frame, others[k], switching=now, known=fresh, complete=(fresh == used[k]).all())
         return found
 
-    def _residuals(
+    def begin(self, k: int) -> None:
+        """Forget the means of seed k: other PMUs are used from now on."""
+        self._mean[k] = None
+
+    def recovered(
+        self, frame: Frame, others: np.ndarray, switching: list[Switching], *, used: np.ndarray, left_out: np.ndarray
+    ) -> list[tuple[int, int]]:
+        """Seeds and rows of machines whose PMUs, left out so far, have been right for `RETURN`; as in a call."""
+        self._return[:, ~left_out] = 0
+        waiting, found = left_out & frame.received, []
+        for k in np.flatnonzero(waiting.any(-1)):
+            known = frame.received[k] & used[k]
+            computed = self.network.computed(frame.V[k], frame.I[k], others[k], switching=switching[k], known=known)
+            if computed is None:
+                continue
+            places = np.flatnonzero(~known)
+            for place, row in enumerate(places):
+                parts = (np.abs(computed.V_parts[place]) ** 2).sum()
+                if not waiting[k, row] or not parts < AMPLIFIED**2:
+                    continue
+                own = computed.V_parts[place] / frame.V[k, row]
+                of_clocks, e = self._shared(own, len(known)), 1 - own.sum()
+                white = self._noise**2 * (1 + (np.abs(own) ** 2).sum())
+                normal = np.abs(e) ** 2 / (white + of_clocks)
+                if self._same[k, row] or normal > LIMIT:
+                    self._return[:, k, row] = 0
+                    continue
+                self._return[:, k, row] += 1, e, normal, white
+                if self._settled(self._return[:, k, row], of_clocks):
+                    found.append((int(k), int(row)))
+                    self.begin(int(k))
+        return found
+
+    def _shared(self, parts: np.ndarray, machines: int) -> float:
+        """Variance of e from the clocks: one clock turns voltage and current of a machine."""
+        return float(self._clock**2 * (1 + (np.abs(parts[:machines] + parts[machines : 2 * machines]) ** 2).sum()))
+
+    def _settled(self, sums: np.ndarray, of_clocks: float) -> bool:
+        """Whether the reports of `RETURN` are normal; if they are not, all begins anew."""
+        n, total, squares, white = sums[0].real, sums[1], sums[2].real, sums[3].real
+        if n < RETURN * self._rate:
+            return False
+        right = squares < USUAL * n and np.abs(total / n) ** 2 < CENTERED * (white / n**2 + of_clocks)
+        sums[:] = 0
+        return bool(right)
+
+    def _turned(
         self, k: int, frame: Frame, others: np.ndarray, *, switching: Switching, known: np.ndarray, complete: bool
-    ) -> tuple[int, int, str] | None:
+    ) -> list[tuple[int, int, str]]:
         at, L = self.network.each_from_the_rest(switching, known)
         if not len(at):
-            return None
-        V, I = frame.V[k], frame.I[k]
-        reports, n = np.concatenate([V, I, others]), len(V)
+            return []
+        seen = self._residuals((at, np.flatnonzero(known)), L, frame.V[k], np.r_[frame.V[k], frame.I[k], others])
+        found = seen.suspects(self._clock)
+        if complete:  # the mean of all is over the same frames
+            self._mean[k] = mean = seen.mean(self._mean[k], self._share)
+            found = found or mean.suspects(self._clock)
+        if found:
+            self.begin(k)
+        told = "its phasors are turned by {:.2f} degrees"
+        return [(k, int(seen.of[len(at) + j]), told.format(np.rad2deg(turn))) for j, turn in found.items()]
+
+    def _residuals(
+        self, rows: tuple[np.ndarray, np.ndarray], L: np.ndarray, V: np.ndarray, reports: np.ndarray
+    ) -> Residuals:
+        """The residuals of the machines `rows[0]`, where those of `rows[1]` have a PMU."""
+        (at, known), n = rows, len(V)
         parts = L * reports / V[at, None]
-        r = -np.angle(parts.sum(-1))
-        errors = np.eye(2 * n + len(others))[at] - parts
-        white = self._noise**2 * (errors @ errors.conj().T).real
-        turns = (errors[:, at] + errors[:, n + at]).real  # g_i in columns
-        clock = self._clock**2 * turns @ turns.T
-        N = normalized(r, white + clock, turns)
-        largest, angle = np.abs(N), r
-        if complete:  # means of all over the same frames, so that their covariance is that of r
-            a = self._share
-            self._mean[k, at] += a * (r - self._mean[k, at])
-            self._weight[k] += a * (1 - self._weight[k])
-            weight = self._weight[k]
-            frames = weight**2 * (2 - a) / (a * (1 - (1 - weight) ** 2))  # (sum of weights)^2 over that of squares
-            mean = self._mean[k, at] / weight
-            of_mean = np.abs(normalized(mean, white / frames + clock, turns))
-            angle = np.where(of_mean > largest, mean, r)
-            largest = np.maximum(largest, of_mean)
-        row = int(np.argmax(largest))
-        second = np.partition(largest, -2)[-2] if len(largest) > 1 else 0.0
-        if largest[row] <= LIMIT or largest[row] ** 2 - second**2 < CLEAR:
-            return None
-        self._mean[k], self._weight[k] = 0, 0
-        turned = np.rad2deg(angle[row])
-        return k, int(at[row]), f"its voltage is {turned:.2f} degrees from what the others say"
-
-
-def normalized(r: np.ndarray, C: np.ndarray, g: np.ndarray) -> np.ndarray:
-    """N of every column of g."""
-    weighted = np.linalg.solve(C + 1e-12 * np.eye(len(C)), g)
-    return weighted.T @ r / np.sqrt((g * weighted).sum(0))
+        errors = np.eye(len(reports))[at] - parts
+        white = self._noise**2 * errors @ errors.conj().T
+        return Residuals(np.concatenate(rows), 1 - parts.sum(-1), white, errors[:, known] + errors[:, n + known])

@@ -8,6 +8,9 @@ is the mean of angle and speed in the window, from which the values in its middl
 Both are taken into account. A jump of the power reaches the end of the window in parts, all at the same unknown
 instant, so that its variance is not the sum of that of the parts but 1/sum of weights^2 times as much. Voltage and
 current change together in the window, and rotors turn: the mean of a product is not the product of the means.
+
+A current that jumps and decays may pass the window with hardly a change between two reports, while its jump is still
+entering: the share of the window that comes next counts for as much as it could hold of the changes before.
 """
 
 from collections import deque
@@ -17,7 +20,6 @@ import numpy as np
 from .instrument import window
 
 ANGLE, SLIP = 2.0, 1.5  # standard deviations of the values in the middle, in units of the differences above
-BENT = 0.03  # per frame of half a window, of the largest change of a current: error of the flux
 
 
 class PmuWindow:
@@ -27,7 +29,8 @@ class PmuWindow:
         weights = window(half)
         self.wide, self._half, self.T, self.wb = half > 0, half, T, 2 * np.pi * hz
         self._variance = float(weights @ np.arange(-half, half + 1) ** 2) * T**2
-        self._recent: deque[np.ndarray] = deque(maxlen=2 * half + 1)
+        self._turns: deque[np.ndarray] = deque(maxlen=2 * half + 1)
+        self._changes: deque[np.ndarray] = deque(maxlen=half + 1)
         self.together = 1 / float(weights @ weights)
 
     def turned(self, slip: np.ndarray) -> np.ndarray:
@@ -35,13 +38,26 @@ class PmuWindow:
         return self.wb * np.sqrt(self._variance) * np.abs(slip)
 
     def flux_noise(self, slip: np.ndarray, change: np.ndarray) -> np.ndarray:
-        """Standard deviation (pu) of the current that drives the fluxes, from its changes within the window."""
-        self._recent.append(np.abs(change))
-        return (self.turned(slip) + BENT * self._half) * np.max(self._recent, 0)
+        """Standard deviation (pu) of the current that drives the fluxes, from the turn of the rotor in the window."""
+        self._turns.append(np.abs(change))
+        return self.turned(slip) * np.max(self._turns, 0)
+
+    def entering(self, change: np.ndarray) -> np.ndarray:
+        """Change (pu) of a part of the current, at least as much as may be entering with the last jump.
+
+        Weights fall as half + 1, half, ... 1 from the middle of the window: with the largest one k frames ago, the
+        share that enters now is 1/(k + 1) of it.
+        """
+        self._changes.appendleft(np.abs(change))
+        most = np.max([size / (k + 1) for k, size in enumerate(self._changes)], 0)
+        return np.where(change < 0, -most, most)
 
     def power_noise(self, voltage: np.ndarray, current: np.ndarray) -> np.ndarray:
-        """Variance of the mean power where voltage and current change by so much over a frame."""
-        return self.together**3 / 4 * np.abs(voltage * current) ** 2
+        """Variance of the mean power where voltage and current change by so much over a frame.
+
+        If a share a of a jump is within the window, the product of the means lacks a (1 - a), 1/6 on average.
+        """
+        return self.together**3 / 6 * np.abs(voltage * current) ** 2
 
     def middle(
         self, y: np.ndarray, P: np.ndarray, *, acceleration: np.ndarray, jerk: np.ndarray
