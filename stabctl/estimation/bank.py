@@ -59,6 +59,7 @@ class Batched:
     def __init__(self, x: np.ndarray, P: np.ndarray, reset: np.ndarray) -> None:
         self.x, self.P, self._reset = x.copy(), P.copy(), reset
         self._rejected = np.zeros(x.shape[:2], int)
+        self.S = np.ones(x.shape[:2])  # variances of the last innovations
 
     def predict(self, x: np.ndarray, F: np.ndarray, Q: np.ndarray) -> None:
         """As in `Bank`."""
@@ -71,7 +72,7 @@ class Batched:
         row = (self.P @ h[..., None])[..., 0]
         S = (h * row).sum(-1) + seen.variance
         y = wrapped(seen.angle - seen.expected)
-        nis = y * y / S
+        nis, self.S = y * y / S, S
         accepted, beyond = received, received & (nis > GATE)
         if beyond.any():
             reset = beyond & (self._rejected >= REJECTED)

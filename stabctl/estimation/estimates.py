@@ -13,6 +13,7 @@ from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 from stabctl.simulation.trajectory import Trajectory
 
+from .instrument import Frame
 from .pmu_check import Alarm
 
 if TYPE_CHECKING:
@@ -68,9 +69,11 @@ class Estimates(Tabular):
     wall_s: np.ndarray  # (frames) s   computing time of the estimator and the controller, all seeds
     runs: tuple[Trajectory, ...] = ()
     cleared_s: float = 0.0  # s   instant of the last event
-    alarms: tuple[Alarm, ...] = ()  # PMUs found to be bad
+    alarms: tuple[Alarm, ...] = ()  # PMUs found to be bad, or right again
+    frames: tuple[Frame, ...] = ()  # the reports, those of a second at rest first
 
     plot = verb("stabctl.plotting.estimates:plot")
+    fit = verb("stabctl.estimation.fit:fit")
 
     @property
     def deadband(self) -> float:

@@ -19,6 +19,7 @@ from stabctl.simulation.simulation import Simulation
 from .coi import CoiReference
 from .estimates import Estimates
 from .estimators import Engine, EstimatorName, Filtered, estimator
+from .instrument import Frame
 from .noise import TUNING, Tuning
 from .observation import Observation, Truth
 from .pmu import Pmu
@@ -45,8 +46,8 @@ class EstimatorControl:
         One filterpy filter per machine, or all filters at once with the same numbers.
     tuning : Tuning
         Process noise of the filters.
-    inertia_factor, reactance_factor : float
-        Multiply every H and x that the estimator uses, to study wrong machine data.
+    inertia_factor, reactance_factor : float, or tuple with one per machine
+        Multiply every H and x that the estimator uses, to study wrong machine data or to mend them (`Estimates.fit`).
     check_pmus : bool
         Find bad PMUs with the network model, and use them no longer.
     """
@@ -58,8 +59,8 @@ class EstimatorControl:
     seed: int = 1
     engine: Engine = "filterpy"
     tuning: Tuning = TUNING
-    inertia_factor: float = 1.0
-    reactance_factor: float = 1.0
+    inertia_factor: float | tuple[float, ...] = 1.0
+    reactance_factor: float | tuple[float, ...] = 1.0
     check_pmus: bool = False
 
     def __post_init__(self) -> None:
@@ -106,6 +107,7 @@ class EstimatorLoop:
         self._random = [np.random.default_rng([seed, 1]) for seed in seeds]
         self._past: deque[Truth] = deque(maxlen=own + 1)
         self._rows: list[_Row] = []
+        self._frames: list[Frame] = []
         for k in range(round(WARM_UP * pmu.rate)):
             self._frame(simulations[0].time - WARM_UP + k / pmu.rate, point.V)
 
@@ -125,7 +127,8 @@ class EstimatorLoop:
         for column in columns:
             column.setflags(write=False)
         alarms = tuple(self.observation.alarms)
-        return Estimates(self.simulations[0].point, self.control, self.seeds, *columns, alarms=alarms)
+        more = {"alarms": alarms, "frames": tuple(self._frames)}
+        return Estimates(self.simulations[0].point, self.control, self.seeds, *columns, **more)
 
     def _orders(self, k: int, row: "_Row") -> np.ndarray:
         """Orders (devices) of simulation k, set there too."""
@@ -144,6 +147,7 @@ class EstimatorLoop:
     def _frame(self, at: float, resting: np.ndarray | None) -> "_Row":
         """Measure and estimate; `resting` are the bus voltages of a system at rest."""
         true, frame = self.observation(at, resting)
+        self._frames.append(frame)
         before = time.perf_counter()
         if isinstance(self.estimator, Filtered) and self.observation.excluded.any():
             self.estimator.forget(self.observation.excluded)

@@ -4,8 +4,8 @@ The network model is exact through faults and swings, so that e = 1 - V'/V is on
 `suspects` names the PMUs that explain e, and those that explain its mean, exponential over `WINDOW`. The offsets of the
 clocks are constant: their variance does not fall with the mean. A PMU that repeats the same phasor is bad, too.
 
-A PMU that was left out is used again when its e has been normal for `RETURN`: no report repeated or beyond `LIMIT`, mean
-square and square of the mean below `USUAL` and `CENTERED` times their variances (both are 2 on average).
+A PMU that was left out is used again when its e has been normal for `RETURN`: no report repeated or beyond `LIMIT`, the
+mean square and the square of the mean below `USUAL` and `CENTERED` times their variances (both are 2 on average).
 """
 
 from typing import NamedTuple

@@ -8,11 +8,12 @@ import numpy as np
 from stabctl.dynamics import family
 from stabctl.dynamics.assembly import INFINITE
 from stabctl.dynamics.operating_point import OperatingPoint, source_admittances
-from stabctl.errors import StudyError
+from stabctl.errors import StudyError, shown
 from stabctl.simulation.simulation import Simulation
 
 from .governor import GOVERNOR
 
+Factor = float | tuple[float, ...]
 REACTANCES = ("x2", "x1d")  # behind which the internal voltage is formed: x'' where the machine has one, else x'd
 FLUX = ("xl", "xd", "xq", "x1q", "x2", "T1q", "T2q", "S10", "S12", "speed_factor")  # of the q axis of GENROU
 
@@ -54,9 +55,12 @@ class RotorUnits:
     __repr__ = __str__
 
 
-def rotor_units(point: OperatingPoint, inertia: float = 1.0, reactance: float = 1.0) -> RotorUnits:
+def rotor_units(point: OperatingPoint, inertia: Factor = 1.0, reactance: Factor = 1.0) -> RotorUnits:
     """The rotor units of an operating point; `inertia` and `reactance` multiply every H and x (1: exact)."""
     m = len(point.case.machines)
+    for factor in (inertia, reactance):
+        if np.shape(factor) not in ((), (m,)) or not np.all(np.asarray(factor) > 0):
+            raise StudyError(f"The factor {shown(factor)} is not possible; give a positive number, or one per machine.")
     without = sorted(set(range(m)) - set(point.rotors.unit.tolist()))
     if without:
         raise StudyError(
@@ -81,8 +85,8 @@ def rotor_units(point: OperatingPoint, inertia: float = 1.0, reactance: float = 
         at, par = point.constants(table)
         if set(GOVERNOR) <= set(par):
             _fill(governor, at, par)
-    columns["H"] = np.where(columns["H"] > 0, columns["H"] * inertia, INFINITE)
-    columns["x"] = columns["x"] * reactance
+    columns["H"] = np.where(columns["H"] > 0, columns["H"] * np.asarray(inertia), INFINITE)
+    columns["x"] = columns["x"] * np.asarray(reactance)
     bus, H = point.system.unit_bus, columns["H"] * columns["mva"]
     return RotorUnits(bus, H, **columns, flux=flux, governor=governor, frequency_hz=point.case.frequency_hz)
 

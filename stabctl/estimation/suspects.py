@@ -57,7 +57,7 @@ class Residuals(NamedTuple):
         best = max(one.max(), two.max(initial=0.0))
         if best <= LIMIT:
             return {}
-        sets = [(int(m),) for m in np.flatnonzero(one > best - CLEAR)]
+        sets: list[tuple[int, ...]] = [(int(m),) for m in np.flatnonzero(one > best - CLEAR)]
         sets += [(int(i[m]), int(j[m])) for m in np.flatnonzero(two > best - CLEAR)]
         widest = list(max(sets, key=len))  # a common one is in all of them
         a = dict(zip(widest, np.linalg.solve(A[np.ix_(widest, widest)], b[widest]), strict=True))

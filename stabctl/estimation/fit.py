@@ -1,0 +1,138 @@
+"""Inertia and reactance of the machines from recorded PMU reports, by maximum likelihood.
+
+The Kalman filter of a machine with the factors f = (inertia, reactance) on its data makes innovations y of the variance
+S; the logarithm of their likelihood is
+
+    l(f) = -1/2 sum over the reports (ln S + min(y^2/S, gate)).
+
+Every machine has a filter of its own, so that each is fitted alone. l is evaluated on a grid around the best factors so
+far, which becomes finer; the paraboloid through the top of the last grid gives the maximum, and its curvature the
+covariance.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stabctl._util.tabular import Tabular, machine_column
+from stabctl.errors import StudyError
+
+from .bank import GATE, Batched
+from .estimators import Filtered
+from .instrument import Frame
+from .noise import Tuning
+from .pmu import Pmu
+from .rotor_units import RotorUnits, rotor_units
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from .estimates import Estimates
+
+SPAN = np.log(2)  # of the first grid, on both sides
+FINER = (1.0, 0.3, 0.1)  # spans of the grids, in units of the first
+POINTS = 9  # of a grid in every direction
+NEAR = 20.0  # below the maximum: values that the paraboloid goes through
+UNKNOWN = 0.2  # standard deviation beyond which the recording does not tell
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Fit(Tabular):
+    """Factors on the machine data that the estimators were given, arrays (machines); 1 if the data are right."""
+
+    machines: tuple[int | str, ...]
+    inertia: np.ndarray
+    inertia_sigma: np.ndarray  # standard deviation; NaN if the recording does not tell
+    reactance: np.ndarray
+    reactance_sigma: np.ndarray
+
+    @property
+    def df(self) -> "pd.DataFrame":
+        """A row per machine: factors and their standard deviations."""
+        import pandas as pd
+
+        columns = "inertia", "inertia_sigma", "reactance", "reactance_sigma"
+        return machine_column(
+            pd.DataFrame({"machine": self.machines} | {name: getattr(self, name) for name in columns})
+        )
+
+    def __str__(self) -> str:
+        def text(value: float, sigma: float) -> str:
+            return f"{value:.3f} +- {sigma:.3f}" if np.isfinite(sigma) else "unknown"
+
+        rows = zip(self.inertia, self.inertia_sigma, self.reactance, self.reactance_sigma, strict=True)
+        return "\n".join(
+            f"machine {machine}: inertia x {text(h, of_h)}, reactance x {text(x, of_x)}"
+            for machine, (h, of_h, x, of_x) in zip(self.machines, rows, strict=True)
+        )
+
+
+def fit(found: "Estimates") -> Fit:
+    """Inertia and reactance (x'd, x'' of full-order machines) from the reports of a run with a disturbance.
+
+    Parameters
+    ----------
+    found : Estimates
+        Reports of one or more seeds; the factors are those on the data that its filters used.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    StudyError
+        Without reports.
+    """
+    if not found.frames:
+        raise StudyError("There are no reports to fit; call estimate(...).fit().")
+    control, case = found.control, found.point.case
+    known = rotor_units(found.point, control.inertia_factor, control.reactance_factor)
+    best, n = np.zeros((2, len(known.H))), len(known.H)
+    for finer in FINER:
+        steps = np.linspace(-1, 1, POINTS) * SPAN * finer
+        shifts = np.array(list(product(steps, steps))).T  # (2, candidates)
+        tried = best[:, None, :] + shifts[:, :, None]
+        values = likelihood(known, np.exp(tried), found.frames, pmu=control.pmu, tuning=control.tuning)
+        top = values.argmax(0)
+        centers, best = best, best + shifts[:, top]
+    peaks = [paraboloid(shifts, values[:, i]) for i in range(n)]
+    at = np.array([peak for peak, _ in peaks]).T
+    sigma = np.array([of_peak for _, of_peak in peaks]).T
+    factors = np.exp(np.where(np.abs(at) <= SPAN * FINER[-1], centers + at, best))
+    sigma = np.where(sigma < UNKNOWN, sigma * factors, np.nan)
+    return Fit(tuple(m.machine for m in case.machines), factors[0], sigma[0], factors[1], sigma[1])
+
+
+def likelihood(
+    known: RotorUnits, factors: np.ndarray, frames: Sequence[Frame], *, pmu: Pmu, tuning: Tuning
+) -> np.ndarray:
+    """Logarithm of the likelihood (candidates, machines) of factors (2, candidates, machines), over all seeds."""
+    count, n = factors.shape[1:]
+    many = {name: np.tile(getattr(known, name), count) for name in ("bus", "mva", "D", "ra")}
+    flux, governor = ({k: np.tile(v, count) for k, v in part.items()} for part in (known.flux, known.governor))
+    H, x = (factors * np.stack([known.H, known.x])[:, None, :]).reshape(2, -1)
+    tiled = replace(known, inertia=H * many["mva"], H=H, x=x, flux=flux, governor=governor, **many)
+    filters, total = Filtered(tiled, pmu, swing=True, tuning=tuning, engine="batched"), np.zeros(count * n)
+    for frame in frames:
+        nis = filters.step(Frame(*(np.tile(part, count) for part in frame[:6]))).nis
+        if np.isfinite(nis).any():
+            assert isinstance(filters.bank, Batched)
+            surprise = np.log(filters.bank.S) + np.minimum(nis, GATE)
+            total -= np.where(np.isfinite(nis), surprise, 0.0).sum(0) / 2
+    return total.reshape(count, n)
+
+
+def paraboloid(shifts: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Maximum (2) of the paraboloid through values (candidates) at shifts (2, candidates), and standard deviations."""
+    near = values > values.max() - NEAR
+    (u, v), values = shifts[:, near], values[near]
+    c = np.linalg.lstsq(np.stack([np.ones(len(u)), u, v, u * u, u * v, v * v], -1), values, rcond=None)[0]
+    bend = -np.array([[2 * c[3], c[4]], [c[4], 2 * c[5]]])
+    if np.linalg.eigvalsh(bend)[0] <= 0:
+        return np.full(2, np.inf), np.full(2, np.inf)
+    covariance = np.linalg.inv(bend)
+    return covariance @ c[1:3], np.sqrt(covariance.diagonal())
