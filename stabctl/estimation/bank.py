@@ -12,6 +12,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from scipy.special import chdtri
 
+from .bank_kernels import correct, propagate
 from .swing import REJECTED, STATES
 
 GATE = float(chdtri(1, 0.001))  # 0.999 quantile of chi-square with one degree of freedom
@@ -54,38 +55,24 @@ class Bank(Protocol):
 
 
 class Batched:
-    """All filters at once, in numpy."""
+    """All filters at once, in compiled loops."""
 
     def __init__(self, x: np.ndarray, P: np.ndarray, reset: np.ndarray) -> None:
         self.x, self.P, self._reset = x.copy(), P.copy(), reset
         self._rejected = np.zeros(x.shape[:2], int)
         self.S = np.ones(x.shape[:2])  # variances of the last innovations
+        self._half, self._row = np.zeros((STATES, STATES)), np.zeros(STATES)
 
     def predict(self, x: np.ndarray, F: np.ndarray, Q: np.ndarray) -> None:
         """As in `Bank`."""
-        self.x = x
-        self.P = F @ self.P @ F.swapaxes(-1, -2) + Q
+        self.x = x.copy()
+        propagate(self.P, F, Q, self._half)
 
     def update(self, seen: Seen) -> np.ndarray:
         """As in `Bank`."""
-        h, received = seen.slope, seen.received
-        row = (self.P @ h[..., None])[..., 0]
-        S = (h * row).sum(-1) + seen.variance
-        y = wrapped(seen.angle - seen.expected)
-        nis, self.S = y * y / S, S
-        accepted, beyond = received, received & (nis > GATE)
-        if beyond.any():
-            reset = beyond & (self._rejected >= REJECTED)
-            accepted = received & (~beyond | reset)
-            self.P[..., range(STATES), range(STATES)] += (reset * y * y)[..., None] * self._reset
-            row = (self.P @ h[..., None])[..., 0]
-            S = (h * row).sum(-1) + seen.variance
-        self._rejected = (self._rejected + beyond) * ~accepted
-        K = (accepted / S)[..., None] * row
-        self.x = self.x + K * np.where(accepted, y, 0.0)[..., None]
-        # (1 - K h) P (1 - K h)' + K R K' = P - p p'/S if K = p/S, p = P h'
-        self.P -= K[..., :, None] * row[..., None, :]
-        return np.where(received, nis, np.nan)
+        nis = np.empty(self.S.shape)
+        correct(self.x, self.P, seen, self._rejected, self._reset, (GATE, REJECTED), nis, self.S, self._row)
+        return nis
 
     def restart(self, x: np.ndarray, P: np.ndarray) -> None:
         """As in `Bank`."""

@@ -127,8 +127,8 @@ class EstimatorLoop:
         for column in columns:
             column.setflags(write=False)
         alarms = tuple(self.observation.alarms)
-        more = {"alarms": alarms, "frames": tuple(self._frames)}
-        return Estimates(self.simulations[0].point, self.control, self.seeds, *columns, **more)
+        frames = tuple(self._frames)
+        return Estimates(self.simulations[0].point, self.control, self.seeds, *columns, alarms=alarms, frames=frames)
 
     def _orders(self, k: int, row: "_Row") -> np.ndarray:
         """Orders (devices) of simulation k, set there too."""

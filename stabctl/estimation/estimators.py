@@ -82,7 +82,7 @@ class Filtered:
             self.bank = self._engine(*model.begin(seen), model.swing.reset)
             return self._estimate(self.bank, np.ones(seen.P.shape, bool), np.full(seen.P.shape, np.nan))
         self.bank.predict(*model.predict(self.bank.x, seen))
-        forgotten = (model.missing >= model.memory) & frame.received
+        forgotten = (model.kept.missing >= model.memory) & frame.received
         if forgotten.any():
             self.bank.restart(*model.restarted(self.bank.x, self.bank.P, seen, forgotten))
         nis = self.bank.update(model.observe(self.bank.x, seen))
@@ -91,7 +91,7 @@ class Filtered:
 
     def forget(self, where: np.ndarray) -> None:
         """Start anew with the next report of these machines (seeds, machines)."""
-        self.model.missing = np.where(where, self.model.memory, self.model.missing)
+        self.model.kept.missing[where] = self.model.memory
 
     def error(self, delta: np.ndarray, slip: np.ndarray) -> np.ndarray:
         """Normalized squared error (NEES) of angle and speed (seeds, machines), chi-square with two degrees.

@@ -11,7 +11,7 @@ covariance.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -112,13 +112,16 @@ def likelihood(
 ) -> np.ndarray:
     """Logarithm of the likelihood (candidates, machines) of factors (2, candidates, machines), over all seeds."""
     count, n = factors.shape[1:]
-    many = {name: np.tile(getattr(known, name), count) for name in ("bus", "mva", "D", "ra")}
     flux, governor = ({k: np.tile(v, count) for k, v in part.items()} for part in (known.flux, known.governor))
     H, x = (factors * np.stack([known.H, known.x])[:, None, :]).reshape(2, -1)
-    tiled = replace(known, inertia=H * many["mva"], H=H, x=x, flux=flux, governor=governor, **many)
+    bus, mva, D, ra = (np.tile(part, count) for part in (known.bus, known.mva, known.D, known.ra))
+    tiled = RotorUnits(bus, H * mva, mva, H, D, ra, x, flux, governor, known.frequency_hz)
     filters, total = Filtered(tiled, pmu, swing=True, tuning=tuning, engine="batched"), np.zeros(count * n)
-    for frame in frames:
-        nis = filters.step(Frame(*(np.tile(part, count) for part in frame[:6]))).nis
+    for report in frames:
+        own = report.received if report.parts is None else report.received & ~report.parts.computed
+        frame = report._replace(received=own)
+        V, I, frequency, rocof, received, slip = (np.tile(part, count) for part in frame[:6])
+        nis = filters.step(Frame(V, I, frequency, rocof, received, slip)).nis
         if np.isfinite(nis).any():
             assert isinstance(filters.bank, Batched)
             surprise = np.log(filters.bank.S) + np.minimum(nis, GATE)

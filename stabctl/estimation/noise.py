@@ -15,6 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stabctl._util.jit import inline
+
 
 class Tuning(NamedTuple):
     """Assumptions beyond the noise of the phasors."""
@@ -27,9 +29,8 @@ class Tuning(NamedTuple):
 TUNING = Tuning()
 
 
-def angle_variance(
-    V: np.ndarray, ZI: np.ndarray, E: np.ndarray, turn: np.ndarray, *, angle: float, magnitude: float
-) -> np.ndarray:
+@inline
+def angle_variance(V, ZI, E, turn, angle, magnitude):
     """(R): variance (rad^2) of arg E - turn; standard deviations of angle (rad) and magnitude (-)."""
     tilt = (1 + 1j * np.tan(turn)) / E  # Re a - t Im a and Im a + t Re a are the parts of a (1 + j t)
     v, i = V * tilt, ZI * tilt
@@ -57,11 +58,13 @@ def computed_current_variance(I: np.ndarray, *, angle: float, magnitude: float) 
     return max(angle, magnitude) ** 2 * (np.abs(I) ** 2).sum(-1)
 
 
-def power_variance(S: np.ndarray, angle: float, magnitude: float) -> np.ndarray:
+@inline
+def power_variance(S, angle, magnitude):
     """(P): variance of the power at the terminals, S = V conj(I), in its units squared."""
     return 2 * magnitude**2 * S.real**2 + 2 * angle**2 * S.imag**2
 
 
-def current_variance(I: np.ndarray, angle: float, magnitude: float) -> np.ndarray:
+@inline
+def current_variance(I, angle, magnitude):
     """(P): variance of iq, the real part of a current in the frame of the rotor, in its units squared."""
     return magnitude**2 * I.real**2 + angle**2 * I.imag**2

@@ -55,7 +55,7 @@ class QAxis:
         whole = np.zeros((n, 6, 6))
         whole[:, :2, :2], whole[:, :2, 2:4], whole[:, 2:4, 4:] = rate * A * T, rate * B * T, np.eye(2)
         whole = expm(whole)
-        self.A, self.B = whole[:, :2, :2], whole[:, :2, 2:4]
+        self.A, self.B = whole[:, :2, :2].copy(), whole[:, :2, 2:4].copy()
         self.step, self.ramp = np.zeros((frames + 1, n, 2)), np.zeros((frames + 1, n, 2))
         rise = np.zeros((n, 2))  # response to an iq that rises by 1 pu in every frame
         for m in range(1, frames + 1):
@@ -64,10 +64,10 @@ class QAxis:
             self.ramp[m] = rise / m
         steep = np.maximum(1.2 * f["S12"], 1e-12)
         ratio = np.sqrt(f["S10"] / steep)
-        self._knee = (1 - 1.2 * ratio) / (1 - ratio)
+        self.knee = (1 - 1.2 * ratio) / (1 - ratio)
         gap = np.divide(f["xq"] - f["xl"], f["xd"] - f["xl"], out=np.zeros(n), where=has)
-        self._slope = steep / (1.2 - self._knee) ** 2 * gap * ((f["S10"] > 0) & (f["S12"] > 0))
-        self.saturated = bool(self._slope.any())
+        self.slope = steep / (1.2 - self.knee) ** 2 * gap * ((f["S10"] > 0) & (f["S12"] > 0))
+        self.saturated = bool(self.slope.any())
 
     def psi(self, flux: np.ndarray) -> np.ndarray:
         """psi''q (seeds, machines), pu, of the fluxes e and k (seeds, machines, 2)."""
@@ -75,7 +75,7 @@ class QAxis:
 
     def saturation(self, size: np.ndarray) -> np.ndarray:
         """iron over psi''q: S(|psi''|)/|psi''|, S quadratic as in `devices.blocks`, scaled by the air gap."""
-        return self._slope * np.maximum(size - self._knee, 0.0) ** 2 / size
+        return self.slope * np.maximum(size - self.knee, 0.0) ** 2 / size
 
     def rest(self, I: np.ndarray, E: np.ndarray) -> np.ndarray:
         """The steady fluxes (seeds, machines, 2) at a current and an internal voltage (pu machine)."""

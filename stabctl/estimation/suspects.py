@@ -59,7 +59,7 @@ class Residuals(NamedTuple):
             return {}
         sets: list[tuple[int, ...]] = [(int(m),) for m in np.flatnonzero(one > best - CLEAR)]
         sets += [(int(i[m]), int(j[m])) for m in np.flatnonzero(two > best - CLEAR)]
-        widest = list(max(sets, key=len))  # a common one is in all of them
+        widest = list(sets[-1])
         a = dict(zip(widest, np.linalg.solve(A[np.ix_(widest, widest)], b[widest]), strict=True))
         common = sorted(set.intersection(*map(set, sets)))
         return {column: -float(np.angle(1 - a[column])) for column in common}

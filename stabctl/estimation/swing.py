@@ -18,10 +18,13 @@ Process noise over a frame T has four sources:
            (u^2, u, 0, u, u): var u^2 = 4/45, var u = cov(u, u^2) = 1/12.
 """
 
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import expm
+
+from stabctl._util.jit import inline
 
 REJECTED = 2  # reports in a row that the gate rejects before it accepts one
 STATES = 5
@@ -76,29 +79,30 @@ def swing(
     return Swing(expm(A * T), B, np.pad(walk**2 * Q, ((0, 0), (0, 2), (0, 2))), c, d, reset)
 
 
-def process_covariance(
-    model: Swing, *, power: np.ndarray, jump: np.ndarray, frames: np.ndarray, flux: np.ndarray, noise: np.ndarray
-) -> np.ndarray:
-    """Process covariance (seeds, machines, 5, 5).
+@inline
+def process_covariance(k, i, model, Q, jump, frames, power, flux, noise):
+    """Write the process covariance of machine i and seed k into Q (seeds, machines, 5, 5).
 
     Parameters
     ----------
+    k, i : int
+        Seed and machine.
     model : Swing
-        The model.
-    power : (seeds, machines) array
-        Variance of the power over the frame.
-    jump, frames : (seeds, machines) array
+        The model, or any record with its c, d and walk.
+    Q : (seeds, machines, 5, 5) array
+        The result.
+    jump, frames : float
         Jump of the power, and frames since it was last known.
-    flux, noise : (seeds, machines, 2) array, pu
+    power : float
+        Variance of the power over the frame.
+    flux, noise : (2) tuple, pu
         Response of e and k to the jump of iq, and to its standard deviation over the frame.
     """
-    r, late = np.empty((*jump.shape, STATES)), frames * jump
-    r[..., 0], r[..., 1], r[..., 2], r[..., 3:] = -model.c * late * frames, -model.d * late, 0, flux
-    Q = r[..., :, None] * r[..., None, :]
-    Q *= JUMP
-    Q += model.walk
-    size = np.sqrt(power)
-    r[..., 0], r[..., 1], r[..., 3:] = model.c * size, model.d * size, 0
-    Q += r[..., :, None] * r[..., None, :]
-    Q[..., 3:, 3:] += noise[..., :, None] * noise[..., None, :]
-    return Q
+    c, d, late, size = model.c[i], model.d[i], frames * jump, sqrt(power)
+    moved = -c * late * frames, -d * late, 0.0, flux[0], flux[1]
+    blurred = c * size, d * size, 0.0, noise[0], noise[1]
+    for a in range(STATES):
+        for b in range(STATES):
+            Q[k, i, a, b] = model.walk[i, a, b] + JUMP[a, b] * moved[a] * moved[b]
+            if (a < 3) == (b < 3):  # the noises of power and current are independent
+                Q[k, i, a, b] += blurred[a] * blurred[b]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from stabctl.dynamics import operating_point
+from stabctl.estimation.estimators import Filtered
 from stabctl.estimation.instrument import Frame
 from stabctl.estimation.machine_model import MachineModel
 from stabctl.estimation.noise import Tuning
@@ -54,7 +55,22 @@ def test_the_variance_of_the_power_is_the_mean_of_two_reports_and_held_while_non
         model.settle(x, seen)
         held, P = np.where(here, variance, held), np.where(here, seen.P[0], P)
         since = np.where(here, 1, since + 1)
-        assert model.variance[0] == pytest.approx(held, rel=1e-12)
+        assert model.kept.variance[0] == pytest.approx(held, rel=1e-12)
+
+
+@pytest.mark.parametrize("filter_class", ["none", "M"])
+def test_the_compiled_filters_are_those_of_filterpy(points, filter_class):
+    point, pmu, random = points("two_area"), Pmu(filter_class=filter_class), np.random.default_rng(1)
+    known, V, I = rotor_units(point), *Terminals(Simulation(point)).phasors(point.V)
+    banks = [Filtered(known, pmu, swing=True, engine=engine) for engine in ("filterpy", "batched")]
+    zero = np.zeros((2, 4))
+    for k in range(90):
+        turned = np.exp(1j * (0.02 * k * (k > 20) + 2e-3 * random.standard_normal((2, 2, 4))))
+        frame = Frame(V * turned[0], I * turned[1] * (1 + (30 < k < 40)), zero, zero, random.random((2, 4)) > 0.1, zero)
+        one, two = (bank.step(frame) for bank in banks)
+        assert np.abs(one.slip - two.slip).max() < 1e-12  # 1e-16
+    assert np.abs(banks[0].bank.x - banks[1].bank.x).max() < 1e-10  # 2e-14
+    assert np.abs(banks[0].bank.P - banks[1].bank.P).max() < 1e-10
 
 
 def test_at_the_start_the_fluxes_of_full_machines_are_uncertain_by_a_thousandth(points):

@@ -8,7 +8,13 @@ from stabctl.estimation.swing import JUMP, process_covariance, swing
 
 H, D, HZ, T = np.array([2.0, 6.5]), np.array([0.0, 1.0]), 60.0, 1 / 60
 SWING = swing(H, D, hz=HZ, T=T, walk=0.05, flux=np.array([0.0, 1.0]))
-NONE = np.zeros((1, 2, 2))
+
+
+def covariance(jump, frames, power, flux=(0.0, 0.0)):
+    """Process covariance of the first machine."""
+    Q = np.empty((1, 2, 5, 5))
+    process_covariance(0, 0, SWING, Q, jump, frames, power, flux, (0.0, 0.0))
+    return Q[0, 0]
 
 
 def rates(i, power):
@@ -40,8 +46,7 @@ def test_moments_of_a_jump_at_an_unknown_instant():
 
 def test_process_covariance_is_that_of_jumps_of_power_and_current():
     dP, f = 0.5, np.array([0.03, -0.02])
-    given = {"jump": np.full((1, 2), dP), "frames": np.full((1, 2), 2), "flux": NONE + f, "noise": NONE}
-    Q = process_covariance(SWING, power=np.zeros((1, 2)), **given)[0, 0]
+    Q = covariance(dP, 2, 0.0, f)
     u, wb = (np.arange(10000) + 0.5) / 10000, 2 * np.pi * HZ
     late = 2 * T * u
     moved = [-wb * dP * late**2 / (4 * H[0]), -dP * late / (2 * H[0]), 0 * u, f[0] * u, f[1] * u]
@@ -56,8 +61,7 @@ def test_a_report_of_power_acts_in_two_frames_and_its_noise_counts_in_full():
     for k in range(n):
         dP = noise[k + 1] - noise[k]
         x = SWING.F[0] @ x + SWING.B[0] @ np.array([noise[k], dP, dP])
-    given = {"jump": np.zeros((1, 2)), "frames": np.ones((1, 2)), "flux": NONE, "noise": NONE}
-    Q = process_covariance(SWING, power=np.full((1, 2), size**2), **given)[0, 0] - SWING.walk[0]
+    Q = covariance(0.0, 1, size**2) - SWING.walk[0]
     assert Q[1, 1] == pytest.approx((size * T / (2 * H[0])) ** 2)
     assert np.var(x[1]) == pytest.approx(n * Q[1, 1], rel=0.03)  # 0.99: half of the first and the last are missing
 
