@@ -73,7 +73,8 @@ class CoiReference:
         if without is not None and without.any():
             s, a, var = np.where(without, (rs, ra, rvar), (s, a, var))
         H = self.H if whole else self.H * (island >= 0)
-        reporting, *sums = (_others(w, island, whole) for w in (H * remote_valid, H, H * rs, H * ra, H * H * rvar))
+        shares = np.stack(np.broadcast_arrays(H * remote_valid, H, H * rs, H * ra, H * H * rvar))
+        reporting, *sums = _others(shares, island, whole)
         weight = np.where(sums[0] > 0, sums[0], 1.0)
         usable = valid & (island >= 0) & (reporting > 0) & (reporting + self.H >= ENOUGH * (sums[0] + self.H))
         unseen = (SHARED * min((self.remote - self.own) * self.T, REACH)) ** 2 * jumped
@@ -102,7 +103,7 @@ def _extrapolated(e: Estimate, age: float) -> tuple[np.ndarray, np.ndarray, np.n
 
 
 def _others(weight: np.ndarray, island: np.ndarray, whole: bool) -> np.ndarray:
-    """Sum (seeds, machines) of the weights of the other machines in every machine's island."""
+    """Sum (..., seeds, machines) of the weights of the other machines in every machine's island."""
     if whole:
         return weight.sum(-1, keepdims=True) - weight
     same = (island[:, :, None] == island[:, None, :]) & (island >= 0)[:, None, :]
