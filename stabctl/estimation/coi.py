@@ -73,7 +73,8 @@ class CoiReference:
         if without is not None and without.any():
             s, a, var = np.where(without, (rs, ra, rvar), (s, a, var))
         H = self.H if whole else self.H * (island >= 0)
-        shares = np.stack(np.broadcast_arrays(H * remote_valid, H, H * rs, H * ra, H * H * rvar))
+        shares = np.empty((5, *rs.shape))
+        shares[0], shares[1], shares[2], shares[3], shares[4] = H * remote_valid, H, H * rs, H * ra, H * H * rvar
         reporting, *sums = _others(shares, island, whole)
         weight = np.where(sums[0] > 0, sums[0], 1.0)
         usable = valid & (island >= 0) & (reporting > 0) & (reporting + self.H >= ENOUGH * (sums[0] + self.H))
