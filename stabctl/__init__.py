@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from stabctl.model.powerflow import solve as power_flow
     from stabctl.model.replicate import replicate
     from stabctl.placement.place import place
+    from stabctl.placement.site_options import SiteOption
     from stabctl.placement.siting import Costs, Siting
     from stabctl.simulation.contingency import Contingency
     from stabctl.simulation.criterion import Criterion
@@ -72,6 +73,7 @@ _WHERE = {
     "Screen": "clearing:Screen",
     "SweepResults": "sweep.results:Results",
     "StabctlError": "errors:StabctlError",
+    "SiteOption": "placement.site_options:SiteOption",
     "Siting": "placement.siting:Siting",
     "Storage": "model.case:Storage",
     "SwitchShunt": "simulation.events:SwitchShunt",

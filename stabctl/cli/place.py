@@ -24,6 +24,25 @@ File = Annotated[
 ]
 Sites = Annotated[int | None, typer.Option("--sites", help="Maximum number of sites.")]
 Cap = Annotated[str, typer.Option("--cap", help="Maximum size of a device: 30%mva, 100%dispatch or 500MW.")]
+Candidates = Annotated[
+    Path | None,
+    typer.Option(
+        "--candidates",
+        help="FILE.csv with the buses where devices may be built: bus, machine, cap_mw, module_mw, cost_per_mw, "
+        "cost_per_mwh, cost_per_site (default: every machine's storage bus).",
+    ),
+]
+Also = Annotated[list[str] | None, typer.Option("--also", help="Another operating point: a case. Repeatable.")]
+Levels = Annotated[
+    list[float] | None,
+    typer.Option("--load-level", help="Operating points with this share of load and dispatch: 0.9. Repeatable."),
+]
+Outages = Annotated[
+    bool, typer.Option("--outages", help="Survive everything also without each one of the storage devices.")
+]
+Existing = Annotated[
+    str | None, typer.Option("--storage-at", help="Existing devices, in place of the case's own: 14=50MW,13@33=20MW.")
+]
 CostMw = Annotated[float, typer.Option("--cost-mw", help="Cost per MW.")]
 CostSite = Annotated[float, typer.Option("--cost-site", help="Cost per site.")]
 CostMwh = Annotated[float, typer.Option("--cost-mwh", help="Cost per MWh.")]
@@ -38,6 +57,11 @@ Validate = Annotated[
 def place(
     *,
     contingencies: File = None,
+    also: Also = None,
+    load_level: Levels = None,
+    outages: Outages = False,
+    storage_at: Existing = None,
+    candidates: Candidates = None,
     sites: Sites = None,
     cap: Cap = "30%mva",
     cost_mw: CostMw = 1.0,
@@ -63,15 +87,20 @@ def place(
 
     shared.folder(report)
     loaded = case.load()
+    points = _operating_points([loaded, *(case._replace(case=name).load() for name in also or ())], load_level)
+    if storage_at is not None:
+        points = {name: point.with_storage(storage_at) for name, point in points.items()}
     chosen, source = _contingencies(loaded, case.case, contingencies, case.classical)
     estimated: dict[str, Sampled] = {}
     if validate:
         estimated[validate] = EstimatorControl(law.law(), validate, seed=seed, engine="batched")
     with shared.progress("siting", None) as tell:
         found = place(
-            loaded,
+            points,
             chosen,
             cap=cap,
+            candidates=candidates,
+            outages=outages,
             costs=Costs(cost_mw, cost_site, cost_mwh),
             sites=sites,
             control=law.law(),
@@ -92,6 +121,21 @@ def place(
             shared.console().print(f"The contingencies and their clearing times {chosen_by} {source}.")
     if report:
         print(found.report(report), file=sys.stderr if as_json else sys.stdout)
+
+
+def _operating_points(cases: "list[Case]", levels: list[float] | None) -> "dict[str, Case]":
+    """Each case at each load level, by name."""
+    from stabctl.placement.scenario import operating_points
+
+    named = operating_points(cases)
+    if not levels:
+        return named
+    several = len(named) > 1
+    return {
+        f"{name + ', ' if several else ''}load {100 * level:g} %": case.with_load_level(level)
+        for name, case in named.items()
+        for level in levels
+    }
 
 
 def _contingencies(
@@ -126,6 +170,8 @@ def _record(found: "Siting") -> dict[str, Any]:
             {
                 "fault": c.contingency.fault,
                 "trip": list(c.contingency.trip),
+                "operating_point": c.operating_point,
+                "out": c.out,
                 "target_cycles": c.target_cycles,
                 "critical_cycles": c.critical_cycles,
                 "machine": c.machine,
@@ -138,12 +184,15 @@ def _record(found: "Siting") -> dict[str, Any]:
             {
                 "fault": c.contingency.fault,
                 "trip": list(c.contingency.trip),
+                "operating_point": c.operating_point,
+                "out": c.out,
                 "target_cycles": c.target_cycles,
                 "alone_cycles": c.alone_cycles,
                 "fleets_tried": c.tried,
             }
             for c in found.infeasible
         ],
+        "existing": [s._asdict() for s in found.existing],
         "evidence": [_evidence(row) for row in found.evidence],
         "history": [h._asdict() for h in found.history],
         "observed_s": found.observed_s,

@@ -12,7 +12,7 @@ from stabctl import devices
 from stabctl._util.verbs import verb
 from stabctl._util.wording import listed, named
 from stabctl.errors import EquilibriumError, StudyError
-from stabctl.model import network, powerflow
+from stabctl.model import fleet, network, powerflow
 from stabctl.model.case import Case
 from stabctl.model.network import Network
 from stabctl.model.powerflow import PowerFlow
@@ -120,7 +120,7 @@ class OperatingPoint:
     def resized(self, ratings: Iterable[float]) -> "OperatingPoint":
         """The same point with other storage ratings (devices, MW), which change nothing else in equilibrium."""
         pairs = zip(self.case.storage, ratings, strict=True)
-        case = self.case.with_storage(s._replace(rating=float(rating)) for s, rating in pairs)
+        case = fleet.extended(self.case, (s._replace(rating=float(rating)) for s, rating in pairs))
         esd = devices.every()["esd"]
         k = np.array([esd.from_case(s, case.base_mva) for s in case.storage], float)
         return replace(self, case=case, system=self.system.with_constants("esd", k))

@@ -40,10 +40,15 @@ def with_storage(case: Case, sizes: Fleet, flow: PowerFlow | None = None, **opti
     StudyError, CaseError
         If a machine, bus, size or option is not allowed.
     """
-    rows = checks.values("storage", Storage, devices(case, sizes, flow, options))
-    new = object.__new__(Case)
-    vars(new).update(vars(case), storage=rows)
+    new = extended(case, devices(case, sizes, flow, options))
     checks.storage(new)  # nothing else has changed
+    return new
+
+
+def extended(case: Case, rows: Iterable[Storage]) -> Case:
+    """The case with exactly these storage devices, of which two may be alike, as when one is as large as another."""
+    new = object.__new__(Case)
+    vars(new).update(vars(case), storage=checks.values("storage", Storage, tuple(rows)))
     return new
 
 

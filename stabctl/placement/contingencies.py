@@ -11,11 +11,14 @@ from stabctl._util import toml_file
 from stabctl.clearing import Screen
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
+from stabctl.simulation import notation
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.events import Event
 from stabctl.units import seconds
 
 Contingencies = Iterable[Contingency] | Contingency | Screen | str | Path
 COUNT, LONGER = 8, 1.2
+AT = 1.0  # s   instant of the fault of a contingency, by default
 LONGEST = 10.0  # s   clearing time; in practice a few cycles
 EXAMPLE = 'write [[contingency]] with fault = "16", trip = "16-21", clear = "8.2cyc"'
 
@@ -83,14 +86,15 @@ def read(path: str | Path, case: Case) -> tuple[Contingency, ...]:
     if not isinstance(rows, list) or not rows:
         raise StudyError(f"{path} has no contingencies; {EXAMPLE}.")
     try:
-        return checked(case, [_contingency(f"{path}, contingency {i}", row) for i, row in enumerate(rows, start=1)])
+        named = ((f"{path}, contingency {i}", row) for i, row in enumerate(rows, start=1))
+        return checked(case, [_contingency(where, row, case) for where, row in named])
     except StudyError as error:
         text = str(error)
         raise StudyError(text if text.startswith(str(path)) else f"{path}: {text}") from None
 
 
 def checked(case: Case, given: Iterable[Contingency]) -> tuple[Contingency, ...]:
-    """The contingencies, each with a fault and a clearing time, possible in the case, and different from the others."""
+    """The contingencies, each with a fault and its clearing time or other events, possible, and each different."""
     out = tuple(given)
     if not out:
         raise StudyError("There are no contingencies to survive; give at least one.")
@@ -99,11 +103,12 @@ def checked(case: Case, given: Iterable[Contingency]) -> tuple[Contingency, ...]
         if not isinstance(one, Contingency):
             raise StudyError(f"Contingency {i} is {one!r}; write Contingency('16', clear='6cyc', trip='16-21').")
         where = f"Contingency {i} ({one.label})"
-        if one.fault is None or one.clear is None:
-            missing = "fault" if one.fault is None else "clearing time"
-            raise StudyError(f"{where} has no {missing}; write Contingency('16', clear='6cyc', trip='16-21').")
+        if one.fault is None and not (one.trip or one.events):
+            raise StudyError(f"{where} has no fault and no event; write Contingency('16', clear='6cyc', trip='16-21').")
+        if one.fault is not None and one.clear is None:
+            raise StudyError(f"{where} has no clearing time; write Contingency('16', clear='6cyc', trip='16-21').")
         clear = clearing_s(one, case)
-        if not 0 < clear <= LONGEST:
+        if one.fault is not None and not 0 < clear <= LONGEST:
             raise StudyError(
                 f"{where} is cleared after {clear:g} s; give a clearing time above 0 and at most {LONGEST:g} s."
             )
@@ -122,9 +127,9 @@ def clearing_s(one: Contingency, case: Case) -> float:
     return seconds(one.clear or 0.0, case.frequency_hz)
 
 
-def target_cycles(one: Contingency, case: Case) -> float:
-    """Duration of the fault to be survived, in cycles of the case's frequency."""
-    return clearing_s(one, case) * case.frequency_hz
+def target_cycles(one: Contingency, case: Case) -> float | None:
+    """Duration of the fault to be survived, in cycles of the case's frequency; None without a fault."""
+    return None if one.fault is None else clearing_s(one, case) * case.frequency_hz
 
 
 def _bus(value: object) -> object:
@@ -137,18 +142,47 @@ class _Row(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
-    fault: Annotated[str, BeforeValidator(_bus)] = Field(description='a bus or a point on a circuit, such as "16"')
-    clear: str = Field(description='a clearing time, such as "8.2cyc" or "0.14s"')
+    fault: Annotated[str | None, BeforeValidator(_bus)] = Field(
+        None, description='a bus or a point on a circuit, such as "16"'
+    )
+    clear: str | None = Field(None, description='a clearing time, such as "8.2cyc" or "0.14s"')
+    impedance: str = Field("0,0", description='a fault impedance R,X in pu, such as "0.01,0.05"')
+    trip_machine: Annotated[str | list[str], BeforeValidator(_bus)] = Field(
+        [], description='a machine or a list of machines, such as "9" (when the fault is cleared) or "9@0.5s" after it'
+    )
     trip: str | list[str] = Field([], description='a circuit or a list of circuits, such as "16-21"')
     name: str | None = Field(None, description='text, such as "line 16-21"')
 
 
-def _contingency(where: str, row: object) -> Contingency:
+def _impedance(text: str) -> complex:
+    """A fault impedance written as R,X (pu)."""
+    try:
+        r, x = map(float, text.split(","))
+    except ValueError:
+        raise StudyError(f"impedance = {text!r} is not allowed; write R,X in pu, such as '0.01,0.05'.") from None
+    return complex(r, x)
+
+
+def _machine_trip(text: str, clear: str | None, case: Case) -> Event:
+    """The trip of a machine: `9` when the fault is cleared, `9@0.5s` so long after the instant of the fault."""
+    number, _, after = text.partition("@")
+    delay = seconds(after or clear or 0.0, case.frequency_hz)
+    return notation.event(f"{number.strip()}@{AT + delay!r}s", case.frequency_hz)
+
+
+def _contingency(where: str, row: object, case: Case) -> Contingency:
     if not isinstance(row, dict):
         raise StudyError(f"{where} is not a table; {EXAMPLE}.")
     found = toml_file.validated(_Row, row, where)
     trip = (found.trip,) if isinstance(found.trip, str) else tuple(found.trip)
+    if found.clear is None and found.fault is not None:
+        raise StudyError(f"{where}: clear is missing; it must be {_Row.model_fields['clear'].description}.")
+    if found.fault is None and (found.clear is not None or not (trip or found.trip_machine)):
+        raise StudyError(f"{where}: fault is missing; it must be {_Row.model_fields['fault'].description}.")
+    machines = (found.trip_machine,) if isinstance(found.trip_machine, str) else tuple(found.trip_machine)
     try:
-        return Contingency(found.fault, found.clear, trip, name=found.name)
+        trips = tuple(_machine_trip(text, found.clear, case) for text in machines)
+        impedance = _impedance(found.impedance)
+        return Contingency(found.fault, found.clear, trip, impedance=impedance, events=trips, name=found.name)
     except StudyError as error:
         raise StudyError(f"{where}: {error}") from None

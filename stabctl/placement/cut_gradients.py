@@ -28,10 +28,12 @@ def by_peak(trials: Trials, mw: np.ndarray, k: int) -> np.ndarray | None:
             break
     else:
         return None
-    numbers = [m.called for m in trials.point.case.machines]
-    machine = int(run.peak.argmax()) if lost is None else numbers.index(lost)
+    names = trials.point.rotor_names
+    machine = names.index(lost) if lost in names else int(run.peak.argmax())
 
     def slope(i: int) -> float:
+        if not trials.helps(i, k):
+            return 0.0
         step = STEP * base.sum()
         for _ in range(HALVINGS):
             tried = base.copy()
@@ -94,21 +96,22 @@ def by_swept_angle(trials: Trials, mw: np.ndarray, k: int, J: np.ndarray) -> np.
         None if no MW helps.
     """
     run = trials.simulate(mw, k)
-    H = trials.point.inertia
+    H = trials.at(k).inertia
     change = run.arrays.angle - run.arrays.angle[0]
     change -= (change @ H / H.sum())[:, None]
-    cleared = trials.trial(mw, k).cleared(1)
-    first = int(np.argmax(run.time >= cleared - 1e-9))
+    first = int(np.argmax(run.time >= trials.disturbed(k) - 1e-9))
     widest = first + int(np.argmax(np.ptp(change[first:], axis=1)))
-    order = np.argsort(change[widest])
-    split = int(np.argmax(np.diff(change[widest][order]))) + 1
+    ranked = np.argsort(change[widest])
+    split = int(np.argmax(np.diff(change[widest][ranked]))) + 1
     C = np.zeros(len(H), bool)
-    C[order[split:]] = True
+    C[ranked[split:]] = True
     M_C, M_N = H[C].sum(), H[~C].sum()
     theta = change @ np.where(C, H / M_C, -H / M_N)
     peak = first + int(np.argmax(theta[first:]))
     shares = np.where(C, M_N, -M_C) / H.sum()
-    work = (run.arrays.order[first:peak] * np.diff(theta)[first:peak, None]).sum(0)
+    order = run.arrays.order[:, len(trials.existing) :]
+    in_service = np.array([trials.helps(i, k) for i in range(len(mw))])
+    work = in_service * (order[first:peak] * np.diff(theta)[first:peak, None]).sum(0)
     return _scaled(work * (shares @ J), mw)
 
 

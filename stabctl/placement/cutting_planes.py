@@ -49,7 +49,7 @@ class CuttingPlanes:
 
     trials: Trials
     master: Master
-    J: np.ndarray  # (machines, candidates) dPe_j / dP_i
+    J: tuple[np.ndarray, ...]  # of every operating point (machines, candidates) dPe_j / dP_i
     prices: Prices
     hours: np.ndarray  # (candidates) MWh that a MW needs
     cuts: list[Cut] = field(default_factory=list)
@@ -105,7 +105,7 @@ class CuttingPlanes:
         if d is None:
             d = cut_gradients.by_scaling(self.trials, mw, k)
         if d is None:
-            d = cut_gradients.by_swept_angle(self.trials, mw, k, self.J)
+            d = cut_gradients.by_swept_angle(self.trials, mw, k, self.J[self.trials.scenarios[k].point])
         if d is not None:
             self.cuts.append(Cut(k, d, 1.0, mw))
 
@@ -197,7 +197,7 @@ class CuttingPlanes:
         """The cuts; those found far away are moved back to fleets known to survive their contingencies."""
         known = [*self.boundary]
         if self.best is not None:
-            known += [(k, self.best) for k in range(len(self.trials.contingencies))]
+            known += [(k, self.best) for k in range(len(self.trials.scenarios))]
         cuts = []
         for cut in self.cuts:
             near = self.best is not None and np.abs(cut.at - self.best).max() <= 2 * radius < np.inf

@@ -27,14 +27,17 @@ MARGINS = (
 class CriticalTime(NamedTuple):
     """The critical clearing time of a contingency with a fleet."""
 
-    cycles: float | None  # on a grid of about 1/8 cycle that contains the target; None: unstable at any clearing time
+    cycles: float | None  # on a grid of about 1/8 cycle that contains the target; None: no fault, or always unstable
     stable: bool  # at the target
     machine: int | str | None  # loses synchronism first just beyond
 
 
 def critical_time(trials: Trials, mw: np.ndarray, k: int, control: Control = None) -> CriticalTime:
-    """The critical clearing time of contingency k with a fleet (candidates, MW), also under another control."""
+    """The critical clearing time of scenario k with a fleet (candidates, MW), also under another control."""
     target = trials.target(k)
+    if target is None:
+        end = trials.simulate(trials.fleet(mw), k, False, control).outcome
+        return CriticalTime(None, end.stable, end.machine)
     steps = max(1, round(target / GRID))
     grid = target / steps
     trial = trials.trial(trials.fleet(mw), k, control, grid)
@@ -50,7 +53,7 @@ def critical_time(trials: Trials, mw: np.ndarray, k: int, control: Control = Non
 
 
 def critical_times(trials: Trials, mw: np.ndarray, control: Control = None) -> list[CriticalTime]:
-    """The critical clearing time of every contingency with a fleet (candidates, MW)."""
+    """The critical clearing time of every scenario with a fleet (candidates, MW)."""
     return trials.each(lambda k: critical_time(trials, mw, k, control))
 
 
@@ -75,7 +78,7 @@ def table(
     """
     rows = [_row(mw, found), _row(0.9 * mw, critical_times(trials, 0.9 * mw), scale=0.9)]
     for i in (int(i) for i in np.argsort(-mw) if mw[i] > 0):
-        s = trials.point.case.storage[i]
+        s = trials.point.case.storage[len(trials.existing) + i]
         rest = np.where(np.arange(len(mw)) == i, 0.0, mw)
         rows.append(_row(rest, critical_times(trials, rest), without=f"{s.machine}@{s.bus}"))
     refined = trials.refined()
@@ -101,6 +104,6 @@ def energies(trials: Trials, mw: np.ndarray) -> np.ndarray:
     """Energy capacity (candidates, MWh) that every device needs: the largest range of its charge in any contingency."""
 
     def swing(k: int) -> np.ndarray:
-        return np.ptp(trials.simulate(mw, k).arrays.energy, axis=0)
+        return np.ptp(trials.simulate(mw, k).arrays.energy[:, len(trials.existing) :], axis=0)
 
     return np.max(trials.each(swing), axis=0)

@@ -56,7 +56,7 @@ def _boundary(trials: Trials, fleets: Sequence[np.ndarray], k: int) -> BoundaryF
 def _infeasible(trials: Trials, k: int) -> Infeasible:
     fleets = trials.fleets(k)
     without = critical_time(trials, np.zeros_like(trials.cap), k).cycles
-    return Infeasible(trials.contingencies[k], trials.target(k), without, fleets)
+    return Infeasible(trials.contingencies[k], trials.target(k), without, fleets, *trials.named(k))
 
 
 def uniform_fleet(search: CuttingPlanes, uniform: np.ndarray, boundary: Sequence[BoundaryFleet]) -> np.ndarray | None:
@@ -79,7 +79,7 @@ def uniform_fleet(search: CuttingPlanes, uniform: np.ndarray, boundary: Sequence
 def linear_fleet(search: CuttingPlanes, uniform: np.ndarray) -> np.ndarray | None:
     """The cheapest linear allocation, scaled until it survives everything; None if none does. Adds cuts there."""
     trials, out = search.trials, None
-    candidates = [(s.machine, s.bus) for s in trials.point.case.storage]
+    candidates = [(s.machine, s.bus) for s in trials.point.case.storage[len(trials.existing) :]]
     budget = BUDGET * trials.fleet(uniform).sum()
     try:
         found = gramians(trials.point, candidates)

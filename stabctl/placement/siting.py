@@ -35,6 +35,7 @@ class Siting(Tabular):
     wall_s: float
     candidates: tuple[CandidateSite, ...] = ()
     title: str = ""  # of the case
+    existing: tuple[Storage, ...] = ()  # devices of the case, which are kept
     targets: str = ""  # where the clearing times to be survived come from, as a sentence; empty if they were given
 
     plot = verb("stabctl.plotting.siting:plot")
@@ -92,11 +93,12 @@ class Siting(Tabular):
         import pandas as pd
 
         rows = [
-            (c.contingency.label, c.target_cycles, c.critical_cycles, c.margin_cycles, c.stable, c.binding, c.machine)
+            (c.label, c.target_cycles, c.critical_cycles, c.margin_cycles, c.stable, c.binding, c.machine)
             for c in self.contingencies
         ]
         columns = ["contingency", "target_cycles", "critical_cycles", "margin_cycles", "stable", "binding", "machine"]
-        return machine_column(pd.DataFrame(rows, columns=columns).astype({"critical_cycles": float}))
+        numbers = dict.fromkeys(("target_cycles", "critical_cycles", "margin_cycles"), float)
+        return machine_column(pd.DataFrame(rows, columns=columns).astype(numbers))
 
     def remarks(self) -> tuple[str, ...]:
         """The result in sentences."""
@@ -109,11 +111,14 @@ class Siting(Tabular):
     def __str__(self) -> str:
         lines = [self.remarks()[0], "   bus machine        MW       kWh"]
         lines += [f"{s.bus:6d} {s.machine:7d} {s.size:>9s} {1e3 * s.mwh:9.1f}" for s in self.sites]
-        lines.append("contingency                 target  critical, cycles")
+        width = max([26, *(len(c.label) for c in self.contingencies)])
+        lines.append(f"{'contingency':{width}s}  target  critical, cycles")
         for c in self.contingencies:
+            target = "-" if c.target_cycles is None else f"{c.target_cycles:.3f}"
             found = "none" if c.critical_cycles is None else f"{c.critical_cycles:.3f}"
+            found = "-" if c.target_cycles is None else found
             binding = "  binding" if c.binding else ""
-            lines.append(f"{c.contingency.label:26s} {c.target_cycles:7.3f} {found:>9s}{binding}")
+            lines.append(f"{c.label:{width}s} {target:>7s} {found:>9s}{binding}")
         return "\n".join([*lines, *self.remarks()[1:]])
 
     def _head(self) -> str:

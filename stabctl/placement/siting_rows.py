@@ -8,11 +8,11 @@ REFINED = "half the time step and twice the observation window"
 
 
 class Costs(NamedTuple):
-    """What storage costs, in any one currency."""
+    """What storage costs, in any one currency, where a site has no costs of its own."""
 
     mw: float = 1.0  # per MW
     site: float = 0.0  # per site
-    mwh: float = 0.0  # per MWh, for the energy that a MW at each candidate absorbs with the uniform fleet
+    mwh: float = 0.0  # per MWh
 
 
 class Site(NamedTuple):
@@ -38,40 +38,59 @@ class CandidateSite(NamedTuple):
     uniform_mw: float | None  # of the uniform fleet; None if no uniform fleet survives everything
 
 
+def _label(contingency: Contingency, operating_point: str, out: str) -> str:
+    """A scenario in words: `16 trip 16-21, load 90 %, without 9@29`."""
+    return ", ".join(filter(None, (contingency.label, operating_point, f"without {out}" if out else "")))
+
+
 class Survived(NamedTuple):
-    """A contingency and its critical clearing time with the fleet."""
+    """A scenario and its critical clearing time with the fleet."""
 
     contingency: Contingency
-    target_cycles: float
-    critical_cycles: float | None  # on a grid that contains the target; None: unstable at any clearing time
+    target_cycles: float | None  # None: without a fault
+    critical_cycles: float | None  # on a grid that contains the target; None: no fault, or always unstable
     machine: int | str | None  # loses synchronism first just beyond the critical time
     stable: bool  # in the simulation at the target
     binding: bool  # unstable with 3 % less storage
+    operating_point: str = ""  # if there are several
+    out: str = ""  # the device (machine@bus) that is out of service
 
     @property
-    def margin_cycles(self) -> float:
-        """Critical clearing time minus target, cycles."""
-        return (self.critical_cycles or 0.0) - self.target_cycles
+    def label(self) -> str:
+        """The contingency, and the operating point and the device out of service if there are any."""
+        return _label(self.contingency, self.operating_point, self.out)
+
+    @property
+    def margin_cycles(self) -> float | None:
+        """Critical clearing time minus target, cycles; None without a fault."""
+        return None if self.target_cycles is None else (self.critical_cycles or 0.0) - self.target_cycles
 
 
 class Infeasible(NamedTuple):
-    """A contingency that no fleet tried survives."""
+    """A scenario that no fleet tried survives."""
 
     contingency: Contingency
-    target_cycles: float
-    alone_cycles: float | None  # critical clearing time without storage
+    target_cycles: float | None  # None: without a fault
+    alone_cycles: float | None  # critical clearing time without the fleet
     tried: int  # fleets
+    operating_point: str = ""  # if there are several
+    out: str = ""  # the device (machine@bus) that is out of service
+
+    @property
+    def label(self) -> str:
+        """The contingency, and the operating point and the device out of service if there are any."""
+        return _label(self.contingency, self.operating_point, self.out)
 
     def __str__(self) -> str:
+        none = f"none of the {self.tried} fleets tried within the caps survives it"
+        if self.target_cycles is None:
+            return f"{self.label}: {none}."
         alone = (
             "it is unstable at any clearing time"
             if self.alone_cycles is None
             else f"its critical clearing time is {self.alone_cycles:.2f} cycles"
         )
-        return (
-            f"{self.contingency.label} at {self.target_cycles:.2f} cycles: none of the {self.tried} fleets tried "
-            f"within the caps survives it (without storage {alone})."
-        )
+        return f"{self.label} at {self.target_cycles:.2f} cycles: {none} (without storage {alone})."
 
 
 class Evidence(NamedTuple):

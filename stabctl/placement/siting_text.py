@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from stabctl._util.wording import counted
 
-from .siting_rows import REFINED
+from .siting_rows import REFINED, Infeasible, Survived
 
 if TYPE_CHECKING:
     from .siting import Siting
@@ -16,6 +16,9 @@ SLACK = 1e-6  # largest violation of a cut that is rounding
 def remarks(siting: "Siting") -> tuple[str, ...]:
     """The fleet, what it is compared with, and what is left open."""
     survived = counted(len(siting.contingencies), "contingency")
+    rows: list[Survived | Infeasible] = [*siting.contingencies, *siting.infeasible]
+    if any(row.operating_point or row.out for row in rows):
+        survived = counted(len(siting.contingencies), "scenario")
     if siting.infeasible:
         survived += f" of {len(siting.contingencies) + len(siting.infeasible)}"
     first = (
@@ -24,16 +27,22 @@ def remarks(siting: "Siting") -> tuple[str, ...]:
         f"({counted(siting.simulations, 'simulation')} in {siting.wall_s:.1f} s)."
     )
     if siting.infeasible:
-        left_out = "; ".join(one.contingency.label for one in siting.infeasible)
+        left_out = "; ".join(one.label for one in siting.infeasible)
         first += f" No fleet within the caps was found that survives {left_out}."
     targets = (siting.targets,) if siting.targets else ()
-    return (first, *targets, *_comparisons(siting), *_bound(siting), *reservations(siting))
+    return (first, *targets, *_existing(siting), *_comparisons(siting), *_bound(siting), *reservations(siting))
+
+
+def _existing(siting: "Siting") -> Iterator[str]:
+    if siting.existing:
+        total = sum(s.rating for s in siting.existing)
+        yield f"{counted(len(siting.existing), 'existing device')} with {total:.1f} MW in all are kept."
 
 
 def _comparisons(siting: "Siting") -> Iterator[str]:
     """The uniform fleet and the allocation by linear analysis."""
     if siting.uniform_mw == 0:
-        yield "The system survives every contingency even without storage."
+        yield f"The system survives every contingency even without {'further ' * bool(siting.existing)}storage."
     elif siting.uniform_mw:
         yield (
             f"A uniform fleet would need at least {siting.uniform_mw:.1f} MW ({siting.uniform_percent:.2f} % of every "
@@ -65,7 +74,7 @@ def reservations(siting: "Siting") -> tuple[str, ...]:
     for row in siting.evidence:
         if row.refined:
             fleet = f"{row.scale:g} times this fleet" if siting.sites else "the system without storage"
-            lost = [c.contingency.label for c, ok in zip(siting.contingencies, row.stable, strict=True) if not ok]
+            lost = [c.label for c, ok in zip(siting.contingencies, row.stable, strict=True) if not ok]
             said.append(
                 f"With {REFINED}, {fleet} does not survive {'; '.join(lost)}; use a longer observation window."
                 if lost

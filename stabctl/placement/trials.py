@@ -1,11 +1,11 @@
-"""Simulations of storage fleets: whether a fleet survives a contingency. Each combination is simulated only once."""
+"""Simulations of storage fleets: whether a fleet survives a scenario. Each combination is simulated only once."""
 
 import copy
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import CancelledError, ThreadPoolExecutor
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from dataclasses import replace
 from threading import Event, Lock
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -15,26 +15,37 @@ from stabctl.controllers import BangBang, Law
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control
-from stabctl.simulation.simulation import Simulation
+from stabctl.simulation.simulation import Simulation, run
 from stabctl.simulation.trajectory import Trajectory
 
 from .contingencies import target_cycles
+from .scenario import Scenario, without_fault
 
 DIGITS = 9  # of a size over its cap; fleets that agree to so many are the same
 T = TypeVar("T")
 
 
+class Question(NamedTuple):
+    """What has been simulated: a contingency, the number of the operating point, rounded ratings."""
+
+    contingency: Contingency
+    point: int
+    ratings: bytes
+
+
 class Trials:
-    """Simulations of the fleets of one operating point, whose case has a storage device at every candidate.
+    """Simulations of the fleets of a system, whose cases have a storage device at every candidate.
 
     Parameters
     ----------
-    point : OperatingPoint
-        The system with a device at every candidate.
-    contingencies : sequence of Contingency
-        What must be survived.
+    points : OperatingPoint or sequence of OperatingPoint
+        The system with its existing storage devices, and after them a device at every candidate.
+    scenarios : sequence of Scenario or Contingency
+        What must be survived; a contingency stands for itself at the first operating point.
     cap : (candidates,) array, MW
         Largest sizes; larger ones are reduced to them.
+    names : sequence of str
+        Names of several operating points.
     control : control law, optional
         Control law of the devices, `BangBang()` by default.
     search : Search
@@ -47,21 +58,47 @@ class Trials:
 
     def __init__(
         self,
-        point: OperatingPoint,
-        contingencies: Sequence[Contingency],
+        points: OperatingPoint | Sequence[OperatingPoint],
+        scenarios: Sequence[Scenario | Contingency],
         cap: np.ndarray,
         control: Law | None = None,
         *,
+        names: Sequence[str] = (),
         search: Search = Search(),  # noqa: B008
         workers: int | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> None:
-        self.point, self.contingencies, self.cap = point, tuple(contingencies), cap
+        self.names = tuple(names)
+        self.points = (points,) if isinstance(points, OperatingPoint) else tuple(points)
+        self.scenarios = tuple(s if isinstance(s, Scenario) else Scenario(s) for s in scenarios)
+        self.cap = cap
+        existing = self.point.case.storage[: len(self.point.case.storage) - len(cap)]
+        self.existing = np.array([s.rating for s in existing])  # MW
         self.control, self.search, self.progress = control or BangBang(), search, progress
         self._unit = np.where((cap > 0) & np.isfinite(cap), cap, 1.0)  # MW
         self._counted, self._lock = [0], Lock()
         self._pool, self._ended = ThreadPoolExecutor(cores.used(workers)), Event()
-        self._known: dict[tuple[int, bytes], bool] = {}
+        self._known: dict[Question, Future[bool]] = {}
+
+    @property
+    def point(self) -> OperatingPoint:
+        """The first operating point."""
+        return self.points[0]
+
+    @property
+    def contingencies(self) -> tuple[Contingency, ...]:
+        """The contingency of every scenario."""
+        return tuple(s.contingency for s in self.scenarios)
+
+    def at(self, k: int) -> OperatingPoint:
+        """The operating point of scenario k."""
+        return self.points[self.scenarios[k].point]
+
+    def named(self, k: int) -> tuple[str, str]:
+        """The operating point of scenario k, if there are several, and the device that is out of service, if any."""
+        one = self.scenarios[k]
+        s = None if one.out is None else self.point.case.storage[one.out]
+        return self.names[one.point] if len(self.points) > 1 else "", "" if s is None else f"{s.machine}@{s.bus}"
 
     @property
     def simulations(self) -> int:
@@ -81,58 +118,96 @@ class Trials:
         """The sizes (candidates, MW), none above its cap."""
         return np.minimum(mw, self.cap)
 
+    def ratings(self, mw: np.ndarray, k: int) -> np.ndarray:
+        """The ratings (devices, MW) of the existing devices and the fleet in scenario k."""
+        out = self.scenarios[k].out
+        all_of_them = np.concatenate([self.existing, mw])
+        return all_of_them if out is None else np.where(np.arange(len(all_of_them)) == out, 0.0, all_of_them)
+
+    def helps(self, i: int, k: int) -> bool:
+        """Whether candidate i is in service in scenario k."""
+        return self.scenarios[k].out != len(self.existing) + i
+
     def survives(self, mw: np.ndarray, k: int) -> bool:
-        """Whether the fleet (candidates, MW; reduced to the caps) survives contingency k."""
+        """Whether the fleet (candidates, MW; reduced to the caps) survives scenario k."""
         mw = self.fleet(mw)
-        key = (k, np.round(mw / self._unit, DIGITS).tobytes())
-        if key not in self._known:
-            self._known[key] = self.simulate(mw, k, record=False).outcome.stable
-        return self._known[key]
+        scale = np.concatenate([np.ones(len(self.existing)), self._unit])
+        one = self.scenarios[k]
+        key = Question(one.contingency, one.point, np.round(self.ratings(mw, k) / scale, DIGITS).tobytes())
+        with self._lock:
+            new = key not in self._known
+            answer = self._known.setdefault(key, Future())
+        if new:
+            try:
+                answer.set_result(self.simulate(mw, k, record=False).outcome.stable)
+            except BaseException as error:
+                answer.set_exception(error)
+        return answer.result()
 
     def each(self, ask: Callable[[int], T], which: Iterable[int] | None = None) -> list[T]:
-        """The results of `ask` for every contingency, or for these numbers, in parallel."""
+        """The results of `ask` for every scenario, or for these numbers, in parallel."""
         try:
-            return list(self._pool.map(ask, range(len(self.contingencies)) if which is None else which))
+            return list(self._pool.map(ask, range(len(self.scenarios)) if which is None else which))
         except BaseException:
             self._ended.set()  # the other threads may be in long searches, which would delay the exit
             raise
 
     def lost(self, mw: np.ndarray) -> list[int]:
-        """The contingencies that the fleet does not survive."""
+        """The scenarios that the fleet does not survive."""
         return [k for k, survived in enumerate(self.each(lambda k: self.survives(mw, k))) if not survived]
 
     def fleets(self, k: int) -> int:
-        """Number of fleets tried against contingency k."""
-        return sum(asked == k for asked, _ in self._known)
+        """Number of fleets tried against scenario k."""
+        one = self.scenarios[k]
+        return sum((asked.contingency, asked.point) == (one.contingency, one.point) for asked in self._known)
 
     def only(self, kept: Sequence[int]) -> "Trials":
-        """The same for some of the contingencies."""
-        new = self._like([self.contingencies[k] for k in kept], self.search)
-        new._known = {(kept.index(k), mw): known for (k, mw), known in self._known.items() if k in kept}
+        """The same for some of the scenarios."""
+        new = copy.copy(self)
+        new.scenarios = tuple(self.scenarios[k] for k in kept)
         return new
+
+    def of(self, mw: np.ndarray) -> "Trials":
+        """The same without the outages of devices that a fleet (candidates, MW) does not have."""
+        empty = {len(self.existing) + i for i in np.flatnonzero(mw == 0)}
+        return self.only([k for k, one in enumerate(self.scenarios) if one.out not in empty])
 
     def refined(self) -> "Trials":
         """The same with half the time step and twice the observation window."""
         step = Simulation(self.point, step=self.search.step, record=False).step / 2
-        return self._like(self.contingencies, replace(self.search, observed_s=2 * self.search.observed_s, step=step))
-
-    def _like(self, contingencies: Sequence[Contingency], search: Search) -> "Trials":
         new = copy.copy(self)
-        new.contingencies, new.search, new._known = tuple(contingencies), search, {}
+        new.search, new._known = replace(self.search, observed_s=2 * self.search.observed_s, step=step), {}
         return new
 
-    def target(self, k: int) -> float:
-        """Clearing time of contingency k to be survived, in cycles."""
-        return target_cycles(self.contingencies[k], self.point.case)
+    def target(self, k: int) -> float | None:
+        """Clearing time of scenario k to be survived, in cycles; None without a fault."""
+        return target_cycles(self.scenarios[k].contingency, self.point.case)
 
     def trial(self, mw: np.ndarray, k: int, control: Control = None, grid: float | None = None) -> Trial:
-        """Contingency k with this fleet (candidates, MW, also above the caps) at multiples of `grid`, or its target."""
-        target = self.target(k)
+        """Scenario k with this fleet (candidates, MW, also above the caps) at multiples of `grid`, or its target.
+
+        It must have a fault.
+        """
+        target = self.target(k) or 0.0
         limit = max(self.search.limit_cycles, 2 * target)
         search = replace(self.search, resolution_cycles=grid or target, limit_cycles=limit)
-        return Trial(self.point.resized(mw), self.contingencies[k], control or self.control, search)
+        point = self.at(k).resized(self.ratings(mw, k))
+        return Trial(point, self.scenarios[k].contingency, control or self.control, search)
 
-    def simulate(self, mw: np.ndarray, k: int, record: bool = True) -> Trajectory:
-        """The simulation of contingency k with this fleet (candidates, MW, also above the caps)."""
+    def simulate(self, mw: np.ndarray, k: int, record: bool = True, control: Control = None) -> Trajectory:
+        """The simulation of scenario k with this fleet (candidates, MW, also above the caps)."""
         self.count()
-        return self.trial(mw, k).simulate(1, record)
+        one = self.scenarios[k].contingency
+        if one.fault is not None:
+            return self.trial(mw, k, control).simulate(1, record)
+        point = self.at(k).resized(self.ratings(mw, k))
+        events, last = without_fault(one, point.case)
+        law, search = control or self.control, self.search
+        until = last + search.observed_s
+        return run(point, events, until, law, step=search.step, criterion=search.criterion, record=record)
+
+    def disturbed(self, k: int) -> float:
+        """Instant (s) in `simulate` of the clearing of the fault, or of the last event without one."""
+        if self.scenarios[k].contingency.fault is None:
+            return without_fault(self.scenarios[k].contingency, self.at(k).case)[1]
+        return self.trial(self.cap, k).cleared(1)

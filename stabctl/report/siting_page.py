@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from stabctl.placement.siting import Evidence, Siting
+from stabctl.placement.siting import Evidence, Siting, Survived
 from stabctl.plotting import siting as figures
 
 from . import document
@@ -64,10 +64,10 @@ def _sites(siting: Siting) -> Iterator[tuple[str, ...]]:
 def _contingencies(siting: Siting) -> Iterator[tuple[str, ...]]:
     for c in siting.contingencies:
         yield (
-            c.contingency.label,
-            f"{c.target_cycles:.3f}",
-            "none" if c.critical_cycles is None else f"{c.critical_cycles:.3f}",
-            f"{c.margin_cycles:+.3f}" if c.stable else "unstable",
+            c.label,
+            "" if c.target_cycles is None else f"{c.target_cycles:.3f}",
+            _critical(c),
+            "unstable" if not c.stable else "" if c.margin_cycles is None else f"{c.margin_cycles:+.3f}",
             "yes" if c.binding else "",
             "" if c.machine is None else str(c.machine),
         )
@@ -80,7 +80,15 @@ def _variation(siting: Siting, row: Evidence) -> dict[str, Any]:
     return {"fleet": row.fleet, "mw": f"{row.mw:.1f}", "margins": list(zip(margins, row.stable, strict=True))}
 
 
-def _margin(critical: float | None, required: float) -> str:
+def _critical(c: Survived) -> str:
+    if c.target_cycles is None:
+        return ""
+    return "none" if c.critical_cycles is None else f"{c.critical_cycles:.3f}"
+
+
+def _margin(critical: float | None, required: float | None) -> str:
+    if required is None:
+        return ""
     return "none" if critical is None else f"{round(critical - required, 3) + 0.0:+.3f}"
 
 

@@ -76,8 +76,16 @@ def test_cases_without_a_packaged_file():
         ("a = " + "[" * 100_000, "is not valid TOML"),
         (GOOD * 20_000, "has more than 1000000 bytes"),
         (GOOD + GOOD.replace("clear", "cleared"), "contingency 2: 'cleared' is not a known key; did you mean 'clear'"),
-        (GOOD + "colour = 'red'", "contingency 1: 'colour' is not a known key; the keys are fault, clear, trip, name"),
+        (
+            GOOD + "colour = 'red'",
+            "contingency 1: 'colour' is not a known key; the keys are fault, clear, impedance",
+        ),
         ('[[contingency]]\ntrip = "16-21"\nclear = "6cyc"', "contingency 1: fault is missing; it must be a bus"),
+        (GOOD + 'impedance = "1"', "impedance = '1' is not allowed; write R,X"),
+        (GOOD + 'impedance = "-1,0"', "its resistance must be at least 0"),
+        (GOOD + 'trip_machine = "77"', "There is no machine 77"),
+        (GOOD + 'trip_machine = "9@now"', "'now' is not a time"),
+        ('[[contingency]]\nname = "nothing"', "contingency 1: fault is missing; it must be a bus"),
         ('[[contingency]]\nfault = "16"', "contingency 1: clear is missing; it must be a clearing time"),
         (GOOD.replace('"16"', "true"), "contingency 1, fault = True: it must be a bus or a point on a circuit"),
         (GOOD.replace('"16"', "16.0"), "fault = 16.0: it must be"),
@@ -112,6 +120,22 @@ def test_a_mistake_is_a_sentence(read, text, words):
     assert len(str(error.value)) < 500
 
 
+def test_impedances_and_machine_trips_of_a_file(read):
+    """A machine is tripped when the fault is cleared, or so long after it; without a fault at once."""
+    rows = (
+        GOOD + 'impedance = "0.01,0.05"\ntrip_machine = "9"',
+        GOOD + 'trip_machine = ["9@0.5s", "8@12cyc"]',
+        "[[contingency]]\ntrip_machine = 9",
+        '[[contingency]]\ntrip = "16-21"',
+    )
+    first, second, third, fourth = read("\n".join(rows))
+    assert first.impedance == 0.01 + 0.05j
+    assert [(e.machine, e.at) for e in first.events] == [(9, pytest.approx(1.1))]
+    assert [(e.machine, e.at) for e in second.events] == [(9, pytest.approx(1.5)), (8, pytest.approx(1.2))]
+    assert (third.fault, [(e.machine, e.at) for e in third.events]) == (None, [(9, 1.0)])
+    assert (fourth.fault, fourth.trip) == (None, ("16-21",))
+
+
 def test_a_file_that_cannot_be_read(cases, tmp_path):
     for path in (tmp_path / "missing.toml", tmp_path, "x" * 5000, "a\0b"):
         with pytest.raises(StudyError, match="cannot be read"):
@@ -125,7 +149,7 @@ def test_a_file_that_cannot_be_read(cases, tmp_path):
         (7, "7 is not a list of contingencies"),
         (["16"], "Contingency 1 is '16'; write Contingency"),
         ([Contingency("16")], "has no clearing time"),
-        ([Contingency(events="7-8@1s")], "has no fault"),
+        ([Contingency()], "has no fault and no event"),
         ([Contingency("16", 0.0)], "is cleared after 0 s"),
         ([ONE, Contingency("16", "100ms", "16-21")], "is the same as contingency 1"),
     ],

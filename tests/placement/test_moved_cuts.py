@@ -10,6 +10,8 @@ from stabctl.placement import cut_gradients, cutting_planes
 from stabctl.placement.cutting_planes import CuttingPlanes
 from stabctl.placement.master import Cut, Master, Unsolved
 from stabctl.placement.prices import Prices
+from stabctl.placement.scenario import Scenario
+from stabctl.simulation.contingency import Contingency
 
 AT_LEAST_20 = Cut(0, np.array([1 / 20, 0.0]), 1.0, np.array([20.0, 0.0]))  # MW at the first site
 PRICES = Prices(np.array([1.0, 2.0]), np.zeros(2), np.zeros(2))
@@ -18,10 +20,10 @@ PRICES = Prices(np.array([1.0, 2.0]), np.zeros(2), np.zeros(2))
 def planes(best, survivors=(), boundary=(), cuts=(AT_LEAST_20,)):
     """One cut at the first site; the second costs nothing that matters here."""
     master = Master(np.array([50.0, 50.0]), PRICES.mw, PRICES.site)
-    trials = SimpleNamespace(contingencies=("one", "other"))
+    trials = SimpleNamespace(scenarios=("one", "other"))
     best, fleets = np.array(best), [np.array(fleet) for fleet in survivors]
     known = [(k, np.array(fleet)) for k, fleet in boundary]
-    made = CuttingPlanes(trials, master, np.zeros((1, 2)), PRICES, np.zeros(2), list(cuts), known, [*fleets, best])
+    made = CuttingPlanes(trials, master, (np.zeros((1, 2)),), PRICES, np.zeros(2), list(cuts), known, [*fleets, best])
     made.best, made.cost = best, master.cost(best)
     return made
 
@@ -70,7 +72,7 @@ def test_the_bound_is_never_above_the_cost_of_a_fleet():
 class Curved:
     """Fleets survive if s1 s2 >= 100: a convex set, whose cheapest fleet at prices 1 and 2 is (14.14, 7.07)."""
 
-    contingencies = ("one",)
+    scenarios = (Scenario(Contingency("1")),)
     cap = np.array([50.0, 50.0])
 
     def fleet(self, mw):

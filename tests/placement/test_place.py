@@ -10,7 +10,6 @@ from stabctl.controllers import BangBang
 from stabctl.errors import StudyError
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.pmu import Pmu
-from stabctl.model import fleet
 from stabctl.placement.place import place
 from stabctl.placement.siting import Costs
 from stabctl.simulation.contingency import Contingency
@@ -51,9 +50,18 @@ def test_twice_the_same(case, both):
     assert replace(again, wall_s=0.0) == replace(both, wall_s=0.0)
 
 
-def test_its_own_storage_is_left_aside(case):
-    own, one = case.with_storage(fleet.everywhere(case, "100MW")), CANDIDATES[2:]
-    assert study(own, NEAR_9, candidates=one).total_mw == study(case, NEAR_9, candidates=one).total_mw
+def test_existing_storage_is_kept_and_costs_nothing(case, both):
+    """What is there at bus 29 need not be built, and the fleet survives together with it."""
+    (alone,) = study(case, NEAR_9, candidates=CANDIDATES[2:]).sites
+    half = case.with_storage({9: f"{alone.mw / 2!r}MW"})
+    found = study(half, NEAR_9, candidates=CANDIDATES[2:])
+    assert found.existing == half.storage
+    assert found.total_mw == pytest.approx(alone.mw / 2, rel=2e-3)  # two devices at a bus are one of both sizes
+    assert found.cost == found.total_mw
+    assert "1 existing device with" in str(found)
+    enough = study(case.with_storage({9: f"{1.01 * alone.mw!r}MW"}), NEAR_9)
+    assert (enough.sites, enough.cost) == ((), 0)
+    assert "even without further storage" in str(enough)
 
 
 def test_what_no_fleet_cures_is_left_out_and_said(case):

@@ -109,7 +109,7 @@ def test_some_of_the_contingencies_keep_what_is_known(point, trials):
     assert some.simulations == trials.simulations == 3
     some.survives(2 * mw, 0)
     assert trials.simulations == some.simulations == 4
-    assert trials.fleets(2) == 1
+    assert trials.fleets(2) == 2
 
 
 def test_finer_and_longer(point, trials):
