@@ -140,7 +140,7 @@ def _wrong(option: SiteOption) -> str | None:
 
 
 def _followed(point: OperatingPoint, options: Sequence[SiteOption]) -> tuple[tuple[int, int], ...]:
-    """Machine and bus of every site; without a machine the one at the bus, or else that which a MW there brakes most."""
+    """Machine and bus of every site; without a machine that at the bus, or the one that a MW there brakes most."""
     rotors = [m for m in point.case.machines if m.machine in point.rotor_numbers]
     nearest = {bus: m.machine for m in reversed(rotors) for bus in (m.bus, m.storage_bus)}
     free = [option.bus for option in options if option.machine is None and option.bus not in nearest]
