@@ -49,7 +49,8 @@ def modes(
     point = loaded.initialize()
     model = linearize(point) if sparse is False else descriptor(point)
     few = sparse or (sparse is None and len(model.states) > LARGE)
-    found = analyze(model, band if few else None)
+    with shared.progress("modes", 1.0) as said:
+        found = analyze(model, band if few else None, said=said)
     groups = areas(found, area_count) if found.swings() or area_count else None
     if as_json:
         shared.print_json({"case": point.case.name} | modes_table.record(found))

@@ -3,14 +3,14 @@
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from stabctl.smallsignal import Modes
+from stabctl.smallsignal import Modes, Selected
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 
 def record(modes: Modes) -> dict[str, Any]:
-    """Return all eigenvalues with frequency, damping, label, ten largest participation factors and mode shape."""
+    """Return the eigenvalues with frequency, damping, label, ten largest participation factors and mode shape."""
     rows = []
     for k in range(len(modes)):
         m = modes.mode(k)
@@ -26,7 +26,10 @@ def record(modes: Modes) -> dict[str, Any]:
                 "shape": [{"machine": p.machine, "magnitude": p.magnitude, "angle_deg": p.angle_deg} for p in m.shape],
             }
         )
-    return {"states": len(modes.linear.states), "modes": rows}
+    record = {"states": len(modes.linear.states), "modes": rows}
+    if isinstance(modes, Selected):
+        record |= {"certified": modes.certified, "counted": modes.counted, "proof": modes.proof()}
+    return record
 
 
 def table(modes: Modes, chosen: Iterable[int]) -> "Table":

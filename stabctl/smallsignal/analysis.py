@@ -1,6 +1,6 @@
 """The modes of a system: all of them, or of a large system those of a band."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from stabctl import units
@@ -27,6 +27,7 @@ def modes(
     *,
     storage: "Fleet | None" = None,
     damping: tuple[float, float] = DAMPING,
+    sparse: bool | None = None,
 ) -> Modes:
     """Compute the modes of a system at its operating point.
 
@@ -41,6 +42,8 @@ def modes(
         Storage devices in place of the case's own, as in `simulate`.
     damping : tuple of float
         Lowest and highest damping ratio, if only the modes of a band are computed.
+    sparse : bool, optional
+        Whether only the modes of the band are computed (`Selected`), or all; by default all, up to 2000 states.
 
     Returns
     -------
@@ -55,27 +58,31 @@ def modes(
     """
     chosen = None if band is None else units.band(band)
     d = descriptor(operating_point(base, storage))
-    if len(d.rows) > LARGE:
-        return analyze(d, chosen, damping)
-    return replace(analyze(d), band=chosen)
+    if sparse or (sparse is None and len(d.rows) > LARGE):
+        return analyze(d, chosen or BAND, damping)
+    return replace(analyze(eliminated(d)), band=chosen)
 
 
 def analyze(
     model: Linear | Descriptor,
     band: tuple[float, float] | None = None,
     damping: tuple[float, float] = DAMPING,
+    *,
+    said: Callable[[float], None] = lambda _: None,
 ) -> Modes:
     """Compute the modes of a linear model or of a sparse descriptor.
 
     Parameters
     ----------
     model : Linear or Descriptor
-        Of a linear model all modes are computed (LAPACK); of a descriptor those of a band (shift-invert Arnoldi).
+        Of a linear model all modes are computed (LAPACK); of a descriptor those of a band (`search`).
     band : tuple of float, Hz, optional
         Lowest and highest frequency. A descriptor without a band is treated as a linear model up to `LARGE` states,
         and with the band `BAND` above that.
     damping : tuple of float
         Lowest and highest damping ratio of the modes in a band.
+    said : callable, optional
+        Called with the part of the work done, from 0 to 1, while the modes of a band are computed.
 
     Returns
     -------
@@ -94,7 +101,8 @@ def analyze(
     if isinstance(model, Descriptor):
         if band is not None or len(model.rows) > LARGE:
             band = BAND if band is None else band
-            return Selected(model, *_fixed(search.band(model, *band, damping)), band, damping=damping)
+            found = search.band(model, *band, damping, said)
+            return Selected(model, *_fixed(found.modes), band, damping, found.counted, found.incomplete)
         model = eliminated(model)
     elif band is not None:
         raise StudyError(

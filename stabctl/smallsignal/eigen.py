@@ -23,6 +23,14 @@ class Eigen(NamedTuple):
     right: np.ndarray  # (n, n) V, a column per mode
     left: np.ndarray  # (n, n) W, a column per mode
 
+    def some(self, chosen: np.ndarray) -> "Eigen":
+        """The chosen ones (places or a mask)."""
+        return Eigen(self.values[chosen], self.right[:, chosen], self.left[:, chosen])
+
+    def joined(self, more: "Eigen") -> "Eigen":
+        """These and more."""
+        return Eigen(*(np.concatenate(pair, axis=-1) for pair in zip(self, more, strict=True)))
+
 
 def eigen(A: np.ndarray, rotation: np.ndarray) -> Eigen:
     """Eigenvalues with left and right eigenvectors; `rotation` is the vector r (n) above.

@@ -1,72 +1,47 @@
-"""Selected modes of a large system: shift-invert Arnoldi iterations on the sparse descriptor equations.
+"""All modes of a band: found around shifts, and counted.
 
-(A - s)^-1 b is the x of [fx - s, fv; gx, gv] [x; v] = [b; 0], which takes one sparse factorization per shift s. Arnoldi
-iterations find the eigenvalues nearest to the shift first. A region is divided into boxes until each is covered by a
-disc around its center in which all eigenvalues are known.
-Source: J. Rommes, N. Martins, IEEE Trans. Power Syst. 21 (2006).
+The modes of the band are counted first (`count`). Then they are searched for around shifts, from the middle of the band
+outward, each time without those known, until as many are known as were counted. If the shifts do not find them all,
+smaller and smaller parts of the band are counted and searched, with as many vectors as modes are missing. What is not
+complete even then is named.
 """
 
-from collections.abc import Callable
-from itertools import pairwise
-from typing import Any, NamedTuple
+from collections import deque
+from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, splu
 
 from stabctl.errors import StudyError
 
+from . import krylov
 from .boxes import Box
+from .count import OnBoundaryError, Said, Sector, count
 from .descriptor import Descriptor
 from .eigen import Eigen
+from .fronts import Network
+from .network import network
 
-MOST = 40  # eigenvalues sought around a shift
-SLICE = 1.5  # ratio of highest to lowest frequency of the first boxes
-SEED = 0  # of the random start vectors
-AGREE = 1e-6  # left and right eigenvalues this close, relative to the radius of the disc, are the same
-PRECISE = 1e-10  # relative precision of the two searches; the Rayleigh quotient squares it
-LOOSE = 1e-3  # relative precision of the search for eigenvalues that were missed
-LEAST = 1e-3  # half the diagonal of the smallest box, relative to its frequency
-CLEAR = 0.99  # largest radius, relative to the distance from the real axis, where many eigenvalues may coincide
-
-Product = Callable[[np.ndarray], np.ndarray]
-
-
-class Near(NamedTuple):
-    """Eigenvalues within a radius (1/s) of a shift, the nearest first, with their right vectors."""
-
-    shift: complex
-    radius: float
-    values: np.ndarray
-    right: np.ndarray
-    forward: Product  # b -> (A - shift)^-1 b
-    backward: Product  # and its adjoint
+BLOCK, VECTORS = 3, 160  # vectors in a block, and in all, of the first search around a shift
+MORE, DEPTH = 2, 4  # vectors in a block beyond the number of modes that are missing; blocks
+LEAST = 1e-3  # smallest part of a band, relative to its frequency
+MARGIN = 1e-3  # step by which the band is made wider while a mode lies on its edge
+TRIES = 5
+COUNTING = 0.5  # part of the work, for those who wait
+CUTS = np.linspace(0.35, 0.65, 13)  # where a part of the band may be divided
 
 
-class Disc(NamedTuple):
-    """All eigenvalues within a radius (1/s) of a shift, the nearest first; W^H V = 1."""
+class Found(NamedTuple):
+    """Modes of a band, one of each pair, by frequency; how many there are; parts with more than were found."""
 
-    shift: complex
-    radius: float
-    values: np.ndarray
-    right: np.ndarray
-    left: np.ndarray
+    modes: Eigen
+    counted: int
+    incomplete: tuple[Sector, ...]
 
 
-def disc(d: Descriptor, shift: complex, count: int = MOST) -> Disc:
-    """Up to `count` modes nearest to a shift (1/s), cut off at the widest gap.
-
-    Left and right vectors come from two searches that must agree; a third one, with the known modes deflated, must find
-    nothing within the radius. Raises `StudyError` if these checks fail, or if the count is not possible.
-    """
-    found = _completed(d, _near(d, shift, count))
-    if found is None:
-        raise StudyError(f"The modes near {shift:.4g} 1/s cannot be separated; choose another shift or count.")
-    return found
-
-
-def band(d: Descriptor, low_hz: float, high_hz: float, damping: tuple[float, float]) -> Eigen:
-    """Every mode in a band of frequencies (Hz) and damping ratios, one of each pair, by frequency; w^H v = 1.
+def band(
+    d: Descriptor, low_hz: float, high_hz: float, damping: tuple[float, float], said: Said = lambda _: None
+) -> Found:
+    """Every mode in a band of frequencies (Hz) and damping ratios; w^H v = 1. `said` is told the part of the work done.
 
     Raises `StudyError` if the band or the damping ratios are not possible.
     """
@@ -78,110 +53,79 @@ def band(d: Descriptor, low_hz: float, high_hz: float, damping: tuple[float, flo
         raise StudyError(
             f"The damping ratios {damping[0]:g} to {damping[1]:g} are not allowed; give -1 < lowest < highest < 1."
         )
-    slopes = tuple(-ratio / np.sqrt(1 - ratio**2) for ratio in reversed(damping))
-    steps = int(np.ceil(np.log(high_hz / low_hz) / np.log(SLICE)))
-    edges = 2 * np.pi * np.geomspace(low_hz, high_hz, steps + 1)
-    most = min(MOST, len(d.rows) // 2, len(d.rows) - 4)
-    boxes: list[tuple[Box, Near | None, int]] = [(Box(-np.inf, np.inf, *pair), None, most) for pair in pairwise(edges)]
-    known: dict[complex, Disc | None] = {}
-    found: list[Eigen] = []
-    while boxes:
-        whole, near, count = boxes.pop()
-        box = whole.fitted(*slopes)
-        if box is None:
+    slopes = (float(-ratio / np.sqrt(1 - ratio**2)) for ratio in reversed(damping))
+    asked = Sector(2 * np.pi * low_hz, 2 * np.pi * high_hz, *slopes)
+    system = network(d)
+    sector, counted = _counted(system, asked, lambda done: said(COUNTING * done))
+    search = _Search(d, system, sector)
+    search.along(sector, counted, lambda done: said(COUNTING + (1 - COUNTING) * done))
+    search.complete(sector, counted)
+    known = search.known
+    inside = np.flatnonzero(asked.holds(known.values))
+    order = inside[np.lexsort((known.values.real[inside], known.values.imag[inside]))]
+    return Found(known.some(order), counted - (len(known.values) - len(inside)), tuple(search.incomplete))
+
+
+def _counted(system: Network, asked: Sector, said: Said) -> tuple[Sector, int]:
+    """The number of modes in a sector, or in one slightly wider if a mode lies on its edge."""
+    for k in range(TRIES):
+        sector = asked.wider(k * MARGIN)
+        try:
+            return sector, count(system, sector, said)
+        except OnBoundaryError:
             continue
-        if near is None or (not box.within(near) and box.reach() < near.radius):
-            near = _near(d, box.middle(), count)
-        if box.within(near):
-            if near.shift not in known:
-                known[near.shift] = _completed(d, near)
-            if (all_of := known[near.shift]) is not None:
-                inside = box.holds(all_of.values)
-                found.append(Eigen(all_of.values[inside], all_of.right[:, inside], all_of.left[:, inside]))
+    raise StudyError("Modes lie along the edges of the band, so they cannot be counted; choose another band.")
+
+
+class _Search:
+    """The modes of a sector known so far, and its parts that remain incomplete."""
+
+    def __init__(self, d: Descriptor, system: Network, whole: Sector) -> None:
+        none = np.zeros((len(d.rows), 0), complex)
+        self.d, self.system, self.whole = d, system, whole
+        self.known = Eigen(np.zeros(0, complex), none, none)
+        self.incomplete: list[Sector] = []
+
+    def missing(self, sector: Sector, counted: int) -> int:
+        """How many of the modes counted in a sector are not known."""
+        return counted - int(np.count_nonzero(sector.holds(self.known.values)))
+
+    def near(self, shift: complex, steps: tuple[int, int]) -> float:
+        """Search around a shift (1/s); returns the radius within which all modes seem to be known."""
+        found = krylov.near(self.d, shift, steps, self.known)
+        self.known = self.known.joined(found.modes.some(self.whole.holds(found.modes.values)))
+        return found.radius
+
+    def along(self, sector: Sector, counted: int, said: Said) -> None:
+        """Search around shifts from the middle of a sector outward, until all its modes are known or it is covered."""
+        boxes = deque([Box(-np.inf, np.inf, sector.low, sector.high)])
+        while boxes and (missing := self.missing(sector, counted)) > 0:
+            said(1 - missing / counted)
+            whole = boxes.popleft()
+            box = whole.fitted(sector.least, sector.most)
+            if box is None or whole.top < (1 + LEAST) * whole.bottom:
                 continue
-            near, count = None, max(min(2, most), count // 2)
-        if box.reach() < LEAST * box.top:
-            raise StudyError(f"The modes near {box.middle():.4g} 1/s cannot be separated; choose another band.")
-        boxes += [(half, near, count) for half in box.halves()]
-    values, right, left = (np.concatenate(part, axis=-1) for part in zip(*found, strict=True))
-    ratio = values.real / values.imag
-    order = np.flatnonzero((ratio >= slopes[0]) & (ratio <= slopes[1]))
-    order = order[np.lexsort((values.real[order], values.imag[order]))]
-    return Eigen(values[order], right[:, order], left[:, order])
+            radius = self.near(box.middle(), (BLOCK, VECTORS))
+            if box.reach() > radius:
+                boxes.extend(whole.halves())
 
-
-def _near(d: Descriptor, shift: complex, count: int) -> Near:
-    n = len(d.rows)
-    if n < 5:
-        raise StudyError(f"{d.name} has only {n} states, too few to select modes; compute all its modes instead.")
-    if not np.isfinite(shift):
-        raise StudyError(f"The shift {shift:g} 1/s is not allowed; it must be finite.")
-    if not 1 <= count < n - 3:
-        raise StudyError(f"{count} modes of {n} states cannot be selected; choose 1 to {n - 4}.")
-    forward, backward = _resolvent(d, shift)
-    try:
-        s, V = _largest(forward, n, count + 1)
-    except ArpackError as error:
-        raise StudyError(f"The search for modes near {shift:.4g} 1/s failed ({error}); choose another shift.") from None
-    away = np.minimum(np.abs(1 / s), CLEAR * abs(shift.imag) or np.inf)
-    inner = int((away < away[-1]).sum())
-    if not inner:
-        return Near(shift, float(away[0]), np.zeros(0, complex), V[:, :0], forward, backward)
-    least = min(count // 2, inner - 1)
-    m = least + 1 + int((away[least + 1 : inner + 1] / away[least:inner]).argmax())
-    return Near(shift, float(np.sqrt(away[m - 1] * away[m])), shift + 1 / s[:m], V[:, :m], forward, backward)
-
-
-def _completed(d: Descriptor, near: Near) -> Disc | None:
-    """The disc with its left vectors; None if they do not match the right ones, or if an eigenvalue was missed."""
-    n, V = near.right.shape[0], near.right
-    W = V
-    try:
-        if V.shape[1]:
-            s, W = _largest(near.backward, n, V.shape[1])
-            if np.abs(1 / s[-1]) > near.radius:
-                return None
-            W = W @ np.linalg.inv(V.conj().T @ W)
-        rest = _largest(lambda b: _without(near.forward(b), V, W), n, 1, LOOSE)[0]
-    except (ArpackError, np.linalg.LinAlgError):
-        return None
-    values = _rayleigh(d, V, W)
-    same = np.abs(values - near.values).max(initial=0.0) <= AGREE * near.radius
-    if not same or np.abs(1 / rest).min() < (1 - LOOSE) * near.radius:
-        return None
-    return Disc(near.shift, near.radius, values, V, W)
-
-
-def _resolvent(d: Descriptor, shift: complex) -> tuple[Product, Product]:
-    n, m = len(d.rows), d.gv.shape[0]
-    moved: Any = shift * sp.identity(n, format="csc")
-    pencil = sp.bmat([[d.fx - moved, d.fv], [d.gx, d.gv]], format="csc")
-    try:
-        factors = splu(pencil, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.1, options={"SymmetricMode": True})
-    except RuntimeError:
-        raise StudyError(f"The shift {shift:.4g} 1/s is itself an eigenvalue; choose another one nearby.") from None
-
-    def padded(b: np.ndarray) -> np.ndarray:
-        return np.r_[b, np.zeros(m)].astype(complex)
-
-    return lambda b: factors.solve(padded(b))[:n], lambda b: factors.solve(padded(b), "H")[:n]  # type: ignore[call-overload]
-
-
-def _largest(product: Product, n: int, count: int, precision: float = PRECISE) -> tuple[np.ndarray, np.ndarray]:
-    """Largest eigenvalues of an operator, the largest first, with their vectors."""
-    start = np.random.default_rng(SEED).normal(size=(n, 2)) @ [1, 1j]
-    operator = LinearOperator((n, n), matvec=product, dtype=complex)
-    s, V = eigs(operator, count, which="LM", v0=product(start), ncv=min(n, 2 * count + 20), tol=precision)
-    order = np.argsort(-np.abs(s))
-    return s[order], V[:, order]
-
-
-def _without(x: np.ndarray, V: np.ndarray, W: np.ndarray) -> np.ndarray:
-    return x - V @ (W.conj().T @ x)
-
-
-def _rayleigh(d: Descriptor, V: np.ndarray, W: np.ndarray) -> np.ndarray:
-    """w^H A v of every mode; its error is the product of the errors of both vectors."""
-    factors, currents = splu(d.gv), d.gx @ V
-    moved = d.fx @ V - d.fv @ (factors.solve(currents.real) + 1j * factors.solve(currents.imag))
-    return np.einsum("ik,ik->k", W.conj(), moved)
+    def complete(self, sector: Sector, counted: int) -> None:
+        """Search in ever smaller parts of a sector, counted one by one, until all its modes are known."""
+        if (missing := self.missing(sector, counted)) > 0:
+            middle = complex((sector.least + sector.most) / 2, 1) * (sector.low + sector.high) / 2
+            self.near(middle, (missing + MORE, max(VECTORS, DEPTH * (missing + MORE))))
+            missing = self.missing(sector, counted)
+        if missing == 0:
+            return
+        heights = sector.low + CUTS * (sector.high - sector.low)
+        clear = np.abs(heights[:, None] - np.r_[self.known.values.imag, sector.low]).min(axis=1)
+        for cut in heights[np.argsort(-clear, kind="stable")] if sector.high > (1 + LEAST) * sector.low else ():
+            lower, upper = sector._replace(high=float(cut)), sector._replace(low=float(cut))
+            try:
+                below = count(self.system, lower)
+            except OnBoundaryError:
+                continue
+            self.complete(lower, below)
+            self.complete(upper, counted - below)
+            return
+        self.incomplete.append(sector)

@@ -1,4 +1,4 @@
-"""Selected modes by shift-invert Arnoldi: all modes of a band, and the very ones that the dense matrix has."""
+"""Modes of a band from the sparse descriptor: all of them, and the very ones that the dense matrix has."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,6 @@ from stabctl.errors import StudyError
 from stabctl.model.replicate import replicate
 from stabctl.smallsignal import Selected, analyze, areas, descriptor, linearize, modal
 from stabctl.smallsignal.boxes import Box
-from stabctl.smallsignal.search import disc
 
 
 @pytest.fixture(scope="module")
@@ -73,13 +72,6 @@ def test_three_copies_have_three_of_each(sparse):
     assert np.abs(few.eigenvalues - every.eigenvalues[places]).max() < 1e-9  # 8e-14
 
 
-def test_a_disc_holds_what_is_near_its_shift(point, modes):
-    found, every = disc(descriptor(point("ieee39")), -1 + 6j, 12), modes("ieee39").eigenvalues
-    inside = every[np.abs(every - found.shift) < found.radius]
-    assert len(found.values) == len(inside) <= 12
-    assert np.abs(np.sort_complex(found.values) - np.sort_complex(inside)).max() < 1e-9
-
-
 def test_large_systems_are_given_modes_of_a_band(point, monkeypatch):
     d = descriptor(point("ieee39"))
     assert not isinstance(analyze(d), Selected)
@@ -98,10 +90,6 @@ def test_what_is_not_possible_is_said(point, sparse):
             analyze(d, band)
     with pytest.raises(StudyError, match="damping ratios"):
         analyze(d, (0.1, 1), (0.3, 0.2))
-    with pytest.raises(StudyError, match="56 states cannot be selected"):
-        disc(d, 3j, 56)
-    with pytest.raises(StudyError, match="must be finite"):
-        disc(d, complex(np.nan, 1), 2)
     with pytest.raises(StudyError, match="needs all its modes"):
         modal(sparse, [0])
     with pytest.raises(StudyError, match="descriptor"):

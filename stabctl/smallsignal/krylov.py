@@ -1,0 +1,137 @@
+"""The modes nearest to a shift: block Arnoldi iterations on the sparse descriptor equations.
+
+(A - s)^-1 b is the x of [fx - s, fv; gx, gv] [x; v] = [b; 0], which takes one sparse factorization per shift s. Arnoldi
+iterations find the eigenvalues nearest to the shift first; with blocks of vectors, also those that coincide.
+Sources: J. Rommes, N. Martins, IEEE Trans. Power Syst. 21 (2006); Y. Saad, Numerical Methods for Large Eigenvalue
+Problems, ch. 6.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.linalg as sl
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
+
+from stabctl.errors import StudyError
+
+from .descriptor import Descriptor
+from .eigen import Eigen
+
+SEED = 0  # of the random start vectors
+PRECISE = 1e-10  # relative residual of a vector that is taken; the Rayleigh quotient squares it
+AGREE = 1e-7  # left and right eigenvalues this close, relative to their distance from the shift, are the same
+TINY = 1e-8  # eigenvalues of the operator this small, relative to the largest, are those of modes taken out
+
+Product = Callable[[np.ndarray], np.ndarray]  # of an operator and a block of vectors
+
+
+class Near(NamedTuple):
+    """Modes found around a shift, and the radius (1/s) within which they seem to be all."""
+
+    modes: Eigen
+    radius: float
+
+
+def near(d: Descriptor, shift: complex, steps: tuple[int, int], known: Eigen) -> Near:
+    """Modes around a shift (1/s), other than those known already; W^H V = 1.
+
+    `steps` are the number of vectors in a block, and the number in all. Only modes whose left and right vectors both
+    converged are returned.
+    """
+    n = len(d.rows)
+    forward, adjoint = _resolvent(d, shift)
+    right = _arnoldi(_without(forward, known.right, known.left), n, *steps)
+    left = _arnoldi(_without(adjoint, known.left, known.right), n, *steps)
+    groups = _matched(right.values, left.values.conj())
+    V, W, radius = [], [], np.inf
+    for of_right, of_left in groups:
+        pair = right.vectors[:, of_right], left.vectors[:, of_left]
+        if len(of_right) != len(of_left) or max(right.miss[of_right].max(), left.miss[of_left].max()) > PRECISE:
+            radius = min(radius, float(np.abs(1 / right.values[of_right]).min()))
+            continue
+        V.append(pair[0])
+        W.append(pair[1] @ np.linalg.pinv(pair[0].conj().T @ pair[1]))
+    if not V:
+        return Near(known.some(np.zeros(0, int)), radius)
+    found = np.concatenate(V, axis=1), np.concatenate(W, axis=1)
+    return Near(Eigen(_rayleigh(d, *found), *found), radius)
+
+
+def _matched(right: np.ndarray, left: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Groups of eigenvalues that coincide, as places among the right and the left ones."""
+    both = np.r_[right, left]
+    alike = np.abs(both[:, None] - both) <= AGREE * np.abs(both)
+    label = connected_components(alike, directed=False)[1]
+    of_right, of_left = np.split(label, [len(right)])
+    return [(np.flatnonzero(of_right == g), np.flatnonzero(of_left == g)) for g in np.unique(of_right)]
+
+
+def _resolvent(d: Descriptor, shift: complex) -> tuple[Product, Product]:
+    n, m = len(d.rows), d.gv.shape[0]
+    moved: Any = shift * sp.identity(n, format="csc")
+    pencil = sp.bmat([[d.fx - moved, d.fv], [d.gx, d.gv]], format="csc")
+    try:
+        factors = splu(pencil, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.1, options={"SymmetricMode": True})
+    except RuntimeError:
+        raise StudyError(f"The shift {shift:.4g} 1/s is itself an eigenvalue; choose another one nearby.") from None
+
+    def product(trans: str) -> Product:
+        def solved(b: np.ndarray) -> np.ndarray:
+            padded = np.zeros(n + m, complex)
+            columns = []
+            for column in b.T:
+                padded[:n] = column
+                columns.append(factors.solve(padded, trans)[:n])  # type: ignore[call-overload]
+            return np.array(columns).T
+
+        return solved
+
+    return product("N"), product("H")
+
+
+def _without(product: Product, V: np.ndarray, W: np.ndarray) -> Product:
+    """An operator without the modes V, W."""
+
+    def rest(b: np.ndarray) -> np.ndarray:
+        x = product(b)
+        return x - V @ (W.conj().T @ x)
+
+    return rest
+
+
+class Ritz(NamedTuple):
+    """Eigenvalues of an operator, the largest first, with vectors and relative residuals of these."""
+
+    values: np.ndarray
+    vectors: np.ndarray
+    miss: np.ndarray
+
+
+def _arnoldi(product: Product, n: int, block: int, most: int) -> Ritz:
+    block = min(block, n)
+    size = max(min(most, n) // block, 1) * block
+    start = np.random.default_rng(SEED).normal(size=(2, n, block))
+    Q, P = np.zeros((2, size, n), complex).transpose(0, 2, 1)  # columns are contiguous; P = operator Q
+    new = product(start[0] + 1j * start[1])
+    for k in range(0, size, block):
+        for _ in range(2):
+            new = new - Q[:, :k] @ (Q[:, :k].conj().T @ new)
+            new = sl.qr(new, mode="economic", check_finite=False)[0]
+        Q[:, k : k + block] = new
+        P[:, k : k + block] = new = product(new)
+    mu, Z = np.linalg.eig(Q.conj().T @ P)
+    order = np.argsort(-np.abs(mu))
+    order = order[np.abs(mu[order]) > TINY * np.abs(mu).max()]
+    mu, Z = mu[order], Z[:, order]
+    V = P @ Z / mu  # once more multiplied by the operator: small residuals also in terms of A
+    return Ritz(mu, V, np.linalg.norm(V - Q @ Z, axis=0))
+
+
+def _rayleigh(d: Descriptor, V: np.ndarray, W: np.ndarray) -> np.ndarray:
+    """w^H A v of every mode; its error is the product of the errors of both vectors."""
+    factors, currents = splu(d.gv), d.gx @ V
+    moved = d.fx @ V - d.fv @ (factors.solve(currents.real) + 1j * factors.solve(currents.imag))
+    return np.einsum("ik,ik->k", W.conj(), moved)

@@ -1,0 +1,70 @@
+"""A linearized system divided into fronts: areas of the network, and the separators between them."""
+
+from itertools import pairwise
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
+
+from .descriptor import Descriptor
+from .fronts import Area, Member, Network
+from .partition import Parts, partition
+from .units import Units, units
+
+PORTS = 80  # voltages of devices in an area, at most, if the network can be divided
+
+
+def network(d: Descriptor, most: int = PORTS) -> Network:
+    """Divide a linearized system into fronts of about `most` voltages; voltages without a device are eliminated."""
+    groups, gv = units(d), d.gv.tocsr()
+    device = np.zeros(gv.shape[0], bool)
+    for group in groups:
+        device[group.at] = True
+    parts = _divided(gv, groups, device, most)
+    kept = _voltages(parts.separator)
+    Y, areas = gv[kept][:, kept].toarray(), []
+    for buses in parts.areas:
+        own = _voltages(buses)
+        live, still = own[device[own]], own[~device[own]]
+        edge = np.unique(np.r_[gv[own][:, kept].indices, gv[kept][:, own].tocsc().indices]).astype(int)
+        ports, n = np.r_[live, kept[edge]], len(live)
+        M = gv[ports][:, ports].toarray()
+        M[n:, n:] = 0
+        if len(still):
+            factors = splu(gv[still][:, still].tocsc())
+            M -= gv[ports][:, still] @ factors.solve(gv[still][:, ports].toarray())
+        Y[np.ix_(edge, edge)] += M[n:, n:]
+        if n:
+            areas.append(Area(M[:n, :n], M[:n, n:], M[n:, :n], edge, _members(groups, live)))
+    return Network(groups, areas, Y, _members(groups, kept))
+
+
+def _divided(gv: sp.csr_matrix, groups: list[Units], device: np.ndarray, most: int) -> Parts:
+    """Areas and separators of buses; the buses of a unit stay together."""
+    buses = gv.shape[0] // 2
+    pairs = [np.array([(a, b) for at in g.at // 2 for a, b in pairwise(at)]).reshape(-1, 2) for g in groups]
+    a, b = np.concatenate([*pairs, np.zeros((0, 2))]).astype(int).T
+    joined = sp.coo_matrix((np.ones(len(a)), (a, b)), (buses, buses))
+    count, label = connected_components(joined, directed=False)
+    entries = gv.tocoo()
+    at = label[entries.row // 2], label[entries.col // 2]
+    links = sp.coo_matrix((np.ones(len(entries.data)), at), (count, count)).tocsr()
+    weight = np.bincount(label, device.reshape(-1, 2).sum(axis=1), count)
+    parts = partition(links, weight, most)
+    areas = tuple(np.flatnonzero(np.isin(label, nodes)) for nodes in parts.areas)
+    return Parts(areas, np.flatnonzero(np.isin(label, parts.separator)))
+
+
+def _voltages(buses: np.ndarray) -> np.ndarray:
+    """Real and imaginary parts of the voltages of some buses, in order."""
+    return (2 * buses[:, None] + [0, 1]).ravel()
+
+
+def _members(groups: list[Units], voltages: np.ndarray) -> list[Member]:
+    found = []
+    for k, group in enumerate(groups):
+        rows = np.flatnonzero(np.isin(group.at, voltages).all(axis=1))
+        if group.at.shape[1] and len(rows):
+            found.append(Member(k, rows, np.searchsorted(voltages, group.at[rows])))
+    return found

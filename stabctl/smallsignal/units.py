@@ -1,0 +1,77 @@
+"""Devices seen from their terminals: units of coupled states, each with an admittance that is rational in s.
+
+The states fall into units that share no equation, such as a machine with its controls. With the states eliminated, the
+currents of a unit are D(s) v, D(s) = -C (F - s)^-1 B, in terms of its voltages v. Around a point s0, with
+R = (F - s0)^-1,
+
+    D(s0 + h) = -C (R + h R^2 + h^2 R^3 + ...) B.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg as sl
+from scipy.sparse.csgraph import connected_components
+
+from .descriptor import Descriptor
+
+TERMS = 8  # terms of a series after the first
+ROOT = 8  # power of R whose norm bounds what is left out
+
+
+class Units(NamedTuple):
+    """Units with the same numbers of states and voltages; x' = F x + B v, currents C x."""
+
+    F: np.ndarray  # (units, n, n)
+    B: np.ndarray  # (units, n, m)
+    C: np.ndarray  # (units, m, n)
+    at: np.ndarray  # (units, m) their voltages
+
+    def poles(self) -> np.ndarray:
+        """Eigenvalues of all F."""
+        return np.linalg.eigvals(self.F).ravel()
+
+
+class Series(NamedTuple):
+    """Taylor coefficients of the admittances of some units, and what bounds the rest."""
+
+    terms: np.ndarray  # (TERMS + 1, units, m, m)
+    beyond: np.ndarray  # (ROOT, units)  bounds of the first terms left out
+    root: np.ndarray  # (units)  norm of R^ROOT
+
+    def rest(self, r: float) -> np.ndarray:
+        """Bounds (units) of the norm of all terms left out, |h| <= r; infinite where the series may diverge."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            ratio = r**ROOT * self.root
+            first = r ** np.arange(TERMS + 1, TERMS + 1 + ROOT) @ self.beyond
+            return np.where(ratio < 1, first / np.where(ratio < 1, 1 - ratio, 1), np.inf)
+
+
+def units(d: Descriptor) -> list[Units]:
+    """The units of a system, balanced, in groups of equal size."""
+    _, label = connected_components(d.fx, directed=False)
+    order = np.argsort(label, kind="stable")
+    gx, fv, fx = d.gx.tocsc(), d.fv.tocsr(), d.fx.tocsr()
+    groups: dict[tuple[int, int], list[tuple[np.ndarray, ...]]] = {}
+    for x in np.split(order, np.cumsum(np.bincount(label))[:-1]):
+        C, B = gx[:, x], fv[x]
+        v = np.union1d(C.indices, B.indices)
+        F, B, C = fx[x][:, x].toarray(), B[:, v].toarray(), C[v].toarray()
+        scale = np.diag(sl.matrix_balance(F, permute=False)[1])
+        groups.setdefault(B.shape, []).append((F * scale / scale[:, None], B / scale[:, None], C * scale, v))
+    return [Units(*(np.array(part) for part in zip(*group, strict=True))) for group in groups.values()]
+
+
+def series(u: Units, s: complex) -> Series:
+    """The admittances of some units around a point s (1/s)."""
+    R = np.linalg.inv(u.F - s * np.eye(u.F.shape[1]))
+    X, terms = R @ u.B, []
+    for _ in range(TERMS + 1):
+        terms.append(-u.C @ X)
+        X = R @ X
+    size, beyond = np.linalg.norm(u.C, axis=(1, 2)), []
+    for _ in range(ROOT):
+        beyond.append(size * np.linalg.norm(X, axis=(1, 2)))
+        X = R @ X
+    root = np.linalg.norm(np.linalg.matrix_power(R, ROOT), axis=(1, 2))
+    return Series(np.array(terms), np.array(beyond), root)
