@@ -105,7 +105,7 @@ def reach(fronts: list[Front]) -> float:
 
 def _add(N: np.ndarray, members: list[Member], seen: list[Series]) -> None:
     for group, rows, at in members:
-        np.add.at(N, (slice(None), at[:, :, None], at[:, None, :]), seen[group].terms[:, rows])
+        np.add.at(N, (slice(None), at[:, :, None], at[:, None, :]), seen[group].terms[:, rows])  # type: ignore[arg-type]  # the stubs lack slices
 
 
 def _front(N: np.ndarray, tail: Callable[[np.ndarray, np.ndarray, float], float]) -> Front:
@@ -155,5 +155,5 @@ def _through(rests: list[tuple[Area, Front, np.ndarray]], G: np.ndarray, T: np.n
         left = 1 / (1 - F) - r ** np.arange(TERMS + 1) @ geometric
         inner = np.linalg.norm(first / front.scale[:, None] * T[area.edge])
         outer = np.linalg.norm((G[:, area.edge] / T[:, None]) @ (area.into * front.scale))
-        total += float(outer * inner * max(left, 0.0))
+        total += float(outer) * float(inner) * max(float(left), 0.0)
     return total

@@ -52,7 +52,7 @@ def _cut(graph: sp.csr_matrix, weight: np.ndarray) -> np.ndarray | None:
     heads = np.r_[leave, enter[b], enter[near], np.full(len(beyond), sink)]
     most = np.r_[np.ones(n, np.int32), np.full(len(tails) - n, n, np.int32)]
     capacity = sp.csr_array((most, (tails, heads)), (2 * n + 2, 2 * n + 2), dtype=np.int32)
-    left = capacity - maximum_flow(capacity, source, sink).flow
+    left = sp.csr_matrix(capacity - maximum_flow(capacity, source, sink).flow)
     left.data[left.data < 0] = 0
     left.eliminate_zeros()
     reached = np.zeros(2 * n + 2, bool)

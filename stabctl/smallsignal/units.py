@@ -54,9 +54,8 @@ def units(d: Descriptor) -> list[Units]:
     gx, fv, fx = d.gx.tocsc(), d.fv.tocsr(), d.fx.tocsr()
     groups: dict[tuple[int, int], list[tuple[np.ndarray, ...]]] = {}
     for x in np.split(order, np.cumsum(np.bincount(label))[:-1]):
-        C, B = gx[:, x], fv[x]
-        v = np.union1d(C.indices, B.indices)
-        F, B, C = fx[x][:, x].toarray(), B[:, v].toarray(), C[v].toarray()
+        v = np.union1d(gx[:, x].indices, fv[x].indices)
+        F, B, C = (M.toarray() for M in (fx[x][:, x], fv[x][:, v], gx[v][:, x]))
         scale = np.diag(sl.matrix_balance(F, permute=False)[1])
         groups.setdefault(B.shape, []).append((F * scale / scale[:, None], B / scale[:, None], C * scale, v))
     return [Units(*(np.array(part) for part in zip(*group, strict=True))) for group in groups.values()]
