@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from stabctl._util.tabular import Tabular
-from stabctl.errors import StabctlError
+from stabctl.errors import StabctlError, StudyError
 from stabctl.io import psse
 from stabctl.io.by_ending import beside
 from stabctl.io.psse.devices import Unsupported
@@ -140,7 +140,11 @@ def import_report(
     ------
     CaseError
         For the first mistake in a file, with line and field.
+    StudyError
+        If the first file does not end in .raw.
     """
+    if Path(raw).suffix.lower() != ".raw":
+        raise StudyError(f"{raw} is not a PSS/E file ending in .raw; other cases need no import.")
     dyr = beside(Path(raw)) if dyr is None else dyr
     read = psse.read(raw, dyr, missing="injection", missing_controls="fixed")
     case = read.case.with_loads(loads) if loads is not None else read.case

@@ -113,6 +113,20 @@ def test_the_folder_that_is_written_is_the_case(files, stabctl):
     assert st.load(raw.parent / folder) == st.load(raw)
 
 
+def test_only_raw_files_are_imported(files, stabctl):
+    raw = files(GOVERNED)
+    for other in (raw.with_suffix(".dyr"), "two_area"):
+        code, _, err = stabctl("import", other)
+        assert (code, err) == (2, f"stabctl: {other} is not a PSS/E file ending in .raw; other cases need no import.\n")
+
+
+def test_the_dyr_file_beside_may_have_capital_letters(files):
+    raw = files(GOVERNED)
+    raw.with_suffix(".dyr").rename(raw.parent / "X.Dyr")
+    assert st.import_report(raw, check=False).supported == 3
+    assert st.load(raw).devices
+
+
 def test_the_table_has_a_row_for_every_kind(files):
     report = st.import_report(files(GOVERNED), check=False)
     assert list(report.df.kind) == ["GENCLS", "GENROU", "SEXS"]

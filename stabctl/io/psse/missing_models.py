@@ -4,12 +4,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from stabctl._util.wording import named
 from stabctl.errors import CaseError
 from stabctl.model import catalog, keys
 from stabctl.model.tables import Load, Machine
 
 from ..collected import POWER_LOW
-from .devices import Dynamics
+from .devices import Dynamics, Unsupported
 from .generators import Source
 from .network import Network
 
@@ -31,17 +32,11 @@ def settle(
     """
     names = {source.machine: f"{bus}/{id}" for (bus, id), source in sources.items()}
     lacking = without(net, dynamics) if dyr is not None else []
-    said = []
-    if dyr is not None and lacking:
-        if missing == "refuse":
-            raise CaseError(_machines_without(dyr, [names[m.machine] for m in lacking], dynamics))
-        said += [_new_swing(net, bus, lacking) for bus in _swings_without(net, lacking)]
-        said += [_injection(net, dynamics, m) for m in lacking]
     gone = {names[m.machine] for m in lacking}
     controls = [u for u in dynamics.unsupported if u.machine and u.machine not in gone]
-    if controls and missing_controls == "refuse":
-        listed = _listed(f"{u.kind} of {u.machine} (line {u.place.line}: {u.reason})" for u in controls)
-        raise CaseError(f"{dyr}: no model for {listed}; --missing-controls fixed keeps what they control constant.")
+    _refuse(dyr, lacking if missing == "refuse" else [], controls if missing_controls == "refuse" else [], dynamics)
+    said = [_new_swing(net, bus, lacking) for bus in _swings_without(net, lacking)]
+    said += [_injection(net, dynamics, m) for m in lacking]
     return said + _without_owner(dynamics, names)
 
 
@@ -53,11 +48,22 @@ def without(net: Network, dynamics: Dynamics) -> list[Machine]:
     return [m for m in net.rows["machines"] if m.machine not in modeled]
 
 
-def _machines_without(dyr: str | Path, names: list[str], dynamics: Dynamics) -> str:
+def _refuse(
+    dyr: str | Path | None, machines: Sequence[Machine], controls: Sequence[Unsupported], dynamics: Dynamics
+) -> None:
+    """Raise `CaseError` with the list of machines and controls without a model, if there are any."""
     tried = {u.machine: f" ({u.kind}, line {u.place.line}: {u.reason})" for u in reversed(dynamics.unsupported)}
-    listed = _listed(f"{name}{tried.get(name, '')}" for name in names)
-    noun, become = ("machine", "it an injection") if len(names) == 1 else ("machines", "them injections")
-    return f"{dyr}: no model for {noun} {listed}; --missing injection makes {become} of constant power."
+    parts, remedies = [], []
+    if machines:
+        listed = _listed(f"{m.name}{tried.get(m.name, '')}" for m in machines)
+        parts.append(f"{named(len(machines), 'machine')} {listed}")
+        become = "it an injection" if len(machines) == 1 else "them injections"
+        remedies.append(f"--missing injection makes {become} of constant power")
+    if controls:
+        parts.append(_listed(f"{u.kind} of {u.machine} (line {u.place.line}: {u.reason})" for u in controls))
+        remedies.append("--missing-controls fixed keeps what such records control constant")
+    if parts:
+        raise CaseError(f"{dyr}: no model for {' and for '.join(parts)}; {', '.join(remedies)}.")
 
 
 def _swings_without(net: Network, lacking: Sequence[Machine]) -> list[int]:
