@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from stabctl.clearing.critical_time import ClearingTime, clearing_time
     from stabctl.clearing.screen import Screen, screen
     from stabctl.controllers import BangBang, Controller, Feedback, Gate
+    from stabctl.controllers.file import load as load_controller
     from stabctl.devices import register
     from stabctl.dynamics.coerce import initialize
     from stabctl.dynamics.operating_point import OperatingPoint
@@ -87,6 +88,7 @@ _WHERE = {
     "initialize": "dynamics.coerce:initialize",
     "linearize": "smallsignal:linearize",
     "load": "io:load",
+    "load_controller": "controllers.file:load",
     "modes": "smallsignal.analysis:modes",
     "place": "placement.place:place",
     "power_flow": "model.powerflow:solve",

@@ -30,6 +30,7 @@ def clearing_time(
     scan: options.Scan = "4cyc",
     step: options.Step = None,
     control: options.Control = None,
+    controller: options.Controllers = None,
     storage: groups.StorageOptions,
     law: groups.LawOptions,
     fault_impedance: options.FaultImpedance = "0,0",
@@ -47,12 +48,13 @@ def clearing_time(
     events = shared.events(loaded, opened, tripped, stepped)
     through = shared.impedance(fault_impedance)
     point = storage.initialize(loaded)
-    steering = pmu.steering(law.chosen(point.case, control), estimator, "batched")
+    own = shared.controllers(controller)
+    steering = pmu.steering(law.chosen(point.case, control, own), estimator, "batched")
     with shared.progress("searching", None) as tell:
         found = clearing_time(
             point,
             Contingency(fault, trip=trip or (), at=0.0, impedance=through, events=events),
-            control=steering,
+            control=[*([steering] if steering else []), *own],
             resolution=resolution,
             limit=limit,
             observe=observe,

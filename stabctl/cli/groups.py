@@ -1,11 +1,12 @@
 """Groups of options, as records that create the objects they describe."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from . import options, shared
 
 if TYPE_CHECKING:
-    from stabctl.controllers import BangBang
+    from stabctl.controllers import BangBang, Controller
     from stabctl.dynamics.operating_point import OperatingPoint
     from stabctl.estimation.estimator_control import EstimatorControl
     from stabctl.estimation.estimators import Engine
@@ -90,16 +91,17 @@ class LawOptions(NamedTuple):
 
         return BangBang(self.deadband, self.min_voltage)
 
-    def chosen(self, case: "Case", control: str | None) -> "BangBang | None":
-        """Bang-bang if the case has storage devices, unless --control says otherwise."""
+    def chosen(self, case: "Case", control: str | None, controllers: "Sequence[Controller]" = ()) -> "BangBang | None":
+        """Bang-bang if the case has storage devices that no controller orders, unless --control says otherwise."""
         from stabctl.errors import StudyError
 
         if control == "bang-bang" and not case.storage:
             raise StudyError("--control bang-bang needs storage devices; give --storage or --storage-at.")
         if control == "none" and self != LawOptions():
             raise StudyError("--deadband and --min-voltage have no effect with --control none; leave them out.")
-        law = self.law()
-        return law if (control or ("bang-bang" if case.storage else "none")) == "bang-bang" else None
+        ordered = any(name.partition(":")[0] == "order" for c in controllers for name in c.outputs)
+        default = "bang-bang" if case.storage and not ordered else "none"
+        return self.law() if (control or default) == "bang-bang" else None
 
 
 class StabilityOptions(NamedTuple):

@@ -34,23 +34,33 @@ def modes(
     area_count: Count = None,
     open_circuits: Opened = None,
     sparse: Sparse = None,
+    controller: options.Controllers = None,
+    storage: groups.StorageOptions,
     case: groups.CaseOptions,
     as_json: options.Json = False,
 ) -> None:
     """Compute frequency, damping and mode shapes at the operating point of a case, and its coherent areas."""
     from stabctl import units
+    from stabctl.errors import StudyError
     from stabctl.report import modes_page, modes_table
     from stabctl.smallsignal import analyze, areas, descriptor, linearize, opened
     from stabctl.smallsignal.analysis import LARGE
+    from stabctl.smallsignal.closed_loop import closed_loop
 
     shared.folder(report)
     units.band(band)
     loaded = opened(case.load(), open_circuits or ())
-    point = loaded.initialize()
-    model = linearize(point) if sparse is False else descriptor(point)
-    few = sparse or (sparse is None and len(model.states) > LARGE)
-    with shared.progress("modes", 1.0) as said:
-        found = analyze(model, band if few else None, said=said)
+    point = storage.initialize(loaded)
+    own = shared.controllers(controller)
+    if own and sparse:
+        raise StudyError("--controller needs all modes; leave out --sparse.")
+    if own:
+        found = closed_loop(point, *own).modes()
+    else:
+        model = linearize(point) if sparse is False else descriptor(point)
+        few = sparse or (sparse is None and len(model.states) > LARGE)
+        with shared.progress("modes", 1.0) as said:
+            found = analyze(model, band if few else None, said=said)
     groups = areas(found, area_count) if found.swings() or area_count else None
     if as_json:
         shared.print_json({"case": point.case.name} | modes_table.record(found))

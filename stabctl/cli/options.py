@@ -110,7 +110,13 @@ Lag = Annotated[
 ]
 Control = Annotated[
     Literal["none", "bang-bang"] | None,
-    typer.Option("--control", help="Storage control law (default: bang-bang if there is storage)."),
+    typer.Option(
+        "--control", help="Storage control law (default: bang-bang, if there is storage that no --controller drives)."
+    ),
+]
+Controllers = Annotated[
+    list[str] | None,
+    typer.Option("--controller", metavar="FILE", help="A controller, in a TOML file as it is saved. Repeatable."),
 ]
 Deadband = Annotated[
     float,

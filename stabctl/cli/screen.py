@@ -24,6 +24,7 @@ def screen(
     observe: options.Observe = "5s",
     step: options.Step = None,
     control: options.Control = None,
+    controller: options.Controllers = None,
     storage: groups.StorageOptions,
     law: groups.LawOptions,
     stability: groups.StabilityOptions,
@@ -38,11 +39,13 @@ def screen(
     shared.file(out, ".csv")
     loaded = case.load()
     point = storage.initialize(loaded)
+    own = shared.controllers(controller)
+    chosen = law.chosen(point.case, control, own)
     with shared.progress("screening", 1.0) as tell:
         found = screen(
             point,
             below,
-            control=law.chosen(point.case, control),
+            control=[*([chosen] if chosen else []), *own],
             resolution=resolution,
             limit=limit,
             observe=observe,

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from stabctl.controllers import Controller
     from stabctl.model.case import Case
     from stabctl.simulation.events import Event
 
@@ -82,6 +83,13 @@ def folder(path: Path | None) -> None:
         raise StudyError(f"Cannot write a report to {path} because {there} is a file; give a folder.")
     if not os.access(there, os.W_OK):
         raise StudyError(f"Cannot write a report to {path} because {there} is not writable; choose another folder.")
+
+
+def controllers(names: list[str] | None) -> "list[Controller]":
+    """The controllers in these files."""
+    from stabctl.controllers import file
+
+    return [file.load(name) for name in names or ()]
 
 
 def impedance(text: str) -> complex:

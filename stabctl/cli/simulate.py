@@ -40,6 +40,7 @@ def simulate(
     stepped: options.LoadStep = None,
     step: options.Step = None,
     control: options.Control = None,
+    controller: options.Controllers = None,
     storage: groups.StorageOptions,
     law: groups.LawOptions,
     fault_impedance: options.FaultImpedance = "0,0",
@@ -73,13 +74,14 @@ def simulate(
     events = shared.events(loaded, opened, tripped, stepped)
     contingency = Contingency(fault, clear, trip or (), at=at, impedance=through, events=events)
     point = storage.initialize(loaded)
-    steering = pmu.steering(law.chosen(point.case, control), estimator)
+    own = shared.controllers(controller)
+    steering = pmu.steering(law.chosen(point.case, control, own), estimator)
     with shared.progress("simulating", seconds(until, loaded.frequency_hz)) as tell:
         result = simulate(
             point,
             contingency,
             until,
-            control=steering,
+            control=[*([steering] if steering else []), *own],
             step=step,
             criterion=stability.criterion(loaded),
             record=out is not None or plot is not None,

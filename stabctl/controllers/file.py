@@ -1,0 +1,141 @@
+"""Controllers as TOML files.
+
+name = "pod"
+inputs = ["deviation:1"]        signals that it reads
+outputs = ["order:1@5"]         inputs that it drives
+rate = 60                       frames per second; omit it for a continuous controller
+delay = "100ms"
+limits = [-0.5, 0.5]
+deadband, relay, ramp, tracking, [gate] signal, low, high, magnitude, start, end
+
+A = [[0.98]]                    x+ = A x + B y (x' if continuous), u = C x + D y
+B = [[1.0]]
+C = [[3.0]]
+D = [[0.0]]
+"""
+
+import json
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stabctl._util import files, toml_file
+from stabctl.errors import StudyError
+
+from .controller import Controller
+from .gate import Gate
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+MOST = 1000  # states, inputs or outputs
+
+
+def save(controller: Controller, path: str | Path) -> Path:
+    """Write a controller to a file ending in .toml, and return its path. Raises `StudyError` for a Python function."""
+    path = files.path_of(path)
+    if path.suffix.lower() != ".toml":
+        raise StudyError(f"The file {path.name!r} must end in .toml.")
+    if controller.law is not None:
+        raise StudyError(f"{controller.name} is a Python function, which a file cannot hold; keep its script.")
+    lines = [f"{key} = {value}" for key, value in _values(controller)]
+    if controller.gate is not None:
+        lines += ["", "[gate]", *(f"{k} = {_text(v)}" for k, v in vars(controller.gate).items() if v is not None)]
+    files.replace(path, "\n".join([*lines, ""]))
+    return path
+
+
+def _values(c: Controller) -> Iterable[tuple[str, str]]:
+    yield "name", _text(c.name)
+    yield "inputs", _text(list(c.inputs))
+    yield "outputs", _text(list(c.outputs))
+    for key in ("rate", "delay", "limits", "deadband", "relay", "ramp", "tracking"):
+        value = getattr(c, key)
+        if value not in (None, 0, False, (-math.inf, math.inf)):
+            yield key, _text(list(value) if isinstance(value, tuple) else value)
+    for key in "ABCD":
+        yield key, _rows(getattr(c, key))
+
+
+def _rows(M: np.ndarray) -> str:
+    rows = [_text(row) for row in M.tolist()]
+    return f"[{', '.join(rows)}]" if M.size < 8 else "[\n" + "".join(f"    {row},\n" for row in rows) + "]"
+
+
+def _text(value: Any) -> str:
+    """A value as TOML: that of JSON, but for infinities."""
+    if isinstance(value, list):
+        return f"[{', '.join(_text(v) for v in value)}]"
+    if isinstance(value, float) and math.isinf(value):
+        return "inf" if value > 0 else "-inf"
+    return json.dumps(value, ensure_ascii=False)
+
+
+def load(path: str | Path) -> Controller:
+    """Read a controller from a TOML file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; `stabctl.controllers.file` describes its keys.
+
+    Returns
+    -------
+    Controller
+
+    Raises
+    ------
+    StudyError
+        If the file cannot be read, or a value is not allowed; names the file and the key.
+    """
+    path = files.path_of(path)
+    content = toml_file.read(path, "controller file")
+    found = toml_file.validated(_model(), content, str(path))
+    values = {key: getattr(found, key) for key in found.model_fields_set}
+    gate = values.pop("gate", None)
+    n = len(found.A)  # type: ignore[attr-defined]
+    shapes = {"A": (n, n), "B": (n, -1), "C": (-1, n), "D": (len(found.D), -1)}  # type: ignore[attr-defined]
+    try:
+        for key, shape in shapes.items():
+            values[key] = np.array(values[key], float)
+            values[key] = values[key].reshape(shape) if values[key].size else _empty(key, found)
+        values["limits"] = tuple(values.get("limits", (-math.inf, math.inf)))
+        values["inputs"], values["outputs"] = tuple(values["inputs"]), tuple(values["outputs"])
+        return Controller(**values, gate=Gate(**gate) if gate is not None else None)
+    except ValueError:
+        raise StudyError(f"{path}: the rows of the matrix {key} differ in length; give rows of equal length.") from None
+    except StudyError as error:
+        raise StudyError(f"{path}: {error}") from None
+
+
+def _empty(key: str, found: Any) -> np.ndarray:
+    n, m, p = len(found.A), len(found.inputs), len(found.outputs)
+    return np.zeros({"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}[key])
+
+
+def _model() -> "type[BaseModel]":
+    """What a file may contain."""
+    from pydantic import BaseModel, ConfigDict, Field
+
+    class File(BaseModel):
+        model_config = ConfigDict(extra="forbid", strict=True)
+        name: str = Field("controller", min_length=1, max_length=100, description="text of at most 100 characters")
+        inputs: list[str] = Field(min_length=1, max_length=MOST, description="a list of signals, such as ['speed:2']")
+        outputs: list[str] = Field(min_length=1, max_length=MOST, description="a list of inputs, such as ['vs:2']")
+        rate: int | None = Field(None, description="a number of frames per second")
+        delay: str | float = Field(0.0, description="a time, such as '50ms'")
+        limits: list[float] = Field([-math.inf, math.inf], min_length=2, max_length=2, description="two numbers")
+        deadband: float = Field(0.0, description="a number of at least 0")
+        relay: bool = Field(False, description="true or false")
+        ramp: float = Field(0.0, description="a number of at least 0")
+        tracking: str | float | None = Field(None, description="a time, such as '50ms'")
+        gate: dict[str, Any] | None = Field(None, description="a table with signal, low, high, start, end")
+        A: list[list[float]] = Field(max_length=MOST, description="rows of numbers")
+        B: list[list[float]] = Field(max_length=MOST, description="rows of numbers")
+        C: list[list[float]] = Field(max_length=MOST, description="rows of numbers")
+        D: list[list[float]] = Field(max_length=MOST, description="rows of numbers")
+
+    return File
