@@ -1,4 +1,4 @@
-"""stabctl import: a PSS/E system, with a report on what was understood of it."""
+"""stabctl import: a PSS/E or MATPOWER system, with a report on what was understood of it."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,7 +7,7 @@ import typer
 
 from . import options, shared
 
-Raw = Annotated[str, typer.Argument(metavar="X.raw", help="PSS/E RAW file, version 30 to 35.")]
+Raw = Annotated[str, typer.Argument(metavar="X.raw", help="PSS/E RAW file, version 30 to 35, or MATPOWER file x.m.")]
 DyrFile = Annotated[Path | None, typer.Argument(metavar="[X.dyr]", help="DYR file (default: the one beside it).")]
 Out = Annotated[Path | None, typer.Option("--out", help="Write the case to a folder that every command takes.")]
 Check = Annotated[
@@ -28,7 +28,7 @@ def importing(
     missing_controls: options.MissingControls = "refuse",
     as_json: options.Json = False,
 ) -> None:
-    """Import a PSS/E system and report what was understood of it; the exit code is 0 only if that is everything."""
+    """Import a PSS/E or MATPOWER system and report what was understood; the exit code is 0 only if everything was."""
     from stabctl.errors import StudyError
     from stabctl.importing import import_report
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from stabctl._util.tabular import Tabular
 from stabctl.errors import StabctlError, StudyError
-from stabctl.io import psse
+from stabctl.io import matpower, psse
 from stabctl.io.by_ending import beside
 from stabctl.io.psse.devices import Unsupported
 from stabctl.model.case import Case
@@ -119,14 +119,14 @@ def import_report(
     check: bool = True,
     loads: "Loads | None" = None,
 ) -> ImportReport:
-    """Read a PSS/E system and report what was understood of it.
+    """Read a PSS/E or MATPOWER system and report what was understood of it.
 
     Parameters
     ----------
     raw : str or Path
-        The RAW file.
+        The RAW file, or a MATPOWER file ending in .m.
     dyr : str or Path, optional
-        The DYR file; by default the one beside it with the same name.
+        The DYR file of a RAW file; by default the one beside it with the same name.
     check : bool
         Also compare the network with the stored voltages, start the dynamic models and simulate 2 s without a fault.
     loads : {"impedance", "current", "power"}, optional
@@ -141,15 +141,24 @@ def import_report(
     CaseError
         For the first mistake in a file, with line and field.
     StudyError
-        If the first file does not end in .raw.
+        If the first file ends in neither .raw nor .m, or if a DYR file is given with a MATPOWER file.
     """
-    if Path(raw).suffix.lower() != ".raw":
-        raise StudyError(f"{raw} is not a PSS/E file ending in .raw; other cases need no import.")
-    dyr = beside(Path(raw)) if dyr is None else dyr
-    read = psse.read(raw, dyr, missing="injection", missing_controls="fixed")
+    read: psse.Import | matpower.Import
+    kinds: tuple[Kind, ...] = ()
+    ending = Path(raw).suffix.lower()
+    if ending not in (".raw", ".m"):
+        raise StudyError(f"{raw} is not a file ending in .raw or .m; other cases need no import.")
+    if ending == ".m":
+        if dyr is not None:
+            raise StudyError(f"{dyr} cannot be used: a DYR file belongs to a PSS/E file ending in .raw.")
+        read = matpower.read(raw)
+    else:
+        dyr = beside(Path(raw)) if dyr is None else dyr
+        read = psse.read(raw, dyr, missing="injection", missing_controls="fixed")
+        kinds = by_kind(read)
     case = read.case.with_loads(loads) if loads is not None else read.case
     files = tuple(Path(path) for path in (raw, dyr) if path is not None)
-    report = ImportReport(case, files, by_kind(read), read.unsupported, read.corrections)
+    report = ImportReport(case, files, kinds, read.unsupported, read.corrections)
     return _checked(report) if check else report
 
 

@@ -55,7 +55,7 @@ def _whole(report: "ImportReport") -> Iterator[str]:
     if report.kinds:
         yield f"{report.supported} of {counted(report.records, 'record')} supported."
     if len(report.files) == 1:
-        yield "Without a DYR file there are no dynamic models, only a power flow."
+        yield "There are no dynamic models, only a power flow."
     if report.whole:
         yield "The system is whole: everything in the files is represented."
     else:

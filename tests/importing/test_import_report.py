@@ -133,3 +133,26 @@ def test_the_table_has_a_row_for_every_kind(files):
     assert list(report.df.role) == ["machine", "machine", "exciter"]
     assert report.df.mva.sum() == 300
     assert "3 of 3 records supported." in str(report)
+
+
+def test_a_matpower_file_has_a_report(stabctl, tmp_path):
+    path = DATA / "powermodels" / "case30.m"
+    code, out, err = stabctl("import", path, "--json", "--out", tmp_path / "mine")
+    found = json.loads(out)
+    assert (code, found["whole"], found["records"]) == (0, True, 0)
+    assert found["dv_pu"] < 1e-4  # 5.3e-6
+    assert found["dangle_deg"] < 0.01  # 1.0e-4
+    assert found["corrections"] == [f"{path}: not represented: gencost."]
+    assert st.load(tmp_path / "mine") == st.load(path)
+    assert "There are no dynamic models, only a power flow." in stabctl("import", path)[1]
+
+
+def test_tables_of_a_matpower_file_that_are_not_modeled(stabctl):
+    path = DATA / "powermodels" / "case7_tplgy.m"
+    code, out, err = stabctl("import", path, "--json")
+    assert code == 1
+    found = {(u["kind"], u["line"]) for u in json.loads(out)["unsupported"]}
+    assert found == {("mpc.storage", 60), ("mpc.switch", 66)}
+    code, out, err = stabctl("import", path, "x.dyr")
+    assert (code, out) == (2, "")
+    assert "a DYR file belongs to a PSS/E file" in err

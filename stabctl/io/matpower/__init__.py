@@ -1,5 +1,5 @@
 """MATPOWER case files (.m) as a case."""
 
-from .to_case import FREQUENCY, read_matpower
+from .to_case import FREQUENCY, Import, read, read_matpower
 
-__all__ = ["FREQUENCY", "read_matpower"]
+__all__ = ["FREQUENCY", "Import", "read", "read_matpower"]

@@ -88,7 +88,7 @@ class Mpc(NamedTuple):
     base_mva: float
     tables: dict[str, list[tuple[Any, Place]]]  # records and their places
     labels: dict[str, list[str]]  # bus_name, genfuel, gentype: a text for each row of its table
-    unread: tuple[str, ...]  # names that are not represented
+    unread: dict[str, Place]  # names that are not represented
 
     def of(self, table: str) -> Iterator[tuple[Any, Place]]:
         """The records of a table with their places."""
@@ -106,7 +106,8 @@ def read(path: Path) -> Mpc:
             raise CaseError(f"{path}: there is no mpc.{name}; a MATPOWER case has baseMVA, bus, gen and branch.")
     tables = {name: _records(found[name]) for name in LEAST if name in found}
     labels = {name: _labels(found[name], len(tables[of])) for name, of in _LABELED.items() if name in found}
-    return Mpc(path, _base(found["baseMVA"]), tables, labels, tuple(name for name in found if name not in READ))
+    unread = {name: assigned.place for name, assigned in found.items() if name not in READ}
+    return Mpc(path, _base(found["baseMVA"]), tables, labels, unread)
 
 
 _LABELED = {"bus_name": "bus", "genfuel": "gen", "gentype": "gen"}
