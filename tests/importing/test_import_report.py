@@ -117,7 +117,7 @@ def test_only_raw_files_are_imported(files, stabctl):
     raw = files(GOVERNED)
     for other in (raw.with_suffix(".dyr"), "two_area"):
         code, _, err = stabctl("import", other)
-        assert (code, err) == (2, f"stabctl: {other} is not a PSS/E file ending in .raw; other cases need no import.\n")
+        assert (code, err) == (2, f"stabctl: {other} is not a file ending in .raw or .m; other cases need no import.\n")
 
 
 def test_the_dyr_file_beside_may_have_capital_letters(files):
