@@ -1,5 +1,7 @@
 """PSS/E files: what they say of the network is what the case has, in every version, with their names."""
 
+import re
+
 import numpy as np
 import pytest
 from psse_replay import DATA
@@ -119,3 +121,32 @@ def test_loads_of_a_kind_draw_the_same_power(tmp_path, kind):
 def test_a_case_read_back_from_its_folder_is_equal(tmp_path):
     case = st.load(TVC)
     assert st.load(st.write(case, tmp_path / "TVC_System_32")) == case
+
+
+UNMODELED = {  # section -> its records, and the kind and name by which they are told
+    "VSC dc line data": ("'V1', 1, 0.7\n 102,1,1,100.0\n 103,2,1,-99.5", "VSC DC line (V1)"),
+    "Multi-terminal dc line data": (
+        "'M1', 2, 2, 1, 1, 500.0\n 102,2\n 103,2\n 1,102\n 2,103\n 1,2,'1',5.0",
+        "multi-terminal DC line (M1)",
+    ),
+    "FACTS device data": ("'F1', 103, 0, 1", "FACTS device (F1)"),
+    "GNE device data": ("'G1', 'MODEL', 1, 103, 1, 1, 0\n 1, 1, 1\n 0.5\n 1", "GNE device (G1)"),
+    "Induction machine data": ("103, '1', 1, 1, 1", "induction machine (103)"),
+}
+
+
+def test_what_is_not_modeled_is_named_once_with_its_line(tmp_path):
+    text = THREE.read_text()
+    for section, (record, _) in UNMODELED.items():
+        begins = re.search(rf"[^\n]*Begin {re.escape(section)}[^\n]*\n", text, re.IGNORECASE)
+        assert begins, section
+        text = text[: begins.end()] + record + "\n" + text[begins.end() :]
+    (tmp_path / "x.raw").write_text(text)
+    case = psse.read_psse(tmp_path / "x.raw")
+    lines = text.split("\n")
+    expected = [
+        f"{tmp_path / 'x.raw'} line {lines.index(record.split(chr(10))[0]) + 1}: {told} is left out: it is read and"
+        for record, told in UNMODELED.values()
+    ]
+    assert [note.removesuffix(" not modeled.") for note in case.notes] == expected
+    assert np.allclose(case.power_flow().V, psse.read_psse(THREE).power_flow().V)

@@ -30,7 +30,7 @@ class Unsupported(NamedTuple):
 
     def __str__(self) -> str:
         """The sentence of a warning."""
-        what = f"{self.kind} of {self.owner}" if self.owner else self.kind
+        what = f"{self.kind} ({self.owner})" if self.owner else self.kind
         return f"{self.place}: {what} is left out: {self.reason}."
 
 
