@@ -73,7 +73,9 @@ def rest(device, p, u, given, v=(1.0, 0.0)):
         held = [out[family.fields(device, "Output").index(n)] - value for n, value in given.items()]
         return np.array([*rates, *held])
 
-    start = list(device.guess(1.0, 1.0, p)) if hasattr(device, "guess") else [1.0] * nx
+    known = {"V": 1.0 + 0j, "I": 1.0 + 0j, "p": p}
+    guessed = [known[name] for name in family.arguments(device, "guess")]
+    start = list(device.guess(*guessed)) if guessed else [1.0] * nx
     z = np.array([*start, *(1.0 for _ in free)])
     for _ in range(50):
         f = equations(z)

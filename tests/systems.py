@@ -11,7 +11,7 @@ import pytest
 from library import EXCITERS, STABILIZERS
 
 from stabctl import devices
-from stabctl.devices.converters import reec_b, regc_a, repc_a
+from stabctl.devices.converters import reec_a, reec_b, reec_c, regc_a, repc_a, wtdt_a
 from stabctl.devices.exciters import exdc2, exst3, ieeet1, sexs
 from stabctl.devices.governors import (
     degov,
@@ -27,7 +27,7 @@ from stabctl.devices.governors import (
     tgov1,
     wpidhy,
 )  # fmt: skip
-from stabctl.devices.loads import exponential
+from stabctl.devices.loads import exponential, ieel
 from stabctl.devices.machines import gencls, genrou, gensal, gentpj1, two_axis
 from stabctl.devices.stabilizers import pss
 from stabctl.model.case import Branch, Bus, Case, Load, Machine
@@ -48,6 +48,7 @@ EXDC2 = exdc2.Par(0.02, 40.0, 0.05, 1.0, 0.5, 6.0, -6.0, 1.0, 0.5, 0.05, TF=1.0,
 IEEET1 = ieeet1.Par(0.02, 40.0, 0.05, 6.0, -6.0, 1.0, 0.5, 0.05, TF=1.0, E1=1.2, SE1=0.05, E2=2.4, SE2=0.3)
 PSS = pss.Par(5.0, 10.0, 0.05, 0.02, 0.1, 0.03)
 EXPONENTIAL = exponential.Par(0, 0, 1.0, 0.7, 1.3, 3.0)
+VARIED = ieel.Par(0, 0, 0, 0, 0, 0.4, 0.2, 0.4, 0.5, 0.25, 0.25, a7=2.0, a8=-1.5, n1=1.8)
 REGC = regc_a.Par(0, 0.02)
 REEC = reec_b.Par(0, Kqv=2.0, Imax=1.5)
 PLANT = repc_a.Par(RefFlag=1, FFlag=1, Kp=2.0, Ki=1.0, Ddn=20.0, Dup=20.0)
@@ -123,6 +124,20 @@ LIBRARY = {  # the same for devices of the library, whose tests are slow ones: e
     },
     "repc_a, reactive power": {"regc_a": REGC, "reec_b": REEC, "repc_a": PLANT._replace(RefFlag=0, FFlag=0)},
     "repc_a, compensation": {"regc_a": REGC, "reec_b": REEC, "repc_a": PLANT._replace(VcFlag=1, Rc=0.01, Xc=0.05)},
+    "reec_a and wtdt_a": {
+        "regc_a": REGC,
+        "reec_a": reec_a.Par(0, PFlag=1, Imax=1.5, Kqv=2.0),
+        "wtdt_a": wtdt_a.Par(0, 0, 4.0, D=1.0),
+    },
+    "reec_a, active current first": {
+        "regc_a": REGC,
+        "reec_a": reec_a.Par(0, PqFlag=1, QFlag=1, Kvi=4.0, Imax=1.5),
+        "repc_a": PLANT,
+    },
+    "reec_c": {"regc_a": REGC, "reec_c": reec_c.Par(0, 0, 0, Imax=1.5)},
+    "wtdt_a of one mass": {"regc_a": REGC, "reec_b": REEC, "wtdt_a": wtdt_a.Par(0, 0, 4.0, D=1.0, Htfrac=0.0)},
+    "ieel": {"gencls": CLASSICAL, "ieel": VARIED},
+    "ieel of voltage": {"gencls": CLASSICAL, "ieel": VARIED._replace(a7=0.0, a8=0.0)},
     "two axes": {"two_axis": TWO_AXES, "sexs": SEXS, "tgov": STEAM},
     **{name: {"genrou": SATURATED, par.__class__.__module__.rpartition(".")[2]: par} for name, par in EXCITERS.items()},
     **{
@@ -134,6 +149,7 @@ LIBRARY = {  # the same for devices of the library, whose tests are slow ones: e
 OWN_KINDS = {  # name -> devices of machine 1, and a device of the user's: its table and constants
     "signals from elsewhere": ({"genrou": ROUND, "exdc2": EXDC2, "pss": PSS}, "wide_area", (3, 2, 0.1, 2.0, 3.0)),
 }
+APART = {"csvgn1"}  # models of units without active power: their tests are test_psse and test_converter_controls
 ALL_KINDS = (*KINDS, *OWN_KINDS, *LIBRARY)
 
 

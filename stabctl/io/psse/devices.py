@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 
 from stabctl.devices.blocks.lags import SHORT
 from stabctl.model import catalog, keys
-from stabctl.model.tables import Load
 from stabctl.schema import fields
 
 from ..collected import NO_IMPEDANCE
 from .dyr import Record
 from .generators import Source
 from .lexer import Place, number, whole
+from .load_scopes import LoadScopes
 
 OF_LOADS = "BL", "OW", "ZN", "AR"  # endings of the kinds of loads: at a bus, of an owner, of a zone, of an area
 
@@ -68,7 +68,7 @@ def kinds() -> Mapping[str, tuple[str, str]]:
 def read(
     records: Iterable[Record],
     machines: Mapping[tuple[int, str], Source],
-    loads: Iterable[Load],
+    loads: LoadScopes,
     known: set[tuple[int, str]],
 ) -> Dynamics:
     """The devices that the records describe.
@@ -80,7 +80,7 @@ def read(
     machines
         The machines in service, by bus and ID.
     loads
-        Rows of the loads, in the order of the table.
+        The loads, with the scopes of records.
     known
         Bus and ID of every machine of the RAW file, in service or not.
 
@@ -89,35 +89,39 @@ def read(
     CaseError
         With line and field for the first constant that cannot be read.
     """
-    found, of_load = Dynamics(), _load_keys(loads)
-    for record in records:
+    found, records = Dynamics(), tuple(records)
+    of_loads = [n for n, r in enumerate(records) if r.kind in kinds() and catalog.role(kinds()[r.kind][0]) == "load"]
+    modeled = loads.owners([records[n] for n in of_loads])
+    owners = {n: modeled.get(k, []) for k, n in enumerate(of_loads)}
+    for n, record in enumerate(records):
         if record.kind not in kinds():
-            found.unsupported.append(_without_model(record, "there is no model of this kind", machines, of_load))
+            found.unsupported.append(_without_model(record, "there is no model of this kind", machines, loads))
             continue
-        model, order = kinds()[record.kind]
-        _read(found, record, model, order, machines, of_load, known)
+        _read(found, record, owners.get(n), machines, loads, known)
     return found
 
 
 def _read(
     found: Dynamics,
     record: Record,
-    model: str,
-    order: str,
+    modeled: list[keys.Key] | None,
     machines: Mapping[tuple[int, str], Source],
-    of_load: Mapping[tuple[int, str], list[keys.Key]],
+    loads: LoadScopes,
     known: set[tuple[int, str]],
 ) -> None:
+    model, order = kinds()[record.kind]
     role, where = catalog.role(model), (record.bus or 0, record.id)
     source = machines.get(where)
-    if role == "load":
-        owners: list[keys.Key] = of_load.get(where, [])
+    if modeled is not None:
+        owners = modeled
     elif catalog.at_bus(model):
         owners = [where[0]]
     else:
         owners = [source.machine] if source else []
     if not owners:
-        if where not in known:
+        if role == "load" and loads.within(record):
+            found.supported.append(record)  # records of narrower scopes hold for all of its loads
+        elif where not in known:
             what = "load" if role == "load" else "machine"
             reason = f"the RAW file has no {what} {record.bus}/{record.id}"
             found.unsupported.append(Unsupported(record.kind, record.place, reason))
@@ -125,7 +129,7 @@ def _read(
     try:
         par, sentences = parameters(record, model, order, source)
     except ValueError as error:
-        found.unsupported.append(_without_model(record, str(error).rstrip("."), machines, of_load))
+        found.unsupported.append(_without_model(record, str(error).rstrip("."), machines, loads))
         return
     found.corrections += [f"{record.place}, {record.kind} of {record.bus}/{record.id}: {s}" for s in sentences]
     found.supported.append(record)
@@ -137,12 +141,12 @@ def _without_model(
     record: Record,
     reason: str,
     machines: Mapping[tuple[int, str], Source],
-    of_load: Mapping[tuple[int, str], list[keys.Key]],
+    loads: LoadScopes,
 ) -> Unsupported:
     where, name = (record.bus or 0, record.id), f"{record.bus}/{record.id}"
     if where in machines and not record.kind.endswith(OF_LOADS):
         return Unsupported(record.kind, record.place, reason, f"machine {name}", name)
-    owner = f"load {name}" if where in of_load else name if record.bus else ""
+    owner = f"load {name}" if where in loads else name if record.bus else ""
     return Unsupported(record.kind, record.place, reason, owner)
 
 
@@ -192,13 +196,3 @@ def _short_lags(par: Any, role: str) -> Iterator[str]:
     for name, of in fields(kind).items():
         if of.unit == "s" and 0 < getattr(par, name) < SHORT:
             yield f"{name} = {getattr(par, name):g} s is below {1e3 * SHORT:g} ms, where a lag is bypassed."
-
-
-def _load_keys(loads: Iterable[Load]) -> dict[tuple[int, str], list[keys.Key]]:
-    """Keys of the rows of every load, by bus and ID."""
-    loads = tuple(loads)
-    found: dict[tuple[int, str], list[keys.Key]] = defaultdict(list)
-    for load, key in zip(loads, keys.numbered(load.bus for load in loads), strict=True):
-        if load.kind == "load":
-            found[load.bus, load.id].append(key)
-    return found

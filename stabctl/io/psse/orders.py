@@ -30,8 +30,8 @@ ORDERS: Mapping[type, Mapping[int, str]] = MappingProxyType(
     {
         Bus: {29: "I NAME BASKV IDE GL BL AREA ZONE VM VA OWNER", 31: "I NAME BASKV IDE AREA ZONE OWNER VM VA"},
         Load: {
-            29: "I ID STATUS _ _ PL QL IP IQ YP YQ",
-            34: "I ID STATUS _ _ PL QL IP IQ YP YQ _ _ _ DGENP DGENQ DGENM",
+            29: "I ID STATUS AREA ZONE PL QL IP IQ YP YQ OWNER",
+            34: "I ID STATUS AREA ZONE PL QL IP IQ YP YQ OWNER _ _ DGENP DGENQ DGENM",
         },
         Shunt: {31: "I ID STATUS GL BL"},
         Generator: {

@@ -34,6 +34,9 @@ class Load(NamedTuple):
     DGENP: float = 0.0
     DGENQ: float = 0.0
     DGENM: int = 0
+    AREA: int = 0
+    ZONE: int = 0
+    OWNER: int = 0
 
 
 class Shunt(NamedTuple):

@@ -11,6 +11,7 @@ from stabctl.model.mistake import RowError
 from . import dc, devices, dyr, generators, missing_models, network, raw, transformers
 from .devices import Dynamics, Unsupported
 from .lexer import Place
+from .load_scopes import LoadScopes
 
 Missing = Literal["refuse", "injection"]
 MissingControls = Literal["refuse", "fixed"]
@@ -101,7 +102,7 @@ def read(
     sources = {key: source for key, source in sources.items() if source.machine in left}
     known = {(g.I, g.ID) for g, _ in file.of("generator")} | {(load.I, load.ID) for load, _ in file.of("load")}
     records = tuple(dyr.read(Path(dyr_path))) if dyr_path is not None else ()
-    dynamics = devices.read(records, sources, net.rows["loads"], known)
+    dynamics = devices.read(records, sources, LoadScopes(net.rows["loads"], file), known)
     unsupported = _unsupported(file, net, dynamics, dyr_path)
     replaced = missing_models.settle(net, dynamics, sources, dyr_path, missing, missing_controls)
     corrections = (*net.corrections, *dynamics.corrections, *apart, *replaced)

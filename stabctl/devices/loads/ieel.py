@@ -1,0 +1,97 @@
+"""IEEL: load as three powers of the voltage, with a part that follows the frequency.
+
+P = P0 g(V)/g(V0) (1 + a7 df),   g(V) = a1 V^n1 + a2 V^n2 + a3 V^n3
+Q = Q0 h(V)/h(V0) (1 + a8 df),   h(V) = a4 V^n4 + a5 V^n5 + a6 V^n6
+
+P0 + jQ0 is drawn at the voltage V0 of the power flow, and df (pu) is the frequency deviation of the bus: the rate of
+its voltage angle as in the bus frequency sensor, through a lag of the same T = 20 ms. Below vlow the load changes
+continuously to a constant admittance, so that the network always has a solution.
+Source: PSS/E Model Library, IEELBL, IEELOW, IEELZN, IEELAR, IEELAL; IEEE Task Force on Load Representation for Dynamic
+Performance, Load Representation for Dynamic Performance Analysis, IEEE Trans. Power Systems 8(2), 1993.
+"""
+
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import angle, at_least, magnitude, power
+from stabctl.schema import FROM_CASE
+
+NAME = "IEEL"
+ROLE = "load"
+ORDER = "a1 a2 a3 a4 a5 a6 a7 a8 n1 n2 n3 n4 n5 n6"
+DYR = {f"IEEL{scope}": ORDER for scope in ("BL", "OW", "ZN", "AR", "AL")}
+T = 0.02  # s   frequency filter
+
+
+class Par(NamedTuple):
+    """Parameters of one load."""
+
+    P0: Annotated[float, "pu", "active power at V0, system base", FROM_CASE]
+    Q0: Annotated[float, "pu", "reactive power at V0, system base", FROM_CASE]
+    V0: Annotated[float, "pu", "voltage of the power flow", FROM_CASE]
+    vlow: Annotated[float, "pu", "voltage below which the load is an admittance", FROM_CASE]
+    wb: Annotated[float, "rad/s", "base speed, 2 pi f", FROM_CASE]
+    a1: Annotated[float, "-", "share of n1 in the active power"]
+    a2: Annotated[float, "-", "share of n2"]
+    a3: Annotated[float, "-", "share of n3"]
+    a4: Annotated[float, "-", "share of n4 in the reactive power"]
+    a5: Annotated[float, "-", "share of n5"]
+    a6: Annotated[float, "-", "share of n6"]
+    a7: Annotated[float, "-", "active power over frequency"] = 0.0
+    a8: Annotated[float, "-", "reactive power over frequency"] = 0.0
+    n1: Annotated[float, "-", "exponent"] = 2.0
+    n2: Annotated[float, "-", "exponent"] = 1.0
+    n3: Annotated[float, "-", "exponent"] = 0.0
+    n4: Annotated[float, "-", "exponent"] = 2.0
+    n5: Annotated[float, "-", "exponent"] = 1.0
+    n6: Annotated[float, "-", "exponent"] = 0.0
+
+
+class State(NamedTuple):
+    """Frequency of the bus; at rest where nothing follows it."""
+
+    theta: Annotated[float, "rad", "tracked angle of the voltage"]
+    df: Annotated[float, "pu", "frequency deviation"]
+
+
+def from_record(_kind: str, values: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """Parameters of a record, whose shares may not add up to nothing."""
+    for names in (("a1", "a2", "a3"), ("a4", "a5", "a6")):
+        if not sum(values[name] for name in names):
+            raise ValueError(f"{' + '.join(names)} = 0 leaves nothing of the load")
+    return values, []
+
+
+@inline
+def shape(v, a, n):
+    """a1 v^n1 + a2 v^n2 + a3 v^n3."""
+    return a[0] * power(v, n[0]) + a[1] * power(v, n[1]) + a[2] * power(v, n[2])
+
+
+@inline
+def current(x, v, p):
+    """Current into the network (pu), real and imaginary part."""
+    m = at_least(magnitude(v[0], v[1]), p.vlow)
+    a, b = (p.a1, p.a2, p.a3), (p.a4, p.a5, p.a6)
+    na, nb = (p.n1, p.n2, p.n3), (p.n4, p.n5, p.n6)
+    P = p.P0 * shape(m, a, na) / shape(p.V0, a, na) * (1 + p.a7 * x.df)
+    Q = p.Q0 * shape(m, b, nb) / shape(p.V0, b, nb) * (1 + p.a8 * x.df)
+    g, h = P / (m * m), Q / (m * m)
+    return -(g * v[0] + h * v[1]), h * v[0] - g * v[1]
+
+
+@inline
+def derivatives(x, v, p):
+    """State derivatives (1/s)."""
+    if p.a7 == 0 and p.a8 == 0:
+        return State(0 * x.theta, 0 * x.df)
+    c, s = np.cos(x.theta), np.sin(x.theta)
+    rate = angle(c * v[0] + s * v[1], c * v[1] - s * v[0]) / T
+    return State(rate, (rate / p.wb - x.df) / T)
+
+
+def guess(V: complex) -> State:
+    """States at rest: the angle of the voltage."""
+    return State(float(np.angle(V)), 0.0)

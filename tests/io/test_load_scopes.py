@@ -1,0 +1,52 @@
+"""Records of load models of a bus, an owner, a zone, an area, or all: the narrowest scope holds."""
+
+from types import SimpleNamespace
+
+from stabctl.io.psse.dyr import Record
+from stabctl.io.psse.load_scopes import LoadScopes
+from stabctl.model.tables import Load
+
+BUSES = [SimpleNamespace(I=i, AREA=i, ZONE=1, OWNER=5) for i in (1, 2, 3)]
+LOADS = [
+    SimpleNamespace(I=1, ID="1", AREA=0, ZONE=0, OWNER=0),
+    SimpleNamespace(I=2, ID="1", AREA=0, ZONE=7, OWNER=0),
+    SimpleNamespace(I=2, ID="2", AREA=1, ZONE=0, OWNER=0),
+    SimpleNamespace(I=3, ID="1", AREA=0, ZONE=0, OWNER=9),
+]
+ROWS = [
+    Load(1, 1, 0, id="1"),
+    Load(2, 1, 0, id="1"),
+    Load(2, 1, 0, id="1"),
+    Load(2, 1, 0, id="2"),
+    Load(3, 1, 0, id="1"),
+]
+
+
+def scopes():
+    sections = {"bus": BUSES, "load": LOADS}
+    return LoadScopes(ROWS, SimpleNamespace(of=lambda name: [(row, None) for row in sections[name]]))
+
+
+def record(number, kind, id="*"):
+    return Record(None, number, kind, id, ())
+
+
+def test_loads_of_a_scope():
+    found = scopes()
+    assert found.within(record(0, "IEELAL")) == [1, 2, "2#2", "2#3", 3]
+    assert found.within(record(1, "IEELAR")) == [1, "2#3"]
+    assert found.within(record(7, "IEELZN")) == [2, "2#2"]
+    assert found.within(record(9, "IEELOW")) == [3]
+    assert found.within(record(2, "IEELBL", "1")) == [2, "2#2"]
+    assert found.within(record(2, "IEELBL", "3")) == []
+
+
+def test_the_narrowest_scope_holds_and_then_the_last_record():
+    records = [
+        record(2, "IEELBL", "1"),
+        record(0, "IEELAL"),
+        record(5, "IEELOW"),
+        record(5, "CIM6OW"),
+        record(1, "IEELAR"),
+    ]
+    assert scopes().owners(records) == {0: [2, "2#2"], 1: [3], 3: [1, "2#3"]}
