@@ -73,7 +73,8 @@ def reservations(siting: "Siting") -> tuple[str, ...]:
     said = [*(f"Not survived: {one}" for one in siting.infeasible), *_solver(siting)]
     for row in siting.evidence:
         if row.refined:
-            fleet = f"{row.scale:g} times this fleet" if siting.sites else "the system without storage"
+            fleet = "this fleet" if row.scale == 1 else f"{row.scale:g} times this fleet"
+            fleet = fleet if siting.sites else "the system without storage"
             lost = [c.label for c, ok in zip(siting.contingencies, row.stable, strict=True) if not ok]
             said.append(
                 f"With {REFINED}, {fleet} does not survive {'; '.join(lost)}; use a longer observation window."
