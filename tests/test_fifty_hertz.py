@@ -9,12 +9,13 @@ from functools import cache
 
 import numpy as np
 import pytest
+from systems import registered
 
 from stabctl import io
 from stabctl.clearing import clearing_time, screen
 from stabctl.cli import shared
 from stabctl.cli.groups import StabilityOptions
-from stabctl.controllers import BangBang
+from stabctl.controllers import BangBang, Device, Feedback
 from stabctl.dynamics import operating_point
 from stabctl.estimation.estimate import estimate
 from stabctl.estimation.instrument import Instrument
@@ -82,6 +83,54 @@ def test_clearing_times_are_the_same_in_cycles(storage):
     assert [(run.cycles, run.outcome) for run in fifty.runs] == [(run.cycles, run.outcome) for run in sixty.runs]
 
 
+def test_gains_and_deadband_of_feedback_are_in_hertz_and_radians():
+    par = Feedback(0.02, 0.01, deadband=0.5).par(Device(rating=45.0, machine=900.0, frequency=50.0))
+    assert par.deadband == 0.01
+    assert par.speed_gain == pytest.approx(0.02 * 2 * np.pi * 50 * 900 / 45)
+    assert par.acceleration_gain == par.speed_gain / 2
+
+
+def test_the_frequency_of_a_bus_is_the_rate_of_its_angle():
+    """A slower system at slower oscillations responds alike, in pu."""
+    sixty, fifty = (
+        point(hz, storage="50MW").linearize("power:2", "frequency:7").response(np.array([0.3, 1.0, 3.0]) * hz / 60)
+        for hz in (60, 50)
+    )
+    assert np.abs(fifty - sixty).max() < 1e-9 * np.abs(sixty).max()
+
+
+REACTOR = '''
+from typing import Annotated, NamedTuple
+from stabctl._util.jit import inline
+from stabctl.schema import FROM_CASE
+
+NAME = "reactor"
+ROLE = "shunt"
+
+
+class Par(NamedTuple):
+    """Constants."""
+
+    wb: Annotated[float, "rad/s", "base speed", FROM_CASE]
+    V0: Annotated[float, "pu", "voltage without current"]
+
+
+@inline
+def current(v, p):
+    """Injected current (pu)."""
+    return 0 * v[0], 0 * v[1]
+'''
+
+
+def test_devices_at_buses_know_the_base_speed(tmp_path):
+    path = tmp_path / "reactor.py"
+    path.write_text(REACTOR)
+    with registered(path) as (device,):
+        case = io.load("two_area").classical().set("frequency_hz", 50)
+        case = replace(case, devices=case.devices | {"reactor": {7: device.Par(0, 1.0)}})
+        assert operating_point.solve(case).constants("reactor")[1]["wb"] == 2 * np.pi * 50
+
+
 def test_two_area_at_fifty_hertz():
     """9 cycles at 60 Hz: the same inertia and the same torque, but an angle that grows more slowly."""
     found = clearing_time(io.load("two_area").set("frequency_hz", 50), "7-8@0", scan=0)
@@ -90,9 +139,11 @@ def test_two_area_at_fifty_hertz():
 
 def test_a_screen_counts_cycles_of_the_case():
     options = {"buses": [7], "resolution": "0.5cyc", "limit": "20cyc"}
-    sixty, fifty = (screen(point(hz), observe=f"{100 / hz}s", below=f"{15 / hz}s", **options) for hz in (60, 50))
-    assert sixty.pairs
-    assert [(p.fault, p.trip, p.cycles) for p in fifty.pairs] == [(p.fault, p.trip, p.cycles) for p in sixty.pairs]
+    found = (screen(point(hz), observe=f"{100 / hz}s", below=f"{15 / hz}s", **options) for hz in (60, 50, 120))
+    sixty, fifty, fast = found
+    assert max(p.cycles for p in sixty.pairs) > 15 / 2
+    for other in (fifty, fast):
+        assert [(p.fault, p.trip, p.cycles) for p in other.pairs] == [(p.fault, p.trip, p.cycles) for p in sixty.pairs]
     assert fifty.search.limit_cycles == 15
     least = min(p.seconds for p in fifty.pairs)
     assert fifty.pairs[0].cycles == 50 * least

@@ -85,9 +85,9 @@ def _refuse(name: str | Path, given: dict[str, Any], files: str) -> None:
 
 def beside(raw: Path) -> Path | None:
     """The DYR file with the name of a RAW file, in small or capital letters, if there is one."""
-    exact, wanted = raw.with_suffix(".dyr"), raw.with_suffix(".dyr").name.lower()
+    exact = raw.parent / f"{raw.stem}.dyr"
     try:
-        found = [path for path in raw.parent.iterdir() if path.name.lower() == wanted and path.is_file()]
+        found = [p for p in raw.parent.iterdir() if p.name.lower() == exact.name.lower() and p.is_file()]
     except OSError:
         return None
     return exact if exact in found else min(found, default=None)
