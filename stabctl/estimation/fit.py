@@ -33,9 +33,8 @@ if TYPE_CHECKING:
     from .estimates import Estimates
 
 SPAN = np.log(2)  # of the first grid, on both sides
-FINER = (1.0, 0.3, 0.1)  # spans of the grids, in units of the first
+FINER = (1.0, 0.3, 0.1, 0.05)  # spans of the grids, in units of the first
 POINTS = 9  # of a grid in every direction
-NEAR = 20.0  # below the maximum: values that the paraboloid goes through
 UNKNOWN = 0.2  # standard deviation beyond which the recording does not tell
 
 
@@ -130,10 +129,14 @@ def likelihood(
 
 
 def paraboloid(shifts: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Maximum (2) of the paraboloid through values (candidates) at shifts (2, candidates), and standard deviations."""
-    near = values > values.max() - NEAR
-    (u, v), values = shifts[:, near], values[near]
-    c = np.linalg.lstsq(np.stack([np.ones(len(u)), u, v, u * u, u * v, v * v], -1), values, rcond=None)[0]
+    """Maximum (2) of the paraboloid through values (candidates) at shifts (2, candidates), and standard deviations.
+
+    The values near the largest one count most.
+    """
+    (u, v), drop = shifts, values.max() - values
+    weight = 1 / (1 + drop)
+    terms = np.stack([np.ones(len(u)), u, v, u * u, u * v, v * v], -1)
+    c = np.linalg.lstsq(terms * weight[:, None], -drop * weight, rcond=None)[0]
     bend = -np.array([[2 * c[3], c[4]], [c[4], 2 * c[5]]])
     if np.linalg.eigvalsh(bend)[0] <= 0:
         return np.full(2, np.inf), np.full(2, np.inf)

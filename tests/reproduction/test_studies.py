@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -18,16 +19,20 @@ ROOT = Path(__file__).parents[2]
 
 
 def study(name, folder=ROOT / "sims"):
+    return script(name, folder).study
+
+
+def script(name, folder):
     spec = importlib.util.spec_from_file_location(name, folder / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    return module.study
+    return module
 
 
-@pytest.mark.parametrize("script", sorted([*ROOT.glob("sims/*.py"), *ROOT.glob("analysis/*.py")]), ids=lambda s: s.stem)
-def test_every_study_finds_what_it_imports(script, monkeypatch):
-    monkeypatch.syspath_prepend(script.parent)
-    assert callable(study(script.stem, script.parent))
+@pytest.mark.parametrize("file", sorted([*ROOT.glob("sims/*.py"), *ROOT.glob("analysis/*.py")]), ids=lambda s: s.stem)
+def test_every_study_finds_what_it_imports(file, monkeypatch):
+    monkeypatch.syspath_prepend(file.parent)
+    assert callable(study(file.stem, file.parent))
 
 
 @pytest.mark.parametrize(
@@ -59,3 +64,24 @@ def test_a_study_runs_alone(tmp_path):
     assert "The controller" in done.stdout
     assert "machine faster than the rest" in done.stdout
     assert [p.name for p in (tmp_path / "new").iterdir()] == ["sims_law.json"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("rows", "given"),
+    [("data", ("two_area",)), ("data", ("ieee39",)), ("literature", ())],
+    ids=["two_area", "ieee39", "literature"],
+)
+def test_numbers_of_the_estimation_page_are_those_of_its_study(rows, given):
+    """Its tables of wrong data and of a filter from the literature; that of NEES and NIS is tested with its bands."""
+    page = (ROOT / "docs" / "estimation.md").read_text(encoding="utf-8")
+    shown = [[float(x) for x in re.findall(r"(?<=\| )[\d.]+(?= \|)", line)] for line in page.splitlines()]
+    module = script("estimator_consistency", ROOT / "analysis")
+    for row in getattr(module, rows)(*given):
+        cells = row[-8:]
+        assert any(len(n) == 8 and matches(cells, n) for n in shown), row
+
+
+def matches(cells, numbers):
+    """Whether the numbers are the rounded ones of the cells; large ones are whole numbers."""
+    return all(abs(float(a) - b) <= (0.501 if b == int(b) else 0.0501) for a, b in zip(cells, numbers, strict=True))

@@ -72,6 +72,6 @@ class UnknownInputFilter:
 
     def _current(self, x: np.ndarray) -> np.ndarray:
         state = genrou.State(*x[:6])
-        source = complex(*genrou.source(state, genrou.internal(state, self.par), self.par))
+        source = complex(*genrou.source(genrou.internal(state, self.par), self.par))
         I = source - complex(*genrou.admittance(self.par)) * self._V
         return np.array([I.real, I.imag])
