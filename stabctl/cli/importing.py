@@ -8,7 +8,7 @@ import typer
 from . import options, shared
 
 Raw = Annotated[str, typer.Argument(metavar="X.raw", help="PSS/E RAW file, version 30 to 35, or MATPOWER file x.m.")]
-DyrFile = Annotated[Path | None, typer.Argument(metavar="[X.dyr]", help="DYR file (default: the one beside it).")]
+DyrFile = Annotated[Path | None, typer.Argument(metavar="X.dyr", help="DYR file (default: the one beside it).")]
 Out = Annotated[Path | None, typer.Option("--out", help="Write the case to a folder that every command takes.")]
 Check = Annotated[
     bool, typer.Option("--check/--no-check", help="Compare with the stored voltages, start, and simulate 2 s.")
