@@ -14,7 +14,7 @@ from stabctl.devices.converters import csvgn1
 from stabctl.dynamics import operating_point
 from stabctl.io import psse
 from stabctl.io.psse import dyr
-from stabctl.io.psse.devices import kinds
+from stabctl.io.psse.constants import kinds
 from stabctl.model.tables import Machine
 from stabctl.simulation import simulation
 from stabctl.simulation.criterion import Criterion

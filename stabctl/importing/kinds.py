@@ -5,7 +5,10 @@ from typing import NamedTuple
 
 from stabctl import devices
 from stabctl.io.psse import Import
-from stabctl.io.psse.devices import kinds
+from stabctl.io.psse.constants import kinds
+from stabctl.io.psse.devices import OF_LOADS
+from stabctl.io.psse.dyr import Record
+from stabctl.io.psse.load_scopes import LoadScopes
 from stabctl.model import catalog
 
 NO_ROLE = "not modeled"
@@ -35,21 +38,33 @@ class Kind(NamedTuple):
 
 def by_kind(read: Import) -> tuple[Kind, ...]:
     """The records by kind, those of machines first."""
-    mva, count, sums = _ratings(read), Counter[str](), defaultdict[str, float](float)
+    count, mva = Counter[str](), defaultdict[str, float](float)
+    ratings = _Ratings(read)
     for record in read.records:
         count[record.kind] += 1
-        sums[record.kind] += mva.get((record.bus or 0, record.id), 0.0)
+        mva[record.kind] += ratings.of(record)
     lost = Counter(u.kind for u in read.unsupported if u.place.path != read.raw.path)
     order = {role: k for k, role in enumerate((*devices.ROLES, NO_ROLE))}
     found = [
-        Kind(kind, catalog.role(kinds()[kind][0]) if kind in kinds() else NO_ROLE, n, n - lost[kind], sums[kind])
+        Kind(kind, catalog.role(kinds()[kind][0]) if kind in kinds() else NO_ROLE, n, n - lost[kind], mva[kind])
         for kind, n in count.items()
     ]
     found.sort(key=lambda one: (order[one.role], one.kind))
     return tuple(found)
 
 
-def _ratings(read: Import) -> dict[tuple[int, str], float]:
-    """MVA of machines, and of loads that no machine has the identifier of, by bus and ID."""
-    found = {(load.I, load.ID): abs(complex(load.PL, load.QL)) for load, _ in read.raw.of("load")}
-    return found | {(g.I, g.ID): g.MBASE or read.raw.base_mva for g, _ in read.raw.of("generator")}
+class _Ratings:
+    """MVA of machines and loads."""
+
+    def __init__(self, read: Import) -> None:
+        self._machines = {(g.I, g.ID): g.MBASE or read.raw.base_mva for g, _ in read.raw.of("generator")}
+        self._loads = {(load.I, load.ID): abs(complex(load.PL, load.QL)) for load, _ in read.raw.of("load")}
+        self._scopes = LoadScopes(read.case.loads, read.raw)
+
+    def of(self, record: Record) -> float:
+        """MVA of the machine that a record belongs to, or of the loads in its scope."""
+        role = catalog.role(kinds()[record.kind][0]) if record.kind in kinds() else NO_ROLE
+        where = record.bus or 0, record.id
+        if where in self._machines and role != "load" and not (role == NO_ROLE and record.kind.endswith(OF_LOADS)):
+            return self._machines[where]
+        return sum(self._loads.get(one, 0.0) for one in self._scopes.named(record))

@@ -40,15 +40,18 @@ class LoadScopes:
     def __contains__(self, where: tuple[int, str]) -> bool:
         return where in self._keys
 
-    def within(self, record: Record) -> list[keys.Key]:
-        """Keys of the loads in the scope of a record."""
+    def named(self, record: Record) -> list[tuple[int, str]]:
+        """Bus and ID of the loads in the scope of a record."""
         scope = record.kind[-2:]
         return [
-            key
-            for where, own in self._keys.items()
+            where
+            for where in self._keys
             if record.id in (ANY, where[1]) and self._scopes[where].get(scope, where[0]) in (record.bus, None)
-            for key in own
         ]
+
+    def within(self, record: Record) -> list[keys.Key]:
+        """Keys of the loads in the scope of a record."""
+        return [key for where in self.named(record) for key in self._keys[where]]
 
     def owners(self, records: Iterable[Record]) -> Mapping[int, list[keys.Key]]:
         """Place of a record among all -> keys of the loads that it models: the narrowest scope holds, then the last."""
