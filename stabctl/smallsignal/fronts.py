@@ -89,8 +89,8 @@ class Network:
                 rests.append((area, front, _eliminate(whole, area, front)))
         if len(self.Y):
             _add(whole, self.members, seen)
-            own = _tail(self.members, seen)
-            found.append(_front(whole, lambda G, T, r: own(G, T, r) + _through(rests, G, T, r)))
+            own, through = _tail(self.members, seen), _through(rests)
+            found.append(_front(whole, lambda G, T, r: own(G, T, r) + through(G, T, r)))
         return found
 
 
@@ -133,27 +133,37 @@ def _tail(members: list[Member], seen: list[Series]) -> Callable[[np.ndarray, np
 
 
 def _eliminate(whole: np.ndarray, area: Area, front: Front) -> np.ndarray:
-    """Add -into N(s)^-1 out to the separators; returns the first term N0^-1 out."""
+    """Add -into N(s)^-1 out to the separators; returns the terms x0, x1, ... of N(s)^-1 out."""
     x = [front.inverse @ area.out]
     for j in range(TERMS):
         x.append(-sum(front.E[i] @ x[j - i] for i in range(j + 1)))
-    whole[:, area.edge[:, None], area.edge] -= area.into @ np.array(x)
-    return x[0]
+    terms = np.array(x)
+    whole[:, area.edge[:, None], area.edge] -= area.into @ terms
+    return terms
 
 
-def _through(rests: list[tuple[Area, Front, np.ndarray]], G: np.ndarray, T: np.ndarray, r: float) -> float:
-    """Bound of what the series of the eliminated areas leave out: |N(s)^-1 out| <= |N0^-1 out| / (1 - |E|)."""
-    total = 0.0
-    for area, front, first in rests:
-        F = front.size(r)
-        if F >= 1:
-            return np.inf
-        geometric = np.zeros(TERMS + 1)  # of 1 / (1 - sum of norms r^j)
-        geometric[0] = 1
-        for j in range(1, TERMS + 1):
-            geometric[j] = front.norms[:j] @ geometric[j - 1 :: -1][:j]
-        left = 1 / (1 - F) - r ** np.arange(TERMS + 1) @ geometric
-        inner = np.linalg.norm(first / front.scale[:, None] * T[area.edge])
-        outer = np.linalg.norm((G[:, area.edge] / T[:, None]) @ (area.into * front.scale))
-        total += float(outer) * float(inner) * max(float(left), 0.0)
-    return total
+def _through(rests: list[tuple[Area, Front, np.ndarray]]) -> Callable[[np.ndarray, np.ndarray, float], float]:
+    """Bound of the norm of what the series of the eliminated areas leave out.
+
+    x_j = -(E1 x_(j-1) + E2 x_(j-2) + ...), so with the norms X of all terms left out, x of the terms known and F of E,
+    X <= F X + (the products of E and x known that are of higher order).
+    """
+    weights: list[tuple[Front, float, np.ndarray]] = []
+
+    def bound(G: np.ndarray, T: np.ndarray, r: float) -> float:
+        if not weights:
+            for area, front, x in rests:
+                outer = np.linalg.norm((G[:, area.edge] / T[:, None]) @ (area.into * front.scale))
+                inner = np.linalg.norm(x / front.scale[:, None] * T[area.edge], axis=(1, 2))
+                weights.append((front, float(outer), inner))
+        total, power = 0.0, r ** np.arange(TERMS + 1)
+        for front, through, known in weights:
+            F = front.size(r)
+            if F >= 1:
+                return np.inf
+            later = np.cumsum((power * known)[::-1])  # of the last, the last two, ... terms known
+            higher = float((power[1:] * front.norms) @ later[:TERMS] + front.rest(r) * later[TERMS])
+            total += through * higher / (1 - F)
+        return total
+
+    return bound

@@ -23,6 +23,8 @@ from .eigen import Eigen
 SEED = 0  # of the random start vectors
 PRECISE = 1e-10  # relative residual of a vector that is taken; the Rayleigh quotient squares it
 AGREE = 1e-7  # left and right eigenvalues this close, relative to their distance from the shift, are the same
+TRUE = 1e-6  # relative residual |A v - s v| of an eigenvector, at most
+SAME = 1e-6  # part of a mode along one that is known already, from which it is no other
 TINY = 1e-8  # eigenvalues of the operator this small, relative to the largest, are those of modes taken out
 
 Product = Callable[[np.ndarray], np.ndarray]  # of an operator and a block of vectors
@@ -31,6 +33,7 @@ Product = Callable[[np.ndarray], np.ndarray]  # of an operator and a block of ve
 class Near(NamedTuple):
     """Modes found around a shift, and the radius (1/s) within which they seem to be all."""
 
+    shift: complex
     modes: Eigen
     radius: float
 
@@ -43,8 +46,8 @@ def near(d: Descriptor, shift: complex, steps: tuple[int, int], known: Eigen) ->
     """
     n = len(d.rows)
     forward, adjoint = _resolvent(d, shift)
-    right = _arnoldi(_without(forward, known.right, known.left), n, *steps)
-    left = _arnoldi(_without(adjoint, known.left, known.right), n, *steps)
+    right = _arnoldi(forward, _without(known.right, known.left), n, *steps)
+    left = _arnoldi(adjoint, _without(known.left, known.right), n, *steps)
     groups = _matched(right.values, left.values.conj())
     V, W, radius = [], [], np.inf
     for of_right, of_left in groups:
@@ -55,9 +58,10 @@ def near(d: Descriptor, shift: complex, steps: tuple[int, int], known: Eigen) ->
         V.append(pair[0])
         W.append(pair[1] @ np.linalg.pinv(pair[0].conj().T @ pair[1]))
     if not V:
-        return Near(known.some(np.zeros(0, int)), radius)
-    found = np.concatenate(V, axis=1), np.concatenate(W, axis=1)
-    return Near(Eigen(_rayleigh(d, *found), *found), radius)
+        return Near(shift, known.some(np.zeros(0, int)), radius)
+    found = _checked(d, np.concatenate(V, axis=1), np.concatenate(W, axis=1))
+    again = np.abs(known.left.conj().T @ found.right).max(axis=0, initial=0.0) > SAME
+    return Near(shift, found.some(~again), radius)
 
 
 def _matched(right: np.ndarray, left: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -92,14 +96,10 @@ def _resolvent(d: Descriptor, shift: complex) -> tuple[Product, Product]:
     return product("N"), product("H")
 
 
-def _without(product: Product, V: np.ndarray, W: np.ndarray) -> Product:
-    """An operator without the modes V, W."""
-
-    def rest(b: np.ndarray) -> np.ndarray:
-        x = product(b)
-        return x - V @ (W.conj().T @ x)
-
-    return rest
+def _without(V: np.ndarray, W: np.ndarray) -> Product:
+    """Vectors without their parts along the modes V, W."""
+    adjoint = W.conj().T
+    return lambda x: x - V @ (adjoint @ x)
 
 
 class Ritz(NamedTuple):
@@ -110,18 +110,20 @@ class Ritz(NamedTuple):
     miss: np.ndarray
 
 
-def _arnoldi(product: Product, n: int, block: int, most: int) -> Ritz:
+def _arnoldi(product: Product, without: Product, n: int, block: int, most: int) -> Ritz:
+    """Arnoldi iterations in the invariant subspace without the modes known, to which rounding would lead back."""
     block = min(block, n)
     size = max(min(most, n) // block, 1) * block
     start = np.random.default_rng(SEED).normal(size=(2, n, block))
     Q, P = np.zeros((2, size, n), complex).transpose(0, 2, 1)  # columns are contiguous; P = operator Q
-    new = product(start[0] + 1j * start[1])
+    new = without(product(start[0] + 1j * start[1]))
     for k in range(0, size, block):
         for _ in range(2):
-            new = new - Q[:, :k] @ (Q[:, :k].conj().T @ new)
+            new = new - Q[:, :k] @ (new.conj().T @ Q[:, :k]).conj().T
             new = sl.qr(new, mode="economic", check_finite=False)[0]
         Q[:, k : k + block] = new
-        P[:, k : k + block] = new = product(new)
+        new = product(new)
+        P[:, k : k + block] = new = without(new)
     mu, Z = np.linalg.eig(Q.conj().T @ P)
     order = np.argsort(-np.abs(mu))
     order = order[np.abs(mu[order]) > TINY * np.abs(mu).max()]
@@ -130,8 +132,12 @@ def _arnoldi(product: Product, n: int, block: int, most: int) -> Ritz:
     return Ritz(mu, V, np.linalg.norm(V - Q @ Z, axis=0))
 
 
-def _rayleigh(d: Descriptor, V: np.ndarray, W: np.ndarray) -> np.ndarray:
-    """w^H A v of every mode; its error is the product of the errors of both vectors."""
+def _checked(d: Descriptor, V: np.ndarray, W: np.ndarray) -> Eigen:
+    """Modes with the values w^H A v, whose error is the product of those of both vectors; only true eigenvectors."""
+    size = np.linalg.norm(V, axis=0)
+    V, W = V / size, W * size
     factors, currents = splu(d.gv), d.gx @ V
     moved = d.fx @ V - d.fv @ (factors.solve(currents.real) + 1j * factors.solve(currents.imag))
-    return np.einsum("ik,ik->k", W.conj(), moved)
+    values = np.einsum("ik,ik->k", W.conj(), moved)
+    true = np.linalg.norm(moved - V * values, axis=0) < TRUE * np.abs(values)
+    return Eigen(values, V, W).some(true)

@@ -17,7 +17,9 @@ PORTS = 80  # voltages of devices in an area, at most, if the network can be div
 
 def network(d: Descriptor, most: int = PORTS) -> Network:
     """Divide a linearized system into fronts of about `most` voltages; voltages without a device are eliminated."""
-    groups, gv = units(d), d.gv.tocsr()
+    turn = _turn(d)
+    gv = (turn.T @ d.gv @ turn).tocsr()
+    groups = units(d.fx, (d.fv @ turn).tocsr(), (turn.T @ d.gx).tocsc())
     device = np.zeros(gv.shape[0], bool)
     for group in groups:
         device[group.at] = True
@@ -38,6 +40,14 @@ def network(d: Descriptor, most: int = PORTS) -> Network:
         if n:
             areas.append(Area(M[:n, :n], M[:n, n:], M[n:, :n], edge, _members(groups, live)))
     return Network(groups, areas, Y, _members(groups, kept))
+
+
+def _turn(d: Descriptor) -> sp.csr_matrix:
+    """Rotation that splits the voltage of every bus into magnitude and angle, which may then be scaled separately."""
+    lay = d.point.layout
+    re, im = d.point.s[lay.nx : lay.first_setpoint].reshape(-1, 2).T
+    blocks = np.array([[re, -im], [im, re]]).transpose(2, 0, 1) / np.hypot(re, im)[:, None, None]
+    return sp.block_diag(list(blocks), format="csr")
 
 
 def _divided(gv: sp.csr_matrix, groups: list[Units], device: np.ndarray, most: int) -> Parts:

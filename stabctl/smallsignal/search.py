@@ -1,12 +1,12 @@
 """All modes of a band: found around shifts, and counted.
 
-The modes of the band are counted first (`count`). Then they are searched for around shifts, from the middle of the band
-outward, each time without those known, until as many are known as were counted. If the shifts do not find them all,
+The modes of the band are counted first (`count`). Then they are searched for around shifts, most where they are dense,
+each time without those known, until as many are known as were counted. If the shifts do not find them all,
 smaller and smaller parts of the band are counted and searched, with as many vectors as modes are missing. What is not
 complete even then is named.
 """
 
-from collections import deque
+from heapq import heappop, heappush
 from typing import NamedTuple
 
 import numpy as np
@@ -90,24 +90,26 @@ class _Search:
         """How many of the modes counted in a sector are not known."""
         return counted - int(np.count_nonzero(sector.holds(self.known.values)))
 
-    def near(self, shift: complex, steps: tuple[int, int]) -> float:
-        """Search around a shift (1/s); returns the radius within which all modes seem to be known."""
+    def near(self, shift: complex, steps: tuple[int, int]) -> krylov.Near:
+        """Search around a shift (1/s) and keep what is found."""
         found = krylov.near(self.d, shift, steps, self.known)
         self.known = self.known.joined(found.modes.some(self.whole.holds(found.modes.values)))
-        return found.radius
+        return found
 
     def along(self, sector: Sector, counted: int, said: Said) -> None:
-        """Search around shifts from the middle of a sector outward, until all its modes are known or it is covered."""
-        boxes = deque([Box(-np.inf, np.inf, sector.low, sector.high)])
+        """Search around shifts, most where modes are dense, until all modes of a sector are known or it is covered."""
+        discs: list[krylov.Near] = []
+        boxes = [(0.0, Box(-np.inf, np.inf, sector.low, sector.high))]
         while boxes and (missing := self.missing(sector, counted)) > 0:
             said(1 - missing / counted)
-            whole = boxes.popleft()
+            _, whole = heappop(boxes)
             box = whole.fitted(sector.least, sector.most)
-            if box is None or whole.top < (1 + LEAST) * whole.bottom:
+            if box is None or any(box.within(disc) for disc in discs) or whole.top < (1 + LEAST) * whole.bottom:
                 continue
-            radius = self.near(box.middle(), (BLOCK, VECTORS))
-            if box.reach() > radius:
-                boxes.extend(whole.halves())
+            discs.append(self.near(box.middle(), (BLOCK, VECTORS)))
+            if not box.within(discs[-1]):
+                for half in box.halves():
+                    heappush(boxes, (discs[-1].radius, half))
 
     def complete(self, sector: Sector, counted: int) -> None:
         """Search in ever smaller parts of a sector, counted one by one, until all its modes are known."""

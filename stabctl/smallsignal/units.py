@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as sl
+import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
-
-from .descriptor import Descriptor
 
 TERMS = 8  # terms of a series after the first
 ROOT = 8  # power of R whose norm bounds what is left out
@@ -47,11 +46,10 @@ class Series(NamedTuple):
             return np.where(ratio < 1, first / np.where(ratio < 1, 1 - ratio, 1), np.inf)
 
 
-def units(d: Descriptor) -> list[Units]:
-    """The units of a system, balanced, in groups of equal size."""
-    _, label = connected_components(d.fx, directed=False)
+def units(fx: sp.csc_matrix, fv: sp.csr_matrix, gx: sp.csc_matrix) -> list[Units]:
+    """The units of x' = fx x + fv v with currents gx x, balanced, in groups of equal size."""
+    _, label = connected_components(fx, directed=False)
     order = np.argsort(label, kind="stable")
-    gx, fv, fx = d.gx.tocsc(), d.fv.tocsr(), d.fx.tocsr()
     groups: dict[tuple[int, int], list[tuple[np.ndarray, ...]]] = {}
     for x in np.split(order, np.cumsum(np.bincount(label))[:-1]):
         v = np.union1d(gx[:, x].indices, fv[x].indices)

@@ -16,7 +16,7 @@ from stabctl.smallsignal import analyze, descriptor, krylov
 from stabctl.smallsignal.count import OnBoundaryError, Sector, count
 from stabctl.smallsignal.fronts import reach
 from stabctl.smallsignal.network import network
-from stabctl.smallsignal.units import TERMS, series, units
+from stabctl.smallsignal.units import TERMS, series
 
 app = typer.Typer()
 app.command("modes")(command)
@@ -111,7 +111,7 @@ def test_the_fronts_have_the_determinant_of_the_pencil(point):
 
 
 def test_what_a_series_leaves_out_is_within_its_bound(point):
-    for group in units(descriptor(point("ieee39"))):
+    for group in network(descriptor(point("ieee39"))).groups:
         s = -0.3 + 5j
         found = series(group, s)
         for part in (0.2, 0.6, 0.9):
@@ -168,6 +168,13 @@ def test_a_mode_withheld_is_noticed(point, modes, monkeypatch, always):
     else:
         assert few.certified
         assert str(few).endswith("certified: 8 eigenvalues counted in the band.")
+
+
+def test_a_mode_found_again_is_not_another_one(point, modes, monkeypatch):
+    """If rounding leads back to modes known already, they do not make up the number counted."""
+    monkeypatch.setattr(krylov, "_without", lambda *_: lambda x: x)
+    monkeypatch.setattr("stabctl.smallsignal.search.VECTORS", 18)
+    check(point("ieee39"), modes("ieee39").eigenvalues, (0.1, 2.5), (-0.1, 0.3))
 
 
 @pytest.mark.slow
