@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import stabctl as st
+from stabctl._util.wording import counted
 from stabctl.errors import CaseError
 
 ROOT = Path(__file__).parent.parent
@@ -52,7 +53,8 @@ def page(collection: Path) -> str:
     whole = sum(one.whole for one in read.values())
     parts = [
         INTRODUCTION,
-        f"Of {len(found)} systems, {whole} are whole; of their {records} dynamic records, {supported} are supported.\n",
+        f"Whole: {whole} of {counted(len(found), 'system')}.",
+        f"Supported: {supported} of {counted(records, 'dynamic record')}.\n",
         "## Systems\n",
         SYSTEMS,
         _table(HEADS, (_row(name, one) for name, one in read.items())),
