@@ -55,11 +55,12 @@ def wide():
         yield devices.every()["wide_area"].Par
 
 
-@pytest.mark.parametrize("kind", ["case", "point"])
+@pytest.mark.parametrize("kind", ["case", "point", "system"])
 def test_devices_of_ones_own_are_known_where_a_pickle_is_read(tmp_path, wide, kind):
     case = small({"genrou": ROUND, "sexs": SEXS, "wide_area": wide(2, 0, 0.5)})
+    point = operating_point.solve(case)
     file = tmp_path / "pickled"
-    file.write_bytes(pickle.dumps(case if kind == "case" else operating_point.solve(case)))
+    file.write_bytes(pickle.dumps({"case": case, "point": point, "system": point.system}[kind]))
     code = (
         "import pickle; from stabctl import devices; "
         f"pickle.load(open({str(file)!r}, 'rb')); print(devices.every().keys())"

@@ -92,8 +92,13 @@ def test_frames_of_delay():
         {"latency": 1e300},
         {"loss": 1.0},
         {"burst": 0.5},
+        {"loss": 0.501, "burst": 1.0},
     ],
 )
 def test_mistakes_are_sentences(wrong):
     with pytest.raises(StudyError, match=r"must be|choose one of"):
         Pmu(**wrong)
+
+
+def test_at_most_every_other_report_is_lost_if_losses_are_single():
+    assert Pmu(loss=0.5, burst=1.0).loss == 0.5

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from stabctl.estimation.swing import JUMP, process_covariance, swing
+from stabctl.estimation.swing import JUMP, REJECTED, process_covariance, swing
 
 H, D, HZ, T = np.array([2.0, 6.5]), np.array([0.0, 1.0]), 60.0, 1 / 60
 SWING = swing(H, D, hz=HZ, T=T, walk=0.05, flux=np.array([0.0, 1.0]))
@@ -75,3 +75,15 @@ def test_walk_is_the_covariance_of_an_integrated_random_walk():
         x = x @ F.T
         x[:, 2] += 0.05 * np.sqrt(T / fine) * random.standard_normal(n)
     assert np.allclose(np.cov(x.T), SWING.walk[0, :3, :3], rtol=0.05)  # 0.02
+
+
+def test_each_state_gets_the_variance_that_explains_an_innovation_alone():
+    """After the rejected reports an angle is off by as much as the innovation, here 1 rad."""
+    flux = np.array([0.0, 0.8])
+    found = swing(H, np.zeros(2), hz=HZ, T=T, walk=0.05, flux=flux)
+    angle, speed, power, *fluxes = np.sqrt(found.reset).T
+    later = np.linalg.matrix_power(found.F, REJECTED + 1)
+    assert angle == pytest.approx(1)
+    assert (later @ np.stack([0 * speed, speed, 0 * speed], -1)[..., None])[:, 0, 0] == pytest.approx(1)
+    assert not power.any()  # it is measured
+    assert np.array(fluxes) == pytest.approx(np.array([flux, flux]))

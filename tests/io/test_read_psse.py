@@ -71,6 +71,23 @@ def test_a_mistake_is_told_with_line_and_field(tmp_path, old, new, says):
     assert str(caught.value).startswith(f"{tmp_path / 'x.raw'} {says}")
 
 
+@pytest.mark.parametrize(
+    ("name", "codes", "allowed"),
+    [
+        ("CW", "4,2,1", "1, 2, 3"),
+        ("CZ", "1,0,1", "1, 2, 3"),
+        ("CM", "1,2,3", "1, 2"),
+        ("STAT", "1,2,1", "0, 1, 2, 3, 4"),
+    ],
+)
+def test_codes_of_a_transformer(tmp_path, name, codes, allowed):
+    text = TVC.read_text().replace("0,'1 ',1,2,1,", f"0,'1 ',{codes},", 1)
+    text = text.replace("',1,   1,1.0000", f"',{5 if name == 'STAT' else 1},   1,1.0000", 1)
+    (tmp_path / "x.raw").write_text(text)
+    with pytest.raises(CaseError, match=rf"line 19, field {name}: \d is not allowed; it must be one of {allowed}\.$"):
+        psse.read_psse(tmp_path / "x.raw")
+
+
 class TestNames:
     """Machines, circuits and buses are accepted and told by the names of the file."""
 
