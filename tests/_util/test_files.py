@@ -94,3 +94,10 @@ def test_no_message_commands_the_terminal() -> None:
     assert sentence(StudyError("there is no " + "9" * 5000)) == f"there is no {'9' * 400}..."
     text = "x\x1b[31m\x07y\u202e\udcff \u00e9\u03b4"
     assert sentence(StudyError(text)) == r"x\x1b[31m\x07y\u202e\udcff " + "\u00e9\u03b4"
+
+
+@pytest.mark.parametrize("given", ["", " ", "\t", None, 3, b"run.csv"])
+def test_what_is_no_name_of_a_file(given: object) -> None:
+    with pytest.raises(StudyError, match=r"is not the name of a file or folder; give text, such as 'run.csv'"):
+        files.path_of(given)
+    assert files.path_of("run.csv") == files.path_of(Path("run.csv")) == Path("run.csv")
