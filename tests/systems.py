@@ -27,7 +27,7 @@ from stabctl.devices.governors import (
     tgov1,
     wpidhy,
 )  # fmt: skip
-from stabctl.devices.loads import exponential, ieel
+from stabctl.devices.loads import cim, exponential, ieel
 from stabctl.devices.machines import gencls, genrou, gensal, gentpj1, two_axis
 from stabctl.devices.stabilizers import pss
 from stabctl.model.case import Branch, Bus, Case, Load, Machine
@@ -49,6 +49,7 @@ IEEET1 = ieeet1.Par(0.02, 40.0, 0.05, 6.0, -6.0, 1.0, 0.5, 0.05, TF=1.0, E1=1.2,
 PSS = pss.Par(5.0, 10.0, 0.05, 0.02, 0.1, 0.03)
 EXPONENTIAL = exponential.Par(0, 0, 1.0, 0.7, 1.3, 3.0)
 VARIED = ieel.Par(0, 0, 0, 0, 0, 0.4, 0.2, 0.4, 0.5, 0.25, 0.25, a7=2.0, a8=-1.5, n1=1.8)
+MOTOR = cim.Par(*(0,) * 9, 0.01, 0.09, 4.2, 0.035, 0.09)
 REGC = regc_a.Par(0, 0.02)
 REEC = reec_b.Par(0, Kqv=2.0, Imax=1.5)
 PLANT = repc_a.Par(RefFlag=1, FFlag=1, Kp=2.0, Ki=1.0, Ddn=20.0, Dup=20.0)
@@ -136,6 +137,9 @@ LIBRARY = {  # the same for devices of the library, whose tests are slow ones: e
     },
     "reec_c": {"regc_a": REGC, "reec_c": reec_c.Par(0, 0, 0, Imax=1.5)},
     "wtdt_a of one mass": {"regc_a": REGC, "reec_b": REEC, "wtdt_a": wtdt_a.Par(0, 0, 4.0, D=1.0, Htfrac=0.0)},
+    "cim of one cage": {"gencls": CLASSICAL, "cim": MOTOR},
+    "cim of two cages": {"gencls": CLASSICAL, "cim": MOTOR._replace(R2=0.05, X2=0.06, A=0.5, C0=0.3, D=0.2, E=1.5)},
+    "cim of two cages behind X1": {"gencls": CLASSICAL, "cim": MOTOR._replace(R2=0.02, X2=0.1, kind=2)},
     "ieel": {"gencls": CLASSICAL, "ieel": VARIED},
     "ieel of voltage": {"gencls": CLASSICAL, "ieel": VARIED._replace(a7=0.0, a8=0.0)},
     "two axes": {"two_axis": TWO_AXES, "sexs": SEXS, "tgov": STEAM},

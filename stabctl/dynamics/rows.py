@@ -123,6 +123,7 @@ def load_row(case: Case, load: Load, V: float, *, key: keys.Key, bus: int) -> tu
                 "Q0": drawn.imag,
                 "V0": V,
                 "vlow": load.v_low,
+                "system": case.base_mva,
                 "wb": 2 * np.pi * case.frequency_hz,
             }
             par = _filled(device, case.devices[name][key], known)

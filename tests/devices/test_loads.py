@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from block_diagram import W, slopes
 
-from stabctl.devices.loads import ieel, zip_load
+from stabctl.devices.loads import cim, ieel, zip_load
+from stabctl.errors import EquilibriumError
 
 LOAD = ieel.Par(2.0, 0.8, 1.03, 0.5, 377.0, 0.4, 0.2, 0.4, 0.5, 0.25, 0.25, 2.0, -1.5, 1.8, 1.0, 0.0, 2.0, 1.0, 0.0)
 
@@ -50,3 +52,78 @@ def test_a_record_without_shares_is_refused():
     names = "a1 a2 a3 a4 a5 a6".split()  # noqa: SIM905
     with pytest.raises(ValueError, match="a4"):
         ieel.from_record("IEELBL", dict.fromkeys(names, 0.0) | {"a1": 1.0})
+
+
+def motor(seed, cages, kind):
+    """A motor at random, drawing 0.7 pu of its MVA at 1.02 pu."""
+    rng = np.random.default_rng(seed)
+    r, x = rng.uniform(0.01, 0.05, 3), rng.uniform(0.05, 0.15, 3)
+    second = {"R2": r[2], "X2": x[2]} if cages == 2 else {}
+    given = {"P0": 0.7, "Q0": 0.3, "V0": 1.02, "wb": 377.0, "system": 100.0}
+    rest = dict.fromkeys(cim.Par._fields[:9], 0.0) | given
+    return cim.prepare(
+        cim.Par(**rest, Ra=r[0], Xa=x[0], Xm=rng.uniform(2, 5), R1=r[1], X1=x[1], **second, Pmult=1.0, kind=kind)
+    )
+
+
+def admittance(p, slip, j):
+    """Of the equivalent circuit, with the slip of every frequency; `j` is either root of -1."""
+    one = p.R1 / slip + j * p.X1
+    if p.R2 == 0:
+        rotor = one
+    elif p.kind == 1:
+        rotor = 1 / (1 / one + 1 / (p.R2 / slip + j * p.X2))
+    else:
+        rotor = j * p.X1 + 1 / (slip / p.R1 + 1 / (p.R2 / slip + j * p.X2))
+    return 1 / (p.Ra + j * p.Xa + 1 / (1 / (j * p.Xm) + 1 / rotor))
+
+
+MOTORS = [(1, 1), (2, 1), (2, 2)]
+
+
+@pytest.mark.parametrize(("cages", "kind"), MOTORS)
+def test_a_motor_is_its_equivalent_circuit_at_every_frequency(cages, kind):
+    """At constant speed, a frequency w adds w/wb to the slip that its rotor sees; 20 motors, 30 frequencies."""
+    v = np.array([0.9, 0.48])
+    for seed in range(20):
+        p = motor(seed, cages, kind)
+        x = np.array(cim.guess(complex(*v), p))
+        used = 2 * cages
+
+        def both(z, x=x, p=p, used=used):
+            states = cim.State(*z[:used], *x[used:].astype(complex))
+            return np.array([*cim.derivatives(states, z[used:], p)[:used], *cim.current(states, z[used:], p)])
+
+        J = slopes(both, np.array([*x[:used], *v], complex))
+        A, Bv, C, Dv = J[:used, :used], J[:used, used:], J[used:, :used], J[used:, used:]
+        for w in W:
+            found = C @ np.linalg.solve(1j * w * np.eye(used) - A, Bv) + Dv
+            plus, minus = (p.mva * admittance(p, p.slip + 1j * w / (j * p.wb), j) - j * p.Bsh for j in (1j, -1j))
+            a, b = (plus + minus) / 2, (plus - minus) / 2j
+            assert found == pytest.approx(-np.array([[a, -b], [b, a]]), abs=1e-9 * abs(a))
+
+
+@pytest.mark.parametrize(("cages", "kind"), MOTORS)
+def test_a_motor_starts_at_rest_with_the_power_of_its_load(cages, kind):
+    V = 1.02 * np.exp(0.4j)
+    p = motor(3, cages, kind)._replace(D=0.5, E=2.0, A=0.2)
+    p = cim.prepare(p)
+    x = cim.guess(V, p)
+    assert np.abs(cim.derivatives(x, (V.real, V.imag), p)).max() < 1e-10
+    assert V * np.conj(-complex(*cim.current(x, (V.real, V.imag), p))) == pytest.approx(0.7 + 0.3j, abs=1e-10)
+
+
+def test_a_motor_that_cannot_draw_its_power_is_named():
+    with pytest.raises(EquilibriumError, match="largest power is"):
+        cim.prepare(motor(0, 1, 1)._replace(Mbase=10.0))
+    with pytest.raises(EquilibriumError, match="positive power"):
+        cim.prepare(motor(0, 1, 1)._replace(P0=-1.0))
+
+
+def test_records_of_motors():
+    values = dict.fromkeys(["S1", "S2", "VI"], 0.0) | {"D": 2.0}
+    made, said = cim.from_record("CIM5BL", dict(values))
+    assert (made["E"], made["D"], made["C0"], said) == (2.0, 1.0, 0.0, [])
+    assert cim.from_record("CIM6BL", values | {"VI": 0.7})[1] == ["the trip below 0.7 pu is not modeled."]
+    with pytest.raises(ValueError, match="saturation"):
+        cim.from_record("CIM6AL", values | {"S2": 0.1})

@@ -1,0 +1,201 @@
+"""CIM: induction motor load with one or two cages, started from the power of the load.
+
+V = Ra is + j (Xa is + psim),  psim = Xm (is + i1 + i2)
+0 = Rk ik + dpsik/dt/wb + j s psik,  s = 1 - w
+kind 1: psik = Xk ik + psim;  kind 2: psi1 = X1 (i1 + i2) + psim, psi2 = psi1 + X2 i2
+2H dw/dt = Im(conj(psis) is) - T (A w^2 + B w + C0 + D w^E)
+
+The stator transients are neglected. R2 = X2 = 0 is one cage. At the start the slip is solved so that the motor draws
+the active power of the load at its voltage; T is the torque there, and a constant susceptance makes up the reactive
+power. The motor's MVA are Mbase or, if that is 0, Pmult times the load in MW. With CIM5, the torque is T w^D. Not
+represented: saturation, the trip below VI.
+Source: PSS/E Model Library, CIM5BL and CIM6BL; PowerWorld, Load Characteristic CIM5 and CIM6; Kundur, Power System
+Stability and Control, section 7.2; Krause, Analysis of Electric Machinery, chapter 4.
+"""
+
+from typing import Annotated, Any, NamedTuple
+
+from annotated_types import Interval
+
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import power
+from stabctl.errors import EquilibriumError
+from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
+
+NAME = "CIM"
+ROLE = "load"
+_CIRCUIT = "+kind Ra Xa Xm R1 X1 R2 X2 _E1 S1 _E2 S2 Mbase Pmult H VI _TI _TB"
+SCOPES = ("BL", "OW", "ZN", "AR", "AL")
+DYR = {f"CIM5{scope}": f"{_CIRCUIT} D _Tnom" for scope in SCOPES}
+DYR |= {f"CIM6{scope}": f"{_CIRCUIT} A B D E C0 _Tnom" for scope in SCOPES}
+
+
+class Par(NamedTuple):
+    """Parameters of one motor, per unit on its MVA."""
+
+    P0: Annotated[float, "pu", "active power at V0, system base", FROM_CASE]
+    Q0: Annotated[float, "pu", "reactive power at V0, system base", FROM_CASE]
+    V0: Annotated[float, "pu", "voltage of the power flow", FROM_CASE]
+    wb: Annotated[float, "rad/s", "base speed, 2 pi f", FROM_CASE]
+    system: Annotated[float, "MVA", "system base", FROM_CASE]
+    mva: Annotated[float, "-", "motor MVA over system MVA", FROM_CASE]
+    slip: Annotated[float, "pu", "slip of the start", FROM_CASE]
+    T: Annotated[float, "pu", "torque factor", FROM_CASE]
+    Bsh: Annotated[float, "pu", "susceptance for the rest of the reactive power, system base", FROM_CASE]
+    Ra: Annotated[float, "pu", "stator resistance", NOT_NEGATIVE]
+    Xa: Annotated[float, "pu", "stator leakage reactance", POSITIVE]
+    Xm: Annotated[float, "pu", "magnetizing reactance", POSITIVE]
+    R1: Annotated[float, "pu", "resistance of the first cage", POSITIVE]
+    X1: Annotated[float, "pu", "reactance of the first cage", POSITIVE]
+    R2: Annotated[float, "pu", "resistance of the second cage (0: none)", NOT_NEGATIVE] = 0.0
+    X2: Annotated[float, "pu", "reactance of the second cage (0: none)", NOT_NEGATIVE] = 0.0
+    H: Annotated[float, "s", "inertia constant", POSITIVE] = 0.5
+    Mbase: Annotated[float, "MVA", "motor MVA (0: Pmult times the load)", NOT_NEGATIVE] = 0.0
+    Pmult: Annotated[float, "-", "motor MVA over load in MW", POSITIVE] = 1.25
+    A: Annotated[float, "-", "share of the torque that is quadratic in speed"] = 0.0
+    B: Annotated[float, "-", "share that is proportional to speed"] = 0.0
+    C0: Annotated[float, "-", "constant share"] = 1.0
+    D: Annotated[float, "-", "share of w^E"] = 0.0
+    E: Annotated[float, "-", "exponent of the speed"] = 0.0
+    kind: Annotated[int, "-", "circuit of the cages (1: beside each other, 2: behind X1)", Interval(ge=1, le=2)] = 1
+
+
+class State(NamedTuple):
+    """Fluxes of the cages in the frame of the network, and slip."""
+
+    re1: Annotated[float, "pu", "flux of the first cage, real part"]
+    im1: Annotated[float, "pu", "imaginary part"]
+    re2: Annotated[float, "pu", "flux of the second cage, real part"]
+    im2: Annotated[float, "pu", "imaginary part"]
+    slip: Annotated[float, "pu", "slip"]
+
+
+def from_record(kind: str, values: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """Parameters of a record; saturation is refused, a trip at low voltage is told."""
+    if values.pop("S1") or values.pop("S2"):
+        raise ValueError("saturation (SE1, SE2) of a motor is not modeled")
+    if kind.startswith("CIM5"):
+        values |= {"A": 0.0, "B": 0.0, "C0": 0.0, "E": values["D"], "D": 1.0}
+    trip = values.pop("VI")
+    return values, [f"the trip below {trip:g} pu is not modeled."] if trip else []
+
+
+def cages(slip: float, p: Par) -> tuple[complex, complex]:
+    """Currents of the cages over the voltage behind the stator, at a slip."""
+    if p.R2 == 0:
+        return -1 / (p.R1 / slip + 1j * p.X1), 0j
+    if p.kind == 1:
+        return -1 / (p.R1 / slip + 1j * p.X1), -1 / (p.R2 / slip + 1j * p.X2)
+    second = p.R2 / slip + 1j * p.X2
+    both = 1j * p.X1 + 1 / (slip / p.R1 + 1 / second)
+    return -(1 - 1j * p.X1 / both) * slip / p.R1, -(1 - 1j * p.X1 / both) / second
+
+
+def steady(slip: float, p: Par) -> tuple[complex, complex, complex]:
+    """Currents of stator and cages (pu motor) at a slip and the voltage V0."""
+    one, two = cages(slip, p)
+    inner = 1 / (1 / (1j * p.Xm) - one - two)
+    stator = p.V0 / (p.Ra + 1j * p.Xa + inner)
+    return stator, one * inner * stator, two * inner * stator
+
+
+def prepare(p: Par) -> Par:
+    """Parameters with the motor MVA, slip, torque and susceptance of the start.
+
+    Raises
+    ------
+    EquilibriumError
+        If the motor cannot draw the power of the load at its voltage.
+    """
+    from scipy.optimize import brentq, minimize_scalar  # a slow import
+
+    p = p._replace(mva=p.Mbase / p.system if p.Mbase > 0 else p.Pmult * p.P0)
+    if not p.mva > 0:
+        raise EquilibriumError(f"A motor load needs a positive power; its load is {p.P0 * p.system:g} MW.")
+
+    def drawn(slip: float) -> float:
+        return p.V0 * steady(slip, p)[0].real * p.mva
+
+    pull_out = float(minimize_scalar(lambda slip: -drawn(slip), bounds=(1e-6, 1.0), method="bounded").x)
+    if not drawn(1e-9) <= p.P0 <= drawn(pull_out):
+        raise EquilibriumError(
+            f"A motor load cannot draw {p.P0 * p.system:g} MW at {p.V0:.3f} pu: its largest power is "
+            f"{drawn(pull_out) * p.system:.4g} MW; check its Mbase and Pmult."
+        )
+    slip = float(brentq(lambda s: drawn(s) - p.P0, 1e-9, pull_out, xtol=1e-16, rtol=1e-14))
+    stator, *_ = steady(slip, p)
+    torque = (p.V0 * stator.conjugate()).real - p.Ra * abs(stator) ** 2
+    w = 1 - slip
+    rest = p.Q0 + p.V0 * stator.imag * p.mva
+    return p._replace(slip=slip, T=torque / load(w, p), Bsh=rest / p.V0**2)
+
+
+@inline
+def load(w, p):
+    """Torque of the load over T."""
+    return p.A * w * w + p.B * w + p.C0 + p.D * power(w, p.E)
+
+
+@inline
+def shares(p):
+    """What a flux of either cage adds to the sum of the cage currents (pu)."""
+    if p.R2 == 0 or p.kind == 2:
+        return 1 / (p.X1 + p.Xm), 0.0
+    det = p.X1 * p.X2 + p.Xm * (p.X1 + p.X2)
+    return p.X2 / det, p.X1 / det
+
+
+@inline
+def currents(psi1, psi2, p):
+    """Currents of the cages (pu) from their fluxes without the share of the stator."""
+    if p.R2 == 0:
+        return psi1 / (p.X1 + p.Xm), 0 * psi2
+    if p.kind == 2:
+        second = (psi2 - psi1) / p.X2
+        return psi1 / (p.X1 + p.Xm) - second, second
+    det = p.X1 * p.X2 + p.Xm * (p.X1 + p.X2)
+    apart = p.Xm * (psi1 - psi2)
+    return (p.X2 * psi1 + apart) / det, (p.X1 * psi2 - apart) / det
+
+
+@inline
+def stator(x, v, p):
+    """Stator current and voltage behind X'' (pu motor), real and imaginary parts."""
+    one, two = shares(p)
+    er = -p.Xm * (one * x.im1 + two * x.im2)
+    ei = p.Xm * (one * x.re1 + two * x.re2)
+    X = p.Xa + p.Xm - p.Xm * p.Xm * (one + two)
+    z2 = p.Ra * p.Ra + X * X
+    dr, di = v[0] - er, v[1] - ei
+    return (p.Ra * dr + X * di) / z2, (p.Ra * di - X * dr) / z2, er, ei
+
+
+@inline
+def current(x, v, p):
+    """Current into the network (pu system), real and imaginary part."""
+    ir, ii, _, _ = stator(x, v, p)
+    return -p.mva * ir - p.Bsh * v[1], -p.mva * ii + p.Bsh * v[0]
+
+
+@inline
+def derivatives(x, v, p):
+    """State derivatives (1/s)."""
+    ir, ii, er, ei = stator(x, v, p)
+    re1, re2 = currents(x.re1 - p.Xm * ir, x.re2 - p.Xm * ir, p)
+    im1, im2 = currents(x.im1 - p.Xm * ii, x.im2 - p.Xm * ii, p)
+    second = p.wb if p.R2 > 0 else 0.0
+    return State(
+        -p.wb * (p.R1 * re1 - x.slip * x.im1),
+        -p.wb * (p.R1 * im1 + x.slip * x.re1),
+        -second * (p.R2 * re2 - x.slip * x.im2),
+        -second * (p.R2 * im2 + x.slip * x.re2),
+        (p.T * load(1 - x.slip, p) - (er * ir + ei * ii)) / (2 * p.H),
+    )
+
+
+def guess(V: complex, p: Par) -> State:
+    """States at the slip of the start."""
+    turn = V / abs(V)
+    _, one, two = steady(p.slip, p)
+    psi1, psi2 = 1j * p.R1 * one / p.slip * turn, 1j * p.R2 * two / p.slip * turn
+    return State(psi1.real, psi1.imag, psi2.real, psi2.imag, p.slip)
