@@ -161,3 +161,10 @@ def test_impossible_studies_are_refused():
         swing_curve(PAPER, 6.0)
     with pytest.raises(StudyError, match="not possible"):
         during_fault(PAPER, math.nan)
+
+
+def test_synchronism_is_lost_backward_at_the_unstable_equilibrium_a_turn_below():
+    run = swing_curve(PAPER, 0.05, lambda *_: 5.0, until=3)
+    assert not run.stable
+    assert np.interp(run.lost, run.t, run.angle) == pytest.approx(PAPER.unstable - 2 * math.pi, abs=1e-4)
+    assert swing_curve(PAPER, 0.05, until=3).lost == math.inf
