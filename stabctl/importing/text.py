@@ -55,12 +55,15 @@ def _whole(report: "ImportReport") -> Iterator[str]:
     if report.kinds:
         yield f"{report.supported} of {counted(report.records, 'record')} supported."
     if len(report.files) == 1:
-        yield "There are no dynamic models, only a power flow."
+        psse = report.files[0].suffix.lower() == ".raw"
+        yield f"There are no dynamic models, only a power flow{': no DYR file is given or found' if psse else ''}."
     if report.whole:
         yield "The system is whole: everything in the files is represented."
     else:
-        yield "The system is not whole. Below it is checked without what is not supported: such machines are"
-        yield "constant-power injections, and what such controls would change is constant."
+        yield "The system is not whole: something in the files is not represented."
+    if report.stored and not report.whole:
+        yield "It is checked without that: such machines are constant-power injections, and what such controls"
+        yield "would change is constant."
 
 
 def _unsupported(report: "ImportReport") -> Iterator[str]:
