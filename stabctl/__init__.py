@@ -103,10 +103,12 @@ _WHERE = {
     "write": "io:write",
 }  # name -> module:name
 
-__all__ = list(_WHERE)
+__all__ = [*_WHERE, "design"]
 
 
 def __getattr__(name: str) -> object:
+    if name == "design":
+        return import_module("stabctl.design")
     if name not in _WHERE:
         raise AttributeError(f"module 'stabctl' has no attribute {name!r}")
     module, _, what = _WHERE[name].partition(":")

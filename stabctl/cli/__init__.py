@@ -14,6 +14,7 @@ from stabctl.errors import StabctlError, one_line, sentence
 from . import (
     cases,
     clearing_time,
+    design,
     estimate,
     importing,
     linearize,
@@ -49,6 +50,7 @@ app.command("screen")(screen.screen)
 app.command("place")(place.place)
 app.command("estimate")(estimate.estimate)
 app.command("modes")(modes.modes)
+app.add_typer(design.app, name="design")
 app.command("linearize")(linearize.linearize)
 app.add_typer(swing.app, name="swing")
 app.add_typer(sweep.app, name="sweep")

@@ -1,0 +1,125 @@
+"""stabctl design: stabilizers, oscillation dampers and regulators."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from . import groups, options, shared
+from .grouped import grouped
+
+if TYPE_CHECKING:
+    from stabctl.design import Design
+
+app = typer.Typer(no_args_is_help=True, help="Design controllers: stabilizers, oscillation dampers, regulators.")
+
+Damping = Annotated[float, typer.Option("--damping", min=0.0, max=0.9, help="Damping ratio to reach.")]
+Out = Annotated[Path | None, typer.Option("--out", help="Write the controllers to FILE.toml, for --controller.")]
+Machine = Annotated[list[int] | None, typer.Option("--machine", help="Machine that gets a stabilizer. Repeatable.")]
+Input = Annotated[str, typer.Option("--input", help="Signal that is read: deviation:1, flow:7-8.")]
+Output = Annotated[str, typer.Option("--output", help="Input that is driven: order:1@5, vs:2.")]
+Rate = Annotated[int | None, typer.Option("--rate", min=1, help="Frames per second (default: continuous).")]
+Delay = Annotated[
+    str,
+    typer.Option("--delay", metavar="TIME", parser=options.in_unit("s"), help="From reading to action, s."),
+]
+Mode = Annotated[
+    float | None,
+    typer.Option("--mode", metavar="FREQUENCY", parser=options.in_unit("Hz"), help="Mode to damp (the least damped)."),
+]
+Speed = Annotated[
+    float,
+    typer.Option("--speed", metavar="FREQUENCY", parser=options.in_unit("Hz"), help="Deviation worth one --effort."),
+]
+Effort = Annotated[float, typer.Option("--effort", help="Size of an output, in the unit of the input driven.")]
+Driven = Annotated[str, typer.Option("--output", help="Inputs that are driven: order, vref.")]
+
+
+@app.command("pss")
+@grouped
+def pss(
+    *,
+    machine: Machine = None,
+    damping: Damping = 0.1,
+    out: Out = None,
+    storage: groups.StorageOptions,
+    case: groups.CaseOptions,
+    as_json: options.Json = False,
+) -> None:
+    """Design power system stabilizers by phase compensation, with one gain for all."""
+    from stabctl.design import pss
+
+    shared.file(out, ".toml")
+    _show(pss(storage.initialize(case.load()), machine or None, damping=damping), out, as_json)
+
+
+@app.command("pod")
+@grouped
+def pod(
+    *,
+    read: Input,
+    driven: Output,
+    damping: Damping = 0.1,
+    mode: Mode = None,
+    rate: Rate = None,
+    delay: Delay = "0",
+    out: Out = None,
+    storage: groups.StorageOptions,
+    case: groups.CaseOptions,
+    as_json: options.Json = False,
+) -> None:
+    """Design a power-oscillation damper by the residue method."""
+    from stabctl.design import pod
+
+    shared.file(out, ".toml")
+    point = storage.initialize(case.load())
+    found = pod(point, read, driven, damping=damping, mode=mode, rate=rate, delay=float(delay))
+    _show(found, out, as_json)
+
+
+@app.command("lqr")
+@grouped
+def lqr(
+    *,
+    driven: Driven = "order",
+    speed: Speed = 0.1,
+    effort: Effort = 1.0,
+    out: Out = None,
+    storage: groups.StorageOptions,
+    case: groups.CaseOptions,
+    as_json: options.Json = False,
+) -> None:
+    """Design a linear-quadratic regulator, which reads all states."""
+    from stabctl.design import lqr
+
+    shared.file(out, ".toml")
+    _show(lqr(storage.initialize(case.load()), driven, speed=speed, effort=effort), out, as_json)
+
+
+def _show(found: "Design", out: Path | None, as_json: bool) -> None:
+    from stabctl.design.result import least
+
+    written = found.save(out) if out else ()
+    if as_json:
+        worst = min(found.before, key=lambda m: least(m)[0])
+        shared.print_json(
+            {
+                "worst_damping_before": found.worst_before,
+                "worst_damping_after": found.worst_after,
+                "mode_hz": float(worst.frequency_hz[least(worst)[1]]),
+                "reached": found.reached,
+                "controllers": [c.name for c in found.controllers],
+                "files": [str(path) for path in written],
+            }
+        )
+        return
+    from rich.table import Table
+
+    table = Table("controllers", "Hz", "damping ratio", "mode")
+    for what, _, hz, ratio, mode in found.df.to_numpy().tolist():
+        table.add_row(what, f"{hz:.4f}", f"{ratio:.4f}", mode)
+    out_console = shared.console()
+    out_console.print(table)
+    out_console.print(str(found))
+    for path in written:
+        out_console.print(f"written: {path}")

@@ -1,0 +1,44 @@
+"""Phase compensation with lead-lag stages and a washout."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stabctl.units import quantity
+
+if TYPE_CHECKING:
+    import control
+
+MOST = np.deg2rad(60)  # phase of one stage
+
+
+def time(x: str | float) -> float:
+    """A time in seconds: "100ms", or a number. Raises `StudyError` if it is not one."""
+    return quantity(x, "s", bare=False) if isinstance(x, str) else float(x)
+
+
+def compensator(phase: float, w: float, washout: float, filter_s: float = 0.0) -> "control.TransferFunction":
+    """Washout, filter, and equal lead-lag stages with a phase (rad) and unit magnitude at w (rad/s).
+
+    K(s) = c sTw/(1+sTw) 1/(1+sTf) ((1+sT1)/(1+sT2))^n,  T1 = 1/(w sqrt(a)),  T2 = a T1,  a = (1-sin f)/(1+sin f),
+
+    where f is the phase that washout and filter leave to each stage. Source: P. Kundur, Power System Stability and
+    Control, 1994, section 12.5; J. Sadikovic, PhD thesis, ETH Zurich, 2006 (residue method).
+    """
+    import control
+
+    s = control.tf("s")
+    fixed = washout * s / (1 + washout * s) / (1 + filter_s * s)
+    left = phase - float(np.angle(fixed(1j * w)))
+    left = (left + np.pi) % (2 * np.pi) - np.pi
+    sign = 1.0
+    if abs(left) > np.pi / 2:  # a change of sign is half a turn
+        sign, left = -1.0, left - np.sign(left) * np.pi
+    stages = int(np.ceil(abs(left) / MOST - 1e-9))
+    whole = sign * fixed
+    if stages:
+        a = (1 - np.sin(left / stages)) / (1 + np.sin(left / stages))
+        T = 1 / (w * np.sqrt(a))
+        for _ in range(stages):
+            whole = whole * (1 + T * s) / (1 + a * T * s)
+    return whole / abs(complex(whole(1j * w)))
