@@ -1,5 +1,6 @@
 """The search for a critical clearing time, of one contingency."""
 
+import math
 import time
 from collections.abc import Callable
 
@@ -13,12 +14,15 @@ from stabctl.simulation.control import Control
 from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.simulate import checked_control
 
-from .last_stable import last_stable
+from .last_stable import Scan, last_stable
 from .result import ClearingTime
 from .search import Search
 from .trial import Run, Trial
 
-SPACING = 0.5  # cycles between the faults tried first, on any grid, and between those of the scan
+SPACING = 0.125  # cycles between the faults of the scan, and between those tried first on a finer grid
+APART = 0.5  # cycles   without a scan, between the answer and the one shorter fault tried
+WARY = 1.0  # cycles   range below an answer whose swings have not settled that is always scanned
+LONGEST = "20s"  # observed at most
 
 
 def clearing_time(
@@ -30,6 +34,7 @@ def clearing_time(
     resolution: str | float = "0.125cyc",
     limit: str | float = "60cyc",
     observe: str | float = "5s",
+    longest: str | float = LONGEST,
     scan: str | float = "4cyc",
     step: str | float | None = None,
     criterion: Criterion = DEFAULT,
@@ -38,8 +43,8 @@ def clearing_time(
     """The critical clearing time of a contingency.
 
     Clearing times are multiples of the resolution. The answer is stable and the next one is not. Then shorter and
-    longer faults are tried every half cycle: if a shorter one is unstable, the answer lies below it, and if a longer
-    one is stable, stability is not monotone.
+    longer faults are tried every eighth of a cycle: if a shorter one is unstable, the answer lies below it, and if a
+    longer one is stable, stability is not monotone. Runs whose swings do not decay are watched longer.
 
     Parameters
     ----------
@@ -54,9 +59,12 @@ def clearing_time(
         Spacing of the clearing times, and the longest one tried: "0.125cyc", or seconds.
     observe : str or float
         Time simulated after clearing: "5s", or seconds.
+    longest : str or float
+        Longest time simulated after clearing, while the swings neither decay nor are small; 0: never more than
+        `observe`.
     scan : str or float
-        Range below and above the answer in which every half cycle is tried: "4cyc", or seconds; with 0 only the fault
-        half a cycle shorter is tried.
+        Range below and above the answer in which every eighth of a cycle (every point of a coarser grid) is tried:
+        "4cyc", or seconds; with 0 only the fault half a cycle shorter is tried.
     progress : callable, optional
         Called after every simulation.
 
@@ -71,7 +79,14 @@ def clearing_time(
     """
     point = operating_point(base, storage)
     search = Search.of(
-        point.case, resolution=resolution, limit=limit, observe=observe, step=step, criterion=criterion, scan=scan
+        point.case,
+        resolution=resolution,
+        limit=limit,
+        observe=observe,
+        step=step,
+        criterion=criterion,
+        scan=scan,
+        longest=longest,
     )
     trial = Trial(point, _one(contingency), checked_control(control, point.case), search)
     return critical(trial, progress=progress)
@@ -102,11 +117,12 @@ def critical(
         return ran
 
     guess, stride = start or first_try(trial)
-    scanned = round(search.scan_cycles / SPACING)
-    found = last_stable(attempt, search.last, guess, stride, spacing(search), scanned)
+    wide, wary = scan(search, search.scan_cycles), scan(search, WARY if search.extended else 0.0)
+    below, coarse = (wide, wide.spacing) if wide.number else (near(search), 1)
+    found = last_stable(attempt, search.last, guess, stride, scan=below, unsettled=wary, coarse=coarse)
     cycles, runs = found.critical * search.resolution_cycles, dict(found.runs)
     if found.status == "found":
-        above = (min(found.critical + n * spacing(search), search.last) for n in range(1, scanned + 1))
+        above = (min(found.critical + n * wide.spacing, search.last) for n in range(1, wide.number + 1))
         runs |= {k: attempt(k) for k in dict.fromkeys(above) if k not in runs}
     answer = cycles if found.status == "found" else None
     seconds = None if answer is None else answer / case.frequency_hz
@@ -116,14 +132,20 @@ def critical(
     )
 
 
-def spacing(search: Search) -> int:
-    """Spacing of the faults tried first, in points of the grid."""
-    return search.points(SPACING)
+def scan(search: Search, reach: float) -> Scan:
+    """The faults tried on one side of the answer, over a range in cycles."""
+    spacing = search.points(SPACING)
+    return Scan(spacing, math.ceil(reach / (spacing * search.resolution_cycles) - 1e-9))
+
+
+def near(search: Search) -> Scan:
+    """The one shorter fault that is tried without a scan."""
+    return Scan(search.points(APART), 1)
 
 
 def first_try(trial: Trial) -> tuple[int, int]:
     """Where the search begins: first point of the grid, a multiple of the spacing, and first stride."""
-    step = spacing(trial.search)
+    step = trial.search.points(APART)
     guess = round(trial.guess() / step) * step
     return guess, max(1, guess // 4)
 

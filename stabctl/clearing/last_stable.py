@@ -28,17 +28,34 @@ class Found(NamedTuple):
         return beyond.machine if beyond else None
 
 
+class Scan(NamedTuple):
+    """Shorter faults to be tried beside an answer."""
+
+    spacing: int  # points of the grid
+    number: int
+
+
+NO_SCAN = Scan(1, 0)
+
+
 def last_stable(
-    attempt: Callable[[int], Run], last: int, guess: int, stride: int, spacing: int, scanned: int = 0
+    attempt: Callable[[int], Run],
+    last: int,
+    guess: int,
+    stride: int,
+    *,
+    scan: Scan,
+    unsettled: Scan = NO_SCAN,
+    coarse: int = 1,
 ) -> Found:
     """The last stable point of the grid 0 ... `last` before the lowest unstable one found: a run at each of the two.
 
     Starts at a guess and moves up in growing steps. The excess energy of unstable runs is extrapolated to zero over the
-    square of the clearing time; if that does not help, the interval is divided. A fault `spacing` shorter is tried as
-    well: if it is unstable, in a later swing, the answer lies below it. With `scanned` so many are tried below, and
-    multiples of `spacing` come before the points between them, so that a finer grid gives the same answer, only finer.
+    square of the clearing time; if that does not help, the interval is divided. Shorter faults are tried as well: if
+    one is unstable, in a later swing, the answer lies below it. They are those of `scan`, and those of `unsettled` if
+    the last swings of the answer have not settled. Multiples of `coarse` come before the points between them, so that a
+    finer grid gives the same answer, only finer.
     """
-    coarse, below = spacing if scanned else 1, range(1, max(scanned, 1) + 1)
     tried: dict[int, Run] = {}
     low, high = -1, last + 1
     k = min(max(guess, 0), last)
@@ -51,9 +68,13 @@ def last_stable(
             low = max((s for s, run in tried.items() if run.stable and s < k), default=-1)
         if high - low > 1:
             k, stride = _multiple(_next(low, high, last, tried, stride), low, high, coarse), 2 * stride
-        elif low < 1 or low == last or not (gap := _gap(low, tried, spacing, below)):
+        elif low < 1 or low == last:
             break
         else:
+            swings = tried[low].swings
+            gap = _gap(low, tried, scan) or (0 if swings is None or swings.settled else _gap(low, tried, unsettled))
+            if not gap:
+                break
             k = max(low - gap, 0)
     if low < 0:
         return Found("unstable_at_zero", 0, tried)
@@ -66,10 +87,10 @@ def _multiple(k: int, low: int, high: int, spacing: int) -> int:
     return min(max(round(k / spacing) * spacing, least), most) if least <= most else k
 
 
-def _gap(low: int, tried: Iterable[int], spacing: int, below: Iterable[int]) -> int:
+def _gap(low: int, tried: Iterable[int], scan: Scan) -> int:
     """The first distance below the answer near which nothing was tried, 0 if there is none."""
-    for n in below:
-        far, near = low - n * spacing, low - (n - 1) * spacing
+    for n in range(1, scan.number + 1):
+        far, near = low - n * scan.spacing, low - (n - 1) * scan.spacing
         if near > 0 and not any(far <= s < near for s in tried):
             return low - far
     return 0

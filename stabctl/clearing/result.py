@@ -8,6 +8,7 @@ from stabctl._util.tabular import machine_column
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.swings import Swings
 
 from .last_stable import Status
 from .search import Search
@@ -15,6 +16,12 @@ from .trial import Run
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+def watched(search: Search, longest: float) -> str:
+    """How long stable runs were observed: `5 s`, `5 to 20 s`."""
+    least = f"{search.observed_s:g}"
+    return f"{least} to {longest:g} s" if longest > search.observed_s + 1e-6 else f"{least} s"
 
 
 @dataclass(frozen=True, repr=False)
@@ -55,10 +62,23 @@ class ClearingTime:
         return () if least is None else tuple(r.cycles for r in self.runs if r.stable and r.cycles > least)
 
     @property
+    def swings(self) -> Swings | None:
+        """The last swings of the longest stable run before an unstable one; None if there are none, or not judged."""
+        least = self.lowest_unstable
+        stable = [r for r in self.runs if r.stable and (least is None or r.cycles < least)]
+        return stable[-1].swings if stable else None
+
+    @property
+    def observed_s(self) -> float:
+        """Longest time (s) that a stable run was watched after its last event."""
+        return max((r.observed_s for r in self.runs if r.stable), default=self.search.observed_s)
+
+    @property
     def monotone(self) -> bool | None:
         """Whether every longer fault of the scan was unstable; None if none was tried.
 
-        A stable window between two of its points, or beyond them, is not found.
+        On the default grid of an eighth of a cycle the scan tries every point. A stable window beyond it, or between
+        two of its points on a finer grid, is not found.
         """
         scanned = self.status == "found" and self.search.scan_cycles > 0
         return False if self.stable_above else True if scanned else None
@@ -88,16 +108,24 @@ class ClearingTime:
         least = f"unstable at {self.lowest_unstable:g} cycles, the lowest unstable time found"
         return f"Stability is not monotone: {least}, and stable again at {again} cycles." if again else ""
 
+    def remark(self) -> str:
+        """A sentence on swings of the answer that grow or last; empty if there are none."""
+        if self.swings is None or not (self.swings.growing or self.swings.lasting):
+            return ""
+        how = "grow" if self.swings.growing else "do not decay"
+        return f"Its swings {how} within {self.observed_s:g} s: watched longer, the clearing time may be shorter."
+
     def __str__(self) -> str:
-        observed = f"observed {self.search.observed_s:g} s after clearing, {counted(len(self.runs), 'run')}"
+        observed = f"observed {watched(self.search, self.observed_s)} after clearing, {counted(len(self.runs), 'run')}"
         what = f"{self.case}, fault {self.fault}" + (f", trip {', '.join(self.trip)}" if self.trip else "")
         first = f"; machine {self.machine} loses synchronism first" if self.machine is not None else ""
         if self.status == "unstable_at_zero":
             return f"{what}: unstable even if cleared immediately{first} ({observed})."
         if self.status == "stable_at_limit":
-            return f"{what}: stable up to the search limit of {self.search.limit_cycles:g} cycles ({observed})."
+            text = f"{what}: stable up to the search limit of {self.search.limit_cycles:g} cycles ({observed})."
+            return f"{text} {self.remark()}".rstrip()
         text = f"{what}: critical clearing time {self.cycles:g} cycles ({self.seconds:.4f} s){first} ({observed})."
-        return f"{text} {self.window()}".rstrip()
+        return " ".join(part for part in (text, self.remark(), self.window()) if part)
 
     __repr__ = __str__
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from stabctl._util import cores, files
 from stabctl._util.tabular import machine_column
 from stabctl._util.verbs import verb
+from stabctl._util.wording import counted
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
@@ -26,9 +27,9 @@ from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.simulate import checked_control
 from stabctl.units import cycles
 
-from .critical_time import critical, first_try
+from .critical_time import LONGEST, critical, first_try
 from .lines import Lines, lines
-from .result import ClearingTime
+from .result import ClearingTime, watched
 from .search import Search
 from .trial import Trial
 
@@ -62,6 +63,11 @@ class Screen:
         search = replace(self.search, limit_cycles=max(shortest, min(limit, longest)))
         return replace(self, pairs=tuple(kept), search=search)
 
+    @property
+    def observed_s(self) -> float:
+        """Longest time (s) that a stable run was watched after clearing."""
+        return max((p.observed_s for p in self.pairs), default=self.search.observed_s)
+
     def rows(self) -> list[tuple[str, str, float | None, str, int | str | None]]:
         """A row of `COLUMNS` for every pair."""
         return [(p.fault, " ".join(p.trip), p.cycles, p.status, p.machine) for p in self.pairs]
@@ -91,8 +97,14 @@ class Screen:
             shown = f"all {self.screened} fault and trip pairs are stable for {search.limit_cycles:g} cycles"
         said = [
             f"{self.case}: {shown} (grid of {search.resolution_cycles:g} cycles up to {search.limit_cycles:g}, "
-            f"observed {search.observed_s:g} s after clearing, {self.simulations} simulations in {self.wall_s:.1f} s)."
+            f"observed {watched(search, self.observed_s)} after clearing, {self.simulations} simulations in "
+            f"{self.wall_s:.1f} s)."
         ]
+        if lasting := sum(bool(p.remark()) for p in self.pairs):
+            said.append(
+                f"The swings of {counted(lasting, 'pair')} do not decay within {self.observed_s:g} s: watched longer, "
+                "the clearing time may be shorter."
+            )
         if lost:
             opened = dict.fromkeys(name for p in lost for name in p.trip)
             said.append(f"Unstable after opening the line, even without a fault: {', '.join(opened)}.")
@@ -122,6 +134,7 @@ def screen(
     resolution: str | float = "0.125cyc",
     limit: str | float = "60cyc",
     observe: str | float = "5s",
+    longest: str | float = LONGEST,
     step: str | float | None = None,
     criterion: Criterion = DEFAULT,
     buses: int | str | Iterable[int] | None = None,
@@ -130,8 +143,9 @@ def screen(
 ) -> Screen:
     """The critical clearing times of bolted faults at both ends of every line, cleared by opening that line.
 
-    The search is that of `clearing_time`, but of the other faults it tries only the one half a cycle shorter, so that
-    `monotone` of a pair is unknown (None). Lines whose opening splits the network, and circuits equal to a parallel
+    The search is that of `clearing_time`, but of the other faults it tries only the one half a cycle shorter, and every
+    eighth of a cycle from a cycle below if the swings of the answer have not settled. `monotone` of a pair is therefore
+    unknown (None). Lines whose opening splits the network, and circuits equal to a parallel
     one, are left out. The answers do not depend on the number of threads.
 
     Parameters
@@ -140,7 +154,7 @@ def screen(
         The system; a case is initialized first.
     below : str or float, optional
         Clearing time from which on a pair is not listed: "8cyc", or seconds. Saves most of the work.
-    storage, control, resolution, limit, observe, step, criterion
+    storage, control, resolution, limit, observe, longest, step, criterion
         As in `clearing_time`.
     buses : int, str, or iterable of int, optional
         Buses with a fault, "83, 102" or [83, 102]; by default both ends of every line.
@@ -159,7 +173,15 @@ def screen(
         If the grid has no points, or there is no line to open.
     """
     point = operating_point(base, storage)
-    search = Search.of(point.case, resolution=resolution, limit=limit, observe=observe, step=step, criterion=criterion)
+    search = Search.of(
+        point.case,
+        resolution=resolution,
+        limit=limit,
+        observe=observe,
+        step=step,
+        criterion=criterion,
+        longest=longest,
+    )
     if below is not None:
         search = replace(search, limit_cycles=min(search.limit_cycles, _next(below, search, point.case)))
     found = lines(point.case)

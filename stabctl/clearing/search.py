@@ -25,6 +25,7 @@ class Search:
     step: float | None = None  # s
     criterion: Criterion = DEFAULT
     scan_cycles: float = 0.0  # range below and above the answer in which others are tried
+    longest_s: float = 0.0  # s   observed at most, while the swings have not settled; if less than `observed_s`: never
 
     def __post_init__(self) -> None:
         if not 0 < self.resolution_cycles <= self.limit_cycles < math.inf:
@@ -34,6 +35,8 @@ class Search:
             )
         if not 0 < self.observed_s < math.inf:
             raise StudyError(f"The observation window of {self.observed_s:g} s is not allowed; it must be more than 0.")
+        if not 0 <= self.longest_s < math.inf:
+            raise StudyError(f"The longest observation of {self.longest_s:g} s is not allowed; give at least 0.")
         if not 0 <= self.scan_cycles <= LONGEST_SCAN:
             raise StudyError(
                 f"The scan of {self.scan_cycles:g} cycles is not allowed; give 0 to {LONGEST_SCAN:g} cycles."
@@ -50,12 +53,19 @@ class Search:
         step: Any,
         criterion: Criterion = DEFAULT,
         scan: Any = 0.0,
+        longest: Any = 0.0,
     ) -> "Search":
         """The search with quantities as a user gives them: text with a unit, or seconds."""
         hz = case.frequency_hz
-        grid, longest = cycles(resolution, hz), cycles(limit, hz)
+        grid, last = cycles(resolution, hz), cycles(limit, hz)
         h = None if step is None else seconds(step, hz)
-        return cls(grid, longest, seconds(observe, hz), h, checked(criterion, hz), cycles(scan, hz))
+        observed, most, rules = seconds(observe, hz), seconds(longest, hz), checked(criterion, hz)
+        return cls(grid, last, observed, h, rules, cycles(scan, hz), most)
+
+    @property
+    def extended(self) -> bool:
+        """Whether a run may be watched longer than the observation window."""
+        return self.longest_s > self.observed_s
 
     @property
     def last(self) -> int:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
@@ -11,6 +11,7 @@ from stabctl.simulation.control import Control, acting
 from stabctl.simulation.events import Event, Fault
 from stabctl.simulation.outcome import Kind
 from stabctl.simulation.simulation import run
+from stabctl.simulation.swings import Swings
 from stabctl.simulation.trajectory import Trajectory
 
 from .margin import Margin, margin
@@ -29,6 +30,8 @@ class Run(NamedTuple):
     machine: int | str | None  # that lost synchronism first
     time_s: float  # s   end of the run, from the fault on
     margin: Margin | None = None  # of an unstable run
+    swings: Swings | None = None  # the last ones of a stable run
+    observed_s: float = 0.0  # s   simulated after the last event
 
 
 @dataclass(frozen=True)
@@ -69,19 +72,23 @@ class Trial:
         """Instant (s) of clearing at the grid's point k."""
         return self.at + self.duration(k)
 
+    def last_event(self, k: int) -> float:
+        """Instant (s) of the last event at the grid's point k."""
+        return max([self.cleared(k), *(e.at + self.at for e in self.others)])
+
     def simulate(self, k: int, record: bool = False) -> Trajectory:
         """The run cleared at the grid's point k, until the observation after the last event ends."""
         fault = replace(self.contingency, clear=self.duration(k), at=self.at, events=())
         others = [replace(e, at=e.at + self.at) for e in self.others]
-        until = max([self.cleared(k), *(e.at for e in others)]) + self.search.observed_s
-        return self._run([fault, *others], until, record)
+        last = self.last_event(k)
+        return self._run([fault, *others], last + self.search.observed_s, record, last + self.search.longest_s)
 
     def attempt(self, k: int) -> Run:
         """What the run cleared at the grid's point k shows."""
         ran = self.simulate(k, record=True)
         end, cycles = ran.outcome, k * self.search.resolution_cycles
-        beyond = None if end.stable else margin(ran, self.cleared(k))
-        return Run(cycles, end.stable, end.kind, end.machine, end.time_s - self.at, beyond)
+        beyond, observed = None if end.stable else margin(ran, self.cleared(k)), end.time_s - self.last_event(k)
+        return Run(cycles, end.stable, end.kind, end.machine, end.time_s - self.at, beyond, end.swings, observed)
 
     def guess(self) -> int:
         """Point of the grid near the answer: a share of the time to loss of synchronism, fault uncleared."""
@@ -92,6 +99,6 @@ class Trial:
         cycles = search.limit_cycles / SUSTAINED if end.stable else (end.time_s - self.at) * hz
         return int(SUSTAINED * cycles / search.resolution_cycles)
 
-    def _run(self, events: list[Contingency | Event], until: float, record: bool) -> Trajectory:
-        search = self.search
-        return run(self.point, events, until, self.control, step=search.step, criterion=search.criterion, record=record)
+    def _run(self, events: list[Contingency | Event], until: float, record: bool, longest: float = 0.0) -> Trajectory:
+        options: Any = {"step": self.search.step, "criterion": self.search.criterion, "record": record}
+        return run(self.point, events, until, self.control, longest=longest, **options)

@@ -1,5 +1,6 @@
 """stabctl clearing-time: how long a fault may last."""
 
+from itertools import groupby
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -27,6 +28,7 @@ def clearing_time(
     resolution: options.Resolution = "0.125cyc",
     limit: options.Limit = "60cyc",
     observe: options.Observe = "5s",
+    longest: options.Longest = "20s",
     scan: options.Scan = "4cyc",
     step: options.Step = None,
     control: options.Control = None,
@@ -58,12 +60,18 @@ def clearing_time(
             resolution=resolution,
             limit=limit,
             observe=observe,
+            longest=longest,
             scan=scan,
             step=step,
             criterion=stability.criterion(loaded),
             progress=lambda _run: tell(None),
         )
     _show(found, as_json)
+
+
+def _span(values: list[float], form: str) -> str:
+    """The least and the largest of some values: `5 to 9`, or `9`."""
+    return " to ".join(dict.fromkeys(f"{v:{form}}" for v in (min(values), max(values))))
 
 
 def _show(found: "ClearingTime", as_json: bool) -> None:
@@ -75,6 +83,8 @@ def _show(found: "ClearingTime", as_json: bool) -> None:
                 "outcome": r.outcome.value,
                 "machine": r.machine,
                 "time_s": r.time_s,
+                "growing": None if r.swings is None else r.swings.growing,
+                "decaying": None if r.swings is None else r.swings.decaying,
             }
             for r in found.runs
         ]
@@ -89,6 +99,7 @@ def _show(found: "ClearingTime", as_json: bool) -> None:
                 "lowest_unstable_cycles": found.lowest_unstable,
                 "stable_above_cycles": found.stable_above,
                 "observed_s": found.search.observed_s,
+                "longest_observed_s": found.observed_s,
                 "resolution_cycles": found.search.resolution_cycles,
                 "runs": runs,
                 "wall_s": found.wall_s,
@@ -97,9 +108,12 @@ def _show(found: "ClearingTime", as_json: bool) -> None:
         return
     from rich.table import Table
 
-    table = Table("clearing time, cycles", "outcome", "loses synchronism first", "end, s after the fault")
-    for r in found.runs:
-        end = r.outcome.value.replace("_", " ")
-        table.add_row(f"{r.cycles:g}", end, "" if r.machine is None else f"machine {r.machine}", f"{r.time_s:.2f}")
+    table = Table("clearing time, cycles", "runs", "outcome", "loses synchronism first", "end, s after the fault")
+    for (outcome, machine), group in groupby(found.runs, lambda r: (r.outcome, r.machine)):
+        alike = list(group)
+        times, ends = [r.cycles for r in alike], [r.time_s for r in alike]
+        first = "" if machine is None else f"machine {machine}"
+        end = outcome.value.replace("_", " ")
+        table.add_row(_span(times, "g"), str(len(alike)), end, first, _span(ends, ".2f"))
     shared.console().print(table)
     shared.console().print(str(found))

@@ -131,6 +131,15 @@ Step = Annotated[
 Observe = Annotated[
     str, typer.Option("--observe", metavar="TIME", parser=time, help="Time simulated after clearing, s or 300cyc.")
 ]
+Longest = Annotated[
+    str,
+    typer.Option(
+        "--longest",
+        metavar="TIME",
+        parser=time,
+        help="Longest time simulated after clearing, while the swings do not decay, s; 0: never more than --observe.",
+    ),
+]
 Resolution = Annotated[str, typer.Option("--resolution", help="Spacing of the clearing times that are tried.")]
 Scan = Annotated[
     str,
@@ -138,7 +147,7 @@ Scan = Annotated[
         "--scan",
         metavar="TIME",
         parser=time,
-        help="Range below and above the answer in which every half cycle is tried as well; 0 for none.",
+        help="Range below and above the answer in which every eighth of a cycle is tried; 0 for none.",
     ),
 ]
 Limit = Annotated[str, typer.Option("--limit", help="Longest clearing time that is tried.")]

@@ -22,6 +22,7 @@ def screen(
     resolution: options.Resolution = "0.125cyc",
     limit: options.Limit = "60cyc",
     observe: options.Observe = "5s",
+    longest: options.Longest = "20s",
     step: options.Step = None,
     control: options.Control = None,
     controller: options.Controllers = None,
@@ -49,6 +50,7 @@ def screen(
             resolution=resolution,
             limit=limit,
             observe=observe,
+            longest=longest,
             step=step,
             criterion=stability.criterion(loaded),
             workers=workers,
@@ -75,6 +77,7 @@ def _show(found: "Screen", as_json: bool) -> None:
                 "simulations": found.simulations,
                 "wall_s": found.wall_s,
                 "observed_s": found.search.observed_s,
+                "longest_observed_s": found.observed_s,
                 "resolution_cycles": found.search.resolution_cycles,
                 "limit_cycles": found.search.limit_cycles,
             }

@@ -84,7 +84,7 @@ def estimate(
     rules = checked(criterion, hz)
     simulations = [Simulation(point, events, step=h, criterion=rules, record=record) for _ in seeds]
     loop = EstimatorLoop(chosen, simulations, seeds)
-    carry(simulations, [(chosen.rate, loop)], last + OBSERVE if end is None else end)
+    carry(simulations, [(chosen.rate, loop)], [last + OBSERVE if end is None else end])
     return replace(loop.estimates(), runs=tuple(s.finish() for s in simulations), cleared_s=last)
 
 

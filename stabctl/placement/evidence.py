@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stabctl.clearing import Run
-from stabctl.clearing.critical_time import spacing
+from stabctl.clearing.critical_time import near
 from stabctl.clearing.last_stable import last_stable
 from stabctl.simulation.control import Control
 from stabctl.simulation.sampled import Sampled
@@ -46,7 +46,7 @@ def critical_time(trials: Trials, mw: np.ndarray, k: int, control: Control = Non
         trials.count()
         return trial.attempt(j)
 
-    found = last_stable(attempt, trial.search.last, steps, 2, spacing(trial.search))
+    found = last_stable(attempt, trial.search.last, steps, 2, scan=near(trial.search))
     stable = (found.runs.get(steps) or attempt(steps)).stable
     cycles = None if found.status == "unstable_at_zero" else found.critical * grid
     return CriticalTime(cycles, stable, found.machine)

@@ -12,6 +12,7 @@ from stabctl.dynamics.operating_point import OperatingPoint
 
 from . import stepper
 from .criterion import Criterion, frequency_range
+from .swings import Swings
 from .topology import Stage
 
 
@@ -34,6 +35,7 @@ class Outcome:
     time_s: float  # s   when it ended
     machine: int | str | None = None  # name or number of the machine that lost synchronism first
     bus: int | None = None  # number of the bus whose voltage collapsed
+    swings: Swings | None = None  # the last ones of a run that reached its end; None if they are not judged
 
     @property
     def stable(self) -> bool:
@@ -55,6 +57,7 @@ class End(NamedTuple):
     bus: int  # row of the critical bus
     outside_s: float  # s   longest time that an island was outside the frequency range
     taken_off: tuple[str, ...]  # sentences on machines that ran away alone in their island
+    swings: Swings | None  # if it reached its end
 
 
 def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
@@ -99,8 +102,8 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
             text = f"Every island stayed in synchronism until {t:.3f} s{within}{_frequencies(point, end)}."
         case _:
             text = f"All machines stayed in synchronism until {t:.3f} s{_within(point, end, criterion)}."
-    sentences = (cut, text) if end.verdict == stepper.DONE else (text, cut)
-    return Outcome(kind, " ".join(sentences).strip(), t, machine, blamed)
+    sentences = (cut, text, str(end.swings or "")) if end.verdict == stepper.DONE else (text, cut)
+    return Outcome(kind, " ".join(s for s in sentences if s), t, machine, blamed, end.swings)
 
 
 def _off_frequency(point: OperatingPoint, end: End, criterion: Criterion) -> str:

@@ -1,6 +1,6 @@
 """Controllers outside the compiled loop: they are called at a fixed rate and their orders are held in between."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
@@ -24,20 +24,21 @@ class Sampled(Protocol):
         ...
 
 
-def carry(simulations: "Sequence[Simulation]", pilots: "Sequence[Pilot]", until: float) -> None:
-    """Advance simulations at the same instant to `until` (s), from frame to frame, while any is running.
+def carry(simulations: "Sequence[Simulation]", pilots: "Sequence[Pilot]", ends: Iterable[float]) -> None:
+    """Advance simulations at the same instant to each of `ends` (s), from frame to frame, while any is running.
 
     Each pilot is a rate (1/s) and the function called at its frames, which begin at the present instant.
     """
-    for simulation in simulations:
-        simulation.affordable(until)
     start, now = simulations[0].time, simulations[0].time
     counts = [0] * len(pilots)
-    while now < until - 1e-9 and any(s.outcome is None for s in simulations):
-        for k, (rate, frame) in enumerate(pilots):
-            if start + counts[k] / rate <= now + 1e-9:
-                frame()
-                counts[k] += 1
-        now = min([until, *(start + n / rate for n, (rate, _) in zip(counts, pilots, strict=True))])
+    for until in ends:
         for simulation in simulations:
-            simulation.advance(now)
+            simulation.affordable(until)
+        while now < until - 1e-9 and any(s.outcome is None for s in simulations):
+            for k, (rate, frame) in enumerate(pilots):
+                if start + counts[k] / rate <= now + 1e-9:
+                    frame()
+                    counts[k] += 1
+            now = min([until, *(start + n / rate for n, (rate, _) in zip(counts, pilots, strict=True))])
+            for simulation in simulations:
+                simulation.advance(now)

@@ -1,7 +1,8 @@
 """A simulation that can be advanced an interval at a time, and the run from start to end in one call."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from stabctl.dynamics.program import program
 from stabctl.errors import StudyError
 from stabctl.model.network import Switching
 
-from . import stepper, steps, voltages
+from . import stepper, steps, swings, voltages
 from .attached import Attached, attached
 from .contingency import Disturbance, schedule
 from .control import Control, Frames, acting
@@ -21,6 +22,7 @@ from .criterion import DEFAULT, Criterion, for_system, frequency_range
 from .outcome import End, Outcome, outcome
 from .plant import newton_space, space
 from .sampled import Pilot, carry
+from .swings import Swings
 from .timeline import timeline
 from .topology import stage
 from .trajectory import Happened, Trajectory
@@ -28,6 +30,7 @@ from .wired import wired
 
 NO_ROWS = np.empty((0, 0))
 AT_ONCE = 1200  # steps per call of the compiled loop; Ctrl-C and progress are handled in between
+FURTHER = 5.0  # s   by which a run is continued while its swings may grow
 
 
 class Simulation:
@@ -84,7 +87,7 @@ class Simulation:
         self._taken_off: list[str] = []
         self._verdict = stepper.DONE
         self._finished: Trajectory | None = None
-        self._at = 0
+        self._at, self._since = 0, start
         self._off = np.full(len(point.case.machines), np.inf)
         while self._at + 1 < len(self.changes) and self.changes[self._at + 1].at <= start + 1e-9:
             self._at += 1
@@ -93,9 +96,9 @@ class Simulation:
         self._space = space(self.wired.start, self.wired.layout, self.wired.frame)
         self.frames = tuple((c.named.controller.rate or 1, Frames(c, self)) for c in self.attached.called)
         self._windows()
-        self._width = self.wired.layout.first_memory
-        self._times: list[np.ndarray] = []
-        self._rows: list[np.ndarray] = []
+        self._width = self.wired.layout.first_memory if record else self.wired.layout.nx
+        self._times: deque[np.ndarray] = deque()
+        self._rows: deque[np.ndarray] = deque()
         self._call(steps.NONE, False)  # compiles, or loads the machine code, outside the time that is measured
         self.wall_s = 0.0
 
@@ -166,8 +169,9 @@ class Simulation:
             self.outcome = self._end(stepper.DONE)
         if self.recording and self._verdict != stepper.NO_VOLTAGE:
             self._call(steps.NONE, True)
-        rows = np.concatenate(self._rows) if self._rows else np.empty((0, self._width))
-        times = np.concatenate(self._times) if self._times else np.empty(0)
+        kept = self.recording and self._rows
+        rows = np.concatenate(self._rows) if kept else np.empty((0, self.wired.layout.first_memory))
+        times = np.concatenate(self._times) if kept else np.empty(0)
         peak = self._space.angles[1].copy()
         for array in (rows, times, peak):
             array.setflags(write=False)
@@ -176,7 +180,22 @@ class Simulation:
         self._finished = Trajectory(self.point, self.outcome, times, rows, peak, happened, *cost)
         return self._finished
 
+    def swings(self) -> Swings | None:
+        """The last swings so far; None if they are not judged: too soon after the last event, or a machine alone."""
+        begin = max(self._since, self.time - swings.SPAN)
+        if self.time - begin < swings.LEAST - 1e-9:
+            return None
+        found: deque[np.ndarray] = deque()
+        for times, rows in zip(reversed(self._times), reversed(self._rows), strict=True):
+            found.appendleft(rows[np.searchsorted(times, begin - 1e-9) :][:, self.point.rotors.angle])
+            if len(times) and times[0] < begin:
+                break
+        rotors, half = self.point.rotors, (self.time - begin) / 2
+        island, names, limit = self.island[rotors.unit], self.point.rotor_names, self.criterion.decay
+        return swings.judged(np.concatenate(found), island, rotors.inertia, names, half, limit)
+
     def _enter(self) -> None:
+        self._since = self.time
         self._stage = stage(self.point, self.changes[self._at].switching)
         self._off[(self._stage.net.island < 0) & np.isinf(self._off)] = self.time
         self._program = self.wired.program
@@ -214,7 +233,8 @@ class Simulation:
         self._verdict = verdict
         bus, rotor = map(int, self._space.marks[:2])
         outside = self._space.off[1].max(initial=0.0)
-        end = End(verdict, self.time, self._stage, self.speed, rotor, bus, outside, tuple(self._taken_off))
+        last = self.swings() if verdict == stepper.DONE else None
+        end = End(verdict, self.time, self._stage, self.speed, rotor, bus, outside, tuple(self._taken_off), last)
         return outcome(self.point, end, self.criterion)
 
     def _alone(self) -> bool:
@@ -238,15 +258,17 @@ class Simulation:
         self._taken_off.append(f"Machine {number}, alone in its island, {left} and was tripped.")
 
     def _call(self, now: steps.Steps, last: bool) -> tuple[int, int]:
-        history = np.empty((len(now.sizes) + last if self.recording else 0, self._width))
+        history = np.empty((len(now.sizes) + last, self._width))
         before = time.perf_counter()
         if not np.isfinite(self.orders).all():
             raise StudyError(f"The storage orders {self.orders} are not finite numbers; set them between -1 and 1.")
         verdict, made = self._advance(now, last, history)
         self.wall_s += time.perf_counter() - before
-        if self.recording:
-            self._times.append(np.r_[now.starts[:made], [self.time] * last])
-            self._rows.append(history[: made + last])
+        self._times.append(np.r_[now.starts[:made], [self.time] * last])
+        self._rows.append(history[: made + last])
+        while not self.recording and len(self._times) > 1 and self._times[1][0] < self.time - swings.SPAN:
+            self._times.popleft()
+            self._rows.popleft()
         return verdict, made
 
     def _advance(self, now: steps.Steps, last: bool, history: np.ndarray) -> tuple[int, int]:
@@ -281,11 +303,13 @@ def run(
     criterion: Criterion = DEFAULT,
     record: bool = True,
     start: float = 0.0,
+    longest: float = 0.0,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
     """Simulate an operating point under a contingency, or events, until `until` (s); the rest as in `Simulation`.
 
     Laws and controllers run inside the compiled loop, Python functions and estimators between intervals of their rate.
+    A run whose swings have not settled is continued, to `longest` (s) at most.
     """
     events, parts = schedule(point.case, contingency, until, start), acting(control)
     simulation = Simulation(
@@ -293,8 +317,21 @@ def run(
         step=step, criterion=criterion, record=record, start=start, progress=progress,
     )  # fmt: skip
     pilots: list[Pilot] = [*simulation.frames, *((one.rate, one.pilot([simulation])) for one in parts.pilots)]
+    ends = _ends(simulation, until, longest)
     if pilots:
-        carry([simulation], pilots, until)
+        carry([simulation], pilots, ends)
     else:
-        simulation.advance(until)
+        for end in ends:
+            simulation.advance(end)
     return simulation.finish()
+
+
+def _ends(simulation: Simulation, until: float, longest: float) -> Iterator[float]:
+    """The end of a run, and later ones while its swings have not settled."""
+    yield until
+    while until < longest - 1e-9 and simulation.outcome is None:
+        last = simulation.swings()
+        if last is not None and last.settled:
+            return
+        until = min(until + FURTHER, longest)
+        yield until

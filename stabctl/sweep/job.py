@@ -35,6 +35,7 @@ class Job(NamedTuple):
     resolution: Annotated[str, "-", "spacing of the clearing times tried"] = "0.125cyc"
     limit: Annotated[str, "-", "longest clearing time tried"] = "60cyc"
     observe: Annotated[float, "s", "observation window after clearing", POSITIVE] = 5.0
+    longest: Annotated[float, "s", "longest time observed, while the swings do not decay", NOT_NEGATIVE] = 20.0
     scan: Annotated[str, "-", "how far below and above the answer other faults are tried"] = "4cyc"
     storage: Annotated[str, "-", "none, 50MW, 5%mva, 5%dispatch, or 14=50MW,13@33=20MW (empty: that of the case)"] = ""
     characteristic: Annotated[Characteristic, "-", "what a storage device holds constant"] = "power"
@@ -81,6 +82,7 @@ ONLY: dict[str, JobKind] = {
     "resolution": "clearing-time",
     "limit": "clearing-time",
     "observe": "clearing-time",
+    "longest": "clearing-time",
     "scan": "clearing-time",
 }  # field -> the only kind of job that has it
 

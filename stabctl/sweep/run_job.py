@@ -75,6 +75,7 @@ def _clearing_time(job: Job, point: OperatingPoint) -> Result:
         resolution=job.resolution,
         limit=job.limit,
         observe=job.observe,
+        longest=job.longest,
         scan=job.scan,
         step=job.step or None,
         criterion=job.criterion,
