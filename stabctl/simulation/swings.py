@@ -10,7 +10,7 @@ LEAST = 2.5  # s   since the last event, below which nothing is said
 SHARE = 0.5  # of the largest swing: rotors that swing less are not judged
 FAINT = np.deg2rad(1.0)  # swings below are not judged
 SMALL = np.deg2rad(60.0)  # swings below are far from the limit
-STEADY, GROWTH = 0.95, 1.1  # ratios of two swings: from the first on they do not decay, from the second on they grow
+STEADY, GROWTH = 0.95, 1.05  # ratios of two swings: from the first on they do not decay, from the second on they grow
 
 
 class Swings(NamedTuple):

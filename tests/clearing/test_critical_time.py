@@ -80,8 +80,9 @@ def test_other_events_keep_their_time_from_the_fault(two_area):
     late = Contingency("7", trip="7-8", at="2s", events="1@2s")
     early = Contingency("7", trip="7-8", at="1s", events="1@1s")
     before = Contingency("7", trip="7-8", at="1s", events="7:+1MW@0.2s")
-    cycles = [clearing_time(two_area, one).cycles for one in (late, early, before)]
-    assert cycles[0] == cycles[1] == 4.375
+    cycles = [clearing_time(two_area, one, longest=0).cycles for one in (late, early, before)]
+    assert cycles[0] == cycles[1] == 4.375  # without machine 1, machine 2 is lost after 5 s even without a fault
+    assert clearing_time(two_area, late).status == "unstable_at_zero"
     assert cycles[2] == 9
     assert Trial(two_area, before).at == pytest.approx(0.8)
 
@@ -127,7 +128,7 @@ def test_the_result_shows_its_runs(two_area):
     assert list(found.df.columns) == ["clearing_cycles", "stable", "outcome", "machine", "end_s"]
     assert found.df.set_index("clearing_cycles").stable[9.0]
     assert not found.df.set_index("clearing_cycles").stable[9.125]
-    assert len(found.runs) <= 24  # 8 of them above the answer and 8 below, to see whether stability is monotone
+    assert len(found.runs) <= 70  # 67   32 of them above the answer and 32 below
     assert found._repr_html_().startswith("<p>two_area, fault 7")
 
 

@@ -17,7 +17,6 @@ from stabctl.model.fleet import everywhere
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.outcome import Kind
 
-
 HALF = Scan(4, 1)  # one fault half a cycle shorter, on a grid of an eighth
 
 
@@ -100,7 +99,9 @@ def test_lines_bridges_and_twins(cases):
     assert (len(large.screened), len(large.bridges)) == (95, 6)
 
 
-@pytest.mark.parametrize(("name", "every"), [("two_area", 1), ("classical", 4), ("ieee39", 6)])
+@pytest.mark.parametrize(
+    ("name", "every"), [("two_area", 2), ("ieee39", 22), pytest.param("classical", 4, marks=pytest.mark.slow)]
+)
 def test_pairs_as_clearing_time_finds_them(screens, points, classical, name, every):
     point, found = classical if name == "classical" else points(name), screens(name)
     later_swings = [p for p in found.pairs if (p.fault, p.trip) in {("2", ("2-3",)), ("24", ("23-24",))}]
@@ -114,10 +115,10 @@ def test_a_sample_of_wnaps_as_clearing_time_finds_it(points):
     assert len(found.pairs) == 5
     for pair in found.pairs:
         assert answer(pair) == answer(clearing_time(point, pair.contingency)), pair
-    lost, first = found.pairs[:2]
-    assert (lost.trip, lost.status, lost.machine) == (("77-102",), "unstable_at_zero", 32)
-    assert (first.trip, first.cycles, first.machine) == (("84-28",), 2.875, 13)
-    assert "even without a fault: 77-102" in str(found)
+    lost = {p.trip: p.machine for p in found.pairs[:2]}
+    assert lost == {("84-28",): 13, ("77-102",): 32}
+    assert {p.status for p in found.pairs[:2]} == {"unstable_at_zero"}
+    assert "even without a fault: 84-28, 77-102" in str(found)
 
 
 def test_pairs_are_ranked_and_cut(screens):
