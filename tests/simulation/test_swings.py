@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from stabctl.controllers import BangBang
+from stabctl.controllers import BangBang, Controller
 from stabctl.dynamics import operating_point
 from stabctl.simulation.contingency import Contingency
-from stabctl.simulation.controller import Controller
 from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.simulation import run
 from stabctl.simulation.swings import judged
@@ -93,11 +92,17 @@ def test_a_continued_run_is_that_of_one_piece(cases, law):
 
     def push(now):
         seen.append(now.time)
-        return 0.2 * np.sign(now.deviation)
+        return 0.2 * np.sign(now["deviation"])
 
     point = operating_point.solve(cases("two_area").classical().with_storage("20MW"))
     pieces = [
-        run(point, AT_7, until, control=law or Controller(push, rate=50), longest=longest)
+        run(
+            point,
+            AT_7,
+            until,
+            control=law or Controller.from_function(push, "deviation", "order", rate=50),
+            longest=longest,
+        )
         for until, longest in ((3.013, 8.013), (8.013, 0.0))
     ]
     assert pieces[0].outcome.time_s == pytest.approx(8.013)
