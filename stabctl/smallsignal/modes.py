@@ -159,7 +159,14 @@ class Modes:
         if worst is not None:
             hz, ratio = self.frequency_hz[worst], round(self.damping_ratio[worst], 4) + 0.0
             text += f"; least damped: {hz:.3f} Hz, damping ratio {ratio:.4f} ({self.label(worst)})"
-        return text + ("." if self.stable else "; the operating point is unstable.")
+        return text + ("." if self.stable else f"; the operating point is unstable: {self._fastest_growing()}.")
+
+    def _fastest_growing(self) -> str:
+        """The eigenvalue with the largest real part, and its mode."""
+        k = int(self.eigenvalues.real.argmax())
+        s = self.eigenvalues[k]
+        swing = f" +- {abs(s.imag):.4g}j" if s.imag else ""
+        return f"eigenvalue {s.real:.4g}{swing} 1/s ({self.label(k)})"
 
     __repr__ = __str__
 

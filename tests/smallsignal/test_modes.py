@@ -69,6 +69,31 @@ def test_zeros_are_explained(modes, point):
     assert not modes("two_area_thyristor").stable
 
 
+@pytest.mark.parametrize("name", ["two_area", "ieee39", "wscc9"])
+def test_speeds_and_angles_that_only_refer_to_each_other_make_a_double_zero(point, name):
+    """No governor and no infinite bus: A maps a common speed to a rotation of all angles, and that to zero."""
+    m = analyze(linearize(operating_point.solve(point(name).case.classical())))
+    A, angles, speeds = m.linear.A, m.linear.angles(), m.linear.speeds()
+    turned, moving = np.zeros(len(A)), np.zeros(len(A))
+    turned[angles] = moving[speeds] = 1
+    size = np.abs(A).max()
+    assert np.abs(A @ turned).max() < 1e-12 * size
+    assert np.abs(A @ moving - size * turned).max() < 1e-9 * size  # size is the synchronous speed
+    zero = np.flatnonzero(m.eigenvalues == 0)
+    assert [m.label(k).split(" (")[0] for k in zero] == ["angle reference", "frequency reference"]
+    assert m.stable
+    assert "unstable" not in str(m)
+
+
+def test_an_unstable_point_names_its_eigenvalue_and_mode(modes):
+    m = modes("two_area_thyristor")
+    k = int(m.eigenvalues.real.argmax())
+    s = m.eigenvalues[k]
+    assert s.real > 0.01
+    said = f"the operating point is unstable: eigenvalue {s.real:.4g} +- {abs(s.imag):.4g}j 1/s ({m.label(k)})."
+    assert str(m).endswith(said)
+
+
 def test_a_double_zero_keeps_its_accuracy():
     """Two masses on a spring, free to move: a zero of order two, where a plain solver gives +-1e-8."""
     k, H = 3.0, np.array([1.0, 2.0])
