@@ -34,7 +34,7 @@ WORKS = (
 )
 
 
-def second(point: operating_point.Point) -> float:
+def second(point: operating_point.OperatingPoint) -> float:
     """Computing time (s) of one simulated second that begins with a four-cycle fault, two network changes included."""
     point.stages.clear()
     simulation = Simulation(point, Contingency("83", 4 / 60, ["83-33"], at=0.0), record=False)

@@ -28,7 +28,8 @@ from stabctl.model import circuits, powerflow
 
 GIVEN = Path(__file__).parents[1] / "tests" / "reference" / "import" / "matpower" / "case_ACTIVSg200.m"
 FAULTS = 50
-GOALS = {"read": 2.0, "load flow": 1.0, "start": 3.0, "10 s simulated": 4.0, "screen of 50 faults": 60.0}  # s
+GOALS = {"read": 2.0, "load flow": 1.0, "start": 3.0, "10 s simulated": 4.0}  # s
+GOALS |= {"screen of 50 faults": 60.0, "the same, below 6 cycles": 60.0}  # s   on two cores
 MEMORY = 2.0  # GB
 
 
@@ -90,9 +91,10 @@ def rows(read: Callable[[], st.Case], fault: st.Contingency, first: int) -> list
     clock, processor, run = measured(ten_seconds)
     found.append(("10 s simulated", clock, processor, f"{run.steps} steps, recorded"))
     buses = faulted(case, [b.bus for b in case.buses[:first]])
-    clock, processor, screen = measured(lambda: point.screen(buses=buses, workers=2), 1)
-    done = f"{len(screen.pairs)} clearing times, {screen.simulations} simulations"
-    return [*found, ("screen of 50 faults", clock, processor, done)]
+    for work, below in (("screen of 50 faults", None), ("the same, below 6 cycles", "6cyc")):
+        clock, processor, screen = measured(lambda below=below: point.screen(below, buses=buses, workers=2), 1)
+        found.append((work, clock, processor, f"{screen.screened} faults, {screen.simulations} simulations"))
+    return found
 
 
 def main() -> None:

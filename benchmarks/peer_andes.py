@@ -67,7 +67,7 @@ def system(case: Case, folder: str, fault: bool = True) -> andes.System:
     ss.config.mva, ss.config.freq = mva, hz
     kinds, volts = {b.bus: b for b in case.buses}, {b.bus: b.rated for b in case.buses}
     for b in case.buses:
-        ss.add("Bus", {"idx": b.bus, "name": str(b.bus), "Vn": b.rated, "v0": b.v, "a0": np.deg2rad(b.arrays.angle)})
+        ss.add("Bus", {"idx": b.bus, "name": str(b.bus), "Vn": b.rated, "v0": b.v, "a0": np.deg2rad(b.angle)})
         if b.b or b.g:
             ss.add("Shunt", {"bus": b.bus, "Sn": mva, "Vn": b.rated, "fn": hz, "b": b.b / mva, "g": b.g / mva})
     for k in case.branches:
@@ -80,7 +80,7 @@ def system(case: Case, folder: str, fault: bool = True) -> andes.System:
         bus = kinds[m.bus]
         static = {"idx": m.machine, "bus": m.bus, "Vn": bus.rated, "Sn": m.base, "v0": bus.v, "p0": m.p / mva}
         if bus.kind == "swing":
-            ss.add("Slack", static | {"a0": np.deg2rad(bus.arrays.angle)})
+            ss.add("Slack", static | {"a0": np.deg2rad(bus.angle)})
         else:
             ss.add("PV", static)
         name, par = f"G{m.machine}", case.devices["genrou" if full else "gencls"][m.machine]

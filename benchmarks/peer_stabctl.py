@@ -28,6 +28,6 @@ def works(case: Case) -> tuple[dict[str, Callable[[], Callable[[], object]]], Ca
         return lambda: kept.update(modes=analyze(linearize(point)))
 
     def answer() -> Answer:
-        return Answer(flow.V, kept["modes"].eigenvalues, kept["run"].time, kept["run"].speed)
+        return Answer(flow.V, kept["modes"].eigenvalues, kept["run"].time, kept["run"].arrays.speed)
 
     return {"power flow": lambda: lambda: powerflow.solve(case), "10 s": motion, "eigenvalues": eigenvalues}, answer

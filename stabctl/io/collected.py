@@ -1,7 +1,9 @@
 """Rows of the tables of a case while a reader collects them, each with its place in the file."""
 
 from collections import defaultdict
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
@@ -143,13 +145,17 @@ class Collected:
             sentences.append(f"{source}: {noun} {shown} left out: not connected to a swing bus.")
         return sentences
 
-    def case(self, path: Path, **parts: Any) -> Case:
-        """The case with these rows; a mistake in one is reported with its place. `parts`: what else a case has."""
+    def case(self, path: Path, of_devices: Mapping[str, list[Any]] = MappingProxyType({}), **parts: Any) -> Case:
+        """The case with these rows; a mistake in one is reported with its place.
+
+        `of_devices`: places of the rows of device tables; `parts`: what else a case has.
+        """
         parts |= {table: tuple(rows) for table, rows in self.rows.items()}
+        places = {**self.places, **of_devices}
         try:
             return Case(name=path.stem, **parts)
         except RowError as error:
-            at = self.places.get(error.table, [])
+            at = places.get(error.table, [])
             place = at[error.row] if error.row < len(at) else path
             first = at[error.first] if error.first is not None and error.first < len(at) else place
             text = error.text.replace("{rows}", f"{first} and {place}")

@@ -6,11 +6,9 @@ from typing import Literal, get_args
 
 from stabctl.errors import CaseError, StudyError, shown
 from stabctl.model.case import Case
-from stabctl.model.mistake import RowError
 
 from . import dc, devices, dyr, generators, missing_models, network, raw, transformers
 from .devices import Dynamics, Unsupported
-from .lexer import Place
 from .load_scopes import LoadScopes
 
 Missing = Literal["refuse", "injection"]
@@ -107,7 +105,17 @@ def read(
     replaced = missing_models.settle(net, dynamics, sources, dyr_path, missing, missing_controls)
     corrections = (*net.corrections, *dynamics.corrections, *apart, *replaced)
     notes = (*corrections, *(str(u) for u in unsupported if u.kind != WITHOUT_RECORD))
-    return Import(_case(net, dynamics, Path(raw_path), notes), file, records, corrections, unsupported)
+    case = net.case(
+        Path(raw_path),
+        dynamics.places,
+        devices=dynamics.rows,
+        base_mva=file.base_mva,
+        frequency_hz=file.frequency_hz,
+        title=file.title,
+        source=f"PSS/E {Path(raw_path).name}",
+        notes=notes,
+    )
+    return Import(case, file, records, corrections, unsupported)
 
 
 def _unsupported(
@@ -123,27 +131,3 @@ def _unsupported(
                 reason = f"{Path(dyr_path).name} has no model of it"
                 found.append(Unsupported(WITHOUT_RECORD, places[m], reason, f"machine {m.name}", m.name))
     return (*found, *dynamics.unsupported)
-
-
-def _case(net: network.Network, dynamics: Dynamics, path: Path, notes: tuple[str, ...]) -> Case:
-    """The case; an error in it is reported with file and line."""
-    places: dict[str, list[Place]] = {**net.places, **dynamics.places}
-    try:
-        return Case(
-            name=path.stem,
-            **{table: tuple(rows) for table, rows in net.rows.items()},
-            devices=dynamics.rows,
-            base_mva=net.raw.base_mva,
-            frequency_hz=net.raw.frequency_hz,
-            title=net.raw.title,
-            source=f"PSS/E {path.name}",
-            notes=notes,
-        )
-    except RowError as error:
-        at = places.get(error.table, [])
-        place = at[error.row] if error.row < len(at) else path
-        first = at[error.first] if error.first is not None and error.first < len(at) else place
-        text = error.text.replace("{rows}", f"{first} and {place}")
-        raise CaseError(f"{place}, {error.column}: {text}") from None
-    except CaseError as error:
-        raise CaseError(f"{path}: {error}") from None
