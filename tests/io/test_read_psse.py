@@ -167,3 +167,26 @@ def test_what_is_not_modeled_is_named_once_with_its_line(tmp_path):
     ]
     assert [note.removesuffix(" not modeled.") for note in case.notes] == expected
     assert np.allclose(case.power_flow().V, psse.read_psse(THREE).power_flow().V)
+
+
+@pytest.mark.parametrize(
+    ("tail", "reason"),
+    [
+        ("0 0 0  0 0 0 0 0 0 0 0 0 0  0", ""),
+        ("0 0 0  0 0 0.5 0.5 1 1 0 0 0 0  0", ""),
+        ("0.001 0 0  0 0 0 0 0 0 0 0 0 0  0", r"a deadband \(DB1 is not 0\) is not supported"),
+        ("0 0 0  0 0 0.5 0.7 1 1 0 0 0 0  0", "a valve curve other than GV = PGV is not supported"),
+        ("0 0 0  0 0 0 0 0 0 0 0 0 0  2", r"a blocking of the valve \(IBLOCK is not 0\) is not supported"),
+    ],
+)
+def test_wsieg1_is_ieeeg1_without_deadbands_and_curve(tmp_path, tail, reason):
+    genrou = "102 'GENROU' 1 8 0.03 0.4 0.05 6.2 0.05 1.8 1.7 0.3 0.55 0.25 0.2 0 0 /"
+    constants = "0 0 20 0.1 0 0.2 0.1 -0.2 1.5 0 0.3 0.3 0 8 0.4 0 0.5 0.3 0 0 0 0"
+    (tmp_path / "x.dyr").write_text(f"101 'GENCLS' 1 0 0 /\n{genrou}\n102 'WSIEG1' 1 {constants} {tail} /\n")
+    if reason:
+        with pytest.raises(CaseError, match=rf"WSIEG1 of 102/1 \(line 3: {reason}\)"):
+            psse.read_psse(THREE, tmp_path / "x.dyr")
+        return
+    case = psse.read_psse(THREE, tmp_path / "x.dyr")
+    (tmp_path / "y.dyr").write_text(f"101 'GENCLS' 1 0 0 /\n{genrou}\n102 'IEEEG1' 1 {constants} /\n")
+    assert case.devices == psse.read_psse(THREE, tmp_path / "y.dyr").devices

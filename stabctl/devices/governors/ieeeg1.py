@@ -6,7 +6,8 @@ Pref -----------------------------> (+) -> [1/T3], rate held between Umin and Um
 valve -> [1/(1+sT4)] -> [1/(1+sT5)] -> [1/(1+sT6)] -> [1/(1+sT7)]
 Pm = (K1 + K2) and (K3 + K4), (K5 + K6), (K7 + K8) times the outputs of the four stages
 
-A tandem unit: the shares of the low-pressure shaft K2, K4, K6, K8 act on the same shaft.
+A tandem unit: the shares of the low-pressure shaft K2, K4, K6, K8 act on the same shaft. WSIEG1 is the same without
+deadbands and with a straight valve curve.
 Source: IEEE Committee Report, IEEE Trans. PAS-92 (1973), fig. 7; PSS/E Model Library, IEEEG1.
 """
 
@@ -23,7 +24,9 @@ from .signals import Input, Output
 NAME = "IEEEG1"
 ROLE = "governor"
 LIMITS = {"valve": ("Pmin", "Pmax")}
-DYR = {"IEEEG1": "+JBUS _M K T1 T2 T3 Umax Umin Pmax Pmin T4 K1 K2 T5 K3 K4 T6 K5 K6 T7 K7 K8"}
+_RECORD = "+JBUS _M K T1 T2 T3 Umax Umin Pmax Pmin T4 K1 K2 T5 K3 K4 T6 K5 K6 T7 K7 K8"
+_VALVE = "GV1 PGV1 GV2 PGV2 GV3 PGV3 GV4 PGV4 GV5 PGV5"
+DYR = {"IEEEG1": _RECORD, "WSIEG1": f"{_RECORD} DB1 _ERR DB2 {_VALVE} +IBLOCK"}
 __all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "from_record", "output"]
 
 
@@ -64,10 +67,18 @@ class State(NamedTuple):
 
 
 def from_record(kind: str, values: dict[str, Any]) -> tuple[Par, list[str]]:
-    """Parameters of a PSS/E record and what was corrected. Raises `ValueError` for a cross-compound unit."""
+    """Parameters of a PSS/E record and what was corrected.
+
+    Raises `ValueError` for a cross-compound unit, and for the deadbands, valve curve and blocking of WSIEG1.
+    """
     given = dict(values)
     if given.pop("JBUS", 0):
         raise ValueError("a cross-compound unit (JBUS is not 0) is not supported")
+    for name, what in (("DB1", "deadband"), ("DB2", "deadband"), ("IBLOCK", "blocking of the valve")):
+        if given.pop(name, 0):
+            raise ValueError(f"a {what} ({name} is not 0) is not supported")
+    if any(given.pop(f"GV{n}", 0) != given.pop(f"PGV{n}", 0) for n in range(1, 6)):
+        raise ValueError("a valve curve other than GV = PGV is not supported")
     par = Par(**given)
     total = sum(getattr(par, f"K{n}") for n in range(1, 9))
     if abs(total - 1) <= 0.01:
