@@ -47,14 +47,27 @@ class Equations:
 
     def step(self, size: np.ndarray, angle: np.ndarray, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Newton step of voltages (pu) and angles (rad). Raises RuntimeError if the Jacobian is singular."""
-        V = size * np.exp(1j * angle)
-        current, Y, p, q = self.Y @ V, self.Y, self.p, self.q
-        dV, dI, unit = sp.diags(V), sp.diags(current), sp.diags(V / size)
-        da = (1j * dV @ (dI - Y @ dV).conj()).tocsr()
-        dm = (dV @ (Y @ unit).conj() + dI.conj() @ unit + sp.diags(self.drawn.s1 + 2 * self.drawn.s2 * size)).tocsr()
-        J = sp.bmat([[da[p][:, p].real, dm[p][:, q].real], [da[q][:, p].imag, dm[q][:, q].imag]])
-        x = splu(J.tocsc()).solve(-F)
-        d_size, d_angle = np.zeros(len(size)), np.zeros(len(size))
+        V, p, q = size * np.exp(1j * angle), self.p, self.q
+        n, d, current = len(size), np.arange(len(size)), self.Y @ V
+        i, j = self.Y.indices, np.repeat(d, np.diff(self.Y.indptr))
+        flow = V[i] * (self.Y.data * V[j]).conj()  # part of the power of bus i that depends on bus j
+        of_load = self.drawn.s1 + 2 * self.drawn.s2 * size
+        by_angle = np.r_[-1j * flow, 1j * V * current.conj()]
+        by_size = np.r_[flow / size[j], V * current.conj() / size + of_load]
+        i, j = np.r_[i, d], np.r_[j, d]
+        row_p, row_q = np.full(n, -1), np.full(n, -1)  # rows of the equations, and columns of the unknowns
+        row_p[p], row_q[q] = np.arange(len(p)), len(p) + np.arange(len(q))
+        blocks = (
+            (by_angle.real, row_p[i], row_p[j]),
+            (by_size.real, row_p[i], row_q[j]),
+            (by_angle.imag, row_q[i], row_p[j]),
+            (by_size.imag, row_q[i], row_q[j]),
+        )
+        values, rows, columns = (np.concatenate(part) for part in zip(*blocks, strict=True))
+        kept = (rows >= 0) & (columns >= 0)
+        J = sp.csc_matrix((values[kept], (rows[kept], columns[kept])), shape=(len(F),) * 2)
+        x = splu(J).solve(-F)
+        d_size, d_angle = np.zeros(n), np.zeros(n)
         d_angle[p], d_size[q] = x[: len(p)], x[len(p) :]
         return d_size, d_angle
 
