@@ -3,12 +3,14 @@
 Every fleet is simulated again from scratch.
 """
 
+import json
 from dataclasses import replace
 from itertools import product
 
 import numpy as np
 import pytest
 
+from placement_results import RECORD, record
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.model import fleet
@@ -96,6 +98,10 @@ def _check_records(found):
 
 
 def test_six_contingencies(classical, six):
+    known = json.loads(RECORD.read_text(encoding="utf-8"))["six, classical"]
+    assert record(six)["uniform_mw"] == pytest.approx(known["uniform_mw"], rel=1e-3)
+    assert record(six)["total_mw"] == pytest.approx(known["total_mw"], rel=1e-2)
+    assert record(six)["lower_bound_mw"] == pytest.approx(known["lower_bound_mw"], rel=1e-2)
     assert len(six.contingencies) == 6
     assert not six.infeasible
     assert six.total_mw <= 0.80 * six.uniform_mw  # 346.9 of 599.2 MW: 0.579

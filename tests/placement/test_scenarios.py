@@ -215,6 +215,17 @@ def test_the_command(stabctl, table, tmp_path):
     assert all(s["mw"] % 12.5 == 0 for s in record["sites"] if s["bus"] == 29)
 
 
+def test_cases_and_load_levels_of_the_command_have_names(case):
+    from stabctl.cli.place import _operating_points
+
+    assert list(_operating_points([case], None)) == ["ieee39"]
+    assert list(_operating_points([case, case], None)) == ["ieee39", "ieee39#2"]
+    levels = _operating_points([case], [0.9, 1.0])
+    assert list(levels) == ["load 90 %", "load 100 %"]
+    assert levels["load 90 %"] == case.with_load_level(0.9)
+    assert list(_operating_points([case, case], [0.9])) == ["ieee39, load 90 %", "ieee39#2, load 90 %"]
+
+
 @pytest.mark.slow
 def test_three_operating_points_nine_contingencies(cases):
     """Scenarios of a planner on the full-order system: 27, all survived."""

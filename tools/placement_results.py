@@ -1,0 +1,63 @@
+"""The fleets in the table of docs/placement.md, computed and kept: python tools/placement_results.py [NAME].
+
+The record is tests/placement/results.json; with a NAME only that row is computed again. Tests compare the page with the
+record, and new fleets with it.
+"""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import stabctl as st
+from stabctl._util import files
+from stabctl.placement.contingencies import packaged, read
+from stabctl.placement.siting import Siting
+
+RECORD = Path(__file__).parents[1] / "tests" / "placement" / "results.json"
+
+
+class Study(NamedTuple):
+    """A packaged case and how many of its contingencies are survived."""
+
+    case: str
+    classical: bool
+    contingencies: int
+
+
+STUDIES = {
+    "nine, classical": Study("ieee39", True, 9),
+    "six, classical": Study("ieee39", True, 6),
+    "nine, full order": Study("ieee39", False, 9),
+    "wnaps": Study("wnaps", False, 8),
+}
+
+
+def placed(study: Study) -> Siting:
+    """The fleet of a study."""
+    case = st.load(study.case)
+    case = case.classical() if study.classical else case
+    return st.place(case, read(packaged(study.case, study.classical) or "", case)[: study.contingencies])
+
+
+def record(found: Siting) -> dict[str, Any]:
+    """The numbers of a fleet that the page shows."""
+    return {
+        "uniform_mw": found.uniform_mw,
+        "total_mw": found.total_mw,
+        "sites": len(found.sites),
+        "lower_bound_mw": found.lower_bound_mw,
+        "refined": next(row.scale for row in found.evidence if row.refined),
+    }
+
+
+def main(names: list[str]) -> None:
+    """Compute the rows and write the record."""
+    known = json.loads(RECORD.read_text(encoding="utf-8")) if RECORD.exists() else {}
+    for name in names or STUDIES:
+        known[name] = record(placed(STUDIES[name]))
+        files.replace(RECORD, json.dumps(known, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
