@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from . import cut_gradients
+from . import cut_gradients, rounding
 from .evidence import energies
 from .master import Cut, Master, Plan, Unsolved
 from .prices import Prices
@@ -28,19 +28,7 @@ RISE = 5e-4  # of the cost, by which the bound must rise for another visit
 ITERATIONS = 40
 FINAL = 1e-4  # relative width of the last scaling
 SAME = 1e-3  # of the largest size: fleets on a boundary that are closer count as one
-DECIMALS = 2  # of a size in MW; more if no cap reaches `LARGE`
-LARGE = 10.0  # MW
 MORE = 1.0, 1.001, 1.002, 1.005, 1.01, 1.02, 1.05, 1.1  # multiples tried when rounded sizes do not survive
-
-
-def decimals(cap: np.ndarray) -> int:
-    """Decimals of a size in MW: two, or with caps (candidates, MW) of a few MW as many as give six digits."""
-    return DECIMALS if cap.max() >= LARGE else 5 - int(np.floor(np.log10(cap.max())))
-
-
-def rounded_up(values: np.ndarray, digits: int) -> np.ndarray:
-    """The values at so many decimals, none of them smaller by more than a millionth of the last."""
-    return np.round(np.ceil(values * 10.0**digits - 1e-6) / 10.0**digits, digits)
 
 
 @dataclass
@@ -227,8 +215,8 @@ class CuttingPlanes:
     def _round(self) -> None:
         """Round the best fleet and its energies up to the digits that are printed; the fleet still survives."""
         assert self.best is not None
-        digits = decimals(self.trials.cap)
-        fleets = (rounded_up(self.master.built(more * self.best), digits) for more in MORE)
+        digits = rounding.decimals(self.trials.cap)
+        fleets = (rounding.up(self.master.built(more * self.best), digits) for more in MORE)
         found = next((mw for mw in map(self.trials.fleet, fleets) if not self.trials.lost(mw)), self.best)
-        self.energy = rounded_up(energies(self.trials, found), digits + 2)
+        self.energy = rounding.up(energies(self.trials, found), digits + 2)
         self.take(found, self.energy)

@@ -18,10 +18,10 @@ from stabctl.model.case import Storage
 from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.sampled import Sampled
 
-from . import initial_fleets
+from . import initial_fleets, rounding
 from .contingencies import LONGER, Contingencies
 from .contingencies import contingencies as as_contingencies
-from .cutting_planes import CuttingPlanes, decimals
+from .cutting_planes import CuttingPlanes
 from .evidence import CriticalTime, critical_times, energies, table
 from .master import Master
 from .scenario import Bases, operating_points, scenarios
@@ -52,6 +52,7 @@ def place(
     control: Law | None = None,
     device: Mapping[str, Any] | None = None,
     observe: str | float = "5s",
+    longest: str | float = 0.0,
     step: str | float | None = None,
     criterion: Criterion = DEFAULT,
     validate: EstimatorName | Mapping[str, Sampled] | None = None,
@@ -87,6 +88,9 @@ def place(
         Other properties of the new devices: fields of `Storage`, such as {"lag": 0.05}.
     observe : str or float
         Observation window after clearing: "5s", or seconds.
+    longest : str or float
+        Longest time simulated after clearing, while the swings do not decay, as in `clearing_time`: "20s"; by default
+        never more than `observe`.
     step, criterion
         As in `simulate`.
     validate : str or mapping, optional
@@ -111,11 +115,13 @@ def place(
     _check(costs, sites)
     law = control or BangBang()
     controls = _controls(validate, law)
-    search = Search.of(case, resolution="0.125cyc", limit=LIMIT, observe=observe, step=step, criterion=criterion)
+    search = Search.of(
+        case, resolution="0.125cyc", limit=LIMIT, observe=observe, step=step, criterion=criterion, longest=longest
+    )
     wanted = as_contingencies(case, contingencies)
     flow = powerflow.solve(case)
     possible = as_sites(operating_point.solve(case, flow), candidates, cap, costs, flow)
-    largest = np.where(possible.module > 0, possible.cap, _rounded_down(possible.cap))
+    largest = np.where(possible.module > 0, possible.cap, rounding.down(possible.cap, rounding.decimals(possible.cap)))
     places = fleet.devices(case, _devices(possible, largest), options=device)
     points = [operating_point.solve(fleet.extended(one, (*one.storage, *places))) for one in cases.values()]
 
@@ -178,12 +184,6 @@ def place(
 def _devices(possible: Sites, largest: np.ndarray) -> list[Storage]:
     """A device of the largest size at every candidate."""
     return [Storage(c.machine, c.bus, float(mw)) for c, mw in zip(possible.candidates, largest, strict=True)]
-
-
-def _rounded_down(mw: np.ndarray) -> np.ndarray:
-    """Sizes (candidates, MW) at the decimals that are printed."""
-    unit = 10.0 ** decimals(mw)
-    return np.asarray(np.floor(mw * unit + 1e-6) / unit)
 
 
 def _survived(trials: Trials, best: np.ndarray, times: list[CriticalTime]) -> tuple[Survived, ...]:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from dataclasses import replace
 from threading import Event, Lock
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -203,8 +203,9 @@ class Trials:
         point = self.at(k).resized(self.ratings(mw, k))
         events, last = without_fault(one, point.case)
         law, search = control or self.control, self.search
-        until = last + search.observed_s
-        return run(point, events, until, law, step=search.step, criterion=search.criterion, record=record)
+        until, longest = last + search.observed_s, last + search.longest_s
+        how: dict[str, Any] = {"step": search.step, "criterion": search.criterion, "record": record}
+        return run(point, events, until, law, longest=longest, **how)
 
     def disturbed(self, k: int) -> float:
         """Instant (s) in `simulate` of the clearing of the fault, or of the last event without one."""
