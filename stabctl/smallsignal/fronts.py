@@ -109,7 +109,11 @@ def _add(N: np.ndarray, members: list[Member], seen: list[Series]) -> None:
 
 
 def _front(N: np.ndarray, tail: Callable[[np.ndarray, np.ndarray, float], float]) -> Front:
+    if not np.isfinite(N).all():
+        raise np.linalg.LinAlgError("a pole of a unit")
     factors, pivots = sl.lu_factor(N[0], check_finite=False)
+    if not factors.diagonal().all():
+        raise np.linalg.LinAlgError("an eigenvalue")
     phase = np.angle(factors.diagonal()).sum() + np.pi * (np.count_nonzero(pivots != np.arange(len(pivots))) % 2)
     G = sl.lu_solve((factors, pivots), np.eye(len(pivots)), check_finite=False)
     E = G @ N[1:]

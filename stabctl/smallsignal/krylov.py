@@ -112,8 +112,10 @@ class Ritz(NamedTuple):
 
 def _arnoldi(product: Product, without: Product, n: int, block: int, most: int) -> Ritz:
     """Arnoldi iterations in the invariant subspace without the modes known, to which rounding would lead back."""
-    block = min(block, n)
-    size = max(min(most, n) // block, 1) * block
+    if n <= most:
+        Q = np.eye(n, dtype=complex)
+        return _ritz(Q, without(product(Q)))
+    size = most // block * block
     start = np.random.default_rng(SEED).normal(size=(2, n, block))
     Q, P = np.zeros((2, size, n), complex).transpose(0, 2, 1)  # columns are contiguous; P = operator Q
     new = without(product(start[0] + 1j * start[1]))
@@ -124,6 +126,11 @@ def _arnoldi(product: Product, without: Product, n: int, block: int, most: int) 
         Q[:, k : k + block] = new
         new = product(new)
         P[:, k : k + block] = new = without(new)
+    return _ritz(Q, P)
+
+
+def _ritz(Q: np.ndarray, P: np.ndarray) -> Ritz:
+    """Eigenvalues in the space of the columns of Q, which an operator turns into P."""
     mu, Z = np.linalg.eig(Q.conj().T @ P)
     order = np.argsort(-np.abs(mu))
     order = order[np.abs(mu[order]) > TINY * np.abs(mu).max()]

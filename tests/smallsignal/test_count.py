@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 import typer
+from systems import KINDS, small
 from typer.testing import CliRunner
 
 from stabctl import io
@@ -12,7 +13,7 @@ from stabctl.cli.linearize import linearize as other
 from stabctl.cli.modes import modes as command
 from stabctl.dynamics import operating_point
 from stabctl.model.replicate import replicate
-from stabctl.smallsignal import analyze, descriptor, krylov
+from stabctl.smallsignal import analyze, descriptor, krylov, linearize
 from stabctl.smallsignal.count import OnBoundaryError, Sector, count
 from stabctl.smallsignal.fronts import reach
 from stabctl.smallsignal.network import network
@@ -49,6 +50,13 @@ def check(point, every, band, damping):
 @pytest.mark.parametrize("name", ["two_area_thyristor", "ieee39"])
 def test_sparse_is_dense_in_the_band(point, modes, name, band, damping):
     check(point(name), modes(name).eigenvalues, band, damping)
+
+
+@pytest.mark.parametrize("kind", ["classical", "bare", "converter", "open rotor circuit", "exst3 bus-fed"])
+def test_the_smallest_systems_too(kind):
+    """From four states on."""
+    point = operating_point.solve(small(KINDS[kind]))
+    check(point, analyze(linearize(point)).eigenvalues, (0.05, 5.0), (-0.3, 0.9))
 
 
 @pytest.mark.slow
