@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stabctl.devices.converters import csvgn1
+from stabctl.devices.converters import csvgn1, dera1
+from stabctl.devices.machines import gencls
 from stabctl.dynamics import operating_point
 from stabctl.io import psse
 from stabctl.io.psse import dyr
@@ -75,6 +76,9 @@ def recorded(replay):
 
 def with_unit(case, name):
     """The case with the device that the DYR file of a row lacks."""
+    if name.startswith("DERA"):
+        par = dera1.Par(0, 0, 0, 0, FreqFlag=int(name[-1]), Kqv=5.0, Imax=1.2)
+        return replace(case, devices={"gencls": {101: gencls.Par(0, 0, 0.0, 0.0, 0.0, 1e-5)}, "dera1": {102: par}})
     if name != "CSVGN1":
         return case
     par = csvgn1.Par(0, 0, 0, 20.0, 0.0, 1.0, 0.154833, 1.0, 0.005167, Cbase=60.0)
@@ -85,8 +89,13 @@ def with_unit(case, name):
 
 def simulated(replay, step=0.005, **changes):
     """Our run of the same event."""
-    case = psse.read_psse(replay.raw, replay.dyr, **changes).with_loads(replay.loads)
-    case = with_unit(case, replay.name)
+    files = (replay.raw,) if replay.name.startswith("DERA") else (replay.raw, replay.dyr)
+    case = with_unit(psse.read_psse(*files, **changes), replay.name)
+    if replay.loads == "current and admittance":  # of the active and of the reactive power
+        loads = tuple(load._replace(p_power=0.0, q_power=0.0, p_current=1.0, v=0.0) for load in case.loads)
+        case = replace(case, loads=loads)
+    else:
+        case = case.with_loads(replay.loads)
     point = operating_point.solve(case)
     event, at = replay.event, replay.at
     if event.startswith("trip line"):

@@ -5,7 +5,7 @@ import pytest
 from block_diagram import distance, evaluate, feedback, motion, one, opened, response, rest, s
 
 from stabctl import devices
-from stabctl.devices.converters import csvgn1, reec_b, reec_c, repc_a, wtdt_a
+from stabctl.devices.converters import csvgn1, dera1, reec_b, reec_c, repc_a, wtdt_a
 from stabctl.schema import fields
 
 P, Q = 0.7, 0.2
@@ -238,3 +238,30 @@ def test_records_of_what_is_not_modeled_are_refused_or_told():
         reec_b.from_record("REECB1", {"bus": 7})
     _, said = repc_a.from_record("REPCA1", {"branch_from": 1, "branch_to": 2, "circuit": "A"})
     assert said == ["monitors its own power instead of branch 1-2 ckt A."]
+
+
+@pytest.mark.parametrize(
+    ("given", "signal", "change", "state", "high", "low"),
+    [
+        ({"Pmax": 0.9, "Pmin": 0.3, "FreqFlag": 0}, "Pref", 1.0, "pord", 0.9, 0.3),
+        ({"Pmax": 0.9, "Pmin": 0.3, "Ddn": 40.0, "Dup": 40.0}, "f", -0.05, "pord", 0.9, 0.3),
+        ({"Imax": 0.8, "Pmax": 2.0, "FreqFlag": 0, "PfFlag": 0}, "Pref", 0.9, "ip", np.sqrt(0.8**2 - Q**2), 0.0),
+        ({"Imax": 0.8, "PfFlag": 0, "PqFlag": 1, "FreqFlag": 0}, "Qref", 2.0, "iq", np.sqrt(0.15), -np.sqrt(0.15)),
+    ],
+)
+def test_a_limit_of_distributed_generation_is_reached_and_left(given, signal, change, state, high, low):
+    p = dera1.Par(1.0, 1.0, 0.0, 0.0, dPmax=9.0, dPmin=-9.0)._replace(**given)
+    x, u = rest(dera1, opened(dera1, p), {"f": 1.0}, {"P": P, "Q": Q})
+    p = dera1.automatic(p)
+    rates, _ = evaluate(dera1, p, x, u)
+    assert np.abs(rates).max() < 1e-8
+    out = motion(dera1, p, x, lambda t: u | {signal: u[signal] + (change if t < 2 else -change)}, 4.0)
+    t, y = np.arange(len(out)) * 2.5e-3, out[:, dera1.State._fields.index(state)]
+    assert y[t < 2].max() == pytest.approx(high, abs=2e-3)
+    assert y.min() == pytest.approx(low, abs=2e-3)
+    assert y[(t > 2) & (t < 2.3)].min() < high - 0.01
+
+
+def test_trips_of_distributed_generation_are_refused():
+    with pytest.raises(ValueError, match="VtripFlag = 1"):
+        dera1.from_record("DERA1", {"VtripFlag": 1, "FtripFlag": 0})
