@@ -57,6 +57,7 @@ class OperatingPoint:
     modes = verb("stabctl.smallsignal.analysis:modes")
     linearize = verb("stabctl.smallsignal:linearize")
     closed_loop = verb("stabctl.smallsignal.closed_loop:closed_loop")
+    margins = verb("stabctl.smallsignal.margins:margins")
     estimate = verb("stabctl.estimation.estimate:estimate")
     place = verb("stabctl.placement.place:place")
     power_flow = verb("stabctl.model.powerflow:solve")
