@@ -10,6 +10,7 @@ from heapq import heappop, heappush
 from typing import NamedTuple
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from stabctl.errors import StudyError
 
@@ -55,6 +56,11 @@ def band(
         )
     slopes = (float(-ratio / np.sqrt(1 - ratio**2)) for ratio in reversed(damping))
     asked = Sector(2 * np.pi * low_hz, 2 * np.pi * high_hz, *slopes)
+    with threadpool_limits(1):  # the matrices are small: threads would wait for each other
+        return _found(d, asked, said)
+
+
+def _found(d: Descriptor, asked: Sector, said: Said) -> Found:
     system = network(d)
     sector, counted = _counted(system, asked, lambda done: said(COUNTING * done))
     search = _Search(d, system, sector)
