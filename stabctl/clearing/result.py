@@ -109,8 +109,8 @@ class ClearingTime:
         return f"Stability is not monotone: {least}, and stable again at {again} cycles." if again else ""
 
     def remark(self) -> str:
-        """A sentence on swings of the answer that grow or last; empty if there are none."""
-        if self.swings is None or not (self.swings.growing or self.swings.lasting):
+        """A sentence on large swings of the answer that last, and on any that grow; empty if there are none."""
+        if self.swings is None or self.swings.settled or not (self.swings.growing or self.swings.lasting):
             return ""
         how = "grow" if self.swings.growing else "do not decay"
         return f"Its swings {how} within {self.observed_s:g} s: watched longer, the clearing time may be shorter."
