@@ -81,7 +81,7 @@ class Modes:
             return naming.zero(linear, self.right[:, k], self.left[:, k], k == 0)
         if self.electromechanical[k]:
             weight = self.shares[linear.speeds(), k]
-            return naming.against(self.shapes[:, k], weight, [m.called for m in linear.point.case.machines])
+            return naming.against(self.shapes[:, k], weight, linear.point.rotor_names)
         return naming.leader(linear, self.shares[:, k], self.shapes[:, k], H, self.eigenvalues[k].imag != 0)
 
     def mode(self, k: int) -> Mode:
@@ -93,8 +93,8 @@ class Modes:
             )
         first = np.argsort(-self.shares[:, k], kind="stable")[:10]
         shares = tuple(Share(self.linear.states[i], float(self.shares[i, k])) for i in first)
-        parts = zip(self.linear.point.case.machines, self.shapes[:, k], strict=True)
-        shape = tuple(Part(m.called, float(abs(s)), float(np.angle(s, deg=True))) for m, s in parts)
+        parts = zip(self.linear.point.rotor_names, self.shapes[:, k], strict=True)
+        shape = tuple(Part(name, float(abs(s)), float(np.angle(s, deg=True))) for name, s in parts)
         return Mode(complex(self.eigenvalues[k]), bool(self.electromechanical[k]), self.label(k), shares, shape)
 
     def swings(self) -> list[int]:

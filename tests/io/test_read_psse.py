@@ -190,3 +190,12 @@ def test_wsieg1_is_ieeeg1_without_deadbands_and_curve(tmp_path, tail, reason):
     case = psse.read_psse(THREE, tmp_path / "x.dyr")
     (tmp_path / "y.dyr").write_text(f"101 'GENCLS' 1 0 0 /\n{genrou}\n102 'IEEEG1' 1 {constants} /\n")
     assert case.devices == psse.read_psse(THREE, tmp_path / "y.dyr").devices
+
+
+def test_modes_name_the_machines_with_a_rotor_beside_converters():
+    files = DATA / "psid/RENA"
+    case = psse.read_psse(files / "ThreeBusRenewable.raw", files / "ThreeBus_REN_A_DEFAULT_FLAG.dyr")
+    modes = case.modes()
+    assert {m.name for m in case.machines} > set(modes.linear.point.rotor_names)
+    for k in range(len(modes.eigenvalues)):
+        assert [part.machine for part in modes.mode(k).shape] == list(modes.linear.point.rotor_names)
