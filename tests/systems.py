@@ -156,7 +156,8 @@ LIBRARY = {  # the same for devices of the library, whose tests are slow ones: e
 OWN_KINDS = {  # name -> devices of machine 1, and a device of the user's: its table and constants
     "signals from elsewhere": ({"genrou": ROUND, "exdc2": EXDC2, "pss": PSS}, "wide_area", (3, 2, 0.1, 2.0, 3.0)),
 }
-APART = {"csvgn1"}  # models of units without active power: their tests are test_psse and test_converter_controls
+# a unit without active power (test_psse, test_converter_controls), and sensors of controllers (tests/controllers)
+APART = {"csvgn1", "line_power", "bus_angle"}
 ALL_KINDS = (*KINDS, *OWN_KINDS, *LIBRARY)
 
 
