@@ -63,7 +63,7 @@ UNREADABLE = {  # deliberately broken, or without what a case needs
 def given():
     """Every RAW file by its path in the collection."""
     files = {str(path.relative_to(top)): path for top in (GIVEN, DATA) for path in top.rglob("*.raw")}
-    return sorted(files.items()) + [(name, None) for name in {*EDITED, *UNREADABLE} - set(files)]
+    return sorted(files.items()) + [(name, None) for name in sorted({*EDITED, *UNREADABLE} - set(files))]
 
 
 @pytest.mark.parametrize(("name", "path"), given(), ids=[name for name, _ in given()])
