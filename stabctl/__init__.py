@@ -12,6 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from stabctl import design
     from stabctl.clearing.critical_time import ClearingTime, clearing_time
     from stabctl.clearing.screen import Screen, screen
     from stabctl.controllers import BangBang, Controller, Feedback, Gate

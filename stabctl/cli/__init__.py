@@ -105,7 +105,9 @@ def _run(words: list[str]) -> int:
     except BrokenPipeError:
         raise
     except OSError as error:
-        return _complain(sentence(error) + ("; choose another file or folder." if error.filename else "."))
+        if error.filename:
+            return _complain(f"{sentence(error)}; choose another file or folder.")
+        return _complain(f"The output cannot be written: {error.strerror or error}.")
     except KeyboardInterrupt:
         return _complain("interrupted.", 130)
     except typer.Exit as end:

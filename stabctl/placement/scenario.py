@@ -30,7 +30,7 @@ def operating_points(bases: Bases) -> dict[str, Case]:
         case = as_case(bases)
         return {case.name: case}
     if not isinstance(bases, Iterable) or isinstance(bases, str):
-        raise StudyError(f"{shown(bases)} is not a case; give one, a list of cases, or cases by name.")
+        raise StudyError(f"{shown(bases)} is not a system; give a case, a list of cases, or cases by name.")
     found: dict[str, Case] = {}
     named = bases.items() if isinstance(bases, Mapping) else (("", base) for base in bases)
     for name, base in named:

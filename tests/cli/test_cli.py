@@ -135,7 +135,8 @@ def test_settings_change_the_case(stabctl):
 
 def test_other_events_of_a_clearing_time_count_from_the_fault(stabctl):
     words = "clearing-time", "two_area", "--fault", "7", "--trip", "7-8", "--json"
-    assert json.loads(stabctl(*words, "--trip-machine", "1@0s")[1])["cycles"] == 4.375
+    found = json.loads(stabctl(*words, "--longest", "0", "--trip-machine", "1@0s")[1])  # later machine 2 is lost anyway
+    assert found["cycles"] == 4.375
 
 
 def test_warnings_are_of_the_machines_that_are_used(stabctl):

@@ -53,7 +53,7 @@ def test_every_model_starts_stationary(name, shares):
 
 def test_the_kinds_hold_every_model():
     """A new model is one file and one row of KINDS."""
-    assert {model for models in (KINDS | LIBRARY).values() for model in models} | APART == set(devices.models())
+    assert {model for models in (KINDS | LIBRARY).values() for model in models} | APART >= set(devices.models())
 
 
 @pytest.mark.parametrize("name", each())

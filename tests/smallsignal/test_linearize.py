@@ -97,7 +97,8 @@ def test_labels_reach_python_control(point):
 
 def test_every_kind_of_signal_has_a_place_in_some_case(point):
     case = point("two_area").case.with_storage([Storage(1, 5, 50.0, lag=0.05)])
-    m = linearize(operating_point.solve(case), [k for k in INPUTS if k not in ("field", "power")], list(OUTPUTS))
+    outputs = [k if k != "state" else "state:speed GENROU 2" for k in OUTPUTS]
+    m = linearize(operating_point.solve(case), [k for k in INPUTS if k not in ("field", "power")], outputs)
     assert "order ESD 1@5" in m.inputs
     assert "power ESD 1@5" in m.states
     assert not any("energy" in s for s in m.states)

@@ -45,7 +45,12 @@ def test_power_flow_is_that_of_the_book(points):
 
 
 def test_classical_clearing_time(cases):
-    """Fault at bus 7, cleared by opening 5-7, loads as impedances: 0.162 s."""
+    """Fault at bus 7, cleared by opening 5-7, loads as impedances: 0.162 s, judged by the first swings.
+
+    Without damping machine 3 still loses synchronism after 6.6 s (0.162 s) or 15.7 s (0.161 s), which the rule for
+    swings that do not decay finds.
+    """
     point = operating_point.solve(cases("wscc9").with_loads("impedance").classical())
-    found = point.clearing_time(st.Contingency("7", trip="5-7"), resolution="1ms", scan=0)
-    assert found.seconds == pytest.approx(0.162, abs=1e-3)
+    fault, options = st.Contingency("7", trip="5-7"), {"resolution": "1ms", "scan": 0}
+    assert point.clearing_time(fault, longest=0, **options).seconds == pytest.approx(0.162, abs=1e-9)
+    assert point.clearing_time(fault, **options).seconds == pytest.approx(0.160, abs=1e-9)
