@@ -20,7 +20,7 @@ power of the device jumps (the simulation ends a step there). Initialization ign
 DEADBANDS. The file name is the name of the table. DYR names the fields of Par in the order of the constants of a PSS/E
 record (`_name`: ignored, `+name`: an integer before the constants, `'name`: a text there); from_record(kind, values) ->
 (Par, corrections) converts values where that is needed. ANGLES lists the states that are angles in the synchronous
-frame, by default "delta".
+frame, by default "delta"; PHASORS the pairs of states that are real and imaginary part of a phasor there.
 """
 
 import copyreg

@@ -133,8 +133,16 @@ class Linear(Model):
 
     def rotation(self) -> np.ndarray:
         """The change of the states (states) when all angles are rotated by 1 rad, which changes nothing else."""
-        every = devices.every()
-        return np.array([p.name in getattr(every.get(p.table), "ANGLES", ("delta",)) for p in self.places], float)
+        every, layout = devices.every(), self.point.layout
+        value = {(p.table, p.row, p.name): float(self.point.s[k]) for k, p in enumerate(layout.states)}
+        r = np.zeros(len(self.places))
+        for k, p in enumerate(self.places):
+            device = every.get(p.table)
+            r[k] = p.name in getattr(device, "ANGLES", ("delta",))
+            for re, im in getattr(device, "PHASORS", ()):  # j times the phasor
+                if p.name in (re, im):
+                    r[k] = -value[p.table, p.row, im] if p.name == re else value[p.table, p.row, re]
+        return r
 
     def angles(self) -> np.ndarray:
         """Indices (rotor units) of the angles among the states."""

@@ -9,6 +9,7 @@ import multiprocessing
 import os
 import signal
 import threading
+import time
 import warnings
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator
@@ -23,6 +24,7 @@ from .result import Result, Row, signed
 from .task import Task
 
 TRIES = 3  # of a job whose worker dies, and to start a worker
+PAUSE = 0.2  # s   before another try
 WARM = "stabctl.sweep.warm"  # its import loads the machine code
 METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
 ENVIRONMENT = dict.fromkeys(
@@ -74,11 +76,17 @@ class Worker:
         context: Any = multiprocessing.get_context(METHOD)
         self.task: Task | None = None
         self.pipe, theirs = context.Pipe()
-        self.process = context.Process(target=_serve, args=(theirs, devices.registered()), daemon=True)
         try:
-            _start(self.process)
-        except (EOFError, OSError) as error:
-            raise StudyError(f"The worker processes failed to start: {type(error).__name__} {error}.") from None
+            for left in reversed(range(TRIES)):
+                self.process = context.Process(target=_serve, args=(theirs, devices.registered()), daemon=True)
+                try:
+                    _start(self.process)
+                    break
+                except (EOFError, OSError) as error:
+                    if not left:
+                        said = f"{type(error).__name__} {error}"
+                        raise StudyError(f"The worker processes failed to start: {said}.") from None
+                    time.sleep(PAUSE)  # a fork server that was killed just now is not yet seen to be gone
         finally:
             theirs.close()
 

@@ -8,6 +8,7 @@ import scipy.sparse as sp
 from scipy.io import loadmat
 from scipy.optimize import linear_sum_assignment
 from scipy.sparse.linalg import splu
+from systems import doubled, each, kind, small
 
 from stabctl import io
 from stabctl.dynamics import operating_point
@@ -97,7 +98,7 @@ def test_labels_reach_python_control(point):
 
 def test_every_kind_of_signal_has_a_place_in_some_case(point):
     case = point("two_area").case.with_storage([Storage(1, 5, 50.0, lag=0.05)])
-    outputs = [k if k != "state" else "state:speed GENROU 2" for k in OUTPUTS]
+    outputs = [k if k != "state" else "state:field flux GENROU 2" for k in OUTPUTS]
     m = linearize(operating_point.solve(case), [k for k in INPUTS if k not in ("field", "power")], outputs)
     assert "order ESD 1@5" in m.inputs
     assert "power ESD 1@5" in m.states
@@ -199,3 +200,12 @@ def test_saved_matrices_come_back_with_their_names(point, tmp_path, ending):
 def test_an_unknown_ending_is_refused(point, tmp_path):
     with pytest.raises(StudyError, match=r"\.npz or \.mat"):
         linearize(point("two_area")).save(tmp_path / "model.txt")
+
+
+@pytest.mark.parametrize("name", each())
+def test_a_turn_of_all_angles_changes_nothing_with_any_device(name):
+    """Angles that devices track and phasors that they keep turn too."""
+    with kind(name) as models:
+        m = linearize(operating_point.solve(doubled(small(models))))
+    r = m.rotation()
+    assert np.abs(m.A @ r).max() < 1e-7 * np.abs(m.A).max()

@@ -24,6 +24,7 @@ from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 NAME = "CIM"
 ROLE = "load"
+PHASORS = (("re1", "im1"), ("re2", "im2"))
 _CIRCUIT = "+kind Ra Xa Xm R1 X1 R2 X2 _E1 S1 _E2 S2 Mbase Pmult H VI _TI _TB"
 SCOPES = ("BL", "OW", "ZN", "AR", "AL")
 DYR = {f"CIM5{scope}": f"{_CIRCUIT} D _Tnom" for scope in SCOPES}

@@ -20,6 +20,7 @@ from stabctl.schema import FROM_CASE
 
 NAME = "IEEL"
 ROLE = "load"
+ANGLES = ("theta",)
 ORDER = "a1 a2 a3 a4 a5 a6 a7 a8 n1 n2 n3 n4 n5 n6"
 DYR = {f"IEEL{scope}": ORDER for scope in ("BL", "OW", "ZN", "AR", "AL")}
 T = 0.02  # s   frequency filter
