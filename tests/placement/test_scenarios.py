@@ -55,7 +55,7 @@ def test_operating_points_have_names_and_the_same_places(case, levels):
     for wrong, words in (
         ([], "no operating point"),
         (7, "7 is not a system"),
-        ("ieee39", "is not a case"),
+        ("ieee39", "is not a system"),
         ({"a": case, "b": case.trip_machine(5)}, "a and b differ in their machines"),
         ([case, case.with_storage("5MW")], "differ in their existing storage"),
     ):
