@@ -96,7 +96,8 @@ class Simulation:
         self._space = space(self.wired.start, self.wired.layout, self.wired.frame)
         self.frames = tuple((c.named.controller.rate or 1, Frames(c, self)) for c in self.attached.called)
         self._windows()
-        self._width = self.wired.layout.first_memory if record else self.wired.layout.nx
+        last_angle = int(point.rotors.angle.max(initial=-1))  # the angles are kept to judge the last swings
+        self._width = self.wired.layout.first_memory if record else last_angle + 1
         self._times: deque[np.ndarray] = deque()
         self._rows: deque[np.ndarray] = deque()
         self._call(steps.NONE, False)  # compiles, or loads the machine code, outside the time that is measured
@@ -264,7 +265,7 @@ class Simulation:
             raise StudyError(f"The storage orders {self.orders} are not finite numbers; set them between -1 and 1.")
         verdict, made = self._advance(now, last, history)
         self.wall_s += time.perf_counter() - before
-        self._times.append(np.r_[now.starts[:made], [self.time] * last])
+        self._times.append(np.append(now.starts[:made], self.time) if last else now.starts[:made])
         self._rows.append(history[: made + last])
         while not self.recording and len(self._times) > 1 and self._times[1][0] < self.time - swings.SPAN:
             self._times.popleft()

@@ -53,6 +53,10 @@ def steps(start: float, end: float, step: float, rates: Sequence[int] = ()) -> S
     Frame j of a rate is at j / rate. One that falls on the start belongs to this interval, one on the end to the next;
     a frame within 1e-7 s of the start counts as there.
     """
+    if not rates:
+        number = max(1, math.ceil((end - start) / step - 1e-6))
+        h = (end - start) / number
+        return Steps(start + h * np.arange(number), np.full(number, h), NONE.due)
     due: dict[float, int] = {}
     for bit, rate in enumerate(rates):
         for j in range(math.ceil(start * rate - 1e-6), math.ceil(end * rate - 1e-6)):
@@ -62,9 +66,8 @@ def steps(start: float, end: float, step: float, rates: Sequence[int] = ()) -> S
     length = np.diff([*marks, end])
     count = np.maximum(1, np.ceil(length / step - 1e-6)).astype(int)
     first, sizes = np.cumsum(count) - count, np.repeat(length / count, count)
-    bits = np.zeros(len(sizes) if rates else 0, np.int64)
-    if rates:
-        bits[first] = [due.get(t, 0) for t in marks]
+    bits = np.zeros(len(sizes), np.int64)
+    bits[first] = [due.get(t, 0) for t in marks]
     starts = np.repeat(marks, count) + sizes * (np.arange(len(sizes)) - np.repeat(first, count))
     return Steps(starts, sizes, bits)
 
