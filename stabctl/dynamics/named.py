@@ -27,6 +27,12 @@ class Named:
     rest: np.ndarray  # values of the inputs at the operating point
 
     @property
+    def limits(self) -> tuple[float, float]:
+        """Lowest and highest output; storage orders never leave -1 to 1."""
+        low, high = self.controller.limits
+        return (max(low, -1.0), min(high, 1.0)) if any(s.kind == "order" for s in self.outputs) else (low, high)
+
+    @property
     def matrices(self) -> Matrices:
         """Its matrices at the operating point."""
         return realized(self.controller, self.names, self.rest, len(self.outputs))

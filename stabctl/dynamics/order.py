@@ -86,7 +86,7 @@ def _merged(nodes: Iterable[Node]) -> list[Node]:
 def near(families: Sequence[Family]) -> np.ndarray:
     """Places of the buses and inputs of the devices that are called at every iteration of the voltages."""
     out = [np.zeros(0, np.int64)]
-    draws = _draws(families)
+    draws = all_of(families, CURRENT)
     for i, _, rows in [*read_by_currents(families, ordered(families) if draws else ()), *draws]:
         _, inputs, _, buses = family.size(families[i])
         columns = [*(family.BUS, family.BUS2)[:buses], *range(INPUTS, INPUTS + inputs)]
@@ -96,7 +96,7 @@ def near(families: Sequence[Family]) -> np.ndarray:
 
 def read_by_currents(families: Sequence[Family], sweep: Sequence[Node]) -> list[Node]:
     """The part of `sweep` whose outputs the currents read: they are made anew at every iteration of the voltages."""
-    return makers(families, sweep, _draws(families))
+    return makers(families, sweep, all_of(families, CURRENT))
 
 
 def read_by_frames(families: Sequence[Family], sweep: Sequence[Node]) -> list[Node]:
@@ -107,10 +107,6 @@ def read_by_frames(families: Sequence[Family], sweep: Sequence[Node]) -> list[No
 def all_of(families: Sequence[Family], op: int) -> list[Node]:
     """All devices that have an operation."""
     return [(i, op, tuple(range(len(f.w)))) for i, f in enumerate(families) if len(f.w) and op in family.operations(f)]
-
-
-def _draws(families: Sequence[Family]) -> list[Node]:
-    return all_of(families, CURRENT)
 
 
 def makers(families: Sequence[Family], sweep: Sequence[Node], readers: Iterable[Node]) -> list[Node]:

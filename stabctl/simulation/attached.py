@@ -1,7 +1,7 @@
 """An operating point with controllers: the places of all that they read and drive."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -42,7 +42,6 @@ class Attached:
     rates: tuple[int, ...] = ()  # 1/s, of the sampled controllers that are compiled; place k is bit k
     called: tuple[Called, ...] = ()
     windows: tuple[tuple[int, float, float], ...] = ()  # place of a flag, its start and end, s
-    memory: int = field(default=0)
 
 
 def attached(point: OperatingPoint, controllers: Sequence[Controller]) -> Attached:
@@ -137,14 +136,11 @@ class _Attachment:
 
     def _constants(self, c: Named, M: Matrices, m: int) -> list[float]:
         """The row of constants, as `lti` describes it."""
-        what, (n, p) = c.controller, (len(M.A), len(M.C))
-        p = len(c.outputs)
-        gate, (low, high) = what.gate, what.limits
+        what, n, p = c.controller, len(M.A), len(c.outputs)
+        gate, (low, high) = what.gate, c.limits
         bounds = (
             (max(gate.low, -BOUND), min(gate.high, BOUND), gate.magnitude) if gate and gate.signal else (0.0, 2.0, 0.0)
         )
-        if any(s.kind == "order" for s in c.outputs):
-            low, high = max(low, -1.0), min(high, 1.0)
         L = np.zeros((n, p))
         if what.tracking and n:
             rate = what.rate or 0

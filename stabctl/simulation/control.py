@@ -1,6 +1,6 @@
 """What acts on a simulation: a storage law, controllers, and what is called from outside at frames."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -9,10 +9,9 @@ import numpy as np
 from stabctl.controllers import Law
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.python_law import Seen, answer
-from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError, shown
 
-from .attached import Attached, Called, attached
+from .attached import Called
 from .lti import shape
 from .sampled import Sampled
 
@@ -29,10 +28,6 @@ class Acting:
     law: Law | None = None  # acts at every step
     pilots: tuple[Sampled, ...] = ()
     controllers: tuple[Controller, ...] = ()
-
-    def at(self, point: OperatingPoint) -> Attached:
-        """The operating point with the controllers."""
-        return attached(point, self.controllers) if self.controllers else Attached(point)
 
 
 def acting(control: Any, storage: bool = True) -> Acting:
@@ -51,8 +46,6 @@ def acting(control: Any, storage: bool = True) -> Acting:
         If something is not a controller, or there are two laws for the same storage devices.
     """
     several = control if isinstance(control, list | tuple) else () if control is None else (control,)
-    if not isinstance(several, Iterable):
-        raise StudyError(f"control = {shown(control)} is not a control law.")
     laws: list[Any] = []
     for one in several:
         if isinstance(one, type):
@@ -94,9 +87,7 @@ class Frames:
         seen = Seen(named.names, s[self._called.reads] - named.rest, named.rest, simulation.time)
         u, self._x = answer(self._law, seen, self._x, len(named.outputs), what.name)
         self._late.append(np.array(u, float))
-        low, high = what.limits
-        if any(o.kind == "order" for o in named.outputs):
-            low, high = max(low, -1.0), min(high, 1.0)
+        low, high = named.limits
         late = [shape(float(value), low, high, what.deadband, float(what.relay)) for value in self._late.pop(0)]
         held = s[self._called.held]
         reach = what.ramp / (what.rate or 1)

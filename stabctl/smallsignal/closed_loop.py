@@ -129,8 +129,7 @@ class _Plant:
     def with_continuous(self, c: Named) -> "_Plant":
         """The loop closed with u = K y added to the inputs it drives."""
         m, K = self.model, c.matrices
-        zero = not c.controller.linear
-        gain = 0.0 if zero else 1.0
+        gain = 1.0 if c.controller.linear else 0.0
         inputs, outs = (
             np.eye(len(self.drives))[:, self.columns(c.outputs)],
             np.eye(len(self.reads))[self.rows(c.inputs)],
