@@ -1,0 +1,44 @@
+"""The machines that leave together."""
+
+import pytest
+
+from stabctl.clearing.search import Search
+from stabctl.clearing.trial import Trial
+from stabctl.design.leaving import Group, disjoint, leaving, slow_areas
+from stabctl.simulation.contingency import Contingency
+
+
+@pytest.mark.parametrize(
+    ("name", "fault", "trip", "machines"),
+    [
+        ("two_area", "7-8@0.4", (), {3, 4}),
+        ("two_area", "9", "9-8", {3, 4}),
+        ("wnaps_paper", "83", "83-33", {13, 14}),
+    ],
+)
+def test_the_group_is_found_from_the_run_that_is_lost(points, name, fault, trip, machines):
+    point = points(name)
+    group = leaving(Trial(point, Contingency(fault, trip=trip), None, Search()), slow_areas(point.modes()))
+    assert set(group.machines) == machines
+    assert group.coherent
+    assert group.first in group.left
+
+
+def test_a_machine_that_just_held_belongs_to_the_group(points):
+    """At clearing machine 13 has 0.61 times the speed of machine 14, which leaves alone."""
+    point = points("wnaps_paper")
+    group = leaving(Trial(point, Contingency("83", trip="83-33"), None, Search()), slow_areas(point.modes()), 5.125)
+    assert group.left == (14,)
+    assert str(group) == "machine 14 leaves with 13 (one coherent area)"
+    assert group.cycles == 5.25
+
+
+def test_no_group_if_nothing_is_lost(points):
+    point = points("two_area")
+    search = Search(limit_cycles=2.0, resolution_cycles=1.0)
+    assert leaving(Trial(point, Contingency("7-8@0.4"), None, search), slow_areas(point.modes())) is None
+
+
+def test_groups_of_a_law_have_no_common_machine():
+    found = [Group(m, m[0], m, m, 1.0) for m in ((1, 2), (3,), (2, 3), (4, 5))]
+    assert disjoint(found) == ((1, 2), (4, 5))
