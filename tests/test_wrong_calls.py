@@ -26,7 +26,7 @@ def run(base):
         (lambda: st.LoadStep(7, 1.0), "The load step at bus 7 has no power"),
         (lambda: st.LoadStep(7, 1.0, p="50Hz"), "'50Hz' is not a power"),
         (lambda: event("7:50MW@1s", 60.0), "is not an event"),
-        (lambda: st.EstimatorControl(3), "law = 3 is not a control law"),
+        (lambda: st.EstimatorControl(3), "control = 3 is not a control law"),
         (lambda: st.EstimatorControl(st.BangBang(), pmu=3), "pmu = 3 does not describe PMUs"),
         (lambda: st.BangBang(deadband=None), "deadband = None"),
         (lambda: st.load("two_area").with_storage("1e9MW"), "not realistic; give at most 1e\\+06 MW"),

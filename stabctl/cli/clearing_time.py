@@ -51,12 +51,12 @@ def clearing_time(
     through = shared.impedance(fault_impedance)
     point = storage.initialize(loaded)
     own = shared.controllers(controller)
-    steering = pmu.steering(law.chosen(point.case, control, own), estimator, "batched")
+    steering = pmu.steering(law.chosen(point.case, control, own), own, estimator, "batched")
     with shared.progress("searching", None) as tell:
         found = clearing_time(
             point,
             Contingency(fault, trip=trip or (), at=0.0, impedance=through, events=events),
-            control=[*([steering] if steering else []), *own],
+            control=steering,
             resolution=resolution,
             limit=limit,
             observe=observe,

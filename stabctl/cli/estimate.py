@@ -1,7 +1,7 @@
 """stabctl estimate: rotor speeds estimated from PMU reports, with the storage control in the loop."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -25,6 +25,7 @@ def estimate(
     at: At = 1.0,
     observe: options.Observe = "5s",
     step: options.Step = None,
+    controller: options.Controllers = None,
     storage: groups.StorageOptions,
     law: groups.LawOptions,
     fault_impedance: options.FaultImpedance = "0,0",
@@ -50,11 +51,14 @@ def estimate(
     off = seconds(clear, loaded.frequency_hz)
     contingency = Contingency(fault, clear, trip or (), at=at, impedance=shared.impedance(fault_impedance))
     point = storage.initialize(loaded)
+    own = shared.controllers(controller)
+    chosen = law.chosen(point.case, None, own)
+    behind: list[Any] = [*([chosen] if chosen else []), *own] or [law.law()]
     found = simulate(
         point,
         contingency,
         at + off + observed,
-        control=EstimatorControl(law.law(), estimator, pmu.pmu()),
+        control=EstimatorControl(behind, estimator, pmu.pmu()),
         seeds=pmu.seed,
         step=step,
         criterion=stability.criterion(loaded),

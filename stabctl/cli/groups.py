@@ -1,7 +1,7 @@
 """Groups of options, as records that create the objects they describe."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from . import options, shared
 
@@ -142,15 +142,23 @@ class PmuOptions(NamedTuple):
         return Pmu.noisy(self.pmu_rate, self.pmu_noise_mrad, self.latency_ms, self.loss)
 
     def steering(
-        self, law: "BangBang | None", estimator: options.Estimator, engine: "Engine" = "filterpy"
-    ) -> "BangBang | EstimatorControl | None":
-        """The storage control: the law itself with the ideal estimator, otherwise the law with estimated speeds."""
+        self,
+        law: "BangBang | None",
+        controllers: "Sequence[Controller]",
+        estimator: options.Estimator,
+        engine: "Engine" = "filterpy",
+    ) -> "list[BangBang | Controller | EstimatorControl]":
+        """Law and controllers: themselves with the ideal estimator, otherwise behind PMUs and an estimator."""
         pmu = self.pmu()
+        behind: list[Any] = [*([law] if law else []), *controllers]
         if estimator == "ideal":
-            return law
+            return behind
         from stabctl.errors import StudyError
         from stabctl.estimation.estimator_control import EstimatorControl
 
-        if law is None:
-            raise StudyError(f"--estimator {estimator} needs storage devices under control; give --storage.")
-        return EstimatorControl(law, estimator, pmu, seed=self.seed, engine=engine)
+        if not behind:
+            raise StudyError(
+                f"--estimator {estimator} needs storage devices under control, or controllers; give --storage or "
+                "--controller."
+            )
+        return [EstimatorControl(behind, estimator, pmu, seed=self.seed, engine=engine)]

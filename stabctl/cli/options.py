@@ -190,7 +190,7 @@ FrequencyDelay = Annotated[
 
 Estimator = Annotated[
     Literal["ideal", "frequency", "kinematic", "kalman"],
-    typer.Option("--estimator", help="Speeds that the control law uses: the true ones, or estimates from PMU reports."),
+    typer.Option("--estimator", help="What law and controllers read: the true signals, or estimates from PMU reports."),
 ]
 PmuRate = Annotated[int, typer.Option("--pmu-rate", help="PMU reports per second.")]
 PmuNoise = Annotated[

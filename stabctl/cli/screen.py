@@ -29,6 +29,8 @@ def screen(
     storage: groups.StorageOptions,
     law: groups.LawOptions,
     stability: groups.StabilityOptions,
+    estimator: options.Estimator = "ideal",
+    pmu: groups.PmuOptions,
     workers: options.Workers = None,
     out: Out = None,
     case: groups.CaseOptions,
@@ -41,12 +43,12 @@ def screen(
     loaded = case.load()
     point = storage.initialize(loaded)
     own = shared.controllers(controller)
-    chosen = law.chosen(point.case, control, own)
+    steering = pmu.steering(law.chosen(point.case, control, own), own, estimator, "batched")
     with shared.progress("screening", 1.0) as tell:
         found = screen(
             point,
             below,
-            control=[*([chosen] if chosen else []), *own],
+            control=steering,
             resolution=resolution,
             limit=limit,
             observe=observe,

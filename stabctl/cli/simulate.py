@@ -75,13 +75,13 @@ def simulate(
     contingency = Contingency(fault, clear, trip or (), at=at, impedance=through, events=events)
     point = storage.initialize(loaded)
     own = shared.controllers(controller)
-    steering = pmu.steering(law.chosen(point.case, control, own), estimator)
+    steering = pmu.steering(law.chosen(point.case, control, own), own, estimator)
     with shared.progress("simulating", seconds(until, loaded.frequency_hz)) as tell:
         result = simulate(
             point,
             contingency,
             until,
-            control=[*([steering] if steering else []), *own],
+            control=steering,
             step=step,
             criterion=stability.criterion(loaded),
             record=out is not None or plot is not None,

@@ -275,7 +275,7 @@ def _matrix(key: str, value: Any, shape: tuple[int | None, int | None]) -> np.nd
         found = np.array(value, float)
     except (TypeError, ValueError):
         raise StudyError(f"The matrix {key} of the controller is not made of numbers: {shown(value)}.") from None
-    if found.size == 0 and 0 in shape:
+    if found.size == 0 and 0 in shape and found.ndim != 2:
         found = found.reshape([0 if k is None else k for k in shape])
     found = np.atleast_2d(found) if found.ndim < 2 else found
     if found.ndim != 2 or any(want is not None and n != want for n, want in zip(found.shape, shape, strict=True)):

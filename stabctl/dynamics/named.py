@@ -33,6 +33,13 @@ class Named:
         return (max(low, -1.0), min(high, 1.0)) if any(s.kind == "order" for s in self.outputs) else (low, high)
 
     @property
+    def machine(self) -> int | None:
+        """Number of the machine to which all inputs that it drives belong; None if there are several, or none."""
+        driven = {int(str(s.place).split("@")[0]) if INPUTS[s.kind].place in ("machine", "device") else None
+                  for s in self.outputs}  # fmt: skip
+        return driven.pop() if len(driven) == 1 else None
+
+    @property
     def matrices(self) -> Matrices:
         """Its matrices at the operating point."""
         return realized(self.controller, self.names, self.rest, len(self.outputs))

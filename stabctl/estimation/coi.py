@@ -27,6 +27,8 @@ class Deviations(NamedTuple):
     acceleration: np.ndarray  # pu/s
     sigma: np.ndarray  # pu   standard deviation of the speed
     usable: np.ndarray  # bool   the own estimate is valid, and those of enough of the island
+    own: Estimate  # as the machines know it, with slips and their variance extrapolated to the present
+    remote: Estimate  # as others know it, the same
 
 
 class CoiReference:
@@ -68,8 +70,8 @@ class CoiReference:
         self._past.append((now, valid))
         remote, remote_valid = self._past[0]
         jumped = (now.acceleration - remote.acceleration) ** 2  # of a machine, which the others may have done too
-        s, a, var = _extrapolated(now, self.own * self.T)
-        rs, ra, rvar = _extrapolated(remote, self.remote * self.T)
+        own, far = _extrapolated(now, self.own * self.T), _extrapolated(remote, self.remote * self.T)
+        (s, a, var), (rs, ra, rvar) = own[:3], far[:3]
         if without is not None and without.any():
             s, a, var = np.where(without, (rs, ra, rvar), (s, a, var))
         H = self.H if whole else self.H * (island >= 0)
@@ -80,7 +82,7 @@ class CoiReference:
         usable = valid & (island >= 0) & (reporting > 0) & (reporting + self.H >= ENOUGH * (sums[0] + self.H))
         unseen = (SHARED * min((self.remote - self.own) * self.T, REACH)) ** 2 * jumped
         sigma = np.sqrt(var + sums[3] / weight**2 + unseen)
-        return Deviations(s - sums[1] / weight, a - sums[2] / weight, sigma, usable)
+        return Deviations(s - sums[1] / weight, a - sums[2] / weight, sigma, usable, own, far)
 
     def _together(self, e: Estimate, silent: np.ndarray, island: np.ndarray) -> Estimate:
         """A silent machine stays in synchronism: its speed is near that of the COI, as near as those of the others are.
@@ -97,10 +99,10 @@ class CoiReference:
         return e._replace(slip=slip, acceleration=(1 - gain) * e.acceleration, variance=(1 - gain) * e.variance)
 
 
-def _extrapolated(e: Estimate, age: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Slip, acceleration and variance of the slip, `age` seconds later."""
+def _extrapolated(e: Estimate, age: float) -> Estimate:
+    """Slip and its variance `age` seconds later."""
     t = min(age, REACH)
-    return (e.slip + t * e.acceleration if t else e.slip), e.acceleration, e.variance + t * t * e.drift
+    return e._replace(slip=e.slip + t * e.acceleration, variance=e.variance + t * t * e.drift) if t else e
 
 
 def _others(weight: np.ndarray, island: np.ndarray, whole: bool) -> np.ndarray:

@@ -2,20 +2,23 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
-from stabctl.controllers import BangBang, Law
+from stabctl.controllers import BangBang
 from stabctl.dynamics.coerce import Fleet, operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.simulation.contingency import Disturbance, schedule
+from stabctl.simulation.control import Control
 from stabctl.simulation.criterion import DEFAULT, Criterion, checked
 from stabctl.simulation.sampled import carry
 from stabctl.simulation.simulation import Simulation
 from stabctl.units import seconds
 
 from .estimates import Estimates
-from .estimator_control import EstimatorControl, EstimatorLoop
+from .estimator_control import EstimatorControl
+from .estimator_loop import EstimatorLoop
 from .estimators import EstimatorName
 from .pmu import Pmu
 
@@ -28,7 +31,7 @@ def estimate(
     until: str | float | None = None,
     *,
     storage: "Fleet | None" = None,
-    control: Law | EstimatorControl | None = None,
+    control: Control | EstimatorControl = None,
     estimator: EstimatorName = "kalman",
     pmu: Pmu | None = None,
     seeds: int | Iterable[int] = 1,
@@ -48,9 +51,9 @@ def estimate(
         End of the simulation: "10s", or seconds; by default 5 s after the last event.
     storage : str, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
-    control : control law or EstimatorControl, optional
-        The control law of the storage devices, with estimated speeds, `BangBang()` by default. An `EstimatorControl`
-        also says which estimator and PMUs it uses; `estimator` and `pmu` are then ignored.
+    control : control law, Controller, list of them, or EstimatorControl, optional
+        The control law of the storage devices, with estimated speeds, `BangBang()` by default, and controllers. An
+        `EstimatorControl` also says which estimator and PMUs it uses; `estimator` and `pmu` are then ignored.
     estimator : {"ideal", "frequency", "kinematic", "kalman"}
         How the speeds are estimated.
     pmu : Pmu, optional
@@ -82,21 +85,18 @@ def estimate(
         raise StudyError(f"seeds = {seeds!r} is not allowed; give one or more whole numbers of at least 0.")
     h = None if step is None else seconds(step, hz)
     rules = checked(criterion, hz)
-    simulations = [Simulation(point, events, step=h, criterion=rules, record=record) for _ in seeds]
+    options: Any = {"measured": chosen.controllers, "step": h, "criterion": rules, "record": record}
+    simulations = [Simulation(point, events, **options) for _ in seeds]
     loop = EstimatorLoop(chosen, simulations, seeds)
-    carry(simulations, [(chosen.rate, loop)], [last + OBSERVE if end is None else end])
+    called = [one for s in simulations for one in s.frames]
+    carry(simulations, [(chosen.rate, loop), *called], [last + OBSERVE if end is None else end])
     return replace(loop.estimates(), runs=tuple(s.finish() for s in simulations), cleared_s=last)
 
 
-def _control(control: Law | EstimatorControl | None, estimator: EstimatorName, pmu: Pmu | None) -> EstimatorControl:
-    """The law with its estimator."""
+def _control(control: Any, estimator: EstimatorName, pmu: Pmu | None) -> EstimatorControl:
+    """The control with its estimator."""
     if isinstance(control, type):
         raise StudyError(f"control = {control.__name__} is a class; give an instance, {control.__name__}().")
     if isinstance(control, EstimatorControl):
         return control
-    law = BangBang() if control is None else control
-    if not callable(getattr(law, "par", None)):
-        raise StudyError(
-            f"control = {law!r} is not a control law; give BangBang(), Feedback(...) or an EstimatorControl."
-        )
-    return EstimatorControl(law, estimator, Pmu() if pmu is None else pmu)
+    return EstimatorControl(BangBang() if control is None else control, estimator, Pmu() if pmu is None else pmu)

@@ -31,6 +31,7 @@ class Estimate(NamedTuple):
     drift: np.ndarray  # pu^2/s^2   variance of the acceleration
     received: np.ndarray  # bool   a report arrived
     nis: np.ndarray  # -      normalized innovation squared, NaN without a report
+    angle: np.ndarray | None = None  # rad   of the rotor, where the estimator knows it
 
 
 class Estimator(Protocol):
@@ -109,7 +110,7 @@ class Filtered:
         acceleration, drift = self.model.acceleration(x, P)
         y, C = self.model.angle_and_slip(x, P)
         variance = C[..., 1, 1] + self.model.silence.slip**2
-        return Estimate(y[..., 1].copy(), acceleration, variance, drift, received, nis)
+        return Estimate(y[..., 1].copy(), acceleration, variance, drift, received, nis, y[..., 0].copy())
 
 
 def estimator(

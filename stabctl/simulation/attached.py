@@ -12,7 +12,7 @@ from stabctl.dynamics import inputs as ins
 from stabctl.dynamics import outputs
 from stabctl.dynamics.extended import extended
 from stabctl.dynamics.extension import Extension
-from stabctl.dynamics.layout import StatePlace
+from stabctl.dynamics.layout import SetPoint, StatePlace
 from stabctl.dynamics.named import Named, named
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen, machines
@@ -33,6 +33,14 @@ class Called:
     held: slice
 
 
+@dataclass(frozen=True)
+class Measured:
+    """A controller behind an estimator, and the places (inputs) of what it reads, which the estimator sets."""
+
+    named: Named
+    reads: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class Attached:
     """An operating point with controllers."""
@@ -42,10 +50,20 @@ class Attached:
     rates: tuple[int, ...] = ()  # 1/s, of the sampled controllers that are compiled; place k is bit k
     called: tuple[Called, ...] = ()
     windows: tuple[tuple[int, float, float], ...] = ()  # place of a flag, its start and end, s
+    measured: tuple[Measured, ...] = ()
 
 
-def attached(point: OperatingPoint, controllers: Sequence[Controller]) -> Attached:
+def attached(point: OperatingPoint, controllers: Sequence[Controller], measured: Sequence[Controller] = ()) -> Attached:
     """The operating point with controllers, which it keeps; it does not move.
+
+    Parameters
+    ----------
+    point : OperatingPoint
+        The operating point.
+    controllers : sequence of Controller
+        Controllers that read the true signals.
+    measured : sequence of Controller
+        Controllers behind an estimator. Each of their inputs is a set-point, at rest until the estimator sets it.
 
     Raises
     ------
@@ -55,27 +73,29 @@ def attached(point: OperatingPoint, controllers: Sequence[Controller]) -> Attach
         If a controller forms an algebraic loop with the devices, which it names.
     """
     kept = vars(point).setdefault("attached", {})
-    key = tuple(controllers)
+    key = tuple(controllers), tuple(measured)
     if key not in kept:
-        kept[key] = _Attachment(point, [named(point, c) for c in controllers]).done()
+        kept[key] = _Attachment(point, *([named(point, c) for c in several] for several in key)).done()
     return kept[key]
 
 
 class _Attachment:
     """Adds controllers one after the other."""
 
-    def __init__(self, point: OperatingPoint, controllers: Sequence[Named]) -> None:
+    def __init__(self, point: OperatingPoint, true: Sequence[Named], behind: Sequence[Named]) -> None:
+        controllers = [*true, *behind]
         gates = [chosen(point.case, [g], OUTPUTS)[0] if (g := _gate(c)) else None for c in controllers]
-        read = [s for c in controllers for s in c.inputs] + [g for g in gates if g is not None]
+        read = [s for c in true for s in c.inputs] + [g for g in gates if g is not None]
         self.base = extended(point, (), read)
         self.more = Extension(self.base)
-        self.controllers, self.gates = controllers, gates
+        self.controllers, self.gates, self.behind = controllers, gates, {id(c) for c in behind}
         rates = {c.controller.rate for c in controllers if c.controller.law is None}
         self.rates = tuple(sorted(r for r in rates if r))
         self.sensors: dict[Signal, int] = {}
         self.ports: dict[Signal, list[tuple[int, int, int]]] = {}
         self.called: list[tuple[Named, list[int], int]] = []
         self.windows: list[tuple[int, float, float]] = []
+        self.measured: list[tuple[Named, list[int]]] = []
         self.unit = {m.machine: i for i, m in enumerate(point.case.machines)}
         for signal in dict.fromkeys(s for c in controllers for s in c.outputs):
             self.ports[signal] = self._ports(signal)
@@ -90,7 +110,8 @@ class _Attachment:
             for c, reads, held in self.called
         )
         windows = tuple((final(at), start, end) for at, start, end in self.windows)
-        return Attached(point, tuple(self.controllers), self.rates, tuple(called), windows)
+        measured = tuple(Measured(c, np.array([final(r) for r in reads], int)) for c, reads in self.measured)
+        return Attached(point, tuple(self.controllers), self.rates, tuple(called), windows, measured)
 
     def _ports(self, signal: Signal) -> list[tuple[int, int, int]]:
         """The inputs of devices that a signal drives."""
@@ -105,7 +126,7 @@ class _Attachment:
 
     def _add(self, c: Named, gate: Signal | None) -> None:
         what, more, m, p = c.controller, self.more, len(c.inputs), len(c.outputs)
-        reads = [self._place(s) for s in c.inputs]
+        reads = self._estimated(c) if id(c) in self.behind else [self._place(s) for s in c.inputs]
         owner = self._owner(c)
         base = [int(self.more.connected(self.ports[s], 0)) for s in c.outputs]
         out = more.outputs([more.value(at) for at in base], owner)
@@ -156,6 +177,13 @@ class _Attachment:
         """The unit of a controller that drives one machine only: it is frozen when the machine is off."""
         driven = {self.unit[s.number] if INPUTS[s.kind].place == "machine" else -1 for s in c.outputs}
         return driven.pop() if len(driven) == 1 else -1
+
+    def _estimated(self, c: Named) -> list[int]:
+        """A set-point for each input of a controller behind an estimator, at the value at rest."""
+        points = (SetPoint(-1, "measured", f"measured {s.label}", None) for s in c.inputs)
+        reads = [self.more.setpoint(one, float(rest)) for one, rest in zip(points, c.rest, strict=True)]
+        self.measured.append((c, reads))
+        return reads
 
     def _place(self, signal: Signal) -> int:
         """Place of a signal; a sensor is added where no device gives it."""

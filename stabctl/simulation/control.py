@@ -28,6 +28,7 @@ class Acting:
     law: Law | None = None  # acts at every step
     pilots: tuple[Sampled, ...] = ()
     controllers: tuple[Controller, ...] = ()
+    measured: tuple[Controller, ...] = ()  # that read what a pilot measures
 
 
 def acting(control: Any, storage: bool = True) -> Acting:
@@ -63,9 +64,11 @@ def acting(control: Any, storage: bool = True) -> Acting:
         laws.append(one)
     controllers = tuple(c for c in several if isinstance(c, Controller))
     pilots = tuple(c for c in several if isinstance(c, Sampled) and not isinstance(c, Controller))
-    if len(laws) + len(pilots) > 1:
+    if len(pilots) > 1:
+        raise StudyError("Give one EstimatorControl, with all controllers behind the estimator in a list.")
+    if len(laws) + sum(p.law is not None for p in pilots) > 1:
         raise StudyError("Give one storage law; further controllers are made with Controller.")
-    return Acting(laws[0] if laws else None, pilots, controllers)
+    return Acting(laws[0] if laws else None, pilots, controllers, tuple(c for p in pilots for c in p.controllers))
 
 
 class Frames:

@@ -4,6 +4,9 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
+    from stabctl.controllers import Law
+    from stabctl.controllers.controller import Controller
+
     from .simulation import Simulation
 
 
@@ -17,6 +20,16 @@ class Sampled(Protocol):
     @property
     def rate(self) -> int:
         """Frames per second."""
+        ...
+
+    @property
+    def law(self) -> "Law | None":
+        """The storage law whose orders it sets, if any."""
+        ...
+
+    @property
+    def controllers(self) -> "tuple[Controller, ...]":
+        """Controllers whose inputs it sets."""
         ...
 
     def pilot(self, simulations: "Sequence[Simulation]") -> Callable[[], None]:

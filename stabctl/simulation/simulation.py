@@ -46,6 +46,8 @@ class Simulation:
         Control law of the storage devices; by default the orders set in `orders`.
     controllers : sequence of Controller
         Controllers; the frames of Python functions are called by `frames`.
+    measured : sequence of Controller
+        Controllers whose inputs are set from outside, at the places in `attached.measured`.
     step : float, s, optional
         Largest time step.
     criterion : Criterion
@@ -70,6 +72,7 @@ class Simulation:
         control: Law | None = None,
         controllers: Sequence[Controller] = (),
         *,
+        measured: Sequence[Controller] = (),
         step: float | None = None,
         criterion: Criterion = DEFAULT,
         record: bool = True,
@@ -77,7 +80,7 @@ class Simulation:
         progress: Callable[[float], None] | None = None,
     ) -> None:
         self.progress = progress
-        self.attached = attached(point, controllers) if controllers else Attached(point)
+        self.attached = attached(point, controllers, measured) if controllers or measured else Attached(point)
         point = self.attached.point
         self.point, self.criterion, self.recording = point, for_system(criterion, point.system), record
         self.step = steps.checked(point, step)
@@ -315,9 +318,9 @@ def run(
     events, parts = schedule(point.case, contingency, until, start), acting(control)
     simulation = Simulation(
         point, events, parts.law, parts.controllers,
-        step=step, criterion=criterion, record=record, start=start, progress=progress,
+        measured=parts.measured, step=step, criterion=criterion, record=record, start=start, progress=progress,
     )  # fmt: skip
-    pilots: list[Pilot] = [*simulation.frames, *((one.rate, one.pilot([simulation])) for one in parts.pilots)]
+    pilots: list[Pilot] = [*((one.rate, one.pilot([simulation])) for one in parts.pilots), *simulation.frames]
     ends = _ends(simulation, until, longest)
     if pilots:
         carry([simulation], pilots, ends)

@@ -154,7 +154,7 @@ def test_clearing_time_falls_with_latency(study):
 
 def test_a_continuous_law_lives_on_estimates_too(study):
     point, events, cleared, _ = study("two_area")
-    found, accuracy = judged(study, "two_area", replace(FAST, law=Feedback(speed_gain=0.05)), (1,))
+    found, accuracy = judged(study, "two_area", replace(FAST, control=Feedback(speed_gain=0.05)), (1,))
     assert accuracy.rmse_mhz < 15  # 8
     assert len(np.unique(found.orders)) > 100
     assert np.abs(found.orders).max() <= 1
@@ -211,7 +211,7 @@ def test_impossible_arguments_are_one_sentence(points, arguments, says):
 
 
 @pytest.mark.parametrize(
-    ("given", "says"), [((3,), "law = 3 is not a control law"), ((BangBang,), "is not a control law")]
+    ("given", "says"), [((3,), "control = 3 is not a control law"), ((BangBang,), "is not a control law")]
 )
 def test_a_control_is_made_of_a_law(given, says):
     with pytest.raises(StudyError, match=says):

@@ -1,0 +1,143 @@
+"""Controllers behind PMUs and an estimator: with ideal ones nothing changes, with real ones little."""
+
+import json
+
+import numpy as np
+import pytest
+
+import stabctl as st
+from stabctl.errors import StudyError
+
+FAULT = st.Contingency("7-8@0.4", clear="6cyc", at="0.5s")
+NONE = np.zeros((0, 0))
+
+
+def gain(inputs, outputs, D, **more):
+    """A static gain, 60 frames a second."""
+    p, m = np.shape(D)
+    return st.Controller(inputs, outputs, NONE, np.zeros((0, m)), np.zeros((p, 0)), D, rate=60, **more)
+
+
+CONTROLLERS = {  # signals of rotors, then those of PMUs elsewhere; delays come on top
+    "deviation": gain(("deviation:1",), ("order:1@5",), [[200.0]], delay="50ms"),
+    "group": gain(("deviation:1+2", "deviation:4"), ("order:1@5",), [[200.0, 20.0]]),
+    "speeds": gain(("speed:2", "coi_speed", "rest_speed:2"), ("order:2@6",), [[100.0, -50.0, -50.0]]),
+    "angles": gain(("angle:1", "angle:3"), ("order:1@5",), [[1.0, -1.0]]),
+    "voltage": gain(("voltage:7",), ("vs:1",), [[0.1]]),
+    "bus angle": gain(("bus_angle:7",), ("order:1@5",), [[-3.0]]),
+    "flows": gain(("flow:7-8", "flow_q:8-7"), ("order:1@5",), [[-0.2, 0.1]], limits=(-0.5, 0.5)),
+    "terminals": gain(("pe:1", "qe:2", "vt:1"), ("vs:1",), [[-0.1, 0.02, 0.1]]),
+    "function": st.Controller.from_function(
+        lambda seen: 100 * seen["deviation"], "deviation", "order", delay="50ms", name="law"
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def base(cases):
+    return cases("two_area_thyristor").initialize(storage="50MW")
+
+
+@pytest.fixture(scope="module")
+def idle(base):
+    return base.simulate(FAULT, "2s").speed.values
+
+
+def behind(control, estimator="kalman", pmu=None, **more):
+    return st.EstimatorControl(control, estimator, st.Pmu() if pmu is None else pmu, engine="batched", **more)
+
+
+@pytest.mark.parametrize("name", sorted(CONTROLLERS))
+def test_ideal_measurements_change_nothing(base, idle, name):
+    """Also through the fault, with the faulted line as a signal; the rest is the tolerance of the network solution."""
+    c = CONTROLLERS[name]
+    true = base.simulate(FAULT, "2s", control=c)
+    ideal = base.simulate(FAULT, "2s", control=behind(c, "ideal", st.Pmu.exact()))
+    assert np.abs(true.speed.values - idle).max() > 3e-5  # it acts
+    assert np.abs(true.speed.values - ideal.speed.values).max() < 5e-9  # 2e-9 bus angle, others 6e-10
+
+
+@pytest.mark.parametrize(
+    ("name", "bound"),
+    [("angles", 2e-5), ("deviation", 2e-5), ("flows", 4e-4), ("function", 2e-5), ("terminals", 1e-4)],
+)
+def test_kalman_filters_and_noise_change_little(base, idle, name, bound):
+    c = CONTROLLERS[name]
+    true = base.simulate(FAULT, "2s", control=c).speed.values
+    runs = [base.simulate(FAULT, "2s", control=behind(c, seed=seed)).speed.values for seed in (1, 1, 2)]
+    assert (runs[0] == runs[1]).all()
+    assert (runs[0] != runs[2]).any()
+    assert 1e-9 < np.abs(runs[0] - true).max() < bound
+
+
+def test_nothing_moves_at_rest_without_noise(base):
+    reads = ("deviation", "angle", "voltage", "bus_angle", "bus_frequency", "pe")
+    for kind in reads:
+        one = st.Controller.from_function(lambda seen, kind=kind: 0.1 * seen[kind].sum(), kind, "order:1@5")
+        run = base.simulate(until="1s", control=behind(one, pmu=st.Pmu.exact(latency=0.05)))
+        assert np.abs(run.speed.values - 1).max() < 1e-8, kind
+
+
+def test_remote_signals_are_late_and_own_ones_are_not(base):
+    """The first frame at which a law sees the fault: 3 frames after it with 50 ms, at once at its own machine."""
+
+    def first_seen(signal, drives):
+        seen = []
+        law = st.Controller.from_function(
+            lambda now: seen.append((now.time, float(np.abs(now.values).max()))) or 0.0, signal, drives
+        )
+        base.simulate(FAULT, "0.8s", control=behind(law, pmu=st.Pmu.exact(latency=0.05)))
+        return next(time for time, size in seen if size > 1e-4)
+
+    assert first_seen("voltage:7", "order:1@5") == pytest.approx(0.55)
+    assert first_seen("vt:1", "vs:1") == pytest.approx(0.5)
+    assert first_seen("vt:1", "vs:2") == pytest.approx(0.55)
+    assert first_seen("voltage:1", "vs:1") == pytest.approx(0.5)
+
+
+def test_lost_reports_hold_the_last_value(base):
+    seen = []
+    law = st.Controller.from_function(
+        lambda now: seen.append((now.time, float(now["voltage:7"]))) or 0.0, "voltage:7", "vs:1"
+    )
+    base.simulate(FAULT, "1s", control=behind(law, pmu=st.Pmu.exact(outage=("0.55s", "0.75s"))))
+    during = {value for time, value in seen if 0.55 - 1e-9 <= time < 0.75 - 1e-9}
+    assert len(during) == 1
+    assert during.pop() < -0.3  # as in the fault, which is over at 0.6 s
+
+
+def test_a_law_beside_controllers(base):
+    """The law of the storage devices with estimated speeds, and stabilizers in the same loop, or with true signals."""
+    pss = gain(("speed:2",), ("vs:2",), [[10.0]], limits=(-0.1, 0.1))
+    both = base.simulate(FAULT, "2s", control=behind([st.BangBang(), pss], "ideal", st.Pmu.exact()))
+    apart = base.simulate(FAULT, "2s", control=[behind(st.BangBang(), "ideal", st.Pmu.exact()), pss])
+    assert np.abs(both.speed.values - apart.speed.values).max() < 1e-9
+    found = base.estimate(FAULT, "2s", control=behind([st.BangBang(), pss]), seeds=(1, 2))
+    assert found.runs[0].outcome.stable
+    assert found.orders.any()
+
+
+def test_the_command_line_puts_controllers_behind_pmus(stabctl, tmp_path):
+    k = CONTROLLERS["deviation"].save(tmp_path / "k.toml")
+    words = ("simulate", "two_area_thyristor", "--storage", "50MW", "--controller", k, "--json")
+    words += ("--fault", "7-8@0.4", "--clear", "6cyc", "--until", "2s")
+    true, late = (json.loads(stabctl(*words, *more)[1]) for more in ((), ("--estimator", "kalman")))
+    key = "max_angle_from_coi_deg"
+    assert 0 < abs(true[key] - late[key]) < 0.1
+
+
+@pytest.mark.parametrize(
+    ("control", "says"),
+    [
+        (behind(gain(("efd:1",), ("vs:1",), [[1.0]], name="k")), "k reads efd:1, which no PMU measures"),
+        (behind(CONTROLLERS["angles"], "frequency"), "gives no angles of rotors; choose 'kalman'"),
+        ([behind(CONTROLLERS["angles"]), behind(st.BangBang())], "Give one EstimatorControl"),
+        ([behind(st.BangBang()), st.BangBang()], "Give one storage law"),
+        (lambda: behind([st.BangBang(), st.BangBang()]), "one storage law at most"),
+        (lambda: behind([]), "one storage law at most"),
+    ],
+)
+def test_mistakes(base, control, says):
+    with pytest.raises(StudyError, match=says) as refusal:
+        base.simulate(FAULT, "1s", control=control() if callable(control) else control)
+    assert "\n" not in str(refusal.value)
