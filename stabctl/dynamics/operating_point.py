@@ -61,6 +61,8 @@ class OperatingPoint:
     estimate = verb("stabctl.estimation.estimate:estimate")
     place = verb("stabctl.placement.place:place")
     power_flow = verb("stabctl.model.powerflow:solve")
+    one_line = verb("stabctl.diagram:one_line")
+    plot = verb("stabctl.plotting.one_line:plot")
 
     @property
     def layout(self) -> Layout:

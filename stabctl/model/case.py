@@ -108,6 +108,8 @@ class Case:
     margins = verb("stabctl.smallsignal.margins:margins")
     estimate = verb("stabctl.estimation.estimate:estimate")
     place = verb("stabctl.placement.place:place")
+    one_line = verb("stabctl.diagram:one_line")
+    plot = verb("stabctl.plotting.one_line:plot")
 
     def __str__(self) -> str:
         shape = f"{len(self.machines)} machines, {len(self.buses)} buses, {len(self.branches)} branches"

@@ -26,6 +26,8 @@ class Bus(NamedTuple):
     area: Annotated[int, "-", "area, for information only", NOT_NEGATIVE] = 0
     zone: Annotated[int, "-", "zone, for information only", NOT_NEGATIVE] = 0
     owner: Annotated[int, "-", "owner, for information only", NOT_NEGATIVE] = 0
+    x: Annotated[float, "-", "position in diagrams, to the right; with x = y = 0 it is found automatically"] = 0.0
+    y: Annotated[float, "-", "position in diagrams, upward, in the unit of x"] = 0.0
 
 
 class Branch(NamedTuple):

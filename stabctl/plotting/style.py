@@ -11,12 +11,32 @@ from stabctl.errors import StudyError, shown
 if TYPE_CHECKING:
     import numpy as np
     from matplotlib.axes import Axes
+    from matplotlib.colors import LinearSegmentedColormap
     from matplotlib.figure import Figure
 
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8c564b")  # Okabe-Ito
-GRAY = "#808080"
+GRAY, INK = "#808080", "#222222"
+VOLTAGES = ((0.8, "#d55e00"), (0.9, "#e69f00"), (1.0, "#f0f0f0"), (1.1, "#0072b2"))  # pu, color; between them mixed
+CLEARING = "#b3350a", "#e69f00", "#56b4e9", "#0b4f8a"  # critical clearing times, the shortest first
 MARKERS = "os^Dv"
 DPI = 150
+
+
+def voltage_colors() -> "LinearSegmentedColormap":
+    """Return the color map of voltages, from the lowest to the highest of `VOLTAGES`."""
+    low, high = VOLTAGES[0][0], VOLTAGES[-1][0]
+    return _mixed([((v - low) / (high - low), color) for v, color in VOLTAGES])
+
+
+def clearing_colors() -> "LinearSegmentedColormap":
+    """Return the color map of critical clearing times, from the shortest to the longest."""
+    return _mixed([(k / (len(CLEARING) - 1), color) for k, color in enumerate(CLEARING)])
+
+
+def _mixed(stops: list[tuple[float, str]]) -> "LinearSegmentedColormap":
+    from matplotlib.colors import LinearSegmentedColormap
+
+    return LinearSegmentedColormap.from_list("mixed", stops)
 
 
 def subplots(
