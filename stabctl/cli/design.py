@@ -10,12 +10,14 @@ from .grouped import grouped
 
 if TYPE_CHECKING:
     from stabctl.design import Design
+    from stabctl.design import Outages as OutageSet
 
 app = typer.Typer(no_args_is_help=True, help="Design controllers: stabilizers, oscillation dampers, regulators.")
 
 Damping = Annotated[float, typer.Option("--damping", min=0.0, max=0.9, help="Damping ratio to reach.")]
 Out = Annotated[Path | None, typer.Option("--out", help="Write the controllers to FILE.toml, for --controller.")]
 Machine = Annotated[list[int] | None, typer.Option("--machine", help="Machine that gets a stabilizer. Repeatable.")]
+Outages = Annotated[bool, typer.Option("--n-1", help="Serve the system without any one branch, too.")]
 Input = Annotated[str, typer.Option("--input", help="Signal that is read: deviation:1, flow:7-8.")]
 Output = Annotated[str, typer.Option("--output", help="Input that is driven: order:1@5, vs:2.")]
 Rate = Annotated[int | None, typer.Option("--rate", min=1, help="Frames per second (default: continuous).")]
@@ -41,16 +43,20 @@ def pss(
     *,
     machine: Machine = None,
     damping: Damping = 0.1,
+    outages: Outages = False,
     out: Out = None,
     storage: groups.StorageOptions,
     case: groups.CaseOptions,
     as_json: options.Json = False,
 ) -> None:
-    """Design power system stabilizers by phase compensation, with one gain for all."""
-    from stabctl.design import pss
+    """Design power system stabilizers by phase compensation, in place of those of the case."""
+    from stabctl import design
 
     shared.file(out, ".toml")
-    _show(pss(storage.initialize(case.load()), machine or None, damping=damping), out, as_json)
+    point = storage.initialize(case.load())
+    points = design.outages(point) if outages else point
+    found = design.pss(points, machine or None, damping=damping)
+    _show(found, out, as_json, points if isinstance(points, design.Outages) else None)
 
 
 @app.command("pod")
@@ -96,7 +102,7 @@ def lqr(
     _show(lqr(storage.initialize(case.load()), driven, speed=speed, effort=effort), out, as_json)
 
 
-def _show(found: "Design", out: Path | None, as_json: bool) -> None:
+def _show(found: "Design", out: Path | None, as_json: bool, points: "OutageSet | None" = None) -> None:
     from stabctl.design.result import least
 
     written = found.save(out) if out else ()
@@ -110,16 +116,25 @@ def _show(found: "Design", out: Path | None, as_json: bool) -> None:
                 "reached": found.reached,
                 "controllers": [c.name for c in found.controllers],
                 "files": [str(path) for path in written],
+                "operating_points": len(found.before),
+                "left_out": dict(points.left_out) if points else {},
             }
         )
         return
     from rich.table import Table
 
-    table = Table("controllers", "Hz", "damping ratio", "mode")
-    for what, _, hz, ratio, mode in found.df.to_numpy().tolist():
-        table.add_row(what, f"{hz:.4f}", f"{ratio:.4f}", mode)
     out_console = shared.console()
+    if len(found.before) > 1:
+        table = Table("operating point", "without", "with", "Hz", "mode")
+        for point, before, after, hz, mode in found.worst.to_numpy().tolist():
+            table.add_row(point, f"{before:.4f}", f"{after:.4f}", f"{hz:.4f}", mode)
+    else:
+        table = Table("controllers", "Hz", "damping ratio", "mode")
+        for what, _, hz, ratio, mode in found.df.to_numpy().tolist():
+            table.add_row(what, f"{hz:.4f}", f"{ratio:.4f}", mode)
     out_console.print(table)
+    if points:
+        out_console.print(str(points))
     out_console.print(str(found))
     for path in written:
         out_console.print(f"written: {path}")

@@ -1,8 +1,10 @@
 """Design of controllers: power system stabilizers, oscillation dampers, linear-quadratic regulators."""
 
+from .gep import gep
 from .lqr import lqr
+from .outages import Outages, outages
 from .pod import pod
 from .pss import pss
 from .result import Design
 
-__all__ = ["Design", "lqr", "pod", "pss"]
+__all__ = ["Design", "Outages", "gep", "lqr", "outages", "pod", "pss"]

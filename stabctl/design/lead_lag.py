@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     import control
 
 MOST = np.deg2rad(60)  # phase of one stage
+SHORTEST, LONGEST = 0.01, 10.0  # s   time constants of a fitted stage
 
 
 def time(x: str | float) -> float:
@@ -42,3 +43,34 @@ def compensator(phase: float, w: float, washout: float, filter_s: float = 0.0) -
         for _ in range(stages):
             whole = whole * (1 + T * s) / (1 + a * T * s)
     return whole / abs(complex(whole(1j * w)))
+
+
+def fitted(hz: np.ndarray, phase: np.ndarray, washout: float) -> "control.TransferFunction":
+    """Washout and equal lead-lag stages whose phase is as near as possible to a phase over a band; gain 1 at rest.
+
+    Parameters
+    ----------
+    hz
+        Frequencies, Hz.
+    phase
+        Phase wanted at each, rad.
+    washout
+        Time constant of the washout, s.
+    """
+    import control
+    from scipy.optimize import least_squares
+
+    w = 2 * np.pi * hz
+    left = phase - np.angle(1j * w * washout / (1 + 1j * w * washout))
+    stages = max(1, int(np.ceil(np.abs(left).max() / MOST - 1e-9)))
+
+    def miss(logs: np.ndarray) -> np.ndarray:
+        T1, T2 = np.exp(logs)
+        return stages * (np.arctan(w * T1) - np.arctan(w * T2)) - left
+
+    T1, T2 = np.exp(least_squares(miss, np.log([0.2, 0.05]), bounds=(np.log(SHORTEST), np.log(LONGEST))).x)
+    s = control.tf("s")
+    whole = washout * s / (1 + washout * s)
+    for _ in range(stages):
+        whole = whole * (1 + T1 * s) / (1 + T2 * s)
+    return whole

@@ -20,7 +20,10 @@ from stabctl.smallsignal.modes import Modes
 from stabctl.units import hertz
 
 from .lead_lag import compensator, time
-from .result import Design, operating_points, tuned
+from .loop import Loop
+from .requirement import Requirement
+from .result import Design, operating_points
+from .tuning import Scenario, common
 
 
 def pod(
@@ -91,7 +94,15 @@ def pod(
     bounds: Any = (-np.inf, np.inf) if limits is None else limits
     one = Controller.from_control(H, input, output, rate=rate, delay=late, limits=bounds, name=name)
     unit = abs(s) / abs(residue)  # the gain that moves the eigenvalue by its own size, to first order
-    return tuned(points, lambda gain: [one.scaled(gain)], damping, unit * np.geomspace(0.01, 3.0, 40), hz=hz)
+    loops = [Loop(point, [one]) for point in points]
+    wanted = [Requirement(damping).sparing(loop.eigenvalues([one.scaled(0.0)]), hz) for loop in loops]
+    scenarios = [Scenario(loop, 1.0, asked) for loop, asked in zip(loops, wanted, strict=True)]
+
+    def make(gain: np.ndarray) -> list[Controller]:
+        return [one.scaled(float(gain[0]))]
+
+    gain, spare = common(scenarios, make, np.array([unit]), np.geomspace(0.01, 3.0, 40))
+    return Design.of(points, make(gain), spare >= 0)
 
 
 def _mode(modes: Modes, hz: float | None) -> int:

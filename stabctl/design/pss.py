@@ -1,53 +1,61 @@
-"""Power system stabilizers by phase compensation.
-
-GEP(s) is the transfer function from the stabilizer input of an exciter to the electrical torque of its machine, with
-the rotor of that machine held and all others free. A stabilizer with the opposite phase gives torque in phase with the
-speed: damping. Source: E. Larsen, D. Swann, Applying Power System Stabilizers, IEEE Trans. PAS-100, 1981; P. Kundur,
-Power System Stability and Control, 1994, section 12.5.
-"""
+"""Power system stabilizers by phase compensation: washout and lead-lag stages against the phase of GEP(s)."""
 
 from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from stabctl.controllers.controller import Controller
+from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
+from stabctl.model import catalog, keys
 from stabctl.model.case import Case
-from stabctl.smallsignal.model import Linear, linearize
-from stabctl.units import hertz
+from stabctl.smallsignal.model import linearize
 
-from .lead_lag import compensator, time
-from .result import Design, operating_points, tuned
+from .gep import Others, held
+from .lead_lag import fitted, time
+from .loop import Loop
+from .outages import Outages
+from .requirement import Requirement
+from .result import Design, operating_points
+from .tuning import Scenario, common, separate
 
-BAND = (0.2, 2.0)  # Hz   in which the phase is compensated
+BAND = (0.2, 2.5)  # Hz   in which the phase is compensated
+POINTS = 25  # frequencies in the band
+GAINS = np.geomspace(0.5, 100.0, 30)  # common gains that are tried
 
 
 def pss(
-    base: "Case | OperatingPoint | Sequence[OperatingPoint]",
+    base: "Case | OperatingPoint | Outages | Sequence[OperatingPoint]",
     machines: Iterable[int] | None = None,
     *,
     damping: float = 0.1,
     washout: str | float = 10.0,
     limits: tuple[float, float] | float = (-0.1, 0.1),
-    center: str | float | None = None,
+    band: tuple[float, float] = BAND,
+    others: Others = "held",
 ) -> Design:
-    """Design stabilizers from the speed of machines to their exciters, with one gain for all.
+    """Design stabilizers from the speed of machines to their exciters.
+
+    One gain for all machines is raised until every mode reaches the damping at every operating point. If none does,
+    every machine gets a gain of its own.
 
     Parameters
     ----------
-    base : Case, OperatingPoint, or sequence of OperatingPoint
-        The system; of several operating points the first gives the phases, and the gain serves all of them.
+    base : Case, OperatingPoint, Outages, or sequence of OperatingPoint
+        The system; of several operating points the first gives the phases, and the gains serve all of them.
     machines : iterable of int, optional
-        Machines that get a stabilizer; by default all with an exciter and without a stabilizer.
+        Machines that get a stabilizer; by default all with an exciter. The stabilizers that they have are taken out.
     damping : float
         Damping ratio that all modes of 0.1 to 3 Hz shall reach.
     washout : str or float, s
         Time constant of the washout.
     limits : pair of float, pu
         Limits of the output.
-    center : str or float, Hz, optional
-        Frequency at which the phase is compensated exactly; by default the middle of 0.2 to 2 Hz.
+    band : pair of float, Hz
+        Frequencies over which the phase is compensated.
+    others : {"held", "free"}
+        The rotors of the other machines in GEP(s); see `gep`.
 
     Returns
     -------
@@ -59,42 +67,43 @@ def pss(
         If a machine has no exciter.
     """
     points = operating_points(base)
-    first = points[0]
-    case = first.case
-    numbers = list(machines) if machines is not None else [
-        m.machine
-        for m in case.machines
-        if case.model(m.machine, "exciter") and not case.model(m.machine, "stabilizer")
-    ]  # fmt: skip
-    if not numbers:
-        raise StudyError(f"{case.name} has no machine with an exciter and without a stabilizer; name the machines.")
-    hz = float(np.sqrt(BAND[0] * BAND[1])) if center is None else hertz(center)
-    model = linearize(first, [f"vs:{n}" for n in numbers], [f"pe:{n}" for n in numbers])
+    numbers = _machines(points[0].case, machines)
+    points = [_without_stabilizers(point, numbers) for point in points]
+    hz = np.geomspace(*band, POINTS)
+    model = linearize(points[0], [f"vs:{n}" for n in numbers], [f"pe:{n}" for n in numbers])
     ones = []
     for i, number in enumerate(numbers):
-        response = gep(model, number, i, np.array([hz]))[0]
-        H = compensator(-float(np.angle(response)), 2 * np.pi * hz, time(washout))
+        phase = np.unwrap(np.angle(held(model, number, i, others).response(hz)[:, 0, 0]))
+        H = fitted(hz, -phase, time(washout))
         ones.append(Controller.from_control(H, f"speed:{number}", f"vs:{number}", limits=limits, name=f"pss {number}"))
-    return tuned(points, lambda gain: [c.scaled(gain) for c in ones], damping, np.geomspace(0.5, 100.0, 30))
+
+    def make(gains: np.ndarray) -> list[Controller]:
+        return [c.scaled(float(gain)) for c, gain in zip(ones, gains, strict=True)]
+
+    scenarios = [Scenario(Loop(point, ones), 1.0, Requirement(damping)) for point in points]
+    gains, spare = common(scenarios, make, np.ones(len(ones)), GAINS)
+    if spare < 0 and len(ones) > 1:
+        scale = np.full(len(ones), max(gains.max(), 1.0))
+        gains, spare = separate(scenarios, make, gains, scale, most=GAINS[-1], positive=True)
+    return Design.of(points, [c for c in make(gains) if np.any(c.C) or np.any(c.D)], spare >= 0)
 
 
-def gep(model: Linear, machine: int, column: int, hz: np.ndarray) -> np.ndarray:
-    """Transfer function GEP (frequencies) from an exciter's input to the torque of its machine, its rotor held.
+def _machines(case: Case, machines: Iterable[int] | None) -> list[int]:
+    """The machines that get a stabilizer."""
+    with_exciter = [m.machine for m in case.machines if case.model(m.machine, "exciter")]
+    numbers = with_exciter if machines is None else [case.machine(n).machine for n in machines]
+    for n in numbers:
+        if n not in with_exciter:
+            raise StudyError(f"Machine {n} of {case.name} has no exciter to put a stabilizer on; choose others.")
+    if not numbers:
+        raise StudyError(f"{case.name} has no machine with an exciter to put a stabilizer on.")
+    return numbers
 
-    Parameters
-    ----------
-    model : Linear
-        Linear model with inputs "vs" and outputs "pe" of the same machines.
-    machine : int
-        Number of the machine.
-    column : int
-        Its input and output in the model.
-    hz : ndarray
-        Frequencies, Hz.
-    """
-    row = list(model.point.rotor_numbers).index(machine)
-    angle = int(model.angles()[row])
-    free = np.delete(np.arange(len(model.A)), [angle, angle + 1])
-    A, b, c = model.A[np.ix_(free, free)], model.B[free, column], model.C[column, free]
-    one = np.eye(len(free))
-    return np.array([c @ np.linalg.solve(2j * np.pi * f * one - A, b) + model.D[column, column] for f in hz])
+
+def _without_stabilizers(point: OperatingPoint, numbers: Sequence[int]) -> OperatingPoint:
+    """The operating point without the stabilizers that some machines have."""
+    case = point.case
+    for model in catalog.of_role("stabilizer"):
+        places = set(numbers) & set(map(keys.number, case.devices.get(model, ())))
+        case = case.without_device(model, sorted(places)) if places else case
+    return point if case is point.case else operating_point(case)

@@ -55,6 +55,14 @@ def eigen(A: np.ndarray, rotation: np.ndarray) -> Eigen:
     return Eigen(np.r_[0j, values], V, W)
 
 
+def values(A: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """Eigenvalues alone (n - 1), without the zero of the angle reference; `rotation` as in `eigen`."""
+    turned = A.copy(order="F")
+    _reflect(turned, rotation)
+    _reflect(turned.T, rotation)
+    return np.linalg.eigvals(turned[1:, 1:])
+
+
 def _reflect(M: np.ndarray, rotation: np.ndarray) -> None:
     """M := H M, where H is the reflection that maps the first axis to the direction of r."""
     u = -rotation / np.linalg.norm(rotation)

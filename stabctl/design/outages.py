@@ -1,0 +1,104 @@
+"""Operating points without one branch each: what controllers of a network that changes must serve."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from stabctl.dynamics.coerce import operating_point
+from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.errors import StabctlError, StudyError
+from stabctl.model import circuits, network
+from stabctl.model.case import Case
+from stabctl.model.fleet import Fleet
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, repr=False)
+class Outages:
+    """The intact system and the systems without one branch, each at its own power flow.
+
+    Attributes
+    ----------
+    points
+        The operating points, first that of the intact system; each is named after what is out.
+    names
+        Branch that is out of each; "" of the intact system.
+    left_out
+        Branches without which there is no operating point, and why.
+    """
+
+    points: tuple[OperatingPoint, ...]
+    names: tuple[str, ...]
+    left_out: tuple[tuple[str, str], ...]
+
+    def __iter__(self) -> Iterator[OperatingPoint]:
+        return iter(self.points)
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @property
+    def df(self) -> "pd.DataFrame":
+        """Every branch, and why it is left out; empty if it is not."""
+        import pandas as pd
+
+        rows = [(name, "") for name in self.names if name] + list(self.left_out)
+        return pd.DataFrame(rows, columns=["outage", "left_out"])
+
+    def __str__(self) -> str:
+        text = f"{self.points[0].case.name} and {len(self.points) - 1} outages"
+        for why in dict.fromkeys(reason for _, reason in self.left_out):
+            text += f"; left out because {why}: {', '.join(n for n, reason in self.left_out if reason == why)}"
+        return f"{text}."
+
+    __repr__ = __str__
+
+
+def outages(base: Case | OperatingPoint, *, storage: "Fleet | None" = None) -> Outages:
+    """The operating points of a system and of all its N-1 branch outages.
+
+    Parameters
+    ----------
+    base : Case or OperatingPoint
+        The system. The power flow is solved again without each of its branches in turn (lines and transformers; equal
+        circuits side by side count once).
+    storage : str, mapping, or iterable of Storage, optional
+        Storage devices in place of the case's own, as in `simulate`.
+
+    Returns
+    -------
+    Outages
+        Outages that split the network, or have no operating point, are left out and named.
+
+    Raises
+    ------
+    StudyError
+        If no outage has an operating point.
+    """
+    intact = operating_point(base, storage)
+    case = intact.case
+    net = network.build(case)
+    whole = network.islands(net).max()
+    points, names, left_out, seen = [intact], [""], [], set()
+    for row, (branch, name) in enumerate(zip(case.branches, circuits.names(case.branches), strict=True)):
+        alike = branch._replace(circuit="")
+        if alike in seen:
+            continue
+        seen.add(alike)
+        if network.islands(net, network.Switching(branches=((row, OPEN),))).max() > whole:
+            left_out.append((name, "the network would be split"))
+            continue
+        rest = (*case.branches[:row], *case.branches[row + 1 :])
+        try:
+            points.append(operating_point(replace(case, name=f"{case.name} without {name}", branches=rest)))
+            names.append(name)
+        except StabctlError as error:
+            left_out.append((name, str(error).partition(";")[0].rstrip(".")))
+    if len(points) == 1:
+        raise StudyError(f"No outage of {case.name} has an operating point; design for the intact system.")
+    return Outages(tuple(points), tuple(names), tuple(left_out))
+
+
+OPEN = network.BranchState(from_closed=False, to_closed=False)

@@ -1,0 +1,145 @@
+"""Gains of controllers for the worst of several closed loops: one for all, or each its own by linear programs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linprog
+
+from .loop import Loop, Make
+from .requirement import Requirement, ratios
+
+STEPS = 60  # linear programs at most
+FIRST, SMALLEST, LARGEST = 0.3, 1e-4, 3.0  # change of a gain in one step, relative to its scale
+NEAREST = 0.3  # damping ratio above the worst up to which a mode takes part in a step
+ENOUGH = 0.99  # of the largest gain, after a step that is the last
+MORE = 0.001  # damping ratio beyond what is asked, so that the gains can then be reduced
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """An operating point, a factor of all gains, and what is asked there."""
+
+    loop: Loop
+    factor: float
+    requirement: Requirement
+
+    def spare(self, make: Make, x: np.ndarray) -> float:
+        """Least spare damping of a mode at gains x."""
+        return float(self.requirement.spare(self.loop.eigenvalues(make(self.factor * x))).min(initial=np.inf))
+
+    def rows(self, make: Make, x: np.ndarray, scale: np.ndarray, below: float) -> tuple[np.ndarray, np.ndarray]:
+        """Spare damping of the modes that have less than `below`, and its derivatives with respect to the gains."""
+        s, slopes = self.loop.slopes(make, self.factor * x, scale)
+        spare = self.requirement.spare(s)
+        near = (spare < below) & (s.imag >= 0)
+        s, ds = s[near], self.factor * slopes[near]
+        size = np.abs(s)[:, None]
+        return spare[near], -(ds.real + ratios(s)[:, None] * (s.conj()[:, None] * ds).real / size) / size
+
+
+def worst(scenarios: Sequence[Scenario], make: Make, x: np.ndarray) -> float:
+    """Least spare damping of all scenarios."""
+    return min(one.spare(make, x) for one in scenarios)
+
+
+def common(scenarios: Sequence[Scenario], make: Make, unit: np.ndarray, gains: np.ndarray) -> tuple[np.ndarray, float]:
+    """The smallest of ascending gains, times `unit`, with which nothing is missing, or the best; and what it spares."""
+
+    def spare(gain: float) -> float:
+        return worst(scenarios, make, gain * unit)
+
+    best, low = (spare(0.0), 0.0), 0.0
+    for gain in map(float, gains):
+        found = spare(gain)
+        best = max(best, (found, gain))
+        if found >= 0:
+            high = gain
+            for _ in range(6):
+                middle = (low + high) / 2
+                low, high = (low, middle) if spare(middle) >= 0 else (middle, high)
+            best = spare(high), high
+            break
+        if found < best[0] - 0.1:
+            break
+        low = gain
+    return best[1] * unit, best[0]
+
+
+def separate(
+    scenarios: Sequence[Scenario],
+    make: Make,
+    x: np.ndarray,
+    scale: np.ndarray,
+    *,
+    most: float = np.inf,
+    positive: bool = False,
+) -> tuple[np.ndarray, float]:
+    """Gains, each its own, with which nothing is missing, and the largest relative to its scale is small.
+
+    Every step is a linear program on the derivatives of the eigenvalues: first it raises the least spare damping, then,
+    once nothing is missing, it lowers the largest gain. A step that does not help is repeated with a smaller change.
+
+    Parameters
+    ----------
+    scenarios
+        What is asked where.
+    make
+        The controllers with some gains, in which their outputs are linear.
+    x
+        Gains to begin with.
+    scale
+        Size (gains) of a gain that matters.
+    most
+        Largest size of a gain.
+    positive
+        Whether gains must not change sign.
+
+    Returns
+    -------
+    tuple of ndarray and float
+        The gains, and the least spare damping.
+    """
+    change = FIRST
+
+    def merit(spare: float, x: np.ndarray) -> tuple[bool, float]:
+        return spare >= 0, -float(np.abs(x / scale).max()) if spare >= 0 else spare
+
+    each = [one.spare(make, x) for one in scenarios]
+    spare = min(each)
+    for _ in range(STEPS):
+        below = max(spare, 0.0) + NEAREST
+        active = [one for one, has in zip(scenarios, each, strict=True) if has < max(spare, 0.0) + 0.1]
+        rows = [one.rows(make, x, scale, below) for one in active[:20]]
+        has, slopes = np.concatenate([r[0] for r in rows]), np.concatenate([r[1] for r in rows]) * scale
+        while change > SMALLEST:
+            low, high = (0.0 if positive else -most) - x, most - x
+            bounds = np.clip(np.array([low, high]) / scale, -change, change).T
+            new = x + scale * _step(has, slopes, x / scale, bounds, spare >= 0)
+            found = [one.spare(make, new) for one in scenarios]
+            if merit(min(found), new) > merit(spare, x):
+                break
+            change /= 3
+        else:
+            break
+        level, less = (float(np.abs(gains / scale).max()) for gains in (x, new))
+        done = spare >= 0 and less > ENOUGH * level
+        x, each, spare, change = new, found, min(found), min(2 * change, LARGEST)
+        if done:
+            break
+    return x, spare
+
+
+def _step(has: np.ndarray, slopes: np.ndarray, x: np.ndarray, bounds: np.ndarray, enough: bool) -> np.ndarray:
+    """Change of the gains, all relative to their scale, by a linear program in [change, level]."""
+    n = len(x)
+    if enough:  # the least level >= |x + change|, with the modes kept
+        one = np.eye(n)
+        A = np.block([[-slopes, np.zeros((len(has), 1))], [one, -np.ones((n, 1))], [-one, -np.ones((n, 1))]])
+        b = np.r_[has - np.minimum(has, MORE / 2), -x, x]
+        found = linprog(np.r_[np.zeros(n), 1.0], A, b, bounds=[*bounds, (0, None)])
+    else:  # the largest level below all modes
+        found = linprog(
+            np.r_[np.zeros(n), -1.0], np.hstack([-slopes, np.ones((len(has), 1))]), has, bounds=[*bounds, (None, MORE)]
+        )
+    return found.x[:n] if found.x is not None else np.zeros(n)
