@@ -157,7 +157,7 @@ OWN_KINDS = {  # name -> devices of machine 1, and a device of the user's: its t
     "signals from elsewhere": ({"genrou": ROUND, "exdc2": EXDC2, "pss": PSS}, "wide_area", (3, 2, 0.1, 2.0, 3.0)),
 }
 # a unit without active power (test_psse, test_converter_controls), and sensors of controllers (tests/controllers)
-APART = {"csvgn1", "line_power", "bus_angle"}
+APART = {"csvgn1", "line_power", "line_current", "bus_angle", "rocof"}
 ALL_KINDS = (*KINDS, *OWN_KINDS, *LIBRARY)
 
 

@@ -1,15 +1,14 @@
-"""Inputs: a set-point, or a power drawn from a bus."""
+"""Inputs: each is a set-point; those of drawn powers are added with the device that draws them."""
 
 from typing import NamedTuple
-
-import numpy as np
 
 from stabctl.devices.loads import zip_load
 from stabctl.errors import StudyError
 
 from . import family
 from .operating_point import OperatingPoint
-from .signals import OF_CONVERTER, Signal
+from .rows import NO_UNIT
+from .signals import OF_CONVERTER, OF_STORAGE, Signal, port
 
 PORTS = {
     "vs": "added Vs",
@@ -20,6 +19,7 @@ PORTS = {
     "ipcmd": "Ipcmd",
     "iqcmd": "Iqcmd",
 }
+DRAWN = ("storage", "load_p", "load_q")
 
 
 class Draw(NamedTuple):
@@ -43,19 +43,24 @@ class Shares(NamedTuple):
     v_low: float = 0.5
 
 
-def place(point: OperatingPoint, signal: Signal) -> int | None:
-    """Place in s of a set-point; None for a drawn power."""
+def place(point: OperatingPoint, signal: Signal) -> int:
+    """Place in s of an input, in a point that `extended` has prepared for it. Raises `StudyError` if it is driven."""
     case = point.case
-    if signal.kind == "order":
+    if signal.kind in OF_STORAGE:
         esd = point.system.family("esd")
         row = [f"{s.machine}@{s.bus}" for s in case.storage].index(str(signal.place))
-        return int(esd.w[row, family.INPUTS])
-    if signal.kind in ("storage", "load_p", "load_q"):
-        return None
-    unit = [m.machine for m in case.machines].index(signal.number)
-    found = point.layout.setpoint(unit, PORTS[signal.kind])
+        return int(esd.w[row, family.INPUTS + family.fields(esd.device, "Input").index(signal.kind)])
+    found: int | None
+    if signal.kind in DRAWN:
+        found = point.layout.setpoint(NO_UNIT, signal.label)
+    else:
+        unit = [m.machine for m in case.machines].index(signal.number)
+        name = PORTS.get(signal.kind) or port(case, signal.number, signal.kind)
+        found = point.layout.setpoint(unit, str(name))
     if found is None and signal.kind in OF_CONVERTER:
         raise StudyError(f"A control of converter {signal.number} sets {PORTS[signal.kind]}, so it is not an input.")
+    if found is None:
+        raise StudyError(f"{signal.label} of {case.name} is set by another device, so it is not an input.")
     return found
 
 
@@ -67,10 +72,3 @@ def draw(point: OperatingPoint, signal: Signal) -> Draw:
         return Draw(bus, zip_load.from_case(Shares(p_power=1.0), 1.0, 0.0, v0))
     load = next((b for b in point.case.loads if b.bus == signal.place), Shares())
     return Draw(bus, zip_load.from_case(load, *((0.0, 1.0) if signal.kind == "load_q" else (1.0, 0.0)), v0))
-
-
-def slopes(point: OperatingPoint, signal: Signal) -> np.ndarray:
-    """Derivative (2) of the current into the bus of a drawn power, at the operating point."""
-    d = draw(point, signal)
-    current = d.current_of(complex(point.V[d.bus]))
-    return np.array([current.real, current.imag])

@@ -13,8 +13,6 @@ from .extended import extended
 from .operating_point import OperatingPoint
 from .signals import INPUTS, OUTPUTS, Signal, chosen
 
-NO_DRIVE = ("storage", "load_p", "load_q")  # powers of linear models that no device of the case draws
-
 
 @dataclass(frozen=True)
 class Named:
@@ -49,12 +47,9 @@ def named(point: OperatingPoint, c: Controller) -> Named:
     """The signals of a controller in a case. Raises `StudyError` if one does not exist, or the matrices do not fit."""
     case = point.case
     reads, drives = chosen(case, c.inputs, OUTPUTS), chosen(case, c.outputs, INPUTS)
-    for signal in drives:
-        if signal.kind in NO_DRIVE:
-            raise StudyError(
-                f"{c.name} cannot drive {signal.kind}, which no device of {case.name} takes in a simulation; drive the "
-                "order of a storage device, such as order:1@5."
-            )
+    for signals, names in ((reads, c.inputs), (drives, c.outputs)):
+        if not signals:
+            raise StudyError(f"{case.name} has no signal {', '.join(names)} for {c.name}; choose another.")
     if c.law is None and (c.B.shape[1], c.C.shape[0]) != (len(reads), len(drives)):
         raise StudyError(
             f"{c.name} has matrices for {c.B.shape[1]} inputs and {c.C.shape[0]} outputs, but its names mean "

@@ -12,6 +12,7 @@ from stabctl.model import network
 from stabctl.model.location import circuit
 
 from . import family
+from .extended import sensor
 from .layout import unique
 from .operating_point import OperatingPoint
 from .signals import Signal, machines
@@ -31,16 +32,27 @@ class Reading(NamedTuple):
         return np.asarray(self.value(steps)).imag / STEP
 
 
+OF_DEVICE = {"absorbed": "P", "absorbed_q": "Q", "charge": "charge"}
+OF_SENSOR = ("bus_frequency", "rocof")
+OF_LINE = ("flow", "flow_q", "current")
 OF_UNIT = {"efd": "Efd", "pm": "Pm", "pe": "P", "qe": "Q", "vt": "vt", "ifd": "Ifd", "vs": "Vs"}
+
+
+def given(kind: str) -> bool:
+    """Whether a device gives the signals of this kind: those have a `place`."""
+    return kind in OF_UNIT or kind in OF_DEVICE or kind in OF_SENSOR or kind == "energy"
 
 
 def place(point: OperatingPoint, signal: Signal) -> int:
     """Place in s of a signal that a device gives. Raises `StudyError` if there is none."""
-    if signal.kind == "absorbed":
-        names = [f"{s.machine}@{s.bus}" for s in point.case.storage]
-        return int(point.system.family("esd").w[names.index(str(signal.place)), -1])
-    if signal.kind == "bus_frequency":
-        return _sensor(point, "bus_frequency", signal.number)
+    if signal.kind in (*OF_DEVICE, "energy"):
+        esd = point.system.family("esd")
+        w = esd.w[[f"{s.machine}@{s.bus}" for s in point.case.storage].index(str(signal.place))]
+        if signal.kind == "energy":
+            return int(w[family.STATE] + family.fields(esd.device, "State").index("energy"))
+        return int(w[-1] + family.fields(esd.device, "Output").index(OF_DEVICE[signal.kind]))
+    if signal.kind in OF_SENSOR:
+        return sensor(point, signal.kind, signal.number)
     unit = [m.machine for m in point.case.machines].index(signal.number)
     found = point.layout.signals.get((unit, OF_UNIT[signal.kind]))
     if found is None:
@@ -62,16 +74,17 @@ def reading(point: OperatingPoint, signal: Signal) -> Reading | None:
 
     A bus frequency is that of its angle, whose rate it is: see `angle_rate`.
     """
-    if signal.kind in OF_UNIT or signal.kind in ("absorbed", "bus_frequency"):
+    if given(signal.kind):
         at = place(point, signal)
         return None if at >= point.layout.first_output else _weighted(np.array([at]), np.ones(1))
     angles, inertia, nx = point.rotors.angle, point.inertia, point.layout.nx
     weights = inertia / inertia.sum()
-    if signal.kind == "deviation":
+    if signal.kind in ("deviation", "angle_deviation"):
         group = np.isin(point.rotor_numbers, machines(signal))
         rest = np.where(group, 0.0, inertia)
         own = np.where(group, inertia, 0.0) / inertia[group].sum()
-        return _weighted(angles + 1, own - rest / rest.sum() if rest.any() else 0 * own)
+        places = angles + (signal.kind == "deviation")
+        return _weighted(places, own - rest / rest.sum() if rest.any() else 0 * own)
     if signal.kind == "state":
         return _weighted(np.array([state(point, signal)]), np.ones(1))
     if signal.kind in ("speed", "angle", "rest_speed"):
@@ -82,7 +95,7 @@ def reading(point: OperatingPoint, signal: Signal) -> Reading | None:
         return _weighted(angles + (signal.kind != "angle"), share)
     if signal.kind == "coi_speed":
         return _weighted(angles + 1, weights)
-    if signal.kind in ("flow", "flow_q"):
+    if signal.kind in OF_LINE:
         return _flow(point, signal, nx)
     v = nx + 2 * point.net.place[signal.number] + np.arange(2)
     if signal.kind == "voltage":
@@ -110,13 +123,17 @@ def _angle(q: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 
 def _flow(point: OperatingPoint, signal: Signal, states: int) -> Reading:
-    """Power into a circuit from the first bus named."""
+    """Power or current into a circuit from the first bus named."""
     places, par = line(point, str(signal.place))
 
-    def power(q: np.ndarray) -> np.ndarray:
-        return np.asarray(line_power.output((q[0], q[1]), (q[2], q[3]), par)[signal.kind == "flow_q"])
+    def measured(q: np.ndarray) -> np.ndarray:
+        V1, V2 = (q[0], q[1]), (q[2], q[3])
+        if signal.kind == "current":
+            re, im = line_power.into(V1, V2, par)
+            return np.asarray(np.sqrt(re * re + im * im))
+        return np.asarray(line_power.output(V1, V2, par)[signal.kind == "flow_q"])
 
-    return Reading(places + states, power)
+    return Reading(places + states, measured)
 
 
 def line(
@@ -147,10 +164,3 @@ def state(point: OperatingPoint, signal: Signal) -> int:
             if near else f"its first ones are {', '.join(labels[:3])}.")
         )  # fmt: skip
     return labels.index(str(signal.place))
-
-
-def _sensor(point: OperatingPoint, table: str, bus: int) -> int:
-    """Place of the output of a sensor at a bus, which `with_sensors` has added."""
-    f = point.system.family(table)
-    at = point.layout.nx + 2 * point.net.place[bus]
-    return int(f.w[f.w[:, family.BUS] == at][0, -1])

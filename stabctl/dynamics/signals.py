@@ -4,6 +4,7 @@ Every signal is a deviation from the operating point. Powers are in pu on the sy
 angles in rad, everything else in pu.
 """
 
+import difflib
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
@@ -54,6 +55,12 @@ INPUTS = _kinds(
             "ratings",
             "order to a storage device of the case, positive to absorb",
         ),
+        "order_q": (
+            "device",
+            "reactive order ESD {place}",
+            "ratings",
+            "reactive order to a storage device, within its MVA, positive to absorb",
+        ),
         "vs": ("machine", "stabilizer input {exciter} {place}", "pu", "signal added to the stabilizers of an exciter"),
         "vref": ("machine", "reference {exciter} {place}", "pu", "voltage reference of an exciter"),
         "pref": ("machine", "reference {governor} {place}", "pu", "load reference of a governor, machine base"),
@@ -71,6 +78,24 @@ INPUTS = _kinds(
             "active current command of a converter, its base",
         ),
         "iqcmd": ("machine", "reactive current {machine} {place}", "pu", "reactive current command, converter base"),
+        "pset": (
+            "machine",
+            "P set-point {machine} {place}",
+            "pu",
+            "power set-point of a converter's outermost control, its base",
+        ),
+        "qset": (
+            "machine",
+            "Q set-point {machine} {place}",
+            "pu",
+            "reactive power (or voltage) set-point of that control",
+        ),
+        "vset": (
+            "machine",
+            "V set-point {machine} {place}",
+            "pu",
+            "voltage set-point of a plant control or static var unit",
+        ),
         "load_p": ("bus", "P load bus {place}", "pu", "active power added to a load, with its voltage dependence"),
         "load_q": ("bus", "Q load bus {place}", "pu", "reactive power added to a load, with its voltage dependence"),
     }
@@ -87,6 +112,12 @@ OUTPUTS = _kinds(
             "pu",
             "speed of a machine, or COI speed of a group (13+14), minus the COI speed of the others",
         ),
+        "angle_deviation": (
+            "group",
+            "angle deviation {place}",
+            "rad",
+            "angle of a machine, or mean angle of a group (13+14), minus the mean angle of the others",
+        ),
         "voltage": ("bus", "voltage bus {place}", "pu", "magnitude of a bus voltage"),
         "bus_angle": ("bus", "angle bus {place} to COI", "rad", "angle of a bus voltage relative to the COI"),
         "frequency": ("bus", "frequency bus {place}", "pu", "bus frequency: rate of the bus angle, inputs constant"),
@@ -96,6 +127,7 @@ OUTPUTS = _kinds(
             "pu",
             "frequency from the filtered bus angle (20 ms)",
         ),
+        "rocof": ("bus", "rate of frequency bus {place}", "Hz/s", "rate of the measured frequency, filtered (100 ms)"),
         "efd": ("machine", "field voltage {machine} {place}", "pu", "field voltage"),
         "pm": ("machine", "mechanical power {machine} {place}", "pu", "mechanical power, machine base"),
         "pe": ("machine", "P {machine} {place}", "pu", "active power at the terminals, machine base"),
@@ -104,14 +136,21 @@ OUTPUTS = _kinds(
         "ifd": ("machine", "field current {machine} {place}", "pu", "field current"),
         "vs": ("machine", "stabilizing signal {place}", "pu", "output of a stabilizer"),
         "absorbed": ("device", "P ESD {place}", "pu", "power absorbed by a storage device"),
+        "absorbed_q": ("device", "Q ESD {place}", "pu", "reactive power absorbed by a storage device"),
+        "energy": ("device", "energy ESD {place}", "pu s", "energy in a storage device"),
+        "charge": ("device", "charge ESD {place}", "-", "state of charge of a storage device, 0 to 1"),
         "state": ("state", "{place}", "", "a state, by its label in linear models"),
         "flow": ("line", "P line {place}", "pu", "active power into a circuit from the first bus named"),
         "flow_q": ("line", "Q line {place}", "pu", "reactive power into a circuit from the first bus named"),
+        "current": ("line", "current line {place}", "pu", "current into a circuit from the first bus named, magnitude"),
     }
 )
 
-OF_ROTOR = ("speed", "angle", "rest_speed", "deviation", "efd", "pm", "ifd", "field", "power")
+OF_ROTOR = ("speed", "angle", "rest_speed", "deviation", "angle_deviation", "efd", "pm", "ifd", "field", "power")
+OF_STORAGE = ("order", "order_q")
 OF_CONVERTER = ("ipcmd", "iqcmd")
+SET_POINTS = {"pset": ("Pset", "Pref"), "qset": ("Qset", "Qext", "Qref"), "vset": ("Vset", "Vref")}  # ports
+CONTROLS = ("plant control", "electrical control", "converter")  # of a converter, the outermost first
 REFERENCES = {"vref": "exciter", "vs": "exciter", "pref": "governor"}  # input -> role of the control it belongs to
 
 
@@ -131,9 +170,13 @@ def chosen(case: Case, wanted: str | Iterable[str | Signal], kinds: Mapping[str,
         name, _, place = str(text).strip().partition(":")
         if name not in kinds:
             what, example = ("input", "vref:2") if kinds is INPUTS else ("output", "speed:14")
-            raise StudyError(
-                f"{name!r} is not an {what}; the {what}s are {', '.join(kinds)}. Add a number for one only: {example}."
+            similar = difflib.get_close_matches(name, kinds, 3, 0.7)
+            instead = (
+                f"did you mean {' or '.join(similar)}?"
+                if similar
+                else f"the {what}s are {', '.join(kinds)}. Add a number for one only: {example}."
             )
+            raise StudyError(f"{shown(name)} is not an {what}; {instead}")
         kind = kinds[name]
         places = [place] if place else _everywhere(case, name, kind)
         found += [_signal(case, name, kind, p) for p in places]
@@ -165,6 +208,8 @@ def _everywhere(case: Case, name: str, kind: Kind) -> Sequence[int | str | None]
         return [n for n in numbers if not _model(case, n, "exciter" if name == "field" else "governor")]
     if name in OF_CONVERTER:
         return [n for n in numbers if _model(case, n, "converter")]
+    if name in SET_POINTS:
+        return [n for n in numbers if port(case, n, name)]
     if kind.place == "state":
         raise StudyError("Name the states that are meant: state:speed GENROU 2, as in the labels of linear models.")
     if name in OF_ROTOR:
@@ -191,6 +236,8 @@ def _signal(case: Case, name: str, kind: Kind, place: int | str | None) -> Signa
         circuit(case, str(place))
     elif kind.place == "device":
         place = _device(case, str(place))
+        if name == "charge" and not next(s for s in case.storage if f"{s.machine}@{s.bus}" == place).energy:
+            raise StudyError(f"The capacity of the storage device {place} is unlimited, so it has no state of charge.")
     elif kind.place == "group":
         place = _group(case, name, str(place))
     elif kind.place == "" and place is not None:
@@ -202,6 +249,17 @@ def _signal(case: Case, name: str, kind: Kind, place: int | str | None) -> Signa
     }
     called = case.machine(number).called if kind.place == "machine" else place
     return Signal(name, place, kind.label.format(place=called, **words), kind.unit)
+
+
+def port(case: Case, number: int, kind: str) -> str | None:
+    """The port of a converter's outermost control that a set-point belongs to; None if there is none."""
+    for role in CONTROLS:
+        model = _model(case, number, role)
+        fields = getattr(getattr(devices.models()[model], "Input", None), "_fields", ()) if model else ()
+        found = next((name for name in SET_POINTS[kind] if name in fields), None)
+        if found:
+            return found
+    return None
 
 
 def machines(signal: Signal) -> tuple[int, ...]:
@@ -232,6 +290,10 @@ def _belongs(case: Case, name: str, number: int) -> None:
         raise StudyError(
             f"Unit {number} of {case.name} is not a converter, so it has no signal {name}; choose another."
         )
+    if name in SET_POINTS and not port(case, number, name):
+        raise StudyError(
+            f"Unit {number} of {case.name} has no converter control with a set-point {name}; choose another."
+        )
     if name in REFERENCES and not _model(case, number, REFERENCES[name]):
         instead = "power" if name == "pref" else "field"
         raise StudyError(f"Machine {number} of {case.name} has no {REFERENCES[name]}; use {instead}:{number}.")
@@ -248,7 +310,7 @@ def _device(case: Case, text: str) -> str:
         raise StudyError(f"{case.name} has no storage devices; give storage='50MW', for example.")
     if len(matching) != 1:
         known = ", ".join(names)
-        raise StudyError(f"{text!r} is not one of the storage devices of {case.name}; they are {known}.")
+        raise StudyError(f"{shown(text)} is not one of the storage devices of {case.name}; they are {known}.")
     return matching[0]
 
 

@@ -64,7 +64,7 @@ def check(case: "Case") -> Iterator[str]:
 
 
 def storage(case: "Case") -> None:
-    """Raise the first storage device that repeats another, or whose bus or machine does not exist."""
+    """Raise the first storage device that repeats another, whose bus or machine does not exist, or with too few MVA."""
     buses, machines = {b.bus for b in case.buses}, {m.machine for m in case.machines}
     first: dict[Storage, int] = {}
     for i, s in enumerate(case.storage):
@@ -75,6 +75,8 @@ def storage(case: "Case") -> None:
             raise RowError("storage", i, "bus", f"there is no bus {s.bus} in buses.csv.")
         if s.machine not in machines:
             raise RowError("storage", i, "machine", f"there is no machine {s.machine} in machines.csv.")
+        if 0 < s.mva < s.rating:
+            raise RowError("storage", i, "mva", f"{s.mva:g} MVA is less than its rating of {s.rating:g} MW; raise it.")
 
 
 def _about(case: "Case") -> None:

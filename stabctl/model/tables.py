@@ -104,6 +104,7 @@ class Storage(NamedTuple):
     ramp: Annotated[float, "MW/s", "ramp-rate limit (0: none)", NOT_NEGATIVE] = 0.0
     lag: Annotated[float, "s", "time constant from order to power", NOT_NEGATIVE] = 0.0
     efficiency: Annotated[float, "-", "round-trip efficiency", Interval(ge=0.01, le=1)] = 1.0
+    mva: Annotated[float, "MVA", "apparent power rating (0: the power rating)", NOT_NEGATIVE] = 0.0
 
 
 TABLES: Mapping[str, type] = MappingProxyType(

@@ -7,7 +7,7 @@ import numpy as np
 
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.realization import Matrices
-from stabctl.devices.sensors import bus_angle, bus_voltage, line_power
+from stabctl.devices.sensors import bus_angle, bus_voltage, line_current, line_power
 from stabctl.dynamics import inputs as ins
 from stabctl.dynamics import outputs
 from stabctl.dynamics.extended import extended
@@ -86,7 +86,8 @@ class _Attachment:
         controllers = [*true, *behind]
         gates = [chosen(point.case, [g], OUTPUTS)[0] if (g := _gate(c)) else None for c in controllers]
         read = [s for c in true for s in c.inputs] + [g for g in gates if g is not None]
-        self.base = extended(point, (), read)
+        drawn = [s for c in controllers for s in c.outputs if s.kind in ins.DRAWN]
+        self.base = extended(point, drawn, read)
         self.more = Extension(self.base)
         self.controllers, self.gates, self.behind = controllers, gates, {id(c) for c in behind}
         rates = {c.controller.rate for c in controllers if c.controller.law is None}
@@ -118,8 +119,7 @@ class _Attachment:
         if signal.kind == "vs":
             found = self.more.ports(self.unit[signal.number], "Vs")
         else:
-            place = ins.place(self.base, signal)
-            found = [] if place is None else self.more.readers(place)
+            found = self.more.readers(ins.place(self.base, signal))
         if not found:
             raise StudyError(f"No device of {self.base.case.name} reads {signal.label}, so it cannot be driven.")
         return found
@@ -193,7 +193,7 @@ class _Attachment:
 
     def _sensor(self, signal: Signal) -> int:
         base, kind = self.base, signal.kind
-        if kind in outputs.OF_UNIT or kind in ("absorbed", "bus_frequency"):
+        if outputs.given(kind):
             return outputs.place(base, signal)
         if kind == "state":
             return outputs.state(base, signal)
@@ -205,14 +205,16 @@ class _Attachment:
         if kind == "speed":
             return int(base.rotors.angle[base.rotor_numbers.index(signal.number)]) + 1
         rest = float(outputs.value(base, signal)(base.s))
-        if kind in ("angle", "rest_speed", "coi_speed", "deviation"):
+        if kind in ("angle", "rest_speed", "coi_speed", "deviation", "angle_deviation"):
             return self._center(signal, rest)
-        out = self.more.outputs([rest] if kind in ("voltage", "bus_angle") else [0.0, 0.0])
-        if kind in ("flow", "flow_q"):
+        if kind in outputs.OF_LINE:
             ends, par = outputs.line(base, str(signal.place))
             first, second = (int(base.layout.nx + k) for k in ends[[0, 2]])
-            self.more.add("line_power", line_power, [0, first, second, -1, out], par, str(signal.place))
+            table, device = ("line_current", line_current) if kind == "current" else ("line_power", line_power)
+            out = self.more.outputs([rest] if kind == "current" else [0.0, 0.0])
+            self.more.add(table, device, [0, first, second, -1, out], par, str(signal.place))
             return out + (kind == "flow_q")
+        out = self.more.outputs([rest])
         at = base.layout.nx + 2 * base.net.place[signal.number]
         if kind == "voltage":
             self.more.add("bus_voltage", bus_voltage, [0, at, at, -1, out], [], f"bus {signal.place}")
@@ -228,11 +230,12 @@ class _Attachment:
         if signal.place is not None:
             group = np.isin(self.base.rotor_numbers, machines(signal)) * 1.0
         own, mean, others = {
-            "deviation": (1.0, -1.0, 1), "angle": (1.0, -1.0, 0), "rest_speed": (0.0, 1.0, 1),
+            "deviation": (1.0, -1.0, 1), "angle_deviation": (1.0, -1.0, 1), "angle": (1.0, -1.0, 0),
+            "rest_speed": (0.0, 1.0, 1),
             "coi_speed": (0.0, 1.0, 0), "coi_angle": (0.0, 1.0, 0),
         }[kind]  # fmt: skip
         unit = int(rotors.unit[np.flatnonzero(group)[0]]) if group.any() else -1
-        places = rotors.angle + (kind not in ("angle", "coi_angle"))
+        places = rotors.angle + (kind not in ("angle", "angle_deviation", "coi_angle"))
         out = self.more.outputs([rest])
         k = [len(group), own, mean, others, *group, *rotors.inertia, *rotors.unit]
         self.more.add("center", center, [0, 0, 0, unit, *map(int, places), out], k, signal.label)

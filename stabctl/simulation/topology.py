@@ -81,11 +81,11 @@ def _blocked(point: OperatingPoint, alive: np.ndarray) -> Iterator[tuple[str, in
 def _measured(point: OperatingPoint, switching: Switching) -> Iterator[tuple[str, int, Any]]:
     """The sensors of circuits that are open or faulted, with the admittances that these have now."""
     states = dict(switching.branches)
-    if states and point.system.has("line_power"):
-        for j, name in enumerate(point.system.family("line_power").keys):
+    for table in ("line_power", "line_current"):
+        for j, name in enumerate(point.system.family(table).keys if states and point.system.has(table) else ()):
             row, _ = circuit(point.case, name)
             if row in states:
-                yield "line_power", j, outputs.line(point, name, states[row])[1]
+                yield table, j, outputs.line(point, name, states[row])[1]
 
 
 def _stepped(point: OperatingPoint, switching: Switching) -> tuple[tuple[tuple[str, int, Any], ...], np.ndarray]:

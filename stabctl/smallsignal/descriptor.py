@@ -74,7 +74,7 @@ def descriptor(
     """Sparse descriptor matrices of an operating point, exact (complex step on the simulated equations).
 
     States that are constant and appear in no equation (bypassed blocks) are left out, and so is the energy of a storage
-    device, which is the integral of its power and appears in no other equation.
+    device that no output reads: it is the integral of its power and appears in no other equation.
 
     Parameters
     ----------
@@ -105,7 +105,8 @@ def descriptor(
     nx, nv = lay.nx, lay.first_setpoint
     filled = sp.vstack([d.of_rates, d.of_currents], format="csr").astype(bool)
     live = (np.diff(filled.indptr)[:nx] > 0) | (np.diff(filled[:, :nx].tocsc().indptr) > 0)
-    live &= np.array([(p.table, p.name) != ("esd", "energy") for p in lay.states], bool)
+    read = refuse.energies(point, y)
+    live &= np.array([(p.table, p.name) != ("esd", "energy") or k in read for k, p in enumerate(lay.states)], bool)
     rows = np.flatnonzero(live)
     fx, fv = d.of_rates[rows][:, rows].tocsc(), d.of_rates[rows][:, nx:nv].tocsc()
     gx, gv = d.of_currents[:, rows].tocsc(), (d.of_currents[:, nx:nv] - real(Y)).tocsc()
@@ -128,12 +129,8 @@ def _inputs(
     gu = sp.lil_matrix((d.of_currents.shape[0], len(signals)))
     for k, signal in enumerate(signals):
         place = ins.place(point, signal)
-        if place is None:
-            bus = ins.draw(point, signal).bus
-            gu[2 * bus : 2 * bus + 2, k] = ins.slopes(point, signal)[:, None]
-        else:
-            fu[:, k] = d.of_rates[rows][:, [place]].toarray()
-            gu[:, k] = d.of_currents[:, [place]].toarray()
+        fu[:, k] = d.of_rates[rows][:, [place]].toarray()
+        gu[:, k] = d.of_currents[:, [place]].toarray()
     return fu.tocsc(), gu.tocsc()
 
 
@@ -166,5 +163,5 @@ def _outputs(
             row = np.zeros(point.layout.step)
             row[reading.places] = reading.slopes(point.s)
         hx[k], hv[k] = row[rows], row[nx : point.layout.first_setpoint]
-        hu[k] = [0.0 if (at := ins.place(point, s)) is None else row[at] for s in ins_of]
+        hu[k] = [row[ins.place(point, s)] for s in ins_of]
     return sp.csc_matrix(hx), sp.csc_matrix(hv), sp.csc_matrix(hu)

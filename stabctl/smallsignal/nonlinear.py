@@ -69,7 +69,6 @@ class Motion:
         self._real = real(self._Y)
         self._factor = splu(d.gv)
         self._places = [ins.place(point, s) for s in d.inputs]
-        self._draws = [ins.draw(point, s) if p is None else None for s, p in zip(d.inputs, self._places, strict=True)]
         self._readings = [None if s.kind == "frequency" else outputs.value(point, s) for s in d.outputs]
         self._start = np.array([0.0 if r is None else r(point.s) for r in self._readings])
 
@@ -92,15 +91,13 @@ class Motion:
         s = self._point.s.copy()
         x, u = np.asarray(x, float), np.asarray(u, float)
         s[self._d.rows] += x
-        for place, value in zip(self._places, u, strict=True):
-            if place is not None:
-                s[place] += value
+        s[self._places] += u
         v = s[self._layout.voltages]
         v -= self._factor.solve(self._d.gx @ x + self._d.gu @ u)
         factor, before = self._factor, np.inf
         for _ in range(60):
             d = self._equations.at(s)
-            miss = self._miss(d, v, u)
+            miss = (d.currents - self._Y @ v.view(complex)).view(float)
             now = np.abs(miss).max()
             if now < TOLERANCE:
                 return s, d
@@ -112,16 +109,8 @@ class Motion:
             v -= factor.solve(miss)
         raise StudyError("The network has no voltages at this state; the disturbance is too large for it.")
 
-    def _miss(self, at: Derivatives, v: np.ndarray, u: np.ndarray) -> np.ndarray:
-        V = v.view(complex)
-        current = at.currents - self._Y @ V
-        for d, value in zip(self._draws, u, strict=True):
-            if d is not None:
-                current[d.bus] += value * d.current_of(complex(V[d.bus]))
-        return current.view(float)
-
     def _slopes(self, at: Derivatives) -> sp.csc_matrix:
-        """gv there; what inputs draw is left out, which only slows Newton."""
+        """gv there."""
         return (at.of_currents[:, self._layout.voltages] - self._real).tocsc()
 
     def _frequency(self, k: int, s: np.ndarray, at: Derivatives) -> float:

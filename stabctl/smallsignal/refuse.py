@@ -1,13 +1,16 @@
 """Checks before linearization: the operating point must be in equilibrium, and no device exactly at a limit."""
 
+from collections.abc import Iterable
+
 import numpy as np
 import scipy.sparse as sp
 
-from stabctl.dynamics import family
+from stabctl.dynamics import family, outputs
 from stabctl.dynamics.jacobian import Derivatives
 from stabctl.dynamics.limits import limits
 from stabctl.dynamics.newton import FAR
 from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.dynamics.signals import Signal
 from stabctl.dynamics.tables import Family
 from stabctl.errors import LinearizationError
 
@@ -66,6 +69,28 @@ def limited(point: OperatingPoint) -> None:
         f"The equations at {_where(point, rows[0])} have a kink at the operating point of {point.case.name}, so they "
         "have no derivative; choose another operating point."
     )
+
+
+def energies(point: OperatingPoint, signals: Iterable[Signal]) -> set[int]:
+    """Places of the energies of storage devices that outputs read.
+
+    Raises `LinearizationError` if a device has losses: its energy then falls faster than it rises.
+    """
+    found = set()
+    for signal in signals:
+        if signal.kind in ("energy", "charge"):
+            found.add(outputs.place(point, signal._replace(kind="energy")))
+        elif signal.kind == "state":
+            found.add(outputs.state(point, signal))
+    energy = {k for k in found if (point.layout.states[k].table, point.layout.states[k].name) == ("esd", "energy")}
+    for k in energy:
+        device = point.case.storage[point.layout.states[k].row]
+        if device.efficiency < 1:
+            raise LinearizationError(
+                f"The storage device {device.machine}@{device.bus} of {point.case.name} has losses, so its energy has "
+                "no derivative at rest; set its efficiency to 1, or read its power: absorbed."
+            )
+    return energy
 
 
 def _jumps(point: OperatingPoint, changed: tuple[str, np.ndarray] | None) -> np.ndarray:

@@ -25,8 +25,14 @@ class Output(NamedTuple):
 
 
 @inline
+def into(v1, v2, p):
+    """Current into the circuit from the end with voltage v1, real and imaginary part."""
+    re = p.g * v1[0] - p.b * v1[1] + p.gm * v2[0] - p.bm * v2[1]
+    return re, p.b * v1[0] + p.g * v1[1] + p.bm * v2[0] + p.gm * v2[1]
+
+
+@inline
 def output(v1, v2, p):
     """Power into the circuit from the end with voltage v1."""
-    re = p.g * v1[0] - p.b * v1[1] + p.gm * v2[0] - p.bm * v2[1]
-    im = p.b * v1[0] + p.g * v1[1] + p.bm * v2[0] + p.gm * v2[1]
+    re, im = into(v1, v2, p)
     return Output(v1[0] * re + v1[1] * im, v1[1] * re - v1[0] * im)

@@ -1,18 +1,22 @@
 """Energy storage device (ESD): absorbs the ordered share of its rating from its bus.
 
-order -> [1/(1+sTlag)] -> share -> (zero if full or empty) -> power = share * rating * {1, V, V^2}
+order   -> -1..1 -> [1/(1+sTlag)] -> share -> (zero if full or empty) -> P = share * rating * {1, V, V^2}
+order_q -> [1/(1+sTlag)] -> reactive -> (what P leaves of the apparent power) -> Q = reactive * rating * {1, V, V^2}
 
-The device is constant power, constant current or constant conductance (Pp, Pc, Pg); below vlow it is a conductance. The
-stored energy rises by k times the absorbed power and falls by 1/k times the injected power, where k^2 is the round-trip
-efficiency. A full or empty device stops at once, without ramp or lag. With Tlag = 0 and unlimited capacity it is the
-ideal device of the 2022 paper on distributed storage control (section 5).
+The device is constant power, constant current or constant conductance (Pp, Pc, Pg); below vlow it is an admittance.
+Active power has priority: of the apparent power, P leaves at most sqrt(Smax^2 - share^2) to Q. The stored energy
+rises by k times the absorbed power and falls by 1/k times the injected power, where k^2 is the round-trip efficiency. A
+full or empty device stops at once, without ramp or lag. With Tlag = 0 and unlimited capacity it is the ideal device of
+the 2022 paper on distributed storage control (section 5).
 """
 
 from math import inf, sqrt
 from typing import Annotated, Any, NamedTuple
 
+import numpy as np
+
 from stabctl._util.jit import inline
-from stabctl.devices.blocks import at_least, lag, lag_rate, magnitude
+from stabctl.devices.blocks import at_least, at_most, clip, lag, lag_rate, magnitude
 from stabctl.devices.ports import fixed
 
 NAME = "ESD"
@@ -34,25 +38,30 @@ class Par(NamedTuple):
     capacity: Annotated[float, "pu s", "energy when full (inf: unlimited)"]
     stored: Annotated[float, "pu s", "initial energy"]
     efficiency: Annotated[float, "-", "one-way efficiency, the square root of the round-trip efficiency"]
+    Smax: Annotated[float, "-", "largest apparent power over the power rating"]
 
 
 class State(NamedTuple):
-    """Share of the rating in use, and stored energy."""
+    """Shares of the rating in use, and stored energy."""
 
     share: Annotated[float, "-", "lagged order"]
     energy: Annotated[float, "pu s", "stored energy"]
+    reactive: Annotated[float, "-", "lagged reactive order"]
 
 
 class Input(NamedTuple):
-    """Signal at a device."""
+    """Signals at a device."""
 
     order: Annotated[float, "-", "share of the rating to absorb", fixed(0.0)]
+    order_q: Annotated[float, "-", "reactive power to absorb, over the power rating", fixed(0.0)]
 
 
 class Output(NamedTuple):
-    """Power at the terminals."""
+    """Power at the terminals, and charge."""
 
     P: Annotated[float, "pu", "power absorbed, system base"]
+    Q: Annotated[float, "pu", "reactive power absorbed, system base"]
+    charge: Annotated[float, "-", "state of charge; 0 if the capacity is unlimited"]
 
 
 def from_case(device: Any, base_mva: float) -> Par:
@@ -70,45 +79,57 @@ def from_case(device: Any, base_mva: float) -> Par:
         capacity or inf,
         capacity * device.charge,
         sqrt(device.efficiency),
+        device.mva / device.rating if device.mva and device.rating else 1.0,
     )
 
 
 def guess(p: Par) -> State:
     """States at rest: no power, and the initial energy."""
-    return State(0.0, p.stored)
+    return State(0.0, p.stored, 0.0)
 
 
 @inline
 def allowed(share, x, p):
-    """The share, or zero if a full device would absorb or an empty one inject."""
+    """The share, at most 1, or zero if a full device would absorb or an empty one inject."""
     if (x.energy.real >= p.capacity and share.real > 0) or (x.energy.real <= p.floor and share.real < 0):
         return 0 * share
-    return share
+    return at_most(at_least(share, -1.0), 1.0)
 
 
 @inline
-def conductance(x, u, m, p):
-    """Conductance that draws the power at the voltage m (pu)."""
-    share = allowed(lag(p.Tlag, allowed(u.order, x, p), x.share), x, p)
-    return share * ((p.Pp / m + p.Pc) / m + p.Pg)
+def shares(x, u, p):
+    """Active and reactive power over the rating."""
+    active = allowed(lag(p.Tlag, allowed(u.order, x, p), x.share), x, p)
+    most = np.sqrt(at_least(p.Smax * p.Smax - active * active, 0.0))
+    return active, at_most(at_least(lag(p.Tlag, u.order_q, x.reactive), -most), most)
+
+
+@inline
+def admittance(x, u, m, p):
+    """Conductance, and susceptance with opposite sign, that draw the power at the voltage m (pu)."""
+    active, reactive = shares(x, u, p)
+    full = (p.Pp / m + p.Pc) / m + p.Pg
+    return active * full, reactive * full
 
 
 @inline
 def current(x, u, v, p):
-    """Current into the network -share (Pp/m^2 + Pc/m + Pg) V, m = max(|V|, vlow)."""
-    g = conductance(x, u, at_least(magnitude(v[0], v[1]), p.vlow), p)
-    return -g * v[0], -g * v[1]
+    """Current into the network -conj(P + jQ) V / m^2, m = max(|V|, vlow)."""
+    g, b = admittance(x, u, at_least(magnitude(v[0], v[1]), p.vlow), p)
+    return -(g * v[0] + b * v[1]), b * v[0] - g * v[1]
 
 
 @inline
 def output(x, u, v, p):
-    """Power absorbed (pu)."""
-    g = conductance(x, u, at_least(magnitude(v[0], v[1]), p.vlow), p)
-    return Output(g * (v[0] * v[0] + v[1] * v[1]))
+    """Power absorbed (pu), and charge."""
+    g, b = admittance(x, u, at_least(magnitude(v[0], v[1]), p.vlow), p)
+    square = v[0] * v[0] + v[1] * v[1]
+    return Output(g * square, b * square, x.energy / p.capacity)
 
 
 @inline
 def derivatives(x, u, y, p):
     """State derivatives (1/s)."""
     way = p.efficiency if y.P.real > 0 else 1 / p.efficiency
-    return State(lag_rate(p.Tlag, allowed(u.order, x, p), x.share), way * y.P)
+    reactive = lag_rate(p.Tlag, clip(u.order_q, -p.Smax, p.Smax), x.reactive)
+    return State(lag_rate(p.Tlag, allowed(u.order, x, p), x.share), way * y.P, reactive)
