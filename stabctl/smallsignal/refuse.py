@@ -16,6 +16,7 @@ from stabctl.errors import LinearizationError
 
 STILL = 1e-8  # 1/s and pu   largest state derivative and current mismatch of an equilibrium
 NUDGE = 1e-8  # perturbation of every signal, which moves a value off a limit
+SMOOTH = 10 * NUDGE  # change of a derivative without a kink, by curvature
 JUMP = 1e-3  # change of a derivative between the two sides, relative to the largest in its row
 
 
@@ -115,7 +116,7 @@ def _jumps(point: OperatingPoint, changed: tuple[str, np.ndarray] | None) -> np.
         np.maximum.at(scale, equations.rows, np.abs(sides[-1]))
     np.maximum.at(jump, equations.rows, np.abs(sides[0] - sides[1]))
     jump[[i for i, p in enumerate(lay.states) if (p.table, p.name) == ("esd", "energy")]] = 0.0
-    return np.flatnonzero(jump > JUMP * scale + STILL)
+    return np.flatnonzero(jump > JUMP * scale + SMOOTH)
 
 
 def _replaced(point: OperatingPoint, changed: tuple[str, np.ndarray]) -> list[Family]:

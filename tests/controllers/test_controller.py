@@ -141,7 +141,7 @@ def test_mistakes_in_a_controller(make, says):
 @pytest.mark.parametrize(
     ("reads", "drives", "says"),
     [
-        ("speeed:1", "vs:1", "'speeed' is not an output; did you mean speed or rest_speed"),
+        ("speeed:1", "vs:1", "'speeed' is not an output; did you mean speed"),
         ("speed:1", "orderq:1@5", "'orderq' is not an input; did you mean order_q or order"),
         ("speed:1", "order:1@7", "'1@7' is not one of the storage devices of two_area; they are 1@5"),
         ("flow:7-80", "vs:1", "There is no branch 7-80"),

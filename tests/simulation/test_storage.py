@@ -14,15 +14,15 @@ from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.simulation import Simulation
 
 KEEP_ON = Criterion(max_angle=np.inf)
-IDLE = esd.Par(0.0, 0.0, 0.0, 0.5, 0.0, 0.0, -np.inf, np.inf, 0.0, 1.0)
+IDLE = esd.Par(0.0, 0.0, 0.0, 0.5, 0.0, 0.0, -np.inf, np.inf, 0.0, 1.0, 1.0)
 ROLES = {"power": ("Pp", 0), "current": ("Pc", 1), "conductance": ("Pg", 2)}
-EMPTY = esd.State(0.0, 0.0)
+EMPTY = esd.State(0.0, 0.0, 0.0)
 
 
 def at_terminals(par, size, order=1.0, angle=0.3, state=EMPTY):
     """Power and current of a device at a voltage of this size and angle."""
     v = size * np.cos(angle), size * np.sin(angle)
-    return esd.output(state, esd.Input(order), v, par).P, complex(*esd.current(state, esd.Input(order), v, par))
+    return esd.output(state, esd.Input(order, 0.0), v, par).P, complex(*esd.current(state, esd.Input(order, 0.0), v, par))
 
 
 def absorbed(*terminals, **options):
@@ -67,7 +67,7 @@ def test_a_load_draws_what_its_shares_say_and_is_continuous_at_its_threshold(siz
 
 def test_full_and_empty_stop_only_the_direction_that_goes_on():
     par = IDLE._replace(Pp=0.4, floor=0.0, capacity=10.0)
-    full, empty = esd.State(0.0, 10.0), esd.State(0.0, 0.0)
+    full, empty = esd.State(0.0, 10.0, 0.0), esd.State(0.0, 0.0, 0.0)
     assert absorbed(par, 1.0, 1.0, state=full) == 0
     assert pytest.approx(-0.4) == absorbed(par, 1.0, -1.0, state=full)
     assert absorbed(par, 1.0, -1.0, state=empty) == 0
