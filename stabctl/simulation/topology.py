@@ -29,6 +29,7 @@ class Stage:
     net: Net
     constants: tuple[tuple[str, int, Any], ...]  # table, row and new constants of the devices that have changed
     island_of_bus: np.ndarray  # (buses)
+    Y: sp.csc_matrix  # (buses, buses) pu, complex
 
 
 def stage(point: OperatingPoint, switching: Switching) -> Stage:
@@ -66,7 +67,7 @@ def _stage(point: OperatingPoint, switching: Switching) -> Stage:
             "shunts and series capacitors."
         ) from None
     changed = *loads, *_blocked(point, alive), *_measured(point, switching)
-    return Stage(Net(factors, compact, alive, switching.faulted), changed, where)
+    return Stage(Net(factors, compact, alive, switching.faulted), changed, where, Y)
 
 
 def _blocked(point: OperatingPoint, alive: np.ndarray) -> Iterator[tuple[str, int, Any]]:

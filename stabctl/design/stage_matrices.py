@@ -1,0 +1,88 @@
+"""The exact derivatives of one stage of a Runge-Kutta step: its rates, with the network solved.
+
+With states x, orders u, and outputs and voltages z, every device differentiated by complex step,
+
+    M dz = N (dx, du)   (outputs, and currents into the network),     df = R (dx, du) + S dz.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
+
+from stabctl.dynamics.jacobian import Equations
+from stabctl.simulation.topology import Stage
+from stabctl.smallsignal.descriptor import real
+
+
+class _Pattern:
+    """A sparse matrix of one pattern, made from entries that are added up where they meet."""
+
+    def __init__(self, rows: np.ndarray, columns: np.ndarray, shape: tuple[int, int]) -> None:
+        unique, self._place = np.unique(columns.astype(np.int64) * shape[0] + rows, return_inverse=True)
+        self._shape = shape
+        self._indices = (unique % shape[0]).astype(np.int32)
+        self._indptr = np.searchsorted(unique // shape[0], np.arange(shape[1] + 1)).astype(np.int32)
+
+    def __call__(self, entries: np.ndarray) -> sp.csc_matrix:
+        data = np.bincount(self._place, entries, minlength=len(self._indices))
+        return sp.csc_matrix((data, self._indices, self._indptr), shape=self._shape)
+
+
+class StageMatrices:
+    """The derivatives of all stages on one network, whose patterns are formed once."""
+
+    def __init__(self, equations: Equations, network: Stage, k: np.ndarray, orders: Sequence[int]) -> None:
+        layout, pattern = equations.system.layout, equations.pattern
+        nx, ny, nv, nu = layout.nx, layout.outputs, 2 * layout.buses, len(orders)
+        self.nx, self.nz = nx, ny + nv
+        self._equations, self._k, self._size = equations, k, layout.size
+        place = np.full(layout.size, -1, np.int64)
+        place[:nx] = np.arange(nx)
+        place[list(orders)] = nx + np.arange(nu)
+        place[layout.first_output : layout.first_memory] = nx + nu + np.arange(ny)
+        place[layout.voltages] = nx + nu + ny + np.arange(nv)
+        self.of_z = place - nx - nu  # place in s -> place in z, negative if it is none
+        bus = (pattern.injecting[:, None] - nx + np.arange(2)).ravel()
+        rows, columns = pattern.rows.astype(np.int64), place[pattern.columns]
+        injected = rows >= nx + ny
+        rows[injected] = nx + ny + bus[rows[injected] - nx - ny]
+        rate, z = rows < nx, columns >= nx + nu
+        self._take = m, n, s = [np.flatnonzero(c) for c in (~rate & z, (columns >= 0) & ~z, rate & z)]
+        Y, one = real(network.Y).tocoo(), np.arange(ny)
+        self._fixed = np.r_[np.ones(ny), Y.data]
+        of_z = np.r_[rows[m] - nx, one, ny + Y.row], np.r_[columns[m] - nx - nu, one, ny + Y.col]
+        self._M = _Pattern(*of_z, (self.nz, self.nz))
+        self._RN = _Pattern(rows[n], columns[n], (nx + self.nz, nx + nu))
+        self._S = _Pattern(rows[s], columns[s] - nx - nu, (nx, self.nz))
+
+    def at(self, s: np.ndarray) -> "StageAdjoint":
+        """The derivatives at all signals s."""
+        entries, _ = self._equations.entries(s[: self._size].copy(), self._k)
+        m, n, of_rates = self._take
+        lu = splu(self._M(np.r_[-entries[m], self._fixed]))
+        return StageAdjoint(lu, self._RN(entries[n]).T, self._S(entries[of_rates]).T, self.nx)
+
+
+class StageAdjoint:
+    """The transposed derivatives of one stage."""
+
+    def __init__(self, lu: Any, RN: sp.csr_matrix, S: sp.csr_matrix, nx: int) -> None:
+        self._lu, self._RN, self._S, self._nx = lu, RN, S, nx
+
+    def __call__(self, rates: np.ndarray, z: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Weights of the states (states, p) and orders (devices, p).
+
+        Parameters
+        ----------
+        rates : (states, p) array
+            Weights of the rates.
+        z : (outputs and voltages, p) array, optional
+            Weights of the outputs and voltages.
+        """
+        g = self._S @ rates
+        mismatch = self._lu.solve(np.ascontiguousarray(g if z is None else g + z), "T")
+        both = self._RN @ np.vstack([rates, mismatch])
+        return both[: self._nx], both[self._nx :]

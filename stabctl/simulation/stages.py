@@ -1,0 +1,83 @@
+"""The stages of recorded Runge-Kutta steps, made once more: every signal at each of them, and which limits acted."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from stabctl.dynamics.program import Program, program
+from stabctl.errors import StudyError
+
+from . import voltages
+from .plant import Frame, Net, Space, newton_space, space
+from .replay import replay
+from .topology import Stage, stage
+from .trajectory import Trajectory
+from .wired import Wired, wired
+
+
+class Stages(NamedTuple):
+    """Steps on one network, each with its four stages."""
+
+    network: Stage
+    first: int  # row of the trajectory at which the first step begins
+    sizes: np.ndarray  # (steps) s
+    signals: np.ndarray  # (steps, 4, signals)
+    held: np.ndarray  # (steps, 4, limited states) whether a state is held at its limit
+    clipped: np.ndarray  # (steps, 4, limited states) -1, 1: clipped to its lower or upper limit after the stage
+
+
+def stages(trajectory: Trajectory) -> list[Stages]:
+    """The stages of all steps of a recorded run, network by network.
+
+    Orders are those recorded, whatever gave them. A step that was divided where the power of storage jumped is not
+    made again as it was.
+
+    Raises
+    ------
+    StudyError
+        If the run was not recorded, a machine was disconnected, or the voltages of a stage are not found.
+    """
+    point, rows, time = trajectory.point, trajectory.rows, trajectory.time
+    if len(rows) < 2 or np.isfinite(trajectory.happened.off_s).any():
+        raise StudyError(
+            f"The run of {point.case.name} has no derivatives, because it was not recorded or a machine was "
+            "disconnected; give another contingency."
+        )
+    system = wired(point, None)
+    starts = np.array([change.at for change in trajectory.happened.changes])
+    network = np.searchsorted(starts, time[:-1] + 1e-9, side="right") - 1
+    found = []
+    for k in np.unique(network):
+        mine = np.flatnonzero(network == k)  # consecutive
+        now = stage(point, trajectory.happened.changes[k].switching)
+        q = space(system.start, system.layout, system.frame)
+        sizes = np.diff(time)[mine]
+        shape = len(mine), 4, len(system.frame.limited)
+        made = Stages(now, int(mine[0]), sizes, np.empty((len(mine), 4, len(q.s))), np.empty(shape), np.empty(shape))
+        _replay(system, now, q, rows[mine], made)
+        found.append(made)
+    return found
+
+
+def constants(system: Wired, network: Stage, k: np.ndarray) -> np.ndarray:
+    """The constants of all devices on a network; k are those of the intact one."""
+    k = k.copy()
+    for table, row, par in network.constants:
+        at = system.constants_at(table) + row * len(par)
+        k[at : at + len(par)] = par
+    return k
+
+
+def _replay(system: Wired, network: Stage, q: Space, rows: np.ndarray, made: Stages) -> None:
+    p = system.program._replace(k=constants(system, network, system.program.k))
+    a, net, resume = system.frame, network.net, False
+    of_made = made.sizes, np.ascontiguousarray(rows)
+    while replay(p, a, net, q, *of_made, resume, made.signals, made.held, made.clipped) < len(made.sizes):
+        resume = True
+        if not _newton(system, p, a, net, q):
+            raise StudyError("The voltages of a stage were not found, so the run has no derivatives there.")
+
+
+def _newton(system: Wired, p: Program, a: Frame, net: Net, q: Space) -> bool:
+    both = program(system.families, complex)._replace(k=p.k)
+    return voltages.newton(both.current, both, a, net, q, newton_space(q))
