@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from stabctl.controllers import BangBang
+from stabctl.controllers import BangBang, Controller
 from stabctl.errors import StudyError
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ class Schedule:
         Instant of the first frame. Before it the devices are idle.
     min_voltage : float, pu
         Voltage below which a device is idle, as under the laws; 0 for none.
-    after : BangBang, optional
+    law : BangBang, optional
         Law that takes over after the last frame, with its own deadband; by default the devices are then idle.
 
     Raises
@@ -41,7 +41,8 @@ class Schedule:
     rate: int = 60
     start: float = 0.0
     min_voltage: float = 0.8
-    after: BangBang | None = None
+    law: BangBang | None = None
+    controllers: ClassVar[tuple[Controller, ...]] = ()
 
     def __post_init__(self) -> None:
         orders = np.array(self.orders, float)
@@ -59,7 +60,7 @@ class Schedule:
                 f"{len(point.case.storage)}."
             )
         bus = [point.net.place[s.bus] for s in point.case.storage]
-        own = [point.rotor_numbers.index(s.machine) for s in point.case.storage] if self.after else []
+        own = [point.rotor_numbers.index(s.machine) for s in point.case.storage] if self.law else []
 
         def frame() -> None:
             for one in simulations:
@@ -73,7 +74,7 @@ class Schedule:
         idle = np.zeros(self.orders.shape[1])
         if 0 <= k < len(self.orders):
             return self.orders[k]
-        if k < 0 or self.after is None:
+        if k < 0 or self.law is None:
             return idle
         rotors, w = simulation.point.rotors, simulation.speed
         island = simulation.island[rotors.unit]
@@ -81,6 +82,6 @@ class Schedule:
             rest = (island == island[i]) & (np.arange(len(w)) != i)
             if island[i] >= 0 and rest.any():
                 deviation = w[i] - rotors.inertia[rest] @ w[rest] / rotors.inertia[rest].sum()
-                if abs(deviation) > self.after.deadband / simulation.point.case.frequency_hz:
+                if abs(deviation) > self.law.deadband / simulation.point.case.frequency_hz:
                     idle[j] = np.sign(deviation)
         return idle

@@ -49,7 +49,7 @@ def test_a_device_is_idle_while_its_voltage_is_low(point):
 
 def test_the_law_takes_over_after_the_last_frame(point):
     law = BangBang(deadband=0.1)
-    run = simulate(point, FAULT, 5.0, control=Schedule(np.zeros((60, 4)), after=law))
+    run = simulate(point, FAULT, 5.0, control=Schedule(np.zeros((60, 4)), law=law))
     sampled = np.flatnonzero((run.time > 1.0) & (np.abs(run.time * 60 % 1 - 0.5) > 0.49))
     hz, H = 60 * run.arrays.speed[sampled], point.inertia
     deviation = (hz - (hz @ H / H.sum())[:, None]) * H.sum() / (H.sum() - H)
