@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from stabctl import design
     from stabctl.clearing.critical_time import ClearingTime, clearing_time
-    from stabctl.clearing.screen import Screen, screen
+    from stabctl.clearing.screen import screen
+    from stabctl.clearing.screen_result import Screen
     from stabctl.controllers import BangBang, Controller, Feedback, Gate
     from stabctl.controllers.file import load as load_controller
     from stabctl.devices import register

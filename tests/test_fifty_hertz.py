@@ -20,11 +20,12 @@ from stabctl.dynamics import operating_point
 from stabctl.estimation.estimate import estimate
 from stabctl.estimation.instrument import Instrument
 from stabctl.estimation.pmu import Pmu
+from stabctl.jobs.run_task import run_task
 from stabctl.model import powerflow
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.simulate import simulate
-from stabctl.sweep import run_job, study_file
+from stabctl.sweep import study_file
 from stabctl.sweep.task import tasks
 
 KEEP_ON = Criterion(max_angle=np.inf)
@@ -223,10 +224,10 @@ def test_a_sweep_changes_the_frequency(tmp_path):
         'kind = "clearing-time"\ncase = "two_area"\nmachines = "classical"\nfault = "7-8@0.4"\nscan = "0cyc"\n'
         'set."frequency_hz" = [60, 50]\nstorage = ["none", "50MW"]\n'
     )
-    found = [run_job.run_job(task).result for task in tasks(study_file.read(path), path)]
+    found = [run_task(task).values for task in tasks(study_file.read(path), path)]
     expected = [
         clearing_time(point(hz, storage=storage, slower=False), "7-8@0.4", scan=0, control=storage and BangBang())
         for hz in (60, 50)
         for storage in (None, "50MW")
     ]
-    assert sorted((r.cycles, r.seconds) for r in found) == sorted((e.cycles, e.seconds) for e in expected)
+    assert sorted((r["cycles"], r["seconds"]) for r in found) == sorted((e.cycles, e.seconds) for e in expected)

@@ -3,7 +3,8 @@
 from .critical_time import clearing_time
 from .lines import Lines, lines
 from .result import ClearingTime
-from .screen import Screen, screen
+from .screen import screen
+from .screen_result import Screen
 from .search import Search
 from .trial import Run, Trial
 

@@ -84,6 +84,12 @@ Device = Annotated[
 ]
 Verbose = Annotated[bool, typer.Option("--verbose", help="Print every warning, not only the first.")]
 Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Threads (default: one per core).")]
+Store = Annotated[
+    Path | None, typer.Option("--store", help="Keep every finished job in this folder; the same command continues.")
+]
+Scheduler = Annotated[
+    str | None, typer.Option("--scheduler", help="Scheduler of a Dask cluster, instead of threads: tcp://host:8786.")
+]
 
 FAULT = "Fault location: 83 (a bus), 7-8@0.4 (on a line, measured from the first bus), 7-8 (its middle)."
 Fault = Annotated[str, typer.Option("--fault", help=FAULT)]

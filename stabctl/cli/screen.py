@@ -32,6 +32,8 @@ def screen(
     estimator: options.Estimator = "ideal",
     pmu: groups.PmuOptions,
     workers: options.Workers = None,
+    store: options.Store = None,
+    scheduler: options.Scheduler = None,
     out: Out = None,
     case: groups.CaseOptions,
     as_json: options.Json = False,
@@ -56,6 +58,8 @@ def screen(
             step=step,
             criterion=stability.criterion(loaded),
             workers=workers,
+            store=store,
+            scheduler=scheduler,
             progress=lambda done, total: tell(done / total),
         )
     _show(found, as_json)
@@ -67,7 +71,7 @@ def screen(
 
 def _show(found: "Screen", as_json: bool) -> None:
     if as_json:
-        from stabctl.clearing.screen import COLUMNS
+        from stabctl.clearing.screen_result import COLUMNS
 
         shared.print_json(
             {

@@ -21,7 +21,6 @@ app = typer.Typer(
 Study = Annotated[Path, typer.Argument(metavar="STUDY", help="A study file, TOML.")]
 Out = Annotated[Path, typer.Option("--out", help="Results file (SQLite); jobs that it already has are not run again.")]
 Workers = Annotated[int | None, typer.Option("--workers", help="Processes on this machine (default: one per core).")]
-Dask = Annotated[str | None, typer.Option("--dask", help="Scheduler of a Dask cluster: tcp://host:8786.")]
 Retry = Annotated[bool, typer.Option("--retry", help="Rerun jobs that ended in an error.")]
 Results = Annotated[Path, typer.Argument(metavar="RESULTS", help="A results file.")]
 Csv = Annotated[Path | None, typer.Option("--csv", help="Write every column of every row to FILE.csv.")]
@@ -32,7 +31,7 @@ def run_command(
     study: Study,
     out: Out,
     workers: Workers = None,
-    dask: Dask = None,
+    scheduler: options.Scheduler = None,
     retry: Retry = False,
     device: options.Device = None,
     verbose: options.Verbose = False,
@@ -41,11 +40,11 @@ def run_command(
     from stabctl.errors import StudyError
     from stabctl.sweep.sweep import run_sweep
 
-    if workers is not None and dask is not None:
-        raise StudyError("--workers and --dask cannot be used together; give one of them.")
+    if workers is not None and scheduler is not None:
+        raise StudyError("--workers and --scheduler cannot be used together; give one of them.")
     gc.enable()  # unlike other commands, a sweep may be long
     with _progress() as tell:
-        sweep = run_sweep(study, out, workers=workers, dask=dask, retry=retry, progress=tell)
+        sweep = run_sweep(study, out, workers=workers, scheduler=scheduler, retry=retry, progress=tell)
     shared.warn(sweep.warnings, verbose)
     print(f"stabctl: {sweep}", file=sys.stderr)
     return 130 if sweep.interrupted else int(sweep.errors > 0)

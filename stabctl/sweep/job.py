@@ -10,8 +10,10 @@ from typing import Annotated, Any, Literal, NamedTuple
 from annotated_types import Gt, Interval
 
 from stabctl.estimation.estimators import EstimatorName
+from stabctl.estimation.pmu import Pmu
 from stabctl.model.tables import Characteristic
 from stabctl.schema import NOT_NEGATIVE, POSITIVE, SHARE, Field, fields
+from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import DEFAULT, Criterion
 
 JobKind = Literal["clearing-time", "simulate"]
@@ -68,6 +70,18 @@ class Job(NamedTuple):
             max_frequency=self.max_frequency,
             frequency_delay_s=self.frequency_delay,
         )
+
+    @property
+    def contingency(self) -> Contingency:
+        """The contingency; a clearing time has its own duration of the fault."""
+        clear, at = (self.clear, self.at) if self.kind == "simulate" else (None, 0.0)
+        impedance = complex(self.fault_r, self.fault_x)
+        return Contingency(self.fault or None, clear or None, self.trip, at=at, impedance=impedance)
+
+    @property
+    def pmu(self) -> Pmu:
+        """The PMUs."""
+        return Pmu.noisy(self.pmu_rate, self.pmu_noise, self.latency, self.loss)
 
     @property
     def changes(self) -> dict[str, Any]:

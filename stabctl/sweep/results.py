@@ -1,5 +1,6 @@
 """The rows of a results file, and a table of what varies and what was found."""
 
+import json
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -8,16 +9,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stabctl._util.tabular import Tabular
+from stabctl.errors import StudyError
+from stabctl.jobs import store
+from stabctl.jobs.task import COMPUTED
 from stabctl.schema import fields
 
-from . import store
 from .job import Job
-from .result import ABOUT
-from .store import JOB, RESULT
+from .kind import JOB, SWEEP
 
 if TYPE_CHECKING:
     import pandas as pd
 
+ANSWERS = tuple(c for c in SWEEP.columns if c not in (*JOB, "key"))  # columns of what was found
 DEFAULTS = {f.column: f.default for f in fields(Job).values()}
 
 
@@ -47,7 +50,7 @@ class Results(Tabular):
     @cached_property
     def columns(self) -> tuple[str, ...]:
         """What varies and what was found."""
-        found = [c for c in RESULT if c not in (*ABOUT, "message") and any(row[c] is not None for row in self.rows)]
+        found = [c for c in ANSWERS if c not in (*COMPUTED, "message") and any(row[c] is not None for row in self.rows)]
         return (*self.varying, *(c for c in found if c != "status" or self.errors))
 
     @cached_property
@@ -66,7 +69,7 @@ class Results(Tabular):
         """Every column of every row."""
         import pandas as pd
 
-        names = ("key", *self.inputs, *RESULT)
+        names = ("key", *self.inputs, *ANSWERS)
         return pd.DataFrame([[_value(row, c) for c in names] for row in self.rows], columns=names)
 
     def __str__(self) -> str:
@@ -78,7 +81,19 @@ class Results(Tabular):
 
 def read(path: str | Path) -> Results:
     """The rows of a results file. Raises StudyError if there is no such file or it is not a results file."""
-    return Results(in_order(store.rows(path)))
+    return Results(in_order(rows(path)))
+
+
+def rows(path: str | Path) -> list[dict[str, Any]]:
+    """Every row of a results file, column -> value, `set` as a mapping of the changes."""
+    found = store.rows(path, SWEEP)
+    try:
+        changes = [json.loads(row["set"] or "{}") for row in found]
+    except ValueError:
+        changes = [None]
+    if not all(isinstance(one, dict) for one in changes):
+        raise StudyError(f"{path}: {store.SENTENCES['SQLITE_CORRUPT']}.")
+    return [row | {"set": one or None} for row, one in zip(found, changes, strict=True)]
 
 
 def cell(column: str, value: object) -> str:

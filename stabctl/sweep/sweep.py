@@ -12,11 +12,13 @@ from stabctl import io
 from stabctl._util import cores
 from stabctl._util.wording import counted
 from stabctl.errors import StudyError
+from stabctl.jobs import Row, Task, pool
+from stabctl.jobs.cluster import Cluster
+from stabctl.jobs.store import Store
 
-from . import pool, results, study_file
-from .result import Row
-from .store import Store
-from .task import Task, tasks
+from . import results, study_file
+from .kind import SWEEP
+from .task import tasks
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -59,7 +61,7 @@ def run_sweep(
     out: str | Path,
     *,
     workers: int | None = None,
-    dask: str | None = None,
+    scheduler: str | None = None,
     retry: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Sweep:
@@ -76,7 +78,7 @@ def run_sweep(
         The results file (SQLite), created if missing.
     workers : int, optional
         Processes on this machine, one per core by default.
-    dask : str, optional
+    scheduler : str, optional
         Scheduler of a Dask cluster instead: "tcp://host:8786".
     retry : bool
         Run jobs again that ended in an error.
@@ -92,18 +94,18 @@ def run_sweep(
     StudyError
         For a study, a results file or a cluster that cannot be used; every row up to then is kept.
     """
-    if workers is not None and dask is not None:
-        raise StudyError("workers and dask cannot be used together; give one of them.")
+    if workers is not None and scheduler is not None:
+        raise StudyError("workers and scheduler cannot be used together; give one of them.")
     began, workers = time.perf_counter(), cores.used(workers)
     wanted = tasks(study_file.read(study), study)
-    with Store(out) as store:
+    with Store(out, SWEEP) as store:
         before = store.statuses()
         missing = [t for t in wanted if t.key not in before or (retry and before[t.key] != "ok")]
         there, interrupted = len(wanted) - len(missing), False
         try:
             if progress:
                 progress(there, len(wanted))
-            with closing(_rows(missing, workers, dask)) as rows:
+            with closing(_rows(missing, workers, scheduler)) as rows:
                 for done, row in enumerate(rows, 1):
                     store.add(row)
                     if progress:
@@ -127,13 +129,12 @@ def run_sweep(
 def _warnings(wanted: Iterable[Task]) -> tuple[str, ...]:
     """The warnings about the cases, each once, without those of packaged cases as they are."""
     known = cache(lambda name: io.load(name).warnings if name in io.packaged() else ())
-    return tuple(dict.fromkeys(s for t in wanted for s in t.case.warnings if s not in known(t.job.case)))
+    return tuple(dict.fromkeys(s for t in wanted for s in t.shared.warnings if s not in known(t.job.case)))
 
 
-def _rows(missing: list[Task], workers: int, dask: str | None) -> Generator[Row, None, None]:
-    if missing and dask is None:
+def _rows(missing: list[Task], workers: int, scheduler: str | None) -> Generator[Row, None, None]:
+    if missing and scheduler is None:
         yield from pool.rows(missing, workers)
-    elif missing and dask is not None:
-        from . import cluster
-
-        yield from cluster.rows(missing, dask)
+    elif missing and scheduler is not None:
+        with closing(Cluster(scheduler)) as cluster:
+            yield from cluster.rows(missing)

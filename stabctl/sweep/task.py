@@ -1,30 +1,20 @@
-"""A task: a job with its case, ready to be sent to any process, and the key of its result."""
+"""The tasks of a study: its jobs, each with its case and the key of its result."""
 
-import hashlib
-import json
 from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
 
-from stabctl import devices, io
+from stabctl import io
 from stabctl.errors import StabctlError, StudyError
-from stabctl.estimation.pmu import Pmu
+from stabctl.jobs import Task
+from stabctl.jobs.key import fingerprint, sha256
 from stabctl.model import fleet
 from stabctl.model.case import Case
-from stabctl.model.tables import TABLES
 from stabctl.simulation.contingency import Contingency
 from stabctl.units import seconds
 
 from .job import FORMAT, Job
-
-
-class Task(NamedTuple):
-    """A job, its case, and the key that both determine."""
-
-    key: str
-    job: Job
-    case: Case
+from .kind import SWEEP
 
 
 def tasks(jobs: Iterable[Job], path: str | Path) -> tuple[Task, ...]:
@@ -52,45 +42,14 @@ def tasks(jobs: Iterable[Job], path: str | Path) -> tuple[Task, ...]:
         case, own = changed(job.case, job.machines, job.set)
         _check(path, job, case, checked)
         key = key_of(job, own)
-        found.setdefault(key, Task(key, job, case))
+        found.setdefault(key, Task(key, job, case, SWEEP))
     return tuple(found.values())
 
 
 def key_of(job: Job, case: str) -> str:
     """SHA-256 of everything that determines the result: the job, the fingerprint of its case, the format of results."""
     content = job.given() | {"case": case, "set": ""}  # the changes of the case are in its fingerprint
-    return hashlib.sha256(canonical({"format": FORMAT, "job": content}).encode()).hexdigest()
-
-
-def fingerprint(case: Case) -> str:
-    """SHA-256 of the content of a case, wherever it was read from, and of the user's own devices in it."""
-    content: dict[str, Any] = {name: [row._asdict() for row in getattr(case, name)] for name in TABLES}
-    content |= {name: getattr(case, name) for name in ("name", "base_mva", "frequency_hz")}
-    content["devices"] = {
-        model: [[number, par._asdict()] for number, par in rows.items()] for model, rows in case.devices.items()
-    }
-    files = {model: Path(str(devices.every()[model].__file__)) for model in case.devices}
-    known = devices.registered()
-    own = {model: file.read_text(encoding="utf-8") for model, file in files.items() if str(file) in known}
-    content |= {"device_files": own} if own else {}
-    return hashlib.sha256(canonical(content).encode()).hexdigest()
-
-
-def canonical(content: object) -> str:
-    """The unique JSON text of a content."""
-    return json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
-
-
-def contingency(job: Job) -> Contingency:
-    """The contingency of a job; a clearing time has its own duration of the fault."""
-    clear, at = (job.clear, job.at) if job.kind == "simulate" else (None, 0.0)
-    impedance = complex(job.fault_r, job.fault_x)
-    return Contingency(job.fault or None, clear or None, job.trip, at=at, impedance=impedance)
-
-
-def pmu(job: Job) -> Pmu:
-    """The PMUs of a job."""
-    return Pmu.noisy(job.pmu_rate, job.pmu_noise, job.latency, job.loss)
+    return sha256({"format": FORMAT, "job": content})
 
 
 def _case(path: Path, name: str) -> Case:
@@ -134,6 +93,6 @@ def _check(path: Path, job: Job, case: Case, checked: set[tuple[str, ...]]) -> N
             raise StudyError(f"{path}, {name} = {text!r}: {error}") from None
         checked.add((job.case, job.set, name, text))
     try:
-        pmu(job)
+        _ = job.pmu
     except StudyError as error:
         raise StudyError(f"{path}: {error}") from None

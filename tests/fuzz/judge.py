@@ -14,7 +14,8 @@ from pathlib import Path
 
 from stabctl import cli
 from stabctl.errors import StabctlError
-from stabctl.sweep import run_job, study_file, task
+from stabctl.jobs.run_task import run_task
+from stabctl.sweep import study_file, task
 
 from . import kill
 from .attempt import Attempt
@@ -122,7 +123,7 @@ def _study(attempt: Attempt) -> str | None:
     except StabctlError as error:
         return _wrong(2, "", f"stabctl: {error}\n", False)
     for one in jobs[:3]:
-        result = run_job.run_job(one).result
+        result = run_task(one).about
         if result.status not in ("ok", "error") or "mistake in stabctl" in (result.message or ""):
             return f"job {one.job} ends with {result}"
     return None

@@ -10,9 +10,12 @@ from random import Random
 from typing import Any
 
 import stabctl
-from stabctl.sweep import run_job, study_file, task
-from stabctl.sweep.result import ABOUT
-from stabctl.sweep.store import Store, rows
+from stabctl.jobs.run_task import run_task
+from stabctl.jobs.store import Store
+from stabctl.jobs.task import COMPUTED
+from stabctl.sweep import study_file, task
+from stabctl.sweep.kind import SWEEP
+from stabctl.sweep.results import rows
 
 from .attempt import Attempt
 
@@ -59,16 +62,16 @@ def run(attempt: Attempt) -> str | None:
 
 def _facts() -> dict[str, Any]:
     found = rows("r.db")
-    return {row["key"]: tuple((c, str(v)) for c, v in row.items() if c not in ABOUT) for row in found}
+    return {row["key"]: tuple((c, str(v)) for c, v in row.items() if c not in COMPUTED) for row in found}
 
 
 @cache
 def _undisturbed() -> dict[str, Any]:
     Path("r.db").rename("found.db")
     try:
-        with Store("r.db") as store:
+        with Store("r.db", SWEEP) as store:
             for one in task.tasks(study_file.read("s.toml"), "s.toml"):
-                store.add(run_job.run_job(one))
+                store.add(run_task(one))
         return _facts()
     finally:
         Path("found.db").rename("r.db")

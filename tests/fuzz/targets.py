@@ -131,7 +131,7 @@ VALUES += (
     "xy.png",
     "no/x.csv",
 )
-LEFT_OUT = "--dask", "--workers", "--device", "--help", "--version"  # the network, processes, code of the user
+LEFT_OUT = "--scheduler", "--workers", "--device", "--help", "--version"  # the network, processes, code of the user
 STUDY = """kind = "simulate"
 case = "two_area"
 machines = "classical"

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from terminal import said
 
-from stabctl.sweep.result import ABOUT
-from stabctl.sweep.store import rows
+from stabctl.jobs.task import COMPUTED
+from stabctl.sweep.results import rows
 from stabctl.sweep.sweep import run_sweep
 
 TINY = """
@@ -42,7 +42,7 @@ def facts():
     """What a results file says, without what differs from one sweep to the next: by key."""
 
     def of(path):
-        return {row["key"]: {c: v for c, v in row.items() if c not in ABOUT} for row in rows(path)}
+        return {row["key"]: {c: v for c, v in row.items() if c not in COMPUTED} for row in rows(path)}
 
     return of
 

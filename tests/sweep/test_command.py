@@ -6,9 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from stabctl.jobs import task as jobs
+from stabctl.jobs.store import Store
 from stabctl.sweep import study_file
-from stabctl.sweep.result import Result, Row
-from stabctl.sweep.store import Store, rows
+from stabctl.sweep.kind import SWEEP
+from stabctl.sweep.results import rows
 from stabctl.sweep.sweep import run_sweep
 from stabctl.sweep.task import tasks
 
@@ -52,9 +54,9 @@ def test_a_sweep_continues_and_reports_errors(stabctl, write, tmp_path):
 def test_retry_runs_again_what_ended_in_an_error_or_a_bug_and_nothing_else(write, tmp_path):
     study, out = write(PAIR + "until_s = [1.5, 1.6, 1.7, 1.8]"), tmp_path / "results.db"
     path = tuple(tasks(study_file.read(study), study))
-    with Store(out) as kept:
+    with Store(out, SWEEP) as kept:
         for task, status in zip(path, ("ok", "error", "bug"), strict=False):
-            kept.add(Row(task.key, task.job, Result(status, message="of the first sweep")))
+            kept.add(jobs.row(task, {}, status, "of the first sweep"))
     first = run_sweep(study, out, workers=1)
     assert (first.before, first.done, first.errors) == (3, 1, 2)
     again = run_sweep(study, out, workers=1, retry=True)
@@ -88,7 +90,7 @@ def test_show_prints_what_varies_and_writes_everything(stabctl, undisturbed, tmp
         (("run", "{study}"), "--out"),
         (("run", "{study}", "--out", "nowhere/x.db"), "cannot be opened or created"),
         (("run", "{study}", "--out", "x.db", "--workers", 0), "0 workers"),
-        (("run", "{study}", "--out", "x.db", "--workers", 1, "--dask", "tcp://h:1"), "used together"),
+        (("run", "{study}", "--out", "x.db", "--workers", 1, "--scheduler", "tcp://h:1"), "used together"),
         (("run", "{study}", "--out", "{study}"), "not a results file"),
         (("show", "missing.db"), "missing.db"),
         (("show", "{study}"), "not a results file"),

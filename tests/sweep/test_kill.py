@@ -9,10 +9,11 @@ from contextlib import closing
 
 import pytest
 
-from stabctl.sweep import pool, study_file
-from stabctl.sweep.store import rows
+from stabctl.jobs import pool
+from stabctl.sweep import study_file
+from stabctl.sweep.results import rows
 from stabctl.sweep.sweep import run_sweep
-from stabctl.sweep.task import Task, tasks
+from stabctl.sweep.task import tasks
 
 from .conftest import TINY, alive
 
@@ -68,7 +69,7 @@ class Deadly:
 
 def test_a_job_that_kills_its_worker_again_and_again_is_an_error_row(write):
     good, bad, *more = tasks(study_file.read(write(TINY)), "study.toml")
-    found = {row.key: row.result for row in pool.rows([good, Task(bad.key, bad.job, Deadly()), *more[:2]], workers=2)}
+    found = {row.key: row.about for row in pool.rows([good, bad._replace(shared=Deadly()), *more[:2]], workers=2)}
     assert [found[t.key].status for t in (good, bad, *more[:2])] == ["ok", "error", "ok", "ok"]
     assert "died 3 times" in found[bad.key].message
     assert "code 7" in found[bad.key].message
@@ -76,7 +77,7 @@ def test_a_job_that_kills_its_worker_again_and_again_is_an_error_row(write):
 
 def test_closing_the_iterator_ends_the_workers(write):
     with closing(pool.rows(tasks(study_file.read(write(TINY)), "study.toml"), workers=2)) as found:
-        pid = int(next(found).result.worker.rpartition(":")[2])
+        pid = int(next(found).about.worker.rpartition(":")[2])
         assert alive(pid)
     assert not alive(pid)
 

@@ -5,20 +5,25 @@ import sqlite3
 import pytest
 
 from stabctl.errors import StudyError
-from stabctl.sweep import store
+from stabctl.jobs import Row, store
+from stabctl.jobs.task import About
 from stabctl.sweep.job import Job
-from stabctl.sweep.result import Result, Row
-from stabctl.sweep.store import Store, rows
+from stabctl.sweep.kind import SWEEP
+from stabctl.sweep.results import rows
 
 
-def row(key, **result):
-    return Row(key, Job("simulate", "two_area", fault="7", clear="6cyc"), Result("ok", **result))
+def row(key, message=None, **found):
+    return Row(key, Job("simulate", "two_area", fault="7", clear="6cyc").given(), found, About("ok", message))
+
+
+def Store(path):
+    return store.Store(path, SWEEP)
 
 
 def test_a_row_comes_back_as_it_was(tmp_path):
     path = tmp_path / "results.db"
     with Store(path) as kept:
-        kept.add(row("a", outcome="stable", time=0.1 + 0.2, machine=3))
+        kept.add(row("a", outcome="stable", time_s=0.1 + 0.2, machine=3))
         kept.add(row("b"))
         kept.add(row("b", message="later"))
         assert kept.statuses() == {"a": "ok", "b": "ok"}
@@ -116,7 +121,7 @@ def test_a_file_that_is_deleted_or_moved_while_open(tmp_path, become):
         kept.add(row("a"))
         become(path)
         for use in (lambda: kept.add(row("b")), kept.statuses):
-            with pytest.raises(StudyError, match="it was deleted, moved or replaced while the sweep was running"):
+            with pytest.raises(StudyError, match="it was deleted, moved or replaced while the study was running"):
                 use()
         path.write_text("")  # another file of that name
         with pytest.raises(StudyError, match="it was deleted, moved or replaced"):

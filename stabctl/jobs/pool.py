@@ -20,12 +20,12 @@ from typing import Any
 from stabctl import devices
 from stabctl.errors import StudyError
 
-from .result import Result, Row, signed
-from .task import Task
+from .run_task import run_task
+from .task import Row, Task, row
 
 TRIES = 3  # of a job whose worker dies, and to start a worker
 PAUSE = 0.2  # s   before another try
-WARM = "stabctl.sweep.warm"  # its import loads the machine code
+WARM = "stabctl.jobs.warm"  # its import loads the machine code
 METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
 ENVIRONMENT = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "PYTHONSAFEPATH"), "1"
@@ -43,10 +43,10 @@ def rows(tasks: Iterable[Task], workers: int) -> Iterator[Row]:
             ready = connection.wait([w.pipe for w in active])
             for worker in [w for w in active if w.pipe in ready]:
                 try:
-                    row = worker.pipe.recv()
+                    done = worker.pipe.recv()
                 except (EOFError, OSError):
                     active.remove(worker)
-                    row, how, task = None, worker.end(), worker.task
+                    done, how, task = None, worker.end(), worker.task
                     if task is None:
                         failed += 1
                         if failed == TRIES:
@@ -54,7 +54,7 @@ def rows(tasks: Iterable[Task], workers: int) -> Iterator[Row]:
                     else:
                         lost[task.key] += 1
                         if lost[task.key] == TRIES:
-                            row = _given_up(task, how)
+                            done = _given_up(task, how)
                         else:
                             waiting.appendleft(task)
                     active.append(Worker())
@@ -62,8 +62,8 @@ def rows(tasks: Iterable[Task], workers: int) -> Iterator[Row]:
                     failed = 0
                     worker.take(waiting.popleft() if waiting else None)
                     active.extend(Worker() for _ in range(min(workers - len(active), len(waiting))))
-                if row is not None:
-                    yield row
+                if done is not None:
+                    yield done
     finally:
         for worker in active:
             worker.end()
@@ -143,12 +143,10 @@ def _serve(pipe: connection.Connection, files: tuple[str, ...]) -> None:
     warnings.simplefilter("ignore", RuntimeWarning)
     importlib.import_module(WARM)
     devices.register_missing(files)
-    from .run_job import run_job
-
     pipe.send(None)
     with suppress(EOFError):
         while True:
-            pipe.send(run_job(pipe.recv()))
+            pipe.send(run_task(pipe.recv()))
 
 
 def _follow() -> None:
@@ -161,4 +159,4 @@ def _follow() -> None:
 
 def _given_up(task: Task, how: str) -> Row:
     text = f"The worker died {TRIES} times while running this job; most recently it {how}. Add memory or check the job."
-    return Row(task.key, task.job, signed(Result("error", message=text)))
+    return row(task, {}, "error", text)

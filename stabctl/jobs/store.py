@@ -4,28 +4,20 @@ With synchronous = FULL a committed row is on the disk: neither a killed process
 the file, and an interrupted commit has no effect.
 """
 
-import json
 import os
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 from stabctl.errors import StudyError
-from stabctl.schema import fields
 
-from .job import FORMAT, Job
-from .result import Result, Row
+from .task import Kind, Row
 
 OURS = int.from_bytes(b"STAB")  # application_id of the file
 PATIENCE = 30.0  # s   to wait for a file that another process has locked
-JOB = tuple(f.column for f in fields(Job).values())
-RESULT = tuple(f.column for f in fields(Result).values())
-COLUMNS = ("key", *JOB, *RESULT)
-KINDS: dict[str, Any] = {"key": str} | {
-    f.column: (int, float) if f.kind is float else f.kind for record in (Job, Result) for f in fields(record).values()
-}
 
 SENTENCES = {
     "SQLITE_FULL": "the disk is full; free some space and run the same command again to continue with the rows so far",
@@ -41,12 +33,16 @@ SENTENCES = {
 
 
 class Store:
-    """A results file open for writing, created if missing. Raises StudyError if the file cannot be used."""
+    """A results file open for writing, created if missing. Raises StudyError if the file cannot be used.
 
-    def __init__(self, path: str | Path) -> None:
-        self.path = Path(path)
+    Any thread may use it.
+    """
+
+    def __init__(self, path: str | Path, kind: Kind) -> None:
+        self.path, self.kind, self._lock = Path(path), kind, Lock()
+        self._columns = tuple(kind.columns)
         with _explained(self.path):
-            self._base = sqlite3.connect(self.path, timeout=PATIENCE, isolation_level=None)
+            self._base = sqlite3.connect(self.path, timeout=PATIENCE, isolation_level=None, check_same_thread=False)
             try:
                 self._open()
                 self._file = os.stat(self.path)
@@ -55,14 +51,14 @@ class Store:
                 raise
 
     def _open(self) -> None:
-        if not _is_ours(self._base, self.path):
+        if not _is_ours(self._base, self.path, self.kind):
             self._base.execute("PRAGMA journal_mode = WAL")
             self._base.execute("BEGIN IMMEDIATE")
-            if not _is_ours(self._base, self.path):
-                listed = ", ".join(f'"{name}"' for name in COLUMNS[1:])
-                self._base.execute(f"CREATE TABLE results (key TEXT PRIMARY KEY, {listed})")
+            if not _is_ours(self._base, self.path, self.kind):
+                listed = ", ".join(f'"{name}"' for name in self._columns[1:])
+                self._base.execute(f"CREATE TABLE {self.kind.table} (key TEXT PRIMARY KEY, {listed})")
                 self._base.execute(f"PRAGMA application_id = {OURS}")
-                self._base.execute(f"PRAGMA user_version = {FORMAT}")
+                self._base.execute(f"PRAGMA user_version = {self.kind.format}")
             self._base.execute("COMMIT")
         self._base.execute("PRAGMA journal_mode = WAL")
         self._base.execute("PRAGMA synchronous = FULL")
@@ -75,17 +71,23 @@ class Store:
 
     def add(self, row: Row) -> None:
         """Write a row; it replaces one with the same key."""
-        given = row.job.given()
-        values = (row.key, *(given.get(column) for column in JOB), *row.result)
+        given = row.values
+        values, places = [given.get(column) for column in self._columns], ", ".join("?" * len(self._columns))
         self._check_present()
-        with _explained(self.path):
-            self._base.execute(f"INSERT OR REPLACE INTO results VALUES ({', '.join('?' * len(values))})", values)
+        with self._lock, _explained(self.path):
+            self._base.execute(f"INSERT OR REPLACE INTO {self.kind.table} VALUES ({places})", values)
 
     def statuses(self) -> dict[str, str]:
         """Key -> status of every row."""
         self._check_present()
-        with _explained(self.path):
-            return dict(self._base.execute("SELECT key, status FROM results"))
+        with self._lock, _explained(self.path):
+            return dict(self._base.execute(f"SELECT key, status FROM {self.kind.table}"))
+
+    def rows(self) -> dict[str, dict[str, Any]]:
+        """Key -> column -> value, of the rows that did not end in an error."""
+        with self._lock, _explained(self.path):
+            found = self._base.execute(f"SELECT * FROM {self.kind.table} WHERE status = 'ok'").fetchall()
+        return {row[0]: _checked(dict(zip(self._columns, row, strict=True)), self.path, self.kind) for row in found}
 
     def _check_present(self) -> None:
         """Raise StudyError if the file was deleted or replaced, which SQLite does not notice while it is open."""
@@ -95,39 +97,39 @@ class Store:
             present = False
         if not present:
             raise StudyError(
-                f"{self.path}: it was deleted, moved or replaced while the sweep was running, which ends here; run the "
+                f"{self.path}: it was deleted, moved or replaced while the study was running, which ends here; run the "
                 "same command again."
             )
 
 
-def rows(path: str | Path) -> list[dict[str, Any]]:
-    """Every row of a results file, column -> value; also while a sweep writes it."""
+def rows(path: str | Path, kind: Kind) -> list[dict[str, Any]]:
+    """Every row of a results file, column -> value; also while a study writes it."""
     path = Path(path)
     if not path.is_file():
-        raise StudyError(f"There is no results file {path}; create it with stabctl sweep run STUDY.toml --out {path}.")
+        raise StudyError(f"There is no results file {path}; run the study that makes it, or check the name.")
     with _explained(path):
         base = sqlite3.connect(f"{path.resolve().as_uri()}?{_reading(path.resolve())}", uri=True, timeout=PATIENCE)
         try:
-            if not _is_ours(base, path):
+            if not _is_ours(base, path, kind):
                 return []
-            found = base.execute("SELECT * FROM results")
+            found = base.execute(f"SELECT * FROM {kind.table}")
             names = [column[0] for column in found.description]
-            rows = [_checked(dict(zip(names, row, strict=True)), path) for row in found]
-            return [row | {"set": json.loads(row["set"] or "null")} for row in rows]
+            return [_checked(dict(zip(names, row, strict=True)), path, kind) for row in found]
         finally:
             base.close()
 
 
-def _checked(row: dict[str, Any], path: Path) -> dict[str, Any]:
+def _checked(row: dict[str, Any], path: Path, kind: Kind) -> dict[str, Any]:
     """A row with the columns of this format and values of their kinds. Raises StudyError if it is damaged."""
-    sound = tuple(row) == COLUMNS and all(
-        value is None or (isinstance(value, KINDS[name]) and (not isinstance(value, str) or value.isprintable()))
+    types = kind.columns
+    sound = tuple(row) == tuple(types) and all(
+        value is None
+        or (
+            (isinstance(value, (int, float) if types[name] is float else types[name]))
+            and (not isinstance(value, str) or value.isprintable())
+        )
         for name, value in row.items()
     )
-    try:
-        sound = sound and isinstance(json.loads(row["set"] or "{}"), dict)
-    except ValueError:
-        sound = False
     if not sound:
         raise StudyError(f"{path}: {SENTENCES['SQLITE_CORRUPT']}.")
     return row
@@ -139,13 +141,16 @@ def _reading(path: Path) -> str:
     return "mode=ro" if logged or os.access(path.parent, os.W_OK) else "mode=ro&immutable=1"
 
 
-def _is_ours(base: sqlite3.Connection, path: Path) -> bool:
-    """Whether it is an undamaged results file of this format; False if it is empty."""
+def _is_ours(base: sqlite3.Connection, path: Path, kind: Kind) -> bool:
+    """Whether it is an undamaged results file of this kind and format; False if it is empty."""
     ((owner,), (format_,)) = (base.execute(f"PRAGMA {name}").fetchone() for name in ("application_id", "user_version"))
     if owner == OURS:
-        if format_ != FORMAT:
+        tables = [name for (name,) in base.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
+        if tables != [kind.table]:
+            raise StudyError(f"{path}: it has the results of another kind of study; choose another file.")
+        if format_ != kind.format:
             raise StudyError(
-                f"{path}: its rows have format {format_}, this version of stabctl uses {FORMAT}; choose another file."
+                f"{path}: its rows have format {format_}, this version uses {kind.format}; choose another file."
             )
         if base.execute("PRAGMA quick_check(1)").fetchone() != ("ok",):
             raise StudyError(f"{path}: {SENTENCES['SQLITE_CORRUPT']}.")
