@@ -60,3 +60,13 @@ def _after(first: Matrices, last: Matrices) -> Matrices:
     n, m = len(first.A), len(last.A)
     A = np.block([[first.A, np.zeros((n, m))], [last.B @ first.C, last.A]])
     return Matrices(A, np.vstack([first.B, last.B @ first.D]), np.hstack([last.D @ first.C, last.C]), last.D @ first.D)
+
+
+def anti_windup(c: Controller, C: np.ndarray) -> np.ndarray:
+    """Matrix L (states, outputs) of the anti-windup, x' = ... + L (limited - unlimited output); of a frame if sampled.
+
+    Its time constant is `tracking`; L = C+ / tracking, C+ the pseudoinverse of C. Zero without tracking.
+    """
+    if not c.tracking or not C.size:
+        return np.zeros(C.T.shape)
+    return np.linalg.pinv(C) * (1 - np.exp(-1 / (c.rate * c.tracking)) if c.rate else 1 / c.tracking)

@@ -8,10 +8,9 @@ import numpy as np
 from stabctl.controllers.controller import Controller
 from stabctl.dynamics.named import named
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.smallsignal.closed_loop import EMPTY, ClosedLoop, _Plant, _sampled
-from stabctl.smallsignal.descriptor import descriptor
+from stabctl.smallsignal.closed_loop import EMPTY, ClosedLoop, joined
 from stabctl.smallsignal.eigen import values
-from stabctl.smallsignal.model import eliminated
+from stabctl.smallsignal.interconnection import plant_of
 
 Make = Callable[[np.ndarray], Sequence[Controller]]  # controllers of some gains
 
@@ -24,18 +23,11 @@ class Loop:
     def __init__(self, point: OperatingPoint, controllers: Sequence[Controller]) -> None:
         self.point = point
         self._own = [named(point, c) for c in controllers]
-        drives = list(dict.fromkeys(s for c in self._own for s in c.outputs))
-        reads = list(dict.fromkeys(s for c in self._own for s in c.inputs))
-        self._plant = _Plant(eliminated(descriptor(point, drives, reads)), drives, reads)
+        self._plant = plant_of(point, self._own)
 
     def closed(self, controllers: Sequence[Controller]) -> ClosedLoop:
         """The closed loop with controllers of the same inputs and outputs."""
-        own = [replace(n, controller=c) for n, c in zip(self._own, controllers, strict=True)]
-        plant = self._plant
-        for one in own:
-            if one.controller.rate is None:
-                plant = plant.with_continuous(one)
-        return _sampled(plant, [one for one in own if one.controller.rate], tuple(controllers), ((), ()))
+        return joined(self._plant, [replace(n, controller=c) for n, c in zip(self._own, controllers, strict=True)])
 
     def eigenvalues(self, controllers: Sequence[Controller]) -> np.ndarray:
         """Eigenvalues (1/s) of the closed loop, without those of the angle reference and of emptying delay lines."""

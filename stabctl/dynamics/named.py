@@ -23,6 +23,14 @@ class Named:
     outputs: tuple[Signal, ...]
     names: tuple[str, ...]  # of the inputs, each with its place
     rest: np.ndarray  # values of the inputs at the operating point
+    equivalent: tuple[float, ...] | None = None  # gains of the outputs for a given amplitude, in place of `gains`
+
+    @property
+    def gains(self) -> np.ndarray:
+        """Gains of the outputs (outputs): 1, or 0 with a deadband or relay, which gives nothing if swings are small."""
+        if self.equivalent is not None:
+            return np.array(self.equivalent)
+        return np.full(len(self.outputs), float(self.controller.linear))
 
     @property
     def limits(self) -> tuple[float, float]:

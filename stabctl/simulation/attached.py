@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stabctl.controllers.controller import Controller
-from stabctl.controllers.realization import Matrices
+from stabctl.controllers.realization import Matrices, anti_windup
 from stabctl.devices.sensors import bus_angle, bus_voltage, line_current, line_power
 from stabctl.dynamics import inputs as ins
 from stabctl.dynamics import outputs
@@ -162,10 +162,7 @@ class _Attachment:
         bounds = (
             (max(gate.low, -BOUND), min(gate.high, BOUND), gate.magnitude) if gate and gate.signal else (0.0, 2.0, 0.0)
         )
-        L = np.zeros((n, p))
-        if what.tracking and n:
-            rate = what.rate or 0
-            L = np.linalg.pinv(M.C) * (1 - np.exp(-1 / (rate * what.tracking)) if rate else 1 / what.tracking)
+        L = anti_windup(what, M.C)
         units = [
             self.unit[machines(s)[0]] if OUTPUTS[s.kind].place in ("machine", "group") else -1 for s in c.inputs[:m]
         ]

@@ -23,6 +23,7 @@ from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 
 from .descriptor import Descriptor, descriptor
+from .response import Response
 
 if TYPE_CHECKING:
     import control
@@ -61,8 +62,12 @@ class Model:
                 "for example."
             )
         labels = {k: [label.replace(".", " ") for label in getattr(self, k)] for k in ("states", "inputs", "outputs")}
-        system = control.ss(self.A, self.B, self.C, self.D, name=self.name.replace(".", " "), **labels)
-        return system
+        A, B, dt = self.transition()
+        return control.ss(A, B, self.C, self.D, dt, name=self.name.replace(".", " "), **labels)
+
+    def transition(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """A and B of x' = A x + B u and 0, or those of x+ = A x + B u and the time step (s)."""
+        return self.A, self.B, 0.0
 
     @property
     def df(self) -> "pd.DataFrame":
@@ -75,10 +80,11 @@ class Model:
     def response(self, hz: np.ndarray) -> np.ndarray:
         """Frequency response C (jw - A)^-1 B + D (frequencies, outputs, inputs), complex, at frequencies in Hz."""
         try:
-            one, jw = np.eye(len(self.A)), 2j * np.pi * np.atleast_1d(np.asarray(hz, float))
+            jw = 2j * np.pi * np.atleast_1d(np.asarray(hz, float))
         except (TypeError, ValueError):
             raise StudyError(f"{shown(hz)} is not a list of frequencies; give numbers in Hz: [0.5, 1.0].") from None
-        return np.array([self.C @ np.linalg.solve(s * one - self.A, self.B) + self.D for s in jw])
+        A, B, dt = self.transition()
+        return Response(A, B, self.C, self.D)(np.exp(jw * dt) if dt else jw)
 
     def save(self, path: str | Path) -> Path:
         """Write A, B, C, D and the labels to a file, and return its path.

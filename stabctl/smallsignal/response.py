@@ -1,0 +1,29 @@
+"""Transfer functions of linear models at many points of the s- or z-plane."""
+
+import numpy as np
+import scipy.linalg as sl
+
+
+class Response:
+    """C (s - A)^-1 B + D at points s; A is brought to upper triangular form (Schur) once.
+
+    Source: A. Laub, IEEE Trans. Automatic Control 26, 1981.
+    """
+
+    def __init__(self, A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> None:
+        self._T, Z = sl.schur(A, output="complex") if len(A) else (A.astype(complex), A)
+        self._B, self._C, self._D = Z.conj().T @ B, C @ Z, D
+
+    @property
+    def poles(self) -> np.ndarray:
+        """Eigenvalues of A."""
+        return np.diag(self._T)
+
+    def __call__(self, s: np.ndarray) -> np.ndarray:
+        """Transfer functions (points, outputs, inputs) at points (points), complex."""
+        one, found = np.eye(len(self._T)), np.empty((len(s), *self._D.shape), complex)
+        for k, point in enumerate(s):
+            found[k] = self._D
+            if one.size:
+                found[k] += self._C @ sl.solve_triangular(point * one - self._T, self._B, check_finite=False)
+        return found

@@ -1,0 +1,50 @@
+"""Describing functions: against the Fourier integral of the output, and their inverse."""
+
+import numpy as np
+import pytest
+
+from stabctl.smallsignal.describing import Nonlinearity
+
+SHAPES = {
+    "deadband": Nonlinearity(0.2, np.inf, False),
+    "deadband and limits": Nonlinearity(0.2, 0.5, False),
+    "limits": Nonlinearity(0.0, 0.5, False),
+    "relay": Nonlinearity(0.0, 0.5, True),
+    "relay with deadband": Nonlinearity(0.2, 0.5, True),
+}
+each = pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
+T = 2 * np.pi * (np.arange(200_000) + 0.5) / 200_000
+
+
+@each
+def test_the_describing_function_is_the_fourier_integral(shape):
+    for A in (0.1, 0.21, 0.3, 0.6, 1.0, 5.0):
+        wanted = 2 * np.mean(shape.output(A * np.sin(T)) * np.sin(T)) / A
+        assert float(shape.gain(A)) == pytest.approx(wanted, abs=1e-4)  # at most 2e-5: the integral of a step
+
+
+@each
+def test_amplitudes_of_a_gain(shape):
+    """Where N(A) is the gain: none above its maximum, two if it rises and falls; between them it has a slope."""
+    A = shape.grid()
+    gain = shape.gain(A)
+    top = gain.max()
+    assert shape.amplitudes(1.01 * top) == []
+    twice = gain[0] < 0.3 * top and gain[-1] < 0.3 * top
+    found = shape.amplitudes(0.3 * top)
+    assert len(found) == 1 + twice
+    assert shape.gain(np.array(found)) == pytest.approx(0.3 * top, rel=1e-9)
+    for a in found:
+        assert np.sign(shape.gain(1.001 * a) - shape.gain(0.999 * a)) == shape.slope(a)
+
+
+def test_the_relay_just_above_its_deadband():
+    """N(A) = g where A is 1e-9 above the deadband d: 4 M/(pi d) sqrt(2 (A/d - 1)) to first order."""
+    d, M = 2e-4, 1.0
+    gain = 4 * M / (np.pi * d) * np.sqrt(2e-9)
+    first = Nonlinearity(d, M, True).amplitudes(gain)[0]
+    assert first / d - 1 == pytest.approx(1e-9, rel=1e-5)
+
+
+def test_the_third_harmonic_of_a_relay_without_deadband_is_a_third():
+    assert SHAPES["relay"].third(1.0) == pytest.approx(1 / 3, rel=1e-5)
