@@ -17,8 +17,15 @@ app = typer.Typer(no_args_is_help=True, help="Design controllers: stabilizers, o
 Damping = Annotated[float, typer.Option("--damping", min=0.0, max=0.9, help="Damping ratio to reach.")]
 Out = Annotated[Path | None, typer.Option("--out", help="Write the controllers to FILE.toml, for --controller.")]
 Machine = Annotated[list[int] | None, typer.Option("--machine", help="Machine that gets a stabilizer. Repeatable.")]
+Spread = Annotated[
+    float,
+    typer.Option(
+        "--spread", metavar="SHARE", parser=options.in_unit("-"), help="Hold with 50 to 150 % of the gain: 50%."
+    ),
+]
+Order = Annotated[int | None, typer.Option("--order", min=1, max=8, help="Lags in the tuned filter of every input.")]
 Outages = Annotated[bool, typer.Option("--n-1", help="Serve the system without any one branch, too.")]
-Input = Annotated[str, typer.Option("--input", help="Signal that is read: deviation:1, flow:7-8.")]
+Input = Annotated[str, typer.Option("--input", help="Signals that are read: deviation:1, flow:7-8.")]
 Output = Annotated[str, typer.Option("--output", help="Input that is driven: order:1@5, vs:2.")]
 Rate = Annotated[int | None, typer.Option("--rate", min=1, help="Frames per second (default: continuous).")]
 Delay = Annotated[
@@ -66,7 +73,9 @@ def pod(
     read: Input,
     driven: Output,
     damping: Damping = 0.1,
+    spread: Spread = 0.0,
     mode: Mode = None,
+    order: Order = None,
     rate: Rate = None,
     delay: Delay = "0",
     out: Out = None,
@@ -74,12 +83,14 @@ def pod(
     case: groups.CaseOptions,
     as_json: options.Json = False,
 ) -> None:
-    """Design a power-oscillation damper by the residue method."""
+    """Design a power-oscillation damper: by the residue method, or with tuned filters of several inputs."""
     from stabctl.design import pod
 
     shared.file(out, ".toml")
     point = storage.initialize(case.load())
-    found = pod(point, read, driven, damping=damping, mode=mode, rate=rate, delay=float(delay))
+    found = pod(
+        point, read, driven, damping=damping, spread=spread, mode=mode, order=order, rate=rate, delay=float(delay)
+    )
     _show(found, out, as_json)
 
 

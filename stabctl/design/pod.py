@@ -1,7 +1,8 @@
-"""Power-oscillation damper by the residue method.
+"""Power-oscillation damper: by the residue method, or with the weights of several inputs by linear programs.
 
 A feedback u = k H(s) y moves an eigenvalue by k H(s) R for small k, R the residue of the transfer function from u to y.
-The compensator H turns H(s) exp(-s delay) R into the negative real axis, so that the gain adds damping alone.
+The compensator H turns H(s) exp(-s delay) R into the negative real axis, so that the gain adds damping alone. That
+serves one mode; where one device must damp several, each input has a filter whose weights are tuned for all of them.
 """
 
 from collections.abc import Sequence
@@ -12,27 +13,34 @@ import numpy as np
 from stabctl.controllers.controller import Controller
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, chosen
-from stabctl.errors import StudyError
+from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 from stabctl.smallsignal.closed_loop import closed_loop
-from stabctl.smallsignal.modes import Modes
-from stabctl.units import hertz
+from stabctl.units import hertz, quantity
 
-from .lead_lag import compensator, time
-from .loop import Loop
+from . import residue, taps
+from .lead_lag import time
+from .loop import Loop, Make
+from .outages import Outages
 from .requirement import Requirement
 from .result import Design, operating_points
-from .tuning import Scenario, common
+from .tuning import Scenario, common, separate
+
+TAPS, MOST = 3, 8  # lags in the filter of an input: by default at most, and at most
+GAINS = np.geomspace(0.01, 3.0, 40)  # gains that are tried, relative to that which moves the mode by its own size
+STEP = 0.02  # damping ratio that a weight of size 1 gives
 
 
 def pod(
-    base: "Case | OperatingPoint | Sequence[OperatingPoint]",
-    input: str,
+    base: "Case | OperatingPoint | Outages | Sequence[OperatingPoint]",
+    input: str | Sequence[str],
     output: str,
     *,
     damping: float = 0.1,
+    spread: str | float = 0.0,
     mode: str | float | None = None,
+    order: int | None = None,
     rate: int | None = None,
     delay: str | float = 0.0,
     washout: str | float = 3.0,
@@ -40,18 +48,26 @@ def pod(
     storage: "Fleet | None" = None,
     name: str = "pod",
 ) -> Design:
-    """Design a power-oscillation damper from one signal to one input.
+    """Design a power-oscillation damper from signals to one input.
 
     Parameters
     ----------
-    base : Case, OperatingPoint, or sequence of OperatingPoint
+    base : Case, OperatingPoint, Outages, or sequence of OperatingPoint
         The system; of several operating points the first gives the phase, and the gain serves all of them.
-    input, output : str
-        The signal that is read, such as "deviation:1" or "flow:7-8", and the input that is driven, such as "order:1@5".
+    input : str or sequence of str
+        The signals that are read, such as "deviation:1", "flow:7-8" or "deviation:1, deviation:4".
+    output : str
+        The input that is driven, such as "order:1@8".
     damping : float
-        Damping ratio that the mode shall reach; no other mode of 0.1 to 3 Hz may fall below it, or below what it had.
+        Damping ratio to reach. By the residue method it is that of the mode; no other mode of 0.1 to 3 Hz may fall
+        below it, or below what it had. With an order, all modes of 0.1 to 3 Hz shall reach it.
+    spread : str or float
+        Change of the gain with which the damping must hold too: 0.5 or "50%" for 50 to 150 % of it.
     mode : str or float, Hz, optional
         Frequency of the mode; by default the least damped electromechanical one.
+    order : int, optional
+        Lags in the filter of every input, whose weights are tuned; by default the fewest of 1 to 3 with which several
+        inputs reach the damping, and for a single input lead-lag stages by the residue method.
     rate : int, 1/s, optional
         Frames per second; continuous without it.
     delay : str or float, s
@@ -75,41 +91,77 @@ def pod(
         If there is no such signal, or the mode cannot be damped with it.
     """
     points = operating_points(base, storage)
-    first = points[0]
-    if len(chosen(first.case, input, OUTPUTS)) != 1 or len(chosen(first.case, output, INPUTS)) != 1:
-        raise StudyError(f"A damper has one input and one output; give one place each, not {input!r} and {output!r}.")
-    modes = closed_loop(first, inputs=output, outputs=input).modes()
-    k = _mode(modes, None if mode is None else hertz(mode))
-    residue, s = complex(modes.residues()[k]), complex(modes.eigenvalues[k])
-    if abs(residue) < 1e-9:
-        raise StudyError(
-            f"The mode at {modes.frequency_hz[k]:.3f} Hz is not seen in {input}, or not moved by {output}; "
-            "choose others."
-        )
-    hz = float(modes.frequency_hz[k])
-    late, Tw = time(delay), time(washout)
-    held = late + (0.5 / rate if rate else 0.0)
-    phase = np.pi - np.angle(residue) + s.imag * held
-    H = compensator(phase, s.imag, Tw)
+    reads = _signals(points[0], input, output)
+    share = quantity(spread, "-")
+    if not 0 <= share < 1:
+        raise StudyError(f"spread = {shown(spread)} is not allowed; give a share of the gain, such as 0.5.")
+    if order is not None and not 1 <= order <= MOST:
+        raise StudyError(f"order = {shown(order)} is not allowed; give 1 to {MOST}.")
     bounds: Any = (-np.inf, np.inf) if limits is None else limits
-    one = Controller.from_control(H, input, output, rate=rate, delay=late, limits=bounds, name=name)
-    unit = abs(s) / abs(residue)  # the gain that moves the eigenvalue by its own size, to first order
-    loops = [Loop(point, [one]) for point in points]
-    wanted = [Requirement(damping).sparing(loop.eigenvalues([one.scaled(0.0)]), hz) for loop in loops]
-    scenarios = [Scenario(loop, 1.0, asked) for loop, asked in zip(loops, wanted, strict=True)]
+    more: dict[str, Any] = {"rate": rate, "delay": time(delay), "limits": bounds, "name": name}
+    factors = (1.0, 1 - share, 1 + share) if share else (1.0,)
+    hz = None if mode is None else hertz(mode)
+    if order is None and len(reads) == 1:
+        return _one(points, residue.damper(points[0], reads[0], output, hz, time(washout), more), damping, factors)
+    corner = 2 * np.pi * _middle(points[0])
+    found: Design | None = None
+    for n in range(1, TAPS + 1) if order is None else [order]:
+        make, count = taps.damper(reads, output, n, corner=corner, washout=time(washout), **more)
+        new = _several(points, make, count, damping, factors)
+        found = new if found is None or new.short < found.short else found
+        if found.reached:
+            break
+    assert found is not None
+    return found
+
+
+def _signals(point: OperatingPoint, input: str | Sequence[str], output: str) -> tuple[str, ...]:
+    """The inputs, each with its place."""
+    reads, drives = chosen(point.case, input, OUTPUTS), chosen(point.case, output, INPUTS)
+    if not reads or len(drives) != 1:
+        raise StudyError(f"A damper has one output; give one place, such as order:1@5, not {shown(output)}.")
+    return tuple(s.kind if s.place is None else f"{s.kind}:{s.place}" for s in reads)
+
+
+def _one(
+    points: Sequence[OperatingPoint],
+    compensated: tuple[Controller, float, float],
+    damping: float,
+    factors: Sequence[float],
+) -> Design:
+    """The smallest gain of a compensator with which its mode reaches the damping everywhere."""
+    one, unit, hz = compensated
 
     def make(gain: np.ndarray) -> list[Controller]:
         return [one.scaled(float(gain[0]))]
 
-    gain, spare = common(scenarios, make, np.array([unit]), np.geomspace(0.01, 3.0, 40))
-    return Design.of(points, make(gain), spare >= 0)
+    loops = [Loop(point, [one]) for point in points]
+    asked = [Requirement(damping).sparing(loop.eigenvalues([one.scaled(0.0)]), hz) for loop in loops]
+    scenarios = [Scenario(loop, k, what) for loop, what in zip(loops, asked, strict=True) for k in factors]
+    gain, spare = common(scenarios, make, np.array([unit]), GAINS)
+    return Design.of(points, make(gain), short=-spare)
 
 
-def _mode(modes: Modes, hz: float | None) -> int:
-    """Index of the mode at a frequency, or of the least damped swing."""
-    swings = modes.swings()
-    if not swings:
-        raise StudyError("The system has no electromechanical mode to damp.")
-    if hz is None:
-        return min(swings, key=lambda k: modes.damping_ratio[k])
-    return min(swings, key=lambda k: abs(modes.frequency_hz[k] - hz))
+def _several(
+    points: Sequence[OperatingPoint], make: Make, count: int, damping: float, factors: Sequence[float]
+) -> Design:
+    """The weights with which all modes reach the damping everywhere."""
+    none = np.zeros(count)
+    loops = [Loop(point, make(none)) for point in points]
+    scenarios = [Scenario(loop, k, Requirement(damping)) for loop in loops for k in factors]
+    rows = [one.rows(make, none, np.ones(count), damping)[1] for one in scenarios if one.factor == 1.0]
+    slopes = np.abs(np.concatenate(rows)).max(axis=0, initial=0.0)
+    if not slopes.any():
+        raise StudyError(
+            "The modes below the damping asked for are not seen in the inputs, or not moved; choose others."
+        )
+    weights, spare = separate(scenarios, make, none, STEP / np.where(slopes > 0, slopes, slopes.max()))
+    return Design.of(points, make(weights), short=-spare)
+
+
+def _middle(point: OperatingPoint) -> float:
+    """Middle (Hz) of the frequencies of the electromechanical modes."""
+    modes = closed_loop(point).modes()
+    residue.meant(modes, None)
+    hz = modes.frequency_hz[modes.swings()]
+    return float(np.sqrt(hz.min() * hz.max()))

@@ -85,7 +85,7 @@ def pss(
     if spare < 0 and len(ones) > 1:
         scale = np.full(len(ones), max(gains.max(), 1.0))
         gains, spare = separate(scenarios, make, gains, scale, most=GAINS[-1], positive=True)
-    return Design.of(points, [c for c in make(gains) if np.any(c.C) or np.any(c.D)], spare >= 0)
+    return Design.of(points, [c for c in make(gains) if np.any(c.C) or np.any(c.D)], short=-spare)
 
 
 def _machines(case: Case, machines: Iterable[int] | None) -> list[int]:

@@ -36,19 +36,22 @@ class Design:
         Modes of each operating point without and with them.
     reached
         Whether the damping asked for was reached.
+    short
+        Damping ratio that is missing at the worst operating point and gain.
     """
 
     controllers: tuple[Controller, ...]
     before: tuple[Modes, ...]
     after: tuple[Modes, ...]
     reached: bool
+    short: float = 0.0
 
     @classmethod
-    def of(cls, points: Sequence[OperatingPoint], controllers: Sequence[Controller], reached: bool) -> "Design":
-        """The design with the modes of all operating points without and with its controllers."""
+    def of(cls, points: Sequence[OperatingPoint], controllers: Sequence[Controller], *, short: float) -> "Design":
+        """The design with the modes of all operating points without and with its controllers; `short` as found."""
         before = tuple(closed_loop(point).modes() for point in points)
         after = tuple(closed_loop(point, *controllers).modes() for point in points)
-        return cls(tuple(controllers), before, after, reached)
+        return cls(tuple(controllers), before, after, short <= 0, max(short, 0.0))
 
     @property
     def base(self) -> OperatingPoint:
@@ -112,7 +115,8 @@ class Design:
         modes = min(self.after, key=lambda m: least(m)[0])
         ratio, k = least(modes)
         where = f"{ratio:.4f} at {modes.frequency_hz[k]:.3f} Hz ({modes.label(k)})"
-        return f"{text}: {found}; the damping asked for is not reached: {where}."
+        missing = f", short by up to {self.short:.4f}" if self.short else ""
+        return f"{text}: {found}; the damping asked for is not reached: {where}{missing}."
 
     __repr__ = __str__
 
