@@ -9,9 +9,10 @@ from . import groups, options, shared
 from .grouped import grouped
 
 if TYPE_CHECKING:
-    from stabctl.design import Design
+    from stabctl.design import Design, Pairs
     from stabctl.design import Outages as OutageSet
 
+ROWS = 20  # pairs in the table
 app = typer.Typer(no_args_is_help=True, help="Design controllers: stabilizers, oscillation dampers, regulators.")
 
 Damping = Annotated[float, typer.Option("--damping", min=0.0, max=0.9, help="Damping ratio to reach.")]
@@ -25,8 +26,13 @@ Spread = Annotated[
 ]
 Order = Annotated[int | None, typer.Option("--order", min=1, max=8, help="Lags in the tuned filter of every input.")]
 Outages = Annotated[bool, typer.Option("--n-1", help="Serve the system without any one branch, too.")]
-Input = Annotated[str, typer.Option("--input", help="Signals that are read: deviation:1, flow:7-8.")]
-Output = Annotated[str, typer.Option("--output", help="Input that is driven: order:1@5, vs:2.")]
+Input = Annotated[
+    str | None, typer.Option("--input", help="Signals that are read: deviation:1, flow:7-8 (default: the best one).")
+]
+Output = Annotated[
+    str | None, typer.Option("--output", help="Input that is driven: order:1@5, vs:2 (default: the best one).")
+]
+Rank = Annotated[bool, typer.Option("--rank", help="Only rank the pairs of a signal and an input.")]
 Rate = Annotated[int | None, typer.Option("--rate", min=1, help="Frames per second (default: continuous).")]
 Delay = Annotated[
     str,
@@ -70,8 +76,9 @@ def pss(
 @grouped
 def pod(
     *,
-    read: Input,
-    driven: Output,
+    read: Input = None,
+    driven: Output = None,
+    rank: Rank = False,
     damping: Damping = 0.1,
     spread: Spread = 0.0,
     mode: Mode = None,
@@ -84,10 +91,14 @@ def pod(
     as_json: options.Json = False,
 ) -> None:
     """Design a power-oscillation damper: by the residue method, or with tuned filters of several inputs."""
-    from stabctl.design import pod
+    from stabctl.design import pairs, pod
+    from stabctl.design.pairs import SIGNALS
 
     shared.file(out, ".toml")
     point = storage.initialize(case.load())
+    if rank:
+        _rank(pairs(point, read or SIGNALS, driven, mode=mode, delay=float(delay)), as_json)
+        return
     found = pod(
         point, read, driven, damping=damping, spread=spread, mode=mode, order=order, rate=rate, delay=float(delay)
     )
@@ -111,6 +122,20 @@ def lqr(
 
     shared.file(out, ".toml")
     _show(lqr(storage.initialize(case.load()), driven, speed=speed, effort=effort), out, as_json)
+
+
+def _rank(found: "Pairs", as_json: bool) -> None:
+    if as_json:
+        shared.print_json({"case": found.case, "mode_hz": found.mode_hz, "pairs": found.df.to_dict("records")})
+        return
+    from rich.table import Table
+
+    table = Table("input", "output", "residue", "angle (deg)", "score (1/s)")
+    for read, driven, residue, angle, _, score in found.df.head(ROWS).to_numpy().tolist():
+        table.add_row(read, driven, f"{residue:.4g}", f"{angle:.1f}", f"{score:.4g}")
+    out = shared.console()
+    out.print(table)
+    out.print(str(found))
 
 
 def _show(found: "Design", out: Path | None, as_json: bool, points: "OutageSet | None" = None) -> None:

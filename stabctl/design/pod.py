@@ -23,6 +23,7 @@ from . import residue, taps
 from .lead_lag import time
 from .loop import Loop, Make
 from .outages import Outages
+from .pairs import SIGNALS, pairs, written
 from .requirement import Requirement
 from .result import Design, operating_points
 from .tuning import Scenario, common, separate
@@ -34,8 +35,8 @@ STEP = 0.02  # damping ratio that a weight of size 1 gives
 
 def pod(
     base: "Case | OperatingPoint | Outages | Sequence[OperatingPoint]",
-    input: str | Sequence[str],
-    output: str,
+    input: str | Sequence[str] | None = None,
+    output: str | None = None,
     *,
     damping: float = 0.1,
     spread: str | float = 0.0,
@@ -54,10 +55,11 @@ def pod(
     ----------
     base : Case, OperatingPoint, Outages, or sequence of OperatingPoint
         The system; of several operating points the first gives the phase, and the gain serves all of them.
-    input : str or sequence of str
-        The signals that are read, such as "deviation:1", "flow:7-8" or "deviation:1, deviation:4".
-    output : str
-        The input that is driven, such as "order:1@8".
+    input : str or sequence of str, optional
+        The signals that are read, such as "deviation:1", "flow:7-8" or "deviation:1, deviation:4"; by default that of
+        the best pair of `pairs`.
+    output : str, optional
+        The input that is driven, such as "order:1@8"; by default that of the best pair.
     damping : float
         Damping ratio to reach. By the residue method it is that of the mode; no other mode of 0.1 to 3 Hz may fall
         below it, or below what it had. With an order, all modes of 0.1 to 3 Hz shall reach it.
@@ -91,6 +93,10 @@ def pod(
         If there is no such signal, or the mode cannot be damped with it.
     """
     points = operating_points(base, storage)
+    hz = None if mode is None else hertz(mode)
+    if input is None or output is None:
+        best = pairs(points[0], input or SIGNALS, output, mode=hz, delay=delay).best
+        input, output = input or best[0], output or best[1]
     reads = _signals(points[0], input, output)
     share = quantity(spread, "-")
     if not 0 <= share < 1:
@@ -100,7 +106,6 @@ def pod(
     bounds: Any = (-np.inf, np.inf) if limits is None else limits
     more: dict[str, Any] = {"rate": rate, "delay": time(delay), "limits": bounds, "name": name}
     factors = (1.0, 1 - share, 1 + share) if share else (1.0,)
-    hz = None if mode is None else hertz(mode)
     if order is None and len(reads) == 1:
         return _one(points, residue.damper(points[0], reads[0], output, hz, time(washout), more), damping, factors)
     corner = 2 * np.pi * _middle(points[0])
@@ -120,7 +125,7 @@ def _signals(point: OperatingPoint, input: str | Sequence[str], output: str) -> 
     reads, drives = chosen(point.case, input, OUTPUTS), chosen(point.case, output, INPUTS)
     if not reads or len(drives) != 1:
         raise StudyError(f"A damper has one output; give one place, such as order:1@5, not {shown(output)}.")
-    return tuple(s.kind if s.place is None else f"{s.kind}:{s.place}" for s in reads)
+    return tuple(written(s) for s in reads)
 
 
 def _one(
