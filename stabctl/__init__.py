@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from stabctl.clearing.critical_time import ClearingTime, clearing_time
     from stabctl.clearing.screen import screen
     from stabctl.clearing.screen_result import Screen
-    from stabctl.controllers import BangBang, Controller, Feedback, Gate
+    from stabctl.controllers import BangBang, Controller, Feedback, Gate, StorageLaw
     from stabctl.controllers.file import load as load_controller
     from stabctl.devices import register
     from stabctl.dynamics.coerce import initialize
@@ -79,6 +79,7 @@ _WHERE = {
     "SiteOption": "placement.site_options:SiteOption",
     "Siting": "placement.siting:Siting",
     "Storage": "model.case:Storage",
+    "StorageLaw": "controllers:StorageLaw",
     "SwitchShunt": "simulation.events:SwitchShunt",
     "Trajectory": "simulation.trajectory:Trajectory",
     "TripMachine": "simulation.events:TripMachine",

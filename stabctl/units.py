@@ -37,8 +37,9 @@ ENERGY = Kind("energy", "10MWh or 500kWh", {"MWh": 1, "kWh": 1e3, "GWh": 1e-3})
 RAMP = Kind("ramp rate", "5MW/s or 60MW/min", {"MW/s": 1, "kW/s": 1e3, "MW/min": 60, "GW/s": 1e-3})
 VOLTAGE = Kind("voltage", "230kV", {"kV": 1, "V": 1e3})
 ANGLE = Kind("angle", "120deg or 3.5rad", {"rad": 1, "mrad": 1e3, "deg": 180 / math.pi})
+CHANGE = Kind("rate of frequency", "2Hz/s or 500mHz/s", {"Hz/s": 1, "mHz/s": 1e3})
 NUMBER = Kind("number", "0.05 or 5%", {"-": 1, "%": 100})
-KINDS = (TIME, FREQUENCY, POWER, REACTIVE, APPARENT, ENERGY, RAMP, VOLTAGE, ANGLE, NUMBER)
+KINDS = (TIME, FREQUENCY, POWER, REACTIVE, APPARENT, ENERGY, RAMP, VOLTAGE, ANGLE, CHANGE, NUMBER)
 
 LOWEST, HIGHEST = 1e-6, 1e6  # Hz   of a band
 _CYCLES = ("cyc", "cycles")

@@ -50,8 +50,8 @@ def clearing_time(
     events = shared.events(loaded, opened, tripped, stepped)
     through = shared.impedance(fault_impedance)
     point = storage.initialize(loaded)
-    own = shared.controllers(controller)
-    steering = pmu.steering(law.chosen(point.case, control, own), own, estimator, "batched")
+    chosen, own = law.chosen(point.case, control, shared.controllers(controller))
+    steering = pmu.steering(chosen, own, estimator, "batched")
     with shared.progress("searching", None) as tell:
         found = clearing_time(
             point,

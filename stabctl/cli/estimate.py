@@ -51,8 +51,7 @@ def estimate(
     off = seconds(clear, loaded.frequency_hz)
     contingency = Contingency(fault, clear, trip or (), at=at, impedance=shared.impedance(fault_impedance))
     point = storage.initialize(loaded)
-    own = shared.controllers(controller)
-    chosen = law.chosen(point.case, None, own)
+    chosen, own = law.chosen(point.case, None, shared.controllers(controller))
     behind: list[Any] = [*([chosen] if chosen else []), *own] or [law.law()]
     found = simulate(
         point,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from . import options, shared
 
 if TYPE_CHECKING:
-    from stabctl.controllers import BangBang, Controller
+    from stabctl.controllers import BangBang, Controller, Law
     from stabctl.dynamics.operating_point import OperatingPoint
     from stabctl.estimation.estimator_control import EstimatorControl
     from stabctl.estimation.estimators import Engine
@@ -91,9 +91,28 @@ class LawOptions(NamedTuple):
 
         return BangBang(self.deadband, self.min_voltage)
 
-    def chosen(self, case: "Case", control: str | None, controllers: "Sequence[Controller]" = ()) -> "BangBang | None":
-        """Bang-bang if the case has storage devices that no controller orders, unless --control says otherwise."""
+    def chosen(
+        self, case: "Case", control: str | None, files: "Sequence[Controller | Law]" = ()
+    ) -> "tuple[Law | None, list[Controller]]":
+        """The law of the storage devices, and the controllers.
+
+        The law is that of a file, or bang-bang if the case has storage devices that no controller orders, unless
+        --control says otherwise.
+        """
+        from stabctl.controllers import Law
         from stabctl.errors import StudyError
+
+        laws, controllers = [c for c in files if isinstance(c, Law)], [c for c in files if not isinstance(c, Law)]
+        if len(laws) > 1:
+            raise StudyError("Two files of --controller have a storage law; give one.")
+        if laws and (control is not None or self != LawOptions()):
+            raise StudyError(
+                "--control, --deadband and --min-voltage have no effect with a storage law from a file; leave them out."
+            )
+        if laws and not case.storage:
+            raise StudyError("A storage law needs storage devices; give --storage or --storage-at.")
+        if laws:
+            return laws[0], controllers
 
         if control == "bang-bang" and not case.storage:
             raise StudyError("--control bang-bang needs storage devices; give --storage or --storage-at.")
@@ -101,7 +120,7 @@ class LawOptions(NamedTuple):
             raise StudyError("--deadband and --min-voltage have no effect with --control none; leave them out.")
         ordered = any(name.partition(":")[0] == "order" for c in controllers for name in c.outputs)
         default = "bang-bang" if case.storage and not ordered else "none"
-        return self.law() if (control or default) == "bang-bang" else None
+        return (self.law() if (control or default) == "bang-bang" else None), controllers
 
 
 class StabilityOptions(NamedTuple):
@@ -143,11 +162,11 @@ class PmuOptions(NamedTuple):
 
     def steering(
         self,
-        law: "BangBang | None",
+        law: "Law | None",
         controllers: "Sequence[Controller]",
         estimator: options.Estimator,
         engine: "Engine" = "filterpy",
-    ) -> "list[BangBang | Controller | EstimatorControl]":
+    ) -> "list[Law | Controller | EstimatorControl]":
         """Law and controllers: themselves with the ideal estimator, otherwise behind PMUs and an estimator."""
         pmu = self.pmu()
         behind: list[Any] = [*([law] if law else []), *controllers]

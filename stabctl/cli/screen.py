@@ -44,8 +44,8 @@ def screen(
     shared.file(out, ".csv")
     loaded = case.load()
     point = storage.initialize(loaded)
-    own = shared.controllers(controller)
-    steering = pmu.steering(law.chosen(point.case, control, own), own, estimator, "batched")
+    chosen, own = law.chosen(point.case, control, shared.controllers(controller))
+    steering = pmu.steering(chosen, own, estimator, "batched")
     with shared.progress("screening", 1.0) as tell:
         found = screen(
             point,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from stabctl.controllers import Controller
+    from stabctl.controllers import Controller, Law
     from stabctl.model.case import Case
     from stabctl.simulation.events import Event
 
@@ -85,8 +85,8 @@ def folder(path: Path | None) -> None:
         raise StudyError(f"Cannot write a report to {path} because {there} is not writable; choose another folder.")
 
 
-def controllers(names: list[str] | None) -> "list[Controller]":
-    """The controllers in these files."""
+def controllers(names: list[str] | None) -> "list[Controller | Law]":
+    """The controllers and laws in these files."""
     from stabctl.controllers import file
 
     return [file.load(name) for name in names or ()]

@@ -74,8 +74,8 @@ def simulate(
     events = shared.events(loaded, opened, tripped, stepped)
     contingency = Contingency(fault, clear, trip or (), at=at, impedance=through, events=events)
     point = storage.initialize(loaded)
-    own = shared.controllers(controller)
-    steering = pmu.steering(law.chosen(point.case, control, own), own, estimator)
+    chosen, own = law.chosen(point.case, control, shared.controllers(controller))
+    steering = pmu.steering(chosen, own, estimator)
     with shared.progress("simulating", seconds(until, loaded.frequency_hz)) as tell:
         result = simulate(
             point,

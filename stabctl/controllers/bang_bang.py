@@ -1,8 +1,6 @@
 """Bang-bang law: full power by the sign of the speed deviation (the paper, section 5, eq. (40) and Table 3)."""
 
-import sys
 from dataclasses import dataclass
-from types import ModuleType
 from typing import Annotated, NamedTuple
 
 from stabctl._util.guard import guard
@@ -10,12 +8,12 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import magnitude
 from stabctl.schema import NOT_NEGATIVE
 
+from .law import Law
 from .signals import Device, Input, Output
 
 NAME = "bang-bang"
 ROLE = "controller"
-RELAY = True
-__all__ = ["NAME", "RELAY", "ROLE", "BangBang", "Input", "Output", "Par", "step"]
+__all__ = ["NAME", "ROLE", "BangBang", "Input", "Output", "Par", "step"]
 
 
 class Par(NamedTuple):
@@ -34,19 +32,15 @@ def step(u, v, p):
 
 
 @dataclass(frozen=True)
-class BangBang:
+class BangBang(Law):
     """The bang-bang law with its two thresholds; the deadband may be text, such as "100mHz"."""
 
     deadband: Annotated[float, "Hz", "speed deviation without action", NOT_NEGATIVE] = 0.1
     min_voltage: Annotated[float, "pu", "voltage below which the device idles", NOT_NEGATIVE] = 0.8
+    relay = True
 
     def __post_init__(self) -> None:
         guard(self, omitted=False)
-
-    @property
-    def module(self) -> ModuleType:
-        """The file with its equations."""
-        return sys.modules[__name__]
 
     def par(self, device: Device) -> Par:
         """Parameters in pu."""

@@ -18,12 +18,12 @@ from stabctl.errors import StudyError, shown
 from stabctl.units import TIME, quantity
 
 from .gate import Gate
+from .law import FASTEST, checked_frames
 from .python_law import checked_law
 
 if TYPE_CHECKING:
     import control
 
-FASTEST = 10_000  # frames per second
 PADE = 4  # order of the approximation of a continuous delay
 UNLIMITED = math.inf
 
@@ -126,12 +126,8 @@ class Controller:
             raise StudyError(f"{self.name}: a relay needs finite limits, which it switches between; give limits.")
         if self.ramp and rate is None:
             raise StudyError(f"{self.name}: a ramp limit needs a sampled controller; give a rate, such as rate=60.")
-        if rate is not None and abs(self.delay * rate - round(self.delay * rate)) > 1e-6:
-            below = math.floor(self.delay * rate)
-            raise StudyError(
-                f"{self.name}: a delay of {1e3 * self.delay:g} ms is not a whole number of frames at {rate}/s; give "
-                f"{1e3 * below / rate:.4g} or {1e3 * (below + 1) / rate:.4g} ms."
-            )
+        if rate is not None:
+            checked_frames(self.name, rate, self.delay)
 
     @property
     def frames(self) -> int:

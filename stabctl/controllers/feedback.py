@@ -4,10 +4,8 @@ In the one-machine theory the power depends on the acceleration that it causes. 
 reads the acceleration of the step before, which gives the same result within a few steps while |Ka| stays below 2H/wb.
 """
 
-import sys
 from dataclasses import dataclass
 from math import pi
-from types import ModuleType
 from typing import Annotated, NamedTuple
 
 from stabctl._util.guard import guard
@@ -15,6 +13,7 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import magnitude
 from stabctl.schema import NOT_NEGATIVE
 
+from .law import Law
 from .signals import Device, Input, Output
 
 NAME = "feedback"
@@ -45,7 +44,7 @@ def step(u, v, p):
 
 
 @dataclass(frozen=True)
-class Feedback:
+class Feedback(Law):
     """Speed and acceleration feedback; gains in pu of the machine's base, as in the one-machine theory."""
 
     speed_gain: Annotated[float, "pu/(rad/s)", "Kv"] = 0.0
@@ -56,11 +55,6 @@ class Feedback:
 
     def __post_init__(self) -> None:
         guard(self, omitted=False)
-
-    @property
-    def module(self) -> ModuleType:
-        """The file with its equations."""
-        return sys.modules[__name__]
 
     def par(self, device: Device) -> Par:
         """Parameters, with gains in orders per pu of speed."""

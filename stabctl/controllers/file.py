@@ -27,6 +27,8 @@ from stabctl.errors import StudyError
 
 from .controller import Controller
 from .gate import Gate
+from .law import Law
+from .law_file import from_content
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -43,48 +45,48 @@ def save(controller: Controller, path: str | Path) -> Path:
         raise StudyError(f"{controller.name} is a Python function, which a file cannot hold; keep its script.")
     lines = [f"{key} = {value}" for key, value in _values(controller)]
     if controller.gate is not None:
-        lines += ["", "[gate]", *(f"{k} = {_text(v)}" for k, v in vars(controller.gate).items() if v is not None)]
+        lines += ["", "[gate]", *(f"{k} = {as_text(v)}" for k, v in vars(controller.gate).items() if v is not None)]
     files.replace(path, "\n".join([*lines, ""]))
     return path
 
 
 def _values(c: Controller) -> Iterable[tuple[str, str]]:
-    yield "name", _text(c.name)
-    yield "inputs", _text(list(c.inputs))
-    yield "outputs", _text(list(c.outputs))
+    yield "name", as_text(c.name)
+    yield "inputs", as_text(list(c.inputs))
+    yield "outputs", as_text(list(c.outputs))
     for key in ("rate", "delay", "limits", "deadband", "relay", "ramp", "tracking"):
         value = getattr(c, key)
         if value not in (None, 0, False, (-math.inf, math.inf)):
-            yield key, _text(list(value) if isinstance(value, tuple) else value)
+            yield key, as_text(list(value) if isinstance(value, tuple) else value)
     for key in "ABCD":
         yield key, _rows(getattr(c, key))
 
 
 def _rows(M: np.ndarray) -> str:
-    rows = [_text(row) for row in M.tolist()]
+    rows = [as_text(row) for row in M.tolist()]
     return f"[{', '.join(rows)}]" if M.size < 8 else "[\n" + "".join(f"    {row},\n" for row in rows) + "]"
 
 
-def _text(value: Any) -> str:
+def as_text(value: Any) -> str:
     """A value as TOML: that of JSON, but for infinities."""
     if isinstance(value, list):
-        return f"[{', '.join(_text(v) for v in value)}]"
+        return f"[{', '.join(as_text(v) for v in value)}]"
     if isinstance(value, float) and math.isinf(value):
         return "inf" if value > 0 else "-inf"
     return json.dumps(value, ensure_ascii=False)
 
 
-def load(path: str | Path) -> Controller:
-    """Read a controller from a TOML file.
+def load(path: str | Path) -> Controller | Law:
+    """Read a controller, or a law of storage devices, from a TOML file.
 
     Parameters
     ----------
     path : str or Path
-        The file; `stabctl.controllers.file` describes its keys.
+        The file; `stabctl.controllers.file` and `law_file` describe its keys.
 
     Returns
     -------
-    Controller
+    Controller or Law
 
     Raises
     ------
@@ -93,6 +95,8 @@ def load(path: str | Path) -> Controller:
     """
     path = files.path_of(path)
     content = toml_file.read(path, "controller file")
+    if "law" in content:
+        return from_content(content, path)
     found = toml_file.validated(_model(), content, str(path))
     values = {key: getattr(found, key) for key in found.model_fields_set}
     gate = values.pop("gate", None)

@@ -18,7 +18,7 @@ from .phasor_signals import PhasorSignals
 from .pmu import Pmu
 from .rotor_signals import RotorSignals
 
-ANGLES = ("angle", "bus_angle")  # that need the angles of the rotors
+ANGLES = ("angle", "angle_deviation", "bus_angle")  # that need the angles of the rotors
 
 
 class ControlInputs:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from typing import get_args
 
-from stabctl.controllers import BangBang, Law
+from stabctl.controllers import BangBang, Law, SampledLaw
 from stabctl.controllers.controller import Controller
 from stabctl.errors import StudyError, shown
 from stabctl.simulation.simulation import Simulation
@@ -63,6 +63,8 @@ class EstimatorControl:
                 raise StudyError(
                     f"control = {shown(one)} is not a control law; give BangBang(), Feedback(...) or a Controller."
                 )
+            if isinstance(one, SampledLaw):
+                raise StudyError("A law behind PMUs acts at their frames; give it without sampled().")
         if len(self._several) - len(self.controllers) > 1 or not self._several:
             raise StudyError("Give an EstimatorControl one storage law at most, or controllers.")
         if not isinstance(self.pmu, Pmu):

@@ -9,11 +9,11 @@ import time
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from stabctl.controllers import Device, Input, wanted
+from stabctl.controllers import decided
 from stabctl.simulation.simulation import Simulation
 
 from .bank import wrapped
@@ -22,6 +22,7 @@ from .control_inputs import ControlInputs
 from .estimates import Estimates
 from .estimators import Estimate, Filtered, estimator
 from .instrument import Frame
+from .law_inputs import LawInputs
 from .observation import Observation, Truth
 from .rotor_units import rotor_units
 
@@ -49,11 +50,11 @@ class EstimatorLoop:
         row = {m.machine: i for i, m in enumerate(case.machines)}
         self._machine = [row[s.machine] for s in case.storage]
         self._bus = [point.net.place[s.bus] for s in case.storage]
-        devices = [Device(s.rating, case.machine(s.machine).base, case.frequency_hz) for s in case.storage]
-        self._par = [control.law.par(device) for device in devices] if control.law else []
+        self._law = LawInputs(point, control.law, known.inertia, pmu) if control.law and case.storage else None
         self.inputs = ControlInputs(simulations, control.estimator, known.inertia, pmu=pmu, seeds=seeds)
         self._angle = np.array([s.angle for s in simulations])  # rad, continuous
         self._random = [np.random.default_rng([seed, 1]) for seed in seeds]
+        self._given: list[list[Any]] = [[None] * len(self._machine) for _ in seeds]
         self._past: deque[Truth] = deque(maxlen=own + 1)
         self._rows: list[_Row] = []
         self._frames: list[Frame] = []
@@ -65,7 +66,7 @@ class EstimatorLoop:
         row, deviations, island = self._frame(self.simulations[0].time, None)
         before = time.perf_counter()
         for k in range(len(self.simulations)):
-            row.orders[k] = self._orders(k, row)
+            row.orders[k] = self._orders(k, row, deviations, island[k])
             self.inputs.set(k, deviations, island)
         wall = row.wall_s + time.perf_counter() - before
         running = np.array([s.outcome is None for s in self.simulations])
@@ -80,19 +81,19 @@ class EstimatorLoop:
         frames = tuple(self._frames)
         return Estimates(self.simulations[0].point, self.control, self.seeds, *columns, alarms=alarms, frames=frames)
 
-    def _orders(self, k: int, row: "_Row") -> np.ndarray:
+    def _orders(self, k: int, row: "_Row", estimates: Deviations, island: np.ndarray) -> np.ndarray:
         """Orders (devices) of simulation k, set there too."""
         orders = np.zeros(len(self._machine))
-        law = self.control.law
-        if law is not None and self._par:
-            n = len(self._par)
+        if self._law is not None:
+            law, simulation = self._law, self.simulations[k]
             volts = np.abs(self._past[-1].buses[k, self._bus])
-            size = volts * (1 + self.control.pmu.magnitude * self._random[k].standard_normal(n))
-            for j, (i, par) in enumerate(zip(self._machine, self._par, strict=True)):
+            size = volts * (1 + self.control.pmu.magnitude * self._random[k].standard_normal(len(orders)))
+            signals = law.signals(k, estimates, island, simulation)
+            for j, i in enumerate(self._machine):
                 if row.usable[k, i]:
-                    signals = Input(row.deviation_estimated[k, i], row.acceleration[k, i])
-                    orders[j] = wanted(law, par, signals, size[j])
-            self.simulations[k].orders[:] = orders
+                    given = decided(law.law, law.par[j], signals[j], size[j], self._given[k][j])
+                    orders[j], self._given[k][j] = given.wanted, given
+            simulation.orders[:] = orders
         return orders
 
     def _frame(self, at: float, resting: np.ndarray | None) -> "tuple[_Row, Deviations, np.ndarray]":

@@ -16,7 +16,7 @@ from stabctl.dynamics.signals import OUTPUTS, Signal, machines
 from .coi import REACH, Deviations
 from .estimators import Estimate
 
-KINDS = ("speed", "deviation", "rest_speed", "coi_speed", "angle")
+KINDS = ("speed", "deviation", "rest_speed", "coi_speed", "angle", "angle_deviation")
 
 
 class RotorSignals:
@@ -44,7 +44,7 @@ class RotorSignals:
         numbers = [m.machine for m in point.case.machines]
         self._kinds = [s.kind for s, _ in signals]
         self._own = np.array([own for _, own in signals], bool)
-        self._angular = np.array([kind == "angle" for kind in self._kinds], bool)
+        self._angular = np.array([kind in ("angle", "angle_deviation") for kind in self._kinds], bool)
         self._group = np.array([_members(s, numbers) for s, _ in signals], bool).reshape(len(signals), len(numbers))
         self._H, self._wb = inertia, 2 * np.pi * point.case.frequency_hz
         self._ages = tuple(min(age, REACH) for age in ages)
@@ -83,7 +83,7 @@ class RotorSignals:
             whole = _mean(self._H * here)
             first[i], second[i] = {
                 "speed": (own, 0 * own), "deviation": (own, others), "rest_speed": (others, 0 * own),
-                "coi_speed": (whole, 0 * own), "angle": (own, whole),
+                "coi_speed": (whole, 0 * own), "angle": (own, whole), "angle_deviation": (own, others),
             }[kind]  # fmt: skip
         return first, second
 

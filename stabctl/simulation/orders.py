@@ -1,6 +1,6 @@
 """The orders of sampled devices, and the signals that they read: speeds and accelerations against the others' COI."""
 
-from stabctl._util.jit import noinline
+from stabctl._util.jit import inline, noinline
 from stabctl.dynamics.perform import perform, perform_due
 
 
@@ -32,11 +32,27 @@ def due_frames(calls, bits, due, p, s, f, on):
     perform_due(calls, bits, due, p.w, p.k, s, f, on)
 
 
+@inline
+def group(i, island_of, a, q, s, island):
+    """Inertia, and mean speed, acceleration and change of angle, of a group in one island."""
+    H, speed, rate, angle = 0.0, 0.0, 0.0, 0.0
+    for c in range(a.first[i], a.first[i + 1]):
+        j = a.member[c]
+        if island[a.unit[j]] == island_of:
+            h, at = a.inertia[j], a.rotor[j]
+            H += h
+            share = h / H
+            speed += share * (s[at + 1] - speed)
+            rate += share * (q.f[at + 1] - rate)
+            angle += share * (s[at] - q.angles[0, j] - angle)
+    return H, speed, rate, angle
+
+
 @noinline
 def decide(p, a, net, q, due):
     """Let the devices that act at every step, and controllers whose frame is due, act; returns whether one has changed.
 
-    `due` has a bit for every frame rate.
+    `due` has a bit for every frame rate. The signals are those of `Relative`.
     """
     if due:
         run(p.sense, p, q.s, q.f, net.island)
@@ -46,14 +62,17 @@ def decide(p, a, net, q, due):
     coi(a, net, q)
     s, sums, island, first, m = q.s, q.coi, net.island, a.places[2], len(a.rotor)
     for i in range(len(island)):
-        s[first + 2 * m + i] = 1.0 if island[i] >= 0 else 0.0
+        s[first + 3 * m + i] = 1.0 if island[i] >= 0 else 0.0
+    s[first + 3 * m + len(island) + 1] = due
     for i in range(m):
-        k, own, at = island[a.unit[i]], a.inertia[i], a.rotor[i]
-        s[first + i] = s[first + m + i] = 0.0
+        k = island[a.unit[i]]
+        s[first + i] = s[first + m + i] = s[first + 2 * m + i] = 0.0
+        own, speed, rate, angle = group(i, k, a, q, s, island)
         if k >= 0 and sums[0, k] > own:
             rest = sums[0, k] - own
-            s[first + i] = s[at + 1] - (sums[1, k] - own * s[at + 1]) / rest
-            s[first + m + i] = q.f[at + 1] - (sums[2, k] - own * q.f[at + 1]) / rest
+            s[first + i] = speed - (sums[1, k] - own * speed) / rest
+            s[first + m + i] = rate - (sums[2, k] - own * rate) / rest
+            s[first + 2 * m + i] = angle - (sums[3, k] - own * angle) / rest
     for j in range(len(a.held)):
         q.orders[0, j] = q.s[a.held[j]]
     run(p.step, p, q.s, q.f, net.island)

@@ -3,6 +3,7 @@
 The stepper works on places only; it knows no device and no control law.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -22,13 +23,35 @@ class Net(NamedTuple):
     faulted: bool  # a fault is on, so low voltages are ignored
 
 
+class Relative(NamedTuple):
+    """Places of the signals that laws read: of every rotor unit against the COI of the others in its island."""
+
+    speed: int  # pu   of its group
+    acceleration: int  # pu/s
+    angle: int  # rad   less the initial value
+    online: int  # of every unit, 1 if it is on
+    time: int  # s   at the start of the step; then the bits of the frames that are due
+
+    @property
+    def due(self) -> int:
+        """Place of the bits of the frames that are due."""
+        return self.time + 1
+
+    @property
+    def end(self) -> int:
+        """Place after the last."""
+        return self.time + 2
+
+
 class Frame(NamedTuple):
     """Places and constants that the stepper itself reads. The type is the same for every system."""
 
-    places: np.ndarray  # (3) of the voltages, of the time step, of the signals relative to the COI
+    places: np.ndarray  # (3) of the voltages, of the time step, of the signals in `Relative`
     rotor: np.ndarray  # (rotor units) places of the angles; the speeds follow
     unit: np.ndarray  # (rotor units) rows of their units
     inertia: np.ndarray  # (rotor units) s
+    first: np.ndarray  # (rotor units + 1) where the group of each begins in `member`
+    member: np.ndarray  # rotor units of the groups, one group after the other
     owner: np.ndarray  # (size of s) row of the unit that owns the signal, -1: none
     limited: np.ndarray  # places of the states with non-windup limits
     low: np.ndarray
@@ -80,7 +103,9 @@ class NewtonSpace(NamedTuple):
     new: np.ndarray
 
 
-def frame(system: System, layout: Layout, deviation: int, held: np.ndarray, *, relay: bool) -> Frame:
+def frame(
+    system: System, layout: Layout, relative: Relative, held: np.ndarray, *, groups: Sequence[np.ndarray], relay: bool
+) -> Frame:
     """The places that the stepper reads in a system.
 
     Parameters
@@ -89,19 +114,23 @@ def frame(system: System, layout: Layout, deviation: int, held: np.ndarray, *, r
         Devices.
     layout
         Layout of the signal vector; it begins with the states and voltages of the system.
-    deviation
-        Place of the speed deviations of the rotor units from the COI of the others, their rates, and the on/off flags.
+    relative
+        Places of the signals that laws read.
     held
         Places that sampled devices write.
+    groups
+        Rotor units of the group of each rotor unit.
     relay
         Whether they switch between fixed values.
     """
     rotors, limits = system.rotors, system.limits
-    places = np.array([layout.nx, layout.step, deviation], np.int64)
+    places = np.array([layout.nx, layout.step, relative.speed], np.int64)
+    first = np.cumsum([0, *(len(group) for group in groups)], dtype=np.int64)
+    member = np.concatenate([np.zeros(0, np.int64), *groups]).astype(np.int64)
     owner = np.full(layout.size, -1, np.int64)
     owner[: len(layout.owner)] = layout.owner
     return Frame(
-        places, rotors.angle, rotors.unit, rotors.inertia, owner,
+        places, rotors.angle, rotors.unit, rotors.inertia, first, member, owner,
         limits.state, limits.low, limits.high, limits.scale,
         system.draw_bus, system.near_bus, system.watch_bus, system.watch_low, held.astype(np.int64),
         limits.stops, relay,

@@ -18,7 +18,14 @@ def prepare() -> None:
     """Call the stepper for zero steps of a system of one bus without devices."""
     places, numbers, calls = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 5), np.int64)
     layout = Layout((), (), 1, 0, 0, {}, places)
-    kinds = {"places": np.zeros(3, np.int64), "inertia": numbers, "low": numbers, "high": numbers, "watch_low": numbers}
+    kinds = {
+        "places": np.zeros(3, np.int64),
+        "first": np.zeros(1, np.int64),
+        "inertia": numbers,
+        "low": numbers,
+        "high": numbers,
+        "watch_low": numbers,
+    }
     arrays: dict[str, Any] = {name: kinds.get(name, places) for name in Frame._fields if name != "relay"}
     frame = Frame(**arrays, relay=False)
     net = Net(factor(sp.identity(1, complex, "csc")), places, np.ones(1, bool), False)

@@ -94,9 +94,10 @@ class Simulation:
         self._off = np.full(len(point.case.machines), np.inf)
         while self._at + 1 < len(self.changes) and self.changes[self._at + 1].at <= start + 1e-9:
             self._at += 1
-        self.wired = wired(point, control)
+        self.wired = wired(point, control, self.attached.rates)
         self._enter()
         self._space = space(self.wired.start, self.wired.layout, self.wired.frame)
+        self._clock = self.wired.layout.size - 2
         self.frames = tuple((c.named.controller.rate or 1, Frames(c, self)) for c in self.attached.called)
         self._windows()
         last_angle = int(point.rotors.angle.max(initial=-1))  # the angles are kept to judge the last swings
@@ -218,7 +219,7 @@ class Simulation:
         self._edges = sorted({edge for _, *both in windows for edge in both})
 
     def _segment(self, target: float) -> None:
-        all_steps, done = steps.steps(self.time, target, self.step, self.attached.rates), 0
+        all_steps, done = steps.steps(self.time, target, self.step, self.wired.rates), 0
         count = len(all_steps.sizes)
         while done < count and self.outcome is None:
             now = slice(done, done + AT_ONCE)
@@ -264,6 +265,7 @@ class Simulation:
     def _call(self, now: steps.Steps, last: bool) -> tuple[int, int]:
         history = np.empty((len(now.sizes) + last, self._width))
         before = time.perf_counter()
+        self._space.s[self._clock] = self.time
         if not np.isfinite(self.orders).all():
             raise StudyError(f"The storage orders {self.orders} are not finite numbers; set them between -1 and 1.")
         verdict, made = self._advance(now, last, history)

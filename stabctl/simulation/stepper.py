@@ -221,6 +221,7 @@ def advance(p, a, net, q, rules, sizes, due, last, resume, history):
             q.marks[7] = q.marks[7] + 1 if parts > 1 else 0
         q.part[0], parts = 0.0, 1
         verdict = judge(a, net, q, rules, h)
+        q.s[a.places[2] + 3 * len(a.rotor) + len(net.island)] += h
         step += 1
         if verdict != DONE:
             return verdict, step

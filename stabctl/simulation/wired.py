@@ -1,12 +1,12 @@
 """An operating point with a storage control law, connected for the stepper.
 
-After the outputs of the system comes a memory: the orders requested from the storage devices, and three signals of
-every rotor unit: its speed deviation and acceleration relative to the COI of the others in its island, and whether it
-is on.
+After the outputs of the system comes a memory: the orders requested from the storage devices, and what `Relative`
+describes.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +19,10 @@ from stabctl.dynamics.program import Program, program
 from stabctl.dynamics.rows import NO_UNIT
 from stabctl.dynamics.tables import Family
 from stabctl.errors import StudyError
+from stabctl.model.case import Case
 
-from .plant import Frame, frame
+from . import line
+from .plant import Frame, Relative, frame
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +34,7 @@ class Wired:
     layout: Layout
     frame: Frame
     wanted: slice  # of the orders in s
+    rates: tuple[int, ...]  # 1/s, of the sampled controllers and of the law; place k is bit k
     start: np.ndarray  # s
 
     def constants_at(self, table: str) -> int:
@@ -44,22 +47,46 @@ class Wired:
         raise KeyError(table)
 
 
-def wired(point: OperatingPoint, control: Law | None) -> Wired:
-    """The system of an operating point with a control law; its calls are kept with the system."""
-    kept, law = point.system.kept, control.module if control is not None else None
-    families, layout, places = _families(point, control)
-    key = "wired", law
+class Memory(NamedTuple):
+    """Places of what follows the outputs of the system."""
+
+    orders: slice  # that the law, or the user, wants
+    lines: int  # of the delay lines of a sampled law
+    acting: int  # orders after these lines
+    relative: Relative
+    end: int
+
+
+def wired(point: OperatingPoint, control: Law | None, rates: tuple[int, ...] = ()) -> Wired:
+    """The system of an operating point with a control law; its calls are kept with the system.
+
+    Parameters
+    ----------
+    point
+        The operating point.
+    control
+        The law of the storage devices; None: orders are set from outside.
+    rates
+        Rates of the sampled controllers, 1/s.
+    """
+    kept = point.system.kept
+    own = control.rate if control is not None else None
+    rates = rates if own is None or own in rates else (*rates, own)
+    memory = _memory(point, control)
+    layout = replace(point.system.layout, memory=point.system.layout.memory + memory.end - point.system.layout.size)
+    families = (*point.system.families, *_families(point, control, memory, layout, rates))
+    key = "wired", control and (control.module, control.frames, own and rates.index(own))
     if key not in kept:
         kept[key] = program(families)
     k = np.concatenate([np.zeros(0), *(f.k.ravel() for f in families)])
-    orders, deviation, m = places
-    held = orders_of(layout)
     start = np.zeros(layout.size)
     start[: layout.first_memory] = point.s[: layout.first_memory]
-    online = deviation + 2 * m
-    start[online : online + len(point.case.machines)] = 1.0
-    made = frame(point.system, layout, deviation, held, relay=_switches(families, law))
-    return Wired(kept[key]._replace(k=k), families, layout, made, slice(orders, orders + len(held)), start)
+    start[memory.relative.online : memory.relative.time] = 1.0
+    for i, value in enumerate(getattr(control and control.module, "START", ())):
+        start[memory.orders.start + i : memory.lines : memory.orders.step] = value
+    held, switches = orders_of(layout), _switches(families, control)
+    made = frame(point.system, layout, memory.relative, held, groups=_groups(point, control), relay=switches)
+    return Wired(kept[key]._replace(k=k), families, layout, made, memory.orders, rates, start)
 
 
 def orders_of(layout: Layout) -> np.ndarray:
@@ -68,41 +95,81 @@ def orders_of(layout: Layout) -> np.ndarray:
     return layout.first_setpoint + np.array(found, np.int64)
 
 
-def _switches(families: tuple[Family, ...], law: ModuleType | None) -> bool:
+def _memory(point: OperatingPoint, control: Law | None) -> Memory:
+    """Places after the outputs of the system."""
+    n, m, first = len(point.case.storage), len(point.rotors.unit), point.system.layout.size
+    stride = len(control.module.Output._fields) if control is not None else 1
+    lines = first + n * stride
+    sampled = control is not None and control.rate is not None
+    acting = lines + n * control.frames if sampled and control is not None else first
+    speed = acting + n if sampled else lines
+    relative = Relative(speed, speed + m, speed + 2 * m, speed + 3 * m, speed + 3 * m + len(point.case.machines))
+    return Memory(slice(first, lines, stride), lines, acting, relative, relative.end)
+
+
+def _switches(families: tuple[Family, ...], control: Law | None) -> bool:
     """Whether the orders switch between fixed values: a relay, no ramp limit, no other device with a memory."""
     others = any(hasattr(f.device, "step") for f in families if f.name not in ("law", "hold"))
     ramped = any(f.name == "hold" and (f.k > 0).any() for f in families)
-    return bool(getattr(law, "RELAY", False)) and not ramped and not others
+    return control is not None and control.relay and not ramped and not others
 
 
-def _families(point: OperatingPoint, control: Law | None) -> tuple[tuple[Family, ...], Layout, tuple[int, int, int]]:
-    """The system's families, those of the law and of the holds; the layout; places of orders and deviations, rotors."""
-    system, case = point.system, point.case
-    n, m, first = len(case.storage), len(system.rotors.unit), system.layout.size
-    deviation = first + n
-    layout = replace(system.layout, memory=system.layout.memory + n + 2 * m + len(case.machines))
+def _families(
+    point: OperatingPoint, control: Law | None, memory: Memory, layout: Layout, rates: tuple[int, ...]
+) -> tuple[Family, ...]:
+    """The devices of the law, their delay lines and the holds."""
+    system, case, n = point.system, point.case, len(point.case.storage)
     if not n:
-        return system.families, layout, (first, deviation, m)
-    esd = system.family("esd")
-    j, unit = np.arange(n), esd.w[:, family.UNIT]
-    rotor = np.full(len(case.machines), -1)
-    rotor[system.rotors.unit] = np.arange(m)
+        return ()
+    esd, j, of = system.family("esd"), np.arange(n), memory.relative
+    unit = esd.w[:, family.UNIT]
     common = [np.zeros(n, np.int64), esd.w[:, family.BUS], esd.w[:, family.BUS], unit]
-    order, wanted = orders_of(layout), first + j
-    columns = [*common, wanted, deviation + 2 * m + unit, np.full(n, layout.step), order]
+    order, wanted = orders_of(layout), np.r_[memory.orders]
+    sampled = control is not None and control.rate is not None
+    acting = memory.acting + j if sampled else wanted
+    columns = [*common, acting, of.online + unit, np.full(n, layout.step), order]
     ramp = esd.k[:, [devices.every()["esd"].Par._fields.index("ramp")]]
     holds = Family("hold", hold, np.stack(columns, 1), ramp, esd.keys)
     if control is None:
-        return (*system.families, holds), layout, (first, deviation, m)
+        return (holds,)
+    rotor = np.full(len(case.machines), -1)
+    rotor[system.rotors.unit] = np.arange(len(system.rotors.unit))
     if (rotor[unit] < 0).any():
         number = case.machines[unit[rotor[unit] < 0][0]].machine
         raise StudyError(
             f"The storage of machine {number} of {case.name} cannot be controlled by its speed, because it is a "
             "converter without a rotor; assign the storage to a synchronous machine."
         )
+    own = rotor[unit]
+    reads = [of.speed + own, of.acceleration + own, of.angle + own, esd.w[:, family.STATE] + 1, np.full(n, of.time)]
+    k = np.array([tuple(control.par(device)) for device in storage_devices(case)], float)
+    law = Family("law", control.module, np.stack([*common, *reads, wanted], 1), k, esd.keys)
+    if not sampled:
+        return law, holds
+    lines = [wanted, np.full(n, of.due), memory.lines + control.frames * j, acting]
+    bits = np.tile([float(control.frames), float(rates.index(control.rate or 0))], (n, 1))
+    return law, Family("line", line, np.stack([*common, *lines], 1), bits, esd.keys), holds
+
+
+def storage_devices(case: Case) -> list[Device]:
+    """What a law may know of each storage device of a case."""
     base = {machine.machine: machine.base for machine in case.machines}
-    of = [Device(s.rating, base[s.machine], case.frequency_hz) for s in case.storage]
-    k = np.array([tuple(control.par(device)) for device in of], float)
-    own = deviation + rotor[unit]
-    law = Family("law", control.module, np.stack([*common, own, own + m, wanted], 1), k, esd.keys)
-    return (*system.families, law, holds), layout, (first, deviation, m)
+    return [
+        Device(s.rating, base[s.machine], case.frequency_hz, case.base_mva, s.energy * s.charge * 3600 / case.base_mva)
+        for s in case.storage
+    ]
+
+
+def _groups(point: OperatingPoint, control: Law | None) -> Sequence[np.ndarray]:
+    """Rotor units of the group of each rotor unit: that of the law, or itself alone."""
+    numbers = list(point.rotor_numbers)
+    found = [np.array([i]) for i in range(len(numbers))]
+    for group in control.groups if control is not None else ():
+        for n in group:
+            point.case.machine(n)
+            if n not in numbers:
+                raise StudyError(f"Unit {n} of {point.case.name} has no rotor; leave it out of the group.")
+        members = np.array([numbers.index(n) for n in group])
+        for i in members:
+            found[i] = members
+    return found

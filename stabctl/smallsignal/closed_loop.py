@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stabctl.controllers.controller import Controller
+from stabctl.controllers.law import Law
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.layout import StatePlace, unique
 from stabctl.dynamics.named import Named, named
@@ -79,7 +80,7 @@ class SampledModes(Modes):
 
 def closed_loop(
     base: Case | OperatingPoint,
-    *controllers: Controller,
+    *controllers: Controller | Law,
     inputs: str | Iterable[str | Signal] = (),
     outputs: str | Iterable[str | Signal] = (),
     storage: "Fleet | None" = None,
@@ -93,8 +94,8 @@ def closed_loop(
     ----------
     base : Case or OperatingPoint
         The system; a case is initialized first.
-    *controllers : Controller
-        The controllers.
+    *controllers : Controller or Law
+        The controllers; a law of storage devices acts as its `controllers`.
     inputs, outputs : str or iterable
         Signals of the model, as in `linearize`.
     storage : str, mapping, or iterable of Storage, optional
@@ -110,12 +111,13 @@ def closed_loop(
         As `linearize`; also if a controller reads or drives what the case does not have.
     """
     point = operating_point(base, storage)
-    for c in controllers:
+    every = tuple(one for c in controllers for one in (c.controllers(point.case) if isinstance(c, Law) else (c,)))
+    for c in every:
         if not isinstance(c, Controller):
             raise StudyError(
                 f"{c!r} is not a Controller, so it has no linear model; give Controller.from_control(...)."
             )
-    own = [named(point, c) for c in controllers]
+    own = [named(point, c) for c in every]
     wanted = chosen(point.case, inputs, INPUTS), chosen(point.case, outputs, OUTPUTS)
     return joined(plant_of(point, own, *wanted), own, *wanted)
 

@@ -141,3 +141,22 @@ def test_mistakes(base, control, says):
     with pytest.raises(StudyError, match=says) as refusal:
         base.simulate(FAULT, "1s", control=control() if callable(control) else control)
     assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    "law", [st.BangBang(), st.StorageLaw(("1+2", "3+4"), 1.0, arm_at="200mHz", timeout="2s")], ids=["own", "group"]
+)
+def test_a_law_behind_ideal_pmus_acts_as_the_law_at_frames(law):
+    """Groups, angles, arming and time-out are the same behind the estimator."""
+    base = st.load("two_area").initialize(storage="50MW")
+    fault = st.Contingency("7-8@0.4", clear="20cyc")
+    behind = base.simulate(fault, 5, control=st.EstimatorControl(law, "ideal"))
+    alone = base.simulate(fault, 5, control=law.sampled(60))
+    assert np.array_equal(behind.arrays.order, alone.arrays.order)
+    assert np.abs(behind.arrays.speed - alone.arrays.speed).max() < 1e-8  # measured 2e-9
+    assert np.abs(alone.arrays.order).max() == 1
+
+
+def test_a_law_behind_pmus_has_their_rate():
+    with pytest.raises(StudyError, match="acts at their frames"):
+        st.EstimatorControl(st.BangBang().sampled(60))

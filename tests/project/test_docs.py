@@ -27,7 +27,7 @@ from markdown_it import MarkdownIt
 from terminal import said
 
 from stabctl import devices
-from stabctl.controllers import bang_bang, feedback
+from stabctl.controllers import bang_bang, feedback, storage_law
 from stabctl.model.tables import TABLES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -186,7 +186,7 @@ def test_the_table_of_rooms_is_that_of_the_code():
 def records():
     """Section of the list of symbols -> the records whose fields stand there: tables of a case, and laws."""
     found = {name: [record] for name, record in TABLES.items()}
-    for law in (bang_bang, feedback):
+    for law in (bang_bang, feedback, storage_law):
         found[law.__name__.rpartition(".")[2]] = [law.Par, law.Input, law.Output]
     return found
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from systems import KINDS, REGC, ROUND, doubled, small
 
-from stabctl.controllers import BangBang, Controller, Device, Feedback, Input, bang_bang, wanted
+from stabctl.controllers import BangBang, Controller, Device, Feedback, Input, bang_bang, decided
 from stabctl.dynamics import operating_point
 from stabctl.model.case import Storage
 from stabctl.simulation import simulation
@@ -27,7 +27,7 @@ class TestBangBangLaw:
 
     @given(st.floats(-1, 1), st.floats(0, 1.5))
     def test_it_absorbs_when_fast_injects_when_slow_and_idles_inside_deadband_and_gate(self, deviation, voltage):
-        order = wanted(self.LAW, self.PAR, Input(deviation, 0.0), voltage)
+        order = decided(self.LAW, self.PAR, Input(deviation, 0.0), voltage).wanted
         if voltage < 0.8 or abs(deviation) <= 0.1 / 60:
             assert order == 0
         else:
@@ -40,7 +40,7 @@ class TestBangBangLaw:
             (-0.1001 / 60, 0.8, -1),
             (0.1, 0.7999, 0),
         ):
-            assert wanted(self.LAW, self.PAR, Input(deviation, 0.0), voltage) == order
+            assert decided(self.LAW, self.PAR, Input(deviation, 0.0), voltage).wanted == order
 
 
 class TestFeedbackLaw:
@@ -50,7 +50,7 @@ class TestFeedbackLaw:
     def test_power_is_gain_times_speed_and_acceleration_on_the_machine_base_within_the_rating(self, slip, rate, size):
         """P = S (Kv w + Ka w') with w in rad/s (the paper, eq. (13)), limited to the rating, idle at low voltage."""
         law = Feedback(speed_gain=0.02, acceleration_gain=0.01)
-        order = wanted(law, law.par(self.DEVICE), Input(slip, rate), size)
+        order = decided(law, law.par(self.DEVICE), Input(slip, rate), size).wanted
         wb = 2 * np.pi * 60
         want = np.clip(900 * (0.02 * wb * slip + 0.01 * wb * rate), -50, 50)
         assert 50 * order == pytest.approx(want if size >= 0.8 and slip else 0, abs=1e-9)
@@ -59,7 +59,7 @@ class TestFeedbackLaw:
     def test_braking_never_feeds_the_swing(self, slip, rate):
         """Eq. (14): the power has the sign of the speed and the size of the acceleration."""
         law = Feedback(0.0, 0.001, braking=True)
-        order = wanted(law, law.par(self.DEVICE), Input(slip, rate), 1.0)
+        order = decided(law, law.par(self.DEVICE), Input(slip, rate), 1.0).wanted
         assert order * slip >= 0
         assert abs(order) == pytest.approx(min(abs(rate) * 0.001 * 2 * np.pi * 60 * 18, 1) * (slip != 0), abs=1e-12)
 

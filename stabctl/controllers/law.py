@@ -1,0 +1,140 @@
+"""What all control laws of storage devices have in common, and a law that acts at frames."""
+
+import math
+import sys
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from stabctl.errors import StudyError, shown
+from stabctl.units import TIME, quantity
+
+from .signals import Device, Input
+
+if TYPE_CHECKING:
+    from stabctl.model.case import Case
+
+    from .controller import Controller
+
+FASTEST = 10_000  # frames per second
+
+
+class Law(ABC):
+    """A law that runs inside the compiled loop.
+
+    Attributes
+    ----------
+    relay
+        Whether its orders switch between fixed values; the simulation then finds the instants within a step.
+    angular
+        Whether it reads the angle.
+    groups
+        Machines that are seen as one: the deviation of each of them is that of the group.
+    rate, frames
+        Frames per second and frames of delay; a law without a rate acts at every step.
+    """
+
+    relay: bool = False
+    angular: bool = False
+    groups: tuple[tuple[int, ...], ...] = ()
+    rate: int | None = None
+    frames: int = 0
+
+    @property
+    def module(self) -> ModuleType:
+        """The file with its equations."""
+        return sys.modules[type(self).__module__]
+
+    @abstractmethod
+    def par(self, device: Device) -> Any:
+        """Parameters for a device, in the order of `Par` of its file."""
+
+    def sampled(self, rate: int, delay: str | float = 0.0) -> "SampledLaw":
+        """The same law acting once per frame, with a delay.
+
+        Parameters
+        ----------
+        rate : int, 1/s
+            Frames per second.
+        delay : str or float, s
+            From reading to action, a whole number of frames.
+        """
+        return SampledLaw(self, rate, delay)  # type: ignore[arg-type]
+
+    def save(self, path: Any) -> Any:
+        """Write the law to a TOML file, which `stabctl.load_controller` and `--controller` read."""
+        from .law_file import save
+
+        return save(self, path)
+
+    def controllers(self, case: "Case") -> "tuple[Controller, ...]":
+        """A `Controller` for every storage device of a case that acts as this law does.
+
+        Raises
+        ------
+        StudyError
+            If a part of the law has no counterpart in a controller; it is named.
+        """
+        from .law_controllers import controllers
+
+        return controllers(self, case)
+
+
+@dataclass(frozen=True)
+class SampledLaw(Law):
+    """A law that acts once per frame; see `Law.sampled`."""
+
+    law: Law
+    rate: int
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        rate = self.rate
+        if not isinstance(self.law, Law) or isinstance(self.law, SampledLaw):
+            raise StudyError(f"law = {shown(self.law)} is not a law that can be sampled; give BangBang(), for example.")
+        if isinstance(rate, bool) or not isinstance(rate, int) or not 1 <= rate <= FASTEST:
+            raise StudyError(f"The rate of {shown(rate)} frames a second is not allowed; give 1 to {FASTEST}.")
+        delay = quantity(self.delay, "s", bare=False) if isinstance(self.delay, str) else self.delay
+        if isinstance(delay, bool) or not isinstance(delay, int | float) or not 0 <= delay < math.inf:
+            raise StudyError(f"delay = {shown(delay)} is not a time; give {TIME.examples}.")
+        object.__setattr__(self, "delay", float(delay))
+        checked_frames("The law", rate, self.delay)
+
+    @property
+    def module(self) -> ModuleType:
+        """The file with the equations of the law."""
+        return self.law.module
+
+    @property
+    def groups(self) -> tuple[tuple[int, ...], ...]:  # type: ignore[override]
+        """Groups of the law."""
+        return self.law.groups
+
+    @property
+    def frames(self) -> int:  # type: ignore[override]
+        """Frames from reading to action."""
+        return round(self.delay * self.rate)
+
+    def par(self, device: Device) -> Any:
+        """Parameters of the law."""
+        return self.law.par(device)
+
+
+def checked_frames(name: str, rate: int, delay: float) -> int:
+    """Frames in a delay. Raises `StudyError` if it is not a whole number of them."""
+    if abs(delay * rate - round(delay * rate)) > 1e-6:
+        below = math.floor(delay * rate)
+        raise StudyError(
+            f"{name}: a delay of {1e3 * delay:g} ms is not a whole number of frames at {rate}/s; give "
+            f"{1e3 * below / rate:.4g} or {1e3 * (below + 1) / rate:.4g} ms."
+        )
+    return round(delay * rate)
+
+
+def decided(law: Law, par: Any, signals: Input, voltage: float, before: Any = None) -> Any:
+    """What a law gives for one device at a voltage (pu), with its parameters; `before` is what it gave last."""
+    step = law.module.step
+    if hasattr(law.module, "START"):
+        return step(signals, (voltage, 0.0), law.module.START if before is None else before, par)
+    return step(signals, (voltage, 0.0), par)

@@ -1,0 +1,64 @@
+"""Controllers that act as a storage law does, one for each storage device.
+
+u = (w + k d) / slope, or the surface itself with a relay, deadband and limits -1 to 1, idle at low voltage
+"""
+
+from math import pi
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stabctl.errors import StudyError
+
+from .bang_bang import BangBang
+from .controller import Controller
+from .feedback import Feedback
+from .gate import Gate
+from .law import Law, SampledLaw
+from .storage_law import StorageLaw
+
+if TYPE_CHECKING:
+    from stabctl.model.case import Case
+
+ONLY = {"max_acceleration": 0.0, "arm_at": 0.0, "return_time": 0.0}  # parts without a counterpart
+
+
+def controllers(law: Law, case: "Case") -> tuple[Controller, ...]:
+    """The controllers; see `Law.controllers`."""
+    inner, rate, delay = (law.law, law.rate, law.delay) if isinstance(law, SampledLaw) else (law, None, 0.0)
+    if isinstance(inner, BangBang):
+        inner = StorageLaw(deadband=inner.deadband, min_voltage=inner.min_voltage)
+    hz, made = case.frequency_hz, []
+    for device in case.storage:
+        group = next((g for g in inner.groups if device.machine in g), (device.machine,))
+        of = "+".join(map(str, group))
+        inputs, gains, deadband = [f"deviation:{of}"], [1.0], 0.0
+        if isinstance(inner, StorageLaw):
+            _representable(inner)
+            scale = hz / inner.slope if inner.slope else 1.0
+            gains, deadband = [scale], scale * inner.deadband / hz
+            if inner.angle_gain:
+                inputs.append(f"angle_deviation:{of}")
+                gains.append(scale * inner.angle_gain / (2 * pi * hz))
+        elif isinstance(inner, Feedback):
+            if inner.acceleration_gain or inner.braking or inner.deadband:
+                raise StudyError(
+                    "Feedback with an acceleration gain, braking or a deadband has no counterpart in a controller; "
+                    "set them to 0."
+                )
+            gains = [inner.speed_gain * 2 * pi * hz * case.machine(device.machine).base / device.rating]
+        else:
+            raise StudyError(f"{type(inner).__name__} has no counterpart in a controller; use it as a law.")
+        gate = Gate(f"voltage:{device.bus}", low=inner.min_voltage) if inner.min_voltage else None
+        outputs, D, n = (f"order:{device.machine}@{device.bus}",), np.array([gains]), len(inputs)
+        none = np.zeros((0, 0)), np.zeros((0, n)), np.zeros((1, 0))
+        how: dict[str, Any] = {"rate": rate, "delay": delay, "deadband": deadband, "relay": inner.relay, "gate": gate}
+        name = f"law {device.machine}@{device.bus}"
+        made.append(Controller(tuple(inputs), outputs, *none, D, name=name, limits=(-1.0, 1.0), **how))
+    return tuple(made)
+
+
+def _representable(law: StorageLaw) -> None:
+    for name, value in ONLY.items():
+        if getattr(law, name) != value:
+            raise StudyError(f"{name} of a storage law has no counterpart in a controller; set it to {value:g}.")
