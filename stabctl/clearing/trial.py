@@ -38,14 +38,15 @@ class Run(NamedTuple):
 class Trial:
     """A contingency at an operating point under a control law; its own clearing time is ignored.
 
-    The fault begins at 0 (at `QUIET` under a sampled controller); other events keep their time from the fault. Raises
-    `StudyError` without a fault, and at the first run for what the case does not have.
+    The fault begins at 0, under a sampled controller after `quiet` s; other events keep their time from the fault.
+    Raises `StudyError` without a fault, and at the first run for what the case does not have.
     """
 
     point: OperatingPoint
     contingency: Contingency
     control: Control = None
     search: Search = field(default_factory=Search)
+    quiet: float = QUIET  # s
 
     def __post_init__(self) -> None:
         if self.contingency.fault is None:
@@ -62,7 +63,7 @@ class Trial:
     def at(self) -> float:
         """Instant of the fault, s: late enough for events before it."""
         before = -min((e.at for e in self.others), default=0.0)
-        return max(before, 0.0) + (QUIET if acting(self.control).pilots else 0.0)
+        return max(before, 0.0) + (self.quiet if acting(self.control).pilots else 0.0)
 
     def duration(self, k: int) -> float:
         """Duration (s) of the fault at the grid's point k."""

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from . import groups, options, shared
+from .design_optimum import optimum
 from .grouped import grouped
 
 if TYPE_CHECKING:
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 
 ROWS = 20  # pairs in the table
 app = typer.Typer(no_args_is_help=True, help="Design controllers: stabilizers, oscillation dampers, regulators.")
+app.command("optimum")(optimum)
 
 Damping = Annotated[float, typer.Option("--damping", min=0.0, max=0.9, help="Damping ratio to reach.")]
 Out = Annotated[Path | None, typer.Option("--out", help="Write the controllers to FILE.toml, for --controller.")]

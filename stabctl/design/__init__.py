@@ -1,11 +1,13 @@
-"""Design of controllers: power system stabilizers, oscillation dampers, linear-quadratic regulators."""
+"""Design of controllers: power system stabilizers, oscillation dampers, linear-quadratic regulators, optimal schedules."""
 
 from .gep import gep
 from .lqr import lqr
+from .optimum import optimum
+from .optimum_result import Optimum
 from .outages import Outages, outages
 from .pairs import Pairs, pairs
 from .pod import pod
 from .pss import pss
 from .result import Design
 
-__all__ = ["Design", "Outages", "Pairs", "gep", "lqr", "outages", "pairs", "pod", "pss"]
+__all__ = ["Design", "Optimum", "Outages", "Pairs", "gep", "lqr", "optimum", "outages", "pairs", "pod", "pss"]

@@ -1,0 +1,173 @@
+"""The search for the longest fault: schedules improved by convex programs, and longer faults, in turn."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from stabctl.errors import StudyError
+from stabctl.simulation.trajectory import Trajectory
+
+from .excursion import Window, slopes, window
+from .order_program import Bounds, improved
+from .scheduled import Plan, Scheduled
+
+GOOD, POOR = 0.6, 0.25  # of the predicted fall of the excursion: the trust region grows, and shrinks
+WIDEST, LEAST = 2.0, 1e-3  # ratings, radius of the trust region
+FALL, SLIGHT = 2e-4, 0.02  # rad   falls of the excursion that end the search, and below which the fault grows at once
+EASY = 0.03  # of the clearing time under the law, by which the first fault is shorter: its run is less sensitive
+BEYOND = 1.1  # times the largest move survived, up to which the moves of a run that is lost are followed
+RESCUES = 4  # convex programs for a fault that the present schedule does not survive
+
+
+class Iteration(NamedTuple):
+    """One convex program, and the longer fault that it made possible."""
+
+    number: int
+    cycles: float  # clearing time survived
+    excursion: float  # rad
+    fall: float  # rad   of the excursion, at the clearing time before
+    radius: float  # ratings
+    status: str  # of the solver
+    simulations: int  # so far
+
+
+@dataclass
+class Climb:
+    """The search, from a schedule that survives to those of longer faults."""
+
+    scheduled: Scheduled
+    bounds: Bounds
+    progress: Callable[[Iteration], None] | None
+    plan: Plan = field(init=False)
+    run: Trajectory = field(init=False)
+    window: Window = field(init=False)
+    radius: float = field(init=False, default=0.5)
+    ended: str = field(init=False, default="iterations")
+    simulations: int = field(init=False, default=0)
+    iterations: list[Iteration] = field(init=False, default_factory=list)
+
+    def begin(self, k: int) -> None:
+        """Start with the orders that the law gives in the longest fault that it survives."""
+        trial = self.scheduled.trial
+        start, k = k, k - round(EASY * k)
+        while k >= 0:
+            orders = self.scheduled.of_run(k, trial.simulate(k, record=True), trial.at)
+            plan = Plan(orders.k, orders.before, self._allowed(orders.orders))
+            if self._try(plan):
+                return
+            k -= 1
+        raise StudyError(
+            f"No schedule of {trial.point.case.name} that survives was found to begin with, from "
+            f"{start * trial.search.resolution_cycles:g} cycles down; give more orders a second, or more energy."
+        )
+
+    def _allowed(self, orders: np.ndarray) -> np.ndarray:
+        """Orders scaled down until they keep the limits on energy and ramp."""
+        b = self.bounds
+        level = b.energy(orders)
+        over = np.maximum(level.max(axis=0) / b.full, level.min(axis=0) / b.empty)
+        change = np.abs(np.diff(orders, axis=0)).max(axis=0, initial=0.0) / b.ramp
+        return orders / np.maximum(1.0, np.nan_to_num(np.maximum(over, change)))
+
+    @property
+    def excursion(self) -> float:
+        """The excursion of the present schedule, rad."""
+        return self.window.excursion
+
+    def go(self, most: int) -> None:
+        """Improve the schedule and lengthen the fault in turn."""
+        for n in range(most):
+            fell, status = self._improve()
+            gained = self._lengthen(1.0 if fell < SLIGHT else 0.5)
+            made = Iteration(
+                n + 1, self._cycles(self.plan.k), self.excursion, fell, self.radius, status, self.simulations
+            )
+            self.iterations.append(made)
+            if self.progress:
+                self.progress(made)
+            if gained:
+                self.radius = max(self.radius, 0.05)
+            elif fell < FALL and not self._rescue():
+                self.ended = "limit" if self.plan.k == self.scheduled.trial.search.last else "converged"
+                return
+
+    def _improve(self) -> tuple[float, str]:
+        """One convex program, with smaller trust regions until its orders are better; the fall of the excursion."""
+        model = slopes(self.scheduled, self.plan, self.run, self.window)
+        before, status = self.excursion, "none"
+        while self.radius > LEAST:
+            orders, foretold, status = improved(self.plan.orders, model, self.bounds, self.radius)
+            if foretold < FALL / 10:
+                return 0.0, status
+            tried = Plan(self.plan.k, self.plan.before, orders)
+            kept = self.plan, self.run, self.window
+            fell = before - self.excursion if self._try(tried) else -math.inf
+            if fell > FALL:
+                share = fell / foretold
+                self.radius = min(self.radius * (2 if share > GOOD else 0.5 if share < POOR else 1), WIDEST)
+                return fell, status
+            self.plan, self.run, self.window = kept
+            self.radius /= 3
+        return 0.0, status
+
+    def _lengthen(self, share: float) -> bool:
+        """Take a share of the time that the fault may last longer with the present schedule; whether there was any."""
+        begin, stride, longest = self.plan.k, self.scheduled.trial.search.points(1.0), self.plan.k
+        while stride:
+            k = longest + stride
+            if k <= self.scheduled.trial.search.last and self._survives(k):
+                longest = k
+            else:
+                stride //= 2
+        most = begin + math.ceil(share * (longest - begin))
+        return any(self._try(self._longer(k)) for k in range(most, begin, -1))
+
+    def _rescue(self) -> bool:
+        """Change the schedule so that the next longer fault is survived, from its run that is lost; whether it is.
+
+        Its moves are followed to just beyond the largest one survived, and made smaller there. A schedule that is lost
+        later is the next one to be changed.
+        """
+        k = self.plan.k + 1
+        if k > self.scheduled.trial.search.last:
+            return False
+        plan, limit = self._longer(k), BEYOND * self.window.largest
+        run, radius = self.scheduled.run(plan), 0.5
+        for _ in range(RESCUES):
+            model = slopes(self.scheduled, plan, run, window(self.scheduled, plan, run, limit))
+            while radius > 10 * LEAST:
+                orders, _fall, _status = improved(plan.orders, model, self.bounds, radius)
+                tried = Plan(k, plan.before, orders)
+                if self._try(tried):
+                    self.radius = max(self.radius, radius)
+                    return True
+                later = self.scheduled.run(tried)
+                if later.outcome.time_s > run.outcome.time_s + later.step:
+                    plan, run = tried, later
+                    break
+                radius /= 3
+        return False
+
+    def _survives(self, k: int) -> bool:
+        self.simulations += 1
+        return self.scheduled.run(self._longer(k)).outcome.stable
+
+    def _longer(self, k: int) -> Plan:
+        """The present plan for another duration of the fault."""
+        plan = self.scheduled.plan(k, self.plan)
+        return Plan(k, plan.before, self._allowed(plan.orders))
+
+    def _try(self, plan: Plan) -> bool:
+        """Adopt a plan if its run is stable."""
+        self.simulations += 1
+        run = self.scheduled.run(plan)
+        if run.outcome.stable:
+            self.plan, self.run = plan, run
+            self.window = window(self.scheduled, plan, run)
+        return run.outcome.stable
+
+    def _cycles(self, k: int) -> float:
+        return k * self.scheduled.trial.search.resolution_cycles

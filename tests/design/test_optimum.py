@@ -1,0 +1,145 @@
+"""The optimal schedule: on two machines it is that of equal areas, elsewhere better than the law that it starts from.
+
+A device at the smaller machine absorbs its full rating from clearing on, whatever the fault: no control makes the machine
+stop earlier. With it the mechanical power is Pm - (M/M1) Pc, and the longest fault is that of equal areas up to the
+unstable equilibrium with this power.
+"""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from stabctl.controllers import BangBang
+from stabctl.design import optimum
+from stabctl.devices.machines import gencls
+from stabctl.errors import StudyError
+from stabctl.model.case import Branch, Bus, Case, Machine
+from stabctl.model.network import BOLTED
+from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.simulate import simulate
+from stabctl.theory.minimum_time import stop_angle
+from stabctl.theory.shooting import by_shooting
+from stabctl.theory.two_machine import Equivalent
+
+BASE, LARGE, PC = 0.1, 10.0, 0.3  # MVA, inertia of machine 2 over that of machine 1, rating of the device in pu
+EQ = Equivalent(4.0, 4.0 * LARGE, X=0.5, Pm1=0.8, base=BASE)
+FAULT = Contingency("1", impedance=1.1j * BASE / BOLTED)  # takes no power
+LATE = BangBang(deadband=2.0, min_voltage=0.0)  # starts from a law that is hardly better than none
+OPTIONS = {"law": LATE, "window": "0.5s", "rate": 30, "observe": "1.2s", "longest": 0, "step": 1 / 120}
+
+
+def _case(own=3e-3):
+    x = own * EQ.X
+    rows = {1: gencls.Par(0, 0, 4.0, 0.0, 0.0, x), 2: gencls.Par(0, 0, 4.0, 0.0, 0.0, LARGE * x)}
+    machines = Machine(1, 1, BASE, 0.8 * BASE, 1), Machine(2, 2, BASE * LARGE, 0.0, 2)
+    buses, line = (Bus(1, "pv", 1.0), Bus(2, "swing", 1.0)), Branch(1, 2, 0.0, EQ.X * (1 - 2 * own))
+    case = Case("two_machines", buses, (line,), machines, {"gencls": rows}, (), base_mva=BASE, frequency_hz=60.0)
+    return case.with_storage({1: PC * BASE})
+
+
+def _longest_fault():
+    """Equal areas with the device absorbing from clearing on, cycles."""
+    m, b = EQ.omib, EQ.omib.Pmax
+    left = m.Pm - EQ.share * PC
+    end = np.pi - np.arcsin(left / b)
+    at = brentq(lambda d: m.Pm * (d - m.start) - b * (np.cos(d) - np.cos(end)) + left * (end - d), m.start, end - 0.1)
+    return 60 * float(np.sqrt(2 * m.M * (at - m.start) / m.Pm))
+
+
+def _stop(found):
+    """When (s after clearing) the relative speed is first zero, and the relative angle there (rad)."""
+    a, t = found.run.arrays, found.run.time - found.cleared
+    w, d = a.speed[:, 0] - a.speed[:, 1], a.angle[:, 0] - a.angle[:, 1]
+    i = np.flatnonzero((t > 1e-9) & (w <= 0))[0]
+    return t[i - 1] + (t[i] - t[i - 1]) * w[i - 1] / (w[i - 1] - w[i]), d.max()
+
+
+@pytest.fixture(scope="module")
+def longest():
+    return optimum(_case(), FAULT, resolution="0.02cyc", limit="20cyc", **OPTIONS)
+
+
+def test_on_two_machines_it_is_the_schedule_of_equal_areas(longest):
+    assert longest.proof.stable
+    assert longest.ended == "converged"
+    assert longest.cycles == pytest.approx(_longest_fault(), rel=1e-3)  # -7.8e-4, of a grid of 1.3e-3
+    assert longest.start.cycles < 0.97 * longest.cycles
+    until = round(_stop(longest)[0] * 30)
+    assert np.all(longest.schedule.orders[longest.before :][: until + 1] > 0.99)
+    assert "a local optimum" in str(longest).lower()
+    assert "power ratings" in longest.binding[0]
+
+
+def test_on_two_machines_it_stops_the_machine_as_early_as_the_minimum_time_control():
+    found = optimum(_case(1e-3), FAULT, resolution="0.25cyc", limit="14.5cyc", **OPTIONS | {"step": 1 / 240})
+    problem = EQ.minimum_time_problem(found.cycles, -PC, PC)
+    seconds, angle = _stop(found)
+    assert (found.ended, found.cycles) == ("limit", 14.5)
+    assert seconds == pytest.approx(by_shooting(problem).duration, rel=1e-3)  # -8.7e-4
+    assert angle == pytest.approx(stop_angle(problem), rel=1e-3)  # -2.5e-4
+
+
+def test_what_the_record_shows_is_what_was_played(longest):
+    frame, seen = longest.df, longest.run.time - longest.cleared
+    assert list(frame) == ["time_s", "absorbed_mw:1@1"]
+    assert frame["absorbed_mw:1@1"].to_numpy() == pytest.approx(PC * BASE * longest.schedule.orders[:, 0])
+    k = np.floor((seen - frame["time_s"][0]) * 30 + 1e-6).astype(int)
+    inside = (k >= 0) & (k < len(frame))
+    assert np.array_equal(longest.run.arrays.order[inside], longest.schedule.orders[k[inside]])
+    assert longest.run.outcome.stable
+    assert [one.cycles for one in longest.iterations] == sorted(one.cycles for one in longest.iterations)
+    again = simulate(longest.run.point, longest.fault, 1.4, control=longest.schedule, step=1 / 120)
+    rows = min(len(again.rows), len(longest.run.rows))
+    assert np.array_equal(again.arrays.angle[: rows - 1], longest.run.arrays.angle[: rows - 1])
+
+
+def test_less_energy_gives_a_shorter_fault(longest):
+    few = longest.energy_kwh[0] / 3
+    found = optimum(_case(), FAULT, energy=f"{few}kWh", resolution="0.25cyc", limit="20cyc", **OPTIONS)
+    assert found.start.cycles <= found.cycles < longest.cycles
+    assert np.abs(found.bounds.energy(found.schedule.orders)).max() <= few / 1e3 * (1 + 1e-6)
+    assert "the energy of the devices" in found.binding
+
+
+def test_the_figure_shows_swings_and_power(longest):
+    figure = longest.plot()
+    assert [ax.get_ylabel() for ax in figure.axes] == ["angle from COI (deg)", "storage power absorbed (MW)"]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"storage": "none"}, "no storage to schedule"),
+        ({"rate": 0}, "rate = 0 orders a second"),
+        ({"window": "90s"}, "A schedule of 90 s"),
+        ({"limit": "2cyc"}, "no clearing time to raise: fault 7, trip 5-7: stable up to the limit"),
+        ({"energy": "5MW"}, "5MW"),
+    ],
+    ids=["storage", "rate", "window", "limit", "energy"],
+)
+def test_what_is_not_possible_is_said(cases, options, words):
+    with pytest.raises(StudyError, match=words):
+        optimum(cases("wscc9"), Contingency("7", trip="5-7"), **{"storage": "20MW", **options})
+
+
+def test_the_command_gives_the_schedule(stabctl, tmp_path):
+    out = tmp_path / "orders.csv"
+    words = "design optimum wscc9 --fault 7 --trip 5-7 --storage 20MW --window 0.3s --rate 15 --iterations 1".split()
+    code, said, _ = stabctl(*words, "--out", out, "--json")
+    found = json.loads(said)
+    assert code == 0
+    assert found["stable"]
+    assert found["cycles"] >= found["law_cycles"] - 0.5
+    assert len(found["orders"]) == len(found["time_s"]) == len(out.read_text().splitlines()) - 1
+    assert np.abs(found["orders"]).max() <= 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("gate", "least", "law"), [(0.8, 28.25, 26.0), (0.0, 35.0, 30.75)], ids=["gated", "free"])
+def test_two_areas_hold_longer_than_with_any_law_known(cases, gate, least, law):
+    found = optimum(cases("two_area"), "7-8@0.4", storage="50MW", law=BangBang(min_voltage=gate))
+    assert found.start.cycles == law
+    assert found.cycles >= least
+    assert found.proof.stable
