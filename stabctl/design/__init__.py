@@ -1,4 +1,4 @@
-"""Design of controllers: power system stabilizers, oscillation dampers, linear-quadratic regulators, optimal schedules."""
+"""Design of controllers: power system stabilizers, oscillation dampers, regulators, optimal storage schedules."""
 
 from .gep import gep
 from .lqr import lqr

@@ -1,8 +1,8 @@
 """The optimal schedule: on two machines it is that of equal areas, elsewhere better than the law that it starts from.
 
-A device at the smaller machine absorbs its full rating from clearing on, whatever the fault: no control makes the machine
-stop earlier. With it the mechanical power is Pm - (M/M1) Pc, and the longest fault is that of equal areas up to the
-unstable equilibrium with this power.
+A device at the smaller machine absorbs its full rating from clearing on, whatever the fault: no control makes the
+machine stop earlier. With it the mechanical power is Pm - (M/M1) Pc, and the longest fault is that of equal areas up to
+the unstable equilibrium with this power.
 """
 
 import json
@@ -126,8 +126,9 @@ def test_what_is_not_possible_is_said(cases, options, words):
 
 def test_the_command_gives_the_schedule(stabctl, tmp_path):
     out = tmp_path / "orders.csv"
-    words = "design optimum wscc9 --fault 7 --trip 5-7 --storage 20MW --window 0.3s --rate 15 --iterations 1".split()
-    code, said, _ = stabctl(*words, "--out", out, "--json")
+    case = ("wscc9", "--fault", 7, "--trip", "5-7", "--storage", "20MW")
+    options = ("--window", "0.3s", "--rate", 15, "--iterations", 1)
+    code, said, _ = stabctl("design", "optimum", *case, *options, "--out", out, "--json")
     found = json.loads(said)
     assert code == 0
     assert found["stable"]
