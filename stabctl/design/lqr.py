@@ -1,8 +1,12 @@
-"""Linear-quadratic regulator: state feedback that minimizes the swings and the effort.
+"""Linear-quadratic regulator: feedback that minimizes the swings and the effort, of all states or of what is measured.
 
-    J = integral of (sum of (deviation of the speeds / speed_s)^2 + sum of (output / effort)^2) dt
+A regulator that reads a few signals y = C x takes the gain whose output differs least from that of all states, in the
+mean square of the motion of the optimal loop under white noise of the power of every machine:
 
-The angle reference, which no input moves, is removed by projection, so the gains read only angles against each other.
+    K_y = K P C' (C P C')^-1,    P the covariance of the states.
+
+Source: R. Kosut, Suboptimal control of linear time-invariant systems subject to control structure constraints, IEEE
+Trans. Automatic Control 15, 1970 (minimum error excitation).
 """
 
 from collections.abc import Sequence
@@ -14,30 +18,33 @@ import scipy.linalg as sl
 from stabctl.controllers.controller import Controller
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.signals import INPUTS, chosen
+from stabctl.dynamics.signals import OUTPUTS, Signal, chosen
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 from stabctl.smallsignal.closed_loop import closed_loop
-from stabctl.smallsignal.model import linearize
-from stabctl.units import hertz
+from stabctl.smallsignal.modes import Modes
 
-from .result import Design, least
-
-FLOOR = 1e-6  # weight of every state, relative to that of the speeds, which makes all of them observed
+from .quadratic import Quadratic, Weights, driven, quadratic
+from .regulator import Regulator
+from .requirement import GROWING
+from .result import least
+from .robustness import plant, robustness
 
 
 def lqr(
     base: "Case | OperatingPoint",
     outputs: str | Sequence[str] = "order",
+    inputs: str | Sequence[str] | None = None,
     *,
     speed: str | float = 0.1,
+    angle: str | float | None = None,
     effort: float = 1.0,
     storage: "Fleet | None" = None,
     limits: tuple[float, float] | float | None = None,
     name: str = "lqr",
-) -> Design:
-    """Design a state feedback that drives some inputs.
+) -> Regulator:
+    """Design a regulator that drives some inputs.
 
     Parameters
     ----------
@@ -45,8 +52,12 @@ def lqr(
         The system.
     outputs : str or sequence of str
         Inputs of the system that it drives, such as "order".
+    inputs : str or sequence of str, optional
+        Signals that it reads, such as "angle, speed", which an estimator gives; by default all states.
     speed : str or float, Hz
-        Speed deviation from the center of inertia that counts as much as one `effort`.
+        Speed deviation from the other machines that counts as much as one `effort`.
+    angle : str or float, rad, optional
+        Angle to the COI that counts as much as one `effort`; by default angles are free.
     effort : float
         Size of an output, in the unit of the input driven (ratings, for orders).
     storage : str, mapping, or iterable of Storage, optional
@@ -58,7 +69,8 @@ def lqr(
 
     Returns
     -------
-    Design
+    Regulator
+        With the margins of the feedback of all states, and of the regulator if it reads less.
 
     Raises
     ------
@@ -66,29 +78,48 @@ def lqr(
         If the system cannot be stabilized with these inputs.
     """
     point = operating_point(base, storage)
-    drives = chosen(point.case, outputs, INPUTS)
-    if not drives:
-        raise StudyError(f"{point.case.name} has no input {outputs!r}; choose what the regulator drives.")
-    model = linearize(point, drives, "deviation")
-    r = model.rotation()
-    basis = sl.null_space(r[None, :] / np.linalg.norm(r))  # orthogonal to the rotation of all angles
-    A, B, C = basis.T @ model.A @ basis, basis.T @ model.B, model.C @ basis
-    scale = hertz(speed) / point.case.frequency_hz
-    Q = C.T @ C / scale**2
-    Q = Q + FLOOR * np.trace(Q) / len(Q) * np.eye(len(Q))
-    try:
-        P = sl.solve_continuous_are(A, B, Q, np.eye(B.shape[1]) / effort**2)
-    except np.linalg.LinAlgError:
+    drives, reads = driven(point, outputs), () if inputs is None else chosen(point.case, inputs, OUTPUTS)
+    cost = quadratic(point, drives, Weights(speed, angle, effort), reads)
+    K = cost.optimal(effort)
+    if inputs is None:
+        one = _static([f"state:{label}" for label in cost.model.states], drives, K, limits, name)
+        after = stable(point, one)
+        return Regulator((one,), (cost.modes,), (after,), least(after)[0] > least(cost.modes)[0])
+    K_y = _projected(cost, K)
+    one = _static([named(s) for s in reads], drives, K_y, limits, name)
+    after, seen = stable(point, one), plant(cost.modes, cost.C, cost.D)
+    own = robustness(lambda w: -K_y @ seen(w), least(after)[0])
+    better = least(after)[0] > least(cost.modes)[0]
+    return Regulator((one,), (cost.modes,), (after,), better, full=cost.robustness(K), own=own)
+
+
+def _projected(cost: Quadratic, K: np.ndarray) -> np.ndarray:
+    """The gain (outputs, signals) that comes nearest to K x in the optimal loop."""
+    speeds, H = cost.model.speeds(), cost.model.point.inertia
+    noise = cost.basis[speeds] / H[:, None]
+    P = sl.solve_continuous_lyapunov(cost.closed(K), -noise.T @ noise)
+    C = (cost.C + cost.D @ K) @ cost.basis
+    return np.asarray(K @ cost.basis @ P @ C.T @ np.linalg.pinv(C @ P @ C.T, rcond=1e-10, hermitian=True))
+
+
+def _static(inputs: Sequence[str], drives: Sequence[Signal], K: np.ndarray, limits: Any, name: str) -> Controller:
+    p, m = K.shape
+    bounds = (-np.inf, np.inf) if limits is None else limits
+    none = np.zeros((0, 0)), np.zeros((0, m)), np.zeros((p, 0))
+    return Controller(tuple(inputs), tuple(named(s) for s in drives), *none, K, name=name, limits=bounds)
+
+
+def named(signal: Signal) -> str:
+    """The name of a signal in a controller."""
+    return signal.kind if signal.place is None else f"{signal.kind}:{signal.place}"
+
+
+def stable(point: OperatingPoint, one: Controller) -> Modes:
+    """The modes with the regulator. Raises `StudyError` if one of them grows."""
+    modes = closed_loop(point, one).modes()
+    if (modes.eigenvalues.real > GROWING).any():
         raise StudyError(
-            f"No state feedback through {', '.join(s.label for s in drives)} stabilizes {point.case.name}."
-        ) from None
-    K = -(effort**2) * B.T @ P @ basis.T
-    n, p = 0, len(drives)
-    names = tuple(f"{s.kind}:{s.place}" for s in drives)
-    bounds: Any = (-np.inf, np.inf) if limits is None else limits
-    one = Controller(
-        tuple(f"state:{label}" for label in model.states), names,
-        np.zeros((n, n)), np.zeros((n, len(model.states))), np.zeros((p, n)), K, name=name, limits=bounds,
-    )  # fmt: skip
-    before, after = closed_loop(point).modes(), closed_loop(point, one).modes()
-    return Design((one,), (before,), (after,), least(after)[0] > least(before)[0])
+            f"{one.name} does not stabilize {point.case.name} with {', '.join(one.inputs[:4])}"
+            + (" ..." if len(one.inputs) > 4 else "") + "; let it read more, or change the weights."
+        )  # fmt: skip
+    return modes

@@ -49,3 +49,9 @@ def ratios(s: np.ndarray) -> np.ndarray:
     """Damping ratios -Re / |s| of eigenvalues; 1 for zero."""
     size = np.abs(s)
     return np.divide(-s.real, size, out=np.ones(len(s)), where=size > 0)
+
+
+def least_ratio(s: np.ndarray) -> float:
+    """Smallest damping ratio of the eigenvalues s (1/s) of 0.1 to 3 Hz; 1 if there is none."""
+    hz = np.abs(s.imag) / (2 * np.pi)
+    return float(min(ratios(s[(hz >= SLOW) & (hz <= FAST)]), default=1.0))

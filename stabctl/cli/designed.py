@@ -1,0 +1,67 @@
+"""What the commands of `stabctl design` share: options, and how a design is shown."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from . import options, shared
+
+if TYPE_CHECKING:
+    from stabctl.design import Design, Outages
+
+Out = Annotated[Path | None, typer.Option("--out", help="Write the controllers to FILE.toml, for --controller.")]
+Delay = Annotated[
+    str,
+    typer.Option("--delay", metavar="TIME", parser=options.in_unit("s"), help="From reading to action, s."),
+]
+
+
+def show(found: "Design", out: Path | None, as_json: bool, points: "Outages | None" = None) -> None:
+    """Write the controllers, and print the modes before and after."""
+    from stabctl.design.result import least
+
+    written = found.save(out) if out else ()
+    if as_json:
+        worst = min(found.before, key=lambda m: least(m)[0])
+        shared.print_json(
+            {
+                "worst_damping_before": found.worst_before,
+                "worst_damping_after": found.worst_after,
+                "mode_hz": float(worst.frequency_hz[least(worst)[1]]),
+                "reached": found.reached,
+                "controllers": [c.name for c in found.controllers],
+                "files": [str(path) for path in written],
+                "operating_points": len(found.before),
+                "left_out": dict(points.left_out) if points else {},
+                **_margins(found),
+            }
+        )
+        return
+    from rich.table import Table
+
+    out_console = shared.console()
+    if len(found.before) > 1:
+        table = Table("operating point", "without", "with", "Hz", "mode")
+        for point, before, after, hz, mode in found.worst.to_numpy().tolist():
+            table.add_row(point, f"{before:.4f}", f"{after:.4f}", f"{hz:.4f}", mode)
+    else:
+        table = Table("controllers", "Hz", "damping ratio", "mode")
+        for what, _, hz, ratio, mode in found.df.to_numpy().tolist():
+            table.add_row(what, f"{hz:.4f}", f"{ratio:.4f}", mode)
+    out_console.print(table)
+    if points:
+        out_console.print(str(points))
+    out_console.print(str(found))
+    for path in written:
+        out_console.print(f"written: {path}")
+
+
+def _margins(found: "Design") -> dict[str, Any]:
+    """Margins of a regulator, and those with all states."""
+    from stabctl.design import Regulator
+
+    if not isinstance(found, Regulator) or found.full is None or found.own is None:
+        return {}
+    return {"margins": asdict(found.own), "margins_all_states": asdict(found.full)}

@@ -1,0 +1,78 @@
+"""stabctl design lqr and lqg."""
+
+from typing import Annotated, Any
+
+import typer
+
+from . import designed, groups, options, shared
+from .grouped import grouped
+
+Speed = Annotated[
+    float,
+    typer.Option("--speed", metavar="FREQUENCY", parser=options.in_unit("Hz"), help="Deviation worth one --effort."),
+]
+Effort = Annotated[float, typer.Option("--effort", help="Size of an output, in the unit of the input driven.")]
+Angle = Annotated[
+    float | None,
+    typer.Option(
+        "--angle", metavar="ANGLE", parser=options.in_unit("rad"), help="Angle to the COI worth one --effort."
+    ),
+]
+Reads = Annotated[str | None, typer.Option("--input", help="Signals that are read: 'angle, speed' (LQR: all states).")]
+FrameRate = Annotated[int, typer.Option("--rate", min=1, help="Frames per second.")]
+Disturbance = Annotated[
+    float,
+    typer.Option("--disturbance", metavar="POWER", parser=options.in_unit("MW"), help="Load change in a second, MW."),
+]
+Noise = Annotated[float, typer.Option("--noise", min=1e-6, help="Noise of the measurements, of 5 mHz and 2 mrad.")]
+States = Annotated[int | None, typer.Option("--order", min=1, help="States of the reduced plant.")]
+Driven = Annotated[str, typer.Option("--output", help="Inputs that are driven: order, vref.")]
+
+
+@grouped
+def lqr(
+    *,
+    driven: Driven = "order",
+    read: Reads = None,
+    speed: Speed = 0.1,
+    angle: Angle = None,
+    effort: Effort = 1.0,
+    out: designed.Out = None,
+    storage: groups.StorageOptions,
+    case: groups.CaseOptions,
+    as_json: options.Json = False,
+) -> None:
+    """Design a linear-quadratic regulator, which reads all states, or what is measured."""
+    from stabctl.design import lqr
+
+    shared.file(out, ".toml")
+    point = storage.initialize(case.load())
+    designed.show(lqr(point, driven, read, speed=speed, angle=angle, effort=effort), out, as_json)
+
+
+@grouped
+def lqg(
+    *,
+    driven: Driven = "order",
+    read: Reads = "deviation",
+    rate: FrameRate = 60,
+    delay: designed.Delay = "0",
+    speed: Speed = 0.1,
+    angle: Angle = None,
+    effort: Effort = 1.0,
+    disturbance: Disturbance = 10.0,
+    noise: Noise = 1.0,
+    order: States = None,
+    out: designed.Out = None,
+    storage: groups.StorageOptions,
+    case: groups.CaseOptions,
+    as_json: options.Json = False,
+) -> None:
+    """Design a linear-quadratic-Gaussian regulator, which estimates the states from measurements."""
+    from stabctl.design import lqg
+
+    shared.file(out, ".toml")
+    point, reads = storage.initialize(case.load()), read or "deviation"
+    given: dict[str, Any] = {"rate": rate, "delay": float(delay), "speed": speed, "angle": angle, "effort": effort}
+    found = lqg(point, driven, reads, disturbance=disturbance, noise=noise, order=order, **given)
+    designed.show(found, out, as_json)

@@ -1,0 +1,177 @@
+"""Regulators: their equations against SciPy, the separation of estimator and regulator, margins that hold."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.linalg as sl
+from ringdown import errors, ringdown
+
+import stabctl as st
+from stabctl.design import lqg, lqr, riccati
+from stabctl.errors import StudyError
+
+
+@pytest.fixture(scope="module")
+def base(cases):
+    return cases("two_area_thyristor").initialize(storage="50MW")
+
+
+@pytest.fixture(scope="module")
+def measured(base):
+    return lqr(base, inputs="angle, speed")
+
+
+@pytest.fixture(scope="module")
+def late(base):
+    return lqg(base, rate=60, delay="50ms")
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_riccati_equations_as_by_scipy(seed):
+    rng = np.random.default_rng(seed)
+    A, B, C = rng.standard_normal((8, 8)), rng.standard_normal((8, 2)), rng.standard_normal((3, 8))
+    assert (np.linalg.eigvals(A).real > 0).any()
+    X = riccati.continuous(A, B @ B.T, C.T @ C)
+    assert np.abs(X - sl.solve_continuous_are(A, B, C.T @ C, np.eye(2))).max() < 1e-9 * np.abs(X).max()  # 1e-13
+    X = riccati.discrete(A, B @ B.T, C.T @ C)
+    assert np.abs(X - sl.solve_discrete_are(A, B, C.T @ C, np.eye(2))).max() < 1e-9 * np.abs(X).max()
+    with pytest.raises(np.linalg.LinAlgError):
+        riccati.continuous(np.eye(2), np.diag([1.0, 0.0]), np.eye(2))
+
+
+def test_signals_that_tell_all_states_give_the_gain_of_all_states(base):
+    full = lqr(base)
+    same = lqr(base, inputs=full.controller.inputs)
+    rotation = base.linearize().rotation()
+    rotation = rotation / np.linalg.norm(rotation)
+    K, own = full.controller.D, same.controller.D
+    unturned = np.eye(len(rotation)) - np.outer(rotation, rotation)
+    assert np.abs(K - own @ unturned).max() < 2e-3 * np.abs(K).max()  # 7e-4, of states that hardly move
+    s, t = (base.closed_loop(one.controller).modes().eigenvalues for one in (full, same))
+    assert (np.abs(s[:, None] - t[None, :]).min(axis=1) < 1e-3 * np.maximum(np.abs(s), 1)).all()
+    assert same.own.gain_down == pytest.approx(0.5, abs=3e-3)  # 0.5014; that of an optimal loop
+    assert same.full.gain_up == np.inf
+
+
+def test_angles_and_speeds_are_enough(base, measured):
+    assert measured.worst_after == pytest.approx(lqr(base).worst_after, abs=5e-4)  # 0.1016, 0.1015
+    assert measured.own.gain_down < 0.51
+    assert {name.partition(":")[0] for name in measured.controller.inputs} == {"angle", "speed"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("what", ["late", "measured"])
+def test_guaranteed_margins_are_below_the_true_ones(base, what, request):
+    """Those with equal gains and delays in all outputs; 252 and 253 ms against 250 to 290 ms."""
+    found = request.getfixturevalue(what)
+    true = base.margins(found.controller)
+    assert true.gain_up > found.own.gain_up
+    assert true.gain_down < found.own.gain_down
+    assert true.delay > found.own.delay_s > 0.1
+    one = found.controller
+    limit = 0.99 * found.own.gain_up
+    uneven = replace(one, C=np.diag([limit, 1, limit, 1]) @ one.C, D=np.diag([limit, 1, limit, 1]) @ one.D)
+    assert base.closed_loop(uneven).modes().eigenvalues.real.max() < 1e-6
+
+
+def test_estimator_and_regulator_are_separate(base):
+    """Without reduction the loop has the eigenvalues of the regulator, whatever the noise, and of the estimator."""
+    loops = [
+        base.closed_loop(lqg(base, delay="50ms", noise=noise, order=28).controller).modes().eigenvalues
+        for noise in (1.0, 30.0)
+    ]
+    near = np.abs(loops[0][:, None] - loops[1][None, :]).min(axis=1)
+    same = near < 1e-4 * np.maximum(np.abs(loops[0]), 1)
+    slow = np.abs(loops[0]) < 10
+    assert same[slow].sum() >= 10
+    assert (~same).sum() >= 10
+    k = np.argmin(np.abs(loops[0] - 3.8j))  # the inter-area mode is one of the regulator
+    assert near[k] < 1e-6
+
+
+def test_a_smaller_observer_loses_little(base, late):
+    small = lqg(base, rate=60, delay="50ms", order=8)
+    assert len(small.controller.A) < len(late.controller.A)
+    assert small.worst_after == pytest.approx(late.worst_after, abs=1e-3)  # 0.1017, 0.1015
+    assert small.controller.inputs == late.controller.inputs == tuple(f"deviation:{i}" for i in (1, 2, 3, 4))
+
+
+def test_the_regulator_in_the_simulation(base, late):
+    modes = base.closed_loop(late.controller).modes()
+    k = min(modes.swings(), key=lambda k: abs(modes.frequency_hz[k] - 0.6))
+    poles, _ = ringdown(base, late.controller, bus=7, mw=0.3)
+    frequency, decay = errors(poles, modes.eigenvalues[k])
+    assert frequency < 5e-4
+    assert decay < 5e-4
+
+
+@pytest.mark.slow
+def test_measurements_that_cross_the_network(base):
+    """Line power and bus frequency: a direct path from outputs to inputs, and a sensor with a state of its own."""
+    found = lqg(base, inputs="bus_frequency:7, flow:7-8", delay="50ms")
+    assert found.worst_after > 0.08  # 0.0858
+    assert base.margins(found.controller).gain_up == pytest.approx(found.own.gain_up, rel=0.02)  # 2.89
+
+
+def test_a_regulator_behind_kalman_filters(base, measured):
+    """A fault that is lost without control, with true and with estimated angles and speeds."""
+    fault = st.Contingency("7-8@0.4", clear="24cyc", at="0.5s")
+    assert not base.simulate(fault, "5s").outcome.stable
+    behind = st.EstimatorControl(measured.controller, engine="batched")
+    true, late = (base.simulate(fault, "5s", control=c) for c in (measured.controller, behind))
+    assert true.outcome.stable
+    assert late.outcome.stable
+    assert late.max_angle_from_coi_deg == pytest.approx(true.max_angle_from_coi_deg, rel=0.02)
+
+
+def test_commands(stabctl, tmp_path):
+    out = tmp_path / "k.toml"
+    words = ("two_area_thyristor", "--storage", "50MW", "--out", out, "--json")
+    code, text, _ = stabctl("design", "lqg", *words, "--delay", "50ms", "--order", "8")
+    found = json.loads(text)
+    assert code == 0
+    assert found["worst_damping_before"] == pytest.approx(-0.0087, abs=1e-4)
+    assert found["worst_damping_after"] == pytest.approx(0.1017, abs=1e-3)
+    assert found["margins"]["gain_up"] == pytest.approx(7.3, abs=0.2)
+    assert found["margins_all_states"]["gain_up"] is None
+    assert st.load_controller(out).delay == pytest.approx(0.05)
+    code, text, _ = stabctl("design", "lqr", *words, "--input", "angle, speed", "--angle", "10deg")
+    assert code == 0
+    assert json.loads(text)["margins"]["gain_down"] == pytest.approx(0.5, abs=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda b: lqr(b, speed=0.0), "speed = 0.0 is not possible"),
+        (lambda b: lqr(b, angle="-3deg"), "angle = '-3deg' is not possible"),
+        (lambda b: lqr(b, inputs="coi_speed"), "lqr does not stabilize two_area_thyristor with coi_speed"),
+        (lambda b: lqg(b, inputs="sped"), "'sped' is not an output"),
+        (lambda b: lqg(b, delay="7ms"), "not a whole number of frames"),
+        (lambda b: lqg(b, order=100), "cannot be reduced to 100 states"),
+    ],
+)
+def test_mistakes(base, call, says):
+    with pytest.raises(StudyError, match=says) as refusal:
+        call(base)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.slow
+def test_longer_faults_than_with_bang_bang(cases):
+    """wnaps with 5 % of storage, orders limited to -1..1, with true signals and behind PMUs and Kalman filters."""
+    base = cases("wnaps").initialize(storage="5%mva")
+    fault = st.Contingency("83", trip="83-33")
+
+    def cycles(control):
+        return base.clearing_time(fault, control=control, scan=0).cycles
+
+    found = lqr(base, inputs="angle, speed", angle="1deg")
+    behind = [st.EstimatorControl(c, engine="batched") for c in (st.BangBang(), found.controller)]
+    assert cycles(None) == 4.5
+    assert cycles(st.BangBang()) == cycles(behind[0]) == 6.5
+    assert cycles(found.controller) == 10.375
+    assert cycles(behind[1]) == 10.0
+    assert found.own.delay_s > 0.07
