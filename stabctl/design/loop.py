@@ -8,8 +8,7 @@ import numpy as np
 from stabctl.controllers.controller import Controller
 from stabctl.dynamics.named import named
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.smallsignal.closed_loop import EMPTY, ClosedLoop, joined
-from stabctl.smallsignal.eigen import values
+from stabctl.smallsignal.closed_loop import ClosedLoop, joined
 from stabctl.smallsignal.interconnection import plant_of
 
 Make = Callable[[np.ndarray], Sequence[Controller]]  # controllers of some gains
@@ -31,12 +30,7 @@ class Loop:
 
     def eigenvalues(self, controllers: Sequence[Controller]) -> np.ndarray:
         """Eigenvalues (1/s) of the closed loop, without those of the angle reference and of emptying delay lines."""
-        closed = self.closed(controllers)
-        s = values(closed.A, closed.rotation())
-        if not closed.period:
-            return s
-        z = 1 + closed.period * s
-        return np.log(z[np.abs(z) > EMPTY**closed.frames]) / closed.period
+        return self.closed(controllers).eigenvalues()
 
     def slopes(self, make: Make, x: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Eigenvalues s (modes, 1/s) at gains x, and their derivatives ds/dx = w^H (dA/dx) v (modes, gains).

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stabctl.smallsignal.limit_cycles import LimitCycles
+from stabctl.smallsignal.limit_cycle import LimitCycles
 
 from .style import COLORS, GRAY, single
 

@@ -23,7 +23,7 @@ from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 
-from .eigen import Eigen, eigen
+from .eigen import Eigen, eigen, values
 from .frames import common_period, over_a_period
 from .interconnection import Plant, plant_of
 from .model import Linear
@@ -50,6 +50,14 @@ class ClosedLoop(Linear):
             return super().transition()
         return np.eye(len(self.A)) + self.period * self.A, self.period * self.B, self.period
 
+    def eigenvalues(self) -> np.ndarray:
+        """Eigenvalues (1/s), without those of the angle reference and of emptying delay lines."""
+        s = values(self.A, self.rotation())
+        if not self.period:
+            return s
+        z = 1 + self.period * s
+        return np.log(z[np.abs(z) > EMPTY**self.frames]) / self.period
+
     def modes(self) -> Modes:
         """The modes of the closed loop; those of emptying delay lines are left out."""
         found = eigen(self.A, self.rotation())
@@ -57,11 +65,11 @@ class ClosedLoop(Linear):
             return Modes(self, *found)
         z = 1 + self.period * found.values
         with np.errstate(divide="ignore"):
-            values = np.where(found.values == 0, 0, np.log(np.where(z == 0, 1e-300, z)) / self.period)
+            s = np.where(found.values == 0, 0, np.log(np.where(z == 0, 1e-300, z)) / self.period)
         kept = np.abs(z) > EMPTY**self.frames
-        order = np.flatnonzero(kept)[np.lexsort((-values[kept].imag, values[kept].real, np.abs(values[kept].imag)))]
+        order = np.flatnonzero(kept)[np.lexsort((-s[kept].imag, s[kept].real, np.abs(s[kept].imag)))]
         order = np.r_[0, order[order != 0]]
-        parts = Eigen(values[order], found.right[:, order], found.left[:, order])
+        parts = Eigen(s[order], found.right[:, order], found.left[:, order])
         for part in parts:
             part.setflags(write=False)
         return SampledModes(self, *parts)

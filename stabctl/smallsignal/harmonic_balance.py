@@ -5,7 +5,7 @@ N(A) = 1/G gives its amplitude. Several: with equal gains, a characteristic locu
 axis; from there Newton's method (MINPACK) finds the amplitude and phase of each.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,7 @@ AROUND = np.tan(np.linspace(-1.5, 1.5, 31))  # points around each resonance, in 
 EXACT = 1e-8  # residual of a solution, relative to the largest amplitude
 SAME = 1e-4  # relative difference in frequency and amplitudes of one solution found twice
 NONE = 1e-9  # size of a characteristic value, relative to the largest entry of G, below which it is zero
+FAR = 20.0  # bound of the unknowns, logarithms and ratios
 CALLS = 300  # of the loop gain, in the search for one solution
 NUDGE = 1e-4  # relative change of the amplitude that shows whether the swing returns
 
@@ -108,7 +109,7 @@ def _solved(loop: OpenedLoop, hz: float, u: np.ndarray) -> Balance | None:
         return np.abs(u[r]) * np.exp(x[1]) * out
 
     def missing(x: np.ndarray) -> np.ndarray:
-        v = swing(x)
+        v = swing(np.clip(x, -FAR, FAR))
         left = (loop(2j * np.pi * hz * np.exp(x[0]))[0] @ (gains(loop, v) * v) - v) / np.abs(v[r])
         return np.r_[left.real, left.imag]
 
@@ -151,16 +152,22 @@ def _zero(missing: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> np.
     return x if np.abs(information["fvec"]).max() < EXACT else None
 
 
-def curve(loop: OpenedLoop, one: Balance | None, low: float, high: float) -> tuple[int, np.ndarray, np.ndarray]:
-    """An output, frequencies (Hz) and the loop gain -G(jw) there, the other outputs replaced by their gains N."""
+def curves(
+    loop: OpenedLoop, found: Sequence[Balance], low: float, high: float
+) -> list[tuple[int, np.ndarray, np.ndarray]]:
+    """An output, frequencies (Hz) and the loop gain -G(jw) there: of one output, or for each balance.
+
+    Of several outputs, it is that of the largest, the others replaced by their gains N.
+    """
     hz = grid(loop, low, high)
     G = np.array([loop(2j * np.pi * f)[0] for f in hz])
-    if one is None:
-        return 0, hz, -G[:, 0, 0]
-    r, rest = one.largest, np.delete(np.arange(G.shape[1]), one.largest)
-    N = one.gains[rest]
-    found = [
-        -(g[r, r] + (g[r, rest] * N) @ np.linalg.solve(np.eye(len(rest)) - g[np.ix_(rest, rest)] * N, g[rest, r]))
-        for g in G
-    ]
-    return r, hz, np.array(found)
+    if G.shape[1] == 1:
+        return [(0, hz, -G[:, 0, 0])]
+    drawn = []
+    for one in found:
+        r, rest = one.largest, np.delete(np.arange(G.shape[1]), one.largest)
+        N = one.gains[rest]
+        inner = np.eye(len(rest)) - G[:, rest][:, :, rest] * N
+        through = np.linalg.solve(inner, G[:, rest, r][:, :, None])[:, :, 0]
+        drawn.append((r, hz, -(G[:, r, r] + np.einsum("ki,ki->k", G[:, r][:, rest] * N, through))))
+    return drawn

@@ -1,15 +1,12 @@
 """Limit cycles of a closed loop with deadbands, limits or relays, by describing functions."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from stabctl import units
-from stabctl._util.tabular import Tabular
-from stabctl._util.verbs import verb
-from stabctl._util.wording import counted
 from stabctl.controllers.controller import Controller
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.named import Named, named
@@ -19,113 +16,16 @@ from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 
 from .closed_loop import joined
-from .describing import Nonlinearity, nonlinearity
-from .harmonic_balance import Balance, balances, curve, returns
+from .describing import nonlinearity
+from .harmonic_balance import Balance, balances, curves, returns
 from .interconnection import plant_of
+from .limit_cycle import Component, LimitCycle, LimitCycles, Nyquist
 from .margins import GROWING
 from .opened_loop import OpenedLoop
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 BAND = (0.1, 10.0)  # Hz
 FEWEST = 6  # frames in a cycle
-MOST = 3  # signals named in the sentence
 SPEEDS = ("speed", "coi_speed", "rest_speed", "deviation", "frequency", "bus_frequency")
-
-
-@dataclass(frozen=True)
-class Component:
-    """The fundamental of one signal in a limit cycle."""
-
-    signal: str
-    amplitude: float
-    angle_deg: float
-    unit: str = ""
-
-    def __str__(self) -> str:
-        return f"{self.signal} {self.amplitude:.4g}{' ' if self.unit else ''}{self.unit}"
-
-
-@dataclass(frozen=True)
-class LimitCycle:
-    """One limit cycle.
-
-    Attributes
-    ----------
-    frequency_hz
-        Frequency, Hz.
-    stable
-        Whether the system returns to it: a larger swing decays and a smaller one grows (Loeb's criterion), and no other
-        mode of the loop with the gains N(A) grows.
-    wanted
-        What each output with a deadband, limits or relay is asked for, before they act; in the unit of the output.
-    signals
-        The signals asked for, or the inputs of these controllers; speeds and frequencies in mHz.
-    third_harmonic
-        Estimate of the third harmonic of what is wanted over its fundamental. The method takes it for zero.
-    inverse
-        -1/N(A) of the output with the largest amplitude, where the Nyquist curve meets it.
-    """
-
-    frequency_hz: float
-    stable: bool
-    wanted: tuple[Component, ...]
-    signals: tuple[Component, ...]
-    third_harmonic: float
-    inverse: float
-
-    def __getitem__(self, signal: str) -> Component:
-        """The component of one signal, by name."""
-        return {c.signal: c for c in (*self.wanted, *self.signals)}[signal]
-
-    def __str__(self) -> str:
-        shown = sorted(self.signals or self.wanted, key=lambda c: -c.amplitude)[:MOST]
-        kind = "stable" if self.stable else "unstable"
-        return f"{self.frequency_hz:.4f} Hz, {kind}, {', '.join(map(str, shown))}"
-
-
-@dataclass(frozen=True)
-class Nyquist:
-    """The loop gain L(jw), sign of negative feedback, and what limits act on it: a cycle is where L = -1/N(A)."""
-
-    name: str
-    hz: np.ndarray
-    gain: np.ndarray
-    acts: Nonlinearity
-
-
-@dataclass(frozen=True, repr=False)
-class LimitCycles(Tabular):
-    """The limit cycles of a closed loop, by frequency."""
-
-    name: str
-    band: tuple[float, float]  # Hz
-    cycles: tuple[LimitCycle, ...]
-    curves: tuple[Nyquist, ...]  # of one output, or for each cycle, of the largest with the others as gains
-
-    plot = verb("stabctl.plotting.limit_cycles:plot")
-
-    @property
-    def df(self) -> "pd.DataFrame":
-        """One row per limit cycle; amplitudes by signal."""
-        import pandas as pd
-
-        rows = [
-            {"frequency_hz": c.frequency_hz, "stable": c.stable, "third_harmonic": c.third_harmonic}
-            | {f"{k.signal}{f' ({k.unit})' if k.unit else ''}": k.amplitude for k in (*c.wanted, *c.signals)}
-            for c in self.cycles
-        ]
-        return pd.DataFrame(rows)
-
-    def __len__(self) -> int:
-        return len(self.cycles)
-
-    def __str__(self) -> str:
-        low, high = self.band
-        found = counted(len(self), "limit cycle") if self.cycles else "no limit cycle"
-        text = f"{self.name}: {found} from {low:g} to {high:g} Hz"
-        return "\n".join([text + (":" if self.cycles else ""), *(f"  {c}" for c in self.cycles)])
 
 
 def limit_cycles(
@@ -167,15 +67,19 @@ def limit_cycles(
     own = [named(point, c) for c in controllers]
     bent = [c for c in own if not nonlinearity(c).gentle]
     shown = chosen(point.case, signals, OUTPUTS) or tuple(dict.fromkeys(s for c in bent for s in c.inputs))
-    loop = OpenedLoop(point, own, shown)
     low, high = units.band(band)
-    high = min(high, loop.rate / FEWEST) if loop.rate else high
-    found = balances(loop, low, high)
-    cycles = tuple(_cycle(point, own, loop, one, shown) for one in found)
-    names = loop.names
-    curves = [curve(loop, one, low, high) for one in (found if len(names) > 1 else [None])]
-    drawn = tuple(Nyquist(names[i], hz, gain, loop.parts[i]) for i, hz, gain in curves)
-    return LimitCycles(point.case.name, (low, high), cycles, drawn)
+    with threadpool_limits(1):  # the matrices are small: threads would wait for each other
+        loop = OpenedLoop(point, own, shown)
+        high = min(high, loop.rate / FEWEST) if loop.rate else high
+        found = balances(loop, low, high)
+        cycles = tuple(_cycle(point, own, loop, one, shown) for one in found)
+        drawn = curves(loop, found, low, high)
+    return LimitCycles(
+        point.case.name,
+        (low, high),
+        cycles,
+        tuple(Nyquist(loop.names[r], hz, gain, loop.parts[r]) for r, hz, gain in drawn),
+    )
 
 
 def _cycle(
@@ -209,7 +113,7 @@ def _others_grow(point: OperatingPoint, own: list[Named], one: Balance) -> bool:
     for c in own:
         bent = not nonlinearity(c).gentle
         linear.append(replace(c, equivalent=tuple(left.pop(0) for _ in c.outputs)) if bent else c)
-    values = joined(plant_of(point, linear), linear).modes().eigenvalues
+    values = joined(plant_of(point, linear), linear).eigenvalues()
     upper = values[values.imag >= 0]
     others = np.delete(upper, np.abs(upper - 2j * np.pi * one.hz).argmin())
     return bool(others.real.max() > GROWING)

@@ -77,7 +77,7 @@ def margins(base: Case | OperatingPoint, *controllers: Controller, storage: "Fle
 
 def stable(point: OperatingPoint, controllers: Sequence[Controller]) -> bool:
     """Whether no mode of the closed loop grows."""
-    return bool(closed_loop(point, *controllers).modes().eigenvalues.real.max() <= GROWING)
+    return bool(closed_loop(point, *controllers).eigenvalues().real.max() <= GROWING)
 
 
 def _edge(gains: Sequence[float], good: Callable[[float], bool]) -> float | None:
