@@ -146,14 +146,14 @@ def test_an_unstable_limit_cycle_is_the_border_between_decay_and_growth(cases):
     assert not cycle.stable
     border = cycle.signals[0].amplitude
     grown = {}
-    for mw in np.linspace(5, 60, 12):
+    for mw in np.linspace(20, 120, 11):
         t, y = swing(trial._replace(pulse=mw), base, 20.0)
         sizes = [np.abs(y[(t > a) & (t < a + 3)]).max() for a in (2.0, 17.0)]
         grown[sizes[0]] = sizes[1] > sizes[0]
     largest = max(a for a, up in grown.items() if not up)
     smallest = min(a for a, up in grown.items() if up)
     assert largest < smallest
-    assert largest < 1.15 * border
+    assert largest < 1.15 * border  # 1.08
     assert smallest > 0.85 * border
 
 
