@@ -1,6 +1,7 @@
 """The power flow equations in polar coordinates, and a sparse Newton method for them."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +28,16 @@ class Demand(NamedTuple):
         return self.s0 + self.s1 * size + self.s2 * size**2
 
 
+class _Pattern(NamedTuple):
+    """The sparsity of the Jacobian in compressed columns, and what stands where."""
+
+    i: np.ndarray  # bus of the power, and bus on whose voltage it depends: entries of Y, then every bus
+    j: np.ndarray
+    kept: np.ndarray  # derivatives that are in the Jacobian
+    place: np.ndarray  # place of each among its entries
+    J: sp.csc_matrix  # set anew at every step
+
+
 @dataclass(frozen=True)
 class Equations:
     """Mismatch of active power at every bus but the swing bus, and of reactive power at the pq buses."""
@@ -41,32 +52,37 @@ class Equations:
         """The mismatches (pu), and the largest; infinite if a voltage is not physical."""
         V = size * np.exp(1j * angle)
         miss = V * (self.Y @ V).conj() - self.produced + self.drawn.at(size)
-        F = np.r_[miss.real[self.p], miss.imag[self.q]]
+        F = np.concatenate([miss.real[self.p], miss.imag[self.q]])
         good = np.isfinite(F).all() and (not len(self.q) or size[self.q].min() > 0)
         return F, float(np.abs(F).max(initial=0.0)) if good else np.inf
 
+    @cached_property
+    def _pattern(self) -> "_Pattern":
+        """Where the derivatives of every branch and bus, in the order of `step`, stand in the Jacobian."""
+        n, p, q = len(self.produced), self.p, self.q
+        d = np.arange(n)
+        i, j = np.r_[self.Y.indices, d], np.r_[np.repeat(d, np.diff(self.Y.indptr)), d]
+        of_p, of_q = np.full(n, -1), np.full(n, -1)  # rows of the equations, and columns of the unknowns
+        of_p[p], of_q[q] = np.arange(len(p)), len(p) + np.arange(len(q))
+        rows, columns = np.r_[of_p[i], of_p[i], of_q[i], of_q[i]], np.r_[of_p[j], of_q[j], of_p[j], of_q[j]]
+        kept, m = np.flatnonzero((rows >= 0) & (columns >= 0)), len(p) + len(q)
+        filled, place = np.unique(columns[kept] * m + rows[kept], return_inverse=True)
+        starts = np.searchsorted(filled, m * np.arange(m + 1))
+        J = sp.csc_matrix((np.zeros(len(filled)), filled % m, starts), shape=(m, m))
+        return _Pattern(i, j, kept, place, J)
+
     def step(self, size: np.ndarray, angle: np.ndarray, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Newton step of voltages (pu) and angles (rad). Raises RuntimeError if the Jacobian is singular."""
-        V, p, q = size * np.exp(1j * angle), self.p, self.q
-        n, d, current = len(size), np.arange(len(size)), self.Y @ V
-        i, j = self.Y.indices, np.repeat(d, np.diff(self.Y.indptr))
+        V, p, q, at = size * np.exp(1j * angle), self.p, self.q, self._pattern
+        n, power = len(size), V * (self.Y @ V).conj()
+        i, j = at.i[:-n], at.j[:-n]
         flow = V[i] * (self.Y.data * V[j]).conj()  # part of the power of bus i that depends on bus j
         of_load = self.drawn.s1 + 2 * self.drawn.s2 * size
-        by_angle = np.r_[-1j * flow, 1j * V * current.conj()]
-        by_size = np.r_[flow / size[j], V * current.conj() / size + of_load]
-        i, j = np.r_[i, d], np.r_[j, d]
-        row_p, row_q = np.full(n, -1), np.full(n, -1)  # rows of the equations, and columns of the unknowns
-        row_p[p], row_q[q] = np.arange(len(p)), len(p) + np.arange(len(q))
-        blocks = (
-            (by_angle.real, row_p[i], row_p[j]),
-            (by_size.real, row_p[i], row_q[j]),
-            (by_angle.imag, row_q[i], row_p[j]),
-            (by_size.imag, row_q[i], row_q[j]),
-        )
-        values, rows, columns = (np.concatenate(part) for part in zip(*blocks, strict=True))
-        kept = (rows >= 0) & (columns >= 0)
-        J = sp.csc_matrix((values[kept], (rows[kept], columns[kept])), shape=(len(F),) * 2)
-        x = splu(J).solve(-F)
+        by_angle = np.concatenate([-1j * flow, 1j * power])
+        by_size = np.concatenate([flow / size[j], power / size + of_load])
+        values = np.concatenate([by_angle.real, by_size.real, by_angle.imag, by_size.imag])[at.kept]
+        at.J.data[:] = np.bincount(at.place, values, at.J.nnz)
+        x = splu(at.J).solve(-F)
         d_size, d_angle = np.zeros(n), np.zeros(n)
         d_angle[p], d_size[q] = x[: len(p)], x[len(p) :]
         return d_size, d_angle

@@ -148,11 +148,11 @@ def solve(case: Case, limit: int = 30) -> PowerFlow:
     kind = np.array([b.kind for b in case.buses])
     equations = Equations(Y, produced, drawn, np.flatnonzero(kind != "swing"), np.flatnonzero(kind == "pq"))
     size, angle = np.array([b.v for b in case.buses]), np.deg2rad([b.angle for b in case.buses])
-    flat = np.where(kind == "pq", 1.0, size), _swing_angles(net, kind, angle)
     try:
         V, iterations = newton(case, equations, size, angle, limit)
     except PowerFlowError as as_given:
         try:
+            flat = np.where(kind == "pq", 1.0, size), _swing_angles(net, kind, angle)
             V, iterations = newton(case, equations, *flat, limit)
         except PowerFlowError:
             raise as_given from None
