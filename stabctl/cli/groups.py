@@ -101,6 +101,7 @@ class LawOptions(NamedTuple):
         """
         from stabctl.controllers import Law
         from stabctl.errors import StudyError
+        from stabctl.simulation.control import ordered
 
         laws, controllers = [c for c in files if isinstance(c, Law)], [c for c in files if not isinstance(c, Law)]
         if len(laws) > 1:
@@ -118,8 +119,7 @@ class LawOptions(NamedTuple):
             raise StudyError("--control bang-bang needs storage devices; give --storage or --storage-at.")
         if control == "none" and self != LawOptions():
             raise StudyError("--deadband and --min-voltage have no effect with --control none; leave them out.")
-        ordered = any(name.partition(":")[0] == "order" for c in controllers for name in c.outputs)
-        default = "bang-bang" if case.storage and not ordered else "none"
+        default = "bang-bang" if case.storage and not ordered(controllers) else "none"
         return (self.law() if (control or default) == "bang-bang" else None), controllers
 
 

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from stabctl.model.case import Case
     from stabctl.placement.siting import Evidence, Siting
     from stabctl.simulation.contingency import Contingency
-    from stabctl.simulation.sampled import Sampled
 
 File = Annotated[
     Path | None,
@@ -73,6 +72,7 @@ def place(
     characteristic: options.Characteristic = "power",
     lag: options.Lag = "0s",
     law: groups.LawOptions,
+    controller: options.Controllers = None,
     stability: groups.StabilityOptions,
     validate: Validate = None,
     seed: options.Seed = 1,
@@ -85,6 +85,7 @@ def place(
     from stabctl.estimation.estimator_control import EstimatorControl
     from stabctl.placement.place import place
     from stabctl.placement.siting import Costs
+    from stabctl.simulation.control import with_law
 
     shared.folder(report)
     loaded = case.load()
@@ -92,9 +93,10 @@ def place(
     if storage_at is not None:
         points = {name: point.with_storage(storage_at) for name, point in points.items()}
     chosen, source = _contingencies(loaded, case.case, contingencies, case.classical)
-    estimated: dict[str, Sampled] = {}
+    own, estimated = shared.controllers(controller), dict[str, Any]()
+    acts = with_law(own, law.law())
     if validate:
-        estimated[validate] = EstimatorControl(law.law(), validate, seed=seed, engine="batched")
+        estimated[validate] = EstimatorControl(acts, validate, seed=seed, engine="batched")
     with shared.progress("siting", None) as tell:
         found = place(
             points,
@@ -104,7 +106,7 @@ def place(
             outages=outages,
             costs=Costs(cost_mw, cost_site, cost_mwh),
             sites=sites,
-            control=law.law(),
+            control=acts,
             device={"characteristic": characteristic, "lag": shared.lag(lag, loaded)},
             observe=observe,
             longest=longest,
@@ -195,6 +197,7 @@ def _record(found: "Siting") -> dict[str, Any]:
             for c in found.infeasible
         ],
         "existing": [s._asdict() for s in found.existing],
+        "controllers": list(found.controllers),
         "evidence": [_evidence(row) for row in found.evidence],
         "history": [h._asdict() for h in found.history],
         "observed_s": found.observed_s,

@@ -33,6 +33,7 @@ def run_command(
     workers: Workers = None,
     scheduler: options.Scheduler = None,
     retry: Retry = False,
+    controller: options.Controllers = None,
     device: options.Device = None,
     verbose: options.Verbose = False,
 ) -> int:
@@ -44,7 +45,9 @@ def run_command(
         raise StudyError("--workers and --scheduler cannot be used together; give one of them.")
     gc.enable()  # unlike other commands, a sweep may be long
     with _progress() as tell:
-        sweep = run_sweep(study, out, workers=workers, scheduler=scheduler, retry=retry, progress=tell)
+        sweep = run_sweep(
+            study, out, workers=workers, scheduler=scheduler, retry=retry, controllers=controller or (), progress=tell
+        )
     shared.warn(sweep.warnings, verbose)
     print(f"stabctl: {sweep}", file=sys.stderr)
     return 130 if sweep.interrupted else int(sweep.errors > 0)

@@ -2,23 +2,23 @@
 
 import time
 from collections.abc import Callable, Mapping
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
 from stabctl._util.wording import counted
 from stabctl.clearing import Screen, Search
-from stabctl.controllers import BangBang, Law
+from stabctl.controllers import Controller
 from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
-from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.estimators import EstimatorName
 from stabctl.model import fleet, powerflow
 from stabctl.model.case import Storage
+from stabctl.simulation.control import Control
 from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.sampled import Sampled
 
-from . import initial_fleets, rounding
+from . import controls, initial_fleets, rounding
 from .contingencies import LONGER, Contingencies
 from .contingencies import contingencies as as_contingencies
 from .cutting_planes import CuttingPlanes
@@ -49,7 +49,7 @@ def place(
     sites: int | None = None,
     candidates: SiteOptions | None = None,
     outages: bool = False,
-    control: Law | None = None,
+    control: Control = None,
     device: Mapping[str, Any] | None = None,
     observe: str | float = "5s",
     longest: str | float = 0.0,
@@ -82,8 +82,9 @@ def place(
         there decelerates most.
     outages : bool
         Whether the fleet must survive everything also without each one of the devices, new or existing.
-    control : control law, optional
-        Control law of all devices, `BangBang()` by default.
+    control : control law, Controller, or list of them, optional
+        The control law of all devices, `BangBang()` by default, and controllers, which act in every simulation. If
+        controllers give orders to the storage devices, there is no law unless one is given.
     device : mapping, optional
         Other properties of the new devices: fields of `Storage`, such as {"lag": 0.05}.
     observe : str or float
@@ -113,8 +114,8 @@ def place(
     cases = operating_points(base)
     case = next(iter(cases.values()))
     _check(costs, sites)
-    law = control or BangBang()
-    controls = _controls(validate, law)
+    acts = controls.acting_in(control)
+    others = controls.others(validate, acts)
     search = Search.of(
         case, resolution="0.125cyc", limit=LIMIT, observe=observe, step=step, criterion=criterion, longest=longest
     )
@@ -132,7 +133,7 @@ def place(
             progress(runs, planes.cost if planes else np.inf)
 
     every = scenarios(wanted, len(points), len(case.storage) + len(places) if outages else None)
-    trials = Trials(points, every, largest, law, names=tuple(cases), search=search, workers=workers, progress=tell)
+    trials = Trials(points, every, largest, acts, names=tuple(cases), search=search, workers=workers, progress=tell)
     uniform = UNIFORM * possible.mva
     trials, boundary, infeasible = initial_fleets.feasible(trials, uniform)
     tried, prices = trials.fleet(uniform), possible.prices
@@ -151,7 +152,7 @@ def place(
         raise StudyError(_none_found(trials, sites))
     best, bound, trials = planes.best, planes.bound, trials.of(planes.best)
     times = critical_times(trials, best)
-    rows = table(trials, best, times, controls)
+    rows = table(trials, best, times, others)
     survived = _survived(trials, best, times)
     order = [int(i) for i in np.argsort(-best) if best[i] > 0]
     found = possible.candidates
@@ -177,6 +178,7 @@ def place(
         ),
         title=case.title,
         existing=case.storage,
+        controllers=tuple(str(c) for c in acts if isinstance(c, Controller)),
         targets=BY_SCREEN if isinstance(contingencies, Screen) else "",
     )
 
@@ -202,15 +204,6 @@ def _check(costs: Costs, sites: int | None) -> None:
             raise StudyError(f"The cost of {value:g} per {unit} is not allowed; it must be finite and at least 0.")
     if sites is not None and sites < 1:
         raise StudyError(f"sites = {sites} is not allowed; it must be at least 1.")
-
-
-def _controls(validate: EstimatorName | Mapping[str, Sampled] | None, law: Law) -> Mapping[str, Sampled]:
-    """Other controllers by name."""
-    if validate is None or isinstance(validate, Mapping):
-        return validate or {}
-    if validate not in get_args(EstimatorName):
-        raise StudyError(f"validate = {validate!r} is not an estimator; choose {', '.join(get_args(EstimatorName))}.")
-    return {validate: EstimatorControl(law, validate, engine="batched")}
 
 
 def _none_found(trials: Trials, sites: int | None) -> str:

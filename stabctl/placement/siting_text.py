@@ -30,13 +30,26 @@ def remarks(siting: "Siting") -> tuple[str, ...]:
         left_out = "; ".join(one.label for one in siting.infeasible)
         first += f" No fleet within the caps was found that survives {left_out}."
     targets = (siting.targets,) if siting.targets else ()
-    return (first, *targets, *_existing(siting), *_comparisons(siting), *_bound(siting), *reservations(siting))
+    return (
+        first,
+        *targets,
+        *_existing(siting),
+        *_controllers(siting),
+        *_comparisons(siting),
+        *_bound(siting),
+        *reservations(siting),
+    )
 
 
 def _existing(siting: "Siting") -> Iterator[str]:
     if siting.existing:
         total = sum(s.rating for s in siting.existing)
         yield f"{counted(len(siting.existing), 'existing device')} with {total:.1f} MW in all are kept."
+
+
+def _controllers(siting: "Siting") -> Iterator[str]:
+    if siting.controllers:
+        yield f"In every simulation act {'; '.join(siting.controllers)}."
 
 
 def _comparisons(siting: "Siting") -> Iterator[str]:

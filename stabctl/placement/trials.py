@@ -11,10 +11,11 @@ import numpy as np
 
 from stabctl._util import cores
 from stabctl.clearing import Search, Trial
-from stabctl.controllers import BangBang, Law
+from stabctl.controllers import BangBang
 from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.simulation.attached import attached, resized
 from stabctl.simulation.contingency import Contingency
-from stabctl.simulation.control import Control
+from stabctl.simulation.control import Control, acting
 from stabctl.simulation.simulation import Simulation, run
 from stabctl.simulation.trajectory import Trajectory
 
@@ -46,8 +47,8 @@ class Trials:
         Largest sizes; larger ones are reduced to them.
     names : sequence of str
         Names of several operating points.
-    control : control law, optional
-        Control law of the devices, `BangBang()` by default.
+    control : control law, Controller, or list of them, optional
+        What acts in every simulation, `BangBang()` by default.
     search : Search
         Observation window, time step and criterion of stability, as for a clearing time.
     workers : int, optional
@@ -61,7 +62,7 @@ class Trials:
         points: OperatingPoint | Sequence[OperatingPoint],
         scenarios: Sequence[Scenario | Contingency],
         cap: np.ndarray,
-        control: Law | None = None,
+        control: Control = None,
         *,
         names: Sequence[str] = (),
         search: Search = Search(),  # noqa: B008
@@ -74,7 +75,10 @@ class Trials:
         self.cap = cap
         existing = self.point.case.storage[: len(self.point.case.storage) - len(cap)]
         self.existing = np.array([s.rating for s in existing])  # MW
-        self.control, self.search, self.progress = control or BangBang(), search, progress
+        self.control: Control = control or BangBang()
+        self.search, self.progress = search, progress
+        for point in self.points:
+            attached(point, acting(self.control).controllers)  # once, for all fleets
         self._unit = np.where((cap > 0) & np.isfinite(cap), cap, 1.0)  # MW
         self._counted, self._lock = [0], Lock()
         self._pool, self._ended = ThreadPoolExecutor(cores.used(workers)), Event()
@@ -191,7 +195,7 @@ class Trials:
         target = self.target(k) or 0.0
         limit = max(self.search.limit_cycles, 2 * target)
         search = replace(self.search, resolution_cycles=grid or target, limit_cycles=limit)
-        point = self.at(k).resized(self.ratings(mw, k))
+        point = resized(self.at(k), self.ratings(mw, k))
         return Trial(point, self.scenarios[k].contingency, control or self.control, search)
 
     def simulate(self, mw: np.ndarray, k: int, record: bool = True, control: Control = None) -> Trajectory:
@@ -200,7 +204,7 @@ class Trials:
         one = self.scenarios[k].contingency
         if one.fault is not None:
             return self.trial(mw, k, control).simulate(1, record)
-        point = self.at(k).resized(self.ratings(mw, k))
+        point = resized(self.at(k), self.ratings(mw, k))
         events, last = without_fault(one, point.case)
         law, search = control or self.control, self.search
         until, longest = last + search.observed_s, last + search.longest_s

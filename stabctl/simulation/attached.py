@@ -1,7 +1,7 @@
 """An operating point with controllers: the places of all that they read and drive."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -77,6 +77,14 @@ def attached(point: OperatingPoint, controllers: Sequence[Controller], measured:
     if key not in kept:
         kept[key] = _Attachment(point, *([named(point, c) for c in several] for several in key)).done()
     return kept[key]
+
+
+def resized(point: OperatingPoint, ratings: Iterable[float]) -> OperatingPoint:
+    """The point with other storage ratings (devices, MW), and with the controllers that it keeps attached."""
+    new = point.resized(ratings)
+    kept = {key: replace(a, point=a.point.resized(ratings)) for key, a in vars(point).get("attached", {}).items()}
+    vars(new)["attached"] = kept
+    return new
 
 
 class _Attachment:

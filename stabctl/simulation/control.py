@@ -71,6 +71,17 @@ def acting(control: Any, storage: bool = True) -> Acting:
     return Acting(laws[0] if laws else None, pilots, controllers, tuple(c for p in pilots for c in p.controllers))
 
 
+def ordered(controllers: Sequence[Controller]) -> bool:
+    """Whether controllers give orders to storage devices, which then need no law."""
+    return any(name.partition(":")[0] == "order" for c in controllers for name in c.outputs)
+
+
+def with_law(several: Sequence[Law | Controller], law: Law) -> list[Law | Controller]:
+    """The controllers, with a law beside them unless one of them is a law or gives orders."""
+    own = [c for c in several if isinstance(c, Controller)]
+    return [*several] if len(own) < len(several) or ordered(own) else [law, *several]
+
+
 class Frames:
     """The frames of a Python function in one simulation: it reads, and its outputs are held."""
 
@@ -97,4 +108,4 @@ class Frames:
         held[:] = np.clip(late, held - reach, held + reach) if reach else late
 
 
-__all__ = ["Acting", "Control", "Frames", "acting"]
+__all__ = ["Acting", "Control", "Frames", "acting", "ordered", "with_law"]

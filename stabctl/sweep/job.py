@@ -17,7 +17,7 @@ from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import DEFAULT, Criterion
 
 JobKind = Literal["clearing-time", "simulate"]
-FORMAT = 3  # of keys and rows; raised when a job or a result changes its meaning
+FORMAT = 4  # of keys and rows; raised when a job or a result changes its meaning
 
 
 class Job(NamedTuple):
@@ -42,7 +42,10 @@ class Job(NamedTuple):
     storage: Annotated[str, "-", "none, 50MW, 5%mva, 5%dispatch, or 14=50MW,13@33=20MW (empty: that of the case)"] = ""
     characteristic: Annotated[Characteristic, "-", "what a storage device holds constant"] = "power"
     lag: Annotated[float, "s", "time constant from order to power", NOT_NEGATIVE] = 0.0
-    control: Annotated[Literal["bang-bang", "none"], "-", "storage control law"] = "bang-bang"
+    control: Annotated[
+        Literal["bang-bang", "none"], "-", "storage control law, where no controller gives the orders"
+    ] = "bang-bang"
+    controller: Annotated[str, "-", "controller files (TOML) relative to the study file: pod.toml, pss.toml"] = ""
     deadband: Annotated[float, "Hz", "deadband of the speed deviation", NOT_NEGATIVE] = 0.1
     min_voltage: Annotated[float, "pu", "voltage below which a device idles", NOT_NEGATIVE] = 0.8
     estimator: Annotated[EstimatorName, "-", "speeds that the control law uses"] = "ideal"

@@ -1,11 +1,12 @@
 """What a job of a sweep finds."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from stabctl.clearing import clearing_time
-from stabctl.controllers import BangBang
+from stabctl.controllers import BangBang, Controller, Law
 from stabctl.dynamics import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
@@ -16,6 +17,7 @@ from stabctl.jobs import Found, Task
 from stabctl.model import powerflow
 from stabctl.model.case import Case
 from stabctl.schema import fields
+from stabctl.simulation.control import Control, ordered
 from stabctl.simulation.simulate import simulate
 from stabctl.simulation.trajectory import Trajectory
 
@@ -24,36 +26,40 @@ from .result import Result
 
 
 def run_job(task: Task) -> Found:
-    """Run the job of a task, whose shared data is the case."""
-    result, text = {"clearing-time": _clearing_time, "simulate": _simulate}[task.job.kind](task.job, _point(task))
+    """Run the job of a task, whose shared data are the case and the controllers."""
+    run = {"clearing-time": _clearing_time, "simulate": _simulate}[task.job.kind]
+    job, (case, controllers) = task.job, task.shared
+    point = _point(job, case)
+    result, text = run(job, point, _control(job, point, controllers))
     return Found({f.column: value for f, value in zip(fields(Result).values(), result, strict=True)}, text)
 
 
-def _point(task: Task) -> OperatingPoint:
+def _point(job: Job, case: Case) -> OperatingPoint:
     """The operating point with the storage of the job."""
-    job, case = task.job, task.shared
     flow = powerflow.solve(case)
     if job.storage:
         case = case.with_storage(job.storage, flow, characteristic=job.characteristic, lag=job.lag)
     return operating_point.solve(case, flow)
 
 
-def _control(job: Job, point: OperatingPoint) -> BangBang | EstimatorControl | None:
-    """The control law if there is storage; an estimator is evaluated without storage too."""
-    law = BangBang(job.deadband, job.min_voltage)
+def _control(job: Job, point: OperatingPoint, own: Sequence[Controller]) -> list[Law | Controller] | EstimatorControl:
+    """Law and controllers; a law if there is storage that no controller orders, or for an estimator to evaluate."""
+    needed = point.case.storage if job.estimator == "ideal" or own else True
+    law = needed and job.control != "none" and not ordered(own)
+    acts: list[Law | Controller] = [*([BangBang(job.deadband, job.min_voltage)] if law else []), *own]
     if job.estimator == "ideal":
-        return law if point.case.storage and job.control != "none" else None
-    if job.control == "none":
+        return acts
+    if not acts:
         raise StudyError(f"The estimator {job.estimator!r} needs a control law; remove control = 'none'.")
     engine: Engine = "batched" if job.kind == "clearing-time" else "filterpy"
-    return EstimatorControl(law, job.estimator, job.pmu, seed=job.seed, engine=engine)
+    return EstimatorControl(acts, job.estimator, job.pmu, seed=job.seed, engine=engine)
 
 
-def _clearing_time(job: Job, point: OperatingPoint) -> tuple[Result, str]:
+def _clearing_time(job: Job, point: OperatingPoint, control: Control) -> tuple[Result, str]:
     found = clearing_time(
         point,
         job.contingency,
-        control=_control(job, point),
+        control=control,
         resolution=job.resolution,
         limit=job.limit,
         observe=job.observe,
@@ -73,8 +79,7 @@ def _clearing_time(job: Job, point: OperatingPoint) -> tuple[Result, str]:
     return result, str(found)
 
 
-def _simulate(job: Job, point: OperatingPoint) -> tuple[Result, str]:
-    control = _control(job, point)
+def _simulate(job: Job, point: OperatingPoint, control: Control) -> tuple[Result, str]:
     arguments = point, job.contingency, job.until
     record = bool(point.case.storage)
     options: Any = {"step": job.step or None, "criterion": job.criterion, "record": record}

@@ -63,6 +63,7 @@ def run_sweep(
     workers: int | None = None,
     scheduler: str | None = None,
     retry: bool = False,
+    controllers: Iterable[str | Path] = (),
     progress: Callable[[int, int], None] | None = None,
 ) -> Sweep:
     """Run the jobs of a study file that the results file does not have.
@@ -82,6 +83,8 @@ def run_sweep(
         Scheduler of a Dask cluster instead: "tcp://host:8786".
     retry : bool
         Run jobs again that ended in an error.
+    controllers : iterable of str or Path
+        Files of controllers that act in every job, beside those that the study names.
     progress : callable, optional
         Called with the number of jobs done and of all jobs.
 
@@ -97,7 +100,9 @@ def run_sweep(
     if workers is not None and scheduler is not None:
         raise StudyError("workers and scheduler cannot be used together; give one of them.")
     began, workers = time.perf_counter(), cores.used(workers)
-    wanted = tasks(study_file.read(study), study)
+    more = [str(Path(one).resolve()) for one in controllers]
+    jobs = (job._replace(controller=", ".join(filter(None, [job.controller, *more]))) for job in study_file.read(study))
+    wanted = tasks(jobs, study)
     with Store(out, SWEEP) as store:
         before = store.statuses()
         missing = [t for t in wanted if t.key not in before or (retry and before[t.key] != "ok")]
@@ -129,7 +134,7 @@ def run_sweep(
 def _warnings(wanted: Iterable[Task]) -> tuple[str, ...]:
     """The warnings about the cases, each once, without those of packaged cases as they are."""
     known = cache(lambda name: io.load(name).warnings if name in io.packaged() else ())
-    return tuple(dict.fromkeys(s for t in wanted for s in t.shared.warnings if s not in known(t.job.case)))
+    return tuple(dict.fromkeys(s for t in wanted for s in t.shared.case.warnings if s not in known(t.job.case)))
 
 
 def _rows(missing: list[Task], workers: int, scheduler: str | None) -> Generator[Row, None, None]:

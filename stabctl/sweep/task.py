@@ -1,13 +1,18 @@
 """The tasks of a study: its jobs, each with its case and the key of its result."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 from stabctl import io
+from stabctl.controllers import file
+from stabctl.controllers.controller import Controller
+from stabctl.controllers.law import Law
+from stabctl.dynamics.signals import INPUTS, OUTPUTS, chosen
 from stabctl.errors import StabctlError, StudyError
 from stabctl.jobs import Task
-from stabctl.jobs.key import fingerprint, sha256
+from stabctl.jobs.key import fingerprint, sha256, text
 from stabctl.model import fleet
 from stabctl.model.case import Case
 from stabctl.simulation.contingency import Contingency
@@ -15,6 +20,13 @@ from stabctl.units import seconds
 
 from .job import FORMAT, Job
 from .kind import SWEEP
+
+
+class Shared(NamedTuple):
+    """What jobs share: a case, and controllers."""
+
+    case: Case
+    controllers: tuple[Controller | Law, ...] = ()
 
 
 def tasks(jobs: Iterable[Job], path: str | Path) -> tuple[Task, ...]:
@@ -29,6 +41,7 @@ def tasks(jobs: Iterable[Job], path: str | Path) -> tuple[Task, ...]:
     """
     path = Path(path)
     load = cache(lambda name: _case(path, name))
+    controllers = cache(lambda names: _controllers(path, names))
     checked: set[tuple[str, ...]] = set()
 
     @cache
@@ -41,14 +54,17 @@ def tasks(jobs: Iterable[Job], path: str | Path) -> tuple[Task, ...]:
     for job in jobs:
         case, own = changed(job.case, job.machines, job.set)
         _check(path, job, case, checked)
-        key = key_of(job, own)
-        found.setdefault(key, Task(key, job, case, SWEEP))
+        acting = controllers(job.controller)
+        _signals(path, job, case, acting)
+        key = key_of(job, own, acting)
+        found.setdefault(key, Task(key, job, Shared(case, acting), SWEEP))
     return tuple(found.values())
 
 
-def key_of(job: Job, case: str) -> str:
-    """SHA-256 of everything that determines the result: the job, the fingerprint of its case, the format of results."""
+def key_of(job: Job, case: str, controllers: Sequence[Controller | Law] = ()) -> str:
+    """SHA-256 of everything that determines the result: job, fingerprint of its case, controllers, format of results."""
     content = job.given() | {"case": case, "set": ""}  # the changes of the case are in its fingerprint
+    content |= {"controller": text(controllers)}
     return sha256({"format": FORMAT, "job": content})
 
 
@@ -57,6 +73,26 @@ def _case(path: Path, name: str) -> Case:
         return io.load(name if name in io.packaged() else path.parent / name)
     except StabctlError as error:
         raise StudyError(f"{path}, case = {name!r}: {error}") from None
+
+
+def _controllers(path: Path, names: str) -> tuple[Controller | Law, ...]:
+    """The controllers and laws in the files of a job."""
+    try:
+        return tuple(file.load(path.parent / name.strip()) for name in names.split(",") if name.strip())
+    except StabctlError as error:
+        raise StudyError(f"{path}, controller = {names!r}: {error}") from None
+
+
+def _signals(path: Path, job: Job, case: Case, controllers: Sequence[Controller | Law]) -> None:
+    """Reject controllers of signals that the case does not have with the storage of the job."""
+    if controllers and job.storage:
+        case = case.with_storage(job.storage.replace("%dispatch", "%mva"))
+    try:
+        for one in (c for c in controllers if isinstance(c, Controller)):
+            chosen(case, one.inputs, OUTPUTS)
+            chosen(case, one.outputs, INPUTS)
+    except StudyError as error:
+        raise StudyError(f"{path}, controller = {job.controller!r}: {error}") from None
 
 
 def _changed(path: Path, case: Case, job: Job) -> Case:

@@ -215,7 +215,9 @@ def test_any_parameter_of_the_case_may_vary(write):
         '[[job]]\n[[job]]\nset."frequency_hz" = 50\n'
     )
     found = tasks(study_file.read(path), path)
-    values = [(t.shared.devices["pss"][1].K, t.shared.machine(2).p, t.shared.frequency_hz) for t in found]
+    values = [
+        (t.shared.case.devices["pss"][1].K, t.shared.case.machine(2).p, t.shared.case.frequency_hz) for t in found
+    ]
     assert values == [(K, 650.0, hz) for hz in (60.0, 50.0) for K in (5.0, 10.0, 20.0)]
     assert len({t.key for t in found}) == 6
     assert found[0].job.changes == {"machines.2.p": "650MW", "pss.1.K": 5}
@@ -224,13 +226,13 @@ def test_any_parameter_of_the_case_may_vary(write):
 def test_how_a_change_is_written_does_not_matter(write):
     path = write(HEAD + 'set."machines.2.p" = ["650MW", 650, "0.65GW"]')
     (task,) = tasks(study_file.read(path), path)
-    assert task.shared.machine(2).p == 650.0
+    assert task.shared.case.machine(2).p == 650.0
 
 
 def test_changes_come_before_classical_machines(write):
     path = write(HEAD + 'machines = "classical"\nset."genrou.1.H" = 7')
     (task,) = tasks(study_file.read(path), path)
-    assert task.shared.devices["gencls"][1].H == 7.0
+    assert task.shared.case.devices["gencls"][1].H == 7.0
 
 
 def test_quantities_may_have_units(write):

@@ -1,0 +1,88 @@
+"""Sweeps with controllers: a job is the call with the controllers, and their content is in its key."""
+
+import control
+import pytest
+
+import stabctl as st
+from stabctl.errors import StudyError
+from stabctl.sweep import study_file
+from stabctl.sweep.run_job import run_job
+from stabctl.sweep.sweep import run_sweep
+from stabctl.sweep.task import tasks
+
+STUDY = """
+kind = "clearing-time"
+case = "two_area"
+machines = "classical"
+fault = "7-8@0.2"
+trip = "7-8"
+resolution = "0.5cyc"
+observe_s = 3
+storage = "50MW"
+controller = ["", "gain.toml"]
+"""
+
+
+def gain(k):
+    return st.Controller.from_control(control.tf(k, 1), "deviation:1", "order:1@5", rate=60, name="gain")
+
+
+def test_a_job_with_a_controller_is_that_of_the_call(write, tmp_path, cases):
+    gain(2e3).save(tmp_path / "gain.toml")
+    path = write(STUDY)
+    law, own = (run_job(task) for task in tasks(study_file.read(path), path))
+    base = cases("two_area").classical().initialize(storage="50MW")
+    fault = st.Contingency("7-8@0.2", trip="7-8")
+    options = {"resolution": "0.5cyc", "observe": 3}
+    assert law.message == str(base.clearing_time(fault, control=st.BangBang(), **options))
+    assert own.message == str(base.clearing_time(fault, control=gain(2e3), **options))
+    assert own.values["cycles"] < law.values["cycles"]  # one device instead of four
+
+
+@pytest.mark.slow
+def test_a_changed_controller_is_run_again(write, tmp_path):
+    gain(2e3).save(tmp_path / "gain.toml")
+    study, out = write(STUDY), tmp_path / "results.db"
+    assert run_sweep(study, out, workers=1).done == 2
+    assert run_sweep(study, out, workers=1).done == 0
+    gain(1e3).save(tmp_path / "gain.toml")
+    again = run_sweep(study, out, workers=1)
+    assert (again.before, again.done) == (1, 1)
+
+
+def test_the_key_has_the_content_and_not_the_place_of_a_file(write, tmp_path):
+    """The same controller, named in the study or given beside it."""
+    gain(2e3).save(tmp_path / "gain.toml")
+    path = write(STUDY.replace('["", "gain.toml"]', '"gain.toml"'))
+    (named,) = tasks(study_file.read(path), path)
+    (folder := tmp_path / "elsewhere").mkdir()
+    gain(2e3).save(folder / "other.toml")
+    (moved,) = tasks([named.job._replace(controller=str(folder / "other.toml"))], path)
+    (none,) = tasks([named.job._replace(controller="")], path)
+    (twice,) = tasks([named.job._replace(controller="gain.toml, gain.toml")], path)
+    assert named.key == moved.key
+    assert len({named.key, none.key, twice.key}) == 3
+
+
+@pytest.mark.parametrize(
+    ("reads", "text", "says"),
+    [
+        ("deviation:1", '"nothing.toml"', "controller = .nothing.toml.: .*nothing.toml"),
+        ("speed:9", '"gain.toml"', "controller = .gain.toml.: There is no machine 9"),
+    ],
+)
+def test_what_is_refused_before_the_first_job(write, tmp_path, reads, text, says):
+    st.Controller.from_control(control.tf(1, 1), reads, "order:1@5").save(tmp_path / "gain.toml")
+    with pytest.raises(StudyError, match=says):
+        run_sweep(write(STUDY.replace('["", "gain.toml"]', text)), tmp_path / "results.db", workers=1)
+
+
+@pytest.mark.slow
+def test_controllers_of_the_command_act_in_every_job(stabctl, write, tmp_path):
+    gain(2e3).save(tmp_path / "gain.toml")
+    out = tmp_path / "results.db"
+    study = write(STUDY.replace('controller = ["", "gain.toml"]\n', ""))
+    assert stabctl("sweep", "run", study, "--out", out, "--controller", tmp_path / "gain.toml")[0] == 0
+    code, shown, _ = stabctl("sweep", "show", out)
+    assert code == 0
+    assert "gain.toml" in shown
