@@ -62,7 +62,7 @@ def tasks(jobs: Iterable[Job], path: str | Path) -> tuple[Task, ...]:
 
 
 def key_of(job: Job, case: str, controllers: Sequence[Controller | Law] = ()) -> str:
-    """SHA-256 of everything that determines the result: job, fingerprint of its case, controllers, format of results."""
+    """SHA-256 of what determines the result: the job, the fingerprint of its case, controllers, format of results."""
     content = job.given() | {"case": case, "set": ""}  # the changes of the case are in its fingerprint
     content |= {"controller": text(controllers)}
     return sha256({"format": FORMAT, "job": content})
