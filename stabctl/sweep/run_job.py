@@ -17,7 +17,7 @@ from stabctl.jobs import Found, Task
 from stabctl.model import powerflow
 from stabctl.model.case import Case
 from stabctl.schema import fields
-from stabctl.simulation.control import Control, ordered
+from stabctl.simulation.control import Control, with_law
 from stabctl.simulation.simulate import simulate
 from stabctl.simulation.trajectory import Trajectory
 
@@ -42,11 +42,14 @@ def _point(job: Job, case: Case) -> OperatingPoint:
     return operating_point.solve(case, flow)
 
 
-def _control(job: Job, point: OperatingPoint, own: Sequence[Controller]) -> list[Law | Controller] | EstimatorControl:
+def _control(
+    job: Job, point: OperatingPoint, own: Sequence[Controller | Law]
+) -> list[Law | Controller] | EstimatorControl:
     """Law and controllers; a law if there is storage that no controller orders, or for an estimator to evaluate."""
     needed = point.case.storage if job.estimator == "ideal" or own else True
-    law = needed and job.control != "none" and not ordered(own)
-    acts: list[Law | Controller] = [*([BangBang(job.deadband, job.min_voltage)] if law else []), *own]
+    acts = list(own)
+    if needed and job.control != "none":
+        acts = with_law(own, BangBang(job.deadband, job.min_voltage))
     if job.estimator == "ideal":
         return acts
     if not acts:
