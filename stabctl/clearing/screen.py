@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -44,6 +44,7 @@ def screen(
     store: str | Path | None = None,
     scheduler: str | None = None,
     progress: Callable[[int, int], None] | None = None,
+    each: Callable[[Sequence[ClearingTime]], None] | None = None,
 ) -> Screen:
     """The critical clearing times of bolted faults at both ends of every line, cleared by opening that line.
 
@@ -70,6 +71,8 @@ def screen(
         Scheduler of a Dask cluster instead of threads: "tcp://host:8786".
     progress : callable, optional
         Called with the number of pairs done and the total.
+    each : callable, optional
+        Called with the pairs of one faulted bus, as soon as they are found.
 
     Returns
     -------
@@ -99,8 +102,11 @@ def screen(
     simulations, size = 0, sum(map(len, by_bus.values()))
     with Runner(faulted_bus.BUS, store=store, workers=workers, scheduler=scheduler) as runner:
         for _, row in runner.rows(faulted_bus.tasks(by_bus, shared, runner.remote)):
-            pairs += faulted_bus.pairs_of(row, search)
+            of_bus = faulted_bus.pairs_of(row, search)
+            pairs += of_bus
             simulations += row["simulations"]
+            if each:
+                each(of_bus)
             if progress:
                 progress(len(pairs), size)
     order = {(bus, name): k for k, (bus, name) in enumerate((bus, name) for bus in by_bus for name in by_bus[bus])}

@@ -18,6 +18,7 @@ from . import (
     estimate,
     importing,
     linearize,
+    live,
     models,
     modes,
     place,
@@ -51,6 +52,7 @@ app.command("place")(place.place)
 app.command("estimate")(estimate.estimate)
 app.command("modes")(modes.modes)
 app.add_typer(design.app, name="design")
+app.command("live")(live.live)
 app.command("linearize")(linearize.linearize)
 app.add_typer(swing.app, name="swing")
 app.add_typer(sweep.app, name="sweep")

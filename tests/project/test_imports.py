@@ -16,6 +16,11 @@ def test_importing_the_core_imports_nothing_slow():
     assert loaded(code, "pandas", "xarray", "matplotlib", "cvxpy", "control", "rich") == "[]"
 
 
+def test_the_interactive_page_is_loaded_by_its_command_only():
+    modules = "starlette", "uvicorn", "anyio", "stabctl.live", "stabctl.diagram"
+    assert loaded("import stabctl as st, stabctl.cli; st.load('two_area')", *modules) == "[]"
+
+
 def test_reading_a_case_loads_no_compiler():
     assert loaded("import stabctl", "numba", "numpy", "scipy") == "[]"
     assert loaded("import stabctl as st; st.load('two_area'); st.cases()", "numba", "llvmlite") == "[]"

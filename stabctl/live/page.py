@@ -1,0 +1,105 @@
+"""The page: one HTML file from its parts, served or saved."""
+
+import base64
+import json
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from stabctl.clearing.lines import lines
+from stabctl.diagram import OneLine, one_line
+from stabctl.errors import StudyError
+from stabctl.plotting import style
+
+from .linear import gains
+from .points import Points
+from .state import LAWS, State
+
+STATIC = Path(__file__).parent / "static"
+SCRIPTS = (
+    "uPlot.iife.min.js", "core.js", "asking.js", "diagram.js", "symbols.js", "labels.js", "charts.js", "time.js",
+    "critical.js", "plane.js", "modes.js", "landscape.js", "theory.js", "controls.js", "main.js",
+)  # fmt: skip
+SHEETS = "uPlot.min.css", "page.css"
+KINDS = {".js": "text/javascript", ".css": "text/css"}
+
+
+@cache
+def html() -> str:
+    """The page as it is served: its scripts and styles beside it."""
+    links = "".join(f'<link rel="stylesheet" href="{name}">' for name in SHEETS)
+    scripts = "".join(f'<script src="{name}"></script>\n' for name in SCRIPTS)
+    return _template().replace("<!-- styles -->", links).replace("<!-- scripts -->", scripts)
+
+
+def saved(recorded: Mapping[str, Any]) -> str:
+    """The page with everything in it, and recorded answers in place of the server."""
+    css = "".join(f"<style>{_text(name)}</style>" for name in SHEETS)
+    data = json.dumps(recorded).replace("<", "\\u003c")
+    scripts = f"<script>window.RECORDED = {data};</script>\n"
+    scripts += "".join(f"<script>{_text(name)}</script>\n" for name in SCRIPTS)  # none has a closing tag in its text
+    return _template().replace("<!-- styles -->", css).replace("<!-- scripts -->", scripts)
+
+
+def encoded(answer: bytes) -> str:
+    """An answer as text in a page."""
+    return base64.b64encode(answer).decode()
+
+
+def about(points: Points) -> dict[str, Any]:
+    """What the page knows of the case: the diagram, names, gains, and the colors of all figures."""
+    case, start = points.case, points.bare(State())
+    drawn, found = one_line(start), lines(case)
+    row = {b.bus: i for i, b in enumerate(case.buses)}
+    unit = {m.machine: i for i, m in enumerate(case.machines)}
+    fault = f"{found.screened[0]}@0.5" if found.screened else str(case.buses[0].bus)
+    return {
+        "name": case.name,
+        "title": case.title,
+        "hz": case.frequency_hz,
+        "diagram": _diagram(drawn),
+        "buses": [[b.bus, b.name, b.rated] for b in case.buses],
+        "branches": [
+            [name, row[k.from_bus], row[k.to_bus], bool(t), float(mva)]
+            for name, k, t, mva in zip(drawn.circuits, case.branches, drawn.transformer, drawn.loading, strict=True)
+        ],
+        "machines": [[str(m.called), row[m.bus], m.base, m.machine, row[m.storage_bus]] for m in case.machines],
+        "rotors": [unit[number] for number in start.rotor_numbers],
+        "lines": found.screened,
+        "gains": gains(case),
+        "laws": LAWS,
+        "fault": fault,
+        "style": {
+            "colors": style.COLORS,
+            "gray": style.GRAY,
+            "voltages": style.VOLTAGES,
+            "clearing": style.CLEARING,
+        },
+    }
+
+
+def _diagram(drawn: OneLine) -> dict[str, Any]:
+    """Positions, y downward, and voltages."""
+    flip = [1, -1]
+    return {
+        "buses": (drawn.buses * flip).round(3).tolist(),
+        "machines": (drawn.machines * flip).round(3).tolist(),
+        "ends": (drawn.ends * flip).round(3).tolist(),
+        "voltage": drawn.voltage.round(4).tolist(),
+    }
+
+
+def file(name: str) -> tuple[bytes, str]:
+    """A script or style sheet, and its kind. `StudyError` if there is none of this name."""
+    if name not in (*SCRIPTS, *SHEETS):
+        raise StudyError(f"The page has no file {name!r}.")
+    return (STATIC / name).read_bytes(), KINDS[Path(name).suffix]
+
+
+def _text(name: str) -> str:
+    return (STATIC / name).read_text(encoding="utf-8")
+
+
+def _template() -> str:
+    return _text("page.html")

@@ -1,0 +1,86 @@
+"""What a page asks for: the disturbance, the storage and its control, the load; checked when it arrives."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from stabctl.controllers import BangBang, Feedback
+from stabctl.errors import StudyError, shown
+from stabctl.simulation.contingency import Contingency
+
+AT, UNTIL = 1.0, 10.0  # s   of the fault, and the end of a run
+LAWS = "bang-bang", "feedback", "idle"
+
+
+@dataclass(frozen=True)
+class State:
+    """The settings of a page; quantities in the units of its sliders."""
+
+    fault: str = ""  # 83, or 7-8@0.4
+    trip: str = ""  # circuit opened to clear a fault at a bus; empty: none
+    clear: float = 6.0  # cycles
+    percent: float = 0.0  # MVA   of every machine's rating, of its storage device
+    megawatts: Mapping[int, float] = field(default_factory=dict)  # MW, of machines with a rating of their own
+    law: str = LAWS[0]
+    deadband: float = 100.0  # mHz
+    gain: float = 0.1  # pu/(rad/s)   of the feedback
+    lag: float = 0.0  # ms   of the devices
+    level: float = 100.0  # %   of the load
+    compare: bool = False  # with a run without storage
+    signals: tuple[str, ...] = ("speed",)
+
+    @property
+    def stored(self) -> bool:
+        """Whether there is storage."""
+        return self.percent > 0 or any(self.megawatts.values())
+
+    @property
+    def control(self) -> BangBang | Feedback | None:
+        """The law of the storage devices."""
+        if not self.stored or self.law == "idle":
+            return None
+        if self.law == "feedback":
+            return Feedback(self.gain, deadband=self.deadband / 1e3)
+        return BangBang(self.deadband / 1e3)
+
+    @property
+    def contingency(self) -> Contingency:
+        """The fault and its clearing."""
+        return Contingency(self.fault, f"{self.clear:g}cyc", self.trip or (), at=AT)
+
+
+def read(given: Any) -> State:
+    """The state in a message. `StudyError` if it has a field or value that is not allowed."""
+    if not isinstance(given, dict):
+        raise StudyError(f"{shown(given)} is not a state of the page.")
+    known = {f.name: getattr(State(), f.name) for f in fields(State)}
+    found: dict[str, Any] = {}
+    for name, value in given.items():
+        if name not in known:
+            raise StudyError(f"The page has no setting {name!r}.")
+        found[name] = _value(name, value, known[name])
+    state = State(**found)
+    if state.law not in LAWS:
+        raise StudyError(f"There is no law {state.law!r}; choose one of {', '.join(LAWS)}.")
+    if not state.level > 0 or min(state.clear, state.percent, state.lag, *state.megawatts.values(), 0) < 0:
+        raise StudyError("Times, ratings and the load level cannot be negative.")
+    return state
+
+
+def _value(name: str, value: Any, example: Any) -> Any:
+    """A value of the kind of the example."""
+    try:
+        if isinstance(example, bool | str):
+            if type(value) is type(example):
+                return value
+        elif isinstance(example, float):
+            if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e6:
+                return float(value)
+        elif isinstance(example, tuple):
+            if isinstance(value, list) and all(isinstance(v, str) for v in value):
+                return tuple(value)
+        elif isinstance(value, dict):
+            return {int(k): _value(name, v, 0.0) for k, v in value.items()}
+    except ValueError:
+        pass
+    raise StudyError(f"{name} = {shown(value)} is not a setting of the page.")

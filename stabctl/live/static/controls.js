@@ -1,0 +1,117 @@
+"use strict";
+// The sliders: each has a range, and how its value is written.
+const CONTROLS = [
+  { id: "clear", name: "clearing time", min: 0, max: 30, step: 0.125, say: (v) => `${v} cycles` },
+  { id: "along", name: "fault along the line", min: 0, max: 100, step: 1, say: (v) => `${v} %`, when: (s) => s.fault.includes("@") },
+  { id: "percent", name: "storage of every machine", min: 0, max: 20, step: 0.5, say: (v) => `${v} % of MVA` },
+  { id: "own", name: "storage of", min: 0, max: 100, step: 1, say: (v) => `${v} MW` },
+  { id: "deadband", name: "deadband", min: 0, max: 500, step: 10, say: (v) => `${v} mHz`, when: stored },
+  { id: "gain", name: "gain of the feedback", min: 0, max: 1, step: 0.01, say: (v) => `${v} pu/(rad/s)`, when: (s) => stored(s) && s.law === "feedback" },
+  { id: "lag", name: "delay of the storage (lag)", min: 0, max: 300, step: 10, say: (v) => `${v} ms`, when: stored },
+  { id: "level", name: "load level", min: 50, max: 130, step: 1, say: (v) => `${v} %` },
+];
+
+function stored(state) {
+  return state.percent > 0 || Object.values(state.megawatts).some((mw) => mw > 0);
+}
+
+const controls = {
+  build() {
+    for (const { id, name, min, max, step } of CONTROLS) {
+      const slider = element("input", { type: "range", id, min, max, step });
+      slider.oninput = () => this.moved(id, +slider.value);
+      const box = element("div", { className: "control", id: `box-${id}` },
+        element("label", { htmlFor: id }, element("span", { id: `name-${id}`, textContent: name }), element("output", { id: `value-${id}` })), slider);
+      if (id === "clear") box.append(element("div", { className: "track" }, element("i", { id: "mark-clear", hidden: true })), element("div", { className: "note", id: "note-clear" }));
+      if (id === "own") {
+        const choice = element("select", { id: "machine", title: "Machine with a rating of its own" },
+          ...live.case.machines.map((m) => element("option", { value: m[3], textContent: `machine ${m[0]} (${m[2]} MVA)` })));
+        choice.onchange = () => this.show();
+        box.insertBefore(choice, slider);
+      }
+      $("controls").append(box);
+    }
+    const trip = element("select", { id: "trip" });
+    trip.onchange = () => change({ trip: trip.value });
+    const law = element("select", { id: "law" }, ...live.case.laws.map((l) => element("option", { value: l, textContent: l })));
+    law.onchange = () => change({ law: law.value });
+    const compare = element("input", { type: "checkbox", id: "compare" });
+    compare.onchange = () => change({ compare: compare.checked });
+    const row = (id, text, ...parts) => element("div", { className: "control", id: `box-${id}` }, element("label", { htmlFor: id }, text), ...parts);
+    $("controls").append(row("trip", "line opened to clear the fault", trip), row("law", "law of the storage", law),
+      element("div", { className: "control", id: "box-compare" }, element("label", { htmlFor: "compare" }, "without storage beside it", compare)));
+    for (const signal of Object.keys(AXES)) {
+      const chip = element("button", { type: "button", textContent: { speed: "speeds", angle: "angles", voltage: "voltages", storage: "storage power" }[signal], id: `signal-${signal}` });
+      chip.onclick = () => this.signal(signal);
+      $("signals").append(chip);
+    }
+    if (live.recorded) {
+      const values = live.recorded.runs.map((r) => r[0]);
+      Object.assign($("clear"), { min: values[0], max: values.at(-1), step: 0.0001 });
+      for (const part of $("controls").querySelectorAll("input:not(#clear), select")) part.disabled = true;
+      for (const part of $("signals").children) part.disabled = true;
+    }
+  },
+
+  moved(id, value) {
+    const { fault, megawatts } = live.state;
+    if (id === "along") return change({ fault: `${fault.split("@")[0]}@${value / 100}` });
+    if (id === "own") return change({ megawatts: { ...megawatts, [$("machine").value]: value } });
+    change({ [id]: value });
+  },
+
+  signal(name) {
+    const now = live.state.signals;
+    const signals = now.includes(name) ? now.filter((s) => s !== name) : [...now, name];
+    if (signals.length) change({ signals: Object.keys(AXES).filter((s) => signals.includes(s)) });
+  },
+
+  fault(place, trip = "") {
+    change({ fault: String(place), trip });
+  },
+
+  show() { // the state on the sliders
+    const s = live.state, own = +$("machine").value, machine = live.case.machines.find((m) => m[3] === own);
+    $("own").max = Math.max(10, Math.round(machine[2] / 4));
+    const values = { ...s, along: Math.round(100 * (+s.fault.split("@")[1] || 0)), own: s.megawatts[own] ?? Math.round((s.percent * machine[2]) / 100) };
+    for (const { id, say, when } of CONTROLS) {
+      $(id).value = values[id];
+      $(`value-${id}`).textContent = say(values[id]);
+      $(`box-${id}`).hidden = when ? !when(s) : false;
+    }
+    const bus = live.case.buses.findIndex((b) => String(b[0]) === s.fault);
+    $("box-trip").hidden = bus < 0;
+    if (bus >= 0) {
+      const names = ["", ...live.case.branches.filter((b) => b[1] === bus || b[2] === bus).map((b) => b[0])];
+      $("trip").replaceChildren(...names.map((n) => element("option", { value: n, textContent: n || "none" })));
+      $("trip").value = s.trip;
+    }
+    $("box-law").hidden = $("box-compare").hidden = !stored(s);
+    $("law").value = s.law;
+    $("compare").checked = s.compare;
+    for (const signal of Object.keys(AXES)) $(`signal-${signal}`).setAttribute("aria-pressed", s.signals.includes(signal));
+    $("signal-storage").disabled = !stored(s) || !!live.recorded;
+  },
+};
+
+function change(settings) { // a change of the state by the user
+  const { megawatts, percent } = settings;
+  if (percent !== undefined && megawatts === undefined) settings.megawatts = {};
+  Object.assign(live.state, settings);
+  if (!stored(live.state)) live.state.signals = live.state.signals.filter((s) => s !== "storage");
+  if (!live.state.signals.length) live.state.signals = ["speed"];
+  controls.show();
+  if (live.recorded) return replay();
+  running.ask({ ...live.state });
+  critical.changed();
+  if (live.view === "modes" && modes.level !== live.state.level) modes.open();
+  if (live.view === "theory") theory.ask();
+}
+
+function replay() { // the recorded run nearest to the slider
+  const far = (r) => Math.abs(r[0] - live.state.clear);
+  const nearest = live.recorded.runs.reduce((a, b) => (far(b) < far(a) ? b : a));
+  live.state.clear = nearest[0];
+  controls.show();
+  answered(Uint8Array.from(atob(nearest[1]), (c) => c.charCodeAt(0)).buffer);
+}

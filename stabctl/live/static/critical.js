@@ -1,0 +1,52 @@
+"use strict";
+// The critical clearing time beside the slider: searched when the page is at rest, refined as one waits.
+const critical = {
+  key: null, answer: null, timer: 0,
+  stream: new Stream("clearing", (part) => critical.told(part)),
+
+  keyOf() { // what it depends on: everything but the clearing time and what is shown
+    const { clear, signals, compare, ...rest } = live.state;
+    return JSON.stringify(rest);
+  },
+
+  changed() { // called at every change of the state
+    const key = this.keyOf();
+    clearTimeout(this.timer);
+    if (live.recorded || (key === this.key && this.answer?.resolution < 0.05)) return;
+    this.stream.stop();
+    if (key !== this.key) {
+      this.answer = null;
+      this.note("");
+      this.mark();
+    }
+    this.timer = setTimeout(() => {
+      this.key = key;
+      this.stream.ask(live.state);
+    }, 350);
+  },
+
+  told(part) {
+    if (part.error) return this.note(part.error);
+    if (part.text) {
+      this.answer = part;
+      const first = part.machine === null ? "" : `; machine ${part.machine} leaves first`;
+      if (part.status === "found") this.note(`critical: ${+part.cycles.toFixed(3)} cycles${first}`);
+      else this.note(part.status === "stable_at_limit" ? "stable up to 60 cycles" : "unstable however fast it is cleared");
+      live.critical = part;
+    } else if (!this.answer) {
+      this.note(part.high === null ? `critical: above ${part.low} cycles …` : `critical: ${part.low} to ${part.high} cycles …`);
+    }
+    this.mark();
+  },
+
+  note(text) {
+    $("note-clear").textContent = text;
+  },
+
+  mark() { // on the track of the slider
+    const slider = $("clear"), cycles = this.answer?.cycles;
+    const mark = $("mark-clear");
+    mark.hidden = cycles === undefined || cycles === null || cycles > +slider.max;
+    if (!mark.hidden) mark.style.left = `calc(7px + (100% - 16px) * ${(cycles - slider.min) / (slider.max - slider.min)})`;
+  },
+};

@@ -1,0 +1,38 @@
+"""One machine of a case and the center of inertia of the others: equal areas and phase plane of a bolted fault."""
+
+from typing import Any
+
+from stabctl.errors import StudyError
+from stabctl.model.case import Case
+from stabctl.theory.equal_area import critical_clearing
+from stabctl.theory.from_case import equivalent
+from stabctl.theory.phase import separatrix
+from stabctl.theory.swing_curve import swing_curve
+
+LONGEST = 3.0  # s   of the motion in the phase plane
+
+
+def answer(case: Case, machine: int, cycles: float) -> dict[str, Any]:
+    """The curves of a fault of so many cycles at the terminal of a machine."""
+    pair = equivalent(case, machine)
+    m, edge = pair.omib, separatrix(pair.omib, 121)
+    critical = critical_clearing(m)
+    curve = swing_curve(m, max(cycles, 1e-6) / m.fb, until=LONGEST + cycles / m.fb)
+    near = abs(curve.angle) < 4.0
+    try:
+        area = pair.equal_area(cycles)
+        sizes, marks = str(area), [area.start, area.clearing, area.stop]
+    except StudyError as error:
+        sizes, marks = str(error), [m.start, m.unstable, m.unstable]
+    return {
+        "critical": critical.cycles,
+        "stable": bool(curve.stable),
+        "text": sizes,
+        "Pm": m.Pm,
+        "Pmax": m.Pmax_post,
+        "marks": marks,
+        "unstable": m.unstable,
+        "separatrix": [edge.angle.tolist(), edge.speed.tolist()],
+        "curve": [curve.angle[near].tolist(), curve.speed[near].tolist()],
+        "cleared": int((curve.t[near] <= curve.clearing).sum()) - 1,
+    }

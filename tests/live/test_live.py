@@ -1,0 +1,237 @@
+"""The answers of the server of `stabctl live`: those of the library, to its own page only."""
+
+import json
+import shlex
+import struct
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from asgi import ask
+
+import stabctl as st
+from stabctl.errors import StudyError
+from stabctl.live import commands, linear, page, runs, searches, theory
+from stabctl.live.app import app
+from stabctl.live.packing import pack
+from stabctl.live.points import Points
+from stabctl.live.recording import recording
+from stabctl.live.state import State, read
+
+TOKEN = "a-token-of-the-test"
+LOAD = commands.Source("'two_area'", ("two_area",))
+FAULT = State("7-8@0.4", clear=21)
+
+
+@pytest.fixture(scope="module")
+def points(cases):
+    return Points(cases("two_area"))
+
+
+@pytest.fixture(scope="module")
+def pages(cases):
+    return app(cases("two_area"), LOAD, TOKEN, 8000)
+
+
+def unpacked(data):
+    """Header and arrays of an answer, read as the page does."""
+    (length,) = struct.unpack_from("<I", data)
+    head, at, arrays = json.loads(data[4 : 4 + length]), 4 + length, {}
+    for name, columns, rows, middle, step in head["arrays"]:
+        if not columns and not step:
+            arrays[name] = np.frombuffer(data, "<f4", rows, at)
+            at += 4 * rows
+            continue
+        number = np.frombuffer(data, "<i2", rows * columns, at).reshape(columns, rows).T
+        arrays[name] = np.where(number == -32768, np.nan, middle + step * number)
+        at += 2 * rows * columns
+        at += -at & 3
+    assert at == len(data)
+    return head, arrays
+
+
+def test_packed_curves_are_read_back():
+    rng = np.random.default_rng(7)
+    curves = rng.normal(60, 0.1, (101, 5))
+    curves[40:, 2] = np.nan
+    constant, none = np.full((101, 2), 3.25), np.zeros((101, 0))
+    t = np.linspace(0, 10, 101)
+    _, found = unpacked(pack({}, {"t": t, "curves": curves, "constant": constant, "none": none}))
+    assert found["t"] == pytest.approx(t)
+    assert np.array_equal(np.isnan(found["curves"]), np.isnan(curves))
+    assert np.nanmax(np.abs(found["curves"] - curves)) < 1e-5  # 6e-6 Hz: half a step of 16 bits
+    assert found["constant"] == pytest.approx(constant)
+
+
+def test_a_run_is_that_of_simulate(points):
+    state = replace(FAULT, signals=("speed", "angle", "voltage", "storage"), percent=5.0, compare=True)
+    head, arrays = unpacked(runs.answer(points, state, LOAD))
+    case = points.case.with_storage("5%mva")
+    run = st.simulate(case, st.Contingency("7-8@0.4", clear="21cyc"), control=st.BangBang())
+    assert head["runs"][""]["message"] == run.outcome.message
+    assert arrays["time"] == pytest.approx(run.time)
+    assert arrays["speed"] == pytest.approx(run.speed.to_numpy() * 60, abs=1e-4)
+    assert arrays["storage"] == pytest.approx(run.storage.to_numpy(), abs=0.01)
+    bare = st.simulate(points.case, st.Contingency("7-8@0.4", clear="21cyc"))
+    assert head["runs"]["bare."]["stable"] == bare.outcome.stable
+    assert head["cleared"] == pytest.approx(1 + 21 / 60)
+    frames = np.searchsorted(run.time, arrays["frame"].astype(float) - 1e-6)
+    assert arrays["frame.voltage"] == pytest.approx(run.voltage.to_numpy()[frames], abs=1e-4)
+
+
+def test_ratings_of_single_machines(points):
+    state = replace(FAULT, percent=2.0, megawatts={1: 40.0})
+    ratings = [s.rating for s in points.of(state).case.storage]
+    assert ratings == pytest.approx([40.0, *(0.02 * m.base for m in points.case.machines[1:])])
+    assert points.of(replace(FAULT, megawatts={1: 0.0})) is points.bare(FAULT)
+
+
+def test_the_critical_time_is_that_of_clearing_time(points):
+    told = []
+    searches.critical(points, FAULT, told.append)
+    answers = [part for part in told if "text" in part]
+    assert [a["resolution"] for a in answers] == [0.125, 0.015625]
+    assert answers[0]["text"] == str(st.clearing_time(points.case, "7-8@0.4"))
+    assert answers[0]["cycles"] <= answers[1]["cycles"] < answers[0]["cycles"] + 0.125
+    intervals = [(p["low"], p["high"]) for p in told if "low" in p and p["high"]]
+    assert all(low <= high for low, high in intervals)
+
+
+@pytest.mark.slow
+def test_the_landscape_is_the_screen(cases):
+    told = []
+    searches.landscape(Points(cases("wscc9")), State("7"), told.append)
+    pairs = sorted(tuple(row) for part in told for row in part.get("pairs", ()))
+    whole = st.screen(cases("wscc9"))
+    assert pairs == sorted((p.fault, p.trip[0], p.cycles, p.status, p.machine) for p in whole.pairs)
+    assert told[-1]["remarks"][1:] == whole.remarks()[1:]
+
+
+def test_modes_with_a_gain(cases):
+    case = cases("two_area")
+    gain = linear.gains(case)[-1]
+    found, more = (linear.answer(case, gain, factor) for factor in (1.0, 2.0))
+    own = case.modes()
+    assert found["text"] == str(own)
+    swings = [m for m in found["modes"] if m[3]]
+    assert [m[1] for m in swings] == pytest.approx(sorted(own.frequency_hz[own.swings()]))
+    assert more["modes"] != found["modes"]
+    assert sorted(i for group in found["areas"] for i in group) == [0, 1, 2, 3]
+    with pytest.raises(StudyError, match=r"has no gain 'H\.H'"):
+        linear.answer(case, "H.H", 2.0)
+
+
+def test_equal_areas_agree_with_the_phase_plane(cases):
+    critical = theory.answer(cases("two_area"), 1, 1.0)["critical"]
+    for cycles, stable in ((critical - 0.1, True), (critical + 0.1, False)):
+        assert theory.answer(cases("two_area"), 1, cycles)["stable"] is stable
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {},
+        {"percent": 5.0, "deadband": 50.0},
+        {"percent": 1.0, "megawatts": {1: 30.0, 2: 0.0}, "lag": 100.0},
+        {"percent": 5.0, "law": "feedback", "level": 95.0},
+        {"percent": 5.0, "law": "idle"},
+    ],
+)
+def test_copied_lines_give_the_run_of_the_page(points, settings, capsys, monkeypatch):
+    state = replace(FAULT, **settings)
+    head, _ = unpacked(runs.answer(points, state, LOAD))
+    run = eval(head["copy"]["python"], {"st": st})
+    assert run.outcome.message == head["runs"][""]["message"]
+    if "shell" not in head["copy"]:
+        assert state.level != 100 or state.law == "feedback"
+        return
+    from stabctl.cli import main
+
+    monkeypatch.setattr("sys.argv", [*shlex.split(head["copy"]["shell"]), "--json"])
+    with pytest.raises(SystemExit):
+        main()
+    assert json.loads(capsys.readouterr().out)["message"] == head["runs"][""]["message"]
+
+
+def test_only_its_own_page_gets_an_answer(pages):
+    """Another token, host or origin gives nothing; every answer forbids to be used elsewhere."""
+    own, at = {"origin": "http://127.0.0.1:8000", "sec-fetch-site": "same-origin"}, f"/{TOKEN}/"
+    assert ask(pages, at, headers=own)[0] == 200
+    assert ask(pages, at, headers={"host": "localhost:8000"})[0] == 200
+    for path, headers in (
+        ("/", {}),
+        ("/another-token/", {}),
+        (at[:-2] + "/", {}),
+        (at, {"host": "evil.example:8000"}),
+        (at, {"host": "127.0.0.1:8001"}),
+        (at, {"origin": "http://evil.example"}),
+        (at, {"origin": "null"}),
+        (at, {"origin": "http://127.0.0.1:8001"}),
+        (at, {"sec-fetch-site": "cross-site"}),
+    ):
+        assert ask(pages, path, headers=headers)[:2] == (404, b""), (path, headers)
+    headers = ask(pages, at)[2]
+    assert b"script-src 'self'" in headers[b"content-security-policy"]
+    assert headers[b"cache-control"] == b"no-store"
+
+
+def test_every_file_of_the_page_is_served(pages):
+    html = ask(pages, f"/{TOKEN}/")[1].decode()
+    for name in (*page.SCRIPTS, *page.SHEETS):
+        status, content, _ = ask(pages, f"/{TOKEN}/{name}")
+        assert status == 200
+        assert f'"{name}"' in html
+        assert len(content.splitlines()) <= 200
+    assert ask(pages, f"/{TOKEN}/page.html")[0] == 404
+    about = json.loads(ask(pages, f"/{TOKEN}/case")[1])
+    assert [m[0] for m in about["machines"]] == ["1", "2", "3", "4"]
+
+
+@pytest.mark.parametrize(
+    ("path", "message", "status"),
+    [
+        ("run", [1], 200),
+        ("run", {"fault": "no bus"}, 200),
+        ("run", {"fault": "7", "clear": -1}, 200),
+        ("run", {"fault": "7", "clear": "long"}, 200),
+        ("run", {"fault": "7", "unknown": 1}, 200),
+        ("run", {"fault": "7", "megawatts": {"x": 1}}, 200),
+        ("run", {"fault": "7", "level": 1000}, 200),
+        ("theory", {"machine": "x", "clear": 1}, 400),
+        ("theory", {"machine": 77, "clear": 1}, 200),
+        ("modes", {"gain": "pss.H", "factor": 2}, 200),
+        ("clearing", {"fault": 3}, 400),
+    ],
+)
+def test_a_wrong_question_gives_a_sentence(pages, path, message, status):
+    found, content, _ = ask(pages, f"/{TOKEN}/{path}", message)
+    assert found == status
+    if status == 200:
+        head = unpacked(content)[0] if path == "run" else json.loads(content)
+        assert head["error"].endswith(".")
+
+
+def test_a_search_comes_in_parts(pages):
+    status, content, _ = ask(pages, f"/{TOKEN}/clearing", {"fault": "7-8@0.4"})
+    parts = [json.loads(line) for line in content.splitlines()]
+    assert status == 200
+    assert "low" in parts[0]
+    assert parts[-1]["status"] == "found"
+    _, content, _ = ask(pages, f"/{TOKEN}/clearing", {"fault": "99"})
+    assert json.loads(content)["error"].startswith("There is no bus 99")
+
+
+def test_a_saved_page_holds_everything_and_no_markup_of_the_case(cases):
+    case = replace(cases("two_area"), title="</script><script>alert(1)</script>")
+    recorded = recording(Points(case), FAULT, LOAD, {"modes": None})
+    html = page.saved(recorded)
+    assert "alert(1)" in html
+    assert "<script>alert" not in html
+    assert 'src="' not in html.split("<script>window.RECORDED")[0]
+    assert recorded["runs"][0][0] == 17.0
+    assert len(recorded["runs"]) == 17
+
+
+def test_every_setting_has_a_kind():
+    state = read({"fault": "7", "clear": 5, "megawatts": {"2": 3}, "signals": ["angle"], "compare": True})
+    assert (state.clear, state.megawatts, state.signals, state.compare) == (5.0, {2: 3.0}, ("angle",), True)
