@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -55,8 +55,7 @@ class Climb:
         start, k = k, k - round(EASY * k)
         while k >= 0:
             orders = self.scheduled.of_run(k, trial.simulate(k, record=True), trial.at)
-            plan = Plan(orders.k, orders.before, self._allowed(orders.orders))
-            if self._try(plan):
+            if self._try(self._allowed(orders)):
                 return
             k -= 1
         raise StudyError(
@@ -64,13 +63,13 @@ class Climb:
             f"{start * trial.search.resolution_cycles:g} cycles down; give more orders a second, or more energy."
         )
 
-    def _allowed(self, orders: np.ndarray) -> np.ndarray:
-        """Orders scaled down until they keep the limits on energy and ramp."""
+    def _allowed(self, plan: Plan) -> Plan:
+        """The plan with orders scaled down until they keep the limits on energy and ramp."""
         b = self.bounds
-        level = b.energy(orders)
+        level = b.energy(plan.orders, plan.rate)
         over = np.maximum(level.max(axis=0) / b.full, level.min(axis=0) / b.empty)
-        change = np.abs(np.diff(orders, axis=0)).max(axis=0, initial=0.0) / b.ramp
-        return orders / np.maximum(1.0, np.nan_to_num(np.maximum(over, change)))
+        change = np.abs(np.diff(plan.orders, axis=0)).max(axis=0, initial=0.0) * plan.rate / b.ramp
+        return replace(plan, orders=plan.orders / np.maximum(1.0, np.nan_to_num(np.maximum(over, change))))
 
     @property
     def excursion(self) -> float:
@@ -99,10 +98,10 @@ class Climb:
         model = slopes(self.scheduled, self.plan, self.run, self.window)
         before, status = self.excursion, "none"
         while self.radius > LEAST:
-            orders, foretold, status = improved(self.plan.orders, model, self.bounds, self.radius)
+            orders, foretold, status = improved(self.plan, model, self.bounds, self.radius)
             if foretold < FALL / 10:
                 return 0.0, status
-            tried = Plan(self.plan.k, self.plan.before, orders)
+            tried = replace(self.plan, orders=orders)
             kept = self.plan, self.run, self.window
             fell = before - self.excursion if self._try(tried) else -math.inf
             if fell > FALL:
@@ -139,8 +138,8 @@ class Climb:
         for _ in range(RESCUES):
             model = slopes(self.scheduled, plan, run, window(self.scheduled, plan, run, limit))
             while radius > 10 * LEAST:
-                orders, _fall, _status = improved(plan.orders, model, self.bounds, radius)
-                tried = Plan(k, plan.before, orders)
+                orders, _fall, _status = improved(plan, model, self.bounds, radius)
+                tried = replace(plan, orders=orders)
                 if self._try(tried):
                     self.radius = max(self.radius, radius)
                     return True
@@ -157,8 +156,7 @@ class Climb:
 
     def _longer(self, k: int) -> Plan:
         """The present plan for another duration of the fault."""
-        plan = self.scheduled.plan(k, self.plan)
-        return Plan(k, plan.before, self._allowed(plan.orders))
+        return self._allowed(self.scheduled.plan(k, self.plan))
 
     def _try(self, plan: Plan) -> bool:
         """Adopt a plan if its run is stable."""

@@ -57,8 +57,8 @@ class Slopes(NamedTuple):
 def window(scheduled: Scheduled, plan: Plan, run: Trajectory, limit: float = np.inf) -> Window:
     """The rows of a run until the last frame of its schedule, or until a move passes a limit (rad)."""
     trial = scheduled.under(plan)
-    start = trial.cleared(plan.k) - plan.before / scheduled.rate
-    frame = np.floor((run.time - start) * scheduled.rate + 1e-6).astype(int)
+    start = trial.cleared(plan.k) - plan.before / plan.rate
+    frame = np.floor((run.time - start) * plan.rate + 1e-6).astype(int)
     inside = frame < len(plan.orders)
     H = run.point.inertia
     moves = run.arrays.angle - run.arrays.angle[0]

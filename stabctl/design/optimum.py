@@ -67,7 +67,8 @@ def optimum(
     window : str or float
         Length of the schedule from clearing on: "3s", or seconds.
     rate : int, 1/s
-        Orders per second and device; each is held.
+        Least number of orders per second and device; each is held. They are a little more frequent, so that one
+        begins with the fault, and one at clearing.
     energy : str or float, optional
         Largest energy that a device absorbs or injects from the first order on, "50kWh" or MWh; besides its capacity.
     resolution, limit, observe, longest, step, criterion
@@ -105,7 +106,7 @@ def optimum(
         raise StudyError(f"There is no clearing time to raise: {first.brief()}; give another contingency or limit.")
     scheduled = Scheduled(trial, law, rate, max(1, round(length * rate)))
     most = math.inf if energy is None else megawatt_hours(energy)
-    climb = Climb(scheduled, _bounds(point, rate, most), progress)
+    climb = Climb(scheduled, _bounds(point, most), progress)
     climb.begin(round(first.cycles / search.resolution_cycles))
     climb.go(iterations)
     plan = climb.plan
@@ -128,7 +129,7 @@ def optimum(
     )
 
 
-def _bounds(point: OperatingPoint, rate: int, most: float) -> Bounds:
+def _bounds(point: OperatingPoint, most: float) -> Bounds:
     """The limits of the devices, and that of the energy (MWh) per device."""
     fleet = point.case.storage
     capacity, charge, ramp, rating, loss = np.array(
@@ -137,5 +138,5 @@ def _bounds(point: OperatingPoint, rate: int, most: float) -> Bounds:
     with np.errstate(invalid="ignore"):
         full = np.where(np.isfinite(capacity), capacity * (1 - charge) / loss, math.inf)
         empty = np.where(np.isfinite(capacity), capacity * charge * loss, math.inf)
-    per_frame = np.divide(ramp, rating * rate, out=np.full(len(fleet), math.inf), where=rating > 0)
-    return Bounds(1 / rate, rating, -np.minimum(empty, most), np.minimum(full, most), per_frame)
+    per_s = np.divide(ramp, rating, out=np.full(len(fleet), math.inf), where=rating > 0)
+    return Bounds(rating, -np.minimum(empty, most), np.minimum(full, most), per_s)

@@ -131,7 +131,7 @@ class Optimum(Tabular):
         for when, part in (("during the fault", acting & faulted), ("after clearing", acting & ~faulted)):
             if part.any() and (idle := float(low[part].mean())) > 0.01:
                 out.append(f"low voltage {when} ({100 * idle:.0f} % of the time of the devices)")
-        level = self.bounds.energy(self.schedule.orders)
+        level = self.bounds.energy(self.schedule.orders, self.schedule.rate)
         if ((level >= FULL * self.bounds.full) | (level <= FULL * self.bounds.empty)).any():
             out.append("the energy of the devices")
         return tuple(out)

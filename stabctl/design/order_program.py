@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from .excursion import SHARE, Slopes
+from .scheduled import Plan
 
 TINY = 1e-4  # rad   keeps orders that have no effect where they are
 
@@ -23,34 +24,31 @@ class Bounds:
 
     Attributes
     ----------
-    frame
-        Length of a frame, s.
     rating
         Ratings of the devices, MW.
     empty, full
         Least and most energy absorbed since the first frame (devices), MWh; infinite if unlimited.
     ramp
-        Largest change of the order from frame to frame (devices), ratings; infinite if unlimited.
+        Largest change of the order (devices), ratings per second; infinite if unlimited.
     """
 
-    frame: float
     rating: np.ndarray
     empty: np.ndarray
     full: np.ndarray
     ramp: np.ndarray
 
-    def energy(self, orders: np.ndarray) -> np.ndarray:
-        """Energy absorbed since the first frame, at rated voltage (frames, devices), MWh."""
-        return np.cumsum(orders, axis=0) * self.frame * self.rating / 3600
+    def energy(self, orders: np.ndarray, rate: float) -> np.ndarray:
+        """Energy absorbed since the first frame, at rated voltage (frames, devices), MWh; `rate` in 1/s."""
+        return np.cumsum(orders, axis=0) * self.rating / rate / 3600
 
-    def within(self, d: Any, u: np.ndarray) -> list[Any]:
+    def within(self, d: Any, u: np.ndarray, rate: float) -> list[Any]:
         """The constraints on changes d (frames, devices) of orders u."""
         import cvxpy as cp
 
         out = [u + d <= 1, u + d >= -1]
         stores = np.flatnonzero(np.isfinite(self.full) | np.isfinite(self.empty))
         if len(stores):
-            level = cp.cumsum((u + d)[:, stores], axis=0) * (self.frame / 3600)
+            level = cp.cumsum((u + d)[:, stores], axis=0) / (3600 * rate)
             per = self.rating[stores][None, :]
             out += [
                 cp.multiply(level, per) <= self.full[stores][None, :],
@@ -59,21 +57,23 @@ class Bounds:
         slow = np.flatnonzero(np.isfinite(self.ramp))
         if len(slow):
             change = (u + d)[1:, slow] - (u + d)[:-1, slow]
-            out += [change <= self.ramp[slow][None, :], change >= -self.ramp[slow][None, :]]
+            reach = self.ramp[slow][None, :] / rate
+            out += [change <= reach, change >= -reach]
         return out
 
 
-def improved(u: np.ndarray, model: Slopes, bounds: Bounds, radius: float) -> tuple[np.ndarray, float, str]:
+def improved(plan: Plan, model: Slopes, bounds: Bounds, radius: float) -> tuple[np.ndarray, float, str]:
     """The orders (frames, devices) that the model prefers, the fall of the excursion that it predicts, and the status.
 
     Where the solver finds nothing, the orders are the present ones and the fall is 0.
     """
     import cvxpy as cp
 
+    u = plan.orders
     d, t = cp.Variable(u.shape), cp.Variable()
     change = cp.vec(d, order="C")
     cost = t + SHARE * (model.of_mean @ change) + TINY * cp.sum_squares(d) / u.size
-    limits = [model.moves + model.of_moves @ change <= t, cp.abs(d) <= radius, *bounds.within(d, u)]
+    limits = [model.moves + model.of_moves @ change <= t, cp.abs(d) <= radius, *bounds.within(d, u, plan.rate)]
     problem = cp.Problem(cp.Minimize(cost), limits)
     try:
         problem.solve(solver=cp.CLARABEL)

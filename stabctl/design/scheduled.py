@@ -20,13 +20,16 @@ class Plan:
     k
         Duration of the fault, as point of the grid of clearing times.
     before
-        Frames before clearing, all of them within the fault.
+        Frames within the fault; they fill it.
+    rate
+        Frames per second.
     orders
         Orders (frames, devices) in ratings.
     """
 
     k: int
     before: int
+    rate: float
     orders: np.ndarray
 
 
@@ -41,7 +44,7 @@ class Scheduled:
     law
         That law; its lowest voltage is also that of the schedule.
     rate
-        Frames per second.
+        Least number of frames per second.
     after
         Frames from clearing on.
     """
@@ -51,43 +54,51 @@ class Scheduled:
     rate: int
     after: int
 
-    def before(self, k: int) -> int:
-        """Frames within a fault of a duration on the grid."""
-        return math.floor(self.trial.duration(k) * self.rate + 1e-9)
+    def frames(self, k: int) -> tuple[int, float]:
+        """Frames within a fault of a duration on the grid, and frames per second: one begins at fault and clearing.
+
+        A fault shorter than a frame has none.
+        """
+        length = self.trial.duration(k)
+        if length * self.rate < 1 - 1e-9:
+            return 0, float(self.rate)
+        before = math.ceil(length * self.rate - 1e-9)
+        return before, before / length
 
     def plan(self, k: int, known: Plan) -> Plan:
-        """The orders of another duration: those from clearing on stay; the first one is repeated, or left out."""
-        before = self.before(k)
-        rows = np.arange(-before, self.after) + known.before
-        return Plan(k, before, known.orders[np.clip(rows, 0, None)])
+        """The orders of another duration: those from clearing on keep their time, the first one is repeated."""
+        before, rate = self.frames(k)
+        middle = (np.arange(-before, self.after) + 0.5) / rate
+        rows = np.floor(middle * known.rate).astype(int) + known.before
+        return Plan(k, before, rate, known.orders[np.clip(rows, 0, len(known.orders) - 1)])
 
     def of_run(self, k: int, run: Trajectory, at: float) -> Plan:
         """The mean orders of a run in every frame; the fault began at `at` (s)."""
-        before = self.before(k)
-        start = at + self.trial.duration(k) - before / self.rate
-        frame = np.floor((run.time - start) * self.rate + 1e-6)
+        before, rate = self.frames(k)
+        start = at + self.trial.duration(k) - before / rate
+        frame = np.floor((run.time - start) * rate + 1e-6)
         rows = [run.arrays.order[frame == n] for n in range(before + self.after)]
         none = np.zeros((1, run.arrays.order.shape[1]))
-        return Plan(k, before, np.array([(r if len(r) else none).mean(axis=0) for r in rows]))
+        return Plan(k, before, rate, np.array([(r if len(r) else none).mean(axis=0) for r in rows]))
 
     def schedule(self, plan: Plan) -> Schedule:
         """The schedule of a plan; a frame begins at the instant of clearing."""
-        start = (self._cleared(plan.k) - plan.before) / self.rate
-        return Schedule(plan.orders, rate=self.rate, start=start, min_voltage=self.law.min_voltage, law=self.law)
+        start = (self._cleared(plan) - plan.before) / plan.rate
+        return Schedule(plan.orders, rate=plan.rate, start=start, min_voltage=self.law.min_voltage, law=self.law)
 
     def under(self, plan: Plan) -> Trial:
         """The contingency under a plan."""
-        quiet = self._cleared(plan.k) / self.rate - self.trial.duration(plan.k) - self._earliest
-        return replace(self.trial, control=self.schedule(plan), quiet=quiet)
+        quiet = self._cleared(plan) / plan.rate - self.trial.duration(plan.k) - self._earliest
+        return replace(self.trial, control=self.schedule(plan), quiet=max(quiet, 0.0))
 
     @property
     def _earliest(self) -> float:
         """The earliest instant of the fault, s: other events may come before it."""
         return replace(self.trial, control=None).at
 
-    def _cleared(self, k: int) -> int:
+    def _cleared(self, plan: Plan) -> int:
         """The frame of the simulation that begins at clearing."""
-        return math.ceil((self._earliest + self.trial.duration(k)) * self.rate - 1e-9)
+        return math.ceil((self._earliest + self.trial.duration(plan.k)) * plan.rate - 1e-9)
 
     def run(self, plan: Plan) -> Trajectory:
         """The recorded run of a plan."""

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from .simulation import Simulation
 
 
-Pilot = tuple[int, Callable[[], None]]
+Pilot = tuple[float, Callable[[], None]]
 
 
 @runtime_checkable
@@ -18,7 +18,7 @@ class Sampled(Protocol):
     """A controller with a frame rate. Those that use PMU signals are in `stabctl.estimation`."""
 
     @property
-    def rate(self) -> int:
+    def rate(self) -> float:
         """Frames per second."""
         ...
 

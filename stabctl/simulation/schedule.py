@@ -21,7 +21,7 @@ class Schedule:
     ----------
     orders : (frames, devices) array
         Orders in ratings, -1 to 1, positive to absorb; each is held for a frame.
-    rate : int, 1/s
+    rate : float, 1/s
         Frames per second.
     start : float, s
         Instant of the first frame. Before it the devices are idle.
@@ -38,7 +38,7 @@ class Schedule:
 
     orders: np.ndarray
     _: KW_ONLY
-    rate: int = 60
+    rate: float = 60
     start: float = 0.0
     min_voltage: float = 0.8
     law: BangBang | None = None
