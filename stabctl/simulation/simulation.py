@@ -114,7 +114,7 @@ class Simulation:
 
     @property
     def s(self) -> np.ndarray:
-        """Every signal now (read only). The outputs are those of the last stage evaluated."""
+        """Every signal now; only the inputs of `attached.measured` may be set. Outputs are those of the last stage."""
         return self._space.s
 
     @property
