@@ -10,7 +10,7 @@ from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control, acting
 from stabctl.simulation.events import Event, Fault
 from stabctl.simulation.outcome import Kind
-from stabctl.simulation.simulation import run
+from stabctl.simulation.simulation import Recorded, run
 from stabctl.simulation.swings import Swings
 from stabctl.simulation.trajectory import Trajectory
 
@@ -77,7 +77,7 @@ class Trial:
         """Instant (s) of the last event at the grid's point k."""
         return max([self.cleared(k), *(e.at + self.at for e in self.others)])
 
-    def simulate(self, k: int, record: bool = False) -> Trajectory:
+    def simulate(self, k: int, record: Recorded = False) -> Trajectory:
         """The run cleared at the grid's point k, until the observation after the last event ends."""
         fault = replace(self.contingency, clear=self.duration(k), at=self.at, events=())
         others = [replace(e, at=e.at + self.at) for e in self.others]
@@ -86,7 +86,7 @@ class Trial:
 
     def attempt(self, k: int) -> Run:
         """What the run cleared at the grid's point k shows."""
-        ran = self.simulate(k, record=True)
+        ran = self.simulate(k, record="rotors")
         end, cycles = ran.outcome, k * self.search.resolution_cycles
         beyond, observed = None if end.stable else margin(ran, self.cleared(k)), end.time_s - self.last_event(k)
         return Run(cycles, end.stable, end.kind, end.machine, end.time_s - self.at, beyond, end.swings, observed)
@@ -100,6 +100,8 @@ class Trial:
         cycles = search.limit_cycles / SUSTAINED if end.stable else (end.time_s - self.at) * hz
         return int(SUSTAINED * cycles / search.resolution_cycles)
 
-    def _run(self, events: list[Contingency | Event], until: float, record: bool, longest: float = 0.0) -> Trajectory:
+    def _run(
+        self, events: list[Contingency | Event], until: float, record: Recorded, longest: float = 0.0
+    ) -> Trajectory:
         options: Any = {"step": self.search.step, "criterion": self.search.criterion, "record": record}
         return run(self.point, events, until, self.control, longest=longest, **options)

@@ -77,6 +77,8 @@ def place(
     validate: Validate = None,
     seed: options.Seed = 1,
     workers: options.Workers = None,
+    store: options.Store = None,
+    scheduler: options.Scheduler = None,
     report: Report = None,
     case: groups.CaseOptions,
     as_json: options.Json = False,
@@ -92,7 +94,7 @@ def place(
     points = _operating_points([loaded, *(case._replace(case=name).load() for name in also or ())], load_level)
     if storage_at is not None:
         points = {name: point.with_storage(storage_at) for name, point in points.items()}
-    chosen, source = _contingencies(loaded, case.case, contingencies, case.classical)
+    chosen, source = _contingencies(loaded, case.case, contingencies, case.classical, store=store, scheduler=scheduler)
     own, estimated = shared.controllers(controller), dict[str, Any]()
     acts = with_law(own, law.law())
     if validate:
@@ -114,6 +116,8 @@ def place(
             criterion=stability.criterion(loaded),
             validate=estimated or None,
             workers=workers,
+            store=store,
+            scheduler=scheduler,
             progress=lambda runs, cost: tell(None, f"{runs} simulations, lowest cost {cost:.4g}"),
         )
     if as_json:
@@ -143,7 +147,7 @@ def _operating_points(cases: "list[Case]", levels: list[float] | None) -> "dict[
 
 
 def _contingencies(
-    case: "Case", name: str, file: Path | None, classical: bool
+    case: "Case", name: str, file: Path | None, classical: bool, **where: Any
 ) -> "tuple[tuple[Contingency, ...], str]":
     """The contingencies of the file, the packaged ones, or the most critical ones of a screen, and their source."""
     from stabctl.clearing import screen
@@ -154,7 +158,7 @@ def _contingencies(
     if not Path(name).is_dir() and (file := packaged(name, classical)):
         return contingencies(case, file), f"the packaged file {file.name}"
     with shared.progress("screening", 1.0) as tell:
-        found = screen(case, progress=lambda done, of: tell(done / of))
+        found = screen(case, progress=lambda done, of: tell(done / of), **where)
     return contingencies(case, found), "a screen, with clearing times 20 % longer than without storage"
 
 

@@ -28,7 +28,11 @@ class Base:
         return fingerprint(self.point.case)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _received, (self.fingerprint, pickle.dumps(self.point.case))
+        return _received, (self.fingerprint, self._packed)
+
+    @cached_property
+    def _packed(self) -> bytes:
+        return pickle.dumps(self.point.case)
 
 
 def _received(key: str, case: bytes) -> Base:

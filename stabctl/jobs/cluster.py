@@ -20,6 +20,7 @@ from .task import Row, Task, row
 
 PATIENCE = 5.0  # s   to wait for the scheduler
 RETURN = 120.0  # s   to wait for a scheduler that has stopped, and for workers, until it is given up
+COUNTED = 2.0  # s   after which the threads are counted again
 AHEAD = 4  # tasks per thread of the cluster submitted to the scheduler at a time
 
 
@@ -40,6 +41,7 @@ class Cluster:
         for name in ("distributed.client", "distributed.core", "distributed.comm"):
             logging.getLogger(name).setLevel(logging.CRITICAL)  # they print tracebacks of errors that are reported here
         self.address, self._killed, self._lock = address, KilledWorker, Lock()
+        self._sent: dict[tuple[int, str], Any] = {}  # what tasks share, kept on the cluster
         try:
             self._client = self._connected()
         except OSError as error:
@@ -67,10 +69,13 @@ class Cluster:
     def rows(self, tasks: Iterable[Task]) -> Iterator[Row]:
         """The rows of the tasks, as they are finished. Closing the iterator cancels the tasks that have not started."""
         waiting, running = deque(tasks), {}  # type: deque[Task], dict[Future, Task]
+        most, asked = 0, -COUNTED
         try:
             while waiting or running:
                 client = self._client
-                for _ in range(min(len(waiting), max(0, AHEAD * max(1, self.threads) - len(running)))):
+                if time.monotonic() - asked > COUNTED:
+                    most, asked = AHEAD * max(1, self.threads), time.monotonic()
+                for _ in range(min(len(waiting), max(0, most - len(running)))):
                     task = waiting.popleft()
                     running[self._submit(client, task)] = task
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
@@ -100,7 +105,8 @@ class Cluster:
         """Submit a task; what it shares with others goes to the workers once, as the result of a task of its own."""
         shared = pickle.dumps(task.shared)
         try:
-            sent = client.submit(bytes, shared, key=f"shared-{hashlib.sha256(shared).hexdigest()}")
+            name = f"shared-{hashlib.sha256(shared).hexdigest()}"
+            sent = self._sent.setdefault((id(client), name), client.submit(bytes, shared, key=name))
             own = pickle.dumps(task._replace(shared=None))
             return client.get_executor(pure=False).submit(run_received, devices.registered(), own, sent)
         except Exception:  # the scheduler has stopped

@@ -56,8 +56,13 @@ class Runner(AbstractContextManager["Runner"]):
             self.store.__exit__()
 
     @property
+    def threads(self) -> int:
+        """Jobs that run at the same time."""
+        return max(1, self.cluster.threads) if self.cluster else self.workers
+
+    @property
     def remote(self) -> bool:
-        """Whether the jobs or their keys leave this process."""
+        """Whether jobs are kept or leave this process, so that their keys must identify them."""
         return self.store is not None or self.cluster is not None
 
     def rows(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, dict[str, Any]]]:
@@ -87,6 +92,8 @@ class Runner(AbstractContextManager["Runner"]):
         if task.key in self._known:
             self.before += 1
             return self._known[task.key]
+        if not self.remote:
+            return dict(task.kind.run(task).values)
         row = self.cluster.ask(task) if self.cluster else completed(task)
         if row.about.status != "ok":
             raise StudyError(row.about.message or "")

@@ -20,11 +20,11 @@ def by_peak(trials: Trials, mw: np.ndarray, k: int) -> np.ndarray | None:
     each size is raised by a few per cent of the fleet, or less if that fleet is not stable. One simulation per
     candidate.
     """
-    lost = trials.simulate((1 - 2e-3) * mw, k, record=False).outcome.machine
+    lost = trials.outcome((1 - 2e-3) * mw, k).machine
     for inside in INSIDE:
         base = trials.fleet(inside * mw)
-        run = trials.simulate(base, k, record=False)
-        if run.outcome.stable:
+        run = trials.outcome(base, k)
+        if run.stable:
             break
     else:
         return None
@@ -38,8 +38,8 @@ def by_peak(trials: Trials, mw: np.ndarray, k: int) -> np.ndarray | None:
         for _ in range(HALVINGS):
             tried = base.copy()
             tried[i] += step
-            changed = trials.simulate(tried, k, record=False)
-            if changed.outcome.stable:
+            changed = trials.outcome(tried, k)
+            if changed.stable:
                 return (run.peak[machine] - changed.peak[machine]) / step
             step /= 2
         return np.nan

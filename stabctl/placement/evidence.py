@@ -1,20 +1,17 @@
 """The evidence: critical clearing times of a fleet and of its variants, by the criterion of `clearing_time`."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from stabctl.clearing import Run
-from stabctl.clearing.critical_time import near
-from stabctl.clearing.last_stable import last_stable
 from stabctl.simulation.control import Control
 from stabctl.simulation.sampled import Sampled
 
+from .simulated import CriticalTime
 from .siting import Evidence
 from .trials import Trials
 
-GRID = 0.125  # cycles
 MARGINS = (
     1.0,
     1.02,
@@ -24,37 +21,9 @@ MARGINS = (
 )  # multiples of the fleet tried in refined simulations and with other controllers
 
 
-class CriticalTime(NamedTuple):
-    """The critical clearing time of a contingency with a fleet."""
-
-    cycles: float | None  # on a grid of about 1/8 cycle that contains the target; None: no fault, or always unstable
-    stable: bool  # at the target
-    machine: int | str | None  # loses synchronism first just beyond
-
-
-def critical_time(trials: Trials, mw: np.ndarray, k: int, control: Control = None) -> CriticalTime:
-    """The critical clearing time of scenario k with a fleet (candidates, MW), also under another control."""
-    target = trials.target(k)
-    if target is None:
-        end = trials.simulate(trials.fleet(mw), k, False, control).outcome
-        return CriticalTime(None, end.stable, end.machine)
-    steps = max(1, round(target / GRID))
-    grid = target / steps
-    trial = trials.trial(trials.fleet(mw), k, control, grid)
-
-    def attempt(j: int) -> Run:
-        trials.count()
-        return trial.attempt(j)
-
-    found = last_stable(attempt, trial.search.last, steps, 2, scan=near(trial.search))
-    stable = (found.runs.get(steps) or attempt(steps)).stable
-    cycles = None if found.status == "unstable_at_zero" else found.critical * grid
-    return CriticalTime(cycles, stable, found.machine)
-
-
 def critical_times(trials: Trials, mw: np.ndarray, control: Control = None) -> list[CriticalTime]:
     """The critical clearing time of every scenario with a fleet (candidates, MW)."""
-    return trials.each(lambda k: critical_time(trials, mw, k, control))
+    return trials.each(lambda k: trials.critical_time(mw, k, control))
 
 
 def table(
@@ -103,7 +72,4 @@ def _row(mw: np.ndarray, found: Sequence[CriticalTime], **variant: Any) -> Evide
 def energies(trials: Trials, mw: np.ndarray) -> np.ndarray:
     """Energy capacity (candidates, MWh) that every device needs: the largest range of its charge in any contingency."""
 
-    def swing(k: int) -> np.ndarray:
-        return np.ptp(trials.simulate(mw, k).arrays.energy[:, len(trials.existing) :], axis=0)
-
-    return np.max(trials.each(swing), axis=0)
+    return np.max(trials.each(lambda k: trials.energy(mw, k)), axis=0)

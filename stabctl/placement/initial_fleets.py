@@ -9,7 +9,6 @@ from stabctl.errors import LinearizationError, StudyError
 
 from .allocation import Objective, allocate
 from .cutting_planes import CuttingPlanes
-from .evidence import critical_time
 from .gramians import gramians
 from .scaling import critical_scaling, largest_scaling, least_scaling
 from .siting import Infeasible
@@ -55,7 +54,7 @@ def _boundary(trials: Trials, fleets: Sequence[np.ndarray], k: int) -> BoundaryF
 
 def _infeasible(trials: Trials, k: int) -> Infeasible:
     fleets = trials.fleets(k)
-    without = critical_time(trials, np.zeros_like(trials.cap), k).cycles
+    without = trials.critical_time(np.zeros_like(trials.cap), k).cycles
     return Infeasible(trials.contingencies[k], trials.target(k), without, fleets, *trials.named(k))
 
 

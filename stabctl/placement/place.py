@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from stabctl.controllers import Controller
 from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
 from stabctl.estimation.estimators import EstimatorName
+from stabctl.jobs import Runner
 from stabctl.model import fleet, powerflow
 from stabctl.model.case import Storage
 from stabctl.simulation.control import Control
@@ -22,10 +24,11 @@ from . import controls, initial_fleets, rounding
 from .contingencies import LONGER, Contingencies
 from .contingencies import contingencies as as_contingencies
 from .cutting_planes import CuttingPlanes
-from .evidence import CriticalTime, critical_times, energies, table
+from .evidence import critical_times, energies, table
 from .master import Master
 from .scenario import Bases, operating_points, scenarios
 from .sensitivity import sensitivity
+from .simulated import FLEET, CriticalTime
 from .site_options import SiteOptions, Sites
 from .site_options import sites as as_sites
 from .siting import CandidateSite, Costs, Site, Siting, Survived
@@ -57,6 +60,8 @@ def place(
     criterion: Criterion = DEFAULT,
     validate: EstimatorName | Mapping[str, Sampled] | None = None,
     workers: int | None = None,
+    store: str | Path | None = None,
+    scheduler: str | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> Siting:
     """Find the cheapest storage fleet that survives every contingency in nonlinear simulation.
@@ -98,6 +103,10 @@ def place(
         Other controllers to simulate the fleet with: the name of an estimator ("kalman"), or controllers by name.
     workers : int, optional
         Threads, one per core by default.
+    store : str or Path, optional
+        Folder that keeps every simulation, in place.db; called again, the study continues from there.
+    scheduler : str, optional
+        Scheduler of a Dask cluster instead of threads: "tcp://host:8786".
     progress : callable, optional
         Called with the number of simulations and the lowest cost so far.
 
@@ -133,27 +142,28 @@ def place(
             progress(runs, planes.cost if planes else np.inf)
 
     every = scenarios(wanted, len(points), len(case.storage) + len(places) if outages else None)
-    trials = Trials(points, every, largest, acts, names=tuple(cases), search=search, workers=workers, progress=tell)
-    uniform = UNIFORM * possible.mva
-    trials, boundary, infeasible = initial_fleets.feasible(trials, uniform)
-    tried, prices = trials.fleet(uniform), possible.prices
-    count = len(uniform)
-    hours = energies(trials, tried) / np.where(tried > 0, tried, np.inf) if prices.mwh.any() else np.zeros(count)
-    master = Master(largest, prices.per_mw(hours), prices.site, sites, module=possible.module)
-    J = tuple(sensitivity(point, possible.candidates).J for point in points)
-    planes = CuttingPlanes(trials, master, J, prices, hours)
-    even = initial_fleets.uniform_fleet(planes, uniform, boundary)
-    linear = initial_fleets.linear_fleet(planes, uniform)
-    for start in (even, linear):
-        if start is not None and (whole := planes.buildable(start)) is not None:
-            planes.accept(whole)
-    planes.run()
-    if planes.best is None or planes.energy is None:
-        raise StudyError(_none_found(trials, sites))
-    best, bound, trials = planes.best, planes.bound, trials.of(planes.best)
-    times = critical_times(trials, best)
-    rows = table(trials, best, times, others)
-    survived = _survived(trials, best, times)
+    with Runner(FLEET, store=store, workers=workers, scheduler=scheduler) as runner:
+        trials = Trials(points, every, largest, acts, names=tuple(cases), search=search, runner=runner, progress=tell)
+        uniform = UNIFORM * possible.mva
+        trials, boundary, infeasible = initial_fleets.feasible(trials, uniform)
+        tried, prices = trials.fleet(uniform), possible.prices
+        count = len(uniform)
+        hours = energies(trials, tried) / np.where(tried > 0, tried, np.inf) if prices.mwh.any() else np.zeros(count)
+        master = Master(largest, prices.per_mw(hours), prices.site, sites, module=possible.module)
+        J = tuple(sensitivity(point, possible.candidates).J for point in points)
+        planes = CuttingPlanes(trials, master, J, prices, hours)
+        even = initial_fleets.uniform_fleet(planes, uniform, boundary)
+        linear = initial_fleets.linear_fleet(planes, uniform)
+        for start in (even, linear):
+            if start is not None and (whole := planes.buildable(start)) is not None:
+                planes.accept(whole)
+        planes.run()
+        if planes.best is None or planes.energy is None:
+            raise StudyError(_none_found(trials, sites))
+        best, bound, trials = planes.best, planes.bound, trials.of(planes.best)
+        times = critical_times(trials, best)
+        rows = table(trials, best, times, others)
+        survived = _survived(trials, best, times)
     order = [int(i) for i in np.argsort(-best) if best[i] > 0]
     found = possible.candidates
     return Siting(

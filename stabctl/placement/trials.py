@@ -1,6 +1,7 @@
 """Simulations of storage fleets: whether a fleet survives a scenario. Each combination is simulated only once."""
 
 import copy
+import json
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from dataclasses import replace
@@ -9,18 +10,20 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from stabctl._util import cores
-from stabctl.clearing import Search, Trial
+from stabctl.clearing import Search
 from stabctl.controllers import BangBang
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.simulation.attached import attached, resized
+from stabctl.jobs import Runner
+from stabctl.jobs.base import Base
+from stabctl.simulation.attached import attached
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control, acting
-from stabctl.simulation.simulation import Simulation, run
+from stabctl.simulation.simulation import Simulation
 from stabctl.simulation.trajectory import Trajectory
 
 from .contingencies import target_cycles
 from .scenario import Scenario, without_fault
+from .simulated import FLEET, CriticalTime, Outcome, Shared, Simulated, What, simulate, task, trial
 
 DIGITS = 9  # of a size over its cap; fleets that agree to so many are the same
 T = TypeVar("T")
@@ -53,6 +56,8 @@ class Trials:
         Observation window, time step and criterion of stability, as for a clearing time.
     workers : int, optional
         Threads, one per core by default.
+    runner : Runner, optional
+        Where the simulations run and their rows are kept, in place of `workers`; by default in threads.
     progress : callable, optional
         Called with the number of simulations so far.
     """
@@ -67,6 +72,7 @@ class Trials:
         names: Sequence[str] = (),
         search: Search = Search(),  # noqa: B008
         workers: int | None = None,
+        runner: Runner | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> None:
         self.names = tuple(names)
@@ -81,7 +87,9 @@ class Trials:
             attached(point, acting(self.control).controllers)  # once, for all fleets
         self._unit = np.where((cap > 0) & np.isfinite(cap), cap, 1.0)  # MW
         self._counted, self._lock = [0], Lock()
-        self._pool, self._ended = ThreadPoolExecutor(cores.used(workers)), Event()
+        self.runner = runner or Runner(FLEET, workers=workers)
+        self._pool, self._ended = ThreadPoolExecutor(self.runner.threads), Event()
+        self._bases = tuple(map(Base, self.points))
         self._known: dict[Question, Future[bool]] = {}
 
     @property
@@ -109,12 +117,27 @@ class Trials:
         """Number of simulations so far, including those of trials derived from these."""
         return self._counted[0]
 
-    def count(self) -> None:
-        """Count a simulation; raises `CancelledError` once the study has ended."""
+    def ask(self, what: What, mw: np.ndarray, k: int, control: Control = None) -> dict[str, Any]:
+        """The row on a fleet (candidates, MW, also above the caps) in scenario k.
+
+        Raises `CancelledError` once the study has ended.
+        """
         if self._ended.is_set():
             raise CancelledError
+        row = self.runner.ask(task(self._question(what, mw, k), self._shared(k, control), self.runner.remote))
+        self._count(row["simulations"])
+        return row
+
+    def _question(self, what: What, mw: np.ndarray, k: int) -> Simulated:
+        ratings = tuple(map(float, self.ratings(mw, k)))
+        return Simulated(what, self.scenarios[k].contingency, ratings, self.search, "")
+
+    def _shared(self, k: int, control: Control = None) -> Shared:
+        return Shared(self._bases[self.scenarios[k].point], control or self.control)
+
+    def _count(self, simulations: int) -> None:
         with self._lock:
-            self._counted[0] += 1
+            self._counted[0] += simulations
         if self.progress:
             self.progress(self.simulations)
 
@@ -143,10 +166,24 @@ class Trials:
             answer = self._known.setdefault(key, Future())
         if new:
             try:
-                answer.set_result(self.simulate(mw, k, record=False).outcome.stable)
+                answer.set_result(bool(self.ask("outcome", mw, k)["stable"]))
             except BaseException as error:
                 answer.set_exception(error)
         return answer.result()
+
+    def outcome(self, mw: np.ndarray, k: int) -> Outcome:
+        """The simulation of scenario k with this fleet (candidates, MW, also above the caps)."""
+        row = self.ask("outcome", mw, k)
+        return Outcome(bool(row["stable"]), json.loads(row["machine"]), np.array(json.loads(row["values"])))
+
+    def energy(self, mw: np.ndarray, k: int) -> np.ndarray:
+        """The range of the charge (candidates, MWh) in scenario k with this fleet (candidates, MW)."""
+        return np.array(json.loads(self.ask("energy", mw, k)["values"]))[len(self.existing) :]
+
+    def critical_time(self, mw: np.ndarray, k: int, control: Control = None) -> CriticalTime:
+        """The critical clearing time of scenario k with a fleet (candidates, MW), also under another control."""
+        row = self.ask("critical time", self.fleet(mw), k, control)
+        return CriticalTime(row.get("cycles"), bool(row["stable"]), json.loads(row["machine"]))
 
     def each(self, ask: Callable[[int], T], which: Iterable[int] | None = None) -> list[T]:
         """The results of `ask` for every scenario, or for these numbers, in parallel."""
@@ -187,32 +224,14 @@ class Trials:
         """Clearing time of scenario k to be survived, in cycles; None without a fault."""
         return target_cycles(self.scenarios[k].contingency, self.point.case)
 
-    def trial(self, mw: np.ndarray, k: int, control: Control = None, grid: float | None = None) -> Trial:
-        """Scenario k with this fleet (candidates, MW, also above the caps) at multiples of `grid`, or its target.
-
-        It must have a fault.
-        """
-        target = self.target(k) or 0.0
-        limit = max(self.search.limit_cycles, 2 * target)
-        search = replace(self.search, resolution_cycles=grid or target, limit_cycles=limit)
-        point = resized(self.at(k), self.ratings(mw, k))
-        return Trial(point, self.scenarios[k].contingency, control or self.control, search)
-
-    def simulate(self, mw: np.ndarray, k: int, record: bool = True, control: Control = None) -> Trajectory:
-        """The simulation of scenario k with this fleet (candidates, MW, also above the caps)."""
-        self.count()
-        one = self.scenarios[k].contingency
-        if one.fault is not None:
-            return self.trial(mw, k, control).simulate(1, record)
-        point = resized(self.at(k), self.ratings(mw, k))
-        events, last = without_fault(one, point.case)
-        law, search = control or self.control, self.search
-        until, longest = last + search.observed_s, last + search.longest_s
-        how: dict[str, Any] = {"step": search.step, "criterion": search.criterion, "record": record}
-        return run(point, events, until, law, longest=longest, **how)
+    def simulate(self, mw: np.ndarray, k: int) -> Trajectory:
+        """The recorded simulation of scenario k with this fleet (candidates, MW, also above the caps)."""
+        self._count(1)
+        return simulate(self._question("outcome", mw, k), self._shared(k), record=True)
 
     def disturbed(self, k: int) -> float:
         """Instant (s) in `simulate` of the clearing of the fault, or of the last event without one."""
-        if self.scenarios[k].contingency.fault is None:
-            return without_fault(self.scenarios[k].contingency, self.at(k).case)[1]
-        return self.trial(self.cap, k).cleared(1)
+        one = self.scenarios[k].contingency
+        if one.fault is None:
+            return without_fault(one, self.at(k).case)[1]
+        return trial(self._question("outcome", self.cap, k), self._shared(k)).cleared(1)

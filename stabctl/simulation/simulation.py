@@ -4,6 +4,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -30,6 +31,7 @@ from .wired import wired
 
 NO_ROWS = np.empty((0, 0))
 AT_ONCE = 1200  # steps per call of the compiled loop; Ctrl-C and progress are handled in between
+Recorded = bool | Literal["rotors"]
 FURTHER = 5.0  # s   by which a run is continued while its swings may grow
 
 
@@ -52,8 +54,8 @@ class Simulation:
         Largest time step.
     criterion : Criterion
         When the run counts as unstable and ends.
-    record : bool
-        Keep the trajectory.
+    record : bool or "rotors"
+        Keep the trajectory, or only the states up to the angles and speeds of the rotors.
     start : float, s
         Start time.
     progress : callable, optional
@@ -75,14 +77,14 @@ class Simulation:
         measured: Sequence[Controller] = (),
         step: float | None = None,
         criterion: Criterion = DEFAULT,
-        record: bool = True,
+        record: Recorded = True,
         start: float = 0.0,
         progress: Callable[[float], None] | None = None,
     ) -> None:
         self.progress = progress
         self.attached = attached(point, controllers, measured) if controllers or measured else Attached(point)
         point = self.attached.point
-        self.point, self.criterion, self.recording = point, for_system(criterion, point.system), record
+        self.point, self.criterion, self.recording = point, for_system(criterion, point.system), bool(record)
         self.step = steps.checked(point, step)
         self.changes = timeline(point.case, schedule(point.case, events))
         self.time, self.wall_s, self.steps = start, 0.0, 0
@@ -100,8 +102,8 @@ class Simulation:
         self._clock = self.wired.layout.size - 2
         self.frames = tuple((c.named.controller.rate or 1, Frames(c, self)) for c in self.attached.called)
         self._windows()
-        last_angle = int(point.rotors.angle.max(initial=-1))  # the angles are kept to judge the last swings
-        self._width = self.wired.layout.first_memory if record else last_angle + 1
+        rotors = int(point.rotors.angle.max(initial=-2)) + 2  # angles are kept in any case, to judge the last swings
+        self._width = self.wired.layout.first_memory if record is True else rotors
         self._times: deque[np.ndarray] = deque()
         self._rows: deque[np.ndarray] = deque()
         self._call(steps.NONE, False)  # compiles, or loads the machine code, outside the time that is measured
@@ -307,7 +309,7 @@ def run(
     *,
     step: float | None = None,
     criterion: Criterion = DEFAULT,
-    record: bool = True,
+    record: Recorded = True,
     start: float = 0.0,
     longest: float = 0.0,
     progress: Callable[[float], None] | None = None,

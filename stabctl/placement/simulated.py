@@ -1,0 +1,133 @@
+"""A job of a siting study: a fleet simulated against one scenario, or its critical clearing time there."""
+
+import json
+from dataclasses import replace
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from stabctl.clearing import Search, Trial
+from stabctl.clearing.critical_time import near
+from stabctl.clearing.last_stable import last_stable
+from stabctl.jobs import Found, Kind, Task
+from stabctl.jobs.base import Base
+from stabctl.jobs.key import sha256, text
+from stabctl.simulation.attached import attached, resized
+from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.control import Control, acting
+from stabctl.simulation.simulation import run
+from stabctl.simulation.trajectory import Trajectory
+
+from .contingencies import target_cycles
+from .scenario import without_fault
+
+FORMAT = 1
+GRID = 0.125  # cycles
+What = Literal["outcome", "energy", "critical time"]
+
+
+class Simulated(NamedTuple):
+    """What is asked about a fleet in a scenario."""
+
+    what: What
+    contingency: Contingency
+    ratings: tuple[float, ...]  # MW   of all devices, existing ones first
+    search: Search
+    control: str  # as text, empty if the key says nothing
+
+    def given(self) -> dict[str, Any]:
+        """Column -> value."""
+        return {
+            "what": self.what,
+            "contingency": text(self.contingency),
+            "ratings": json.dumps(self.ratings),
+            "search": text(self.search),
+            "control": self.control,
+        }
+
+
+class Shared(NamedTuple):
+    """What many simulations share."""
+
+    base: Base
+    control: Control
+
+
+class Outcome(NamedTuple):
+    """What a simulation of a fleet shows."""
+
+    stable: bool
+    machine: int | str | None  # that loses synchronism first
+    peak: np.ndarray  # (rotors) rad   largest change of every angle from the center of inertia
+
+
+class CriticalTime(NamedTuple):
+    """The critical clearing time of a contingency with a fleet."""
+
+    cycles: float | None  # on a grid of about 1/8 cycle that contains the target; None: no fault, or always unstable
+    stable: bool  # at the target
+    machine: int | str | None  # loses synchronism first just beyond
+
+
+def task(one: Simulated, shared: Shared, identified: bool) -> Task:
+    """The task of a question; unless `identified`, its key says nothing."""
+    if not identified:
+        return Task("", one, shared, FLEET)
+    one = one._replace(control=text(shared.control))
+    key = sha256({"format": FORMAT, "job": one.given(), "case": shared.base.fingerprint})
+    return Task(key, one, shared, FLEET)
+
+
+def simulate(one: Simulated, shared: Shared, record: bool) -> Trajectory:
+    """The simulation of a scenario with a fleet."""
+    search, point = one.search, resized(shared.base.point, one.ratings)
+    if one.contingency.fault is not None:
+        return trial(one, shared).simulate(1, record)
+    events, last = without_fault(one.contingency, point.case)
+    until, longest = last + search.observed_s, last + search.longest_s
+    how: dict[str, Any] = {"step": search.step, "criterion": search.criterion, "record": record}
+    return run(point, events, until, shared.control, longest=longest, **how)
+
+
+def trial(one: Simulated, shared: Shared, grid: float | None = None) -> Trial:
+    """A scenario with a fault at multiples of `grid` (cycles), or of its clearing time."""
+    target = target_cycles(one.contingency, shared.base.point.case) or 0.0
+    limit = max(one.search.limit_cycles, 2 * target)
+    search = replace(one.search, resolution_cycles=grid or target, limit_cycles=limit)
+    return Trial(resized(shared.base.point, one.ratings), one.contingency, shared.control, search)
+
+
+def answer(task: Task) -> Found:
+    """The answer to a question."""
+    one, shared = task.job, task.shared
+    attached(shared.base.point, acting(shared.control).controllers)  # once, for all fleets
+    target = target_cycles(one.contingency, shared.base.point.case)
+    if one.what == "critical time" and target is not None:
+        return _critical_time(one, shared, target)
+    ran = simulate(one, shared, record=one.what == "energy")
+    values = np.ptp(ran.arrays.energy, axis=0) if one.what == "energy" else ran.peak
+    end = ran.outcome
+    return _found(end.stable, end.machine, 1, values=json.dumps(values.tolist()))
+
+
+def _critical_time(one: Simulated, shared: Shared, target: float) -> Found:
+    """The critical clearing time on a grid of about an eighth of a cycle that contains the target (cycles)."""
+    steps = max(1, round(target / GRID))
+    tried = trial(one, shared, target / steps)
+    found = last_stable(tried.attempt, tried.search.last, steps, 2, scan=near(tried.search))
+    runs = found.runs if steps in found.runs else {**found.runs, steps: tried.attempt(steps)}
+    cycles = None if found.status == "unstable_at_zero" else found.critical * target / steps
+    return _found(runs[steps].stable, found.machine, len(runs), cycles=cycles)
+
+
+def _found(stable: bool, machine: int | str | None, simulations: int, **more: Any) -> Found:
+    return Found({"stable": int(stable), "machine": json.dumps(machine), "simulations": simulations, **more})
+
+
+FLEET = Kind(
+    "place",
+    dict.fromkeys(Simulated._fields, str),
+    {"stable": int, "machine": str, "simulations": int, "cycles": float, "values": str},
+    answer,
+    FORMAT,
+)
