@@ -33,11 +33,12 @@ def compensator(
     # the states of the regulator: x, then u(k - 1) ... u(k - d)
     F, H, Q = np.zeros((n + d * p, n + d * p)), np.zeros((n + d * p, p)), np.zeros((n + d * p, n + d * p))
     F[:n, :n], Q[:n, :n] = P, T * z.T @ z
-    H[: n if d == 0 else 0] = G if d == 0 else 0
     if d:
         F[:n, n + (d - 1) * p :] = G
         F[n + p :, n : n + (d - 1) * p] = np.eye((d - 1) * p)
         H[n : n + p] = np.eye(p)
+    else:
+        H = G
     try:
         X = riccati.discrete(F, H @ H.T / T, Q)
         S = riccati.discrete(P.T, C.T @ np.linalg.solve(seen, C), spread)
