@@ -79,10 +79,13 @@ class Trial:
 
     def simulate(self, k: int, record: Recorded = False) -> Trajectory:
         """The run cleared at the grid's point k, until the observation after the last event ends."""
-        fault = replace(self.contingency, clear=self.duration(k), at=self.at, events=())
-        others = [replace(e, at=e.at + self.at) for e in self.others]
         last = self.last_event(k)
-        return self._run([fault, *others], last + self.search.observed_s, record, last + self.search.longest_s)
+        return self._run(self.events(k), last + self.search.observed_s, record, last + self.search.longest_s)
+
+    def events(self, k: int) -> list[Contingency | Event]:
+        """The contingency cleared at the grid's point k, and what else happens."""
+        fault = replace(self.contingency, clear=self.duration(k), at=self.at, events=())
+        return [fault, *(replace(e, at=e.at + self.at) for e in self.others)]
 
     def attempt(self, k: int) -> Run:
         """What the run cleared at the grid's point k shows."""

@@ -1,10 +1,11 @@
-"""stabctl design: stabilizers, oscillation dampers and regulators."""
+"""stabctl design: stabilizers, oscillation dampers, regulators, storage laws."""
 
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from . import designed, groups, options, regulators, shared
+from .design_law import law
 from .design_optimum import optimum
 from .grouped import grouped
 
@@ -12,8 +13,11 @@ if TYPE_CHECKING:
     from stabctl.design import Pairs
 
 ROWS = 20  # pairs in the table
-app = typer.Typer(no_args_is_help=True, help="Design controllers: stabilizers, oscillation dampers, regulators.")
+app = typer.Typer(
+    no_args_is_help=True, help="Design controllers: stabilizers, oscillation dampers, regulators, storage laws."
+)
 app.command("optimum")(optimum)
+app.command("law")(law)
 
 Damping = Annotated[float, typer.Option("--damping", min=0.0, max=0.9, help="Damping ratio to reach.")]
 Machine = Annotated[list[int] | None, typer.Option("--machine", help="Machine that gets a stabilizer. Repeatable.")]

@@ -1,6 +1,9 @@
-"""Design of controllers: power system stabilizers, oscillation dampers, regulators, optimal storage schedules."""
+"""Design of controllers: stabilizers, oscillation dampers, regulators, storage laws, optimal storage schedules."""
 
 from .gep import gep
+from .law import law
+from .law_limits import LawLimits
+from .law_result import LawDesign
 from .lqg import lqg
 from .lqr import lqr
 from .optimum import optimum
@@ -14,11 +17,14 @@ from .result import Design
 
 __all__ = [
     "Design",
+    "LawDesign",
+    "LawLimits",
     "Optimum",
     "Outages",
     "Pairs",
     "Regulator",
     "gep",
+    "law",
     "lqg",
     "lqr",
     "optimum",

@@ -1,13 +1,19 @@
-"""What a run asks of the storage devices, and what it leaves behind."""
+"""What a contingency asks of the storage devices, and what it leaves behind."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from stabctl.clearing.trial import Trial
+from stabctl.dynamics import family
+from stabctl.simulation.control import acting
+from stabctl.simulation.simulation import Simulation
 from stabctl.simulation.trajectory import Trajectory
 
 ACTING = 0.02  # ratings   smaller orders count as none
 LAST = 0.5  # s   over which the final voltage is averaged
+SAMPLED = 0.25  # s   between the energies of a long run
+AFTER = 10.0  # s   watched after the devices have their energy back
 
 
 class Duty(NamedTuple):
@@ -30,6 +36,47 @@ class Duty(NamedTuple):
     switchings: int
     coi_hz: float
     voltage: float
+
+
+class Later(NamedTuple):
+    """The system and its devices long after a contingency.
+
+    Attributes
+    ----------
+    stable
+        Whether the system remained stable.
+    energy_kwh
+        Range of the energy of every device, summed.
+    left_kwh
+        How far the devices are from their initial energy at the end, summed.
+    """
+
+    stable: bool
+    energy_kwh: float
+    left_kwh: float
+
+
+def later(trial: Trial, k: int, within_s: float) -> Later:
+    """What is left some time after a contingency, cleared at the grid's point k; it is watched a little longer.
+
+    Raises
+    ------
+    TypeError
+        If the control of the trial needs what is called from outside at frames.
+    """
+    parts = acting(trial.control)
+    if parts.pilots or parts.controllers:
+        raise TypeError("only a law of the storage devices is watched for long")
+    options: Any = {"step": trial.search.step, "criterion": trial.search.criterion, "record": False}
+    simulation = Simulation(trial.point, trial.events(k), parts.law, **options)
+    at = trial.point.system.family("esd").w[:, family.STATE] + 1
+    end, kwh = trial.last_event(k) + within_s, trial.point.case.base_mva / 3.6
+    found = [simulation.s[at] * kwh]
+    while simulation.time < end - 1e-9 and simulation.advance(min(simulation.time + SAMPLED, end)):
+        found.append(simulation.s[at] * kwh)
+    simulation.advance(end + AFTER)
+    left = np.abs(found[-1] - found[0]).sum()
+    return Later(simulation.finish().outcome.stable, float(np.ptp(found, axis=0).sum()), float(left))
 
 
 def duty(run: Trajectory) -> Duty:

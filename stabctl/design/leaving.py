@@ -76,21 +76,17 @@ def leaving(trial: Trial, coherent: Areas, cycles: float | None = None) -> Group
     coherent : Areas
         Coherent areas of the system.
     cycles : float, optional
-        Critical clearing time, searched if it is not given.
+        Lowest unstable clearing time, searched if it is not given.
 
     Returns
     -------
     Group or None
         None if no fault of the search makes a machine lose synchronism.
     """
-    resolution = trial.search.resolution_cycles
+    cycles = critical(trial).lowest_unstable if cycles is None else cycles
     if cycles is None:
-        found = critical(trial)
-        if found.lowest_unstable is None:
-            return None
-        k = round(found.lowest_unstable / resolution)
-    else:
-        k = round(cycles / resolution) + 1
+        return None
+    k = round(cycles / trial.search.resolution_cycles)
     run = trial.simulate(k, record=True)
     first = run.outcome.machine
     if first is None:
@@ -103,7 +99,9 @@ def leaving(trial: Trial, coherent: Areas, cycles: float | None = None) -> Group
     area = coherent.groups[coherent.of(first)]
     candidates = {first, *run.unstable_machines, *area}
     group = (m for m in candidates if m == first or w[names.index(m)] * np.sign(lead) >= SHARE * abs(lead))
-    return Group(tuple(sorted(group, key=labels.order)), first, run.unstable_machines, area, k * resolution)
+    return Group(
+        tuple(sorted(group, key=labels.order)), first, run.unstable_machines, area, k * trial.search.resolution_cycles
+    )
 
 
 def disjoint(found: Iterable[Group]) -> tuple[tuple[int | str, ...], ...]:

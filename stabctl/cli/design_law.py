@@ -1,0 +1,187 @@
+"""stabctl design law: the control law of storage devices."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+from typer import Option
+
+from . import groups, options, shared
+from .grouped import grouped
+
+if TYPE_CHECKING:
+    from stabctl.design import LawDesign, LawLimits
+    from stabctl.dynamics.operating_point import OperatingPoint
+    from stabctl.simulation.contingency import Contingency
+
+OneFault = Annotated[str | None, Option("--fault", help=f"{options.FAULT} In place of a list.")]
+File = Annotated[Path | None, Option("--contingencies", help="FILE.toml with [[contingency]] fault, trip, clear.")]
+Screened = Annotated[int | None, Option("--from-screen", min=1, help="The most critical faults of a screen.")]
+Energy = Annotated[
+    float | None,
+    Option("--max-energy", metavar="ENERGY", parser=options.in_unit("kWh"), help="Energy of all devices, kWh."),
+]
+Switchings = Annotated[int, Option("--switchings", min=0, help="Sign changes of an order within a swing.")]
+Coi = Annotated[
+    float | None,
+    Option("--max-coi", metavar="FREQUENCY", parser=options.in_unit("Hz"), help="Deviation of the COI speed, Hz."),
+]
+Voltage = Annotated[float, Option("--final-voltage", min=0.0, help="Lowest voltage of a bus at the end, pu.")]
+MinVoltage = Annotated[
+    float, Option("--min-voltage", min=0.0, help="Voltage down to which devices are able to act, pu.")
+]
+Deadband = Annotated[
+    float, Option("--min-deadband", metavar="FREQUENCY", parser=options.in_unit("Hz"), help="Smallest deadband, Hz.")
+]
+Return = Annotated[
+    float,
+    Option("--return-within", metavar="TIME", parser=options.in_unit("s"), help="Energy is back then, s; 0: never."),
+]
+Rate = Annotated[int | None, Option("--rate", min=1, help="Frames per second (default: every step).")]
+Delay = Annotated[
+    float, Option("--delay", metavar="TIME", parser=options.in_unit("s"), help="From reading to action, s.")
+]
+Training = Annotated[float, Option("--training", help="Share of the contingencies that the law is tuned with.")]
+Seed = Annotated[int, Option("--seed", min=0, help="Seed of the choice of these.")]
+Report = Annotated[Path | None, Option("--report", help="Write a page with figures to this folder.")]
+Out = Annotated[Path | None, Option("--out", help="Write the law to FILE.toml, for --controller.")]
+
+
+class LimitOptions(NamedTuple):
+    """Limits of the law."""
+
+    max_energy: Energy = None
+    switchings: Switchings = 2
+    max_coi: Coi = None
+    final_voltage: Voltage = 0.0
+    min_voltage: MinVoltage = 0.5
+    min_deadband: Deadband = 0.02
+    return_within: Return = 120.0
+
+    def limits(self) -> "LawLimits":
+        """The record of the limits."""
+        from stabctl.design import LawLimits
+
+        return LawLimits(*self)
+
+
+@grouped
+def law(
+    *,
+    fault: OneFault = None,
+    trip: options.Trip = None,
+    contingencies: File = None,
+    from_screen: Screened = None,
+    storage: groups.StorageOptions,
+    limits: LimitOptions,
+    rate: Rate = None,
+    delay: Delay = 0.0,
+    training: Training = 0.5,
+    seed: Seed = 1,
+    resolution: options.Resolution = "0.125cyc",
+    limit: options.Limit = "60cyc",
+    observe: options.Observe = "10s",
+    longest: options.Longest = "20s",
+    scan: options.Scan = "4cyc",
+    step: options.Step = None,
+    stability: groups.StabilityOptions,
+    workers: options.Workers = None,
+    store: options.Store = None,
+    scheduler: options.Scheduler = None,
+    report: Report = None,
+    out: Out = None,
+    case: groups.CaseOptions,
+    as_json: options.Json = False,
+) -> None:
+    """Design the control law of storage devices for the longest clearing times."""
+    from stabctl.design import law
+
+    shared.file(out, ".toml")
+    shared.folder(report)
+    point = storage.initialize(case.load())
+    faults = _faults(point, fault, trip, contingencies, from_screen)
+    with shared.progress("measuring", None) as tell:
+        found = law(
+            point,
+            faults,
+            limits=limits.limits(),
+            rate=rate,
+            delay=delay,
+            training=training,
+            seed=seed,
+            resolution=resolution,
+            limit=limit,
+            observe=observe,
+            longest=longest,
+            scan=scan,
+            step=step,
+            criterion=stability.criterion(point.case),
+            workers=workers,
+            store=store,
+            scheduler=scheduler,
+            progress=lambda count: tell(None, f"clearing time {count}"),
+        )
+    if as_json:
+        shared.print_json(_record(found))
+    else:
+        _show(found)
+    written = [found.save(out)] if out else []
+    written += [found.report(report)] if report else []
+    for path in written:
+        print(path, file=sys.stderr if as_json else sys.stdout)
+
+
+def _faults(
+    point: "OperatingPoint", fault: str | None, trip: list[str] | None, file: Path | None, count: int | None
+) -> "tuple[Contingency, ...]":
+    """The contingencies of --fault, of the file, or of a screen."""
+    from stabctl.design.law_contingencies import spread
+    from stabctl.errors import StudyError
+    from stabctl.placement.contingencies import read
+    from stabctl.simulation.contingency import Contingency
+
+    if (fault is not None) + (file is not None) + (count is not None) != 1:
+        raise StudyError("Give the contingencies by one of --contingencies FILE.toml, --from-screen 20, or --fault.")
+    if fault is not None:
+        return (Contingency(fault, trip=trip or ()),)
+    if trip:
+        raise StudyError("--trip belongs to --fault; with a list or a screen leave it out.")
+    if file is not None:
+        return tuple(c for c in read(file, point.case) if c.fault is not None)
+    from stabctl.clearing import screen
+
+    with shared.progress("screening", 1.0) as tell:
+        found = screen(point, progress=lambda done, of: tell(done / of))
+    return spread(found, count or 0)
+
+
+def _show(found: "LawDesign") -> None:
+    from rich.table import Table
+
+    from stabctl.plotting.law_design import named
+
+    heads = ("fault", "none", "paper's law", "designed", "gain", "kWh", "switchings", "COI, Hz", "machines")
+    table = Table(*heads, title="Critical clearing times, cycles", title_justify="left")
+    for c in found.contingencies:
+        use, group = c.designed.duty, "+".join(map(str, c.group.machines)) if c.group else ""
+        cycles = (f"{m.reach:g}" for m in (c.none, c.reference, c.designed))
+        asked = f"{c.designed.energy_kwh:.1f}", str(use.switchings), f"{use.coi_hz:.3f}"
+        table.add_row(named(c), *cycles, f"{c.gain:+g}", *asked, group)
+    shared.console().print(table)
+    shared.console().print(str(found))
+
+
+def _record(found: "LawDesign") -> dict[str, Any]:
+    from dataclasses import asdict
+
+    return {
+        "case": found.case,
+        "law": asdict(found.law),  # type: ignore[call-overload]
+        "gain": found.gain._asdict(),
+        "kept": found.kept,
+        "contingencies": found.df.to_dict("records"),
+        "limits": asdict(found.limits),
+        "tried": found.tried,
+        "simulations": found.simulations,
+        "wall_s": found.wall_s,
+    }

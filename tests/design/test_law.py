@@ -1,0 +1,162 @@
+"""Design of a storage law."""
+
+import json
+
+import numpy as np
+import pytest
+
+from stabctl.clearing import screen
+from stabctl.controllers import BangBang, StorageLaw
+from stabctl.controllers.file import load
+from stabctl.design import LawLimits, law
+from stabctl.design.law_contingencies import spread, training
+from stabctl.design.law_text import parameters
+from stabctl.errors import StudyError
+from stabctl.simulation.contingency import Contingency
+
+FAULT = Contingency("7-8@0.4")
+QUICK = {"resolution": "0.5cyc", "scan": 0.0, "observe": "5s", "limit": "40cyc"}
+
+
+@pytest.fixture(scope="module")
+def fleet(cases):
+    return cases("two_area").initialize(storage="50MW")
+
+
+@pytest.fixture(scope="module")
+def found(fleet, tmp_path_factory):
+    store = tmp_path_factory.mktemp("laws")
+    return law(fleet, FAULT, limits=LawLimits(return_within=0), store=store, workers=2, **QUICK), store
+
+
+def test_the_designed_law_is_better_than_the_papers(fleet, found):
+    design, _ = found
+    (only,) = design.contingencies
+    assert only.none.reach < only.reference.reach < only.designed.reach
+    assert only.designed.reach >= 33.5  # 34.5, on a grid of half a cycle
+    assert only.training
+    assert design.kept
+    assert only.designed.duty.switchings <= 2
+    for control, measured in ((None, only.none), (BangBang(), only.reference), (design.law, only.designed)):
+        again = fleet.clearing_time(FAULT, control=control, **QUICK)
+        assert again.cycles == measured.reach
+
+
+def test_the_group_is_named(found):
+    assert found[0].contingencies[0].group.machines == (3, 4)
+    assert "machine 4 leaves with 3" in str(found[0])
+
+
+def test_a_design_continues_from_its_store(fleet, found):
+    design, store = found
+    seen = []
+    again = law(fleet, FAULT, limits=LawLimits(return_within=0), store=store, progress=seen.append, **QUICK)
+    assert again.law == design.law
+    assert again.df.equals(design.df)
+    assert again.wall_s < design.wall_s / 2
+
+
+def test_the_law_of_a_design_is_read_from_its_file(found, tmp_path):
+    path = found[0].save(tmp_path / "law.toml")
+    assert load(path) == found[0].law
+
+
+@pytest.mark.slow
+def test_without_low_voltage_the_law_gains_less(fleet, found):
+    gated = law(fleet, FAULT, limits=LawLimits(return_within=0, min_voltage=0.8), **QUICK)
+    assert gated.law.min_voltage == 0.8
+    assert 27 <= gated.contingencies[0].designed.reach < found[0].contingencies[0].designed.reach
+
+
+def test_the_training_is_a_share_of_every_part():
+    faults = tuple(Contingency(str(k), trip=f"{k}-1") for k in range(2, 12))
+    chosen = training(faults, 0.5, 1)
+    places = np.sort([faults.index(c) for c in chosen])
+    assert (places // 2).tolist() == [0, 1, 2, 3, 4]
+    assert training(faults, 0.5, 1) == chosen
+    assert len(training(faults, 1.0, 1)) == 10
+    assert len(training(faults[:1], 0.5, 1)) == 1
+
+
+def test_a_screen_is_spread_over_the_machines(points):
+    found = screen(points("two_area"), limit="20cyc", observe="1s", longest=0.0, resolution="1cyc", buses=[7, 9])
+    taken = spread(found, 3)
+    first = {p.machine: p.contingency for p in reversed(found.pairs) if p.cycles}
+    assert set(taken[: len(first)]) == set(first.values())
+    assert len(spread(found, 100)) == sum(bool(p.cycles) for p in found.pairs)
+
+
+def test_parameters_without_an_effect_are_not_listed():
+    names = [p.name for p in parameters(StorageLaw(groups="3+4", slope=0.05).sampled(60, "50ms"))]
+    assert names == ["groups", "angle gain", "slope", "deadband", "lowest voltage", "rate", "delay"]
+
+
+@pytest.mark.parametrize(
+    ("given", "options", "sentence"),
+    [
+        ((), {}, "no contingency"),
+        (5, {}, "not a list of contingencies"),
+        ([Contingency(trip="7-8")], {}, "with a fault"),
+        (FAULT, {"training": 0.0}, "not a share"),
+    ],
+)
+def test_wrong_contingencies(fleet, given, options, sentence):
+    with pytest.raises(StudyError, match=sentence):
+        law(fleet, given, **QUICK, **options)
+
+
+def test_a_law_needs_storage(points):
+    with pytest.raises(StudyError, match="no storage devices"):
+        law(points("two_area"), FAULT)
+
+
+@pytest.mark.slow
+def test_a_law_from_the_command_line_is_taken_by_clearing_time(stabctl, tmp_path):
+    law = tmp_path / "law.toml"
+    words = "two_area", "--storage", "50MW", "--fault", "7-8@0.4", "--resolution", "0.5cyc", "--scan", "0s"
+    quick = "--observe", "5s", "--return-within", "0s", "--json", "--report", tmp_path, "--out", law
+    code, out, _ = stabctl("design", "law", *words, *quick)
+    assert code == 0
+    record = json.loads(out)
+    assert record["contingencies"][0]["group"] == "3+4"
+    assert (tmp_path / "law_two_area.html").is_file()
+    code, out, _ = stabctl("clearing-time", *words, "--controller", law, "--json")
+    assert code == 0
+    assert json.loads(out)["cycles"] == record["contingencies"][0]["designed_cycles"]
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        ((), "Give the contingencies by one of"),
+        (("--fault", "7", "--from-screen", "3"), "Give the contingencies by one of"),
+        (("--from-screen", "3", "--trip", "7-8"), "--trip belongs to --fault"),
+        (("--fault", "7", "--max-energy", "5MW"), "5MW"),
+        (("--fault", "7"), "no storage devices"),
+    ],
+)
+def test_wrong_options(stabctl, words, sentence):
+    code, _, err = stabctl("design", "law", "two_area", *words)
+    assert code == 2
+    assert sentence in err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("case", "fault", "trip", "storage", "least", "limits"),
+    [
+        ("two_area", "7-8@0.4", (), "50MW", 27.5, {"min_voltage": 0.8}),  # 27.625
+        ("two_area", "7-8@0.4", (), "50MW", 30.5, {}),  # 33.0
+        ("two_area", "7-8@0.4", (), "27MW", 25.5, {}),  # 27.25
+    ],
+)
+def test_clearing_times_of_the_designed_law(cases, case, fault, trip, storage, least, limits):
+    contingency = Contingency(fault, trip=trip)
+    design = law(cases(case), contingency, storage=storage, limits=LawLimits(**limits))
+    (only,) = design.contingencies
+    assert only.designed.reach >= least
+    assert design.kept
+    assert only.designed.later.stable
+    assert only.designed.later.left_kwh <= 0.05 * only.designed.later.energy_kwh
+    found = cases(case).clearing_time(contingency, storage=storage, control=design.law, observe="10s")
+    assert found.cycles == only.designed.reach
