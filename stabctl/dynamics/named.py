@@ -1,6 +1,6 @@
 """A controller with the signals that its names mean in a case."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -49,6 +49,12 @@ class Named:
     def matrices(self) -> Matrices:
         """Its matrices at the operating point."""
         return realized(self.controller, self.names, self.rest, len(self.outputs))
+
+    @property
+    def undelayed(self) -> Matrices:
+        """The same without the approximation of a continuous delay."""
+        what = self.controller
+        return self.matrices if what.rate else replace(self, controller=what.delayed(0.0)).matrices
 
 
 def named(point: OperatingPoint, c: Controller) -> Named:

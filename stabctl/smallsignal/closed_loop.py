@@ -23,6 +23,8 @@ from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 
+from .delayed_loop import FAST, DelayedLoop
+from .delayed_modes import delayed_modes
 from .eigen import Eigen, eigen, values
 from .frames import common_period, over_a_period
 from .interconnection import Plant, plant_of
@@ -43,6 +45,7 @@ class ClosedLoop(Linear):
     controllers: tuple[Controller, ...] = ()
     period: float = 0.0  # s   of the frames; 0: all controllers are continuous
     frames: int = 0  # in a period, of the fastest controller
+    opened: DelayedLoop | None = None  # with exact delays, if continuous controllers have some and none is sampled
 
     def transition(self) -> tuple[np.ndarray, np.ndarray, float]:
         """As for other models; with sampled controllers, the map over the period, with the inputs held."""
@@ -52,6 +55,9 @@ class ClosedLoop(Linear):
 
     def eigenvalues(self) -> np.ndarray:
         """Eigenvalues (1/s), without those of the angle reference and of emptying delay lines."""
+        if self.opened is not None:
+            s = self.opened.eigenvalues(self.rotation())
+            return s[np.abs(s) < 2 * np.pi * FAST]
         s = values(self.A, self.rotation())
         if not self.period:
             return s
@@ -59,7 +65,12 @@ class ClosedLoop(Linear):
         return np.log(z[np.abs(z) > EMPTY**self.frames]) / self.period
 
     def modes(self) -> Modes:
-        """The modes of the closed loop; those of emptying delay lines are left out."""
+        """The modes of the closed loop; those of emptying delay lines are left out.
+
+        With continuous delays they are the exact roots below 10 Hz (`delayed_loop`): `DelayedModes`.
+        """
+        if self.opened is not None:
+            return delayed_modes(self)
         found = eigen(self.A, self.rotation())
         if not self.period:
             return Modes(self, *found)
@@ -134,6 +145,8 @@ def joined(
     plant: Plant, own: Sequence[Named], inputs: Sequence[Signal] = (), outputs: Sequence[Signal] = ()
 ) -> ClosedLoop:
     """The closed loop of a linear model and controllers, whose signals are among its inputs and outputs."""
+    late = any(one.controller.delay for one in own) and not any(one.controller.rate for one in own)
+    opened = DelayedLoop.of(plant, own) if late else None
     for one in own:
         if one.controller.rate is None:
             plant = plant.with_continuous(one)
@@ -144,7 +157,7 @@ def joined(
     columns, rows = plant.columns(inputs), plant.rows(outputs)
     if not sampled:
         parts = m.A, m.B[:, columns], m.C[rows], m.D[np.ix_(rows, columns)]
-        return ClosedLoop(m.name, *parts, m.states, *labels, m.point, m.places, controllers)
+        return ClosedLoop(m.name, *parts, m.states, *labels, m.point, m.places, controllers, opened=opened)
     rates = [one.controller.rate or 1 for one in sampled]
     period = common_period(rates)
     M, G, H, J, names = over_a_period(plant, sampled, period, columns, rows)

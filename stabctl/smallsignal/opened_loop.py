@@ -10,7 +10,6 @@ A frame reads the voltages of the outputs before it: y = C x + D v / z. Delays a
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -92,7 +91,7 @@ class _Part:
 
     def __init__(self, c: Named, acts: Nonlinearity) -> None:
         what = c.controller
-        self.K = c.matrices if what.rate else replace(c, controller=what.delayed(0.0)).matrices
+        self.K = c.undelayed
         self.delay, self.shape = what.delay, (len(c.outputs), len(c.inputs))
         self.L = np.zeros_like(self.K.C.T) if acts.gentle else anti_windup(what, self.K.C)
 
