@@ -37,6 +37,7 @@ reproduce: .venv/demo  ## run all studies, compared with the paper in reports/in
 
 bench: .venv/bench  ## measure speed on this machine, and that of ANDES and TOPS
 	$(BIN)/python benchmarks/core.py
+	$(BIN)/python benchmarks/controllers.py
 	$(BIN)/python benchmarks/estimate.py
 	$(BIN)/python benchmarks/linear.py
 	$(BIN)/python benchmarks/placement.py

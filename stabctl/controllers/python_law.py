@@ -62,9 +62,8 @@ def answer(
     given = law(seen, x) if len(x) else law(seen)
     try:
         u, following = given if len(x) else (given, x)
-        u = np.broadcast_to(np.asarray(u), (outputs,))
-        following = np.asarray(following).reshape(x.shape)
-        right = np.isfinite(u).all() and np.isfinite(following).all()
+        u, following = np.asarray(u) + np.zeros(outputs), np.asarray(following).reshape(x.shape)
+        right = u.shape == (outputs,) and np.isfinite(u).all() and np.isfinite(following).all()
     except (TypeError, ValueError):
         right = False
     if not right:

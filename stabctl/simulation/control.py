@@ -97,12 +97,12 @@ class Frames:
         simulation, named, what = self._simulation, self._called.named, self._what
         if simulation.outcome is not None:
             return
-        s = simulation.settled()
+        s = simulation.at_frame()
         seen = Seen(named.names, s[self._called.reads] - named.rest, named.rest, simulation.time)
         u, self._x = answer(self._law, seen, self._x, len(named.outputs), what.name)
-        self._late.append(np.array(u, float))
+        self._late.append(u.real)
         low, high = named.limits
-        late = [shape(float(value), low, high, what.deadband, float(what.relay)) for value in self._late.pop(0)]
+        late = [shape(value, low, high, what.deadband, what.relay) for value in self._late.pop(0).tolist()]
         held = s[self._called.held]
         reach = what.ramp / (what.rate or 1)
         held[:] = np.clip(late, held - reach, held + reach) if reach else late

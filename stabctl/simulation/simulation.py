@@ -135,6 +135,10 @@ class Simulation:
         self.settled()
         return self._space.volt.copy()
 
+    def at_frame(self) -> np.ndarray:
+        """Every signal at a frame, with the voltages of the outputs that were held before it."""
+        return self._space.s if self._known else self.settled()
+
     def settled(self) -> np.ndarray:
         """Every signal now, with voltages and outputs brought up to date."""
         self._advance(steps.NONE, True, NO_ROWS)
@@ -202,7 +206,7 @@ class Simulation:
         return swings.judged(np.concatenate(found), island, rotors.inertia, names, half, limit)
 
     def _enter(self) -> None:
-        self._since = self.time
+        self._since, self._known = self.time, False
         self._stage = stage(self.point, self.changes[self._at].switching)
         self._off[(self._stage.net.island < 0) & np.isinf(self._off)] = self.time
         self._program = self.wired.program
@@ -216,6 +220,7 @@ class Simulation:
     def _windows(self) -> None:
         """Open and close the windows of time in which controllers act."""
         windows = self.attached.windows
+        self._known = self._known and not windows
         for place, start, end in windows:
             self._space.s[place] = 1.0 if start <= self.time + 1e-9 < end else 0.0
         self._edges = sorted({edge for _, *both in windows for edge in both})
@@ -225,7 +230,8 @@ class Simulation:
         count = len(all_steps.sizes)
         while done < count and self.outcome is None:
             now = slice(done, done + AT_ONCE)
-            verdict, made = self._call(steps.Steps(*(column[now] for column in all_steps)), False)
+            settle = bool(self.frames) and done + AT_ONCE >= count
+            verdict, made = self._call(steps.Steps(*(column[now] for column in all_steps)), False, settle)
             done += made
             self.time = target if done == count else float(all_steps.starts[done])
             self.steps += made
@@ -264,13 +270,17 @@ class Simulation:
         number = self.point.case.machines[row].machine
         self._taken_off.append(f"Machine {number}, alone in its island, {left} and was tripped.")
 
-    def _call(self, now: steps.Steps, last: bool) -> tuple[int, int]:
+    def _call(self, now: steps.Steps, last: bool, settle: bool = False) -> tuple[int, int]:
+        """Make steps; with `last`, record the end of the last one too, with `settle`, only evaluate all signals there."""
         history = np.empty((len(now.sizes) + last, self._width))
         before = time.perf_counter()
         self._space.s[self._clock] = self.time
         if not np.isfinite(self.orders).all():
             raise StudyError(f"The storage orders {self.orders} are not finite numbers; set them between -1 and 1.")
-        verdict, made = self._advance(now, last, history)
+        verdict, made = self._advance(now, last or settle, history)
+        if settle and verdict == stepper.NO_VOLTAGE and made == len(now.sizes):
+            verdict, settle = stepper.DONE, False  # at this instant, which an event or the frame may change
+        self._known = settle and verdict == stepper.DONE
         self.wall_s += time.perf_counter() - before
         self._times.append(np.append(now.starts[:made], self.time) if last else now.starts[:made])
         self._rows.append(history[: made + last])

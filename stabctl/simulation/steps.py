@@ -15,6 +15,7 @@ from stabctl.schema import hints
 
 STEP = 1 / 120  # s   default
 LEAST_STEP = 1e-7  # s
+FEW = 100  # steps that are always affordable
 MOST = 50_000_000  # steps of a run
 REACH = 2.5  # largest |step * eigenvalue| that RK4 carries, with a margin (it is unstable beyond 2.785)
 NEAR = 3.0  # between the inverse of a time constant and the eigenvalue that it explains
@@ -90,6 +91,8 @@ def affordable(point: OperatingPoint, step: float, length: float, width: int) ->
         If there are too many steps, or the record would fill the memory.
     """
     count = length / step
+    if count < FEW:
+        return
     if not count <= MOST:
         because = forced_by(point) if step < STEP else ""
         raise StudyError(
