@@ -52,7 +52,6 @@ def main() -> None:
     for what, one, target in (
         ("10 states, continuous", ten_states("speed:14", "vref:14"), "6 %"),
         ("10 states, 60 frames/s", ten_states("speed:14", "vref:14", 60), ""),
-        ("10 states, continuous, reads a speed deviation", ten_states("deviation:14", "vref:14"), ""),
     ):
         alone, more = beside(wnaps, fault, one)
         table.add_row(what, "wnaps", f"{1e3 * alone:.1f}", f"{100 * more / alone:.1f} %", target)

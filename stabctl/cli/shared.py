@@ -89,7 +89,9 @@ def controllers(names: list[str] | None) -> "list[Controller | Law]":
     """The controllers and laws in these files."""
     from stabctl.controllers import file
 
-    return [file.load(name) for name in names or ()]
+    found = [file.load(name) for name in names or ()]
+    warn([sentence for one in found for sentence in getattr(one, "warnings", ())], True)
+    return found
 
 
 def impedance(text: str) -> complex:

@@ -135,6 +135,18 @@ class Controller:
         return round(self.delay * self.rate) if self.rate else 0
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is unusual, in sentences: whether it is unstable by itself."""
+        z = np.linalg.eigvals(self.A) if self.law is None and np.size(self.A) else np.zeros(0)
+        growth = np.log(np.maximum(np.abs(z), 1e-300)) * self.rate if self.rate else z.real
+        if not growth.max(initial=-np.inf) > 1e-6:
+            return ()
+        return (
+            f"{self.name} is unstable by itself: without the loop, or at its limits, its states grow with "
+            f"{growth.max():.3g} 1/s.",
+        )
+
+    @property
     def linear(self) -> bool:
         """Whether it acts linearly on small deviations: no deadband and no relay."""
         return not (self.relay or self.deadband)
@@ -248,6 +260,7 @@ class Controller:
         kind = f"{self.rate}/s" if self.rate else "continuous"
         what = "Python function" if self.law else f"{len(self.A)} states"
         late = f", delay {1e3 * self.delay:g} ms" if self.delay else ""
+        late += ", unstable by itself" * bool(self.warnings)
         return f"{self.name}: {', '.join(self.inputs)} -> {', '.join(self.outputs)} ({what}, {kind}{late})"
 
     __repr__ = __str__

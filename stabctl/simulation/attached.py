@@ -114,6 +114,8 @@ class _Attachment:
         for c, gate in zip(self.controllers, self.gates, strict=True):
             self._add(c, gate)
         point, final = self.more.build(), self.more.place
+        own = [f.device.fastest(k) for f in point.system.families if hasattr(f.device, "fastest") for k in f.k]
+        point = replace(point, fastest=max([point.fastest, *own]))
         called = (
             Called(c, np.array([final(r) for r in reads], int), slice(final(held), final(held) + len(c.outputs)))
             for c, reads, held in self.called

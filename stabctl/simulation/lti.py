@@ -110,6 +110,14 @@ def family(op, count, w, k, s, f, on):
                     f[x + i] += L * (shape(u, k[levels], k[levels + 1], k[levels + 2], k[levels + 3]) - u)
 
 
+def fastest(k: np.ndarray) -> float:
+    """Largest magnitude of the eigenvalues, also at a limit (1/s)."""
+    n, m, p = map(int, k[:3])
+    A, C = k[HEAD : HEAD + n * n].reshape(n, n), k[HEAD + n * n + n * m :][: p * n].reshape(p, n)
+    L = k[len(k) - n * p :].reshape(n, p)
+    return float(max((np.abs(np.linalg.eigvals(M)).max(initial=0.0) for M in (A, A - L @ C)), default=0.0))
+
+
 def sizes(k: np.ndarray) -> tuple[int, int, int, int]:
     """Numbers of states, inputs (with those added to, gate and window), outputs and buses."""
     n, m, p = map(int, k[:3])

@@ -271,7 +271,7 @@ class Simulation:
         self._taken_off.append(f"Machine {number}, alone in its island, {left} and was tripped.")
 
     def _call(self, now: steps.Steps, last: bool, settle: bool = False) -> tuple[int, int]:
-        """Make steps; with `last`, record the end of the last one too, with `settle`, only evaluate all signals there."""
+        """Make steps; with `last`, record their end too, with `settle`, only evaluate all signals there."""
         history = np.empty((len(now.sizes) + last, self._width))
         before = time.perf_counter()
         self._space.s[self._clock] = self.time

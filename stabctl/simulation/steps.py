@@ -121,9 +121,13 @@ def forced_by(point: OperatingPoint) -> str:
 
 
 def cause(point: OperatingPoint) -> str:
-    """The time constant behind the fastest eigenvalue: `T2d = 1e-05 s of genrou, machine 3 at bus 3`; empty if none."""
+    """What makes the fastest eigenvalue: `T2d = 1e-05 s of genrou, machine 3 at bus 3`, a controller, or empty."""
     best, text = NEAR, ""
     for f in point.system.families:
+        if hasattr(f.device, "fastest") and point.fastest < NEAR * f.device.fastest(f.k[0]):
+            return f"that of controller {f.keys[0]}"
+        if not hasattr(f.device, "Par"):
+            continue
         columns = [(name, field) for name, field in hints(f.device.Par).items() if field and field.unit == "s"]
         names = family.fields(f.device, "Par")
         for name, _ in columns:
