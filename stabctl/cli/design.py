@@ -50,7 +50,7 @@ def pss(
     machine: Machine = None,
     damping: Damping = 0.1,
     outages: Outages = False,
-    out: designed.Out = None,
+    files: designed.Files,
     storage: groups.StorageOptions,
     case: groups.CaseOptions,
     as_json: options.Json = False,
@@ -58,11 +58,11 @@ def pss(
     """Design power system stabilizers by phase compensation, in place of those of the case."""
     from stabctl import design
 
-    shared.file(out, ".toml")
+    files.check()
     point = storage.initialize(case.load())
     points = design.outages(point) if outages else point
     found = design.pss(points, machine or None, damping=damping)
-    designed.show(found, out, as_json, points if isinstance(points, design.Outages) else None)
+    designed.show(found, files, as_json, points if isinstance(points, design.Outages) else None)
 
 
 @app.command("pod")
@@ -78,7 +78,7 @@ def pod(
     order: Order = None,
     rate: Rate = None,
     delay: designed.Delay = "0",
-    out: designed.Out = None,
+    files: designed.Files,
     storage: groups.StorageOptions,
     case: groups.CaseOptions,
     as_json: options.Json = False,
@@ -87,7 +87,7 @@ def pod(
     from stabctl.design import pairs, pod
     from stabctl.design.pairs import SIGNALS
 
-    shared.file(out, ".toml")
+    files.check()
     point = storage.initialize(case.load())
     if rank:
         _rank(pairs(point, read or SIGNALS, driven, mode=mode, delay=float(delay)), as_json)
@@ -95,7 +95,7 @@ def pod(
     found = pod(
         point, read, driven, damping=damping, spread=spread, mode=mode, order=order, rate=rate, delay=float(delay)
     )
-    designed.show(found, out, as_json)
+    designed.show(found, files, as_json)
 
 
 app.command("lqr")(regulators.lqr)

@@ -2,7 +2,7 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -12,17 +12,44 @@ if TYPE_CHECKING:
     from stabctl.design import Design, Outages
 
 Out = Annotated[Path | None, typer.Option("--out", help="Write the controllers to FILE.toml, for --controller.")]
+Report = Annotated[Path | None, typer.Option("--report", help="Write an HTML page on the design to this folder.")]
+Faults = Annotated[
+    list[str] | None,
+    typer.Option("--fault", help="Fault on the page, with clearing times without and with: 7-8@0.4. Repeatable."),
+]
 Delay = Annotated[
     str,
     typer.Option("--delay", metavar="TIME", parser=options.in_unit("s"), help="From reading to action, s."),
 ]
 
 
-def show(found: "Design", out: Path | None, as_json: bool, points: "Outages | None" = None) -> None:
-    """Write the controllers, and print the modes before and after."""
+class Files(NamedTuple):
+    """What is written: the controllers, and the page with its faults."""
+
+    out: Out = None
+    report: Report = None
+    fault: Faults = None
+
+    def check(self) -> None:
+        """Raise `StudyError` if the files cannot be written, before anything is computed."""
+        from stabctl.errors import StudyError
+
+        shared.file(self.out, ".toml")
+        shared.folder(self.report)
+        if self.fault and not self.report:
+            raise StudyError("--fault is for the page; give --report, too.")
+
+    def write(self, found: "Design") -> tuple[Path, ...]:
+        """Write them, and return their paths."""
+        written = found.save(self.out) if self.out else ()
+        return (*written, found.report(self.report, self.fault or ())) if self.report else written
+
+
+def show(found: "Design", files: Files, as_json: bool, points: "Outages | None" = None) -> None:
+    """Write the files, and print the modes before and after."""
     from stabctl.design.result import least
 
-    written = found.save(out) if out else ()
+    written = files.write(found)
     if as_json:
         worst = min(found.before, key=lambda m: least(m)[0])
         shared.print_json(

@@ -4,7 +4,7 @@ from typing import Annotated, Any
 
 import typer
 
-from . import designed, groups, options, shared
+from . import designed, groups, options
 from .grouped import grouped
 
 Speed = Annotated[
@@ -37,7 +37,7 @@ def lqr(
     speed: Speed = 0.1,
     angle: Angle = None,
     effort: Effort = 1.0,
-    out: designed.Out = None,
+    files: designed.Files,
     storage: groups.StorageOptions,
     case: groups.CaseOptions,
     as_json: options.Json = False,
@@ -45,9 +45,9 @@ def lqr(
     """Design a linear-quadratic regulator, which reads all states, or what is measured."""
     from stabctl.design import lqr
 
-    shared.file(out, ".toml")
+    files.check()
     point = storage.initialize(case.load())
-    designed.show(lqr(point, driven, read, speed=speed, angle=angle, effort=effort), out, as_json)
+    designed.show(lqr(point, driven, read, speed=speed, angle=angle, effort=effort), files, as_json)
 
 
 @grouped
@@ -63,7 +63,7 @@ def lqg(
     disturbance: Disturbance = 10.0,
     noise: Noise = 1.0,
     order: States = None,
-    out: designed.Out = None,
+    files: designed.Files,
     storage: groups.StorageOptions,
     case: groups.CaseOptions,
     as_json: options.Json = False,
@@ -71,8 +71,8 @@ def lqg(
     """Design a linear-quadratic-Gaussian regulator, which estimates the states from measurements."""
     from stabctl.design import lqg
 
-    shared.file(out, ".toml")
+    files.check()
     point, reads = storage.initialize(case.load()), read or "deviation"
     given: dict[str, Any] = {"rate": rate, "delay": float(delay), "speed": speed, "angle": angle, "effort": effort}
     found = lqg(point, driven, reads, disturbance=disturbance, noise=noise, order=order, **given)
-    designed.show(found, out, as_json)
+    designed.show(found, files, as_json)

@@ -1,5 +1,6 @@
 """Design of controllers: stabilizers, oscillation dampers, regulators, storage laws, optimal storage schedules."""
 
+from .evidence import Evidence, evidence
 from .gep import gep
 from .law import law
 from .law_limits import LawLimits
@@ -17,12 +18,14 @@ from .result import Design
 
 __all__ = [
     "Design",
+    "Evidence",
     "LawDesign",
     "LawLimits",
     "Optimum",
     "Outages",
     "Pairs",
     "Regulator",
+    "evidence",
     "gep",
     "law",
     "lqg",

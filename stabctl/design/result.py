@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stabctl._util import files
+from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.controllers.controller import Controller
 from stabctl.dynamics.coerce import operating_point
@@ -45,6 +46,9 @@ class Design:
     after: tuple[Modes, ...]
     reached: bool
     short: float = 0.0
+
+    plot = verb("stabctl.plotting.design:plot")
+    report = verb("stabctl.report.design_page:write")
 
     @classmethod
     def of(cls, points: Sequence[OperatingPoint], controllers: Sequence[Controller], *, short: float) -> "Design":

@@ -53,13 +53,13 @@ def plot(modes: Modes, *, ax: "Axes | None" = None) -> "Axes":
     ax.set(xlim=(left, right), ylim=(0, top), xlabel="real part (1/s)", ylabel="frequency (Hz)")
     ax.axvline(0, color=GRAY, linewidth=1)
     for ratio in RATIOS:
-        _ray(ax, ratio, left, top)
+        ray(ax, ratio, left, top)
     look = {"frameon": False, "fontsize": "small", "columnspacing": 1, "handletextpad": 0}
     ax.legend(loc="lower center", bbox_to_anchor=(0.45, 1), ncols=3, **look)
     return ax
 
 
-def _ray(ax: "Axes", ratio: float, left: float, top: float) -> None:
+def ray(ax: "Axes", ratio: float, left: float, top: float) -> None:
     """The line of one damping ratio from the origin to the edge of the axes, with its value near the end."""
     slope = math.sqrt(1 - ratio**2) / ratio / (2 * math.pi)  # Hz per 1/s
     real = max(left, -top / slope)

@@ -7,12 +7,14 @@ import numpy as np
 
 from stabctl.controllers.controller import Controller
 from stabctl.dynamics.coerce import operating_point
+from stabctl.dynamics.named import named
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 
-from .closed_loop import closed_loop
+from .closed_loop import joined
+from .interconnection import plant_of
 
 LATEST = 2.0  # s   largest delay that is tried
 GAINS = (1e-3, 1e3)  # smallest and largest factor of the gains that is tried
@@ -64,20 +66,22 @@ def margins(base: Case | OperatingPoint, *controllers: Controller, storage: "Fle
         If the loop is unstable as it is.
     """
     point = operating_point(base, storage)
-    if not stable(point, controllers):
-        raise StudyError(f"The closed loop of {point.case.name} is unstable, so it has no margins.")
+    own = [named(point, c) for c in controllers]
+    plant = plant_of(point, own)
+
+    def stable(changed: Sequence[Controller]) -> bool:
+        """Whether no mode of the closed loop with changed controllers grows."""
+        loop = joined(plant, [replace(n, controller=c) for n, c in zip(own, changed, strict=True)])
+        return bool(loop.eigenvalues().real.max() <= GROWING)
 
     def gained(gain: float) -> bool:
-        return stable(point, [c.scaled(gain) for c in controllers])
+        return stable([c.scaled(gain) for c in controllers])
 
+    if not stable(controllers):
+        raise StudyError(f"The closed loop of {point.case.name} is unstable, so it has no margins.")
     up = _edge(np.geomspace(1.0, GAINS[1], 61).tolist(), gained)
     down = _edge(np.geomspace(1.0, GAINS[0], 61).tolist(), gained)
-    return Margins(_delay(point, controllers), up or np.inf, down or 0.0)
-
-
-def stable(point: OperatingPoint, controllers: Sequence[Controller]) -> bool:
-    """Whether no mode of the closed loop grows."""
-    return bool(closed_loop(point, *controllers).eigenvalues().real.max() <= GROWING)
+    return Margins(_delay(controllers, stable), up or np.inf, down or 0.0)
 
 
 def _edge(gains: Sequence[float], good: Callable[[float], bool]) -> float | None:
@@ -94,18 +98,18 @@ def _edge(gains: Sequence[float], good: Callable[[float], bool]) -> float | None
     return None
 
 
-def _delay(point: OperatingPoint, controllers: Sequence[Controller]) -> float:
+def _delay(controllers: Sequence[Controller], stable: Callable[[Sequence[Controller]], bool]) -> float:
     """Smallest further delay with which the loop is unstable; stability is not monotone in it."""
     rates = [c.rate for c in controllers if c.rate]
     step = 1 / min(rates) if rates else 0.02
     for k in range(1, int(LATEST / step) + 1):
-        if not stable(point, [replace(c, delay=c.delay + k * step) for c in controllers]):
+        if not stable([replace(c, delay=c.delay + k * step) for c in controllers]):
             if rates:
                 return k * step
             low, high = (k - 1) * step, k * step
             while high - low > 1e-5:
                 middle = (low + high) / 2
-                good = stable(point, [replace(c, delay=c.delay + middle) for c in controllers])
+                good = stable([replace(c, delay=c.delay + middle) for c in controllers])
                 low, high = (middle, high) if good else (low, middle)
             return high
     return float("inf")

@@ -1,5 +1,7 @@
 """Stabilizers: the phase of GEP(s) is compensated, and one design serves a network that changes."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -54,6 +56,14 @@ def test_one_design_serves_all_outages(ieee39):
         assert modes.stable
         assert modes.damping_ratio[modes.swings()].min() >= 0.05
     assert all(c.limits == (-0.1, 0.1) for c in found.controllers)
+    shown = {}
+    for line in (Path(__file__).parents[2] / "docs" / "design.md").read_text().splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if len(cells) == 8 and cells[1].lstrip("-").startswith("0."):
+            shown |= {part[0]: list(map(float, part[1:])) for part in (cells[:4], cells[4:]) if part[0]}
+    assert shown.keys() == {name or "none" for name in ieee39.names}
+    table = np.array([shown[name or "none"] for name in ieee39.names])
+    assert np.abs(table - found.worst[["before", "after", "frequency_hz"]].to_numpy()).max() < 1e-3
 
 
 def test_gains_of_their_own_reach_what_a_common_gain_does_not(cases):

@@ -1,0 +1,80 @@
+"""What a design is reported with: each number against another route to it."""
+
+import numpy as np
+import pytest
+
+import stabctl as st
+from stabctl.design import pod, pss
+from stabctl.design.evidence import evidence
+from stabctl.errors import StudyError
+
+
+@pytest.fixture(scope="module")
+def damper(cases):
+    base = cases("two_area_thyristor").initialize(storage="3@11=50MW")
+    inputs = "deviation:1, deviation:1+2, deviation:3"
+    return pod(base, inputs, "order:3@11", damping=0.1, rate=60, delay="100ms", order=1)
+
+
+@pytest.fixture(scope="module")
+def found(damper):
+    return evidence(damper)
+
+
+def test_the_loop_gain_is_minus_one_at_the_gain_margins(found):
+    """Sampled and six frames late: the eigenvalues of the closed loop and the frequency response, within 2 %."""
+    (loop,) = found.loops
+    assert loop.name == "pod: order:3@11"
+    inverse = np.interp(np.linspace(0.3, 4, 40000), loop.hz, 1 / loop.response)  # smooth at the mode
+    for gain in (found.margins.gain_up, found.margins.gain_down):
+        assert np.abs(1 + inverse / gain).min() < 0.02
+    for gain in (1.0, 0.9 * found.margins.gain_up):
+        assert np.abs(1 + inverse / gain).min() > 0.05
+    assert loop.distance <= 2 * np.sin(np.deg2rad(loop.phase_margin) / 2) + 0.01
+
+
+def test_the_root_locus_begins_at_the_open_loop_and_passes_the_closed_one(damper, found):
+    factors, values = found.locus.factors, found.locus.eigenvalues
+    assert (factors[0], factors[20]) == (0.0, 1.0)
+    for k, modes in ((0, damper.before[0]), (20, damper.after[0])):
+        for s in modes.eigenvalues[modes.swings()]:
+            assert np.abs(values[k] - s).min() < 1e-6
+
+
+def test_the_step_is_that_of_a_simulation_with_a_small_load(damper, found):
+    """A load step of 1 % of the largest load: speeds of the linear model within 2 % (1.0) of the largest swing."""
+    steps = found.steps
+    assert steps.mw == pytest.approx(17.67)
+    run = damper.base.simulate([st.LoadStep(steps.bus, "1s", p=steps.mw)], "5s", control=damper.controller)
+    H = damper.base.inertia
+    speed = run.speed.values
+    deviation = np.array(
+        [speed[:, k] - np.delete(speed, k, 1) @ np.delete(H, k) / np.delete(H, k).sum() for k in range(4)]
+    )
+    t, y = steps.after
+    now = t < 3.9
+    simulated = np.array([np.interp(t[now] + 1, run.time, row) for row in deviation])
+    assert np.abs(simulated.T - y[now]).max() < 0.02 * np.abs(y).max()
+
+
+def test_a_controller_gives_its_step_after_its_delay(damper, found):
+    name, t, y = found.steps.own[0]
+    assert name == "pod: deviation:1"
+    assert (y[:6] == 0).all()
+    assert y[6, 0] == damper.controller.D[0, 0]
+
+
+def test_checks_are_clearing_times_without_and_with(cases):
+    stabilizers = pss(cases("two_area_thyristor"), damping=0.13)
+    assert not stabilizers.before[0].stable
+    (check,) = evidence(stabilizers, ["7-8@0.4"]).checks
+    assert check.before.cycles == stabilizers.base.clearing_time("7-8@0.4").cycles
+    assert check.after.cycles > check.before.cycles + 5
+
+
+def test_a_python_function_has_no_page(damper):
+    from dataclasses import replace
+
+    law = st.Controller.from_function(lambda seen: 10 * seen["deviation:1"], "deviation:1", "order:3@11", rate=60)
+    with pytest.raises(StudyError, match="is a Python function"):
+        evidence(replace(damper, controllers=(law,)))
