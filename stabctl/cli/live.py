@@ -1,23 +1,49 @@
 """stabctl live: the interactive page of a case."""
 
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from . import groups, shared
 from .grouped import grouped
 
+if TYPE_CHECKING:
+    from stabctl.live.commands import Source
+
 Port = Annotated[int, typer.Option("--port", min=0, max=65535, help="Port of the page (0: any that is free).")]
 Browser = Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the default browser.")]
+READ = "dyr", "loads", "machines", "frequency", "missing", "missing_controls"  # arguments of `st.load`
 
 
 @grouped
 def live(*, port: Port = 0, browser: Browser = True, case: groups.CaseOptions) -> None:
     """Open a page that simulates while you move the fault, its clearing time, the storage and its control."""
-    from stabctl.live.commands import Source
     from stabctl.live.serve import serve
 
     def said(address: str) -> None:
         shared.console().print(f"{address}\nCtrl-C ends it.", soft_wrap=True)
 
-    serve(case.load(), Source(repr(case.case), (case.case,)), port=port, browser=browser, said=said)
+    serve(case.load(), source(case), port=port, browser=browser, said=said)
+
+
+def source(case: groups.CaseOptions) -> "Source":
+    """How the case is loaded, for the lines that the page gives to copy."""
+    from stabctl.live.commands import Source
+
+    default = groups.CaseOptions(case.case)
+    given = {name: getattr(case, name) for name in READ if getattr(case, name) != getattr(default, name)}
+    plain = {name: str(value) if isinstance(value, Path) else value for name, value in given.items()}
+    python = f"st.load({', '.join([repr(case.case), *(f'{name}={value!r}' for name, value in plain.items())])})"
+    words = [case.case]
+    for name, value in plain.items():
+        words += [f"--{name.replace('_', '-')}", f"{value:g}" if isinstance(value, float) else str(value)]
+    for text in case.settings or ():
+        path, _, value = text.partition("=")
+        python += f".set({{{path.strip()!r}: {value.strip()!r}}})"
+        words += ["--set", text]
+    for file in case.device or ():
+        words += ["--device", file]
+    if case.classical:
+        python, words = f"{python}.classical()", [*words, "--classical"]
+    return Source(python, tuple(words))

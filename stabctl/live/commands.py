@@ -9,7 +9,7 @@ from .state import State
 
 
 class Source(NamedTuple):
-    """How the case was loaded: the arguments of `st.load`, and the words of the command line."""
+    """How the case was loaded: in Python, and as words of the command line."""
 
     python: str
     words: tuple[str, ...]
@@ -33,7 +33,7 @@ def fleet(case: Case, state: State) -> str | dict[int, str]:
 def _python(load: Source, case: Case, state: State) -> str:
     trip = f", trip={state.trip!r}" if state.trip else ""
     level = f".with_load_level({state.level / 100:g})" if state.level != 100 else ""
-    text, control = f"st.load({load.python}){level}", ""
+    text, control = f"{load.python}{level}", ""
     if state.stored:
         lag = f", lag='{state.lag:g}ms'" if state.lag else ""
         text += f".with_storage({fleet(case, state)!r}{lag})"

@@ -10,6 +10,8 @@ import pytest
 from asgi import ask
 
 import stabctl as st
+from stabctl.cli.groups import CaseOptions
+from stabctl.cli.live import source
 from stabctl.errors import StudyError
 from stabctl.live import commands, linear, page, runs, searches, theory
 from stabctl.live.app import app
@@ -19,7 +21,7 @@ from stabctl.live.recording import recording
 from stabctl.live.state import State, read
 
 TOKEN = "a-token-of-the-test"
-LOAD = commands.Source("'two_area'", ("two_area",))
+LOAD = commands.Source("st.load('two_area')", ("two_area",))
 FAULT = State("7-8@0.4", clear=21)
 
 
@@ -151,6 +153,15 @@ def test_copied_lines_give_the_run_of_the_page(points, settings, capsys, monkeyp
     with pytest.raises(SystemExit):
         main()
     assert json.loads(capsys.readouterr().out)["message"] == head["runs"][""]["message"]
+
+
+def test_how_the_case_was_loaded_is_in_the_lines():
+    """Options of the command line come back in both lines, and Python gives the same case."""
+    options = CaseOptions("two_area", settings=["pss.1.K=3"], classical=True, loads="current")
+    found = source(options)
+    words = ("two_area", "--loads", "current", "--set", "pss.1.K=3", "--classical")
+    assert found == commands.Source("st.load('two_area', loads='current').set({'pss.1.K': '3'}).classical()", words)
+    assert eval(found.python, {"st": st}) == options.load()
 
 
 def test_only_its_own_page_gets_an_answer(pages):
