@@ -72,7 +72,7 @@ def about(points: Points) -> dict[str, Any]:
         "fault": fault,
         "style": {
             "colors": style.COLORS,
-            "gray": style.GRAY,
+            "areas": style.AREAS,
             "voltages": style.VOLTAGES,
             "clearing": style.CLEARING,
         },

@@ -13,7 +13,7 @@ from stabctl.smallsignal import Areas, Mode
 
 from .clearing_time import LABEL
 from .one_line_labels import Label
-from .style import COLORS, INK, clearing_colors
+from .style import AREAS, COLORS, INK, clearing_colors
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -44,7 +44,7 @@ def areas(ax: "Axes", line: OneLine, found: Areas, point: float) -> list[Label]:
     """A disk behind every machine, in the color of its group."""
     for k, group in enumerate(found.groups):
         at = line.machines[_machines(line, group)]
-        color = COLORS[k % len(COLORS)]
+        color = AREAS[k % len(AREAS)]
         ax.scatter(at[:, 0], at[:, 1], s=(0.62 * point) ** 2, color=color, alpha=0.3, linewidths=0, zorder=0.5)
         ax.scatter([], [], s=60, color=color, alpha=0.3, label=f"area {k + 1}")
     ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize="small")

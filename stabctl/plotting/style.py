@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8c564b")  # Okabe-Ito
 GRAY, INK = "#808080", "#222222"
+AREAS = (*COLORS[:5], COLORS[7], GRAY)  # of coherent areas; different from each other on light and dark paper
 VOLTAGES = ((0.8, "#d55e00"), (0.9, "#e69f00"), (1.0, "#f0f0f0"), (1.1, "#0072b2"))  # pu, color; between them mixed
 CLEARING = "#b3350a", "#e69f00", "#56b4e9", "#0b4f8a"  # critical clearing times, the shortest first
 MARKERS = "os^Dv"

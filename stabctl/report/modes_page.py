@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from stabctl.plotting import mode_shape
+from stabctl.plotting import mode_shape, one_line
 from stabctl.plotting import modes as eigenvalue_map
 from stabctl.smallsignal import Areas, Mode, Modes
 from stabctl.smallsignal.eigen import ZERO
@@ -29,6 +29,8 @@ def page(modes: Modes, areas: Areas | None, band: tuple[float, float]) -> str:
     """
     case = modes.linear.point.case
     inside = [modes.mode(k) for k in modes.within(*band)]
+    least = min((m for m in inside if m.electromechanical), key=lambda m: m.damping_ratio, default=None)
+    drawn = [part for part in (least, areas) if part is not None]
     return (
         document.environment()
         .get_template("modes.html")
@@ -37,6 +39,8 @@ def page(modes: Modes, areas: Areas | None, band: tuple[float, float]) -> str:
             case=case,
             summary=str(modes),
             eigenvalues=svg(eigenvalue_map.plot(modes), "Eigenvalues in the complex plane"),
+            diagram=svg(one_line.plot(modes.linear.point, *drawn), "One-line diagram") if drawn else None,
+            least=least,
             zeros=[modes.mode(k) for k in range(len(modes)) if modes.eigenvalues[k] == 0],
             swings=[_swing(m) for m in inside if m.electromechanical],
             areas=_areas(areas) if areas else None,

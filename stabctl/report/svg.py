@@ -5,7 +5,7 @@ import io
 import re
 from typing import TYPE_CHECKING, Any
 
-from stabctl.plotting.style import COLORS, GRAY, whole
+from stabctl.plotting.style import COLORS, GRAY, INK, whole
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 VARIABLES = {  # color of the figure -> variable of the page, which has another value in dark mode
     "#000000": "ink",
+    INK: "ink",
     "#ffffff": "paper",
     GRAY: "soft",
     COLORS[0]: "a",

@@ -17,6 +17,7 @@ from stabctl.diagram.graph import backbone, graph
 from stabctl.diagram.layout import layout
 from stabctl.diagram.stress import stress
 from stabctl.errors import StudyError
+from stabctl.placement.siting import Costs, Site, Siting
 from stabctl.smallsignal import areas
 
 CASES = "ieee39", "two_area", "wnaps", "wscc9"
@@ -174,6 +175,19 @@ def test_a_screen_colors_each_end_of_a_line(cases, points):
     assert f"{critical:g}" in {t.get_text() for t in ax.texts}
     with pytest.raises(StudyError, match="draw the screen on the case it was made with"):
         cases("two_area").plot(found)
+
+
+def test_a_placement_has_squares_of_its_ratings(cases):
+    """The area of a square beyond the smallest grows with the rating; the largest ratings are written."""
+    sites = (Site(5, 1, 90.0, 0.1), Site(10, 3, 10.0, 0.1))
+    found = Siting("two_area", sites, Costs(), 1.0, None, None, None, None, (), (), (), (), 5.0, 1, 1.0)
+    ax = cases("two_area").plot(found)
+    sizes = next(c.get_sizes() for c in ax.collections if len(c.get_offsets()) == 2 and c.get_zorder() == 4)
+    assert sizes[0] > 2 * sizes[1]
+    assert {s.size for s in sites} <= {t.get_text() for t in ax.texts}
+    assert crowded(ax) == []
+    with pytest.raises(StudyError, match="There is no machine 10"):
+        cases("wscc9").plot(replace(found, sites=(Site(5, 10, 1.0, 0.0),)))
 
 
 def test_what_cannot_be_drawn_is_refused(cases):

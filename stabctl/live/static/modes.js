@@ -77,7 +77,7 @@ const modes = {
   },
 
   shape() { // arrows and groups on the diagram
-    const mode = this.found.modes[this.chosen], colors = live.case.style.colors, places = live.case.diagram.machines;
+    const mode = this.found.modes[this.chosen], colors = live.case.style.areas, places = live.case.diagram.machines;
     diagram.overlay = {
       under: (c, at, s) => this.found.areas.forEach((group, k) => group.forEach((i) => {
         c.globalAlpha = 0.3;
