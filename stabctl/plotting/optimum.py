@@ -30,5 +30,6 @@ def plot(found: Optimum) -> "Figure":
         signal(found.run, what, ax=ax)
         ax.axvline(takes_over, color=GRAY, ls="--", lw=1)
     axes[0, 0].set_xlabel("")
+    axes[1, 0].set_title("")
     axes[0, 0].set_title(f"{found.case}, fault {found.contingency.fault}: {found.cycles:g} cycles")
     return figure
