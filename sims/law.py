@@ -5,7 +5,7 @@ from pathlib import Path
 from reproduction import paper
 from reproduction.console import present
 from reproduction.study import Study, Table
-from stabctl.controllers import BangBang, Device, Input, wanted
+from stabctl.controllers import BangBang, Device, Input, decided
 
 DEVICE = Device(rating=50.0, machine=900.0, frequency=60.0)
 COMMANDS = {1.0: "absorbs", -1.0: "injects", 0.0: "idles"}
@@ -31,7 +31,7 @@ def study(_reports: Path) -> Study:
 def command(mhz: float, voltage: float = 1.0) -> str:
     """What the controller does at a speed relative to the rest (mHz) and a voltage (pu)."""
     signals = Input(deviation=1e-3 * mhz / DEVICE.frequency, acceleration=0.0)
-    return COMMANDS[wanted(BangBang(), BangBang().par(DEVICE), signals, voltage)]
+    return COMMANDS[decided(BangBang(), BangBang().par(DEVICE), signals, voltage).wanted]
 
 
 if __name__ == "__main__":
