@@ -1,6 +1,6 @@
 "use strict";
 // Names on the diagram: each where it is free, or left out; hovering shows those.
-const LETTERS = 11, LEAST = 30; // pixels, and pixels per unit below which there are no names
+const LETTERS = 11, LEAST = 24; // pixels, and pixels per unit below which there are no names
 
 function placedLabels() {
   const s = diagram.view.scale;
