@@ -30,6 +30,7 @@ class Called:
 
     named: Named
     reads: np.ndarray
+    units: np.ndarray  # (inputs) the unit that an input belongs to, -1: none
     held: slice
 
 
@@ -116,10 +117,10 @@ class _Attachment:
         point, final = self.more.build(), self.more.place
         own = [f.device.fastest(k) for f in point.system.families if hasattr(f.device, "fastest") for k in f.k]
         point = replace(point, fastest=max([point.fastest, *own]))
-        called = (
-            Called(c, np.array([final(r) for r in reads], int), slice(final(held), final(held) + len(c.outputs)))
-            for c, reads, held in self.called
-        )
+        called = []
+        for c, reads, held in self.called:
+            at, units = np.array([final(r) for r in reads], int), np.array(self._units(c), int)
+            called.append(Called(c, at, units, slice(final(held), final(held) + len(c.outputs))))
         windows = tuple((final(at), start, end) for at, start, end in self.windows)
         measured = tuple(Measured(c, np.array([final(r) for r in reads], int)) for c, reads in self.measured)
         return Attached(point, tuple(self.controllers), self.rates, tuple(called), windows, measured)
@@ -173,12 +174,14 @@ class _Attachment:
             (max(gate.low, -BOUND), min(gate.high, BOUND), gate.magnitude) if gate and gate.signal else (0.0, 2.0, 0.0)
         )
         L = anti_windup(what, M.C)
-        units = [
-            self.unit[machines(s)[0]] if OUTPUTS[s.kind].place in ("machine", "group") else -1 for s in c.inputs[:m]
-        ]
         levels = [max(low, -BOUND), min(high, BOUND), what.deadband, float(what.relay)]
-        parts = [[n, m, p], bounds, *(X.ravel() for X in M), c.rest[:m], units, levels, L.ravel()]
+        parts = [[n, m, p], bounds, *(X.ravel() for X in M), c.rest[:m], self._units(c)[:m], levels, L.ravel()]
         return np.concatenate(parts).tolist()
+
+    def _units(self, c: Named) -> list[int]:
+        """The unit of every input, which counts as at rest while that is off; -1 if it belongs to none."""
+        of_unit = [OUTPUTS[s.kind].place in ("machine", "group") for s in c.inputs]
+        return [self.unit[machines(s)[0]] if own else -1 for s, own in zip(c.inputs, of_unit, strict=True)]
 
     def _owner(self, c: Named) -> int:
         """The unit of a controller that drives one machine only: it is frozen when the machine is off."""

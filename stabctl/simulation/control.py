@@ -98,7 +98,10 @@ class Frames:
         if simulation.outcome is not None:
             return
         s = simulation.at_frame()
-        seen = Seen(named.names, s[self._called.reads] - named.rest, named.rest, simulation.time)
+        values, units, island = s[self._called.reads] - named.rest, self._called.units, simulation.island
+        if island.min() < 0:
+            values[(units >= 0) & (island[units] < 0)] = 0.0  # of a machine that is off
+        seen = Seen(named.names, values, named.rest, simulation.time)
         u, self._x = answer(self._law, seen, self._x, len(named.outputs), what.name)
         self._late.append(u.real)
         low, high = named.limits

@@ -61,6 +61,37 @@ def test_limits_hold_and_are_left_without_windup(base):
     assert last_at_limit("50ms") < last_at_limit(None) - 0.5
 
 
+def test_a_sampled_integrator_leaves_its_limit_without_windup(base):
+    """The law of the anti-windup at frames: with tracking, the state at the limit stays near what the limit needs."""
+
+    def last_at_limit(tracking):
+        integral = control.ss(500 / S)
+        one = st.Controller.from_control(
+            integral, "deviation:1", "order:1@5", rate=60, delay="50ms", limits=0.2, tracking=tracking
+        )
+        run = base.simulate(st.Contingency("7-8@0.4", clear="6cyc"), "5s", control=one)
+        assert np.abs(order(run)).max() == pytest.approx(0.2, abs=1e-12)
+        return run.time[np.abs(order(run)) > 0.2 - 1e-9].max()
+
+    assert last_at_limit("50ms") < last_at_limit(None) - 0.5
+
+
+@pytest.mark.parametrize("rate", [None, 60])
+def test_a_gate_on_the_rate_of_the_frequency(base, rate):
+    """A controller armed by the measured rate of change of frequency acts while that is large."""
+    gate = st.Gate("rocof:7", low=0.05, magnitude=True)
+    one = st.Controller.from_control(LAG, "deviation:1", "vs:1", rate=rate, gate=gate)
+    run = base.simulate(STEP, "2s", control=one)
+    system = run.point.system
+    rate_of_frequency = run.rows[:, system.family("rocof").w[0, -1]]
+    added = run.rows[:, system.family("frame" if rate else "lti").w[0, -1]]
+    large = np.abs(rate_of_frequency) > 0.05
+    assert large.any()
+    assert not large.all()
+    assert (np.abs(added[~large]) == 0).all()
+    assert (np.abs(added[large]) > 0).mean() > 0.9  # not before the first frame, or the first derivative
+
+
 def test_a_ramp_limits_the_change_per_frame(base):
     one = st.Controller.from_control(LAG, "deviation:1", "order:1@5", rate=60, ramp=0.6)
     run = base.simulate(st.Contingency("7-8@0.4", clear="6cyc"), "3s", control=one)
@@ -111,9 +142,12 @@ def test_the_controller_of_a_tripped_machine_stops(base):
     assert np.ptp(state[after]) == 0
 
 
-def test_inputs_of_a_tripped_machine_count_as_at_rest(base):
+@pytest.mark.parametrize("kind", ["continuous", "sampled", "function"])
+def test_inputs_of_a_tripped_machine_count_as_at_rest(base, kind):
     gain = control.ss([], [], [], [[50.0]])
-    one = st.Controller.from_control(gain, "speed:1", "order:2@6", rate=60)
+    one = st.Controller.from_control(gain, "speed:1", "order:2@6", rate=60 if kind == "sampled" else None)
+    if kind == "function":
+        one = st.Controller.from_function(lambda seen: 50 * seen["speed:1"], "speed:1", "order:2@6")
     run = base.simulate(st.TripMachine(1, 0.5), "2s", control=one, criterion=st.Criterion(max_angle=1e3))
     assert np.abs(order(run, 1)[run.time > 0.55]).max() == 0
 
