@@ -241,14 +241,20 @@ class Controller:
         return replace(self, A=A, B=B, C=C, D=D, rate=rate, delay=_seconds("delay", delay))
 
     def to_control(self) -> "control.StateSpace":
-        """The matrices as a python-control system, without delay, limits, deadband and gate."""
+        """The matrices as a python-control system with names, without delay, limits, deadband and gate.
+
+        States are called as in closed loops, "x1 pod"; signals of a kind alone are numbered, "speed 1".
+        """
         import control
 
         if self.law is not None:
             raise StudyError(f"{self.name} is a Python function, which python-control has no matrices for.")
-        labels = {"inputs": list(self.inputs), "outputs": list(self.outputs)}
+        sizes = {"inputs": self.D.shape[1], "outputs": self.D.shape[0]}
+        labels = {key: _numbered(getattr(self, key), size) for key, size in sizes.items()}
+        labels["states"] = [f"x{i + 1} {self.name}" for i in range(len(self.A))]
         labels = {key: [k.replace(".", " ") for k in names] for key, names in labels.items()}
-        return control.ss(self.A, self.B, self.C, self.D, 1 / self.rate if self.rate else 0, **labels)
+        dt, name = 1 / self.rate if self.rate else 0, self.name.replace(".", " ")
+        return control.ss(self.A, self.B, self.C, self.D, dt, name=name, **labels)
 
     def save(self, path: Any) -> Any:
         """Write the controller to a TOML file, which `stabctl.load_controller` and `--controller` read."""
@@ -264,6 +270,11 @@ class Controller:
         return f"{self.name}: {', '.join(self.inputs)} -> {', '.join(self.outputs)} ({what}, {kind}{late})"
 
     __repr__ = __str__
+
+
+def _numbered(names: Sequence[str], size: int) -> list[str]:
+    """Names of `size` signals; kinds alone, which mean several, are numbered."""
+    return list(names) if len(names) == size else [f"{', '.join(names)} {k + 1}" for k in range(size)]
 
 
 def _split(names: str | Sequence[str]) -> tuple[str, ...]:

@@ -133,6 +133,8 @@ class Linear(Model):
     point: OperatingPoint
     places: tuple[layout.StatePlace, ...]  # device, machine and name of every state
 
+    reduce = verb("stabctl.smallsignal.reduce:reduce")
+
     def speeds(self) -> np.ndarray:
         """Indices (rotor units) of the speeds among the states."""
         return self.angles() + 1

@@ -10,7 +10,8 @@ from stabctl._util.wording import counted
 from stabctl.dynamics.layout import unique
 from stabctl.errors import StudyError
 
-from .model import Model
+from .analysis import analyze
+from .model import Linear, Model
 from .modes import Modes
 
 
@@ -57,6 +58,19 @@ def modal(modes: Modes, keep: Iterable[int], static: bool = True) -> Reduced:
         answer = modes.observability()[:, rest] / -modes.eigenvalues[rest]
         D = D + (answer @ modes.controllability()[rest]).real
     return Reduced(linear.name, A, B, C, D, labels, linear.inputs, linear.outputs, np.zeros(0))
+
+
+def reduce(linear: Linear, order: int) -> Reduced:
+    """Reduce a linear model to `order` states by balanced truncation; see `balanced`.
+
+    Raises `StudyError` if the model is sampled, has no inputs or no outputs, or `order` is not possible.
+    """
+    if linear.transition()[2]:
+        raise StudyError(
+            f"The closed loop of {linear.name} has sampled controllers; reduce the linear model of the system, or the "
+            "controllers."
+        )
+    return balanced(analyze(linear), order)
 
 
 def balanced(modes: Modes, order: int) -> Reduced:
