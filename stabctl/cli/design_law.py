@@ -179,6 +179,7 @@ def _record(found: "LawDesign") -> dict[str, Any]:
         "law": asdict(found.law),  # type: ignore[call-overload]
         "gain": found.gain._asdict(),
         "kept": found.kept,
+        "quiet": found.quiet,
         "contingencies": found.df.to_dict("records"),
         "limits": asdict(found.limits),
         "tried": found.tried,

@@ -28,8 +28,10 @@ from .law_limits import LawLimits
 from .law_result import Judged, LawDesign
 from .law_search import LawSearch
 from .leaving import Group, disjoint, leaving, slow_areas
+from .quiet import quiet
 
 DEADBAND = 0.05  # Hz   where the search begins
+CHECKED = 12  # devices up to which limit cycles are looked for, which takes a minute with 30
 ARMED = 0.1  # Hz   where the search begins, so that a new angle does not keep the devices acting
 RETURNED = 4  # time constants of the return of energy within the time allowed
 
@@ -141,12 +143,22 @@ def _designed(
     groups = [_leaving(bench, areas, c, m) for c, m in zip(faults, none, strict=True)]
     together = _numbers(point, disjoint(g for k in order if faults[k] in chosen and (g := groups[k])))
     tuning = LawSearch(bench, chosen, reference, limits, use.of)
-    best = use.of(tuning.best(_start(limits), [(), together] if together else [()])[0])
+    finalists = [use.of(one) for one in tuning.best(_start(limits), [(), together] if together else [()])]
+    best, silent = _quiet(point, finalists)
     pairs = bench.measured([(law, c) for c in faults for law in (reference, best)], bench.search)
     found = zip(faults, none, pairs[::2], pairs[1::2], groups, strict=True)
     rows = tuple(Judged(c, c in chosen, n, r, d, group) for c, n, r, d, group in found)
     kept = limits.kept([row.designed for row in rows if row.training])
-    return LawDesign(point.case.name, best, reference, rows, limits, kept, len(tuning.tried), bench.simulations, 0.0)
+    work = len(tuning.tried), bench.simulations, 0.0
+    return LawDesign(point.case.name, best, reference, rows, limits, kept, *work, silent)
+
+
+def _quiet(point: OperatingPoint, finalists: Sequence[Law]) -> tuple[Law, bool | None]:
+    """The first law without a stable limit cycle, and whether there is one; of many devices the first, unchecked."""
+    if len(point.case.storage) > CHECKED:
+        return finalists[0], None
+    silent = next((one for one in finalists if quiet(point, one)), None)
+    return silent or finalists[0], silent is not None
 
 
 def _leaving(bench: Bench, areas: Areas, contingency: Contingency, idle: Measured) -> Group | None:

@@ -11,6 +11,7 @@ from stabctl.controllers.file import load
 from stabctl.design import LawLimits, law
 from stabctl.design.law_contingencies import spread, training
 from stabctl.design.law_text import parameters
+from stabctl.design.quiet import quiet
 from stabctl.errors import StudyError
 from stabctl.simulation.contingency import Contingency
 
@@ -40,6 +41,14 @@ def test_the_designed_law_is_better_than_the_papers(fleet, found):
     for control, measured in ((None, only.none), (BangBang(), only.reference), (design.law, only.designed)):
         again = fleet.clearing_time(FAULT, control=control, **QUICK)
         assert again.cycles == measured.reach
+
+
+def test_a_law_with_a_large_delay_is_not_quiet(fleet, found):
+    """Half a period of the inter-area mode late, a law drives the swings that it should stop."""
+    assert found[0].quiet
+    law = StorageLaw(deadband=0.02, slope=0.02)
+    assert quiet(fleet, law.sampled(60))
+    assert not quiet(fleet, law.sampled(60, "800ms"))
 
 
 def test_the_group_is_named(found):
