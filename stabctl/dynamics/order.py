@@ -12,7 +12,7 @@ import numpy as np
 from stabctl.errors import EquilibriumError
 
 from . import family
-from .family import BOTH, CURRENT, FRAME, INPUTS, OUTPUT, RATES
+from .family import BOTH, CURRENT, FRAME, INPUTS, OUTPUT, RATES, STEP
 from .tables import Family
 
 Node = tuple[int, int, tuple[int, ...]]  # family, operation, rows
@@ -100,8 +100,8 @@ def read_by_currents(families: Sequence[Family], sweep: Sequence[Node]) -> list[
 
 
 def read_by_frames(families: Sequence[Family], sweep: Sequence[Node]) -> list[Node]:
-    """The part of `sweep` whose outputs sampled controllers read: they are made at every frame."""
-    return makers(families, sweep, all_of(families, FRAME))
+    """The part of `sweep` that sampled controllers and devices that decide at a step read."""
+    return makers(families, sweep, [*all_of(families, FRAME), *all_of(families, STEP)])
 
 
 def all_of(families: Sequence[Family], op: int) -> list[Node]:

@@ -2,14 +2,13 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.realization import Matrices, anti_windup
-from stabctl.devices.sensors import bus_angle, bus_voltage, line_current, line_power
 from stabctl.dynamics import inputs as ins
-from stabctl.dynamics import outputs
 from stabctl.dynamics.extended import extended
 from stabctl.dynamics.extension import Extension
 from stabctl.dynamics.layout import SetPoint, StatePlace
@@ -18,7 +17,9 @@ from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen, machines
 from stabctl.errors import StudyError
 
-from . import center, frame, lti
+from . import frame, lti
+from . import gate as gates
+from .signal_sensors import Sensors
 
 NONE = np.zeros((0, 0))
 BOUND = 1e300  # in place of an infinite limit, which must not be multiplied by zero
@@ -52,6 +53,7 @@ class Attached:
     called: tuple[Called, ...] = ()
     windows: tuple[tuple[int, float, float], ...] = ()  # place of a flag, its start and end, s
     measured: tuple[Measured, ...] = ()
+    gates: tuple[int, ...] = ()  # places of the flags of gates
 
 
 def attached(point: OperatingPoint, controllers: Sequence[Controller], measured: Sequence[Controller] = ()) -> Attached:
@@ -93,18 +95,19 @@ class _Attachment:
 
     def __init__(self, point: OperatingPoint, true: Sequence[Named], behind: Sequence[Named]) -> None:
         controllers = [*true, *behind]
-        gates = [chosen(point.case, [g], OUTPUTS)[0] if (g := _gate(c)) else None for c in controllers]
-        read = [s for c in true for s in c.inputs] + [g for g in gates if g is not None]
+        opening = [chosen(point.case, [g], OUTPUTS)[0] if (g := _gate(c)) else None for c in controllers]
+        read = [s for c in true for s in c.inputs] + [g for g in opening if g is not None]
         drawn = [s for c in controllers for s in c.outputs if s.kind in ins.DRAWN]
         self.base = extended(point, drawn, read)
         self.more = Extension(self.base)
-        self.controllers, self.gates, self.behind = controllers, gates, {id(c) for c in behind}
+        self.controllers, self.opening, self.behind = controllers, opening, {id(c) for c in behind}
         rates = {c.controller.rate for c in controllers if c.controller.law is None}
         self.rates = tuple(sorted(r for r in rates if r))
-        self.sensors: dict[Signal, int] = {}
+        self.sensors = Sensors(self.base, self.more)
         self.ports: dict[Signal, list[tuple[int, int, int]]] = {}
         self.called: list[tuple[Named, list[int], int]] = []
         self.windows: list[tuple[int, float, float]] = []
+        self.flags: list[int] = []
         self.measured: list[tuple[Named, list[int]]] = []
         self.unit = {m.machine: i for i, m in enumerate(point.case.machines)}
         for signal in dict.fromkeys(s for c in controllers for s in c.outputs):
@@ -112,8 +115,8 @@ class _Attachment:
 
     def done(self) -> Attached:
         """The operating point with all of them."""
-        for c, gate in zip(self.controllers, self.gates, strict=True):
-            self._add(c, gate)
+        for c, signal in zip(self.controllers, self.opening, strict=True):
+            self._add(c, signal)
         point, final = self.more.build(), self.more.place
         own = [f.device.fastest(k) for f in point.system.families if hasattr(f.device, "fastest") for k in f.k]
         point = replace(point, fastest=max([point.fastest, *own]))
@@ -123,7 +126,8 @@ class _Attachment:
             called.append(Called(c, at, units, slice(final(held), final(held) + len(c.outputs))))
         windows = tuple((final(at), start, end) for at, start, end in self.windows)
         measured = tuple(Measured(c, np.array([final(r) for r in reads], int)) for c, reads in self.measured)
-        return Attached(point, tuple(self.controllers), self.rates, tuple(called), windows, measured)
+        flags = tuple(final(at) for at in self.flags)
+        return Attached(point, tuple(self.controllers), self.rates, tuple(called), windows, measured, flags)
 
     def _ports(self, signal: Signal) -> list[tuple[int, int, int]]:
         """The inputs of devices that a signal drives."""
@@ -135,16 +139,16 @@ class _Attachment:
             raise StudyError(f"No device of {self.base.case.name} reads {signal.label}, so it cannot be driven.")
         return found
 
-    def _add(self, c: Named, gate: Signal | None) -> None:
+    def _add(self, c: Named, opening: Signal | None) -> None:
         what, more, m, p = c.controller, self.more, len(c.inputs), len(c.outputs)
-        reads = self._estimated(c) if id(c) in self.behind else [self._place(s) for s in c.inputs]
+        reads = self._estimated(c) if id(c) in self.behind else [self.sensors.place(s) for s in c.inputs]
         owner = self._owner(c)
         base = [int(self.more.connected(self.ports[s], 0)) for s in c.outputs]
         out = more.outputs([more.value(at) for at in base], owner)
         for i, s in enumerate(c.outputs):
             more.connected(self.ports[s], out + i)
         one = self.base.layout.one
-        opens, window = one if gate is None else self._place(gate), one
+        opens, window = one if opening is None else self._flag(c, opening), one
         if what.gate is not None and (what.gate.start > -np.inf or what.gate.end < np.inf):
             window = more.memory(1)
             self.windows.append((window, what.gate.start, what.gate.end))
@@ -166,16 +170,22 @@ class _Attachment:
         tail = [what.frames, what.ramp / what.rate, self.rates.index(what.rate)]
         more.add("frame", frame, [0, 0, 0, owner, *reads, *base, opens, window, memory, out], [*k, *tail], what.name)
 
+    def _flag(self, c: Named, opening: Signal) -> int:
+        """Place of a flag, 1 while the gate of a controller is open."""
+        bounds, flag = c.controller.gate, self.more.memory(1)
+        assert bounds is not None
+        k = [max(bounds.low, -BOUND), min(bounds.high, BOUND), float(bounds.magnitude)]
+        self.more.add("gate", gates, [0, 0, 0, -1, self.sensors.place(opening), flag], k, c.controller.name)
+        self.flags.append(flag)
+        return flag
+
     def _constants(self, c: Named, M: Matrices, m: int) -> list[float]:
         """The row of constants, as `lti` describes it."""
         what, n, p = c.controller, len(M.A), len(c.outputs)
-        gate, (low, high) = what.gate, c.limits
-        bounds = (
-            (max(gate.low, -BOUND), min(gate.high, BOUND), gate.magnitude) if gate and gate.signal else (0.0, 2.0, 0.0)
-        )
+        low, high = c.limits
         L = anti_windup(what, M.C)
         levels = [max(low, -BOUND), min(high, BOUND), what.deadband, float(what.relay)]
-        parts = [[n, m, p], bounds, *(X.ravel() for X in M), c.rest[:m], self._units(c)[:m], levels, L.ravel()]
+        parts: list[Any] = [[n, m, p], *(X.ravel() for X in M), c.rest[:m], self._units(c)[:m], levels, L.ravel()]
         return np.concatenate(parts).tolist()
 
     def _units(self, c: Named) -> list[int]:
@@ -194,62 +204,6 @@ class _Attachment:
         reads = [self.more.setpoint(one, float(rest)) for one, rest in zip(points, c.rest, strict=True)]
         self.measured.append((c, reads))
         return reads
-
-    def _place(self, signal: Signal) -> int:
-        """Place of a signal; a sensor is added where no device gives it."""
-        if signal not in self.sensors:
-            self.sensors[signal] = self._sensor(signal)
-        return self.sensors[signal]
-
-    def _sensor(self, signal: Signal) -> int:
-        base, kind = self.base, signal.kind
-        if outputs.given(kind):
-            return outputs.place(base, signal)
-        if kind == "state":
-            return outputs.state(base, signal)
-        if kind == "frequency":
-            raise StudyError(
-                f"A controller cannot read frequency:{signal.place}, the exact rate of a bus angle; let it read "
-                f"bus_frequency:{signal.place}, the measured frequency."
-            )
-        if kind == "speed":
-            return int(base.rotors.angle[base.rotor_numbers.index(signal.number)]) + 1
-        rest = float(outputs.value(base, signal)(base.s))
-        if kind in ("angle", "rest_speed", "coi_speed", "deviation", "angle_deviation"):
-            return self._center(signal, rest)
-        if kind in outputs.OF_LINE:
-            ends, par = outputs.line(base, str(signal.place))
-            first, second = (int(base.layout.nx + k) for k in ends[[0, 2]])
-            table, device = ("line_current", line_current) if kind == "current" else ("line_power", line_power)
-            out = self.more.outputs([rest] if kind == "current" else [0.0, 0.0])
-            self.more.add(table, device, [0, first, second, -1, out], par, str(signal.place))
-            return out + (kind == "flow_q")
-        out = self.more.outputs([rest])
-        at = base.layout.nx + 2 * base.net.place[signal.number]
-        if kind == "voltage":
-            self.more.add("bus_voltage", bus_voltage, [0, at, at, -1, out], [], f"bus {signal.place}")
-        else:
-            mean = self._center(Signal("coi_angle", None, "", ""), 0.0)
-            self.more.add("bus_angle", bus_angle, [0, at, at, -1, mean, out], [], f"bus {signal.place}")
-        return out
-
-    def _center(self, signal: Signal, rest: float) -> int:
-        """A mean of angles or speeds; see `center`."""
-        rotors, kind = self.base.rotors, signal.kind
-        group: np.ndarray = np.zeros(len(rotors.unit))
-        if signal.place is not None:
-            group = np.isin(self.base.rotor_numbers, machines(signal)) * 1.0
-        own, mean, others = {
-            "deviation": (1.0, -1.0, 1), "angle_deviation": (1.0, -1.0, 1), "angle": (1.0, -1.0, 0),
-            "rest_speed": (0.0, 1.0, 1),
-            "coi_speed": (0.0, 1.0, 0), "coi_angle": (0.0, 1.0, 0),
-        }[kind]  # fmt: skip
-        unit = int(rotors.unit[np.flatnonzero(group)[0]]) if group.any() else -1
-        places = rotors.angle + (kind not in ("angle", "angle_deviation", "coi_angle"))
-        out = self.more.outputs([rest])
-        k = [len(group), own, mean, others, *group, *rotors.inertia, *rotors.unit]
-        self.more.add("center", center, [0, 0, 0, unit, *map(int, places), out], k, signal.label)
-        return out
 
 
 def _gate(c: Named) -> str | None:

@@ -2,8 +2,8 @@
 
 The sizes are in the table of constants, not in the type, so a controller of a new size needs no compilation.
 
-    k: n m p, gate low high magnitude, A B C D, y at rest (m), unit of each input (m), low high deadband relay, L (n p)
-    w: state, -, -, unit, inputs (m), what each output is added to (p), gate, window, first output
+    k: n m p, A B C D, y at rest (m), unit of each input (m), low high deadband relay, L (n p)
+    w: state, -, -, unit, inputs (m), what each output is added to (p), gate and window (1 while open), first output
 
 While its gate is closed or its unit is off, the outputs are zero and the states return to rest.
 """
@@ -16,7 +16,7 @@ from stabctl.dynamics.family import OUTPUT, RATES
 NAME = "controller"
 ROLE = "controller"
 SINGLE = True
-HEAD = 6
+HEAD = 3
 RESET = 0.05  # s   time constant with which the states return to rest
 
 
@@ -28,14 +28,6 @@ def shape(u, low, high, dead, relay):
     if dead > 0:
         u = u - dead if u.real > dead else u + dead if u.real < -dead else 0 * u
     return 0 * u + low if u.real < low else 0 * u + high if u.real > high else u
-
-
-@inline
-def is_open(gate, window, low, high, magnitude):
-    """Whether the gate is open."""
-    if magnitude > 0 and gate < 0:
-        gate = -gate
-    return window > 0 and low <= gate <= high
 
 
 @inline
@@ -84,7 +76,7 @@ def active(w, k, s, on):
     m, p = int(k[1]), int(k[2])
     if w[3] >= 0 and on[w[3]] < 0:
         return False
-    return is_open(s[w[4 + m + p]].real, s[w[5 + m + p]].real, k[3], k[4], k[5])
+    return s[w[4 + m + p]].real > 0 and s[w[5 + m + p]].real > 0
 
 
 @inline

@@ -49,16 +49,8 @@ def group(i, island_of, a, q, s, island):
 
 
 @noinline
-def decide(p, a, net, q, due):
-    """Let the devices that act at every step, and controllers whose frame is due, act; returns whether one has changed.
-
-    `due` has a bit for every frame rate. The signals are those of `Relative`.
-    """
-    if due:
-        run(p.sense, p, q.s, q.f, net.island)
-        due_frames(p.frame, p.bits, due, p, q.s, q.f, net.island)
-    if len(a.held) == 0:
-        return due != 0
+def step(p, a, net, q, due):
+    """Let gates and laws act, with their signals; returns whether a gate or an order has changed."""
     coi(a, net, q)
     s, sums, island, first, m = q.s, q.coi, net.island, a.places[2], len(a.rotor)
     for i in range(len(island)):
@@ -76,7 +68,23 @@ def decide(p, a, net, q, due):
     for j in range(len(a.held)):
         q.orders[0, j] = q.s[a.held[j]]
     run(p.step, p, q.s, q.f, net.island)
-    changed = due != 0
+    changed = False
     for j in range(len(a.held)):
         changed |= q.orders[0, j] != q.s[a.held[j]]
+    return changed
+
+
+@noinline
+def decide(p, a, net, q, due):
+    """Let the devices that act at every step, and controllers whose frame is due, act; returns whether one has changed.
+
+    `due` has a bit for every frame rate. The signals are those of `Relative`.
+    """
+    if due or a.gated:
+        run(p.sense, p, q.s, q.f, net.island)
+    changed = due != 0
+    if len(a.held):
+        changed |= step(p, a, net, q, due)
+    if due:
+        due_frames(p.frame, p.bits, due, p, q.s, q.f, net.island)
     return changed

@@ -63,6 +63,7 @@ class Frame(NamedTuple):
     watch_low: np.ndarray  # pu   voltages below which a load counts as lost
     held: np.ndarray  # places that sampled devices write: the orders
     stops: np.ndarray  # rows of `limited` at whose limits a power jumps
+    gated: bool  # some of these are gates, which read outputs
     relay: bool  # the orders switch between fixed values, at instants to be found within a step
 
 
@@ -104,7 +105,14 @@ class NewtonSpace(NamedTuple):
 
 
 def frame(
-    system: System, layout: Layout, relative: Relative, held: np.ndarray, *, groups: Sequence[np.ndarray], relay: bool
+    system: System,
+    layout: Layout,
+    relative: Relative,
+    held: np.ndarray,
+    *,
+    groups: Sequence[np.ndarray],
+    gated: bool,
+    relay: bool,
 ) -> Frame:
     """The places that the stepper reads in a system.
 
@@ -120,6 +128,8 @@ def frame(
         Places that sampled devices write.
     groups
         Rotor units of the group of each rotor unit.
+    gated
+        Whether some of `held` are gates.
     relay
         Whether they switch between fixed values.
     """
@@ -133,7 +143,7 @@ def frame(
         places, rotors.angle, rotors.unit, rotors.inertia, first, member, owner,
         limits.state, limits.low, limits.high, limits.scale,
         system.draw_bus, system.near_bus, system.watch_bus, system.watch_low, held.astype(np.int64),
-        limits.stops, relay,
+        limits.stops, gated, relay,
     )  # fmt: skip
 
 

@@ -26,8 +26,8 @@ def prepare() -> None:
         "high": numbers,
         "watch_low": numbers,
     }
-    arrays: dict[str, Any] = {name: kinds.get(name, places) for name in Frame._fields if name != "relay"}
-    frame = Frame(**arrays, relay=False)
+    arrays: dict[str, Any] = {name: kinds.get(name, places) for name in Frame._fields if name not in ("gated", "relay")}
+    frame = Frame(**arrays, gated=False, relay=False)
     net = Net(factor(sp.identity(1, complex, "csc")), places, np.ones(1, bool), False)
     program = Program(places, numbers, calls, calls, calls, calls, calls, calls, places)
     q = space(np.zeros(layout.size), layout, frame)

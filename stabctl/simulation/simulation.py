@@ -96,7 +96,7 @@ class Simulation:
         self._off = np.full(len(point.case.machines), np.inf)
         while self._at + 1 < len(self.changes) and self.changes[self._at + 1].at <= start + 1e-9:
             self._at += 1
-        self.wired = wired(point, control, self.attached.rates)
+        self.wired = wired(point, control, self.attached.rates, self.attached.gates)
         self._enter()
         self._space = space(self.wired.start, self.wired.layout, self.wired.frame)
         self._clock = self.wired.layout.size - 2

@@ -57,7 +57,9 @@ class Memory(NamedTuple):
     end: int
 
 
-def wired(point: OperatingPoint, control: Law | None, rates: tuple[int, ...] = ()) -> Wired:
+def wired(
+    point: OperatingPoint, control: Law | None, rates: tuple[int, ...] = (), gates: tuple[int, ...] = ()
+) -> Wired:
     """The system of an operating point with a control law; its calls are kept with the system.
 
     Parameters
@@ -68,6 +70,8 @@ def wired(point: OperatingPoint, control: Law | None, rates: tuple[int, ...] = (
         The law of the storage devices; None: orders are set from outside.
     rates
         Rates of the sampled controllers, 1/s.
+    gates
+        Places of the flags of the gates of controllers.
     """
     kept = point.system.kept
     own = control.rate if control is not None else None
@@ -84,8 +88,10 @@ def wired(point: OperatingPoint, control: Law | None, rates: tuple[int, ...] = (
     start[memory.relative.online : memory.relative.time] = 1.0
     for i, value in enumerate(getattr(control and control.module, "START", ())):
         start[memory.orders.start + i : memory.lines : memory.orders.step] = value
-    held, switches = orders_of(layout), _switches(families, control)
-    made = frame(point.system, layout, memory.relative, held, groups=_groups(point, control), relay=switches)
+    held, switches = np.concatenate([orders_of(layout), np.array(gates, np.int64)]), _switches(families, control)
+    made = frame(
+        point.system, layout, memory.relative, held, groups=_groups(point, control), gated=bool(gates), relay=switches
+    )
     return Wired(kept[key]._replace(k=k), families, layout, made, memory.orders, rates, start)
 
 

@@ -204,3 +204,14 @@ def test_a_law_that_does_not_rest_has_no_linear_model(base):
     one = st.Controller.from_function(lambda seen: 0.1, "speed:1", "order:1@5")
     with pytest.raises(StudyError, match="is not at rest at the operating point"):
         base.closed_loop(one)
+
+
+@pytest.mark.parametrize("rate", [None, 60])
+def test_a_gate_on_a_signal_that_its_own_controller_changes_is_decided_once_per_step(base, rate):
+    """The order jumps, the measured frequency with it: the gate stays as it was until the next step."""
+    one = st.Controller.from_control(
+        300 * LAG, "deviation:1", "order:1@5", rate=rate, gate=st.Gate("rocof:5", low=0.05, magnitude=True)
+    )
+    run = base.simulate(st.Contingency("7-8@0.4", clear="6cyc"), "5s", control=one)
+    assert run.outcome.stable
+    assert 0 < (np.abs(run.arrays.order[:, 0]) > 0).mean() < 1
