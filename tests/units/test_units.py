@@ -45,6 +45,7 @@ PER = {  # of each unit, what one of the first of its kind is
     "MW/s": {"MW/s": 1, "kW/s": 1000, "MW/min": 60, "GW/s": 0.001},
     "kV": {"kV": 1, "V": 1000},
     "rad": {"rad": 1, "mrad": 1000, "deg": 57.29577951308232},
+    "Hz/s": {"Hz/s": 1, "mHz/s": 1000},
     "-": {"-": 1, "%": 100},
 }
 
