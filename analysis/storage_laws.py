@@ -18,13 +18,16 @@ HEADS = (
     "paper's law",
     "designed",
     "50 ms late",
+    "PMU, Kalman",
+    "optimum",
     "kWh",
     "COI (Hz)",
 )
 GAINS = ("system", "unseen", "median gain", "quartiles", "range", "below", "kWh of the paper's law", "kWh designed")
 TEXT = (
     "A law is designed for one fault, with ideal signals; the column 50 ms late has the same law at 60 frames per "
-    "second with a delay of 50 ms. Clearing times in cycles.",
+    "second with a delay of 50 ms, and PMU, Kalman has it behind an estimator, to which the reports of other machines "
+    "are 50 ms late. The optimum is a schedule that knows the fault. Clearing times in cycles.",
     "A law is designed with half of the 20 most critical faults of a screen (devices of 5 % of every machine's MVA); "
     "gains in cycles over the paper's law in the other half. Below: contingencies more than 0.125 cycles below the "
     "paper's law. Energies: median of the unseen.",
@@ -39,14 +42,16 @@ class Task(NamedTuple):
     fault: str
     trip: str = ""
     min_voltage: float = 0.5
+    rate: int = 60  # orders per second of the optimum
+    window: str = "3s"  # of the optimum, from clearing on
 
 
 TASKS = (
     Task("two_area", "50MW", "7-8@0.4", min_voltage=0.8),
     Task("two_area", "50MW", "7-8@0.4"),
     Task("two_area", "27MW", "7-8@0.4"),
-    Task("wnaps_paper", "5%mva", "83", "83-33"),
-    Task("wnaps_paper", "15%mva", "83", "83-33"),
+    Task("wnaps_paper", "5%mva", "83", "83-33", rate=30, window="2s"),
+    Task("wnaps_paper", "15%mva", "83", "83-33", rate=30, window="2s"),
 )
 SCREENED = "ieee39", "wnaps"
 
@@ -70,9 +75,16 @@ def _single(task: Task) -> tuple[str, ...]:
     base = st.load(task.case).initialize(storage=task.storage)
     found = st.design.law(base, fault, limits=LawLimits(min_voltage=task.min_voltage))
     (c,) = found.contingencies
-    late = base.clearing_time(fault, control=found.law.sampled(60, "50ms"), observe="10s")
+    estimated = st.EstimatorControl(found.law, engine="batched")
+    late, behind = (
+        base.clearing_time(fault, control=control, observe="10s")
+        for control in (found.law.sampled(60, "50ms"), estimated)
+    )
+    gated = st.BangBang(min_voltage=task.min_voltage)
+    best = st.design.optimum(base, fault, law=gated, rate=task.rate, window=task.window)
     use = f"{c.designed.energy_kwh:.0f}", f"{c.designed.duty.coi_hz:.3f}"
-    cycles = (f"{reach:g}" for reach in (c.none.reach, c.reference.reach, c.designed.reach, late.cycles or 0.0))
+    reached = c.none.reach, c.reference.reach, c.designed.reach, late.cycles, behind.cycles, best.cycles
+    cycles = (f"{reach or 0:g}" for reach in reached)
     where = f"{task.fault} {task.trip}".strip()
     return task.case, task.storage, where, f"{task.min_voltage:g}", *cycles, *use
 

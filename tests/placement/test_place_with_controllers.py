@@ -63,14 +63,35 @@ def test_a_trial_is_the_simulation_with_the_controllers(case):
         assert np.abs(found.arrays.storage).max() > 20
 
 
+@pytest.fixture
+def command(stabctl, tmp_path):
+    """The record of stabctl place for the fault, with what is saved in a file."""
+
+    def run(acting):
+        acting.save(tmp_path / "acting.toml")
+        (tmp_path / "one.toml").write_text('[[contingency]]\nfault = "29"\ntrip = "26-29"\nclear = "4.75cyc"\n')
+        (tmp_path / "sites.csv").write_text("bus,machine\n29,9\n")
+        words = ("place", "ieee39", "--classical", "--contingencies", tmp_path / "one.toml", "--observe", 2, "--json")
+        files = "--candidates", tmp_path / "sites.csv", "--controller", tmp_path / "acting.toml"
+        code, out, err = stabctl(*words, *files)
+        assert (code, err) == (0, "")
+        return json.loads(out)
+
+    return run
+
+
 @pytest.mark.slow
-def test_the_command_takes_controller_files(stabctl, tmp_path):
-    gain(1e4).save(tmp_path / "gain.toml")
-    (tmp_path / "one.toml").write_text('[[contingency]]\nfault = "29"\ntrip = "26-29"\nclear = "4.75cyc"\n')
-    (tmp_path / "sites.csv").write_text("bus,machine\n29,9\n")
-    words = ("place", "ieee39", "--classical", "--contingencies", tmp_path / "one.toml", "--observe", 2, "--json")
-    code, out, err = stabctl(*words, "--candidates", tmp_path / "sites.csv", "--controller", tmp_path / "gain.toml")
-    assert (code, err) == (0, "")
-    record = json.loads(out)
+def test_the_command_takes_controller_files(command):
+    record = command(gain(1e4))
     assert record["controllers"] == ["gain: deviation:9 -> order:9@29 (0 states, 60/s)"]
     assert record["contingencies"][0]["stable"]
+
+
+@pytest.mark.slow
+def test_the_command_takes_a_law_from_its_file(case, command):
+    """A law in a file is in place of the paper's, and needs the fleet that it needs in Python."""
+    law = st.StorageLaw(angle_gain=1.0, min_voltage=0.0)
+    record = command(law)
+    assert record["contingencies"][0]["stable"]
+    assert record["total_mw"] == sized(case, control=law).total_mw
+    assert record["total_mw"] < sized(case).total_mw - 1
