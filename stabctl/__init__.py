@@ -47,6 +47,10 @@ if TYPE_CHECKING:
     from stabctl.smallsignal import linearize
     from stabctl.smallsignal.analysis import modes
     from stabctl.smallsignal.closed_loop import ClosedLoop, closed_loop
+    from stabctl.smallsignal.delayed_modes import DelayedModes
+    from stabctl.smallsignal.limit_cycle import LimitCycles
+    from stabctl.smallsignal.limit_cycles import limit_cycles
+    from stabctl.smallsignal.margins import Margins, margins
     from stabctl.sweep.results import Results as SweepResults
     from stabctl.sweep.results import read as read_sweep
     from stabctl.sweep.sweep import run_sweep
@@ -62,12 +66,15 @@ _WHERE = {
     "Controller": "controllers:Controller",
     "Costs": "placement.siting:Costs",
     "Criterion": "simulation.criterion:Criterion",
+    "DelayedModes": "smallsignal.delayed_modes:DelayedModes",
     "Estimates": "estimation.estimates:Estimates",
     "EstimatorControl": "estimation.estimator_control:EstimatorControl",
     "Fault": "simulation.events:Fault",
     "Feedback": "controllers:Feedback",
     "Gate": "controllers:Gate",
+    "LimitCycles": "smallsignal.limit_cycle:LimitCycles",
     "LoadStep": "simulation.events:LoadStep",
+    "Margins": "smallsignal.margins:Margins",
     "Open": "simulation.events:Open",
     "ImportReport": "importing.report:ImportReport",
     "OperatingPoint": "dynamics.operating_point:OperatingPoint",
@@ -89,9 +96,11 @@ _WHERE = {
     "estimate": "estimation.estimate:estimate",
     "import_report": "importing.report:import_report",
     "initialize": "dynamics.coerce:initialize",
+    "limit_cycles": "smallsignal.limit_cycles:limit_cycles",
     "linearize": "smallsignal:linearize",
     "load": "io:load",
     "load_controller": "controllers.file:load",
+    "margins": "smallsignal.margins:margins",
     "modes": "smallsignal.analysis:modes",
     "place": "placement.place:place",
     "power_flow": "model.powerflow:solve",

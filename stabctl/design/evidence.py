@@ -78,7 +78,7 @@ class Evidence:
 
     def __str__(self) -> str:
         lines = [str(self.design)]
-        lines += [str(self.margins)] if self.margins else ["the closed loop is unstable"]
+        lines += [self.margins.together] if self.margins else ["the closed loop is unstable"]
         lines += [f"{c.label}: {_cycles(c.before)} without, {_cycles(c.after)} with" for c in self.checks]
         return "\n".join(lines)
 

@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stabctl.controllers.controller import Controller
-from stabctl.dynamics.named import Named, named
+from stabctl.dynamics.named import named
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.errors import StudyError
-from stabctl.smallsignal.opened_loop import OpenedLoop
+from stabctl.smallsignal.opened_loop import alone, linear_loop
 
 HZ = np.geomspace(0.05, 10.0, 240)
 MOST = 12  # loops that are shown
@@ -48,27 +47,10 @@ class LoopGain:
 
 
 def loop_gains(point: OperatingPoint, controllers: Sequence[Controller]) -> tuple[LoopGain, ...]:
-    """The loop gains of the first 12 outputs; none if sampled controllers have several rates."""
-    parts = [part for c in controllers for part in _outputs(named(point, c))]
-    if len({c.rate for c in parts if c.rate}) > 1:
+    """The loop gains of the first 12 outputs, as if without deadband or relay; see `linear_loop`."""
+    loop = linear_loop(point, [named(point, replace(c, deadband=0.0, relay=False)) for c in controllers])
+    if loop is None:
         return ()
-    found = []
-    for k, part in enumerate(parts[:MOST]):
-        if part.rate is None and any(c.rate for c in parts):
-            continue  # seen from a continuous output, the other loops are not time-invariant
-        opened = [replace(c, limits=(-1.0, 1.0) if j == k else (-np.inf, np.inf)) for j, c in enumerate(parts)]
-        try:
-            loop = OpenedLoop(point, [named(point, c) for c in opened], ())
-        except StudyError:
-            continue
-        hz = HZ[part.rate / 2 > HZ] if part.rate else HZ
-        response = np.array([-loop(2j * np.pi * f)[0][0, 0] for f in hz])
-        found.append(LoopGain(f"{part.name}: {part.outputs[0]}", hz, response))
-    return tuple(found)
-
-
-def _outputs(c: Named) -> list[Controller]:
-    """A controller as several with one output each, without what has no linear model."""
-    what = replace(c.controller, deadband=0.0, relay=False, tracking=None, gate=None)
-    names = [s.kind if s.place is None else f"{s.kind}:{s.place}" for s in c.outputs]
-    return [replace(what, outputs=(name,), C=what.C[[j]], D=what.D[[j]]) for j, name in enumerate(names)]
+    hz = HZ[loop.rate / 2 > HZ] if loop.rate else HZ
+    G = np.array([loop(2j * np.pi * f)[0] for f in hz])
+    return tuple(LoopGain(name, hz, -alone(G, np.ones(len(loop.names)), r)) for r, name in enumerate(loop.names[:MOST]))

@@ -15,4 +15,4 @@ def quiet(point: OperatingPoint, law: Law) -> bool:
         law = replace(law, law=replace(law.law, **AT_REST))
     elif isinstance(law, StorageLaw):
         law = replace(law, **AT_REST)
-    return not any(cycle.stable for cycle in limit_cycles(point, *law.controllers(point.case)).cycles)
+    return not any(cycle.stable for cycle in limit_cycles(point, law).cycles)

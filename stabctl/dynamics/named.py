@@ -1,10 +1,12 @@
 """A controller with the signals that its names mean in a case."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from stabctl.controllers.controller import Controller
+from stabctl.controllers.law import Law
 from stabctl.controllers.realization import Matrices, realized
 from stabctl.errors import StudyError
 
@@ -73,3 +75,17 @@ def named(point: OperatingPoint, c: Controller) -> Named:
     rest = np.array([0.0 if s.kind == "frequency" else outputs.value(seen, s)(seen.s) for s in reads])
     names = tuple(s.kind if s.place is None else f"{s.kind}:{s.place}" for s in reads)
     return Named(c, reads, drives, names, rest)
+
+
+def all_named(point: OperatingPoint, given: Iterable[Controller | Law]) -> list[Named]:
+    """Controllers with their signals; a law of storage devices acts as its `controllers`.
+
+    Raises `StudyError` as `named`, or if one is neither a controller nor a law.
+    """
+    every = [one for c in given for one in (c.controllers(point.case) if isinstance(c, Law) else (c,))]
+    for c in every:
+        if not isinstance(c, Controller):
+            raise StudyError(
+                f"{c!r} is not a Controller, so it has no linear model; give Controller.from_control(...)."
+            )
+    return [named(point, c) for c in every]

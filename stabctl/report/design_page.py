@@ -34,7 +34,7 @@ def page(found: Evidence) -> str:
             points=list(_points(design)) if len(design.before) > 1 else [],
             checks=[_check(c) for c in found.checks],
             loops=[(x.name, number(x.distance, 3), _degrees(x.phase_margin)) for x in found.loops],
-            margins=str(found.margins) if found.margins else "",
+            margins=found.margins.together if found.margins else "",
             load=f"{found.steps.mw:.3g} MW at bus {found.steps.bus}",
             map=svg(figures.plot(design), "Modes without and with the controllers"),
             locus=svg(figures.locus(found), "Root locus over the gain"),

@@ -16,10 +16,9 @@ from stabctl.controllers.controller import Controller
 from stabctl.controllers.law import Law
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.layout import StatePlace, unique
-from stabctl.dynamics.named import Named, named
+from stabctl.dynamics.named import Named, all_named
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
-from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 
@@ -130,13 +129,7 @@ def closed_loop(
         As `linearize`; also if a controller reads or drives what the case does not have.
     """
     point = operating_point(base, storage)
-    every = tuple(one for c in controllers for one in (c.controllers(point.case) if isinstance(c, Law) else (c,)))
-    for c in every:
-        if not isinstance(c, Controller):
-            raise StudyError(
-                f"{c!r} is not a Controller, so it has no linear model; give Controller.from_control(...)."
-            )
-    own = [named(point, c) for c in every]
+    own = all_named(point, controllers)
     wanted = chosen(point.case, inputs, INPUTS), chosen(point.case, outputs, OUTPUTS)
     return joined(plant_of(point, own, *wanted), own, *wanted)
 

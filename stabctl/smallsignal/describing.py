@@ -89,6 +89,9 @@ def _limiter(d: float, A: np.ndarray) -> np.ndarray:
     return 2 / np.pi * (np.arcsin(r) + r * np.sqrt(1 - r**2))
 
 
+LINEAR = Nonlinearity(0.0, np.inf, relay=False)
+
+
 def nonlinearity(c: Named) -> Nonlinearity:
     """What acts on the outputs of a controller. Raises `StudyError` if it has no describing function of one input."""
     what, (low, high) = c.controller, c.limits

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq, fsolve, linear_sum_assignment
 
-from .opened_loop import OpenedLoop
+from .opened_loop import OpenedLoop, alone
+from .response import grid
 
-STEPS = 400  # of the grid of frequencies, and
-AROUND = np.tan(np.linspace(-1.5, 1.5, 31))  # points around each resonance, in widths
 EXACT = 1e-8  # residual of a solution, relative to the largest amplitude
 SAME = 1e-4  # relative difference in frequency and amplitudes of one solution found twice
 NONE = 1e-9  # size of a characteristic value, relative to the largest entry of G, below which it is zero
@@ -39,17 +38,10 @@ class Balance:
 
 def balances(loop: OpenedLoop, low: float, high: float) -> list[Balance]:
     """All that were found between two frequencies (Hz), the slowest first."""
-    hz = grid(loop, low, high)
+    hz = grid(loop.poles, low, high)
     G = np.array([loop(2j * np.pi * f)[0] for f in hz])
     found = _single(loop, hz, G[:, 0, 0]) if len(loop.parts) == 1 else _several(loop, hz, G)
     return sorted(found, key=lambda b: (b.hz, abs(b.wanted[b.largest])))
-
-
-def grid(loop: OpenedLoop, low: float, high: float) -> np.ndarray:
-    """Frequencies (Hz), dense around the resonances of the loop."""
-    poles = loop.poles[loop.poles.imag > 0]
-    near = (poles.imag[:, None] + np.abs(poles.real[:, None]) * AROUND).ravel() / (2 * np.pi)
-    return np.unique(np.r_[np.geomspace(low, high, STEPS), near[(near > low) & (near < high)]])
 
 
 def _single(loop: OpenedLoop, hz: np.ndarray, G: np.ndarray) -> list[Balance]:
@@ -159,15 +151,11 @@ def curves(
 
     Of several outputs, it is that of the largest, the others replaced by their gains N.
     """
-    hz = grid(loop, low, high)
+    hz = grid(loop.poles, low, high)
     G = np.array([loop(2j * np.pi * f)[0] for f in hz])
     if G.shape[1] == 1:
         return [(0, hz, -G[:, 0, 0])]
     drawn = []
     for one in found:
-        r, rest = one.largest, np.delete(np.arange(G.shape[1]), one.largest)
-        N = one.gains[rest]
-        inner = np.eye(len(rest)) - G[:, rest][:, :, rest] * N
-        through = np.linalg.solve(inner, G[:, rest, r][:, :, None])[:, :, 0]
-        drawn.append((r, hz, -(G[:, r, r] + np.einsum("ki,ki->k", G[:, r][:, rest] * N, through))))
+        drawn.append((one.largest, hz, -alone(G, one.gains, one.largest)))
     return drawn

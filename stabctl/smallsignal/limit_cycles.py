@@ -8,10 +8,12 @@ from threadpoolctl import threadpool_limits
 
 from stabctl import units
 from stabctl.controllers.controller import Controller
+from stabctl.controllers.law import Law
 from stabctl.dynamics.coerce import operating_point
-from stabctl.dynamics.named import Named, named
+from stabctl.dynamics.named import Named, all_named
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import OUTPUTS, Signal, chosen
+from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 
@@ -30,7 +32,7 @@ SPEEDS = ("speed", "coi_speed", "rest_speed", "deviation", "frequency", "bus_fre
 
 def limit_cycles(
     base: Case | OperatingPoint,
-    *controllers: Controller,
+    *controllers: Controller | Law,
     signals: str | Iterable[str | Signal] = (),
     band: str | tuple[float, float] = BAND,
     storage: "Fleet | None" = None,
@@ -45,8 +47,9 @@ def limit_cycles(
     ----------
     base : Case or OperatingPoint
         The system; a case is initialized first.
-    *controllers : Controller
-        The controllers. Those with deadband, limits or relay must have one rate, or be continuous.
+    *controllers : Controller or Law
+        The controllers; a law of storage devices acts as its `controllers`. Those with deadband, limits or relay
+        must have one rate, or be continuous.
     signals : str or iterable, optional
         Signals whose amplitudes are reported, as in `linearize`; by default the inputs of these controllers.
     band : str or pair, Hz
@@ -64,12 +67,18 @@ def limit_cycles(
         If no controller is nonlinear, rates differ, limits differ in the two directions, or an output has a ramp limit.
     """
     point = operating_point(base, storage)
-    own = [named(point, c) for c in controllers]
-    bent = [c for c in own if not nonlinearity(c).gentle]
+    own = all_named(point, controllers)
+    acts = [nonlinearity(c) for c in own]
+    bent = [c for c, a in zip(own, acts, strict=True) if not a.gentle]
+    if not bent:
+        raise StudyError(
+            "No controller has a deadband, limits or a relay, so the loop is linear and has no limit cycles; see "
+            "closed_loop."
+        )
     shown = chosen(point.case, signals, OUTPUTS) or tuple(dict.fromkeys(s for c in bent for s in c.inputs))
     low, high = units.band(band)
     with threadpool_limits(1):  # the matrices are small: threads would wait for each other
-        loop = OpenedLoop(point, own, shown)
+        loop = OpenedLoop(point, own, [None if a.gentle else a for a in acts], shown)
         high = min(high, loop.rate / FEWEST) if loop.rate else high
         found = balances(loop, low, high)
         cycles = tuple(_cycle(point, own, loop, one, shown) for one in found)

@@ -1,13 +1,20 @@
-"""Margins of a closed loop: how much later, and with how much more or less gain, its controllers may act."""
+"""Margins of a closed loop: how much later, and with how much more or less gain, its controllers may act.
+
+All of them together, by the eigenvalues of the closed loop, and each output alone, by its loop gain (`loop_margins`).
+"""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
+from stabctl._util.tabular import Tabular
 from stabctl.controllers.controller import Controller
+from stabctl.controllers.law import Law
 from stabctl.dynamics.coerce import operating_point
-from stabctl.dynamics.named import named
+from stabctl.dynamics.named import Named, all_named
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
@@ -15,15 +22,19 @@ from stabctl.model.fleet import Fleet
 
 from .closed_loop import joined
 from .interconnection import plant_of
+from .loop_margins import LoopMargins, single_loops
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 LATEST = 2.0  # s   largest delay that is tried
 GAINS = (1e-3, 1e3)  # smallest and largest factor of the gains that is tried
 GROWING = 1e-6  # 1/s   real part of an eigenvalue from which the loop counts as unstable
 
 
-@dataclass(frozen=True)
-class Margins:
-    """Margins of the controllers of a closed loop, changed together.
+@dataclass(frozen=True, repr=False)
+class Margins(Tabular):
+    """Margins of the controllers of a closed loop, changed together, and of its single loops.
 
     Attributes
     ----------
@@ -33,26 +44,48 @@ class Margins:
     gain_up, gain_down
         Factors of all gains at which the loop becomes unstable: the smallest above 1, and the largest below 1; inf and
         0 if there are none.
+    loops
+        Classical margins of the loop through each output, all others closed. None next to sampled controllers for the
+        outputs of continuous ones, and none at all if there are several rates: the loop is not time-invariant then.
     """
 
     delay: float
     gain_up: float
     gain_down: float
+    loops: tuple[LoopMargins, ...] = ()
+
+    @property
+    def df(self) -> "pd.DataFrame":
+        """One row per output: gain margins as factors, phase margin (deg), delay margin (s), disk margin."""
+        import pandas as pd
+
+        return pd.DataFrame([asdict(loop) for loop in self.loops], columns=list(LoopMargins.__dataclass_fields__))
 
     def __str__(self) -> str:
+        return "\n".join([self.together, *(f"  {loop}" for loop in self.loops)])
+
+    def _head(self) -> str:
+        return self.together
+
+    @property
+    def together(self) -> str:
+        """What all controllers together may change, as a sentence."""
         late = "any delay up to 2 s" if np.isinf(self.delay) else f"less than {1e3 * self.delay:.4g} ms more delay"
         return f"stable with {late}, and with {self.gain_down:.3g} to {self.gain_up:.3g} times the gains"
 
 
-def margins(base: Case | OperatingPoint, *controllers: Controller, storage: "Fleet | None" = None) -> Margins:
-    """Delay and gain margins of a closed loop.
+def margins(base: Case | OperatingPoint, *controllers: Controller | Law, storage: "Fleet | None" = None) -> Margins:
+    """Delay and gain margins of a closed loop, and the classical margins of its single loops.
+
+    As in `closed_loop`, deadbands and relays give nothing, limits do not act, and gates are open.
 
     Parameters
     ----------
     base : Case or OperatingPoint
         The system; a case is initialized first.
-    *controllers : Controller
-        The controllers, which must stabilize it; no Python functions.
+    *controllers : Controller or Law
+        The controllers, with which it must be stable; no Python functions. A law of storage devices acts as its
+        `controllers`.
     storage : str, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
 
@@ -66,22 +99,36 @@ def margins(base: Case | OperatingPoint, *controllers: Controller, storage: "Fle
         If the loop is unstable as it is.
     """
     point = operating_point(base, storage)
-    own = [named(point, c) for c in controllers]
-    plant = plant_of(point, own)
+    own = all_named(point, controllers)
+    with threadpool_limits(1):  # the matrices are small: threads would wait for each other
+        return _found(point, own)
+
+
+def _found(point: OperatingPoint, own: list[Named]) -> Margins:
+    acting = [n for n in own if n.controller.linear]
+    plant = plant_of(point, acting)
+    every = [n.controller for n in acting]
+
+    def closed(changed: Sequence[Controller]) -> np.ndarray:
+        """Eigenvalues (1/s) of the closed loop with changed controllers."""
+        return joined(plant, [replace(n, controller=c) for n, c in zip(acting, changed, strict=True)]).eigenvalues()
 
     def stable(changed: Sequence[Controller]) -> bool:
         """Whether no mode of the closed loop with changed controllers grows."""
-        loop = joined(plant, [replace(n, controller=c) for n, c in zip(own, changed, strict=True)])
-        return bool(loop.eigenvalues().real.max() <= GROWING)
+        return bool(closed(changed).real.max() <= GROWING)
 
     def gained(gain: float) -> bool:
-        return stable([c.scaled(gain) for c in controllers])
+        return stable([c.scaled(gain) for c in every])
 
-    if not stable(controllers):
+    poles = closed(every)
+    if poles.real.max() > GROWING:
         raise StudyError(f"The closed loop of {point.case.name} is unstable, so it has no margins.")
+    loops = single_loops(point, own, poles)
+    if not acting:
+        return Margins(np.inf, np.inf, 0.0, loops)
     up = _edge(np.geomspace(1.0, GAINS[1], 61).tolist(), gained)
     down = _edge(np.geomspace(1.0, GAINS[0], 61).tolist(), gained)
-    return Margins(_delay(controllers, stable), up or np.inf, down or 0.0)
+    return Margins(_delay(every, stable), up or np.inf, down or 0.0, loops)
 
 
 def _edge(gains: Sequence[float], good: Callable[[float], bool]) -> float | None:

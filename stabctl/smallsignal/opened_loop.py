@@ -1,4 +1,4 @@
-"""The loop opened at the deadbands, limits and relays of its controllers: what they receive against what they give.
+"""The loop opened at outputs of its controllers: what they, or their deadbands, limits and relays, receive and give.
 
 With the plant P, a controller K(s) = D + C R B, R = (s - A)^-1, its delay E = exp(-s tau) and its anti-windup
 x' = A x + B y + L (v - u), v = N u the output given for the output u wanted:
@@ -6,7 +6,8 @@ x' = A x + B y + L (v - u), v = N u the output given for the output u wanted:
     (1 + E C R L) u = E (K P + C R L) v,   so u = G v.
 
 Sampled, z = exp(s T) takes the place of s in R; P is the pulse transfer function of the system with v held for a frame.
-A frame reads the voltages of the outputs before it: y = C x + D v / z. Delays are exact in both.
+A frame reads the voltages of the outputs before it: y = C x + D v / z. Delays are exact in both. Of linear outputs,
+N = 1 and L = 0.
 """
 
 from collections.abc import Sequence
@@ -20,31 +21,46 @@ from stabctl.dynamics.signals import Signal
 from stabctl.errors import StudyError
 
 from .closed_loop import joined
-from .describing import Nonlinearity, nonlinearity
+from .describing import LINEAR, Nonlinearity
 from .frames import held
 from .interconnection import plant_of
 from .response import Response
 
 
 class OpenedLoop:
-    """G(s), from all that nonlinear outputs give to all that they receive, and to some signals.
+    """G(s), from all that the opened outputs give to all that they receive, and to some signals.
+
+    Parameters
+    ----------
+    point, own
+        The system and all its controllers.
+    acts
+        What acts on the outputs of each controller (controllers), `LINEAR` for nothing; None: its loop stays closed.
+    signals
+        Signals of the system that are also wanted.
 
     Attributes
     ----------
     parts
-        What acts on each nonlinear output.
+        What acts on each opened output.
     names
         Controller and input driven of each: "pod: order:1@5".
     rate
         Frames per second; 0 if continuous.
     """
 
-    def __init__(self, point: OperatingPoint, own: Sequence[Named], signals: Sequence[Signal]) -> None:
-        acts = {id(c): nonlinearity(c) for c in own}
-        bent = [c for c in own if not acts[id(c)].gentle]
-        self.rate = _rate(bent, own)
+    def __init__(
+        self,
+        point: OperatingPoint,
+        own: Sequence[Named],
+        acts: Sequence[Nonlinearity | None],
+        signals: Sequence[Signal] = (),
+    ) -> None:
+        opened = [(c, a) for c, a in zip(own, acts, strict=True) if a]
+        self.rate = _rate([c for c, _ in opened], own)
         smooth = [c for c in own if self.rate and c.controller.rate is None]
-        self._open = [c for c in own if c not in smooth]
+        parts = [(c, a) for c, a in zip(own, acts, strict=True) if not self.rate or c.controller.rate]
+        self._open = [c for c, _ in parts]
         plant = plant_of(point, own, (), signals)
         for c in smooth:
             plant = plant.with_continuous(c)
@@ -57,14 +73,13 @@ class OpenedLoop:
             A, B = held(A, B, self._step)
             D = np.zeros_like(D)
         self._plant = Response(A, B, C, D)
-        self._controllers = [_Part(c, acts[id(c)]) for c in self._open]
-        self._bent = np.concatenate([np.full(len(c.outputs), not acts[id(c)].gentle) for c in self._open])
+        self._controllers = [_Part(c, a) for c, a in parts]
+        self._bent = np.concatenate([np.full(len(c.outputs), a is not None) for c, a in parts])
         self._signals = len(signals)
-        self.parts: list[Nonlinearity] = [acts[id(c)] for c in bent for _ in c.outputs]
-        self.names = [f"{c.controller.name}: {s.kind}:{s.place}" for c in bent for s in c.outputs]
-        gentle = [c for c in own if acts[id(c)].gentle]
-        loop = joined(plant_of(point, own), gentle)
-        self.poles = loop.modes().eigenvalues
+        self.parts: list[Nonlinearity] = [a for c, a in opened for _ in c.outputs]
+        self.names = [f"{c.controller.name}: {s.kind}:{s.place}" for c, _ in opened for s in c.outputs]
+        closed = [c for c, a in zip(own, acts, strict=True) if a is None]
+        self.poles = joined(plant_of(point, own), closed).modes().eigenvalues
 
     def __call__(self, s: complex) -> tuple[np.ndarray, np.ndarray]:
         """G (outputs, outputs), and the signals for what is given (signals, outputs), at s (1/s)."""
@@ -89,11 +104,11 @@ class OpenedLoop:
 class _Part:
     """One controller in the frequency domain."""
 
-    def __init__(self, c: Named, acts: Nonlinearity) -> None:
+    def __init__(self, c: Named, acts: Nonlinearity | None) -> None:
         what = c.controller
         self.K = c.undelayed
         self.delay, self.shape = what.delay, (len(c.outputs), len(c.inputs))
-        self.L = np.zeros_like(self.K.C.T) if acts.gentle else anti_windup(what, self.K.C)
+        self.L = np.zeros_like(self.K.C.T) if acts is None or acts.gentle else anti_windup(what, self.K.C)
 
     def at(self, s: complex, point: complex) -> tuple[np.ndarray, np.ndarray]:
         """E K and E C R L."""
@@ -104,14 +119,33 @@ class _Part:
         return E * K.D + X[:, :m], X[:, m:]
 
 
-def _rate(bent: Sequence[Named], own: Sequence[Named]) -> int:
-    """Frames per second of the nonlinear controllers; 0 if continuous. Raises `StudyError` if rates differ."""
-    if not bent:
-        raise StudyError(
-            "No controller has a deadband, limits or a relay, so the loop is linear and has no limit cycles; see "
-            "closed_loop."
-        )
-    rates = {c.controller.rate or 0 for c in bent} | {c.controller.rate for c in own if c.controller.rate}
+def linear_loop(point: OperatingPoint, own: Sequence[Named]) -> OpenedLoop | None:
+    """The loop opened at all outputs, all linear; None if there are several rates.
+
+    Next to sampled controllers, continuous ones stay closed: the loop seen from them is not time-invariant.
+    """
+    rates = {c.controller.rate for c in own if c.controller.rate}
+    if len(rates) > 1 or not own:
+        return None
+    return OpenedLoop(point, own, [LINEAR if c.controller.rate or not rates else None for c in own])
+
+
+def alone(G: np.ndarray, gains: np.ndarray, r: int) -> np.ndarray:
+    """What output r receives for what it gives (points), with the others closed by gains; G (points, outputs, outputs).
+
+    G_rr + G_ro N (1 - G_oo N)^-1 G_or, o the others.
+    """
+    rest = np.delete(np.arange(len(gains)), r)
+    N = gains[rest]
+    inner = np.eye(len(rest)) - G[:, rest][:, :, rest] * N
+    through = np.linalg.solve(inner, G[:, rest, r][:, :, None])[:, :, 0]
+    found: np.ndarray = G[:, r, r] + np.einsum("ki,ki->k", G[:, r][:, rest] * N, through)
+    return found
+
+
+def _rate(opened: Sequence[Named], own: Sequence[Named]) -> int:
+    """Frames per second of the opened controllers; 0 if continuous. Raises `StudyError` if rates differ."""
+    rates = {c.controller.rate or 0 for c in opened} | {c.controller.rate for c in own if c.controller.rate}
     if len(rates) > 1:
         named = " and ".join("continuous" if not r else f"{r}/s" for r in sorted(rates))
         raise StudyError(

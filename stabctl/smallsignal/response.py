@@ -3,6 +3,9 @@
 import numpy as np
 import scipy.linalg as sl
 
+STEPS = 400  # of the grid of frequencies, and
+AROUND = np.tan(np.linspace(-1.5, 1.5, 31))  # points around each resonance, in widths
+
 
 class Response:
     """C (s - A)^-1 B + D at points s; A is brought to upper triangular form (Schur) once.
@@ -27,3 +30,10 @@ class Response:
             if one.size:
                 found[k] += self._C @ sl.solve_triangular(point * one - self._T, self._B, check_finite=False)
         return found
+
+
+def grid(poles: np.ndarray, low: float, high: float) -> np.ndarray:
+    """Frequencies (Hz) between two, dense around the resonances of poles (1/s)."""
+    swings = poles[poles.imag > 0]
+    near = (swings.imag[:, None] + np.abs(swings.real[:, None]) * AROUND).ravel() / (2 * np.pi)
+    return np.unique(np.r_[np.geomspace(low, high, STEPS), near[(near > low) & (near < high)]])

@@ -1,0 +1,170 @@
+"""Margins of single loops against python-control on the exported loop gain, and against eigenvalues."""
+
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+
+import stabctl as st
+from stabctl.errors import StudyError
+
+S = control.tf("s")
+WASHOUT = 200 * 3 * S / (1 + 3 * S) / (1 + 0.05 * S)
+PSS = 20 * (10 * S / (1 + 10 * S)) * (1 + 0.05 * S) / (1 + 0.02 * S)
+
+
+@pytest.fixture(scope="module")
+def base(cases):
+    return cases("two_area_thyristor").initialize(storage="50MW")
+
+
+def damper(**options):
+    return st.Controller.from_control(WASHOUT, "deviation:1", "order:1@5", name="damper", **options)
+
+
+def stabilizer(i, **options):
+    return st.Controller.from_control(PSS, f"speed:{i}", f"vs:{i}", name=f"pss {i}", **options)
+
+
+def exported(base, controllers):
+    """L(s) or L(z) of the first controller in python-control, the other loops closed; sign of negative feedback."""
+    first = controllers[0]
+    plant = base.linearize([c.outputs[0] for c in controllers], [c.inputs[0] for c in controllers]).to_control()
+    own = control.append(*(c.to_control() for c in controllers))
+    if first.rate:
+        plant = control.c2d(plant, 1 / first.rate, "zoh")
+        late = control.ss(control.tf([1], [1, *[0] * first.frames], 1 / first.rate))
+        own = control.append(*[late] * len(controllers)) * own if first.frames else own
+    others = np.diag([0.0] + [1.0] * (len(controllers) - 1))
+    return -control.feedback(own * plant, others, sign=1)[0, 0]
+
+
+LOOPS = {
+    "continuous": lambda: [damper()],
+    "two stabilizers": lambda: [stabilizer(1), stabilizer(3)],
+    "sampled": lambda: [damper(rate=60)],
+    "sampled, 100 ms": lambda: [damper(rate=60, delay="100ms")],
+    "sampled, two": lambda: [damper(rate=60, delay="50ms"), stabilizer(3, rate=60, delay="50ms")],
+}
+
+
+@pytest.mark.parametrize("name", sorted(LOOPS))
+def test_the_margins_are_those_of_python_control(base, name):
+    controllers = LOOPS[name]()
+    found = base.margins(*controllers).loops[0]
+    system = exported(base, controllers)
+    top = np.pi * controllers[0].rate if controllers[0].rate else 2 * np.pi * 50
+    w = np.unique(np.r_[np.geomspace(0.05, top, 1500), 2 * np.pi * np.linspace(0.4, 2.5, 2500)])[:-1]
+    L = system(1j * w) if system.isctime() else system(np.exp(1j * w * system.dt))
+    GM, PM, _, phase_w, gain_w, _ = control.stability_margins(
+        (np.abs(L), np.rad2deg(np.unwrap(np.angle(L))), w), returnall=True
+    )
+    factors = GM[(GM > 1e-3) & (GM < 1e3)]
+    assert found.gain_up == pytest.approx(min(factors[factors > 1], default=np.inf), rel=1e-4)
+    assert found.gain_down == pytest.approx(max(factors[factors < 1], default=0.0), rel=1e-4)
+    for factor, hz in ((found.gain_up, found.gain_up_hz), (found.gain_down, found.gain_down_hz)):
+        if np.isfinite(hz):
+            assert hz == pytest.approx(phase_w[np.abs(GM / factor - 1).argmin()] / (2 * np.pi), rel=1e-4)
+    assert found.phase_deg == pytest.approx(min(np.abs(PM), default=np.inf), abs=1e-3)
+    assert found.delay == pytest.approx(min(np.deg2rad(PM % 360) / gain_w, default=np.inf), rel=1e-4)
+    if len(PM):
+        assert found.phase_hz == pytest.approx(gain_w[np.abs(PM).argmin()] / (2 * np.pi), rel=1e-5)
+    near = 2 * np.pi * found.disk_hz * np.linspace(0.98, 1.02, 401)
+    disk, gain_db, phase = control.disk_margins(system, np.sort(np.r_[w, near[near <= top]]))
+    assert found.disk == pytest.approx(disk, rel=1e-4)
+    assert 20 * np.log10(found.disk_gain) == pytest.approx(gain_db, rel=1e-3)
+    assert found.disk_phase_deg == pytest.approx(phase, rel=1e-3)
+
+
+@pytest.mark.parametrize("options", [{"rate": 60}, {"rate": 60, "delay": "100ms"}, {"delay": "100ms"}, {}], ids=str)
+def test_the_margins_of_one_loop_are_those_of_the_eigenvalues(base, options):
+    found = base.margins(damper(**options))
+    (loop,) = found.loops
+    assert found.gain_up == pytest.approx(loop.gain_up, rel=1.1e-4)  # eigenvalues: to 0.01 %
+    assert found.gain_down == pytest.approx(loop.gain_down, rel=1.1e-4)
+    if "rate" in options:
+        assert found.delay == pytest.approx(np.ceil(60 * loop.delay) / 60)  # the first unstable frame
+    else:
+        assert found.delay == pytest.approx(loop.delay, abs=2e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rate", [None, 60])
+def test_each_output_alone_loses_stability_at_its_margins(base, rate):
+    """The closed loop with only this controller's gain or delay changed: its eigenvalues leave where margins say."""
+    late = {"rate": rate, "delay": "50ms"}
+    controllers = [damper(**late), stabilizer(3, **late)]
+    found = base.margins(*controllers)
+
+    def growth(k, changed):
+        every = [changed if j == k else c for j, c in enumerate(controllers)]
+        return base.closed_loop(*every).modes().eigenvalues.real.max()
+
+    limits = 0
+    for k, (c, loop) in enumerate(zip(controllers, found.loops, strict=True)):
+        for factor, hz in ((loop.gain_up, loop.gain_up_hz), (loop.gain_down, loop.gain_down_hz)):
+            if np.isnan(hz):
+                continue
+            limits += 1
+            inside, outside = (factor * (1 + 0.002 * np.sign(factor - 1) * side) for side in (-1, 1))
+            assert growth(k, c.scaled(inside)) < 1e-6 < growth(k, c.scaled(outside))
+            swings = base.closed_loop(*[x.scaled(factor) if j == k else x for j, x in enumerate(controllers)])
+            away = np.abs(swings.modes().eigenvalues - 2j * np.pi * hz).min()
+            assert away < 1e-6
+        if np.isfinite(loop.delay):
+            limits += 1
+            frames = np.ceil(loop.delay * rate) if rate else 0
+            before, after = ((frames - 1) / rate, frames / rate) if rate else (0.999 * loop.delay, 1.001 * loop.delay)
+            assert growth(k, replace(c, delay=c.delay + before)) < 1e-6
+            assert growth(k, replace(c, delay=c.delay + after)) > 1e-6
+    assert limits >= 3
+
+
+def test_the_table_and_the_text(base):
+    found = base.margins(damper(rate=60), stabilizer(3, rate=60))
+    assert list(found.df["name"]) == ["damper: order:1@5", "pss 3: vs:3"]
+    assert found.df["disk"].tolist() == [loop.disk for loop in found.loops]
+    assert str(found).splitlines()[0] == found.together
+    assert len(str(found).splitlines()) == 3
+
+
+def test_which_loops_have_a_gain(base):
+    """None next to sampled controllers for continuous ones, none with two rates."""
+    mixed = base.margins(damper(rate=60), stabilizer(3))
+    assert [loop.name for loop in mixed.loops] == ["damper: order:1@5"]
+    rates = base.margins(damper(rate=60), stabilizer(3, rate=30))
+    assert rates.loops == ()
+    assert rates.df.empty
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        st.Feedback(speed_gain=0.2, min_voltage=0.0).sampled(60, "50ms"),
+        st.StorageLaw(slope=0.05, deadband=0.0).sampled(60, "50ms"),
+    ],
+    ids=["sampled feedback", "sampled storage law"],
+)
+def test_a_law_has_the_margins_of_its_controllers(cases, law):
+    base = cases("two_area").initialize(storage="100MW")
+    found = base.margins(law)
+    assert found.df.equals(base.margins(*law.controllers(base.case)).df)
+    assert len(found.loops) == len(base.case.storage)
+    assert min(loop.disk for loop in found.loops) < 1.9  # 1.14
+
+
+def test_a_relay_has_the_margins_of_no_gain_and_limit_cycles_of_a_law(cases):
+    base = cases("two_area").initialize(storage="200MW")
+    relay = st.BangBang(deadband=1e-3).sampled(60, "400ms")
+    found = base.margins(relay)
+    assert all(loop.disk == 2 and loop.gain_up == np.inf for loop in found.loops)
+    cycles = base.limit_cycles(relay)
+    assert len(cycles) > 0
+    assert cycles.df.equals(base.limit_cycles(*relay.controllers(base.case)).df)
+
+
+@pytest.mark.parametrize("study", ["margins", "limit_cycles", "closed_loop"])
+def test_what_is_not_a_controller_is_refused(base, study):
+    with pytest.raises(StudyError, match="is not a Controller, so it has no linear model"):
+        getattr(base, study)("pod")
