@@ -97,6 +97,8 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
                 f"Voltage collapse at bus {bus} at {t:.3f} s: its voltage stayed below the limit of its load "
                 f"for {criterion.low_voltage_s:g} s without a fault."
             )
+        case _ if not len(end.speed):
+            text = f"Every island kept its voltage until {t:.3f} s; without a rotor, synchronism is not judged."
         case _ if cut:
             within = _within(point, end, criterion)
             text = f"Every island stayed in synchronism until {t:.3f} s{within}{_frequencies(point, end)}."

@@ -35,8 +35,8 @@ class Stage:
 def stage(point: OperatingPoint, switching: Switching) -> Stage:
     """The system of an operating point under a switching.
 
-    An island without a voltage source (a synchronous machine) is blacked out: it has no voltage, its load is lost, its
-    converters are off, and the HVDC links that end there are blocked.
+    An island without a voltage source (a synchronous machine or a grid-forming converter) is blacked out: it has no
+    voltage, its load is lost, its converters are off, and the HVDC links that end there are blocked.
     """
     found = point.stages.get(switching)  # held, because another thread may clear the store
     if found is None:

@@ -7,7 +7,7 @@ import scipy.sparse as sp
 
 from stabctl.dynamics import family, outputs
 from stabctl.dynamics.jacobian import Derivatives
-from stabctl.dynamics.limits import limits
+from stabctl.dynamics.limits import Limits, limits
 from stabctl.dynamics.newton import FAR
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import Signal
@@ -107,6 +107,7 @@ def _jumps(point: OperatingPoint, changed: tuple[str, np.ndarray] | None) -> np.
     step = np.zeros(lay.size)
     step[free] = NUDGE * np.random.default_rng(0).choice([-1, 1], len(free)) * np.linspace(0.5, 1, len(free))
     lim = point.system.limits if changed is None else limits(_replaced(point, changed), lay.one)
+    step[_kept(point, k, lim)] = 0.0
     rows = lay.nx + lay.outputs + 2 * equations.injecting.size
     sides, scale, jump = [], np.zeros(rows), np.zeros(rows)
     for s in (point.s + step, point.s - step):
@@ -117,6 +118,19 @@ def _jumps(point: OperatingPoint, changed: tuple[str, np.ndarray] | None) -> np.
     np.maximum.at(jump, equations.rows, np.abs(sides[0] - sides[1]))
     jump[[i for i, p in enumerate(lay.states) if (p.table, p.name) == ("esd", "energy")]] = 0.0
     return np.flatnonzero(jump > JUMP * scale + SMOOTH)
+
+
+def _kept(point: OperatingPoint, k: np.ndarray | None, lim: Limits) -> np.ndarray:
+    """Places of the states at a non-windup limit to which they would return: no small disturbance moves them.
+
+    So rests the integral of a controller that acts beyond a limit only.
+    """
+    s, per = point.s.copy(), point.s[lim.scale]
+    low, high = lim.low * per, lim.high * per
+    s[lim.state] = np.clip(s[lim.state], low + NUDGE, high - NUDGE)
+    rate = point.equations.entries(s, k)[1][lim.state]
+    x = point.s[lim.state]
+    return lim.state[((x >= high) & (rate > JUMP)) | ((x <= low) & (rate < -JUMP))]
 
 
 def _replaced(point: OperatingPoint, changed: tuple[str, np.ndarray]) -> list[Family]:

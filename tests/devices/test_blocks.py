@@ -145,6 +145,8 @@ CURVED = {  # name -> function of one value, points away from its kinks
     "saturation": (lambda x: b.quadratic(x, 0.8, 2.0), (0.5, 1.1)),
     "non-windup": (lambda x: b.non_windup(x * x, 0.3, -1.0, 1.0), (0.7,)),
     "PI": (lambda x: b.pi(2.0, x, 0.1, -1.0, 1.0) + b.pi_rate(2.0, 3.0, x, 0.1, -1.0, 1.0), (-2.0, 0.2, 2.0)),
+    "beyond a limit": (lambda x: b.beyond(2.0, x, 0.3) + b.beyond_rate(3.0, x, 0.3), (-2.0, 0.1, 2.0)),
+    "shortened": (lambda x: b.shortened(x, 0.7 + x * x, 0.9)[0], (0.1, 0.8)),
     "magnitude": (lambda x: b.magnitude(x, 0.7 + x * x), (0.4,)),
     "angle": (lambda x: b.angle(x, 0.7 + x * x), (0.4, -0.3)),
 }
@@ -171,3 +173,26 @@ def test_a_power_is_zero_below_zero_and_has_its_derivative():
     assert b.power(1.3, 4.2) == pytest.approx(1.3**4.2, rel=1e-15)
     assert b.power(0.0, 4.2) == b.power(-1.0, 4.2) == 0
     assert b.power(1.3 + 1e-30j, 4.2).imag == pytest.approx(4.2e-30 * 1.3**3.2, rel=1e-14)
+
+
+def test_a_controller_beyond_a_limit_rests_below_it_and_forgets():
+    """Excess 1 for a second, then -0.5: it acts at once, leaves with its integral, and starts anew from 0."""
+    assert b.beyond(0.5, -0.2, 0.0) == b.beyond_rate(2.0, -0.2, 0.0) == 0
+    h, x, y = 1e-3, 0.0, []
+    for k in range(7000):
+        excess = 1.0 if k < 1000 or k >= 6000 else -0.5
+        y.append(b.beyond(0.5, excess, x))
+        x = max(x + h * b.beyond_rate(2.0, excess, x), 0.0)
+    y = np.array(y)
+    assert y[0] == 0.5
+    assert y[999] == pytest.approx(0.5 + 2.0, abs=5e-3)
+    assert y[1000] == pytest.approx(2.0 - 0.25, abs=5e-3)
+    assert y[3000:6000].max() == 0
+    assert y[6000] == 0.5
+
+
+@given(st.floats(-3, 3), st.floats(-3, 3), st.floats(0.1, 3))
+def test_a_phasor_is_shortened_to_a_circle(re, im, most):
+    z, length = complex(*b.shortened(re, im, most)), abs(complex(re, im))
+    assert abs(z) == pytest.approx(min(length, most), rel=1e-12)
+    assert z * length == pytest.approx(complex(re, im) * abs(z), rel=1e-12, abs=1e-300)

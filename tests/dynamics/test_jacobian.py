@@ -26,7 +26,8 @@ LINK = Link("a", 2, 3, 30.0, 1.0)
 def everything(case):
     """The point of a case with every sort of load, storage and link, some way off its equilibrium.
 
-    Above the knees of saturation and within all limits; storage injects, the branch that `Unlimited` keeps.
+    Above the knees of saturation and within all limits; a state that rests at a non-windup limit stays there, and
+    storage injects, the branches that `Unlimited` keeps.
     """
     case = with_shares(case, p_current=0.3, q_power=0.5, p_power=0.4)
     case = case.with_storage(
@@ -35,6 +36,9 @@ def everything(case):
     point = operating_point.solve(case)
     lay, s = point.layout, point.s.copy()
     s[: lay.step] += 1e-3 * np.random.default_rng(1).standard_normal(lay.step)
+    limits = point.system.limits
+    resting = limits.state[point.s[limits.state] == limits.low]
+    s[resting] = point.s[resting]
     s[[lay.first_setpoint + k for k, p in enumerate(lay.setpoints) if p.name == "order"]] = -0.5
     s[[k for k, p in enumerate(lay.states) if p.name == "share"]] = -0.4
     return point, s

@@ -20,9 +20,9 @@ from .limits import (
     two_slopes,
     while_within,
 )
-from .phasors import angle, copy, magnitude
+from .phasors import angle, copy, magnitude, shortened
 from .rectifiers import compound, crowbar, field_demand, rectified, regulation
-from .regulators import integral, non_windup, pi, pi_rate
+from .regulators import beyond, beyond_rate, integral, non_windup, pi, pi_rate
 
 __all__ = [
     "SHORT",
@@ -30,6 +30,8 @@ __all__ = [
     "at_least",
     "at_most",
     "available",
+    "beyond",
+    "beyond_rate",
     "circuit_rate",
     "clip",
     "compound",
@@ -62,6 +64,7 @@ __all__ = [
     "regulation",
     "second_order",
     "second_order_rates",
+    "shortened",
     "through",
     "two_slopes",
     "washout",

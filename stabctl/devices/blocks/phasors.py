@@ -19,6 +19,16 @@ def magnitude(re, im):
 
 
 @inline
+def shortened(re, im, most):
+    """The phasor re + j im, where it is longer than `most` that of this length in the same direction."""
+    square = re * re + im * im
+    if square.real > most * most:
+        k = most / np.sqrt(square)
+        return k * re, k * im
+    return re, im
+
+
+@inline
 def angle(re, im):
     """Angle (rad) of the phasor re + j im, within half a turn: twice the arctangent of half of it; 0 of no phasor."""
     along = magnitude(re, im) + re

@@ -36,3 +36,20 @@ def pi_rate(KP, KI, error, x, low, high):
     Source: IEEE Std 421.5-2016, annex E, non-windup proportional-integral block.
     """
     return non_windup(KI * error, KP * error + x, low, high)
+
+
+@inline
+def beyond(K, excess, x):
+    """PI controller that acts only beyond a limit: excess -> [ K + KI/s ], at least 0 -> y, state x, at least 0."""
+    y = K * excess + x
+    if y.real > 0:
+        return y
+    return 0 * y
+
+
+@inline
+def beyond_rate(KI, excess, x):
+    """State derivative (1/s) of `beyond`: the integral does not fall below 0, which LIMITS of the device repeats."""
+    if x.real > 0 or excess.real > 0:
+        return KI * excess
+    return 0 * x

@@ -1,0 +1,194 @@
+"""REGFM_A1: droop-controlled grid-forming converter, a voltage source behind a coupling reactance without a rotor.
+
+P -> [1/(1+sTPf)] -> pf;   omega - 1 = mp (Pref - pf) - over(pf) + under(pf) -> [wb/s] -> delta
+Q -> [1/(1+sTQf)] -> qf;   Vcmd = Vref + mq (Qref - qf) - over(qf) + under(qf)
+vt -> [1/(1+sTVf)] -> vm;  E = [kpv + kiv/s] (Vcmd - vm) between Emin and Emax with VFlag = 1, otherwise E = Vcmd
+over(pf) = [kpp + kip/s] (pf - Pmax) and under(pf) = [kpp + kip/s] (Pmin - pf), both at least 0
+over(qf) = [kpq + kiq/s] (qf - Qmax) and under(qf) = [kpq + kiq/s] (Qmin - qf), both at least 0
+I = (E exp(j delta) - V)/(RL + jXL), reduced to the magnitude ImaxF where it is larger, at the same angle
+
+The controllers `over` and `under` rest at 0 within the limits; their integrals do not fall below 0. A steady change dP
+of the load changes the frequency by -mp dP until Pmax or Pmin is reached. The filter of P acts as an inertia constant
+of TPf/(2 mp). The voltage controller goes on while the current is limited. Vref is solved for at Qref = 0 (QVFlag = 1
+in the source; QVFlag = 0 divides the same sum otherwise). kpp, kip, kpq and kiq are kppmax, kipmax, kpqmax and kiqmax
+of the source; with VFlag = 0, kpq = 0.1 and kiq = 10 are usual. Per unit on the converter's own MVA; `mva` converts
+currents to the system base.
+Source: W. Du et al., Model Specification of Droop-Controlled, Grid-Forming Inverters (REGFM_A1), PNNL-32278, 2023.
+"""
+
+from collections.abc import Iterator
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Interval
+
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import SHORT, beyond, beyond_rate, clip, magnitude, pi, pi_rate, shortened
+from stabctl.devices.ports import PORT, fixed
+from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
+
+NAME = "REGFM_A1"
+ROLE = "converter"
+UPPER = ("ImaxF",)
+FILTER = Interval(ge=SHORT)
+SWITCH = Interval(ge=0, le=1)
+LIMITS = dict.fromkeys(("pmax", "pmin", "qmax", "qmin"), (0.0, np.inf))
+
+
+class Par(NamedTuple):
+    """Parameters of one converter."""
+
+    mva: Annotated[float, "-", "converter MVA over system MVA", FROM_CASE]
+    wb: Annotated[float, "rad/s", "base speed, 2 pi f", FROM_CASE]
+    XL: Annotated[float, "pu", "coupling reactance", POSITIVE] = 0.15
+    RL: Annotated[float, "pu", "coupling resistance", NOT_NEGATIVE] = 0.0
+    mp: Annotated[float, "pu", "frequency droop: frequency over active power", POSITIVE] = 0.01
+    mq: Annotated[float, "pu", "voltage droop: voltage over reactive power", NOT_NEGATIVE] = 0.05
+    kpv: Annotated[float, "pu", "proportional gain of the voltage controller", NOT_NEGATIVE] = 0.0
+    kiv: Annotated[float, "1/s", "integral gain of the voltage controller", NOT_NEGATIVE] = 5.86
+    kpp: Annotated[float, "pu", "proportional gain at a limit of P: frequency over power", POSITIVE] = 0.01
+    kip: Annotated[float, "1/s", "integral gain at a limit of P", NOT_NEGATIVE] = 0.1
+    kpq: Annotated[float, "pu", "proportional gain at a limit of Q: voltage over power", POSITIVE] = 3.0
+    kiq: Annotated[float, "1/s", "integral gain at a limit of Q", NOT_NEGATIVE] = 20.0
+    TPf: Annotated[float, "s", "filter of the active power", FILTER] = 0.01
+    TQf: Annotated[float, "s", "filter of the reactive power", FILTER] = 0.01
+    TVf: Annotated[float, "s", "filter of the voltage", FILTER] = 0.01
+    ImaxF: Annotated[float, "pu", "current limit", POSITIVE] = 2.0
+    Emax: Annotated[float, "pu", "upper limit of the internal voltage", POSITIVE] = 1.15
+    Emin: Annotated[float, "pu", "lower limit of the internal voltage"] = 0.0
+    Pmax: Annotated[float, "pu", "upper limit of the active power"] = 1.0
+    Pmin: Annotated[float, "pu", "lower limit of the active power"] = 0.0
+    Qmax: Annotated[float, "pu", "upper limit of the reactive power"] = 0.44
+    Qmin: Annotated[float, "pu", "lower limit of the reactive power"] = -0.44
+    VFlag: Annotated[float, "-", "voltage controller (1: on, 0: the droop gives E)", SWITCH] = 1.0
+
+    def errors(self) -> Iterator[tuple[str, str]]:
+        """Field and message for each parameter that the equations do not allow."""
+        for low, high in (("Emin", "Emax"), ("Pmin", "Pmax"), ("Qmin", "Qmax")):
+            if getattr(self, low) >= getattr(self, high):
+                yield high, f"must be above {low} = {getattr(self, low):g}"
+        if self.VFlag > 0 and not self.kpv + self.kiv:
+            yield "kiv", "must be above 0 where kpv = 0, or set VFlag = 0"
+
+
+class State(NamedTuple):
+    """Virtual angle, filters, and integrals of the controllers."""
+
+    delta: Annotated[float, "rad", "angle of the internal voltage relative to the synchronous frame"]
+    pf: Annotated[float, "pu", "filtered active power"]
+    qf: Annotated[float, "pu", "filtered reactive power"]
+    vm: Annotated[float, "pu", "filtered terminal voltage"]
+    e: Annotated[float, "pu", "integral of the voltage controller"]
+    pmax: Annotated[float, "pu", "integral of the controller at Pmax"]
+    pmin: Annotated[float, "pu", "integral of the controller at Pmin"]
+    qmax: Annotated[float, "pu", "integral of the controller at Qmax"]
+    qmin: Annotated[float, "pu", "integral of the controller at Qmin"]
+
+
+class Input(NamedTuple):
+    """References of a converter, on its base."""
+
+    Pref: Annotated[float, "pu", "active power at nominal frequency", PORT]
+    Qref: Annotated[float, "pu", "reactive power at the voltage Vref", fixed(0.0)]
+    Vref: Annotated[float, "pu", "voltage reference", PORT]
+
+
+class Output(NamedTuple):
+    """Power and voltage at the terminals, virtual speed, and internal voltage."""
+
+    P: Annotated[float, "pu", "active power delivered, converter base"]
+    Q: Annotated[float, "pu", "reactive power delivered, converter base"]
+    vt: Annotated[float, "pu", "terminal voltage"]
+    omega: Annotated[float, "pu", "virtual speed"]
+    E: Annotated[float, "pu", "internal voltage before the current limit"]
+
+
+@inline
+def speed(x, u, p):
+    """Virtual speed (pu)."""
+    over, under = beyond(p.kpp, x.pf - p.Pmax, x.pmax), beyond(p.kpp, p.Pmin - x.pf, x.pmin)
+    return 1 + p.mp * (u.Pref - x.pf) - over + under
+
+
+@inline
+def command(x, u, p):
+    """Voltage command (pu) of the droop."""
+    over, under = beyond(p.kpq, x.qf - p.Qmax, x.qmax), beyond(p.kpq, p.Qmin - x.qf, x.qmin)
+    return u.Vref + p.mq * (u.Qref - x.qf) - over + under
+
+
+@inline
+def emf(x, u, p):
+    """Magnitude (pu) of the internal voltage."""
+    wanted = command(x, u, p)
+    return pi(p.kpv, wanted - x.vm, x.e, p.Emin, p.Emax) if p.VFlag > 0.5 else clip(wanted, p.Emin, p.Emax)
+
+
+@inline
+def through(re, im, p):
+    """Current (pu converter) that a voltage drives through RL + jXL."""
+    z2 = p.RL * p.RL + p.XL * p.XL
+    return (p.RL * re + p.XL * im) / z2, (p.RL * im - p.XL * re) / z2
+
+
+@inline
+def source(x, u, p):
+    """Short-circuit current of the internal voltage without limit (pu system), real and imaginary part."""
+    E = emf(x, u, p)
+    ir, ii = through(E * np.cos(x.delta), E * np.sin(x.delta), p)
+    return p.mva * ir, p.mva * ii
+
+
+@inline
+def admittance(p):
+    """Norton admittance 1/(RL + jXL) (pu system), real and imaginary part."""
+    g, b = through(1.0, 0.0, p)
+    return p.mva * g, p.mva * b
+
+
+@inline
+def unlimited(x, u, v, p):
+    """Current of the source (pu converter), real and imaginary part."""
+    E = emf(x, u, p)
+    return through(E * np.cos(x.delta) - v[0], E * np.sin(x.delta) - v[1], p)
+
+
+@inline
+def current(x, u, v, p):
+    """Current that the limit adds to that of the source (pu system), real and imaginary part."""
+    ir, ii = unlimited(x, u, v, p)
+    jr, ji = shortened(ir, ii, p.ImaxF)
+    return p.mva * (jr - ir), p.mva * (ji - ii)
+
+
+@inline
+def output(x, u, v, p):
+    """Power and voltage at the terminals, virtual speed, internal voltage (pu converter)."""
+    ir, ii = unlimited(x, u, v, p)
+    ir, ii = shortened(ir, ii, p.ImaxF)
+    vt = magnitude(v[0], v[1])
+    return Output(v[0] * ir + v[1] * ii, v[1] * ir - v[0] * ii, vt, speed(x, u, p), emf(x, u, p))
+
+
+@inline
+def derivatives(x, u, y, p):
+    """State derivatives (1/s); y is this converter's own output."""
+    rate = pi_rate(p.kpv, p.kiv, command(x, u, p) - x.vm, x.e, p.Emin, p.Emax)
+    return State(
+        p.wb * (y.omega - 1),
+        (y.P - x.pf) / p.TPf,
+        (y.Q - x.qf) / p.TQf,
+        (y.vt - x.vm) / p.TVf,
+        rate if p.VFlag > 0.5 else 0 * rate,
+        beyond_rate(p.kip, x.pf - p.Pmax, x.pmax),
+        beyond_rate(p.kip, p.Pmin - x.pf, x.pmin),
+        beyond_rate(p.kiq, x.qf - p.Qmax, x.qmax),
+        beyond_rate(p.kiq, p.Qmin - x.qf, x.qmin),
+    )
+
+
+def guess(V: complex, I: complex, p: Par) -> State:
+    """States of the power flow."""
+    E, S = V + complex(p.RL, p.XL) * I, V * I.conjugate()
+    e = abs(E) if p.VFlag > 0.5 else 0.0
+    return State(float(np.angle(E)), S.real, S.imag, abs(V), e, 0.0, 0.0, 0.0, 0.0)
