@@ -3,7 +3,9 @@
 import pytest
 
 import stabctl as st
+from stabctl.design.law_jobs import LAW as DESIGNED
 from stabctl.errors import StudyError
+from stabctl.jobs import Runner
 from stabctl.model.replicate import replicate
 from stabctl.simulation.notation import event
 
@@ -38,6 +40,40 @@ def run(base):
 def test_records(call, says):
     with pytest.raises(StudyError, match=says):
         call()
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda b: st.BangBang().sampled(60, 1e308), "delay = 1e\\+308 is too long; give at most 60 s"),
+        (lambda b: st.BangBang().sampled(10_000, "1s"), "10000 frames; give at most 2000"),
+        (lambda b: st.BangBang().controllers(None), "None is not a case"),
+        (lambda b: st.Controller("speed:1", "vref:1", [], [], [], [[1]], delay=1e308), "is too long"),
+        (lambda b: st.Gate(3), "signal = 3 does not name a signal"),
+        (lambda b: st.Gate("voltage:7", magnitude="no"), "magnitude = 'no' is not allowed"),
+        (lambda b: b.limit_cycles(3), "3 is not a Controller"),
+        (lambda b: b.margins(None), "None is not a Controller"),
+        (lambda b: st.design.pairs(b, delay=[]), "delay = \\[\\] is not a time"),
+        (lambda b: st.design.pairs(b, availability=3), "availability = 3 is not a table"),
+        (lambda b: st.design.lqr(b, "vref", effort="x"), "effort = 'x' is not possible"),
+        (lambda b: st.design.lqg(b, "vref", delay=-1), "delay = -1 is not a time"),
+        (lambda b: st.design.lqg(b, "vref", rate="x"), "rate of 'x' frames"),
+        (lambda b: st.design.lqg(b, "vref", noise=float("nan")), "noise = nan is not possible"),
+        (lambda b: st.design.lqg(b, "vref", order=[]), "order = \\[\\] is not a number of states"),
+        (lambda b: st.design.lqg(b, "vref", disturbance=1e308), "disturbance = 1e\\+308 is not possible"),
+        (lambda b: st.design.pod(b, "speed:1", "vref:1", rate="x"), "rate of 'x' frames"),
+        (lambda b: st.design.pod(b, "speed:1", "vref:1", order="x"), "order = 'x' is not allowed"),
+        (lambda b: st.design.pod(b, "speed:1", "vref:1", damping=None), "damping = None is not a damping ratio"),
+        (lambda b: st.design.pss(b, 3), "machines = 3 is not a list of machines"),
+        (lambda b: st.design.law(b, "7", limits=3), "limits = 3 are not limits"),
+        (lambda b: st.design.evidence(3), "3 is not a design"),
+        (lambda b: Runner(DESIGNED, store=3), "3 is not the name of a file or folder"),
+        (lambda b: Runner(DESIGNED, scheduler=3), "3 is not the address of a Dask scheduler"),
+    ],
+)
+def test_controllers_and_designs(base, call, says):
+    with pytest.raises(StudyError, match=says):
+        call(base)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,12 @@ from . import options, shared
 if TYPE_CHECKING:
     from stabctl.design import Design, Outages
 
-Out = Annotated[Path | None, typer.Option("--out", help="Write the controllers to FILE.toml, for --controller.")]
+Out = Annotated[
+    Path | None,
+    typer.Option(
+        "--out", help="Write the controller to FILE.toml, several to FILE-1.toml and so on, each for a --controller."
+    ),
+]
 Report = Annotated[Path | None, typer.Option("--report", help="Write an HTML page on the design to this folder.")]
 Faults = Annotated[
     list[str] | None,

@@ -15,10 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stabctl.errors import StudyError, shown
-from stabctl.units import TIME, quantity
 
 from .gate import Gate
-from .law import FASTEST, checked_frames
+from .law import checked_frames, duration
 from .python_law import checked_law
 
 if TYPE_CHECKING:
@@ -97,7 +96,7 @@ class Controller:
             object.__setattr__(self, key, _matrix(key, getattr(self, key), self._shape(key)))
         for key in ("delay", "tracking"):
             if getattr(self, key) is not None:
-                object.__setattr__(self, key, _seconds(key, getattr(self, key)))
+                object.__setattr__(self, key, duration(key, getattr(self, key)))
         self._check()
 
     def _shape(self, key: str) -> tuple[int | None, int | None]:
@@ -108,10 +107,8 @@ class Controller:
 
     def _check(self) -> None:
         rate = self.rate
-        if rate is not None and (isinstance(rate, bool) or not isinstance(rate, int) or not 1 <= rate <= FASTEST):
-            raise StudyError(
-                f"{self.name}: the rate of {shown(rate)} frames a second is not allowed; give 1 to {FASTEST}."
-            )
+        if rate is not None:
+            checked_frames(self.name, rate, self.delay)
         if self.law is not None and rate is None:
             raise StudyError(f"{self.name}: a Python function is called at frames; give a rate, such as rate=60.")
         low, high = _limits(self.name, self.limits)
@@ -126,8 +123,6 @@ class Controller:
             raise StudyError(f"{self.name}: a relay needs finite limits, which it switches between; give limits.")
         if self.ramp and rate is None:
             raise StudyError(f"{self.name}: a ramp limit needs a sampled controller; give a rate, such as rate=60.")
-        if rate is not None:
-            checked_frames(self.name, rate, self.delay)
 
     @property
     def frames(self) -> int:
@@ -223,7 +218,7 @@ class Controller:
 
     def delayed(self, delay: str | float) -> "Controller":
         """The same with another delay."""
-        return replace(self, delay=_seconds("delay", delay))
+        return replace(self, delay=duration("delay", delay))
 
     def scaled(self, gain: float) -> "Controller":
         """The same with all outputs multiplied by a gain."""
@@ -238,7 +233,7 @@ class Controller:
         from .from_control import tustin
 
         A, B, C, D = tustin(self.A, self.B, self.C, self.D, rate)
-        return replace(self, A=A, B=B, C=C, D=D, rate=rate, delay=_seconds("delay", delay))
+        return replace(self, A=A, B=B, C=C, D=D, rate=rate, delay=duration("delay", delay))
 
     def to_control(self) -> "control.StateSpace":
         """The matrices as a python-control system with names, without delay, limits, deadband and gate.
@@ -307,13 +302,6 @@ def _matrix(key: str, value: Any, shape: tuple[int | None, int | None]) -> np.nd
         raise StudyError(f"The matrix {key} of the controller has entries that are not finite numbers.")
     found.setflags(write=False)
     return found
-
-
-def _seconds(key: str, value: Any) -> float:
-    found = quantity(value, "s", bare=False) if isinstance(value, str) else value
-    if isinstance(found, bool) or not isinstance(found, int | float) or not 0 <= found < math.inf:
-        raise StudyError(f"{key} = {shown(value)} is not a time; give {TIME.examples}.")
-    return float(found)
 
 
 def _limits(name: str, value: Any) -> tuple[float, float]:

@@ -100,6 +100,9 @@ def load(path: str | Path) -> Controller | Law:
     found = toml_file.validated(_model(), content, str(path))
     values = {key: getattr(found, key) for key in found.model_fields_set}
     gate = values.pop("gate", None)
+    for key in gate or ():
+        if key not in Gate.__dataclass_fields__:
+            raise StudyError(f"{path}, gate: {toml_file.unknown(key, Gate.__dataclass_fields__)}")
     n = len(found.A)  # type: ignore[attr-defined]
     shapes = {"A": (n, n), "B": (n, -1), "C": (-1, n), "D": (len(found.D), -1)}  # type: ignore[attr-defined]
     try:
@@ -136,7 +139,7 @@ def _model() -> "type[BaseModel]":
         relay: bool = Field(False, description="true or false")
         ramp: float = Field(0.0, description="a number of at least 0")
         tracking: str | float | None = Field(None, description="a time, such as '50ms'")
-        gate: dict[str, Any] | None = Field(None, description="a table with signal, low, high, start, end")
+        gate: dict[str, Any] | None = Field(None, description="a table with signal, low, high, magnitude, start, end")
         A: list[list[float]] = Field(max_length=MOST, description="rows of numbers")
         B: list[list[float]] = Field(max_length=MOST, description="rows of numbers")
         C: list[list[float]] = Field(max_length=MOST, description="rows of numbers")

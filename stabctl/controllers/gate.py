@@ -31,6 +31,12 @@ class Gate:
     end: float = math.inf
 
     def __post_init__(self) -> None:
+        if self.signal is not None and (not isinstance(self.signal, str) or not self.signal.strip()):
+            raise StudyError(
+                f"gate: signal = {shown(self.signal)} does not name a signal; give one, such as 'voltage:7'."
+            )
+        if not isinstance(self.magnitude, bool):
+            raise StudyError(f"gate: magnitude = {shown(self.magnitude)} is not allowed; give true or false.")
         for key in ("low", "high", "start", "end"):
             value: Any = getattr(self, key)
             if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):

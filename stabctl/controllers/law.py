@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from .controller import Controller
 
 FASTEST = 10_000  # frames per second
+LONGEST = 60.0  # s   of a delay
+MOST = 2000  # frames of a delay
 
 
 class Law(ABC):
@@ -90,16 +92,10 @@ class SampledLaw(Law):
     delay: float = 0.0
 
     def __post_init__(self) -> None:
-        rate = self.rate
         if not isinstance(self.law, Law) or isinstance(self.law, SampledLaw):
             raise StudyError(f"law = {shown(self.law)} is not a law that can be sampled; give BangBang(), for example.")
-        if isinstance(rate, bool) or not isinstance(rate, int) or not 1 <= rate <= FASTEST:
-            raise StudyError(f"The rate of {shown(rate)} frames a second is not allowed; give 1 to {FASTEST}.")
-        delay = quantity(self.delay, "s", bare=False) if isinstance(self.delay, str) else self.delay
-        if isinstance(delay, bool) or not isinstance(delay, int | float) or not 0 <= delay < math.inf:
-            raise StudyError(f"delay = {shown(delay)} is not a time; give {TIME.examples}.")
-        object.__setattr__(self, "delay", float(delay))
-        checked_frames("The law", rate, self.delay)
+        object.__setattr__(self, "delay", duration("delay", self.delay))
+        checked_frames("The law", self.rate, self.delay)
 
     @property
     def module(self) -> ModuleType:
@@ -121,8 +117,22 @@ class SampledLaw(Law):
         return self.law.par(device)
 
 
-def checked_frames(name: str, rate: int, delay: float) -> int:
-    """Frames in a delay. Raises `StudyError` if it is not a whole number of them."""
+def duration(key: str, value: Any) -> float:
+    """A time in seconds, from a number or text with a unit. Raises `StudyError` if it is not one."""
+    found = quantity(value, "s", bare=False) if isinstance(value, str) else value
+    if isinstance(found, bool) or not isinstance(found, int | float) or not 0 <= found < math.inf:
+        raise StudyError(f"{key} = {shown(value)} is not a time; give {TIME.examples}.")
+    if key == "delay" and found > LONGEST:
+        raise StudyError(f"delay = {shown(value)} is too long; give at most {LONGEST:g} s.")
+    return float(found)
+
+
+def checked_frames(name: str, rate: Any, delay: float) -> int:
+    """Frames in a delay (s). Raises `StudyError` if the rate is not allowed, or it is not a whole number of frames."""
+    if isinstance(rate, bool) or not isinstance(rate, int) or not 1 <= rate <= FASTEST:
+        raise StudyError(f"{name}: the rate of {shown(rate)} frames a second is not allowed; give 1 to {FASTEST}.")
+    if delay * rate > MOST:
+        raise StudyError(f"{name}: a delay of {delay:g} s is {delay * rate:.0f} frames; give at most {MOST}.")
     if abs(delay * rate - round(delay * rate)) > 1e-6:
         below = math.floor(delay * rate)
         raise StudyError(

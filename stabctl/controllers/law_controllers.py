@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stabctl.errors import StudyError
+from stabctl.errors import StudyError, shown
 
 from .bang_bang import BangBang
 from .controller import Controller
@@ -28,6 +28,8 @@ def controllers(law: Law, case: "Case") -> tuple[Controller, ...]:
     inner, rate, delay = (law.law, law.rate, law.delay) if isinstance(law, SampledLaw) else (law, None, 0.0)
     if isinstance(inner, BangBang):
         inner = StorageLaw(deadband=inner.deadband, min_voltage=inner.min_voltage)
+    if not hasattr(case, "storage") or not hasattr(case, "frequency_hz"):
+        raise StudyError(f"{shown(case)} is not a case; give st.load(...), or the case of an operating point.")
     hz, made = case.frequency_hz, []
     for device in case.storage:
         group = next((g for g in inner.groups if device.machine in g), (device.machine,))

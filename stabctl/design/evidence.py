@@ -8,7 +8,7 @@ import numpy as np
 from stabctl.clearing import ClearingTime, clearing_time
 from stabctl.controllers.controller import Controller
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.errors import StudyError
+from stabctl.errors import StudyError, shown
 from stabctl.simulation.contingency import Contingency
 from stabctl.smallsignal.margins import Margins, margins
 
@@ -99,6 +99,8 @@ def evidence(design: Design, checks: Iterable[Contingency | str] = ()) -> Eviden
     -------
     Evidence
     """
+    if not isinstance(design, Design):
+        raise StudyError(f"{shown(design)} is not a design; give what st.design.pod or another design returns.")
     point, controllers = design.base, design.controllers
     for c in controllers:
         if c.law is not None:

@@ -13,6 +13,7 @@ from stabctl.clearing.trial import Trial
 from stabctl.controllers import BangBang, Law, StorageLaw
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.errors import StudyError, shown
 from stabctl.jobs import Runner
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
@@ -101,7 +102,9 @@ def law(
     StudyError
         If there is no storage or no contingency, or the case lacks something named.
     """
-    began, limits = time.perf_counter(), limits or LawLimits()
+    began, limits = time.perf_counter(), LawLimits() if limits is None else limits
+    if not isinstance(limits, LawLimits):
+        raise StudyError(f"limits = {shown(limits)} are not limits of a law; give LawLimits(...).")
     point = operating_point(base, storage)
     search = Search.of(
         point.case,

@@ -4,18 +4,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stabctl.units import quantity
-
 if TYPE_CHECKING:
     import control
 
 MOST = np.deg2rad(60)  # phase of one stage
 SHORTEST, LONGEST = 0.01, 10.0  # s   time constants of a fitted stage
-
-
-def time(x: str | float) -> float:
-    """A time in seconds: "100ms", or a number. Raises `StudyError` if it is not one."""
-    return quantity(x, "s", bare=False) if isinstance(x, str) else float(x)
 
 
 def compensator(phase: float, w: float, washout: float, filter_s: float = 0.0) -> "control.TransferFunction":

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from stabctl.controllers.controller import Controller
+from stabctl.controllers.law import checked_frames, duration
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
-from stabctl.errors import StudyError
+from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 from stabctl.smallsignal.closed_loop import closed_loop
@@ -18,7 +19,6 @@ from stabctl.smallsignal.reduce import Reduced, balanced
 from stabctl.units import megawatts
 
 from .compensator import compensator, response
-from .lead_lag import time
 from .lqr import named, stable
 from .quadratic import Weights, driven, quadratic, weighed
 from .regulator import Regulator
@@ -92,11 +92,19 @@ def lqg(
     reads = chosen(point.case, inputs, OUTPUTS)
     if not reads:
         raise StudyError(f"{point.case.name} has no signal {inputs!r}; choose what the regulator reads.")
-    late = time(delay)
-    scales = _Scales(effort, megawatts(disturbance) / point.case.base_mva, noise * _noise(point, reads))
+    late = duration("delay", delay)
+    power = megawatts(disturbance)
+    if not 0 < power <= 1e6:
+        raise StudyError(f"disturbance = {shown(disturbance)} is not possible; give more than 0 and at most 1e6 MW.")
+    frames = checked_frames(name, rate, late)
+    if isinstance(noise, bool) or not isinstance(noise, int | float) or not 1e-6 <= noise <= 1e6:
+        raise StudyError(f"noise = {shown(noise)} is not possible; give a number from 1e-6 to 1e6.")
+    if order is not None and (isinstance(order, bool) or not isinstance(order, int) or order < 1):
+        raise StudyError(f"order = {shown(order)} is not a number of states; give at least 1.")
+    scales = _Scales(effort, power / point.case.base_mva, noise * _noise(point, reads))
     small = _reduced(point, drives, reads, scales, weights, order)
     bounds: Any = (-np.inf, np.inf) if limits is None else limits
-    matrices = compensator(small, len(drives), len(reads), rate, round(late * rate), name)
+    matrices = compensator(small, len(drives), len(reads), rate, frames, name)
     bare = Controller(
         tuple(map(named, reads)), tuple(map(named, drives)), *matrices,
         name=name, rate=rate, delay=late, limits=bounds,

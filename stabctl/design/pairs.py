@@ -8,6 +8,7 @@ import numpy as np
 
 from stabctl._util.tabular import Tabular
 from stabctl._util.verbs import verb
+from stabctl.controllers.law import duration
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
@@ -17,7 +18,6 @@ from stabctl.model.fleet import Fleet
 from stabctl.smallsignal.closed_loop import closed_loop
 from stabctl.units import hertz
 
-from .lead_lag import time
 from .residue import UNSEEN, meant
 
 if TYPE_CHECKING:
@@ -157,8 +157,11 @@ def pairs(
     residues = np.outer(seen[:, k], modes.controllability()[k])
     swings = modes.swings()
     size = np.sqrt((np.abs(seen[:, swings] / speed[swings]) ** 2).sum(axis=1))
-    late = {} if isinstance(delay, str | float | int) else {name: time(value) for name, value in delay.items()}
-    each = time(delay) if isinstance(delay, str | float | int) else 0.0
+    for key, given in (("availability", availability), ("ranges", ranges)):
+        if given is not None and not isinstance(given, Mapping):
+            raise StudyError(f"{key} = {shown(given)} is not a table of signals; give {{'flow': 0.9}}, for example.")
+    late = {} if not isinstance(delay, Mapping) else {name: duration("delay", value) for name, value in delay.items()}
+    each = duration("delay", delay) if not isinstance(delay, Mapping) else 0.0
     T = np.array([_of(late, s, each) for s in reads])
     weight = np.array([_of(availability, s, 1.0) for s in reads]) * np.maximum(
         np.cos(modes.eigenvalues[k].imag * T), 0.0

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from stabctl.controllers.controller import Controller
+from stabctl.controllers.law import checked_frames, duration
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, chosen
 from stabctl.errors import StudyError, shown
@@ -20,7 +21,6 @@ from stabctl.smallsignal.closed_loop import closed_loop
 from stabctl.units import hertz, quantity
 
 from . import residue, taps
-from .lead_lag import time
 from .loop import Loop, Make
 from .outages import Outages
 from .pairs import SIGNALS, pairs, written
@@ -101,17 +101,25 @@ def pod(
     share = quantity(spread, "-")
     if not 0 <= share < 1:
         raise StudyError(f"spread = {shown(spread)} is not allowed; give a share of the gain, such as 0.5.")
-    if order is not None and not 1 <= order <= MOST:
+    if order is not None and (isinstance(order, bool) or not isinstance(order, int) or not 1 <= order <= MOST):
         raise StudyError(f"order = {shown(order)} is not allowed; give 1 to {MOST}.")
+    late, slow = duration("delay", delay), duration("washout", washout)
+    if rate is not None:
+        checked_frames(name, rate, late)
     bounds: Any = (-np.inf, np.inf) if limits is None else limits
-    more: dict[str, Any] = {"rate": rate, "delay": time(delay), "limits": bounds, "name": name}
+    more: dict[str, Any] = {"rate": rate, "delay": late, "limits": bounds, "name": name}
     factors = (1.0, 1 - share, 1 + share) if share else (1.0,)
     if order is None and len(reads) == 1:
-        return _one(points, residue.damper(points[0], reads[0], output, hz, time(washout), more), damping, factors)
+        return _one(
+            points,
+            residue.damper(points[0], reads[0], output, hz, slow, more),
+            damping,
+            factors,
+        )
     corner = 2 * np.pi * _middle(points[0])
     found: Design | None = None
     for n in range(1, TAPS + 1) if order is None else [order]:
-        make, count = taps.damper(reads, output, n, corner=corner, washout=time(washout), **more)
+        make, count = taps.damper(reads, output, n, corner=corner, washout=slow, **more)
         new = _several(points, make, count, damping, factors)
         found = new if found is None or new.short < found.short else found
         if found.reached:

@@ -5,15 +5,16 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from stabctl.controllers.controller import Controller
+from stabctl.controllers.law import duration
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.errors import StudyError
+from stabctl.errors import StudyError, shown
 from stabctl.model import catalog, keys
 from stabctl.model.case import Case
 from stabctl.smallsignal.model import linearize
 
 from .gep import Others, held
-from .lead_lag import fitted, time
+from .lead_lag import fitted
 from .loop import Loop
 from .outages import Outages
 from .requirement import Requirement
@@ -74,7 +75,7 @@ def pss(
     ones = []
     for i, number in enumerate(numbers):
         phase = np.unwrap(np.angle(held(model, number, i, others).response(hz)[:, 0, 0]))
-        H = fitted(hz, -phase, time(washout))
+        H = fitted(hz, -phase, duration("washout", washout))
         ones.append(Controller.from_control(H, f"speed:{number}", f"vs:{number}", limits=limits, name=f"pss {number}"))
 
     def make(gains: np.ndarray) -> list[Controller]:
@@ -90,6 +91,8 @@ def pss(
 
 def _machines(case: Case, machines: Iterable[int] | None) -> list[int]:
     """The machines that get a stabilizer."""
+    if machines is not None and (isinstance(machines, str) or not isinstance(machines, Iterable)):
+        raise StudyError(f"machines = {shown(machines)} is not a list of machines; give [1, 2], for example.")
     with_exciter = [m.machine for m in case.machines if case.model(m.machine, "exciter")]
     numbers = with_exciter if machines is None else [case.machine(n).machine for n in machines]
     for n in numbers:

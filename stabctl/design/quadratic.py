@@ -12,7 +12,7 @@ import scipy.linalg as sl
 
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
-from stabctl.errors import StudyError
+from stabctl.errors import StudyError, shown
 from stabctl.smallsignal.closed_loop import closed_loop
 from stabctl.smallsignal.model import Linear
 from stabctl.smallsignal.modes import Modes
@@ -35,8 +35,10 @@ class Weights:
 
     def __post_init__(self) -> None:
         for name, value in (("speed", hertz(self.speed)), ("effort", self.effort), ("angle", self.radians)):
-            if value is not None and not 0 < value < np.inf:
-                raise StudyError(f"{name} = {getattr(self, name)!r} is not possible; give a positive number.")
+            if name == "angle" and value is None:
+                continue
+            if isinstance(value, bool) or not isinstance(value, int | float) or not 1e-9 <= value <= 1e9:
+                raise StudyError(f"{name} = {shown(getattr(self, name))} is not possible; give 1e-9 to 1e9.")
 
     @property
     def radians(self) -> float | None:

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stabctl.errors import StudyError, shown
+
 SLOW, FAST = 0.1, 3.0  # Hz   band of the modes that a design improves
 NEAR = 0.1  # Hz   within which a mode is taken for the same before and after
 SLACK = 0.002  # loss of damping ratio allowed to a mode that is not meant
@@ -24,6 +26,11 @@ class Requirement:
 
     damping: float
     floors: tuple[tuple[float, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        given = self.damping
+        if isinstance(given, bool) or not isinstance(given, int | float) or not 0 <= given < 1:
+            raise StudyError(f"damping = {shown(given)} is not a damping ratio to reach; give 0 or more, below 1.")
 
     def spare(self, s: np.ndarray) -> np.ndarray:
         """What the damping ratio of every eigenvalue s (1/s) has beyond what it must reach; inf if nothing is asked."""

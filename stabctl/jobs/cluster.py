@@ -32,7 +32,7 @@ class Cluster:
     """
 
     def __init__(self, address: str) -> None:
-        if not re.fullmatch(r"((tcp|tls)://)?[^/\s]+:\d+", address):
+        if not isinstance(address, str) or not re.fullmatch(r"((tcp|tls)://)?[^/\s]+:\d+", address):
             raise StudyError(f"{address!r} is not the address of a Dask scheduler; write it as tcp://host:8786.")
         try:
             from distributed import KilledWorker

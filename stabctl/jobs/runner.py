@@ -7,7 +7,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from stabctl._util import cores
+from stabctl._util import cores, files
 from stabctl.errors import StudyError
 
 from .cluster import Cluster
@@ -117,7 +117,7 @@ class Runner(AbstractContextManager["Runner"]):
 
 
 def _folder(path: str | Path) -> Path:
-    path = Path(path)
+    path = files.path_of(path)
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:

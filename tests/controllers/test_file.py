@@ -50,6 +50,8 @@ def test_a_static_gain_has_empty_matrices(tmp_path):
         (("D = [[0.0]]", "D = [[nan]]"), "not finite"),
         (("rate = 60", "rate = 0"), "rate of 0 frames"),
         (("[", "]"), "is not valid TOML"),
+        (("D = [[0.0]]", "D = [[0.0]]\n[gate]\nlowest = 0.8"), "'lowest' is not a known key; did you mean 'low'"),
+        (("D = [[0.0]]", "D = [[0.0]]\n[gate]\nmagnitude = 1"), "magnitude = 1 is not allowed; give true or false"),
     ],
 )
 def test_mistakes_in_a_file(tmp_path, change, says):
