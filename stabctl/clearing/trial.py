@@ -39,7 +39,7 @@ class Trial:
     """A contingency at an operating point under a control law; its own clearing time is ignored.
 
     The fault begins at 0, under a sampled controller after `quiet` s; other events keep their time from the fault.
-    Raises `StudyError` without a fault, and at the first run for what the case does not have.
+    Raises `StudyError` without a fault or a rotor, and at the first run for what the case does not have.
     """
 
     point: OperatingPoint
@@ -51,6 +51,11 @@ class Trial:
     def __post_init__(self) -> None:
         if self.contingency.fault is None:
             raise StudyError(f"{self.contingency} has no fault, so it has no clearing time; give one with a fault.")
+        if not len(self.point.rotors.unit):
+            raise StudyError(
+                f"{self.point.case.name} has no synchronous machine, so loss of synchronism is not judged and there is "
+                "no clearing time; add a machine, or use simulate."
+            )
 
     @cached_property
     def others(self) -> tuple[Event, ...]:

@@ -71,18 +71,20 @@ def areas(modes: Modes, count: int | None = None) -> Areas:
     Raises
     ------
     StudyError
-        If the system has fewer than `count - 1` swing modes.
+        If the system has no rotor, or fewer than `count - 1` swing modes.
 
     References
     ----------
     J. H. Chow (ed.), Time-Scale Modeling of Dynamic Networks, 1982, ch. 5.
     """
+    name = modes.linear.point.case.name
+    if not len(modes.linear.point.rotors.unit):
+        raise StudyError(f"{name} has no synchronous machine, so it has no coherent areas.")
     swings, machines = modes.swings(), len(modes.linear.point.case.machines)
     if count is None:
         tried = range(min(2, len(swings) + 1), max(2, min(machines // 3, len(swings))) + 1)
         return max((_split(modes, swings[: k - 1]) for k in tried), key=lambda found: found.agreement)
     if not 1 <= count <= len(swings) + 1:
-        name = modes.linear.point.case.name
         raise StudyError(
             f"{name} cannot be divided into {counted(count, 'area')}: it has {counted(len(swings), 'swing mode')}; "
             f"choose 1 to {len(swings) + 1} areas."

@@ -64,6 +64,8 @@ class Modes:
     def shapes(self) -> np.ndarray:
         """Mode shapes: speeds (machines, modes) relative to the largest of each mode; 0 if no machine moves."""
         speeds = self.right[self.linear.speeds()]
+        if not len(speeds):
+            return speeds
         largest = np.take_along_axis(speeds, np.abs(speeds).argmax(axis=0)[None], axis=0)
         still = np.abs(largest[0]) < 1e-9 * np.abs(self.right).max(axis=0)
         return np.where(still, 0, speeds / np.where(still, 1, largest[0]))

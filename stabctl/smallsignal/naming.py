@@ -61,7 +61,10 @@ def zero(linear: Linear, right: np.ndarray, left: np.ndarray, first: bool) -> st
     fixed = [k for k in range(len(left)) if not linear.A[k].any() and abs(left[k]) > 0.5 * np.abs(left).max()]
     if fixed:
         return f"constant state {linear.states[fixed[0]]} (open circuit)"
-    if np.abs(left[linear.speeds()]).max() >= 0.5 * np.abs(left[np.r_[linear.speeds(), linear.angles()]]).max():
+    if (
+        len(linear.speeds())
+        and np.abs(left[linear.speeds()]).max() >= 0.5 * np.abs(left[np.r_[linear.speeds(), linear.angles()]]).max()
+    ):
         return "frequency reference (nothing restores the common speed: no governor, no damping)"
     return f"integral of {linear.states[int(np.abs(right).argmax())]}"
 

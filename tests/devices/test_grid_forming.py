@@ -10,10 +10,11 @@ from systems import FORMING, small
 import stabctl as st
 from stabctl.devices.converters import regfm_a1
 from stabctl.dynamics import operating_point
-from stabctl.errors import EquilibriumError
+from stabctl.errors import EquilibriumError, StudyError
 from stabctl.model import network
 from stabctl.simulation import simulation
 from stabctl.simulation.events import Clear, Fault, LoadStep, Open
+from stabctl.smallsignal.areas import areas
 
 SLOW = FORMING._replace(mp=0.02, mq=0.1, TPf=0.02, kiv=20.0)
 
@@ -181,6 +182,33 @@ def test_a_step_of_its_reference_is_that_of_the_swing_equation():
     assert sorted(swing, key=np.imag) == pytest.approx(
         sorted(np.roots([2 * H, 1 / p.mp, wb * slope]), key=np.imag), rel=1e-9
     )
+
+
+def test_its_modes_are_those_of_the_motion_after_a_step():
+    """The linear model follows a load step so small that nothing bends; one zero, the common angle."""
+    base = st.initialize(island())
+    modes = base.modes()
+    assert (modes.eigenvalues == 0).sum() == 1
+    assert modes.stable
+    assert modes.label(0).startswith("angle reference")
+    assert not modes.electromechanical.any()
+    linear = base.linearize(inputs="load_p:2", outputs="voltage:2")
+    found = simulation.run(base, [LoadStep("2", 0.0, 0.01)], 2.0)
+    moved = found.rows[:, [base.layout.states.index(p) for p in linear.places]]
+    x = moved[-1] - moved[0]
+    values, V = np.linalg.eig(linear.A)
+    drive = np.linalg.solve(V, linear.B[:, 0] * 0.01 / base.case.base_mva)
+    slow = np.abs(values) < 1e-6
+    grown = np.where(slow, 2.0, np.expm1(2.0 * values) / np.where(slow, 1, values))
+    wanted = (V @ (grown * drive)).real
+    assert np.abs(x - wanted).max() < 1e-5 * np.abs(wanted).max()  # 5.4e-7
+
+
+def test_without_a_rotor_there_are_no_areas_and_no_clearing_time():
+    with pytest.raises(StudyError, match="small has no synchronous machine, so it has no coherent areas"):
+        areas(st.modes(island()))
+    with pytest.raises(StudyError, match="small has no synchronous machine, so loss of synchronism is not judged"):
+        st.initialize(island()).clearing_time("2")
 
 
 def test_a_limit_below_its_dispatch_is_named():

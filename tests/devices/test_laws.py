@@ -141,5 +141,5 @@ class TestConverter:
         assert "The system is blacked out" in str(run.outcome)
         assert not run.outcome.stable
         run.plot()
-        with pytest.raises(StudyError, match="small has no synchronous machine"):
+        with pytest.raises(StudyError, match="small has no synchronous machine and no grid-forming converter"):
             st.modes(case)
