@@ -47,6 +47,7 @@ def test_records(call, says):
     [
         (lambda b: st.BangBang().sampled(60, 1e308), "delay = 1e\\+308 is too long; give at most 60 s"),
         (lambda b: st.BangBang().sampled(10_000, "1s"), "10000 frames; give at most 2000"),
+        (lambda b: st.design.pod(b, "speed:1", "vref:1", delay=1e-308), "delay = 1e-308 is too short"),
         (lambda b: st.BangBang().controllers(None), "None is not a case"),
         (lambda b: st.Controller("speed:1", "vref:1", [], [], [], [[1]], delay=1e308), "is too long"),
         (lambda b: st.Gate(3), "signal = 3 does not name a signal"),

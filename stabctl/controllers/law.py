@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from .controller import Controller
 
 FASTEST = 10_000  # frames per second
-LONGEST = 60.0  # s   of a delay
+SHORTEST, LONGEST = 1e-6, 60.0  # s   of a delay
 MOST = 2000  # frames of a delay
 
 
@@ -124,6 +124,8 @@ def duration(key: str, value: Any) -> float:
         raise StudyError(f"{key} = {shown(value)} is not a time; give {TIME.examples}.")
     if key == "delay" and found > LONGEST:
         raise StudyError(f"delay = {shown(value)} is too long; give at most {LONGEST:g} s.")
+    if 0 < found < SHORTEST:
+        raise StudyError(f"{key} = {shown(value)} is too short; give at least 1us.")
     return float(found)
 
 
