@@ -28,6 +28,7 @@ from .response import grid
 BAND = (1e-3, 100.0)  # Hz   sampled loops: to half of the rate
 LARGEST = 1e3  # largest factor of a gain that is reported, and its inverse the smallest
 REST, FAST = 1e-4, 1e9  # 1/s   real s at which L stands for that at rest, and at infinite frequency
+AROUND = np.tan(np.linspace(-1.2, 1.2, 7))  # points around each resonance, in widths
 TURN = 0.3  # rad   largest turn of L or 1 + L between two frequencies
 ROUNDS = 12  # of halving the intervals that turn more
 
@@ -97,7 +98,7 @@ def single_loops(point: OperatingPoint, own: Sequence[Named], poles: np.ndarray)
         G = loop(s)[0][None]
         return np.array([-gain * alone(G, gains, r)[0] for r, gain in enumerate(gains)])
 
-    hz = grid(np.r_[loop.poles, poles], low, high)
+    hz = grid(poles[np.abs(poles.real) < poles.imag], low, high, AROUND)
     L = np.array([given(2j * np.pi * f) for f in hz])
     hz, L = _refined(lambda f: given(2j * np.pi * f), hz, L)
     ends = {0.0: given(REST + 0j)}

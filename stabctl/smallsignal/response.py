@@ -32,8 +32,8 @@ class Response:
         return found
 
 
-def grid(poles: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Frequencies (Hz) between two, dense around the resonances of poles (1/s)."""
+def grid(poles: np.ndarray, low: float, high: float, around: np.ndarray = AROUND) -> np.ndarray:
+    """Frequencies (Hz) between two, dense around the resonances of poles (1/s): at these widths from each."""
     swings = poles[poles.imag > 0]
-    near = (swings.imag[:, None] + np.abs(swings.real[:, None]) * AROUND).ravel() / (2 * np.pi)
+    near = (swings.imag[:, None] + np.abs(swings.real[:, None]) * around).ravel() / (2 * np.pi)
     return np.unique(np.r_[np.geomspace(low, high, STEPS), near[(near > low) & (near < high)]])
