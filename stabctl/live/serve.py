@@ -62,6 +62,7 @@ def serve(
             uvicorn.Config(app(case, load, token, port), timeout_graceful_shutdown=1, ws="none", **options)
         )
         address = f"http://{HOST}:{port}/{token}/"
+        listening.listen()  # a browser that is quicker than the server waits for it
         with suppress(KeyboardInterrupt):
             said(address)
             if browser:

@@ -10,6 +10,7 @@ from heapq import heappop, heappush
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 from threadpoolctl import threadpool_limits
 
 from stabctl.errors import StudyError
@@ -27,6 +28,7 @@ MORE, DEPTH = 2, 4  # vectors in a block beyond the number of modes that are mis
 LEAST = 1e-3  # smallest part of a band, relative to its frequency
 MARGIN = 1e-3  # step by which the band is made wider while a mode lies on its edge
 TRIES = 5
+TOGETHER = 1e-6  # modes this close (relative) nearly coincide
 COUNTING = 0.5  # part of the work, for those who wait
 CUTS = np.linspace(0.35, 0.65, 13)  # where a part of the band may be divided
 
@@ -66,10 +68,24 @@ def _found(d: Descriptor, asked: Sector, said: Said) -> Found:
     search = _Search(d, system, sector)
     search.along(sector, counted, lambda done: said(COUNTING + (1 - COUNTING) * done))
     search.complete(sector, counted)
-    known = search.known
+    known = _paired(search.known)
     inside = np.flatnonzero(asked.holds(known.values))
     order = inside[np.lexsort((known.values.real[inside], known.values.imag[inside]))]
     return Found(known.some(order), counted - (len(known.values) - len(inside)), tuple(search.incomplete))
+
+
+def _paired(known: Eigen) -> Eigen:
+    """Left vectors scaled to W^H V = 1 among modes that nearly coincide, which separate searches leave inexact."""
+    values = known.values
+    if len(values) < 2:
+        return known
+    near = np.abs(values[:, None] - values) <= TOGETHER * np.abs(values)
+    label = connected_components(near, directed=False)[1]
+    left = known.left.copy()
+    for group in (np.flatnonzero(label == k) for k in np.flatnonzero(np.bincount(label) > 1)):
+        V, W = known.right[:, group], left[:, group]
+        left[:, group] = W @ np.linalg.pinv(V.conj().T @ W)
+    return known._replace(left=left)
 
 
 def _counted(system: Network, asked: Sector, said: Said) -> tuple[Sector, int]:
