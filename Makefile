@@ -44,6 +44,8 @@ bench: .venv/bench  ## measure speed on this machine, and that of ANDES and TOPS
 	$(BIN)/python benchmarks/peers.py
 	$(BIN)/python benchmarks/growth.py
 	$(BIN)/python benchmarks/large.py
+	$(BIN)/python benchmarks/cluster.py
+	$(BIN)/python benchmarks/live.py
 
 clean:  ## remove the virtual environment and all generated files
 	rm -rf .venv build dist
