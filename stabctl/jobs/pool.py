@@ -143,8 +143,8 @@ def _serve(pipe: connection.Connection, files: tuple[str, ...]) -> None:
     warnings.simplefilter("ignore", RuntimeWarning)
     importlib.import_module(WARM)
     devices.register_missing(files)
-    pipe.send(None)
-    with suppress(EOFError):
+    with suppress(EOFError, BrokenPipeError, ConnectionResetError):  # the starting process is gone
+        pipe.send(None)
         while True:
             pipe.send(run_task(pipe.recv()))
 
