@@ -1,12 +1,16 @@
 """TOML files checked with pydantic models; every error is one sentence."""
 
 import difflib
+import json
+import math
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from stabctl.errors import StudyError, shown
+
+from . import files
 
 if TYPE_CHECKING:
     from pydantic import BaseModel, ValidationError
@@ -32,6 +36,23 @@ def read(path: Path, what: str) -> dict[str, Any]:
         return tomllib.loads(text.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise StudyError(f"The {what} {path} is not valid TOML: {error}.") from None
+
+
+def target(path: str | Path) -> Path:
+    """The path of a file to write. Raises `StudyError` if it does not end in .toml."""
+    found = files.path_of(path)
+    if found.suffix.lower() != ".toml":
+        raise StudyError(f"The file {found.name!r} must end in .toml.")
+    return found
+
+
+def as_text(value: Any) -> str:
+    """A value as TOML: that of JSON, but for infinities."""
+    if isinstance(value, list):
+        return f"[{', '.join(as_text(v) for v in value)}]"
+    if isinstance(value, float) and math.isinf(value):
+        return "inf" if value > 0 else "-inf"
+    return json.dumps(value, ensure_ascii=False)
 
 
 def validated(model: "type[Model]", content: Any, where: str) -> "Model":

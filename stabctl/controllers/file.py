@@ -14,7 +14,6 @@ C = [[3.0]]
 D = [[0.0]]
 """
 
-import json
 import math
 from collections.abc import Iterable
 from pathlib import Path
@@ -38,42 +37,35 @@ MOST = 1000  # states, inputs or outputs
 
 def save(controller: Controller, path: str | Path) -> Path:
     """Write a controller to a file ending in .toml, and return its path. Raises `StudyError` for a Python function."""
-    path = files.path_of(path)
-    if path.suffix.lower() != ".toml":
-        raise StudyError(f"The file {path.name!r} must end in .toml.")
+    path = toml_file.target(path)
     if controller.law is not None:
         raise StudyError(f"{controller.name} is a Python function, which a file cannot hold; keep its script.")
     lines = [f"{key} = {value}" for key, value in _values(controller)]
     if controller.gate is not None:
-        lines += ["", "[gate]", *(f"{k} = {as_text(v)}" for k, v in vars(controller.gate).items() if v is not None)]
+        lines += [
+            "",
+            "[gate]",
+            *(f"{k} = {toml_file.as_text(v)}" for k, v in vars(controller.gate).items() if v is not None),
+        ]
     files.replace(path, "\n".join([*lines, ""]))
     return path
 
 
 def _values(c: Controller) -> Iterable[tuple[str, str]]:
-    yield "name", as_text(c.name)
-    yield "inputs", as_text(list(c.inputs))
-    yield "outputs", as_text(list(c.outputs))
+    yield "name", toml_file.as_text(c.name)
+    yield "inputs", toml_file.as_text(list(c.inputs))
+    yield "outputs", toml_file.as_text(list(c.outputs))
     for key in ("rate", "delay", "limits", "deadband", "relay", "ramp", "tracking"):
         value = getattr(c, key)
         if value not in (None, 0, False, (-math.inf, math.inf)):
-            yield key, as_text(list(value) if isinstance(value, tuple) else value)
+            yield key, toml_file.as_text(list(value) if isinstance(value, tuple) else value)
     for key in "ABCD":
         yield key, _rows(getattr(c, key))
 
 
 def _rows(M: np.ndarray) -> str:
-    rows = [as_text(row) for row in M.tolist()]
+    rows = [toml_file.as_text(row) for row in M.tolist()]
     return f"[{', '.join(rows)}]" if M.size < 8 else "[\n" + "".join(f"    {row},\n" for row in rows) + "]"
-
-
-def as_text(value: Any) -> str:
-    """A value as TOML: that of JSON, but for infinities."""
-    if isinstance(value, list):
-        return f"[{', '.join(as_text(v) for v in value)}]"
-    if isinstance(value, float) and math.isinf(value):
-        return "inf" if value > 0 else "-inf"
-    return json.dumps(value, ensure_ascii=False)
 
 
 def load(path: str | Path) -> Controller | Law:

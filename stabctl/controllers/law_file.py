@@ -25,11 +25,7 @@ KINDS: dict[str, type[Law]] = {"storage law": StorageLaw, "bang-bang": BangBang,
 
 def save(law: Law, path: str | Path) -> Path:
     """Write a law to a file ending in .toml, and return its path."""
-    from .file import as_text
-
-    path = files.path_of(path)
-    if path.suffix.lower() != ".toml":
-        raise StudyError(f"The file {path.name!r} must end in .toml.")
+    path = toml_file.target(path)
     inner = law.law if isinstance(law, SampledLaw) else law
     kind = next((name for name, kind in KINDS.items() if type(inner) is kind), None)
     if kind is None:
@@ -40,7 +36,7 @@ def save(law: Law, path: str | Path) -> Path:
         values["groups"] = ["+".join(map(str, group)) for group in values["groups"]]
     if isinstance(law, SampledLaw):
         values |= {"rate": law.rate, "delay": law.delay}
-    files.replace(path, "".join(f"{key} = {as_text(value)}\n" for key, value in values.items()))
+    files.replace(path, "".join(f"{key} = {toml_file.as_text(value)}\n" for key, value in values.items()))
     return path
 
 

@@ -116,7 +116,7 @@ def test_measurements_that_cross_the_network(base):
 
 
 def test_a_regulator_behind_kalman_filters(base, measured):
-    """A fault that is lost without control, with true and with estimated angles and speeds."""
+    """The system survives a fault that it does not survive without control, with true and with estimated signals."""
     fault = st.Contingency("7-8@0.4", clear="24cyc", at="0.5s")
     assert not base.simulate(fault, "5s").outcome.stable
     behind = st.EstimatorControl(measured.controller, engine="batched")
