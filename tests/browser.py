@@ -28,7 +28,7 @@ document.getElementById("frame").onload = (event) => {{
   const inside = event.target.contentDocument, root = inside.documentElement, wide = root.clientWidth + 0.5;
   const name = (e) => e.tagName + "." + e.className + ": " + e.textContent.slice(0, 60);
   const all = [...inside.body.querySelectorAll("*")];
-  const boxes = [...inside.body.children].map((e) => [e, e.getBoundingClientRect()]);
+  const boxes = [...inside.body.children].map((e) => [e, e.getBoundingClientRect()]).filter(([, r]) => r.height);
   const colors = event.target.contentWindow.getComputedStyle(inside.body);
   document.getElementById("found").textContent = JSON.stringify({{
     width: root.clientWidth, scroll: root.scrollWidth, title: inside.title,

@@ -59,14 +59,20 @@ def opened(address, width=1280, height=900, scheme="light"):
 
 
 def tab(started, address, width=1280, height=900, scheme="light"):
-    """A page of an address, with its first run drawn; what it logs is in `logged`."""
+    """The interactive page of an address, with its first run drawn."""
+    page = page_of(started, address, width, height, scheme)
+    until(page, "typeof live === 'object' && !!live.run")
+    return page
+
+
+def page_of(started, address, width=1280, height=900, scheme="light"):
+    """A page of an address; what it logs is in `logged`."""
     context = started.new_context(viewport={"width": width, "height": height}, color_scheme=scheme)
     page = context.new_page()
     page.logged = []
     page.on("console", lambda message: page.logged.append(message.text))
     page.on("pageerror", lambda error: page.logged.append(str(error)))
     page.goto(address)
-    until(page, "typeof live === 'object' && !!live.run")
     return page
 
 

@@ -38,6 +38,7 @@ class Screen:
     wall_s: float
 
     plot = verb("stabctl.plotting.screen:plot")
+    report = verb("stabctl.report.screen_page:write")
 
     def below(self, longest: str | float) -> "Screen":
         """The pairs with a shorter clearing time ("8cyc", or seconds), and those that are always unstable."""

@@ -128,7 +128,8 @@ def place(
             chosen_by = "come from" if contingencies else "were chosen by default: they are those of"
             shared.console().print(f"The contingencies and their clearing times {chosen_by} {source}.")
     if report:
-        print(found.report(report), file=sys.stderr if as_json else sys.stdout)
+        base = next(iter(points.values())) if isinstance(points, dict) else points
+        print(found.report(report, base=base), file=sys.stderr if as_json else sys.stdout)
 
 
 def _operating_points(cases: "list[Case]", levels: list[float] | None) -> "dict[str, Case]":

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from stabctl.clearing import Screen
 
 Below = Annotated[str | None, typer.Option("--below", help="List only pairs with shorter clearing times: 8cyc.")]
+Report = Annotated[Path | None, typer.Option("--report", help="Write a page with figures to this folder.")]
 Out = Annotated[Path | None, typer.Option("--out", help="Write the pairs to FILE.csv.")]
 
 
@@ -35,6 +36,7 @@ def screen(
     store: options.Store = None,
     scheduler: options.Scheduler = None,
     out: Out = None,
+    report: Report = None,
     case: groups.CaseOptions,
     as_json: options.Json = False,
 ) -> None:
@@ -42,6 +44,7 @@ def screen(
     from stabctl.clearing import screen
 
     shared.file(out, ".csv")
+    shared.folder(report)
     loaded = case.load()
     point = storage.initialize(loaded)
     chosen, own = law.chosen(point.case, control, shared.controllers(controller))
@@ -67,6 +70,10 @@ def screen(
         found.save(out)
         if not as_json:
             shared.console().print(f"written: {out}")
+    if report:
+        path = found.report(report, base=point)
+        if not as_json:
+            shared.console().print(f"written: {path}")
 
 
 def _show(found: "Screen", as_json: bool) -> None:

@@ -8,6 +8,7 @@ from stabctl.design.evidence import Evidence
 from stabctl.design.requirement import FAST
 from stabctl.design.result import Design
 
+from . import hover
 from .modes import RATIOS, ray
 from .style import COLORS, GRAY, single, subplots
 
@@ -66,8 +67,10 @@ def bode(found: Evidence) -> "Figure":
     figure, axes = subplots(*TALL, 2, 1, sharex=True)
     size, phase = axes[:, 0]
     for loop in found.loops:
-        size.loglog(loop.hz, np.abs(loop.response), label=loop.name)
-        phase.semilogx(loop.hz, np.rad2deg(np.unwrap(np.angle(loop.response))))
+        curves = size.loglog(loop.hz, np.abs(loop.response), label=loop.name)
+        curves += phase.semilogx(loop.hz, np.rad2deg(np.unwrap(np.angle(loop.response))))
+        for curve in curves:
+            hover.name(curve, loop.name)
     size.axhline(1, color=GRAY, linewidth=1)
     size.set_ylabel("magnitude")
     phase.set(xlabel="frequency (Hz)", ylabel="phase (deg)")
@@ -82,7 +85,7 @@ def steps(found: Evidence) -> "Figure":
     figure, axes = subplots(*TALL, 2, 1, sharex=True)
     for ax, (t, y), what in zip(axes[:, 0], (found.steps.before, found.steps.after), ("without", "with"), strict=True):
         for name, row in zip(found.steps.machines, y.T, strict=True):
-            ax.plot(t, hz * row, linewidth=1, label=f"machine {name}")
+            hover.name(ax.plot(t, hz * row, linewidth=1, label=f"machine {name}")[0], f"machine {name}, {what}")
         ax.set_ylabel(f"{what} (mHz)")
     _above(axes[0, 0])
     axes[1, 0].set_xlabel("time (s)")
@@ -95,7 +98,7 @@ def own_steps(found: Evidence) -> "Axes":
     ax = single(None, *LOW)
     for name, t, y in found.steps.own:
         for row in y.T:
-            ax.plot(t, row, linewidth=1, label=name)
+            hover.name(ax.plot(t, row, linewidth=1, label=name)[0], name)
     ax.set(xlabel="time (s)", ylabel="output")
     _above(ax)
     return ax

@@ -6,6 +6,7 @@ import numpy as np
 
 from stabctl.design.law_result import Judged, LawDesign
 
+from . import hover
 from .clearing_time import LABEL
 from .style import COLORS, GRAY, single
 
@@ -37,7 +38,8 @@ def plot(design: LawDesign, *, ax: "Axes | None" = None) -> "Axes":
     ax.hlines(y, reach.min(axis=1), reach.max(axis=1), color=GRAY, linewidth=1, alpha=0.5)
     marks = (("without a law", GRAY, "o"), ("the paper's law", COLORS[1], "s"), ("designed law", COLORS[0], "D"))
     for k, (name, color, marker) in enumerate(marks):
-        ax.plot(reach[:, k], y, marker, color=color, label=name, markersize=5)
+        dots = ax.plot(reach[:, k], y, marker, color=color, label=name, markersize=5)[0]
+        hover.name(dots, [f"{named(c)}, {name}: {x:g} cycles" for c, x in zip(rows, reach[:, k], strict=True)])
     ax.set_yticks(y, [named(c) for c in rows])
     ax.set_ylim(len(rows) - 0.4, -0.6)
     ax.set_xlim(left=0)

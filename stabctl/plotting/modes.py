@@ -3,9 +3,10 @@
 import math
 from typing import TYPE_CHECKING
 
-from stabctl.smallsignal import Modes
+from stabctl.smallsignal import Mode, Modes
 from stabctl.smallsignal.eigen import ZERO
 
+from . import hover
 from .style import COLORS, GRAY, single
 
 if TYPE_CHECKING:
@@ -38,18 +39,20 @@ def plot(modes: Modes, *, ax: "Axes | None" = None) -> "Axes":
     ax = single(ax, *SIZE)
     upper = modes.eigenvalues.imag > 0
     real, hertz = modes.eigenvalues.real, modes.frequency_hz
+    swings = modes.swings() or [k for k in range(len(modes)) if upper[k]]
+    left = min(-1.0, 1.25 * min(real[swings], default=-1.0))
+    right = max(-0.08 * left, 1.5 * max(real[upper], default=0.0))
+    top = 1.2 * max(hertz[swings], default=1.6)
+    inside = upper & (real > left) & (real < right) & (hertz < top)
     kind = [
         "unstable" if s.real > ZERO else "electromechanical mode" if swing else "other oscillatory mode"
         for s, swing in zip(modes.eigenvalues, modes.electromechanical, strict=True)
     ]
     for name, (marker, face, edge) in KINDS.items():
-        chosen = [k for k in range(len(modes)) if upper[k] and kind[k] == name]
+        chosen = sorted((k for k in range(len(modes)) if upper[k] and kind[k] == name), key=inside.__getitem__)
         if chosen:
-            ax.plot(real[chosen], hertz[chosen], marker, mfc=face, mec=edge, ls="none", label=name, zorder=3)
-    swings = modes.swings() or [k for k in range(len(modes)) if upper[k]]
-    left = min(-1.0, 1.25 * min(real[swings], default=-1.0))
-    right = max(-0.08 * left, 1.5 * max(real[upper], default=0.0))
-    top = 1.2 * max(hertz[swings], default=1.6)
+            dots = ax.plot(real[chosen], hertz[chosen], marker, mfc=face, mec=edge, ls="none", label=name, zorder=3)
+            hover.name(dots[0], [describe(modes.mode(k)) for k in chosen if inside[k]])
     ax.set(xlim=(left, right), ylim=(0, top), xlabel="real part (1/s)", ylabel="frequency (Hz)")
     ax.axvline(0, color=GRAY, linewidth=1)
     for ratio in RATIOS:
@@ -57,6 +60,11 @@ def plot(modes: Modes, *, ax: "Axes | None" = None) -> "Axes":
     look = {"frameon": False, "fontsize": "small", "columnspacing": 1, "handletextpad": 0}
     ax.legend(loc="lower center", bbox_to_anchor=(0.45, 1), ncols=3, **look)
     return ax
+
+
+def describe(mode: Mode) -> str:
+    """A mode in one line: what it is, its frequency, and its damping ratio."""
+    return f"{mode.label}: {mode.frequency_hz:.3f} Hz, damping ratio {100 * mode.damping_ratio:.2f} %"
 
 
 def ray(ax: "Axes", ratio: float, left: float, top: float) -> None:

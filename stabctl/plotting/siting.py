@@ -1,9 +1,11 @@
 """Figures of a siting study: ratings by site compared with the uniform fleet, and cost by iteration."""
 
+import math
 from typing import TYPE_CHECKING, Any
 
 from stabctl.placement.siting import Siting
 
+from . import hover
 from .style import COLORS, GRAY, single
 
 if TYPE_CHECKING:
@@ -32,16 +34,22 @@ def plot(siting: Siting, *, ax: "Axes | None" = None) -> "Axes":
     rows = range(len(places))
     ax = single(ax, WIDTH, 1.2 + 0.27 * len(places))
     found = [mw.get((p.bus, p.machine), 0.0) for p in places]
-    ax.barh([k - 0.2 for k in rows], found, 0.4, color=COLORS[0], label="optimized")
+    _bars(ax, [k - 0.2 for k in rows], found, color=COLORS[0], label="optimized")
     if siting.uniform_mw is not None:
         even = [p.uniform_mw or 0.0 for p in places]
-        ax.barh([k + 0.2 for k in rows], even, 0.4, color=GRAY, alpha=0.5, label="uniform")
+        _bars(ax, [k + 0.2 for k in rows], even, color=GRAY, alpha=0.5, label="uniform")
     ax.set_yticks(list(rows), [f"machine {p.machine}, bus {p.bus}" for p in places])
     ax.set_ylim(len(places) - 0.4, -0.6)
     ax.grid(visible=False, axis="y")
     ax.set_xlabel("storage rating (MW)")
     ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, frameon=False)
     return ax
+
+
+def _bars(ax: "Axes", rows: list[float], mw: list[float], **look: Any) -> None:
+    """Bars that name their megawatts."""
+    for bar, size in zip(ax.barh(rows, mw, 0.4, **look), mw, strict=True):
+        hover.name(bar, f"{look['label']}: {size:.1f} MW")
 
 
 def convergence(siting: Siting, *, ax: "Axes | None" = None) -> "Axes":
@@ -54,7 +62,10 @@ def convergence(siting: Siting, *, ax: "Axes | None" = None) -> "Axes":
         "best so far": ([r.best for r in siting.history], {"drawstyle": "steps-post", "color": COLORS[0]}),
     }
     for name, (costs, look) in drawn.items():
-        ax.plot(rounds, costs, label=name, markersize=4, linewidth=1.3, **look)
+        line = ax.plot(rounds, costs, label=name, markersize=4, linewidth=1.3, **look)[0]
+        if "marker" in look:
+            pairs = [(k, c) for k, c in zip(rounds, costs, strict=True) if math.isfinite(c)]
+            hover.name(line, [f"{name}, iteration {k}: {c:.4g}" for k, c in pairs])
     if siting.lower_bound is not None:
         ax.axhline(siting.lower_bound, color=GRAY, linestyle="--", linewidth=1, label="estimated lower bound")
     ax.locator_params(axis="x", integer=True)

@@ -2,17 +2,22 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stabctl.placement.siting import Evidence, Siting, Survived
+from stabctl.plotting import one_line
 from stabctl.plotting import siting as figures
 
 from . import document
 from .svg import svg
 
+if TYPE_CHECKING:
+    from stabctl.dynamics.operating_point import OperatingPoint
+    from stabctl.model.case import Case
 
-def page(siting: Siting) -> str:
-    """Return the page of a siting study."""
+
+def page(siting: Siting, base: "Case | OperatingPoint | None" = None) -> str:
+    """Return the page of a siting study; with the system also a one-line diagram."""
     template = document.environment().get_template("siting.html")
     return template.render(
         title=f"Storage siting for {siting.case}",
@@ -21,12 +26,15 @@ def page(siting: Siting) -> str:
         sites=list(_sites(siting)),
         contingencies=list(_contingencies(siting)),
         variations=[_variation(siting, row) for row in siting.evidence],
+        diagram=svg(one_line.plot(base, siting), "One-line diagram with the storage")
+        if base and siting.sites
+        else None,
         ratings=svg(figures.plot(siting), "Storage ratings by site") if siting.candidates else None,
         convergence=svg(figures.convergence(siting), "Cost by iteration") if len(siting.history) > 1 else None,
     )
 
 
-def write(siting: Siting, folder: str | Path, name: str = "") -> Path:
+def write(siting: Siting, folder: str | Path, name: str = "", *, base: "Case | OperatingPoint | None" = None) -> Path:
     """Write the page into a folder as placement_NAME.html and return its path.
 
     Parameters
@@ -37,13 +45,15 @@ def write(siting: Siting, folder: str | Path, name: str = "") -> Path:
         Folder of the page, created if it is missing.
     name
         Name in place of the case's.
+    base
+        The system of the study, for a one-line diagram with the storage.
 
     Raises
     ------
     StudyError
-        If the folder cannot be created or written to.
+        If the folder cannot be created or written to, or the system lacks a machine of the study.
     """
-    return document.write(folder, f"placement_{name or siting.case}", page(siting))
+    return document.write(folder, f"placement_{name or siting.case}", page(siting, base))
 
 
 def _numbers(siting: Siting) -> Iterator[tuple[str, str]]:

@@ -25,7 +25,7 @@ def test_in_a_browser(points, tmp_path, browse):
 def test_text_of_a_case_is_text_on_the_page(points):
     case = replace(points("two_area").case, title="<script>alert(1)</script>", source="A & B")
     page = modes_page.page(analyze(linearize(operating_point.solve(case))), None, (0.1, 2.5))
-    assert "<script" not in page
+    assert page.count("<script") == 1
     assert "&lt;script&gt;" in page
     assert "Data: A &amp; B" in page
 

@@ -107,7 +107,7 @@ def test_the_page_says_what_the_record_holds(siting, tmp_path):
 def test_the_page_needs_no_network_and_holds_its_figures(siting, tmp_path):
     page = siting_page.write(siting, tmp_path).read_text(encoding="utf-8")
     assert not re.search(r'(src|href)="(?!#)', page)
-    assert "<script" not in page
+    assert page.count("<script") == 1
     assert page.count("<svg ") == 2
     assert [p.name for p in tmp_path.iterdir()] == ["placement_some.html"]
 
