@@ -11,7 +11,7 @@ import pytest
 from library import EXCITERS, STABILIZERS
 
 from stabctl import devices
-from stabctl.devices.converters import dera1, reec_a, reec_b, reec_c, regc_a, regfm_a1, repc_a, wtdt_a
+from stabctl.devices.converters import dera1, reec_a, reec_b, reec_c, regc_a, regc_b, regc_c, regfm_a1, repc_a, wtdt_a
 from stabctl.devices.exciters import exdc2, exst3, ieeet1, sexs
 from stabctl.devices.governors import (
     degov,
@@ -52,6 +52,8 @@ VARIED = ieel.Par(0, 0, 0, 0, 0, 0.4, 0.2, 0.4, 0.5, 0.25, 0.25, a7=2.0, a8=-1.5
 MOTOR = cim.Par(*(0,) * 9, 0.01, 0.09, 4.2, 0.035, 0.09)
 DER = dera1.Par(0, 0, 0, 0, Ddn=20.0, Dup=20.0, fdbd1=0.0, fdbd2=0.0)
 REGC = regc_a.Par(0, 0.02)
+REGC_B = regc_b.Par(0)
+REGC_C = regc_c.Par(0, 0)
 FORMING = regfm_a1.Par(0, 0)
 REEC = reec_b.Par(0, Kqv=2.0, Imax=1.5)
 PLANT = repc_a.Par(RefFlag=1, FFlag=1, Kp=2.0, Ki=1.0, Ddn=20.0, Dup=20.0)
@@ -142,6 +144,10 @@ LIBRARY = {  # the same for devices of the library, whose tests are slow ones: e
     "cim of one cage": {"gencls": CLASSICAL, "cim": MOTOR},
     "cim of two cages": {"gencls": CLASSICAL, "cim": MOTOR._replace(R2=0.05, X2=0.06, A=0.5, C0=0.3, D=0.2, E=1.5)},
     "cim of two cages behind X1": {"gencls": CLASSICAL, "cim": MOTOR._replace(R2=0.02, X2=0.1, kind=2)},
+    "regc_b": {"regc_b": REGC_B, "reec_b": REEC._replace(Imax=1.2)},
+    "regc_b, power and active current first": {"regc_b": REGC_B._replace(RateFlag=1, PqFlag=1, Re=0.01, Te=0.0)},
+    "regc_c": {"regc_c": REGC_C, "reec_b": REEC._replace(Imax=1.2)},
+    "regc_c, power and active current first": {"regc_c": REGC_C._replace(RateFlag=1, PqFlag=1, Re=0.01, Te=0.0)},
     "regfm_a1": {"regfm_a1": FORMING},
     "regfm_a1 without a voltage controller": {"regfm_a1": FORMING._replace(VFlag=0, RL=0.01)},
     "dera1": {"dera1": DER},

@@ -140,10 +140,10 @@ class OperatingPoint:
 
 
 def source_admittances(of: System) -> np.ndarray:
-    """Norton admittance (units, complex, pu system) of every unit's source; 0 if it has none."""
+    """Norton admittance (units, complex, pu system) of every unit; 0 if it has none."""
     out = np.zeros(len(of.unit_bus), complex)
     for f in of.families:
-        if hasattr(f.device, "source"):
+        if f.device.ROLE in devices.UNIT_ROLES and hasattr(f.device, "admittance"):
             g, b = f.device.admittance(f.device.Par(*f.k.T))
             out[f.w[:, family.UNIT]] = g + 1j * b
     return out

@@ -104,7 +104,8 @@ class Terminals:
 
     def __init__(self, simulation: Simulation) -> None:
         self.simulation, system = simulation, simulation.point.system
-        self._bus, self._admittance = system.unit_bus, source_admittances(system)
+        self._bus = system.unit_bus
+        self._admittance = np.where(system.forming, source_admittances(system), 0)
         self._sources = [f for f in system.families if hasattr(f.device, "source")]
 
     def phasors(self, bus_voltages: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

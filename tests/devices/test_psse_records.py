@@ -34,7 +34,7 @@ def test_a_record_fills_every_parameter(name, kind):
     given = {n for n, field in hints(device.Par).items() if field is not None}
     if not hasattr(device, "from_record"):
         assert set(constants) <= given
-        network = {"ra", "x1d"}  # the RAW file gives the source of a machine
+        network = {"ra", "x1d", "Re", "Xe"}  # the RAW file gives the source of a machine
         assert not {n for n in given - network - set(constants) if n not in device.Par._field_defaults}
 
 

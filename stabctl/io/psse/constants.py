@@ -14,6 +14,8 @@ from .dyr import Record
 from .generators import Source
 from .lexer import number, whole
 
+REACTANCES = "x1d", "Xe"  # parameters that are the source reactance of a generator where no constant gives them
+
 
 @cache
 def kinds() -> Mapping[str, tuple[str, str]]:
@@ -51,10 +53,11 @@ def parameters(record: Record, model: str, order: str, source: Source | None) ->
     allowed = fields(device.Par)
     values = {name: value for name, value in values.items() if name in allowed}
     if source is not None:
-        if "x1d" in allowed and "x1d" not in names and source.x == 0:
+        behind = next((name for name in REACTANCES if name in allowed and name not in names), None)
+        if behind and source.x == 0:
             source = source._replace(x=NO_IMPEDANCE)
             sentences = [*sentences, f"ZX = 0: the source reactance is {NO_IMPEDANCE:g} pu."]
-        for name, value in (("ra", source.ra), ("x1d", source.x)):
+        for name, value in (("ra", source.ra), ("Re", source.ra), *((name, source.x) for name in REACTANCES)):
             if name in allowed and name not in names:
                 values[name] = value
     extra = len(record.constants) - len(names)

@@ -7,6 +7,9 @@ from stabctl.errors import CaseError
 
 from .lexer import NUMBER, Place, lines, split, whole
 
+USER = "USRMDL"  # a record of a user-written model: its name, six numbers that describe it, then its constants
+HEAD = 7
+
 
 class Record(NamedTuple):
     """A record of a DYR file; the constants are texts."""
@@ -64,4 +67,7 @@ def _record(place: Place, fields: list[str]) -> Record:
         return Record(place, None, kind.upper(), "", tuple(fields[2:]))
     if len(fields) < 3:
         raise CaseError(f"{place}: a record needs a bus number, the name of a model and an ID.")
-    return Record(place, whole(fields[0], place, "bus"), fields[1].upper(), fields[2] or "1", tuple(fields[3:]))
+    kind, constants = fields[1].upper(), fields[3:]
+    if kind == USER and len(constants) >= HEAD:
+        kind, constants = constants[0].upper(), constants[HEAD:]
+    return Record(place, whole(fields[0], place, "bus"), kind, fields[2] or "1", tuple(constants))
