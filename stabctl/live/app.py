@@ -38,7 +38,9 @@ class Pages:
     def theory(self, message: Any) -> bytes:
         """The equal areas and phase plane of a machine."""
         case = self.points.bare(read({"level": message.get("level", 100)})).case
-        return json.dumps(theory.answer(case, int(message["machine"]), float(message["clear"]))).encode()
+        machine = message["machine"]
+        chosen = None if machine is None else int(machine)
+        return json.dumps(theory.answer(case, chosen, float(message["clear"]))).encode()
 
     def save(self, message: Any) -> bytes:
         """The page as a file that works offline."""

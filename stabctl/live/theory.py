@@ -1,5 +1,6 @@
 """One machine of a case and the center of inertia of the others: equal areas and phase plane of a bolted fault."""
 
+from contextlib import suppress
 from typing import Any
 
 from stabctl.errors import StudyError
@@ -12,8 +13,9 @@ from stabctl.theory.swing_curve import swing_curve
 LONGEST = 3.0  # s   of the motion in the phase plane
 
 
-def answer(case: Case, machine: int, cycles: float) -> dict[str, Any]:
-    """The curves of a fault of so many cycles at the terminal of a machine."""
+def answer(case: Case, machine: int | None, cycles: float) -> dict[str, Any]:
+    """The curves of a fault of so many cycles at the terminal of a machine; without one, of the first that has any."""
+    machine = _first(case) if machine is None else machine
     pair = equivalent(case, machine)
     m, edge = pair.omib, separatrix(pair.omib, 121)
     critical = critical_clearing(m)
@@ -25,6 +27,7 @@ def answer(case: Case, machine: int, cycles: float) -> dict[str, Any]:
     except StudyError as error:
         sizes, marks = str(error), [m.start, m.unstable, m.unstable]
     return {
+        "machine": machine,
         "critical": critical.cycles,
         "stable": bool(curve.stable),
         "text": sizes,
@@ -36,3 +39,12 @@ def answer(case: Case, machine: int, cycles: float) -> dict[str, Any]:
         "curve": [curve.angle[near].tolist(), curve.speed[near].tolist()],
         "cleared": int((curve.t[near] <= curve.clearing).sum()) - 1,
     }
+
+
+def _first(case: Case) -> int:
+    """The first machine with an equivalent; the first of all if none has."""
+    for m in case.machines:
+        with suppress(StudyError):
+            equivalent(case, m.machine)
+            return m.machine
+    return case.machines[0].machine

@@ -63,7 +63,8 @@ def equivalent(case: Case, machine: int) -> Equivalent:
     Raises
     ------
     StudyError
-        If there is no such machine or no other, or if no synchronizing power holds the two together.
+        If there is no such machine or no other, if no synchronizing power holds the two together, or if the machine
+        does not accelerate against the others.
     """
     first = case.machines.index(case.machine(machine))
     if len(case.machines) < 2:
@@ -88,6 +89,11 @@ def equivalent(case: Case, machine: int) -> Equivalent:
         raise StudyError(
             f"Machine {machine} of {case.name} has no synchronizing power with the other machines, so it has no "
             "equivalent; choose another machine."
+        )
+    if driving <= 0:
+        raise StudyError(
+            f"Machine {machine} of {case.name} slows down against the others when no power flows between them, so it "
+            "has no equivalent; choose another machine."
         )
     if np.cos(start - gamma) <= 0:
         raise StudyError(

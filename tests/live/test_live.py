@@ -129,6 +129,14 @@ def test_equal_areas_agree_with_the_phase_plane(cases):
         assert theory.answer(cases("two_area"), 1, cycles)["stable"] is stable
 
 
+def test_equal_areas_begin_with_a_machine_that_has_them(cases):
+    found = theory.answer(cases("ieee39"), None, 6.0)
+    assert found == theory.answer(cases("ieee39"), found["machine"], 6.0)
+    assert found["machine"] != 1
+    with pytest.raises(StudyError, match="Machine 1 of ieee39 slows down against the others"):
+        theory.answer(cases("ieee39"), 1, 6.0)
+
+
 @pytest.mark.parametrize(
     "settings",
     [

@@ -36,6 +36,7 @@ const modes = {
 
   ask(gain, factor) {
     this.level = live.state.level;
+    if (!this.found) this.said.textContent = "computing the modes …";
     this.asking.ask({ level: this.level, gain, factor });
   },
 

@@ -7,7 +7,6 @@ const theory = {
   build() {
     const choice = element("select", { id: "theory-machine" }, ...live.case.machines.map((m) => element("option", { value: m[3], textContent: `machine ${m[0]}` })));
     choice.onchange = () => ((this.machine = +choice.value), this.ask());
-    this.machine = live.case.machines[0][3];
     this.areas = element("canvas");
     this.plane = element("canvas");
     for (const canvas of [this.areas, this.plane]) canvas.style.height = "300px";
@@ -34,15 +33,23 @@ const theory = {
   told(found) {
     if (found.error) {
       this.said.textContent = found.error;
+      this.found = null;
+      this.draw();
       return;
     }
     this.found = found;
+    this.machine = found.machine;
+    $("theory-machine").value = found.machine;
     this.said.textContent = `${found.text} Critical clearing time of this theory: ${found.critical.toFixed(2)} cycles.`;
     this.draw();
   },
 
   draw() {
-    if (live.view !== "theory" || !this.found) return;
+    if (live.view !== "theory") return;
+    if (!this.found) {
+      for (const canvas of [this.areas, this.plane]) fitted(canvas); // empty
+      return;
+    }
     const { Pm, Pmax, marks, separatrix, curve, cleared, stable, unstable } = this.found;
     const angles = Array.from({ length: 181 }, (_, k) => (Math.PI * k) / 180), p = this.first;
     p.open([0, Math.PI], [0, 1.12 * Math.max(Pmax, Pm)]);
