@@ -1,10 +1,12 @@
 """Storage laws: clearing times without a law, with the paper's law, and with a law designed for the system."""
 
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import stabctl as st
 from reproduction.console import present
+from reproduction.kept import Kept, Tell
 from reproduction.study import Study, Table
 from stabctl.design import LawDesign, LawLimits
 
@@ -45,6 +47,11 @@ class Task(NamedTuple):
     rate: int = 60  # orders per second of the optimum
     window: str = "3s"  # of the optimum, from clearing on
 
+    @property
+    def name(self) -> str:
+        """The task in words."""
+        return f"{self.case}, {self.storage}, {self.min_voltage:g} pu"
+
 
 TASKS = (
     Task("two_area", "50MW", "7-8@0.4", min_voltage=0.8),
@@ -58,35 +65,44 @@ SCREENED = "ieee39", "wnaps"
 
 def study(reports: Path) -> Study:
     """Single faults, and the unseen halves of two screens."""
-    single = Table("Laws for one fault", HEADS, tuple(_single(task) for task in TASKS))
-    pages, rows = {}, []
-    for name in SCREENED:
-        base = st.load(name).initialize(storage="5%mva")
-        found = st.design.law(base, base.screen())
-        pages[f"storage law for {name}"] = found.report(reports).name
-        rows.append(_gains(found))
-    tables = single, Table("Gain in unseen contingencies", GAINS, tuple(rows))
+    kept = Kept(__file__, reports)
+    single = Table("Laws for one fault", HEADS, tuple(_single(task, kept) for task in TASKS))
+    screened = {name: _screened(name, kept) for name in SCREENED}
+    pages = {f"storage law for {name}": found.report(reports).name for name, found in screened.items()}
+    tables = single, Table("Gain in unseen contingencies", GAINS, tuple(map(_gains, screened.values())))
     return Study("Storage laws", text=TEXT, tables=tables, pages=pages)
 
 
-def _single(task: Task) -> tuple[str, ...]:
+def _single(task: Task, kept: Kept) -> tuple[str, ...]:
     """The row of a law for one fault."""
     fault = st.Contingency(task.fault, trip=task.trip or ())
     base = st.load(task.case).initialize(storage=task.storage)
-    found = st.design.law(base, fault, limits=LawLimits(min_voltage=task.min_voltage))
+    gated, limits = st.BangBang(min_voltage=task.min_voltage), LawLimits(min_voltage=task.min_voltage)
+    found = st.design.law(base, fault, limits=limits, store=kept.folder)
     (c,) = found.contingencies
+
+    def cleared(control: Any, tell: Tell) -> float:
+        done = base.clearing_time(fault, control=control, observe="10s", progress=lambda ran: tell(f"{ran.cycles:g}"))
+        return done.cycles or 0.0
+
+    def optimal(tell: Tell) -> float:
+        options: Any = {"law": gated, "rate": task.rate, "window": task.window}
+        return st.design.optimum(base, fault, **options, progress=lambda one: tell(f"{one.cycles:g} cycles")).cycles
+
     estimated = st.EstimatorControl(found.law, engine="batched")
-    late, behind = (
-        base.clearing_time(fault, control=control, observe="10s")
-        for control in (found.law.sampled(60, "50ms"), estimated)
-    )
-    gated = st.BangBang(min_voltage=task.min_voltage)
-    best = st.design.optimum(base, fault, law=gated, rate=task.rate, window=task.window)
+    late = kept(f"{task.name}, 50 ms late", partial(cleared, found.law.sampled(60, "50ms")))
+    behind = kept(f"{task.name}, Kalman", partial(cleared, estimated))
+    best = kept(f"{task.name}, optimum", optimal)
     use = f"{c.designed.energy_kwh:.0f}", f"{c.designed.duty.coi_hz:.3f}"
-    reached = c.none.reach, c.reference.reach, c.designed.reach, late.cycles, behind.cycles, best.cycles
-    cycles = (f"{reach or 0:g}" for reach in reached)
+    cycles = (f"{x:g}" for x in (c.none.reach, c.reference.reach, c.designed.reach, late, behind, best))
     where = f"{task.fault} {task.trip}".strip()
     return task.case, task.storage, where, f"{task.min_voltage:g}", *cycles, *use
+
+
+def _screened(name: str, kept: Kept) -> LawDesign:
+    """A law for half of the most critical faults of a screen."""
+    base = st.load(name).initialize(storage="5%mva")
+    return st.design.law(base, base.screen(store=kept.folder), store=kept.folder)
 
 
 def _gains(found: LawDesign) -> tuple[str, ...]:

@@ -1,19 +1,19 @@
 """How much storage each law needs, for one fault of two areas and for eight contingencies of the Western system."""
 
 from bisect import bisect_left
-from itertools import takewhile
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import stabctl as st
 from reproduction.console import present
+from reproduction.kept import Kept, Tell
 from reproduction.study import Study, Table
 from stabctl.controllers import Law
 from stabctl.design import LawLimits
 from stabctl.design.duty import duty
-from stabctl.design.optimum_result import Optimum
 from stabctl.placement.contingencies import packaged, read
 from stabctl.placement.siting import Siting
-from stabctl.simulation.trajectory import Trajectory
 
 FULL = True
 WANTED = "25.5cyc"
@@ -38,48 +38,67 @@ TEXT = (
 
 def study(reports: Path) -> Study:
     """Two areas and the Western system."""
-    tables = Table("Devices of two areas", EACH, _each()), Table("Fleets of the Western system", FLEETS, _fleets())
+    kept = Kept(__file__, reports)
+    tables = (
+        Table("Devices of two areas", EACH, _each(kept)),
+        Table("Fleets of the Western system", FLEETS, _fleets(kept)),
+    )
     return Study("Storage that each law needs", text=TEXT, tables=tables)
 
 
-def _each() -> tuple[tuple[str, ...], ...]:
+def _each(kept: Kept) -> tuple[tuple[str, ...], ...]:
     """The smallest devices of two areas with each law, and with the optimal schedule."""
     case, limits = st.load("two_area"), LawLimits(min_voltage=GATE)
-    designed = st.design.law(case, FAULT, storage="50MW", limits=limits).law
+    designed = st.design.law(case, FAULT, storage="50MW", limits=limits, store=kept.folder).law
     laws = ("paper's", "0.8", PAPER), ("paper's", "0.5", LOWER), ("designed", "0.5", designed)
-    sizes = [(name, gate, *_smallest(law)) for name, gate, law in laws]
-    sizes.append(("optimum", "0.5", *_optimal(sizes[1][2])))
-    return tuple((name, gate, f"{mw:g}", f"{duty(run).energy_kwh:.0f}") for name, gate, mw, run in sizes)
+    sizes = [(name, gate, *kept(f"{name}, {gate} pu", partial(_smallest, law))) for name, gate, law in laws]
+    sizes.append(("optimum", "0.5", *_optimal(sizes[1][2], kept)))
+    return tuple((name, gate, f"{mw:g}", f"{kwh:.0f}") for name, gate, mw, kwh in sizes)
 
 
-def _smallest(law: Law) -> tuple[float, Trajectory]:
-    """The smallest size above which all survive, and its run."""
-    case = st.load("two_area")
-    sizes = (LARGEST - STEP * k for k in range(round(LARGEST / STEP)))
-    runs = ((mw, case.simulate(FAULT, UNTIL, storage=f"{mw}MW", control=law)) for mw in sizes)
-    return list(takewhile(lambda one: one[1].outcome.stable, runs))[-1]
+def _smallest(law: Law, tell: Tell) -> tuple[float, float]:
+    """The smallest size above which all survive, MW, and the energy used, kWh."""
+    case, found = st.load("two_area"), (LARGEST, 0.0)
+    for mw in (LARGEST - STEP * k for k in range(round(LARGEST / STEP))):
+        run = case.simulate(FAULT, UNTIL, storage=f"{mw}MW", control=law)
+        if not run.outcome.stable:
+            break
+        tell(f"{mw:g} MW")
+        found = mw, duty(run).energy_kwh
+    return found
 
 
-def _optimal(largest: float) -> tuple[float, Trajectory]:
-    """The smallest size with a schedule that survives, and its run; with the largest the law survives."""
+def _optimal(largest: float, kept: Kept) -> tuple[float, float]:
+    """The smallest size with a schedule that survives, MW, and its energy, kWh; with the largest the law survives."""
     case, wanted = st.load("two_area"), float(WANTED.removesuffix("cyc"))
-    found: dict[float, Optimum] = {}
 
-    def survives(mw: float) -> bool:
-        found[mw] = st.design.optimum(case, FAULT, storage=f"{mw}MW", law=LOWER, limit=WANTED)
-        return found[mw].cycles >= wanted
+    def reached(mw: float, tell: Tell) -> tuple[float, float]:
+        options: Any = {"law": LOWER, "limit": WANTED, "progress": lambda one: tell(f"{one.cycles:g} cycles")}
+        found = st.design.optimum(case, FAULT, storage=f"{mw}MW", **options)
+        return found.cycles, duty(found.run).energy_kwh
+
+    def of(mw: float) -> list[float]:
+        return kept(f"optimum, {mw:g} MW", partial(reached, mw))
 
     sizes = [STEP * k for k in range(1, round(largest / STEP))]
-    mw = sizes[bisect_left(sizes, True, key=survives)]
-    return mw, found[mw].run
+    mw = sizes[bisect_left(sizes, True, key=lambda mw: of(mw)[0] >= wanted)]
+    return mw, of(mw)[1]
 
 
-def _fleets() -> tuple[tuple[str, ...], ...]:
+def _fleets(kept: Kept) -> tuple[tuple[str, ...], ...]:
     """The fleets of the Western system."""
     case = st.load("wnaps")
     contingencies = read(packaged("wnaps", False) or "", case)
     laws = ("paper's", "0.8", PAPER), ("paper's", "0.5", LOWER), ("designed", "0.5", WESTERN)
-    return tuple((name, gate, *_row(st.place(case, contingencies, control=law))) for name, gate, law in laws)
+
+    def placed(law: Law, tell: Tell) -> tuple[str, ...]:
+        return _row(
+            st.place(
+                case, contingencies, control=law, store=kept.folder, progress=lambda n, _: tell(f"{n} simulations")
+            )
+        )
+
+    return tuple((name, gate, *kept(f"fleet, {name}, {gate} pu", partial(placed, law))) for name, gate, law in laws)
 
 
 def _row(found: Siting) -> tuple[str, ...]:

@@ -1,7 +1,8 @@
 """Run every study of analysis/ and sims/ and write reports/index.html, which compares them with the paper.
 
 A study is a script that ends with `reproduction.console.present`. Each runs in its own process, so that a failure is a
-sentence on the page and the other studies go on. A study with a line `FULL = True` runs with --full only.
+sentence on the page and the other studies go on. A study with a line `FULL = True` runs with --full only; such a study
+says how far it is, and continues where it ended if it was interrupted.
 """
 
 import argparse
@@ -14,7 +15,7 @@ from concurrent.futures import ThreadPoolExecutor
 from datetime import date
 from pathlib import Path
 
-from reproduction import records
+from reproduction import kept, records
 from reproduction.page import About, Ran, page
 from stabctl._util import files
 from stabctl.errors import StabctlError
@@ -45,6 +46,8 @@ def main() -> int:
     about = About(date.today().isoformat(), machine(), seconds, tuple(map(shown, left_out)))
     index = options.out / "index.html"
     files.replace(index, page(ran, options.out, about))
+    if not any(r.failure for r in ran):
+        kept.clear(options.out)
     print(f"wrote {index}: {sum(len(r.studies) for r in ran)} studies in {seconds:.0f} s")
     return int(any(r.failure for r in ran))
 
@@ -59,7 +62,7 @@ def run(script: Path, out: Path) -> Ran:
     began, file = time.perf_counter(), records.path_for(script, out)
     file.unlink(missing_ok=True)
     path = os.pathsep.join(filter(None, (str(ROOT), str(TOOLS), os.environ.get("PYTHONPATH"))))
-    done = subprocess.run(
+    process = subprocess.Popen(
         [sys.executable, script, out],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
@@ -68,6 +71,8 @@ def run(script: Path, out: Path) -> Ran:
         errors="replace",
         env=os.environ | {"PYTHONPATH": path},
     )
+    errors = said(process)
+    done = subprocess.CompletedProcess(process.args, process.wait(), "", errors)
     seconds, name = time.perf_counter() - began, shown(script)
     try:
         if done.returncode:
@@ -77,6 +82,18 @@ def run(script: Path, out: Path) -> Ran:
         ran = Ran(name, seconds, failure=str(error))
     print(f"{name}: {ran.failure or 'done'} ({seconds:.0f} s)", flush=True)
     return ran
+
+
+def said(process: subprocess.Popen[str]) -> str:
+    """What a process writes to stderr until it ends; lines on its progress are shown at once instead."""
+    errors = []
+    assert process.stderr
+    for line in process.stderr:
+        if line.startswith(kept.PROGRESS):
+            print(line.removeprefix(kept.PROGRESS), end="", flush=True)
+        else:
+            errors.append(line)
+    return "".join(errors)
 
 
 def why(done: subprocess.CompletedProcess[str]) -> str:

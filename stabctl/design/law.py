@@ -32,7 +32,6 @@ from .leaving import Group, disjoint, leaving, slow_areas
 from .quiet import quiet
 
 DEADBAND = 0.05  # Hz   where the search begins
-CHECKED = 12  # devices up to which limit cycles are looked for, which takes a minute with 30
 ARMED = 0.1  # Hz   where the search begins, so that a new angle does not keep the devices acting
 RETURNED = 4  # time constants of the return of energy within the time allowed
 
@@ -156,10 +155,8 @@ def _designed(
     return LawDesign(point.case.name, best, reference, rows, limits, kept, *work, silent)
 
 
-def _quiet(point: OperatingPoint, finalists: Sequence[Law]) -> tuple[Law, bool | None]:
-    """The first law without a stable limit cycle, and whether there is one; of many devices the first, unchecked."""
-    if len(point.case.storage) > CHECKED:
-        return finalists[0], None
+def _quiet(point: OperatingPoint, finalists: Sequence[Law]) -> tuple[Law, bool]:
+    """The first law without a stable limit cycle, and whether there is one; if there is none, the first."""
     silent = next((one for one in finalists if quiet(point, one)), None)
     return silent or finalists[0], silent is not None
 

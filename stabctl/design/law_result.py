@@ -79,7 +79,7 @@ class LawDesign:
     tried, simulations, wall_s
         Laws that were tried, simulations, and computing time (s).
     quiet
-        Whether the law has no stable limit cycle at the operating point; None if not checked, with many devices.
+        Whether the law has no stable limit cycle at the operating point.
     """
 
     case: str
@@ -91,7 +91,7 @@ class LawDesign:
     tried: int
     simulations: int
     wall_s: float
-    quiet: bool | None = None
+    quiet: bool
 
     plot = verb("stabctl.plotting.law_design:plot")
     report = verb("stabctl.report.law_page:write")
@@ -140,7 +140,7 @@ class LawDesign:
         said += [f"In {self.case}, {listed(list(leaving))}."] if leaving else []
         if not self.kept:
             said.append("The law exceeds a limit of the design in a contingency of the training.")
-        if self.quiet is False:
+        if not self.quiet:
             said.append("It has a stable limit cycle at the operating point; give a larger smallest deadband.")
         work = f"{counted(self.tried, 'law')} tried, {self.simulations} simulations in {self.wall_s:.1f} s"
         return (*said, f"The law was tuned with {counted(len(self.training), 'contingency')} ({work}).")

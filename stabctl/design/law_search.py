@@ -1,9 +1,9 @@
 """The search for a storage law: a coarse grid, then one parameter after the other.
 
 The grid of angle gains, slopes and groups is measured on a coarse grid of clearing times. From the best laws on, every
-parameter is moved to its next larger and smaller value, on the fine grid, as long as that improves the score. The
-finalists are measured as a clearing time is, with a scan for shorter unstable and longer stable faults. Nothing is
-random, so the answer does not depend on the number of threads.
+parameter is moved to its next larger and smaller value, on the fine grid, as long as that improves the score; then to
+all its other values, which may lead on. The finalists are measured as a clearing time is, with a scan for shorter
+unstable and longer stable faults. Nothing is random, so the answer does not depend on the number of threads.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -23,12 +23,13 @@ AXES: Mapping[str, tuple[float, ...]] = {
     "angle_gain": (0.0, 0.25, 0.5, 1.0, 2.0),
     "slope": (0.0, 0.02, 0.05, 0.1, 0.2, 0.4),
     "deadband": (0.02, 0.05, 0.1, 0.2),
-    "min_voltage": (0.5, 0.65, 0.8),
+    "min_voltage": (0.5, 0.6, 0.7, 0.75, 0.8),
     "max_acceleration": (0.0, 4.0, 2.0, 1.0),
     "arm_at": (0.0, 0.05, 0.1, 0.2),
 }
 STARTS = 2  # laws of the grid that are refined
 FINALISTS = 3
+FAR = 10  # values on each side that are tried when no next one helps: all
 
 
 class LawSearch:
@@ -85,14 +86,17 @@ class LawSearch:
         return values if least is None else tuple(sorted({least, *(v for v in values if v > least)}))
 
     def _refined(self, law: StorageLaw, axes: Mapping[str, tuple[Any, ...]]) -> list[StorageLaw]:
-        """The laws on the way to one that no single step improves, last first."""
-        way = [law]
-        while True:
-            near = [law, *(n for name, values in axes.items() for n in _neighbors(law, name, values))]
+        """The laws on the way to one that no other value of a single parameter improves, last first."""
+        way, reach = [law], 1
+        while reach:
+            near = [law, *(n for name, values in axes.items() for n in _neighbors(law, name, values, reach))]
             law = self._ranked(near, self.bench.fine)[0]
-            if law == way[0]:
-                return way
-            way.insert(0, law)
+            if law != way[0]:
+                way.insert(0, law)
+                reach = 1
+            else:
+                reach = FAR if reach == 1 else 0
+        return way
 
     def _ranked(self, laws: Sequence[StorageLaw], search: Search) -> list[StorageLaw]:
         """Laws by their score, best first; of equal ones, the earlier."""
@@ -105,9 +109,14 @@ class LawSearch:
         return [laws[k] for k in sorted(range(len(laws)), key=lambda k: -scores[k])]
 
 
-def _neighbors(law: StorageLaw, name: str, values: Sequence[Any]) -> list[StorageLaw]:
-    """The law with the next larger and smaller value of a parameter, where it is allowed."""
+def _neighbors(law: StorageLaw, name: str, values: Sequence[Any], reach: int) -> list[StorageLaw]:
+    """The law with the next values of a parameter, so many on each side; a deadband raises the arming level to it."""
     at = values.index(getattr(law, name))
-    steps = [{name: value} for value in values[max(at - 1, 0) : at + 2] if value != values[at]]
-    changed = [{"deadband": law.deadband, "arm_at": law.arm_at} | step for step in steps]
-    return [replace(law, **c) for c in changed if not 0 < c["arm_at"] < c["deadband"]]
+    found = []
+    for value in values[max(at - reach, 0) : at + reach + 1]:
+        deadband, arm_at = (value if name == key else getattr(law, key) for key in ("deadband", "arm_at"))
+        if name == "deadband" and arm_at:
+            arm_at = max(arm_at, deadband)
+        if value != values[at] and (arm_at == 0 or arm_at >= deadband):
+            found.append(replace(law, **{name: value, "deadband": deadband, "arm_at": arm_at}))
+    return found

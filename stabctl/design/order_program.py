@@ -42,10 +42,10 @@ class Bounds:
         return np.cumsum(orders, axis=0) * self.rating / rate / 3600
 
     def within(self, d: Any, u: np.ndarray, rate: float) -> list[Any]:
-        """The constraints on changes d (frames, devices) of orders u."""
+        """The constraints on changes d (frames, devices) of orders u, besides the ratings."""
         import cvxpy as cp
 
-        out = [u + d <= 1, u + d >= -1]
+        out = []
         stores = np.flatnonzero(np.isfinite(self.full) | np.isfinite(self.empty))
         if len(stores):
             level = cp.cumsum((u + d)[:, stores], axis=0) / (3600 * rate)
@@ -73,7 +73,8 @@ def improved(plan: Plan, model: Slopes, bounds: Bounds, radius: float) -> tuple[
     d, t = cp.Variable(u.shape), cp.Variable()
     change = cp.vec(d, order="C")
     cost = t + SHARE * (model.of_mean @ change) + TINY * cp.sum_squares(d) / u.size
-    limits = [model.moves + model.of_moves @ change <= t, cp.abs(d) <= radius, *bounds.within(d, u, plan.rate)]
+    low, high = np.maximum(-radius, -1 - u), np.minimum(radius, 1 - u)
+    limits = [model.moves + model.of_moves @ change <= t, d >= low, d <= high, *bounds.within(d, u, plan.rate)]
     problem = cp.Problem(cp.Minimize(cost), limits)
     try:
         problem.solve(solver=cp.CLARABEL)

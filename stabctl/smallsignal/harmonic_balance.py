@@ -36,10 +36,14 @@ class Balance:
         return int(np.abs(self.wanted).argmax())
 
 
-def balances(loop: OpenedLoop, low: float, high: float) -> list[Balance]:
-    """All that were found between two frequencies (Hz), the slowest first."""
+def sampled(loop: OpenedLoop, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (Hz) between two, and G there (frequencies, outputs, outputs)."""
     hz = grid(loop.poles, low, high)
-    G = np.array([loop(2j * np.pi * f)[0] for f in hz])
+    return hz, np.array([loop(2j * np.pi * f)[0] for f in hz])
+
+
+def balances(loop: OpenedLoop, hz: np.ndarray, G: np.ndarray) -> list[Balance]:
+    """All that were found between frequencies (Hz) at which G is given, the slowest first."""
     found = _single(loop, hz, G[:, 0, 0]) if len(loop.parts) == 1 else _several(loop, hz, G)
     return sorted(found, key=lambda b: (b.hz, abs(b.wanted[b.largest])))
 
@@ -144,18 +148,11 @@ def _zero(missing: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> np.
     return x if np.abs(information["fvec"]).max() < EXACT else None
 
 
-def curves(
-    loop: OpenedLoop, found: Sequence[Balance], low: float, high: float
-) -> list[tuple[int, np.ndarray, np.ndarray]]:
-    """An output, frequencies (Hz) and the loop gain -G(jw) there: of one output, or for each balance.
+def curves(found: Sequence[Balance], G: np.ndarray) -> list[tuple[int, np.ndarray]]:
+    """An output and its loop gain -G(jw) at the frequencies of G: of one output, or for each balance.
 
     Of several outputs, it is that of the largest, the others replaced by their gains N.
     """
-    hz = grid(loop.poles, low, high)
-    G = np.array([loop(2j * np.pi * f)[0] for f in hz])
     if G.shape[1] == 1:
-        return [(0, hz, -G[:, 0, 0])]
-    drawn = []
-    for one in found:
-        drawn.append((one.largest, hz, -alone(G, one.gains, one.largest)))
-    return drawn
+        return [(0, -G[:, 0, 0])]
+    return [(one.largest, -alone(G, one.gains, one.largest)) for one in found]

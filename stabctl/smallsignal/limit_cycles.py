@@ -19,7 +19,7 @@ from stabctl.model.fleet import Fleet
 
 from .closed_loop import joined
 from .describing import nonlinearity
-from .harmonic_balance import Balance, balances, curves, returns
+from .harmonic_balance import Balance, balances, curves, returns, sampled
 from .interconnection import plant_of
 from .limit_cycle import Component, LimitCycle, LimitCycles, Nyquist
 from .margins import GROWING
@@ -80,14 +80,15 @@ def limit_cycles(
     with threadpool_limits(1):  # the matrices are small: threads would wait for each other
         loop = OpenedLoop(point, own, [None if a.gentle else a for a in acts], shown)
         high = min(high, loop.rate / FEWEST) if loop.rate else high
-        found = balances(loop, low, high)
+        hz, G = sampled(loop, low, high)
+        found = balances(loop, hz, G)
         cycles = tuple(_cycle(point, own, loop, one, shown) for one in found)
-        drawn = curves(loop, found, low, high)
+        drawn = curves(found, G)
     return LimitCycles(
         point.case.name,
         (low, high),
         cycles,
-        tuple(Nyquist(loop.names[r], hz, gain, loop.parts[r]) for r, hz, gain in drawn),
+        tuple(Nyquist(loop.names[r], hz, gain, loop.parts[r]) for r, gain in drawn),
     )
 
 

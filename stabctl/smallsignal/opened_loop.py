@@ -113,6 +113,8 @@ class _Part:
     def at(self, s: complex, point: complex) -> tuple[np.ndarray, np.ndarray]:
         """E K and E C R L."""
         K, E = self.K, np.exp(-s * self.delay)
+        if not len(K.A):
+            return E * K.D, np.zeros((len(K.D),) * 2)
         R = np.linalg.solve(point * np.eye(len(K.A)) - K.A, np.hstack([K.B, self.L]))
         X = E * K.C @ R
         m = K.B.shape[1]

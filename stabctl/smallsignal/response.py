@@ -16,6 +16,8 @@ class Response:
     def __init__(self, A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> None:
         self._T, Z = sl.schur(A, output="complex") if len(A) else (A.astype(complex), A)
         self._B, self._C, self._D = Z.conj().T @ B, C @ Z, D
+        self._shifted = np.array(-self._T, order="F")  # s - T: only its diagonal changes
+        self._diagonal = np.arange(len(self._T))
 
     @property
     def poles(self) -> np.ndarray:
@@ -24,11 +26,12 @@ class Response:
 
     def __call__(self, s: np.ndarray) -> np.ndarray:
         """Transfer functions (points, outputs, inputs) at points (points), complex."""
-        one, found = np.eye(len(self._T)), np.empty((len(s), *self._D.shape), complex)
+        found, at = np.empty((len(s), *self._D.shape), complex), self._diagonal
         for k, point in enumerate(s):
             found[k] = self._D
-            if one.size:
-                found[k] += self._C @ sl.solve_triangular(point * one - self._T, self._B, check_finite=False)
+            if len(at):
+                self._shifted[at, at] = point - self.poles
+                found[k] += self._C @ sl.solve_triangular(self._shifted, self._B, check_finite=False)
         return found
 
 

@@ -23,6 +23,21 @@ def study(reports):
 
 present(study)
 """
+LONG = """
+from reproduction.console import present
+from reproduction.kept import Kept
+from reproduction.study import Study
+from stabctl.errors import StudyError
+
+def study(reports):
+    kept = Kept(__file__, reports)
+    answer = kept("the first half", lambda tell: 7)
+    if not (reports / "second").exists():
+        raise StudyError("the second half failed.")
+    return Study(f"Halves of {answer}")
+
+present(study)
+"""
 KILLED = "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"
 SILENT = "print('no record')"
 
@@ -79,3 +94,16 @@ def test_long_studies_wait_for_full_and_old_records_do_not_stand_in(reproduce, t
     code, _, page = reproduce({})
     assert code == 1
     assert "Words of one." not in page
+
+
+def test_a_long_study_says_how_far_it_is_and_continues_where_it_failed(reproduce, tmp_path):
+    code, out, page = reproduce({"long.py": LONG})
+    assert code == 1
+    assert "long: the first half: 0 s" in out.splitlines()
+    assert "<b>sims/long.py failed.</b> the second half failed." in page
+    (tmp_path / "out" / "second").touch()
+    code, out, page = reproduce({})
+    assert code == 0
+    assert "long: the first half: kept" in out.splitlines()
+    assert "Halves of 7" in page
+    assert not list((tmp_path / "out").glob("kept-*"))
