@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from stabctl.model.powerflow import PowerFlow
     from stabctl.model.powerflow import solve as power_flow
     from stabctl.model.replicate import replicate
+    from stabctl.model.short_circuit import ShortCircuit, short_circuit
+    from stabctl.model.short_circuit_ratio import ShortCircuitRatio, short_circuit_ratio
     from stabctl.placement.place import place
     from stabctl.placement.site_options import SiteOption
     from stabctl.placement.siting import Costs, Siting
@@ -81,6 +83,8 @@ _WHERE = {
     "Pmu": "estimation.pmu:Pmu",
     "PowerFlow": "model.powerflow:PowerFlow",
     "Screen": "clearing:Screen",
+    "ShortCircuit": "model.short_circuit:ShortCircuit",
+    "ShortCircuitRatio": "model.short_circuit_ratio:ShortCircuitRatio",
     "SweepResults": "sweep.results:Results",
     "StabctlError": "errors:StabctlError",
     "SiteOption": "placement.site_options:SiteOption",
@@ -111,6 +115,8 @@ _WHERE = {
     "replicate": "model.replicate:replicate",
     "run_sweep": "sweep.sweep:run_sweep",
     "screen": "clearing:screen",
+    "short_circuit": "model.short_circuit:short_circuit",
+    "short_circuit_ratio": "model.short_circuit_ratio:short_circuit_ratio",
     "simulate": "simulation.simulate:simulate",
     "write": "io:write",
 }  # name -> module:name

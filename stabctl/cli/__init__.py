@@ -23,6 +23,7 @@ from . import (
     modes,
     place,
     powerflow,
+    scr,
     screen,
     simulate,
     sweep,
@@ -45,6 +46,7 @@ app.command("tables")(tables.tables)
 app.command("models")(models.models)
 app.command("import")(importing.importing)
 app.command("powerflow")(powerflow.powerflow)
+app.command("scr")(scr.scr)
 app.command("simulate")(simulate.simulate)
 app.command("clearing-time")(clearing_time.clearing_time)
 app.command("screen")(screen.screen)

@@ -62,6 +62,8 @@ class OperatingPoint:
     estimate = verb("stabctl.estimation.estimate:estimate")
     place = verb("stabctl.placement.place:place")
     power_flow = verb("stabctl.model.powerflow:solve")
+    short_circuit = verb("stabctl.model.short_circuit:short_circuit")
+    short_circuit_ratio = verb("stabctl.model.short_circuit_ratio:short_circuit_ratio")
     one_line = verb("stabctl.diagram:one_line")
     plot = verb("stabctl.plotting.one_line:plot")
 

@@ -109,6 +109,8 @@ class Case:
     limit_cycles = verb("stabctl.smallsignal.limit_cycles:limit_cycles")
     estimate = verb("stabctl.estimation.estimate:estimate")
     place = verb("stabctl.placement.place:place")
+    short_circuit = verb("stabctl.model.short_circuit:short_circuit")
+    short_circuit_ratio = verb("stabctl.model.short_circuit_ratio:short_circuit_ratio")
     one_line = verb("stabctl.diagram:one_line")
     plot = verb("stabctl.plotting.one_line:plot")
 

@@ -36,6 +36,20 @@ def test_powerflow_json_balances(stabctl):
     assert f"branch losses: {lost:.1f} MW" in stabctl("powerflow", "two_area", "--branches")[1]
 
 
+def test_scr_prints_buses_and_converters(stabctl, tmp_path):
+    case = load("two_area").with_storage("50MW")
+    write(case, tmp_path / "mine")
+    record = json.loads(stabctl("scr", tmp_path / "mine", "--trip", "7-8", "--json")[1])
+    ratio = case.short_circuit_ratio(trip="7-8")
+    assert [b["short_circuit_mva"] for b in record["buses"]] == case.short_circuit(trip="7-8").mva.tolist()
+    assert [c["escr"] for c in record["converters"]] == ratio.equivalent.tolist()
+    assert record["wscr"] == ratio.weighted
+    shown = stabctl("scr", tmp_path / "mine", "--trip", "7-8")[1]
+    assert f"{ratio.equivalent[0]:.2f}" in shown
+    assert "weighted short-circuit ratio" in " ".join(shown.split())
+    assert json.loads(stabctl("scr", "two_area", "--json")[1])["converters"] == []
+
+
 @pytest.mark.parametrize(("storage", "outcome"), [((), "lost_synchronism"), (("--storage", "50MW"), "stable")])
 def test_the_papers_main_result(stabctl, storage, outcome):
     code, out, err = stabctl("simulate", "two_area", "--fault", "7-8@0.4", "--clear", "21cyc", *storage, "--json")

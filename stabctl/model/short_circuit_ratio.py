@@ -1,0 +1,123 @@
+"""Short-circuit ratios of converters: how strong the grid is at each, alone and beside the others."""
+
+from dataclasses import dataclass
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stabctl import devices
+from stabctl._util.verbs import verb
+from stabctl._util.wording import counted
+from stabctl.errors import StudyError
+
+from .case import Case, as_case
+from .short_circuit import impedances
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ShortCircuitRatio:
+    """Short-circuit ratios of the converters of a case."""
+
+    case: Case
+    converters: tuple[str, ...]
+    buses: tuple[int, ...]  # number of the bus of each
+    rated_mva: np.ndarray  # (converters) MVA
+    short_circuit_mva: np.ndarray  # (converters) of the bus, MVA
+    equivalent: np.ndarray  # (converters) with the interaction of the others
+
+    plot = verb("stabctl.plotting.short_circuit_ratio:plot")
+
+    @property
+    def ratio(self) -> np.ndarray:
+        """Short-circuit power of the bus over the rating of the converter (converters)."""
+        return self.short_circuit_mva / self.rated_mva
+
+    @property
+    def weighted(self) -> float:
+        """Weighted short-circuit ratio of all converters, sum S_k P_k / (sum P_k)^2."""
+        return float(self.short_circuit_mva @ self.rated_mva / self.rated_mva.sum() ** 2)
+
+    @property
+    def df(self) -> "pd.DataFrame":
+        """One row per converter: rating, short-circuit power of its bus, ratio, and equivalent ratio."""
+        import pandas as pd
+
+        return pd.DataFrame(
+            {
+                "converter": self.converters,
+                "bus": self.buses,
+                "rated_mva": self.rated_mva,
+                "short_circuit_mva": self.short_circuit_mva,
+                "scr": self.ratio,
+                "escr": self.equivalent,
+            }
+        )
+
+    def __str__(self) -> str:
+        k = int(np.argmin(self.equivalent))
+        return (
+            f"{self.case.name}: {counted(len(self.converters), 'converter')}, {self.rated_mva.sum():.0f} MVA; weighted "
+            f"short-circuit ratio {self.weighted:.2f}; weakest: {self.converters[k]} with {self.ratio[k]:.2f}, beside "
+            f"the others {self.equivalent[k]:.2f}"
+        )
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        return f"<p>{escape(str(self))}</p>{self.df.to_html(index=False, float_format='{:.3f}'.format)}"
+
+
+def short_circuit_ratio(base: Any, *, trip: str | None = None) -> ShortCircuitRatio:
+    """Compute the short-circuit ratios of all converters: those of units, and storage devices.
+
+    SCR_k = S_k / P_k with the short-circuit power S_k of the bus without any converter and the rating P_k in MVA;
+    equivalent ratio with interaction factors ESCR_k = S_k / (P_k + sum_j |Z_kj / Z_jj| P_j), where |Z_kj / Z_jj| is the
+    change of the voltage at k over that at j for a current injected at j; weighted ratio WSCR = sum S_k P_k over
+    (sum P_k)^2. A static compensator is no converter here.
+    Source: CIGRE TB 671, Connection of Wind Farms to Weak AC Networks, 2016 (SCRIF); Y. Zhang et al., Evaluating System
+    Strength for Large-Scale Wind Plant Integration, IEEE PES General Meeting, 2014 (WSCR).
+
+    Parameters
+    ----------
+    base : Case or OperatingPoint
+        The system.
+    trip : str, optional
+        Circuits that are open: "7-8", "7-8#2, 8-9".
+
+    Returns
+    -------
+    ShortCircuitRatio
+
+    Raises
+    ------
+    StudyError
+        If there is no converter, the case has no dynamic data, or there is no such circuit.
+    """
+    case = as_case(base)
+    rows = installed(case)
+    if not rows:
+        raise StudyError(f"{case.name} has no converter and no storage device, so it has no short-circuit ratio.")
+    names, buses, rated = zip(*rows, strict=True)
+    place = {b.bus: k for k, b in enumerate(case.buses)}
+    at, P = np.array([place[bus] for bus in buses]), np.array(rated)
+    own, columns = impedances(case, trip, at)
+    S = case.base_mva / np.abs(own[at])
+    factor = np.abs(columns[at] / own[at])  # row k, column j: |Z_kj / Z_jj|; 1 at the same bus
+    with np.errstate(invalid="ignore"):
+        equivalent = S / (factor @ P)
+    return ShortCircuitRatio(case, names, buses, P, S, np.where(S > 0, equivalent, 0.0))
+
+
+def installed(case: Case) -> list[tuple[str, int, float]]:
+    """Name, bus and MVA of every converter and storage device of a case."""
+    found = [
+        (f"{device.NAME} {m.called}", m.bus, m.base)
+        for model, device in devices.models().items()
+        for m in case.machines
+        if device.ROLE == "converter" and model != "csvgn1" and m.machine in case.devices.get(model, {})
+    ]
+    return found + [(f"ESD {s.machine}@{s.bus}", s.bus, s.mva or s.rating) for s in case.storage if s.rating > 0]
