@@ -71,8 +71,12 @@ class Room:
 def draw(ax: "Axes", line: OneLine, notes: list[Label], point: float) -> None:
     """Draw notes, machine names and bus numbers, in this order of importance; `point` is points per unit."""
     size = min(0.2 * point, LETTERS)
-    wanted = notes if size < SMALLEST else [*notes, *_names(line)]
+    noted = {tuple(n.at): n.radius for n in notes}
+    names = [n._replace(radius=max(n.radius, noted.get(tuple(n.at), 0.0))) for n in _names(line)]
+    wanted = notes if size < SMALLEST else [*notes, *names]
     size, room = max(size, SMALLEST), Room(line)
+    for x, y in noted:
+        room.take((x - noted[x, y], y - noted[x, y], x + noted[x, y], y + noted[x, y]))
     for label in wanted:
         letter = (1.1 if label.bold else 1.0) * size / point
         places = [box for box in _places(label, letter) if room.free(box)]

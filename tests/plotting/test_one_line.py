@@ -190,6 +190,16 @@ def test_a_placement_has_squares_of_its_ratings(cases):
         cases("wscc9").plot(replace(found, sites=(Site(5, 10, 1.0, 0.0),)))
 
 
+def test_a_square_does_not_cover_the_name_of_its_machine(cases):
+    sites = (Site(22, 6, 200.0, 0.1), Site(29, 9, 50.0, 0.01))
+    found = Siting("ieee39", sites, Costs(), 1.0, None, None, None, None, (), (), (), (), 5.0, 1, 1.0)
+    ax = cases("ieee39").plot(found)
+    names = {t.get_text(): t.get_position() for t in ax.texts}
+    line = one_line(cases("ieee39"))
+    for row, name, side in ((5, "G6", 0.55), (8, "G9", 0.2 + 0.35 * 0.5)):
+        assert np.abs(names[name] - line.machines[row]).max() > side / 2
+
+
 def test_what_cannot_be_drawn_is_refused(cases):
     with pytest.raises(StudyError, match="cannot be drawn on a one-line diagram; give one of Mode"):
         cases("wscc9").plot(3)
