@@ -26,8 +26,9 @@ lint: .venv/dev  ## check style, import layers and types
 mutate: .venv/dev  ## put faults into a copy of the code and count those that the tests notice (MUTATE="--seed 7 model io")
 	$(BIN)/python tools/mutate.py $(MUTATE)
 
-docs: .venv/demo  ## write docs/models.md: parameters, states, ports and source of every device
+docs: .venv/docs  ## build the site of the documentation in build/site, and docs/models.md, the page of all devices
 	$(BIN)/python tools/models_page.py
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build
 
 coverage: .venv/demo  ## write docs/coverage.md: what of a collection of PSS/E systems is understood (COLLECTION=folder)
 	$(BIN)/python tools/coverage_page.py $(COLLECTION)
@@ -60,6 +61,10 @@ clean:  ## remove the virtual environment and all generated files
 
 .venv/bench: pyproject.toml | .venv/bin/python
 	$(BIN)/python -m pip install -q -e '.[bench]'
+	@touch $@
+
+.venv/docs: pyproject.toml | .venv/bin/python
+	$(BIN)/python -m pip install -q -e '.[docs]'
 	@touch $@
 
 .venv/test: pyproject.toml | .venv/bin/python

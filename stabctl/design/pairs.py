@@ -108,11 +108,15 @@ def pairs(
     ranges: Mapping[str, float] | None = None,
     storage: "Fleet | None" = None,
 ) -> Pairs:
-    """Rank the pairs of a signal and an input for damping a mode.
+    r"""Rank the pairs of a signal and an input for damping a mode.
 
-    The score of a pair is |R| r / a times its availability and cos(w T): R the residue, r what the output may give, a
-    the root of the sum of squares of the signal in all electromechanical modes (each with a largest speed of 1 pu), T
-    the delay. A signal that shows the mode alone, and an input that moves it far, score highest.
+    The score of a pair is
+
+    $$ \frac{|R| \, r}{a} \, \alpha \cos \omega T $$
+
+    with the residue $R$, the largest output $r$, the availability $\alpha$, the delay $T$, and $a$, the root of the sum
+    of squares of the signal in all electromechanical modes (each with a largest speed of 1 pu). A signal that shows the
+    mode alone, and an input that moves it far, score highest.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ SCRIPTS = (
     "uPlot.iife.min.js", "core.js", "asking.js", "diagram.js", "symbols.js", "labels.js", "charts.js", "time.js",
     "critical.js", "plane.js", "modes.js", "landscape.js", "theory.js", "controls.js", "main.js",
 )  # fmt: skip
-SHEETS = "uPlot.min.css", "page.css"
+SHEETS = "style.css", "uPlot.min.css", "page.css"  # the first is made from that of all figures
 KINDS = {".js": "text/javascript", ".css": "text/css"}
 
 
@@ -75,6 +75,7 @@ def about(points: Points) -> dict[str, Any]:
             "areas": style.AREAS,
             "voltages": style.VOLTAGES,
             "clearing": style.CLEARING,
+            "labels": style.LABELS,
         },
     }
 
@@ -94,11 +95,11 @@ def file(name: str) -> tuple[bytes, str]:
     """A script or style sheet, and its kind. `StudyError` if there is none of this name."""
     if name not in (*SCRIPTS, *SHEETS):
         raise StudyError(f"The page has no file {name!r}.")
-    return (STATIC / name).read_bytes(), KINDS[Path(name).suffix]
+    return _text(name).encode(), KINDS[Path(name).suffix]
 
 
 def _text(name: str) -> str:
-    return (STATIC / name).read_text(encoding="utf-8")
+    return style.css() if name == SHEETS[0] else (STATIC / name).read_text(encoding="utf-8")
 
 
 def _template() -> str:

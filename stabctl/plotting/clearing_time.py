@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING
 
 from stabctl.clearing import ClearingTime
 
-from .style import COLORS, GRAY, MARKERS, single, subplots
+from .style import COLORS, GRAY, LABELS, MARKERS, single, subplots
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-LABEL = "critical clearing time (cycles)"
+LABEL = LABELS["clearing"]
 
 
 def plot(found: ClearingTime, *, ax: "Axes | None" = None) -> "Axes":

@@ -10,7 +10,7 @@ from stabctl.design.result import Design
 
 from . import hover
 from .modes import RATIOS, ray
-from .style import COLORS, GRAY, single, subplots
+from .style import COLORS, GRAY, LABELS, single, subplots
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -73,7 +73,7 @@ def bode(found: Evidence) -> "Figure":
             hover.name(curve, loop.name)
     size.axhline(1, color=GRAY, linewidth=1)
     size.set_ylabel("magnitude")
-    phase.set(xlabel="frequency (Hz)", ylabel="phase (deg)")
+    phase.set(xlabel=LABELS["frequency"], ylabel="phase (deg)")
     _above(size)
     figure.align_ylabels(axes)
     return figure
@@ -88,7 +88,7 @@ def steps(found: Evidence) -> "Figure":
             hover.name(ax.plot(t, hz * row, linewidth=1, label=f"machine {name}")[0], f"machine {name}, {what}")
         ax.set_ylabel(f"{what} (mHz)")
     _above(axes[0, 0])
-    axes[1, 0].set_xlabel("time (s)")
+    axes[1, 0].set_xlabel(LABELS["time"])
     figure.align_ylabels(axes)
     return figure
 
@@ -99,7 +99,7 @@ def own_steps(found: Evidence) -> "Axes":
     for name, t, y in found.steps.own:
         for row in y.T:
             hover.name(ax.plot(t, row, linewidth=1, label=name)[0], name)
-    ax.set(xlabel="time (s)", ylabel="output")
+    ax.set(xlabel=LABELS["time"], ylabel="output")
     _above(ax)
     return ax
 
@@ -124,7 +124,7 @@ def _plane(ax: "Axes", several: "Sequence[Modes]") -> None:
     left = min(-1.0, 1.15 * s.real.min(initial=0.0))
     right = max(-0.08 * left, 1.5 * s.real.max(initial=0.0))
     top = min(FAST, 1.4 * s.imag.max(initial=2 * np.pi) / (2 * np.pi))
-    ax.set(xlim=(left, right), ylim=(0, top), xlabel="real part (1/s)", ylabel="frequency (Hz)")
+    ax.set(xlim=(left, right), ylim=(0, top), xlabel="real part (1/s)", ylabel=LABELS["frequency"])
     ax.axvline(0, color=GRAY, linewidth=1)
     for ratio in RATIOS:
         ray(ax, ratio, left, top)

@@ -7,7 +7,7 @@ from stabctl.theory.equal_area import EqualArea
 from stabctl.theory.swing_curve import SwingCurve
 
 from .phase_plane import ANGLE, SPEED
-from .style import COLORS, GRAY, single, subplots, tidy
+from .style import COLORS, GRAY, LABELS, single, subplots, tidy
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -79,7 +79,7 @@ def in_time(area: EqualArea, curve: SwingCurve) -> "Figure":
         ax.axvline(curve.clearing, color=GRAY, ls=":")
         ax.set_ylabel(name)
     axes[0].set_title("(b) dotted: fault cleared", loc="left", fontsize="medium")
-    axes[-1].set_xlabel("time (s)")
+    axes[-1].set_xlabel(LABELS["time"])
     right.align_ylabels(axes)
     return figure
 

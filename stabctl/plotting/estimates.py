@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from stabctl.estimation.estimates import Estimates
 
-from .style import COLORS, subplots
+from .style import COLORS, LABELS, subplots
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,7 +42,7 @@ def plot(found: Estimates, *, machines: Sequence[int] | None = None, seed: int =
         ax.plot(found.time, true, color=COLORS[0], linewidth=1, label="true")
         ax.set_title(f"machine {case.machines[i].called}", loc="left", fontsize="small")
     axes[0, 0].legend(frameon=False, fontsize="small", ncols=2)
-    axes[-1, 0].set_xlabel("time (s)")
+    axes[-1, 0].set_xlabel(LABELS["time"])
     figure.supylabel("speed relative to the COI of the other machines (mHz)", fontsize="medium")
     figure.suptitle(_title(found, seed), fontsize="medium", wrap=True)
     return figure
@@ -61,7 +61,7 @@ def commands(found: Estimates, *, machines: Sequence[int] | None = None, seed: i
     axes[0, 0].legend(
         axes[0, 0].lines, labels, frameon=False, fontsize="small", ncols=2, loc="lower right", bbox_to_anchor=(1, 1)
     )
-    axes[-1, 0].set_xlabel("time (s)")
+    axes[-1, 0].set_xlabel(LABELS["time"])
     figure.suptitle(_title(found, seed), fontsize="medium", wrap=True)
     return figure
 

@@ -7,7 +7,7 @@ import numpy as np
 from stabctl.errors import StudyError
 from stabctl.smallsignal.model import Model
 
-from .style import legend_beside, subplots
+from .style import LABELS, legend_beside, subplots
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -50,7 +50,7 @@ def plot(model: Model, *, band: tuple[float, float] = BAND) -> "Figure":
             magnitude.loglog(hz, np.abs(response[:, i, j]), label=f"{name} to {output}")
             phase.semilogx(hz, np.rad2deg(np.unwrap(np.angle(response[:, i, j]))))
     magnitude.set_ylabel("magnitude")
-    phase.set(xlabel="frequency (Hz)", ylabel="phase (deg)")
+    phase.set(xlabel=LABELS["frequency"], ylabel="phase (deg)")
     legend_beside(magnitude, magnitude.get_legend_handles_labels()[1])
     figure.align_ylabels(axes)
     return figure

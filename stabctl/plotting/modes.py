@@ -7,7 +7,7 @@ from stabctl.smallsignal import Mode, Modes
 from stabctl.smallsignal.eigen import ZERO
 
 from . import hover
-from .style import COLORS, GRAY, single
+from .style import COLORS, GRAY, LABELS, single
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,7 +53,7 @@ def plot(modes: Modes, *, ax: "Axes | None" = None) -> "Axes":
         if chosen:
             dots = ax.plot(real[chosen], hertz[chosen], marker, mfc=face, mec=edge, ls="none", label=name, zorder=3)
             hover.name(dots[0], [describe(modes.mode(k)) for k in chosen if inside[k]])
-    ax.set(xlim=(left, right), ylim=(0, top), xlabel="real part (1/s)", ylabel="frequency (Hz)")
+    ax.set(xlim=(left, right), ylim=(0, top), xlabel="real part (1/s)", ylabel=LABELS["frequency"])
     ax.axvline(0, color=GRAY, linewidth=1)
     for ratio in RATIOS:
         ray(ax, ratio, left, top)

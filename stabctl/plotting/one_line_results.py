@@ -14,7 +14,7 @@ from stabctl.smallsignal import Areas, Mode
 from . import hover
 from .clearing_time import LABEL
 from .one_line_labels import Label
-from .style import AREAS, COLORS, INK, clearing_colors
+from .style import AREAS, COLORS, GRAY, INK, clearing_colors
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -69,7 +69,7 @@ def screen(ax: "Axes", line: OneLine, found: Screen, point: float) -> list[Label
         limit = found.search.limit_cycles
         cycles.append(0.0 if p.status == "unstable_at_zero" else limit if p.cycles is None else p.cycles)
         names.append((k, p.fault))
-    ax.add_collection(LineCollection(list(line.ends), colors="#bbbbbb", linewidths=1, zorder=1))
+    ax.add_collection(LineCollection(list(line.ends), colors=GRAY, alpha=0.5, linewidths=1, zorder=1))
     scale = Normalize(min(cycles, default=0.0), max(cycles, default=1.0))
     order = np.argsort(cycles)[::-1]
     late = clearing_colors()

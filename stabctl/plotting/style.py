@@ -1,6 +1,7 @@
-"""The look of every figure, and how figures are made and saved."""
+"""The look of every figure, and how figures are made and saved. Fonts, colors and labels are those of `style.toml`."""
 
 import io
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,13 +15,32 @@ if TYPE_CHECKING:
     from matplotlib.colors import LinearSegmentedColormap
     from matplotlib.figure import Figure
 
-COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8c564b")  # Okabe-Ito
-GRAY, INK = "#808080", "#222222"
+LOOK: dict[str, Any] = tomllib.loads((Path(__file__).parent / "style.toml").read_text(encoding="utf-8"))
+FONTS: tuple[str, ...] = tuple(LOOK["fonts"])
+LABELS: dict[str, str] = LOOK["labels"]
+COLORS: tuple[str, ...] = tuple(LOOK["figures"]["cycle"])
+GRAY, INK, MANY = (LOOK["figures"][name] for name in ("gray", "ink", "many"))
 AREAS = (*COLORS[:5], COLORS[7], GRAY)  # of coherent areas; different from each other on light and dark paper
-VOLTAGES = ((0.8, "#d55e00"), (0.9, "#e69f00"), (1.0, "#f0f0f0"), (1.1, "#0072b2"))  # pu, color; between them mixed
-CLEARING = "#b3350a", "#e69f00", "#56b4e9", "#0b4f8a"  # critical clearing times, the shortest first
+VOLTAGES: list[tuple[float, str]] = [(v, color) for v, color in LOOK["figures"]["voltages"]]
+CLEARING: list[str] = LOOK["figures"]["clearing"]
 MARKERS = "os^Dv"
 DPI = 150
+
+
+def css() -> str:
+    """Return the colors and fonts of pages as CSS variables, in light, dark and printed pages."""
+    fonts = ", ".join((*(f"'{name}'" for name in FONTS), "sans-serif"))
+    light = f"--font: {fonts}; color-scheme: light dark; {variables('light')}"
+    dark, paper = variables("dark"), variables("print")
+    return (
+        f":root {{{light}}}\n@media (prefers-color-scheme: dark) {{:root {{{dark}}}}}\n"
+        f"@media print {{:root {{{paper}}}}}\n"
+    )
+
+
+def variables(scheme: str) -> str:
+    """Return the CSS variables of the colors of a scheme: light, dark, or print."""
+    return " ".join(f"--{name}: {color};" for name, color in LOOK[scheme].items())
 
 
 def voltage_colors() -> "LinearSegmentedColormap":
@@ -46,7 +66,10 @@ def subplots(
     """Return a pyplot figure of a size in inches and its axes (rows, columns); options are pyplot's."""
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(rows, columns, figsize=(width, height), layout="constrained", squeeze=False, **options)
+    from .figure import StyledFigure
+
+    figure = plt.figure(FigureClass=StyledFigure, figsize=(width, height), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False, **options)
     for ax in axes.flat:
         tidy(ax)
     return figure, axes

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from stabctl.theory.swing_curve import SwingCurve
 
 from .phase_plane import ANGLE, SPEED
-from .style import GRAY, subplots
+from .style import GRAY, LABELS, subplots
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -19,6 +19,6 @@ def plot(curve: SwingCurve) -> "Figure":
         ax.plot(curve.t, y)
         ax.axvline(curve.clearing, color=GRAY, ls=":")
         ax.set_ylabel(name)
-    axes[-1, 0].set_xlabel("time (s)")
+    axes[-1, 0].set_xlabel(LABELS["time"])
     figure.align_ylabels(axes)
     return figure

@@ -8,21 +8,14 @@ import numpy as np
 from stabctl.errors import StudyError
 from stabctl.simulation.trajectory import Trajectory
 
-from .style import COLORS, GRAY, legend_beside, single, subplots
+from .style import COLORS, GRAY, LABELS, MANY, legend_beside, single, subplots
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-LABELS = {
-    "speed": "speed (Hz)",
-    "angle": "angle from COI (deg)",
-    "voltage": "voltage (pu)",
-    "power": "electrical power (MW)",
-    "storage": "storage power absorbed (MW)",
-}
+SIGNALS = "speed", "angle", "voltage", "power", "storage"
 JUMPING = "voltage", "power"  # signals that jump at events
-MANY = "#2a6f9e"  # of curves that are too many to distinguish
 LEAST = {"speed": 0.01, "angle": 1.0, "voltage": 0.01, "power": 1.0, "storage": 1.0}  # smallest range of an axis
 
 
@@ -71,13 +64,13 @@ def plot(
             f"One plot shows one signal, but {1 + len(others)} are given; plot each of them, with ax= on axes of one "
             "figure if you like."
         )
-    if signal not in LABELS:
-        raise StudyError(f"There is no signal {signal!r}; choose one of {', '.join(LABELS)}.")
+    if signal not in SIGNALS:
+        raise StudyError(f"There is no signal {signal!r}; choose one of {', '.join(SIGNALS)}.")
     if signal == "storage" and not run.point.case.storage:
         raise StudyError(f"{run.point.case.name} has no storage to plot; add some with storage='50MW', for example.")
     ax = single(ax, 8, 4)
     _draw(ax, run, signal, machines)
-    ax.set_xlabel("time (s)")
+    ax.set_xlabel(LABELS["time"])
     ax.set_title(f"{run.point.case.name}: {run.outcome.message}", fontsize="medium", wrap=True)
     return ax
 
@@ -88,7 +81,7 @@ def overview(run: Trajectory, machines: Sequence[int | str] | None = None) -> "F
     figure, axes = subplots(9, 2.3 * len(signals) + 0.6, len(signals), sharex=True)
     for ax, signal in zip(axes[:, 0], signals, strict=True):
         _draw(ax, run, signal, machines)
-    axes[-1, 0].set_xlabel("time (s)")
+    axes[-1, 0].set_xlabel(LABELS["time"])
     figure.align_ylabels(axes)
     figure.suptitle(f"{run.point.case.name}: {run.outcome.message}", fontsize="medium", wrap=True)
     return figure
@@ -102,7 +95,7 @@ def compare(
     for ax, (title, run) in zip(axes[0], runs.items(), strict=True):
         _draw(ax, run, signal, machines, legend=ax is axes[0, -1])
         ax.set_title(f"{title}\n{run.outcome.kind.value.replace('_', ' ')}", fontsize="medium")
-        ax.set_xlabel("time (s)")
+        ax.set_xlabel(LABELS["time"])
         ax.label_outer()
     return figure
 
@@ -120,7 +113,7 @@ def storage(run: Trajectory, machines: Sequence[int | str] | None = None) -> "Fi
             loc="left",
             fontsize="small",
         )
-    axes[-1, 0].set_xlabel("time (s)")
+    axes[-1, 0].set_xlabel(LABELS["time"])
     figure.supylabel("power absorbed (MW)", fontsize="medium")
     return figure
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from stabctl._util import files
 from stabctl.errors import StudyError
+from stabctl.plotting.style import css
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -24,9 +25,11 @@ TEMPLATES = Path(__file__).parent / "templates"
 def environment(*folders: Path) -> "Environment":
     """Return the environment of our templates and those in further folders; everything inserted is escaped."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
+    from markupsafe import Markup
 
     loader = FileSystemLoader([*folders, TEMPLATES])
     made = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    made.globals["colors"] = Markup(css())
     made.globals["script"] = _script()
     return made
 

@@ -23,6 +23,7 @@ VARIABLES = {  # color of the figure -> variable of the page, which has another 
     COLORS[1]: "b",
     COLORS[2]: "c",
     COLORS[4]: "d",
+    COLORS[5]: "e",
 }
 OPTIONS: Any = {"svg.fonttype": "none", "svg.hashsalt": "stabctl"}
 NO_METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))

@@ -35,10 +35,11 @@ EMPTY = 0.2  # |z| per frame below which a mode is that of an emptying delay lin
 
 @dataclass(frozen=True, repr=False)
 class ClosedLoop(Linear):
-    """The linear model of a system with controllers.
+    r"""The linear model of a system with controllers.
 
-    Without sampled controllers, A, B, C, D are those of x' = A x + B u. With them, A = (M - 1) / period for the map M
-    over the common period of the frames, B and D are those of inputs held over the period.
+    Without sampled controllers, A, B, C, D are those of $\dot x = A x + B u$, $y = C x + D u$. With them,
+    $A = (M - 1) / T$ for the map $M$ of the states over the common period $T$ of the frames, and B and D are those of
+    inputs held over the period.
     """
 
     controllers: tuple[Controller, ...] = ()

@@ -37,9 +37,12 @@ def limit_cycles(
     band: str | tuple[float, float] = BAND,
     storage: "Fleet | None" = None,
 ) -> LimitCycles:
-    """Find steady oscillations that deadbands, limits or relays of controllers sustain.
+    r"""Find steady oscillations that deadbands, limits or relays of controllers sustain.
 
-    Harmonic balance with the describing functions N(A) of the outputs (`describing`): L(jw) = -1/N(A) for one of them;
+    Harmonic balance with the describing functions $N(A)$ of the outputs (`describing`), for a single output
+
+    $$ L(j\omega) = -\frac{1}{N(A)}; $$
+
     several swing at one frequency, each with its own amplitude. The loop gain is exact, with delays, and with the
     outputs of sampled controllers held (`opened_loop`). Gates are taken as open.
 

@@ -32,7 +32,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Model:
-    """x' = A x + B u, y = C x + D u in deviations from an operating point; states, inputs and outputs have labels."""
+    r"""A linear model with labels of its states, inputs and outputs, all deviations from an operating point.
+
+    $$ \dot x = A x + B u, \qquad y = C x + D u $$
+    """
 
     name: str
     A: np.ndarray  # (states, states)   1/s
@@ -165,7 +168,14 @@ def linearize(
     *,
     storage: "Fleet | None" = None,
 ) -> Linear:
-    """Linearize a system at its operating point: A = fx - fv inv(gv) gx, with the bus voltages eliminated exactly.
+    r"""Linearize a system at its operating point, with the bus voltages eliminated exactly.
+
+    With $\dot x = f(x, v, u)$, $0 = g(x, v, u)$, $y = h(x, v, u)$ for states $x$, voltages $v$ and inputs $u$:
+
+    $$ A = f_x - f_v g_v^{-1} g_x, \quad B = f_u - f_v g_v^{-1} g_u, \quad
+    C = h_x - h_v g_v^{-1} g_x, \quad D = h_u - h_v g_v^{-1} g_u $$
+
+    (P. Kundur, Power System Stability and Control, ch. 12).
 
     Parameters
     ----------

@@ -58,7 +58,7 @@ def test_the_check_sees_labels_that_overlap_or_reach_out():
 
 def test_simulations(runs):
     bare, held = runs.values()
-    drawn = [trajectory.plot(held, signal) for signal in trajectory.LABELS]
+    drawn = [trajectory.plot(held, signal) for signal in trajectory.SIGNALS]
     for figure in (*drawn, trajectory.compare(runs), trajectory.storage(held), trajectory.overview(held)):
         assert crowded(figure) == []
     speed = trajectory.plot(bare, machines=[2, 4])

@@ -1,17 +1,16 @@
 "use strict";
 // One chart of curves against time, drawn by uPlot; the fault is shaded, its clearing dotted.
-const AXES = {
-  speed: "speed (Hz)", angle: "angle from the center of inertia (deg)", voltage: "voltage (pu)", storage: "storage power (MW)",
-};
+const SIGNALS = ["speed", "angle", "voltage", "storage"];
 const LEAST_RANGE = { speed: 0.02, angle: 2, voltage: 0.02, storage: 2 };
 
 function chart(place, signal, title, names, height) {
-  const axis = { stroke: () => ink().soft, grid: { stroke: () => ink().line, width: 1 }, ticks: { show: false }, font: "12px system-ui" };
-  const colors = live.case.style.colors, few = names.length <= 6;
+  const axis = { stroke: () => ink().soft, grid: { stroke: () => ink().line, width: 1 }, ticks: { show: false }, font: letters(12) };
+  const { colors, labels } = live.case.style, few = names.length <= 6;
   let lost = new Set();
+  const own = (k) => [ink().a, ink().c, ink().d, colors[3], ink().e, ink().soft][k];
   const series = names.map((name, k) => ({
     label: name, points: { show: false }, spanGaps: false,
-    stroke: () => (lost.has(k) ? ink().b : few ? (k ? colors[k % 6] : ink().a) : ink().many),
+    stroke: () => (lost.has(k) ? ink().b : few ? own(k) : ink().many),
     width: few ? 1.5 : 1,
   }));
   const range = (u, low, high) => {
@@ -22,8 +21,8 @@ function chart(place, signal, title, names, height) {
     {
       width: Math.max(200, place.clientWidth), height, title,
       scales: { x: { time: false, range: () => [0, live.run?.head.until ?? 10] }, y: { range } },
-      axes: [{ ...axis, size: 34, label: height > 220 ? "time (s)" : undefined, labelSize: 16, labelFont: "12px system-ui" },
-             { ...axis, size: 58, label: AXES[signal], labelSize: 18, labelFont: "12px system-ui" }],
+      axes: [{ ...axis, size: 34, label: height > 220 ? labels.time : undefined, labelSize: 16, labelFont: letters(12) },
+             { ...axis, size: 58, label: labels[signal], labelSize: 18, labelFont: letters(12) }],
       legend: { show: false },
       cursor: { sync: { key: "time" }, focus: { prox: 14 }, drag: { x: false, y: false }, points: { show: false } },
       focus: { alpha: 0.25 },

@@ -40,7 +40,7 @@ const controls = {
     const row = (id, text, ...parts) => element("div", { className: "control", id: `box-${id}` }, element("label", { htmlFor: id }, text), ...parts);
     $("controls").append(row("trip", "line opened to clear the fault", trip), row("law", "law of the storage", law),
       element("div", { className: "control", id: "box-compare" }, element("label", { htmlFor: "compare" }, "without storage beside it", compare)));
-    for (const signal of Object.keys(AXES)) {
+    for (const signal of SIGNALS) {
       const chip = element("button", { type: "button", textContent: { speed: "speeds", angle: "angles", voltage: "voltages", storage: "storage power" }[signal], id: `signal-${signal}` });
       chip.onclick = () => this.signal(signal);
       $("signals").append(chip);
@@ -63,7 +63,7 @@ const controls = {
   signal(name) {
     const now = live.state.signals;
     const signals = now.includes(name) ? now.filter((s) => s !== name) : [...now, name];
-    if (signals.length) change({ signals: Object.keys(AXES).filter((s) => signals.includes(s)) });
+    if (signals.length) change({ signals: SIGNALS.filter((s) => signals.includes(s)) });
   },
 
   fault(place, trip = "") {
@@ -89,7 +89,7 @@ const controls = {
     $("box-law").hidden = $("box-compare").hidden = !stored(s);
     $("law").value = s.law;
     $("compare").checked = s.compare;
-    for (const signal of Object.keys(AXES)) $(`signal-${signal}`).setAttribute("aria-pressed", s.signals.includes(signal));
+    for (const signal of SIGNALS) $(`signal-${signal}`).setAttribute("aria-pressed", s.signals.includes(signal));
     $("signal-storage").disabled = !stored(s) || !!live.recorded;
   },
 };

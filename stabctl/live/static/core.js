@@ -15,9 +15,11 @@ const color = (name) => getComputedStyle(document.documentElement).getPropertyVa
 let inks = null; // colors of the page as it is, light or dark
 function ink() {
   return (inks ??= Object.fromEntries(
-    ["ink", "soft", "paper", "card", "line", "a", "b", "c", "many", "shade", "bad", "good"].map((n) => [n, color(n)]),
+    ["ink", "soft", "paper", "card", "line", "a", "b", "c", "d", "e", "many", "shade", "bad", "good", "font"].map((n) => [n, color(n)]),
   ));
 }
+
+const letters = (size) => `${size}px ${ink().font}`;
 
 function mixed(stops, value) { // color between stops [value, "#rrggbb"]
   if (!Number.isFinite(value)) return ink().line;

@@ -27,7 +27,7 @@ function placedLabels() {
     const [a, b] = ends;
     take(square(pixels([a[0] + f * (b[0] - a[0]), a[1] + f * (b[1] - a[1])]), 1));
   }
-  c.font = `${LETTERS}px system-ui, sans-serif`;
+  c.font = letters(LETTERS);
   const put = (text, p, radius, soft) => {
     const [x, y] = pixels(p), width = c.measureText(text).width, r = radius * s + 2;
     for (const [u, v] of [[1, -1], [-1, -1], [1, 1], [-1, 1], [1, 0], [-1, 0], [0, -1], [0, 1]]) {
@@ -46,7 +46,7 @@ function placedLabels() {
 }
 
 function drawLabels(c, labels, at, { ink: strong, soft, card }) {
-  c.font = `${LETTERS}px system-ui, sans-serif`;
+  c.font = letters(LETTERS);
   c.textAlign = "left";
   c.textBaseline = "middle";
   c.lineWidth = 3;

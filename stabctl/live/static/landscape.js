@@ -83,10 +83,10 @@ const landscape = {
       c.fillStyle = mixed(this.scaled, first + ((x - 8) / (width - 16)) * (last - first));
       c.fillRect(x, 6, 1.5, 12);
     }
-    c.font = "12px system-ui, sans-serif";
+    c.font = letters(12);
     c.fillStyle = ink().soft;
     c.textBaseline = "middle";
-    for (const [text, x, align] of [[first, 8, "left"], [last, width - 8, "right"], ["critical clearing time (cycles)", width / 2, "center"]]) {
+    for (const [text, x, align] of [[first, 8, "left"], [last, width - 8, "right"], [live.case.style.labels.clearing, width / 2, "center"]]) {
       c.textAlign = align;
       c.fillText(text, x, 32);
     }

@@ -10,7 +10,7 @@ class Plane {
     const { context: c, width, height } = fitted(this.canvas);
     const box = { left: 56, right: width - 14, top: 12, bottom: height - 40 };
     Object.assign(this, { c, box, range: { left, right, bottom, top } });
-    c.font = "12px system-ui, sans-serif";
+    c.font = letters(12);
     c.lineWidth = 1;
     for (const [value, x] of this.ticks(left, right, 80, true)) {
       c.strokeStyle = ink().line;

@@ -1,0 +1,28 @@
+"""Figures in the fonts of the style, without changing the settings of matplotlib."""
+
+from typing import TYPE_CHECKING, Any
+
+from matplotlib import rcParams
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+from .style import FONTS
+
+if TYPE_CHECKING:
+    from matplotlib.backend_bases import RendererBase
+
+
+class StyledFigure(Figure):
+    """A figure whose texts have our fonts when it is drawn, unless they were given others."""
+
+    def draw(self, renderer: "RendererBase") -> None:
+        """Draw the figure, as matplotlib does."""
+        for text in self.findobj(Text):
+            _letter(text)
+        super().draw(renderer)
+
+
+def _letter(text: Any) -> None:
+    if text.get_fontfamily() == rcParams["font.family"]:
+        text.set_fontfamily(FONTS)
+        text.set_math_fontfamily("stixsans")
