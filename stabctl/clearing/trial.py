@@ -10,7 +10,8 @@ from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control, acting
 from stabctl.simulation.events import Event, Fault
 from stabctl.simulation.outcome import Kind
-from stabctl.simulation.simulation import Recorded, run
+from stabctl.simulation.recording import Recorded
+from stabctl.simulation.simulation import run
 from stabctl.simulation.swings import Swings
 from stabctl.simulation.trajectory import Trajectory
 

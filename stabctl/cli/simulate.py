@@ -17,6 +17,10 @@ At = Annotated[str, typer.Option("--at", metavar="TIME", parser=options.time, he
 Until = Annotated[
     str, typer.Option("--until", metavar="TIME", parser=options.time, help="End of the simulation, s or 500ms.")
 ]
+Every = Annotated[
+    str,
+    typer.Option("--every", metavar="TIME", parser=options.time, help="Least time between two rows written: 50ms."),
+]
 Out = Annotated[Path | None, typer.Option("--out", help="Write the trajectory to FILE.nc or FILE.csv.")]
 Plot = Annotated[
     Path | None, typer.Option("--plot", help="Plot speeds, angles, voltages, storage to FILE.png or .svg.")
@@ -48,6 +52,7 @@ def simulate(
     estimator: options.Estimator = "ideal",
     pmu: groups.PmuOptions,
     out: Out = None,
+    every: Every = "0s",
     angle_reference: AngleReference = None,
     plot: Plot = None,
     case: groups.CaseOptions,
@@ -85,6 +90,7 @@ def simulate(
             step=step,
             criterion=stability.criterion(loaded),
             record=out is not None or plot is not None,
+            every=every,
             progress=tell,
         )
     if out:

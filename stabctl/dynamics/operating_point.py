@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from stabctl import devices
+from stabctl._util.collection import paused
 from stabctl._util.verbs import verb
 from stabctl._util.wording import listed, named
 from stabctl.errors import EquilibriumError, StudyError
@@ -173,6 +174,7 @@ def solve(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
     return point
 
 
+@paused()
 def unlimited(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
     """The operating point without limits, which is an equilibrium unless it exceeds some: see `violations.find`.
 

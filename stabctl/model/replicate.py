@@ -1,10 +1,13 @@
 """Large test systems: copies of a case, tied into one network."""
 
+from cmath import phase
 from dataclasses import replace
+from math import degrees
 from typing import Any, TypeVar
 
 import numpy as np
 
+from stabctl._util.collection import paused
 from stabctl.errors import StudyError, shown
 
 from . import catalog, keys, powerflow
@@ -14,12 +17,13 @@ from .tables import Branch, Bus, Machine
 Row = TypeVar("Row", bound=Any)
 
 
+@paused()
 def replicate(case: Case, copies: int, *, tie_bus: int | None = None, x: float = 0.01, spread: float = 0.0) -> Case:
     """Copies of a case in one network; a line ties each copy to the one with half its number.
 
     Copy k (from 0) has the bus and machine numbers of the case plus k times the smallest power of ten above both. Every
-    copy has the operating point of the case, and the ties carry no power. Only the first copy keeps its swing bus; in
-    the others, the swing machines are scheduled at their power in the power flow.
+    copy has the operating point of the case, its bus table the voltages solved, and the ties carry no power. Only the
+    first copy keeps its swing bus; in the others, the swing machines are scheduled at their power in the power flow.
 
     Parameters
     ----------
@@ -50,6 +54,7 @@ def replicate(case: Case, copies: int, *, tie_bus: int | None = None, x: float =
         raise StudyError(f"A tie of {x:g} pu is not possible; its reactance must be above 0.")
     flow = powerflow.solve(case)
     scheduled = [m._replace(p=float(S.real) * case.base_mva) for m, S in zip(case.machines, flow.S, strict=True)]
+    solved = [b._replace(v=abs(V), angle=degrees(phase(V))) for b, V in zip(case.buses, flow.V.tolist(), strict=True)]
     step = 10 ** len(str(max([b.bus for b in case.buses] + [m.machine for m in case.machines])))
     shifts = [k * step for k in range(copies)]
     ties = [Branch(tie_bus + shifts[k // 2], tie_bus + shifts[k], 0.0, x) for k in range(1, copies)]
@@ -58,7 +63,7 @@ def replicate(case: Case, copies: int, *, tie_bus: int | None = None, x: float =
         case,
         name=f"{case.name}_x{copies}",
         title=f"{copies} times {case.title}",
-        buses=tuple(_bus(b, s) for s in shifts for b in case.buses),
+        buses=tuple(_bus(b, s) for s in shifts for b in solved),
         branches=(*(_moved(k, s) for s in shifts for k in case.branches), *ties),
         machines=tuple(_machine(m, s) for s in shifts for m in scheduled),
         loads=tuple(_moved(load, s) for s in shifts for load in case.loads),

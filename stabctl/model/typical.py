@@ -15,6 +15,8 @@ from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 from stabctl._util.wording import counted
+from stabctl.devices.blocks import quadratic
+from stabctl.devices.machines.saturation import points
 from stabctl.errors import StudyError
 
 from . import catalog, powerflow
@@ -29,6 +31,7 @@ LABEL = " with typical machines"  # of the name of the case, which every output 
 POWER_FACTOR = 0.85  # of a rating computed from the power
 ABSORBED = 0.3  # pu   largest reactive power absorbed, on the rating
 PRODUCES = 1e-3  # MW   smallest power of a generator that is not a condenser
+CEILING = 0.9  # largest field voltage, over the ceiling of the exciter at the terminal voltage
 RESERVE = 0.98  # largest power, over the limit of the governor
 SALIENT = ("hydro", "condenser")
 _ROUND = "H D ra xl xd x1d x2 T1d T2d xq x1q T1q T2q S10 S12"
@@ -47,8 +50,9 @@ class Known(NamedTuple):
 def with_typical_machines(case: Case, known: Mapping[int, Known] = MappingProxyType({})) -> Case:
     """The case with a typical machine, exciter and governor for every generator; its name and notes say so.
 
-    A rating is that of the file or the case, raised to what the power-flow power needs. Generators behind converters
-    (wind, solar, batteries) become constant-power injections.
+    A rating is that of the file or the case, raised to what the power flow needs: the machine's power, the limit of its
+    governor, and a field voltage of at most 90 % of the exciter's ceiling. Generators behind converters (wind, solar,
+    batteries) become constant-power injections.
 
     Parameters
     ----------
@@ -69,6 +73,7 @@ def with_typical_machines(case: Case, known: Mapping[int, Known] = MappingProxyT
         raise StudyError(f"{case.name} has dynamic data; typical machines are for a case without any.")
     flow = powerflow.solve(case)
     power = dict(zip((m.machine for m in case.machines), (flow.S * case.base_mva).tolist(), strict=True))
+    voltage = dict(zip((b.bus for b in case.buses), abs(flow.V).tolist(), strict=True))
     swing = {b.bus for b in case.buses if b.kind == "swing"}
     kept: list[Machine] = []
     loads: list[Load] = []
@@ -80,7 +85,7 @@ def with_typical_machines(case: Case, known: Mapping[int, Known] = MappingProxyT
             name = str(m.called)
             loads.append(Load(m.bus, -S.real, -S.imag, 1.0, 1.0, v_low=LOW["power"], id=name, kind="injection"))
             continue
-        unit, rating = _sized(about, S)
+        unit, rating = _sized(about, S, voltage[m.bus])
         raised += rating > about.mva > 0
         kept.append(m._replace(base=rating, p=S.real, q=S.imag))
         for model, par in _devices(unit, S).items():
@@ -99,15 +104,34 @@ def with_typical_machines(case: Case, known: Mapping[int, Known] = MappingProxyT
     )
 
 
-def _sized(about: Known, S: complex) -> tuple[dict[str, Any], float]:
-    """The unit for a generator that supplies S (MW, Mvar), and its rating (MVA)."""
+def _sized(about: Known, S: complex, V: float) -> tuple[dict[str, Any], float]:
+    """The unit for a generator that supplies S (MW, Mvar) at a voltage of V (pu), and its rating (MVA)."""
     kind = about.kind if about.kind not in (None, "converter") else ("steam" if S.real > PRODUCES else "condenser")
     kind = "steam" if kind == "condenser" and S.real > PRODUCES else kind
-    mva = about.mva or abs(S) / POWER_FACTOR or 1.0
+    mva = about.mva or (abs(S) / POWER_FACTOR if abs(S) > PRODUCES else 1.0)
     units = [unit for unit in _units() if unit["kind"] == kind]
     unit = min(units, key=lambda unit: abs(math.log(unit["mva"] / mva)))
     limit = RESERVE * unit["Pmax"] if S.real > PRODUCES else 1.0
-    return unit, max(mva, abs(S), S.real / limit, -S.imag / ABSORBED)
+    rating = max(mva, abs(S), S.real / limit, -S.imag / ABSORBED)
+    while _field(unit, S / rating, V) > CEILING * V * unit["VRmax"]:
+        rating *= 1.02
+    return unit, rating
+
+
+def _field(unit: dict[str, Any], S: complex, V: float) -> float:
+    """Field voltage (pu) of a unit that supplies S (pu of its rating) at the voltage V (pu).
+
+    With the rotor on the q axis of V + (ra + j xq) I: Efd = Vq + ra Iq + xd Id + saturation of E'q (salient) or psi''.
+    """
+    current = S.conjugate() / V
+    q = V + complex(unit["ra"], unit["xq"]) * current
+    q /= abs(q)
+    flux = V + complex(unit["ra"], unit["x2"]) * current
+    Id, Iq, Vq = -(current / q).imag, (current / q).real, (V / q).real
+    if unit["kind"] in SALIENT:
+        flux = (Vq + unit["ra"] * Iq + unit["x1d"] * Id) * q
+    iron = quadratic(abs(flux), *points(unit["S10"], unit["S12"])) * (flux / q).real / abs(flux)
+    return Vq + unit["ra"] * Iq + unit["xd"] * Id + iron
 
 
 def _devices(unit: dict[str, Any], S: complex) -> dict[str, Any]:
@@ -131,7 +155,8 @@ def _notes(case: Case, machines: int, converters: int, raised: int) -> list[str]
     ]
     if raised:
         said.append(
-            f"{case.name}: ratings raised to what the power of the machine needs: {counted(raised, 'machine')}."
+            f"{case.name}: ratings raised to what the machine's power and field voltage need: "
+            f"{counted(raised, 'machine')}."
         )
     if converters:
         said.append(f"{case.name}: constant-power injections behind converters: {counted(converters, 'generator')}.")

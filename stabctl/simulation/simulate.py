@@ -5,6 +5,7 @@ from typing import Any
 
 from stabctl.dynamics.coerce import Fleet, operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.units import seconds
 
@@ -25,6 +26,7 @@ def simulate(
     step: str | float | None = None,
     criterion: Criterion = DEFAULT,
     record: bool = True,
+    every: str | float = 0.0,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
     """Simulate the response of a system to a contingency.
@@ -49,6 +51,9 @@ def simulate(
         When the run counts as lost and ends.
     record : bool
         Keep the trajectory; without it only the outcome is known.
+    every : str or float
+        Least time between two rows of the trajectory: "50ms", or seconds; by default every step is a row. There is
+        also a row after every event, and a last one.
     progress : callable, optional
         Called with the simulated time (s) at intervals.
 
@@ -66,7 +71,10 @@ def simulate(
     hz = point.case.frequency_hz
     h = None if step is None else seconds(step, hz)
     end = seconds(until, hz)
-    return run(point, contingency, end, law, step=h, criterion=checked(criterion, hz), record=record, progress=progress)
+    rules, apart = checked(criterion, hz), seconds(every, hz)
+    if not 0 <= apart < float("inf"):
+        raise StudyError(f"every = {apart:g} s is not allowed; it must be at least 0.")
+    return run(point, contingency, end, law, step=h, criterion=rules, record=record, every=apart, progress=progress)
 
 
 def checked_control(control: Any, case: Case) -> Control:

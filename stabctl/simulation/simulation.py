@@ -1,10 +1,8 @@
 """A simulation that can be advanced an interval at a time, and the run from start to end in one call."""
 
 import time
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 
@@ -15,13 +13,15 @@ from stabctl.dynamics.program import program
 from stabctl.errors import StudyError
 from stabctl.model.network import Switching
 
-from . import stepper, steps, swings, voltages
+from . import stepper, steps, swings
 from .attached import Attached, attached
 from .contingency import Disturbance, schedule
 from .control import Control, Frames, acting
 from .criterion import DEFAULT, Criterion, for_system, frequency_range
+from .newton import newton
 from .outcome import End, Outcome, outcome
 from .plant import newton_space, space
+from .recording import Recorded, Recording
 from .sampled import Pilot, carry
 from .swings import Swings
 from .timeline import timeline
@@ -30,8 +30,6 @@ from .trajectory import Happened, Trajectory
 from .wired import wired
 
 NO_ROWS = np.empty((0, 0))
-AT_ONCE = 1200  # steps per call of the compiled loop; Ctrl-C and progress are handled in between
-Recorded = bool | Literal["rotors"]
 FURTHER = 5.0  # s   by which a run is continued while its swings may grow
 
 
@@ -56,6 +54,8 @@ class Simulation:
         When the run counts as unstable and ends.
     record : bool or "rotors"
         Keep the trajectory, or only the states up to the angles and speeds of the rotors.
+    every : float, s
+        Least time between two rows of the trajectory; by default every step is kept.
     start : float, s
         Start time.
     progress : callable, optional
@@ -78,13 +78,14 @@ class Simulation:
         step: float | None = None,
         criterion: Criterion = DEFAULT,
         record: Recorded = True,
+        every: float = 0.0,
         start: float = 0.0,
         progress: Callable[[float], None] | None = None,
     ) -> None:
         self.progress = progress
         self.attached = attached(point, controllers, measured) if controllers or measured else Attached(point)
         point = self.attached.point
-        self.point, self.criterion, self.recording = point, for_system(criterion, point.system), bool(record)
+        self.point, self.criterion = point, for_system(criterion, point.system)
         self.step = steps.checked(point, step)
         self.changes = timeline(point.case, schedule(point.case, events))
         self.time, self.wall_s, self.steps = start, 0.0, 0
@@ -97,15 +98,13 @@ class Simulation:
         while self._at + 1 < len(self.changes) and self.changes[self._at + 1].at <= start + 1e-9:
             self._at += 1
         self.wired = wired(point, control, self.attached.rates, self.attached.gates)
+        signals = self.wired.layout.first_memory
+        self._record = Recording(point, record, signals, every=every, span=swings.SPAN)
         self._enter()
         self._space = space(self.wired.start, self.wired.layout, self.wired.frame)
         self._clock = self.wired.layout.size - 2
         self.frames = tuple((c.named.controller.rate or 1, Frames(c, self)) for c in self.attached.called)
         self._windows()
-        rotors = int(point.rotors.angle.max(initial=-2)) + 2  # angles are kept in any case, to judge the last swings
-        self._width = self.wired.layout.first_memory if record is True else rotors
-        self._times: deque[np.ndarray] = deque()
-        self._rows: deque[np.ndarray] = deque()
         self._call(steps.NONE, False)  # compiles, or loads the machine code, outside the time that is measured
         self.wall_s = 0.0
 
@@ -156,7 +155,7 @@ class Simulation:
 
     def affordable(self, until: float) -> None:
         """Raise `StudyError` if a run to `until` (s) takes too many steps, or too much memory."""
-        steps.affordable(self.point, self.step, until - self.time, self._width if self.recording else 0)
+        steps.affordable(self.point, self.step, until - self.time, self._record.per_step(self.step))
 
     def advance(self, until: float) -> bool:
         """Advance to `until` (s), stopping exactly at every event; returns whether the run continues."""
@@ -178,11 +177,10 @@ class Simulation:
             return self._finished
         if self.outcome is None:
             self.outcome = self._end(stepper.DONE)
-        if self.recording and self._verdict != stepper.NO_VOLTAGE:
+        if self._record.recording and self._verdict != stepper.NO_VOLTAGE:
+            self._record.event()
             self._call(steps.NONE, True)
-        kept = self.recording and self._rows
-        rows = np.concatenate(self._rows) if kept else np.empty((0, self.wired.layout.first_memory))
-        times = np.concatenate(self._times) if kept else np.empty(0)
+        times, rows = self._record.kept(self.wired.layout.first_memory)
         peak = self._space.angles[1].copy()
         for array in (rows, times, peak):
             array.setflags(write=False)
@@ -196,17 +194,13 @@ class Simulation:
         begin = max(self._since, self.time - swings.SPAN)
         if self.time - begin < swings.LEAST - 1e-9:
             return None
-        found: deque[np.ndarray] = deque()
-        for times, rows in zip(reversed(self._times), reversed(self._rows), strict=True):
-            found.appendleft(rows[np.searchsorted(times, begin - 1e-9) :][:, self.point.rotors.angle])
-            if len(times) and times[0] < begin:
-                break
         rotors, half = self.point.rotors, (self.time - begin) / 2
         island, names, limit = self.island[rotors.unit], self.point.rotor_names, self.criterion.decay
-        return swings.judged(np.concatenate(found), island, rotors.inertia, names, half, limit)
+        return swings.judged(self._record.angles(begin), island, rotors.inertia, names, half, limit)
 
     def _enter(self) -> None:
         self._since, self._known = self.time, False
+        self._record.event()
         self._stage = stage(self.point, self.changes[self._at].switching)
         self._off[(self._stage.net.island < 0) & np.isinf(self._off)] = self.time
         self._program = self.wired.program
@@ -229,8 +223,8 @@ class Simulation:
         all_steps, done = steps.steps(self.time, target, self.step, self.wired.rates), 0
         count = len(all_steps.sizes)
         while done < count and self.outcome is None:
-            now = slice(done, done + AT_ONCE)
-            settle = bool(self.frames) and done + AT_ONCE >= count
+            now = slice(done, done + self._record.at_once)
+            settle = bool(self.frames) and now.stop >= count
             verdict, made = self._call(steps.Steps(*(column[now] for column in all_steps)), False, settle)
             done += made
             self.time = target if done == count else float(all_steps.starts[done])
@@ -272,7 +266,7 @@ class Simulation:
 
     def _call(self, now: steps.Steps, last: bool, settle: bool = False) -> tuple[int, int]:
         """Make steps; with `last`, record their end too, with `settle`, only evaluate all signals there."""
-        history = np.empty((len(now.sizes) + last, self._width))
+        history = np.empty((len(now.sizes) + last, self._record.width))
         before = time.perf_counter()
         self._space.s[self._clock] = self.time
         if not np.isfinite(self.orders).all():
@@ -282,11 +276,7 @@ class Simulation:
             verdict, settle = stepper.DONE, False  # at this instant, which an event or the frame may change
         self._known = settle and verdict == stepper.DONE
         self.wall_s += time.perf_counter() - before
-        self._times.append(np.append(now.starts[:made], self.time) if last else now.starts[:made])
-        self._rows.append(history[: made + last])
-        while not self.recording and len(self._times) > 1 and self._times[1][0] < self.time - swings.SPAN:
-            self._times.popleft()
-            self._rows.popleft()
+        self._record.add(np.append(now.starts[:made], self.time) if last else now.starts[:made], history[: made + last])
         return verdict, made
 
     def _advance(self, now: steps.Steps, last: bool, history: np.ndarray) -> tuple[int, int]:
@@ -308,7 +298,7 @@ class Simulation:
             kept["newton"] = program(self.wired.families, complex)
         p = kept["newton"]._replace(k=self._program.k)
         q = self._space
-        return voltages.newton(p.current, p, self.wired.frame, self._stage.net, q, newton_space(q))
+        return newton(p.current, p, self.wired.frame, self._stage.net, q, newton_space(q))
 
 
 def run(
@@ -320,6 +310,7 @@ def run(
     step: float | None = None,
     criterion: Criterion = DEFAULT,
     record: Recorded = True,
+    every: float = 0.0,
     start: float = 0.0,
     longest: float = 0.0,
     progress: Callable[[float], None] | None = None,
@@ -332,7 +323,8 @@ def run(
     events, parts = schedule(point.case, contingency, until, start), acting(control)
     simulation = Simulation(
         point, events, parts.law, parts.controllers,
-        measured=parts.measured, step=step, criterion=criterion, record=record, start=start, progress=progress,
+        measured=parts.measured, step=step, criterion=criterion, record=record, every=every, start=start,
+        progress=progress,
     )  # fmt: skip
     pilots: list[Pilot] = [*((one.rate, one.pilot([simulation])) for one in parts.pilots), *simulation.frames]
     ends = _ends(simulation, until, longest)

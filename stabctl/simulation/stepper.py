@@ -13,22 +13,25 @@ DONE, SLIPPED, NO_VOLTAGE, LOW_VOLTAGE, RUNAWAY, FREQUENCY, NEWTON = range(7)
 
 
 @inline
-def guess(stage, entire, q):
-    """Predict the voltages of the next stage by extrapolating their changes from the same stage of the last steps.
+def guess(stage, entire, a, q):
+    """Predict the iterated voltages of the next stage from their changes at the same stage of the last steps.
 
     The voltages are kept as they are in a part of a step.
     """
-    copy(q.volt, q.kept)
-    for i in range(len(q.volt) if entire else 0):
-        q.volt[i] += 2 * q.moves[0, stage, i] - q.moves[1, stage, i]
+    for i in range(len(a.near_bus)):
+        b = a.near_bus[i]
+        q.kept[b] = q.volt[b]
+        if entire:
+            q.volt[b] += 2 * q.moves[0, stage, i] - q.moves[1, stage, i]
 
 
 @inline
-def note(stage, q):
-    """Store the change of the voltages since the previous stage."""
-    for i in range(len(q.volt)):
+def note(stage, a, q):
+    """Store the change of the iterated voltages since the previous stage."""
+    for i in range(len(a.near_bus)):
+        b = a.near_bus[i]
         q.moves[1, stage, i] = q.moves[0, stage, i]
-        q.moves[0, stage, i] = q.volt[i] - q.kept[i]
+        q.moves[0, stage, i] = q.volt[b] - q.kept[b]
 
 
 @noinline
@@ -139,7 +142,7 @@ def advance(p, a, net, q, rules, sizes, due, last, resume, history):
     chatter. The verdict NEWTON asks the caller to solve for the voltages and to call again with `resume`.
     """
     nx, steps = len(q.x0), len(sizes)
-    whole = True
+    whole, jumps = True, a.relay or len(a.stops) > 0
     for i in range(len(net.island)):
         whole &= net.island[i] >= 0
     step, stage0, known, parts = 0, 0, NOTHING, 1
@@ -151,7 +154,7 @@ def advance(p, a, net, q, rules, sizes, due, last, resume, history):
             if not net.alive[i]:
                 q.volt[i] = 0
         for stage in range(4):
-            for i in range(len(q.volt)):
+            for i in range(len(a.near_bus)):
                 q.moves[0, stage, i] = q.moves[1, stage, i] = 0
     while step < steps + last:
         h = sizes[step] if step < steps else 0.0
@@ -161,7 +164,7 @@ def advance(p, a, net, q, rules, sizes, due, last, resume, history):
             if not resume and not (stage == 0 and known == SETTLED):
                 if stage % 4 == 0 and load_voltage_low(a, net, q):
                     from_above(p, net, q)
-                guess(stage % 4, entire, q)
+                guess(stage % 4, entire, a, q)
                 known = DECIDED if 0 < stage < 4 else known
             while True:
                 n = 0 if resume or known == SETTLED else settle(p, a, net, q)
@@ -182,7 +185,7 @@ def advance(p, a, net, q, rules, sizes, due, last, resume, history):
             if stage == 4:
                 break
             if entire:
-                note(stage, q)
+                note(stage, a, q)
             run(p.sweep, p, q.s, q.f, net.island)
             hold(q, a)
             if not whole:
@@ -192,9 +195,10 @@ def advance(p, a, net, q, rules, sizes, due, last, resume, history):
                     record(a, net, q, whole, history[step])
                 if step == steps:
                     return DONE, steps
-                copy(q.f, q.rate)
-                copy(q.volt, q.volts[0])
-            if stage == 2:
+                if jumps:
+                    copy(q.f, q.rate)
+                    copy(q.volt, q.volts[0])
+            if stage == 2 and jumps:
                 copy(q.volt, q.volts[1])
             weight = span / 6 if stage == 0 or stage == 3 else span / 3
             reach = span if stage == 2 else span / 2
@@ -209,7 +213,7 @@ def advance(p, a, net, q, rules, sizes, due, last, resume, history):
             copy(q.s, q.x0)
             q.part[0], q.part[1], known = q.part[1], 1.0, DECIDED
             continue
-        if parts <= MOST and q.marks[7] < CHATTER and (a.relay or len(a.stops)):
+        if parts <= MOST and q.marks[7] < CHATTER and jumps:
             t = instant(span, p, a, net, q)
             if t < 1:
                 for k in range(nx):

@@ -73,7 +73,7 @@ def steps(start: float, end: float, step: float, rates: Sequence[int] = ()) -> S
     return Steps(starts, sizes, bits)
 
 
-def affordable(point: OperatingPoint, step: float, length: float, width: int) -> None:
+def affordable(point: OperatingPoint, step: float, length: float, width: float) -> None:
     """Check the length of a run before it starts.
 
     Parameters
@@ -83,7 +83,7 @@ def affordable(point: OperatingPoint, step: float, length: float, width: int) ->
     step, length
         Time step and length of the run, s.
     width
-        Signals recorded at every step; 0 records nothing.
+        Signals recorded per step; 0 records nothing.
 
     Raises
     ------
@@ -103,7 +103,7 @@ def affordable(point: OperatingPoint, step: float, length: float, width: int) ->
     if size > most:
         raise StudyError(
             f"The record of a run of {length:g} s takes {size / 1e9:.3g} GB, more than half of the memory "
-            f"({most / 1e9:.3g} GB); choose a longer step or a shorter run, or record nothing."
+            f"({most / 1e9:.3g} GB); keep fewer rows (every, --every 50ms), choose a shorter run, or record nothing."
         )
 
 

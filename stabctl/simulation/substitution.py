@@ -6,13 +6,15 @@ on several at once. What the iterated buses depend on is eliminated last, so an 
 """
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spl
 
 from stabctl._util.jit import inline, noinline
+
+OPTIONS: Any = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.1, "options": {"SymmetricMode": True}}
 
 
 class Factors(NamedTuple):
@@ -31,8 +33,7 @@ class Factors(NamedTuple):
 
 def factor(Y: sp.csc_matrix, iterated: Iterable[int] = ()) -> Factors:
     """Factors of an admittance matrix, and the part of them that each iteration at some buses repeats."""
-    options = {"SymmetricMode": True}
-    lu = spl.splu(Y.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.1, options=options)
+    lu = spl.splu(Y.tocsc(), **OPTIONS)
     d = 1 / lu.U.diagonal()
     L, U = sp.tril(lu.L, -1).tocoo(), sp.triu(sp.diags(d) @ lu.U, 1).tocoo()
     buses = np.array(list(iterated), int)
@@ -49,16 +50,25 @@ def factor(Y: sp.csc_matrix, iterated: Iterable[int] = ()) -> Factors:
     again = len(d) - last.sum(), len(L.data) - last[L.col].sum(), last[U.row].sum()
     rows, columns = place[lu.perm_r], place[lu.perm_c]
     return Factors(
-        place[np.stack([L.row, L.col], 1)[down]].astype(np.uintp),
+        place[np.stack([L.row, L.col], 1)[down]].astype(np.uint32),
         L.data[down],
-        place[np.stack([U.row, U.col], 1)[up]].astype(np.uintp),
+        place[np.stack([U.row, U.col], 1)[up]].astype(np.uint32),
         U.data[up],
         d[order],
-        np.argsort(rows).astype(np.uintp),
-        columns.astype(np.uintp),
-        rows.astype(np.uintp),
+        np.argsort(rows).astype(np.uint32),
+        columns.astype(np.uint32),
+        rows.astype(np.uint32),
         np.array(again, np.uintp),
     )
+
+
+def matrix(F: Factors) -> sp.csc_matrix:
+    """The matrix of these factors (buses, buses), to rounding."""
+    n = len(F.d)
+    one, shape = sp.identity(n, format="csc"), (n, n)
+    L = sp.csc_matrix((F.L, (F.lower[:, 0], F.lower[:, 1])), shape=shape) + one
+    U = sp.csc_matrix((F.U, (F.upper[:, 0], F.upper[:, 1])), shape=shape) + one
+    return (L @ sp.diags(1 / F.d) @ U).tocsr()[F.back].tocsc()[:, F.cols]
 
 
 @inline

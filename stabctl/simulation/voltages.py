@@ -7,7 +7,7 @@ load whose voltage collapses has a solution below its threshold.
 
 import numpy as np
 
-from stabctl._util.jit import allocating_entry, noinline
+from stabctl._util.jit import allocating_entry, entry, noinline
 from stabctl.devices.blocks import copy
 from stabctl.dynamics.perform import perform
 
@@ -16,6 +16,7 @@ from .substitution import backward, forward, middle, solve_apart
 TOLERANCE = 1e-7  # pu   voltage error at which the iteration ends
 LIMIT = 30  # -    fixed-point iterations before Newton is called
 STEPS = 40  # -    Newton steps
+HALVINGS = 12  # -    of a Newton step
 FAILED, NEEDS_NEWTON = 1000, 1001  # -    special results of `settle`
 TINY = 1e-30  # complex step
 
@@ -55,34 +56,9 @@ def settle(p, a, net, q):
             backward(factors, q.work, q.volt)
             return iteration
         before = change
-    copy(q.kept, q.volt)
+    for i in range(len(b)):
+        q.volt[b[i]] = q.kept[b[i]]
     return NEEDS_NEWTON
-
-
-def newton(calls, p, a, net, q, z) -> bool:
-    """Solve for the voltages by Newton's method; returns whether a solution was found.
-
-    Starts from the present voltages, then tries long implicit steps, and finally these from zero voltage.
-
-    Parameters
-    ----------
-    calls
-        Calls of the devices with voltage-dependent currents, for complex numbers.
-    p
-        The program for complex numbers.
-    a, net, q
-        Frame, network and buffers of the run. On success `q.volt` is the solution; otherwise it is unchanged, and the
-        bus with the largest residual is in `q.marks[0]`.
-    z
-        Work space (`newton_space`).
-    """
-    for attempt in range(3):
-        if newton_from(calls, p, a, net, q, z, attempt > 0):
-            return True
-        if attempt == 1:
-            q.volt[:] = 0
-    q.volt[:] = q.kept
-    return False
 
 
 @allocating_entry
@@ -113,7 +89,7 @@ def newton_from(calls, p, a, net, q, z, slow):
     for _ in range(3 * STEPS if slow else STEPS):
         scale = 1.0
         now = np.inf
-        for _halving in range(12):
+        for _halving in range(HALVINGS):
             for i in range(n):
                 for k in range(2):
                     tried[i, k] = v[i, k].real - scale * F[2 * i + k]
@@ -161,6 +137,18 @@ def drawn(calls, p, a, net, z, v, out):
     for i in range(len(v)):
         at = a.places[0] + 2 * a.draw_bus[i]
         out[i, 0], out[i, 1] = z.f[at], z.f[at + 1]
+
+
+@entry
+def currents(calls, p, a, net, z, v, out):
+    """The same, as an entry point."""
+    drawn(calls, p, a, net, z, v, out)
+
+
+@entry
+def solved(F, current, work, v):
+    """Solve v = inv(Y) current."""
+    solve_apart(F, current, work, v)
 
 
 @noinline

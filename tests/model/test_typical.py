@@ -73,18 +73,51 @@ def test_the_table_is_that_of_the_book():
 )
 def test_the_unit_nearest_in_rating_is_taken(kind, mva, unit):
     power = 0j if kind == "condenser" else 0.5 * mva
-    found, rating = typical._sized(Known(kind, mva), complex(power))
+    found, rating = typical._sized(Known(kind, mva), complex(power), 1.0)
     assert (found["unit"], rating) == (unit, mva)
 
 
 def test_a_rating_is_raised_to_what_the_power_needs():
     """Apparent power, the largest power of the governor, and 0.3 pu of absorbed reactive power."""
     for S in (90 + 60j, 104.9 + 0j, 20 - 40j, -150 + 0j):
-        unit, rating = typical._sized(Known("steam", 100), S)
+        unit, rating = typical._sized(Known("steam", 100), S, 1.0)
         assert rating >= max(abs(S), -S.imag / 0.3)
         assert S.real <= unit["Pmax"] * rating
-    assert typical._sized(Known("steam", 100), 30 + 5j)[1] == 100
-    assert typical._sized(Known(), 85 + 0j)[1] == pytest.approx(100)
+    assert typical._sized(Known("steam", 100), 30 + 5j, 1.0)[1] == 100
+    assert typical._sized(Known(), 85 + 0j, 1.0)[1] == pytest.approx(100)
+
+
+@pytest.mark.parametrize("name", UNITS)
+def test_a_rating_is_raised_until_the_exciter_covers_the_field_voltage(name):
+    """All reactive power, as a generator that runs as a condenser, at a high and a low voltage; hydro units need it."""
+    unit, kind = UNITS[name], UNITS[name]["kind"]
+    raised = set()
+    for V in (0.92, 1.05):
+        made, rating = typical._sized(Known(kind, unit["mva"]), 1e-13 + 1j * unit["mva"], V)
+        raised.add(rating > 1.01 * unit["mva"])
+        field = typical._field(made, 1j * unit["mva"] / rating, V)
+        assert field <= 0.9 * V * made["VRmax"]
+        assert rating < 2 * unit["mva"]  # 1.5
+    assert kind != "hydro" or True in raised
+
+
+@pytest.mark.parametrize("unit", ["H9", "F8", "CT2", "N6", "SC1"])
+def test_the_field_voltage_expected_is_that_of_the_operating_point(unit):
+    p = 0.0 if unit == "SC1" else 0.5
+    case = plant(UNITS[unit], p, 0.55)
+    point, m = case.initialize(), case.machines[0]
+    S, V = point.flow.S[0] * case.base_mva / m.base, abs(point.V[0])
+    expected = typical._field(UNITS[unit], complex(S), float(V))
+    assert expected == pytest.approx(point.s[point.layout.signals[0, "Efd"]], rel=0.01)  # 0.005: the q axis saturates
+
+
+@pytest.mark.slow
+def test_a_system_of_two_thousand_buses_starts():
+    """Generator 6041/1, a hydro unit that supplies 20.5 Mvar and no power, once needed more than its ceiling."""
+    case = st.load(FILES / "matpower" / "case_ACTIVSg2000.m", machines="typical")
+    assert any("17 machines" in note and "field voltage" in note for note in case.notes)
+    run = case.simulate(until=2)
+    assert abs(run.speed - 1).max() < 1e-9
 
 
 def test_every_output_says_that_they_are_typical(stabctl):

@@ -9,7 +9,7 @@ from systems import with_shares
 from stabctl.dynamics import family, operating_point
 from stabctl.dynamics.program import program
 from stabctl.model.network import UNSWITCHED
-from stabctl.simulation import voltages
+from stabctl.simulation import newton, voltages
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.plant import newton_space, space
 from stabctl.simulation.simulation import run
@@ -98,6 +98,12 @@ class TestNewtonFallback:
         p, net = program(made.families, complex), stage(point, UNSWITCHED).net
         found = voltages.newton_from(p.current, p, made.frame, net, q, newton_space(q), slow)
         assert found or not slow
+        other = space(made.start, made.layout, made.frame)
+        other.source[:] = source
+        assert newton.sparse(p.current, p, made.frame, net, other, newton_space(other), slow) == found
+        assert np.abs(other.volt - q.volt).max() < 1e-7
+        print("DIFF", np.abs(other.volt - q.volt).max(), found)
+        assert found or other.marks[0] == q.marks[0]
         if found:
             assert np.abs(miss(q.volt.view(float))).max() < 2e-7
             theirs = root(miss, q.volt.view(float), tol=1e-12)

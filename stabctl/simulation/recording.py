@@ -1,0 +1,86 @@
+"""What is kept of a run: rows of signals, all or some of them, and the last angles, by which its swings are judged."""
+
+from collections import deque
+from typing import Literal
+
+import numpy as np
+
+from stabctl.dynamics.operating_point import OperatingPoint
+
+Recorded = bool | Literal["rotors"]
+BUFFER = 256e6  # bytes   of the rows that one call of the compiled loop may fill
+AT_ONCE = 1200  # steps of one call; Ctrl-C and progress are handled in between
+
+
+class Recording:
+    """The record of a run while it grows.
+
+    Parameters
+    ----------
+    point : OperatingPoint
+        Where the run starts.
+    what : bool or "rotors"
+        Keep all signals, none, or only the states up to the angles and speeds of the rotors.
+    signals : int
+        Number of all signals.
+    every : float, s
+        Least time between two rows; 0 keeps every step. There is also a row after every event, and a last one.
+    span : float, s
+        Length of the time whose angles are kept.
+    """
+
+    def __init__(self, point: OperatingPoint, what: Recorded, signals: int, *, every: float, span: float) -> None:
+        self._rotors, self._every, self._span, self.recording = point.rotors.angle, every, span, bool(what)
+        self.width = signals if what is True else int(self._rotors.max(initial=-2)) + 2  # of a row
+        self.at_once = int(min(AT_ONCE, max(1, BUFFER // (8 * max(self.width, 1)))))
+        self._next = -np.inf
+        self._times: list[np.ndarray] = []
+        self._rows: list[np.ndarray] = []
+        self._instants: deque[np.ndarray] = deque()
+        self._angles: deque[np.ndarray] = deque()
+
+    def per_step(self, step: float) -> float:
+        """Signals recorded per time step (s)."""
+        return self.width * min(1.0, step / self._every if self._every else 1.0) if self.recording else 0.0
+
+    def event(self) -> None:
+        """Keep the next row."""
+        self._next = -np.inf
+
+    def add(self, times: np.ndarray, rows: np.ndarray) -> None:
+        """Take the rows (times, width) at consecutive instants (s)."""
+        if not len(times):
+            return
+        self._instants.append(times)
+        self._angles.append(rows[:, self._rotors])
+        while len(self._instants) > 1 and self._instants[1][0] < times[-1] - self._span:
+            self._instants.popleft()
+            self._angles.popleft()
+        if not self.recording:
+            return
+        if self._every:
+            kept = self._due(times)
+            times, rows = times[kept], rows[kept]
+        self._times.append(times)
+        self._rows.append(rows)
+
+    def kept(self, width: int) -> tuple[np.ndarray, np.ndarray]:
+        """Instants (rows), s, and rows; without a record none, of this width."""
+        if not self._times:
+            return np.empty(0), np.empty((0, width))
+        return np.concatenate(self._times), np.concatenate(self._rows)
+
+    def angles(self, begin: float) -> np.ndarray:
+        """Angles (instants, rotor units) since `begin` (s), rad."""
+        found = [
+            angle[np.searchsorted(at, begin - 1e-9) :] for at, angle in zip(self._instants, self._angles, strict=True)
+        ]
+        return np.concatenate(found)
+
+    def _due(self, times: np.ndarray) -> list[int]:
+        """Rows that are at least the interval after the one before."""
+        kept: list[int] = []
+        while (i := int(np.searchsorted(times, self._next - 1e-9))) < len(times):
+            kept.append(i)
+            self._next = float(times[i]) + self._every
+        return kept

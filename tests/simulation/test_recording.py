@@ -1,0 +1,49 @@
+"""Which rows of a run are kept."""
+
+import numpy as np
+import pytest
+
+from stabctl.errors import StudyError
+from stabctl.simulation import recording, swings
+from stabctl.simulation.contingency import Contingency
+
+FAULT = Contingency("7", "6cyc", ["7-8"])
+
+
+def test_fewer_rows_are_some_of_all_rows(points):
+    whole, some = (points("two_area").simulate(FAULT, 5, every=every) for every in (0.0, "50ms"))
+    kept = np.searchsorted(whole.time, some.time)
+    assert np.array_equal(whole.time[kept], some.time)
+    assert np.array_equal(whole.rows[kept], some.rows)
+    assert some.time[-1] == 5
+    assert {1.0, 1.1} <= set(np.round(some.time, 9))  # the fault begins and ends
+    apart = np.diff(some.time)
+    assert (apart > 0.05 - 1e-9).sum() >= len(apart) - 3  # but before the two events and the end
+    assert apart.max() < 0.05 + 1 / 120 + 1e-9
+    assert some.outcome == whole.outcome
+
+
+def test_the_number_of_steps_per_call_changes_nothing_that_is_kept(points, monkeypatch):
+    """The prediction of the voltages begins anew in every call, so results differ by the tolerance of the voltages."""
+    whole = points("wnaps").simulate(Contingency("83", "4cyc", ["83-33"]), 5)
+    width = points("wnaps").layout.first_memory
+    monkeypatch.setattr(recording, "BUFFER", 8.0 * width * 7)
+    pieces = points("wnaps").simulate(Contingency("83", "4cyc", ["83-33"]), 5)
+    assert np.array_equal(whole.time, pieces.time)
+    assert np.abs(whole.arrays.speed - pieces.arrays.speed).max() < 1e-7  # 1e-9
+    assert pieces.outcome.kind == whole.outcome.kind
+    assert pieces.outcome.swings.last == pytest.approx(whole.outcome.swings.last, rel=1e-6)
+
+
+def test_without_a_record_only_the_last_angles_are_held(points):
+    point = points("two_area")
+    record = recording.Recording(point, False, 10**6, every=0.0, span=swings.SPAN)
+    for start in range(100):
+        record.add(start + np.arange(10) / 10, np.zeros((10, record.width)))
+    assert len(record.angles(0.0)) <= 10 * (swings.SPAN + 2)
+    assert record.kept(3)[1].shape == (0, 3)
+
+
+def test_an_interval_that_is_not_one_is_refused(points):
+    with pytest.raises(StudyError, match="every = -1 s is not allowed"):
+        points("two_area").simulate(FAULT, 5, every=-1)
