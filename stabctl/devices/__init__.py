@@ -21,6 +21,8 @@ DEADBANDS. The file name is the name of the table. DYR names the fields of Par i
 record (`_name`: ignored, `+name`: an integer before the constants, `'name`: a text there); from_record(kind, values) ->
 (Par, corrections) converts values where that is needed. ANGLES lists the states that are angles in the synchronous
 frame, by default "delta"; PHASORS the pairs of states that are real and imaginary part of a phasor there.
+LOOPS maps the control loops of a converter to their states, after which modes are named; loops(p) does so where a
+parameter decides what a loop holds.
 """
 
 import copyreg

@@ -7,6 +7,7 @@ import numpy as np
 from stabctl.dynamics.assembly import INFINITE
 from stabctl.errors import StudyError
 
+from .loops import loop
 from .model import Linear
 
 SWING = 1 / 3  # least participation of angles and speeds in a swing mode: n - 1 in every packaged case of n machines
@@ -70,11 +71,11 @@ def zero(linear: Linear, right: np.ndarray, left: np.ndarray, first: bool) -> st
 
 
 def leader(linear: Linear, share: np.ndarray, speeds: np.ndarray, H: np.ndarray, oscillates: bool) -> str:
-    """Name of a mode that is not a swing mode: its dominant state, or the common frequency."""
+    """Name of a mode that is not a swing mode: the common frequency, a loop of converters, or its dominant state."""
     rotor = np.r_[linear.speeds(), linear.angles()]
     if oscillates and share[rotor].sum() > SWING and _together(speeds[:, None], H)[0] >= TOGETHER:
         return "common frequency: all machines together"
-    return linear.states[int(share.argmax())]
+    return loop(linear, share) or linear.states[int(share.argmax())]
 
 
 def index(labels: tuple[str, ...], wanted: str | int, what: str) -> int:

@@ -18,6 +18,7 @@ from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 NAME = "CSVGN1"
 ROLE = "converter"
 LIMITS = {"y": ("ymin", 1.0)}
+LOOPS = {"voltage control": ("x1", "x2"), "thyristors": ("y",)}
 DYR = {"CSVGN1": "K T1 T2 T3 T4 T5 Rmin Vmax Vmin Cbase"}
 
 

@@ -42,6 +42,11 @@ ROLE = "converter"
 LIMITS = {"pord": ("Pmin", "Pmax")}
 UPPER = ("rrpwr",)
 DEADBANDS = ("fdbd1", "fdbd2")
+LOOPS = {
+    "voltage control": ("vm",),
+    "reactive power control": ("qv", "iq"),
+    "power control": ("pf", "ff", "xp", "pord", "ip"),
+}
 DYR = {
     "DERA1": "+PfFlag +FreqFlag +PqFlag +GenFlag +VtripFlag +FtripFlag Trv Trf dbd1 dbd2 Kqv Vref0 Tp Tiq Ddn "
     "Dup fdbd1 "

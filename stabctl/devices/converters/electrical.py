@@ -36,6 +36,11 @@ from stabctl.devices.blocks import (
 from stabctl.devices.ports import PORT
 
 FLAG = Interval(ge=0, le=1)
+LOOPS = {
+    "voltage control": ("vm", "iv"),
+    "reactive power control": ("vq", "iq", "pf"),
+    "power order": ("pord",),
+}
 NO_LIMIT = 99.0  # pu   of a curve without points
 
 

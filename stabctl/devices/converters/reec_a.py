@@ -20,7 +20,7 @@ from stabctl._util.jit import inline
 from stabctl.devices.ports import PORT, fixed
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
-from .electrical import FLAG, Output, State, limited, local, rates, rising, table_p, table_q
+from .electrical import FLAG, LOOPS, Output, State, limited, local, rates, rising, table_p, table_q
 
 NAME = "REEC_A"
 ROLE = "electrical control"
@@ -31,7 +31,7 @@ DYR = {
     "Tp Qmax Qmin Vmax Vmin Kqp Kqi Kvp Kvi Vref1 Tiq dPmax dPmin Pmax Pmin Imax Tpord Vq1 Iq1 Vq2 Iq2 Vq3 Iq3 Vq4 Iq4 "
     "Vp1 Ip1 Vp2 Ip2 Vp3 Ip3 Vp4 Ip4"
 }
-__all__ = ["Output", "State"]
+__all__ = ["LOOPS", "Output", "State"]
 
 
 class Par(NamedTuple):

@@ -17,7 +17,7 @@ from typing import Annotated, Any, NamedTuple
 from stabctl._util.jit import inline
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
-from .electrical import FLAG, Input, Output, State, limited, local, rates
+from .electrical import FLAG, LOOPS, Input, Output, State, limited, local, rates
 
 NAME = "REEC_B"
 ROLE = "electrical control"
@@ -26,7 +26,7 @@ DYR = {
     "REECB1": "+bus +PfFlag +VFlag +QFlag +PqFlag Vdip Vup Trv dbd1 dbd2 Kqv Iqvmax Iqvmin Vref0 Tp Qmax Qmin Vmax "
     "Vmin Kqp Kqi Kvp Kvi Tiq dPmax dPmin Pmax Pmin Imax Tpord"
 }
-__all__ = ["Input", "Output", "State"]
+__all__ = ["LOOPS", "Input", "Output", "State"]
 
 
 class Par(NamedTuple):

@@ -21,7 +21,7 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import available
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE, SHARE
 
-from .electrical import FLAG, Input, Output, limited, local, rates, rising, table_p, table_q
+from .electrical import FLAG, LOOPS, Input, Output, limited, local, rates, rising, table_p, table_q
 
 NAME = "REEC_C"
 ROLE = "electrical control"
@@ -33,7 +33,7 @@ DYR = {
     "Kqp Kqi Kvp Kvi Tiq dPmax dPmin Pmax Pmin Imax Tpord Vq1 Iq1 Vq2 Iq2 Vq3 Iq3 Vq4 Iq4 Vp1 Ip1 Vp2 Ip2 Vp3 Ip3 Vp4 "
     "Ip4 T SOCini SOCmax SOCmin"
 }
-__all__ = ["Input", "Output"]
+__all__ = ["LOOPS", "Input", "Output"]
 
 
 class Par(NamedTuple):

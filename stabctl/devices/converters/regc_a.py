@@ -31,6 +31,7 @@ NAME = "REGC_A"
 ROLE = "converter"
 UPPER = ("Rrpwr", "Lvpl1")
 SWITCH = Interval(ge=0, le=1)
+LOOPS = {"active current": ("ip",), "reactive current": ("iq",), "voltage filter": ("vfilt",)}
 DYR = {
     "REGCA1": "+Lvplsw Tg Rrpwr Brkpt Zerox Lvpl1 Volim Lvpnt1 Lvpnt0 Iolim Tfltr Khv Iqrmax Iqrmin _Accel",
 }

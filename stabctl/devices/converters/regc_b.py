@@ -29,6 +29,12 @@ NAME = "REGC_B"
 ROLE = "converter"
 UPPER = ("Rrpwr",)
 SWITCH = Interval(ge=0, le=1)
+LOOPS = {
+    "active current": ("ip",),
+    "reactive current": ("iq",),
+    "internal voltage": ("Ed", "Eq"),
+    "voltage filter": ("vfilt",),
+}
 DYR = dict.fromkeys(("REGCB1", "REGCBU1"), "+RateFlag +PqFlag Tg Tfltr Iqrmax Iqrmin Rrpwr Te Imax")
 
 

@@ -35,6 +35,13 @@ UPPER = ("Rrpwr",)
 SWITCH = Interval(ge=0, le=1)
 ANGLES = ("theta_pll",)
 PLL = "theta_pll"
+LOOPS = {
+    "PLL": ("theta_pll", "xpll"),
+    "current control": ("xp", "xq", "Ed", "Eq"),
+    "active current": ("ip",),
+    "reactive current": ("iq",),
+    "voltage filter": ("vfilt",),
+}
 DYR = {"REGCC1": "+RateFlag +PqFlag Tg Tfltr Iqrmax Iqrmin Rrpwr Te Imax Kip Kii Kppll Kipll wmax wmin"}
 
 

@@ -110,6 +110,12 @@ class Output(NamedTuple):
     Qext: Annotated[float, "pu", "reactive power or voltage reference"]
 
 
+def loops(p: Par) -> dict[str, tuple[str, ...]]:
+    """States of every control loop, which is named by what it holds."""
+    held = "voltage control" if p.RefFlag > 0.5 else "reactive power control"
+    return {held: ("meas", "xq", "xf"), "power control": ("pf", "xp", "pg")}
+
+
 def from_record(_kind: str, values: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
     """Parameters of a record; instead of a monitored branch it takes the converter's own power."""
     branch = values.pop("branch_from"), values.pop("branch_to"), values.pop("circuit")

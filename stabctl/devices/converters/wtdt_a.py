@@ -24,6 +24,7 @@ from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 NAME = "WTDT_A"
 ROLE = "drive train"
 DYR = {"WTDTA1": "H D Htfrac Freq1 Dshaft"}
+LOOPS = {"drive train": ("wt", "wg", "twist")}
 
 
 class Par(NamedTuple):
