@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from stabctl.smallsignal.limit_cycle import LimitCycles
     from stabctl.smallsignal.limit_cycles import limit_cycles
     from stabctl.smallsignal.margins import Margins, margins
+    from stabctl.smallsignal.weak_grid import WeakGrid, weak_grid
     from stabctl.sweep.results import Results as SweepResults
     from stabctl.sweep.results import read as read_sweep
     from stabctl.sweep.sweep import run_sweep
@@ -94,6 +95,7 @@ _WHERE = {
     "SwitchShunt": "simulation.events:SwitchShunt",
     "Trajectory": "simulation.trajectory:Trajectory",
     "TripMachine": "simulation.events:TripMachine",
+    "WeakGrid": "smallsignal.weak_grid:WeakGrid",
     "cases": "io:packaged",
     "clearing_time": "clearing:clearing_time",
     "closed_loop": "smallsignal.closed_loop:closed_loop",
@@ -118,6 +120,7 @@ _WHERE = {
     "short_circuit": "model.short_circuit:short_circuit",
     "short_circuit_ratio": "model.short_circuit_ratio:short_circuit_ratio",
     "simulate": "simulation.simulate:simulate",
+    "weak_grid": "smallsignal.weak_grid:weak_grid",
     "write": "io:write",
 }  # name -> module:name
 

@@ -29,6 +29,7 @@ from . import (
     sweep,
     swing,
     tables,
+    weak_grid,
 )
 
 CLOSED_PIPE = 141  # exit code; what a shell reports for a program ended by SIGPIPE
@@ -53,6 +54,7 @@ app.command("screen")(screen.screen)
 app.command("place")(place.place)
 app.command("estimate")(estimate.estimate)
 app.command("modes")(modes.modes)
+app.command("weak-grid")(weak_grid.weak_grid)
 app.add_typer(design.app, name="design")
 app.command("live")(live.live)
 app.command("linearize")(linearize.linearize)

@@ -106,6 +106,7 @@ class Case:
     linearize = verb("stabctl.smallsignal:linearize")
     closed_loop = verb("stabctl.smallsignal.closed_loop:closed_loop")
     margins = verb("stabctl.smallsignal.margins:margins")
+    weak_grid = verb("stabctl.smallsignal.weak_grid:weak_grid")
     limit_cycles = verb("stabctl.smallsignal.limit_cycles:limit_cycles")
     estimate = verb("stabctl.estimation.estimate:estimate")
     place = verb("stabctl.placement.place:place")

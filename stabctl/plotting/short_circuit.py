@@ -36,6 +36,6 @@ def plot(found: "ShortCircuit", *, most: int = 25, ax: "Axes | None" = None) -> 
     ax.set_ylim(len(shown) - 0.4, -0.6)
     ax.set_xlim(0, 1.15 * found.mva[shown].max() or 1.0)
     ax.grid(visible=False, axis="y")
-    ax.set_xlabel("short-circuit power, MVA")
+    ax.set_xlabel("short-circuit power (MVA)")
     ax.set_title(f"{found.case.name}: {len(shown)} of {len(found.mva)} buses", fontsize="medium")
     return ax

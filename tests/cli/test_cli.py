@@ -50,6 +50,22 @@ def test_scr_prints_buses_and_converters(stabctl, tmp_path):
     assert json.loads(stabctl("scr", "two_area", "--json")[1])["converters"] == []
 
 
+def test_weak_grid_prints_the_boundary(stabctl, tmp_path):
+    case = load("two_area").with_device("regc_c", 3)
+    for control in ("sexs", "pss", "tgov"):
+        case = case.without_device(control, 3)
+    write(case, tmp_path / "mine")
+    words = "weak-grid", tmp_path / "mine", "--converter", "3", "--scr", "0.5,1.2,2.4", "--gain", "1,8"
+    record = json.loads(stabctl(*words, "--plot", tmp_path / "map.png", "--json")[1])
+    found = case.weak_grid(3, scr=(0.5, 1.2, 2.4), gain=(1, 8))
+    assert record["boundary"] == [1.2, None]
+    assert [p["damping_ratio"] for p in record["points"]][2:] == found.damping_ratio.ravel()[2:].tolist()
+    assert record["points"][0]["damping_ratio"] is None
+    assert (tmp_path / "map.png").stat().st_size > 5000
+    assert "none" in stabctl(*words)[1]
+    assert "--scr 'x' is not allowed" in stabctl("weak-grid", tmp_path / "mine", "--converter", "3", "--scr", "x")[2]
+
+
 @pytest.mark.parametrize(("storage", "outcome"), [((), "lost_synchronism"), (("--storage", "50MW"), "stable")])
 def test_the_papers_main_result(stabctl, storage, outcome):
     code, out, err = stabctl("simulate", "two_area", "--fault", "7-8@0.4", "--clear", "21cyc", *storage, "--json")

@@ -17,7 +17,8 @@ PAGES = {
     "clearing": ("Clearing times", "clearing_time ClearingTime screen Screen"),
     "linear": (
         "Linear models and modes",
-        "linearize modes closed_loop ClosedLoop DelayedModes margins Margins limit_cycles LimitCycles",
+        "linearize modes closed_loop ClosedLoop DelayedModes margins Margins limit_cycles LimitCycles "
+        "weak_grid WeakGrid",
     ),
     "control": ("Controllers and storage laws", "Controller Gate BangBang Feedback StorageLaw load_controller"),
     "design": ("Design", "design"),

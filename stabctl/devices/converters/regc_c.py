@@ -35,6 +35,7 @@ UPPER = ("Rrpwr",)
 SWITCH = Interval(ge=0, le=1)
 ANGLES = ("theta_pll",)
 PLL = "theta_pll"
+PLL_GAINS = "Kppll", "Kipll"
 LOOPS = {
     "PLL": ("theta_pll", "xpll"),
     "current control": ("xp", "xq", "Ed", "Eq"),
