@@ -1,9 +1,11 @@
 """Figures in the fonts of the style, without changing the settings of matplotlib."""
 
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from matplotlib import rcParams
 from matplotlib.figure import Figure
+from matplotlib.font_manager import fontManager
 from matplotlib.text import Text
 
 from .style import FONTS
@@ -24,5 +26,12 @@ class StyledFigure(Figure):
 
 def _letter(text: Any) -> None:
     if text.get_fontfamily() == rcParams["font.family"]:
-        text.set_fontfamily(FONTS)
+        text.set_fontfamily(_installed())
         text.set_math_fontfamily("stixsans")
+
+
+@cache
+def _installed() -> tuple[str, ...]:
+    """Those of our fonts that this machine has; matplotlib warns of all others."""
+    known = {font.name for font in fontManager.ttflist}
+    return tuple(name for name in FONTS if name in known)
