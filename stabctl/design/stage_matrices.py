@@ -13,8 +13,8 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from stabctl.dynamics.jacobian import Equations
+from stabctl.model.network import Entries
 from stabctl.simulation.topology import Stage
-from stabctl.smallsignal.descriptor import real
 
 
 class _Pattern:
@@ -51,9 +51,10 @@ class StageMatrices:
         rows[injected] = nx + ny + bus[rows[injected] - nx - ny]
         rate, z = rows < nx, columns >= nx + nu
         self._take = m, n, s = [np.flatnonzero(c) for c in (~rate & z, (columns >= 0) & ~z, rate & z)]
-        Y, one = real(network.Y).tocoo(), np.arange(ny)
-        self._fixed = np.r_[np.ones(ny), Y.data]
-        of_z = np.r_[rows[m] - nx, one, ny + Y.row], np.r_[columns[m] - nx - nu, one, ny + Y.col]
+        at = network.Y.tocoo()
+        Y, one = Entries(at.data, at.row, at.col).real(), np.arange(ny)
+        self._fixed = np.r_[np.ones(ny), Y.values]
+        of_z = np.r_[rows[m] - nx, one, ny + Y.rows], np.r_[columns[m] - nx - nu, one, ny + Y.columns]
         turn = _elimination(*of_z, self.nz)  # place in z -> its column in M
         self.of_z = np.where(place >= nx + nu, turn[np.maximum(place - nx - nu, 0)], -1)
         self._M = _Pattern(of_z[0], turn[of_z[1]], (self.nz, self.nz))

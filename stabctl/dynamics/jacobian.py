@@ -6,7 +6,6 @@ assembled by the places of their signals, and the outputs, which never form a lo
     y = E z + F y    ->    y = (1 + F + F^2 + ...) E z,    F nilpotent.
 """
 
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -16,8 +15,11 @@ from . import family
 from .assembly import System
 from .evaluate import evaluate
 from .limits import Limits
+from .matrix import Matrix, filled, matrix
 from .pattern import pattern
 from .program import Program
+
+SMALL = 60_000  # equations times signals up to which the matrices are dense
 
 
 class Derivatives(NamedTuple):
@@ -26,10 +28,10 @@ class Derivatives(NamedTuple):
     rates: np.ndarray  # (states) 1/s
     outputs: np.ndarray  # (outputs)
     currents: np.ndarray  # (buses) complex, pu, into the network
-    of_rates: sp.csr_matrix
-    of_outputs: sp.csr_matrix
-    of_currents: sp.csr_matrix  # real and imaginary part per bus
-    of_injections: sp.csr_matrix  # the same per device that injects a current, in the order of the families
+    of_rates: Matrix
+    of_outputs: Matrix
+    of_currents: Matrix  # real and imaginary part per bus
+    of_injections: Matrix  # the same per device that injects a current, in the order of the families
     injections: np.ndarray  # (injections) complex, pu
 
 
@@ -44,15 +46,19 @@ class Equations:
         self.program: Program = self.pattern.program._replace(k=k)
         self.rows, self.columns = self.pattern.rows, self.pattern.columns
         self.injections, self.injecting = self.pattern.injections, self.pattern.injecting
+        self.small = self.pattern.total * system.layout.size <= SMALL
         self._on = np.zeros(max(len(system.unit_bus), 1), np.int64)
 
-    @cached_property
+    @property
     def _gather(self) -> sp.csr_matrix:
         """Sums the injections of every bus, real and imaginary part."""
-        bus = self.injecting - self.system.layout.nx
-        at = np.stack([bus, bus + 1], 1).ravel()
-        shape = 2 * self.system.layout.buses, len(at)
-        return sp.csr_matrix((np.ones(len(at)), (at, np.arange(len(at)))), shape=shape)
+        kept = self.pattern.kept
+        if "gather" not in kept:
+            bus = self.injecting - self.system.layout.nx
+            at = np.stack([bus, bus + 1], 1).ravel()
+            shape = 2 * self.system.layout.buses, len(at)
+            kept["gather"] = sp.csr_matrix((np.ones(len(at)), (at, np.arange(len(at)))), shape=shape)
+        return kept["gather"]
 
     def at(self, s: np.ndarray, k: np.ndarray | None = None) -> Derivatives:
         """Values and derivatives at s (real; its outputs are brought up to date).
@@ -69,20 +75,21 @@ class Equations:
         outputs = slice(layout.nx, layout.nx + layout.outputs)
         direct, through = J[:, : layout.step], J[:, layout.first_output : layout.first_memory]
         of_outputs = term = direct[outputs]
-        while through.nnz and term.nnz:
+        for _ in range(layout.outputs):
             term = through[outputs] @ term
+            if not filled(term, 0).any():
+                break
             of_outputs = of_outputs + term
-        whole = (direct + through @ of_outputs).tocsr() if through.nnz else direct.tocsr()
+        whole = direct + through @ of_outputs if layout.outputs else direct
         first = outputs.stop
-        of_injections = whole[first:]
-        injections = values[first:]
+        of_injections, injections = whole[first:], values[first:]
         return Derivatives(
             values[: layout.nx],
             values[outputs],
             (self._gather @ injections).view(complex),
             whole[: layout.nx],
-            of_outputs.tocsr(),
-            (self._gather @ of_injections).tocsr(),
+            of_outputs,
+            self._gather @ of_injections,
             of_injections,
             injections.view(complex),
         )
@@ -97,21 +104,15 @@ class Equations:
         p = self.program if k is None else self.program._replace(k=k)
         evaluate(p, pattern.starts, z, f, self._on)
         s[layout.first_output : layout.first_memory] = z.real[layout.first_output : layout.first_memory]
-        values, slopes = np.zeros(pattern.total), []
-        for start, end, shape, answers in zip(
-            pattern.starts[:-1], pattern.starts[1:], pattern.blocks, pattern.answers, strict=True
-        ):
-            block = f[start:end].reshape(shape)
-            values[answers] = block[:, -1].real.ravel()
-            slopes.append(block[:, :-1].imag.ravel())
-        return np.concatenate(slopes) / family.TINY, values
+        values = np.zeros(pattern.total)
+        values[pattern.answers] = f.real[pattern.values]
+        return f.imag[pattern.slopes] / family.TINY, values
 
-    def _matrix(self, s: np.ndarray, k: np.ndarray | None) -> tuple[sp.csr_matrix, np.ndarray]:
+    def _matrix(self, s: np.ndarray, k: np.ndarray | None) -> tuple[Matrix, np.ndarray]:
         """The same as a matrix."""
-        data, values = self.entries(s, k)
-        live = data != 0
-        entries = data[live], (self.rows[live], self.columns[live])
-        return sp.csr_matrix(entries, shape=(self.pattern.total, self.system.layout.size)), values
+        entries, values = self.entries(s, k)
+        shape = self.pattern.total, self.system.layout.size
+        return matrix(entries, (self.rows, self.columns), shape, self.small), values
 
     def held(self, s: np.ndarray, rates: np.ndarray, limits: Limits) -> np.ndarray:
         """States (mask) that are at a limit and driven beyond it."""

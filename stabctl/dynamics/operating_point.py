@@ -119,11 +119,14 @@ class OperatingPoint:
 
     def admittance(self, switching: network.Switching = network.UNSWITCHED) -> sp.csc_matrix:
         """Network admittance (pu) of branches, the loads' constant parts and the sources of the units that are on."""
+        return self.admittances(switching).matrix(len(self.V))
+
+    def admittances(self, switching: network.Switching = network.UNSWITCHED) -> network.Entries:
+        """The same as entries."""
         own = source_admittances(self.system)
         own[list(switching.tripped)] = 0
-        n, d, m = len(self.V), np.arange(len(self.V)), self.system.unit_bus
-        added = sp.csc_matrix((np.r_[self.system.fixed, own], (np.r_[d, m], np.r_[d, m])), shape=(n, n))
-        return network.admittance(self.net, switching) + added
+        at = np.concatenate([np.arange(len(self.V)), self.system.unit_bus])
+        return network.entries(self.net, switching).joined(np.concatenate([self.system.fixed, own]), at)
 
     def resized(self, ratings: Iterable[float]) -> "OperatingPoint":
         """The same point with other storage ratings (devices, MW), which change nothing else in equilibrium."""

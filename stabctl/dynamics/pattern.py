@@ -27,10 +27,12 @@ class Pattern:
         Calls that make all outputs and all local derivatives; with the constants of the first system.
     rows, columns
         Row and column of every entry.
-    answers, blocks
-        Of every family: rows of its rates, outputs and injections; shape of its blocks.
     starts
         Where the blocks of each family begin.
+    slopes, values
+        Places of the entries in the blocks; those of the rates, outputs and injections themselves.
+    answers
+        Rows of these values.
     injections, injecting
         Family -> its injections; places of the bus voltage of every injection.
     total
@@ -43,9 +45,8 @@ class Pattern:
         self.program: Program = local_program(families)
         self.kept: dict[str, Any] = {}
         self.injections: dict[str, slice] = {}
-        self.answers: list[np.ndarray] = []
-        self.blocks: list[tuple[int, int, int]] = []
-        rows, columns, places, injection = [], [], [], 0
+        rows, columns, places, injection, starts = [], [], [], 0, [0]
+        slopes, values, all_answers = [], [], []
         first = layout.nx + layout.outputs
         for f in families:
             states, inputs, outputs, buses = family.shape(f.device)
@@ -63,10 +64,14 @@ class Pattern:
             shape = (n, variables.shape[1], answers.shape[1])
             columns.append(np.broadcast_to(variables[:, :, None], shape).ravel())
             rows.append(np.broadcast_to(answers[:, None, :], shape).ravel())
-            self.answers.append(answers.ravel())
-            self.blocks.append((n, shape[1] + 1, shape[2]))
+            all_answers.append(answers.ravel())
+            blocks = starts[-1] + np.arange(n * (shape[1] + 1) * shape[2]).reshape(n, shape[1] + 1, shape[2])
+            slopes.append(blocks[:, :-1].ravel())
+            values.append(blocks[:, -1].ravel())
+            starts.append(starts[-1] + blocks.size)
         self.rows, self.columns = np.concatenate(rows), np.concatenate(columns)
-        self.starts = np.cumsum([0, *(a * b * c for a, b, c in self.blocks)]).astype(np.int64)
+        self.starts, self.answers = np.array(starts, np.int64), np.concatenate(all_answers)
+        self.slopes, self.values = np.concatenate(slopes), np.concatenate(values)
         self.injecting = np.concatenate(places)
         self.total = first + 2 * injection
 

@@ -85,6 +85,29 @@ class Switching(NamedTuple):
 UNSWITCHED = Switching()
 
 
+class Entries(NamedTuple):
+    """Entries of a bus admittance matrix, in any order; those of one place are added up."""
+
+    values: np.ndarray  # complex, pu
+    rows: np.ndarray
+    columns: np.ndarray
+
+    def joined(self, values: np.ndarray, at: np.ndarray) -> "Entries":
+        """These, and more admittances from buses (rows) to ground."""
+        ends = np.concatenate([self.rows, at]), np.concatenate([self.columns, at])
+        return Entries(np.concatenate([self.values, values]), *ends)
+
+    def real(self) -> "Entries":
+        """Those of the real form (2n, 2n) of the matrix, real and imaginary parts interleaved."""
+        g, b, r, c = self.values.real, self.values.imag, 2 * self.rows, 2 * self.columns
+        ends = np.concatenate([r, r, r + 1, r + 1]), np.concatenate([c, c + 1, c, c + 1])
+        return Entries(np.concatenate([g, -b, b, g]), *ends)
+
+    def matrix(self, n: int) -> sp.csc_matrix:
+        """The matrix (n, n)."""
+        return sp.csc_matrix((self.values, (self.rows, self.columns)), shape=(n, n))
+
+
 def build(case: Case) -> Network:
     """The network of a case in pu on the system base, angles in radians."""
     place = {b.bus: i for i, b in enumerate(case.buses)}
@@ -153,7 +176,12 @@ def two_port(
 
 
 def admittance(net: Network, switching: Switching = UNSWITCHED) -> sp.csc_matrix:
-    """Bus admittance matrix of branches and shunts.
+    """Bus admittance matrix (buses, buses) of branches and shunts, complex, pu: see `entries`."""
+    return entries(net, switching).matrix(len(net.shunt))
+
+
+def entries(net: Network, switching: Switching = UNSWITCHED) -> Entries:
+    """Entries of the bus admittance matrix of branches and shunts.
 
     Parameters
     ----------
@@ -164,23 +192,26 @@ def admittance(net: Network, switching: Switching = UNSWITCHED) -> sp.csc_matrix
 
     Returns
     -------
-    scipy.sparse.csc_matrix of complex, (buses, buses), pu
+    Entries
         Machines and loads are not in it.
     """
+    t = net.ratio
+    square = np.abs(t) ** 2
     y, half = 1 / net.z, 0.5j * net.charging
-    ends = net.ends * np.stack([np.abs(net.ratio) ** 2, np.ones(len(net.z))], axis=1)  # inside the ratio
+    ends = net.ends.copy()
+    ends[:, 0] *= square  # inside the ratio
     ports = np.array([[y + half + ends[:, 0], -y], [-y, y + half + ends[:, 1]]])
     for k, state in switching.branches:
         if state.fault_at == 0:  # on the bus's side of the ratio
-            state = state._replace(fault_admittance=state.fault_admittance * abs(net.ratio[k]) ** 2)
+            state = state._replace(fault_admittance=state.fault_admittance * square[k])
         ports[:, :, k] = two_port(net.z[k], net.charging[k], state, (ends[k, 0], ends[k, 1]))
     shunt = net.shunt.copy()
     for bus, extra in (*switching.faults, *switching.shunts):
         shunt[bus] += extra
-    t, d = net.ratio, np.arange(len(shunt))
-    values = np.r_[ports[0, 0] / np.abs(t) ** 2, ports[0, 1] / t.conj(), ports[1, 0] / t, ports[1, 1], shunt]
-    rows, columns = np.r_[net.frm, net.frm, net.to, net.to, d], np.r_[net.frm, net.to, net.frm, net.to, d]
-    return sp.csc_matrix((values, (rows, columns)), shape=(len(shunt),) * 2)
+    d = np.arange(len(shunt))
+    values = ports[0, 0] / square, ports[0, 1] / t.conj(), ports[1, 0] / t, ports[1, 1], shunt
+    rows, columns = (net.frm, net.frm, net.to, net.to, d), (net.frm, net.to, net.frm, net.to, d)
+    return Entries(*(np.concatenate(column) for column in (values, rows, columns)))
 
 
 def islands(net: Network, switching: Switching = UNSWITCHED) -> np.ndarray:

@@ -19,7 +19,7 @@ from stabctl.errors import StudyError
 from stabctl.model import network
 from stabctl.model.case import Case
 from stabctl.model.network import UNSWITCHED, Switching
-from stabctl.smallsignal.descriptor import real
+from stabctl.smallsignal.descriptor import admittance
 
 TOLERANCE = 1e-10  # pu   largest current mismatch of a bus
 LIMIT = 30  # Newton steps
@@ -145,14 +145,14 @@ def _settled(
 ) -> tuple[np.ndarray, sp.csc_matrix, sp.csc_matrix]:
     """Voltages of the switched network, and the slopes there: of the machines' w' and of the currents."""
     s, places = point.s.copy(), point.layout.voltages
-    v, Y = s[places], real(point.admittance(switching))
+    v, Y = s[places], admittance(point, switching)
     live = sp.diags(np.repeat(served, 2).astype(float), format="csc")
     for _ in range(LIMIT):
         d = point.equations.at(s)
-        gv = (live @ (d.of_currents[:, places] - Y) - (sp.identity(len(v)) - live)).tocsc()
+        gv = sp.csc_matrix(live @ (d.of_currents[:, places] - Y) - (sp.identity(len(v)) - live))
         miss = live @ (d.currents.view(float) - Y @ v)
         if np.abs(miss).max() < TOLERANCE:
-            return v.view(complex), d.of_rates[point.rotors.angle + 1][:, places].tocsc(), gv
+            return v.view(complex), sp.csc_matrix(d.of_rates[point.rotors.angle + 1][:, places]), gv
         try:
             v -= splu(gv).solve(miss)
         except RuntimeError:

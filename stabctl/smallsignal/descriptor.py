@@ -8,6 +8,7 @@ y  = hx x + hv v + hu u        outputs
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache, cached_property
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -17,10 +18,31 @@ from stabctl.dynamics import inputs as ins
 from stabctl.dynamics import layout, outputs
 from stabctl.dynamics.extended import extended
 from stabctl.dynamics.jacobian import Derivatives
+from stabctl.dynamics.matrix import Matrix, array, filled, matrix
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
+from stabctl.model.network import UNSWITCHED, Switching
 
 from . import refuse
+
+
+class Parts(NamedTuple):
+    """The matrices of the linearized equations, dense if the system is small."""
+
+    fx: Matrix
+    fv: Matrix
+    gx: Matrix
+    gv: Matrix
+    fu: Matrix
+    gu: Matrix
+    hx: Matrix
+    hv: Matrix
+    hu: Matrix
+
+
+def _sparse(name: str) -> "cached_property[sp.csc_matrix]":
+    """One of the parts as a sparse matrix."""
+    return cached_property(lambda d: sp.csc_matrix(getattr(d.parts, name)))
 
 
 @dataclass(frozen=True, repr=False)
@@ -28,19 +50,15 @@ class Descriptor:
     """Sparse matrices (csc) of the linearized equations; x are the active states, v the voltages (re, im per bus)."""
 
     point: OperatingPoint
-    fx: sp.csc_matrix
-    fv: sp.csc_matrix
-    gx: sp.csc_matrix
-    gv: sp.csc_matrix
-    fu: sp.csc_matrix
-    gu: sp.csc_matrix
-    hx: sp.csc_matrix
-    hv: sp.csc_matrix
-    hu: sp.csc_matrix
+    parts: Parts
     places: tuple[layout.StatePlace, ...]  # of the states
     rows: np.ndarray  # places of the states in s
     inputs: tuple[Signal, ...]
     outputs: tuple[Signal, ...]
+
+    fx, fv, gx, gv = (_sparse(name) for name in ("fx", "fv", "gx", "gv"))
+    fu, gu = (_sparse(name) for name in ("fu", "gu"))
+    hx, hv, hu = (_sparse(name) for name in ("hx", "hv", "hu"))
 
     @property
     def name(self) -> str:
@@ -99,55 +117,43 @@ def descriptor(
     point = extended(point, u, y)
     lay = point.layout
     d = point.equations.at(point.s.copy())
-    Y = point.admittance()
+    Y = admittance(point)
     refuse.moving(point, d, Y)
     refuse.limited(point)
     nx, nv = lay.nx, lay.first_setpoint
-    filled = sp.vstack([d.of_rates, d.of_currents], format="csr").astype(bool)
-    live = (np.diff(filled.indptr)[:nx] > 0) | (np.diff(filled[:, :nx].tocsc().indptr) > 0)
+    live = filled(d.of_rates, 1) | filled(d.of_rates[:, :nx], 0) | filled(d.of_currents[:, :nx], 0)
     read = refuse.energies(point, y)
-    live &= np.array([(p.table, p.name) != ("esd", "energy") or k in read for k, p in enumerate(lay.states)], bool)
+    energy = [k for k, p in enumerate(lay.states) if (p.table, p.name) == ("esd", "energy") and k not in read]
+    live[energy] = False
     rows = np.flatnonzero(live)
-    fx, fv = d.of_rates[rows][:, rows].tocsc(), d.of_rates[rows][:, nx:nv].tocsc()
-    gx, gv = d.of_currents[:, rows].tocsc(), (d.of_currents[:, nx:nv] - real(Y)).tocsc()
-    fu, gu = _inputs(point, d, rows, u)
-    parts = (fx, fv, gx, gv, fu, gu)
-    hx, hv, hu = _outputs(point, d, parts, rows, u, y)
-    return Descriptor(point, *parts, hx, hv, hu, tuple(lay.states[k] for k in rows), rows, u, y)
+    given = np.array([ins.place(point, signal) for signal in u], int)
+    rates, currents, v = d.of_rates[rows], d.of_currents, slice(nx, nv)
+    fx, fv, fu = rates[:, rows], rates[:, v], rates[:, given]
+    gx, gv, gu = currents[:, rows], currents[:, v] - Y, currents[:, given]
+    found = _outputs(point, d, (fx, fv, gx, gv, fu), rows, given, y)
+    return Descriptor(point, Parts(fx, fv, gx, gv, fu, gu, *found), tuple(lay.states[k] for k in rows), rows, u, y)
 
 
-def real(Y: sp.csc_matrix) -> sp.csc_matrix:
-    """Real form (2n, 2n) of a complex admittance, real and imaginary parts interleaved."""
-    turned = np.array([[0.0, -1.0], [1.0, 0.0]])
-    return sp.csc_matrix(sp.kron(Y.real, np.eye(2)) + sp.kron(Y.imag, turned))
-
-
-def _inputs(
-    point: OperatingPoint, d: Derivatives, rows: np.ndarray, signals: tuple[Signal, ...]
-) -> tuple[sp.csc_matrix, sp.csc_matrix]:
-    fu = sp.lil_matrix((len(rows), len(signals)))
-    gu = sp.lil_matrix((d.of_currents.shape[0], len(signals)))
-    for k, signal in enumerate(signals):
-        place = ins.place(point, signal)
-        fu[:, k] = d.of_rates[rows][:, [place]].toarray()
-        gu[:, k] = d.of_currents[:, [place]].toarray()
-    return fu.tocsc(), gu.tocsc()
+def admittance(point: OperatingPoint, switching: Switching = UNSWITCHED) -> Matrix:
+    """Real form (2n, 2n) of the network admittance, real and imaginary parts interleaved, pu."""
+    values, *at = point.admittances(switching).real()
+    return matrix(values, (at[0], at[1]), (2 * len(point.V),) * 2, point.equations.small)
 
 
 def _outputs(
     point: OperatingPoint,
     d: Derivatives,
-    parts: tuple[sp.csc_matrix, ...],
+    parts: tuple[Matrix, ...],
     rows: np.ndarray,
-    ins_of: tuple[Signal, ...],
+    inputs: np.ndarray,
     signals: tuple[Signal, ...],
-) -> tuple[sp.csc_matrix, ...]:
+) -> tuple[np.ndarray, ...]:
     """Derivatives of the outputs. The rate of a bus angle follows from that of its voltage, v' = -inv(gv) gx x'."""
-    fx, fv, gx, gv, fu, _ = parts
+    fx, fv, gx, gv, fu = parts
     nx = point.layout.nx
     hx, hv = np.zeros((len(signals), len(rows))), np.zeros((len(signals), gv.shape[0]))
-    hu = np.zeros((len(signals), fu.shape[1]))
-    factor = cache(lambda: splu(gv.T.tocsc()))
+    hu = np.zeros((len(signals), len(inputs)))
+    factor = cache(lambda: splu(sp.csc_matrix(gv.T)))
     for k, signal in enumerate(signals):
         if signal.kind == "frequency":
             v, slope = outputs.angle_rate(point, signal.number)
@@ -158,10 +164,10 @@ def _outputs(
             continue
         reading = outputs.reading(point, signal)
         if reading is None:
-            row = d.of_outputs[outputs.place(point, signal) - point.layout.first_output].toarray().ravel()
+            row = array(d.of_outputs[[outputs.place(point, signal) - point.layout.first_output]]).ravel()
         else:
             row = np.zeros(point.layout.step)
             row[reading.places] = reading.slopes(point.s)
         hx[k], hv[k] = row[rows], row[nx : point.layout.first_setpoint]
-        hu[k] = [row[ins.place(point, s)] for s in ins_of]
-    return sp.csc_matrix(hx), sp.csc_matrix(hv), sp.csc_matrix(hu)
+        hu[k] = row[inputs]
+    return hx, hv, hu

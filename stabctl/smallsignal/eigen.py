@@ -9,7 +9,7 @@ the double zero into a pair of about 1e-7, which looks unstable. In A22 it is a 
 from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg as sl
+from scipy.linalg.lapack import dgeev, dgeev_lwork
 from scipy.sparse.csgraph import connected_components
 
 NEAR = 1e-9  # eigenvalues this close (relative) share one eigenspace
@@ -37,39 +37,61 @@ def eigen(A: np.ndarray, rotation: np.ndarray) -> Eigen:
 
     The right vector of a defective zero is a generalized one: A v is a rotation of all angles, not zero.
     """
-    turned = A.copy(order="F")
-    _reflect(turned, rotation)
-    _reflect(turned.T, rotation)
-    values, Z, Y = sl.eig(turned[1:, 1:], left=True, right=True, check_finite=False)
+    turned, u = A.copy(order="F"), _normal(rotation)
+    _reflect(turned, u)
+    _reflect(turned.T, u)
+    values, Z, Y = _geev(turned[1:, 1:])
     order = np.lexsort((-values.imag, values.real, np.abs(values.imag)))
     values, Z, Y = np.where(np.abs(values) < ZERO, 0, values)[order], Z[:, order], Y[:, order]
     Z = _paired(values, Y, Z)
     a = turned[0, 1:] @ Y
     coupling = np.divide(a, values, out=np.zeros(len(a), complex), where=values != 0)
-    V, W = np.zeros((2, *A.shape), complex).transpose(0, 2, 1)
+    both = np.zeros((2 * len(A), len(A)), complex).T
+    V, W = both[:, : len(A)], both[:, len(A) :]
     V[0, 0] = W[0, 0] = 1
     V[0, 1:], V[1:, 1:] = coupling, Y
     W[1:, 1:], W[1:, 0] = Z, -(Z @ coupling.conj())
-    _reflect(V, rotation)
-    _reflect(W, rotation)
+    _reflect(both, u)
     return Eigen(np.r_[0j, values], V, W)
+
+
+def _geev(A: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Eigenvalues, left and right vectors from LAPACK, as from `scipy.linalg.eig`, which takes longer if A is small."""
+    if not len(A):
+        return np.zeros(0, complex), *np.zeros((2, 0, 0), complex)
+    re, im, left, right, failed = dgeev(A, lwork=int(dgeev_lwork(len(A))[0]))
+    if failed:
+        raise np.linalg.LinAlgError("The QR algorithm found no eigenvalues.")
+    first = np.flatnonzero(im > 0)  # of each pair, whose vectors are stored as real and imaginary part
+    vectors = []
+    for part in (left, right):
+        v = part.astype(complex)
+        v[:, first] += 1j * part[:, first + 1]
+        v[:, first + 1] = v[:, first].conj()
+        vectors.append(v)
+    return re + 1j * im, *vectors
 
 
 def values(A: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Eigenvalues alone (n - 1), without the zero of the angle reference; `rotation` as in `eigen`."""
-    turned = A.copy(order="F")
-    _reflect(turned, rotation)
-    _reflect(turned.T, rotation)
+    turned, u = A.copy(order="F"), _normal(rotation)
+    _reflect(turned, u)
+    _reflect(turned.T, u)
     return np.linalg.eigvals(turned[1:, 1:])
 
 
-def _reflect(M: np.ndarray, rotation: np.ndarray) -> None:
-    """M := H M, where H is the reflection that maps the first axis to the direction of r."""
+def _normal(rotation: np.ndarray) -> np.ndarray:
+    """Unit normal of the mirror that maps the first axis to the direction of r; 0 if that is the first axis."""
     u = -rotation / np.linalg.norm(rotation)
     u[0] += 1
+    return u / (np.linalg.norm(u) or 1.0)
+
+
+def _reflect(M: np.ndarray, u: np.ndarray) -> None:
+    """M := H M, where H = 1 - 2 u u^T."""
     rows = np.flatnonzero(u)
-    u = u[rows] / (np.linalg.norm(u) or 1.0)
-    M[rows] -= 2 * np.outer(u, u @ M[rows])
+    u = u[rows, None]
+    M[rows] -= 2 * u * (u.T @ M[rows])
 
 
 def _paired(values: np.ndarray, Y: np.ndarray, Z: np.ndarray) -> np.ndarray:

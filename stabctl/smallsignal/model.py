@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.sparse.linalg import splu
 
 from stabctl import devices
 from stabctl._util import files
@@ -16,6 +15,7 @@ from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.dynamics import layout
 from stabctl.dynamics.coerce import operating_point
+from stabctl.dynamics.matrix import array, solved
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import Signal
 from stabctl.errors import StudyError, shown
@@ -144,13 +144,16 @@ class Linear(Model):
 
     def rotation(self) -> np.ndarray:
         """The change of the states (states) when all angles are rotated by 1 rad, which changes nothing else."""
-        every, layout = devices.every(), self.point.layout
+        every = {p.table: devices.every().get(p.table) for p in self.places}
+        angles = {table: getattr(device, "ANGLES", ("delta",)) for table, device in every.items()}
+        r = np.array([p.name in angles[p.table] for p in self.places], float)
+        phasors = {t: d.PHASORS for t, d in every.items() if d is not None and hasattr(d, "PHASORS")}
+        if not phasors:
+            return r
+        layout = self.point.layout
         value = {(p.table, p.row, p.name): float(self.point.s[k]) for k, p in enumerate(layout.states)}
-        r = np.zeros(len(self.places))
         for k, p in enumerate(self.places):
-            device = every.get(p.table)
-            r[k] = p.name in getattr(device, "ANGLES", ("delta",))
-            for re, im in getattr(device, "PHASORS", ()):  # j times the phasor
+            for re, im in phasors.get(p.table, ()):  # j times the phasor
                 if p.name in (re, im):
                     r[k] = -value[p.table, p.row, im] if p.name == re else value[p.table, p.row, re]
         return r
@@ -203,10 +206,10 @@ def linearize(
 
 def eliminated(d: Descriptor) -> Linear:
     """The model with the voltages v = -inv(gv) (gx x + gu u) eliminated."""
-    nx = len(d.rows)
-    v = -splu(d.gv).solve(np.hstack([d.gx.toarray(), d.gu.toarray()]))
-    A, B = np.asarray(d.fx + d.fv @ v[:, :nx]), np.asarray(d.fu + d.fv @ v[:, nx:])
-    C, D = np.asarray(d.hx + d.hv @ v[:, :nx]), np.asarray(d.hu + d.hv @ v[:, nx:])
+    p, nx = d.parts, len(d.rows)
+    v = -solved(p.gv, np.hstack([array(p.gx), array(p.gu)]))
+    A, B = (np.asarray(f + p.fv @ part) for f, part in ((p.fx, v[:, :nx]), (p.fu, v[:, nx:])))
+    C, D = (np.asarray(h + p.hv @ part) for h, part in ((p.hx, v[:, :nx]), (p.hu, v[:, nx:])))
     for M in (A, B, C, D):
         M.setflags(write=False)
     inputs, outputs = (tuple(s.label for s in signals) for signals in (d.inputs, d.outputs))

@@ -14,7 +14,7 @@ from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import Signal
 from stabctl.errors import StudyError
 
-from .descriptor import Descriptor, descriptor, real
+from .descriptor import Descriptor, admittance, descriptor
 from .model import eliminated
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class Motion:
         point = d.point
         self._d, self._point, self._equations, self._layout = d, point, point.equations, point.layout
         self._Y = point.admittance()
-        self._real = real(self._Y)
+        self._real = admittance(point)
         self._factor = splu(d.gv)
         self._places = [ins.place(point, s) for s in d.inputs]
         self._readings = [None if s.kind == "frequency" else outputs.value(point, s) for s in d.outputs]
@@ -111,7 +111,7 @@ class Motion:
 
     def _slopes(self, at: Derivatives) -> sp.csc_matrix:
         """gv there."""
-        return (at.of_currents[:, self._layout.voltages] - self._real).tocsc()
+        return sp.csc_matrix(at.of_currents[:, self._layout.voltages] - self._real)
 
     def _frequency(self, k: int, s: np.ndarray, at: Derivatives) -> float:
         """Rate of the angle of a bus over wb, from v' = -inv(gv) gx x'."""

@@ -1,13 +1,14 @@
 """Checks before linearization: the operating point must be in equilibrium, and no device exactly at a limit."""
 
 from collections.abc import Iterable
+from functools import lru_cache
 
 import numpy as np
-import scipy.sparse as sp
 
 from stabctl.dynamics import family, outputs
 from stabctl.dynamics.jacobian import Derivatives
 from stabctl.dynamics.limits import Limits, limits
+from stabctl.dynamics.matrix import Matrix
 from stabctl.dynamics.newton import FAR
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import Signal
@@ -20,9 +21,9 @@ SMOOTH = 10 * NUDGE  # change of a derivative without a kink, by curvature
 JUMP = 1e-3  # change of a derivative between the two sides, relative to the largest in its row
 
 
-def moving(point: OperatingPoint, d: Derivatives, Y: sp.csc_matrix) -> None:
+def moving(point: OperatingPoint, d: Derivatives, Y: Matrix) -> None:
     """Raise `LinearizationError`, naming the largest residual, unless the operating point is an equilibrium."""
-    miss = np.abs(d.currents - Y @ point.s[point.layout.voltages].copy().view(complex))
+    miss = np.abs(d.currents - (Y @ point.s[point.layout.voltages]).view(complex))
     k, bus = int(np.abs(d.rates).argmax()), int(miss.argmax())
     if not abs(d.rates[k]) < STILL:
         raise LinearizationError(
@@ -105,19 +106,26 @@ def _jumps(point: OperatingPoint, changed: tuple[str, np.ndarray] | None) -> np.
         k = np.concatenate([(changed[1] if f.name == changed[0] else f.k).ravel() for f in equations.families])
     free = np.arange(lay.step)
     step = np.zeros(lay.size)
-    step[free] = NUDGE * np.random.default_rng(0).choice([-1, 1], len(free)) * np.linspace(0.5, 1, len(free))
+    step[free] = _nudges(len(free))
     lim = point.system.limits if changed is None else limits(_replaced(point, changed), lay.one)
     step[_kept(point, k, lim)] = 0.0
-    rows = lay.nx + lay.outputs + 2 * equations.injecting.size
-    sides, scale, jump = [], np.zeros(rows), np.zeros(rows)
+    rows, sides = equations.pattern.total, []
     for s in (point.s + step, point.s - step):
         slopes, values = equations.entries(s, k)
-        held = np.flatnonzero(equations.held(s, values[: lay.nx], lim))
-        sides.append(np.where(np.isin(equations.rows, held), 0.0, slopes))
-        np.maximum.at(scale, equations.rows, np.abs(sides[-1]))
+        held = np.zeros(rows, bool)
+        held[: lay.nx] = equations.held(s, values[: lay.nx], lim)
+        sides.append(np.where(held[equations.rows], 0.0, slopes))
+    scale, jump = np.zeros((2, rows))
+    np.maximum.at(scale, equations.rows, np.maximum(np.abs(sides[0]), np.abs(sides[1])))
     np.maximum.at(jump, equations.rows, np.abs(sides[0] - sides[1]))
     jump[[i for i, p in enumerate(lay.states) if (p.table, p.name) == ("esd", "energy")]] = 0.0
     return np.flatnonzero(jump > JUMP * scale + SMOOTH)
+
+
+@lru_cache
+def _nudges(count: int) -> np.ndarray:
+    """A small perturbation of each of some signals, upwards or downwards."""
+    return NUDGE * np.random.default_rng(0).choice([-1, 1], count) * np.linspace(0.5, 1, count)
 
 
 def _kept(point: OperatingPoint, k: np.ndarray | None, lim: Limits) -> np.ndarray:

@@ -22,6 +22,7 @@ from systems import (
 
 from stabctl import devices, io
 from stabctl.dynamics import newton, operating_point, start
+from stabctl.dynamics.matrix import array
 from stabctl.errors import EquilibriumError
 from stabctl.simulation import simulation
 
@@ -147,5 +148,5 @@ def test_a_machine_that_would_stand_upside_down_is_refused(monkeypatch):
 @pytest.mark.parametrize("name", ["two_area", "ieee39"])
 def test_the_fastest_eigenvalue_is_that_of_all_states_at_given_voltages(points, name):
     point = points(name)
-    A = point.equations.at(point.s.copy()).of_rates[:, : point.layout.nx].toarray()
+    A = array(point.equations.at(point.s.copy()).of_rates[:, : point.layout.nx])
     assert point.fastest == pytest.approx(np.abs(np.linalg.eigvals(A)).max(), rel=1e-9)

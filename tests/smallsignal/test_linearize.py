@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 from scipy.io import loadmat
 from scipy.optimize import linear_sum_assignment
 from scipy.sparse.linalg import splu
@@ -14,6 +13,7 @@ from stabctl import io
 from stabctl.dynamics import operating_point
 from stabctl.dynamics.evaluate import evaluate
 from stabctl.dynamics.family import TINY
+from stabctl.dynamics.matrix import array
 from stabctl.errors import LinearizationError, StudyError
 from stabctl.model.case import Storage
 from stabctl.smallsignal import INPUTS, OUTPUTS, descriptor, linearize
@@ -38,7 +38,7 @@ def test_blocks_of_devices_equal_one_place_at_a_time(point):
     """Derivatives put together from local blocks are those of the whole system, perturbed place by place."""
     p = point("two_area")
     d, equations, lay = p.equations.at(p.s.copy()), p.equations, p.layout
-    found = sp.vstack([d.of_rates, d.of_outputs, d.of_currents]).toarray()
+    found = np.vstack([array(part) for part in (d.of_rates, d.of_outputs, d.of_currents)])
     one = np.array([_along(equations, p.s, place) for place in range(lay.step)]).T
     scale = np.abs(one).max(axis=1, keepdims=True) + 1e-30
     assert np.abs((found - one) / scale).max() < 1e-14
@@ -47,13 +47,12 @@ def test_blocks_of_devices_equal_one_place_at_a_time(point):
 
 def _along(equations, s, place):
     """Derivatives of rates, outputs and currents along one place, by complex step through the outputs."""
-    z, f = s.astype(complex), np.zeros(equations.pattern.starts[-1], complex)
+    pattern = equations.pattern
+    z, f = s.astype(complex), np.zeros(pattern.starts[-1], complex)
     z[place] += 1j * TINY
-    evaluate(equations.program, equations.pattern.starts, z, f, equations._on)
-    slopes = np.zeros(equations.pattern.total)
-    for i in range(len(equations.families)):
-        block = f[equations.pattern.starts[i] : equations.pattern.starts[i + 1]].reshape(equations.pattern.blocks[i])
-        slopes[equations.pattern.answers[i]] = block[:, -1].imag.ravel() / TINY
+    evaluate(equations.program, pattern.starts, z, f, equations._on)
+    slopes = np.zeros(pattern.total)
+    slopes[pattern.answers] = f.imag[pattern.values] / TINY
     first = equations.system.layout.nx + equations.system.layout.outputs
     return np.r_[slopes[:first], equations._gather @ slopes[first:]]
 
