@@ -12,6 +12,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from .case import Case
+from .tables import Branch
 
 BOLTED = 1e9  # MVA at 1 pu voltage   admittance of a fault without impedance (1e7 pu on 100 MVA)
 
@@ -112,15 +113,16 @@ def build(case: Case) -> Network:
     """The network of a case in pu on the system base, angles in radians."""
     place = {b.bus: i for i, b in enumerate(case.buses)}
     rows = case.branches
+    columns = dict(zip(Branch._fields, zip(*rows, strict=True) if rows else [()] * len(Branch._fields), strict=True))
 
     def column(name: str) -> np.ndarray:
-        return np.array([getattr(k, name) for k in rows], float)
+        return np.array(columns[name], float)
 
     return Network(
         tuple(place),
         place,
-        np.array([place[k.from_bus] for k in rows], int),
-        np.array([place[k.to_bus] for k in rows], int),
+        np.array([place[bus] for bus in columns["from_bus"]], int),
+        np.array([place[bus] for bus in columns["to_bus"]], int),
         column("r") + 1j * column("x"),
         column("b"),
         column("tap") * np.exp(1j * np.deg2rad(column("phase"))),

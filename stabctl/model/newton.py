@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -14,6 +14,12 @@ from stabctl.errors import PowerFlowError
 from .case import Case
 
 TOLERANCE = 1e-8  # MVA   largest power mismatch (1e-10 pu on 100 MVA)
+SYMMETRIC: dict[str, Any] = {  # of SuperLU: pivots on the diagonal if they are large enough, columns one by one
+    "diag_pivot_thresh": 0.01,
+    "relax": 1,
+    "panel_size": 1,
+    "options": {"SymmetricMode": True},
+}
 
 
 class Demand(NamedTuple):
@@ -31,10 +37,12 @@ class Demand(NamedTuple):
 class _Pattern(NamedTuple):
     """The sparsity of the Jacobian in compressed columns, and what stands where."""
 
-    i: np.ndarray  # bus of the power, and bus on whose voltage it depends: entries of Y, then every bus
+    i: np.ndarray  # bus of the power, and bus on whose voltage it depends: entries of Y
     j: np.ndarray
-    kept: np.ndarray  # derivatives that are in the Jacobian
-    place: np.ndarray  # place of each among its entries
+    own: np.ndarray  # which of them are those of a bus with itself
+    of_p: np.ndarray  # row of the equation of every active power, and column of the angle of its bus
+    of_q: np.ndarray  # row of the equation of every reactive power, and column of the voltage of its bus
+    taken: np.ndarray  # derivatives that are the entries of the Jacobian
     J: sp.csc_matrix  # set anew at every step
 
 
@@ -58,33 +66,34 @@ class Equations:
 
     @cached_property
     def _pattern(self) -> "_Pattern":
-        """Where the derivatives of every branch and bus, in the order of `step`, stand in the Jacobian."""
-        n, p, q = len(self.produced), self.p, self.q
-        d = np.arange(n)
-        i, j = np.r_[self.Y.indices, d], np.r_[np.repeat(d, np.diff(self.Y.indptr)), d]
-        of_p, of_q = np.full(n, -1), np.full(n, -1)  # rows of the equations, and columns of the unknowns
-        of_p[p], of_q[q] = np.arange(len(p)), len(p) + np.arange(len(q))
-        rows, columns = np.r_[of_p[i], of_p[i], of_q[i], of_q[i]], np.r_[of_p[j], of_q[j], of_p[j], of_q[j]]
-        kept, m = np.flatnonzero((rows >= 0) & (columns >= 0)), len(p) + len(q)
-        filled, place = np.unique(columns[kept] * m + rows[kept], return_inverse=True)
-        starts = np.searchsorted(filled, m * np.arange(m + 1))
-        J = sp.csc_matrix((np.zeros(len(filled)), filled % m, starts), shape=(m, m))
-        return _Pattern(i, j, kept, place, J)
+        """Where the derivatives (in the order of `step`) stand in the Jacobian; buses in an order with little fill."""
+        n, m = len(self.produced), len(self.p) + len(self.q)
+        i, j = self.Y.indices, np.repeat(np.arange(n), np.diff(self.Y.indptr))
+        unknown, position = np.zeros((n, 2), bool), _order(self.Y)
+        unknown[position[self.p], 0] = unknown[position[self.q], 1] = True
+        number = np.where(unknown, np.cumsum(unknown).reshape(n, 2) - 1, -1)
+        of_p, of_q = number[position].T
+        rows = np.concatenate([of_p[i], of_p[i], of_q[i], of_q[i]])
+        columns = np.concatenate([of_p[j], of_q[j], of_p[j], of_q[j]])
+        inside = np.flatnonzero((rows >= 0) & (columns >= 0))
+        taken = inside[np.argsort(columns[inside] * m + rows[inside])]
+        starts = np.searchsorted(columns[taken], np.arange(m + 1))
+        J = sp.csc_matrix((np.zeros(len(taken)), rows[taken], starts), shape=(m, m))
+        return _Pattern(i, j, np.flatnonzero(i == j), of_p[self.p], of_q[self.q], taken, J)
 
     def step(self, size: np.ndarray, angle: np.ndarray, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Newton step of voltages (pu) and angles (rad). Raises RuntimeError if the Jacobian is singular."""
-        V, p, q, at = size * np.exp(1j * angle), self.p, self.q, self._pattern
+        V, at, miss = size * np.exp(1j * angle), self._pattern, np.empty(len(F))
         n, power = len(size), V * (self.Y @ V).conj()
-        i, j = at.i[:-n], at.j[:-n]
-        flow = V[i] * (self.Y.data * V[j]).conj()  # part of the power of bus i that depends on bus j
-        of_load = self.drawn.s1 + 2 * self.drawn.s2 * size
-        by_angle = np.concatenate([-1j * flow, 1j * power])
-        by_size = np.concatenate([flow / size[j], power / size + of_load])
-        values = np.concatenate([by_angle.real, by_size.real, by_angle.imag, by_size.imag])[at.kept]
-        at.J.data[:] = np.bincount(at.place, values, at.J.nnz)
-        x = splu(at.J).solve(-F)
-        d_size, d_angle = np.zeros(n), np.zeros(n)
-        d_angle[p], d_size[q] = x[: len(p)], x[len(p) :]
+        flow = V[at.i] * (self.Y.data * V[at.j]).conj()  # part of the power of bus i that depends on bus j
+        by_size, turned = flow / size[at.j], flow.copy()  # derivatives by the angle are -j times `turned`
+        turned[at.own] -= power
+        by_size[at.own] += power / size + self.drawn.s1 + 2 * self.drawn.s2 * size
+        at.J.data[:] = np.concatenate([turned.imag, by_size.real, -turned.real, by_size.imag])[at.taken]
+        miss[at.of_p], miss[at.of_q] = -F[: len(self.p)], -F[len(self.p) :]
+        x = splu(at.J, "NATURAL", **SYMMETRIC).solve(miss)
+        d_size, d_angle = np.zeros((2, n))
+        d_angle[self.p], d_size[self.q] = x[at.of_p], x[at.of_q]
         return d_size, d_angle
 
     def per_bus(self, F: np.ndarray) -> np.ndarray:
@@ -93,6 +102,13 @@ class Equations:
         out[self.p] += F[: len(self.p)]
         out[self.q] += 1j * F[len(self.p) :]
         return np.abs(out)
+
+
+def _order(Y: sp.csc_matrix) -> np.ndarray:
+    """Position of every bus in an order in which elimination adds few entries (minimum degree)."""
+    links = sp.csc_matrix((np.ones(Y.nnz), Y.indices, Y.indptr), shape=Y.shape)
+    links.setdiag(Y.shape[0])
+    return splu(links, "MMD_AT_PLUS_A", **SYMMETRIC).perm_c
 
 
 def newton(case: Case, equations: Equations, size: np.ndarray, angle: np.ndarray, limit: int) -> tuple[np.ndarray, int]:
