@@ -10,6 +10,7 @@ from stabctl.devices.exciters import sexs
 from stabctl.devices.governors import tgov
 from stabctl.model import powerflow
 from stabctl.model.case import Case
+from stabctl.model.tables import Load
 
 STEP = 1 / 120  # s
 UNTIL = 10.0  # s
@@ -23,7 +24,7 @@ class Answer(NamedTuple):
 
     V: np.ndarray  # (buses) complex, pu
     eigenvalues: np.ndarray  # complex, 1/s
-    time: np.ndarray  # s
+    time: np.ndarray  # s; empty if the ten seconds were not run
     speed: np.ndarray  # (time, machines) pu
 
 
@@ -34,11 +35,14 @@ def classical() -> Case:
     return _loads_fixed(_governed(replace(case, devices={"gencls": rows})))
 
 
-def full() -> Case:
+def full(name: str = "two_area") -> Case:
     """GENROU with SEXS and TGOV1, loads as admittances."""
-    case = io.load("two_area")
+    case = io.load(name)
     exciters = {m.machine: sexs.Par(0.0, KA, TE, Efdmax=EMAX, Efdmin=-EMAX) for m in case.machines}
     kept = {"genrou": dict(case.devices["genrou"]), "sexs": exciters}
+    ends = [(k.from_bus, k.p) for k in case.links] + [(k.to_bus, k.loss - k.p) for k in case.links]
+    loads = *case.loads, *(Load(bus, p, 0.0) for bus, p in ends)  # HVDC terminals
+    case = replace(case, loads=loads, links=())
     return _loads_fixed(_governed(replace(case, devices=kept)))
 
 

@@ -52,13 +52,31 @@ def works(case: Case, folder: str) -> tuple[dict[str, Callable[[], Callable[[], 
         ss.TDS.init()
         return ss.EIG.run
 
-    def answer() -> Answer:
-        flow, run = kept["flow"], kept["run"]
-        machines = run.GENCLS if run.GENCLS.n else run.GENROU
-        V = flow.Bus.v.v * np.exp(1j * flow.Bus.a.v)
-        return Answer(V, np.array(kept["modes"].EIG.mu), run.dae.ts.t, run.dae.ts.x[:, machines.omega.a])
+    def linear() -> Callable[[], None]:
+        run = eigenvalues()
+        ss = kept["modes"]
 
-    return {"power flow": flow, "10 s": motion, "eigenvalues": eigenvalues}, answer
+        def both() -> None:
+            ss.j_update(models=ss.exist.pflow_tds)
+            run()
+
+        return both
+
+    def answer() -> Answer:
+        flow, modes = kept["flow"], np.array(kept["modes"].EIG.mu)
+        V = flow.Bus.v.v * np.exp(1j * flow.Bus.a.v)
+        if "run" not in kept:
+            return Answer(V, modes, np.zeros(0), np.zeros(0))
+        run = kept["run"]
+        machines = run.GENCLS if run.GENCLS.n else run.GENROU
+        return Answer(V, modes, run.dae.ts.t, run.dae.ts.x[:, machines.omega.a])
+
+    return {
+        "power flow": flow,
+        "10 s": motion,
+        "linearization and eigenvalues": linear,
+        "eigenvalues": eigenvalues,
+    }, answer
 
 
 def system(case: Case, folder: str, fault: bool = True) -> andes.System:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import numpy as np
 from common import FAULT_BUS, FAULT_OFF, FAULT_ON, FAULT_X, STEP, UNTIL, Answer
 
 from stabctl.dynamics import operating_point
@@ -28,6 +29,8 @@ def works(case: Case) -> tuple[dict[str, Callable[[], Callable[[], object]]], Ca
         return lambda: kept.update(modes=analyze(linearize(point)))
 
     def answer() -> Answer:
-        return Answer(flow.V, kept["modes"].eigenvalues, kept["run"].time, kept["run"].arrays.speed)
+        run = (kept["run"].time, kept["run"].arrays.speed) if "run" in kept else (np.zeros(0), np.zeros(0))
+        return Answer(flow.V, kept["modes"].eigenvalues, *run)
 
-    return {"power flow": lambda: lambda: powerflow.solve(case), "10 s": motion, "eigenvalues": eigenvalues}, answer
+    flows = {"power flow": lambda: lambda: powerflow.solve(case), "10 s": motion}
+    return flows | {"linearization and eigenvalues": eigenvalues, "eigenvalues": eigenvalues}, answer

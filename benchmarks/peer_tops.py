@@ -35,7 +35,8 @@ def works(case: Case) -> tuple[dict[str, Callable[[], Callable[[], object]]], Ca
     def answer() -> Answer:
         return Answer(kept["flow"].v_0, kept["modes"].eigs, *kept["run"])
 
-    return {"power flow": flow, "10 s": motion, "eigenvalues": eigenvalues}, answer
+    linear = {"linearization and eigenvalues": eigenvalues, "eigenvalues": eigenvalues}
+    return {"power flow": flow, "10 s": motion} | linear, answer
 
 
 def simulated(ps: PowerSystemModel) -> tuple[np.ndarray, np.ndarray]:

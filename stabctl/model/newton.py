@@ -76,10 +76,8 @@ class Equations:
         rows = np.concatenate([of_p[i], of_p[i], of_q[i], of_q[i]])
         columns = np.concatenate([of_p[j], of_q[j], of_p[j], of_q[j]])
         inside = np.flatnonzero((rows >= 0) & (columns >= 0))
-        taken = inside[np.argsort(columns[inside] * m + rows[inside])]
-        starts = np.searchsorted(columns[taken], np.arange(m + 1))
-        J = sp.csc_matrix((np.zeros(len(taken)), rows[taken], starts), shape=(m, m))
-        return _Pattern(i, j, np.flatnonzero(i == j), of_p[self.p], of_q[self.q], taken, J)
+        J = sp.csc_matrix((inside.astype(float), (rows[inside], columns[inside])), shape=(m, m))
+        return _Pattern(i, j, np.flatnonzero(i == j), of_p[self.p], of_q[self.q], J.data.astype(int), J)
 
     def step(self, size: np.ndarray, angle: np.ndarray, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Newton step of voltages (pu) and angles (rad). Raises RuntimeError if the Jacobian is singular."""

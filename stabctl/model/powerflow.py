@@ -104,9 +104,10 @@ def demands(case: Case) -> Demand:
     """What loads and HVDC terminals draw; a load depends on the voltage if its row gives that of its p and q."""
     place = {b.bus: i for i, b in enumerate(case.buses)}
     S = Demand(*np.zeros((3, len(case.buses)), complex))
-    for load in case.loads:
-        for order, part in enumerate(zip_load.parts(load)):
-            S[order][place[load.bus]] += part / case.base_mva
+    at = np.array([place[load.bus] for load in case.loads], int)
+    parts = np.array([zip_load.parts(load) for load in case.loads], complex).reshape(-1, 3) / case.base_mva
+    for order, part in zip(S, parts.T, strict=True):
+        np.add.at(order, at, part)
     for link in case.links:
         S.s0[place[link.from_bus]] += link.p / case.base_mva
         S.s0[place[link.to_bus]] -= (link.p - link.loss) / case.base_mva
