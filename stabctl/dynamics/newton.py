@@ -82,7 +82,7 @@ class Newton:
         shape = nx + self.outputs + len(self.injections), len(self.unknown)
         return inside, all_rows, Groups(all_rows, np.r_[columns[inside], of_outputs], shape)
 
-    def solve(self, s: np.ndarray) -> tuple[int, float]:
+    def solve(self, s: np.ndarray) -> tuple[int, float, int]:
         """Solve the equations, introducing saturation in steps.
 
         Parameters
@@ -96,6 +96,8 @@ class Newton:
             Newton steps made.
         fastest : float
             Largest magnitude (1/s) of an eigenvalue of a unit with its controls at given voltage.
+        stiffest : int
+            State with the largest participation in this eigenvalue; -1 without states.
 
         Raises
         ------
@@ -108,7 +110,7 @@ class Newton:
             k[self.continued] *= share
             steps += self._iterate(s, k)
         simulated = np.concatenate([np.zeros(0), *(opened(f, closed=False).ravel() for f in self.equations.families)])
-        return steps, self._fastest(self._entries(self.equations.entries(s, simulated)[0]))
+        return steps, *self._fastest(self._entries(self.equations.entries(s, simulated)[0]))
 
     def _entries(self, derivatives: np.ndarray) -> np.ndarray:
         """Entries of the Jacobian, from those of all equations."""
@@ -132,18 +134,33 @@ class Newton:
         worst = int(np.argmax(np.where(np.isfinite(f), np.abs(f), np.inf)))
         raise Unsolved(worst, float(f[worst]))
 
-    def _fastest(self, entries: np.ndarray) -> float:
-        """Largest magnitude of an eigenvalue of the states, outputs eliminated, group by group."""
+    def _fastest(self, entries: np.ndarray) -> tuple[float, int]:
+        """Largest magnitude of an eigenvalue of the states, outputs eliminated, group by group, and its main state."""
         largest, nx, end = 0.0, self.nx, self.nx + self.outputs
+        stiff = np.zeros((0, 0)), np.zeros(0, int)
         for alike in self.groups.alike:
             blocks, columns = self.groups.blocks(entries, alike), alike.columns
             states, both = (columns < nx).sum(axis=1), (columns < end).sum(axis=1)
             for n, m in {(n, m) for n, m in zip(states.tolist(), both.tolist(), strict=True) if n}:
-                J = blocks[(states == n) & (both == m)]
+                these = (states == n) & (both == m)
+                J = blocks[these]
                 inner = np.linalg.solve(J[:, n:m, n:m], J[:, n:m, :n])
                 A = J[:, :n, :n] - J[:, :n, n:m] @ inner
-                largest = max(largest, float(np.abs(np.linalg.eigvals(A)).max()))
-        return largest
+                size = np.abs(np.linalg.eigvals(A)).max(axis=1)
+                k = int(size.argmax())
+                if size[k] > largest:
+                    largest, stiff = float(size[k]), (A[k], columns[these][k, :n])
+        return largest, _main(*stiff)
+
+
+def _main(A: np.ndarray, states: np.ndarray) -> int:
+    """The one of these states with the largest participation in the eigenvalue of A of largest magnitude; -1: none."""
+    if not len(states):
+        return -1
+    values, right = np.linalg.eig(A)
+    k = int(np.abs(values).argmax())
+    left = np.linalg.pinv(right)[k]
+    return int(states[np.abs(left * right[:, k]).argmax()])
 
 
 def _constants(families: list[Family]) -> tuple[np.ndarray, np.ndarray]:

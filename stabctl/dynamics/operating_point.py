@@ -41,6 +41,8 @@ class OperatingPoint:
         Newton steps of the initialization.
     fastest
         Largest eigenvalue (1/s) of a unit with its controls at given voltage, or of a device.
+    stiffest
+        The state that takes part most in this eigenvalue; -1: none.
     """
 
     case: Case
@@ -50,6 +52,7 @@ class OperatingPoint:
     s: np.ndarray
     iterations: int
     fastest: float
+    stiffest: int = -1
     stages: dict[network.Switching, Any] = field(default_factory=dict, compare=False)  # networks used so far
 
     simulate = verb("stabctl.simulation.simulate:simulate")
@@ -197,6 +200,6 @@ def unlimited(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
     current = (flow.S / V).conj()
     rating.check(case, V, current, source_admittances(made))
     found = start(case, made, Equations(made), flow.V, current)
-    point = OperatingPoint(case, flow, net, found.system, found.s, found.iterations, found.fastest)
+    point = OperatingPoint(case, flow, net, found.system, found.s, found.iterations, found.fastest, found.stiffest)
     vars(point)["equations"] = found.equations
     return point

@@ -25,6 +25,7 @@ class Start(NamedTuple):
     s: np.ndarray
     iterations: int
     fastest: float  # 1/s   largest eigenvalue of a unit with its controls at given voltage, or of a device
+    stiffest: int  # the state that takes part most in it; -1: none
 
 
 def start(case: Case, system: System, equations: Equations, V: np.ndarray, current: np.ndarray) -> Start:
@@ -53,20 +54,20 @@ def start(case: Case, system: System, equations: Equations, V: np.ndarray, curre
     s[layout.first_setpoint : layout.step] = [1.0 if p.start is None else p.start for p in layout.setpoints]
     _guess(system, V, current, s)
     _within_limits(system, equations, s)
-    iterations, fastest = _solve(case, system, equations, V, current, s)
+    iterations, fastest, stiffest = _solve(case, system, equations, V, current, s)
     completed = automatic.completed(system, s)
     if completed is not system:
         system, equations = completed, Equations(completed)
-        more, fastest = _solve(case, system, equations, V, current, s)
+        more, fastest, stiffest = _solve(case, system, equations, V, current, s)
         iterations += more
     start_checks.check(case, system, equations, s)
-    return Start(system, equations, s, iterations, fastest)
+    return Start(system, equations, s, iterations, fastest, stiffest)
 
 
 def _solve(
     case: Case, system: System, equations: Equations, V: np.ndarray, current: np.ndarray, s: np.ndarray
-) -> tuple[int, float]:
-    """Solve for the equilibrium, from and to `s`: Newton steps made, and the largest eigenvalue."""
+) -> tuple[int, float, int]:
+    """Solve for the equilibrium, from and to `s`: Newton steps, the largest eigenvalue, and its main state."""
     newton = Newton(system, equations, V, current)
     try:
         return newton.solve(s)

@@ -9,7 +9,10 @@ import numpy as np
 
 from stabctl.devices.blocks import SHORT
 from stabctl.dynamics import family
+from stabctl.dynamics.layout import StatePlace
+from stabctl.dynamics.loops import loops
 from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.dynamics.tables import Family
 from stabctl.errors import StudyError
 from stabctl.schema import hints
 
@@ -121,23 +124,38 @@ def forced_by(point: OperatingPoint) -> str:
 
 
 def cause(point: OperatingPoint) -> str:
-    """What makes the fastest eigenvalue: `T2d = 1e-05 s of genrou, machine 3 at bus 3`, a controller, or empty."""
-    best, text = NEAR, ""
+    """What makes the fastest eigenvalue, or empty.
+
+    `T2d = 1e-05 s of genrou, machine 3 at bus 3`, a controller, or without such a time constant the control loop or
+    state that takes part most: `PLL of REGC_C 5`, `Ed REGC_C 5`.
+    """
     for f in point.system.families:
         if hasattr(f.device, "fastest") and point.fastest < NEAR * f.device.fastest(f.k[0]):
             return f"that of controller {f.keys[0]}"
-        if not hasattr(f.device, "Par"):
+    if point.stiffest < 0:
+        return ""
+    place = point.layout.states[point.stiffest]
+    f = point.system.family(place.table)
+    return _time_constant(f, place.row, point.fastest) or _loop(point, place) or place.label
+
+
+def _time_constant(f: Family, row: int, fastest: float) -> str:
+    """The time constant of a device whose inverse is nearest to an eigenvalue (1/s), empty if none is near."""
+    best, text = NEAR, ""
+    names = family.fields(f.device, "Par")
+    for name, field in hints(f.device.Par).items():
+        value = f.k[row, names.index(name)] if field and field.unit == "s" else 0.0
+        if not value > 0:
             continue
-        columns = [(name, field) for name, field in hints(f.device.Par).items() if field and field.unit == "s"]
-        names = family.fields(f.device, "Par")
-        for name, _ in columns:
-            values = f.k[:, names.index(name)]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                ratio = np.where(values > 0, 1 / (values * point.fastest), np.inf)
-            off = np.maximum(ratio, 1 / ratio)
-            row = int(np.argmin(off)) if len(off) else 0
-            if len(off) and off[row] < best:
-                bypass = "" if f.device.ROLE == "machine" else f"; a control lag below {1e3 * SHORT:g} ms is bypassed"
-                best = float(off[row])
-                text = f"{name} = {values[row]:g} s of {f.name}, {f.keys[row]}{bypass}"
+        off = max(value * fastest, 1 / (value * fastest))
+        if off < best:
+            bypass = "" if f.device.ROLE == "machine" else f"; a control lag below {1e3 * SHORT:g} ms is bypassed"
+            best, text = off, f"{name} = {value:g} s of {f.name}, {f.keys[row]}{bypass}"
     return text
+
+
+def _loop(point: OperatingPoint, place: StatePlace) -> str:
+    """The control loop of a converter that a state belongs to, empty if it belongs to none."""
+    name = loops(point, place.table, place.unit).get(place.name)
+    called = point.case.machines[place.unit].called if place.unit >= 0 else ""
+    return f"{name} of {point.system.family(place.table).device.NAME} {called}" if name else ""

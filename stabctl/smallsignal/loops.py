@@ -5,6 +5,7 @@ from collections import defaultdict
 import numpy as np
 
 from stabctl import devices
+from stabctl.dynamics.loops import loops
 
 from .model import Linear
 
@@ -28,7 +29,7 @@ def loop(linear: Linear, share: np.ndarray) -> str | None:
     for place, part in zip(linear.places, share.tolist(), strict=True):
         device = devices.every().get(place.table) if part > LEAST else None
         if device is not None and device.ROLE in ("converter", *devices.OF_CONVERTER):
-            name = _of(linear, place.table, place.unit).get(place.name)
+            name = loops(linear.point, place.table, place.unit).get(place.name)
             if name is not None:
                 found[device.NAME, name][place.unit] += part
     total = {key: sum(units.values()) for key, units in found.items()}
@@ -41,14 +42,3 @@ def loop(linear: Linear, share: np.ndarray) -> str | None:
     called = ", ".join(str(case.machines[unit].called) for unit in strong[:MOST])
     more = f" and {len(strong) - MOST} more" if len(strong) > MOST else ""
     return f"{name} of {device_name} {called}{more}"
-
-
-def _of(linear: Linear, table: str, unit: int) -> dict[str, str]:
-    """State -> loop of a converter device."""
-    device = devices.every()[table]
-    if not hasattr(device, "loops"):
-        return {state: name for name, states in getattr(device, "LOOPS", {}).items() for state in states}
-    units, constants = linear.point.constants(table)
-    row = units.tolist().index(unit)
-    par = device.Par(*(constants[name][row] for name in device.Par._fields))
-    return {state: name for name, states in device.loops(par).items() for state in states}

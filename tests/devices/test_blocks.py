@@ -101,6 +101,11 @@ def test_gates_and_limits(x, y, z):
     assert b.clip(np.inf, low, high) == high
 
 
+def test_growth_away_from_zero_is_limited_and_decay_is_not():
+    assert [b.growth_limit(rate, 0.3, 2.0) for rate in (-9.0, 1.0, 9.0)] == [-9.0, 1.0, 2.0]
+    assert [b.growth_limit(rate, -0.3, 2.0) for rate in (-9.0, 1.0, 9.0)] == [-2.0, 1.0, 9.0]
+
+
 @given(st.floats(-3, 8))
 def test_curves_equal_those_of_numpy(x):
     xs, ys = (0.0, 1.0, 2.5, 5.0), (0.5, 1.0, 0.8, 3.0)

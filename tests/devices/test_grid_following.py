@@ -108,6 +108,20 @@ def test_the_current_with_priority_keeps_what_it_is_ordered(PqFlag):
         assert y[:2] == pytest.approx(wanted, abs=1e-12)
 
 
+@pytest.mark.parametrize("RateFlag", [0, 1])
+def test_active_current_or_power_rises_at_most_at_its_rate(RateFlag):
+    """At half the voltage, 0.1 pu/s of power is 0.2 pu/s of current; a fall is not limited."""
+    for device, p in ((regc_b, REGC_B), (regc_c, REGC_C)):
+        p = p._replace(RateFlag=RateFlag, Rrpwr=0.1, **({"wb": 377.0} if device is regc_c else {}))
+        x = list(device.guess(0.5 + 0j, 0.4 + 0j, p))
+        at = device.State._fields.index("ip")
+        up, down = (evaluate(device, p, x, {"Ipcmd": ip, "Iqcmd": 0.0}, (0.5, 0.0))[0][at] for ip in (0.9, 0.1))
+        assert up == pytest.approx(0.1)
+        assert down == pytest.approx(-0.3 / p.Tg * (0.5 if RateFlag else 1.0))
+        charging = list(device.guess(0.5 + 0j, -0.4 + 0j, p))
+        assert evaluate(device, p, charging, {"Ipcmd": -0.9, "Iqcmd": 0.0}, (0.5, 0.0))[0][at] == pytest.approx(-0.1)
+
+
 def test_regc_b_without_lag_of_its_voltage_is_regc_a():
     """Te below 1 ms: the current is its reference. The admittance in the network changes nothing."""
     change = [LoadStep("2", 0.1, 60.0, 20.0)]

@@ -100,29 +100,33 @@ def voltage_beside_psse(name):
     return run, t - replay.at, ours[1] - data[:, 1]
 
 
-def test_voltage_control_by_reactive_current_differs_by_the_integration_of_psse():
-    """2.9e-4 pu, as Adams and Bashforth at 5 ms on the linearized equations; ours moves 3e-7 with the step."""
-    run, t, voltage = voltage_beside_psse("REN_A_REFFLAG")
-    assert np.abs(voltage).max() < 3e-4
+def integrated_as_in_psse(run, steps, h=0.005):
+    """Exact less integrated voltage (steps), pu, after branch 101-103 opens, of the linearized equations.
+
+    Adams and Bashforth's second-order method at 5 ms. The derivative of the first step is the mean of those just before
+    and just after the event, the former of which is zero.
+    """
     left = tuple(b for b in run.point.case.branches if {b.from_bus, b.to_bus} != {101, 103})
-    after, h = operating_point.solve(replace(run.point.case, branches=left)), 0.005
+    after = operating_point.solve(replace(run.point.case, branches=left))
     model = st.linearize(after, outputs="voltage:103")
     labels = [place.label for place in after.layout.states]
     z = (run.point.s - after.s)[[labels.index(label) for label in model.states]]
-    exact, stepped, before, error, step = z, z, model.A @ z, [], expm(h * model.A)
-    for _ in range(2000):
+    exact, stepped, before, error, step = z, z, 0 * z, [], expm(h * model.A)
+    for n in range(steps):
         error.append((model.C @ (exact - stepped)).item())
-        now = model.A @ stepped
+        now = model.A @ stepped / (2 if n == 0 else 1)
         exact, stepped, before = step @ exact, stepped + h * (1.5 * now - 0.5 * before), now
-    assert np.abs(voltage - np.interp(t, h * np.arange(2000), error, left=0.0)).max() < 4e-5  # 3.8e-5
+    return h * np.arange(steps), error
 
 
-def test_voltage_control_by_voltage_differs_in_the_first_steps_of_psse():
-    """Two steps after the event, by 2.3e-4 and -1.9e-4 pu; ours moves 6e-7 with the step."""
-    _, t, voltage = voltage_beside_psse("REN_A_REFFLAG_QFLAG")
-    assert np.abs(voltage).max() < 2.4e-4
-    assert np.abs(voltage[t > 0.025]).max() < 2e-4
-    assert np.abs(voltage[t > 0.1]).max() < 2e-5  # 1.3e-5
+@pytest.mark.parametrize(
+    ("name", "largest", "rest"), [("REN_A_REFFLAG", 2.9e-4, 3.6e-6), ("REN_A_REFFLAG_QFLAG", 2.3e-4, 1.4e-5)]
+)
+def test_voltage_control_of_a_plant_differs_by_the_integration_of_psse(name, largest, rest):
+    """Less the error of that integration, 3.6e-6 and 1.4e-5 pu are left; ours moves 6e-7 with the step."""
+    run, t, voltage = voltage_beside_psse(name)
+    assert np.abs(voltage).max() == pytest.approx(largest, rel=0.02)
+    assert np.abs(voltage - np.interp(t, *integrated_as_in_psse(run, 2000), left=0.0)).max() < 1.1 * rest
 
 
 def test_degov_beside_powerworld():

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from comparison import KEEP_ON
+from systems import REGC_C, small
 
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
@@ -111,6 +112,21 @@ class TestLimitsOfTheStep:
         point = operating_point.solve(cases("two_area").set(path, value))
         assert steps.checked(point, None) < steps.STEP
         with pytest.raises(StudyError, match=says):
+            run(point, step=0.01)
+
+    @pytest.mark.parametrize(
+        ("given", "fastest", "says"),
+        [
+            ({"Kip": 12.0, "Te": 0.02}, 13 / 0.02, "current control of REGC_C 1"),
+            ({"Kppll": 800.0, "wmax": 99.0, "wmin": -99.0}, 800.0, "PLL of REGC_C 1"),
+        ],
+    )
+    def test_a_short_step_names_the_loop_that_forces_it(self, given, fastest, says):
+        """The current control has (1 + Kip)/Te, the phase-locked loop Kppll; no time constant is as short."""
+        point = operating_point.solve(small({"regc_c": REGC_C._replace(**given)}))
+        assert point.fastest == pytest.approx(fastest, rel=0.05)
+        assert steps.checked(point, None) == pytest.approx(steps.REACH / point.fastest / 2)
+        with pytest.raises(StudyError, match=rf"near {point.fastest:.0f} 1/s \({says}\); give at most"):
             run(point, step=0.01)
 
     def test_the_longest_step_is_carried_and_twice_as_long_would_not_be(self, two_area, monkeypatch):

@@ -72,6 +72,12 @@ def rate_limit(rate, low, high):
 
 
 @inline
+def growth_limit(rate, wanted, most):
+    """State derivative (1/s), at most `most` where `wanted` >= 0, otherwise at least -most: growth away from zero."""
+    return at_most(rate, most) if wanted.real >= 0 else at_least(rate, -most)
+
+
+@inline
 def while_within(x, measured, low, high):
     """x while `measured` is within low..high, otherwise 0; high = 0 means no upper bound."""
     if measured.real < low or (high > 0 and measured.real > high):

@@ -16,7 +16,7 @@ from typing import Annotated, NamedTuple
 from annotated_types import Interval
 
 from stabctl._util.jit import inline
-from stabctl.devices.blocks import SHORT, at_least, at_most, lag, lag_rate, rate_limit
+from stabctl.devices.blocks import SHORT, at_least, growth_limit, lag, lag_rate, rate_limit
 from stabctl.devices.ports import PORT
 
 from .electrical import root, within
@@ -59,7 +59,7 @@ def reference_rates(x, u, vt, p):
     ip, iq = allowed(u.Ipcmd, u.Iqcmd, p)
     rate = lag_rate(p.Tg, ip * divisor(x, vt, p), x.ip)
     return (
-        at_most(rate, p.Rrpwr) if u.Ipcmd.real >= 0 else at_least(rate, -p.Rrpwr),
+        growth_limit(rate, u.Ipcmd, p.Rrpwr),
         rate_limit(lag_rate(p.Tg, iq, x.iq), p.Iqrmin, p.Iqrmax),
         lag_rate(p.Tfltr, vt, x.vfilt),
     )
