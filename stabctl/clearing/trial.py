@@ -54,8 +54,8 @@ class Trial:
             raise StudyError(f"{self.contingency} has no fault, so it has no clearing time; give one with a fault.")
         if not len(self.point.rotors.unit):
             raise StudyError(
-                f"{self.point.case.name} has no synchronous machine, so loss of synchronism is not judged and there is "
-                "no clearing time; add a machine, or use simulate."
+                f"{self.point.case.name} has no machine or grid-forming converter, so loss of synchronism is not "
+                "judged and there is no clearing time; add one, or use simulate."
             )
 
     @cached_property

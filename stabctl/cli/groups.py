@@ -130,6 +130,7 @@ class StabilityOptions(NamedTuple):
     min_frequency: options.MinFrequency = None
     max_frequency: options.MaxFrequency = None
     frequency_delay: options.FrequencyDelay = "1s"
+    coi: options.CenterOfInertia = "all"
 
     def criterion(self, case: "Case") -> "Criterion":
         """The criterion, its frequencies in pu of the case's."""
@@ -140,9 +141,9 @@ class StabilityOptions(NamedTuple):
         if not self.max_angle > 0:
             raise StudyError(f"--max-angle {self.max_angle:g} rad is not allowed; it must be more than 0.")
         hz, given = case.frequency_hz, {"min_frequency": self.min_frequency, "max_frequency": self.max_frequency}
-        limits = {name: value / hz for name, value in given.items() if value is not None}
+        limits: dict[str, Any] = {name: value / hz for name, value in given.items() if value is not None}
         delay = seconds(self.frequency_delay, hz)
-        return DEFAULT._replace(max_angle=self.max_angle, frequency_delay_s=delay, **limits)
+        return DEFAULT._replace(max_angle=self.max_angle, frequency_delay_s=delay, coi=self.coi, **limits)
 
 
 class PmuOptions(NamedTuple):

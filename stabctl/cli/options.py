@@ -193,6 +193,10 @@ FrequencyDelay = Annotated[
         help="Time outside this range that counts as frequency instability, s or 500ms; 0 turns this off.",
     ),
 ]
+CenterOfInertia = Annotated[
+    Literal["all", "machines"],
+    typer.Option("--coi", help="Center of inertia of machines and grid-forming converters, or of machines alone."),
+]
 
 Estimator = Annotated[
     Literal["ideal", "frequency", "kinematic", "kalman"],

@@ -49,9 +49,9 @@ def gep(base: "Case | OperatingPoint", machine: int, *, others: Others = "held")
 
 def held(model: Linear, machine: int, column: int, others: Others) -> Model:
     """The part of a linear model with inputs "vs" and outputs "pe" in which the rotor of a machine is held."""
-    angles = model.angles()
+    angles = model.angles()[~model.point.rotors.virtual]
     if others == "free":
-        angles = angles[[model.point.rotor_numbers.index(machine)]]
+        angles = model.angles()[[model.point.rotor_numbers.index(machine)]]
     free = np.delete(np.arange(len(model.A)), np.r_[angles, angles + 1])
     labels = (model.inputs[column],), (model.outputs[column],)
     return Model(

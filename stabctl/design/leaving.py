@@ -88,10 +88,9 @@ def leaving(trial: Trial, coherent: Areas, cycles: float | None = None) -> Group
         return None
     k = round(cycles / trial.search.resolution_cycles)
     run = trial.simulate(k, record=True)
-    first = run.outcome.machine
-    if first is None:
+    first, names, H = run.outcome.machine, run.point.rotor_names, run.point.inertia
+    if first not in names:
         return None
-    names, H = run.point.rotor_names, run.point.inertia
     at = min(int(np.searchsorted(run.time, trial.cleared(k) - 1e-9)), len(run.time) - 1)
     w = run.arrays.speed[at] - run.arrays.speed[0]
     w = w - w @ H / H.sum()

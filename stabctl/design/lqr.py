@@ -95,7 +95,8 @@ def lqr(
 
 def _projected(cost: Quadratic, K: np.ndarray) -> np.ndarray:
     """The gain (outputs, signals) that comes nearest to K x in the optimal loop."""
-    speeds, H = cost.model.speeds(), cost.model.point.inertia
+    speeds, rotors = cost.model.speeds(), cost.model.point.rotors
+    H = rotors.inertia[rotors.speed < cost.model.point.layout.nx]
     noise = cost.basis[speeds] / H[:, None]
     P = sl.solve_continuous_lyapunov(cost.closed(K), -noise.T @ noise)
     C = (cost.C + cost.D @ K) @ cost.basis

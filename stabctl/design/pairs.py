@@ -156,7 +156,7 @@ def pairs(
         raise StudyError(f"{point.case.name} has no signal to read, or no input to drive; give inputs and outputs.")
     modes = closed_loop(point, inputs=drives, outputs=reads).modes()
     k = meant(modes, None if mode is None else hertz(mode))
-    speed = np.abs(modes.right[modes.linear.speeds()]).max(axis=0)
+    speed = np.abs(modes.speeds).max(axis=0)
     seen = modes.observability()
     residues = np.outer(seen[:, k], modes.controllability()[k])
     swings = modes.swings()

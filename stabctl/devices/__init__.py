@@ -11,6 +11,8 @@ and imaginary part), y (its own Output) and p (Par), each marked `@inline`:
     current(...)      -> current into the bus (system base) of any other device
     prepare(p)        -> Par, with the parameters computed from others
     guess(V, I, p)    -> State to start the initialization from
+    inertia(p)        -> equivalent inertia constant (s, own base) of a converter's virtual rotor: its angle is the
+                         state delta, its speed the state or output omega, as those of a machine
     automatic(p, u, y) -> Par, with the parameters that depend on the starting point (u, y: inputs and output there)
     step(...)         -> Output once per time step, for a sampled control law
 
@@ -20,7 +22,8 @@ power of the device jumps (the simulation ends a step there). Initialization ign
 DEADBANDS. The file name is the name of the table. DYR names the fields of Par in the order of the constants of a PSS/E
 record (`_name`: ignored, `+name`: an integer before the constants, `'name`: a text there); from_record(kind, values) ->
 (Par, corrections) converts values where that is needed. ANGLES lists the states that are angles in the synchronous
-frame, by default "delta"; PHASORS the pairs of states that are real and imaginary part of a phasor there.
+frame, by default "delta"; PHASORS the pairs of states that are real and imaginary part of a phasor there. PLL names the
+state that is the angle of a phase-locked loop there, judged by the criterion of stability as that of a rotor.
 LOOPS maps the control loops of a converter to their states, after which modes are named; loops(p) does so where a
 parameter decides what a loop holds.
 """

@@ -23,11 +23,30 @@ INFINITE = 1e9  # s   inertia constant in place of that of an infinite bus
 
 
 class Rotors(NamedTuple):
-    """The units with a rotor."""
+    """The units with an angle and a speed of their own: synchronous machines, and converters with a virtual rotor."""
 
     unit: np.ndarray  # rows of the units
-    angle: np.ndarray  # places; the speed follows
-    inertia: np.ndarray  # s   H on the system base
+    angle: np.ndarray  # places, among the states
+    speed: np.ndarray  # places, among the states or outputs
+    inertia: np.ndarray  # s   H on the system base, of a virtual rotor the equivalent one
+    virtual: np.ndarray  # whether it is that of a converter
+
+    @property
+    def real(self) -> "Rotors":
+        """Those of synchronous machines."""
+        return Rotors(*(column[~self.virtual] for column in self))
+
+    def of_machines(self, island: np.ndarray) -> np.ndarray:
+        """Inertia (rotor units, s), 0 for virtual rotors in an island (of every unit; -1: off) that has a machine."""
+        with_machine = np.isin(island[self.unit], island[self.unit[~self.virtual]])
+        return np.where(self.virtual & with_machine, 0.0, self.inertia)
+
+
+class PhaseLocked(NamedTuple):
+    """The phase-locked loops of grid-following converters."""
+
+    unit: np.ndarray  # rows of the units
+    angle: np.ndarray  # places, among the states
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +57,7 @@ class System:
     layout: Layout
     limits: Limits
     rotors: Rotors
+    locked: PhaseLocked
     unit_bus: np.ndarray  # (units) rows of the buses
     forming: np.ndarray  # (units) whether it is a voltage source
     fixed: np.ndarray  # (buses) admittances included in the network matrix, pu
@@ -79,7 +99,7 @@ def system(case: Case, flow: PowerFlow, net: Network) -> System:
     """Connect all devices of a case. Raises `EquilibriumError` if a device reads a signal that its unit lacks."""
     tables, fixed = rows.tables(case, flow, net)
     wired = Wiring(case, tables, len(case.buses), net)
-    families = wired.families()
+    families, layout = wired.families(), wired.layout()
     draws = [f for f in families if family.CURRENT in family.equations(f.device)]
     unit = {name: [row.unit for row in rows] for name, rows in tables.items()}
     forming = np.zeros(len(case.machines), bool)
@@ -91,9 +111,10 @@ def system(case: Case, flow: PowerFlow, net: Network) -> System:
     draw_bus = (np.unique(np.concatenate(buses)) - wired.nx) // 2 if buses else np.zeros(0, np.int64)
     return System(
         families,
-        wired.layout(),
+        layout,
         limits(families, wired.step + 2),
         _rotors(families, unit),
+        _locked(families, unit),
         net.machine_bus.astype(np.int64),
         forming,
         fixed,
@@ -111,13 +132,38 @@ def _watched(name: str, row: Row) -> Iterator[tuple[int, float]]:
 
 
 def _rotors(families: Iterable[Family], unit: Mapping[str, list[int]]) -> Rotors:
-    found: list[tuple[int, int, float]] = []
+    found: list[tuple[int, int, int, float, bool]] = []
     for f in families:
-        states, constants = family.fields(f.device, "State"), family.fields(f.device, "Par")
-        if {"delta", "omega"} <= set(states) and "H" in constants:
-            H = f.k[:, constants.index("H")]
-            inertia = np.where(H > 0, H, INFINITE) * f.k[:, constants.index("mva")]
-            found += zip(unit[f.name], f.w[:, family.STATE] + states.index("delta"), inertia, strict=True)
-    found.sort()
-    parts = list(zip(*found, strict=True)) or [(), (), ()]
-    return Rotors(np.array(parts[0], np.int64), np.array(parts[1], np.int64), np.array(parts[2], float))
+        inertia, states = _inertia(f), family.fields(f.device, "State")
+        if inertia is not None:
+            angle = f.w[:, family.STATE] + states.index("delta")
+            if "omega" in states:
+                speed = f.w[:, family.STATE] + states.index("omega")
+            else:
+                speed = f.w[:, -1] + family.fields(f.device, "Output").index("omega")
+            virtual = [f.device.ROLE != "machine"] * len(f.w)
+            found += zip(unit[f.name], angle, speed, inertia, virtual, strict=True)
+    parts = list(zip(*sorted(found), strict=True)) or [()] * 5
+    kinds = np.int64, np.int64, np.int64, float, bool
+    return Rotors(*(np.array(part, kind) for part, kind in zip(parts, kinds, strict=True)))
+
+
+def _inertia(f: Family) -> np.ndarray | None:
+    """Inertia constants (devices) on the system base, s; None if the device has no rotor, real or virtual."""
+    constants = family.fields(f.device, "Par")
+    if hasattr(f.device, "inertia"):
+        return np.asarray(f.device.inertia(f.device.Par(*f.k.T))) * f.k[:, constants.index("mva")]
+    if not ({"delta", "omega"} <= set(family.fields(f.device, "State")) and "H" in constants):
+        return None
+    H = f.k[:, constants.index("H")]
+    return np.where(H > 0, H, INFINITE) * f.k[:, constants.index("mva")]
+
+
+def _locked(families: Iterable[Family], unit: Mapping[str, list[int]]) -> PhaseLocked:
+    found: list[tuple[int, int]] = []
+    for f in families:
+        if hasattr(f.device, "PLL"):
+            angle = f.w[:, family.STATE] + family.fields(f.device, "State").index(f.device.PLL)
+            found += zip(unit[f.name], angle, strict=True)
+    parts = list(zip(*sorted(found), strict=True)) or [()] * 2
+    return PhaseLocked(*(np.array(part, np.int64) for part in parts))

@@ -126,6 +126,7 @@ class Extension:
         for origin, values in self._values.items():
             s[places(origin + np.arange(len(values)))] = values
         system = self._system(families, layout.one)
+        system = replace(system, rotors=system.rotors._replace(speed=places(system.rotors.speed)))
         return replace(point, system=replace(system, layout=layout), s=s, stages={})
 
     def _system(self, families: tuple[Family, ...], one: int) -> System:

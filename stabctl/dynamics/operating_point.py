@@ -181,6 +181,21 @@ def solve(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
     return point
 
 
+def _formed(case: Case, net: Network, made: System) -> None:
+    """Raise `EquilibriumError` if an island has no voltage source: current sources alone have no common frequency."""
+    where = network.islands(net)
+    of_unit = where[made.unit_bus]
+    for k in np.setdiff1d(of_unit, of_unit[made.forming]):
+        names = [str(m.called) for m, island in zip(case.machines, of_unit, strict=True) if island == k]
+        buses = [str(b.bus) for b, island in zip(case.buses, where, strict=True) if island == k]
+        island = f"The island of {named(len(buses), 'bus')} {listed(buses)} in {case.name}"
+        units = f"its units {listed(names)} are" if len(names) > 1 else f"its only unit, {names[0]}, is"
+        raise EquilibriumError(
+            f"{island if where.any() else case.name} cannot be initialized: nothing sets its voltage and frequency, "
+            f"because {units} grid-following; add a machine or a grid-forming converter, such as regfm_a1."
+        )
+
+
 @paused()
 def unlimited(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
     """The operating point without limits, which is an equilibrium unless it exceeds some: see `violations.find`.
@@ -196,6 +211,7 @@ def unlimited(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
     flow = flow or powerflow.solve(case)
     net = network.build(case)
     made = system(case, flow, net)
+    _formed(case, net, made)
     V = flow.V[net.machine_bus]
     current = (flow.S / V).conj()
     rating.check(case, V, current, source_admittances(made))

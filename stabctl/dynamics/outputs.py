@@ -70,20 +70,20 @@ def value(point: OperatingPoint, signal: Signal) -> Callable[[np.ndarray], float
 
 
 def reading(point: OperatingPoint, signal: Signal) -> Reading | None:
-    """The output as a function of states, voltages and set-points; None for a device's output, which `place` locates.
+    """The output as a function of states, voltages, set-points and speeds; None for an output that `place` locates.
 
     A bus frequency is that of its angle, whose rate it is: see `angle_rate`.
     """
     if given(signal.kind):
         at = place(point, signal)
         return None if at >= point.layout.first_output else _weighted(np.array([at]), np.ones(1))
-    angles, inertia, nx = point.rotors.angle, point.inertia, point.layout.nx
+    angles, speeds, inertia, nx = point.rotors.angle, point.rotors.speed, point.inertia, point.layout.nx
     weights = inertia / inertia.sum()
     if signal.kind in ("deviation", "angle_deviation"):
         group = np.isin(point.rotor_numbers, machines(signal))
         rest = np.where(group, 0.0, inertia)
         own = np.where(group, inertia, 0.0) / inertia[group].sum()
-        places = angles + (signal.kind == "deviation")
+        places = speeds if signal.kind == "deviation" else angles
         return _weighted(places, own - rest / rest.sum() if rest.any() else 0 * own)
     if signal.kind == "state":
         return _weighted(np.array([state(point, signal)]), np.ones(1))
@@ -92,9 +92,9 @@ def reading(point: OperatingPoint, signal: Signal) -> Reading | None:
         own = np.arange(len(angles)) == i
         rest = np.where(own, 0.0, inertia)
         share = {"speed": own * 1.0, "angle": own - weights, "rest_speed": rest / (rest.sum() or 1.0)}[signal.kind]
-        return _weighted(angles + (signal.kind != "angle"), share)
+        return _weighted(angles if signal.kind == "angle" else speeds, share)
     if signal.kind == "coi_speed":
-        return _weighted(angles + 1, weights)
+        return _weighted(speeds, weights)
     if signal.kind in OF_LINE:
         return _flow(point, signal, nx)
     v = nx + 2 * point.net.place[signal.number] + np.arange(2)

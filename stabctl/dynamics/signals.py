@@ -102,7 +102,7 @@ INPUTS = _kinds(
 )
 OUTPUTS = _kinds(
     {
-        "speed": ("machine", "speed {machine} {place}", "pu", "rotor speed"),
+        "speed": ("machine", "speed {machine} {place}", "pu", "speed of a rotor, real or virtual"),
         "angle": ("machine", "angle {machine} {place} to COI", "rad", "rotor angle relative to the COI"),
         "coi_speed": ("", "speed COI", "pu", "speed of the center of inertia (COI)"),
         "rest_speed": ("machine", "speed COI without {place}", "pu", "COI speed of all other machines"),
@@ -146,7 +146,8 @@ OUTPUTS = _kinds(
     }
 )
 
-OF_ROTOR = ("speed", "angle", "rest_speed", "deviation", "angle_deviation", "efd", "pm", "ifd", "field", "power")
+OF_ROTOR = ("speed", "angle", "rest_speed", "deviation", "angle_deviation")  # of a machine, or virtual
+OF_MACHINE = ("efd", "pm", "ifd", "field", "power")
 OF_STORAGE = ("order", "order_q")
 OF_CONVERTER = ("ipcmd", "iqcmd")
 SET_POINTS = {"pset": ("Pset", "Pref"), "qset": ("Qset", "Qext", "Qref"), "vset": ("Vset", "Vref")}  # ports
@@ -212,8 +213,8 @@ def _everywhere(case: Case, name: str, kind: Kind) -> Sequence[int | str | None]
         return [n for n in numbers if port(case, n, name)]
     if kind.place == "state":
         raise StudyError("Name the states that are meant: state:speed GENROU 2, as in the labels of linear models.")
-    if name in OF_ROTOR:
-        return [n for n in numbers if _model(case, n, "machine")]
+    if name in (*OF_ROTOR, *OF_MACHINE):
+        return [n for n in numbers if _has_rotor(case, n, name in OF_ROTOR)]
     return numbers
 
 
@@ -282,7 +283,7 @@ def _group(case: Case, name: str, text: str) -> int | str:
 
 def _belongs(case: Case, name: str, number: int) -> None:
     """Check that the machine has the control that the reference belongs to, or lacks the one that would override it."""
-    if name in OF_ROTOR and not _model(case, number, "machine"):
+    if name in (*OF_ROTOR, *OF_MACHINE) and not _has_rotor(case, number, name in OF_ROTOR):
         raise StudyError(
             f"Unit {number} of {case.name} is a converter without a rotor, so it has no signal {name}; choose another."
         )
@@ -312,6 +313,12 @@ def _device(case: Case, text: str) -> str:
         known = ", ".join(names)
         raise StudyError(f"{shown(text)} is not one of the storage devices of {case.name}; they are {known}.")
     return matching[0]
+
+
+def _has_rotor(case: Case, number: int, virtual: bool) -> bool:
+    """Whether a unit is a synchronous machine or, if `virtual` rotors count, a converter with one."""
+    converter = _model(case, number, "converter") if virtual else None
+    return bool(_model(case, number, "machine")) or hasattr(devices.models().get(str(converter)), "inertia")
 
 
 def _model(case: Case, number: int, role: str) -> str | None:

@@ -61,7 +61,7 @@ def rotor_units(point: OperatingPoint, inertia: Factor = 1.0, reactance: Factor 
     for factor in (inertia, reactance):
         if np.shape(factor) not in ((), (m,)) or not np.all(np.asarray(factor) > 0):
             raise StudyError(f"The factor {shown(factor)} is not possible; give a positive number, or one per machine.")
-    without = sorted(set(range(m)) - set(point.rotors.unit.tolist()))
+    without = sorted(set(range(m)) - set(point.rotors.real.unit.tolist()))
     if without:
         raise StudyError(
             f"The speed of machine {point.case.machines[without[0]].machine} of {point.case.name} cannot be estimated, "

@@ -13,6 +13,7 @@ from stabctl.schema import Field, fields
 
 from .tables import TABLES
 
+LEFT_BY = {"converter": ("exciter", "governor", "stabilizer"), "machine": devices.OF_CONVERTER}  # role -> controls
 UNIT_ROLES = ("machine", "converter")  # every row of machines.csv has exactly one model with one of these
 _OWNERS = {"load": ("loads", "bus"), "shunt": ("buses", "bus")}  # role -> table and column of the key
 SINGLE_ROLES = (

@@ -15,7 +15,8 @@ def with_device(case: Case, model: str, at: int | Iterable[int], **values: Any) 
     """The case with a device added at a machine, or replaced.
 
     A machine, converter, exciter or governor replaces the device with the same role; a stabilizer replaces only one of
-    the same model.
+    the same model. A converter takes the place of a machine, and its exciter, governor and stabilizers go with it; a
+    machine takes the place of a converter with its controls.
 
     Parameters
     ----------
@@ -51,7 +52,7 @@ def with_device(case: Case, model: str, at: int | Iterable[int], **values: Any) 
     role = catalog.role(model)
     others: tuple[str, ...] = (model,)
     if role in catalog.UNIT_ROLES:
-        others = tuple(catalog.of_role(*catalog.UNIT_ROLES))
+        others = tuple(catalog.of_role(*catalog.UNIT_ROLES, *catalog.LEFT_BY[role]))
     elif role in (*catalog.SINGLE_ROLES, "load"):
         others = tuple(catalog.of_role(role))
     devices = _left(case, others, places)

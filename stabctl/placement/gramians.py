@@ -96,7 +96,7 @@ def gramians(
             f"{max(float(s.real.max()), 0.0) + EQUAL:.3g} 1/s."
         )
     H = point.inertia * point.case.base_mva
-    scale = np.sqrt(H @ np.abs(all_modes.right[all_modes.linear.speeds()][:, chosen]) ** 2)
+    scale = np.sqrt(H @ np.abs(all_modes.speeds[:, chosen]) ** 2)
     c = all_modes.controllability()[chosen] * scale[:, None] / point.case.base_mva
     c = c[:, [buses.index(k.bus) for k in found]]
     both, rate = np.r_[c, c.conj()], np.r_[s, s.conj()]

@@ -134,10 +134,11 @@ def sensitivity(
         draw = inputs.draw(point, signal)
         if served[draw.bus]:
             gu[2 * draw.bus : 2 * draw.bus + 2, k] = np.array([draw.current_of(complex(V[draw.bus]))]).view(float)
-    J = 2 * point.inertia[:, None] * (fv @ splu(gv).solve(gu))
-    numbers = point.rotor_numbers
-    island = where[point.system.unit_bus[point.rotors.unit]]
-    return Sensitivity(case.name, numbers, found, J, point.inertia.copy(), island, case.base_mva)
+    rotors = point.rotors.real
+    J = 2 * rotors.inertia[:, None] * (fv @ splu(gv).solve(gu))
+    numbers = tuple(case.machines[i].machine for i in rotors.unit)
+    island = where[point.system.unit_bus[rotors.unit]]
+    return Sensitivity(case.name, numbers, found, J, rotors.inertia, island, case.base_mva)
 
 
 def _settled(
@@ -152,7 +153,7 @@ def _settled(
         gv = sp.csc_matrix(live @ (d.of_currents[:, places] - Y) - (sp.identity(len(v)) - live))
         miss = live @ (d.currents.view(float) - Y @ v)
         if np.abs(miss).max() < TOLERANCE:
-            return v.view(complex), sp.csc_matrix(d.of_rates[point.rotors.angle + 1][:, places]), gv
+            return v.view(complex), sp.csc_matrix(d.of_rates[point.rotors.real.speed][:, places]), gv
         try:
             v -= splu(gv).solve(miss)
         except RuntimeError:

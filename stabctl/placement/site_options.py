@@ -144,6 +144,11 @@ def _followed(point: OperatingPoint, options: Sequence[SiteOption]) -> tuple[tup
     rotors = [m for m in point.case.machines if m.machine in point.rotor_numbers]
     nearest = {bus: m.machine for m in reversed(rotors) for bus in (m.bus, m.storage_bus)}
     free = [option.bus for option in options if option.machine is None and option.bus not in nearest]
+    if free and not len(point.rotors.real.unit):
+        raise StudyError(
+            f"{point.case.name} has no synchronous machine that a site without one could follow; give the machine of "
+            f"bus {free[0]}."
+        )
     if free:
         first = point.rotor_numbers[0]
         found = sensitivity(point, [(first, bus) for bus in dict.fromkeys(free)])

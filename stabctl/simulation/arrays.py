@@ -35,7 +35,7 @@ class Arrays:
     @cached_property
     def speed(self) -> np.ndarray:
         """Rotor speeds (rows, rotor units), pu."""
-        return _fixed(self._rows[:, self._point.rotors.angle + 1])
+        return _fixed(self._rows[:, self._point.rotors.speed])
 
     @cached_property
     def coi_speed(self) -> np.ndarray:

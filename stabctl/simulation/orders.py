@@ -10,20 +10,36 @@ def run(calls, p, s, f, on):
     perform(calls, p.w, p.k, s, f, on)
 
 
+@inline
+def acceleration(i, a, q):
+    """Acceleration of a rotor: the rate of a state as last evaluated, or that of an output in the last step."""
+    return q.f[a.speed[i]] if a.speed[i] < len(q.x0) else q.turned[1, i]
+
+
 @noinline
-def coi(a, net, q):
-    """Sum inertia, and inertia times speed, acceleration and angle change, per island."""
+def coi(weight, a, net, q):
+    """Sum the weights of the rotors, and weight times speed and angle change, per island."""
     s, sums, island = q.s, q.coi, net.island
     for i in range(len(island)):
-        for j in range(4):
+        for j in range(3):
             sums[j, max(island[i], 0)] = 0.0
     for i in range(len(a.rotor)):
-        k, h, at = island[a.unit[i]], a.inertia[i], a.rotor[i]
+        k, h = island[a.unit[i]], weight[i]
         if k >= 0:
             sums[0, k] += h
-            sums[1, k] += h * s[at + 1]
-            sums[2, k] += h * q.f[at + 1]
-            sums[3, k] += h * (s[at] - q.angles[0, i])
+            sums[1, k] += h * s[a.speed[i]]
+            sums[2, k] += h * (s[a.rotor[i]] - q.angles[0, i])
+
+
+@noinline
+def accelerate(a, net, q):
+    """Sum inertia times acceleration, per island."""
+    for i in range(len(net.island)):
+        q.coi[3, max(net.island[i], 0)] = 0.0
+    for i in range(len(a.rotor)):
+        k = net.island[a.unit[i]]
+        if k >= 0:
+            q.coi[3, k] += a.inertia[i] * acceleration(i, a, q)
 
 
 @noinline
@@ -39,19 +55,20 @@ def group(i, island_of, a, q, s, island):
     for c in range(a.first[i], a.first[i + 1]):
         j = a.member[c]
         if island[a.unit[j]] == island_of:
-            h, at = a.inertia[j], a.rotor[j]
+            h = a.inertia[j]
             H += h
             share = h / H
-            speed += share * (s[at + 1] - speed)
-            rate += share * (q.f[at + 1] - rate)
-            angle += share * (s[at] - q.angles[0, j] - angle)
+            speed += share * (s[a.speed[j]] - speed)
+            rate += share * (acceleration(j, a, q) - rate)
+            angle += share * (s[a.rotor[j]] - q.angles[0, j] - angle)
     return H, speed, rate, angle
 
 
 @noinline
 def step(p, a, net, q, due):
     """Let gates and laws act, with their signals; returns whether a gate or an order has changed."""
-    coi(a, net, q)
+    coi(a.inertia, a, net, q)
+    accelerate(a, net, q)
     s, sums, island, first, m = q.s, q.coi, net.island, a.places[2], len(a.rotor)
     for i in range(len(island)):
         s[first + 3 * m + i] = 1.0 if island[i] >= 0 else 0.0
@@ -63,8 +80,8 @@ def step(p, a, net, q, due):
         if k >= 0 and sums[0, k] > own:
             rest = sums[0, k] - own
             s[first + i] = speed - (sums[1, k] - own * speed) / rest
-            s[first + m + i] = rate - (sums[2, k] - own * rate) / rest
-            s[first + 2 * m + i] = angle - (sums[3, k] - own * angle) / rest
+            s[first + m + i] = rate - (sums[3, k] - own * rate) / rest
+            s[first + 2 * m + i] = angle - (sums[2, k] - own * angle) / rest
     for j in range(len(a.held)):
         q.orders[0, j] = q.s[a.held[j]]
     run(p.step, p, q.s, q.f, net.island)

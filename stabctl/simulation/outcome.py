@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stabctl import devices
 from stabctl._util.wording import named
 from stabctl.dynamics.operating_point import OperatingPoint
 
@@ -14,6 +15,8 @@ from . import stepper
 from .criterion import Criterion, frequency_range
 from .swings import Swings
 from .topology import Stage
+
+SOURCE = "a machine or grid-forming converter"
 
 
 class Kind(StrEnum):
@@ -53,7 +56,8 @@ class End(NamedTuple):
     time: float  # s
     stage: Stage
     speed: np.ndarray  # (rotor units) pu
-    machine: int  # row of the critical rotor unit
+    weight: np.ndarray  # (rotor units) s   in the center of inertia of their island
+    machine: int  # row of the critical rotor unit, or of the phase-locked loop
     bus: int  # row of the critical bus
     outside_s: float  # s   longest time that an island was outside the frequency range
     taken_off: tuple[str, ...]  # sentences on machines that ran away alone in their island
@@ -62,28 +66,27 @@ class End(NamedTuple):
 
 def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
     """The outcome of a run."""
-    numbers, bus, t = point.rotor_names, point.case.buses[end.bus].bus, end.time
-    number = numbers[end.machine] if numbers else None
+    bus, t = point.case.buses[end.bus].bus, end.time
+    number, called = _critical(point, end)
     cut = " ".join((_cut_off(point, end.stage), *end.taken_off)).strip()
     if not (end.stage.net.island >= 0).any():
         return Outcome(
             Kind.VOLTAGE_COLLAPSE,
-            f"The system is blacked out at {t:.3f} s: no voltage source is left. {cut}".strip(),
+            f"The system is blacked out at {t:.3f} s: no machine or grid-forming converter is left. {cut}".strip(),
             t,
         )
     kind, machine, blamed = Kind.ISLANDED if cut else Kind.STABLE, None, None
     match end.verdict:
-        case stepper.SLIPPED:
+        case stepper.SLIPPED | stepper.UNLOCKED:
             kind, machine, where = Kind.LOST_SYNCHRONISM, number, " of its island" if cut else ""
             text = (
-                f"Machine {number} lost synchronism at {t:.3f} s: its angle moved "
+                f"{called[0].upper()}{called[1:]} lost synchronism at {t:.3f} s: {_angle(point, end)} moved "
                 f"{np.rad2deg(criterion.max_angle):.0f} degrees relative to the center of inertia{where}."
             )
         case stepper.RUNAWAY:
             kind, machine = Kind.LOST_SYNCHRONISM, number
             text = (
-                f"The speed of machine {number} left the range {criterion.slowest:g} to {criterion.fastest:g} pu "
-                f"at {t:.3f} s."
+                f"The speed of {called} left the range {criterion.slowest:g} to {criterion.fastest:g} pu at {t:.3f} s."
             )
         case stepper.FREQUENCY:
             kind = Kind.FREQUENCY_INSTABILITY
@@ -103,16 +106,39 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
             within = _within(point, end, criterion)
             text = f"Every island stayed in synchronism until {t:.3f} s{within}{_frequencies(point, end)}."
         case _:
-            text = f"All machines stayed in synchronism until {t:.3f} s{_within(point, end, criterion)}."
+            converters = point.rotors.virtual.any() or len(point.system.locked.unit)
+            everything = "All machines and converters" if converters else "All machines"
+            text = f"{everything} stayed in synchronism until {t:.3f} s{_within(point, end, criterion)}."
     sentences = (cut, text, str(end.swings or "")) if end.verdict == stepper.DONE else (text, cut)
     return Outcome(kind, " ".join(s for s in sentences if s), t, machine, blamed, end.swings)
+
+
+def _critical(point: OperatingPoint, end: End) -> tuple[int | str | None, str]:
+    """The critical unit: its name or number, and what it is called in a sentence."""
+    rotors, locked = point.rotors, point.system.locked
+    unit = locked.unit if end.verdict == stepper.UNLOCKED else rotors.unit
+    if not len(unit):
+        return None, ""
+    row = int(unit[end.machine])
+    machine = point.case.machines[row]
+    if end.verdict != stepper.UNLOCKED and not rotors.virtual[end.machine]:
+        return machine.called, f"machine {machine.called}"
+    model = point.case.model(machine.machine, "converter")
+    return machine.called, f"converter {machine.called} ({devices.models()[str(model)].NAME})"
+
+
+def _angle(point: OperatingPoint, end: End) -> str:
+    """Which angle of the critical unit moved."""
+    if end.verdict == stepper.UNLOCKED:
+        return "the angle of its phase-locked loop"
+    return "its virtual angle" if point.rotors.virtual[end.machine] else "its angle"
 
 
 def _off_frequency(point: OperatingPoint, end: End, criterion: Criterion) -> str:
     """Which island left the frequency range, its frequency, and when."""
     where, unit = end.stage.net.island, point.rotors.unit
     mine = where[unit] == where[unit[end.machine]]
-    H = np.where(mine, point.rotors.inertia, 0.0)
+    H = np.where(mine, end.weight, 0.0)
     hz = point.case.frequency_hz
     island = "The frequency"
     if len(np.unique(where[unit][where[unit] >= 0])) > 1:
@@ -134,7 +160,7 @@ def _within(point: OperatingPoint, end: End, criterion: Criterion) -> str:
 
 def _frequencies(point: OperatingPoint, end: End) -> str:
     """The frequency of every island at the end, in words."""
-    island, H = end.stage.net.island[point.rotors.unit], point.rotors.inertia
+    island, H = end.stage.net.island[point.rotors.unit], end.weight
     numbers = [k for k in np.unique(island) if k >= 0]
     found = [end.speed[island == k] @ H[island == k] / H[island == k].sum() for k in numbers]
     shown = ", ".join(f"{f * point.case.frequency_hz:.2f}" for f in sorted(found)[:8])
@@ -157,7 +183,7 @@ def _cut_off(point: OperatingPoint, now: Stage) -> str:
         buses = [b.bus for b, island in zip(point.case.buses, where, strict=True) if island == k]
         places = zip(point.case.machines, point.net.machine_bus, on, strict=True)
         machines = [m.called for m, at, runs in places if where[at] == k and runs]
-        rest = f"with {_listed('machine', machines)}" if machines else "without a machine: blacked out, its load lost"
+        rest = f"with {_listed('machine', machines)}" if machines else f"without {SOURCE}: blacked out, its load lost"
         parts.append(f"{_listed('bus', buses)} {rest}")
     return f"The switching cut off {'; and '.join(parts)}."
 

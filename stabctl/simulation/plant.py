@@ -47,9 +47,13 @@ class Frame(NamedTuple):
     """Places and constants that the stepper itself reads. The type is the same for every system."""
 
     places: np.ndarray  # (3) of the voltages, of the time step, of the signals in `Relative`
-    rotor: np.ndarray  # (rotor units) places of the angles; the speeds follow
+    rotor: np.ndarray  # (rotor units) places of the angles
+    speed: np.ndarray  # (rotor units) places of the speeds; a state, or an output of a virtual rotor
     unit: np.ndarray  # (rotor units) rows of their units
     inertia: np.ndarray  # (rotor units) s
+    weight: np.ndarray  # (rotor units) s   in the center of inertia that the criterion judges against
+    locked: np.ndarray  # places of the angles of phase-locked loops
+    locked_unit: np.ndarray  # rows of their units
     first: np.ndarray  # (rotor units + 1) where the group of each begins in `member`
     member: np.ndarray  # rotor units of the groups, one group after the other
     owner: np.ndarray  # (size of s) row of the unit that owns the signal, -1: none
@@ -88,12 +92,14 @@ class Space(NamedTuple):
     angles: (
         np.ndarray
     )  # (2, rotor units) rad   before the first event, and the largest change relative to the COI so far
+    turned: np.ndarray  # (2, rotor units) pu, pu/s   speed after the last step, and its mean rate in that step
+    loops: np.ndarray  # (phase-locked loops) rad   angles before the first event
     off: np.ndarray  # (2, rotor units) s   time that their island has been outside the frequency range, and its maximum
     low: np.ndarray  # (loads) s     time below the threshold
     orders: np.ndarray  # (2, held) before a decision, and after the next instant of switching
-    coi: np.ndarray  # (4, buses) inertia, speed, acceleration and angle of the islands
-    marks: np.ndarray  # critical bus and rotor unit; step, stage, what is known and parts when Newton was requested;
-    # row of `limited` at which a device stopped, -1 if none; steps in a row with switching
+    coi: np.ndarray  # (4, buses) inertia, speed, angle and acceleration of the islands
+    marks: np.ndarray  # critical bus and rotor unit, or phase-locked loop; step, stage, what is known and parts when
+    # Newton was requested; row of `limited` at which a device stopped, -1 if none; steps in a row with switching
 
 
 class NewtonSpace(NamedTuple):
@@ -133,14 +139,15 @@ def frame(
     relay
         Whether they switch between fixed values.
     """
-    rotors, limits = system.rotors, system.limits
+    rotors, limits, locked = system.rotors, system.limits, system.locked
     places = np.array([layout.nx, layout.step, relative.speed], np.int64)
     first = np.cumsum([0, *(len(group) for group in groups)], dtype=np.int64)
     member = np.concatenate([np.zeros(0, np.int64), *groups]).astype(np.int64)
     owner = np.full(layout.size, -1, np.int64)
     owner[: len(layout.owner)] = layout.owner
     return Frame(
-        places, rotors.angle, rotors.unit, rotors.inertia, first, member, owner,
+        places, rotors.angle, rotors.speed, rotors.unit, rotors.inertia, rotors.inertia, locked.angle, locked.unit,
+        first, member, owner,
         limits.state, limits.low, limits.high, limits.scale,
         system.draw_bus, system.near_bus, system.watch_bus, system.watch_low, held.astype(np.int64),
         limits.stops, gated, relay,
@@ -156,7 +163,7 @@ def space(s: np.ndarray, layout: Layout, a: Frame) -> Space:
         s, f, s[layout.voltages].view(complex), f[layout.voltages].view(complex),
         blank[0].copy(), blank[1].copy(), blank[2].copy(), blank[3].copy(), np.zeros((2, 4, len(a.near_bus)), complex),
         np.zeros(nx), np.zeros(nx), np.zeros(nx), np.zeros(nx), np.zeros((3, nb), complex), np.array([0.0, 1.0, 0.5]),
-        np.stack([s[a.rotor], np.zeros(m)]), np.zeros((2, m)),
+        np.stack([s[a.rotor], np.zeros(m)]), np.stack([s[a.speed], np.zeros(m)]), s[a.locked], np.zeros((2, m)),
         np.zeros(len(a.watch_bus)), np.zeros((2, len(a.held))), np.zeros((4, nb)),
         np.zeros(8, np.int64),
     )  # fmt: skip

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from stabctl.dynamics.layout import Layout
 from stabctl.dynamics.program import Program
 
-from .criterion import DEFAULT, Criterion
+from .criterion import DEFAULT, numbers
 from .plant import Frame, Net, space
 from .stepper import advance
 from .substitution import factor
@@ -16,22 +16,23 @@ from .substitution import factor
 
 def prepare() -> None:
     """Call the stepper for zero steps of a system of one bus without devices."""
-    places, numbers, calls = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 5), np.int64)
+    places, none, calls = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 5), np.int64)
     layout = Layout((), (), 1, 0, 0, {}, places)
     kinds = {
         "places": np.zeros(3, np.int64),
         "first": np.zeros(1, np.int64),
-        "inertia": numbers,
-        "low": numbers,
-        "high": numbers,
-        "watch_low": numbers,
+        "inertia": none,
+        "weight": none,
+        "low": none,
+        "high": none,
+        "watch_low": none,
     }
     arrays: dict[str, Any] = {name: kinds.get(name, places) for name in Frame._fields if name not in ("gated", "relay")}
     frame = Frame(**arrays, gated=False, relay=False)
     net = Net(factor(sp.identity(1, complex, "csc")), places, np.ones(1, bool), False)
-    program = Program(places, numbers, calls, calls, calls, calls, calls, calls, places)
+    program = Program(places, none, calls, calls, calls, calls, calls, calls, places)
     q = space(np.zeros(layout.size), layout, frame)
-    advance(program, frame, net, q, Criterion(*map(float, DEFAULT)), numbers, places, False, False, np.empty((0, 0)))
+    advance(program, frame, net, q, numbers(DEFAULT), none, places, False, False, np.empty((0, 0)))
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ class Recording:
     point : OperatingPoint
         Where the run starts.
     what : bool or "rotors"
-        Keep all signals, none, or only the states up to the angles and speeds of the rotors.
+        Keep all signals, none, or only those up to the angles and speeds of the rotors.
     signals : int
         Number of all signals.
     every : float, s
@@ -31,7 +31,8 @@ class Recording:
 
     def __init__(self, point: OperatingPoint, what: Recorded, signals: int, *, every: float, span: float) -> None:
         self._rotors, self._every, self._span, self.recording = point.rotors.angle, every, span, bool(what)
-        self.width = signals if what is True else int(self._rotors.max(initial=-2)) + 2  # of a row
+        last = int(np.r_[point.rotors.angle, point.rotors.speed].max(initial=-1))
+        self.width = signals if what is True else last + 1  # of a row
         self.at_once = int(min(AT_ONCE, max(1, BUFFER // (8 * max(self.width, 1)))))
         self._next = -np.inf
         self._times: list[np.ndarray] = []

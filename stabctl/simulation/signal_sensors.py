@@ -46,7 +46,7 @@ class Sensors:
                 f"bus_frequency:{signal.place}, the measured frequency."
             )
         if kind == "speed":
-            return int(base.rotors.angle[base.rotor_numbers.index(signal.number)]) + 1
+            return int(base.rotors.speed[base.rotor_numbers.index(signal.number)])
         rest = float(outputs.value(base, signal)(base.s))
         if kind in ("angle", "rest_speed", "coi_speed", "deviation", "angle_deviation"):
             return self._center(signal, rest)
@@ -78,7 +78,7 @@ class Sensors:
             "coi_speed": (0.0, 1.0, 0), "coi_angle": (0.0, 1.0, 0),
         }[kind]  # fmt: skip
         unit = int(rotors.unit[np.flatnonzero(group)[0]]) if group.any() else -1
-        places = rotors.angle + (kind not in ("angle", "angle_deviation", "coi_angle"))
+        places = rotors.angle if kind in ("angle", "angle_deviation", "coi_angle") else rotors.speed
         out = self._more.outputs([rest])
         k = [len(group), own, mean, others, *group, *rotors.inertia, *rotors.unit]
         self._more.add("center", center, [0, 0, 0, unit, *map(int, places), out], k, signal.label)

@@ -17,7 +17,7 @@ from . import stepper, steps, swings
 from .attached import Attached, attached
 from .contingency import Disturbance, schedule
 from .control import Control, Frames, acting
-from .criterion import DEFAULT, Criterion, for_system, frequency_range
+from .criterion import DEFAULT, Criterion, for_system, frequency_range, numbers
 from .newton import newton
 from .outcome import End, Outcome, outcome
 from .plant import newton_space, space
@@ -53,7 +53,7 @@ class Simulation:
     criterion : Criterion
         When the run counts as unstable and ends.
     record : bool or "rotors"
-        Keep the trajectory, or only the states up to the angles and speeds of the rotors.
+        Keep the trajectory, or only the signals up to the angles and speeds of the rotors.
     every : float, s
         Least time between two rows of the trajectory; by default every step is kept.
     start : float, s
@@ -100,6 +100,7 @@ class Simulation:
         self.wired = wired(point, control, self.attached.rates, self.attached.gates)
         signals = self.wired.layout.first_memory
         self._record = Recording(point, record, signals, every=every, span=swings.SPAN)
+        self._rules = numbers(self.criterion)
         self._enter()
         self._space = space(self.wired.start, self.wired.layout, self.wired.frame)
         self._clock = self.wired.layout.size - 2
@@ -121,7 +122,7 @@ class Simulation:
     @property
     def speed(self) -> np.ndarray:
         """Speeds (rotor units) now, pu."""
-        return self._space.s[self.point.rotors.angle + 1]
+        return self._space.s[self.point.rotors.speed]
 
     @property
     def angle(self) -> np.ndarray:
@@ -196,7 +197,7 @@ class Simulation:
             return None
         rotors, half = self.point.rotors, (self.time - begin) / 2
         island, names, limit = self.island[rotors.unit], self.point.rotor_names, self.criterion.decay
-        return swings.judged(self._record.angles(begin), island, rotors.inertia, names, half, limit)
+        return swings.judged(self._record.angles(begin), island, self._frame.weight, names, half, limit)
 
     def _enter(self) -> None:
         self._since, self._known = self.time, False
@@ -204,6 +205,9 @@ class Simulation:
         self._stage = stage(self.point, self.changes[self._at].switching)
         self._off[(self._stage.net.island < 0) & np.isinf(self._off)] = self.time
         self._program = self.wired.program
+        self._frame = self.wired.frame
+        if self.criterion.coi == "machines":
+            self._frame = self._frame._replace(weight=self.point.rotors.of_machines(self._stage.net.island))
         if self._stage.constants:
             k = self._program.k.copy()
             for table, row, par in self._stage.constants:
@@ -241,7 +245,10 @@ class Simulation:
         bus, rotor = map(int, self._space.marks[:2])
         outside = self._space.off[1].max(initial=0.0)
         last = self.swings() if verdict == stepper.DONE else None
-        end = End(verdict, self.time, self._stage, self.speed, rotor, bus, outside, tuple(self._taken_off), last)
+        end = End(
+            verdict, self.time, self._stage, self.speed, self._frame.weight, rotor, bus, outside,
+            tuple(self._taken_off), last,
+        )  # fmt: skip
         return outcome(self.point, end, self.criterion)
 
     def _alone(self) -> bool:
@@ -261,8 +268,9 @@ class Simulation:
         left = f"left the speed range {rules.slowest:g} to {rules.fastest:g} pu at {self.time:.3f} s"
         if verdict == stepper.FREQUENCY:
             left = f"was outside {frequency_range(rules, hz)} for {rules.frequency_delay_s:g} s at {self.time:.3f} s"
+        noun = "Converter" if self.point.rotors.virtual[self._space.marks[1]] else "Machine"
         number = self.point.case.machines[row].machine
-        self._taken_off.append(f"Machine {number}, alone in its island, {left} and was tripped.")
+        self._taken_off.append(f"{noun} {number}, alone in its island, {left} and was tripped.")
 
     def _call(self, now: steps.Steps, last: bool, settle: bool = False) -> tuple[int, int]:
         """Make steps; with `last`, record their end too, with `settle`, only evaluate all signals there."""
@@ -281,10 +289,10 @@ class Simulation:
 
     def _advance(self, now: steps.Steps, last: bool, history: np.ndarray) -> tuple[int, int]:
         """Steps of the compiled loop, with Newton's method when it is requested."""
-        p, a, net, q = self._program, self.wired.frame, self._stage.net, self._space
+        p, a, net, q = self._program, self._frame, self._stage.net, self._space
         resume = False
         while True:
-            verdict, made = stepper.advance(p, a, net, q, self.criterion, now.sizes, now.due, last, resume, history)
+            verdict, made = stepper.advance(p, a, net, q, self._rules, now.sizes, now.due, last, resume, history)
             if verdict != stepper.NEWTON:
                 return verdict, made
             if not self._newton():
@@ -298,7 +306,7 @@ class Simulation:
             kept["newton"] = program(self.wired.families, complex)
         p = kept["newton"]._replace(k=self._program.k)
         q = self._space
-        return newton(p.current, p, self.wired.frame, self._stage.net, q, newton_space(q))
+        return newton(p.current, p, self._frame, self._stage.net, q, newton_space(q))
 
 
 def run(

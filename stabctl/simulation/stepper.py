@@ -9,7 +9,7 @@ from .switching import CHATTER, MOST, instant, jump
 from .voltages import FAILED, NEEDS_NEWTON, settle
 
 NOTHING, SETTLED, DECIDED = range(3)  # known at a stage: nothing, the voltages, also the orders
-DONE, SLIPPED, NO_VOLTAGE, LOW_VOLTAGE, RUNAWAY, FREQUENCY, NEWTON = range(7)
+DONE, SLIPPED, NO_VOLTAGE, LOW_VOLTAGE, RUNAWAY, FREQUENCY, UNLOCKED, NEWTON = range(8)
 
 
 @inline
@@ -59,23 +59,31 @@ def confine(s, a):
 def judge(a, net, q, rules, h):
     """Check synchronism, speeds, frequencies and load voltages by the criterion, and update the peak values."""
     verdict, worst = DONE, 0.0
-    coi(a, net, q)
+    coi(a.weight, a, net, q)
     for i in range(len(a.rotor)):
-        k, at = net.island[a.unit[i]], a.rotor[i]
+        k, speed = net.island[a.unit[i]], q.s[a.speed[i]]
+        if a.speed[i] >= len(q.x0):
+            q.turned[1, i], q.turned[0, i] = (speed - q.turned[0, i]) / h, speed
         if k < 0:
             continue
-        move = abs(q.s[at] - q.angles[0, i] - q.coi[3, k] / q.coi[0, k])
+        move = abs(q.s[a.rotor[i]] - q.angles[0, i] - q.coi[2, k] / q.coi[0, k])
         if move > q.angles[1, i]:
             q.angles[1, i] = move
         if not move < rules.max_angle and not move <= worst:
             verdict, worst, q.marks[1] = SLIPPED, move, i
-        if verdict == DONE and not rules.slowest < q.s[at + 1] < rules.fastest:
+        if verdict == DONE and not rules.slowest < speed < rules.fastest:
             verdict, q.marks[1] = RUNAWAY, i
         inside = rules.min_frequency * q.coi[0, k] <= q.coi[1, k] <= rules.max_frequency * q.coi[0, k]
         q.off[0, i] = 0.0 if inside else q.off[0, i] + h
         q.off[1, i] = max(q.off[1, i], q.off[0, i])
         if verdict == DONE and 0 < rules.frequency_delay_s < q.off[0, i]:
             verdict, q.marks[1] = FREQUENCY, i
+    for i in range(len(a.locked)):
+        k = net.island[a.locked_unit[i]]
+        if verdict == DONE and k >= 0 and q.coi[0, k] > 0:
+            move = abs(q.s[a.locked[i]] - q.loops[i] - q.coi[2, k] / q.coi[0, k])
+            if not move < rules.max_angle:
+                verdict, q.marks[1] = UNLOCKED, i
     if verdict == DONE and rules.low_voltage_s > 0 and not net.faulted:
         for j in range(len(a.watch_bus)):
             b = a.watch_bus[j]

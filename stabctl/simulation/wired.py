@@ -144,7 +144,7 @@ def _families(
         number = case.machines[unit[rotor[unit] < 0][0]].machine
         raise StudyError(
             f"The storage of machine {number} of {case.name} cannot be controlled by its speed, because it is a "
-            "converter without a rotor; assign the storage to a synchronous machine."
+            "grid-following converter without a rotor; assign the storage to a machine or grid-forming converter."
         )
     own = rotor[unit]
     reads = [of.speed + own, of.acceleration + own, of.angle + own, esd.w[:, family.STATE] + 1, np.full(n, of.time)]

@@ -91,13 +91,8 @@ def analyze(
     Raises
     ------
     StudyError
-        If no unit is a voltage source, or the band or the damping ratios are not possible.
+        If the band or the damping ratios are not possible.
     """
-    if not model.point.system.forming.any():
-        raise StudyError(
-            f"{model.point.case.name} has no synchronous machine and no grid-forming converter, so its frequency is "
-            "not defined; add one to compute modes."
-        )
     if isinstance(model, Descriptor):
         if band is not None or len(model.rows) > LARGE:
             band = BAND if band is None else band

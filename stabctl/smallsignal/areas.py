@@ -79,8 +79,8 @@ def areas(modes: Modes, count: int | None = None) -> Areas:
     """
     name = modes.linear.point.case.name
     if not len(modes.linear.point.rotors.unit):
-        raise StudyError(f"{name} has no synchronous machine, so it has no coherent areas.")
-    swings, machines = modes.swings(), len(modes.linear.point.case.machines)
+        raise StudyError(f"{name} has no machine or grid-forming converter, so it has no coherent areas.")
+    swings, machines = modes.swings(), len(modes.linear.point.rotors.unit)
     if count is None:
         tried = range(min(2, len(swings) + 1), max(2, min(machines // 3, len(swings))) + 1)
         return max((_split(modes, swings[: k - 1]) for k in tried), key=lambda found: found.agreement)
@@ -94,19 +94,21 @@ def areas(modes: Modes, count: int | None = None) -> Areas:
 
 def _split(modes: Modes, slow: list[int]) -> Areas:
     """The machines grouped by the common motion and these swing modes."""
-    case, count = modes.linear.point.case, len(slow) + 1
+    point, count = modes.linear.point, len(slow) + 1
     rows = _rows(modes, slow)
     references = _references(rows)
     along = rows @ np.linalg.inv(rows[references])
     member = along.argmax(axis=1)
     unit = rows / np.linalg.norm(rows, axis=1)[:, None]
     agreement = float((unit * unit[references][member]).sum(axis=1).min())
-    H = modes.linear.point.inertia
+    H, names = point.inertia, point.rotor_names
     groups = []
     for g in sorted(range(count), key=lambda g: -float(H[member == g].sum())):
         others = [int(i) for i in np.flatnonzero(member == g) if i != references[g]]
-        groups.append(tuple(case.machines[i].called for i in [references[g], *others]))
-    return Areas(case.name, tuple(groups), tuple(slow), tuple(float(f) for f in modes.frequency_hz[slow]), agreement)
+        groups.append(tuple(names[i] for i in [references[g], *others]))
+    return Areas(
+        point.case.name, tuple(groups), tuple(slow), tuple(float(f) for f in modes.frequency_hz[slow]), agreement
+    )
 
 
 def _rows(modes: Modes, slow: list[int]) -> np.ndarray:

@@ -71,8 +71,9 @@ class Descriptor:
         return layout.unique(place.label for place in self.places)
 
     def speeds(self) -> np.ndarray:
-        """Indices (rotor units) of the speeds among the states."""
-        return self.angles() + 1
+        """Indices of the speeds among the states, of the rotors whose speed is a state."""
+        speed = self.point.rotors.speed
+        return np.searchsorted(self.rows, speed[speed < self.point.layout.nx])
 
     def angles(self) -> np.ndarray:
         """Indices (rotor units) of the angles among the states."""
@@ -166,8 +167,10 @@ def _outputs(
         if reading is None:
             row = array(d.of_outputs[[outputs.place(point, signal) - point.layout.first_output]]).ravel()
         else:
-            row = np.zeros(point.layout.step)
-            row[reading.places] = reading.slopes(point.s)
+            places, slopes = reading.places, reading.slopes(point.s)
+            made = places >= point.layout.first_output  # speeds of virtual rotors
+            row = slopes[made] @ d.of_outputs[places[made] - point.layout.first_output]
+            row[places[~made]] += slopes[~made]
         hx[k], hv[k] = row[rows], row[nx : point.layout.first_setpoint]
         hu[k] = row[inputs]
     return hx, hv, hu

@@ -139,8 +139,10 @@ class Linear(Model):
     reduce = verb("stabctl.smallsignal.reduce:reduce")
 
     def speeds(self) -> np.ndarray:
-        """Indices (rotor units) of the speeds among the states."""
-        return self.angles() + 1
+        """Indices of the speeds among the states, of the rotors whose speed is a state."""
+        found, layout = {p.unit: k for k, p in enumerate(self.places) if p.name == "omega"}, self.point.layout
+        rotors = self.point.rotors
+        return np.array([found[unit] for unit in rotors.unit[rotors.speed < layout.nx]], int)
 
     def rotation(self) -> np.ndarray:
         """The change of the states (states) when all angles are rotated by 1 rad, which changes nothing else."""

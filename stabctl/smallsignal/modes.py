@@ -61,9 +61,20 @@ class Modes:
         return size / size.sum(axis=0)
 
     @cached_property
+    def speeds(self) -> np.ndarray:
+        """Speeds (rotor units, modes) in the right eigenvectors, pu.
+
+        The speed of a virtual rotor that is not a state follows from its angle: wb speed = eigenvalue angle.
+        """
+        point = self.linear.point
+        speeds = self.right[self.linear.angles()] * (self.eigenvalues / (2 * np.pi * point.case.frequency_hz))
+        speeds[point.rotors.speed < point.layout.nx] = self.right[self.linear.speeds()]
+        return speeds
+
+    @cached_property
     def shapes(self) -> np.ndarray:
-        """Mode shapes: speeds (machines, modes) relative to the largest of each mode; 0 if no machine moves."""
-        speeds = self.right[self.linear.speeds()]
+        """Mode shapes: speeds (rotor units, modes) relative to the largest of each mode; 0 if none moves."""
+        speeds = self.speeds
         if not len(speeds):
             return speeds
         largest = np.take_along_axis(speeds, np.abs(speeds).argmax(axis=0)[None], axis=0)
@@ -72,18 +83,19 @@ class Modes:
 
     @cached_property
     def electromechanical(self) -> np.ndarray:
-        """Which modes are electromechanical: machines swing against each other (modes)."""
+        """Which modes are electromechanical: machines, or converters with a virtual rotor, swing against each other."""
         rotor = np.r_[self.linear.angles(), self.linear.speeds()]
         return naming.swings(self.eigenvalues, self.shares, self.shapes, rotor, self.linear.point.inertia)
 
     def label(self, k: int) -> str:
-        """Name of mode k: the machines that swing against each other, or the dominant state."""
+        """Name of mode k: the machines and converters that swing against each other, or the dominant state."""
         linear, H = self.linear, self.linear.point.inertia
         if self.eigenvalues[k] == 0:
             return naming.zero(linear, self.right[:, k], self.left[:, k], k == 0)
         if self.electromechanical[k]:
-            weight = self.shares[linear.speeds(), k]
-            return naming.against(self.shapes[:, k], weight, linear.point.rotor_names)
+            rotors, weight = linear.point.rotors, self.shares[linear.angles(), k]
+            weight[rotors.speed < linear.point.layout.nx] = self.shares[linear.speeds(), k]
+            return naming.against(self.shapes[:, k], weight, linear.point.rotor_names, rotors.virtual)
         return naming.leader(linear, self.shares[:, k], self.shapes[:, k], H, self.eigenvalues[k].imag != 0)
 
     def mode(self, k: int) -> Mode:

@@ -41,13 +41,14 @@ def sides(shape: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return strong[ahead], strong[~ahead]
 
 
-def against(shape: np.ndarray, weight: np.ndarray, names: Sequence[int | str]) -> str:
-    """Which machines swing against which: "machine 34 against the rest", "1, 2 against 3, 4"."""
-    both = [side for side in sides(shape, weight) if len(side)]
-    front, *back = (_listed(side, names) for side in sorted(both, key=min))
+def against(shape: np.ndarray, weight: np.ndarray, names: Sequence[int | str], virtual: np.ndarray) -> str:
+    """Which machines swing against which: "machine 34 against the rest", "1, 2 against 3, converter 4"."""
+    both = sorted((side for side in sides(shape, weight) if len(side)), key=min)
+    called = [f"converter {name}" if is_virtual else name for name, is_virtual in zip(names, virtual, strict=True)]
+    front, *back = (_listed(side, called) for side in both)
     if back:
         return f"{front} against {back[0]}"
-    return f"machine {front} against the rest" if "," not in front else f"{front} against the rest"
+    return f"machine {front} against the rest" if front == str(names[both[0][0]]) else f"{front} against the rest"
 
 
 def _listed(side: np.ndarray, names: Sequence[int | str]) -> str:

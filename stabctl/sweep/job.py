@@ -14,7 +14,7 @@ from stabctl.estimation.pmu import Pmu
 from stabctl.model.tables import Characteristic
 from stabctl.schema import NOT_NEGATIVE, POSITIVE, SHARE, Field, fields
 from stabctl.simulation.contingency import Contingency
-from stabctl.simulation.criterion import DEFAULT, Criterion
+from stabctl.simulation.criterion import DEFAULT, Coi, Criterion
 
 JobKind = Literal["clearing-time", "simulate"]
 FORMAT = 4  # of keys and rows; raised when a job or a result changes its meaning
@@ -58,6 +58,7 @@ class Job(NamedTuple):
     min_frequency: Annotated[float, "pu", "lowest frequency of an island", Interval(ge=0, lt=1)] = DEFAULT.min_frequency
     max_frequency: Annotated[float, "pu", "highest frequency of an island", Gt(1)] = DEFAULT.max_frequency
     frequency_delay: Annotated[float, "s", "time outside that counts as unstable (0: none)", NOT_NEGATIVE] = 1.0
+    coi: Annotated[Coi, "-", "center of inertia: of all, or of machines without grid-forming converters"] = "all"
     step: Annotated[float, "s", "time step (0: at most 1/120 s)", NOT_NEGATIVE] = 0.0
 
     def given(self) -> dict[str, Any]:
@@ -72,6 +73,7 @@ class Job(NamedTuple):
             min_frequency=self.min_frequency,
             max_frequency=self.max_frequency,
             frequency_delay_s=self.frequency_delay,
+            coi=self.coi,
         )
 
     @property

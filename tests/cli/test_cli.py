@@ -52,8 +52,6 @@ def test_scr_prints_buses_and_converters(stabctl, tmp_path):
 
 def test_weak_grid_prints_the_boundary(stabctl, tmp_path):
     case = load("two_area").with_device("regc_c", 3)
-    for control in ("sexs", "pss", "tgov"):
-        case = case.without_device(control, 3)
     write(case, tmp_path / "mine")
     words = "weak-grid", tmp_path / "mine", "--converter", "3", "--scr", "0.5,1.2,2.4", "--gain", "1,8"
     record = json.loads(stabctl(*words, "--plot", tmp_path / "map.png", "--json")[1])

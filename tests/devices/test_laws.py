@@ -92,7 +92,7 @@ class TestConverter:
     def test_an_island_with_nothing_else_is_dead(self):
         found = run(small({"regc_a": REGC}), [Open("2-3", 0.1), Open("2-3#2", 0.1)], 0.5)
         assert found.outcome.kind == "islanded"
-        assert "without a machine: blacked out" in str(found.outcome)
+        assert "without a machine or grid-forming converter: blacked out" in str(found.outcome)
         assert found.arrays.P[-1, 0] == 0
         assert np.abs(found.arrays.V[-1, :2]).max() == 0
         assert abs(found.arrays.V[-1, 2]) > 0.9
@@ -136,10 +136,9 @@ class TestConverter:
 
     def test_a_system_of_converters_alone_is_dead(self):
         case = small({"regc_a": REGC})
-        case = replace(case, devices={"regc_a": {1: REGC, 2: REGC}})
-        run = st.simulate(case, until="0.2s")
-        assert "The system is blacked out" in str(run.outcome)
+        run = st.simulate(case, st.TripMachine(2, 0.1), "0.2s")
+        assert "The system is blacked out at 0.200 s: no machine or grid-forming converter is left." in str(run.outcome)
         assert not run.outcome.stable
         run.plot()
-        with pytest.raises(StudyError, match="small has no synchronous machine and no grid-forming converter"):
-            st.modes(case)
+        with pytest.raises(EquilibriumError, match="small cannot be initialized: nothing sets its voltage and freq"):
+            st.modes(replace(case, devices={"regc_a": {1: REGC, 2: REGC}}))

@@ -74,3 +74,12 @@ def test_values_and_removals_that_make_no_case(case):
         case.without_device("pss")
     with pytest.raises(StudyError, match="has no machine 9"):
         case.without_device("sexs", 9)
+
+
+def test_a_converter_replaces_a_machine_with_its_controls_and_back():
+    case = io.load("two_area")
+    changed = case.with_device("regfm_a1", 1)
+    assert {model: list(rows) for model, rows in changed.devices.items() if 1 in rows} == {"regfm_a1": [1]}
+    following = changed.with_device("regc_a", 1).with_device("reec_a", 1)
+    back = following.with_device("gencls", 1, H=6.0, D=0.0, ra=0.0, x1d=0.3)
+    assert [model for model, rows in back.devices.items() if 1 in rows] == ["gencls"]

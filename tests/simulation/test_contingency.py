@@ -142,7 +142,7 @@ def test_what_is_no_criterion():
     assert checked(Criterion(3), 60.0) == Criterion(3.0)
     assert checked(DEFAULT, 60.0) == DEFAULT
     given = checked(Criterion("180deg", "400ms", min_frequency="47.5Hz", max_frequency="1.04pu"), 50.0)
-    assert given == (pytest.approx(3.14159265), 0.4, 0.5, 1.5, 0.95, 1.04, 1.0, 0.7)
+    assert given == (pytest.approx(3.14159265), 0.4, 0.5, 1.5, 0.95, 1.04, 1.0, 0.7, "all")
     for wrong in (
         3.5,
         Criterion,
@@ -154,6 +154,7 @@ def test_what_is_no_criterion():
         Criterion(min_frequency=57),
         Criterion(max_frequency="59Hz"),
         Criterion(min_frequency="57MW"),
+        Criterion(coi="swing"),
     ):
         with pytest.raises(StudyError, match=r"criterion|is not an angle|frequency range|is not a number"):
             checked(wrong, 60.0)

@@ -106,7 +106,7 @@ class TestIslands:
         traced = run(point, [Open("8-20", 0.5)], 2.0, control=BangBang())
         assert traced.outcome.kind == "islanded"
         assert traced.outcome.message == (
-            "The switching cut off bus 20 without a machine: blacked out, its load lost. "
+            "The switching cut off bus 20 without a machine or grid-forming converter: blacked out, its load lost. "
             "Every island stayed in synchronism until 2.000 s, within 57 to 62 Hz; final frequency 60.07 Hz."
         )
         after = traced.time >= 0.5
@@ -121,7 +121,7 @@ class TestIslands:
         traced = run(two_area, [Open("1-5", 0.5), TripMachine(1, 0.6)], 1.0)
         assert np.abs(traced.arrays.V[traced.time >= 0.6, two_area.net.place[1]]).max() == 0
         assert "bus 1 with machine 1" not in traced.outcome.message
-        assert "bus 1 without a machine: blacked out" in traced.outcome.message
+        assert "bus 1 without a machine or grid-forming converter: blacked out" in traced.outcome.message
 
     def test_two_areas_apart_are_each_judged_by_their_own_centre(self, two_area):
         events = [Open(f"7-8#{k}", 0.5) for k in (1, 2)]

@@ -9,11 +9,13 @@ I = (E exp(j delta) - V)/(RL + jXL), reduced to the magnitude ImaxF where it is 
 
 The controllers `over` and `under` rest at 0 within the limits; their integrals do not fall below 0. A steady change dP
 of the load changes the frequency by -mp dP until Pmax or Pmin is reached. The filter of P acts as an inertia constant
-of TPf/(2 mp). The voltage controller goes on while the current is limited. Vref is solved for at Qref = 0 (QVFlag = 1
-in the source; QVFlag = 0 divides the same sum otherwise). kpp, kip, kpq and kiq are kppmax, kipmax, kpqmax and kiqmax
-of the source; with VFlag = 0, kpq = 0.1 and kiq = 10 are usual. Per unit on the converter's own MVA; `mva` converts
-currents to the system base.
-Source: W. Du et al., Model Specification of Droop-Controlled, Grid-Forming Inverters (REGFM_A1), PNNL-32278, 2023.
+of TPf/(2 mp), which is the weight of the virtual rotor in a center of inertia. The voltage controller goes on while the
+current is limited. Vref is solved for at Qref = 0 (QVFlag = 1 in the source; QVFlag = 0 divides the same sum
+otherwise). kpp, kip, kpq and kiq are kppmax, kipmax, kpqmax and kiqmax of the source; with VFlag = 0, kpq = 0.1 and
+kiq = 10 are usual. Per unit on the converter's own MVA; `mva` converts currents to the system base.
+Source: W. Du et al., Model Specification of Droop-Controlled, Grid-Forming Inverters (REGFM_A1), PNNL-32278, 2023;
+inertia: S. D'Arco, J. A. Suul, Equivalence of Virtual Synchronous Machines and Frequency-Droops for Converter-Based
+MicroGrids, IEEE Trans. Smart Grid 5 (2014).
 """
 
 from collections.abc import Iterator
@@ -101,6 +103,11 @@ class Output(NamedTuple):
     vt: Annotated[float, "pu", "terminal voltage"]
     omega: Annotated[float, "pu", "virtual speed"]
     E: Annotated[float, "pu", "internal voltage before the current limit"]
+
+
+def inertia(p: Par) -> float:
+    """Equivalent inertia constant (s) of droop with a filter of P."""
+    return p.TPf / (2 * p.mp)
 
 
 @inline
