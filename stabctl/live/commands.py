@@ -17,7 +17,7 @@ class Source(NamedTuple):
 
 def lines(load: Source, case: Case, state: State) -> dict[str, str]:
     """The lines of a run by kind; the command line is left out if it has no option for a setting."""
-    beyond = state.level != 100 or (state.stored and state.law == "feedback")
+    beyond = state.level != 100 or (state.plain and (state.law == "feedback" or state.delay))
     return {"python": _python(load, case, state)} | ({} if beyond else {"shell": _shell(load, case, state)})
 
 
@@ -35,9 +35,10 @@ def _python(load: Source, case: Case, state: State) -> str:
     level = f".with_load_level({state.level / 100:g})" if state.level != 100 else ""
     text, control = f"{load.python}{level}", ""
     if state.stored:
-        lag = f", lag='{state.lag:g}ms'" if state.lag else ""
-        text += f".with_storage({fleet(case, state)!r}{lag})"
-        control = f", control=st.{state.control!r}" if state.control else ""
+        rate = round(case.frequency_hz)
+        text += f".with_storage({fleet(case, state)!r})"
+        sampled = f".sampled({rate}, {state.delay:g} / {rate})" if state.delay else ""
+        control = f", control=st.{state.plain!r}{sampled}" if state.plain else ""
     return f"{text}.simulate(st.Contingency({state.fault!r}, clear='{state.clear:g}cyc'{trip}){control})"
 
 
@@ -48,6 +49,5 @@ def _shell(load: Source, case: Case, state: State) -> str:
         sizes = fleet(case, state)
         at = isinstance(sizes, dict) and ",".join(f"{m}={size}" for m, size in sizes.items())
         words += ["--storage-at", at] if at else ["--storage", str(sizes)]
-        words += ["--lag", f"{state.lag:g}ms"] if state.lag else []
         words += ["--control", "none"] if state.law == "idle" else ["--deadband", f"{state.deadband / 1e3:g}"]
     return shlex.join(words)

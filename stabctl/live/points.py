@@ -13,7 +13,7 @@ KEPT = 24
 
 
 class Points:
-    """Operating points of a case by load level and lag of the storage devices."""
+    """Operating points of a case by load level, with and without storage devices."""
 
     def __init__(self, case: Case) -> None:
         self.case, self._lock = case, RLock()
@@ -30,7 +30,7 @@ class Points:
         if not state.stored:
             return self.bare(state)
         with self._lock:
-            point = self._equipped(state.level, state.lag)
+            point = self._equipped(state.level)
         base = {m.machine: m.base for m in self.case.machines}
         share = state.percent / 100
         return point.resized(state.megawatts.get(s.machine, share * base[s.machine]) for s in point.case.storage)
@@ -38,6 +38,6 @@ class Points:
     def _solve(self, level: float) -> OperatingPoint:
         return operating_point.solve(self.case if level == 100 else self.case.with_load_level(level / 100))
 
-    def _equip(self, level: float, lag: float) -> OperatingPoint:
+    def _equip(self, level: float) -> OperatingPoint:
         bare = self._bare(level)
-        return operating_point.solve(bare.case.with_storage("1%mva", lag=lag / 1e3), bare.flow)
+        return operating_point.solve(bare.case.with_storage("1%mva"), bare.flow)

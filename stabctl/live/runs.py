@@ -20,7 +20,9 @@ Arrays = dict[str, np.ndarray]
 def answer(points: Points, state: State, load: commands.Source) -> bytes:
     """The run of a state, and the same without storage if the page compares them."""
     begun = time.perf_counter()
-    found = [("", simulate(points.of(state), state.contingency, UNTIL, control=state.control))]
+    found = [
+        ("", simulate(points.of(state), state.contingency, UNTIL, control=state.control(points.case.frequency_hz)))
+    ]
     if state.compare and state.stored:
         found.append(("bare.", simulate(points.bare(state), state.contingency, UNTIL)))
     ran = time.perf_counter()

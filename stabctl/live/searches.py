@@ -22,7 +22,7 @@ def critical(points: Points, state: State, tell: Tell) -> None:
         low, high = (max(low, run.cycles), high) if run.stable else (low, min(high, run.cycles))
         tell({"low": min(low, high), "high": high if high < float("inf") else None})
 
-    options: dict[str, Any] = {"control": state.control, "progress": ran}
+    options: dict[str, Any] = {"control": state.control(points.case.frequency_hz), "progress": ran}
     found = clearing_time(point, state.contingency, **options)
     tell(_answer(found))
     if found.status == "found":
@@ -48,6 +48,9 @@ def landscape(points: Points, state: State, tell: Tell) -> None:
         tell({"pairs": rows})
 
     found = screen(
-        points.of(state), control=state.control, each=each, progress=lambda done, of: tell({"done": done, "of": of})
+        points.of(state),
+        control=state.control(points.case.frequency_hz),
+        each=each,
+        progress=lambda done, of: tell({"done": done, "of": of}),
     )
     tell({"remarks": found.remarks()})

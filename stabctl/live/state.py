@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from stabctl.controllers import BangBang, Feedback
+from stabctl.controllers import BangBang, Feedback, Law
 from stabctl.errors import StudyError, shown
 from stabctl.simulation.contingency import Contingency
 
@@ -24,7 +24,7 @@ class State:
     law: str = LAWS[0]
     deadband: float = 100.0  # mHz
     gain: float = 0.1  # pu/(rad/s)   of the feedback
-    lag: float = 0.0  # ms   of the devices
+    delay: float = 0.0  # cycles   of the signals of the law, which then come once per cycle; 0: it acts at every step
     level: float = 100.0  # %   of the load
     compare: bool = False  # with a run without storage
     signals: tuple[str, ...] = ("speed",)
@@ -35,13 +35,18 @@ class State:
         return self.percent > 0 or any(self.megawatts.values())
 
     @property
-    def control(self) -> BangBang | Feedback | None:
-        """The law of the storage devices."""
+    def plain(self) -> BangBang | Feedback | None:
+        """The law of the storage devices without the delay."""
         if not self.stored or self.law == "idle":
             return None
         if self.law == "feedback":
             return Feedback(self.gain, deadband=self.deadband / 1e3)
         return BangBang(self.deadband / 1e3)
+
+    def control(self, hz: float) -> Law | None:
+        """The law of the storage devices in a system of rated frequency `hz`."""
+        law, rate = self.plain, round(hz)
+        return law.sampled(rate, self.delay / rate) if law and self.delay else law
 
     @property
     def contingency(self) -> Contingency:
@@ -62,8 +67,10 @@ def read(given: Any) -> State:
     state = State(**found)
     if state.law not in LAWS:
         raise StudyError(f"There is no law {state.law!r}; choose one of {', '.join(LAWS)}.")
-    if not state.level > 0 or min(state.clear, state.percent, state.lag, *state.megawatts.values(), 0) < 0:
+    if not state.level > 0 or min(state.clear, state.percent, state.delay, *state.megawatts.values(), 0) < 0:
         raise StudyError("Times, ratings and the load level cannot be negative.")
+    if state.delay != round(state.delay):
+        raise StudyError(f"A delay of {state.delay:g} cycles is not allowed; give a whole number.")
     return state
 
 

@@ -99,6 +99,18 @@ def test_the_critical_time_is_that_of_clearing_time(points):
     assert all(low <= high for low, high in intervals)
 
 
+def test_the_delay_is_that_of_the_signals_of_the_law(points):
+    """Orders begin later by the delay, to a frame, and act at once; the devices have no lag."""
+    began = []
+    for delay in (0.0, 6.0, 12.0):
+        state = replace(FAULT, percent=5.0, signals=("storage",), delay=delay)
+        _, arrays = unpacked(runs.answer(points, state, LOAD))
+        power = np.abs(arrays["storage"]).max(axis=1)
+        began.append(float(arrays["time"][np.flatnonzero(power > 0.5)[0]]))
+    assert (began[1] - began[0]) * 60 == pytest.approx(6, abs=1)  # cycles
+    assert (began[2] - began[1]) * 60 == pytest.approx(6, abs=0.01)
+
+
 @pytest.mark.slow
 def test_the_landscape_is_the_screen(cases):
     told = []
@@ -142,7 +154,7 @@ def test_equal_areas_begin_with_a_machine_that_has_them(cases):
     [
         {},
         {"percent": 5.0, "deadband": 50.0},
-        {"percent": 1.0, "megawatts": {1: 30.0, 2: 0.0}, "lag": 100.0},
+        {"percent": 1.0, "megawatts": {1: 30.0, 2: 0.0}, "delay": 6.0},
         {"percent": 5.0, "law": "feedback", "level": 95.0},
         {"percent": 5.0, "law": "idle"},
     ],
@@ -153,7 +165,7 @@ def test_copied_lines_give_the_run_of_the_page(points, settings, capsys, monkeyp
     run = eval(head["copy"]["python"], {"st": st})
     assert run.outcome.message == head["runs"][""]["message"]
     if "shell" not in head["copy"]:
-        assert state.level != 100 or state.law == "feedback"
+        assert state.level != 100 or state.law == "feedback" or state.delay
         return
     from stabctl.cli import main
 
@@ -216,6 +228,7 @@ def test_every_file_of_the_page_is_served(pages):
         ("run", {"fault": "7", "unknown": 1}, 200),
         ("run", {"fault": "7", "megawatts": {"x": 1}}, 200),
         ("run", {"fault": "7", "level": 1000}, 200),
+        ("run", {"fault": "7", "delay": 0.5}, 200),
         ("theory", {"machine": "x", "clear": 1}, 400),
         ("theory", {"machine": 77, "clear": 1}, 200),
         ("modes", {"gain": "pss.H", "factor": 2}, 200),

@@ -7,7 +7,7 @@ const CONTROLS = [
   { id: "own", name: "storage of", min: 0, max: 100, step: 1, say: (v) => `${v} MW` },
   { id: "deadband", name: "deadband", min: 0, max: 500, step: 10, say: (v) => `${v} mHz`, when: stored },
   { id: "gain", name: "gain of the feedback", min: 0, max: 1, step: 0.01, say: (v) => `${v} pu/(rad/s)`, when: (s) => stored(s) && s.law === "feedback" },
-  { id: "lag", name: "delay of the storage (lag)", min: 0, max: 300, step: 10, say: (v) => `${v} ms`, when: stored },
+  { id: "delay", name: "communication delay of the law", min: 0, max: 30, step: 1, say: (v) => `${v} cycles, ${((1e3 * v) / live.case.hz).toFixed(0)} ms`, when: (s) => stored(s) && s.law !== "idle" },
   { id: "level", name: "load level", min: 50, max: 130, step: 1, say: (v) => `${v} %` },
 ];
 

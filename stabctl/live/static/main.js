@@ -98,7 +98,7 @@ async function start() {
     tab.hidden = !!live.recorded && !!known && !(live.recorded.results[known]?.length ?? live.recorded.results[known]);
     $("tabs").append(tab);
   }
-  live.state = { fault, trip: "", clear: 6, percent: 0, megawatts: {}, law: live.case.laws[0], deadband: 100, gain: 0.1, lag: 0, level: 100, compare: false, signals: ["speed"], ...live.recorded?.state };
+  live.state = { fault, trip: "", clear: 6, percent: 0, megawatts: {}, law: live.case.laws[0], deadband: 100, gain: 0.1, delay: 0, level: 100, compare: false, signals: ["speed"], ...live.recorded?.state };
   if (live.recorded) live.state.clear = live.recorded.clear;
   controls.build();
   mouse();
