@@ -1,6 +1,7 @@
-"""This version against an earlier one in one run, the two taking turns: medians, and their ratio.
+"""This version against version 0.1 in one run, the two taking turns: medians, and their ratio.
 
-Run: python benchmarks/before.py --before FOLDER, where FOLDER holds version 0.1 (git worktree add FOLDER 1deeace).
+Run: python benchmarks/before.py [--only WORD ...]. Version 0.1 is taken from this repository, unless a folder holds it.
+Rows appear as soon as they are measured, and an interrupted run keeps what it printed. All take some 15 minutes.
 """
 
 import argparse
@@ -9,11 +10,15 @@ import statistics
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 
 from machine import cpu_of_children, stated, timed
 
 COMMAND = ("-m", "stabctl", "simulate", "two_area", "--fault", "7-8@0.4", "--clear", "21cyc")
+COMMIT = "1deeace"  # version 0.1
 BASE = "import numpy, scipy.sparse.linalg, numba"
 HERE = Path(__file__).parent
 
@@ -30,7 +35,7 @@ class Version:
             text=True,
             env=self.environment,
         )
-        self.works = self._answer().split("\t")
+        self.short, self.long = (self._answer().split("\t") for _ in range(2))
 
     def _answer(self) -> str:
         if not (line := self.worker.stdout.readline()):
@@ -61,47 +66,73 @@ def whole(command: tuple[str, ...], environment: dict[str, str], folder: Path = 
     return wall, cpu_of_children() - before
 
 
-def measured(versions: tuple[Version, Version], repeat: int, cold: int) -> dict[str, list[tuple[float, ...]]]:
-    """Work -> seconds of both versions, again and again."""
-    found: dict[str, list[tuple[float, ...]]] = {}
+def row(work: str, times: list[tuple[float, float]]) -> str:
+    """The medians as a row in Markdown."""
+    before, after = (1e3 * statistics.median(column) for column in zip(*times, strict=True))
+    return f"| {work} | {before:.4g} | {after:.4g} | {statistics.median(b / a for a, b in times):.2f} |"
+
+
+def turns(versions: tuple[Version, Version], works: list[str], repeat: int) -> Iterator[str]:
+    """Rows of works that the workers do, again and again; what comes first compiles, if there are several."""
+    for work in works:
+        times = [(versions[0].seconds(work), versions[1].seconds(work)) for _ in range(repeat + (repeat > 1))]
+        yield row(work, times[repeat > 1 :])
+
+
+def starts(versions: tuple[Version, Version], kind: str, repeat: int) -> Iterator[str]:
+    """Rows of the command as a whole."""
+    walls, cpus = [], []
     for _ in range(repeat):
-        for work in versions[0].works:
-            found.setdefault(work, []).append(tuple(v.seconds(work) for v in versions))
-    for kind, count in (("warm", repeat // 2), ("cold", cold)):
-        for _ in range(count):
-            walls, cpus = zip(*(v.process(kind == "cold") for v in versions), strict=True)
-            found.setdefault(f"{kind} `simulate two_area`, wall", []).append(walls)
-            found.setdefault(f"{kind} `simulate two_area`, processor", []).append(cpus)
-            if kind == "warm":
-                imports, _ = whole((sys.executable, "-c", BASE), dict(os.environ))
-                found.setdefault("the same against importing numpy, scipy.sparse.linalg, numba", []).append(
-                    (imports, walls[1])
-                )
-    return found
+        pairs = [v.process(kind == "cold") for v in versions]
+        walls.append(tuple(wall for wall, _ in pairs))
+        cpus.append(tuple(cpu for _, cpu in pairs))
+    yield row(f"{kind} `simulate two_area`, wall", walls)
+    yield row(f"{kind} `simulate two_area`, processor", cpus)
+    if kind == "warm":
+        imports = [whole((sys.executable, "-c", BASE), dict(os.environ))[0] for _ in range(repeat)]
+        wall = statistics.median(pair[1] for pair in walls)
+        yield f"\nThe warm command takes {wall / statistics.median(imports):.2f} times as long as its largest imports."
 
 
-def table(found: dict[str, list[tuple[float, ...]]]) -> str:
-    """Markdown rows of the medians."""
-    rows = ["| work | 0.1, ms | 0.2, ms | ratio |", "|---|---|---|---|"]
-    for work, times in found.items():
-        before, after = (1e3 * statistics.median(column) for column in zip(*times, strict=True))
-        ratio = statistics.median(b / a for a, b in times)
-        rows.append(f"| {work} | {before:.4g} | {after:.4g} | {ratio:.2f} |")
-    return "\n".join(rows)
+@contextmanager
+def earlier(folder: Path | None) -> Iterator[Path]:
+    """The folder of version 0.1, which is taken from the repository unless it is given."""
+    if folder:
+        yield folder.resolve()
+        return
+    with tempfile.TemporaryDirectory() as name:
+        files = subprocess.run(["git", "archive", COMMIT], cwd=HERE.parent, capture_output=True)
+        if files.returncode:
+            raise SystemExit(f"Commit {COMMIT} is not in this repository; give --before FOLDER with version 0.1.")
+        subprocess.run(["tar", "x", "-C", name], input=files.stdout, check=True)
+        yield Path(name)
 
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--before", type=Path, required=True, metavar="FOLDER", help="folder that holds version 0.1")
-    parser.add_argument("--repeat", type=int, default=21, help="repetitions of each work")
-    parser.add_argument("--cold", type=int, default=3, help="repetitions of the cold start")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--before", type=Path, metavar="FOLDER", help="folder that holds version 0.1")
+    parser.add_argument("--only", nargs="+", metavar="WORD", default=[""], help="only rows that contain one of these")
+    parser.add_argument("--repeat", type=int, default=15, help="repetitions of each short work")
+    parser.add_argument("--long", type=int, default=1, help="repetitions of each long work")
+    parser.add_argument("--cold", type=int, default=1, help="repetitions of the cold start")
     options = parser.parse_args()
-    versions = Version(options.before.resolve(), "works_before"), Version(HERE.parent, "works_after")
-    found = measured(versions, options.repeat, options.cold)
-    for version in versions:
-        version.close()
-    print(f"{stated()}\n\n{table(found)}")
+
+    def chosen(works: list[str]) -> list[str]:
+        return [work for work in works if any(word in work for word in options.only)]
+
+    with earlier(options.before) as folder:
+        versions = Version(folder, "works_before"), Version(HERE.parent, "works_after")
+        print(f"{stated()}\n\n| work | 0.1, ms | now, ms | ratio |\n|---|---|---|---|", flush=True)
+        rows = [
+            turns(versions, chosen(versions[0].short), options.repeat),
+            turns(versions, chosen(versions[0].long), options.long),
+            *(starts(versions, kind, options.cold if kind == "cold" else 7) for kind in chosen(["cold", "warm"])),
+        ]
+        for line in chain(*rows):
+            print(line, flush=True)
+        for version in versions:
+            version.close()
 
 
 if __name__ == "__main__":

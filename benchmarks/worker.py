@@ -1,4 +1,7 @@
-"""A process that runs tasks of `before.py`: reads the name of a task per line and answers with its time in seconds."""
+"""A process that runs tasks of `before.py`: reads the name of a task per line and answers with its time in seconds.
+
+It first names its short tasks, then its long ones.
+"""
 
 import os
 
@@ -11,10 +14,10 @@ from importlib import import_module
 
 def main() -> None:
     """Answer until the input ends."""
-    works = import_module(sys.argv[1]).WORKS
-    for work in works.values():
-        work()
-    print(*works, sep="\t", flush=True)
+    tasks = import_module(sys.argv[1])
+    for works in (tasks.WORKS, tasks.LONG):
+        print(*works, sep="\t", flush=True)
+    works = tasks.WORKS | tasks.LONG
     for line in sys.stdin:
         print(works[line.strip()](), flush=True)
 

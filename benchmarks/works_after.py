@@ -1,5 +1,6 @@
 """The tasks of `before.py` with the names of this version."""
 
+import statistics
 from functools import partial
 
 from machine import cpu
@@ -7,10 +8,17 @@ from machine import cpu
 from stabctl import io
 from stabctl.clearing import screen
 from stabctl.dynamics import operating_point
+from stabctl.estimation.estimators import estimator
+from stabctl.estimation.instrument import Instrument
+from stabctl.estimation.pmu import Pmu
+from stabctl.estimation.rotor_units import Terminals, rotor_units
 from stabctl.model import powerflow
+from stabctl.model.replicate import replicate
+from stabctl.placement.contingencies import packaged, read
+from stabctl.placement.place import place
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import Simulation
-from stabctl.smallsignal import descriptor
+from stabctl.smallsignal import analyze, descriptor
 from stabctl.smallsignal.model import eliminated
 
 CASES = {name: io.load(name) for name in ("two_area", "ieee39", "wnaps")}
@@ -29,10 +37,48 @@ def ten_seconds(name: str, record: bool) -> float:
     return cpu(partial(simulation.advance, 10.0))
 
 
+def frame(engine: str | None) -> float:
+    """Median processor seconds of the Kalman filters of 34 machines per frame of one seed, over two seconds."""
+    simulation, pmu = Simulation(POINTS["wnaps"], FAULTS["wnaps"], record=False), Pmu()
+    known, terminals = rotor_units(simulation.point), Terminals(simulation)
+    made = estimator("kalman", known, pmu, **({"engine": engine} if engine else {}))
+    instrument = Instrument(pmu, range(1), len(simulation.point.case.machines), known.frequency_hz)
+    times = []
+    for k in range(120):
+        simulation.advance(k / pmu.rate)
+        V, I = terminals.phasors(simulation.V)
+        seen = instrument.report(simulation.time, V[None], I[None], simulation.speed[None] - 1)
+        times.append(cpu(partial(made.step, seen)))
+    return statistics.median(times[1:])
+
+
+def sited(classical: bool) -> float:
+    """Processor seconds of the siting for the packaged contingencies of ieee39, after a run that compiles."""
+    case = CASES["ieee39"]
+    listed = read(packaged("ieee39", classical) or "", case)
+    base = case.classical() if classical else case
+    Simulation(operating_point.solve(base), listed[0], record=False).advance(0.1)
+    return cpu(partial(place, base, listed, workers=1))
+
+
+def banded() -> float:
+    """Processor seconds of the modes from 0.1 to 2.5 Hz of ten times wnaps, 4,370 states."""
+    form = descriptor(operating_point.solve(replicate(CASES["wnaps"], 10, spread=0.05)))
+    return cpu(partial(analyze, form, (0.1, 2.5)))
+
+
 WORKS = {
     **{f"10 s of {k}": partial(ten_seconds, k, False) for k in FAULTS},
     **{f"10 s of {k}, recorded": partial(ten_seconds, k, True) for k in FAULTS},
     **{f"start of {k}": partial(cpu, partial(operating_point.solve, CASES[k], FLOWS[k])) for k in CASES},
     **{f"linearization of {k}": partial(cpu, lambda p=p: eliminated(descriptor(p))) for k, p in POINTS.items()},
     "screen of ieee39, classical, below 5 cycles": partial(cpu, partial(screen, CLASSICAL, below="5cyc", workers=1)),
+    "Kalman filter, 34 machines, per frame: default engine": partial(frame, None),
+    "Kalman filter, 34 machines, per frame: batched engine": partial(frame, "batched"),
+}
+LONG = {
+    "screen of the 190 faults of wnaps": lambda: cpu(partial(screen, POINTS["wnaps"], workers=1)),
+    "`place ieee39`, full order": partial(sited, False),
+    "`place ieee39`, classical": partial(sited, True),
+    "modes from 0.1 to 2.5 Hz, 4,370 states": banded,
 }
