@@ -21,7 +21,7 @@ LoadStep = Annotated[list[str] | None, typer.Option("--load-step", help=f"Load s
 def clearing_time(
     *,
     fault: options.Fault,
-    trip: options.Trip = None,
+    trip: options.TripAtClearing = None,
     opened: Open = None,
     tripped: TripMachine = None,
     stepped: LoadStep = None,

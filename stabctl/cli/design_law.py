@@ -69,7 +69,7 @@ class LimitOptions(NamedTuple):
 def law(
     *,
     fault: OneFault = None,
-    trip: options.Trip = None,
+    trip: options.TripAtClearing = None,
     contingencies: File = None,
     from_screen: Screened = None,
     storage: groups.StorageOptions,

@@ -27,7 +27,7 @@ Out = Annotated[Path | None, typer.Option("--out", help="Write the schedule to F
 def optimum(
     *,
     fault: options.Fault,
-    trip: options.Trip = None,
+    trip: options.TripAtClearing = None,
     window: Window = "3s",
     rate: Rate = 60,
     energy: Energy = None,

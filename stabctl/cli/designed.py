@@ -11,6 +11,7 @@ from . import options, shared
 if TYPE_CHECKING:
     from stabctl.design import Design, Outages
 
+SHOWN = 8  # modes in the table without and with the controllers: those with the least damping
 Out = Annotated[
     Path | None,
     typer.Option(
@@ -52,10 +53,10 @@ class Files(NamedTuple):
 
 def show(found: "Design", files: Files, as_json: bool, points: "Outages | None" = None) -> None:
     """Write the files, and print the modes before and after."""
-    from stabctl.design.result import least
-
     written = files.write(found)
     if as_json:
+        from stabctl.design.result import least
+
         worst = min(found.before, key=lambda m: least(m)[0])
         shared.print_json(
             {
@@ -63,6 +64,7 @@ def show(found: "Design", files: Files, as_json: bool, points: "Outages | None" 
                 "worst_damping_after": found.worst_after,
                 "mode_hz": float(worst.frequency_hz[least(worst)[1]]),
                 "reached": found.reached,
+                "remarks": list(found.remarks),
                 "controllers": [c.name for c in found.controllers],
                 "files": [str(path) for path in written],
                 "operating_points": len(found.before),
@@ -73,16 +75,23 @@ def show(found: "Design", files: Files, as_json: bool, points: "Outages | None" 
         return
     from rich.table import Table
 
-    out_console = shared.console()
+    from stabctl._util.wording import counted
+
+    out_console, left = shared.console(), 0
     if len(found.before) > 1:
         table = Table("operating point", "without", "with", "Hz", "mode")
         for point, before, after, hz, mode in found.worst.to_numpy().tolist():
             table.add_row(point, f"{before:.4f}", f"{after:.4f}", f"{hz:.4f}", mode)
     else:
         table = Table("controllers", "Hz", "damping ratio", "mode")
-        for what, _, hz, ratio, mode in found.df.to_numpy().tolist():
+        modes = found.df
+        few = modes.groupby("controllers")["damping_ratio"].rank(method="first") <= SHOWN
+        left = int((~few).sum())
+        for what, _, hz, ratio, mode in modes[few].to_numpy().tolist():
             table.add_row(what, f"{hz:.4f}", f"{ratio:.4f}", mode)
     out_console.print(table)
+    if left:
+        out_console.print(f"{counted(left, 'mode')} with more damping left out; --report shows all.")
     if points:
         out_console.print(str(points))
     out_console.print(str(found))

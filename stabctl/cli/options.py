@@ -97,6 +97,9 @@ Trip = Annotated[
     list[str] | None,
     typer.Option("--trip", help="Line opened at clearing, or at --at without a fault: 83-33, 7-8#2. Repeatable."),
 ]
+TripAtClearing = Annotated[
+    list[str] | None, typer.Option("--trip", help="Line opened at clearing: 83-33, 7-8#2. Repeatable.")
+]
 FaultImpedance = Annotated[str, typer.Option("--fault-impedance", help="R,X of the fault, pu (0,0: bolted).")]
 Open = Annotated[list[str] | None, typer.Option("--open", help="Line trip without a fault: 7-8@1s. Repeatable.")]
 TripMachine = Annotated[list[str] | None, typer.Option("--trip-machine", help="Machine trip: 14@2s. Repeatable.")]

@@ -203,6 +203,7 @@ def _record(found: "Siting") -> dict[str, Any]:
         ],
         "existing": [s._asdict() for s in found.existing],
         "controllers": list(found.controllers),
+        "law": found.law,
         "evidence": [_evidence(row) for row in found.evidence],
         "history": [h._asdict() for h in found.history],
         "observed_s": found.observed_s,

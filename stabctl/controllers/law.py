@@ -3,7 +3,7 @@
 import math
 import sys
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -42,6 +42,11 @@ class Law(ABC):
     groups: tuple[tuple[int, ...], ...] = ()
     rate: int | None = None
     frames: int = 0
+
+    def __str__(self) -> str:
+        given = ((f.name, getattr(self, f.name), f.default) for f in fields(self))  # type: ignore[arg-type]
+        changed = (f"{name}={value!r}" for name, value, default in given if value != default)
+        return f"{type(self).__name__}({', '.join(changed)})"
 
     @property
     def module(self) -> ModuleType:
@@ -96,6 +101,9 @@ class SampledLaw(Law):
             raise StudyError(f"law = {shown(self.law)} is not a law that can be sampled; give BangBang(), for example.")
         object.__setattr__(self, "delay", duration("delay", self.delay))
         checked_frames("The law", self.rate, self.delay)
+
+    def __str__(self) -> str:
+        return f"{self.law}, {self.rate} times a second" + (f", {1e3 * self.delay:g} ms late" if self.delay else "")
 
     @property
     def module(self) -> ModuleType:

@@ -19,7 +19,8 @@ from stabctl.smallsignal.reduce import Reduced, balanced
 from stabctl.units import megawatts
 
 from .compensator import compensator, response
-from .lqr import named, stable
+from .lqr import stable
+from .pairs import written
 from .quadratic import Weights, driven, quadratic, weighed
 from .regulator import Regulator
 from .result import least
@@ -28,6 +29,10 @@ from .robustness import plant, robustness
 NOISE = {"rad": 2e-3, "pu": 2e-3}  # standard deviation of a measurement by its unit
 SPEEDS = ("speed", "rest_speed", "coi_speed", "deviation", "bus_frequency")
 SPEED_NOISE = 5e-3  # Hz
+LIMITED = (
+    "The design ignores the limits of the outputs, and the estimator does not know when they act; check the regulator "
+    "by simulation."
+)
 DROPPED = 1e-3  # of the sum of the Hankel singular values that the reduction drops, by default
 
 
@@ -71,7 +76,8 @@ def lqg(
     order : int, optional
         States of the reduced plant; by default 99.9 % of the sum of the Hankel singular values is kept.
     limits : pair of float, optional
-        Limits of the outputs, which the estimator does not know.
+        Limits of the outputs. The design ignores them, and the estimator takes every output as given in full, so its
+        states are wrong while an output is at a limit; check such a regulator by simulation.
     storage : str, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
     name : str
@@ -106,15 +112,15 @@ def lqg(
     bounds: Any = (-np.inf, np.inf) if limits is None else limits
     matrices = compensator(small, len(drives), len(reads), rate, frames, name)
     bare = Controller(
-        tuple(map(named, reads)), tuple(map(named, drives)), *matrices,
+        tuple(map(written, reads)), tuple(map(written, drives)), *matrices,
         name=name, rate=rate, delay=late, limits=bounds,
     )  # fmt: skip
     one = replace(bare, B=bare.B / scales.noise, C=effort * bare.C, D=effort * bare.D / scales.noise)
     cost, after = quadratic(point, drives, weights, reads), stable(point, one)
     seen = plant(cost.modes, cost.C, cost.D, rate)
     own = robustness(lambda w: -response(one, w) @ seen(w), least(after)[0], rate / 2)
-    better = least(after)[0] > least(cost.modes)[0]
-    return Regulator((one,), (cost.modes,), (after,), better, full=cost.robustness(cost.optimal(effort)), own=own)
+    said = () if limits is None else (LIMITED,)
+    return Regulator.of_cost(cost, one, after, full=cost.robustness(cost.optimal(effort)), own=own, remarks=said)
 
 
 @dataclass(frozen=True)

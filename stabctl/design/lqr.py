@@ -25,6 +25,7 @@ from stabctl.model.fleet import Fleet
 from stabctl.smallsignal.closed_loop import closed_loop
 from stabctl.smallsignal.modes import Modes
 
+from .pairs import written
 from .quadratic import Quadratic, Weights, driven, quadratic
 from .regulator import Regulator
 from .requirement import GROWING
@@ -84,13 +85,12 @@ def lqr(
     if inputs is None:
         one = _static([f"state:{label}" for label in cost.model.states], drives, K, limits, name)
         after = stable(point, one)
-        return Regulator((one,), (cost.modes,), (after,), least(after)[0] > least(cost.modes)[0])
+        return Regulator.of_cost(cost, one, after)
     K_y = _projected(cost, K)
-    one = _static([named(s) for s in reads], drives, K_y, limits, name)
+    one = _static(list(map(written, reads)), drives, K_y, limits, name)
     after, seen = stable(point, one), plant(cost.modes, cost.C, cost.D)
     own = robustness(lambda w: -K_y @ seen(w), least(after)[0])
-    better = least(after)[0] > least(cost.modes)[0]
-    return Regulator((one,), (cost.modes,), (after,), better, full=cost.robustness(K), own=own)
+    return Regulator.of_cost(cost, one, after, full=cost.robustness(K), own=own)
 
 
 def _projected(cost: Quadratic, K: np.ndarray) -> np.ndarray:
@@ -107,12 +107,7 @@ def _static(inputs: Sequence[str], drives: Sequence[Signal], K: np.ndarray, limi
     p, m = K.shape
     bounds = (-np.inf, np.inf) if limits is None else limits
     none = np.zeros((0, 0)), np.zeros((0, m)), np.zeros((p, 0))
-    return Controller(tuple(inputs), tuple(named(s) for s in drives), *none, K, name=name, limits=bounds)
-
-
-def named(signal: Signal) -> str:
-    """The name of a signal in a controller."""
-    return signal.kind if signal.place is None else f"{signal.kind}:{signal.place}"
+    return Controller(tuple(inputs), tuple(map(written, drives)), *none, K, name=name, limits=bounds)
 
 
 def stable(point: OperatingPoint, one: Controller) -> Modes:

@@ -18,7 +18,7 @@ from stabctl.clearing.trial import Trial
 from stabctl.controllers import BangBang
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.errors import StudyError
+from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 from stabctl.simulation.contingency import Contingency
@@ -85,10 +85,15 @@ def optimum(
     Raises
     ------
     StudyError
-        If there is no storage, or the fault is not survived, or survived up to the limit, under the law alone.
+        If there is no storage, an argument is not allowed, or the fault is not survived, or survived up to the limit,
+        under the law alone.
     """
     began, point = time.perf_counter(), operating_point(base, storage)
     case = point.case
+    if not isinstance(law, BangBang):
+        raise StudyError(f"law = {shown(law)} cannot take over after a schedule; give BangBang(min_voltage=0.5).")
+    if isinstance(iterations, bool) or not isinstance(iterations, int) or iterations < 1:
+        raise StudyError(f"iterations = {shown(iterations)} is not a number of convex programs; give at least 1.")
     if not case.storage:
         raise StudyError(f"{case.name} has no storage to schedule; give storage='50MW', for example.")
     contingency = contingency if isinstance(contingency, Contingency) else Contingency(contingency)

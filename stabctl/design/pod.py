@@ -26,7 +26,7 @@ from .outages import Outages
 from .pairs import SIGNALS, pairs, written
 from .requirement import Requirement
 from .result import Design, operating_points
-from .tuning import Scenario, common, separate
+from .tuning import Scenario, common, separate, worst
 
 TAPS, MOST = 3, 8  # lags in the filter of an input: by default at most, and at most
 GAINS = np.geomspace(0.01, 3.0, 40)  # gains that are tried, relative to that which moves the mode by its own size
@@ -152,7 +152,7 @@ def _one(
     asked = [Requirement(damping).sparing(loop.eigenvalues([one.scaled(0.0)]), hz) for loop in loops]
     scenarios = [Scenario(loop, k, what) for loop, what in zip(loops, asked, strict=True) for k in factors]
     gain, spare = common(scenarios, make, np.array([unit]), GAINS)
-    return Design.of(points, make(gain), short=-spare)
+    return Design.of(points, make(gain), short=-spare, needed=worst(scenarios, make, 0 * gain) < 0)
 
 
 def _several(
@@ -169,7 +169,7 @@ def _several(
             "The modes below the damping asked for are not seen in the inputs, or not moved; choose others."
         )
     weights, spare = separate(scenarios, make, none, STEP / np.where(slopes > 0, slopes, slopes.max()))
-    return Design.of(points, make(weights), short=-spare)
+    return Design.of(points, make(weights), short=-spare, needed=worst(scenarios, make, none) < 0)
 
 
 def _middle(point: OperatingPoint) -> float:

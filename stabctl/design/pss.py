@@ -19,7 +19,7 @@ from .loop import Loop
 from .outages import Outages
 from .requirement import Requirement
 from .result import Design, operating_points
-from .tuning import Scenario, common, separate
+from .tuning import Scenario, common, separate, worst
 
 BAND = (0.2, 2.5)  # Hz   in which the phase is compensated
 POINTS = 25  # frequencies in the band
@@ -86,7 +86,8 @@ def pss(
     if spare < 0 and len(ones) > 1:
         scale = np.full(len(ones), max(gains.max(), 1.0))
         gains, spare = separate(scenarios, make, gains, scale, most=GAINS[-1], positive=True)
-    return Design.of(points, [c for c in make(gains) if np.any(c.C) or np.any(c.D)], short=-spare)
+    used = [c for c in make(gains) if np.any(c.C) or np.any(c.D)]
+    return Design.of(points, used, short=-spare, needed=worst(scenarios, make, 0 * gains) < 0)
 
 
 def _machines(case: Case, machines: Iterable[int] | None) -> list[int]:

@@ -1,8 +1,13 @@
 """The result of the design of a regulator, with what its order reduction lost."""
 
 from dataclasses import dataclass
+from typing import Any, Self
 
-from .result import Design
+from stabctl.controllers.controller import Controller
+from stabctl.smallsignal.modes import Modes
+
+from .quadratic import Quadratic
+from .result import Design, least
 from .robustness import Robustness
 
 
@@ -20,6 +25,11 @@ class Regulator(Design):
 
     full: Robustness | None = None
     own: Robustness | None = None
+
+    @classmethod
+    def of_cost(cls, cost: Quadratic, one: Controller, after: Modes, **more: Any) -> Self:
+        """The regulator for a cost, with the modes with it; what is asked is that the smallest damping ratio rises."""
+        return cls((one,), (cost.modes,), (after,), least(after)[0] > least(cost.modes)[0], **more)
 
     def __str__(self) -> str:
         text = super().__str__()

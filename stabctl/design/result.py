@@ -24,6 +24,8 @@ from .requirement import FAST, GROWING, SLOW
 if TYPE_CHECKING:
     import pandas as pd
 
+ENOUGH = "The damping asked for is there without the controllers, so they do next to nothing; ask for more damping."
+
 
 @dataclass(frozen=True, repr=False)
 class Design:
@@ -39,6 +41,8 @@ class Design:
         Whether the damping asked for was reached.
     short
         Damping ratio that is missing at the worst operating point and gain.
+    remarks
+        What else a user must know, as sentences.
     """
 
     controllers: tuple[Controller, ...]
@@ -46,16 +50,29 @@ class Design:
     after: tuple[Modes, ...]
     reached: bool
     short: float = 0.0
+    remarks: tuple[str, ...] = ()
 
     plot = verb("stabctl.plotting.design:plot")
     report = verb("stabctl.report.design_page:write")
 
     @classmethod
-    def of(cls, points: Sequence[OperatingPoint], controllers: Sequence[Controller], *, short: float) -> "Design":
-        """The design with the modes of all operating points without and with its controllers; `short` as found."""
+    def of(
+        cls, points: Sequence[OperatingPoint], controllers: Sequence[Controller], *, short: float, needed: bool = True
+    ) -> "Design":
+        """The design with the modes of all operating points without and with its controllers.
+
+        Parameters
+        ----------
+        points, controllers
+            Operating points and controllers.
+        short
+            Damping ratio that is missing; negative if there is more than asked for.
+        needed
+            Whether the damping asked for is missing without the controllers.
+        """
         before = tuple(closed_loop(point).modes() for point in points)
         after = tuple(closed_loop(point, *controllers).modes() for point in points)
-        return cls(tuple(controllers), before, after, short <= 0, max(short, 0.0))
+        return cls(tuple(controllers), before, after, short <= 0, max(short, 0.0), () if needed else (ENOUGH,))
 
     @property
     def base(self) -> OperatingPoint:
@@ -115,12 +132,13 @@ class Design:
         text = f"{counted(len(self.controllers), 'controller')}: smallest damping ratio of {SLOW:g} to {FAST:g} Hz"
         found = f"{self.worst_before:.4f} without, {self.worst_after:.4f} with{several}"
         if self.reached:
-            return f"{text}: {found}."
+            return "\n".join([f"{text}: {found}.", *self.remarks])
         modes = min(self.after, key=lambda m: least(m)[0])
         ratio, k = least(modes)
         where = f"{ratio:.4f} at {modes.frequency_hz[k]:.3f} Hz ({modes.label(k)})"
         missing = f", short by up to {self.short:.4f}" if self.short else ""
-        return f"{text}: {found}; the damping asked for is not reached: {where}{missing}."
+        said = f"{text}: {found}; the damping asked for is not reached: {where}{missing}."
+        return "\n".join([said, *self.remarks])
 
     __repr__ = __str__
 

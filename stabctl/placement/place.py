@@ -9,7 +9,7 @@ import numpy as np
 
 from stabctl._util.wording import counted
 from stabctl.clearing import Screen, Search
-from stabctl.controllers import Controller
+from stabctl.controllers import Controller, Law
 from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
 from stabctl.estimation.estimators import EstimatorName
@@ -189,6 +189,7 @@ def place(
         title=case.title,
         existing=case.storage,
         controllers=tuple(str(c) for c in acts if isinstance(c, Controller)),
+        law=next((str(law) for law in acts if isinstance(law, Law)), ""),
         targets=BY_SCREEN if isinstance(contingencies, Screen) else "",
     )
 

@@ -37,6 +37,7 @@ class Siting(Tabular):
     title: str = ""  # of the case
     existing: tuple[Storage, ...] = ()  # devices of the case, which are kept
     controllers: tuple[str, ...] = ()  # that act in every simulation
+    law: str = ""  # of the devices; empty if controllers give the orders
     targets: str = ""  # where the clearing times to be survived come from, as a sentence; empty if they were given
 
     plot = verb("stabctl.plotting.siting:plot")

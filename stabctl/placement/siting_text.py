@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from stabctl._util.wording import counted
+from stabctl.controllers import BangBang
 
 from .siting_rows import REFINED, Infeasible, Survived
 
@@ -48,6 +49,8 @@ def _existing(siting: "Siting") -> Iterator[str]:
 
 
 def _controllers(siting: "Siting") -> Iterator[str]:
+    if siting.law and siting.law != str(BangBang()):
+        yield f"The devices follow the law {siting.law}."
     if siting.controllers:
         yield f"In every simulation act {'; '.join(siting.controllers)}."
 

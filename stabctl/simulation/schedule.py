@@ -10,6 +10,9 @@ from stabctl.controllers import BangBang, Controller
 from stabctl.errors import StudyError
 
 if TYPE_CHECKING:
+    from stabctl.dynamics.operating_point import OperatingPoint
+    from stabctl.model.case import Storage
+
     from .simulation import Simulation
 
 
@@ -60,7 +63,7 @@ class Schedule:
                 f"{len(point.case.storage)}."
             )
         bus = [point.net.place[s.bus] for s in point.case.storage]
-        own = [point.rotor_numbers.index(s.machine) for s in point.case.storage] if self.law else []
+        own = [_rotor(point, s) for s in point.case.storage] if self.law else []
 
         def frame() -> None:
             for one in simulations:
@@ -85,3 +88,13 @@ class Schedule:
                 if abs(deviation) > self.law.deadband / simulation.point.case.frequency_hz:
                     idle[j] = np.sign(deviation)
         return idle
+
+
+def _rotor(point: "OperatingPoint", device: "Storage") -> int:
+    """The number of the rotor whose speed the law reads."""
+    if device.machine not in point.rotor_numbers:
+        raise StudyError(
+            f"The storage at bus {device.bus} belongs to {device.machine}, which has no rotor in {point.case.name}, so "
+            "no law can take over after the schedule; give law=None."
+        )
+    return point.rotor_numbers.index(device.machine)

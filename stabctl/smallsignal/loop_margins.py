@@ -15,6 +15,7 @@ Source: P. Seiler, A. Packard, P. Gahinet, An introduction to disk margins, IEEE
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
@@ -85,11 +86,19 @@ class LoopMargins:
         return f"{self.name}: gain {down} to {up}, {phase}, disk {self.disk:.3g}"
 
 
-def single_loops(point: OperatingPoint, own: Sequence[Named], poles: np.ndarray) -> tuple[LoopMargins, ...]:
-    """Margins of the loop through each output of `linear_loop`; `poles` (1/s) are those of the stable closed loop."""
+class Loops(NamedTuple):
+    """The single loops: margins, frequencies (points) in Hz, and L there (points, loops)."""
+
+    margins: tuple[LoopMargins, ...]
+    hz: np.ndarray
+    gain: np.ndarray
+
+
+def single_loops(point: OperatingPoint, own: Sequence[Named], poles: np.ndarray) -> Loops:
+    """The loops through each output of `linear_loop`; `poles` (1/s) are those of the stable closed loop."""
     loop = linear_loop(point, own)
     if loop is None:
-        return ()
+        return Loops((), np.empty(0), np.empty((0, 0), complex))
     gains = np.concatenate([c.gains for c in own if c.controller.rate or not loop.rate])
     low, high = BAND[0], loop.rate / 2 if loop.rate else BAND[1]
 
@@ -103,7 +112,7 @@ def single_loops(point: OperatingPoint, own: Sequence[Named], poles: np.ndarray)
     hz, L = _refined(lambda f: given(2j * np.pi * f), hz, L)
     ends = {0.0: given(REST + 0j)}
     ends |= {high: given(2j * np.pi * high)} if loop.rate else {np.inf: given(FAST + 0j)}
-    return tuple(
+    found = tuple(
         _margins(
             name,
             lambda f, r=r: complex(given(2j * np.pi * f)[r]),  # type: ignore[misc]
@@ -113,6 +122,7 @@ def single_loops(point: OperatingPoint, own: Sequence[Named], poles: np.ndarray)
         )
         for r, name in enumerate(loop.names)
     )
+    return Loops(found, hz, L)
 
 
 def _refined(given: Callable[[float], np.ndarray], hz: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

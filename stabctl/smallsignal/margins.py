@@ -4,13 +4,14 @@ All of them together, by the eigenvalues of the closed loop, and each output alo
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from stabctl._util.tabular import Tabular
+from stabctl._util.verbs import verb
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.law import Law
 from stabctl.dynamics.coerce import operating_point
@@ -47,12 +48,18 @@ class Margins(Tabular):
     loops
         Classical margins of the loop through each output, all others closed. None next to sampled controllers for the
         outputs of continuous ones, and none at all if there are several rates: the loop is not time-invariant then.
+    hz, gain
+        Frequencies (points), and the loop gains there with the sign of negative feedback (points, loops), complex.
     """
 
     delay: float
     gain_up: float
     gain_down: float
     loops: tuple[LoopMargins, ...] = ()
+    hz: np.ndarray = field(default_factory=lambda: np.empty(0), compare=False)
+    gain: np.ndarray = field(default_factory=lambda: np.empty((0, 0), complex), compare=False)
+
+    plot = verb("stabctl.plotting.margins:plot")
 
     @property
     def df(self) -> "pd.DataFrame":
@@ -125,10 +132,10 @@ def _found(point: OperatingPoint, own: list[Named]) -> Margins:
         raise StudyError(f"The closed loop of {point.case.name} is unstable, so it has no margins.")
     loops = single_loops(point, own, poles)
     if not acting:
-        return Margins(np.inf, np.inf, 0.0, loops)
+        return Margins(np.inf, np.inf, 0.0, *loops)
     up = _edge(np.geomspace(1.0, GAINS[1], 61).tolist(), gained)
     down = _edge(np.geomspace(1.0, GAINS[0], 61).tolist(), gained)
-    return Margins(_delay(every, stable), up or np.inf, down or 0.0, loops)
+    return Margins(_delay(every, stable), up or np.inf, down or 0.0, *loops)
 
 
 def _edge(gains: Sequence[float], good: Callable[[float], bool]) -> float | None:
