@@ -129,6 +129,22 @@ def test_the_table_and_the_text(base):
     assert len(str(found).splitlines()) == 3
 
 
+def test_the_figure_has_the_margins_at_the_loop_gain(base):
+    found = base.margins(damper(rate=60, delay="100ms"))
+    (loop,) = found.loops
+    size, phase = found.plot().axes
+    x, y = size.lines[0].get_data()
+    assert x.min() >= 1e-3
+    margins = {round(line.get_xdata()[0], 6): line.get_ydata() for line in size.lines if len(line.get_xdata()) == 2}
+    marked = margins[round(loop.gain_up_hz, 6)]
+    assert marked[0] == pytest.approx(-20 * np.log10(loop.gain_up))
+    assert np.interp(loop.gain_up_hz, x, y) == pytest.approx(marked[0], abs=0.3)  # between the points of the curve
+    crossover = next(
+        line for line in phase.lines if len(line.get_xdata()) == 2 and line.get_xdata()[0] == loop.phase_hz
+    )
+    assert abs(np.diff(crossover.get_ydata())[0]) == pytest.approx(loop.phase_deg)
+
+
 def test_which_loops_have_a_gain(base):
     """None next to sampled controllers for continuous ones, none with two rates."""
     mixed = base.margins(damper(rate=60), stabilizer(3))

@@ -31,15 +31,15 @@ IMPORTS = (
     ["import", "CASE", "--json"],
     ["powerflow", "CASE", "--json", "--missing", "injection", "--missing-controls", "fixed"],
 )
-SHORT = "--observe", "2", "--longest", "0s", "--resolution", "1cyc", "--limit", "30cyc"
+BRIEF = "--fault 7-8@0.4 --storage 50MW --classical --observe 2 --longest 0s --resolution 1cyc --limit 30cyc"
 DESIGNS = (
     ["design", "pss", "CASE", "--machine", "1", "--damping", "0.05", "--out", "kept.toml"],
     ["design", "pod", "CASE", "--input", "deviation:1", "--output", "order:1@5", "--storage", "50MW", "--json"],
     ["design", "pod", "CASE", "--rank", "--storage", "50MW"],
     ["design", "lqr", "CASE", "--classical", "--storage", "50MW", "--input", "angle, speed"],
     ["design", "lqg", "CASE", "--classical", "--storage", "50MW", "--json"],
-    [*"design law CASE --classical --fault 7-8@0.4 --storage 50MW --scan 0s --return-within 0s".split(), *SHORT],
-    [*"design optimum CASE --classical --fault 7-8@0.4 --storage 50MW --rate 10 --window 0.3s --iterations 1".split(), *SHORT],
+    f"design law CASE {BRIEF} --scan 0s --return-within 0s".split(),
+    f"design optimum CASE {BRIEF} --rate 10 --window 0.3s --iterations 1".split(),
 )
 COMMANDS = (
     *ON_A_CASE,
