@@ -11,6 +11,8 @@ from .groups import CaseOptions
 from .options import Json
 from .shared import console, print_json
 
+MOST = 1000  # rows of a table on the screen
+
 Branches = Annotated[bool, typer.Option("--branches", help="Also print the branch flows.")]
 
 
@@ -59,13 +61,20 @@ def powerflow(
     table = Table("bus", "voltage, pu", "angle, deg", "P generated, MW", "Q generated, Mvar")
     for column in table.columns:
         column.justify = "right"
-    for r in rows:
+    for r in rows[:MOST]:
         power = (f"{r['p_gen_mw']:.2f}", f"{r['q_gen_mvar']:.2f}") if made[r["bus"]] else ("", "")
         table.add_row(str(r["bus"]), f"{r['v_pu']:.5f}", f"{r['angle_deg']:.3f}", *power)
     console().print(table)
+    _rest(len(rows), "buses")
     if branches:
         _print_branches(lines)
     console().print(str(flow))
+
+
+def _rest(count: int, what: str) -> None:
+    """How many rows a table does not show."""
+    if count > MOST:
+        console().print(f"and {count - MOST} more {what}; --json prints all of them.")
 
 
 def _print_branches(lines: list[dict[str, Any]]) -> None:
@@ -83,9 +92,10 @@ def _print_branches(lines: list[dict[str, Any]]) -> None:
     table = Table(*heads)
     for column in table.columns:
         column.justify = "right"
-    for line in lines:
+    for line in lines[:MOST]:
         a, b, *powers = line.values()
         table.add_row(str(a), str(b), *(f"{p:.2f}" for p in powers), f"{line['p_from_mw'] + line['p_to_mw']:.2f}")
     console().print(table)
+    _rest(len(lines), "branches")
     lost = sum(line["p_from_mw"] + line["p_to_mw"] for line in lines)
     console().print(f"branch losses: {lost:.1f} MW")
