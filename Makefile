@@ -30,6 +30,9 @@ docs: .venv/docs  ## build the site of the documentation in build/site, and docs
 	$(BIN)/python tools/models_page.py
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build
 
+gallery: .venv/demo  ## draw the figures of docs/gallery again
+	$(BIN)/python tools/gallery.py
+
 coverage: .venv/demo  ## write docs/coverage.md: what of a collection of PSS/E systems is understood (COLLECTION=folder)
 	$(BIN)/python tools/coverage_page.py $(COLLECTION)
 
@@ -76,5 +79,5 @@ clean:  ## remove the virtual environment and all generated files
 	$(BIN)/python -m pip install -q -e '.[dev]'
 	@touch $@
 
-.PHONY: help demo test slow fuzz lint mutate docs coverage reproduce bench clean
+.PHONY: help demo test slow fuzz lint mutate docs gallery coverage reproduce bench clean
 .DEFAULT_GOAL := help

@@ -14,7 +14,19 @@ import stabctl as st
 from docs_site import interface
 
 ROOT = Path(__file__).resolve().parents[2]
-LOOKED_AT = "index", "theory", "placement", "design", "live", "models", "reference/systems", "reference/linear"
+LOOKED_AT = [
+    "index",
+    "tutorial",
+    "gallery",
+    "notebooks/modes",
+    "notebooks/two_area",
+    "theory",
+    "placement",
+    "design",
+    "live",
+    "models",
+    "reference/linear",
+]
 
 
 class Page(HTMLParser):
@@ -37,6 +49,11 @@ class Page(HTMLParser):
 
 def test_every_public_name_has_one_place_in_the_reference():
     assert sorted(interface.names()) == sorted(st.__all__)
+
+
+def test_every_page_is_in_the_navigation():
+    listed = (ROOT / "mkdocs.yml").read_text("utf-8")
+    assert [p.name for p in (ROOT / "docs").glob("*.md") if f" {p.name}\n" not in listed] == []
 
 
 @pytest.fixture(scope="session")

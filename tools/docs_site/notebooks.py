@@ -1,5 +1,6 @@
 """Executed notebooks as pages of the site."""
 
+import re
 from pathlib import Path
 
 
@@ -11,4 +12,6 @@ def converted(path: Path) -> dict[str, str | bytes]:
     figures = {f"{path.stem}_{name}": data for name, data in parts["outputs"].items()}
     for name in parts["outputs"]:
         text = text.replace(f"]({name})", f"]({path.stem}_{name})")
+    text = re.sub(r"<style scoped>.*?</style>\n?", "", text, flags=re.DOTALL)  # the tables of the site look alike
+    text = re.sub(r"<(table|tr) [^>]*>", r"<\1>", text)
     return {f"{path.stem}.md": text, **figures}

@@ -1,0 +1,5 @@
+"""Short-circuit power of the buses."""
+
+import stabctl as st
+
+st.load("ieee39").short_circuit().plot()
