@@ -35,14 +35,19 @@ Deadband = Annotated[
 ]
 Return = Annotated[
     float,
-    Option("--return-within", metavar="TIME", parser=options.in_unit("s"), help="Energy is back then, s; 0: never."),
+    Option(
+        "--return-within",
+        metavar="TIME",
+        parser=options.in_unit("s"),
+        help="Time for the energy to return to its initial value, s; 0: no limit.",
+    ),
 ]
 Rate = Annotated[int | None, Option("--rate", min=1, help="Frames per second (default: every step).")]
 Delay = Annotated[
     float, Option("--delay", metavar="TIME", parser=options.in_unit("s"), help="From reading to action, s.")
 ]
 Training = Annotated[float, Option("--training", help="Share of the contingencies that the law is tuned with.")]
-Seed = Annotated[int, Option("--seed", min=0, help="Seed of the choice of these.")]
+Seed = Annotated[int, Option("--seed", min=0, help="Seed of this choice.")]
 Report = Annotated[Path | None, Option("--report", help="Write a page with figures to this folder.")]
 Out = Annotated[Path | None, Option("--out", help="Write the law to FILE.toml, for --controller.")]
 

@@ -79,7 +79,7 @@ Set = Annotated[
 Device = Annotated[
     list[str] | None,
     typer.Option(
-        "--device", metavar="FILE", callback=register, help="File of a device of your own: my_exciter.py. Repeatable."
+        "--device", metavar="FILE", callback=register, help="Your own device model: my_exciter.py. Repeatable."
     ),
 ]
 Verbose = Annotated[bool, typer.Option("--verbose", help="Print every warning, not only the first.")]
@@ -125,7 +125,7 @@ Control = Annotated[
 ]
 Controllers = Annotated[
     list[str] | None,
-    typer.Option("--controller", metavar="FILE", help="A controller, in a TOML file as it is saved. Repeatable."),
+    typer.Option("--controller", metavar="FILE", help="A saved controller (TOML). Repeatable."),
 ]
 Deadband = Annotated[
     float,
@@ -166,7 +166,7 @@ Angle = Annotated[
         "--max-angle",
         metavar="ANGLE",
         parser=in_unit("rad"),
-        help="Change of a rotor angle from the COI that counts as loss of synchronism, rad or 200deg.",
+        help="Change of a rotor angle relative to the COI that counts as loss of synchronism, rad or 200deg.",
     ),
 ]
 MinFrequency = Annotated[
