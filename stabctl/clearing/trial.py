@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
+from stabctl.simulation import steps
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control, acting
 from stabctl.simulation.events import Event, Fault
@@ -112,5 +113,7 @@ class Trial:
     def _run(
         self, events: list[Contingency | Event], until: float, record: Recorded, longest: float = 0.0
     ) -> Trajectory:
-        options: Any = {"step": self.search.step, "criterion": self.search.criterion, "record": record}
+        step = self.search.step
+        later = steps.later(self.point, step) if self.control is None else None
+        options: Any = {"step": step, "later": later, "criterion": self.search.criterion, "record": record}
         return run(self.point, events, until, self.control, longest=longest, **options)

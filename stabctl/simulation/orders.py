@@ -4,9 +4,9 @@ from stabctl._util.jit import inline, noinline
 from stabctl.dynamics.perform import perform, perform_due
 
 
-@noinline
+@inline
 def run(calls, p, s, f, on):
-    """Call the device families, compiled once in the stepper."""
+    """Call the device families."""
     perform(calls, p.w, p.k, s, f, on)
 
 

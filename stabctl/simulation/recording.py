@@ -71,12 +71,11 @@ class Recording:
             return np.empty(0), np.empty((0, width))
         return np.concatenate(self._times), np.concatenate(self._rows)
 
-    def angles(self, begin: float) -> np.ndarray:
-        """Angles (instants, rotor units) since `begin` (s), rad."""
-        found = [
-            angle[np.searchsorted(at, begin - 1e-9) :] for at, angle in zip(self._instants, self._angles, strict=True)
-        ]
-        return np.concatenate(found)
+    def angles(self, begin: float, middle: float) -> tuple[np.ndarray, int]:
+        """Angles (instants, rotor units) since `begin` (s), rad, and the row of the instant `middle` (s)."""
+        times, angles = np.concatenate(self._instants), np.concatenate(self._angles)
+        first, half = np.searchsorted(times, (begin - 1e-9, middle - 1e-9))
+        return angles[first:], int(half - first)
 
     def _due(self, times: np.ndarray) -> list[int]:
         """Rows that are at least the interval after the one before."""

@@ -50,6 +50,8 @@ class Simulation:
         Controllers whose inputs are set from outside, at the places in `attached.measured`.
     step : float, s, optional
         Largest time step.
+    later : float, s, optional
+        Largest time step from `steps.CALM` after the last event on; by default the same.
     criterion : Criterion
         When the run counts as unstable and ends.
     record : bool or "rotors"
@@ -76,6 +78,7 @@ class Simulation:
         *,
         measured: Sequence[Controller] = (),
         step: float | None = None,
+        later: float | None = None,
         criterion: Criterion = DEFAULT,
         record: Recorded = True,
         every: float = 0.0,
@@ -87,12 +90,14 @@ class Simulation:
         point = self.attached.point
         self.point, self.criterion = point, for_system(criterion, point.system)
         self.step = steps.checked(point, step)
+        self._later = self.step if later is None else steps.checked(point, later)
         self.changes = timeline(point.case, schedule(point.case, events))
         self.time, self.wall_s, self.steps = start, 0.0, 0
         self.outcome: Outcome | None = None
         self._taken_off: list[str] = []
         self._verdict = stepper.DONE
         self._finished: Trajectory | None = None
+        self._swings: tuple[float, Swings | None] | None = None  # instant and last swings then
         self._at, self._since = 0, start
         self._off = np.full(len(point.case.machines), np.inf)
         while self._at + 1 < len(self.changes) and self.changes[self._at + 1].at <= start + 1e-9:
@@ -163,7 +168,8 @@ class Simulation:
         self.affordable(until)
         while self.outcome is None and self.time < until - 1e-9:
             following = self.changes[self._at + 1].at if self._at + 1 < len(self.changes) else np.inf
-            target = min([until, following, *(t for t in self._edges if t > self.time + 1e-9)])
+            calm = self._since + (steps.CALM if self._later > self.step else 0.0)
+            target = min([until, following, *(t for t in (calm, *self._edges) if t > self.time + 1e-9)])
             if target > self.time + 1e-9:
                 self._segment(target)
                 self._windows()
@@ -192,12 +198,18 @@ class Simulation:
 
     def swings(self) -> Swings | None:
         """The last swings so far; None if they are not judged: too soon after the last event, or a machine alone."""
+        if self._swings is None or self._swings[0] != self.time:
+            self._swings = self.time, self._last_swings()
+        return self._swings[1]
+
+    def _last_swings(self) -> Swings | None:
         begin = max(self._since, self.time - swings.SPAN)
         if self.time - begin < swings.LEAST - 1e-9:
             return None
-        rotors, half = self.point.rotors, (self.time - begin) / 2
+        rotors, half_s = self.point.rotors, (self.time - begin) / 2
         island, names, limit = self.island[rotors.unit], self.point.rotor_names, self.criterion.decay
-        return swings.judged(self._record.angles(begin), island, self._frame.weight, names, half, limit)
+        angles, middle = self._record.angles(begin, begin + half_s)
+        return swings.judged(angles, middle, island, self._frame.weight, names, half_s, limit)
 
     def _enter(self) -> None:
         self._since, self._known = self.time, False
@@ -224,7 +236,9 @@ class Simulation:
         self._edges = sorted({edge for _, *both in windows for edge in both})
 
     def _segment(self, target: float) -> None:
-        all_steps, done = steps.steps(self.time, target, self.step, self.wired.rates), 0
+        calm = self.time > self._since + steps.CALM - 1e-9
+        step = self._later if calm else self.step
+        all_steps, done = steps.steps(self.time, target, step, self.wired.rates), 0
         count = len(all_steps.sizes)
         while done < count and self.outcome is None:
             now = slice(done, done + self._record.at_once)
@@ -316,6 +330,7 @@ def run(
     control: Control = None,
     *,
     step: float | None = None,
+    later: float | None = None,
     criterion: Criterion = DEFAULT,
     record: Recorded = True,
     every: float = 0.0,
@@ -331,7 +346,7 @@ def run(
     events, parts = schedule(point.case, contingency, until, start), acting(control)
     simulation = Simulation(
         point, events, parts.law, parts.controllers,
-        measured=parts.measured, step=step, criterion=criterion, record=record, every=every, start=start,
+        measured=parts.measured, step=step, later=later, criterion=criterion, record=record, every=every, start=start,
         progress=progress,
     )  # fmt: skip
     pilots: list[Pilot] = [*((one.rate, one.pilot([simulation])) for one in parts.pilots), *simulation.frames]

@@ -14,7 +14,7 @@ DONE, SLIPPED, NO_VOLTAGE, LOW_VOLTAGE, RUNAWAY, FREQUENCY, UNLOCKED, NEWTON = r
 
 @inline
 def guess(stage, entire, a, q):
-    """Predict the iterated voltages of the next stage from their changes at the same stage of the last steps.
+    """Predict the iterated voltages of the next stage from their changes at the same stage of the last two steps.
 
     The voltages are kept as they are in a part of a step.
     """
@@ -35,6 +35,29 @@ def note(stage, a, q):
 
 
 @noinline
+def begin(weight, reach, x0, f, total, s):
+    """The states of the second stage, s = x0 + reach f, and the weighted rates, summed from x0 on."""
+    for k in range(len(x0)):
+        total[k] = x0[k] + weight * f[k]
+        s[k] = x0[k] + reach * f[k]
+
+
+@noinline
+def move(weight, reach, x0, f, total, s):
+    """The same for the next stages; the rates are added to the sum so far. Apart, both loops work on several states."""
+    for k in range(len(x0)):
+        total[k] += weight * f[k]
+        s[k] = x0[k] + reach * f[k]
+
+
+@noinline
+def end(weight, total, f, s):
+    """The states at the end of the step."""
+    for k in range(len(total)):
+        s[k] = total[k] + weight * f[k]
+
+
+@inline
 def hold(q, a):
     """Set the derivatives of states to zero that begin the step at a non-windup limit and point beyond it.
 
@@ -164,6 +187,7 @@ def advance(p, a, net, q, rules, sizes, due, last, resume, history):
         for stage in range(4):
             for i in range(len(a.near_bus)):
                 q.moves[0, stage, i] = q.moves[1, stage, i] = 0
+        q.pace[0] = 1.0
     while step < steps + last:
         h = sizes[step] if step < steps else 0.0
         entire, span = q.part[1] - q.part[0] == 1, (q.part[1] - q.part[0]) * h
@@ -210,10 +234,12 @@ def advance(p, a, net, q, rules, sizes, due, last, resume, history):
                 copy(q.volt, q.volts[1])
             weight = span / 6 if stage == 0 or stage == 3 else span / 3
             reach = span if stage == 2 else span / 2
-            for k in range(nx):
-                total = weight * q.f[k] + (q.sum[k] if stage else q.x0[k])
-                q.sum[k] = total
-                q.s[k] = total if stage == 3 else q.x0[k] + reach * q.f[k]
+            if stage == 0:
+                begin(weight, reach, q.x0, q.f, q.sum, q.s)
+            elif stage < 3:
+                move(weight, reach, q.x0, q.f, q.sum, q.s)
+            else:
+                end(weight, q.sum, q.f, q.s)
             confine(q.s, a)
         stage0, known = 0, SETTLED if a.relay else NOTHING
         if q.part[1] < 1:

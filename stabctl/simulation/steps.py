@@ -17,9 +17,12 @@ from stabctl.errors import StudyError
 from stabctl.schema import hints
 
 STEP = 1 / 120  # s   default
+CALM = 1.0  # s   after the last event; a later step may be longer
+LATER = 1 / 48  # s   default step then
 LEAST_STEP = 1e-7  # s
 FEW = 100  # steps that are always affordable
 MOST = 50_000_000  # steps of a run
+NEARLY = 2.1  # largest |step * eigenvalue| of a later step
 REACH = 2.5  # largest |step * eigenvalue| that RK4 carries, with a margin (it is unstable beyond 2.785)
 NEAR = 3.0  # between the inverse of a time constant and the eigenvalue that it explains
 
@@ -38,6 +41,14 @@ def checked(point: OperatingPoint, step: float | None) -> float:
             f"{point.fastest:.0f} 1/s{because}; give at most {longest:.3g} s."
         )
     return step
+
+
+def later(point: OperatingPoint, step: float | None) -> float | None:
+    """The step from `CALM` after the last event on (s), where fast transients have ended; None: the same as before.
+
+    A step that was given is kept. So is the default one if a longer one would come near the limit of stability.
+    """
+    return LATER if step is None and LATER * point.fastest <= NEARLY else None
 
 
 class Steps(NamedTuple):

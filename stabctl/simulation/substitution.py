@@ -18,17 +18,23 @@ OPTIONS: Any = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.1, "option
 
 
 class Factors(NamedTuple):
-    """P_r Y P_c = L D U; L and U have unit diagonals, which are not stored."""
+    """P_r Y P_c = L D U; L and U have unit diagonals, which are not stored.
 
-    lower: np.ndarray  # (entries of L, 2)   row and column, columns ascending
-    L: np.ndarray  # (entries of L)
-    upper: np.ndarray  # (entries of U, 2)   row and column; the iterated rows first, then columns descending
-    U: np.ndarray  # (entries of U)
+    Places are unsigned numbers, so that compiled code need not look for negative ones.
+    """
+
+    L: np.ndarray  # (entries of L)   columns ascending
+    L_row: np.ndarray  # (entries of L)
+    L_col: np.ndarray  # (entries of L)
+    U: np.ndarray  # (entries of U)   the iterated rows first, then columns descending
+    U_row: np.ndarray  # (entries of U)
+    U_col: np.ndarray  # (entries of U)
     d: np.ndarray  # (buses)   inverse of D
     rows: np.ndarray  # (buses)   P_r: bus of every row
     cols: np.ndarray  # (buses)   P_c: row of every bus
     back: np.ndarray  # (buses)   row of every bus, the inverse of P_r
     again: np.ndarray  # (3)   first row, first entry of L and last entry of U that an iteration repeats
+    all: np.ndarray  # (3)   rows, entries of L and of U
 
 
 def factor(Y: sp.csc_matrix, iterated: Iterable[int] = ()) -> Factors:
@@ -49,46 +55,39 @@ def factor(Y: sp.csc_matrix, iterated: Iterable[int] = ()) -> Factors:
     up = np.lexsort((place[U.row], -place[U.col], -last[U.row]))
     again = len(d) - last.sum(), len(L.data) - last[L.col].sum(), last[U.row].sum()
     rows, columns = place[lu.perm_r], place[lu.perm_c]
-    return Factors(
-        place[np.stack([L.row, L.col], 1)[down]].astype(np.uint32),
-        L.data[down],
-        place[np.stack([U.row, U.col], 1)[up]].astype(np.uint32),
-        U.data[up],
-        d[order],
-        np.argsort(rows).astype(np.uint32),
-        columns.astype(np.uint32),
-        rows.astype(np.uint32),
-        np.array(again, np.uintp),
-    )
+    places = place[L.row[down]], place[L.col[down]], place[U.row[up]], place[U.col[up]], np.argsort(rows), columns, rows
+    L_row, L_col, U_row, U_col, *of_buses = (np.ascontiguousarray(one, np.uint32) for one in places)
+    sizes = (np.array(one, np.uintp) for one in (again, (len(d), len(L.data), len(U.data))))
+    return Factors(L.data[down], L_row, L_col, U.data[up], U_row, U_col, d[order], *of_buses, *sizes)
 
 
 def matrix(F: Factors) -> sp.csc_matrix:
     """The matrix of these factors (buses, buses), to rounding."""
     n = len(F.d)
     one, shape = sp.identity(n, format="csc"), (n, n)
-    L = sp.csc_matrix((F.L, (F.lower[:, 0], F.lower[:, 1])), shape=shape) + one
-    U = sp.csc_matrix((F.U, (F.upper[:, 0], F.upper[:, 1])), shape=shape) + one
+    L = sp.csc_matrix((F.L, (F.L_row, F.L_col)), shape=shape) + one
+    U = sp.csc_matrix((F.U, (F.U_row, F.U_col)), shape=shape) + one
     return (L @ sp.diags(1 / F.d) @ U).tocsr()[F.back].tocsc()[:, F.cols]
 
 
 @inline
 def forward(F, current, work):
     """Forward substitution of the rows that are not iterated: work = inv(L) current, complete for these rows only."""
-    for i in range(len(work)):
+    for i in range(F.all[0]):
         work[i] = current[F.rows[i]]
     for k in range(F.again[1]):
-        work[F.lower[k, 0]] -= F.L[k] * work[F.lower[k, 1]]
+        work[F.L_row[k]] -= F.L[k] * work[F.L_col[k]]
 
 
 @inline
 def middle(F, work):
     """Forward and backward substitution of the iterated rows: work = v."""
-    for k in range(F.again[1], len(F.L)):
-        work[F.lower[k, 0]] -= F.L[k] * work[F.lower[k, 1]]
-    for i in range(F.again[0], len(work)):
+    for k in range(F.again[1], F.all[1]):
+        work[F.L_row[k]] -= F.L[k] * work[F.L_col[k]]
+    for i in range(F.again[0], F.all[0]):
         work[i] *= F.d[i]
     for k in range(F.again[2]):
-        work[F.upper[k, 0]] -= F.U[k] * work[F.upper[k, 1]]
+        work[F.U_row[k]] -= F.U[k] * work[F.U_col[k]]
 
 
 @inline
@@ -96,9 +95,9 @@ def backward(F, work, v):
     """Backward substitution for the other voltages."""
     for i in range(F.again[0]):
         work[i] *= F.d[i]
-    for k in range(F.again[2], len(F.U)):
-        work[F.upper[k, 0]] -= F.U[k] * work[F.upper[k, 1]]
-    for i in range(len(work)):
+    for k in range(F.again[2], F.all[2]):
+        work[F.U_row[k]] -= F.U[k] * work[F.U_col[k]]
+    for i in range(F.all[0]):
         v[i] = work[F.cols[i]]
 
 

@@ -66,14 +66,22 @@ class Swings(NamedTuple):
 
 
 def judged(
-    angle: np.ndarray, island: np.ndarray, inertia: np.ndarray, names: Sequence[int | str], half_s: float, limit: float
+    angle: np.ndarray,
+    middle: int,
+    island: np.ndarray,
+    inertia: np.ndarray,
+    names: Sequence[int | str],
+    half_s: float,
+    limit: float,
 ) -> Swings | None:
     """The swings of rotors in two halves of equal length.
 
     Parameters
     ----------
     angle : (rows, rotors) array, rad
-        Rotor angles; the halves meet in the middle row.
+        Rotor angles.
+    middle : int
+        Row in which the halves meet.
     island : (rotors,) array of int
         Their islands, -1 for those disconnected.
     inertia : (rotors,) array, s
@@ -97,8 +105,7 @@ def judged(
     for k in np.unique(island[on]):
         mine = island[on] == k
         moved[:, mine] -= (moved[:, mine] @ inertia[on][mine] / inertia[on][mine].sum())[:, None]
-    half = len(moved) // 2
-    last, before = np.ptp(moved[half:], axis=0), np.ptp(moved[: half + 1], axis=0)
+    last, before = np.ptp(moved[middle:], axis=0), np.ptp(moved[: middle + 1], axis=0)
     ratio = np.where(last >= SHARE * last.max(), last / np.maximum(before, 1e-12), 0.0)
     one = int(ratio.argmax())
     of_one = float(last[one]), float(before[one])

@@ -7,13 +7,15 @@ load whose voltage collapses has a solution below its threshold.
 
 import numpy as np
 
-from stabctl._util.jit import allocating_entry, entry, noinline
+from stabctl._util.jit import allocating_entry, entry, inline, noinline
 from stabctl.devices.blocks import copy
 from stabctl.dynamics.perform import perform
 
 from .substitution import backward, forward, middle, solve_apart
 
 TOLERANCE = 1e-7  # pu   voltage error at which the iteration ends
+SURE = 4.0  # -    margin of the error that is estimated from the ratio of earlier changes
+SLOWING = 0.9  # -    what is left of a larger ratio at the next iteration
 LIMIT = 30  # -    fixed-point iterations before Newton is called
 STEPS = 40  # -    Newton steps
 HALVINGS = 12  # -    of a Newton step
@@ -21,7 +23,7 @@ FAILED, NEEDS_NEWTON = 1000, 1001  # -    special results of `settle`
 TINY = 1e-30  # complex step
 
 
-@noinline
+@inline
 def settle(p, a, net, q):
     """Solve Y v = i(v) by fixed-point iteration; returns the number of iterations, or NEEDS_NEWTON."""
     for i in range(len(q.current)):
@@ -30,14 +32,14 @@ def settle(p, a, net, q):
     copy(q.current, q.source)
     factors, d, b, before = net.factors, a.draw_bus, a.near_bus, 0.0
     forward(factors, q.source, q.work)
-    for i in range(factors.again[0], len(q.work)):
+    for i in range(factors.again[0], factors.all[0]):
         q.begun[i] = q.work[i]
     for iteration in range(1, LIMIT):
         for i in range(len(d)):
             q.current[d[i]] = 0
         perform(p.current, p.w, p.k, q.s, q.f, net.island)
         if iteration > 1:
-            for i in range(factors.again[0], len(q.work)):
+            for i in range(factors.again[0], factors.all[0]):
                 q.work[i] = q.begun[i]
         for i in range(len(d)):
             q.work[factors.back[d[i]]] += q.current[d[i]]
@@ -52,7 +54,9 @@ def settle(p, a, net, q):
             q.volt[b[i]] = v
         # the changes fall like a geometric series; its remainder is the error
         change = np.sqrt(change)
-        if change < TOLERANCE or change * change < TOLERANCE * (before - change):
+        if iteration > 1:
+            q.pace[0] = min(max(change / before, SLOWING * q.pace[0] if q.pace[0] < 1 else 0.0), 1.0)
+        if change < TOLERANCE or SURE * q.pace[0] * change < TOLERANCE * (1 - q.pace[0]):
             backward(factors, q.work, q.volt)
             return iteration
         before = change

@@ -19,7 +19,7 @@ def swings(sigma, amplitude=1.0, drift=0.0, island=TOGETHER, limit=0.7):
     """The swings of three rotors against each other, of 1.6 Hz and one growth rate (1/s)."""
     wave = amplitude * np.exp(sigma * t) * np.cos(3.2 * np.pi * t)
     angle = np.stack([-0.5 * wave, 0.6 * wave, 0.4 * wave], 1) + drift * t[:, None] ** 2
-    return judged(angle, island, H, ("A", "B", "C"), 2.5, limit)
+    return judged(angle, 300, island, H, ("A", "B", "C"), 2.5, limit)
 
 
 @pytest.mark.parametrize("sigma", [-0.5, -0.1, 0.0, 0.03, 0.3])
