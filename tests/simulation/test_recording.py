@@ -40,7 +40,9 @@ def test_without_a_record_only_the_last_angles_are_held(points):
     record = recording.Recording(point, False, 10**6, every=0.0, span=swings.SPAN)
     for start in range(100):
         record.add(start + np.arange(10) / 10, np.zeros((10, record.width)))
-    assert len(record.angles(0.0)) <= 10 * (swings.SPAN + 2)
+    angles, middle = record.angles(0.0, 98.0)
+    assert len(angles) <= 10 * (swings.SPAN + 2)
+    assert len(angles) - middle == 20  # rows from 98.0 to 99.9 s
     assert record.kept(3)[1].shape == (0, 3)
 
 

@@ -83,6 +83,17 @@ class TestTime:
         assert two_area.case.machines[off[-1].argmax()].machine == traced.outcome.machine
         assert (off[:-1] < 3.5).all()
 
+    def test_later_steps_are_longer_and_as_exact(self, two_area, cases):
+        point = operating_point.solve(cases("two_area").classical())
+        fault, long = Contingency("7", "5cyc", "7-8"), steps.later(point, None)
+        found, fine = (run(point, fault, 5.0, **how) for how in ({"later": long}, {"step": 1 / 480}))
+        sizes, calm = np.diff(found.time), found.time[:-1] > found.happened.changes[-1].at + steps.CALM - 1e-9
+        assert sizes[~calm].max() < steps.STEP + 1e-12
+        assert sizes[calm] == pytest.approx(long, rel=0.01)
+        assert found.arrays.angle[-1] == pytest.approx(fine.arrays.angle[-1], abs=3e-5)  # 1.2e-5
+        assert steps.later(two_area, None) is None  # its fastest eigenvalue is near 108 1/s
+        assert steps.later(point, 1 / 100) is None
+
     def test_without_record_the_outcome_is_the_same(self, two_area):
         events = Contingency("7", 0.3, ["7-8"])
         a, b = run(two_area, events, 5.0), run(two_area, events, 5.0, record=False)
