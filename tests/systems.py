@@ -165,8 +165,9 @@ LIBRARY = {  # the same for devices of the library, whose tests are slow ones: e
 OWN_KINDS = {  # name -> devices of machine 1, and a device of the user's: its table and constants
     "signals from elsewhere": ({"genrou": ROUND, "exdc2": EXDC2, "pss": PSS}, "wide_area", (3, 2, 0.1, 2.0, 3.0)),
 }
-# a unit without active power (test_psse, test_converter_controls), and sensors of controllers (tests/controllers)
-APART = {"csvgn1", "line_power", "line_current", "bus_angle", "rocof"}
+# a unit without active power (test_psse, test_converter_controls), sensors of controllers (tests/controllers), and
+# storage behind converters (test_storage_converters)
+APART = {"csvgn1", "line_power", "line_current", "bus_angle", "rocof", "esd_regc", "esd_regc_c", "esd_regfm"}
 ALL_KINDS = (*KINDS, *OWN_KINDS, *LIBRARY)
 
 

@@ -64,6 +64,9 @@ class StorageOptions(NamedTuple):
     storage_at: options.SizeAt = None
     characteristic: options.Characteristic = "power"
     lag: options.Lag = "0s"
+    storage_model: options.StorageModel = "ideal"
+    storage_mva: options.Mva = None
+    converter: options.Converter = ""
 
     def initialize(self, case: "Case") -> "OperatingPoint":
         """The operating point of the case with these devices."""
@@ -73,10 +76,22 @@ class StorageOptions(NamedTuple):
         if self.storage is not None and self.storage_at is not None:
             raise StudyError("--storage and --storage-at cannot be used together; give one of them.")
         sizes = self.storage if self.storage is not None else self.storage_at
+        connected = connection(self.storage_model, self.storage_mva, self.converter)
         if sizes is not None:
             lag = shared.lag(self.lag, case)
-            case = case.with_storage(sizes, characteristic=self.characteristic, lag=lag)
+            case = case.with_storage(sizes, characteristic=self.characteristic, lag=lag, **connected)
+        elif connected:
+            raise StudyError(
+                "--storage-model, --storage-mva and --converter are for devices given with --storage or --storage-at; "
+                "give one of these, or fill the columns of storage.csv."
+            )
         return initialize(case)
+
+
+def connection(model: str, mva: str | None, converter: str) -> dict[str, Any]:
+    """Columns of storage devices: how they are connected, of what MVA."""
+    given = {"storage_model": model, "converter": converter, "mva": mva}
+    return {name: value for name, value in given.items() if value not in ("ideal", "", None)}
 
 
 class LawOptions(NamedTuple):

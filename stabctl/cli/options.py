@@ -114,6 +114,19 @@ Characteristic = Annotated[
     Literal["power", "current", "conductance"],
     typer.Option("--characteristic", help="What a device keeps constant when the voltage changes."),
 ]
+StorageModel = Annotated[
+    Literal["ideal", "regc", "regc_c", "regfm"],
+    typer.Option(
+        "--storage-model",
+        help="Ideal devices, or behind a converter: grid-following (regc; regc_c with PLL) or grid-forming (regfm).",
+    ),
+]
+Mva = Annotated[
+    str | None, typer.Option("--storage-mva", help="MVA of every device: 60MVA, or 120% of its power rating (100%).")
+]
+Converter = Annotated[
+    str, typer.Option("--converter", help="Parameters of the converters that are not the default: 'Imax=1.3 Lvplsw=0'.")
+]
 Lag = Annotated[
     str, typer.Option("--lag", metavar="TIME", parser=time, help="Time constant from order to power, s or 100ms.")
 ]

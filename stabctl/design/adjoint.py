@@ -50,7 +50,7 @@ def gradients(run: Trajectory, shown: Sequence[Shown], first: int = 0) -> np.nda
         If the run was not recorded, or a machine was disconnected in it.
     """
     point = run.point
-    orders, system = orders_of(point.layout), wired(point, None)
+    orders, system = orders_of(point.layout, point.case), wired(point, None)
     late_first = np.argsort([-one.rows[-1] for one in shown], kind="stable")
     weight, active = np.zeros((point.layout.nx, len(shown))), 0
     found = np.zeros((len(run.rows) - 1, len(orders), len(shown)))

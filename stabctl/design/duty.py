@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stabctl.clearing.trial import Trial
-from stabctl.dynamics import family
+from stabctl.dynamics import storage
 from stabctl.simulation.control import acting
 from stabctl.simulation.simulation import Simulation
 from stabctl.simulation.trajectory import Trajectory
@@ -69,7 +69,7 @@ def later(trial: Trial, k: int, within_s: float) -> Later:
         raise TypeError("only a law of the storage devices is watched for long")
     options: Any = {"step": trial.search.step, "criterion": trial.search.criterion, "record": False}
     simulation = Simulation(trial.point, trial.events(k), parts.law, **options)
-    at = trial.point.system.family("esd").w[:, family.STATE] + 1
+    at = storage.places(trial.point.system, trial.point.case).energy
     end, kwh = trial.last_event(k) + within_s, trial.point.case.base_mva / 3.6
     found = [simulation.s[at] * kwh]
     while simulation.time < end - 1e-9 and simulation.advance(min(simulation.time + SAMPLED, end)):

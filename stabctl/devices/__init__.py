@@ -61,7 +61,14 @@ ROLES: Mapping[str, str] = MappingProxyType(
 )
 OF_CONVERTER = ("electrical control", "plant control", "drive train")
 UNIT_ROLES = ("machine", "converter", "exciter", "governor", "stabilizer", *OF_CONVERTER)
-BUILT_IN = ("zip_load", "esd", "hvdc")  # their rows come from the tables loads, storage and links
+BUILT_IN = (
+    "zip_load",
+    "esd",
+    "esd_regc",
+    "esd_regc_c",
+    "esd_regfm",
+    "hvdc",
+)  # their rows come from the tables loads, storage and links
 
 _registered: dict[str, ModuleType] = {}
 

@@ -104,7 +104,7 @@ def system(case: Case, flow: PowerFlow, net: Network) -> System:
     unit = {name: [row.unit for row in rows] for name, rows in tables.items()}
     forming = np.zeros(len(case.machines), bool)
     for f in families:
-        if hasattr(f.device, "source"):
+        if hasattr(f.device, "source") and f.device.ROLE in devices.UNIT_ROLES:
             forming[unit[f.name]] = True
     watched = [(b, low) for name, rows in tables.items() for row in rows for b, low in _watched(name, row)]
     buses = [f.w[:, [family.BUS, family.BUS2]].ravel() for f in draws]

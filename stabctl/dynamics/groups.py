@@ -79,7 +79,8 @@ def _solved(blocks: np.ndarray, f: np.ndarray) -> np.ndarray:
     if blocks.shape[1] == blocks.shape[2]:
         with contextlib.suppress(np.linalg.LinAlgError):
             return np.linalg.solve(_filled(blocks), f[..., None])[..., 0]
-    return np.stack([np.linalg.lstsq(block, one, rcond=None)[0] for block, one in zip(blocks, f, strict=True)])
+    found = np.stack([np.linalg.lstsq(block, one, rcond=None)[0] for block, one in zip(blocks, f, strict=True)])
+    return np.where((blocks != 0).any(axis=1), found, 0.0)
 
 
 def _filled(blocks: np.ndarray) -> np.ndarray:

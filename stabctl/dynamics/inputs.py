@@ -5,7 +5,7 @@ from typing import NamedTuple
 from stabctl.devices.loads import zip_load
 from stabctl.errors import StudyError
 
-from . import family
+from . import storage
 from .operating_point import OperatingPoint
 from .rows import NO_UNIT
 from .signals import OF_CONVERTER, OF_STORAGE, Signal, port
@@ -47,9 +47,8 @@ def place(point: OperatingPoint, signal: Signal) -> int:
     """Place in s of an input, in a point that `extended` has prepared for it. Raises `StudyError` if it is driven."""
     case = point.case
     if signal.kind in OF_STORAGE:
-        esd = point.system.family("esd")
         row = [f"{s.machine}@{s.bus}" for s in case.storage].index(str(signal.place))
-        return int(esd.w[row, family.INPUTS + family.fields(esd.device, "Input").index(signal.kind)])
+        return int(getattr(storage.places(point.system, case), signal.kind)[row])
     found: int | None
     if signal.kind in DRAWN:
         found = point.layout.setpoint(NO_UNIT, signal.label)

@@ -109,7 +109,7 @@ def _body(device: ModuleType, op: int, names: tuple[str, ...], anew: bool) -> li
     result = {"source": "g", "current": "g", "output": "y", "derivatives": "d", "step": "x, y" if memory[1:] else "y"}
     store = {"source": inject, "current": inject, "output": shown, "derivatives": rates}
     store["step"] = [*(memory if memory[1:] else ()), *shown]
-    of_unit = op == SOURCE or (op == CURRENT and device.ROLE in ("machine", "converter"))
+    of_unit = op in (SOURCE, CURRENT) and device.ROLE in ("machine", "converter")
     lines = [f"if on[w[{columns} * j + {UNIT}]] < 0:", "    continue"] if of_unit else []
     known: set[str] = set()
     for name in names:

@@ -18,7 +18,7 @@ from stabctl.model.case import Case
 from stabctl.model.network import Network
 from stabctl.model.powerflow import PowerFlow
 
-from . import family, rating, violations
+from . import family, rating, storage, violations
 from .assembly import Rotors, System, system
 from .jacobian import Equations
 from .layout import Layout
@@ -128,16 +128,17 @@ class OperatingPoint:
         """The same as entries."""
         own = source_admittances(self.system)
         own[list(switching.tripped)] = 0
-        at = np.concatenate([np.arange(len(self.V)), self.system.unit_bus])
-        return network.entries(self.net, switching).joined(np.concatenate([self.system.fixed, own]), at)
+        bus, more = storage_admittances(self.system)
+        at = np.concatenate([np.arange(len(self.V)), self.system.unit_bus, bus])
+        return network.entries(self.net, switching).joined(np.concatenate([self.system.fixed, own, more]), at)
 
     def resized(self, ratings: Iterable[float]) -> "OperatingPoint":
         """The same point with other storage ratings (devices, MW), which change nothing else in equilibrium."""
         pairs = zip(self.case.storage, ratings, strict=True)
-        case = fleet.extended(self.case, (s._replace(rating=float(rating)) for s, rating in pairs))
-        esd = devices.every()["esd"]
-        k = np.array([esd.from_case(s, case.base_mva) for s in case.storage], float)
-        return replace(self, case=case, system=self.system.with_constants("esd", k))
+        case = fleet.extended(self.case, (fleet.resized(s, float(rating)) for s, rating in pairs))
+        system = storage.with_ratings(self.system, self.case, case.storage)
+        stages = {} if storage.in_network(case) else self.stages
+        return replace(self, case=case, system=system, stages=stages)
 
     def __getstate__(self) -> dict[str, Any]:
         return {k: v for k, v in self.__dict__.items() if k != "equations"} | {"stages": {}}
@@ -157,6 +158,17 @@ def source_admittances(of: System) -> np.ndarray:
             g, b = f.device.admittance(f.device.Par(*f.k.T))
             out[f.w[:, family.UNIT]] = g + 1j * b
     return out
+
+
+def storage_admittances(of: System) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of the buses of storage devices behind an impedance, and their Norton admittances (complex, pu system)."""
+    bus, found = [np.zeros(0, np.int64)], [np.zeros(0, complex)]
+    for f in of.families:
+        if f.device.ROLE == "storage" and hasattr(f.device, "admittance"):
+            g, b = f.device.admittance(f.device.Par(*f.k.T))
+            bus.append((f.w[:, family.BUS] - of.layout.nx) // 2)
+            found.append(g + 1j * b)
+    return np.concatenate(bus), np.concatenate(found)
 
 
 def solve(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:

@@ -11,7 +11,7 @@ from stabctl.errors import StudyError, shown
 from stabctl.model import network
 from stabctl.model.location import circuit
 
-from . import family
+from . import storage
 from .extended import sensor
 from .layout import unique
 from .operating_point import OperatingPoint
@@ -32,7 +32,7 @@ class Reading(NamedTuple):
         return np.asarray(self.value(steps)).imag / STEP
 
 
-OF_DEVICE = {"absorbed": "P", "absorbed_q": "Q", "charge": "charge"}
+OF_DEVICE = {"absorbed": "P", "absorbed_q": "Q", "charge": "charge", "energy": "energy"}
 OF_SENSOR = ("bus_frequency", "rocof")
 OF_LINE = ("flow", "flow_q", "current")
 OF_UNIT = {"efd": "Efd", "pm": "Pm", "pe": "P", "qe": "Q", "vt": "vt", "ifd": "Ifd", "vs": "Vs"}
@@ -40,17 +40,14 @@ OF_UNIT = {"efd": "Efd", "pm": "Pm", "pe": "P", "qe": "Q", "vt": "vt", "ifd": "I
 
 def given(kind: str) -> bool:
     """Whether a device gives the signals of this kind: those have a `place`."""
-    return kind in OF_UNIT or kind in OF_DEVICE or kind in OF_SENSOR or kind == "energy"
+    return kind in OF_UNIT or kind in OF_DEVICE or kind in OF_SENSOR
 
 
 def place(point: OperatingPoint, signal: Signal) -> int:
     """Place in s of a signal that a device gives. Raises `StudyError` if there is none."""
-    if signal.kind in (*OF_DEVICE, "energy"):
-        esd = point.system.family("esd")
-        w = esd.w[[f"{s.machine}@{s.bus}" for s in point.case.storage].index(str(signal.place))]
-        if signal.kind == "energy":
-            return int(w[family.STATE] + family.fields(esd.device, "State").index("energy"))
-        return int(w[-1] + family.fields(esd.device, "Output").index(OF_DEVICE[signal.kind]))
+    if signal.kind in OF_DEVICE:
+        row = [f"{s.machine}@{s.bus}" for s in point.case.storage].index(str(signal.place))
+        return int(getattr(storage.places(point.system, point.case), OF_DEVICE[signal.kind])[row])
     if signal.kind in OF_SENSOR:
         return sensor(point, signal.kind, signal.number)
     unit = [m.machine for m in point.case.machines].index(signal.number)

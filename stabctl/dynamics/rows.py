@@ -8,12 +8,13 @@ import numpy as np
 
 from stabctl import devices
 from stabctl.devices.loads import zip_load
+from stabctl.devices.storage import models as storage
 from stabctl.errors import EquilibriumError
 from stabctl.model import keys
 from stabctl.model.case import Case
 from stabctl.model.network import Network
 from stabctl.model.powerflow import PowerFlow
-from stabctl.model.tables import Load
+from stabctl.model.tables import Load, Storage
 
 NO_UNIT = -1
 
@@ -50,18 +51,10 @@ def tables(case: Case, flow: PowerFlow, net: Network) -> tuple[dict[str, list[Ro
             row = row._replace(par=row.par._replace(Pz=0.0, Qz=0.0))
         if name != "zip_load" or zip_load.draws(load):
             found.setdefault(name, []).append(row)
-    esd, hvdc = devices.every()["esd"], devices.every()["hvdc"]
-    found["esd"] = [
-        Row(
-            numbers[s.machine],
-            net.place[s.bus],
-            net.place[s.bus],
-            esd.from_case(s, case.base_mva),
-            f"ESD {s.machine}@{s.bus}",
-            f"ESD {s.machine}@{s.bus}",
-        )
-        for s in case.storage
-    ]
+    for s in case.storage:
+        name = storage.TABLES[s.storage_model]
+        found.setdefault(name, []).append(_storage_row(case, s, numbers[s.machine], net.place[s.bus], flow))
+    hvdc = devices.every()["hvdc"]
     found["hvdc"] = []
     for k in case.links:
         a, b = net.place[k.from_bus], net.place[k.to_bus]
@@ -89,6 +82,13 @@ def _unit_row(case: Case, device: ModuleType, unit: int, key: keys.Key, par: Any
     par = _filled(device, par, known)
     name = str(key).replace(str(m.machine), str(m.called), 1)
     return Row(unit, bus, bus, par, f"{device.NAME} {name}", f"machine {m.called} at bus {m.bus}")
+
+
+def _storage_row(case: Case, s: Storage, unit: int, bus: int, flow: PowerFlow) -> Row:
+    device = devices.every()[storage.TABLES[s.storage_model]]
+    known = {"V0": float(abs(flow.V[bus])), "wb": 2 * np.pi * case.frequency_hz}
+    par, name = _filled(device, device.from_case(s, case.base_mva), known), f"ESD {s.machine}@{s.bus}"
+    return Row(unit, bus, bus, par, name, name)
 
 
 def _bus_row(case: Case, device: ModuleType, key: keys.Key, par: Any, net: Network) -> Row:

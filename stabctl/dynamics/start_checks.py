@@ -5,6 +5,7 @@ import numpy as np
 from stabctl.errors import EquilibriumError
 from stabctl.model.case import Case
 
+from . import family
 from .assembly import System
 from .jacobian import Equations
 
@@ -29,7 +30,7 @@ def check(case: Case, system: System, equations: Equations, s: np.ndarray) -> No
         If a check fails; names device and machine.
     """
     _upright(case, system, s)
-    _no_current(system, equations, equations.entries(s)[1])
+    _no_current(system, equations, s)
 
 
 def _upright(case: Case, system: System, s: np.ndarray) -> None:
@@ -43,14 +44,18 @@ def _upright(case: Case, system: System, s: np.ndarray) -> None:
         )
 
 
-def _no_current(system: System, equations: Equations, values: np.ndarray) -> None:
+def _no_current(system: System, equations: Equations, s: np.ndarray) -> None:
     """Check that shunts and storage devices draw no current at the power flow, which does not include them."""
-    first = system.layout.nx + system.layout.outputs
+    first, values = system.layout.nx + system.layout.outputs, equations.entries(s)[1]
     for f in equations.families:
         part = equations.injections[f.name]
         if f.device.ROLE not in ("shunt", "storage") or part.start == part.stop:
             continue
-        size = np.abs(values[first + 2 * part.start : first + 2 * part.stop].view(complex))
+        drawn = values[first + 2 * part.start : first + 2 * part.stop].view(complex)
+        if hasattr(f.device, "admittance"):
+            g, b = f.device.admittance(f.device.Par(*f.k.T))
+            drawn = drawn - (g + 1j * b) * s[f.w[:, [family.BUS]] + np.arange(2)].view(complex)[:, 0]
+        size = np.abs(drawn)
         if size.max() > LEAST:
             j = int(size.argmax())
             raise EquilibriumError(

@@ -3,7 +3,7 @@
 import numpy as np
 
 from stabctl.controllers import Input, Law
-from stabctl.dynamics import family, outputs
+from stabctl.dynamics import outputs, storage
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import OUTPUTS, chosen
 from stabctl.simulation.simulation import Simulation
@@ -34,7 +34,7 @@ class LawInputs:
         self.law, self.par = law, [law.par(device) for device in storage_devices(case)]
         row = {m.machine: i for i, m in enumerate(case.machines)}
         self._machine = [row[s.machine] for s in case.storage]
-        self._energy = point.system.family("esd").w[:, family.STATE] + 1
+        self._energy = storage.places(point.system, case).energy
         groups = [next((g for g in law.groups if s.machine in g), (s.machine,)) for s in case.storage]
         kinds = ("deviation", "angle_deviation")
         names = [f"{kind}:{'+'.join(map(str, group))}" for group in groups for kind in kinds]

@@ -2,11 +2,15 @@
 
 import math
 from collections.abc import Hashable, Iterator, Mapping, Sequence
+from functools import cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from stabctl import devices
 from stabctl._util.validation import Invalid, checked
-from stabctl.errors import CaseError, shown
+from stabctl.devices.storage import joined
+from stabctl.devices.storage.models import TABLES
+from stabctl.errors import CaseError, StudyError, shown
 
 from . import catalog, device_checks
 from .mistake import RowError
@@ -77,6 +81,32 @@ def storage(case: "Case") -> None:
             raise RowError("storage", i, "machine", f"there is no machine {s.machine} in machines.csv.")
         if 0 < s.mva < s.rating:
             raise RowError("storage", i, "mva", f"{s.mva:g} MVA is less than its rating of {s.rating:g} MW; raise it.")
+        _converter(i, s)
+
+
+def _converter(i: int, s: Storage) -> None:
+    """Raise the first wrong parameter of a converter of storage, or what an ideal device or a converter has not."""
+    if s.storage_model == "ideal":
+        if s.converter:
+            text = f"{shown(s.converter)} needs a converter, which an ideal device has not; set storage_model to regc."
+            raise RowError("storage", i, "converter", text)
+        return
+    if s.characteristic != "power":
+        text = f"{s.characteristic} is for ideal devices; a converter ({s.storage_model}) keeps its power."
+        raise RowError("storage", i, "characteristic", text)
+    wrong = _setting(s.storage_model, s.converter)
+    if wrong:
+        raise RowError("storage", i, "converter", wrong)
+
+
+@cache
+def _setting(model: str, text: str) -> str:
+    """What is wrong with the parameters of a converter, as a sentence; empty if nothing is."""
+    try:
+        joined.parameters(devices.every()[TABLES[model]].KIT, text)
+    except StudyError as error:
+        return str(error)
+    return ""
 
 
 def _about(case: "Case") -> None:

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable, Mapping
 from numbers import Real
-from typing import Any
+from typing import Any, NamedTuple
 
 from stabctl.errors import StudyError, shown
 from stabctl.schema import fields
@@ -33,7 +33,8 @@ def with_storage(case: Case, sizes: Fleet, flow: PowerFlow | None = None, **opti
     flow : PowerFlow, optional
         The power flow that "%dispatch" refers to; solved when it is needed and not given.
     **options : float or str
-        Other columns of every device: `characteristic`, `energy`, `charge`, `ramp`, `lag`, `efficiency`.
+        Other columns of every device: `characteristic`, `energy`, `charge`, `ramp`, `lag`, `efficiency`, `mva` ("120%"
+        of the rating, or MVA), `storage_model` ("ideal", "regc", "regfm") and `converter` ("Imax=1.3 Lvplsw=0").
 
     Raises
     ------
@@ -50,6 +51,14 @@ def extended(case: Case, rows: Iterable[Storage]) -> Case:
     new = object.__new__(Case)
     vars(new).update(vars(case), storage=checks.values("storage", Storage, tuple(rows)))
     return new
+
+
+def resized(device: Storage, rating: float) -> Storage:
+    """The device with another power rating (MW), and MVA in the same proportion."""
+    if rating == device.rating:
+        return device
+    mva = device.mva * rating / device.rating if device.rating else device.mva
+    return device._replace(rating=rating, mva=mva)
 
 
 def devices(
@@ -70,13 +79,15 @@ def devices(
             f"{shown(sizes, 100)} is not a fleet of storage devices; give '50MW' at every machine, "
             "'14=50MW,13@33=20MW', {14: '50MW'}, or rows of Storage."
         )
-    return tuple(s._replace(**given) for s in found)
+    return tuple(_equipped(s, given) for s in found)
 
 
 def everywhere(case: Case, size: str | float, flow: PowerFlow | None = None, **options: Any) -> tuple[Storage, ...]:
     """A device of one size (50MW, 5%mva, 5%dispatch) at every machine's storage bus."""
     given = _options(options)
-    return tuple(Storage(m.machine, m.storage_bus, megawatts(case, m, size, flow), **given) for m in case.machines)
+    return tuple(
+        _equipped(Storage(m.machine, m.storage_bus, megawatts(case, m, size, flow)), given) for m in case.machines
+    )
 
 
 def chosen(
@@ -96,7 +107,7 @@ def chosen(
         keys.row(case, "buses", bus)
         if any((s.machine, s.bus) == (machine.machine, bus) for s in found):
             raise StudyError(f"Machine {machine.machine} has two storage devices at bus {bus}; give it one.")
-        found.append(Storage(machine.machine, bus, megawatts(case, machine, size, flow), **given))
+        found.append(_equipped(Storage(machine.machine, bus, megawatts(case, machine, size, flow)), given))
     return tuple(found)
 
 
@@ -124,6 +135,34 @@ def _split(part: str) -> tuple[str, str]:
     return place, size
 
 
+def _equipped(device: Storage, options: Mapping[str, Any]) -> Storage:
+    """The device with other columns; MVA may be in percent of its rating."""
+    mva = options.get("mva")
+    if isinstance(mva, Percent):
+        options = {**options, "mva": mva.share * device.rating}
+    return device._replace(**options)
+
+
+class Percent(NamedTuple):
+    """A size in relation to the power rating of a device."""
+
+    share: float
+
+
+def _read(name: str, value: Any, unit: str) -> Any:
+    """A column of a device from text."""
+    text = value.strip()
+    if name != "mva" or not text.endswith("%"):
+        return quantity(value, unit)
+    try:
+        share = float(text[:-1]) / 100
+    except ValueError:
+        share = 0.0
+    if not 1 <= share <= 100:
+        raise StudyError(f"mva = {shown(value)} is not allowed; give at least 100%, such as 120%, or 60MVA.")
+    return Percent(share)
+
+
 def _options(options: Mapping[str, Any]) -> dict[str, Any]:
     """Columns of a device, text with a unit as the number it means."""
     known = {name: f for name, f in fields(Storage).items() if name not in ("machine", "bus", "rating")}
@@ -131,6 +170,6 @@ def _options(options: Mapping[str, Any]) -> dict[str, Any]:
         if name not in known:
             raise StudyError(f"A storage device has no option {name!r}; {keys.near(name, known)}")
     return {
-        name: quantity(value, known[name].unit) if isinstance(value, str) and known[name].kind is float else value
+        name: _read(name, value, known[name].unit) if isinstance(value, str) and known[name].kind is float else value
         for name, value in options.items()
     }

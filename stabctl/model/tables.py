@@ -6,6 +6,7 @@ from typing import Annotated, Literal, NamedTuple
 
 from annotated_types import Ge, Interval
 
+from stabctl.devices.storage.models import StorageModel
 from stabctl.schema import NOT_NEGATIVE, POSITIVE, RATIO, SHARE
 
 LoadKind = Literal["load", "injection"]
@@ -105,6 +106,10 @@ class Storage(NamedTuple):
     lag: Annotated[float, "s", "time constant from order to power", NOT_NEGATIVE] = 0.0
     efficiency: Annotated[float, "-", "round-trip efficiency", Interval(ge=0.01, le=1)] = 1.0
     mva: Annotated[float, "MVA", "apparent power rating (0: the power rating)", NOT_NEGATIVE] = 0.0
+    storage_model: Annotated[StorageModel, "-", "ideal, or behind a converter: grid-following or grid-forming"] = (
+        "ideal"
+    )
+    converter: Annotated[str, "-", "parameters of the converter that are not the default: Imax=1.3 Lvplsw=0"] = ""
 
 
 TABLES: Mapping[str, type] = MappingProxyType(

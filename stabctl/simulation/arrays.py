@@ -4,8 +4,8 @@ from functools import cached_property
 
 import numpy as np
 
-from stabctl.dynamics import family
 from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.dynamics.storage import Places, places
 
 
 class Arrays:
@@ -68,22 +68,21 @@ class Arrays:
     @cached_property
     def storage(self) -> np.ndarray:
         """Power of the storage devices (rows, devices), MW, positive when absorbing."""
-        return _fixed(self._of_storage(-1, 0) * self._point.case.base_mva)
+        return _fixed(self._rows[:, self._storage.P] * self._point.case.base_mva)
 
     @cached_property
     def energy(self) -> np.ndarray:
         """Energy in the storage devices (rows, devices), MWh; from the initial energy if unlimited."""
-        return _fixed(self._of_storage(family.STATE, 1) * self._point.case.base_mva / 3600)
+        return _fixed(self._rows[:, self._storage.energy] * self._point.case.base_mva / 3600)
 
     @cached_property
     def order(self) -> np.ndarray:
         """Orders of the storage devices (rows, devices), in ratings, positive when absorbing."""
-        return _fixed(self._of_storage(family.INPUTS, 0))
+        return _fixed(self._rows[:, self._storage.order])
 
-    def _of_storage(self, column: int, shift: int) -> np.ndarray:
-        if not self._point.system.has("esd"):
-            return np.empty((len(self._rows), 0))
-        return self._rows[:, self._point.system.family("esd").w[:, column] + shift]
+    @cached_property
+    def _storage(self) -> Places:
+        return places(self._point.system, self._point.case)
 
 
 def _fixed(array: np.ndarray) -> np.ndarray:

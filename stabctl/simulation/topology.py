@@ -35,8 +35,9 @@ class Stage:
 def stage(point: OperatingPoint, switching: Switching) -> Stage:
     """The system of an operating point under a switching.
 
-    An island without a voltage source (a synchronous machine or a grid-forming converter) is blacked out: it has no
-    voltage, its load is lost, its converters are off, and the HVDC links that end there are blocked.
+    An island without a voltage source (a synchronous machine, or a grid-forming converter of a unit or of storage) is
+    blacked out: it has no voltage, its load is lost, its converters are off, and the HVDC
+    links that end there are blocked.
     """
     found = point.stages.get(switching)  # held, because another thread may clear the store
     if found is None:
@@ -50,7 +51,7 @@ def stage(point: OperatingPoint, switching: Switching) -> Stage:
 def _stage(point: OperatingPoint, switching: Switching) -> Stage:
     where, bus = network.islands(point.net, switching), point.system.unit_bus
     on = np.array([i not in switching.tripped for i in range(len(bus))])
-    alive = np.isin(where, where[bus[on & point.system.forming]])
+    alive = np.isin(where, where[np.r_[bus[on & point.system.forming], _held(point)]])
     island = np.where(on & alive[bus], where[bus], -1).astype(np.int64)
     loads, added = _stepped(point, switching)
     Y = point.admittance(switching) + sp.diags(added, format="csc")
@@ -68,6 +69,15 @@ def _stage(point: OperatingPoint, switching: Switching) -> Stage:
         ) from None
     changed = *loads, *_blocked(point, alive), *_measured(point, switching)
     return Stage(Net(factors, compact, alive, switching.faulted), changed, where, Y)
+
+
+def _held(point: OperatingPoint) -> np.ndarray:
+    """Rows of the buses of grid-forming storage."""
+    found = [np.zeros(0, np.int64)]
+    for f in point.system.families:
+        if f.device.ROLE == "storage" and hasattr(f.device, "source"):
+            found.append((f.w[:, family.BUS] - point.layout.nx) // 2)
+    return np.concatenate(found)
 
 
 def _blocked(point: OperatingPoint, alive: np.ndarray) -> Iterator[tuple[str, int, Any]]:

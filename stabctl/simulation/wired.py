@@ -10,9 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stabctl import devices
 from stabctl.controllers import Device, Law, hold
-from stabctl.dynamics import family
+from stabctl.dynamics import storage
 from stabctl.dynamics.layout import Layout
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.program import Program, program
@@ -88,17 +87,19 @@ def wired(
     start[memory.relative.online : memory.relative.time] = 1.0
     for i, value in enumerate(getattr(control and control.module, "START", ())):
         start[memory.orders.start + i : memory.lines : memory.orders.step] = value
-    held, switches = np.concatenate([orders_of(layout), np.array(gates, np.int64)]), _switches(families, control)
+    held, switches = np.r_[orders_of(layout, point.case), np.array(gates, np.int64)], _switches(families, control)
     made = frame(
         point.system, layout, memory.relative, held, groups=_groups(point, control), gated=bool(gates), relay=switches
     )
     return Wired(kept[key]._replace(k=k), families, layout, made, memory.orders, rates, start)
 
 
-def orders_of(layout: Layout) -> np.ndarray:
-    """Places of the set-points of the storage devices' orders."""
+def orders_of(layout: Layout, case: Case) -> np.ndarray:
+    """Places of the set-points of the storage devices' orders, in the order of the case's table."""
     found = [k for k, point in enumerate(layout.setpoints) if (point.unit, point.name) == (NO_UNIT, "order")]
-    return layout.first_setpoint + np.array(found, np.int64)
+    out = np.empty(len(found), np.int64)
+    out[storage.by_table(case)] = found
+    return layout.first_setpoint + out
 
 
 def _memory(point: OperatingPoint, control: Law | None) -> Memory:
@@ -127,15 +128,14 @@ def _families(
     system, case, n = point.system, point.case, len(point.case.storage)
     if not n:
         return ()
-    esd, j, of = system.family("esd"), np.arange(n), memory.relative
-    unit = esd.w[:, family.UNIT]
-    common = [np.zeros(n, np.int64), esd.w[:, family.BUS], esd.w[:, family.BUS], unit]
-    order, wanted = orders_of(layout), np.r_[memory.orders]
+    esd, j, of = storage.places(system, case), np.arange(n), memory.relative
+    unit = esd.unit
+    common = [np.zeros(n, np.int64), esd.bus, esd.bus, unit]
+    order, wanted = orders_of(layout, case), np.r_[memory.orders]
     sampled = control is not None and control.rate is not None
     acting = memory.acting + j if sampled else wanted
     columns = [*common, acting, of.online + unit, np.full(n, layout.step), order]
-    ramp = esd.k[:, [devices.every()["esd"].Par._fields.index("ramp")]]
-    holds = Family("hold", hold, np.stack(columns, 1), ramp, esd.keys)
+    holds = Family("hold", hold, np.stack(columns, 1), esd.ramp[:, None], esd.keys)
     if control is None:
         return (holds,)
     rotor = np.full(len(case.machines), -1)
@@ -147,7 +147,7 @@ def _families(
             "grid-following converter without a rotor; assign the storage to a machine or grid-forming converter."
         )
     own = rotor[unit]
-    reads = [of.speed + own, of.acceleration + own, of.angle + own, esd.w[:, family.STATE] + 1, np.full(n, of.time)]
+    reads = [of.speed + own, of.acceleration + own, of.angle + own, esd.energy, np.full(n, of.time)]
     k = np.array([tuple(control.par(device)) for device in storage_devices(case)], float)
     law = Family("law", control.module, np.stack([*common, *reads, wanted], 1), k, esd.keys)
     if not sampled:

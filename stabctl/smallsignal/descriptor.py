@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from stabctl.dynamics import inputs as ins
-from stabctl.dynamics import layout, outputs
+from stabctl.dynamics import layout, outputs, storage
 from stabctl.dynamics.extended import extended
 from stabctl.dynamics.jacobian import Derivatives
 from stabctl.dynamics.matrix import Matrix, array, filled, matrix
@@ -124,7 +124,7 @@ def descriptor(
     nx, nv = lay.nx, lay.first_setpoint
     live = filled(d.of_rates, 1) | filled(d.of_rates[:, :nx], 0) | filled(d.of_currents[:, :nx], 0)
     read = refuse.energies(point, y)
-    energy = [k for k, p in enumerate(lay.states) if (p.table, p.name) == ("esd", "energy") and k not in read]
+    energy = [k for k, p in enumerate(lay.states) if storage.is_energy(p.table, p.name) and k not in read]
     live[energy] = False
     rows = np.flatnonzero(live)
     given = np.array([ins.place(point, signal) for signal in u], int)

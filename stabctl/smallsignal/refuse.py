@@ -5,7 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from stabctl.dynamics import family, outputs
+from stabctl.dynamics import family, outputs, storage
 from stabctl.dynamics.jacobian import Derivatives
 from stabctl.dynamics.limits import Limits, limits
 from stabctl.dynamics.matrix import Matrix
@@ -39,9 +39,8 @@ def moving(point: OperatingPoint, d: Derivatives, Y: Matrix) -> None:
 
 def limited(point: OperatingPoint) -> None:
     """Raise `LinearizationError`, naming the limit, if a device is exactly at a limit: the derivative jumps there."""
-    for j, device in enumerate(point.case.storage):
-        esd = point.system.family("esd")
-        par = esd.device.Par(*esd.k[j])
+    for device, (f, j) in zip(point.case.storage, storage.members(point.system, point.case), strict=True):
+        par = f.device.Par(*f.k[j])
         if not par.floor < par.stored < par.capacity:
             what = "full" if par.stored >= par.capacity else "empty"
             raise LinearizationError(
@@ -84,9 +83,10 @@ def energies(point: OperatingPoint, signals: Iterable[Signal]) -> set[int]:
             found.add(outputs.place(point, signal._replace(kind="energy")))
         elif signal.kind == "state":
             found.add(outputs.state(point, signal))
-    energy = {k for k in found if (point.layout.states[k].table, point.layout.states[k].name) == ("esd", "energy")}
+    energy = {k for k in found if storage.is_energy(point.layout.states[k].table, point.layout.states[k].name)}
+    devices = storage.places(point.system, point.case).energy.tolist()
     for k in energy:
-        device = point.case.storage[point.layout.states[k].row]
+        device = point.case.storage[devices.index(k)]
         if device.efficiency < 1:
             raise LinearizationError(
                 f"The storage device {device.machine}@{device.bus} of {point.case.name} has losses, so its energy has "
@@ -118,7 +118,7 @@ def _jumps(point: OperatingPoint, changed: tuple[str, np.ndarray] | None) -> np.
     scale, jump = np.zeros((2, rows))
     np.maximum.at(scale, equations.rows, np.maximum(np.abs(sides[0]), np.abs(sides[1])))
     np.maximum.at(jump, equations.rows, np.abs(sides[0] - sides[1]))
-    jump[[i for i, p in enumerate(lay.states) if (p.table, p.name) == ("esd", "energy")]] = 0.0
+    jump[[i for i, p in enumerate(lay.states) if storage.is_energy(p.table, p.name)]] = 0.0
     return np.flatnonzero(jump > JUMP * scale + SMOOTH)
 
 

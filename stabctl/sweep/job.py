@@ -11,13 +11,13 @@ from annotated_types import Gt, Interval
 
 from stabctl.estimation.estimators import EstimatorName
 from stabctl.estimation.pmu import Pmu
-from stabctl.model.tables import Characteristic
+from stabctl.model.tables import Characteristic, StorageModel
 from stabctl.schema import NOT_NEGATIVE, POSITIVE, SHARE, Field, fields
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import DEFAULT, Coi, Criterion
 
 JobKind = Literal["clearing-time", "simulate"]
-FORMAT = 4  # of keys and rows; raised when a job or a result changes its meaning
+FORMAT = 5  # of keys and rows; raised when a job or a result changes its meaning
 
 
 class Job(NamedTuple):
@@ -42,6 +42,9 @@ class Job(NamedTuple):
     storage: Annotated[str, "-", "none, 50MW, 5%mva, 5%dispatch, or 14=50MW,13@33=20MW (empty: that of the case)"] = ""
     characteristic: Annotated[Characteristic, "-", "what a storage device holds constant"] = "power"
     lag: Annotated[float, "s", "time constant from order to power", NOT_NEGATIVE] = 0.0
+    storage_model: Annotated[StorageModel, "-", "ideal devices, or behind converters"] = "ideal"
+    storage_mva: Annotated[str, "-", "MVA of a device: 60MVA, or 120% of its power rating (empty: 100%)"] = ""
+    converter: Annotated[str, "-", "parameters of the converters that are not the default"] = ""
     control: Annotated[
         Literal["bang-bang", "none"], "-", "storage control law, where no controller gives the orders"
     ] = "bang-bang"
@@ -64,6 +67,13 @@ class Job(NamedTuple):
     def given(self) -> dict[str, Any]:
         """Column -> value, of the columns that this kind of job has."""
         return {f.column: getattr(self, name) for name, f in columns(self.kind).items()}
+
+    @property
+    def devices(self) -> dict[str, Any]:
+        """Columns of the storage devices."""
+        given = {"storage_model": self.storage_model, "mva": self.storage_mva, "converter": self.converter}
+        connected = {name: value for name, value in given.items() if value not in ("ideal", "")}
+        return {"characteristic": self.characteristic, "lag": self.lag, **connected}
 
     @property
     def criterion(self) -> Criterion:

@@ -38,7 +38,7 @@ def _point(job: Job, case: Case) -> OperatingPoint:
     """The operating point with the storage of the job."""
     flow = powerflow.solve(case)
     if job.storage:
-        case = case.with_storage(job.storage, flow, characteristic=job.characteristic, lag=job.lag)
+        case = case.with_storage(job.storage, flow, **job.devices)
     return operating_point.solve(case, flow)
 
 

@@ -128,6 +128,13 @@ def _check(path: Path, job: Job, case: Case, checked: set[tuple[str, ...]]) -> N
         except StudyError as error:
             raise StudyError(f"{path}, {name} = {text!r}: {error}") from None
         checked.add((job.case, job.set, name, text))
+    key = (job.case, job.set, job.storage, *map(str, job.devices.values()))
+    if job.storage and key not in checked:
+        try:
+            case.with_storage(job.storage.replace("%dispatch", "%mva"), **job.devices)
+        except StabctlError as error:
+            raise StudyError(f"{path}, storage = {job.storage!r}: {error}") from None
+        checked.add(key)
     try:
         _ = job.pmu
     except StudyError as error:

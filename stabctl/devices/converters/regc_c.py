@@ -112,10 +112,22 @@ def delivered(x, vd, vq, vt, p):
 
 
 @inline
+def locked(x, vq, p):
+    """Frequency of the phase-locked loop (pu)."""
+    return 1 + pi(p.Kppll, vq, x.xpll, p.wmin, p.wmax) / p.wb
+
+
+@inline
 def current(x, v, p):
     """Current into the network beside the Norton admittance (pu system), real and imaginary part: I + Y V."""
     vd, vq = framed(x, v)
     ip, iq = delivered(x, vd, vq, magnitude(vd, vq), p)
+    return turned(x, ip, iq, v, p)
+
+
+@inline
+def turned(x, ip, iq, v, p):
+    """The current of `current` from its active and reactive part in the frame (pu converter)."""
     c, s = np.cos(x.theta_pll), np.sin(x.theta_pll)
     g, b = admittance(p)
     return p.mva * (ip * c + iq * s) + g * v[0] - b * v[1], p.mva * (ip * s - iq * c) + g * v[1] + b * v[0]
@@ -127,7 +139,7 @@ def output(x, v, p):
     vd, vq = framed(x, v)
     vt = magnitude(v[0], v[1])
     ip, iq = delivered(x, vd, vq, vt, p)
-    return Output(vd * ip - vq * iq, vd * iq + vq * ip, vt, 1 + pi(p.Kppll, vq, x.xpll, p.wmin, p.wmax) / p.wb, vq)
+    return Output(vd * ip - vq * iq, vd * iq + vq * ip, vt, locked(x, vq, p), vq)
 
 
 @inline

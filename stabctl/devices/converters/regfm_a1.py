@@ -111,10 +111,16 @@ def inertia(p: Par) -> float:
 
 
 @inline
+def held(x, u, p, low, high):
+    """Virtual speed (pu) that holds the active power between two limits."""
+    over, under = beyond(p.kpp, x.pf - high, x.pmax), beyond(p.kpp, low - x.pf, x.pmin)
+    return 1 + p.mp * (u.Pref - x.pf) - over + under
+
+
+@inline
 def speed(x, u, p):
     """Virtual speed (pu)."""
-    over, under = beyond(p.kpp, x.pf - p.Pmax, x.pmax), beyond(p.kpp, p.Pmin - x.pf, x.pmin)
-    return 1 + p.mp * (u.Pref - x.pf) - over + under
+    return held(x, u, p, p.Pmin, p.Pmax)
 
 
 @inline

@@ -105,7 +105,7 @@ def shares(x, u, p):
 
 
 @inline
-def admittance(x, u, m, p):
+def per_square(x, u, m, p):
     """Conductance, and susceptance with opposite sign, that draw the power at the voltage m (pu)."""
     active, reactive = shares(x, u, p)
     full = (p.Pp / m + p.Pc) / m + p.Pg
@@ -115,14 +115,14 @@ def admittance(x, u, m, p):
 @inline
 def current(x, u, v, p):
     """Current into the network -conj(P + jQ) V / m^2, m = max(|V|, vlow)."""
-    g, b = admittance(x, u, at_least(magnitude(v[0], v[1]), p.vlow), p)
+    g, b = per_square(x, u, at_least(magnitude(v[0], v[1]), p.vlow), p)
     return -(g * v[0] + b * v[1]), b * v[0] - g * v[1]
 
 
 @inline
 def output(x, u, v, p):
     """Power absorbed (pu), and charge."""
-    g, b = admittance(x, u, at_least(magnitude(v[0], v[1]), p.vlow), p)
+    g, b = per_square(x, u, at_least(magnitude(v[0], v[1]), p.vlow), p)
     square = v[0] * v[0] + v[1] * v[1]
     return Output(g * square, b * square, x.energy / p.capacity)
 

@@ -1,0 +1,137 @@
+"""ESD behind a grid-following converter with phase-locked loop and inner current control: REGC_C with REEC_C.
+
+order   -> [1/(1+sTlag)] -> share    -> (zero if full or empty) -> Pref = -rated share    -> REEC_C -> Ipcmd -> REGC_C
+order_q -> [1/(1+sTlag)] -> reactive -> (what P leaves of Smax) -> Qext = -rated reactive -> REEC_C -> Iqcmd -> REGC_C
+
+The equations of both parts are those of their files, with the power flow at zero output; Imax and PqFlag are the same
+for both. The store of the ESD takes the place of the state of charge of REEC_C: at once, a full device takes and an
+empty one gives no active current in the frame of the phase-locked loop. `rated` is the power rating over the MVA; per
+unit on the MVA of the converter.
+Source: see `regc_c` and `reec_c`.
+"""
+
+from typing import Annotated, Any, NamedTuple
+
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import available, magnitude
+from stabctl.devices.converters import electrical, reec_c, regc_c
+from stabctl.devices.converters.behind_impedance import admittance
+from stabctl.devices.converters.electrical import rates
+from stabctl.devices.converters.regc_c import delivered, framed, locked, turned
+from stabctl.devices.converters.regc_c import derivatives as converter_rates
+
+from . import joined
+from .esd import Input
+from .esd import derivatives as store_rates
+from .esd_regc import KIT as FOLLOWING
+from .esd_regc import commands, control, seen
+
+NAME = "ESD_REGC_C"
+ROLE = "storage"
+LIMITS = {"energy": ("floor", "capacity"), "pord": ("Pmin", "Pmax")}
+STOPS = ("energy",)
+UPPER = regc_c.UPPER
+ANGLES = regc_c.ANGLES
+Par: Any = joined.joined(joined.Store, regc_c.Par, reec_c.Par)
+KIT = FOLLOWING._replace(name="REGC_C and REEC_C of storage", parts=(regc_c.Par, reec_c.Par))
+__all__ = ["Input", "admittance"]
+
+
+class State(NamedTuple):
+    """Orders and stored energy; the states of REEC_C, then those of REGC_C."""
+
+    share: Annotated[float, "-", "lagged order"]
+    energy: Annotated[float, "pu s", "stored energy"]
+    reactive: Annotated[float, "-", "lagged reactive order"]
+    vm: Annotated[float, "pu", "filtered terminal voltage of REEC_C"]
+    vq: Annotated[float, "pu", "integral of the reactive power error"]
+    iv: Annotated[float, "pu", "integral of the voltage error"]
+    iqr: Annotated[float, "pu", "lagged reactive current"]
+    pord: Annotated[float, "pu", "power order"]
+    theta_pll: Annotated[float, "rad", "angle of the phase-locked loop relative to the synchronous frame"]
+    xpll: Annotated[float, "rad/s", "integral of the phase-locked loop"]
+    ip: Annotated[float, "pu", "active current reference, or power with RateFlag = 1"]
+    iq: Annotated[float, "pu", "reactive current reference"]
+    vfilt: Annotated[float, "pu", "filtered terminal voltage of REGC_C"]
+    xp: Annotated[float, "pu", "integral of the active current control"]
+    xq: Annotated[float, "pu", "integral of the reactive current control"]
+    Ed: Annotated[float, "pu", "internal voltage along the frame"]
+    Eq: Annotated[float, "pu", "internal voltage ahead of the frame"]
+
+
+class Output(NamedTuple):
+    """Power at the terminals, charge, currents, voltage, and frequency of the phase-locked loop."""
+
+    P: Annotated[float, "pu", "power absorbed, system base"]
+    Q: Annotated[float, "pu", "reactive power absorbed, system base"]
+    charge: Annotated[float, "-", "state of charge; 0 if the capacity is unlimited"]
+    Ip: Annotated[float, "pu", "active current delivered in the frame, converter base"]
+    Iq: Annotated[float, "pu", "reactive current delivered in the frame, converter base"]
+    vt: Annotated[float, "pu", "terminal voltage"]
+    wpll: Annotated[float, "pu", "frequency of the phase-locked loop"]
+
+
+def from_case(device: Any, base_mva: float) -> Any:
+    """Parameters from a row of storage.csv; V0 and wb are filled from the case."""
+    values = joined.parameters(KIT, device.converter)
+    own = joined.store(device, base_mva)._asdict()
+    known = {"mva": (device.mva or device.rating) / base_mva, "wb": 0.0, "P0": 0.0, "running": 0.0, "V0": 1.0}
+    return Par(**{**values, **own, **known})
+
+
+def prepare(p: Any) -> Any:
+    """Parameters with curves that ascend."""
+    return electrical.rising(p)
+
+
+def guess(V: complex, p: Any) -> State:
+    """States at rest: no power, and the initial energy."""
+    v = abs(V)
+    rest = regc_c.guess(V, 0j, p)
+    return State(0.0, p.stored, 0.0, v, v if p.QFlag > 0 else 0.0, 0.0, 0.0, 0.0, *rest)
+
+
+@inline
+def converter(x):
+    """The states of REGC_C."""
+    return regc_c.State(x.theta_pll, x.xpll, x.ip, x.iq, x.vfilt, x.xp, x.xq, x.Ed, x.Eq)
+
+
+@inline
+def terminal(x, v, p):
+    """Active and reactive current at the terminals (pu converter), in the frame."""
+    vd, vq = framed(x, v)
+    ip, iq = delivered(converter(x), vd, vq, magnitude(vd, vq), p)
+    return available(ip, x.energy, p.floor, p.capacity), iq
+
+
+@inline
+def current(x, v, p):
+    """Current into the network beside the Norton admittance (pu system), real and imaginary part: I + Y V."""
+    ip, iq = terminal(x, v, p)
+    return turned(x, ip, iq, v, p)
+
+
+@inline
+def output(x, v, p):
+    """Power absorbed (pu system), charge, currents (pu converter), voltage, frequency of the phase-locked loop."""
+    vd, vq = framed(x, v)
+    ip, iq = terminal(x, v, p)
+    P, Q = vd * ip - vq * iq, vd * iq + vq * ip
+    charge, vt = x.energy / p.capacity, magnitude(v[0], v[1])
+    return Output(-p.mva * P, -p.mva * Q, charge, ip, iq, vt, locked(converter(x), vq, p))
+
+
+@inline
+def derivatives(x, u, v, y, p):
+    """State derivatives (1/s); y is this device's own output."""
+    vd, vq = framed(x, v)
+    s, P, Q = store_rates(x, u, y, p), vd * y.Ip - vq * y.Iq, vd * y.Iq + vq * y.Ip
+    r = seen(x, u, y.vt, P, Q, p)
+    ip, iq, most = commands(x, r, p)
+    e = rates(r.Pref, control(x), r, p, 0.0, most)
+    g = converter_rates(converter(x), regc_c.Input(ip, iq), v, regc_c.Output(P, Q, y.vt, y.wpll, vq), p)
+    return State(
+        s.share, s.energy, s.reactive, e.vm, e.vq, e.iv, e.iq, e.pord,
+        g.theta_pll, g.xpll, g.ip, g.iq, g.vfilt, g.xp, g.xq, g.Ed, g.Eq,
+    )  # fmt: skip

@@ -1,0 +1,108 @@
+"""Devices made of published parts: the parameters of a storage device and of its converter as one record."""
+
+import difflib
+import re
+from collections.abc import Callable, Collection, Iterator, Mapping
+from typing import Annotated, Any, NamedTuple, get_type_hints
+
+import numpy as np
+
+from stabctl._util.validation import Invalid, checked
+from stabctl.errors import StudyError, shown
+from stabctl.schema import fields
+
+_SETTING = re.compile(r"([A-Za-z][A-Za-z0-9]*)\s*=\s*([^\s,;=]+)")
+
+
+class Kit(NamedTuple):
+    """The published models that a converter of storage consists of."""
+
+    name: str  # what they are called in messages
+    parts: tuple[Any, ...]  # their parameter records
+    defaults: Mapping[str, float]  # where those of the parts are not for storage
+    without: Collection[str]  # parameters that cannot be set
+    errors: Callable[[Mapping[str, float]], Iterator[tuple[str, str]]]  # name and message of what is not possible
+
+
+class Store(NamedTuple):
+    """What every storage device has: limits of its order, and its store of energy."""
+
+    Tlag: Annotated[float, "s", "lag from order to power reference"]
+    ramp: Annotated[float, "1/s", "largest change of the order, in ratings per second (0: unlimited)"]
+    floor: Annotated[float, "pu s", "energy when empty (-inf: unlimited)"]
+    capacity: Annotated[float, "pu s", "energy when full (inf: unlimited)"]
+    stored: Annotated[float, "pu s", "initial energy"]
+    efficiency: Annotated[float, "-", "one-way efficiency, the square root of the round-trip efficiency"]
+    Smax: Annotated[float, "-", "largest apparent power over the power rating"]
+    rated: Annotated[float, "-", "power rating over the MVA of the converter"]
+
+
+def joined(*records: type) -> Any:
+    """A record with the fields of several, each field once."""
+    found = {name: hint for record in records for name, hint in get_type_hints(record, include_extras=True).items()}
+    return NamedTuple("Par", list(found.items()))  # type: ignore[misc]
+
+
+def store(device: Any, base_mva: float) -> Store:
+    """What a row of storage.csv says about the store."""
+    capacity = device.energy * 3600 / base_mva
+    rating = device.rating
+    return Store(
+        device.lag,
+        device.ramp / rating if rating else 0.0,
+        0.0 if capacity else -float("inf"),
+        capacity or float("inf"),
+        capacity * device.charge,
+        device.efficiency**0.5,
+        device.mva / rating if device.mva and rating else 1.0,
+        rating / device.mva if device.mva else 1.0,
+    )
+
+
+def settings(text: str) -> Iterator[tuple[str, str]]:
+    """Names and values in `Imax=1.3, Lvplsw=0`. Raises `StudyError` for anything else."""
+    for part in re.split(r"[\s,;]+", re.sub(r"\s*=\s*", "=", text.strip())):
+        match = _SETTING.fullmatch(part)
+        if part and not match:
+            raise StudyError(f"{shown(part)} does not set a parameter; write Imax=1.3 Lvplsw=0.")
+        if match:
+            yield match[1], match[2]
+
+
+def parameters(kit: Kit, text: str) -> dict[str, float]:
+    """Parameters of the parts of a device by name: their defaults, those of the device, and the settings of the user.
+
+    Raises
+    ------
+    StudyError
+        For a parameter that no part has, or a value that is not allowed.
+    """
+    known = {name: f for part in kit.parts for name, f in fields(part).items() if name not in kit.without}
+    given: dict[str, float] = {}
+    for name, value in settings(text):
+        if name not in known:
+            near = difflib.get_close_matches(name, known, 3) or list(known)
+            raise StudyError(f"{kit.name} have no parameter {shown(name)}; choose one of {', '.join(near)}.")
+        try:
+            given[name] = float(value)
+        except ValueError:
+            raise StudyError(f"{name} = {shown(value)} must be {known[name].expected()}.") from None
+    values: dict[str, float] = {}
+    for part in kit.parts:
+        own = dict.fromkeys((name for name in part._fields if name not in fields(part)), 0.0)
+        par = part(**own, **{n: v for n, v in {**kit.defaults, **given}.items() if n in fields(part)})
+        try:
+            (par,) = checked(part, (par,))
+        except Invalid as fault:
+            raise StudyError(f"{fault.field.name} = {shown(fault.value)} must be {fault.expected}.") from None
+        for name, wrong in getattr(par, "errors", tuple)():
+            raise StudyError(f"{name} = {getattr(par, name):g} {wrong}.")
+        for name in fields(part):
+            if name.endswith("min") and getattr(par, name) > getattr(
+                par, top := name.removesuffix("min") + "max", np.inf
+            ):
+                raise StudyError(f"{name} = {getattr(par, name):g} is above {top} = {getattr(par, top):g}.")
+        values |= {name: value for name, value in par._asdict().items() if name in fields(part)}
+    for name, wrong in kit.errors(values):
+        raise StudyError(f"{name} = {values[name]:g} {wrong}.")
+    return values

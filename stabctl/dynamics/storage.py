@@ -1,0 +1,89 @@
+"""Where the signals of the storage devices are, whatever connects them, in the order of the case's table."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from stabctl import devices
+from stabctl.devices.storage.models import TABLES
+from stabctl.model.case import Case
+from stabctl.model.tables import Storage
+
+from . import family
+from .assembly import System
+from .tables import Family
+
+
+class Places(NamedTuple):
+    """Places of the signals of the storage devices (devices)."""
+
+    bus: np.ndarray  # of the real part of the voltage; the imaginary part follows
+    unit: np.ndarray  # rows of the machines that they belong to
+    order: np.ndarray
+    order_q: np.ndarray
+    energy: np.ndarray
+    P: np.ndarray
+    Q: np.ndarray
+    charge: np.ndarray
+    ramp: np.ndarray  # 1/s   largest change of the order
+    keys: tuple[str, ...]
+
+
+def places(system: System, case: Case) -> Places:
+    """The places of the signals in a system of a case; controllers may have changed what the orders are read from."""
+    found = [_of(f, j) for f, j in members(system, case)]
+    keys = tuple(str(row[-1]) for row in found)
+    columns = list(zip(*(row[:-1] for row in found), strict=True)) or [()] * 9
+    where: list[Any] = [np.array(c, np.int64) for c in columns[:8]]
+    return Places._make([*where, np.array(columns[8], float), keys])
+
+
+def members(system: System, case: Case) -> list[tuple[Family, int]]:
+    """Family and row of every storage device."""
+    count: dict[str, int] = {}
+    found = []
+    for s in case.storage:
+        name = TABLES[s.storage_model]
+        found.append((system.family(name), count.setdefault(name, 0)))
+        count[name] += 1
+    return found
+
+
+def by_table(case: Case) -> list[int]:
+    """Rows of the storage devices in the order in which the system has them: those of one model together."""
+    tables = list(dict.fromkeys(s.storage_model for s in case.storage))
+    return sorted(range(len(case.storage)), key=lambda j: tables.index(case.storage[j].storage_model))
+
+
+def _of(f: Family, j: int) -> tuple[Any, ...]:
+    w, inputs, outputs = f.w[j], family.fields(f.device, "Input"), family.fields(f.device, "Output")
+    energy = w[family.STATE] + family.fields(f.device, "State").index("energy")
+    orders = (w[family.INPUTS + inputs.index(name)] for name in ("order", "order_q"))
+    shown = (w[-1] + outputs.index(name) for name in ("P", "Q", "charge"))
+    ramp = f.k[j, family.fields(f.device, "Par").index("ramp")]
+    return (w[family.BUS], w[family.UNIT], *orders, energy, *shown, ramp, f.keys[j])
+
+
+def is_energy(table: str, state: str) -> bool:
+    """Whether a state of a device table is the energy of a storage device."""
+    return state == "energy" and table in TABLES.values()
+
+
+def with_ratings(system: System, case: Case, rows: Sequence[Storage]) -> System:
+    """The system with other rows of storage.csv, which have the places, models and machines of those of the case."""
+    k = {f.name: f.k.copy() for f in system.families if f.name in TABLES.values()}
+    of = list(zip(members(system, case), rows, strict=True))
+    for (f, j), row in of:
+        par, names = f.device.from_case(row, case.base_mva), family.fields(f.device, "Par")
+        known = {name: k[f.name][j, names.index(name)] for name in ("V0", "wb") if name in names}
+        par = par._replace(**known)
+        k[f.name][j] = f.device.prepare(par) if hasattr(f.device, "prepare") else par
+    for name, constants in k.items():
+        system = system.with_constants(name, constants)
+    return system
+
+
+def in_network(case: Case) -> bool:
+    """Whether the admittance of a storage device is part of the network."""
+    return any(hasattr(devices.every()[TABLES[s.storage_model]], "admittance") for s in case.storage)

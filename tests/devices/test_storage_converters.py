@@ -1,0 +1,354 @@
+"""Storage behind converters: as its published parts, its balances and limits, and the ideal device as a limit."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from systems import KINDS, small
+
+from stabctl import devices
+from stabctl.controllers import BangBang
+from stabctl.devices.converters import reec_c, regc_a, regc_c, regfm_a1
+from stabctl.devices.storage import esd_regc, joined
+from stabctl.dynamics import family, operating_point, storage
+from stabctl.errors import CaseError, StudyError
+from stabctl.model.case import Machine, Storage
+from stabctl.simulation import steps
+from stabctl.simulation.criterion import Criterion
+from stabctl.simulation.events import Clear, Fault, Open
+from stabctl.simulation.simulation import Simulation
+from stabctl.simulation.stages import stages
+from stabctl.smallsignal import linearize
+
+KEEP_ON = Criterion(max_angle=np.inf)
+SHORT = [Fault("2", 0.5, impedance=0.02j), Clear("2", 0.6)]
+FAULT = {"events": SHORT, "until": 1.5}
+MODELS = "regc", "regfm"
+
+
+def with_esd(*rows, **options):
+    """The small system with storage at bus 2: 40 MW and 50 MVA behind a converter, or these rows."""
+    default = {"storage_model": "regc", "mva": 50.0}
+    return small(KINDS["sexs, pss, steam"]).with_storage(rows or [Storage(1, 2, 40.0, **{**default, **options})])
+
+
+def driven(case, orders, events=(), until=1.5, step=1 / 240):
+    """A run with orders of the devices set from outside: {time: orders}."""
+    sim = Simulation(operating_point.solve(case), list(events), step=step, criterion=KEEP_ON)
+    for t, values in orders.items():
+        assert sim.advance(t)
+        sim.orders[:] = values
+    assert sim.advance(until), sim.outcome
+    return sim.finish()
+
+
+def signal(run, name, row=0):
+    """An output or state of a device at every instant."""
+    f, j = storage.members(run.point.system, run.point.case)[row]
+    for record, first in (("State", f.w[j, family.STATE]), ("Output", f.w[j, -1])):
+        if name in (names := family.fields(f.device, record)):
+            return run.rows[:, first + names.index(name)]
+    raise KeyError(name)
+
+
+def beside(case, models, mva):
+    """The case without storage and with a converter unit at bus 2, at zero power."""
+    unit = Machine(3, 2, mva, 0.0, 2, name="unit")
+    tables = {name: {**case.devices.get(name, {}), 3: par} for name, par in models.items()}
+    return replace(case, machines=(*case.machines, unit), devices={**case.devices, **tables}, storage=())
+
+
+def unit_driven(case, changes, events=(), until=1.5, step=1 / 240):
+    """A run with set-points of unit 3 changed: {time: {name: change}}."""
+    point = operating_point.solve(case)
+    sim = Simulation(point, list(events), step=step, criterion=KEEP_ON)
+    unit = len(case.machines) - 1
+    for t, values in changes.items():
+        assert sim.advance(t)
+        for name, change in values.items():
+            at = point.layout.setpoint(unit, name)
+            sim.s[at] = point.s[at] + change
+    assert sim.advance(until), sim.outcome
+    return sim.finish()
+
+
+REEC = reec_c.Par(0, 0, 0, Pmin=-1.0, Qmin=-1.0, Qmax=1.0, T=1e9)
+PUBLISHED = {
+    "regc": ({"regc_a": regc_a.Par(0), "reec_c": REEC}, "", "Qext"),
+    "regc with voltage support": (
+        {"regc_a": regc_a.Par(0, Lvplsw=0.0), "reec_c": REEC._replace(Kqv=2.0, PqFlag=1)},
+        "Lvplsw=0 Kqv=2 PqFlag=1",
+        "Qext",
+    ),
+    "regc_c": ({"regc_c": regc_c.Par(0, 0, Imax=1.11), "reec_c": REEC}, "", "Qext"),
+    "regfm": ({"regfm_a1": regfm_a1.Par(0, 0, Pmin=-1.0, ImaxF=1.2)}, "ImaxF=1.2", "Qref"),
+}
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_it_moves_as_its_published_parts_in_a_unit_of_their_own(name):
+    """The same system with the converter as a generating unit of 0 MW, whose references are set instead of orders."""
+    models, text, q = PUBLISHED[name]
+    case = with_esd(storage_model=name.split()[0], converter=text)
+    esd = devices.every()["esd"]
+    orders, references = {}, {}
+    for t, P, Q in ((0.1, 0.9, 0.0), (0.7, -0.8, 0.5)):
+        store = joined.store(case.storage[0], 100.0)
+        active, reactive = esd.shares(esd.State(0.0, 0.0, 0.0), esd.Input(P, Q), store)
+        orders[t], references[t] = (P, Q), {"Pref": -0.8 * active, q: -0.8 * reactive}
+    run = _ordered(case, orders)
+    other = unit_driven(beside(case, models, 50.0), references, SHORT)
+    assert other.arrays.V == pytest.approx(run.arrays.V, abs=1e-7)  # 1.6e-8, to which voltages are solved
+    assert -other.arrays.P[:, 2] == pytest.approx(run.arrays.storage[:, 0], abs=1e-5)  # MW
+    assert np.ptp(run.arrays.storage) > 40
+
+
+def _ordered(case, orders):
+    """A run with active and reactive orders."""
+    point = operating_point.solve(case)
+    sim, at = Simulation(point, SHORT, step=1 / 240, criterion=KEEP_ON), storage.places(point.system, case)
+    for t, (P, Q) in orders.items():
+        assert sim.advance(t)
+        sim.orders[0], sim.s[at.order_q[0]] = P, Q
+    assert sim.advance(1.5)
+    return sim.finish()
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_without_orders_nothing_moves(model):
+    run = driven(with_esd(storage_model=model, energy=0.1), {}, until=2.0)
+    moved = np.abs(run.rows - run.rows[0])[:, : run.point.layout.step].max()
+    assert moved < 1e-9  # 2e-13
+    assert np.abs(run.arrays.storage).max() < 1e-9
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_law_at_rest_gives_no_order(model):
+    point = operating_point.solve(with_esd(storage_model=model))
+    sim = Simulation(point, control=BangBang())
+    assert sim.advance(1.0)
+    assert np.abs(sim.s[: point.layout.step] - point.s[: point.layout.step]).max() < 1e-9
+
+
+@pytest.mark.parametrize(("model", "limit"), [("regc", "Imax=1.05 Kqv=4"), ("regfm", "ImaxF=1.05")])
+def test_the_current_stays_within_its_limit_and_reaches_it(model, limit):
+    run = driven(with_esd(storage_model=model, mva=40.0, converter=limit), {0.2: 1.0, 0.9: -1.0}, **FAULT)
+    size = np.hypot(signal(run, "Ip"), signal(run, "Iq"))
+    assert size.max() <= 1.05 * (1 + 1e-9)
+    assert size.max() > 1.04
+
+
+def test_currents_of_the_lags_beyond_the_limit_are_shortened_at_the_same_angle():
+    par = operating_point.solve(with_esd(converter="Imax=1.1")).system.family("esd_regc").k[0]
+    p = esd_regc.Par(*par)
+    x = esd_regc.guess(1.0, p)._replace(ip=-1.0, iq=0.9, vfilt=1.0)
+    assert np.array(esd_regc.terminal(x, 1.0, p)) == pytest.approx(1.1 * np.array([-1.0, 0.9]) / np.hypot(1.0, 0.9))
+    assert esd_regc.terminal(x._replace(ip=-0.5), 1.0, p) == (-0.5, 0.9)
+
+
+@pytest.mark.parametrize("model", ["ideal", *MODELS])
+def test_the_power_is_what_the_current_carries(model):
+    """P + jQ from voltage and injected current, pu; with the network: Y V equals the currents of all devices."""
+    run = driven(with_esd(storage_model=model), {0.2: 0.7, 0.8: -0.5}, **FAULT)
+    point = run.point
+    f, j = storage.members(point.system, point.case)[0]
+    par = f.device.Par(*f.k[j])
+    for row in run.rows[10::40]:
+        x = f.device.State(*row[f.w[j, 0] : f.w[j, 0] + len(f.device.State._fields)])
+        u = f.device.Input(*row[f.w[j, family.INPUTS : -1]])
+        at = f.w[j, family.BUS]
+        known = {"x": x, "u": u, "v": (row[at], row[at + 1]), "p": par}
+        I = complex(*f.device.current(*(known[n] for n in family.arguments(f.device, "current"))))
+        V = complex(*known["v"])
+        if hasattr(f.device, "source"):
+            I += complex(*f.device.source(x, u, par)) - complex(*f.device.admittance(par)) * V
+        y = f.device.output(*(known[n] for n in family.arguments(f.device, "output")))
+        assert complex(y.P, y.Q) == pytest.approx(-V * I.conjugate(), abs=1e-12)
+
+
+@pytest.mark.parametrize("efficiency", [1.0, 0.81])
+@pytest.mark.parametrize("model", MODELS)
+def test_the_store_holds_the_integral_of_the_power(model, efficiency):
+    """Energy gained against the sum over the stages of all Runge-Kutta steps."""
+    case = with_esd(storage_model=model, energy=0.05, charge=0.5, efficiency=efficiency)
+    run = driven(case, {0.2: 1.0, 0.9: -0.7}, **FAULT)
+    at = storage.places(run.point.system, case).P[0]
+    gained, way = [0.0], np.sqrt(efficiency)
+    for part in stages(run):
+        P = part.signals[:, :, at]
+        rate = np.where(P > 0, way, 1 / way) * P
+        gained += (part.sizes * (rate @ [1 / 6, 1 / 3, 1 / 3, 1 / 6])).tolist()
+    gained = np.cumsum(gained)
+    energy = signal(run, "energy")
+    assert energy - energy[0] == pytest.approx(gained, abs=1e-9)  # 6.6e-10 pu s
+    assert np.ptp(gained) > 0.2  # pu s
+
+
+def test_a_grid_following_device_that_becomes_full_or_empty_stops_at_once():
+    for order in (1.0, -1.0):
+        run = driven(with_esd(energy=0.01, charge=0.5), {0.2: order, 1.2: -order}, until=2.0)
+        share, P = run.arrays.energy[:, 0] / 0.01, run.arrays.storage[:, 0] * order
+        assert share.min() >= 0
+        assert share.max() <= 1
+        done = np.flatnonzero(share == (order + 1) / 2)[0]
+        resting = (run.time > run.time[done]) & (run.time < 1.2)
+        assert P[done - 1] > 39
+        assert np.abs(P[resting]).max() < 1e-9
+        assert P[-1] == pytest.approx(-40, rel=0.01)
+
+
+def test_a_grid_forming_device_that_becomes_empty_goes_to_zero_and_counts_what_flows_until_then():
+    run = driven(with_esd(storage_model="regfm", energy=0.01, charge=0.5), {0.2: -1.0}, until=4.0)
+    charge, P = signal(run, "charge"), run.arrays.storage[:, 0]
+    empty = run.time[np.flatnonzero(charge < 0)[0]]
+    assert P.min() < -39
+    assert P[run.time > empty + 0.5].min() > -3
+    assert abs(P[run.time > empty + 1.5].mean()) < 0.5
+    assert -0.15 < charge.min() < 0
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_nothing_winds_up_while_a_limit_holds_the_power_back(model):
+    """After three seconds beyond a limit a device turns around as fast as after half a second."""
+    limit = {"regc": "Imax=0.6", "regfm": "Pmin=-0.6 ImaxF=1.2"}[model]
+    long, short = (
+        driven(with_esd(storage_model=model, converter=limit), {0.2: 1.0, t: -1.0}, until=t + 1.0) for t in (3.2, 1.2)
+    )
+    after = [run.arrays.storage[run.time > t + 1e-9, 0][:200] for run, t in ((long, 3.2), (short, 1.2))]
+    held = long.arrays.storage[np.searchsorted(long.time, 3.1), 0]
+    assert 25 < held < 34  # of 40 MW ordered
+    assert after[0] == pytest.approx(after[1], abs=5.0)  # 3.8 of 80 MW; the swing of the machine differs
+    assert after[0][-1] < -25
+
+
+def test_with_fast_lags_and_much_current_it_tends_to_the_ideal_device():
+    """The distance in MW falls in proportion to the lags; without low-voltage logic, as the ideal device has none."""
+    ideal = driven(with_esd(storage_model="ideal"), {0.2: 1.0, 0.7: -1.0}, until=1.2, step=1 / 1200)
+    far = []
+    for T in (0.008, 0.004, 0.002):
+        free = "Lvplsw=0 Lvpnt1=0.02 Lvpnt0=0.01 Rrpwr=1e4 dPmax=1e4 dPmin=-1e4 Imax=9"
+        free += "".join(f" {lag}={T}" for lag in ("Tg", "Trv", "Tpord", "Tiq", "Tfltr"))
+        run = driven(with_esd(converter=free), {0.2: 1.0, 0.7: -1.0}, until=1.2, step=1 / 1200)
+        far.append(np.abs(run.arrays.storage - ideal.arrays.storage).mean())
+        speeds = np.abs(run.arrays.speed - ideal.arrays.speed).max()
+    assert far[0] / far[1] == pytest.approx(2, rel=0.1)  # 1.98
+    assert far[1] / far[2] == pytest.approx(2, rel=0.1)
+    assert speeds < 2.5e-5  # 2.0e-5 pu with lags of 2 ms, of a swing of 5e-4
+
+
+def test_devices_of_several_models_take_their_own_orders():
+    rows = [Storage(1, 2, 40.0, storage_model=m) for m in ("regc", "ideal", "regfm")]
+    rows += [Storage(2, 3, 40.0), Storage(2, 3, 20.0, storage_model="regc")]
+    run = driven(with_esd(*rows), {0.1: [0.5, -0.3, 0.2, 0.4, -0.6]}, until=6.0)
+    assert run.arrays.order[-1] == pytest.approx([0.5, -0.3, 0.2, 0.4, -0.6], abs=0)
+    assert run.arrays.storage[-1, [0, 1, 3, 4]] == pytest.approx([20, -12, 16, -12], abs=0.2)
+    droop = 40 * (signal(run, "omega", 2)[-1] - 1) / 0.01
+    assert run.arrays.storage[-1, 2] == pytest.approx(8 + droop, abs=0.2)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_another_rating_is_another_device(model):
+    case = with_esd(storage_model=model)
+    resized = operating_point.solve(case).resized([60.0])
+    fresh = operating_point.solve(with_esd(Storage(1, 2, 60.0, mva=75.0, storage_model=model)))
+    assert resized.case.storage == fresh.case.storage
+    runs = [Simulation(point, SHORT, BangBang(deadband=0.01)) for point in (resized, fresh)]
+    for sim in runs:
+        sim.advance(1.5)
+    one, other = (sim.finish().rows for sim in runs)
+    assert one == pytest.approx(other, abs=1e-10)
+    assert abs(one[:, storage.places(fresh.system, fresh.case).P[0]]).max() > 0.5
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_linear_model_predicts_a_small_order(model):
+    point = operating_point.solve(with_esd(storage_model=model))
+    sim = Simulation(point, step=1 / 480)
+    sim.orders[0] = 0.01
+    assert sim.advance(1.0)
+    run = sim.finish()
+    linear = linearize(point, ["order:1@2"], ["absorbed:1@2"])
+    A, B, C, D = linear.A, linear.B, linear.C, linear.D
+    from scipy.linalg import expm
+
+    n = len(A)
+    block = np.zeros((n + 1, n + 1))
+    block[:n, :n], block[:n, n:] = A, B
+    step = expm(block / 480)
+    x, found = np.r_[np.zeros(n), 0.01], []
+    for _ in run.time:
+        found.append(float((C @ x[:n] + D[:, 0] * 0.01).item()))
+        x = step @ x
+    P = run.arrays.storage[:, 0] / 100
+    assert P == pytest.approx(np.array(found), abs=4e-6)  # of 4e-3: second order
+    assert np.ptp(P) > 3e-3
+
+
+def test_grid_forming_storage_keeps_its_island_alive_and_grid_following_storage_does_not():
+    case = with_esd(storage_model="regfm", mva=300.0)
+    lines = [Open("2-3", 0.5), Open("2-3#2", 0.5), Open("1-2", 0.5)]
+    for model, alive in (("regfm", True), ("regc", False)):
+        point = operating_point.solve(replace(case, storage=(case.storage[0]._replace(storage_model=model),)))
+        sim = Simulation(point, lines, criterion=KEEP_ON)
+        sim.advance(0.8)
+        V = abs(sim.V[1])
+        assert (V > 0.3) == alive, (model, V)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"converter": "Imx=1.2"}, "have no parameter 'Imx'; choose one of Imax"),
+        ({"converter": "Imax=-1"}, "must be a number above 0"),
+        ({"converter": "Imax"}, "does not set a parameter"),
+        ({"converter": "Tg=0"}, "Tg = 0 s must be at least 0.001 s"),
+        ({"converter": "Qmin=0.5 Qmax=0.2"}, "Qmin = 0.5 is above Qmax = 0.2"),
+        ({"converter": "QFlag=1 VFlag=0"}, "takes a voltage reference"),
+        ({"storage_model": "regfm", "converter": "mq=0"}, "must be above 0 with VFlag = 1"),
+        ({"storage_model": "regfm", "converter": "Emin=1 Emax=0.9"}, "Emax = 0.9 must be above Emin = 1"),
+        ({"storage_model": "regfm", "characteristic": "current"}, "is for ideal devices"),
+        ({"storage_model": "ideal", "converter": "Imax=1.2"}, "needs a converter"),
+        ({"storage_model": "regd"}, "must be one of ideal, regc, regc_c, regfm"),
+        ({"mva": 30.0}, "30 MVA is less than its rating of 40 MW"),
+    ],
+)
+def test_what_a_converter_cannot_be_is_refused_with_its_row(options, message):
+    with pytest.raises(CaseError, match=r"storage\.csv row 2") as error:
+        with_esd(**options)
+    assert message in str(error.value)
+
+
+@pytest.mark.parametrize(("mva", "found"), [("120%", 48.0), ("60MVA", 60.0), (0.0, 0.0)])
+def test_mva_in_percent_of_the_rating(mva, found):
+    case = small(KINDS["bare"]).with_storage("1=40MW", mva=mva, storage_model="regc")
+    assert case.storage[0].mva == pytest.approx(found)
+    with pytest.raises(StudyError, match="at least 100%"):
+        case.with_storage("1=40MW", mva="80%")
+
+
+def test_the_message_of_a_short_step_names_the_inner_loop_or_the_time_constant():
+    point = operating_point.solve(with_esd(storage_model="regc_c"))
+    assert steps.checked(point, None) < 1 / 200
+    assert steps.cause(point) == "the loop through Eq of esd_regc_c, ESD 1@2"
+    fast = operating_point.solve(with_esd(converter="Tg=0.002"))
+    assert steps.cause(fast).startswith("Tg = 0.002 s of esd_regc, ESD 1@2")
+    bypassed = operating_point.solve(with_esd(storage_model="regc_c", converter="Te=0"))
+    assert steps.checked(bypassed, None) == 1 / 120
+
+
+@pytest.mark.parametrize("model", ["regc", "regc_c", "regfm"])
+def test_complex_step_equals_central_differences(model):
+    """Derivatives of the whole system, at a state off the equilibrium."""
+    point = operating_point.solve(with_esd(storage_model=model, energy=1.0, lag=0.1, efficiency=0.9))
+    lay, s = point.layout, point.s.copy()
+    s[: lay.step] += 1e-3 * np.random.default_rng(1).standard_normal(lay.step)
+    limits = point.system.limits
+    s[limits.state[point.s[limits.state] == limits.low]] = 0.0
+    s[[k for k, p in enumerate(lay.states) if p.name == "share"]] = -0.4
+    at = [k for k, p in enumerate(lay.states) if p.table == f"esd_{model}" and k not in limits.state]
+    d = point.equations.at(s.copy())
+    for k in at:
+        h = 1e-6
+        up, down = (point.equations.at(s + h * sign * (np.arange(len(s)) == k)) for sign in (1, -1))
+        slope = (up.rates - down.rates) / (2 * h)
+        assert d.of_rates[:, [k]].toarray()[:, 0] == pytest.approx(slope, abs=2e-5 * max(1, np.abs(slope).max()))
