@@ -83,7 +83,6 @@ class Space(NamedTuple):
     begun: np.ndarray  # (buses) the part of the forward substitution that is not iterated
     kept: np.ndarray  # (buses) iterated voltages at the previous stage
     moves: np.ndarray  # (2, 4, near buses) their changes at each stage of the two previous steps
-    pace: np.ndarray  # (1) ratio of the changes in two iterations, 1: unknown
     x0: np.ndarray
     sum: np.ndarray
     rate: np.ndarray  # (states) 1/s   at the start of the step
@@ -163,7 +162,7 @@ def space(s: np.ndarray, layout: Layout, a: Frame) -> Space:
     return Space(
         s, f, s[layout.voltages].view(complex), f[layout.voltages].view(complex),
         blank[0].copy(), blank[1].copy(), blank[2].copy(), blank[3].copy(),
-        np.zeros((2, 4, len(a.near_bus)), complex), np.ones(1),
+        np.zeros((2, 4, len(a.near_bus)), complex),
         np.zeros(nx), np.zeros(nx), np.zeros(nx), np.zeros(nx), np.zeros((3, nb), complex), np.array([0.0, 1.0, 0.5]),
         np.stack([s[a.rotor], np.zeros(m)]), np.stack([s[a.speed], np.zeros(m)]), s[a.locked], np.zeros((2, m)),
         np.zeros(len(a.watch_bus)), np.zeros((2, len(a.held))), np.zeros((4, nb)),

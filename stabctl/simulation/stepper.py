@@ -187,7 +187,6 @@ def advance(p, a, net, q, rules, sizes, due, last, resume, history):
         for stage in range(4):
             for i in range(len(a.near_bus)):
                 q.moves[0, stage, i] = q.moves[1, stage, i] = 0
-        q.pace[0] = 1.0
     while step < steps + last:
         h = sizes[step] if step < steps else 0.0
         entire, span = q.part[1] - q.part[0] == 1, (q.part[1] - q.part[0]) * h

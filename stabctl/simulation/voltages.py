@@ -14,8 +14,6 @@ from stabctl.dynamics.perform import perform
 from .substitution import backward, forward, middle, solve_apart
 
 TOLERANCE = 1e-7  # pu   voltage error at which the iteration ends
-SURE = 4.0  # -    margin of the error that is estimated from the ratio of earlier changes
-SLOWING = 0.9  # -    what is left of a larger ratio at the next iteration
 LIMIT = 30  # -    fixed-point iterations before Newton is called
 STEPS = 40  # -    Newton steps
 HALVINGS = 12  # -    of a Newton step
@@ -54,9 +52,7 @@ def settle(p, a, net, q):
             q.volt[b[i]] = v
         # the changes fall like a geometric series; its remainder is the error
         change = np.sqrt(change)
-        if iteration > 1:
-            q.pace[0] = min(max(change / before, SLOWING * q.pace[0] if q.pace[0] < 1 else 0.0), 1.0)
-        if change < TOLERANCE or SURE * q.pace[0] * change < TOLERANCE * (1 - q.pace[0]):
+        if change < TOLERANCE or change * change < TOLERANCE * (before - change):
             backward(factors, q.work, q.volt)
             return iteration
         before = change

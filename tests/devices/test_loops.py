@@ -7,6 +7,7 @@ import pytest
 from systems import EXDC2, KINDS, ROUND, doubled, registered, small
 
 from stabctl.dynamics import operating_point
+from stabctl.dynamics.matrix import array
 from stabctl.errors import EquilibriumError
 from stabctl.simulation.events import LoadStep
 from stabctl.simulation.simulation import run
@@ -147,7 +148,7 @@ def output(heard):
         assert np.array_equal(said[2], traced.arrays.speed[:, 2])
         assert np.array_equal(said[1], 2 * said[2])
         assert np.array_equal(said[0], 4 * said[2])
-        d = point.equations.at(point.s.copy()).of_outputs.toarray()
+        d = array(point.equations.at(point.s.copy()).of_outputs)
         speed = point.rotors.angle[2] + 1
         slopes = [d[point.layout.signals[unit, "said"] - point.layout.first_output, speed] for unit in (0, 1, 2)]
         assert slopes == [4, 2, 1]

@@ -40,7 +40,7 @@ def design():
         ),
     )
     law = StorageLaw(groups="3+4", angle_gain=0.5, slope=0.05)
-    return LawDesign("some", law, BangBang(), rows, LawLimits(), False, 12, 345, 6.7)
+    return LawDesign("some", law, BangBang(), rows, LawLimits(), False, 12, 345, 6.7, True)
 
 
 def cells(page, heading):
