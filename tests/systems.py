@@ -11,7 +11,19 @@ import pytest
 from library import EXCITERS, STABILIZERS
 
 from stabctl import devices
-from stabctl.devices.converters import dera1, reec_a, reec_b, reec_c, regc_a, regc_b, regc_c, regfm_a1, repc_a, wtdt_a
+from stabctl.devices.converters import (
+    dera1,
+    reec_a,
+    reec_b,
+    reec_c,
+    regc_a,
+    regc_b,
+    regc_c,
+    regfm_a1,
+    regfm_b1,
+    repc_a,
+    wtdt_a,
+)
 from stabctl.devices.exciters import exdc2, exst3, ieeet1, sexs
 from stabctl.devices.governors import (
     degov,
@@ -55,6 +67,7 @@ REGC = regc_a.Par(0, 0.02)
 REGC_B = regc_b.Par(0)
 REGC_C = regc_c.Par(0, 0)
 FORMING = regfm_a1.Par(0, 0)
+VIRTUAL = regfm_b1.Par(0, 0)
 REEC = reec_b.Par(0, Kqv=2.0, Imax=1.5)
 PLANT = repc_a.Par(RefFlag=1, FFlag=1, Kp=2.0, Ki=1.0, Ddn=20.0, Dup=20.0)
 STEAM = tgov.Par(20.0, 0.1, 0.5, 0.0, 1.25, 5.0)
@@ -150,6 +163,10 @@ LIBRARY = {  # the same for devices of the library, whose tests are slow ones: e
     "regc_c, power and active current first": {"regc_c": REGC_C._replace(RateFlag=1, PqFlag=1, Re=0.01, Te=0.0)},
     "regfm_a1": {"regfm_a1": FORMING},
     "regfm_a1 without a voltage controller": {"regfm_a1": FORMING._replace(VFlag=0, RL=0.01)},
+    "regfm_b1": {"regfm_b1": VIRTUAL},
+    "regfm_b1, reactive current first": {
+        "regfm_b1": VIRTUAL._replace(PQFlag=0, VdrpFlag=1, wFlag=1, Tp=0.02, TPf=0.0, RL=0.01, kpv=0.1, ESFlag=0)
+    },
     "dera1": {"dera1": DER},
     "dera1, active current first": {"dera1": DER._replace(PqFlag=1, PfFlag=0, FreqFlag=0, Kqv=2.0, dbd1=0.0, dbd2=0.0)},
     "ieel": {"gencls": CLASSICAL, "ieel": VARIED},

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from block_diagram import distance, evaluate, feedback, one, opened, response, s
+from recorded import signal, state
 from systems import FORMING, small
 
 import stabctl as st
@@ -29,16 +30,6 @@ def island(one=FORMING, other=SLOW):
 
 def run(case, events, until):
     return simulation.run(operating_point.solve(case), events, until)
-
-
-def signal(of, name, unit=0):
-    """An output or state of a unit at every instant."""
-    return of.rows[:, of.point.layout.signals[unit, name]]
-
-
-def state(of, name, unit=0):
-    k = next(k for k, p in enumerate(of.point.layout.states) if (p.name, p.unit) == (name, unit))
-    return of.rows[:, k]
 
 
 @pytest.fixture(scope="module")
@@ -192,6 +183,8 @@ def test_its_modes_are_those_of_the_motion_after_a_step():
     assert modes.stable
     assert modes.label(0).startswith("angle reference")
     assert [modes.label(k) for k in modes.swings()] == ["converter 1 against converter 2"]
+    named = {modes.label(k) for k in range(len(modes.eigenvalues))}
+    assert {"power droop of REGFM_A1 1", "voltage control of REGFM_A1 2"} <= named
     linear = base.linearize(inputs="load_p:2", outputs="voltage:2")
     found = simulation.run(base, [LoadStep("2", 0.0, 0.01)], 2.0)
     moved = found.rows[:, [base.layout.states.index(p) for p in linear.places]]

@@ -120,7 +120,8 @@ def test_a_machine_without_a_model(folder):
     assert complaint(folder) == (
         f"{folder}/machines.csv row 5, column machine: machine 4 has no model; "
         "add a row for it to one of gencls.csv, genroe.csv, genrou.csv, gensae.csv, gensal.csv, gentpj1.csv, "
-        "two_axis.csv, csvgn1.csv, dera1.csv, regc_a.csv, regc_b.csv, regc_c.csv, regfm_a1.csv."
+        "two_axis.csv, csvgn1.csv, dera1.csv, regc_a.csv, regc_b.csv, regc_c.csv, regfm_a1.csv, "
+        "regfm_b1.csv."
     )
 
 

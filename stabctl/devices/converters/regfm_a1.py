@@ -25,9 +25,12 @@ import numpy as np
 from annotated_types import Interval
 
 from stabctl._util.jit import inline
-from stabctl.devices.blocks import SHORT, beyond, beyond_rate, clip, magnitude, pi, pi_rate, shortened
-from stabctl.devices.ports import PORT, fixed
+from stabctl.devices.blocks import SHORT, beyond, beyond_rate, clip, pi, pi_rate
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
+
+from .forming import Input, Output, admittance, correction, short_circuit, terminals
+
+__all__ = ["Input", "admittance"]
 
 NAME = "REGFM_A1"
 ROLE = "converter"
@@ -35,6 +38,13 @@ UPPER = ("ImaxF",)
 FILTER = Interval(ge=SHORT)
 SWITCH = Interval(ge=0, le=1)
 LIMITS = dict.fromkeys(("pmax", "pmin", "qmax", "qmin"), (0.0, np.inf))
+LOOPS = {
+    "power droop": ("delta", "pf"),
+    "voltage control": ("e", "vm"),
+    "reactive power droop": ("qf",),
+    "power limits": ("pmax", "pmin"),
+    "reactive power limits": ("qmax", "qmin"),
+}
 
 
 class Par(NamedTuple):
@@ -87,24 +97,6 @@ class State(NamedTuple):
     qmin: Annotated[float, "pu", "integral of the controller at Qmin"]
 
 
-class Input(NamedTuple):
-    """References of a converter, on its base."""
-
-    Pref: Annotated[float, "pu", "active power at nominal frequency", PORT]
-    Qref: Annotated[float, "pu", "reactive power at the voltage Vref", fixed(0.0)]
-    Vref: Annotated[float, "pu", "voltage reference", PORT]
-
-
-class Output(NamedTuple):
-    """Power and voltage at the terminals, virtual speed, and internal voltage."""
-
-    P: Annotated[float, "pu", "active power delivered, converter base"]
-    Q: Annotated[float, "pu", "reactive power delivered, converter base"]
-    vt: Annotated[float, "pu", "terminal voltage"]
-    omega: Annotated[float, "pu", "virtual speed"]
-    E: Annotated[float, "pu", "internal voltage before the current limit"]
-
-
 def inertia(p: Par) -> float:
     """Equivalent inertia constant (s) of droop with a filter of P."""
     return p.TPf / (2 * p.mp)
@@ -138,49 +130,23 @@ def emf(x, u, p):
 
 
 @inline
-def through(re, im, p):
-    """Current (pu converter) that a voltage drives through RL + jXL."""
-    z2 = p.RL * p.RL + p.XL * p.XL
-    return (p.RL * re + p.XL * im) / z2, (p.RL * im - p.XL * re) / z2
-
-
-@inline
 def source(x, u, p):
     """Short-circuit current of the internal voltage without limit (pu system), real and imaginary part."""
-    E = emf(x, u, p)
-    ir, ii = through(E * np.cos(x.delta), E * np.sin(x.delta), p)
-    return p.mva * ir, p.mva * ii
-
-
-@inline
-def admittance(p):
-    """Norton admittance 1/(RL + jXL) (pu system), real and imaginary part."""
-    g, b = through(1.0, 0.0, p)
-    return p.mva * g, p.mva * b
-
-
-@inline
-def unlimited(x, u, v, p):
-    """Current of the source (pu converter), real and imaginary part."""
-    E = emf(x, u, p)
-    return through(E * np.cos(x.delta) - v[0], E * np.sin(x.delta) - v[1], p)
+    return short_circuit(emf(x, u, p), x.delta, p)
 
 
 @inline
 def current(x, u, v, p):
     """Current that the limit adds to that of the source (pu system), real and imaginary part."""
-    ir, ii = unlimited(x, u, v, p)
-    jr, ji = shortened(ir, ii, p.ImaxF)
-    return p.mva * (jr - ir), p.mva * (ji - ii)
+    return correction(emf(x, u, p), x.delta, v, p)
 
 
 @inline
 def output(x, u, v, p):
     """Power and voltage at the terminals, virtual speed, internal voltage (pu converter)."""
-    ir, ii = unlimited(x, u, v, p)
-    ir, ii = shortened(ir, ii, p.ImaxF)
-    vt = magnitude(v[0], v[1])
-    return Output(v[0] * ir + v[1] * ii, v[1] * ir - v[0] * ii, vt, speed(x, u, p), emf(x, u, p))
+    E = emf(x, u, p)
+    P, Q, vt = terminals(E, x.delta, v, p)
+    return Output(P, Q, vt, speed(x, u, p), E)
 
 
 @inline

@@ -16,9 +16,10 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from stabctl._util.jit import inline
-from stabctl.devices.blocks import at_least, available, beyond_rate, magnitude, shortened
+from stabctl.devices.blocks import at_least, available, beyond_rate, magnitude
 from stabctl.devices.converters import regfm_a1
-from stabctl.devices.converters.regfm_a1 import admittance, held, unlimited
+from stabctl.devices.converters.forming import terminals
+from stabctl.devices.converters.regfm_a1 import admittance, emf, held
 from stabctl.devices.converters.regfm_a1 import current as added
 from stabctl.devices.converters.regfm_a1 import derivatives as converter_rates
 from stabctl.devices.converters.regfm_a1 import source as norton
@@ -125,9 +126,7 @@ def current(x, u, v, p):
 def output(x, u, v, p):
     """Power absorbed (pu system), charge, currents (pu converter), and virtual speed."""
     r = references(x, u, p)
-    ir, ii = unlimited(x, r, v, p)
-    ir, ii = shortened(ir, ii, p.ImaxF)
-    P, Q, vt = v[0] * ir + v[1] * ii, v[1] * ir - v[0] * ii, magnitude(v[0], v[1])
+    P, Q, vt = terminals(emf(x, r, p), x.delta, v, p)
     low, high = limits(x, p)
     divisor = at_least(vt, 1e-9)
     return Output(-p.mva * P, -p.mva * Q, x.energy / p.capacity, P / divisor, Q / divisor, held(x, r, p, low, high))

@@ -1,0 +1,250 @@
+"""REGFM_B1: grid-forming converter controlled as a virtual synchronous machine, a voltage source behind a reactance.
+
+2H d(dw)/dt = Pref - FFlag/mp [1/(1+sTp)] dw - pf - D1 dw - D2 [s/(s+wD)] dw, dwmin..dwmax;   omega = 1 + dw
+wb dw -> [1/s] -> delta, within theta_pll + dmin..dmax;   droop reads wpll - 1 instead of dw with wFlag = 1
+Vref + mq (Qref - qf), with VdrpFlag = 1 Vref - mq iqf -> Vcmd;   E = [kpv + kiv/s] (Vcmd - vm), Emin..Emax
+Vq -> [kpPLL + kiPLL/s], dwPLLmin..dwPLLmax -> wpll - 1 -> [wb/s] -> theta_pll, held while vt < VPLLfrz
+P, Q, vt -> [1/(1+sTPf)], [1/(1+sTQf)], [1/(1+sTVf)] -> pf, qf, vm
+Id, Iq in the frame of theta_pll -> [1/(1+sTIf)] -> idf, iqf
+Idmax = kf ImaxSS, Iqmax = sqrt(ImaxSS^2 - idf^2) with PQFlag = 1;  Idmax = sqrt(ImaxSS^2 - iqf^2), Iqmax = kf ImaxSS
+kI (Idmax - idf) -> [1/s], 0..asin(XL ImaxSS) -> dmax;   kI (-Ke Idmax - idf) -> [1/s], -asin(XL ImaxSS)..0 -> dmin
+Emax, Emin = sqrt((vm +/- Iqmax XL)^2 + (idf XL)^2)
+I = (E exp(j delta) - V)/(RL + jXL), reduced to the magnitude ImaxF where it is larger, at the same angle
+
+H is the weight of the virtual rotor in a center of inertia. A steady change dP of the load changes the frequency by
+-dP/(1/mp + D1). ImaxSS limits the steady current through the angle ahead of the phase-locked loop and through E, active
+current first with PQFlag = 1. While the angle is at a limit it moves with the phase-locked loop, and omega is not its
+speed. With ESFlag = 0, dmin is 0: no power is taken in. dmax and dmin are asin(XL ImaxSS) less the states `over` and
+`under`, which rest at 0. RL is Re of the source. Vref is solved for at Qref = 0 (QVFlag = 1 in the source). Per unit on
+the converter's own MVA; `mva` converts currents to the system base.
+
+Source: W. Du et al., Virtual Synchronous Machine Grid-Forming Inverter Model Specification (REGFM_B1),
+NREL/TP-5D00-90260, 2024. Its text was not at hand: the equations are those of public implementations that cite it.
+Swing equation, droop, voltage control, phase-locked loop and current limit ImaxF agree in pydae, in a MATLAB model with
+equation and figure numbers, and in one for ANDES after PSS/E's REGFMB1U; dmax, dmin, Emax and Emin in the last two; the
+defaults, of its Table 1, in the first two; names and flags with PowerWorld's help. Not verified: Tp = 0 by default, the
+sign of iqf with VdrpFlag = 1 (here delivered reactive current lowers the voltage), and the integral of E while its
+limit moves (here it stops, as in IEEE Std 421.5). Different: delta comes to dmin and dmax through a lag of 10 ms, so
+that it does not wind up, and vm - Iqmax XL is at least 0, which matters only near zero voltage.
+"""
+
+from collections.abc import Iterator
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Interval
+
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import (
+    SHORT,
+    at_least,
+    beyond_rate,
+    clip,
+    lag,
+    lag_rate,
+    magnitude,
+    pi,
+    pi_rate,
+    while_within,
+)
+from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
+
+from .electrical import root
+from .forming import Input, Output, admittance, correction, limited, short_circuit, terminals
+
+__all__ = ["Input", "admittance"]
+
+NAME = "REGFM_B1"
+ROLE = "converter"
+UPPER = ("ImaxF", "ImaxSS")
+ANGLES = ("delta", "theta_pll")
+FILTER = Interval(ge=SHORT)
+SWITCH = Interval(ge=0, le=1)
+SHARE = Interval(gt=0, le=1)
+STOP = 100.0  # 1/s   how fast delta comes to its limits
+LIMITS = {"dw": ("dwmin", "dwmax"), "over": (0.0, "deltamax"), "under": (0.0, "deltamax")}
+LOOPS = {
+    "virtual rotor": ("delta", "dw", "xd", "pf", "wf"),
+    "voltage control": ("e", "vm"),
+    "reactive power droop": ("qf",),
+    "PLL": ("theta_pll", "xpll"),
+    "current limits": ("over", "under", "idf", "iqf"),
+}
+
+
+class Par(NamedTuple):
+    """Parameters of one converter."""
+
+    mva: Annotated[float, "-", "converter MVA over system MVA", FROM_CASE]
+    wb: Annotated[float, "rad/s", "base speed, 2 pi f", FROM_CASE]
+    deltamax: Annotated[float, "rad", "largest angle ahead of the phase-locked loop, asin(XL ImaxSS)", FROM_CASE] = 0.0
+    deltamin: Annotated[float, "rad", "largest angle behind it, negative, 0 with ESFlag = 0", FROM_CASE] = 0.0
+    XL: Annotated[float, "pu", "coupling reactance", POSITIVE] = 0.1
+    RL: Annotated[float, "pu", "coupling resistance", NOT_NEGATIVE] = 0.0
+    H: Annotated[float, "s", "inertia constant of the virtual rotor", POSITIVE] = 0.5
+    D1: Annotated[float, "pu", "damping", NOT_NEGATIVE] = 0.0
+    D2: Annotated[float, "pu", "transient damping", NOT_NEGATIVE] = 100.0
+    wD: Annotated[float, "rad/s", "corner of the washout of the transient damping", POSITIVE] = 50.0
+    mp: Annotated[float, "pu", "frequency droop: frequency over active power", POSITIVE] = 0.02
+    Tp: Annotated[float, "s", "filter of the frequency droop", NOT_NEGATIVE] = 0.0
+    mq: Annotated[float, "pu", "voltage droop: voltage over reactive power, or current", NOT_NEGATIVE] = 0.05
+    kpv: Annotated[float, "pu", "proportional gain of the voltage controller", NOT_NEGATIVE] = 0.0
+    kiv: Annotated[float, "1/s", "integral gain of the voltage controller", POSITIVE] = 5.0
+    kpPLL: Annotated[float, "pu", "proportional gain of the phase-locked loop", NOT_NEGATIVE] = 0.265
+    kiPLL: Annotated[float, "1/s", "integral gain of the phase-locked loop", POSITIVE] = 2.65
+    TPf: Annotated[float, "s", "filter of the active power", NOT_NEGATIVE] = 0.02
+    TQf: Annotated[float, "s", "filter of the reactive power", FILTER] = 0.02
+    TVf: Annotated[float, "s", "filter of the voltage", FILTER] = 0.02
+    TIf: Annotated[float, "s", "filter of the current", FILTER] = 0.02
+    ImaxSS: Annotated[float, "pu", "current limit in steady state", POSITIVE] = 1.0
+    ImaxF: Annotated[float, "pu", "current limit at every instant", POSITIVE] = 1.5
+    kf: Annotated[float, "-", "share of ImaxSS that the current with priority may have", SHARE] = 0.9
+    kI: Annotated[float, "rad/s", "integral gain of the limit of the active current", NOT_NEGATIVE] = 2.0
+    Ke: Annotated[float, "-", "limit of the current taken in over that delivered", Interval(ge=0, le=1)] = 1.0
+    dwmax: Annotated[float, "pu", "largest deviation of the virtual speed"] = 0.05
+    dwmin: Annotated[float, "pu", "smallest deviation of the virtual speed"] = -0.05
+    dwPLLmax: Annotated[float, "pu", "largest deviation of the phase-locked loop"] = 0.2
+    dwPLLmin: Annotated[float, "pu", "smallest deviation of the phase-locked loop"] = -0.2
+    VPLLfrz: Annotated[float, "pu", "voltage below which the phase-locked loop is held", NOT_NEGATIVE] = 0.05
+    wFlag: Annotated[float, "-", "speed that the droop reads (1: phase-locked loop, 0: virtual)", SWITCH] = 0.0
+    VdrpFlag: Annotated[float, "-", "voltage droop (1: on reactive current, 0: on reactive power)", SWITCH] = 0.0
+    PQFlag: Annotated[float, "-", "priority in steady state (1: active, 0: reactive current)", SWITCH] = 1.0
+    FFlag: Annotated[float, "-", "frequency droop (1: on, 0: off)", SWITCH] = 1.0
+    ESFlag: Annotated[float, "-", "energy storage (1: also takes power in, 0: only delivers)", SWITCH] = 1.0
+
+    def errors(self) -> Iterator[tuple[str, str]]:
+        """Field and message for each parameter that the equations do not allow."""
+        for low, high in (("dwmin", "dwmax"), ("dwPLLmin", "dwPLLmax")):
+            if getattr(self, low) >= getattr(self, high):
+                yield high, f"must be above {low} = {getattr(self, low):g}"
+        if self.XL * self.ImaxSS > 1:
+            yield "ImaxSS", f"must be at most 1/XL = {1 / self.XL:g}"
+        if not self.FFlag and not self.D1:
+            yield "D1", "must be above 0 where FFlag = 0, or nothing determines the power"
+
+
+class State(NamedTuple):
+    """Virtual rotor, filters, voltage controller, limits of the angle, and phase-locked loop."""
+
+    delta: Annotated[float, "rad", "angle of the internal voltage relative to the synchronous frame"]
+    dw: Annotated[float, "pu", "deviation of the virtual speed"]
+    xd: Annotated[float, "pu", "lagged deviation of the speed, of the transient damping"]
+    wf: Annotated[float, "pu", "filtered deviation of the speed, of the droop"]
+    pf: Annotated[float, "pu", "filtered active power"]
+    qf: Annotated[float, "pu", "filtered reactive power"]
+    vm: Annotated[float, "pu", "filtered terminal voltage"]
+    idf: Annotated[float, "pu", "filtered active current"]
+    iqf: Annotated[float, "pu", "filtered reactive current"]
+    e: Annotated[float, "pu", "integral of the voltage controller"]
+    over: Annotated[float, "rad", "reduction of the largest angle ahead of the phase-locked loop"]
+    under: Annotated[float, "rad", "reduction of the largest angle behind the phase-locked loop"]
+    theta_pll: Annotated[float, "rad", "angle of the phase-locked loop relative to the synchronous frame"]
+    xpll: Annotated[float, "pu", "integral of the phase-locked loop"]
+
+
+def prepare(p: Par) -> Par:
+    """With the largest angles that ImaxSS allows."""
+    most = float(np.arcsin(min(p.XL * p.ImaxSS, 1.0)))
+    return p._replace(deltamax=most, deltamin=-most if p.ESFlag > 0.5 else 0.0)
+
+
+def inertia(p: Par) -> float:
+    """Inertia constant (s) of the virtual rotor."""
+    return p.H
+
+
+@inline
+def most(x, p):
+    """Limits of the active and the reactive current in steady state (pu)."""
+    if p.PQFlag > 0.5:
+        return p.kf * p.ImaxSS, root(p.ImaxSS, x.idf)
+    return root(p.ImaxSS, x.iqf), p.kf * p.ImaxSS
+
+
+@inline
+def voltage_limits(x, p):
+    """Emin and Emax (pu), at which the reactive current is at its limit."""
+    _, iq = most(x, p)
+    ahead = x.idf * p.XL
+    return magnitude(at_least(x.vm - iq * p.XL, 0.0), ahead), magnitude(x.vm + iq * p.XL, ahead)
+
+
+@inline
+def command(x, u, p):
+    """Voltage command (pu) of the droop."""
+    return u.Vref + p.mq * (-x.iqf if p.VdrpFlag > 0.5 else u.Qref - x.qf)
+
+
+@inline
+def emf(x, u, p):
+    """Magnitude (pu) of the internal voltage."""
+    low, high = voltage_limits(x, p)
+    return pi(p.kpv, command(x, u, p) - x.vm, x.e, low, high)
+
+
+@inline
+def angle(x, p):
+    """Angle (rad) of the internal voltage within its limits."""
+    return x.theta_pll + clip(x.delta - x.theta_pll, p.deltamin + x.under, p.deltamax - x.over)
+
+
+@inline
+def source(x, u, p):
+    """Short-circuit current of the internal voltage without limit (pu system), real and imaginary part."""
+    return short_circuit(emf(x, u, p), angle(x, p), p)
+
+
+@inline
+def current(x, u, v, p):
+    """Current that the limit adds to that of the source (pu system), real and imaginary part."""
+    return correction(emf(x, u, p), angle(x, p), v, p)
+
+
+@inline
+def output(x, u, v, p):
+    """Power and voltage at the terminals, virtual speed, internal voltage (pu converter)."""
+    E = emf(x, u, p)
+    P, Q, vt = terminals(E, angle(x, p), v, p)
+    return Output(P, Q, vt, 1 + x.dw, E)
+
+
+@inline
+def derivatives(x, u, v, y, p):
+    """State derivatives (1/s); y is this converter's own output."""
+    c, s = np.cos(x.theta_pll), np.sin(x.theta_pll)
+    ir, ii = limited(y.E, angle(x, p), v, p)
+    vq = v[1] * c - v[0] * s
+    dwpll = pi(p.kpPLL, vq, x.xpll, p.dwPLLmin, p.dwPLLmax)
+    turn = while_within(p.wb * dwpll, y.vt, p.VPLLfrz, 0.0)
+    integral = pi_rate(p.kpPLL, p.kiPLL, vq, x.xpll, p.dwPLLmin, p.dwPLLmax)
+    lead = x.delta - x.theta_pll
+    slip = clip(p.wb * x.dw - turn, STOP * (p.deltamin + x.under - lead), STOP * (p.deltamax - x.over - lead))
+    seen = dwpll if p.wFlag > 0.5 else x.dw
+    droop = lag(p.Tp, seen, x.wf) / p.mp if p.FFlag > 0.5 else 0 * x.dw
+    power = u.Pref - droop - lag(p.TPf, y.P, x.pf) - p.D1 * x.dw - p.D2 * (x.dw - x.xd)
+    idmax, _ = most(x, p)
+    bottom, top = voltage_limits(x, p)
+    return State(
+        turn + slip,
+        power / (2 * p.H),
+        p.wD * (x.dw - x.xd),
+        lag_rate(p.Tp, seen, x.wf),
+        lag_rate(p.TPf, y.P, x.pf),
+        (y.Q - x.qf) / p.TQf,
+        (y.vt - x.vm) / p.TVf,
+        (ir * c + ii * s - x.idf) / p.TIf,
+        (ir * s - ii * c - x.iqf) / p.TIf,
+        pi_rate(p.kpv, p.kiv, command(x, u, p) - x.vm, x.e, bottom, top),
+        beyond_rate(p.kI, x.idf - idmax, x.over),
+        beyond_rate(p.kI if p.ESFlag > 0.5 else 0.0, -p.Ke * idmax - x.idf, x.under),
+        turn,
+        while_within(integral, y.vt, p.VPLLfrz, 0.0),
+    )
+
+
+def guess(V: complex, I: complex, p: Par) -> State:
+    """States of the power flow."""
+    E, S, theta = V + complex(p.RL, p.XL) * I, V * I.conjugate(), float(np.angle(V))
+    local = I * np.exp(-1j * theta)
+    filters = S.real, S.imag, abs(V), float(local.real), -float(local.imag)
+    return State(float(np.angle(E)), 0.0, 0.0, 0.0, *filters, abs(E), 0.0, 0.0, theta, 0.0)
