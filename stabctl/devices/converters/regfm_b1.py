@@ -20,14 +20,14 @@ the converter's own MVA; `mva` converts currents to the system base.
 
 Source: W. Du et al., Virtual Synchronous Machine Grid-Forming Inverter Model Specification (REGFM_B1),
 NREL/TP-5D00-90260, 2024. Its text was not at hand: the equations are those of public implementations that cite it.
-Swing equation, droop and phase-locked loop as in pydae, in a MATLAB model that cites equation numbers, and in one for
-ANDES after PSS/E's REGFMB1U; voltage control as in pydae and ANDES (in the MATLAB model the droop bypasses the
-controller); ImaxF, dmax, dmin, Emax and Emin as in the MATLAB and ANDES models (pydae limits E, and the angle by
-constants); defaults, of its Table 1, as in pydae and MATLAB; names and flags as in PowerWorld's help. Not verified:
-these differences, Tp = 0 by default, the sign of iqf with VdrpFlag = 1 (here delivered reactive current lowers the
-voltage), and the integral of E while its limit moves (here it stops, as in IEEE Std 421.5). Different: delta comes to
-dmin and dmax through a lag of 10 ms, so that it does not wind up, and vm - Iqmax XL is at least 0, which matters only
-near zero voltage.
+Swing equation and droop as in pydae, in a MATLAB model that cites equation numbers, and in one for ANDES after PSS/E's
+REGFMB1U; the sign of the phase-locked loop as in ANDES; voltage control as in pydae and ANDES (in the MATLAB model the
+droop bypasses the controller); ImaxF, dmax, dmin, Emax and Emin as in the MATLAB and ANDES models (pydae limits E, and
+the angle by constants); defaults, of its Table 1, as in pydae and MATLAB; names and flags as in PowerWorld's help. Not
+verified: these differences, Tp = 0 by default, the sign of iqf with VdrpFlag = 1 (here delivered reactive current
+lowers the voltage), and the integral of E while its limit moves (here it stops, as in IEEE Std 421.5). Different: delta
+comes to dmin and dmax through a lag of 10 ms, so that it does not wind up, and vm - Iqmax XL is at least 0, which
+matters only near zero voltage.
 """
 
 from collections.abc import Iterator
