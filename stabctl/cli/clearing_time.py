@@ -51,7 +51,7 @@ def clearing_time(
     through = shared.impedance(fault_impedance)
     point = storage.initialize(loaded)
     chosen, own = law.chosen(point.case, control, shared.controllers(controller))
-    steering = pmu.steering(chosen, own, estimator, "batched")
+    steering = pmu.steering(chosen, own, estimator)
     with shared.progress("searching", None) as tell:
         found = clearing_time(
             point,

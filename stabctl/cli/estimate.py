@@ -1,7 +1,7 @@
 """stabctl estimate: rotor speeds estimated from PMU reports, with the storage control in the loop."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -13,6 +13,10 @@ if TYPE_CHECKING:
 
 Clear = Annotated[str, typer.Option("--clear", help="Clearing time: 6cyc, 0.1s, 100ms.")]
 At = Annotated[float, typer.Option("--at", help="Time of the fault, s.")]
+EngineOption = Annotated[
+    Literal["batched", "filterpy"],
+    typer.Option("--engine", help="All Kalman filters at once, or a filterpy filter for each machine, the reference."),
+]
 Plot = Annotated[Path | None, typer.Option("--plot", help="Plot true and estimated speeds to FILE.png or .svg.")]
 
 
@@ -31,6 +35,7 @@ def estimate(
     fault_impedance: options.FaultImpedance = "0,0",
     stability: groups.StabilityOptions,
     estimator: options.Estimator = "kalman",
+    engine: EngineOption = "batched",
     pmu: groups.PmuOptions,
     plot: Plot = None,
     case: groups.CaseOptions,
@@ -57,7 +62,7 @@ def estimate(
         point,
         contingency,
         at + off + observed,
-        control=EstimatorControl(behind, estimator, pmu.pmu()),
+        control=EstimatorControl(behind, estimator, pmu.pmu(), engine=engine),
         seeds=pmu.seed,
         step=step,
         criterion=stability.criterion(loaded),

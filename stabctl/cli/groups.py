@@ -9,7 +9,6 @@ if TYPE_CHECKING:
     from stabctl.controllers import BangBang, Controller, Law
     from stabctl.dynamics.operating_point import OperatingPoint
     from stabctl.estimation.estimator_control import EstimatorControl
-    from stabctl.estimation.estimators import Engine
     from stabctl.estimation.pmu import Pmu
     from stabctl.model.case import Case
     from stabctl.simulation.criterion import Criterion
@@ -181,7 +180,6 @@ class PmuOptions(NamedTuple):
         law: "Law | None",
         controllers: "Sequence[Controller]",
         estimator: options.Estimator,
-        engine: "Engine" = "filterpy",
     ) -> "list[Law | Controller | EstimatorControl]":
         """Law and controllers: themselves with the ideal estimator, otherwise behind PMUs and an estimator."""
         pmu = self.pmu()
@@ -196,4 +194,4 @@ class PmuOptions(NamedTuple):
                 f"--estimator {estimator} needs storage devices under control, or controllers; give --storage or "
                 "--controller."
             )
-        return [EstimatorControl(behind, estimator, pmu, seed=self.seed, engine=engine)]
+        return [EstimatorControl(behind, estimator, pmu, seed=self.seed)]

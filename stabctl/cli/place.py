@@ -101,7 +101,7 @@ def place(
     own, estimated = shared.controllers(controller), dict[str, Any]()
     acts = with_law(own, law.law())
     if validate:
-        estimated[validate] = EstimatorControl(acts, validate, seed=seed, engine="batched")
+        estimated[validate] = EstimatorControl(acts, validate, seed=seed)
     with shared.progress("siting", None) as tell:
         found = place(
             points,

@@ -48,7 +48,7 @@ def screen(
     loaded = case.load()
     point = storage.initialize(loaded)
     chosen, own = law.chosen(point.case, control, shared.controllers(controller))
-    steering = pmu.steering(chosen, own, estimator, "batched")
+    steering = pmu.steering(chosen, own, estimator)
     with shared.progress("screening", 1.0) as tell:
         found = screen(
             point,

@@ -34,8 +34,8 @@ class EstimatorControl:
         Rate, noise, latency and losses of the PMUs.
     seed : int
         Seed of noise and losses.
-    engine : {"filterpy", "batched"}
-        One filterpy filter per machine, or all filters at once with the same numbers.
+    engine : {"batched", "filterpy"}
+        All filters at once, or, as the reference with the same numbers, one filterpy filter per machine.
     tuning : Tuning
         Process noise of the filters.
     inertia_factor, reactance_factor : float, or tuple with one per machine
@@ -49,7 +49,7 @@ class EstimatorControl:
     pmu: Pmu = field(default_factory=Pmu)
     _: KW_ONLY
     seed: int = 1
-    engine: Engine = "filterpy"
+    engine: Engine = "batched"
     tuning: Tuning = TUNING
     inertia_factor: float | tuple[float, ...] = 1.0
     reactance_factor: float | tuple[float, ...] = 1.0

@@ -70,7 +70,7 @@ class Filtered:
     """A bank of extended Kalman filters on the internal angles; with `swing` the measured power is their input."""
 
     def __init__(
-        self, known: RotorUnits, pmu: Pmu, *, swing: bool, tuning: Tuning = TUNING, engine: Engine = "filterpy"
+        self, known: RotorUnits, pmu: Pmu, *, swing: bool, tuning: Tuning = TUNING, engine: Engine = "batched"
     ) -> None:
         self.model, self._engine = MachineModel(known, pmu, power=swing, tuning=tuning), ENGINES[engine]
         self._clock = (2 * np.pi * known.frequency_hz * pmu.clock) ** 2
@@ -114,7 +114,7 @@ class Filtered:
 
 
 def estimator(
-    name: EstimatorName, known: RotorUnits, pmu: Pmu, *, tuning: Tuning = TUNING, engine: Engine = "filterpy"
+    name: EstimatorName, known: RotorUnits, pmu: Pmu, *, tuning: Tuning = TUNING, engine: Engine = "batched"
 ) -> Estimator:
     """The estimator of that name."""
     make: dict[str, Callable[[], Estimator]] = {

@@ -27,4 +27,4 @@ def others(
         return validate or {}
     if validate not in get_args(EstimatorName):
         raise StudyError(f"validate = {validate!r} is not an estimator; choose {', '.join(get_args(EstimatorName))}.")
-    return {validate: EstimatorControl(acts, validate, engine="batched")}
+    return {validate: EstimatorControl(acts, validate)}

@@ -12,7 +12,6 @@ from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 from stabctl.estimation.estimate import estimate
 from stabctl.estimation.estimator_control import EstimatorControl
-from stabctl.estimation.estimators import Engine
 from stabctl.jobs import Found, Task
 from stabctl.model import powerflow
 from stabctl.model.case import Case
@@ -54,8 +53,7 @@ def _control(
         return acts
     if not acts:
         raise StudyError(f"The estimator {job.estimator!r} needs a control law; remove control = 'none'.")
-    engine: Engine = "batched" if job.kind == "clearing-time" else "filterpy"
-    return EstimatorControl(acts, job.estimator, job.pmu, seed=job.seed, engine=engine)
+    return EstimatorControl(acts, job.estimator, job.pmu, seed=job.seed)
 
 
 def _clearing_time(job: Job, point: OperatingPoint, control: Control) -> tuple[Result, str]:
