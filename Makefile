@@ -42,6 +42,7 @@ reproduce: .venv/demo  ## run all studies, compared with the paper in reports/in
 bench: .venv/bench  ## measure speed on this machine, of other programs (NORDIC=folder: RAMSES) and of version 0.1
 	$(BIN)/python benchmarks/core.py
 	$(BIN)/python benchmarks/controllers.py
+	$(BIN)/python benchmarks/storage_converters.py
 	$(BIN)/python benchmarks/estimate.py
 	$(BIN)/python benchmarks/linear.py
 	$(BIN)/python benchmarks/placement.py
