@@ -68,7 +68,7 @@ def closed_loop(name: str) -> list[tuple[str, ...]]:
     base, rows = st.load(name).initialize(storage), []
     for kind in ("none", "P", "M"):
         pmu = st.Pmu(filter_class=kind)
-        control = st.EstimatorControl(pmu=pmu, engine="batched")
+        control = st.EstimatorControl(pmu=pmu)
         for cycles in clearings:
             contingency = st.Contingency(fault, clear=f"{cycles}cyc", trip=trip)
             found = base.estimate(contingency, UNTIL, control=control, seeds=range(1, SEEDS + 1), record=False)
@@ -83,7 +83,7 @@ def data(name: str) -> list[tuple[str, ...]]:
     base, rows = st.load(name).initialize(storage), []
     contingency = st.Contingency(fault, clear=f"{cycles}cyc", trip=trip)
     for label, factors in WRONG.items():
-        control = st.EstimatorControl(engine="batched", **factors)
+        control = st.EstimatorControl(**factors)
         found = base.estimate(contingency, UNTIL, control=control, seeds=range(1, UKF_SEEDS + 1), record=False)
         nees, _, error = means(found, cycles)
         rows.append((name, label, *(f"{n:.1f}" for n in (*nees, *error))))
@@ -96,7 +96,7 @@ def literature(cycles: float = 8.37) -> list[tuple[str, ...]]:
     simulation = Simulation(point, st.Contingency("7", clear=f"{cycles}cyc", trip="7-8"), record=False)
     terminals, machines = Terminals(simulation), len(point.case.machines)
     instrument = Instrument(pmu, range(UKF_SEEDS), machines, point.case.frequency_hz)
-    kalman = estimator("kalman", rotor_units(point), pmu, engine="batched")
+    kalman = estimator("kalman", rotor_units(point), pmu)
     assert isinstance(kalman, Filtered)
     _, par = point.constants("genrou")
     rest = np.array([point.s[at : at + 6] for at in point.rotors.angle])

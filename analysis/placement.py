@@ -9,7 +9,7 @@ from reproduction.study import Study, Table, draw
 from stabctl.placement.contingencies import packaged, read
 from stabctl.placement.siting import Siting
 
-KALMAN = {"kalman": st.EstimatorControl(engine="batched")}
+KALMAN = {"kalman": st.EstimatorControl()}
 HEADS = (
     "contingencies",
     "uniform (MW)",

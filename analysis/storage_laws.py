@@ -89,7 +89,7 @@ def _single(task: Task, kept: Kept) -> tuple[str, ...]:
         options: Any = {"law": gated, "rate": task.rate, "window": task.window}
         return st.design.optimum(base, fault, **options, progress=lambda one: tell(f"{one.cycles:g} cycles")).cycles
 
-    estimated = st.EstimatorControl(found.law, engine="batched")
+    estimated = st.EstimatorControl(found.law)
     late = kept(f"{task.name}, 50 ms late", partial(cleared, found.law.sampled(60, "50ms")))
     behind = kept(f"{task.name}, Kalman", partial(cleared, estimated))
     best = kept(f"{task.name}, optimum", optimal)

@@ -9,7 +9,7 @@ from reproduction.console import present
 from reproduction.study import Study, Table, draw
 from stabctl.plotting import estimates
 
-CONTROL, ESTIMATORS, SEEDS = st.EstimatorControl(engine="batched"), ("frequency", "kinematic", "kalman"), range(1, 6)
+CONTROL, ESTIMATORS, SEEDS = st.EstimatorControl(), ("frequency", "kinematic", "kalman"), range(1, 6)
 HEADS = (
     "",
     "clearing time (cycles)",

@@ -15,7 +15,7 @@ SYSTEMS = {
 }
 LATENCIES = 0, 25, 50, 75, 100, 150, 200  # ms
 NOISES = 0.5, 2, 5, 10, 20  # mrad, and per mille of the magnitude
-CONTROL = st.EstimatorControl(engine="batched")
+CONTROL = st.EstimatorControl()
 
 
 def study(reports: Path) -> Study:

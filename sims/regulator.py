@@ -34,10 +34,10 @@ def study(reports: Path) -> Study:
 
     rows = [("none", cycles(None), "", "", "")]
     for name, law in BANG_BANG.items():
-        rows.append((name, cycles(law), cycles(st.EstimatorControl(law, engine="batched")), "", ""))
+        rows.append((name, cycles(law), cycles(st.EstimatorControl(law)), "", ""))
     for speed, angle in WEIGHTS:
         found = st.design.lqr(base, inputs="angle, speed", speed=speed, angle=angle)
-        behind = st.EstimatorControl(found.controller, engine="batched")
+        behind = st.EstimatorControl(found.controller)
         late = f"{1e3 * found.own.delay_s:.0f}" if found.own else ""
         name = f"LQR, {speed}" + (f" and {angle}" if angle else "")
         rows.append((name, cycles(found.controller), cycles(behind), f"{found.worst_after:.3f}", late))

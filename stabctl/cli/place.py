@@ -135,8 +135,7 @@ def place(
             chosen_by = "come from" if contingencies else "were chosen by default: they are those of"
             shared.console().print(f"The contingencies and their clearing times {chosen_by} {source}.")
     if report:
-        base = next(iter(points.values())) if isinstance(points, dict) else points
-        print(found.report(report, base=base), file=sys.stderr if as_json else sys.stdout)
+        print(found.report(report, base=next(iter(points.values()))), file=sys.stderr if as_json else sys.stdout)
 
 
 def _operating_points(cases: "list[Case]", levels: list[float] | None) -> "dict[str, Case]":

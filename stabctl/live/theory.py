@@ -9,14 +9,14 @@ from stabctl.theory.equal_area import critical_clearing
 from stabctl.theory.from_case import equivalent
 from stabctl.theory.phase import separatrix
 from stabctl.theory.swing_curve import swing_curve
+from stabctl.theory.two_machine import Equivalent
 
 LONGEST = 3.0  # s   of the motion in the phase plane
 
 
 def answer(case: Case, machine: int | None, cycles: float) -> dict[str, Any]:
     """The curves of a fault of so many cycles at the terminal of a machine; without one, of the first that has any."""
-    machine = _first(case) if machine is None else machine
-    pair = equivalent(case, machine)
+    machine, pair = _first(case) if machine is None else (machine, equivalent(case, machine))
     m, edge = pair.omib, separatrix(pair.omib, 121)
     critical = critical_clearing(m)
     curve = swing_curve(m, max(cycles, 1e-6) / m.fb, until=LONGEST + cycles / m.fb)
@@ -41,10 +41,10 @@ def answer(case: Case, machine: int | None, cycles: float) -> dict[str, Any]:
     }
 
 
-def _first(case: Case) -> int:
-    """The first machine with an equivalent; the first of all if none has."""
+def _first(case: Case) -> tuple[int, Equivalent]:
+    """The first machine with an equivalent, and this; raises `StudyError` as for the first machine if none has one."""
     for m in case.machines:
         with suppress(StudyError):
-            equivalent(case, m.machine)
-            return m.machine
-    return case.machines[0].machine
+            return m.machine, equivalent(case, m.machine)
+    first = case.machines[0].machine
+    return first, equivalent(case, first)

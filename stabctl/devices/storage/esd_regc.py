@@ -80,10 +80,7 @@ KIT = joined.Kit(
 
 def from_case(device: Any, base_mva: float) -> Any:
     """Parameters from a row of storage.csv; V0 is filled from the power flow."""
-    values = joined.parameters(KIT, device.converter)
-    own = joined.store(device, base_mva)._asdict()
-    known = {"mva": (device.mva or device.rating) / base_mva, "P0": 0.0, "running": 0.0, "V0": 1.0}
-    return Par(**{**values, **own, **known})
+    return joined.from_row(KIT, Par, device, base_mva, P0=0.0, running=0.0)
 
 
 def prepare(p: Any) -> Any:

@@ -85,9 +85,7 @@ KIT = joined.Kit("REGFM_A1 of storage", (regfm_a1.Par,), {"Pmin": -1.0}, (), err
 
 def from_case(device: Any, base_mva: float) -> Any:
     """Parameters from a row of storage.csv; V0 and wb are filled from the case."""
-    values = joined.parameters(KIT, device.converter)
-    own = joined.store(device, base_mva)._asdict()
-    return Par(**{**values, **own, "mva": (device.mva or device.rating) / base_mva, "wb": 0.0, "V0": 1.0})
+    return joined.from_row(KIT, Par, device, base_mva, wb=0.0)
 
 
 def guess(V: complex, p: Any) -> State:

@@ -59,6 +59,13 @@ def store(device: Any, base_mva: float) -> Store:
     )
 
 
+def from_row(kit: Kit, record: Any, device: Any, base_mva: float, **known: float) -> Any:
+    """Parameters of a device from its row of storage.csv; those in `known`, and V0, are filled from the case later."""
+    size = (device.mva or device.rating) / base_mva
+    own = store(device, base_mva)._asdict() | {"mva": size, "V0": 1.0}
+    return record(**{**parameters(kit, device.converter), **own, **known})
+
+
 def settings(text: str) -> Iterator[tuple[str, str]]:
     """Names and values in `Imax=1.3, Lvplsw=0`. Raises `StudyError` for anything else."""
     for part in re.split(r"[\s,;]+", re.sub(r"\s*=\s*", "=", text.strip())):

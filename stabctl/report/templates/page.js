@@ -4,9 +4,7 @@
 const number = (text) => parseFloat(text.replace("−", "-"));
 
 function compare(a, b, words) {
-  if (words) return a.localeCompare(b, "en", { numeric: true });
-  const [x, y] = [number(a), number(b)];
-  return isNaN(x) || isNaN(y) ? isNaN(x) - isNaN(y) : x - y;
+  return words ? a.localeCompare(b, "en", { numeric: true }) : number(a) - number(b);
 }
 
 function sort(table, head, column) {
