@@ -1,8 +1,11 @@
 """Typical machines, exciters and governors for a case without dynamic data, from `typical_units.csv`.
 
 A machine gets the unit of its kind that is nearest in rating, per unit on its own rating: a GENROU (steam, gas,
-nuclear) or a GENSAL (hydro, condenser) with an EXST1 and, if it produces power, an IEESGO.
-Source: Anderson and Fouad, Power System Control and Stability, 2nd ed., appendix D; see the table.
+nuclear) or a GENSAL (hydro, condenser) with an EXST1 and, if it produces power, an IEESGO. Loads draw constant active
+current and are a constant admittance for reactive power; generators behind converters supply constant current.
+Source: Anderson and Fouad, Power System Control and Stability, 2nd ed., appendix D, see the table; for loads, IEEE Task
+Force on Load Representation for Dynamic Performance, Load Representation for Dynamic Performance Analysis, IEEE
+Transactions on Power Systems 8 (2), 1993.
 """
 
 import csv
@@ -34,10 +37,13 @@ PRODUCES = 1e-3  # MW   smallest power of a generator that is not a condenser
 CEILING = 0.9  # largest field voltage, over the ceiling of the exciter at the terminal voltage
 RESERVE = 0.98  # largest power, over the limit of the governor
 SALIENT = ("hydro", "condenser")
+_CURRENT: dict[str, float] = {"p_current": 1.0, "q_current": 1.0, "v_low": LOW["current"]}
 _ROUND = "H D ra xl xd x1d x2 T1d T2d xq x1q T1q T2q S10 S12"
 _SALIENT = "H D ra xl xd x1d x2 T1d T2d xq T2q S10 S12"
-_UNUSED = MappingProxyType({"TR": 0.0, "VImax": 99.0, "VImin": -99.0, "TC": 0.0, "TB": 0.0})  # of the exciter
-_EXCITER = "KA TA KF TF VRmax VRmin"
+EXCITER = {
+    **{"TR": 0.0, "VImax": 99.0, "VImin": -99.0, "TC": 0.0, "TB": 0.0},  # not used
+    **{"KA": 200.0, "TA": 0.3575, "KF": 0.0529, "TF": 1.0, "VRmax": 5.73, "VRmin": -5.73},  # unit F18
+}
 
 
 class Known(NamedTuple):
@@ -52,7 +58,9 @@ def with_typical_machines(case: Case, known: Mapping[int, Known] = MappingProxyT
 
     A rating is that of the file or the case, raised to what the power flow needs: the machine's power, the limit of its
     governor, and a field voltage of at most 90 % of the exciter's ceiling. Generators behind converters (wind, solar,
-    batteries) become constant-power injections.
+    batteries) become constant-current injections, since converters limit their current. Constant-power loads, which a
+    power flow cannot tell from others, become constant-current for active power and a constant admittance for reactive
+    power.
 
     Parameters
     ----------
@@ -83,7 +91,7 @@ def with_typical_machines(case: Case, known: Mapping[int, Known] = MappingProxyT
         S, about = power[m.machine], known.get(m.machine, Known(None, m.base))
         if about.kind == "converter" and m.bus not in swing:
             name = str(m.called)
-            loads.append(Load(m.bus, -S.real, -S.imag, 1.0, 1.0, v_low=LOW["power"], id=name, kind="injection"))
+            loads.append(Load(m.bus, -S.real, -S.imag, **_CURRENT, id=name, kind="injection"))
             continue
         unit, rating = _sized(about, S, voltage[m.bus])
         raised += rating > about.mva > 0
@@ -98,10 +106,17 @@ def with_typical_machines(case: Case, known: Mapping[int, Known] = MappingProxyT
         source=f"{case.source}; machines: {SOURCE}",
         buses=tuple(b if b.bus in at else b._replace(kind="pq") for b in case.buses),
         machines=tuple(kept),
-        loads=(*case.loads, *(load for load in loads if load.p or load.q)),
+        loads=(*map(_load, case.loads), *(load for load in loads if load.p or load.q)),
         devices=devices,
         notes=(*_notes(case, len(kept), len(loads), raised), *case.notes),
     )
+
+
+def _load(load: Load) -> Load:
+    """A load of constant power as a typical one; others, and injections, as they are."""
+    if load.kind != "load" or (load.p_power, load.q_power) != (1, 1):
+        return load
+    return load._replace(p_power=0.0, q_power=0.0, p_current=1.0, v_low=LOW["current"])
 
 
 def _sized(about: Known, S: complex, V: float) -> tuple[dict[str, Any], float]:
@@ -113,7 +128,7 @@ def _sized(about: Known, S: complex, V: float) -> tuple[dict[str, Any], float]:
     unit = min(units, key=lambda unit: abs(math.log(unit["mva"] / mva)))
     limit = RESERVE * unit["Pmax"] if S.real > PRODUCES else 1.0
     rating = max(mva, abs(S), S.real / limit, -S.imag / ABSORBED)
-    while _field(unit, S / rating, V) > CEILING * V * unit["VRmax"]:
+    while _field(unit, S / rating, V) > CEILING * V * EXCITER["VRmax"]:
         rating *= 1.02
     return unit, rating
 
@@ -140,7 +155,7 @@ def _devices(unit: dict[str, Any], S: complex) -> dict[str, Any]:
     names = _SALIENT if salient else _ROUND
     made = {
         "gensal" if salient else "genrou": {name: unit[name] for name in names.split()},
-        "exst1": {**_UNUSED, **{name: unit[name] for name in _EXCITER.split()}},
+        "exst1": EXCITER,
     }
     if S.real > PRODUCES:
         lags = {f"T{k}": unit[f"GT{k}"] for k in range(1, 6)}
@@ -159,7 +174,13 @@ def _notes(case: Case, machines: int, converters: int, raised: int) -> list[str]
             f"{counted(raised, 'machine')}."
         )
     if converters:
-        said.append(f"{case.name}: constant-power injections behind converters: {counted(converters, 'generator')}.")
+        said.append(f"{case.name}: constant-current injections behind converters: {counted(converters, 'generator')}.")
+    typical = sum(_load(load) != load for load in case.loads)
+    if typical:
+        said.append(
+            f"{case.name}: {counted(typical, 'load')} of constant power in the power flow: constant current for active, "
+            "constant admittance for reactive power; --loads power keeps the power constant."
+        )
     return said
 
 
