@@ -105,8 +105,9 @@ def main() -> None:
         folder = Path(name)
         path = matpower_file(st.replicate(small, 10), folder)
         st.write(st.replicate(wnaps, 17), folder / "wnaps")
+        typical = lambda: st.read_matpower(path, machines="typical").with_loads("power")  # noqa: E731
         systems = (
-            ("matpower", lambda: st.read_matpower(path, machines="typical").with_loads("power"), st.Contingency("189", clear="4cyc"), 200),
+            ("matpower", typical, st.Contingency("189", clear="4cyc"), 200),
             ("wnaps", lambda: st.load(folder / "wnaps"), st.Contingency("83", clear="4cyc", trip="83-33"), 122),
         )
         for title, read, fault, first in systems:

@@ -178,8 +178,8 @@ def _notes(case: Case, machines: int, converters: int, raised: int) -> list[str]
     typical = sum(_load(load) != load for load in case.loads)
     if typical:
         said.append(
-            f"{case.name}: {counted(typical, 'load')} of constant power in the power flow: constant current for active, "
-            "constant admittance for reactive power; --loads power keeps the power constant."
+            f"{case.name}: {counted(typical, 'load')} of constant power in the power flow: constant current for "
+            "active, constant admittance for reactive power; --loads power keeps the power constant."
         )
     return said
 
