@@ -120,7 +120,7 @@ def test_a_system_of_two_thousand_buses_starts():
     assert point.fastest < 100  # 77 1/s; a loop of 1,040 1/s forced steps of 1.2 ms
     assert abs(point.simulate(until=2).speed - 1).max() < 1e-9
     run = point.simulate(st.Contingency("3141", clear="6cyc"), 3)  # a bus among wind farms, where the network is weak
-    assert run.stable
+    assert run.outcome.stable
     assert run.steps == 3 * 120
 
 
