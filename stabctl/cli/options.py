@@ -122,7 +122,11 @@ StorageModel = Annotated[
     ),
 ]
 Mva = Annotated[
-    str | None, typer.Option("--storage-mva", help="MVA of every device: 60MVA, or 120% of its power rating (100%).")
+    str | None,
+    typer.Option(
+        "--storage-mva",
+        help="MVA of every device: 60MVA, 120% of its power rating (default 100%), or for its power at 0.8pu.",
+    ),
 ]
 Converter = Annotated[
     str, typer.Option("--converter", help="Parameters of the converters that are not the default: 'Imax=1.3 Lvplsw=0'.")

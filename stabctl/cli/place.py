@@ -175,6 +175,7 @@ def _record(found: "Siting") -> dict[str, Any]:
         "sites": [s._asdict() for s in found.sites],
         "total_mw": found.total_mw,
         "total_mwh": found.total_mwh,
+        "total_mva": found.total_mva,
         "uniform_mw": found.uniform_mw,
         "uniform_percent": found.uniform_percent,
         "linear_mw": found.linear_mw,

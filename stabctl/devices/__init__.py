@@ -24,6 +24,7 @@ record (`_name`: ignored, `+name`: an integer before the constants, `'name`: a t
 (Par, corrections) converts values where that is needed. ANGLES lists the states that are angles in the synchronous
 frame, by default "delta"; PHASORS the pairs of states that are real and imaginary part of a phasor there. PLL names the
 state that is the angle of a phase-locked loop there, judged by the criterion of stability as that of a rotor.
+CURRENT_LIMIT names the parameter that limits the current of a storage device, pu on its MVA.
 LOOPS maps the control loops of a converter to their states, after which modes are named; loops(p) does so where a
 parameter decides what a loop holds.
 """

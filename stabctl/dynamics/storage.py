@@ -84,6 +84,22 @@ def with_ratings(system: System, case: Case, rows: Sequence[Storage]) -> System:
     return system
 
 
+def currents(system: System, case: Case, rows: np.ndarray) -> np.ndarray:
+    """Currents of the converters of storage (rows, devices) in rows of signals, pu on their MVA; 0 of ideal devices."""
+    found = np.zeros((len(rows), len(case.storage)))
+    for j, (f, i) in enumerate(members(system, case)):
+        names = family.fields(f.device, "Output")
+        if "Ip" in names:
+            found[:, j] = np.hypot(*(rows[:, f.w[i, -1] + names.index(name)] for name in ("Ip", "Iq")))
+    return found
+
+
+def current_limits(system: System, case: Case) -> np.ndarray:
+    """Largest currents of the converters of storage (devices), pu on their MVA; infinite of ideal devices."""
+    names = [(f, i, getattr(f.device, "CURRENT_LIMIT", None)) for f, i in members(system, case)]
+    return np.array([f.k[i, family.fields(f.device, "Par").index(name)] if name else np.inf for f, i, name in names])
+
+
 def in_network(case: Case) -> bool:
     """Whether the admittance of a storage device is part of the network."""
     return any(hasattr(devices.every()[TABLES[s.storage_model]], "admittance") for s in case.storage)

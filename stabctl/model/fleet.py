@@ -5,6 +5,9 @@ from collections.abc import Iterable, Mapping
 from numbers import Real
 from typing import Any, NamedTuple
 
+from stabctl.devices import every
+from stabctl.devices.storage import joined
+from stabctl.devices.storage.models import TABLES
 from stabctl.errors import StudyError, shown
 from stabctl.schema import fields
 from stabctl.units import quantity, rating
@@ -34,7 +37,8 @@ def with_storage(case: Case, sizes: Fleet, flow: PowerFlow | None = None, **opti
         The power flow that "%dispatch" refers to; solved when it is needed and not given.
     **options : float or str
         Other columns of every device: `characteristic`, `energy`, `charge`, `ramp`, `lag`, `efficiency`, `mva` ("120%"
-        of the rating, or MVA), `storage_model` ("ideal", "regc", "regfm") and `converter` ("Imax=1.3 Lvplsw=0").
+        of the rating, "0.8pu": the rating at this voltage within the current limit, or MVA), `storage_model` ("ideal",
+        "regc", "regfm") and `converter` ("Imax=1.3 Lvplsw=0").
 
     Raises
     ------
@@ -136,31 +140,52 @@ def _split(part: str) -> tuple[str, str]:
 
 
 def _equipped(device: Storage, options: Mapping[str, Any]) -> Storage:
-    """The device with other columns; MVA may be in percent of its rating."""
+    """The device with other columns; MVA may be in percent of its rating, or for a voltage."""
     mva = options.get("mva")
     if isinstance(mva, Percent):
         options = {**options, "mva": mva.share * device.rating}
+    elif isinstance(mva, Voltage):
+        options = {**options, "mva": device.rating * max(1.0, 1 / (_current_limit(options) * mva.pu))}
     return device._replace(**options)
 
 
 class Percent(NamedTuple):
-    """A size in relation to the power rating of a device."""
+    """MVA in relation to the power rating of a device."""
 
     share: float
+
+
+class Voltage(NamedTuple):
+    """As many MVA as let the current limit give the rated power at this voltage."""
+
+    pu: float
+
+
+def _current_limit(options: Mapping[str, Any]) -> float:
+    """The current limit of a converter, pu."""
+    device = every()[TABLES.get(options.get("storage_model", "ideal"), "esd")]
+    if not hasattr(device, "CURRENT_LIMIT"):
+        raise StudyError("MVA for a voltage need a converter, which has a current limit; give a storage_model.")
+    return float(joined.parameters(device.KIT, options.get("converter", ""))[device.CURRENT_LIMIT])
 
 
 def _read(name: str, value: Any, unit: str) -> Any:
     """A column of a device from text."""
     text = value.strip()
-    if name != "mva" or not text.endswith("%"):
+    relative = next((suffix for suffix in ("%", "pu") if text.endswith(suffix)), "")
+    if name != "mva" or not relative:
         return quantity(value, unit)
     try:
-        share = float(text[:-1]) / 100
+        size = float(text.removesuffix(relative))
     except ValueError:
-        share = 0.0
-    if not 1 <= share <= 100:
-        raise StudyError(f"mva = {shown(value)} is not allowed; give at least 100%, such as 120%, or 60MVA.")
-    return Percent(share)
+        size = 0.0
+    if relative == "%" and 100 <= size <= 10000:
+        return Percent(size / 100)
+    if relative == "pu" and 0.1 <= size <= 1:
+        return Voltage(size)
+    raise StudyError(
+        f"mva = {shown(value)} is not allowed; give at least 100%, such as 120%, a voltage from 0.1pu to 1pu, or 60MVA."
+    )
 
 
 def _options(options: Mapping[str, Any]) -> dict[str, Any]:

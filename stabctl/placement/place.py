@@ -20,7 +20,7 @@ from stabctl.simulation.control import Control
 from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.sampled import Sampled
 
-from . import controls, initial_fleets, rounding
+from . import controls, converters, initial_fleets, rounding
 from .contingencies import LONGER, Contingencies
 from .contingencies import contingencies as as_contingencies
 from .cutting_planes import CuttingPlanes
@@ -164,11 +164,17 @@ def place(
         times = critical_times(trials, best)
         rows = table(trials, best, times, others)
         survived = _survived(trials, best, times)
+        mva, uses = converters.mva(trials, best), converters.used(trials, best)
     order = [int(i) for i in np.argsort(-best) if best[i] > 0]
     found = possible.candidates
+    built = [
+        Site(found[i].bus, found[i].machine, float(best[i]), float(planes.energy[i]), float(mva[i])) for i in order
+    ]
     return Siting(
         case=case.name,
-        sites=tuple(Site(found[i].bus, found[i].machine, float(best[i]), float(planes.energy[i])) for i in order),
+        sites=tuple(
+            s if (u := uses[i]) is None else s._replace(**u._asdict()) for i, s in zip(order, built, strict=True)
+        ),
         costs=costs,
         cost=planes.cost,
         lower_bound=bound,

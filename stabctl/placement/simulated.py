@@ -1,6 +1,7 @@
 """A job of a siting study: a fleet simulated against one scenario, or its critical clearing time there."""
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Literal, NamedTuple
 
@@ -20,10 +21,11 @@ from stabctl.simulation.trajectory import Trajectory
 
 from .contingencies import target_cycles
 from .scenario import without_fault
+from .siting_rows import SAME
 
-FORMAT = 1
+FORMAT = 2
 GRID = 0.125  # cycles
-What = Literal["outcome", "energy", "critical time"]
+What = Literal["outcome", "energy", "currents", "critical time"]
 
 
 class Simulated(NamedTuple):
@@ -104,9 +106,9 @@ def answer(task: Task) -> Found:
     target = target_cycles(one.contingency, shared.base.point.case)
     if one.what == "critical time" and target is not None:
         return _critical_time(one, shared, target)
-    ran = simulate(one, shared, record=one.what == "energy")
-    values = np.ptp(ran.arrays.energy, axis=0) if one.what == "energy" else ran.peak
-    end = ran.outcome
+    read = READS.get(one.what)
+    ran = simulate(one, shared, record=read is not None)
+    values, end = ran.peak if read is None else read(ran), ran.outcome
     return _found(end.stable, end.machine, 1, values=json.dumps(values.tolist()))
 
 
@@ -118,6 +120,22 @@ def _critical_time(one: Simulated, shared: Shared, target: float) -> Found:
     runs = found.runs if steps in found.runs else {**found.runs, steps: tried.attempt(steps)}
     cycles = None if found.status == "unstable_at_zero" else found.critical * target / steps
     return _found(runs[steps].stable, found.machine, len(runs), cycles=cycles)
+
+
+def _energies(run: Trajectory) -> np.ndarray:
+    """The range of the energy of every device, MWh."""
+    return np.ptp(run.arrays.energy, axis=0)
+
+
+def _currents(run: Trajectory) -> np.ndarray:
+    """The largest current of every device (pu on its MVA), and the lowest voltage of its bus with it (pu)."""
+    current, point = run.arrays.storage_current, run.point
+    most = current.max(axis=0)
+    voltage = np.abs(run.arrays.V[:, [point.net.place[s.bus] for s in point.case.storage]])
+    return np.array([most, np.where(current >= (1 - SAME) * most, voltage, np.inf).min(axis=0)])
+
+
+READS: dict[str, Callable[[Trajectory], np.ndarray]] = {"energy": _energies, "currents": _currents}  # of a recorded run
 
 
 def _found(stable: bool, machine: int | str | None, simulations: int, **more: Any) -> Found:

@@ -49,6 +49,16 @@ class Siting(Tabular):
         return sum(s.mw for s in self.sites)
 
     @property
+    def total_mva(self) -> float:
+        """Megavolt-amperes of the fleet."""
+        return sum(s.mva or s.mw for s in self.sites)
+
+    @property
+    def converters(self) -> tuple[Site, ...]:
+        """The sites with converters."""
+        return tuple(s for s in self.sites if s.limit is not None)
+
+    @property
     def total_mwh(self) -> float:
         """Megawatt-hours of the fleet."""
         return sum(s.mwh for s in self.sites)
@@ -78,16 +88,19 @@ class Siting(Tabular):
 
     def storage(self, **options: Any) -> tuple[Storage, ...]:
         """The devices, for `simulate(storage=...)`; options are fields of `Storage`."""
-        return tuple(Storage(s.machine, s.bus, s.mw, **options) for s in self.sites)
+        return tuple(
+            Storage(s.machine, s.bus, s.mw, **{"mva": 0.0 if s.mva == s.mw else s.mva, **options}) for s in self.sites
+        )
 
     @property
     def df(self) -> "pd.DataFrame":
-        """The devices of the fleet, a row each, with their caps."""
+        """The devices of the fleet, a row each, with their caps; of converters also the current that sets their MVA."""
         import pandas as pd
 
         caps = {(c.bus, c.machine): c.cap_mw for c in self.candidates}
         rows = [(*s, caps.get((s.bus, s.machine))) for s in self.sites]
-        return pd.DataFrame(rows, columns=[*Site._fields, "cap_mw"])
+        table = pd.DataFrame(rows, columns=[*Site._fields, "cap_mw"])
+        return table if self.converters else table.drop(columns=["current", "limit", "voltage", "worst"])
 
     @property
     def clearing_times(self) -> "pd.DataFrame":
@@ -111,8 +124,7 @@ class Siting(Tabular):
         return siting_text.reservations(self)
 
     def __str__(self) -> str:
-        lines = [self.remarks()[0], "   bus machine        MW       kWh"]
-        lines += [f"{s.bus:6d} {s.machine:7d} {s.size:>9s} {1e3 * s.mwh:9.1f}" for s in self.sites]
+        lines = [self.remarks()[0], *siting_text.sites(self)]
         width = max([26, *(len(c.label) for c in self.contingencies)])
         lines.append(f"{'contingency':{width}s}  target  critical, cycles")
         for c in self.contingencies:

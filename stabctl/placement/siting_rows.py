@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 from stabctl.simulation.contingency import Contingency
 
+SAME = 1e-3  # relative difference of currents that count as equal
 REFINED = "half the time step and twice the observation window"
 
 
@@ -22,6 +23,25 @@ class Site(NamedTuple):
     machine: int
     mw: float
     mwh: float  # energy it absorbs or injects in the worst contingency: the required capacity
+    mva: float = 0.0  # 0: as many as MW
+    current: float | None = None  # pu on the MVA of its converter, the largest in any contingency; None: ideal device
+    limit: float | None = None  # pu   of the current
+    voltage: float | None = None  # pu   of the bus with that current, the lowest if several
+    worst: str = ""  # the contingency in which that current flows
+
+    @property
+    def limited(self) -> bool:
+        """Whether the current of its converter reaches the limit."""
+        return self.current is not None and self.limit is not None and self.current >= (1 - SAME) * self.limit
+
+    @property
+    def set_by(self) -> str:
+        """What sets the MVA: the current limit at a low voltage, or the power rating; empty for an ideal device."""
+        if self.current is None:
+            return ""
+        if self.limited:
+            return f"current limit of {self.limit:g} pu at {self.voltage:.2f} pu"
+        return f"power rating; current {self.current:.2f} of {self.limit:g} pu"
 
     @property
     def size(self) -> str:
@@ -38,7 +58,7 @@ class CandidateSite(NamedTuple):
     uniform_mw: float | None  # of the uniform fleet; None if no uniform fleet survives everything
 
 
-def _label(contingency: Contingency, operating_point: str, out: str) -> str:
+def label(contingency: Contingency, operating_point: str, out: str) -> str:
     """A scenario in words: `16 trip 16-21, load 90 %, without 9@29`."""
     return ", ".join(filter(None, (contingency.label, operating_point, f"without {out}" if out else "")))
 
@@ -58,7 +78,7 @@ class Survived(NamedTuple):
     @property
     def label(self) -> str:
         """The contingency, and the operating point and the device out of service if there are any."""
-        return _label(self.contingency, self.operating_point, self.out)
+        return label(self.contingency, self.operating_point, self.out)
 
     @property
     def margin_cycles(self) -> float | None:
@@ -79,7 +99,7 @@ class Infeasible(NamedTuple):
     @property
     def label(self) -> str:
         """The contingency, and the operating point and the device out of service if there are any."""
-        return _label(self.contingency, self.operating_point, self.out)
+        return label(self.contingency, self.operating_point, self.out)
 
     def __str__(self) -> str:
         none = f"none of the {self.tried} fleets tried within the caps survives it"

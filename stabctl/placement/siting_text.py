@@ -34,12 +34,50 @@ def remarks(siting: "Siting") -> tuple[str, ...]:
     return (
         first,
         *targets,
+        *_converters(siting),
         *_existing(siting),
         *_controllers(siting),
         *_comparisons(siting),
         *_bound(siting),
         *reservations(siting),
     )
+
+
+def sites(siting: "Siting") -> Iterator[str]:
+    """The rows of the table of sites, with MVA where there are converters."""
+    rated = bool(siting.converters) or any(s.mva not in (0.0, s.mw) for s in siting.sites)
+    heads = "      MVA " if rated else "", "  MVA set by" if siting.converters else ""
+    yield f"   bus machine        MW {heads[0]}      kWh{heads[1]}"
+    for s in siting.sites:
+        mva = f"{s.mva or s.mw:9.2f} " if rated else ""
+        yield f"{s.bus:6d} {s.machine:7d} {s.size:>9s} {mva}{1e3 * s.mwh:9.1f}{'  ' if s.set_by else ''}{s.set_by}"
+
+
+def _converters(siting: "Siting") -> Iterator[str]:
+    """The MVA of the converters, and how far the contingencies use them."""
+    found = siting.converters
+    if not found:
+        return
+    limited, rest = [s for s in found if s.limited], [s for s in found if not s.limited]
+    share = siting.total_mva / siting.total_mw
+    yield f"The converters have {siting.total_mva:.1f} MVA in all, {100 * share:.0f} % of the MW."
+    if limited:
+        voltages = sorted(s.voltage or 0.0 for s in limited)
+        given = sorted(100 * (s.limit or 0.0) * (s.voltage or 0.0) * (s.mva or s.mw) / s.mw for s in limited)
+        yield (
+            f"The current limit is reached at {len(limited)} of {counted(len(found), 'site')}, down to voltages of "
+            f"{_range(voltages, '.2f')} pu, at which it allows {_range(given, '.0f')} % of the MW."
+        )
+    if rest:
+        free = min(1 - (s.current or 0.0) / (s.limit or 1.0) for s in rest)
+        others = "The others have" if limited else "All have"
+        yield f"{others} at least {100 * free:.2g} % of the current to spare in every contingency."
+
+
+def _range(values: list[float], form: str) -> str:
+    """The least and the largest of ascending values, or the only one."""
+    ends = list(dict.fromkeys(f"{x:{form}}" for x in (values[0], values[-1])))
+    return " to ".join(ends)
 
 
 def _existing(siting: "Siting") -> Iterator[str]:

@@ -180,6 +180,10 @@ class Trials:
         """The range of the charge (candidates, MWh) in scenario k with this fleet (candidates, MW)."""
         return np.array(json.loads(self.ask("energy", mw, k)["values"]))[len(self.existing) :]
 
+    def currents(self, mw: np.ndarray, k: int) -> np.ndarray:
+        """The largest currents, and the lowest voltages with them (2, candidates; pu), in scenario k with a fleet."""
+        return np.array(json.loads(self.ask("currents", mw, k)["values"]))[:, len(self.existing) :]
+
     def critical_time(self, mw: np.ndarray, k: int, control: Control = None) -> CriticalTime:
         """The critical clearing time of scenario k with a fleet (candidates, MW), also under another control."""
         row = self.ask("critical time", self.fleet(mw), k, control)

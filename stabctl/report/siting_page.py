@@ -23,6 +23,7 @@ def page(siting: Siting, base: "Case | OperatingPoint | None" = None) -> str:
         title=f"Storage siting for {siting.case}",
         siting=siting,
         numbers=list(_numbers(siting)),
+        heads=("site", "machine", "rating (MW)", *_of_converters(siting), "largest allowed (MW)", "energy (kWh)"),
         sites=list(_sites(siting)),
         contingencies=list(_contingencies(siting)),
         variations=[_variation(siting, row) for row in siting.evidence],
@@ -68,7 +69,13 @@ def _numbers(siting: Siting) -> Iterator[tuple[str, str]]:
 def _sites(siting: Siting) -> Iterator[tuple[str, ...]]:
     caps = {(p.bus, p.machine): f"{p.cap_mw:.1f}" for p in siting.candidates}
     for s in siting.sites:
-        yield f"bus {s.bus}", str(s.machine), s.size, caps.get((s.bus, s.machine), ""), f"{1e3 * s.mwh:.1f}"
+        mva = (f"{s.mva or s.mw:.2f}", s.set_by) if siting.converters else ()
+        yield f"bus {s.bus}", str(s.machine), s.size, *mva, caps.get((s.bus, s.machine), ""), f"{1e3 * s.mwh:.1f}"
+
+
+def _of_converters(siting: Siting) -> tuple[str, ...]:
+    """The columns of converters."""
+    return ("MVA", "MVA set by") if siting.converters else ()
 
 
 def _contingencies(siting: Siting) -> Iterator[tuple[str, ...]]:

@@ -5,7 +5,7 @@ from functools import cached_property
 import numpy as np
 
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.storage import Places, places
+from stabctl.dynamics.storage import Places, currents, places
 
 
 class Arrays:
@@ -74,6 +74,11 @@ class Arrays:
     def energy(self) -> np.ndarray:
         """Energy in the storage devices (rows, devices), MWh; from the initial energy if unlimited."""
         return _fixed(self._rows[:, self._storage.energy] * self._point.case.base_mva / 3600)
+
+    @cached_property
+    def storage_current(self) -> np.ndarray:
+        """Currents of the converters of storage (rows, devices), pu on their MVA; 0 of ideal devices."""
+        return _fixed(currents(self._point.system, self._point.case, self._rows))
 
     @cached_property
     def order(self) -> np.ndarray:

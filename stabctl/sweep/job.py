@@ -43,7 +43,9 @@ class Job(NamedTuple):
     characteristic: Annotated[Characteristic, "-", "what a storage device holds constant"] = "power"
     lag: Annotated[float, "s", "time constant from order to power", NOT_NEGATIVE] = 0.0
     storage_model: Annotated[StorageModel, "-", "ideal devices, or behind converters"] = "ideal"
-    storage_mva: Annotated[str, "-", "MVA of a device: 60MVA, or 120% of its power rating (empty: 100%)"] = ""
+    storage_mva: Annotated[
+        str, "-", "MVA of a device: 60MVA, 120% of its power rating (empty: 100%), or for its power at 0.8pu"
+    ] = ""
     converter: Annotated[str, "-", "parameters of the converters that are not the default"] = ""
     control: Annotated[
         Literal["bang-bang", "none"], "-", "storage control law, where no controller gives the orders"

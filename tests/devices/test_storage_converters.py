@@ -322,8 +322,18 @@ def test_what_a_converter_cannot_be_is_refused_with_its_row(options, message):
 def test_mva_in_percent_of_the_rating(mva, found):
     case = small(KINDS["bare"]).with_storage("1=40MW", mva=mva, storage_model="regc")
     assert case.storage[0].mva == pytest.approx(found)
-    with pytest.raises(StudyError, match="at least 100%"):
-        case.with_storage("1=40MW", mva="80%")
+    for wrong in ("80%", "x%", "0pu", "1.1pu"):
+        with pytest.raises(StudyError, match="at least 100%"):
+            case.with_storage("1=40MW", mva=wrong)
+
+
+@pytest.mark.parametrize(("model", "converter", "limit"), [("regc", "Imax=1.2", 1.2), ("regfm", "", 2.0)])
+def test_mva_for_the_rated_power_at_a_low_voltage(model, converter, limit):
+    case = small(KINDS["bare"])
+    found = case.with_storage("1=40MW", mva="0.8pu", storage_model=model, converter=converter)
+    assert found.storage[0].mva == pytest.approx(40 * max(1, 1 / (0.8 * limit)))
+    with pytest.raises(StudyError, match="need a converter"):
+        case.with_storage("1=40MW", mva="0.8pu")
 
 
 def test_the_message_of_a_short_step_names_the_inner_loop_or_the_time_constant():

@@ -149,6 +149,26 @@ def test_the_fleet_that_is_printed_survives(case, both):
     assert both.cost == both.total_mw
 
 
+def test_the_mva_of_converters_and_the_largest_current_are_those_of_the_fleet(case):
+    """The current limit is reached where the voltage is low, and not with MVA for the gate of the law."""
+    equal, more = (
+        study(case, NEAR_9, candidates=CANDIDATES[2:], device={"storage_model": "regc", "mva": mva})
+        for mva in (0.0, "0.8pu")
+    )
+    (limited,), (free,) = equal.sites, more.sites
+    assert (limited.mva, limited.limit) == (limited.mw, 1.11)
+    assert limited.limited
+    assert free.mva == pytest.approx(free.mw / (0.8 * 1.11))
+    assert (free.limited, free.set_by[:12]) == (False, "power rating")
+    assert 0.8 < free.current / free.limit < 1  # 0.99
+    sized = case.with_storage(more.storage(storage_model="regc")).initialize()
+    run = sized.simulate(replace(NEAR_9, at=0.0), NEAR_9.clear + 2.0, control=BangBang())
+    current = np.hypot(run.arrays.storage[:, 0], 0) / free.mva / np.abs(run.arrays.V[:, sized.net.place[29]])
+    assert run.arrays.storage_current.max() == pytest.approx(free.current, rel=1e-9)
+    assert current.max() == pytest.approx(free.current, rel=1e-3)
+    assert free.worst == NEAR_9.label
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -191,7 +211,7 @@ def test_json(stabctl, tmp_path):
     assert (code, err) == (0, f"{tmp_path}/pages/placement_ieee39.html\n")
     assert (tmp_path / "pages" / "placement_ieee39.html").is_file()
     assert KEYS <= set(record)
-    assert set(record["sites"][0]) == {"bus", "machine", "mw", "mwh"}
+    assert set(record["sites"][0]) == {"bus", "machine", "mw", "mwh", "mva", "current", "limit", "voltage", "worst"}
     (row,) = record["contingencies"]
     assert {"fault", "trip", "target_cycles", "critical_cycles", "stable"} <= set(row)
     assert (row["fault"], row["trip"], row["stable"]) == ("29", ["26-29"], True)

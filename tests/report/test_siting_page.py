@@ -51,6 +51,15 @@ def siting():
 
 
 @pytest.fixture
+def with_converters(plain):
+    """The same sites behind converters, one at its current limit."""
+    first, second = plain.sites
+    first = first._replace(mva=48.0, current=1.11, limit=1.11, voltage=0.75, worst="7-8@0.4 trip 7-8")
+    second = second._replace(mva=24.0, current=0.999, limit=1.11, voltage=0.9, worst="<9>")
+    return replace(plain, sites=(first, second))
+
+
+@pytest.fixture
 def plain(siting):
     """The same without figures, which take most of the time of a page."""
     return replace(siting, candidates=(), history=())
@@ -102,6 +111,23 @@ def test_the_page_says_what_the_record_holds(siting, tmp_path):
         ["without 3@103", "20.0", "none" + lost, "+6.875" + lost],
     ]
     assert page.count('class="unstable"') == 3
+
+
+def test_converters_have_mva_and_what_sets_them(with_converters, plain):
+    page = siting_page.page(with_converters)
+    assert [row[3:5] for row in cells(page, "Sites")] == [
+        ["48.00", "current limit of 1.11 pu at 0.75 pu"],
+        ["24.00", "power rating; current 1.00 of 1.11 pu"],
+    ]
+    text = " ".join(str(with_converters).split())
+    assert "103 3 40.00 48.00 12.3 current limit of 1.11 pu at 0.75 pu" in text
+    assert "The converters have 72.0 MVA in all, 120 % of the MW." in text
+    assert "reached at 1 of 2 sites, down to voltages of 0.75 pu, at which it allows 100 % of the MW" in text
+    assert "The others have at least 10 % of the current to spare" in text
+    assert not any("MVA set by" in said for said in (str(plain), siting_page.page(plain)))
+    assert with_converters.storage(storage_model="regc")[0].mva == 48
+    assert list(with_converters.df.mva) == [48, 24]
+    assert list(with_converters.df.columns[5:9]) == ["current", "limit", "voltage", "worst"]
 
 
 def test_the_page_needs_no_network_and_holds_its_figures(siting, tmp_path):
@@ -208,7 +234,7 @@ def test_no_name_of_a_case_leads_out_of_the_folder(plain, tmp_path, name):
 
 def test_a_siting_is_a_table_and_saves_itself(siting, tmp_path):
     table = siting.df
-    assert list(table.columns) == ["bus", "machine", "mw", "mwh", "cap_mw"]
+    assert list(table.columns) == ["bus", "machine", "mw", "mwh", "mva", "cap_mw"]
     assert table.mw.tolist() == [40.0, 20.0]
     assert table.cap_mw.tolist() == [297.0, 269.0]
     times = siting.clearing_times

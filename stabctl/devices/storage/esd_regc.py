@@ -30,6 +30,7 @@ ROLE = "storage"
 LIMITS = {"energy": ("floor", "capacity"), "pord": ("Pmin", "Pmax")}
 STOPS = ("energy",)
 UPPER = regc_a.UPPER
+CURRENT_LIMIT = "Imax"
 Par: Any = joined.joined(joined.Store, regc_a.Par, reec_c.Par)
 __all__ = ["Input"]
 

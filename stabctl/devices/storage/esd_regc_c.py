@@ -31,6 +31,7 @@ ROLE = "storage"
 LIMITS = {"energy": ("floor", "capacity"), "pord": ("Pmin", "Pmax")}
 STOPS = ("energy",)
 UPPER = regc_c.UPPER
+CURRENT_LIMIT = "Imax"
 ANGLES = regc_c.ANGLES
 Par: Any = joined.joined(joined.Store, regc_c.Par, reec_c.Par)
 KIT = FOLLOWING._replace(name="REGC_C and REEC_C of storage", parts=(regc_c.Par, reec_c.Par))

@@ -32,6 +32,7 @@ NAME = "ESD_REGFM"
 ROLE = "storage"
 LIMITS = regfm_a1.LIMITS
 UPPER = regfm_a1.UPPER
+CURRENT_LIMIT = "ImaxF"
 
 
 class Vref(NamedTuple):
