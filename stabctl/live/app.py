@@ -5,7 +5,6 @@ from collections.abc import Callable
 from typing import Any
 
 from stabctl.errors import StabctlError, sentence
-from stabctl.model.case import Case
 
 from . import linear, page, runs, searches, theory
 from .commands import Source
@@ -22,8 +21,8 @@ LARGEST = 20_000_000  # bytes of a request: a page to be saved
 class Pages:
     """The answers for one case."""
 
-    def __init__(self, case: Case, load: Source) -> None:
-        self.points, self.load = Points(case), load
+    def __init__(self, points: Points, load: Source) -> None:
+        self.points, self.load = points, load
 
     def run(self, message: Any) -> bytes:
         """The run of a state."""
@@ -47,7 +46,7 @@ class Pages:
         return page.saved(recording(self.points, read(message["state"]), self.load, message["results"])).encode()
 
 
-def app(case: Case, load: Source, token: str, port: int) -> Guard:
+def app(points: Points, load: Source, token: str, port: int) -> Guard:
     """The application of a case, behind its guard."""
     from starlette.applications import Starlette
     from starlette.concurrency import run_in_threadpool
@@ -55,7 +54,7 @@ def app(case: Case, load: Source, token: str, port: int) -> Guard:
     from starlette.responses import JSONResponse, Response, StreamingResponse
     from starlette.routing import Route
 
-    pages = Pages(case, load)
+    pages = Pages(points, load)
 
     async def body(request: Request) -> Any:
         if int(request.headers.get("content-length", 0)) > LARGEST:

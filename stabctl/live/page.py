@@ -3,7 +3,7 @@
 import base64
 import json
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +47,7 @@ def encoded(answer: bytes) -> str:
     return base64.b64encode(answer).decode()
 
 
+@lru_cache(2)
 def about(points: Points) -> dict[str, Any]:
     """What the page knows of the case: the diagram, names, gains, and the colors of all figures."""
     case, start = points.case, points.bare(State())
@@ -67,6 +68,7 @@ def about(points: Points) -> dict[str, Any]:
         "machines": [[str(m.called), row[m.bus], m.base, m.machine, row[m.storage_bus]] for m in case.machines],
         "rotors": [unit[number] for number in start.rotor_numbers],
         "lines": found.screened,
+        "states": start.layout.nx,
         "gains": gains(case),
         "laws": LAWS,
         "fault": fault,

@@ -56,10 +56,10 @@ def serve(
             reason = getattr(error, "strerror", None) or "it is not a port"
             raise StudyError(f"Port {port} cannot be used: {reason}; choose another with --port.") from None
         port = listening.getsockname()[1]
-        warm(case)
+        points = warm(case)
         options: Any = {"log_level": "critical", "lifespan": "off", "server_header": False}
         server = uvicorn.Server(
-            uvicorn.Config(app(case, load, token, port), timeout_graceful_shutdown=1, ws="none", **options)
+            uvicorn.Config(app(points, load, token, port), timeout_graceful_shutdown=1, ws="none", **options)
         )
         address = f"http://{HOST}:{port}/{token}/"
         listening.listen()  # a browser that is quicker than the server waits for it

@@ -1,7 +1,10 @@
 """One machine of a case and the center of inertia of the others: equal areas and phase plane of a bolted fault."""
 
+import math
 from contextlib import suppress
 from typing import Any
+
+import numpy as np
 
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
@@ -23,9 +26,9 @@ def answer(case: Case, machine: int | None, cycles: float) -> dict[str, Any]:
     near = abs(curve.angle) < 4.0
     try:
         area = pair.equal_area(cycles)
-        sizes, marks = str(area), [area.start, area.clearing, area.stop]
+        sizes, marks = str(area), (area.start, area.clearing, area.stop)
     except StudyError as error:
-        sizes, marks = str(error), [m.start, m.unstable, m.unstable]
+        sizes, marks = str(error), (m.start, m.unstable, m.unstable)
     return {
         "machine": machine,
         "critical": critical.cycles,
@@ -33,12 +36,17 @@ def answer(case: Case, machine: int | None, cycles: float) -> dict[str, Any]:
         "text": sizes,
         "Pm": m.Pm,
         "Pmax": m.Pmax_post,
-        "marks": marks,
-        "unstable": m.unstable,
-        "separatrix": [edge.angle.tolist(), edge.speed.tolist()],
-        "curve": [curve.angle[near].tolist(), curve.speed[near].tolist()],
+        "marks": np.rad2deg(marks).tolist(),
+        "unstable": math.degrees(m.unstable),
+        "separatrix": _shown(edge.angle, edge.speed),
+        "curve": _shown(curve.angle[near], curve.speed[near]),
         "cleared": int((curve.t[near] <= curve.clearing).sum()) - 1,
     }
+
+
+def _shown(angle: np.ndarray, speed: np.ndarray) -> list[list[float]]:
+    """Angles (rad) in degrees, and speed deviations (rad/s) in Hz."""
+    return [np.rad2deg(angle).tolist(), (speed / (2 * np.pi)).tolist()]
 
 
 def _first(case: Case) -> tuple[int, Equivalent]:

@@ -74,9 +74,10 @@ class EqualArea(Tabular):
         return self.A2 >= self.A1 * (1 - 1e-12)
 
     def __str__(self) -> str:
-        result = f"stops at {self.stop:.4f} rad" if self.stable else "loses synchronism because A2 is too small"
+        stop, clearing = math.degrees(self.stop), math.degrees(self.clearing)
+        result = f"stops at {stop:.1f} degrees" if self.stable else "loses synchronism because A2 is too small"
         return (
-            f"Cleared at {self.clearing:.4f} rad: A1 = {self.A1:.4f}, A2 = {self.A2:.4f} pu rad; the machine {result}."
+            f"Cleared at {clearing:.1f} degrees: A1 = {self.A1:.4f}, A2 = {self.A2:.4f} pu rad; the machine {result}."
         )
 
 

@@ -19,6 +19,8 @@ from stabctl.live.packing import pack
 from stabctl.live.points import Points
 from stabctl.live.recording import recording
 from stabctl.live.state import State, read
+from stabctl.theory.from_case import equivalent
+from stabctl.theory.phase import separatrix
 
 TOKEN = "a-token-of-the-test"
 LOAD = commands.Source("st.load('two_area')", ("two_area",))
@@ -32,7 +34,7 @@ def points(cases):
 
 @pytest.fixture(scope="module")
 def pages(cases):
-    return app(cases("two_area"), LOAD, TOKEN, 8000)
+    return app(Points(cases("two_area")), LOAD, TOKEN, 8000)
 
 
 def unpacked(data):
@@ -139,6 +141,16 @@ def test_equal_areas_agree_with_the_phase_plane(cases):
     critical = theory.answer(cases("two_area"), 1, 1.0)["critical"]
     for cycles, stable in ((critical - 0.1, True), (critical + 0.1, False)):
         assert theory.answer(cases("two_area"), 1, cycles)["stable"] is stable
+
+
+def test_the_theory_is_shown_in_degrees_and_hertz(cases):
+    found, pair = theory.answer(cases("two_area"), 1, 6.0), equivalent(cases("two_area"), 1)
+    area, edge = pair.equal_area(6.0), separatrix(pair.omib, 121)
+    assert np.deg2rad(found["marks"]) == pytest.approx([area.start, area.clearing, area.stop], rel=1e-12)
+    assert np.deg2rad(found["separatrix"][0]) == pytest.approx(edge.angle, rel=1e-12)
+    assert 2 * np.pi * np.array(found["separatrix"][1]) == pytest.approx(edge.speed, rel=1e-12)
+    assert found["text"] == str(area)
+    assert "degrees" in found["text"]
 
 
 def test_equal_areas_begin_with_a_machine_that_has_them(cases):

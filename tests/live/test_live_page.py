@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
@@ -15,6 +16,7 @@ import stabctl as st
 
 pytestmark = pytest.mark.slow
 FINE = 0.125  # cycles between the stops of the slider
+IMPORTED = Path(__file__).parent.parent / "reference" / "import" / "matpower"
 
 
 @pytest.fixture(scope="module")
@@ -69,6 +71,26 @@ def test_the_verdict_flips_at_the_critical_clearing_time(page):
     assert found <= page.evaluate("critical.answer.cycles") < found + FINE
     assert "leaves first" in page.locator("#note-clear").inner_text()
     assert page.locator("#mark-clear").is_visible()
+
+
+def test_the_delay_slider_gives_the_answer_of_clearing_time(page):
+    """Storage of 5 % whose law acts on signals that are 0, 15 and 30 cycles old: each critical time, and the flip."""
+    page.evaluate("controls.fault('7-8@0.4')")
+    move(page, "percent", 5)
+    point, times = st.load("two_area").with_storage("5%mva").initialize(), []
+    for delay in (0, 15, 30):
+        move(page, "delay", delay)
+        settled(page)
+        law = st.BangBang(0.1).sampled(60, delay / 60) if delay else st.BangBang(0.1)
+        times.append(st.clearing_time(point, "7-8@0.4", control=law).cycles)
+        for cycles, kind in ((times[-1], "good"), (times[-1] + FINE, "bad")):
+            move(page, "clear", cycles)
+            settled(page)
+            assert page.locator("#verdict").get_attribute("class") == kind, (delay, cycles)
+        until(page, "critical.answer && critical.answer.resolution < 0.1", 60)
+        assert times[-1] <= page.evaluate("critical.answer.cycles") < times[-1] + FINE
+    assert len(set(times)) == 3  # 25.5, 23.375, 22
+    assert page.locator("#value-delay").inner_text() == "30 cycles, 500 ms"
 
 
 def test_a_click_on_a_bus_places_the_fault_and_offers_its_lines(page):
@@ -200,6 +222,40 @@ def test_another_origin_gets_nothing(chromium, address, tmp_path):
             urlopen(wrong)
         assert refused.value.read() == b""
     page.context.close()
+
+
+def test_a_system_of_two_thousand_buses(chromium):
+    """The diagram, a move of the slider, a click on a line, its critical clearing time, play-back, other views."""
+    with served(str(IMPORTED / "case_ACTIVSg2000.m"), "--machines", "typical") as address:
+        page = tab(chromium, address)
+        assert page.evaluate("live.case.diagram.buses.length") == 2000
+        move(page, "clear", 8)
+        until(page, "live.run.head.cleared > 1.13")
+        box = page.locator("#diagram").bounding_box()
+        page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        page.mouse.wheel(0, -800)
+        until(page, "diagram.labels.length > 500")
+        middle = """live.case.diagram.ends.map(([p, q]) => [0, 1].map(i => (p[i] + q[i]) / 2))
+            .findIndex((m, k) => { const [x, y] = diagram.at(m), c = document.getElementById('diagram');
+                return x > 20 && y > 20 && x < c.clientWidth - 20 && y < c.clientHeight - 20
+                    && live.case.lines.includes(live.case.branches[k][0]) && diagram.nearest(x, y)?.row === k; })"""
+        row = page.evaluate(middle)
+        (a, b), (c, d) = page.evaluate(f"live.case.diagram.ends[{row}]")
+        click_on(page, [(a + c) / 2, (b + d) / 2])
+        assert page.evaluate("live.state.fault").startswith(page.evaluate(f"live.case.branches[{row}][0]") + "@0.")
+        settled(page)
+        until(page, "!!critical.answer", 200)
+        assert re.search("critical: .* leaves first|stable up to 60", page.locator("#note-clear").inner_text())
+        page.click("#play")
+        until(page, "diagram.angle !== null && document.getElementById('clock').textContent > '0.5'")
+        page.click("#play")
+        page.click("#tab-theory")
+        until(page, "!!theory.found")
+        page.click("#tab-landscape")  # hours: offered, not started
+        assert "minutes here" in page.locator("#landscape-text").inner_text()
+        assert page.locator("#screen-stop").is_hidden()
+        assert page.logged == []
+        page.context.close()
 
 
 @pytest.mark.parametrize("width", [390, 1280, 2560])

@@ -1,5 +1,7 @@
 "use strict";
 // The one-line diagram: drawn on a canvas, moved with the mouse, and asked what is under it.
+const FINE = 18, LARGE = 45; // pixels per unit below which symbols are simple, and beyond which zooming does not enlarge them
+
 const diagram = {
   view: null, // { scale, x, y }: pixels per unit, offset
   voltage: null, angle: null, // of the instant shown
@@ -13,8 +15,13 @@ const diagram = {
     const wide = canvas.clientWidth, width = right - left + 0.6, height = bottom - top + 0.6, room = 80; // of names
     canvas.style.height = `${Math.max(220, Math.min((height / width) * (wide - room) + 50, 0.62 * innerHeight))}px`;
     const scale = Math.min((wide - room) / width, (canvas.clientHeight - 50) / height, 110);
+    Object.assign(this, { least: Math.min(3, scale / 2), largest: Math.max(scale, LARGE) });
     this.view = { scale, x: canvas.clientWidth / 2 - (scale * (left + right)) / 2, y: canvas.clientHeight / 2 - (scale * (top + bottom)) / 2 };
     this.labels = placedLabels();
+  },
+
+  get size() { // of symbols, pixels per unit
+    return Math.min(this.view.scale, this.largest);
   },
 
   at([x, y]) {
@@ -24,23 +31,23 @@ const diagram = {
   draw() {
     if (!live.case) return;
     if (!this.view) this.fit();
-    const { context: c } = fitted($("diagram")), d = live.case.diagram, s = this.view.scale;
+    const { context: c } = fitted($("diagram")), d = live.case.diagram, s = this.size;
     const voltage = this.voltage ?? d.voltage, at = (p) => this.at(p);
     const most = Math.max(...live.case.branches.map((b) => b[4]), 1);
     const opened = new Set(live.run?.head.opened ?? []);
     c.lineCap = "round";
     live.case.branches.forEach(([name, , , transformer, mva], k) => {
       const [from, to] = d.ends[k].map(at);
-      const width = Math.max(1, s * (0.015 + 0.08 * Math.sqrt(mva / most)));
+      const width = Math.max(s < FINE ? 0.4 : 1, s * (0.015 + 0.08 * Math.sqrt(mva / most)));
       const halves = this.lineColor?.(name);
       c.setLineDash(opened.has(name) ? [4, 4] : []);
       for (const [half, [p, q]] of [[from, middleOf(from, to)], [middleOf(from, to), to]].entries()) {
         c.strokeStyle = halves ? halves[half] : name === this.hovered?.line ? ink().a : ink().soft;
-        c.lineWidth = halves ? Math.max(2.5, 0.07 * s) : width;
+        c.lineWidth = halves ? Math.max(s < FINE ? 1.5 : 2.5, 0.07 * s) : width;
         line(c, p, q);
       }
       c.setLineDash([]);
-      if (transformer) windings(c, from, to, Math.max(2, 0.085 * s), ink());
+      if (transformer && s >= FINE) windings(c, from, to, Math.max(2, 0.085 * s), ink());
     });
     c.lineWidth = 1;
     c.strokeStyle = ink().ink;
@@ -48,7 +55,7 @@ const diagram = {
     this.overlay?.under?.(c, at, s);
     machines(c, at, s, this.angle);
     storage(c, at, s);
-    d.buses.forEach((p, i) => bus(c, at(p), Math.max(2, 0.09 * s), voltageColor(voltage[i]), this.hovered?.bus === i));
+    d.buses.forEach((p, i) => bus(c, at(p), Math.max(s < FINE ? 1.3 : 2, 0.09 * s), voltageColor(voltage[i]), this.hovered?.bus === i));
     this.overlay?.over?.(c, at, s);
     const place = faultPlace(live.state.fault);
     if (place && live.view !== "modes") flash(c, at(place), Math.max(9, 0.22 * s));
@@ -56,21 +63,27 @@ const diagram = {
   },
 
   nearest(x, y) { // what is under a point: a bus, a machine or a line
-    const d = live.case.diagram, reach = Math.max(9, 0.16 * this.view.scale);
-    const close = (points) => {
-      const far = points.map((p) => Math.hypot(this.at(p)[0] - x, this.at(p)[1] - y));
-      const k = far.indexOf(Math.min(...far));
-      return far[k] < reach ? k : -1;
+    const d = live.case.diagram, s = this.view.scale, reach = Math.max(9, 0.16 * this.size), on = s < FINE ? 3 : reach;
+    const close = (points, within) => {
+      let best = within, k = -1;
+      points.forEach((p, i) => {
+        const far = Math.hypot(this.view.x + s * p[0] - x, this.view.y + s * p[1] - y);
+        if (far < best) [best, k] = [far, i];
+      });
+      return k;
     };
-    const machine = close(d.machines), bus = close(d.buses);
-    if (machine >= 0 && bus < 0) return { machine };
-    if (bus >= 0) return { bus };
-    let best = reach, found = null;
+    const point = (within) => {
+      const machine = close(d.machines, within), bus = close(d.buses, within);
+      if (machine >= 0 && bus < 0) return { machine };
+      return bus >= 0 ? { bus } : null;
+    };
+    let best = reach, found = point(on);
+    if (found) return found;
     live.case.branches.forEach(([name, , , transformer], k) => {
       const [a, b] = d.ends[k].map((p) => this.at(p)), far = away(a, b, [x, y]);
       if (far.distance < best) [best, found] = [far.distance, { line: name, along: far.along, row: k, transformer }];
     });
-    return found;
+    return found ?? point(reach);
   },
 
   said(found) { // names and numbers

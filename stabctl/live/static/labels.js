@@ -3,7 +3,7 @@
 const LETTERS = 11, LEAST = 24; // pixels, and pixels per unit below which there are no names
 
 function placedLabels() {
-  const s = diagram.view.scale;
+  const s = diagram.view.scale, size = diagram.size;
   if (s < LEAST) return [];
   const c = $("diagram").getContext("2d"), d = live.case.diagram, cells = new Map(), found = [];
   const key = (x, y) => `${Math.floor(x / 60)},${Math.floor(y / 60)}`;
@@ -19,17 +19,17 @@ function placedLabels() {
   const square = ([x, y], r) => [x - r, y - r, x + r, y + r];
   const pixels = (p) => p.map((v) => v * s);
   d.machines.forEach((p, i) => {
-    take(square(pixels(p), 0.2 * s));
-    take(square(pixels(storagePlace(i)), 0.09 * s));
+    take(square(pixels(p), 0.2 * size));
+    take(square(pixels(storagePlace(i)), 0.09 * size));
   });
-  d.buses.forEach((p) => take(square(pixels(p), 0.1 * s)));
+  d.buses.forEach((p) => take(square(pixels(p), 0.1 * size)));
   for (const ends of d.ends) for (let f = 0.05; f < 1; f += 0.1) {
     const [a, b] = ends;
     take(square(pixels([a[0] + f * (b[0] - a[0]), a[1] + f * (b[1] - a[1])]), 1));
   }
   c.font = letters(LETTERS);
   const put = (text, p, radius, soft) => {
-    const [x, y] = pixels(p), width = c.measureText(text).width, r = radius * s + 2;
+    const [x, y] = pixels(p), width = c.measureText(text).width, r = radius * size + 2;
     for (const [u, v] of [[1, -1], [-1, -1], [1, 1], [-1, 1], [1, 0], [-1, 0], [0, -1], [0, 1]]) {
       const reach = u && v ? 0.75 * r : r;
       const left = x + u * reach + ((u - 1) * width) / 2, top = y + v * reach + ((v - 1) * LETTERS) / 2;

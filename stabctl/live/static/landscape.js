@@ -1,5 +1,7 @@
 "use strict";
 // The clearing-time landscape: the color of each end of a line is the critical clearing time of a fault there.
+const RUNS = 24; // of 10 s, that the clearing times of a line take
+
 const landscape = {
   pairs: [], done: null, key: null,
   stream: new Stream("landscape", (part) => landscape.told(part)),
@@ -12,8 +14,10 @@ const landscape = {
     this.list = element("div", { className: "scroll tall", id: "landscape-list" });
     const again = element("button", { type: "button", id: "screen", textContent: "screen with these settings" });
     again.onclick = () => this.start();
+    this.ending = element("button", { type: "button", id: "screen-stop", textContent: "stop", hidden: true });
+    this.ending.onclick = () => this.stop();
     again.hidden = !!live.recorded;
-    $("landscape").append(element("div", { className: "rows" }, again), this.said, this.scale, this.list);
+    $("landscape").append(element("div", { className: "rows" }, again, this.ending), this.said, this.scale, this.list);
     if (live.recorded?.results.landscape) this.pairs = live.recorded.results.landscape;
   },
 
@@ -21,21 +25,35 @@ const landscape = {
     if (!this.said) this.build();
     diagram.lineColor = (name) => this.colors(name);
     diagram.overlay = { said: (name) => this.pairs.filter((p) => p[1] === name).map((p) => `; fault at ${p[0]}: ${this.cycles(p)}`).join("") };
-    if (!this.pairs.length && !live.recorded) this.start();
+    if (!this.pairs.length && !live.recorded && this.ending.hidden) this.offer();
     this.draw();
+  },
+
+  offer() { // start at once, unless it takes very long
+    const minutes = (live.case.lines.length * RUNS * (live.run?.head.simulated_ms ?? 0)) / 60000;
+    if (minutes < 10) return this.start();
+    this.said.textContent = `A screen of all ${live.case.lines.length} lines takes about ${Math.round(minutes)} minutes here. The button starts it; results appear as they come.`;
   },
 
   start() {
     this.pairs = [];
     this.list.replaceChildren();
+    this.said.textContent = "";
+    this.ending.hidden = this.done = false;
     this.stream.ask(live.state);
   },
 
+  stop() {
+    this.stream.stop();
+    this.ending.hidden = true;
+    this.said.textContent += ", stopped";
+  },
+
   told(part) {
-    if (part.error) return verdict(part.error, "wrong");
+    if (part.error) return (this.ending.hidden = true), verdict(part.error, "wrong");
     if (part.pairs) this.pairs.push(...part.pairs);
     if (part.of) this.said.textContent = `${part.done} of ${part.of} faults`;
-    if (part.remarks) (this.said.textContent = part.remarks.join(" ")), (this.done = true);
+    if (part.remarks) (this.said.textContent = part.remarks.join(" ")), (this.done = this.ending.hidden = true);
     if (live.view === "landscape") this.draw();
   },
 
@@ -53,16 +71,22 @@ const landscape = {
     return colors.map((c, k) => [low + ((high - low) * k) / (colors.length - 1), c]);
   },
 
-  colors(name) {
-    const [, from] = live.case.branches.find((b) => b[0] === name), ends = [ink().line, ink().line];
-    for (const p of this.pairs) if (p[1] === name) {
-      ends[String(live.case.buses[from][0]) === p[0] ? 0 : 1] = mixed(this.scaled, this.value(p));
+  colors(name) { // of the two halves of a line
+    return this.halves?.get(name) ?? [ink().line, ink().line];
+  },
+
+  painted() { // the colors of all lines
+    const from = new Map(live.case.branches.map((b) => [b[0], String(live.case.buses[b[1]][0])]));
+    this.halves = new Map();
+    for (const p of this.pairs) {
+      if (!this.halves.has(p[1])) this.halves.set(p[1], [ink().line, ink().line]);
+      this.halves.get(p[1])[from.get(p[1]) === p[0] ? 0 : 1] = mixed(this.scaled, this.value(p));
     }
-    return ends;
   },
 
   draw() {
     this.scaled = this.stops();
+    this.painted();
     diagram.draw();
     if (!this.pairs.length) return;
     this.bar();

@@ -45,7 +45,7 @@ function mouse() {
   };
   canvas.addEventListener("wheel", (e) => {
     e.preventDefault();
-    const { scale, x, y } = diagram.view, next = Math.min(400, Math.max(3, scale * Math.exp(-e.deltaY / 400)));
+    const { scale, x, y } = diagram.view, next = Math.min(400, Math.max(diagram.least, scale * Math.exp(-e.deltaY / 400)));
     const ratio = next / scale;
     diagram.view = { scale: next, x: e.offsetX - ratio * (e.offsetX - x), y: e.offsetY - ratio * (e.offsetY - y) };
     diagram.labels = placedLabels();

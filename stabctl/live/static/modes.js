@@ -36,7 +36,8 @@ const modes = {
 
   ask(gain, factor) {
     this.level = live.state.level;
-    if (!this.found) this.said.textContent = "computing the modes …";
+    const { states } = live.case, many = states > 2000;
+    if (many || !this.found) this.said.textContent = `computing the modes${many ? ` of 0.1 to 2.5 Hz, which takes a while with ${states} states` : ""} …`;
     this.asking.ask({ level: this.level, gain, factor });
   },
 
@@ -84,16 +85,17 @@ const modes = {
         c.globalAlpha = 0.3;
         c.fillStyle = colors[k % colors.length];
         c.beginPath();
-        c.arc(...at(places[i]), 0.34 * s, 0, 7);
+        c.arc(...at(places[i]), Math.max(4, 0.34 * s), 0, 7);
         c.fill();
         c.globalAlpha = 1;
       })),
       over: (c, at, s) => {
         const lead = Math.max(...mode[6].map((m) => m[1]), 0), first = mode[6].find((m) => m[1] === lead)?.[2] ?? 0;
+        const long = Math.max(0.95 * s, 22);
         for (const [i, size, angle] of mode[6]) {
           const turn = ((angle - first) * Math.PI) / 180, side = Math.cos(turn) >= 0;
           c.strokeStyle = c.fillStyle = side ? ink().a : ink().b;
-          arrow(c, at(places[i]), [s * 0.95 * size * Math.cos(turn), -s * 0.95 * size * Math.sin(turn)], Math.max(2, 0.05 * s));
+          arrow(c, at(places[i]), [long * size * Math.cos(turn), -long * size * Math.sin(turn)], Math.max(s < FINE ? 1 : 2, 0.05 * s));
         }
       },
     };

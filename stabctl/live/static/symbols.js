@@ -12,6 +12,7 @@ function bus(c, [x, y], radius, fill, marked) {
   c.arc(x, y, radius, 0, 7);
   c.fillStyle = fill;
   c.fill();
+  if (radius < 2 && !marked) return;
   c.lineWidth = marked ? 3 : 1;
   c.strokeStyle = ink().ink;
   c.stroke();
@@ -31,7 +32,7 @@ function windings(c, a, b, radius, { card, soft }) {
 }
 
 function machines(c, at, s, angles) { // circles; the hand is the rotor angle from the center of inertia
-  const radius = Math.max(4, 0.19 * s), lost = new Set((live.run?.head.runs[""]?.lost ?? []).map((r) => live.case.rotors[r]));
+  const radius = Math.max(s < FINE ? 2.6 : 4, 0.19 * s), lost = new Set((live.run?.head.runs[""]?.lost ?? []).map((r) => live.case.rotors[r]));
   live.case.diagram.machines.forEach((p, i) => {
     const [x, y] = at(p), out = angles && lost.has(i);
     c.beginPath();
@@ -45,7 +46,7 @@ function machines(c, at, s, angles) { // circles; the hand is the rotor angle fr
     if (Number.isFinite(angle)) {
       const turn = (angle * Math.PI) / 180;
       line(c, [x, y], [x + radius * Math.sin(turn), y - radius * Math.cos(turn)]);
-    } else {
+    } else if (radius >= 4) {
       c.beginPath();
       c.arc(x - radius * 0.28, y, radius * 0.28, Math.PI, 0);
       c.arc(x + radius * 0.28, y, radius * 0.28, Math.PI, 0, true);
@@ -55,7 +56,7 @@ function machines(c, at, s, angles) { // circles; the hand is the rotor angle fr
 }
 
 function storage(c, at, s) { // squares beside the machines with storage
-  const side = Math.max(4, 0.17 * s), sizes = live.state.megawatts ?? {};
+  const side = Math.max(s < FINE ? 3 : 4, 0.17 * s), sizes = live.state.megawatts ?? {};
   live.case.machines.forEach((_, i) => {
     if (!(sizes[live.case.machines[i][3]] ?? live.state.percent)) return;
     const [x, y] = at(storagePlace(i));

@@ -14,8 +14,8 @@ const theory = {
     $("theory").append(
       element("div", { className: "rows" }, choice, element("span", { className: "soft", textContent: "against the center of inertia of the others, classical, fault at its terminal" })),
       this.said, element("h2", { textContent: "Equal areas" }), this.areas, element("h2", { textContent: "Phase plane" }), this.plane);
-    this.first = new Plane(this.areas, "angle (rad)", "power (pu)");
-    this.second = new Plane(this.plane, "angle (rad)", "speed (rad/s)");
+    this.first = new Plane(this.areas, "angle (deg)", "power (pu)");
+    this.second = new Plane(this.plane, "angle (deg)", "speed deviation (Hz)");
     this.asking = new Asking("theory", (found) => this.told(found));
     choice.hidden = !!live.recorded;
   },
@@ -51,8 +51,8 @@ const theory = {
       return;
     }
     const { Pm, Pmax, marks, separatrix, curve, cleared, stable, unstable } = this.found;
-    const angles = Array.from({ length: 181 }, (_, k) => (Math.PI * k) / 180), p = this.first;
-    p.open([0, Math.PI], [0, 1.12 * Math.max(Pmax, Pm)]);
+    const angles = Array.from({ length: 181 }, (_, k) => k), p = this.first;
+    p.open([0, 180], [0, 1.12 * Math.max(Pmax, Pm)]);
     const fill = (from, to, low, high, color) => {
       const xs = Array.from({ length: 61 }, (_, k) => from + ((to - from) * k) / 60), c = p.c;
       c.beginPath();
@@ -63,17 +63,17 @@ const theory = {
       c.fill();
       c.globalAlpha = 1;
     };
-    const [start, clearing, stop] = marks, Pe = (x) => Pmax * Math.sin(x);
+    const [start, clearing, stop] = marks, Pe = (x) => Pmax * Math.sin((x * Math.PI) / 180);
     fill(start, clearing, () => 0, () => Pm, ink().b);
     fill(clearing, stop, () => Pm, Pe, ink().c);
     p.curve(angles, angles.map(Pe), ink().ink, 2);
-    p.curve([0, Math.PI], [Pm, Pm], ink().a);
+    p.curve([0, 180], [Pm, Pm], ink().a);
     for (const [name, from, to, y] of [["A1", start, clearing, Pm / 2], ["A2", clearing, stop, 1.02 * Pm]]) {
       if (p.x(to) - p.x(from) > 24) p.text(name, p.x((from + to) / 2), p.y(y) - (name === "A2" ? 10 : 0), "center");
     }
-    p.text("Pm", p.x(0.08), p.y(Pm) - 9, "left");
+    p.text("Pm", p.x(5), p.y(Pm) - 9, "left");
     const q = this.second, top = 1.25 * Math.max(...separatrix[1]), left = separatrix[0][0];
-    q.open([left - 0.2, unstable + 0.8], [-top, top]);
+    q.open([left - 12, unstable + 45], [-top, top]);
     for (const side of [1, -1]) q.curve(separatrix[0], separatrix[1].map((v) => side * v), ink().soft, 1.5, [4, 4]);
     const color = stable ? ink().a : ink().b;
     q.curve(curve[0], curve[1], color, 1.3);
