@@ -194,9 +194,9 @@ def test_a_law_with_memory_starts_anew_in_every_run(base):
         (lambda b: b.simulate(FAULT, storage="50MW", control="bang"), "is not a control law"),
         (
             lambda b: b.simulate(FAULT, storage="50MW", control=law_giving("x")),
-            "The law controller gave 'x' at 0.000",
+            "The law controller returned 'x' at 0.000",
         ),
-        (lambda b: b.simulate(FAULT, storage="50MW", control=law_giving([1, 2])), "it must give 4 outputs"),
+        (lambda b: b.simulate(FAULT, storage="50MW", control=law_giving([1, 2])), "it must return 4 outputs"),
         (lambda b: st.Controller.from_function(3, "speed:1", "order"), "3 is not a control law"),
         (lambda b: st.Controller.from_function(abs, "speed:1", "order", rate=0), "rate of 0 frames"),
         (lambda b: b.simulate(FAULT, storage=[50]), "is not a fleet of storage devices"),

@@ -26,16 +26,36 @@ def watched(search: Search, longest: float) -> str:
 
 @dataclass(frozen=True, repr=False)
 class ClearingTime:
-    """A critical clearing time, and how it was found."""
+    """A critical clearing time, and how it was found.
+
+    Attributes
+    ----------
+    case : str
+        Name of the case.
+    contingency : Contingency
+        The contingency; its own clearing time is ignored.
+    status : {"found", "unstable_at_zero", "stable_at_limit"}
+        Whether a critical clearing time was found within the search limit.
+    cycles, seconds : float or None
+        Longest stable clearing time on the grid; None if the system is unstable even if cleared immediately.
+    machine : int, str or None
+        Machine that loses synchronism first just beyond it.
+    search : Search
+        Grid, limits and observation window of the search.
+    runs : tuple of Run
+        Every simulation, by clearing time.
+    wall_s : float, s
+        Computing time.
+    """
 
     case: str
     contingency: Contingency
     status: Status
-    cycles: float | None  # last stable clearing time on the grid
+    cycles: float | None
     seconds: float | None
-    machine: int | str | None  # loses synchronism first just beyond
+    machine: int | str | None
     search: Search
-    runs: tuple[Run, ...]  # by clearing time
+    runs: tuple[Run, ...]
     wall_s: float
 
     plot = verb("stabctl.plotting.clearing_time:plot")
@@ -113,7 +133,8 @@ class ClearingTime:
         if self.swings is None or self.swings.settled or not (self.swings.growing or self.swings.lasting):
             return ""
         how = "grow" if self.swings.growing else "do not decay"
-        return f"Its swings {how} within {self.observed_s:g} s: watched longer, the clearing time may be shorter."
+        seconds = f"{self.observed_s:g} s"
+        return f"Its swings {how} within {seconds}; with a longer observation, the clearing time may be shorter."
 
     def __str__(self) -> str:
         observed = f"observed {watched(self.search, self.observed_s)} after clearing, {counted(len(self.runs), 'run')}"

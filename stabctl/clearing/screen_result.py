@@ -26,14 +26,34 @@ COLUMNS = "fault", "trip", "cycles", "status", "machine"  # of a table
 
 @dataclass(frozen=True, repr=False)
 class Screen:
-    """Clearing times of faults at the ends of lines, the shortest first, and how they were found."""
+    """Clearing times of faults at the ends of lines, the shortest first, and how they were found.
+
+    Attributes
+    ----------
+    case : str
+        Name of the case.
+    pairs : tuple of ClearingTime
+        Clearing times of the pairs of a fault and the line opened to clear it.
+    lines : Lines
+        The lines screened, and those left out.
+    search : Search
+        Grid, limits and observation window of the search.
+    frequency_hz : float, Hz
+        Rated frequency, which converts cycles.
+    screened : int
+        Number of pairs tried.
+    simulations : int
+        Number of simulations.
+    wall_s : float, s
+        Computing time.
+    """
 
     case: str
-    pairs: tuple[ClearingTime, ...]  # of a fault and the line opened to clear it
+    pairs: tuple[ClearingTime, ...]
     lines: Lines
     search: Search
     frequency_hz: float
-    screened: int  # pairs that were tried
+    screened: int
     simulations: int
     wall_s: float
 
@@ -41,7 +61,22 @@ class Screen:
     report = verb("stabctl.report.screen_page:write")
 
     def below(self, longest: str | float) -> "Screen":
-        """The pairs with a shorter clearing time ("8cyc", or seconds), and those that are always unstable."""
+        """The pairs with a shorter clearing time, and those that are always unstable.
+
+        Parameters
+        ----------
+        longest : str or float
+            Clearing time, "8cyc", or seconds.
+
+        Returns
+        -------
+        Screen
+
+        Raises
+        ------
+        StudyError
+            If `longest` is not a time.
+        """
         limit = cycles(longest, self.frequency_hz)
         kept = (p for p in self.pairs if p.status == "unstable_at_zero" or (p.cycles is not None and p.cycles < limit))
         shortest, longest = self.search.resolution_cycles, self.search.limit_cycles
@@ -65,7 +100,23 @@ class Screen:
         return machine_column(pd.DataFrame(self.rows(), columns=COLUMNS).astype({"cycles": float}))
 
     def save(self, path: str | Path) -> Path:
-        """Write the pairs to a .csv file atomically; returns the path."""
+        """Write the pairs to a CSV file, atomically.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to write, ending in .csv.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        StudyError
+            If the name does not end in .csv, or the file cannot be written.
+        """
         path = files.path_of(path)
         if path.suffix.lower() != ".csv":
             raise StudyError(f"The file {path.name!r} must end in .csv.")
@@ -87,8 +138,8 @@ class Screen:
         ]
         if lasting := sum(bool(p.remark()) for p in self.pairs):
             said.append(
-                f"The swings of {counted(lasting, 'pair')} do not decay within {self.observed_s:g} s: watched longer, "
-                "the clearing time may be shorter."
+                f"The swings of {counted(lasting, 'pair')} do not decay within {self.observed_s:g} s; with a longer "
+                "observation, the clearing time may be shorter."
             )
         if lost:
             opened = dict.fromkeys(name for p in lost for name in p.trip)

@@ -56,7 +56,7 @@ class Trial:
         if not len(self.point.rotors.unit):
             raise StudyError(
                 f"{self.point.case.name} has no machine or grid-forming converter, so loss of synchronism is not "
-                "judged and there is no clearing time; add one, or use simulate."
+                "detected and there is no clearing time; add one, or use simulate."
             )
 
     @cached_property

@@ -24,22 +24,34 @@ Machine = Annotated[list[int] | None, typer.Option("--machine", help="Machine th
 Spread = Annotated[
     float,
     typer.Option(
-        "--spread", metavar="SHARE", parser=options.in_unit("-"), help="Hold with 50 to 150 % of the gain: 50%."
+        "--spread",
+        metavar="SHARE",
+        parser=options.in_unit("-"),
+        help="Gain variation for which the damping is also reached: 50%.",
     ),
 ]
 Order = Annotated[int | None, typer.Option("--order", min=1, max=8, help="Lags in the tuned filter of every input.")]
-Outages = Annotated[bool, typer.Option("--n-1", help="Serve the system without any one branch, too.")]
+Outages = Annotated[bool, typer.Option("--n-1", help="Also design for the outage of each branch.")]
 Input = Annotated[
-    str | None, typer.Option("--input", help="Signals that are read: deviation:1, flow:7-8 (default: the best one).")
+    str | None,
+    typer.Option("--input", help="Signals that the damper reads: deviation:1, flow:7-8 (default: the best one)."),
 ]
 Output = Annotated[
-    str | None, typer.Option("--output", help="Input that is driven: order:1@5, vs:2 (default: the best one).")
+    str | None,
+    typer.Option(
+        "--output", help="Input of the system that the damper drives: order:1@5, vs:2 (default: the best one)."
+    ),
 ]
 Rank = Annotated[bool, typer.Option("--rank", help="Only rank the pairs of a signal and an input.")]
 Rate = Annotated[int | None, typer.Option("--rate", min=1, help="Frames per second (default: continuous).")]
 Mode = Annotated[
     float | None,
-    typer.Option("--mode", metavar="FREQUENCY", parser=options.in_unit("Hz"), help="Mode to damp (the least damped)."),
+    typer.Option(
+        "--mode",
+        metavar="FREQUENCY",
+        parser=options.in_unit("Hz"),
+        help="Frequency of the mode to damp, Hz (default: the least damped).",
+    ),
 ]
 
 
@@ -83,7 +95,7 @@ def pod(
     case: groups.CaseOptions,
     as_json: options.Json = False,
 ) -> None:
-    """Design a power-oscillation damper: by the residue method, or with tuned filters of several inputs."""
+    """Design a power-oscillation damper by the residue method, or with tuned filters of several inputs."""
     from stabctl.design import pairs, pod
     from stabctl.design.pairs import SIGNALS
 

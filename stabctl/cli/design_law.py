@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from stabctl.dynamics.operating_point import OperatingPoint
     from stabctl.simulation.contingency import Contingency
 
-OneFault = Annotated[str | None, Option("--fault", help=f"{options.FAULT} In place of a list.")]
+OneFault = Annotated[str | None, Option("--fault", help=f"{options.FAULT} Instead of a list.")]
 File = Annotated[Path | None, Option("--contingencies", help="FILE.toml with [[contingency]] fault, trip, clear.")]
-Screened = Annotated[int | None, Option("--from-screen", min=1, help="The most critical faults of a screen.")]
+Screened = Annotated[int | None, Option("--from-screen", min=1, help="Number of most critical faults of a screen.")]
 Energy = Annotated[
     float | None,
     Option("--max-energy", metavar="ENERGY", parser=options.in_unit("kWh"), help="Energy of all devices, kWh."),
@@ -39,15 +39,15 @@ Return = Annotated[
         "--return-within",
         metavar="TIME",
         parser=options.in_unit("s"),
-        help="Time for the energy to return to its initial value, s; 0: no limit.",
+        help="Time in which the energy returns to its initial value, s; 0: no return.",
     ),
 ]
 Rate = Annotated[int | None, Option("--rate", min=1, help="Frames per second (default: every step).")]
 Delay = Annotated[
-    float, Option("--delay", metavar="TIME", parser=options.in_unit("s"), help="From reading to action, s.")
+    float, Option("--delay", metavar="TIME", parser=options.in_unit("s"), help="Time from measurement to output, s.")
 ]
-Training = Annotated[float, Option("--training", help="Share of the contingencies that the law is tuned with.")]
-Seed = Annotated[int, Option("--seed", min=0, help="Seed of this choice.")]
+Training = Annotated[float, Option("--training", help="Share of the contingencies used for tuning.")]
+Seed = Annotated[int, Option("--seed", min=0, help="Seed of this selection.")]
 Report = Annotated[Path | None, Option("--report", help="Write a page with figures to this folder.")]
 Out = Annotated[Path | None, Option("--out", help="Write the law to FILE.toml, for --controller.")]
 
@@ -146,11 +146,13 @@ def _faults(
     from stabctl.simulation.contingency import Contingency
 
     if (fault is not None) + (file is not None) + (count is not None) != 1:
-        raise StudyError("Give the contingencies by one of --contingencies FILE.toml, --from-screen 20, or --fault.")
+        raise StudyError(
+            "Give the contingencies with one of the options --contingencies FILE.toml, --from-screen 20 and --fault."
+        )
     if fault is not None:
         return (Contingency(fault, trip=trip or ()),)
     if trip:
-        raise StudyError("--trip belongs to --fault; with a list or a screen leave it out.")
+        raise StudyError("--trip applies only to --fault; leave it out with --contingencies or --from-screen.")
     if file is not None:
         return tuple(c for c in read(file, point.case) if c.fault is not None)
     from stabctl.clearing import screen

@@ -18,7 +18,7 @@ Rate = Annotated[int, typer.Option("--rate", min=1, max=1000, help="Orders per s
 Energy = Annotated[
     str | None, typer.Option("--energy", help="Largest energy absorbed or injected by a device: 50kWh, or MWh.")
 ]
-Iterations = Annotated[int, typer.Option("--iterations", min=1, help="Most convex programs.")]
+Iterations = Annotated[int, typer.Option("--iterations", min=1, help="Maximum number of convex programs.")]
 Plot = Annotated[Path | None, typer.Option("--plot", help="Write a figure of the run (png, svg or pdf).")]
 Out = Annotated[Path | None, typer.Option("--out", help="Write the schedule to FILE.csv.")]
 
@@ -46,7 +46,7 @@ def optimum(
     case: groups.CaseOptions,
     as_json: options.Json = False,
 ) -> None:
-    """Find the schedule of storage orders that survives the longest fault: a local optimum."""
+    """Find the schedule of storage orders with the longest critical clearing time: a local optimum."""
     from stabctl.design.optimum import optimum
     from stabctl.simulation.contingency import Contingency
 

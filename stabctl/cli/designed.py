@@ -15,17 +15,18 @@ SHOWN = 8  # modes in the table without and with the controllers: those with the
 Out = Annotated[
     Path | None,
     typer.Option(
-        "--out", help="Write the controller to FILE.toml, several to FILE-1.toml and so on, each for a --controller."
+        "--out",
+        help="Write the controller to FILE.toml, or several to FILE-1.toml and so on, to be given with --controller.",
     ),
 ]
 Report = Annotated[Path | None, typer.Option("--report", help="Write an HTML page on the design to this folder.")]
 Faults = Annotated[
     list[str] | None,
-    typer.Option("--fault", help="Fault on the page, with clearing times without and with: 7-8@0.4. Repeatable."),
+    typer.Option("--fault", help="Fault for the clearing times in the report: 7-8@0.4. Repeatable."),
 ]
 Delay = Annotated[
     str,
-    typer.Option("--delay", metavar="TIME", parser=options.in_unit("s"), help="From reading to action, s."),
+    typer.Option("--delay", metavar="TIME", parser=options.in_unit("s"), help="Time from measurement to output, s."),
 ]
 
 
@@ -43,7 +44,7 @@ class Files(NamedTuple):
         shared.file(self.out, ".toml")
         shared.folder(self.report)
         if self.fault and not self.report:
-            raise StudyError("--fault is for the page; give --report, too.")
+            raise StudyError("--fault is used only for the report; give --report FOLDER, too.")
 
     def write(self, found: "Design") -> tuple[Path, ...]:
         """Write them, and return their paths."""

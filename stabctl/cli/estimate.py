@@ -15,7 +15,9 @@ Clear = Annotated[str, typer.Option("--clear", help="Clearing time: 6cyc, 0.1s, 
 At = Annotated[float, typer.Option("--at", help="Time of the fault, s.")]
 EngineOption = Annotated[
     Literal["batched", "filterpy"],
-    typer.Option("--engine", help="All Kalman filters at once, or a filterpy filter for each machine, the reference."),
+    typer.Option(
+        "--engine", help="All Kalman filters together (compiled), or one filterpy filter per machine (the reference)."
+    ),
 ]
 Plot = Annotated[Path | None, typer.Option("--plot", help="Plot true and estimated speeds to FILE.png or .svg.")]
 

@@ -119,7 +119,7 @@ class LawOptions(NamedTuple):
 
         laws, controllers = [c for c in files if isinstance(c, Law)], [c for c in files if not isinstance(c, Law)]
         if len(laws) > 1:
-            raise StudyError("Two files of --controller have a storage law; give one.")
+            raise StudyError("Two files of --controller contain a storage law; give only one.")
         if laws and (control is not None or self != LawOptions()):
             raise StudyError(
                 "--control, --deadband and --min-voltage have no effect with a storage law from a file; leave them out."
@@ -191,7 +191,7 @@ class PmuOptions(NamedTuple):
 
         if not behind:
             raise StudyError(
-                f"--estimator {estimator} needs storage devices under control, or controllers; give --storage or "
+                f"--estimator {estimator} needs controllers, or storage devices with a control law; give --storage or "
                 "--controller."
             )
         return [EstimatorControl(behind, estimator, pmu, seed=self.seed)]

@@ -9,7 +9,7 @@ from . import options, shared
 
 Raw = Annotated[str, typer.Argument(metavar="X.raw", help="PSS/E RAW file, version 30 to 35, or MATPOWER file x.m.")]
 DyrFile = Annotated[Path | None, typer.Argument(metavar="X.dyr", help="DYR file (default: the one beside it).")]
-Out = Annotated[Path | None, typer.Option("--out", help="Write the case to a folder that every command takes.")]
+Out = Annotated[Path | None, typer.Option("--out", help="Write the case to a folder, which every command accepts.")]
 Check = Annotated[
     bool, typer.Option("--check/--no-check", help="Compare with the stored voltages, start, and simulate 2 s.")
 ]
@@ -28,7 +28,7 @@ def importing(
     missing_controls: options.MissingControls = "refuse",
     as_json: options.Json = False,
 ) -> None:
-    """Import a PSS/E or MATPOWER system and report what was understood; the exit code is 0 only if everything was."""
+    """Import a PSS/E or MATPOWER system and report what is represented; the exit code is 0 only if everything is."""
     from stabctl.errors import StudyError
     from stabctl.importing import import_report
 

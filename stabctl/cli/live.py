@@ -11,7 +11,7 @@ from .grouped import grouped
 if TYPE_CHECKING:
     from stabctl.live.commands import Source
 
-Port = Annotated[int, typer.Option("--port", min=0, max=65535, help="Port of the page (0: any that is free).")]
+Port = Annotated[int, typer.Option("--port", min=0, max=65535, help="Port of the page (0: any free port).")]
 Browser = Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the default browser.")]
 READ = "dyr", "loads", "machines", "frequency", "missing", "missing_controls"  # arguments of `st.load`
 

@@ -39,7 +39,7 @@ def modes(
     case: groups.CaseOptions,
     as_json: options.Json = False,
 ) -> None:
-    """Compute frequency, damping and mode shapes at the operating point of a case, and its coherent areas."""
+    """Compute the modes at the operating point of a case: frequency, damping, mode shapes and coherent areas."""
     from stabctl import units
     from stabctl.errors import StudyError
     from stabctl.report import modes_page, modes_table

@@ -50,14 +50,16 @@ def register(files: list[str] | None) -> list[str] | None:
 CaseName = Annotated[
     str, typer.Argument(metavar="CASE", help="A packaged case, a folder, a PSS/E file x.raw, or a MATPOWER file x.m.")
 ]
-Dyr = Annotated[Path | None, typer.Option("--dyr", help="DYR file of x.raw (default: x.dyr beside it).")]
+Dyr = Annotated[Path | None, typer.Option("--dyr", help="DYR file of x.raw (default: x.dyr in the same folder).")]
 Loads = Annotated[
     Literal["impedance", "current", "power"] | None,
-    typer.Option("--loads", help="What every load keeps constant when the voltage changes (default: as in the case)."),
+    typer.Option(
+        "--loads", help="What remains constant in every load when the voltage changes (default: as in the case)."
+    ),
 ]
 Machines = Annotated[
     Literal["typical"] | None,
-    typer.Option("--machines", help="Give a case without dynamic data typical machines, exciters and governors."),
+    typer.Option("--machines", help="Typical machines, exciters and governors for a case without dynamic data."),
 ]
 Frequency = Annotated[
     float | None,
@@ -65,11 +67,13 @@ Frequency = Annotated[
 ]
 Missing = Annotated[
     Literal["refuse", "injection"],
-    typer.Option("--missing", help="A machine of x.raw without a model: refuse it, or make it an injection."),
+    typer.Option("--missing", help="Machines of x.raw without a model: an error, or constant-power injections."),
 ]
 MissingControls = Annotated[
     Literal["refuse", "fixed"],
-    typer.Option("--missing-controls", help="A control without a model: refuse it, or keep what it controls constant."),
+    typer.Option(
+        "--missing-controls", help="Controls without a model: an error, or left out with their outputs constant."
+    ),
 ]
 Classical = Annotated[bool, typer.Option("--classical", help="Classical machines, without controls.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
@@ -85,7 +89,10 @@ Device = Annotated[
 Verbose = Annotated[bool, typer.Option("--verbose", help="Print every warning, not only the first.")]
 Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Threads (default: one per core).")]
 Store = Annotated[
-    Path | None, typer.Option("--store", help="Keep every finished job in this folder; the same command continues.")
+    Path | None,
+    typer.Option(
+        "--store", help="Store finished jobs in this folder; the same command continues an interrupted study."
+    ),
 ]
 Scheduler = Annotated[
     str | None, typer.Option("--scheduler", help="Scheduler of a Dask cluster, instead of threads: tcp://host:8786.")
@@ -107,12 +114,14 @@ LoadStep = Annotated[list[str] | None, typer.Option("--load-step", help="Load st
 
 Size = Annotated[
     str | None,
-    typer.Option("--storage", help="A device at every machine, instead of the case's own: 5%mva, 5%dispatch, 50MW."),
+    typer.Option(
+        "--storage", help="A storage device at every machine, instead of those of the case: 5%mva, 5%dispatch, 50MW."
+    ),
 ]
-SizeAt = Annotated[str | None, typer.Option("--storage-at", help="Devices at machines: 14=50MW,13@33=20MW.")]
+SizeAt = Annotated[str | None, typer.Option("--storage-at", help="Storage devices at machines: 14=50MW,13@33=20MW.")]
 Characteristic = Annotated[
     Literal["power", "current", "conductance"],
-    typer.Option("--characteristic", help="What a device keeps constant when the voltage changes."),
+    typer.Option("--characteristic", help="What remains constant when the voltage changes."),
 ]
 StorageModel = Annotated[
     Literal["ideal", "regc", "regc_c", "regfm"],
@@ -163,7 +172,7 @@ Longest = Annotated[
         "--longest",
         metavar="TIME",
         parser=time,
-        help="Longest time simulated after clearing, while the swings do not decay, s; 0: never more than --observe.",
+        help="Longest time simulated after clearing if the swings do not decay, s; 0: never more than --observe.",
     ),
 ]
 Resolution = Annotated[str, typer.Option("--resolution", help="Spacing of the clearing times that are tried.")]
@@ -173,7 +182,7 @@ Scan = Annotated[
         "--scan",
         metavar="TIME",
         parser=time,
-        help="Range below and above the answer in which every eighth of a cycle is tried; 0 for none.",
+        help="Range below and above the critical clearing time that is scanned in steps of 1/8 cycle; 0 for none.",
     ),
 ]
 Limit = Annotated[str, typer.Option("--limit", help="Longest clearing time that is tried.")]
@@ -210,7 +219,7 @@ FrequencyDelay = Annotated[
         "--frequency-delay",
         metavar="TIME",
         parser=time,
-        help="Time outside this range that counts as frequency instability, s or 500ms; 0 turns this off.",
+        help="Time outside this range that counts as frequency instability, s or 500ms; 0 disables the check.",
     ),
 ]
 CenterOfInertia = Annotated[
@@ -220,7 +229,7 @@ CenterOfInertia = Annotated[
 
 Estimator = Annotated[
     Literal["ideal", "frequency", "kinematic", "kalman"],
-    typer.Option("--estimator", help="What law and controllers read: the true signals, or estimates from PMU reports."),
+    typer.Option("--estimator", help="Signals of law and controllers: the true ones, or estimates from PMU reports."),
 ]
 PmuRate = Annotated[int, typer.Option("--pmu-rate", help="PMU reports per second.")]
 PmuNoise = Annotated[

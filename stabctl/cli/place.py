@@ -34,13 +34,14 @@ Candidates = Annotated[
 Also = Annotated[list[str] | None, typer.Option("--also", help="Another operating point: a case. Repeatable.")]
 Levels = Annotated[
     list[float] | None,
-    typer.Option("--load-level", help="Operating points with this share of load and dispatch: 0.9. Repeatable."),
+    typer.Option(
+        "--load-level",
+        help="Operating point with all loads and the dispatch multiplied by this factor: 0.9. Repeatable.",
+    ),
 ]
-Outages = Annotated[
-    bool, typer.Option("--outages", help="Survive everything also without each one of the storage devices.")
-]
+Outages = Annotated[bool, typer.Option("--outages", help="Also survive the outage of any one storage device.")]
 Existing = Annotated[
-    str | None, typer.Option("--storage-at", help="Existing devices, in place of the case's own: 14=50MW,13@33=20MW.")
+    str | None, typer.Option("--storage-at", help="Existing devices, instead of those of the case: 14=50MW,13@33=20MW.")
 ]
 CostMw = Annotated[float, typer.Option("--cost-mw", help="Cost per MW.")]
 CostSite = Annotated[float, typer.Option("--cost-site", help="Cost per site.")]

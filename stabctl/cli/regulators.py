@@ -9,24 +9,36 @@ from .grouped import grouped
 
 Speed = Annotated[
     float,
-    typer.Option("--speed", metavar="FREQUENCY", parser=options.in_unit("Hz"), help="Deviation worth one --effort."),
+    typer.Option(
+        "--speed",
+        metavar="FREQUENCY",
+        parser=options.in_unit("Hz"),
+        help="Speed deviation that weighs as much as one --effort.",
+    ),
 ]
-Effort = Annotated[float, typer.Option("--effort", help="Size of an output, in the unit of the input driven.")]
+Effort = Annotated[float, typer.Option("--effort", help="Size of an output, in the unit of the input that it drives.")]
 Angle = Annotated[
     float | None,
     typer.Option(
-        "--angle", metavar="ANGLE", parser=options.in_unit("rad"), help="Angle to the COI worth one --effort."
+        "--angle",
+        metavar="ANGLE",
+        parser=options.in_unit("rad"),
+        help="Angle relative to the COI that weighs as much as one --effort.",
     ),
 ]
-Reads = Annotated[str | None, typer.Option("--input", help="Signals that are read: 'angle, speed' (LQR: all states).")]
+Reads = Annotated[
+    str | None, typer.Option("--input", help="Signals that the regulator reads: 'angle, speed' (LQR: all states).")
+]
 FrameRate = Annotated[int, typer.Option("--rate", min=1, help="Frames per second.")]
 Disturbance = Annotated[
     float,
-    typer.Option("--disturbance", metavar="POWER", parser=options.in_unit("MW"), help="Load change in a second, MW."),
+    typer.Option(
+        "--disturbance", metavar="POWER", parser=options.in_unit("MW"), help="Load change within one second, MW."
+    ),
 ]
 Noise = Annotated[float, typer.Option("--noise", min=1e-6, help="Noise of the measurements, of 5 mHz and 2 mrad.")]
-States = Annotated[int | None, typer.Option("--order", min=1, help="States of the reduced plant.")]
-Driven = Annotated[str, typer.Option("--output", help="Inputs that are driven: order, vref.")]
+States = Annotated[int | None, typer.Option("--order", min=1, help="Number of states of the reduced plant model.")]
+Driven = Annotated[str, typer.Option("--output", help="Inputs of the system that the regulator drives: order, vref.")]
 
 
 @grouped
@@ -42,7 +54,7 @@ def lqr(
     case: groups.CaseOptions,
     as_json: options.Json = False,
 ) -> None:
-    """Design a linear-quadratic regulator, which reads all states, or what is measured."""
+    """Design a linear-quadratic regulator, which reads all states or the given signals."""
     from stabctl.design import lqr
 
     files.check()

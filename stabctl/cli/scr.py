@@ -9,7 +9,7 @@ from .groups import CaseOptions
 from .options import Json
 from .shared import console, print_json
 
-Trip = Annotated[str | None, typer.Option("--trip", help="Circuits that are open, such as 7-8 or '7-8#2, 8-9'.")]
+Trip = Annotated[str | None, typer.Option("--trip", help="Circuits out of service, such as 7-8 or '7-8#2, 8-9'.")]
 
 
 @grouped

@@ -19,7 +19,9 @@ Until = Annotated[
 ]
 Every = Annotated[
     str,
-    typer.Option("--every", metavar="TIME", parser=options.time, help="Least time between two rows written: 50ms."),
+    typer.Option(
+        "--every", metavar="TIME", parser=options.time, help="Shortest time between two rows of the output: 50ms."
+    ),
 ]
 Out = Annotated[Path | None, typer.Option("--out", help="Write the trajectory to FILE.nc or FILE.csv.")]
 Plot = Annotated[

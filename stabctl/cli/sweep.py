@@ -20,7 +20,7 @@ app = typer.Typer(
 
 Study = Annotated[Path, typer.Argument(metavar="STUDY", help="A study file, TOML.")]
 Out = Annotated[Path, typer.Option("--out", help="Results file (SQLite); jobs that it already has are not run again.")]
-Workers = Annotated[int | None, typer.Option("--workers", help="Processes on this machine (default: one per core).")]
+Workers = Annotated[int | None, typer.Option("--workers", help="Processes on this computer (default: one per core).")]
 Retry = Annotated[bool, typer.Option("--retry", help="Rerun jobs that ended in an error.")]
 Results = Annotated[Path, typer.Argument(metavar="RESULTS", help="A results file.")]
 Csv = Annotated[Path | None, typer.Option("--csv", help="Write every column of every row to FILE.csv.")]

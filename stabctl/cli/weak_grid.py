@@ -11,9 +11,12 @@ from .groups import CaseOptions
 from .options import Json
 
 Converter = Annotated[str, typer.Option("--converter", help="Number or name of the unit with the converter.")]
-Ratios = Annotated[str | None, typer.Option("--scr", help="Short-circuit ratios: 1.5,2,3 (default: 1.05 to 6).")]
+Ratios = Annotated[
+    str | None, typer.Option("--scr", help="Short-circuit ratios of the map: 1.5,2,3 (default: 1.05 to 6).")
+]
 Gains = Annotated[
-    str | None, typer.Option("--gain", help="Gains of the loop, relative to the case: 0.5,1,2 (default: 0.25 to 8).")
+    str | None,
+    typer.Option("--gain", help="Gains of the phase-locked loop, relative to the case: 0.5,1,2 (default: 0.25 to 8)."),
 ]
 Ratio = Annotated[float, typer.Option("--x-over-r", help="Reactance over resistance of the grid.")]
 Plot = Annotated[Path | None, typer.Option("--plot", help="Plot the map to FILE.png or .svg.")]

@@ -33,7 +33,20 @@ def step(u, v, p):
 
 @dataclass(frozen=True)
 class BangBang(Law):
-    """The bang-bang law with its two thresholds; the deadband may be text, such as "100mHz"."""
+    """The bang-bang law (the paper, section 5, eq. (40)).
+
+    Parameters
+    ----------
+    deadband : float or str, Hz
+        Speed deviation below which a device idles; text such as "100mHz".
+    min_voltage : float, pu
+        Voltage below which a device idles.
+
+    Raises
+    ------
+    StudyError
+        For a negative or infinite value.
+    """
 
     deadband: Annotated[float, "Hz", "speed deviation without action", NOT_NEGATIVE] = 0.1
     min_voltage: Annotated[float, "pu", "voltage below which the device idles", NOT_NEGATIVE] = 0.8

@@ -110,17 +110,17 @@ class Controller:
         if rate is not None:
             checked_frames(self.name, rate, self.delay)
         if self.law is not None and rate is None:
-            raise StudyError(f"{self.name}: a Python function is called at frames; give a rate, such as rate=60.")
+            raise StudyError(f"{self.name}: a Python function is called at a fixed rate; give it, such as rate=60.")
         low, high = _limits(self.name, self.limits)
         object.__setattr__(self, "limits", (low, high))
         if not low <= 0 <= high or (math.isnan(low + high) and low == high):
-            raise StudyError(f"{self.name}: the limits {low:g} to {high:g} must include 0, which it gives at rest.")
+            raise StudyError(f"{self.name}: the limits {low:g} to {high:g} must include 0, its output in steady state.")
         for key in ("deadband", "ramp"):
             value = getattr(self, key)
             if not (isinstance(value, int | float) and 0 <= value < math.inf):
                 raise StudyError(f"{self.name}: {key} = {shown(value)} is not allowed; give a number of at least 0.")
         if self.relay and not (math.isfinite(low) and math.isfinite(high) and low < high):
-            raise StudyError(f"{self.name}: a relay needs finite limits, which it switches between; give limits.")
+            raise StudyError(f"{self.name}: a relay switches between its limits; give finite ones, such as limits=0.1.")
         if self.ramp and rate is None:
             raise StudyError(f"{self.name}: a ramp limit needs a sampled controller; give a rate, such as rate=60.")
 
@@ -137,7 +137,7 @@ class Controller:
         if not growth.max(initial=-np.inf) > 1e-6:
             return ()
         return (
-            f"{self.name} is unstable by itself: without the loop, or at its limits, its states grow with "
+            f"{self.name} is unstable in open loop: without feedback, or at its limits, its states grow at "
             f"{growth.max():.3g} 1/s.",
         )
 
@@ -168,6 +168,10 @@ class Controller:
             Sample a continuous system at this rate (Tustin's method).
         **more
             The other fields of `Controller`: delay, limits, ...
+
+        Returns
+        -------
+        Controller
 
         Raises
         ------
@@ -207,6 +211,15 @@ class Controller:
         **more
             The other fields of `Controller`: delay, limits, ...
 
+        Returns
+        -------
+        Controller
+
+        Raises
+        ------
+        StudyError
+            If `law` cannot be called, or a value is not allowed.
+
         Examples
         --------
         >>> Controller.from_function(lambda seen: 500 * seen["deviation"], "deviation", "order", rate=60, delay="50ms")
@@ -217,17 +230,66 @@ class Controller:
         return cls(*names, none, none, none, none, rate=rate, law=law, start=start, **more)
 
     def delayed(self, delay: str | float) -> "Controller":
-        """The same with another delay."""
+        """The same controller with another delay.
+
+        Parameters
+        ----------
+        delay : str or float, s
+            The new delay, such as "50ms".
+
+        Returns
+        -------
+        Controller
+
+        Raises
+        ------
+        StudyError
+            If the delay is not a time, or not a whole number of frames of a sampled controller.
+        """
         return replace(self, delay=duration("delay", delay))
 
     def scaled(self, gain: float) -> "Controller":
-        """The same with all outputs multiplied by a gain."""
+        """The same controller with all outputs multiplied by a gain.
+
+        Parameters
+        ----------
+        gain : float
+            The factor.
+
+        Returns
+        -------
+        Controller
+
+        Raises
+        ------
+        StudyError
+            If the controller is a Python function.
+        """
         if self.law is not None:
             raise StudyError(f"{self.name} is a Python function; multiply its result instead.")
         return replace(self, C=gain * self.C, D=gain * self.D)
 
     def sampled(self, rate: int, delay: str | float = 0.0) -> "Controller":
-        """A continuous controller as a sampled one (Tustin's method), x of the trapezoidal rule as its state."""
+        """A continuous controller as a sampled one, by Tustin's method.
+
+        Its states are those of the trapezoidal rule, in the units of the continuous ones.
+
+        Parameters
+        ----------
+        rate : int, 1/s
+            Frames per second.
+        delay : str or float, s
+            Delay, a whole number of frames.
+
+        Returns
+        -------
+        Controller
+
+        Raises
+        ------
+        StudyError
+            If the controller is sampled already, or the rate or delay is not allowed.
+        """
         if self.rate is not None:
             raise StudyError(f"{self.name} is sampled already, at {self.rate}/s.")
         from .from_control import tustin
@@ -239,11 +301,23 @@ class Controller:
         """The matrices as a python-control system with names, without delay, limits, deadband and gate.
 
         States are called as in closed loops, "x1 pod"; signals of a kind alone are numbered, "speed 1".
+
+        Returns
+        -------
+        control.StateSpace
+
+        Raises
+        ------
+        StudyError
+            If the controller is a Python function.
         """
         import control
 
         if self.law is not None:
-            raise StudyError(f"{self.name} is a Python function, which python-control has no matrices for.")
+            raise StudyError(
+                f"{self.name} is a Python function, which cannot become a python-control system; use a "
+                "controller with matrices."
+            )
         sizes = {"inputs": self.D.shape[1], "outputs": self.D.shape[0]}
         labels = {key: _numbered(getattr(self, key), size) for key, size in sizes.items()}
         labels["states"] = [f"x{i + 1} {self.name}" for i in range(len(self.A))]
@@ -252,7 +326,23 @@ class Controller:
         return control.ss(self.A, self.B, self.C, self.D, dt, name=name, **labels)
 
     def save(self, path: Any) -> Any:
-        """Write the controller to a TOML file, which `stabctl.load_controller` and `--controller` read."""
+        """Write the controller to a TOML file, which `stabctl.load_controller` and `--controller` read.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to write, ending in .toml.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        StudyError
+            If the controller is a Python function, or the file cannot be written.
+        """
         from .file import save
 
         return save(self, path)
@@ -261,7 +351,7 @@ class Controller:
         kind = f"{self.rate}/s" if self.rate else "continuous"
         what = "Python function" if self.law else f"{len(self.A)} states"
         late = f", delay {1e3 * self.delay:g} ms" if self.delay else ""
-        late += ", unstable by itself" * bool(self.warnings)
+        late += ", unstable in open loop" * bool(self.warnings)
         return f"{self.name}: {', '.join(self.inputs)} -> {', '.join(self.outputs)} ({what}, {kind}{late})"
 
     __repr__ = __str__

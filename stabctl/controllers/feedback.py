@@ -45,7 +45,26 @@ def step(u, v, p):
 
 @dataclass(frozen=True)
 class Feedback(Law):
-    """Speed and acceleration feedback; gains in pu of the machine's base, as in the one-machine theory."""
+    """Speed and acceleration feedback (the paper, section 3, eq. (13) and (14)).
+
+    Parameters
+    ----------
+    speed_gain : float, pu/(rad/s)
+        Kv, on the machine's base as in the one-machine theory.
+    acceleration_gain : float, pu/(rad/s^2)
+        Ka, on the machine's base.
+    braking : bool
+        Use eq. (14), Ka |dw/dt| with the sign of w, instead of (13).
+    deadband : float or str, Hz
+        Speed deviation below which a device idles; text such as "100mHz".
+    min_voltage : float, pu
+        Voltage below which a device idles.
+
+    Raises
+    ------
+    StudyError
+        For a value that is not a number, or a negative deadband or voltage.
+    """
 
     speed_gain: Annotated[float, "pu/(rad/s)", "Kv"] = 0.0
     acceleration_gain: Annotated[float, "pu/(rad/s^2)", "Ka"] = 0.0

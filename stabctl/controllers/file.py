@@ -39,7 +39,7 @@ def save(controller: Controller, path: str | Path) -> Path:
     """Write a controller to a file ending in .toml, and return its path. Raises `StudyError` for a Python function."""
     path = toml_file.target(path)
     if controller.law is not None:
-        raise StudyError(f"{controller.name} is a Python function, which a file cannot hold; keep its script.")
+        raise StudyError(f"{controller.name} is a Python function, which cannot be saved to a file; keep its script.")
     lines = [f"{key} = {value}" for key, value in _values(controller)]
     if controller.gate is not None:
         lines += [

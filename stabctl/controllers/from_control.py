@@ -32,9 +32,11 @@ def parts(
     if system.dt:
         own = 1 / system.dt
         if abs(own - round(own)) > 1e-6 * own:
-            raise StudyError(f"The dt of {system.dt:g} s is not a whole number of frames a second; use dt = 1/60.")
+            raise StudyError(f"The dt of {system.dt:g} s is not a whole number of frames per second; use dt = 1/60.")
         if rate not in (None, round(own)):
-            raise StudyError(f"The python-control system has {round(own)} frames a second, not {rate}; omit the rate.")
+            raise StudyError(
+                f"The python-control system has {round(own)} frames per second, not {rate}; omit the rate."
+            )
         rate = round(own)
     elif rate is not None:
         A, B, C, D = tustin(A, B, C, D, rate)

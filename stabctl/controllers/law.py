@@ -103,7 +103,7 @@ class SampledLaw(Law):
         checked_frames("The law", self.rate, self.delay)
 
     def __str__(self) -> str:
-        return f"{self.law}, {self.rate} times a second" + (f", {1e3 * self.delay:g} ms late" if self.delay else "")
+        return f"{self.law}, {self.rate} times per second" + (f", delay {1e3 * self.delay:g} ms" if self.delay else "")
 
     @property
     def module(self) -> ModuleType:
@@ -140,7 +140,7 @@ def duration(key: str, value: Any) -> float:
 def checked_frames(name: str, rate: Any, delay: float) -> int:
     """Frames in a delay (s). Raises `StudyError` if the rate is not allowed, or it is not a whole number of frames."""
     if isinstance(rate, bool) or not isinstance(rate, int) or not 1 <= rate <= FASTEST:
-        raise StudyError(f"{name}: the rate of {shown(rate)} frames a second is not allowed; give 1 to {FASTEST}.")
+        raise StudyError(f"{name}: the rate of {shown(rate)} frames per second is not allowed; give 1 to {FASTEST}.")
     if delay * rate > MOST:
         raise StudyError(f"{name}: a delay of {delay:g} s is {delay * rate:.0f} frames; give at most {MOST}.")
     if abs(delay * rate - round(delay * rate)) > 1e-6:

@@ -47,7 +47,7 @@ def from_content(content: Mapping[str, Any], path: Path) -> Law:
     if name not in tuple(KINDS):
         raise StudyError(f"{path}, law = {shown(name)}: it must be one of {', '.join(KINDS)}.")
     if rate is None and "delay" in content:
-        raise StudyError(f"{path}: a delay needs frames; give a rate, such as rate = 60, or leave the delay out.")
+        raise StudyError(f"{path}: a delay needs a sampling rate; give one, such as rate = 60, or leave out the delay.")
     kind = KINDS[name]
     known = [f.name for f in dataclasses.fields(kind)]  # type: ignore[arg-type]
     for key in values:

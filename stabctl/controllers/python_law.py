@@ -69,7 +69,9 @@ def answer(
     if not right:
         wanted = f"{outputs} outputs" if outputs > 1 else "an output"
         states = f" and {len(x)} states" if len(x) else ""
-        raise StudyError(f"The law {name} gave {shown(given)} at {seen.time:.3f} s; it must give {wanted}{states}.")
+        raise StudyError(
+            f"The law {name} returned {shown(given)} at {seen.time:.3f} s; it must return {wanted}{states}."
+        )
     return u, following
 
 
@@ -89,8 +91,8 @@ def slopes(
     still = ask(np.zeros(n + m))
     if np.abs(still).max(initial=0.0) > 1e-9:
         raise StudyError(
-            f"The law {name} is not at rest at the operating point: it gives {shown(still.tolist())} for deviations of "
-            "0; let it give 0 and leave its states unchanged there."
+            f"The law {name} is not in steady state at the operating point: it returns {shown(still.tolist())} for "
+            "deviations of 0; it must return 0 and leave its states unchanged there."
         )
     try:
         J = np.array([ask(1e-30j * e).imag / 1e-30 for e in np.eye(n + m)])

@@ -59,8 +59,8 @@ class Climb:
                 return
             k -= 1
         raise StudyError(
-            f"No schedule of {trial.point.case.name} that survives was found to begin with, from "
-            f"{start * trial.search.resolution_cycles:g} cycles down; give more orders a second, or more energy."
+            f"No stable initial schedule was found for {trial.point.case.name}, from "
+            f"{start * trial.search.resolution_cycles:g} cycles down; give more orders per second, or more energy."
         )
 
     def _allowed(self, plan: Plan) -> Plan:

@@ -86,7 +86,7 @@ class Evidence:
 
 
 def evidence(design: Design, checks: Iterable[Contingency | str] = ()) -> Evidence:
-    """Compute what speaks for a design.
+    """Compute the evidence for a design: root locus, loop gains, margins, step responses and clearing times.
 
     Parameters
     ----------
@@ -98,9 +98,16 @@ def evidence(design: Design, checks: Iterable[Contingency | str] = ()) -> Eviden
     Returns
     -------
     Evidence
+
+    Raises
+    ------
+    StudyError
+        If it is not a design, a controller is a Python function, or a contingency does not fit the case.
     """
     if not isinstance(design, Design):
-        raise StudyError(f"{shown(design)} is not a design; give what st.design.pod or another design returns.")
+        raise StudyError(
+            f"{shown(design)} is not a design; give the result of st.design.pod or of another design function."
+        )
     point, controllers = design.base, design.controllers
     for c in controllers:
         if c.law is not None:

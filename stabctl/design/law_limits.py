@@ -53,7 +53,18 @@ class LawLimits:
         guard(self)
 
     def exceeded(self, found: Measured) -> float:
-        """By how much a law exceeds the limits in one contingency, relative to each, summed."""
+        """By how much a law exceeds the limits in one contingency.
+
+        Parameters
+        ----------
+        found : Measured
+            What was measured with the law.
+
+        Returns
+        -------
+        float
+            Sum of the excesses, each relative to its limit; 0 if all limits are kept.
+        """
         use, after = found.duty, found.later
         over = [
             found.energy_kwh / self.energy - 1 if self.energy else 0.0,
@@ -66,11 +77,33 @@ class LawLimits:
         return float(sum(x for x in over if x > SLACK))
 
     def kept(self, found: Sequence[Measured]) -> bool:
-        """Whether a law keeps the limits in all contingencies."""
+        """Whether a law keeps the limits in all contingencies.
+
+        Parameters
+        ----------
+        found : sequence of Measured
+            What was measured with the law, one entry per contingency.
+
+        Returns
+        -------
+        bool
+        """
         return not any(map(self.exceeded, found))
 
     def score(self, found: Sequence[Measured], reference: Sequence[Measured]) -> float:
-        """Score of a law (cycles), from what it and the reference law reach in the same contingencies."""
+        """Score of a law, compared with the reference law in the same contingencies.
+
+        Parameters
+        ----------
+        found, reference : sequence of Measured
+            What was measured with the law and with the reference law, one entry per contingency.
+
+        Returns
+        -------
+        float, cycles
+            Median gain plus a tenth of the mean gain, less the penalties for shorter clearing times, exceeded limits
+            and energy.
+        """
         gain = np.array([m.reach - r.reach for m, r in zip(found, reference, strict=True)])
         energy = sum(r.energy_kwh for r in reference)
         used = sum(m.energy_kwh for m in found) / energy if energy else 0.0

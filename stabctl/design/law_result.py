@@ -113,7 +113,7 @@ class LawDesign:
 
     @property
     def groups(self) -> tuple[Group, ...]:
-        """The group of machines that leaves, of each contingency in which one does."""
+        """The group of machines that lose synchronism together, of each contingency in which there is one."""
         return tuple(c.group for c in self.contingencies if c.group)
 
     @property
@@ -129,7 +129,23 @@ class LawDesign:
         return pd.DataFrame([_row(c) for c in self.contingencies])
 
     def save(self, path: str | Path) -> Path:
-        """Write the law to a TOML file, for `--controller`."""
+        """Write the law to a TOML file, for `--controller`.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to write, ending in .toml.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        StudyError
+            If the file cannot be written.
+        """
         return Path(self.law.save(path))
 
     def remarks(self) -> tuple[str, ...]:

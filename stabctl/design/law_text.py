@@ -34,7 +34,7 @@ def parameters(law: Law) -> tuple[Parameter, ...]:
 
 def _of(law: StorageLaw) -> Iterator[Parameter]:
     groups = ", ".join("+".join(map(str, group)) for group in law.groups)
-    yield Parameter("groups", groups or "none", "machines whose devices see the group against the rest")
+    yield Parameter("groups", groups or "none", "machines whose devices use the speed and angle of the group")
     yield Parameter("angle gain", f"{law.angle_gain:g} 1/s", "k of the surface w + k Δδ")
     if law.slope:
         yield Parameter("slope", f"{law.slope:g} Hz", "surface beyond the deadband at which the power is full")

@@ -55,9 +55,9 @@ class Group:
     def __str__(self) -> str:
         others = [m for m in self.machines if m != self.first]
         if not others:
-            return f"machine {self.first} leaves alone"
+            return f"machine {self.first} loses synchronism alone"
         within = "one coherent area" if self.coherent else "several coherent areas"
-        return f"machine {self.first} leaves with {', '.join(map(str, others))} ({within})"
+        return f"machine {self.first} loses synchronism with {', '.join(map(str, others))} ({within})"
 
 
 def slow_areas(modes: Modes) -> Areas:

@@ -97,14 +97,14 @@ def lqg(
     drives, weights = driven(point, outputs), Weights(speed, angle, effort)
     reads = chosen(point.case, inputs, OUTPUTS)
     if not reads:
-        raise StudyError(f"{point.case.name} has no signal {inputs!r}; choose what the regulator reads.")
+        raise StudyError(f"{point.case.name} has no signal {inputs!r}; choose other inputs for the regulator.")
     late = duration("delay", delay)
     power = megawatts(disturbance)
     if not 0 < power <= 1e6:
-        raise StudyError(f"disturbance = {shown(disturbance)} is not possible; give more than 0 and at most 1e6 MW.")
+        raise StudyError(f"disturbance = {shown(disturbance)} is not allowed; give more than 0 and at most 1e6 MW.")
     frames = checked_frames(name, rate, late)
     if isinstance(noise, bool) or not isinstance(noise, int | float) or not 1e-6 <= noise <= 1e6:
-        raise StudyError(f"noise = {shown(noise)} is not possible; give a number from 1e-6 to 1e6.")
+        raise StudyError(f"noise = {shown(noise)} is not allowed; give a number from 1e-6 to 1e6.")
     if order is not None and (isinstance(order, bool) or not isinstance(order, int) or order < 1):
         raise StudyError(f"order = {shown(order)} is not a number of states; give at least 1.")
     scales = _Scales(effort, power / point.case.base_mva, noise * _noise(point, reads))

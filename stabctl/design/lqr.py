@@ -116,6 +116,6 @@ def stable(point: OperatingPoint, one: Controller) -> Modes:
     if (modes.eigenvalues.real > GROWING).any():
         raise StudyError(
             f"{one.name} does not stabilize {point.case.name} with {', '.join(one.inputs[:4])}"
-            + (" ..." if len(one.inputs) > 4 else "") + "; let it read more, or change the weights."
+            + (" ..." if len(one.inputs) > 4 else "") + "; give more inputs, or change the weights."
         )  # fmt: skip
     return modes

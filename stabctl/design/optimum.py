@@ -74,7 +74,7 @@ def optimum(
     resolution, limit, observe, longest, step, criterion
         As in `clearing_time`: every schedule is judged as there.
     iterations : int
-        Most convex programs.
+        Maximum number of convex programs.
     progress : callable, optional
         Called with each `Iteration`.
 
@@ -99,7 +99,7 @@ def optimum(
     contingency = contingency if isinstance(contingency, Contingency) else Contingency(contingency)
     length = seconds(window, case.frequency_hz)
     if isinstance(rate, bool) or not isinstance(rate, int) or not 1 <= rate <= 1000:
-        raise StudyError(f"rate = {rate!r} orders a second is not allowed; give 1 to 1000.")
+        raise StudyError(f"rate = {rate!r} orders per second is not allowed; give 1 to 1000.")
     if not 1 / rate <= length <= 60:
         raise StudyError(f"A schedule of {length:g} s is not allowed; give one frame to 60 s.")
     search = Search.of(
@@ -108,7 +108,7 @@ def optimum(
     trial = Trial(point, contingency, law, search)
     first = critical(trial)
     if first.status != "found" or not first.cycles:
-        raise StudyError(f"There is no clearing time to raise: {first.brief()}; give another contingency or limit.")
+        raise StudyError(f"There is no clearing time to increase: {first.brief()}; give another contingency or limit.")
     scheduled = Scheduled(trial, law, rate, max(1, round(length * rate)))
     most = math.inf if energy is None else megawatt_hours(energy)
     climb = Climb(scheduled, _bounds(point, most), progress)

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 FULL = 0.99  # of a limit counts as all of it
 ENDS = {
-    "converged": "no step of the convex program makes it better",
-    "iterations": "stopped after the number of convex programs allowed",
+    "converged": "no step of the convex program improves it",
+    "iterations": "stopped at the allowed number of convex programs",
     "limit": "stopped at the search limit",
 }
 
@@ -146,11 +146,12 @@ class Optimum(Tabular):
         used, takes_over = self.energy_kwh, self.time[-1] + 1 / self.schedule.rate
         return (
             f"{what}: {self.cycles:g} cycles ({self.seconds:.4f} s) with the best schedule found, "
-            f"{self.start.cycles:g} with the law alone{idle}. A local optimum: {ENDS[self.ended]} ({made}); a better "
-            f"schedule far from it may exist. Proved by simulation, observed {seen} after clearing; the law takes over "
-            f"{takes_over:.3g} s after clearing. Machine {p[0]} swings most, by {np.rad2deg(p[1]):.0f} degrees against "
-            f"the center of inertia, {p[2]:.2f} s after clearing. Energy used: {used.sum():.3g} kWh in all, "
-            f"{used.max():.3g} kWh by one device. Limits that bind: {'; '.join(self.binding) or 'none'}."
+            f"{self.start.cycles:g} with the law alone{idle}. This is a local optimum: {ENDS[self.ended]} ({made}); "
+            f"a better schedule far from it may exist. Verified by simulation, observed {seen} after clearing; the law "
+            f"takes over {takes_over:.3g} s after clearing. Machine {p[0]} has the largest swing, "
+            f"{np.rad2deg(p[1]):.0f} degrees against the center of inertia, {p[2]:.2f} s after clearing. Energy used: "
+            f"{used.sum():.3g} kWh in total, {used.max():.3g} kWh by one device. Active limits: "
+            f"{'; '.join(self.binding) or 'none'}."
         )
 
     __repr__ = __str__

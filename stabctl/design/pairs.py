@@ -163,7 +163,7 @@ def pairs(
     size = np.sqrt((np.abs(seen[:, swings] / speed[swings]) ** 2).sum(axis=1))
     for key, given in (("availability", availability), ("ranges", ranges)):
         if given is not None and not isinstance(given, Mapping):
-            raise StudyError(f"{key} = {shown(given)} is not a table of signals; give {{'flow': 0.9}}, for example.")
+            raise StudyError(f"{key} = {shown(given)} is not a dict of signals; give {{'flow': 0.9}}, for example.")
     late = {} if not isinstance(delay, Mapping) else {name: duration("delay", value) for name, value in delay.items()}
     each = duration("delay", delay) if not isinstance(delay, Mapping) else 0.0
     T = np.array([_of(late, s, each) for s in reads])

@@ -132,7 +132,7 @@ def _signals(point: OperatingPoint, input: str | Sequence[str], output: str) -> 
     """The inputs, each with its place."""
     reads, drives = chosen(point.case, input, OUTPUTS), chosen(point.case, output, INPUTS)
     if not reads or len(drives) != 1:
-        raise StudyError(f"A damper has one output; give one place, such as order:1@5, not {shown(output)}.")
+        raise StudyError(f"A damper has one output; give a single one, such as order:1@5, not {shown(output)}.")
     return tuple(written(s) for s in reads)
 
 
@@ -166,7 +166,8 @@ def _several(
     slopes = np.abs(np.concatenate(rows)).max(axis=0, initial=0.0)
     if not slopes.any():
         raise StudyError(
-            "The modes below the damping asked for are not seen in the inputs, or not moved; choose others."
+            "The modes with too little damping are not observable in the inputs or not controllable "
+            "by the output; choose others."
         )
     weights, spare = separate(scenarios, make, none, STEP / np.where(slopes > 0, slopes, slopes.max()))
     return Design.of(points, make(weights), short=-spare, needed=worst(scenarios, make, none) < 0)

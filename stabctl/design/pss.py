@@ -98,9 +98,11 @@ def _machines(case: Case, machines: Iterable[int] | None) -> list[int]:
     numbers = with_exciter if machines is None else [case.machine(n).machine for n in machines]
     for n in numbers:
         if n not in with_exciter:
-            raise StudyError(f"Machine {n} of {case.name} has no exciter to put a stabilizer on; choose others.")
+            raise StudyError(
+                f"Machine {n} of {case.name} has no exciter, so it can have no stabilizer; choose other machines."
+            )
     if not numbers:
-        raise StudyError(f"{case.name} has no machine with an exciter to put a stabilizer on.")
+        raise StudyError(f"{case.name} has no machine with an exciter, so it can have no stabilizer.")
     return numbers
 
 

@@ -38,7 +38,7 @@ class Weights:
             if name == "angle" and value is None:
                 continue
             if isinstance(value, bool) or not isinstance(value, int | float) or not 1e-9 <= value <= 1e9:
-                raise StudyError(f"{name} = {shown(getattr(self, name))} is not possible; give 1e-9 to 1e9.")
+                raise StudyError(f"{name} = {shown(getattr(self, name))} is not allowed; give 1e-9 to 1e9.")
 
     @property
     def radians(self) -> float | None:
@@ -105,7 +105,7 @@ def driven(point: OperatingPoint, outputs: str | Sequence[str]) -> tuple[Signal,
     """The inputs that a regulator drives. Raises `StudyError` if there is none."""
     found = chosen(point.case, outputs, INPUTS)
     if not found:
-        raise StudyError(f"{point.case.name} has no input {outputs!r}; choose what the regulator drives.")
+        raise StudyError(f"{point.case.name} has no input {outputs!r}; choose other outputs for the regulator.")
     return found
 
 

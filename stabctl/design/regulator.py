@@ -13,7 +13,7 @@ from .robustness import Robustness
 
 @dataclass(frozen=True, repr=False)
 class Regulator(Design):
-    """A regulator, and the one with all states that it stands for.
+    """A regulator, and the state feedback that it approximates.
 
     Attributes
     ----------
@@ -28,7 +28,23 @@ class Regulator(Design):
 
     @classmethod
     def of_cost(cls, cost: Quadratic, one: Controller, after: Modes, **more: Any) -> Self:
-        """The regulator for a cost, with the modes with it; what is asked is that the smallest damping ratio rises."""
+        """The regulator for a cost; its aim is reached if the smallest damping ratio increases.
+
+        Parameters
+        ----------
+        cost : Quadratic
+            The cost and the plant.
+        one : Controller
+            The regulator.
+        after : Modes
+            Modes with the regulator.
+        **more
+            Other fields, such as `full` and `own`.
+
+        Returns
+        -------
+        Regulator
+        """
         return cls((one,), (cost.modes,), (after,), least(after)[0] > least(cost.modes)[0], **more)
 
     def __str__(self) -> str:
@@ -36,7 +52,7 @@ class Regulator(Design):
         if self.full is not None:
             text += f"\nall states: {self.full}"
         if self.own is not None and self.own != self.full:
-            text += f"\nwhat it reads: {self.own}"
+            text += f"\ngiven inputs: {self.own}"
         return text
 
     __repr__ = __str__

@@ -30,7 +30,9 @@ class Requirement:
     def __post_init__(self) -> None:
         given = self.damping
         if isinstance(given, bool) or not isinstance(given, int | float) or not 0 <= given < 1:
-            raise StudyError(f"damping = {shown(given)} is not a damping ratio to reach; give 0 or more, below 1.")
+            raise StudyError(
+                f"damping = {shown(given)} is not a damping ratio; give a number of at least 0 and below 1."
+            )
 
     def spare(self, s: np.ndarray) -> np.ndarray:
         """What the damping ratio of every eigenvalue s (1/s) has beyond what it must reach; inf if nothing is asked."""

@@ -24,7 +24,7 @@ from .requirement import FAST, GROWING, SLOW
 if TYPE_CHECKING:
     import pandas as pd
 
-ENOUGH = "The damping asked for is there without the controllers, so they do next to nothing; ask for more damping."
+ENOUGH = "The required damping is reached without the controllers, so they have almost no effect; require more damping."
 
 
 @dataclass(frozen=True, repr=False)
@@ -38,7 +38,7 @@ class Design:
     before, after
         Modes of each operating point without and with them.
     reached
-        Whether the damping asked for was reached.
+        Whether the required damping was reached.
     short
         Damping ratio that is missing at the worst operating point and gain.
     remarks
@@ -66,9 +66,13 @@ class Design:
         points, controllers
             Operating points and controllers.
         short
-            Damping ratio that is missing; negative if there is more than asked for.
+            Damping ratio that is missing; negative if there is more than required.
         needed
-            Whether the damping asked for is missing without the controllers.
+            Whether the required damping is missing without the controllers.
+
+        Returns
+        -------
+        Design
         """
         before = tuple(closed_loop(point).modes() for point in points)
         after = tuple(closed_loop(point, *controllers).modes() for point in points)
@@ -120,7 +124,23 @@ class Design:
         return pd.DataFrame(rows, columns=["case", "before", "after", "frequency_hz", "mode"])
 
     def save(self, path: str | Path) -> tuple[Path, ...]:
-        """Write the controllers to TOML files: k.toml, or k-1.toml, k-2.toml ... if there are several."""
+        """Write the controllers to TOML files.
+
+        Parameters
+        ----------
+        path : str or Path
+            File for one controller, "k.toml"; several are written to k-1.toml, k-2.toml ...
+
+        Returns
+        -------
+        tuple of Path
+            The files.
+
+        Raises
+        ------
+        StudyError
+            If a file cannot be written.
+        """
         path = files.path_of(path)
         if len(self.controllers) == 1:
             return (self.controller.save(path),)
@@ -137,7 +157,7 @@ class Design:
         ratio, k = least(modes)
         where = f"{ratio:.4f} at {modes.frequency_hz[k]:.3f} Hz ({modes.label(k)})"
         missing = f", short by up to {self.short:.4f}" if self.short else ""
-        said = f"{text}: {found}; the damping asked for is not reached: {where}{missing}."
+        said = f"{text}: {found}; the required damping is not reached: {where}{missing}."
         return "\n".join([said, *self.remarks])
 
     __repr__ = __str__

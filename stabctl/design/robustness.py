@@ -44,7 +44,7 @@ class Robustness:
     def __str__(self) -> str:
         up = "any" if np.isinf(self.gain_up) else f"{self.gain_up:.3g}"
         return (
-            f"damping ratio {self.damping:.4f}, gains from {self.gain_down:.3g} to {up} times, delays up to "
+            f"damping ratio {self.damping:.4f}, gain margin {self.gain_down:.3g} to {up}, delay margin "
             f"{1e3 * self.delay_s:.3g} ms"
         )
 

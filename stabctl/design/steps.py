@@ -48,7 +48,7 @@ def steps(point: OperatingPoint, controllers: Sequence[Controller]) -> Steps:
     """The step responses of a closed loop and of its controllers."""
     case = point.case
     if not case.loads:
-        raise StudyError(f"{case.name} has no load whose step could be shown.")
+        raise StudyError(f"{case.name} has no load, so there is no load step to show.")
     load = max(case.loads, key=lambda one: one.p)
     mw = SHARE * load.p
 

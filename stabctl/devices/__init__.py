@@ -130,7 +130,8 @@ def register(path: str | Path) -> str:
         raise StudyError(f"There is no device file {str(path)!r}; give a Python file such as my_exciter.py.")
     if not name.isidentifier():
         raise StudyError(
-            f"{path}: {name!r} cannot name a table; use letters, digits and underscores, such as my_exciter.py."
+            f"{path}: {name!r} is not a table name; name the file with letters, digits and "
+            "underscores, such as my_exciter.py."
         )
     if name in _found():
         raise StudyError(f"{path}: {name!r} is the name of a packaged device; rename the file.")

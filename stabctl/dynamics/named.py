@@ -68,7 +68,8 @@ def named(point: OperatingPoint, c: Controller) -> Named:
             raise StudyError(f"{case.name} has no signal {', '.join(names)} for {c.name}; choose another.")
     if c.law is None and (c.B.shape[1], c.C.shape[0]) != (len(reads), len(drives)):
         raise StudyError(
-            f"{c.name} has matrices for {c.B.shape[1]} inputs and {c.C.shape[0]} outputs, but its names mean "
+            f"{c.name} has matrices for {c.B.shape[1]} inputs and {c.C.shape[0]} outputs, but its "
+            "signal names stand for "
             f"{len(reads)} inputs and {len(drives)} outputs in {case.name}."
         )
     seen = extended(point, (), reads)

@@ -43,6 +43,8 @@ class OperatingPoint:
         Largest eigenvalue (1/s) of a unit with its controls at given voltage, or of a device.
     stiffest
         The state that takes part most in this eigenvalue; -1: none.
+    stages
+        Factorized networks of the simulations so far, by what is switched.
     """
 
     case: Case
@@ -53,7 +55,7 @@ class OperatingPoint:
     iterations: int
     fastest: float
     stiffest: int = -1
-    stages: dict[network.Switching, Any] = field(default_factory=dict, compare=False)  # networks used so far
+    stages: dict[network.Switching, Any] = field(default_factory=dict, compare=False)
 
     simulate = verb("stabctl.simulation.simulate:simulate")
     clearing_time = verb("stabctl.clearing:clearing_time")
@@ -113,7 +115,20 @@ class OperatingPoint:
         return Equations(self.system)
 
     def constants(self, table: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Rows of the units of a device table, and its parameters by name, one entry per device."""
+        """Parameters of the devices of one table.
+
+        Parameters
+        ----------
+        table : str
+            Name of the model, such as "genrou".
+
+        Returns
+        -------
+        rows : ndarray (devices)
+            Rows of the units in the tables of the case.
+        parameters : dict of str to ndarray (devices)
+            The parameters by name, in the units of the model.
+        """
         names = devices.every()[table].Par._fields
         if not self.system.has(table):
             return np.zeros(0, np.int64), {name: np.zeros(0) for name in names}
@@ -121,11 +136,21 @@ class OperatingPoint:
         return f.w[:, family.UNIT].copy(), dict(zip(names, f.k.T.copy(), strict=True))
 
     def admittance(self, switching: network.Switching = network.UNSWITCHED) -> sp.csc_matrix:
-        """Network admittance (pu) of branches, the loads' constant parts and the sources of the units that are on."""
+        """Admittance matrix of branches, constant parts of loads, and sources of the connected units.
+
+        Parameters
+        ----------
+        switching : Switching
+            What is out of service; nothing by default.
+
+        Returns
+        -------
+        sparse matrix (buses, buses), complex, pu on the system base
+        """
         return self.admittances(switching).matrix(len(self.V))
 
     def admittances(self, switching: network.Switching = network.UNSWITCHED) -> network.Entries:
-        """The same as entries."""
+        """The entries of `admittance`, for the same arguments."""
         own = source_admittances(self.system)
         own[list(switching.tripped)] = 0
         bus, more = storage_admittances(self.system)
@@ -133,7 +158,17 @@ class OperatingPoint:
         return network.entries(self.net, switching).joined(np.concatenate([self.system.fixed, own, more]), at)
 
     def resized(self, ratings: Iterable[float]) -> "OperatingPoint":
-        """The same point with other storage ratings (devices, MW), which change nothing else in equilibrium."""
+        """The same operating point with other storage ratings, which change nothing else in equilibrium.
+
+        Parameters
+        ----------
+        ratings : iterable of float, MW
+            A rating for each storage device of the case.
+
+        Returns
+        -------
+        OperatingPoint
+        """
         pairs = zip(self.case.storage, ratings, strict=True)
         case = fleet.extended(self.case, (fleet.resized(s, float(rating)) for s, rating in pairs))
         system = storage.with_ratings(self.system, self.case, case.storage)

@@ -212,7 +212,7 @@ def _everywhere(case: Case, name: str, kind: Kind) -> Sequence[int | str | None]
     if name in SET_POINTS:
         return [n for n in numbers if port(case, n, name)]
     if kind.place == "state":
-        raise StudyError("Name the states that are meant: state:speed GENROU 2, as in the labels of linear models.")
+        raise StudyError("Name the states as in the labels of linear models, such as state:speed GENROU 2.")
     if name in (*OF_ROTOR, *OF_MACHINE):
         return [n for n in numbers if _has_rotor(case, n, name in OF_ROTOR)]
     return numbers

@@ -94,8 +94,8 @@ def _check(c: Named, signal: Signal, estimator: EstimatorName) -> None:
         )
     if signal.kind in ANGLES and estimator == "frequency":
         raise StudyError(
-            f"{c.controller.name} reads {name}, but the estimator 'frequency' gives no angles of rotors; choose "
-            "'kalman'."
+            f"{c.controller.name} reads {name}, but the estimator 'frequency' does not estimate rotor angles; "
+            "choose 'kalman'."
         )
 
 

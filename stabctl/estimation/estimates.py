@@ -47,30 +47,65 @@ class Accuracy(NamedTuple):
 class Estimates(Tabular):
     """True and estimated speeds of a simulation, for each seed of noise and losses.
 
-    Arrays have the shape (frames, seeds, machines) unless stated otherwise; `sigma` is as reported by the filter.
+    Arrays have the shape (frames, seeds, machines) unless stated otherwise.
+
+    Attributes
+    ----------
+    point : OperatingPoint
+        Where the simulations start.
+    control : EstimatorControl
+        The estimator and what it drives.
+    seeds : tuple of int
+        Seeds of noise and losses.
+    time : ndarray (frames), s
+        Instants of the frames.
+    slip, estimated, slip_sigma : ndarray, pu
+        True and estimated deviation of the speed from nominal, and its standard deviation as reported by the filter.
+    deviation, deviation_estimated, sigma : ndarray, pu
+        True and estimated speed relative to the COI of the other machines, and its reported standard deviation.
+    acceleration : ndarray, pu/s
+        Rate of the estimated deviation.
+    usable : ndarray of bool
+        Whether the storage of the machine may act.
+    on : ndarray of bool
+        Whether the machine is connected, in a simulation that is still running.
+    nis, nees : ndarray
+        Normalized innovation squared, and normalized error squared of angle and speed; NaN without a filter.
+    orders : ndarray (frames, seeds, devices)
+        Orders to the storage devices, in ratings.
+    wall_s : ndarray (frames), s
+        Computing time of estimator and controller for all seeds.
+    runs : tuple of Trajectory
+        The simulation of each seed.
+    cleared_s : float, s
+        Instant of the last event.
+    alarms : tuple of Alarm
+        PMUs found to be bad, or consistent again.
+    frames : tuple of Frame
+        The reports, beginning with a second in steady state before the run.
     """
 
     point: OperatingPoint
     control: "EstimatorControl"
     seeds: tuple[int, ...]
-    time: np.ndarray  # (frames) s
-    slip: np.ndarray  # pu   true speed deviation from nominal
-    estimated: np.ndarray  # pu
-    slip_sigma: np.ndarray  # pu
-    deviation: np.ndarray  # pu   true speed relative to the COI of the other machines
-    deviation_estimated: np.ndarray  # pu
-    acceleration: np.ndarray  # pu/s   of the estimated deviation
-    sigma: np.ndarray  # pu
-    usable: np.ndarray  # bool   the storage may act
-    on: np.ndarray  # bool   the machine is connected, in a simulation that is still running
-    nis: np.ndarray  # -
-    nees: np.ndarray  # -    of angle and speed, NaN without a filter
-    orders: np.ndarray  # (frames, seeds, devices)
-    wall_s: np.ndarray  # (frames) s   computing time of the estimator and the controller, all seeds
+    time: np.ndarray
+    slip: np.ndarray
+    estimated: np.ndarray
+    slip_sigma: np.ndarray
+    deviation: np.ndarray
+    deviation_estimated: np.ndarray
+    acceleration: np.ndarray
+    sigma: np.ndarray
+    usable: np.ndarray
+    on: np.ndarray
+    nis: np.ndarray
+    nees: np.ndarray
+    orders: np.ndarray
+    wall_s: np.ndarray
     runs: tuple[Trajectory, ...] = ()
-    cleared_s: float = 0.0  # s   instant of the last event
-    alarms: tuple[Alarm, ...] = ()  # PMUs found to be bad, or right again
-    frames: tuple[Frame, ...] = ()  # the reports, those of a second at rest first
+    cleared_s: float = 0.0
+    alarms: tuple[Alarm, ...] = ()
+    frames: tuple[Frame, ...] = ()
 
     plot = verb("stabctl.plotting.estimates:plot")
     fit = verb("stabctl.estimation.fit:fit")
@@ -92,18 +127,40 @@ class Estimates(Tabular):
         return np.sign(self.deviation_estimated) * (np.abs(self.deviation_estimated) > self.deadband)
 
     def count_commands(self, before: float = np.inf) -> int:
-        """Number of machine-frames before an instant (s) with a bang-bang command from the estimates."""
+        """Number of machine-frames with a bang-bang command from the estimates.
+
+        Parameters
+        ----------
+        before : float, s
+            Count frames before this instant.
+
+        Returns
+        -------
+        int
+        """
         return int(np.count_nonzero(self.estimated_commands[self.time < before - 1e-9]))
 
     @property
     def accuracy(self) -> Accuracy:
-        """Accuracy from `SETTLED` after clearing to the end. Raises StudyError as `accuracy_between`."""
+        """Accuracy from `SETTLED` after clearing to the end. Raises `StudyError` as `accuracy_between`."""
         return self.accuracy_between(self.cleared_s + SETTLED, self.time[-1] if len(self.time) else 0.0)
 
     def accuracy_between(self, since: float, until: float) -> Accuracy:
-        """Accuracy from `since` to `until` (s).
+        """Accuracy of the estimates in a part of the run.
 
-        Raises StudyError if no machine was in synchronism between these instants.
+        Parameters
+        ----------
+        since, until : float, s
+            Beginning and end of this part.
+
+        Returns
+        -------
+        Accuracy
+
+        Raises
+        ------
+        StudyError
+            If no machine was in synchronism between these instants.
         """
         rows = (self.time >= since - 1e-9) & (self.time <= until + 1e-9)
         on = self.on[rows]

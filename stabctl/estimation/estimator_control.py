@@ -64,9 +64,9 @@ class EstimatorControl:
                     f"control = {shown(one)} is not a control law; give BangBang(), Feedback(...) or a Controller."
                 )
             if isinstance(one, SampledLaw):
-                raise StudyError("A law behind PMUs acts at their frames; give it without sampled().")
+                raise StudyError("A law behind PMUs acts once per PMU frame; leave out sampled().")
         if len(self._several) - len(self.controllers) > 1 or not self._several:
-            raise StudyError("Give an EstimatorControl one storage law at most, or controllers.")
+            raise StudyError("An EstimatorControl takes one storage law, or controllers; give only one law.")
         if not isinstance(self.pmu, Pmu):
             raise StudyError(f"pmu = {shown(self.pmu)} does not describe PMUs; give Pmu(...).")
         for name, allowed in (("estimator", EstimatorName), ("engine", Engine)):

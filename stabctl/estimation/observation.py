@@ -92,7 +92,7 @@ class Observation:
                 right = self._check.recovered(checked, metered, switching, used=self._used, left_out=left_out)
             for k, row in right:
                 self._used[k, row] = True
-                why = f"its phasors have been right for {RETURN:g} s"
+                why = f"its phasors have been consistent for {RETURN:g} s"
                 self.alarms.append(Alarm(self.seeds[k], self.numbers[row], at, why, left_out=False))
             if found or right:
                 self._due.append((self._frames + self._late, ~self._used))

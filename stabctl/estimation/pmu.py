@@ -74,12 +74,45 @@ class Pmu:
 
     @classmethod
     def noisy(cls, rate: int, noise_mrad: float, latency_ms: float, loss: float) -> "Pmu":
-        """PMUs with one noise level for phasors: angles in mrad, and magnitudes with the same number in per mille."""
+        """PMUs with one noise level for angles and magnitudes of the phasors.
+
+        Parameters
+        ----------
+        rate : int, 1/s
+            Reports per second.
+        noise_mrad : float, mrad and per mille
+            Standard deviation of the angles, and the same number in per mille for the magnitudes.
+        latency_ms : float, ms
+            Latency of remote reports.
+        loss : float
+            Fraction of the reports that are lost.
+
+        Returns
+        -------
+        Pmu
+
+        Raises
+        ------
+        StudyError
+            For a value out of range.
+        """
         return cls(rate, angle=1e-3 * noise_mrad, magnitude=1e-3 * noise_mrad, latency=1e-3 * latency_ms, loss=loss)
 
     @classmethod
     def exact(cls, rate: int = 60, **options: Any) -> "Pmu":
-        """PMUs without noise, latency or losses."""
+        """PMUs without noise, latency or losses.
+
+        Parameters
+        ----------
+        rate : int, 1/s
+            Reports per second.
+        **options
+            Other fields of `Pmu`.
+
+        Returns
+        -------
+        Pmu
+        """
         none: dict[str, Any]
         none = dict.fromkeys(("angle", "magnitude", "frequency", "rocof", "clock", "latency", "loss"), 0.0)
         return cls(rate, **(none | options))
@@ -98,11 +131,31 @@ class Pmu:
             object.__setattr__(self, "outage", tuple(quantity(time, "s", bare=False) for time in self.outage))
 
     def own_frames(self, hz: float) -> int:
-        """Age (frames) of a machine's own report in a system of `hz`: the group delay of its filter."""
+        """Age of a machine's own report: the group delay of the PMU's filter.
+
+        Parameters
+        ----------
+        hz : float, Hz
+            Rated frequency of the system.
+
+        Returns
+        -------
+        int, frames
+        """
         return round(HALF_WINDOW[self.filter_class] * self.rate / hz)
 
     def remote_frames(self, hz: float) -> int:
-        """Age (frames) of the newest report of another machine in a system of `hz`."""
+        """Age of the newest report of another machine: group delay and latency.
+
+        Parameters
+        ----------
+        hz : float, Hz
+            Rated frequency of the system.
+
+        Returns
+        -------
+        int, frames
+        """
         return self.own_frames(hz) + ceil(self.latency * self.rate - 1e-9)
 
     @property

@@ -92,7 +92,7 @@ def standstill(case: Case) -> Standstill:
 
 
 def _drift(point: operating_point.OperatingPoint) -> float:
-    """Largest change of a voltage or a speed (pu) without a fault; infinite if the system does not hold out."""
+    """Largest change of a voltage or a speed (pu) without a fault; infinite if the run ends before."""
     run = simulation.run(point, None, DRIFT_S, criterion=KEEP_ON)
     if run.time[-1] < DRIFT_S - 1e-6:
         return np.inf

@@ -56,14 +56,14 @@ def _whole(report: "ImportReport") -> Iterator[str]:
         yield f"{report.supported} of {counted(report.records, 'record')} supported."
     if len(report.files) == 1:
         psse = report.files[0].suffix.lower() == ".raw"
-        yield f"There are no dynamic models, only a power flow{': no DYR file is given or found' if psse else ''}."
+        yield f"There are no dynamic models, only power-flow data{': no DYR file was given or found' if psse else ''}."
     if report.whole:
-        yield "The system is whole: everything in the files is represented."
+        yield "The import is complete: all data of the files are represented."
     else:
-        yield "The system is not whole: something in the files is not represented."
+        yield "The import is incomplete: some data of the files are not represented."
     if report.stored and not report.whole:
-        yield "It is checked without that: such machines are constant-power injections, and what such controls"
-        yield "would change is constant."
+        yield "For the checks below, machines without a model are constant-power injections, and the outputs"
+        yield "of controls without a model are constant."
 
 
 def _unsupported(report: "ImportReport") -> Iterator[str]:
@@ -99,11 +99,11 @@ def _checks(report: "ImportReport") -> Iterator[str]:
         yield _row("Power mismatch at the stored voltages", value)
     if flow:
         value = f"{_number(flow.dv)} pu, {_number(flow.dangle)} degrees"
-        yield _row("Load flow against the stored voltages", value)
+        yield _row("Power flow minus stored voltages", value)
     if start:
         at = f" ({start.state})" if start.rate > 1e-8 else ""
         yield _row("Largest |dx/dt| at the start", f"{_number(start.rate)} 1/s{at}")
-        text = f"{_number(start.drift)} pu" if np.isfinite(start.drift) else "the system does not hold out"
+        text = f"{_number(start.drift)} pu" if np.isfinite(start.drift) else "the run ends before"
         yield _row(f"Drift over {DRIFT_S:g} s without a fault", text)
         yield _row("Limits exceeded at the start", "" if start.violations else "none")
         yield from (f"  {_violation(v)}" for v in start.violations)

@@ -31,15 +31,19 @@ def load(
     name : str or Path
         A packaged case by its name, a folder, a PSS/E file ending in .raw, or a MATPOWER file ending in .m.
     dyr : str or Path, optional
-        The DYR file of a RAW file; by default the one beside it with the same name.
+        The DYR file of a RAW file; by default the one with the same name in the same folder.
     loads : {"impedance", "current", "power"}, optional
         What all loads keep constant when the voltage changes; by default what the case says.
     machines : {"typical"}, optional
-        Give a case without dynamic data typical machines, exciters and governors.
+        Typical machines, exciters and governors for a case without dynamic data.
     frequency : float or str, Hz, optional
         Rated frequency of a MATPOWER file, which does not hold it: 50 or "50Hz"; 60 Hz by default.
     missing, missing_controls : str
         What to do with machines and controls without a model; see `read_psse`.
+
+    Returns
+    -------
+    Case
 
     Raises
     ------
@@ -80,7 +84,7 @@ def _refuse(name: str | Path, given: dict[str, Any], files: str) -> None:
     """Raise `StudyError` for an argument that is given but applies to other files."""
     for option, value in given.items():
         if value is not None:
-            raise StudyError(f"{option} applies only to {files}, and {name} is none.")
+            raise StudyError(f"{option} applies only to {files}, not to {name}.")
 
 
 def beside(raw: Path) -> Path | None:

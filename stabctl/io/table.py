@@ -80,9 +80,7 @@ def text_of(path: Path) -> str:
         if path.exists() and not path.is_file():
             raise CaseError(f"{path}: it is not a regular file.")
         if path.stat().st_size > LARGEST_FILE:
-            raise CaseError(
-                f"{path}: the file has more than {LARGEST_FILE / 1e6:g} MB, which no table of a case needs."
-            )
+            raise CaseError(f"{path}: the file has more than {LARGEST_FILE / 1e6:g} MB, the largest that is read.")
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise CaseError(f"{path}: the file is missing; a case folder needs one.") from None

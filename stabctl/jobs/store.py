@@ -97,7 +97,7 @@ class Store:
             present = False
         if not present:
             raise StudyError(
-                f"{self.path}: it was deleted, moved or replaced while the study was running, which ends here; run the "
+                f"{self.path}: it was deleted, moved or replaced while the study was running, which stops; run the "
                 "same command again."
             )
 

@@ -73,7 +73,22 @@ class Case:
         return _made, (plain | {"devices": {model: dict(rows) for model, rows in self.devices.items()}},)
 
     def machine(self, number: int | str) -> Machine:
-        """The row of a machine by its number or name (30/1). Raises `StudyError` if there is no such machine."""
+        """The row of a machine.
+
+        Parameters
+        ----------
+        number : int or str
+            Its number, or its name such as 30/1.
+
+        Returns
+        -------
+        Machine
+
+        Raises
+        ------
+        StudyError
+            If there is no such machine.
+        """
         found = labels.machine_number(self, number) if isinstance(number, str) else number
         for m in self.machines:
             if m.machine == found:
@@ -83,7 +98,20 @@ class Case:
         raise StudyError(f"There is no machine {wanted} in {self.name}; its machines are {numbers}.")
 
     def model(self, number: int, role: str) -> str | None:
-        """Name of the first model with a role ("machine", "exciter" ...) that a machine has; None if it has none."""
+        """Name of the first model with a role that a machine has.
+
+        Parameters
+        ----------
+        number : int
+            Number of the machine.
+        role : str
+            "machine", "exciter", "governor" ...
+
+        Returns
+        -------
+        str or None
+            Name of the model, such as "genrou"; None if the machine has none.
+        """
         return next((model for model in catalog.of_role(role) if number in self.devices.get(model, ())), None)
 
     set = verb("stabctl.model.edit:set_value")

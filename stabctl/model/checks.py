@@ -88,11 +88,14 @@ def _converter(i: int, s: Storage) -> None:
     """Raise the first wrong parameter of a converter of storage, or what an ideal device or a converter has not."""
     if s.storage_model == "ideal":
         if s.converter:
-            text = f"{shown(s.converter)} needs a converter, which an ideal device has not; set storage_model to regc."
+            text = f"{shown(s.converter)} applies only to devices behind a converter; set storage_model to regc."
             raise RowError("storage", i, "converter", text)
         return
     if s.characteristic != "power":
-        text = f"{s.characteristic} is for ideal devices; a converter ({s.storage_model}) keeps its power."
+        text = (
+            f"{s.characteristic} applies only to ideal devices; a converter ({s.storage_model}) "
+            "keeps its power constant."
+        )
         raise RowError("storage", i, "characteristic", text)
     wrong = _setting(s.storage_model, s.converter)
     if wrong:

@@ -91,10 +91,10 @@ def _controls(case: "Case") -> None:
             number = keys.number(key)
             machine = case.model(number, "machine")
             if role == "exciter" and machine and not catalog.takes(machine, role):
-                text = f"machine {number} is modeled by {machine}, which takes no exciter; remove this row."
+                text = f"machine {number} is modeled by {machine}, which has no exciter; remove this row."
                 raise RowError(model, i, "machine", text)
             if role in devices.OF_CONVERTER and machine:
-                text = f"machine {number} is modeled by {machine}, which takes no {role}; remove this row."
+                text = f"machine {number} is modeled by {machine}, which has no {role}; remove this row."
                 raise RowError(model, i, "machine", text)
             if role == "plant control" and not case.model(number, "electrical control"):
                 text = f"machine {number} has no electrical control for its plant control to act on; add one."

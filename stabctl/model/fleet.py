@@ -104,7 +104,7 @@ def chosen(
         match = _PLACE.fullmatch(str(place))
         if not match:
             raise StudyError(
-                f"{shown(place)} does not place a storage device; write 14=50MW, or 14@33=50MW for bus 33."
+                f"{shown(place)} does not describe a storage device; write 14=50MW, or 14@33=50MW for bus 33."
             )
         machine = case.machine(match[1].strip())
         bus = int(match[2]) if match[2] else machine.storage_bus
@@ -135,7 +135,7 @@ def megawatts(case: Case, machine: Machine, size: str | float, flow: PowerFlow |
 def _split(part: str) -> tuple[str, str]:
     place, equals, size = part.partition("=")
     if not equals:
-        raise StudyError(f"{shown(part)} does not place a storage device; write it as 14=50MW or 14@33=50MW.")
+        raise StudyError(f"{shown(part)} does not describe a storage device; write it as 14=50MW or 14@33=50MW.")
     return place, size
 
 

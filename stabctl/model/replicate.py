@@ -38,6 +38,10 @@ def replicate(case: Case, copies: int, *, tie_bus: int | None = None, x: float =
     spread : float
         Relative increase of the inertias from the first copy to the last, which separates the modes of the copies.
 
+    Returns
+    -------
+    Case
+
     Raises
     ------
     StudyError

@@ -22,10 +22,18 @@ BLOCK = 256  # columns of the impedance matrix at a time
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ShortCircuit:
-    """Short-circuit power of every bus of a case."""
+    """Short-circuit power of every bus of a case.
+
+    Attributes
+    ----------
+    case : Case
+        The system.
+    impedance : ndarray (buses), complex, pu on the system base
+        Thevenin impedance Z_kk; infinite where no machine feeds the bus.
+    """
 
     case: Case
-    impedance: np.ndarray  # (buses) complex, pu on the system base   Z_kk; infinite where no machine feeds the bus
+    impedance: np.ndarray
 
     plot = verb("stabctl.plotting.short_circuit:plot")
 

@@ -20,14 +20,30 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ShortCircuitRatio:
-    """Short-circuit ratios of the converters of a case."""
+    """Short-circuit ratios of the converters of a case.
+
+    Attributes
+    ----------
+    case : Case
+        The system.
+    converters : tuple of str
+        Labels of the converters.
+    buses : tuple of int
+        Number of the bus of each.
+    rated_mva : ndarray (converters), MVA
+        Ratings.
+    short_circuit_mva : ndarray (converters), MVA
+        Short-circuit power of the bus of each.
+    equivalent : ndarray (converters)
+        Equivalent short-circuit ratios, with the interaction of the other converters.
+    """
 
     case: Case
     converters: tuple[str, ...]
-    buses: tuple[int, ...]  # number of the bus of each
-    rated_mva: np.ndarray  # (converters) MVA
-    short_circuit_mva: np.ndarray  # (converters) of the bus, MVA
-    equivalent: np.ndarray  # (converters) with the interaction of the others
+    buses: tuple[int, ...]
+    rated_mva: np.ndarray
+    short_circuit_mva: np.ndarray
+    equivalent: np.ndarray
 
     plot = verb("stabctl.plotting.short_circuit_ratio:plot")
 

@@ -16,29 +16,69 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Siting(Tabular):
-    """The cheapest storage fleet found that survives every contingency in nonlinear simulation."""
+    """The cheapest storage fleet found that survives every contingency in nonlinear simulation.
+
+    Attributes
+    ----------
+    case, title : str
+        Name and title of the case.
+    sites : tuple of Site
+        The devices, largest first.
+    costs : Costs
+        What was minimized.
+    cost : float
+        Cost of the fleet.
+    lower_bound : float or None
+        Lower bound of the cost, estimated from the cutting planes; None if the solver failed.
+    uniform_mw, uniform_percent : float or None, MW and percent of machine MVA
+        Smallest uniform fleet that survives everything; None if there is none within the caps.
+    linear_mw : float or None, MW
+        Allocation by linear analysis, scaled until it survives everything.
+    contingencies, infeasible : tuple
+        Contingencies that the fleet survives, and those that no fleet tried survives.
+    evidence : tuple of Evidence
+        Variants of the fleet.
+    history : tuple of Iteration
+        Iterations of the search.
+    observed_s : float, s
+        Observation window after clearing.
+    simulations : int
+        Number of simulations.
+    wall_s : float, s
+        Computing time.
+    candidates : tuple of CandidateSite
+        Sites at which storage could be built.
+    existing : tuple of Storage
+        Devices of the case, which are kept.
+    controllers : tuple of str
+        Controllers in every simulation.
+    law : str
+        Law of the devices; empty if controllers drive them.
+    targets : str
+        Source of the required clearing times, as a sentence; empty if they were given.
+    """
 
     case: str
-    sites: tuple[Site, ...]  # largest first
+    sites: tuple[Site, ...]
     costs: Costs
-    cost: float  # of the fleet
-    lower_bound: float | None  # cost, estimated from the cutting planes; None if the solver failed
-    uniform_mw: float | None  # smallest uniform fleet, by machine MVA, that survives everything; None within the caps
-    uniform_percent: float | None  # of machine MVA
-    linear_mw: float | None  # the allocation by linear analysis, scaled until it survives everything
+    cost: float
+    lower_bound: float | None
+    uniform_mw: float | None
+    uniform_percent: float | None
+    linear_mw: float | None
     contingencies: tuple[Survived, ...]
     infeasible: tuple[Infeasible, ...]
     evidence: tuple[Evidence, ...]
     history: tuple[Iteration, ...]
-    observed_s: float  # s   observation window after clearing
+    observed_s: float
     simulations: int
     wall_s: float
     candidates: tuple[CandidateSite, ...] = ()
-    title: str = ""  # of the case
-    existing: tuple[Storage, ...] = ()  # devices of the case, which are kept
-    controllers: tuple[str, ...] = ()  # that act in every simulation
-    law: str = ""  # of the devices; empty if controllers give the orders
-    targets: str = ""  # where the clearing times to be survived come from, as a sentence; empty if they were given
+    title: str = ""
+    existing: tuple[Storage, ...] = ()
+    controllers: tuple[str, ...] = ()
+    law: str = ""
+    targets: str = ""
 
     plot = verb("stabctl.plotting.siting:plot")
     report = verb("stabctl.report.siting_page:write")
@@ -87,7 +127,17 @@ class Siting(Tabular):
         return tuple(row for row in self.evidence if self.sites and row.smaller and not row.lost)
 
     def storage(self, **options: Any) -> tuple[Storage, ...]:
-        """The devices, for `simulate(storage=...)`; options are fields of `Storage`."""
+        """The devices, for `simulate(storage=...)`.
+
+        Parameters
+        ----------
+        **options
+            Fields of `Storage`, such as lag.
+
+        Returns
+        -------
+        tuple of Storage
+        """
         return tuple(
             Storage(s.machine, s.bus, s.mw, **{"mva": 0.0 if s.mva == s.mw else s.mva, **options}) for s in self.sites
         )

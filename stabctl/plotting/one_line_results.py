@@ -62,7 +62,9 @@ def screen(ax: "Axes", line: OneLine, found: Screen, point: float) -> list[Label
     half, cycles, names = [], [], []
     for p in found.pairs:
         if p.trip[0] not in row:
-            raise StudyError(f"{line.case.name} has no line {p.trip[0]}; draw the screen on the case it was made with.")
+            raise StudyError(
+                f"{line.case.name} has no line {p.trip[0]}; draw the screen on the diagram of its own case."
+            )
         k = row[p.trip[0]]
         near = line.ends[k] if line.case.branches[k].from_bus == int(p.fault) else line.ends[k][::-1]
         half.append((near[0], near.mean(axis=0)))

@@ -102,21 +102,68 @@ class Contingency:
         return self.name or " ".join(part for part in (self.fault, trip) if part) or str(self)
 
     def starts(self, case: Case) -> float:
-        """Instant of the fault, s."""
+        """Instant of the fault.
+
+        Parameters
+        ----------
+        case : Case
+            The system, whose frequency converts cycles.
+
+        Returns
+        -------
+        float, s
+        """
         return seconds(self.at, case.frequency_hz)
 
     def cleared(self, case: Case) -> float:
-        """Instant at which the fault is cleared, s."""
+        """Instant at which the fault is cleared.
+
+        Parameters
+        ----------
+        case : Case
+            The system, whose frequency converts cycles.
+
+        Returns
+        -------
+        float, s
+
+        Raises
+        ------
+        StudyError
+            If there is a fault without a clearing time.
+        """
         if self.clear is None and self.fault is not None:
             raise StudyError(f"The fault at {self.fault} is never cleared; give a clearing time, such as clear='6cyc'.")
         return self.starts(case) + seconds(self.clear or 0.0, case.frequency_hz)
 
     def others(self, case: Case) -> tuple[Event, ...]:
-        """The events other than the fault and its clearing, with their instants in seconds."""
+        """The events other than the fault and its clearing.
+
+        Parameters
+        ----------
+        case : Case
+            The system, whose frequency converts cycles.
+
+        Returns
+        -------
+        tuple of event
+            With their instants in seconds.
+        """
         return tuple(notation.event(e, case.frequency_hz) for e in self.events)
 
     def timed(self, case: Case) -> tuple[Event, ...]:
-        """Every event with its instant in seconds; cycles are those of the case's frequency."""
+        """Every event: the fault, its clearing, and the others.
+
+        Parameters
+        ----------
+        case : Case
+            The system, whose frequency converts cycles.
+
+        Returns
+        -------
+        tuple of event
+            With their instants in seconds.
+        """
         events = list(self.others(case))
         if self.fault is None and not self.trip:
             return tuple(events)
@@ -128,11 +175,36 @@ class Contingency:
         return tuple(events) + tuple(Open(name, off) for name in self.opened)
 
     def check(self, case: Case, until: float | None = None) -> None:
-        """Raise `StudyError` if the case lacks something it names, or an event is later than `until` (s)."""
+        """Check the contingency against a case.
+
+        Parameters
+        ----------
+        case : Case
+            The system.
+        until : float, s, optional
+            End of the run, which must be after the last event.
+
+        Raises
+        ------
+        StudyError
+            If a bus, circuit or machine does not exist, or an event is later than `until`.
+        """
         timeline(case, schedule(case, self, until))
 
     def with_clear(self, clear: str | float, at: str | float | None = None) -> "Contingency":
-        """The same contingency with another clearing time and, if `at` is given, another fault time."""
+        """The same contingency with another clearing time.
+
+        Parameters
+        ----------
+        clear : str or float
+            How long the fault lasts: "6cyc", or seconds.
+        at : str or float, optional
+            Instant of the fault; unchanged by default.
+
+        Returns
+        -------
+        Contingency
+        """
         return replace(self, clear=clear, at=self.at if at is None else at)
 
     def __str__(self) -> str:

@@ -20,46 +20,99 @@ class _Timed:
 
 @dataclass(frozen=True)
 class Fault(_Timed):
-    """A three-phase fault at a bus or on a branch (in its middle unless a point is given)."""
+    """A three-phase fault.
+
+    Parameters
+    ----------
+    place : str
+        A bus "83", or a point on a circuit "7-8@0.4" ("7-8" is its middle).
+    at : float or str, s
+        Instant; text such as "1s" or "60cyc".
+    impedance : complex, pu
+        Fault impedance on the system base; 0 is a bolted fault.
+    """
 
     place: str
-    at: float  # s
-    impedance: complex = 0j  # pu
+    at: float
+    impedance: complex = 0j
 
 
 @dataclass(frozen=True)
 class Clear(_Timed):
-    """The fault at a location is removed without opening any circuit."""
+    """Removal of a fault without opening a circuit.
+
+    Parameters
+    ----------
+    place : str
+        Location of the fault.
+    at : float or str, s
+        Instant; text such as "1.1s".
+    """
 
     place: str
-    at: float  # s
+    at: float
 
 
 @dataclass(frozen=True)
 class Open(_Timed):
-    """A circuit is opened at both ends, or at one bus only, and stays open."""
+    """Opening of a circuit, which stays open.
+
+    Parameters
+    ----------
+    branch : str
+        The circuit, "7-8" or "7-8#2".
+    at : float or str, s
+        Instant; text such as "1s".
+    end : "both" or int
+        Both ends, or the number of the bus whose breaker opens.
+    """
 
     branch: str
-    at: float  # s
-    end: Literal["both"] | int = "both"  # "both", or the number of the bus whose breaker opens
+    at: float
+    end: Literal["both"] | int = "both"
 
 
 @dataclass(frozen=True)
 class TripMachine(_Timed):
-    """A machine is disconnected."""
+    """Disconnection of a machine.
 
-    machine: int | str  # its number, or its name such as 30/1
-    at: float  # s
+    Parameters
+    ----------
+    machine : int or str
+        Its number, or its name such as 30/1.
+    at : float or str, s
+        Instant; text such as "1s".
+    """
+
+    machine: int | str
+    at: float
 
 
 @dataclass(frozen=True)
 class LoadStep(_Timed):
-    """Load is added at a bus, with the voltage dependence of its present load (constant admittance if it has none)."""
+    """Load added at a bus, with the voltage dependence of the load there (constant admittance if there is none).
 
-    bus: int | str  # its number or name
-    at: float  # s
-    p: float = 0.0  # MW    at power-flow voltage; text such as "50MW" too
-    q: float = 0.0  # Mvar  at power-flow voltage; text such as "20Mvar" too
+    Parameters
+    ----------
+    bus : int or str
+        Its number or name.
+    at : float or str, s
+        Instant; text such as "1s".
+    p : float or str, MW
+        Active power at the power-flow voltage; text such as "50MW".
+    q : float or str, Mvar
+        Reactive power at the power-flow voltage; text such as "20Mvar".
+
+    Raises
+    ------
+    StudyError
+        If both powers are 0, or text cannot be parsed.
+    """
+
+    bus: int | str
+    at: float
+    p: float = 0.0
+    q: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -72,12 +125,24 @@ class LoadStep(_Timed):
 
 @dataclass(frozen=True)
 class SwitchShunt(_Timed):
-    """A shunt is switched in at a bus."""
+    """Connection of a shunt at a bus.
 
-    bus: int | str  # its number or name
-    at: float  # s
-    g: float = 0.0  # MW    consumed at 1 pu
-    b: float = 0.0  # Mvar  produced at 1 pu
+    Parameters
+    ----------
+    bus : int or str
+        Its number or name.
+    at : float or str, s
+        Instant; text such as "1s".
+    g : float, MW
+        Active power consumed at 1 pu.
+    b : float, Mvar
+        Reactive power produced at 1 pu.
+    """
+
+    bus: int | str
+    at: float
+    g: float = 0.0
+    b: float = 0.0
 
 
 Event = Fault | Clear | Open | TripMachine | LoadStep | SwitchShunt

@@ -212,7 +212,25 @@ class Trajectory:
         return np.where(self.on, values, np.nan)
 
     def save(self, path: str | Path, *, angle_reference: int | str | None = None) -> Path:
-        """Write atomically to a .csv (`table`) or NetCDF (.nc) file, by its suffix; returns the path."""
+        """Write the trajectory to a file, atomically.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to write: .csv for `table`, .nc for `dataset` as NetCDF.
+        angle_reference : int or str, optional
+            Machine to which the angles of a .csv file are relative.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        StudyError
+            For another suffix, a reference without a rotor, or a file that cannot be written.
+        """
         path = files.path_of(path)
         if path.suffix.lower() == ".csv":
             text = io.StringIO()

@@ -16,11 +16,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class DelayedModes(Modes):
-    """The roots of a loop with continuous delays inside a circle around 0; there are infinitely many outside."""
+    """The roots of a loop with continuous delays inside a circle around 0; there are infinitely many outside.
 
-    radius: float = 0.0  # 1/s   of the circle
-    counted: int = 0  # roots inside by the argument principle
-    correction: float = 0.0  # 1/s   largest distance of an electromechanical mode from that with the Pade approximation
+    Attributes
+    ----------
+    radius : float, 1/s
+        Radius of the circle.
+    counted : int
+        Number of roots inside, by the argument principle.
+    correction : float, 1/s
+        Largest distance of an electromechanical mode from that of the Pade approximation.
+
+    The others are those of `Modes`.
+    """
+
+    radius: float = 0.0
+    counted: int = 0
+    correction: float = 0.0
 
     @property
     def certified(self) -> bool:

@@ -80,12 +80,25 @@ class Nyquist:
 
 @dataclass(frozen=True, repr=False)
 class LimitCycles(Tabular):
-    """The limit cycles of a closed loop, by frequency."""
+    """The limit cycles of a closed loop, by frequency.
+
+    Attributes
+    ----------
+    name : str
+        Name of the case.
+    band : pair of float, Hz
+        Frequencies that were searched.
+    cycles : tuple of LimitCycle
+        The limit cycles.
+    curves : tuple of Nyquist
+        Loop gains of the figure: of the only output, or for each limit cycle of the output with the largest
+        oscillation, with the others as gains.
+    """
 
     name: str
-    band: tuple[float, float]  # Hz
+    band: tuple[float, float]
     cycles: tuple[LimitCycle, ...]
-    curves: tuple[Nyquist, ...]  # of one output, or for each cycle, of the largest with the others as gains
+    curves: tuple[Nyquist, ...]
 
     plot = verb("stabctl.plotting.limit_cycles:plot")
 

@@ -67,7 +67,7 @@ def zero(linear: Linear, right: np.ndarray, left: np.ndarray, first: bool) -> st
         len(linear.speeds())
         and np.abs(left[linear.speeds()]).max() >= 0.5 * np.abs(left[np.r_[linear.speeds(), linear.angles()]]).max()
     ):
-        return "frequency reference (nothing restores the common speed: no governor, no damping)"
+        return "frequency reference (no governor or damping restores the common speed)"
     return f"integral of {linear.states[int(np.abs(right).argmax())]}"
 
 

@@ -107,7 +107,7 @@ class Motion:
                 factor = splu(self._slopes(d))
             before = now
             v -= factor.solve(miss)
-        raise StudyError("The network has no voltages at this state; the disturbance is too large for it.")
+        raise StudyError("The network equations have no solution at this state; use a smaller disturbance.")
 
     def _slopes(self, at: Derivatives) -> sp.csc_matrix:
         """gv there."""

@@ -63,12 +63,12 @@ def limited(point: OperatingPoint) -> None:
                 else f.keys[j]
             )
             raise LinearizationError(
-                f"{f.device.NAME} of {where} is exactly at its limit {parameter} = {limit:g} pu, where the derivative "
-                f"jumps; widen {parameter} in {name}.csv, or choose another operating point."
+                f"{f.device.NAME} of {where} is exactly at its limit {parameter} = {limit:g} pu, where its derivative "
+                f"is discontinuous; widen {parameter} in {name}.csv, or choose another operating point."
             )
     raise LinearizationError(
-        f"The equations at {_where(point, rows[0])} have a kink at the operating point of {point.case.name}, so they "
-        "have no derivative; choose another operating point."
+        f"The equations at {_where(point, rows[0])} are not differentiable at the operating point of "
+        f"{point.case.name}; choose another operating point."
     )
 
 

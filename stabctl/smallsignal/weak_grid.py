@@ -31,14 +31,30 @@ INSIDE = 1e-3  # share of the reactance of the grid that is the infinite bus's o
 
 @dataclass(frozen=True, eq=False, repr=False)
 class WeakGrid:
-    """The least damped mode of one converter at an infinite bus, at every short-circuit ratio and loop gain."""
+    """The least damped mode of one converter at an infinite bus, at every short-circuit ratio and loop gain.
 
-    name: str  # of the converter
-    scr: np.ndarray  # (ratios) short-circuit ratio
-    gain: np.ndarray  # (gains) proportional gain of the phase-locked loop, rad/s per pu
-    eigenvalues: np.ndarray  # (ratios, gains) complex, 1/s   of the least damped mode; NaN: no operating point
-    labels: np.ndarray  # (ratios, gains) names of these modes
-    growth: np.ndarray  # (ratios, gains) largest real part of all modes, 1/s
+    Attributes
+    ----------
+    name : str
+        The converter.
+    scr : ndarray (ratios)
+        Short-circuit ratios.
+    gain : ndarray (gains), rad/s per pu
+        Proportional gains of the phase-locked loop.
+    eigenvalues : ndarray (ratios, gains), complex, 1/s
+        Eigenvalue of the least damped mode; NaN where there is no operating point.
+    labels : ndarray (ratios, gains) of str
+        Names of these modes.
+    growth : ndarray (ratios, gains), 1/s
+        Largest real part of all modes.
+    """
+
+    name: str
+    scr: np.ndarray
+    gain: np.ndarray
+    eigenvalues: np.ndarray
+    labels: np.ndarray
+    growth: np.ndarray
 
     plot = verb("stabctl.plotting.weak_grid:plot")
 

@@ -80,7 +80,23 @@ class Results(Tabular):
 
 
 def read(path: str | Path) -> Results:
-    """The rows of a results file. Raises StudyError if there is no such file or it is not a results file."""
+    """Read the results of a sweep.
+
+    Parameters
+    ----------
+    path : str or Path
+        Results file of `run_sweep`.
+
+    Returns
+    -------
+    Results
+        Its rows, in the order of their jobs.
+
+    Raises
+    ------
+    StudyError
+        If there is no such file, or it is not a results file.
+    """
     return Results(in_order(rows(path)))
 
 

@@ -86,7 +86,7 @@ def test_growth_is_said_of_the_answer_and_a_window_turns_the_rule_off(points):
     assert found.status == "stable_at_limit"
     assert found.swings.growing
     assert "observed 5 to 20 s after clearing" in str(found)
-    assert "Its swings grow within 20 s: watched longer, the clearing time may be shorter." in str(found)
+    assert "Its swings grow within 20 s; with a longer observation, the clearing time may be shorter." in str(found)
     short = clearing_time(points("two_area_thyristor"), AT_7, resolution="1cyc", limit="3cyc", longest=0)
     assert [r.observed_s for r in short.runs] == pytest.approx([5.0] * len(short.runs))
 

@@ -164,7 +164,7 @@ def test_inputs_of_a_tripped_machine_count_as_at_rest(base, kind):
         (lambda: st.Controller.from_control(LAG, "speed:1", "vs:1", limits=(0.1, 0.2)), "must include 0"),
         (lambda: st.Controller.from_control(LAG, "speed:1", "vs:1", delay="5cyc"), "is not a time"),
         (lambda: st.Controller.from_control(LAG, "speed:1", "vs:1", ramp=1.0), "needs a sampled controller"),
-        (lambda: st.Controller.from_control(LAG, "speed:1", "vs:1", relay=True), "needs finite limits"),
+        (lambda: st.Controller.from_control(LAG, "speed:1", "vs:1", relay=True), "give finite ones"),
         (lambda: st.Gate(low=2, high=1), "never open"),
     ],
 )
@@ -183,7 +183,7 @@ def test_mistakes_in_a_controller(make, says):
         ("speed:9", "vs:1", "There is no machine 9"),
         ("speed:1", "field:1", "has an exciter; use vref:1"),
         ("state:speed of 1", "vs:1", "has no state 'speed of 1'; similar ones are"),
-        ("deviation", "vs:1", "has matrices for 1 inputs and 1 outputs, but its names mean 4 inputs"),
+        ("deviation", "vs:1", "has matrices for 1 inputs and 1 outputs, but its signal names stand for 4 inputs"),
     ],
 )
 def test_signals_that_the_case_does_not_have(base, reads, drives, says):
@@ -202,7 +202,7 @@ def test_an_algebraic_loop_is_named(base):
 
 def test_a_law_that_does_not_rest_has_no_linear_model(base):
     one = st.Controller.from_function(lambda seen: 0.1, "speed:1", "order:1@5")
-    with pytest.raises(StudyError, match="is not at rest at the operating point"):
+    with pytest.raises(StudyError, match="is not in steady state at the operating point"):
         base.closed_loop(one)
 
 

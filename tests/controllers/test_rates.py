@@ -45,9 +45,9 @@ def test_a_step_that_is_too_long_for_a_controller_names_it(base):
 def test_an_unstable_controller_has_a_warning(stabctl, tmp_path, rate):
     growing = st.Controller.from_control(control.tf(1, [1, -0.5]), "speed:1", "vs:1", rate=rate, name="odd")
     (sentence,) = growing.warnings
-    assert "odd is unstable by itself" in sentence
+    assert "odd is unstable in open loop" in sentence
     assert "0.5 1/s" in sentence
-    assert "unstable by itself" in str(growing)
+    assert "unstable in open loop" in str(growing)
     assert st.Controller.from_control(control.tf(1, [1, 0]), "speed:1", "vs:1", rate=rate).warnings == ()
     growing.save(tmp_path / "odd.toml")
     words = ("simulate", "two_area", "--until", "0.1s", "--controller", tmp_path / "odd.toml")

@@ -104,11 +104,11 @@ def test_commands(stabctl, tmp_path):
 @pytest.mark.parametrize(
     ("call", "says"),
     [
-        (lambda b: pod(b, "deviation:1", "order"), "A damper has one output; give one place"),
+        (lambda b: pod(b, "deviation:1", "order"), "A damper has one output; give a single one"),
         (lambda b: pod(b, "deviation:9", "order:1@5"), "There is no machine 9"),
         (lambda b: pod(b, "absorbed:2", "order:1@5"), "is not seen in absorbed:2"),
         (lambda b: pss(b, [9]), "There is no machine 9"),
-        (lambda b: lqr(st.load("two_area")), "choose what the regulator drives"),
+        (lambda b: lqr(st.load("two_area")), "choose other outputs"),
     ],
 )
 def test_mistakes(base, call, says):

@@ -53,7 +53,7 @@ def test_a_law_with_a_large_delay_is_not_quiet(fleet, found):
 
 def test_the_group_is_named(found):
     assert found[0].contingencies[0].group.machines == (3, 4)
-    assert "machine 4 leaves with 3" in str(found[0])
+    assert "machine 4 loses synchronism with 3" in str(found[0])
 
 
 def test_a_design_continues_from_its_store(fleet, found):
@@ -137,9 +137,9 @@ def test_a_law_from_the_command_line_is_taken_by_clearing_time(stabctl, tmp_path
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        ((), "Give the contingencies by one of"),
-        (("--fault", "7", "--from-screen", "3"), "Give the contingencies by one of"),
-        (("--from-screen", "3", "--trip", "7-8"), "--trip belongs to --fault"),
+        ((), "Give the contingencies with one of"),
+        (("--fault", "7", "--from-screen", "3"), "Give the contingencies with one of"),
+        (("--from-screen", "3", "--trip", "7-8"), "--trip applies only to --fault"),
         (("--fault", "7", "--max-energy", "5MW"), "5MW"),
         (("--fault", "7"), "no storage devices"),
     ],

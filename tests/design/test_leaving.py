@@ -29,7 +29,7 @@ def test_a_machine_that_just_held_belongs_to_the_group(points):
     point = points("wnaps_paper")
     group = leaving(Trial(point, Contingency("83", trip="83-33"), None, Search()), slow_areas(point.modes()), 5.25)
     assert group.left == (14,)
-    assert str(group) == "machine 14 leaves with 13 (one coherent area)"
+    assert str(group) == "machine 14 loses synchronism with 13 (one coherent area)"
     assert group.cycles == 5.25
 
 

@@ -113,9 +113,9 @@ def test_the_figure_shows_swings_and_power(longest):
     ("options", "words"),
     [
         ({"storage": "none"}, "no storage to schedule"),
-        ({"rate": 0}, "rate = 0 orders a second"),
+        ({"rate": 0}, "rate = 0 orders per second"),
         ({"window": "90s"}, "A schedule of 90 s"),
-        ({"limit": "2cyc"}, "no clearing time to raise: fault 7, trip 5-7: stable up to the limit"),
+        ({"limit": "2cyc"}, "no clearing time to increase: fault 7, trip 5-7: stable up to the limit"),
         ({"energy": "5MW"}, "5MW"),
         ({"law": None}, "law = None cannot take over"),
         ({"iterations": 0}, "iterations = 0 is not"),

@@ -50,7 +50,7 @@ def test_what_a_device_cannot_move_is_said(cases):
     base = cases("two_area_thyristor").initialize(storage="1@5=50MW")
     one = pod(base, "deviation:1", "order:1@5", damping=0.1, order=1, spread=0.5, rate=60, delay="100ms")
     assert not one.reached
-    assert "the damping asked for is not reached: 0.08" in str(one)
+    assert "the required damping is not reached: 0.08" in str(one)
     assert one.short > 0.01
 
 

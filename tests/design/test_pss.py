@@ -84,7 +84,7 @@ def test_what_cannot_be_reached_is_said_with_the_mode(cases):
     found = pss(cases("two_area_thyristor"), [1, 2], damping=0.1)
     assert not found.reached
     assert str(found).endswith(
-        "the damping asked for is not reached: 0.0862 at 1.152 Hz (3 against 4), short by up to 0.0138."
+        "the required damping is not reached: 0.0862 at 1.152 Hz (3 against 4), short by up to 0.0138."
     )
 
 

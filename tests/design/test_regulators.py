@@ -145,8 +145,8 @@ def test_commands(stabctl, tmp_path):
 @pytest.mark.parametrize(
     ("call", "says"),
     [
-        (lambda b: lqr(b, speed=0.0), "speed = 0.0 is not possible"),
-        (lambda b: lqr(b, angle="-3deg"), "angle = '-3deg' is not possible"),
+        (lambda b: lqr(b, speed=0.0), "speed = 0.0 is not allowed"),
+        (lambda b: lqr(b, angle="-3deg"), "angle = '-3deg' is not allowed"),
         (lambda b: lqr(b, inputs="coi_speed"), "lqr does not stabilize two_area_thyristor with coi_speed"),
         (lambda b: lqg(b, inputs="sped"), "'sped' is not an output"),
         (lambda b: lqg(b, delay="7ms"), "not a whole number of frames"),

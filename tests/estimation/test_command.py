@@ -53,7 +53,10 @@ def test_simulate_and_clearing_time_take_an_estimator(stabctl):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (("simulate", "two_area", "--fault", "7", "--clear", "6cyc", "--estimator", "kalman"), "needs storage devices"),
+        (
+            ("simulate", "two_area", "--fault", "7", "--clear", "6cyc", "--estimator", "kalman"),
+            "needs controllers",
+        ),
         (("estimate", *FAULT, "--clear", "6cyc", "--pmu-rate", 61), "not possible; choose one of"),
         (("estimate", *FAULT, "--clear", "6cyc", "--loss", 1.5), "loss"),
         (("estimate", *FAULT, "--clear", "6cyc", "--seed", -1), "--seed"),

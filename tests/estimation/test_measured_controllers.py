@@ -130,11 +130,11 @@ def test_the_command_line_puts_controllers_behind_pmus(stabctl, tmp_path):
     ("control", "says"),
     [
         (behind(gain(("efd:1",), ("vs:1",), [[1.0]], name="k")), "k reads efd:1, which no PMU measures"),
-        (behind(CONTROLLERS["angles"], "frequency"), "gives no angles of rotors; choose 'kalman'"),
+        (behind(CONTROLLERS["angles"], "frequency"), "does not estimate rotor angles; choose 'kalman'"),
         ([behind(CONTROLLERS["angles"]), behind(st.BangBang())], "Give one EstimatorControl"),
         ([behind(st.BangBang()), st.BangBang()], "Give one storage law"),
-        (lambda: behind([st.BangBang(), st.BangBang()]), "one storage law at most"),
-        (lambda: behind([]), "one storage law at most"),
+        (lambda: behind([st.BangBang(), st.BangBang()]), "takes one storage law, or controllers"),
+        (lambda: behind([]), "takes one storage law, or controllers"),
     ],
 )
 def test_mistakes(base, control, says):
@@ -158,5 +158,5 @@ def test_a_law_behind_ideal_pmus_acts_as_the_law_at_frames(law):
 
 
 def test_a_law_behind_pmus_has_their_rate():
-    with pytest.raises(StudyError, match="acts at their frames"):
+    with pytest.raises(StudyError, match="once per PMU frame"):
         st.EstimatorControl(st.BangBang().sampled(60))

@@ -144,7 +144,7 @@ def test_a_matpower_file_has_a_report(stabctl, tmp_path):
     assert found["dangle_deg"] < 0.01  # 1.0e-4
     assert found["corrections"] == [f"{path}: not represented: gencost."]
     assert st.load(tmp_path / "mine") == st.load(path)
-    assert "There are no dynamic models, only a power flow." in stabctl("import", path)[1]
+    assert "There are no dynamic models, only power-flow data." in stabctl("import", path)[1]
 
 
 def test_tables_of_a_matpower_file_that_are_not_modeled(stabctl):

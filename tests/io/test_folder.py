@@ -88,7 +88,7 @@ def test_what_is_no_file_is_not_waited_for(folder):
 def test_a_file_too_large_for_a_table(folder):
     with (folder / "loads.csv").open("w") as file:
         file.truncate(10**9)
-    assert complaint(folder) == f"{folder}/loads.csv: the file has more than 64 MB, which no table of a case needs."
+    assert complaint(folder) == f"{folder}/loads.csv: the file has more than 64 MB, the largest that is read."
 
 
 @pytest.mark.parametrize("name", [3, None, "", " ", "\0", b"two_area"])

@@ -184,7 +184,7 @@ def test_the_ways_to_write_a_matrix(tmp_path):
         ("50	20	1	-5", "50	NaN	1	-5", "line 7, field QD: nan is not allowed"),
         ("50	20	1	-5", "50	sqrt(2)	1	-5", "line 7: '(' is not allowed within mpc.bus"),
         ("50	20	1	-5", "50	1_0	1	-5", "line 7: ... is not a row of numbers"),
-        ("50	20	1	-5", "50	20	-5", "line 7: the row has 12 columns; this one of mpc.bus needs 13"),
+        ("50	20	1	-5", "50	20	-5", "line 7: the row has 12 columns; a row of mpc.bus needs 13"),
         ("	2	1	50", "	2.5	1	50", "line 7, field BUS_I: 2.5 is not a whole number"),
         ("	2	1	50", "	1	1	50", "line 7, field BUS_I: bus 1 appears twice, first in line 6"),
         ("	2	1	50", "	2	7	50", "line 7, field BUS_TYPE: 7 is not a type of bus"),
@@ -193,7 +193,7 @@ def test_the_ways_to_write_a_matrix(tmp_path):
         ("	1	2	0.01	0.1", "	1	1	0.01	0.1", "line 16, to_bus: branch 1-1 connects a bus to itself"),
         ("];\nmpc.gen = [", "mpc.gen = [", "line 5: mpc.bus is not closed by ']' before line 9"),
         ("'O''Hara'};", "'O''Hara'}';", "line 22: \"';\" is not data but code"),
-        ("; 'O''Hara'", "", "line 22: mpc.bus_name must hold 3 texts"),
+        ("; 'O''Hara'", "", "line 22: mpc.bus_name must contain 3 texts"),
     ],
 )  # fmt: skip
 def test_a_damaged_file_is_named_with_its_line(tmp_path, old, new, says):
@@ -205,7 +205,7 @@ def test_a_damaged_file_is_named_with_its_line(tmp_path, old, new, says):
 
 def test_a_file_that_is_too_large_or_not_there(tmp_path, monkeypatch):
     monkeypatch.setattr("stabctl.io.psse.lexer.LARGEST_FILE", 100)
-    with pytest.raises(CaseError, match="MB, which no system needs"):
+    with pytest.raises(CaseError, match="MB, the largest that is read"):
         st.load(small(tmp_path))
     with pytest.raises(CaseError, match="there is no such file"):
         st.load(tmp_path / "other.m")

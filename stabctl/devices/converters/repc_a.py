@@ -121,7 +121,7 @@ def from_record(_kind: str, values: dict[str, Any]) -> tuple[dict[str, Any], lis
     branch = values.pop("branch_from"), values.pop("branch_to"), values.pop("circuit")
     if not branch[0]:
         return values, []
-    return values, [f"monitors its own power instead of branch {branch[0]}-{branch[1]} ckt {branch[2]}."]
+    return values, [f"measures its own power instead of that of branch {branch[0]}-{branch[1]} ckt {branch[2]}."]
 
 
 @inline

@@ -134,7 +134,7 @@ def _records(table: Assignment) -> list[tuple[Any, Place]]:
         width = width or len(values)
         if len(values) != width or width < LEAST[table.name]:
             least = width if width >= LEAST[table.name] else f"at least {LEAST[table.name]}"
-            raise row.place.error(f"the row has {len(values)} columns; this one of mpc.{table.name} needs {least}.")
+            raise row.place.error(f"the row has {len(values)} columns; a row of mpc.{table.name} needs {least}.")
         if not row.text.isascii() or "_" in row.text:
             raise row.place.error(f"{shown(row.text.strip())} is not a row of numbers.")
         cells = [
@@ -163,5 +163,5 @@ def _labels(cells: Assignment, rows: int) -> list[str]:
     """The texts of a cell array, one for each row of a table."""
     texts = cells.strings()
     if cells.opening != "{" or len(texts) != rows:
-        raise cells.place.error(f"mpc.{cells.name} must hold {rows} texts in braces, one for each row of its table.")
+        raise cells.place.error(f"mpc.{cells.name} must contain {rows} texts in braces, one for each row of its table.")
     return texts

@@ -112,7 +112,7 @@ def _value(name: str, place: Place, rest: str, code: Iterator[tuple[Place, str]]
             elif c == "...":
                 break
             elif c in "[]{}=()":
-                raise here.error(f"{c!r} is not allowed within mpc.{name}; it must hold data only.")
+                raise here.error(f"{c!r} is not allowed within mpc.{name}; it must contain data only.")
             else:
                 at = at if begun.strip() else here
                 begun += " " if c == "," else _plain(c)

@@ -42,7 +42,7 @@ def lines(path: Path) -> list[str]:
         if not path.is_file():
             raise CaseError(f"{path}: there is no such file.")
         if path.stat().st_size > LARGEST_FILE:
-            raise CaseError(f"{path}: the file has more than {LARGEST_FILE / 1e6:g} MB, which no system needs.")
+            raise CaseError(f"{path}: the file has more than {LARGEST_FILE / 1e6:g} MB, the largest that is read.")
         text = path.read_bytes().decode("utf-8-sig", errors="replace")
     except (OSError, ValueError) as error:
         raise CaseError(f"{path}: it cannot be read ({getattr(error, 'strerror', None) or error}).") from None

@@ -116,7 +116,7 @@ def _impedance(net: Network, head: Any, place: Place, r: float, x: float, base: 
     if head.CZ == 3:  # r is the load loss in W, x the size of the impedance
         r = r * 1e-6 / base
         if x * x < r * r:
-            raise place.error("the load loss is more than the size of the impedance allows.", "R")
+            raise place.error("the load loss gives a resistance above the impedance.", "R")
         x = math.copysign(math.sqrt(x * x - r * r), x)
     return complex(r, x) * system / base
 
@@ -130,6 +130,6 @@ def _magnetizing(net: Network, t: Transformer, bus: int, place: Place) -> comple
     g = g * 1e-6 / system  # the no-load loss in W; b is the exciting current on the winding's own base
     size = b * (t.z.SBASE12 or system) / system
     if size < g:
-        raise place.error("the no-load loss is more than the exciting current allows.", "MAG1")
+        raise place.error("the no-load loss gives a conductance above the exciting admittance.", "MAG1")
     scale = (_base_kv(net, bus, place, "CM = 2") / nominal) ** 2 if nominal else 1.0
     return scale * complex(g, -math.sqrt(size * size - g * g))
