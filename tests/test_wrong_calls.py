@@ -55,7 +55,7 @@ def test_records(call, says):
         (lambda b: b.limit_cycles(3), "3 is not a Controller"),
         (lambda b: b.margins(None), "None is not a Controller"),
         (lambda b: st.design.pairs(b, delay=[]), "delay = \\[\\] is not a time"),
-        (lambda b: st.design.pairs(b, availability=3), "availability = 3 is not a table"),
+        (lambda b: st.design.pairs(b, availability=3), "availability = 3 is not a dict"),
         (lambda b: st.design.lqr(b, "vref", effort="x"), "effort = 'x' is not allowed"),
         (lambda b: st.design.lqg(b, "vref", delay=-1), "delay = -1 is not a time"),
         (lambda b: st.design.lqg(b, "vref", rate="x"), "rate of 'x' frames"),
@@ -126,7 +126,7 @@ def test_a_branch_without_reactance_is_a_warning():
         (("modes", "two_area", "--band", "1", "1e308"), "The band from 1 to 1e+308 Hz is too wide"),
         (("modes", "two_area", "--band", "1e-308", "1", "--sparse"), "The band from 1e-308 to 1 Hz is too wide"),
         (("modes", "two_area", "--set", f"pss.{'9' * 5000}.K=1"), f"no pss at {'9' * 36}...; it has 1, 2, 3, 4"),
-        (("simulate", "two_area", "--storage-at", f"{'9' * 5000}=5MW"), "9... does not place a storage device"),
+        (("simulate", "two_area", "--storage-at", f"{'9' * 5000}=5MW"), "9... does not describe a storage device"),
         (("simulate", "two_area", "--trip-machine", "\u0663@1s"), "is not a machine trip"),
         (("simulate", "two_area", "--fault", "\u0667", "--clear", "3cyc"), "is not a location"),
         (

@@ -55,7 +55,18 @@ class Law(ABC):
 
     @abstractmethod
     def par(self, device: Device) -> Any:
-        """Parameters for a device, in the order of `Par` of its file."""
+        """Parameters of the compiled law for one device.
+
+        Parameters
+        ----------
+        device : Device
+            The device: rating, base, frequency.
+
+        Returns
+        -------
+        Par
+            Record of the file of the law, in pu.
+        """
 
     def sampled(self, rate: int, delay: str | float = 0.0) -> "SampledLaw":
         """The same law acting once per frame, with a delay.

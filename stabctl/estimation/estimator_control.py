@@ -95,5 +95,15 @@ class EstimatorControl:
         return self.pmu.rate
 
     def pilot(self, simulations: Sequence[Simulation]) -> EstimatorLoop:
-        """The control of these simulations; the first uses `seed`, the others the following numbers."""
+        """The control of several simulations.
+
+        Parameters
+        ----------
+        simulations : sequence of Simulation
+            The simulations; the first uses `seed`, the others the following numbers.
+
+        Returns
+        -------
+        EstimatorLoop
+        """
         return EstimatorLoop(self, simulations, range(self.seed, self.seed + len(simulations)))

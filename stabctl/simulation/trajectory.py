@@ -173,6 +173,10 @@ class Trajectory:
             Name or number of the machine that angles are relative to; by default they are relative to the synchronous
             frame.
 
+        Returns
+        -------
+        DataFrame
+
         Raises
         ------
         StudyError

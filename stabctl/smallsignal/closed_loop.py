@@ -40,12 +40,25 @@ class ClosedLoop(Linear):
     Without sampled controllers, A, B, C, D are those of $\dot x = A x + B u$, $y = C x + D u$. With them,
     $A = (M - 1) / T$ for the map $M$ of the states over the common period $T$ of the frames, and B and D are those of
     inputs held over the period.
+
+    Attributes
+    ----------
+    controllers : tuple of Controller
+        The controllers.
+    period : float, s
+        Common period of the frames; 0 if all controllers are continuous.
+    frames : int
+        Frames of the fastest controller in a period.
+    opened : DelayedLoop or None
+        The loop with exact delays, if continuous controllers have delays and none is sampled.
+
+    The others are those of `Linear`.
     """
 
     controllers: tuple[Controller, ...] = ()
-    period: float = 0.0  # s   of the frames; 0: all controllers are continuous
-    frames: int = 0  # in a period, of the fastest controller
-    opened: DelayedLoop | None = None  # with exact delays, if continuous controllers have some and none is sampled
+    period: float = 0.0
+    frames: int = 0
+    opened: DelayedLoop | None = None
 
     def transition(self) -> tuple[np.ndarray, np.ndarray, float]:
         """As for other models; with sampled controllers, the map over the period, with the inputs held."""

@@ -161,7 +161,7 @@ def test_a_file_gives_back_the_law(tmp_path, law):
         ('law = "bang-bang"\nrate = 60\ndelay = "20ms"', "not a whole number of frames"),
         ('law = "storage law"\ngroups = ["1+x"]', "does not name machines"),
         ('law = "storage law"\ngroups = 3', "groups = 3 does not name machines"),
-        ('law = "storage law"\ndelay = "50ms"', "a delay needs frames; give a rate"),
+        ('law = "storage law"\ndelay = "50ms"', "a delay needs a sampling rate; give one"),
         ('law = ["storage law"]', "it must be one of"),
     ],
 )

@@ -68,7 +68,7 @@ def test_options_are_columns_of_every_device(paper):
         ("50", {}, "is not a storage size; write it as 50MW"),
         ([50], {}, "is not a fleet of storage devices; give '50MW' at every machine"),
         (None, {}, "None is not a fleet of storage devices"),
-        ({"x": "5MW"}, {}, "'x' does not place a storage device"),
+        ({"x": "5MW"}, {}, "'x' does not describe a storage device"),
         ("14@999=5MW", {}, "wnaps_paper has no bus 999"),
         ("99=5MW", {}, "There is no machine 99 in wnaps_paper"),
     ],

@@ -72,7 +72,7 @@ def test_the_page_says_what_the_record_holds(design, tmp_path):
         ["8", "9.000", "30.000", "over 40", "+10.000", ""],
         ["7, trip 7-8 (training)", "10.000", "12.000", "14.500", "+2.500", "3+4"],
     ]
-    assert cells(page, "What the devices do")[0] == [
+    assert cells(page, "Operation of the devices")[0] == [
         "<9>",
         "40.0 / 60.0",
         "2 / 2",

@@ -64,7 +64,7 @@ def test_zeros_are_explained(modes, point):
     assert zeros(modes("two_area")) == ["angle reference (rotating all angles together changes nothing)"]
     assert zeros(modes("ieee39"))[1] == "constant state rotor flux q GENROU 10 (open circuit)"
     classical = analyze(linearize(operating_point.solve(point("two_area").case.classical())))
-    assert zeros(classical)[1].startswith("frequency reference (nothing restores the common speed")
+    assert zeros(classical)[1].startswith("frequency reference (no governor or damping restores")
     assert classical.stable
     assert not modes("two_area_thyristor").stable
 
