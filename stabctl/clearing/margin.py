@@ -24,11 +24,11 @@ def margin(trajectory: Trajectory, cleared_s: float) -> Margin | None:
     excess is M w_u^2 / 2 at the last minimum of w, where the accelerating power turns positive again, or at the end
     where voltages collapse before that (Pavella, Ernst, Ruiz-Vega, "Transient Stability of Power Systems: A Unified
     Approach to Assessment and Control", 2000). A run that returned and was lost in a later swing has none. `None` of a
-    run without deceleration, of one that left the frequency range, and of one that lost a phase-locked loop: they say
-    nothing about the distance.
+    run without deceleration, of one that left the frequency range, and of one in which a phase-locked loop or storage
+    lost synchronism: they say nothing about the distance.
     """
     after = trajectory.time > cleared_s - 1e-9
-    if trajectory.outcome.machine not in (None, *trajectory.point.rotor_names):  # a phase-locked loop
+    if trajectory.outcome.machine not in (None, *trajectory.point.rotor_names):  # a phase-locked loop, or storage
         return None
     if trajectory.outcome.kind is Kind.FREQUENCY_INSTABILITY or after.sum() < 3 or trajectory.arrays.angle.shape[1] < 2:
         return None

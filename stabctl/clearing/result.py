@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from stabctl._util.tabular import machine_column
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
+from stabctl.model import labels
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.swings import Swings
 
@@ -114,7 +115,7 @@ class ClearingTime:
 
     def brief(self) -> str:
         """The answer, without case and search."""
-        first = f"; machine {self.machine} loses synchronism first" if self.machine is not None else ""
+        first = f"; {labels.unit(self.machine)} loses synchronism first" if self.machine is not None else ""
         what = f"fault {self.fault}" + (f", trip {', '.join(self.trip)}" if self.trip else "")
         if self.status == "unstable_at_zero":
             return f"{what}: unstable even if cleared immediately{first}"
@@ -139,7 +140,7 @@ class ClearingTime:
     def __str__(self) -> str:
         observed = f"observed {watched(self.search, self.observed_s)} after clearing, {counted(len(self.runs), 'run')}"
         what = f"{self.case}, fault {self.fault}" + (f", trip {', '.join(self.trip)}" if self.trip else "")
-        first = f"; machine {self.machine} loses synchronism first" if self.machine is not None else ""
+        first = f"; {labels.unit(self.machine)} loses synchronism first" if self.machine is not None else ""
         if self.status == "unstable_at_zero":
             return f"{what}: unstable even if cleared immediately{first} ({observed})."
         if self.status == "stable_at_limit":

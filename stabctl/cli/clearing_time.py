@@ -108,11 +108,13 @@ def _show(found: "ClearingTime", as_json: bool) -> None:
         return
     from rich.table import Table
 
+    from stabctl.model import labels
+
     table = Table("clearing time, cycles", "runs", "outcome", "loses synchronism first", "end, s after the fault")
     for (outcome, machine), group in groupby(found.runs, lambda r: (r.outcome, r.machine)):
         alike = list(group)
         times, ends = [r.cycles for r in alike], [r.time_s for r in alike]
-        first = "" if machine is None else f"machine {machine}"
+        first = "" if machine is None else labels.unit(machine)
         end = outcome.value.replace("_", " ")
         table.add_row(_span(times, "g"), str(len(alike)), end, first, _span(ends, ".2f"))
     shared.console().print(table)

@@ -98,11 +98,13 @@ def _show(found: "Screen", as_json: bool) -> None:
         return
     from rich.table import Table
 
+    from stabctl.model import labels
+
     table = Table("fault at bus", "trip", "critical clearing time, cycles", "loses synchronism first")
     for p in found.pairs:
         longest = f"{found.search.limit_cycles:g} or more"
         shown = {"unstable_at_zero": "unstable at any", "stable_at_limit": longest}
-        first = "" if p.machine is None else f"machine {p.machine}"
+        first = "" if p.machine is None else labels.unit(p.machine)
         cycles = shown.get(p.status) or f"{p.cycles:g}"
         table.add_row(p.fault, " ".join(p.trip), cycles, first)
     if found.pairs:

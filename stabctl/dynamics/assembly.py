@@ -17,6 +17,7 @@ from .limits import Limits, limits
 from .order import near
 from .rows import Row
 from .tables import Family
+from .unweighted import Unweighted, unweighted
 from .wiring import Wiring
 
 INFINITE = 1e9  # s   inertia constant in place of that of an infinite bus
@@ -42,13 +43,6 @@ class Rotors(NamedTuple):
         return np.where(self.virtual & with_machine, 0.0, self.inertia)
 
 
-class PhaseLocked(NamedTuple):
-    """The phase-locked loops of grid-following converters."""
-
-    unit: np.ndarray  # rows of the units
-    angle: np.ndarray  # places, among the states
-
-
 @dataclass(frozen=True, eq=False)
 class System:
     """All devices of a case, with everything that initialization, derivatives and simulation need."""
@@ -57,7 +51,6 @@ class System:
     layout: Layout
     limits: Limits
     rotors: Rotors
-    locked: PhaseLocked
     unit_bus: np.ndarray  # (units) rows of the buses
     forming: np.ndarray  # (units) whether it is a voltage source
     fixed: np.ndarray  # (buses) admittances included in the network matrix, pu
@@ -76,6 +69,11 @@ class System:
             if f.name == table:
                 return f
         raise KeyError(table)
+
+    @property
+    def unweighted(self) -> Unweighted:
+        """The angles that are judged without weight in a center of inertia; those of devices with a rating above 0."""
+        return unweighted(self.families, self.layout.nx)
 
     @property
     def near_bus(self) -> np.ndarray:
@@ -114,7 +112,6 @@ def system(case: Case, flow: PowerFlow, net: Network) -> System:
         layout,
         limits(families, wired.step + 2),
         _rotors(families, unit),
-        _locked(families, unit),
         net.machine_bus.astype(np.int64),
         forming,
         fixed,
@@ -157,13 +154,3 @@ def _inertia(f: Family) -> np.ndarray | None:
         return None
     H = f.k[:, constants.index("H")]
     return np.where(H > 0, H, INFINITE) * f.k[:, constants.index("mva")]
-
-
-def _locked(families: Iterable[Family], unit: Mapping[str, list[int]]) -> PhaseLocked:
-    found: list[tuple[int, int]] = []
-    for f in families:
-        if hasattr(f.device, "PLL"):
-            angle = f.w[:, family.STATE] + family.fields(f.device, "State").index(f.device.PLL)
-            found += zip(unit[f.name], angle, strict=True)
-    parts = list(zip(*sorted(found), strict=True)) or [()] * 2
-    return PhaseLocked(*(np.array(part, np.int64) for part in parts))

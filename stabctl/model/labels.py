@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from .case import Case
 
+STORAGE = "ESD "  # begins the names of storage devices in messages: ESD 1@2
+
 
 def machine_number(case: "Case", name: object) -> int | None:
     """Number of the machine with this number or name; the bus before the slash of a name may be given by its own."""
@@ -30,6 +32,11 @@ def bus(case: "Case", number: int) -> str:
     """A bus in words: `bus 7`, or `bus 7 (NORTH)` if it has a name."""
     name = next((b.name for b in case.buses if b.bus == number), "")
     return f"bus {number} ({name})" if name else f"bus {number}"
+
+
+def unit(name: int | str) -> str:
+    """What lost synchronism in words: `machine 3`, or `storage device ESD 1@2`."""
+    return f"storage device {name}" if str(name).startswith(STORAGE) else f"machine {name}"
 
 
 def order(name: int | str) -> tuple[int, str]:

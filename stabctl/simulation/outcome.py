@@ -10,12 +10,14 @@ import numpy as np
 from stabctl import devices
 from stabctl._util.wording import named
 from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.dynamics.unweighted import Angle
 
 from . import stepper
 from .criterion import Criterion, frequency_range
 from .swings import Swings
 from .topology import Stage
 
+SLACK = 1e-9  # pu   distance of a frequency from its limit that is rounding
 SOURCE = "a machine or grid-forming converter"
 
 
@@ -36,7 +38,9 @@ class Outcome:
     kind: Kind
     message: str
     time_s: float  # s   when it ended
-    machine: int | str | None = None  # name or number of the machine that lost synchronism first
+    machine: int | str | None = (
+        None  # name or number of the machine that lost synchronism first, or "ESD 1@2" of storage
+    )
     bus: int | None = None  # number of the bus whose voltage collapsed
     swings: Swings | None = None  # the last ones of a run that reached its end; None if they are not judged
 
@@ -57,11 +61,12 @@ class End(NamedTuple):
     stage: Stage
     speed: np.ndarray  # (rotor units) pu
     weight: np.ndarray  # (rotor units) s   in the center of inertia of their island
-    machine: int  # row of the critical rotor unit, or of the phase-locked loop
+    machine: int  # row of the critical rotor unit, or of the angle without weight
     bus: int  # row of the critical bus
     outside_s: float  # s   longest time that an island was outside the frequency range
     taken_off: tuple[str, ...]  # sentences on machines that ran away alone in their island
     swings: Swings | None  # if it reached its end
+    frequency: float  # pu   of the critical phase-locked loop
 
 
 def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
@@ -81,7 +86,8 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
             kind, machine, where = Kind.LOST_SYNCHRONISM, number, " of its island" if cut else ""
             text = (
                 f"{called[0].upper()}{called[1:]} lost synchronism at {t:.3f} s: {_angle(point, end)} moved "
-                f"{np.rad2deg(criterion.max_angle):.0f} degrees relative to the center of inertia{where}."
+                f"{np.rad2deg(criterion.max_angle):.0f} degrees relative to the center of inertia{where}"
+                f"{_at_limit(point, end)}."
             )
         case stepper.RUNAWAY:
             kind, machine = Kind.LOST_SYNCHRONISM, number
@@ -106,7 +112,7 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
             within = _within(point, end, criterion)
             text = f"Every island stayed in synchronism until {t:.3f} s{within}{_frequencies(point, end)}."
         case _:
-            converters = point.rotors.virtual.any() or len(point.system.locked.unit)
+            converters = point.rotors.virtual.any() or len(point.system.unweighted.rows)
             everything = "All machines and converters" if converters else "All machines"
             text = f"{everything} stayed in synchronism until {t:.3f} s{_within(point, end, criterion)}."
     sentences = (cut, text, str(end.swings or "")) if end.verdict == stepper.DONE else (text, cut)
@@ -115,13 +121,13 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
 
 def _critical(point: OperatingPoint, end: End) -> tuple[int | str | None, str]:
     """The critical unit: its name or number, and what it is called in a sentence."""
-    rotors, locked = point.rotors, point.system.locked
-    unit = locked.unit if end.verdict == stepper.UNLOCKED else rotors.unit
-    if not len(unit):
+    rotors, other = point.rotors, _unweighted(point, end)
+    if other is not None and other.unit < 0:
+        return other.name, f"storage device {other.name}"
+    if other is None and not len(rotors.unit):
         return None, ""
-    row = int(unit[end.machine])
-    machine = point.case.machines[row]
-    if end.verdict != stepper.UNLOCKED and not rotors.virtual[end.machine]:
+    machine = point.case.machines[rotors.unit[end.machine] if other is None else other.unit]
+    if other is None and not rotors.virtual[end.machine]:
         return machine.called, f"machine {machine.called}"
     model = point.case.model(machine.machine, "converter")
     return machine.called, f"converter {machine.called} ({devices.models()[str(model)].NAME})"
@@ -129,9 +135,24 @@ def _critical(point: OperatingPoint, end: End) -> tuple[int | str | None, str]:
 
 def _angle(point: OperatingPoint, end: End) -> str:
     """Which angle of the critical unit moved."""
-    if end.verdict == stepper.UNLOCKED:
+    other = _unweighted(point, end)
+    if other is not None and not other.virtual:
         return "the angle of its phase-locked loop"
-    return "its virtual angle" if point.rotors.virtual[end.machine] else "its angle"
+    return "its virtual angle" if other is not None or point.rotors.virtual[end.machine] else "its angle"
+
+
+def _unweighted(point: OperatingPoint, end: End) -> Angle | None:
+    """The critical angle, if it has no weight in a center of inertia."""
+    return point.system.unweighted.rows[end.machine] if end.verdict == stepper.UNLOCKED else None
+
+
+def _at_limit(point: OperatingPoint, end: End) -> str:
+    """That the frequency of the critical phase-locked loop is at a limit, in words; empty if it is not."""
+    other = _unweighted(point, end)
+    if other is None or other.least + SLACK < end.frequency < other.most - SLACK:
+        return ""
+    low, high = (limit * point.case.frequency_hz for limit in (other.least, other.most))
+    return f", its frequency at a limit of its range from {low:.2f} to {high:.2f} Hz"
 
 
 def _off_frequency(point: OperatingPoint, end: End, criterion: Criterion) -> str:

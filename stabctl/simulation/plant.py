@@ -19,6 +19,7 @@ class Net(NamedTuple):
 
     factors: Factors
     island: np.ndarray  # (units) island of each unit, -1 if it is tripped or blacked out
+    island_at: np.ndarray  # (buses) island of each bus, -1 if it has no unit or is blacked out
     alive: np.ndarray  # (buses) whether its island has a voltage source
     faulted: bool  # a fault is on, so low voltages are ignored
 
@@ -52,8 +53,9 @@ class Frame(NamedTuple):
     unit: np.ndarray  # (rotor units) rows of their units
     inertia: np.ndarray  # (rotor units) s
     weight: np.ndarray  # (rotor units) s   in the center of inertia that the criterion judges against
-    locked: np.ndarray  # places of the angles of phase-locked loops
-    locked_unit: np.ndarray  # rows of their units
+    other: np.ndarray  # places of the angles without weight: of phase-locked loops, and of grid-forming storage
+    other_unit: np.ndarray  # rows of their units, -1: storage
+    other_bus: np.ndarray  # rows of their buses
     first: np.ndarray  # (rotor units + 1) where the group of each begins in `member`
     member: np.ndarray  # rotor units of the groups, one group after the other
     owner: np.ndarray  # (size of s) row of the unit that owns the signal, -1: none
@@ -93,12 +95,12 @@ class Space(NamedTuple):
         np.ndarray
     )  # (2, rotor units) rad   before the first event, and the largest change relative to the COI so far
     turned: np.ndarray  # (2, rotor units) pu, pu/s   speed after the last step, and its mean rate in that step
-    loops: np.ndarray  # (phase-locked loops) rad   angles before the first event
+    others: np.ndarray  # (angles without weight) rad   before the first event
     off: np.ndarray  # (2, rotor units) s   time that their island has been outside the frequency range, and its maximum
     low: np.ndarray  # (loads) s     time below the threshold
     orders: np.ndarray  # (2, held) before a decision, and after the next instant of switching
     coi: np.ndarray  # (4, buses) inertia, speed, angle and acceleration of the islands
-    marks: np.ndarray  # critical bus and rotor unit, or phase-locked loop; step, stage, what is known and parts when
+    marks: np.ndarray  # critical bus and rotor unit, or angle without weight; step, stage, what is known and parts when
     # Newton was requested; row of `limited` at which a device stopped, -1 if none; steps in a row with switching
 
 
@@ -139,15 +141,15 @@ def frame(
     relay
         Whether they switch between fixed values.
     """
-    rotors, limits, locked = system.rotors, system.limits, system.locked
+    rotors, limits, others = system.rotors, system.limits, system.unweighted
     places = np.array([layout.nx, layout.step, relative.speed], np.int64)
     first = np.cumsum([0, *(len(group) for group in groups)], dtype=np.int64)
     member = np.concatenate([np.zeros(0, np.int64), *groups]).astype(np.int64)
     owner = np.full(layout.size, -1, np.int64)
     owner[: len(layout.owner)] = layout.owner
     return Frame(
-        places, rotors.angle, rotors.speed, rotors.unit, rotors.inertia, rotors.inertia, locked.angle, locked.unit,
-        first, member, owner,
+        places, rotors.angle, rotors.speed, rotors.unit, rotors.inertia, rotors.inertia,
+        others.column("place"), others.column("unit"), others.column("bus"), first, member, owner,
         limits.state, limits.low, limits.high, limits.scale,
         system.draw_bus, system.near_bus, system.watch_bus, system.watch_low, held.astype(np.int64),
         limits.stops, gated, relay,
@@ -164,7 +166,7 @@ def space(s: np.ndarray, layout: Layout, a: Frame) -> Space:
         blank[0].copy(), blank[1].copy(), blank[2].copy(), blank[3].copy(),
         np.zeros((2, 4, len(a.near_bus)), complex),
         np.zeros(nx), np.zeros(nx), np.zeros(nx), np.zeros(nx), np.zeros((3, nb), complex), np.array([0.0, 1.0, 0.5]),
-        np.stack([s[a.rotor], np.zeros(m)]), np.stack([s[a.speed], np.zeros(m)]), s[a.locked], np.zeros((2, m)),
+        np.stack([s[a.rotor], np.zeros(m)]), np.stack([s[a.speed], np.zeros(m)]), s[a.other], np.zeros((2, m)),
         np.zeros(len(a.watch_bus)), np.zeros((2, len(a.held))), np.zeros((4, nb)),
         np.zeros(8, np.int64),
     )  # fmt: skip

@@ -29,7 +29,7 @@ def prepare() -> None:
     }
     arrays: dict[str, Any] = {name: kinds.get(name, places) for name in Frame._fields if name not in ("gated", "relay")}
     frame = Frame(**arrays, gated=False, relay=False)
-    net = Net(factor(sp.identity(1, complex, "csc")), places, np.ones(1, bool), False)
+    net = Net(factor(sp.identity(1, complex, "csc")), places, places, np.ones(1, bool), False)
     program = Program(places, none, calls, calls, calls, calls, calls, calls, places)
     q = space(np.zeros(layout.size), layout, frame)
     advance(program, frame, net, q, numbers(DEFAULT), none, places, False, False, np.empty((0, 0)))

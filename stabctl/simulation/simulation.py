@@ -261,9 +261,14 @@ class Simulation:
         last = self.swings() if verdict == stepper.DONE else None
         end = End(
             verdict, self.time, self._stage, self.speed, self._frame.weight, rotor, bus, outside,
-            tuple(self._taken_off), last,
+            tuple(self._taken_off), last, self._loop_frequency(verdict, rotor),
         )  # fmt: skip
         return outcome(self.point, end, self.criterion)
+
+    def _loop_frequency(self, verdict: int, row: int) -> float:
+        """The frequency of the phase-locked loop that lost synchronism, pu; 1 if none did."""
+        found = self.point.system.unweighted.rows[row].frequency if verdict == stepper.UNLOCKED else -1
+        return float(self._space.s[found]) if found >= 0 else 1.0
 
     def _alone(self) -> bool:
         """Whether the runaway machine is alone in its island, while others are running elsewhere."""

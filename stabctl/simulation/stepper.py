@@ -101,10 +101,10 @@ def judge(a, net, q, rules, h):
         q.off[1, i] = max(q.off[1, i], q.off[0, i])
         if verdict == DONE and 0 < rules.frequency_delay_s < q.off[0, i]:
             verdict, q.marks[1] = FREQUENCY, i
-    for i in range(len(a.locked)):
-        k = net.island[a.locked_unit[i]]
+    for i in range(len(a.other)):
+        k = net.island[a.other_unit[i]] if a.other_unit[i] >= 0 else net.island_at[a.other_bus[i]]
         if verdict == DONE and k >= 0 and q.coi[0, k] > 0:
-            move = abs(q.s[a.locked[i]] - q.loops[i] - q.coi[2, k] / q.coi[0, k])
+            move = abs(q.s[a.other[i]] - q.others[i] - q.coi[2, k] / q.coi[0, k])
             if not move < rules.max_angle:
                 verdict, q.marks[1] = UNLOCKED, i
     if verdict == DONE and rules.low_voltage_s > 0 and not net.faulted:

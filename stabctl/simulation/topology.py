@@ -59,7 +59,10 @@ def _stage(point: OperatingPoint, switching: Switching) -> Stage:
         keep, gone = sp.diags(alive.astype(float)), sp.diags((~alive).astype(float))
         Y = (keep @ Y @ keep + gone).tocsc()
     numbers = np.unique(island[island >= 0])
-    compact = np.where(island >= 0, np.searchsorted(numbers, island), -1).astype(np.int64)
+    compact, at = (
+        np.where(np.isin(of, numbers), np.searchsorted(numbers, of), -1).astype(np.int64)
+        for of in (island, np.where(alive, where, -1))
+    )
     try:
         factors = factor(Y, point.system.near_bus)
     except RuntimeError:
@@ -68,7 +71,7 @@ def _stage(point: OperatingPoint, switching: Switching) -> Stage:
             "shunts and series capacitors."
         ) from None
     changed = *loads, *_blocked(point, alive), *_measured(point, switching)
-    return Stage(Net(factors, compact, alive, switching.faulted), changed, where, Y)
+    return Stage(Net(factors, compact, at, alive, switching.faulted), changed, where, Y)
 
 
 def _held(point: OperatingPoint) -> np.ndarray:

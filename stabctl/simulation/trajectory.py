@@ -79,7 +79,7 @@ class Trajectory:
     def unstable_machines(self) -> tuple[int | str, ...]:
         """Machines that lost synchronism with the rest of their island: those on one side of the widest angle gap."""
         numbers, first = self.point.rotor_names, self.outcome.machine
-        if first not in numbers or not len(self.rows):  # of a phase-locked loop: that converter alone
+        if first not in numbers or not len(self.rows):  # of a phase-locked loop or storage: that converter alone
             return () if first is None else (first,)
         lost, island = numbers.index(first), self.happened.island[self.point.rotors.unit]
         angle = self.arrays.angle

@@ -13,7 +13,7 @@ from stabctl.errors import StudyError
 from stabctl.estimation.estimate import estimate
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.jobs import Found, Task
-from stabctl.model import powerflow
+from stabctl.model import labels, powerflow
 from stabctl.model.case import Case
 from stabctl.schema import fields
 from stabctl.simulation.control import Control, with_law
@@ -104,8 +104,8 @@ def _simulate(job: Job, point: OperatingPoint, control: Control) -> tuple[Result
 
 
 def _number(machine: int | str | None, case: Case) -> int | None:
-    """Number of the machine called so."""
-    return None if machine is None else case.machine(machine).machine
+    """Number of the machine called so; None for a storage device."""
+    return None if machine is None or str(machine).startswith(labels.STORAGE) else case.machine(machine).machine
 
 
 def _ended(run: Trajectory, record: bool) -> Result:

@@ -91,7 +91,7 @@ def test_laws_and_controllers_read_it():
 def test_a_phase_locked_loop_that_slips_has_lost_synchronism():
     with registered(LOOP) as (device,):
         base = st.initialize(small({"locked_source": device.Par(0, 0)}))
-        assert base.system.locked.unit.tolist() == [0]
+        assert base.system.unweighted.column("unit").tolist() == [0]
         assert simulate(base, [Fault("2", 0.1), Clear("2", 0.15)], 2.0).outcome.stable
         found = simulate(base, [Fault("2", 0.1)], 5.0)
     assert (found.outcome.kind, found.outcome.machine) == ("lost_synchronism", 1)

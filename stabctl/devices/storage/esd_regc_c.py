@@ -33,6 +33,7 @@ STOPS = ("energy",)
 UPPER = regc_c.UPPER
 CURRENT_LIMIT = "Imax"
 ANGLES = regc_c.ANGLES
+PLL = regc_c.PLL
 Par: Any = joined.joined(joined.Store, regc_c.Par, reec_c.Par)
 KIT = FOLLOWING._replace(name="REGC_C and REEC_C of storage", parts=(regc_c.Par, reec_c.Par))
 __all__ = ["Input", "admittance"]
