@@ -61,7 +61,7 @@ IEEET1 = ieeet1.Par(0.02, 40.0, 0.05, 6.0, -6.0, 1.0, 0.5, 0.05, TF=1.0, E1=1.2,
 PSS = pss.Par(5.0, 10.0, 0.05, 0.02, 0.1, 0.03)
 EXPONENTIAL = exponential.Par(0, 0, 1.0, 0.7, 1.3, 3.0)
 VARIED = ieel.Par(0, 0, 0, 0, 0, 0.4, 0.2, 0.4, 0.5, 0.25, 0.25, a7=2.0, a8=-1.5, n1=1.8)
-MOTOR = cim.Par(*(0,) * 9, 0.01, 0.09, 4.2, 0.035, 0.09)
+MOTOR = cim.Par(*(0,) * 10, 0.01, 0.09, 4.2, 0.035, 0.09)
 DER = dera1.Par(0, 0, 0, 0, Ddn=20.0, Dup=20.0, fdbd1=0.0, fdbd2=0.0)
 REGC = regc_a.Par(0, 0.02)
 REGC_B = regc_b.Par(0)

@@ -38,7 +38,7 @@ def from_plain(plain: dict[str, Any], search: Search) -> ClearingTime:
 def _run(run: Run) -> list[Any]:
     margin = None if run.margin is None else [float(energy) for energy in run.margin]
     swings = None if run.swings is None else list(run.swings)
-    return list(run._replace(margin=margin, swings=swings))  # type: ignore[arg-type]
+    return list(run._replace(margin=margin, swings=swings, stalled=list(run.stalled)))  # type: ignore[arg-type]
 
 
 def _run_of(plain: list[Any]) -> Run:
@@ -47,4 +47,5 @@ def _run_of(plain: list[Any]) -> Run:
         outcome=Kind(run.outcome),
         margin=None if run.margin is None else Margin(*run.margin),
         swings=None if run.swings is None else Swings(*run.swings),
+        stalled=tuple(run.stalled),
     )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from stabctl._util.tabular import machine_column
 from stabctl._util.verbs import verb
-from stabctl._util.wording import counted
+from stabctl._util.wording import counted, listed, named
 from stabctl.model import labels
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.swings import Swings
@@ -83,11 +83,23 @@ class ClearingTime:
         return () if least is None else tuple(r.cycles for r in self.runs if r.stable and r.cycles > least)
 
     @property
-    def swings(self) -> Swings | None:
-        """The last swings of the longest stable run before an unstable one; None if there are none, or not judged."""
+    def longest_stable(self) -> Run | None:
+        """The longest stable run before an unstable one; None if there is none."""
         least = self.lowest_unstable
         stable = [r for r in self.runs if r.stable and (least is None or r.cycles < least)]
-        return stable[-1].swings if stable else None
+        return stable[-1] if stable else None
+
+    @property
+    def swings(self) -> Swings | None:
+        """The last swings of the longest stable run before an unstable one; None if there are none, or not judged."""
+        longest = self.longest_stable
+        return longest.swings if longest else None
+
+    @property
+    def stalled(self) -> tuple[int, ...]:
+        """Numbers of the buses whose motor loads have stalled at the end of the longest stable run."""
+        longest = self.longest_stable
+        return longest.stalled if longest else ()
 
     @property
     def observed_s(self) -> float:
@@ -129,6 +141,11 @@ class ClearingTime:
         least = f"unstable at {self.lowest_unstable:g} cycles, the lowest unstable time found"
         return f"Stability is not monotone: {least}, and stable again at {again} cycles." if again else ""
 
+    def stall(self) -> str:
+        """A sentence on motor loads that have stalled in the longest stable run; empty if there are none."""
+        where = f"{named(len(self.stalled), 'bus')} {listed([str(bus) for bus in self.stalled])}"
+        return f"In the longest stable run, motor loads at {where} have stalled." if self.stalled else ""
+
     def remark(self) -> str:
         """A sentence on large swings of the answer that last, and on any that grow; empty if there are none."""
         if self.swings is None or self.swings.settled or not (self.swings.growing or self.swings.lasting):
@@ -145,9 +162,9 @@ class ClearingTime:
             return f"{what}: unstable even if cleared immediately{first} ({observed})."
         if self.status == "stable_at_limit":
             text = f"{what}: stable up to the search limit of {self.search.limit_cycles:g} cycles ({observed})."
-            return f"{text} {self.remark()}".rstrip()
+            return " ".join(part for part in (text, self.stall(), self.remark()) if part)
         text = f"{what}: critical clearing time {self.cycles:g} cycles ({self.seconds:.4f} s){first} ({observed})."
-        return " ".join(part for part in (text, self.remark(), self.window()) if part)
+        return " ".join(part for part in (text, self.stall(), self.remark(), self.window()) if part)
 
     __repr__ = __str__
 

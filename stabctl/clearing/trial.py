@@ -34,6 +34,7 @@ class Run(NamedTuple):
     margin: Margin | None = None  # of an unstable run
     swings: Swings | None = None  # the last ones of a stable run
     observed_s: float = 0.0  # s   simulated after the last event
+    stalled: tuple[int, ...] = ()  # buses whose motor loads have stalled at the end
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,8 @@ class Trial:
         ran = self.simulate(k, record="rotors")
         end, cycles = ran.outcome, k * self.search.resolution_cycles
         beyond, observed = None if end.stable else margin(ran, self.cleared(k)), end.time_s - self.last_event(k)
-        return Run(cycles, end.stable, end.kind, end.machine, end.time_s - self.at, beyond, end.swings, observed)
+        start = Run(cycles, end.stable, end.kind, end.machine, end.time_s - self.at)
+        return start._replace(margin=beyond, swings=end.swings, observed_s=observed, stalled=end.stalled)
 
     def guess(self) -> int:
         """Point of the grid near the answer: a share of the time to loss of synchronism, fault uncleared."""

@@ -85,6 +85,7 @@ def _show(found: "ClearingTime", as_json: bool) -> None:
                 "time_s": r.time_s,
                 "growing": None if r.swings is None else r.swings.growing,
                 "decaying": None if r.swings is None else r.swings.decaying,
+                "stalled": r.stalled,
             }
             for r in found.runs
         ]

@@ -28,6 +28,7 @@ class CaseOptions(NamedTuple):
     frequency: options.Frequency = None
     missing: options.Missing = "refuse"
     missing_controls: options.MissingControls = "refuse"
+    motor_share: options.MotorShare = None
 
     def load(self) -> "Case":
         """The case with its settings (`pss.1.K=10`) applied; its warnings go to stderr."""
@@ -50,6 +51,7 @@ class CaseOptions(NamedTuple):
             if not given:
                 raise StudyError(f"--set {text!r} is not allowed; write PATH=VALUE, such as --set pss.1.K=10.")
             values[path.strip()] = value.strip()
+        case = case if self.motor_share is None else case.with_motors(self.motor_share)
         case = case.set(values) if values else case
         case = case.classical() if self.classical else case
         shared.warn([sentence for sentence in case.warnings if sentence not in known], self.verbose)

@@ -38,6 +38,9 @@ def source(case: groups.CaseOptions) -> "Source":
     words = [case.case]
     for name, value in plain.items():
         words += [f"--{name.replace('_', '-')}", f"{value:g}" if isinstance(value, float) else str(value)]
+    if case.motor_share is not None:
+        python += f".with_motors({case.motor_share!r})"
+        words += ["--motor-share", f"{case.motor_share!r}"]
     for text in case.settings or ():
         path, _, value = text.partition("=")
         python += f".set({{{path.strip()!r}: {value.strip()!r}}})"

@@ -57,6 +57,15 @@ Loads = Annotated[
         "--loads", help="What remains constant in every load when the voltage changes (default: as in the case)."
     ),
 ]
+MotorShare = Annotated[
+    float | None,
+    typer.Option(
+        "--motor-share",
+        metavar="SHARE",
+        parser=in_unit("-"),
+        help="Share of every load that induction motors draw: 40% or 0.4 (default: as in the case).",
+    ),
+]
 Machines = Annotated[
     Literal["typical"] | None,
     typer.Option("--machines", help="Typical machines, exciters and governors for a case without dynamic data."),

@@ -117,7 +117,7 @@ def _show(result: "Trajectory", as_json: bool, written: list[Path]) -> None:
         "wall_s": result.wall_s,
     }
     if as_json:
-        shared.print_json(record | {"bus": end.bus, "stable": end.stable})
+        shared.print_json(record | {"bus": end.bus, "stable": end.stable, "stalled": list(end.stalled)})
         return
     from rich.table import Table
 

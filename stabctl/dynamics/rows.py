@@ -1,6 +1,6 @@
 """The devices of every table of a case at its power flow, with their parameters on the system base."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -45,12 +45,14 @@ def tables(case: Case, flow: PowerFlow, net: Network) -> tuple[dict[str, list[Ro
     found["zip_load"], fixed = [], np.zeros(len(case.buses), complex)
     for load, key in zip(case.loads, keys.keys(case, "loads"), strict=True):
         bus = net.place[load.bus]
-        name, row = load_row(case, load, _voltage(case, load, float(abs(flow.V[bus]))), key=key, bus=bus)
-        if name == "zip_load":
-            fixed[bus] += devices.every()[name].admittance(row.par)
-            row = row._replace(par=row.par._replace(Pz=0.0, Qz=0.0))
-        if name != "zip_load" or zip_load.draws(load):
-            found.setdefault(name, []).append(row)
+        V = _voltage(case, load, float(abs(flow.V[bus])))
+        for name, row in load_rows(case, load, V, key=key, bus=bus):
+            if name != "zip_load":
+                found.setdefault(name, []).append(row)
+                continue
+            fixed[bus] += zip_load.admittance(row.par)
+            if zip_load.draws(load):
+                found[name].append(row._replace(par=row.par._replace(Pz=0.0, Qz=0.0)))
     for s in case.storage:
         name = storage.TABLES[s.storage_model]
         found.setdefault(name, []).append(_storage_row(case, s, numbers[s.machine], net.place[s.bus], flow))
@@ -98,8 +100,8 @@ def _bus_row(case: Case, device: ModuleType, key: keys.Key, par: Any, net: Netwo
     return Row(NO_UNIT, bus, bus, par, f"{device.NAME} {key}", f"bus {number}")
 
 
-def load_row(case: Case, load: Load, V: float, *, key: keys.Key, bus: int) -> tuple[str, Row]:
-    """Table and device of a load.
+def load_rows(case: Case, load: Load, V: float, *, key: keys.Key, bus: int) -> Iterator[tuple[str, Row]]:
+    """Table and device of each part of a load: the share of its load model, if it has one, then the rest.
 
     Parameters
     ----------
@@ -114,22 +116,26 @@ def load_row(case: Case, load: Load, V: float, *, key: keys.Key, bus: int) -> tu
     bus
         Row of its bus.
     """
-    drawn = zip_load.drawn(load, V) / case.base_mva
-    where = f"the load at bus {load.bus}"
-    for name, device in devices.models().items():
-        if device.ROLE == "load" and key in case.devices.get(name, {}):
-            known = {
-                "P0": drawn.real,
-                "Q0": drawn.imag,
-                "V0": V,
-                "vlow": load.v_low,
-                "system": case.base_mva,
-                "wb": 2 * np.pi * case.frequency_hz,
-            }
-            par = _filled(device, case.devices[name][key], known)
-            return name, Row(NO_UNIT, bus, bus, par, f"{device.NAME} {key}", where)
-    par = zip_load.from_case(load, load.p / case.base_mva, load.q / case.base_mva, load.v or V)
-    return "zip_load", Row(NO_UNIT, bus, bus, par, f"load {key}", where)
+    known_models = devices.models()
+    found = (name for name, of in case.devices.items() if key in of and known_models[name].ROLE == "load")
+    name = next(found, None)
+    share = 0.0 if name is None else load.model_share
+    if name is not None and share:
+        device, drawn = known_models[name], share * zip_load.drawn(load, V) / case.base_mva
+        known = {
+            "P0": drawn.real,
+            "Q0": drawn.imag,
+            "V0": V,
+            "vlow": load.v_low,
+            "system": case.base_mva,
+            "wb": 2 * np.pi * case.frequency_hz,
+        }
+        par = _filled(device, case.devices[name][key], known)
+        yield name, Row(NO_UNIT, bus, bus, par, f"{device.NAME} {key}", f"the load at bus {load.bus}")
+    if share < 1:
+        P, Q = (1 - share) * load.p / case.base_mva, (1 - share) * load.q / case.base_mva
+        par = zip_load.from_case(load, P, Q, load.v or V)
+        yield "zip_load", Row(NO_UNIT, bus, bus, par, f"load {key}", f"the load at bus {load.bus}")
 
 
 def _voltage(case: Case, load: Load, V: float) -> float:

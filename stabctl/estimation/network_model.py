@@ -16,6 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
+from stabctl.dynamics import family
 from stabctl.dynamics.operating_point import OperatingPoint, source_admittances
 from stabctl.model.network import Switching
 
@@ -42,7 +43,8 @@ class NetworkModel:
         self._each: dict[tuple[Switching, bytes], tuple[np.ndarray, np.ndarray]] = {}
         self._maps: dict[tuple[Switching, bytes], tuple[np.ndarray, np.ndarray] | None] = {}
         fed = [point.net.place[s.bus] for s in point.case.storage]
-        fed += [point.net.place[load.bus] for load in point.case.loads if not _linear(load)]
+        loads = [f for f in point.system.families if f.device.ROLE == "load"]
+        fed += [row for f in loads for row in (f.w[:, family.BUS] - point.layout.nx) // 2]
         fed += [point.net.place[bus] for link in point.case.links for bus in (link.from_bus, link.to_bus)]
         self.others = np.unique(np.array(fed, int))  # buses with currents that are neither machines nor admittances
 
@@ -148,8 +150,3 @@ class NetworkModel:
             ones = sp.csc_matrix((np.ones(len(at)), (at, np.arange(len(at)))), shape=(Y.shape[0], len(at)))
             self._inverses[switching] = sla.splu(Y.tocsc()).solve(ones.toarray().astype(complex))[self._bus]
         return self._inverses[switching]
-
-
-def _linear(load: object) -> bool:
-    shares = ("p_power", "q_power", "p_current", "q_current")
-    return not any(getattr(load, share) for share in shares)

@@ -117,6 +117,7 @@ class Case:
     set = verb("stabctl.model.edit:set_value")
     with_load = verb("stabctl.model.edit:with_load")
     with_load_level = verb("stabctl.model.load_level:with_load_level")
+    with_motors = verb("stabctl.model.motors:with_motors")
     with_loads = verb("stabctl.model.characteristic:with_loads")
     with_storage = verb("stabctl.model.fleet:with_storage")
     with_device = verb("stabctl.model.equip:with_device")

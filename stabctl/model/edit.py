@@ -63,7 +63,13 @@ def set_value(case: Case, path: str | Mapping[str, Any], value: Any = None) -> C
 
 
 def with_load(
-    case: Case, bus: int, p: str | float | None = None, q: str | float | None = None, **shares: float
+    case: Case,
+    bus: int,
+    p: str | float | None = None,
+    q: str | float | None = None,
+    *,
+    id: str | None = None,
+    **shares: float,
 ) -> Case:
     """The case with the load at a bus changed, or with a new load if the bus has none.
 
@@ -76,31 +82,36 @@ def with_load(
     p, q : float or str
         Active (MW) and reactive (Mvar) power consumed, or text with a unit. A value that is omitted is unchanged, or 0
         for a new load.
+    id : str, optional
+        Identifier of the load, at a bus with several: the load with this identifier is changed, or a new one added.
     **shares : float
-        Other columns of the loads table: `p_power`, `q_power`, `p_current`, `q_current`, `v_low`.
+        Other columns of the loads table: `p_power`, `q_power`, `p_current`, `q_current`, `v_low`, `model_share`.
 
     Raises
     ------
     StudyError
-        If the bus does not exist or has several loads.
+        If the bus does not exist, or has several loads of which `id` does not choose one.
     """
     keys.row(case, "buses", bus)
+    others = [name for name in fields(Load) if name not in ("bus", "p", "q", "id")]
     for name in shares:
-        if name not in list(fields(Load))[3:]:
-            raise StudyError(f"Loads have no column {name!r}; {keys.near(name, list(fields(Load))[3:])}")
+        if name not in others:
+            raise StudyError(f"Loads have no column {name!r}; {keys.near(name, others)}")
     given: dict[str, Any] = dict(shares)
     given |= {} if p is None else {"p": megawatts(p)}
     given |= {} if q is None else {"q": megavars(q)}
-    here = [i for i, load in enumerate(case.loads) if load.bus == bus]
+    here = [i for i, load in enumerate(case.loads) if load.bus == bus and id in (None, load.id)]
     if len(here) > 1:
+        named = ", ".join(repr(case.loads[i].id) for i in here)
         raise StudyError(
-            f"Bus {bus} of {case.name} has {len(here)} loads; change one with set('loads.{bus}#2.p', ...)."
+            f"Bus {bus} of {case.name} has {len(here)} loads; give the id of one ({named}), or change one with "
+            f"set('loads.{bus}#2.p', ...)."
         )
     loads = list(case.loads)
     if here:
         loads[here[0]] = loads[here[0]]._replace(**given)
     else:
-        loads.append(Load(**{"bus": bus, "p": 0.0, "q": 0.0} | given))
+        loads.append(Load(bus, 0.0, 0.0, id=id or "")._replace(**given))
     return replace(case, loads=tuple(loads))
 
 

@@ -11,7 +11,7 @@ from . import catalog, keys, paths
 from .case import Case
 
 
-def with_device(case: Case, model: str, at: int | Iterable[int], **values: Any) -> Case:
+def with_device(case: Case, model: str, at: int | str | Iterable[int | str], **values: Any) -> Case:
     """The case with a device added at a machine, or replaced.
 
     A machine, converter, exciter or governor replaces the device with the same role; a stabilizer replaces only one of
@@ -24,8 +24,8 @@ def with_device(case: Case, model: str, at: int | Iterable[int], **values: Any) 
         The system.
     model : str
         Name of the model, as `stabctl models` lists them, or of a registered device: "pss", "exst3".
-    at : int or iterable of int
-        Machine number or, for load and shunt models, bus number; or several.
+    at : int, str or iterable
+        Machine number or, for load and shunt models, bus number, or "7#2" for the second load at bus 7; or several.
     **values : float, int or str
         Its parameters, in their units, or text with a unit: `K=20, Tw="10s"`. Those with a default may be left out.
 
@@ -61,7 +61,7 @@ def with_device(case: Case, model: str, at: int | Iterable[int], **values: Any) 
     return _changed(case, devices, f"{model} at {', '.join(map(str, places))}")
 
 
-def without_device(case: Case, model: str, at: int | Iterable[int] | None = None) -> Case:
+def without_device(case: Case, model: str, at: int | str | Iterable[int | str] | None = None) -> Case:
     """The case without a device, or without all devices of a model.
 
     Parameters
@@ -70,8 +70,8 @@ def without_device(case: Case, model: str, at: int | Iterable[int] | None = None
         The system.
     model : str
         Name of the model: "pss".
-    at : int or iterable of int, optional
-        Machine or bus number, or several; by default every one of the model.
+    at : int, str or iterable, optional
+        Machine or bus number, or "7#2" for the second load at bus 7, or several; by default every one of the model.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def without_device(case: Case, model: str, at: int | Iterable[int] | None = None
     """
     _known(model)
     keys.known_table(case, model)
-    places = [keys.number(key) for key in case.devices[model]] if at is None else _places(case, model, at)
+    places = [_place(model, key) for key in case.devices[model]] if at is None else _places(case, model, at)
     for place in places:
         keys.row(case, model, place)
     return _changed(case, _left(case, (model,), places), f"no {model} at {', '.join(map(str, places))}")
@@ -93,19 +93,25 @@ def _known(model: object) -> None:
         raise StudyError(f"There is no model {shown(model)}; choose one of {', '.join(catalog.models())}.")
 
 
-def _places(case: Case, model: str, at: Any) -> list[int]:
-    """Numbers of machines or buses, all of which the case has."""
+def _places(case: Case, model: str, at: Any) -> list[keys.Key]:
+    """Keys of loads, or numbers of machines or buses, all of which the case has."""
     places = list(at) if isinstance(at, Iterable) and not isinstance(at, str) else [at]
+    if catalog.role(model) == "load":
+        known = keys.keys(case, "loads")
+        return [known[keys.row(case, "loads", place)] for place in places]
     table = "buses" if catalog.at_bus(model) else "machines"
-    for place in places:
-        keys.row(case, table, place)
-    return [int(place) for place in places]
+    return [getattr(case, table)[keys.row(case, table, place)][0] for place in places]
 
 
-def _left(case: Case, models: Iterable[str], places: list[int]) -> dict[str, dict[keys.Key, Any]]:
-    """The devices without those of some models at some machines or buses."""
+def _place(model: str, key: keys.Key) -> keys.Key:
+    """What a device stands at: a load by its key, a machine or bus by its number."""
+    return key if catalog.role(model) == "load" else keys.number(key)
+
+
+def _left(case: Case, models: Iterable[str], places: list[keys.Key]) -> dict[str, dict[keys.Key, Any]]:
+    """The devices without those of some models at some loads, machines or buses."""
     left = {
-        model: {k: par for k, par in rows.items() if model not in models or keys.number(k) not in places}
+        model: {k: par for k, par in rows.items() if model not in models or _place(model, k) not in places}
         for model, rows in case.devices.items()
     }
     return {model: rows for model, rows in left.items() if rows}

@@ -68,7 +68,11 @@ class Machine(NamedTuple):
 
 
 class Load(NamedTuple):
-    """A load; the share of its power that is neither constant power nor constant current is constant admittance."""
+    """A load; the share of its power that is neither constant power nor constant current is constant admittance.
+
+    If a load model such as cim has a row for it, this model draws `model_share` of p and q, and all of this applies to
+    the rest.
+    """
 
     bus: Annotated[int, "-", "bus number"]
     p: Annotated[float, "MW", "active power consumed (negative: infeed)"]
@@ -81,6 +85,7 @@ class Load(NamedTuple):
     v: Annotated[float, "pu", "voltage at which p and q are consumed (0: the power-flow voltage)", NOT_NEGATIVE] = 0.0
     id: Annotated[str, "-", "identifier of the load at its bus"] = ""
     kind: Annotated[LoadKind, "-", "load, or another injection, which --loads leaves as it is"] = "load"
+    model_share: Annotated[float, "-", "share of p and q that its load model draws, if it has one", SHARE] = 1.0
 
 
 class Link(NamedTuple):

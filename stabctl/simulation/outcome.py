@@ -14,6 +14,7 @@ from stabctl.dynamics.unweighted import Angle
 
 from . import stepper
 from .criterion import Criterion, frequency_range
+from .stall import Stalled
 from .swings import Swings
 from .topology import Stage
 
@@ -43,6 +44,7 @@ class Outcome:
     )
     bus: int | None = None  # number of the bus whose voltage collapsed
     swings: Swings | None = None  # the last ones of a run that reached its end; None if they are not judged
+    stalled: tuple[int, ...] = ()  # numbers of the buses whose motor loads have stalled at the end
 
     @property
     def stable(self) -> bool:
@@ -67,6 +69,7 @@ class End(NamedTuple):
     taken_off: tuple[str, ...]  # sentences on machines that ran away alone in their island
     swings: Swings | None  # if it reached its end
     frequency: float  # pu   of the critical phase-locked loop
+    stalled: Stalled  # motor loads
 
 
 def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
@@ -116,7 +119,8 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
             everything = "All machines and converters" if converters else "All machines"
             text = f"{everything} stayed in synchronism until {t:.3f} s{_within(point, end, criterion)}."
     sentences = (cut, text, str(end.swings or "")) if end.verdict == stepper.DONE else (text, cut)
-    return Outcome(kind, " ".join(s for s in sentences if s), t, machine, blamed, end.swings)
+    message = " ".join(s for s in (*sentences, str(end.stalled)) if s)
+    return Outcome(kind, message, t, machine, blamed, end.swings, end.stalled.buses)
 
 
 def _critical(point: OperatingPoint, end: End) -> tuple[int | str | None, str]:

@@ -23,6 +23,7 @@ from .outcome import End, Outcome, outcome
 from .plant import newton_space, space
 from .recording import Recorded, Recording
 from .sampled import Pilot, carry
+from .stall import stalled
 from .swings import Swings
 from .timeline import timeline
 from .topology import stage
@@ -262,6 +263,7 @@ class Simulation:
         end = End(
             verdict, self.time, self._stage, self.speed, self._frame.weight, rotor, bus, outside,
             tuple(self._taken_off), last, self._loop_frequency(verdict, rotor),
+            stalled(self.point, self._space.s, self._stage.net.alive),
         )  # fmt: skip
         return outcome(self.point, end, self.criterion)
 

@@ -29,18 +29,30 @@ NEAR = 3.0  # between the inverse of a time constant and the eigenvalue that it 
 
 def checked(point: OperatingPoint, step: float | None) -> float:
     """The step given, or the default one (s). `StudyError` if it is not stable, or far too short."""
-    longest = REACH / point.fastest if point.fastest else math.inf  # infinite buses alone do not move
+    fastest = max(point.fastest, standstill(point)[0])
+    longest = REACH / fastest if fastest else math.inf  # infinite buses alone do not move
     if step is None:
-        return min(STEP, longest / 2)
+        return min(STEP, longest, REACH / point.fastest / 2 if point.fastest else math.inf)
     if not LEAST_STEP <= step < np.inf:
         raise StudyError(f"The step {step:g} s is not allowed; it must be at least {LEAST_STEP:g} s.")
     if step > longest:
         because = forced_by(point) if longest < STEP else ""
         raise StudyError(
             f"The step {step:.4g} s is too long for {point.case.name}, whose fastest eigenvalue is near "
-            f"{point.fastest:.0f} 1/s{because}; give at most {longest:.3g} s."
+            f"{fastest:.0f} 1/s{because}; give at most {longest:.3g} s."
         )
     return step
+
+
+def standstill(point: OperatingPoint) -> tuple[float, str]:
+    """Largest eigenvalue (1/s) of a motor load that has stopped, 0 if there is none, and the name of the load.
+
+    While it runs, its fluxes move slowly; those of a stopped motor turn at rated frequency against its rotor.
+    """
+    motors = [f for f in point.system.families if hasattr(f.device, "standstill")]
+    rates = [f.device.standstill(f.device.Par(*f.k.T)) for f in motors]
+    worst = [(float(rate.max()), f.keys[int(rate.argmax())]) for f, rate in zip(motors, rates, strict=True)]
+    return max(worst, default=(0.0, ""))
 
 
 def later(point: OperatingPoint, step: float | None) -> float | None:
@@ -48,7 +60,7 @@ def later(point: OperatingPoint, step: float | None) -> float | None:
 
     A step that was given is kept. So is the default one if a longer one would come near the limit of stability.
     """
-    return LATER if step is None and LATER * point.fastest <= NEARLY else None
+    return LATER if step is None and LATER * max(point.fastest, standstill(point)[0]) <= NEARLY else None
 
 
 class Steps(NamedTuple):
@@ -137,9 +149,12 @@ def forced_by(point: OperatingPoint) -> str:
 def cause(point: OperatingPoint) -> str:
     """What makes the fastest eigenvalue, or empty.
 
-    `T2d = 1e-05 s of genrou, machine 3 at bus 3`, a controller, or without such a time constant the control loop or
-    state that takes part most: `PLL of REGC_C 5`, `Ed REGC_C 5`.
+    A motor that may stop, `T2d = 1e-05 s of genrou, machine 3 at bus 3`, a controller, or without such a time constant
+    the control loop or state that takes part most: `PLL of REGC_C 5`, `Ed REGC_C 5`.
     """
+    rate, load = standstill(point)
+    if rate > 2 * point.fastest:
+        return f"that of the motor of {load}, if it stops"
     for f in point.system.families:
         if hasattr(f.device, "fastest") and point.fastest < NEAR * f.device.fastest(f.k[0]):
             return f"that of controller {f.keys[0]}"

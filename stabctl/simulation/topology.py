@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from stabctl.devices.loads import zip_load
 from stabctl.dynamics import family, outputs
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.rows import load_row
+from stabctl.dynamics.rows import load_rows
 from stabctl.errors import StudyError
 from stabctl.model import keys, network
 from stabctl.model.location import circuit
@@ -117,13 +117,14 @@ def _stepped(point: OperatingPoint, switching: Switching) -> tuple[tuple[tuple[s
         share = zip_load.drawn(load._replace(p=1.0, q=1.0), V)  # of p and q at the power-flow voltage
         p, q = power.real / share.real * case.base_mva, power.imag / share.imag * case.base_mva
         more = load._replace(p=load.p + p, q=load.q + q)
-        (table, before), (_, after) = (load_row(case, one, V, key=key, bus=bus) for one in (load, more))
-        par = after.par
-        if table == "zip_load":
-            added[bus] += complex(par.Pz - before.par.Pz, before.par.Qz - par.Qz)
-            par = par._replace(Pz=0.0, Qz=0.0)
-            if not zip_load.draws(load):
-                continue
-        at = np.flatnonzero(point.system.family(table).w[:, family.BUS] == nx + 2 * bus)
-        changed[table, int(at[0])] = par
+        parts = (load_rows(case, one, V, key=key, bus=bus) for one in (load, more))
+        for (table, before), (_, after) in zip(*parts, strict=True):
+            par = after.par
+            if table == "zip_load":
+                added[bus] += complex(par.Pz - before.par.Pz, before.par.Qz - par.Qz)
+                par = par._replace(Pz=0.0, Qz=0.0)
+                if not zip_load.draws(load):
+                    continue
+            at = np.flatnonzero(point.system.family(table).w[:, family.BUS] == nx + 2 * bus)
+            changed[table, int(at[0])] = par
     return tuple((table, row, par) for (table, row), par in changed.items()), added

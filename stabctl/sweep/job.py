@@ -26,6 +26,7 @@ class Job(NamedTuple):
     kind: Annotated[JobKind, "-", "what is computed"]
     case: Annotated[str, "-", "packaged case, or folder relative to the study file"]
     machines: Annotated[Literal["full", "classical"], "-", "models of the case, or classical machines"] = "full"
+    motor_share: Annotated[float, "-", "share of every load that induction motors draw", SHARE] = 0.0
     set: Annotated[str, "-", "changes of the case, a JSON object of paths and values"] = ""
     fault: Annotated[str, "-", "fault location: 83, 7-8@0.4"] = ""
     trip: Annotated[str, "-", "circuits opened to clear the fault: 83-33, 7-8#2"] = ""

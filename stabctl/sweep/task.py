@@ -45,14 +45,15 @@ def tasks(jobs: Iterable[Job], path: str | Path) -> tuple[Task, ...]:
     checked: set[tuple[str, ...]] = set()
 
     @cache
-    def changed(name: str, machines: str, changes: str) -> tuple[Case, str]:
-        case = _changed(path, load(name), Job("simulate", name, set=changes))
+    def changed(name: str, machines: str, share: float, changes: str) -> tuple[Case, str]:
+        case = load(name).with_motors(share) if share else load(name)
+        case = _changed(path, case, Job("simulate", name, set=changes))
         case = case.classical() if machines == "classical" else case
         return case, fingerprint(case)
 
     found: dict[str, Task] = {}
     for job in jobs:
-        case, own = changed(job.case, job.machines, job.set)
+        case, own = changed(job.case, job.machines, job.motor_share, job.set)
         _check(path, job, case, checked)
         acting = controllers(job.controller)
         _signals(path, job, case, acting)

@@ -60,7 +60,7 @@ def motor(seed, cages, kind):
     r, x = rng.uniform(0.01, 0.05, 3), rng.uniform(0.05, 0.15, 3)
     second = {"R2": r[2], "X2": x[2]} if cages == 2 else {}
     given = {"P0": 0.7, "Q0": 0.3, "V0": 1.02, "wb": 377.0, "system": 100.0}
-    rest = dict.fromkeys(cim.Par._fields[:9], 0.0) | given
+    rest = dict.fromkeys(cim.Par._fields[:10], 0.0) | given
     return cim.prepare(
         cim.Par(**rest, Ra=r[0], Xa=x[0], Xm=rng.uniform(2, 5), R1=r[1], X1=x[1], **second, Pmult=1.0, kind=kind)
     )
@@ -127,3 +127,24 @@ def test_records_of_motors():
     assert cim.from_record("CIM6BL", values | {"VI": 0.7})[1] == ["the trip below 0.7 pu is not modeled."]
     with pytest.raises(ValueError, match="saturation"):
         cim.from_record("CIM6AL", values | {"S2": 0.1})
+
+
+@pytest.mark.parametrize(("cages", "kind"), MOTORS)
+def test_the_fastest_eigenvalue_of_a_stopped_motor(cages, kind):
+    """That of its linear model at slip 1, without stator resistance."""
+    for seed in range(5):
+        p = motor(seed, cages, kind)._replace(Ra=0.0)
+        at = np.zeros(5, complex)
+        at[4] = 1.0
+        J = slopes(lambda z, p=p: cim.derivatives(cim.State(*z), (0.0, 0.0), p), at)[: 2 * cages, : 2 * cages]
+        arrays = cim.Par(*(np.array([value]) for value in p))
+        assert cim.standstill(arrays)[0] == pytest.approx(np.abs(np.linalg.eigvals(J)).max(), rel=1e-12)
+
+
+def test_a_motor_stalls_beyond_the_slip_of_its_largest_torque():
+    """One cage: R1 over the magnitude of the impedance seen from it, R and X of the stator behind it."""
+    p = motor(4, 1, 1)
+    stator = 1 / (1 / (p.Ra + 1j * p.Xa) + 1 / (1j * p.Xm))
+    assert p.pull_out == pytest.approx(p.R1 / abs(stator + 1j * p.X1), rel=1e-4)  # 2e-6
+    state = cim.State(*np.zeros((4, 2)), np.array([0.99, 1.01]) * p.pull_out)
+    assert cim.stalled(state, p).tolist() == [False, True]

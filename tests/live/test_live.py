@@ -189,10 +189,11 @@ def test_copied_lines_give_the_run_of_the_page(points, settings, capsys, monkeyp
 
 def test_how_the_case_was_loaded_is_in_the_lines():
     """Options of the command line come back in both lines, and Python gives the same case."""
-    options = CaseOptions("two_area", settings=["pss.1.K=3"], classical=True, loads="current")
+    options = CaseOptions("two_area", settings=["pss.1.K=3"], classical=True, loads="current", motor_share=0.4)
     found = source(options)
-    words = ("two_area", "--loads", "current", "--set", "pss.1.K=3", "--classical")
-    assert found == commands.Source("st.load('two_area', loads='current').set({'pss.1.K': '3'}).classical()", words)
+    words = ("two_area", "--loads", "current", "--motor-share", "0.4", "--set", "pss.1.K=3", "--classical")
+    python = "st.load('two_area', loads='current').with_motors(0.4).set({'pss.1.K': '3'}).classical()"
+    assert found == commands.Source(python, words)
     assert eval(found.python, {"st": st}) == options.load()
 
 

@@ -91,6 +91,13 @@ def test_a_parameter_of_the_case_changes_the_result(results):
     assert found[0].max_angle_from_coi_deg != found[1].max_angle_from_coi_deg
 
 
+def test_motors_change_the_result_and_the_key(results, cases):
+    found = results(SIMULATE.replace("11cyc", "5cyc") + "motor_share = [0, 0.4]")
+    case = cases("two_area").with_motors(0.4)
+    run = case.initialize().simulate(Contingency("7", 5 / 60, ["7-8"]), 3.0)
+    assert found[1].max_angle_from_coi_deg == run.max_angle_from_coi_deg != found[0].max_angle_from_coi_deg
+
+
 @pytest.mark.parametrize(("stable_above", "monotone"), [((), 1), ((9.5,), 0)])
 def test_whether_stability_is_monotone_is_in_the_row(results, monkeypatch, stable_above, monotone):
     found = SimpleNamespace(

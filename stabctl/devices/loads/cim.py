@@ -6,15 +6,19 @@ kind 1: psik = Xk ik + psim;  kind 2: psi1 = X1 (i1 + i2) + psim, psi2 = psi1 + 
 2H dw/dt = Im(conj(psis) is) - T (A w^2 + B w + C0 + D w^E)
 
 The stator transients are neglected. R2 = X2 = 0 is one cage. At the start the slip is solved so that the motor draws
-the active power of the load at its voltage; T is the torque there, and a constant susceptance makes up the reactive
-power. The motor's MVA are Mbase or, if that is 0, Pmult times the load in MW. With CIM5, the torque is T w^D. Not
-represented: saturation, the trip below VI.
+the active power of the load, or of its model_share, at its voltage; T is the torque there, and a constant susceptance
+makes up the reactive power. The motor's MVA are Mbase or, if that is 0, Pmult times its power in MW. With CIM5, the
+torque is T w^D. The torque of the load resists, but does not drive: a motor that has stopped (s = 1) stays so until the
+voltage is high enough to start it. Beyond the slip of its largest torque it stalls: less speed then gives less torque.
+Not represented: saturation, the trip below VI. The default circuit is that of one-cage motors in a PSS/E data set of
+the 39-bus system (changgang/steps, IEEE39_v33).
 Source: PSS/E Model Library, CIM5BL and CIM6BL; PowerWorld, Load Characteristic CIM5 and CIM6; Kundur, Power System
 Stability and Control, section 7.2; Krause, Analysis of Electric Machinery, chapter 4.
 """
 
 from typing import Annotated, Any, NamedTuple
 
+import numpy as np
 from annotated_types import Interval
 
 from stabctl._util.jit import inline
@@ -25,6 +29,7 @@ from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 NAME = "CIM"
 ROLE = "load"
 PHASORS = (("re1", "im1"), ("re2", "im2"))
+LIMITS = {"slip": (-np.inf, 1.0)}
 _CIRCUIT = "+kind Ra Xa Xm R1 X1 R2 X2 _E1 S1 _E2 S2 Mbase Pmult H VI _TI _TB"
 SCOPES = ("BL", "OW", "ZN", "AR", "AL")
 DYR = {f"CIM5{scope}": f"{_CIRCUIT} D _Tnom" for scope in SCOPES}
@@ -43,16 +48,17 @@ class Par(NamedTuple):
     slip: Annotated[float, "pu", "slip of the start", FROM_CASE]
     T: Annotated[float, "pu", "torque factor", FROM_CASE]
     Bsh: Annotated[float, "pu", "susceptance for the rest of the reactive power, system base", FROM_CASE]
-    Ra: Annotated[float, "pu", "stator resistance", NOT_NEGATIVE]
-    Xa: Annotated[float, "pu", "stator leakage reactance", POSITIVE]
-    Xm: Annotated[float, "pu", "magnetizing reactance", POSITIVE]
-    R1: Annotated[float, "pu", "resistance of the first cage", POSITIVE]
-    X1: Annotated[float, "pu", "reactance of the first cage", POSITIVE]
+    pull_out: Annotated[float, "pu", "slip of the largest torque", FROM_CASE]
+    Ra: Annotated[float, "pu", "stator resistance", NOT_NEGATIVE] = 0.01
+    Xa: Annotated[float, "pu", "stator leakage reactance", POSITIVE] = 0.09
+    Xm: Annotated[float, "pu", "magnetizing reactance", POSITIVE] = 4.2
+    R1: Annotated[float, "pu", "resistance of the first cage", POSITIVE] = 0.035
+    X1: Annotated[float, "pu", "reactance of the first cage", POSITIVE] = 0.09
     R2: Annotated[float, "pu", "resistance of the second cage (0: none)", NOT_NEGATIVE] = 0.0
     X2: Annotated[float, "pu", "reactance of the second cage (0: none)", NOT_NEGATIVE] = 0.0
     H: Annotated[float, "s", "inertia constant", POSITIVE] = 0.5
-    Mbase: Annotated[float, "MVA", "motor MVA (0: Pmult times the load)", NOT_NEGATIVE] = 0.0
-    Pmult: Annotated[float, "-", "motor MVA over load in MW", POSITIVE] = 1.25
+    Mbase: Annotated[float, "MVA", "motor MVA (0: Pmult times the power)", NOT_NEGATIVE] = 0.0
+    Pmult: Annotated[float, "-", "motor MVA over its power in MW", POSITIVE] = 1.25
     A: Annotated[float, "-", "share of the torque that is quadratic in speed"] = 0.0
     B: Annotated[float, "-", "share that is proportional to speed"] = 0.0
     C0: Annotated[float, "-", "constant share"] = 1.0
@@ -117,18 +123,19 @@ def prepare(p: Par) -> Par:
     def drawn(slip: float) -> float:
         return p.V0 * steady(slip, p)[0].real * p.mva
 
-    pull_out = float(minimize_scalar(lambda slip: -drawn(slip), bounds=(1e-6, 1.0), method="bounded").x)
+    def torque(slip: float) -> float:
+        stator, *_ = steady(slip, p)
+        return p.V0 * stator.real - p.Ra * abs(stator) ** 2
+
+    pull_out = float(minimize_scalar(lambda slip: -torque(slip), bounds=(1e-6, 1.0), method="bounded").x)
     if not drawn(1e-9) <= p.P0 <= drawn(pull_out):
         raise EquilibriumError(
             f"A motor load cannot draw {p.P0 * p.system:g} MW at {p.V0:.3f} pu: its largest power is "
             f"{drawn(pull_out) * p.system:.4g} MW; check its Mbase and Pmult."
         )
     slip = float(brentq(lambda s: drawn(s) - p.P0, 1e-9, pull_out, xtol=1e-16, rtol=1e-14))
-    stator, *_ = steady(slip, p)
-    torque = (p.V0 * stator.conjugate()).real - p.Ra * abs(stator) ** 2
-    w = 1 - slip
-    rest = p.Q0 + p.V0 * stator.imag * p.mva
-    return p._replace(slip=slip, T=torque / load(w, p), Bsh=rest / p.V0**2)
+    rest = p.Q0 + p.V0 * steady(slip, p)[0].imag * p.mva
+    return p._replace(slip=slip, T=torque(slip) / load(1 - slip, p), Bsh=rest / p.V0**2, pull_out=pull_out)
 
 
 @inline
@@ -192,6 +199,22 @@ def derivatives(x, v, p):
         -second * (p.R2 * im2 + x.slip * x.re2),
         (p.T * load(1 - x.slip, p) - (er * ir + ei * ii)) / (2 * p.H),
     )
+
+
+def standstill(p: Par) -> np.ndarray:
+    """Largest eigenvalue (1/s, absolute) of the fluxes of stopped motors (arrays) at a given voltage: wb |j - rate|."""
+    two, X2 = p.R2 > 0, np.where(p.R2 > 0, p.X2, 1.0)
+    behind = p.Xa * p.Xm / (p.Xa + p.Xm)
+    X11, X12 = p.X1 + behind, behind + np.where(p.kind == 2, p.X1, 0.0)
+    det = X11 * (X12 + X2) - X12**2
+    total = (p.R1 * (X12 + X2) + p.R2 * X11) / det
+    rate = np.where(two, total / 2 + np.sqrt(total**2 / 4 - p.R1 * p.R2 / det), p.R1 / X11)
+    return np.asarray(p.wb * np.abs(1j - rate))
+
+
+def stalled(x: State, p: Par) -> Any:
+    """Whether motors (of states and parameters as arrays) are beyond the slip of their largest torque."""
+    return x.slip > p.pull_out
 
 
 def guess(V: complex, p: Par) -> State:
