@@ -33,7 +33,7 @@ docs: .venv/docs  ## build the site of the documentation in build/site, and docs
 gallery: .venv/demo  ## draw the figures of docs/gallery again
 	$(BIN)/python tools/gallery.py
 
-coverage: .venv/demo  ## write docs/coverage.md: what of a collection of PSS/E systems is understood (COLLECTION=folder)
+coverage: .venv/demo  ## write docs/coverage.md: how much of a collection of PSS/E systems is supported (COLLECTION=folder)
 	$(BIN)/python tools/coverage_page.py $(COLLECTION)
 
 reproduce: .venv/demo  ## run all studies, compared with the paper in reports/index.html (FULL=1: also the long ones)

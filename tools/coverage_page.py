@@ -1,4 +1,4 @@
-"""docs/coverage.md: what of a collection of PSS/E systems is understood, from their import reports.
+"""docs/coverage.md: how much of a collection of PSS/E systems is supported, from their import reports.
 
 python tools/coverage_page.py [FOLDER]    by default ../shared/reference/import
 """
@@ -22,12 +22,13 @@ systems; do not edit it. Their sources are
 [PowerSimulationsDynamics.jl](https://github.com/NREL-Sienna/PowerSimulationsDynamics.jl) (`psid`),
 [STEPS](https://github.com/changgang/steps) (`steps`) and [TOPS](https://github.com/hallvar-h/TOPS) (`tops`).
 """
-SYSTEMS = """A system is *whole* if everything in its files is represented. The power mismatch is the largest of a bus
-at the stored voltages; a large one belongs to a file that was changed after its load flow was solved. The drift is the
-largest change of a voltage or a speed in 2 s without a fault; a large one belongs to a start that exceeds the limits
-in the column before it.
+SYSTEMS = """\
+A system is *complete* if all data of its files are represented. The power mismatch is the largest at any bus, at the
+stored voltages; it is large if a file was changed after its power flow was solved. The drift is the largest change of a
+voltage or a speed in 2 s without a fault; it is large if the initial state exceeds the limits in the column before it.
 """
-HEADS = "System", "Buses", "Machines", "Records", "Supported", "Whole", "Mismatch, MW", "Limits exceeded", "Drift, pu"
+HEADS = ["System", "Buses", "Machines", "Records", "Supported", "Complete"]
+HEADS += ["Mismatch, MW", "Limits exceeded", "Drift, pu"]
 STILL = 1e-6  # pu   drift that is not shown
 
 
@@ -50,10 +51,10 @@ def page(collection: Path) -> str:
     found = dict(reports(collection))
     read = {name: one for name, one in found.items() if isinstance(one, st.ImportReport)}
     records, supported = (sum(getattr(one, what) for one in read.values()) for what in ("records", "supported"))
-    whole = sum(one.whole for one in read.values())
+    whole = sum(one.complete for one in read.values())
     parts = [
         INTRODUCTION,
-        f"Whole: {whole} of {counted(len(found), 'system')}.",
+        f"Complete: {whole} of {counted(len(found), 'system')}.",
         f"Supported: {supported} of {counted(records, 'dynamic record')}.\n",
         "## Systems\n",
         SYSTEMS,
@@ -78,7 +79,7 @@ def _row(name: str, one: st.ImportReport) -> tuple[object, ...]:
     sizes = len(case.buses), len(case.machines), one.records, one.supported
     mw = one.stored.mw if one.stored else 0.0
     mismatch = f"{mw:.0f}" if mw >= 10 else f"{mw:.2g}"
-    return f"`{name}`", *sizes, "yes" if one.whole else "no", mismatch, exceeded, drift
+    return f"`{name}`", *sizes, "yes" if one.complete else "no", mismatch, exceeded, drift
 
 
 def _kinds(read: Iterable[st.ImportReport]) -> list[tuple[object, ...]]:

@@ -186,7 +186,7 @@ def _record(found: "LawDesign") -> dict[str, Any]:
         "law": asdict(found.law),  # type: ignore[call-overload]
         "gain": found.gain._asdict(),
         "kept": found.kept,
-        "quiet": found.quiet,
+        "no_limit_cycle": found.no_limit_cycle,
         "contingencies": found.df.to_dict("records"),
         "limits": asdict(found.limits),
         "tried": found.tried,

@@ -1,4 +1,4 @@
-"""stabctl import: a PSS/E or MATPOWER system, with a report on what was understood of it."""
+"""stabctl import: a PSS/E or MATPOWER system, with a report on what is represented."""
 
 from pathlib import Path
 from typing import Annotated
@@ -8,12 +8,15 @@ import typer
 from . import options, shared
 
 Raw = Annotated[str, typer.Argument(metavar="X.raw", help="PSS/E RAW file, version 30 to 35, or MATPOWER file x.m.")]
-DyrFile = Annotated[Path | None, typer.Argument(metavar="X.dyr", help="DYR file (default: the one beside it).")]
+DyrFile = Annotated[
+    Path | None,
+    typer.Argument(metavar="X.dyr", help="DYR file (default: the one with the same name in the same folder)."),
+]
 Out = Annotated[Path | None, typer.Option("--out", help="Write the case to a folder, which every command accepts.")]
 Check = Annotated[
     bool, typer.Option("--check/--no-check", help="Compare with the stored voltages, start, and simulate 2 s.")
 ]
-NOT_WHOLE = 1  # exit code
+INCOMPLETE = 1  # exit code
 
 
 def importing(
@@ -48,5 +51,5 @@ def importing(
         io.write(case, out)
         if not as_json:
             print(f"\nwritten: {out}")
-    if not report.whole:
-        raise typer.Exit(NOT_WHOLE)
+    if not report.complete:
+        raise typer.Exit(INCOMPLETE)

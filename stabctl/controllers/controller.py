@@ -45,7 +45,7 @@ class Controller:
     rate : int, 1/s, optional
         Frames per second; None if it is continuous.
     delay : str or float, s
-        From reading to action; of a sampled controller a multiple of its frame.
+        Time from measurement to output; a multiple of the frame of a sampled controller.
     limits : pair of float
         Lowest and highest output, in the unit of the driven input.
     deadband : float
@@ -126,7 +126,7 @@ class Controller:
 
     @property
     def frames(self) -> int:
-        """Frames from reading to action; 0 of a continuous controller."""
+        """Delay in frames; 0 for a continuous controller."""
         return round(self.delay * self.rate) if self.rate else 0
 
     @property

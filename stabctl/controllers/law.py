@@ -76,7 +76,7 @@ class Law(ABC):
         rate : int, 1/s
             Frames per second.
         delay : str or float, s
-            From reading to action, a whole number of frames.
+            Time from measurement to output, a whole number of frames.
         """
         return SampledLaw(self, rate, delay)  # type: ignore[arg-type]
 
@@ -128,7 +128,7 @@ class SampledLaw(Law):
 
     @property
     def frames(self) -> int:  # type: ignore[override]
-        """Frames from reading to action."""
+        """Delay in frames."""
         return round(self.delay * self.rate)
 
     def par(self, device: Device) -> Any:

@@ -1,4 +1,4 @@
-"""What speaks for a design: root locus, loop gains, margins, step responses, and clearing times without and with it."""
+"""Evidence for a design: root locus, loop gains, margins, step responses, and clearing times without and with it."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from stabctl.smallsignal.margins import Margins, margins
 from .loop import Loop
 from .loop_gain import LoopGain, loop_gains
 from .result import Design
-from .steps import Steps, steps
+from .step_responses import StepResponses, step_responses
 
 FACTORS = np.linspace(0.0, 2.0, 41)  # of the gains, along the root locus
 
@@ -73,7 +73,7 @@ class Evidence:
     locus: RootLocus
     loops: tuple[LoopGain, ...]
     margins: Margins | None
-    steps: Steps
+    steps: StepResponses
     checks: tuple[Check, ...]
 
     def __str__(self) -> str:
@@ -120,7 +120,7 @@ def evidence(design: Design, checks: Iterable[Contingency | str] = ()) -> Eviden
         _locus(point, controllers),
         loop_gains(point, controllers),
         margins(point, *controllers) if design.after[0].stable else None,
-        steps(point, controllers),
+        step_responses(point, controllers),
         tuple(
             Check(clearing_time(point, c), clearing_time(point, c, control=list(controllers)))
             for c in (replace(c, clear=None) for c in wanted)

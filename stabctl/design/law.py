@@ -21,6 +21,7 @@ from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.smallsignal.areas import Areas
 
+from .critical_machines import Group, critical_machines, disjoint, slow_areas
 from .law_bench import Bench
 from .law_contingencies import faults as checked
 from .law_contingencies import training as share_of
@@ -28,8 +29,7 @@ from .law_jobs import LAW, Measured
 from .law_limits import LawLimits
 from .law_result import Judged, LawDesign
 from .law_search import LawSearch
-from .leaving import Group, disjoint, leaving, slow_areas
-from .quiet import quiet
+from .limit_cycle_check import no_stable_limit_cycle
 
 DEADBAND = 0.05  # Hz   where the search begins
 ARMED = 0.1  # Hz   where the search begins, so that a new angle does not keep the devices acting
@@ -157,7 +157,7 @@ def _designed(
 
 def _quiet(point: OperatingPoint, finalists: Sequence[Law]) -> tuple[Law, bool]:
     """The first law without a stable limit cycle, and whether there is one; if there is none, the first."""
-    silent = next((one for one in finalists if quiet(point, one)), None)
+    silent = next((one for one in finalists if no_stable_limit_cycle(point, one)), None)
     return silent or finalists[0], silent is not None
 
 
@@ -166,7 +166,7 @@ def _leaving(bench: Bench, areas: Areas, contingency: Contingency, idle: Measure
     if idle.status == "stable_at_limit":
         return None
     above = bench.search.resolution_cycles if idle.status == "found" else 0.0
-    return leaving(Trial(bench.point, contingency, None, bench.search), areas, idle.reach + above)
+    return critical_machines(Trial(bench.point, contingency, None, bench.search), areas, idle.reach + above)
 
 
 def _start(limits: LawLimits) -> StorageLaw:

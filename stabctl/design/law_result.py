@@ -12,10 +12,10 @@ from stabctl._util.wording import counted, listed
 from stabctl.controllers import Law
 from stabctl.simulation.contingency import Contingency
 
+from .critical_machines import Group
 from .law_jobs import Measured
 from .law_limits import SLACK, LawLimits
 from .law_text import Parameter, parameters
-from .leaving import Group
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -78,7 +78,7 @@ class LawDesign:
         Whether the law keeps them in all training contingencies.
     tried, simulations, wall_s
         Laws that were tried, simulations, and computing time (s).
-    quiet
+    no_limit_cycle
         Whether the law has no stable limit cycle at the operating point.
     """
 
@@ -91,7 +91,7 @@ class LawDesign:
     tried: int
     simulations: int
     wall_s: float
-    quiet: bool
+    no_limit_cycle: bool
 
     plot = verb("stabctl.plotting.law_design:plot")
     report = verb("stabctl.report.law_page:write")
@@ -156,7 +156,7 @@ class LawDesign:
         said += [f"In {self.case}, {listed(list(leaving))}."] if leaving else []
         if not self.kept:
             said.append("The law exceeds a limit of the design in a contingency of the training.")
-        if not self.quiet:
+        if not self.no_limit_cycle:
             said.append("It has a stable limit cycle at the operating point; give a larger smallest deadband.")
         work = f"{counted(self.tried, 'law')} tried, {self.simulations} simulations in {self.wall_s:.1f} s"
         return (*said, f"The law was tuned with {counted(len(self.training), 'contingency')} ({work}).")

@@ -28,7 +28,7 @@ def parameters(law: Law) -> tuple[Parameter, ...]:
     found = list(_of(inner))
     if isinstance(law, SampledLaw):
         found.append(Parameter("rate", f"{law.rate}/s", "frames per second"))
-        found += [Parameter("delay", f"{1e3 * law.delay:g} ms", "from reading to action")] if law.delay else []
+        found += [Parameter("delay", f"{1e3 * law.delay:g} ms", "time from measurement to output")] if law.delay else []
     return tuple(found)
 
 

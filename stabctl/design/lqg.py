@@ -66,7 +66,7 @@ def lqg(
     rate : int, 1/s
         Frames per second.
     delay : str or float, s
-        From reading to action, which the estimator knows; a whole number of frames.
+        Time from measurement to output, which the estimator knows; a whole number of frames.
     speed, angle, effort
         Weights, as in `lqr`.
     disturbance : str or float, MW

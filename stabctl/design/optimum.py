@@ -25,9 +25,9 @@ from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.units import megawatt_hours, seconds
 
-from .climb import Climb, Iteration
 from .optimum_result import Optimum
 from .order_program import Bounds
+from .schedule_search import Iteration, ScheduleSearch
 from .scheduled import Scheduled
 
 PAPER = BangBang()
@@ -111,10 +111,10 @@ def optimum(
         raise StudyError(f"There is no clearing time to increase: {first.brief()}; give another contingency or limit.")
     scheduled = Scheduled(trial, law, rate, max(1, round(length * rate)))
     most = math.inf if energy is None else megawatt_hours(energy)
-    climb = Climb(scheduled, _bounds(point, most), progress)
-    climb.begin(round(first.cycles / search.resolution_cycles))
-    climb.go(iterations)
-    plan = climb.plan
+    schedules = ScheduleSearch(scheduled, _bounds(point, most), progress)
+    schedules.begin(round(first.cycles / search.resolution_cycles))
+    schedules.go(iterations)
+    plan = schedules.plan
     return Optimum(
         case.name,
         contingency,
@@ -122,14 +122,14 @@ def optimum(
         trial.duration(plan.k),
         first,
         scheduled.schedule(plan),
-        climb.run,
+        schedules.run,
         scheduled.proof(plan),
         plan.before,
-        tuple(climb.iterations),
-        climb.ended,
+        tuple(schedules.iterations),
+        schedules.ended,
         search,
-        climb.bounds,
-        climb.simulations,
+        schedules.bounds,
+        schedules.simulations,
         time.perf_counter() - began,
     )
 

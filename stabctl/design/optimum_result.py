@@ -14,8 +14,8 @@ from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.schedule import Schedule
 from stabctl.simulation.trajectory import Trajectory
 
-from .climb import Iteration
 from .order_program import Bounds
+from .schedule_search import Iteration
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -133,7 +133,7 @@ def pairs(
         Share of the time that a signal, or all of a kind, is available: {"deviation:1": 0.99, "flow": 0.9}; also of an
         input that is driven. 1 for what is not named.
     delay : str, float, or mapping of str, s
-        From reading to action, of all signals or of some.
+        Time from measurement to output, for all signals or for some.
     ranges : mapping of str to float, optional
         What an input, or all of a kind, may be given, in its unit; by default 1 for orders, 0.1 for "vs", 0.05 for
         "vref" and "pref", and 0.1 for others.

@@ -20,7 +20,7 @@ from stabctl.model.fleet import Fleet
 from stabctl.smallsignal.closed_loop import closed_loop
 from stabctl.units import hertz, quantity
 
-from . import residue, taps
+from . import lag_chain, residue
 from .loop import Loop, Make
 from .outages import Outages
 from .pairs import SIGNALS, pairs, written
@@ -73,7 +73,7 @@ def pod(
     rate : int, 1/s, optional
         Frames per second; continuous without it.
     delay : str or float, s
-        From reading to action.
+        Time from measurement to output.
     washout : str or float, s
         Time constant of the washout.
     limits : pair of float, optional
@@ -119,7 +119,7 @@ def pod(
     corner = 2 * np.pi * _middle(points[0])
     found: Design | None = None
     for n in range(1, TAPS + 1) if order is None else [order]:
-        make, count = taps.damper(reads, output, n, corner=corner, washout=slow, **more)
+        make, count = lag_chain.damper(reads, output, n, corner=corner, washout=slow, **more)
         new = _several(points, make, count, damping, factors)
         found = new if found is None or new.short < found.short else found
         if found.reached:

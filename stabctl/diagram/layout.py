@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from stabctl.model.case import Case
 
 from .graph import STUB, Graph, backbone, graph
-from .stress import stress
+from .stress_majorization import stress_majorization
 
 LEAST = 0.42  # distance between nodes, of the median length of a branch
 PASSES = 200
@@ -31,7 +31,7 @@ def layout(case: Case) -> np.ndarray:
         X = _with_stubs(near, {int(n): X[n] for n in range(len(given))})
         return _apart(X, g, kept, held=0.0)
     core = backbone(near)
-    X = _with_stubs(near, dict(zip(core.tolist(), stress(g.distances(core)), strict=True)))
+    X = _with_stubs(near, dict(zip(core.tolist(), stress_majorization(g.distances(core)), strict=True)))
     return _apart(X, g, core, held=0.3)
 
 

@@ -11,7 +11,7 @@ from stabctl.model import circuits, network, powerflow
 from stabctl.model.case import Case
 from stabctl.model.powerflow import PowerFlow
 
-from .kept import kept
+from .layout_cache import cached_layout
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -98,7 +98,7 @@ def one_line(base: "Case | OperatingPoint", flow: PowerFlow | None = None) -> On
     """
     case = powerflow.as_case(base)
     flow = flow or getattr(base, "flow", None) or powerflow.solve(case)
-    X, net = kept(case), network.build(case)
+    X, net = cached_layout(case), network.build(case)
     buses, machines = X[: len(case.buses)], X[len(case.buses) :]
     rated = np.array([b.rated for b in case.buses])
     transformer = (net.ratio != 1) | (rated[net.frm] != rated[net.to])

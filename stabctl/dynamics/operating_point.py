@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from stabctl import devices
-from stabctl._util.collection import paused
+from stabctl._util.garbage_collection import paused
 from stabctl._util.verbs import verb
 from stabctl._util.wording import listed, named
 from stabctl.errors import EquilibriumError, StudyError

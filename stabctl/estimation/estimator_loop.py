@@ -16,11 +16,11 @@ import numpy as np
 from stabctl.controllers import decided
 from stabctl.simulation.simulation import Simulation
 
-from .bank import wrapped
 from .coi import CoiReference, Deviations
 from .control_inputs import ControlInputs
 from .estimates import Estimates
 from .estimators import Estimate, Filtered, estimator
+from .filter_bank import wrapped
 from .instrument import Frame
 from .law_inputs import LawInputs
 from .observation import Observation, Truth

@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
-from .bank import ENGINES, Bank, wrapped
+from .filter_bank import ENGINES, FilterBank, wrapped
 from .instrument import Frame
 from .machine_model import MachineModel
 from .noise import TUNING, Tuning
@@ -74,7 +74,7 @@ class Filtered:
     ) -> None:
         self.model, self._engine = MachineModel(known, pmu, power=swing, tuning=tuning), ENGINES[engine]
         self._clock = (2 * np.pi * known.frequency_hz * pmu.clock) ** 2
-        self.bank: Bank | None = None
+        self.bank: FilterBank | None = None
 
     def step(self, frame: Frame) -> Estimate:
         """Predict with the mean power since the last report, then use the new angles that pass the gate."""
@@ -105,11 +105,11 @@ class Filtered:
         P = P + np.diag([self._clock, 0.0])
         return np.einsum("...i,...i", e, np.linalg.solve(P, e[..., None])[..., 0])
 
-    def _estimate(self, bank: Bank, received: np.ndarray, nis: np.ndarray) -> Estimate:
+    def _estimate(self, bank: FilterBank, received: np.ndarray, nis: np.ndarray) -> Estimate:
         x, P = bank.x, bank.P
         acceleration, drift = self.model.acceleration(x, P)
         y, C = self.model.angle_and_slip(x, P)
-        variance = C[..., 1, 1] + self.model.silence.slip**2
+        variance = C[..., 1, 1] + self.model.unreported.slip**2
         return Estimate(y[..., 1].copy(), acceleration, variance, drift, received, nis, y[..., 0].copy())
 
 

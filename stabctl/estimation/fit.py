@@ -20,8 +20,8 @@ import numpy as np
 from stabctl._util.tabular import Tabular, machine_column
 from stabctl.errors import StudyError
 
-from .bank import GATE, Batched
 from .estimators import Filtered
+from .filter_bank import GATE, Batched
 from .instrument import Frame
 from .noise import Tuning
 from .pmu import Pmu

@@ -7,17 +7,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .bank import Seen
+from .filter_bank import Seen
 from .frame_kernels import Constants, Kept, expect, keep, move, spread
 from .governor import Governors
 from .instrument import Frame
 from .measured import Measured, measured
+from .missing_reports import MissingReports
 from .noise import Tuning, computed_angle_variance
 from .pmu import Pmu
 from .pmu_window import PmuWindow
 from .q_axis import QAxis, turn
 from .rotor_units import RotorUnits
-from .silence import Silence
 from .swing import STATES, swing
 
 FORGOTTEN = 0.5  # s   without a report, after which a filter starts anew with the next one
@@ -79,7 +79,7 @@ class MachineModel:
         P[..., 0, 0], P[..., 1, 1], P[..., 2, 2] = start.variance, 1e-4**2, seen.variance
         P[..., 2, 2] += 0 if self.power else 1e-3**2
         P[..., 3, 3] = P[..., 4, 4] = (1e-3**2 + seen.of_current) * self._has_flux
-        self.silence = Silence(seen.P, self.T / (2 * self.H))
+        self.unreported = MissingReports(seen.P, self.T / (2 * self.H))
         self._rate = np.zeros(shape)
         return x, P
 
@@ -91,7 +91,7 @@ class MachineModel:
         fresh[..., 3:] = self.q_axis.rest(seen.I, seen.E)
         fresh[..., 0] = np.angle(seen.E) - turn(self.q_axis.psi(fresh[..., 3:]), size)
         flux = UNSETTLED**2 * self._has_flux + np.zeros(size.shape)
-        known = P[..., 1, 1] + np.maximum(self.silence.slip, RUNAWAY) ** 2
+        known = P[..., 1, 1] + np.maximum(self.unreported.slip, RUNAWAY) ** 2
         variances = np.stack([flux + 1e-3**2, known, P[..., 2, 2] + 1e-2**2, flux, flux], -1)
         fresh_P = variances[..., None] * np.eye(STATES)
         return np.where(where[..., None], fresh, x), np.where(where[..., None, None], fresh_P, P)
@@ -111,7 +111,7 @@ class MachineModel:
         given = self.constants, kept, change, window, self._settings
         spread(x, seen.P, seen.variance, seen.of_current, here, *given, Q)
         self._g = g
-        self.silence.step(here, kept.missing, before=kept.P, now=seen.P, variance=kept.variance)
+        self.unreported.step(here, kept.missing, before=kept.P, now=seen.P, variance=kept.variance)
         if self._window.wide:
             self._rate = np.where(here, seen.P - kept.P, 0.0) / ((kept.missing + 1) * self.T)
         return Step(after, self._F, Q)
@@ -147,7 +147,7 @@ class MachineModel:
     def acceleration(self, x: np.ndarray, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The acceleration (pu/s) at these states, and its variance from their covariances P."""
         rate = 1 / (2 * self.H)
-        variance = P[..., 2, 2] + self.kept.variance + self.silence.power**2
+        variance = P[..., 2, 2] + self.kept.variance + self.unreported.power**2
         return (x[..., 2] + self.kept.g - self.kept.P - self.D * x[..., 1]) * rate, variance * rate**2
 
     def _governed(self, x: np.ndarray) -> np.ndarray:

@@ -14,10 +14,10 @@ import numpy as np
 
 from stabctl.model.network import Switching
 
+from .bad_pmu_identification import LIMIT, Residuals
 from .instrument import Frame
 from .network_model import AMPLIFIED, NetworkModel
 from .pmu import Pmu
-from .suspects import LIMIT, Residuals
 
 WINDOW = 0.5  # s   of the mean
 RETURN = 5.0  # s

@@ -1,7 +1,7 @@
-"""What an import understood, and whether the imported system stands still where its file says it stood."""
+"""Import reports: what is represented of a file, and whether the system starts in steady state."""
 
-from .checks import Standstill, Stored
+from .checks import InitialState, Stored
 from .kinds import Kind
 from .report import ImportReport, import_report
 
-__all__ = ["ImportReport", "Kind", "Standstill", "Stored", "import_report"]
+__all__ = ["ImportReport", "InitialState", "Kind", "Stored", "import_report"]

@@ -1,4 +1,4 @@
-"""An imported system beside the solution stored in its file, and at rest."""
+"""Checks of an imported system: against the solution stored in its file, and in steady state."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -17,7 +17,7 @@ KEEP_ON = Criterion(max_angle=np.inf, low_voltage_s=0.0, frequency_delay_s=0.0)
 
 
 class Stored(NamedTuple):
-    """The network at the voltages stored in its file, and its load flow beside them.
+    """The network at the voltages stored in its file, and its power flow compared with them.
 
     Attributes
     ----------
@@ -32,15 +32,15 @@ class Stored(NamedTuple):
     bus: int
 
 
-class Moved(NamedTuple):
-    """Largest difference of a load flow from the stored voltages: magnitude (pu), and angle (degrees)."""
+class FlowDifference(NamedTuple):
+    """Largest difference of the power flow from the stored voltages: magnitude (pu), and angle (degrees)."""
 
     dv: float
     dangle: float
 
 
-class Standstill(NamedTuple):
-    """The start of the dynamic models at the load flow.
+class InitialState(NamedTuple):
+    """The initial state of the dynamic models at the power flow.
 
     Attributes
     ----------
@@ -71,15 +71,15 @@ def mismatch(case: Case) -> Stored:
     return Stored(float(mw), float(mvar), case.buses[worst].bus)
 
 
-def moved(case: Case) -> Moved:
-    """The load flow beside the voltages in the bus table. Raises `PowerFlowError`."""
+def flow_difference(case: Case) -> FlowDifference:
+    """The power flow compared with the voltages in the bus table. Raises `PowerFlowError`."""
     V = powerflow.solve(case).V
     stored = np.exp(1j * np.deg2rad([b.angle for b in case.buses]))
     dv = np.abs(np.abs(V) - [b.v for b in case.buses]).max()
-    return Moved(float(dv), float(np.rad2deg(np.abs(np.angle(V / stored)).max())))
+    return FlowDifference(float(dv), float(np.rad2deg(np.abs(np.angle(V / stored)).max())))
 
 
-def standstill(case: Case) -> Standstill:
+def initial_state(case: Case) -> InitialState:
     """The start of a case and what it does without a fault. Raises `PowerFlowError`, `EquilibriumError`."""
     point = operating_point.unlimited(case)
     found = tuple(violations.find(case, point.system, point.equations, point.s))
@@ -88,7 +88,7 @@ def standstill(case: Case) -> Standstill:
     worst = int(rates.argmax()) if len(rates) else -1
     state = point.layout.states[worst].label if len(rates) else ""
     point = replace(point, s=s) if found else point
-    return Standstill(float(rates.max(initial=0.0)), state, found, _drift(point))
+    return InitialState(float(rates.max(initial=0.0)), state, found, _drift(point))
 
 
 def _drift(point: operating_point.OperatingPoint) -> float:

@@ -1,4 +1,4 @@
-"""The import report of a PSS/E system: what was understood of it, and whether it stands still at its stored state."""
+"""The import report of a PSS/E system: what is represented, and whether it starts in steady state."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from stabctl._util.tabular import Tabular
 from stabctl.errors import StabctlError, StudyError
 from stabctl.io import matpower, psse
-from stabctl.io.by_ending import beside
+from stabctl.io.load_case import matching_dyr
 from stabctl.io.psse.devices import Unsupported
 from stabctl.model.case import Case
 
 from . import checks, text
-from .checks import Moved, Standstill, Stored
+from .checks import FlowDifference, InitialState, Stored
 from .kinds import Kind, by_kind
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True, repr=False, eq=False)
 class ImportReport(Tabular):
-    """What was understood of a PSS/E system, and whether it stands still where its file says it stood.
+    """What is represented of a PSS/E system, and whether it starts in steady state at its stored solution.
 
     Attributes
     ----------
@@ -42,9 +42,9 @@ class ImportReport(Tabular):
         What was changed, with file and line, one sentence each.
     stored : Stored or None
         Power mismatch at the stored voltages; None if nothing was checked.
-    flow : Moved or None
-        The load flow beside the stored one; None if it has no solution.
-    start : Standstill or None
+    flow : FlowDifference or None
+        The power flow compared with the stored one; None if it has no solution.
+    start : InitialState or None
         The start of the dynamic models; None without a DYR file, or if there is none.
     failures : tuple of str
         Why a check has no result, one sentence each.
@@ -56,12 +56,12 @@ class ImportReport(Tabular):
     unsupported: tuple[Unsupported, ...]
     corrections: tuple[str, ...]
     stored: Stored | None = None
-    flow: Moved | None = None
-    start: Standstill | None = None
+    flow: FlowDifference | None = None
+    start: InitialState | None = None
     failures: tuple[str, ...] = ()
 
     @property
-    def whole(self) -> bool:
+    def complete(self) -> bool:
         """Whether every record of the files is represented."""
         return not self.unsupported
 
@@ -89,7 +89,7 @@ class ImportReport(Tabular):
         return {
             "records": self.records,
             "supported": self.supported,
-            "whole": self.whole,
+            "complete": self.complete,
             "unsupported": [
                 {"kind": u.kind, "file": str(u.place.path), "line": u.place.line, "reason": u.reason}
                 for u in self.unsupported
@@ -119,14 +119,14 @@ def import_report(
     check: bool = True,
     loads: "Loads | None" = None,
 ) -> ImportReport:
-    """Read a PSS/E or MATPOWER system and report what was understood of it.
+    """Read a PSS/E or MATPOWER system and report what is represented.
 
     Parameters
     ----------
     raw : str or Path
         The RAW file, or a MATPOWER file ending in .m.
     dyr : str or Path, optional
-        The DYR file of a RAW file; by default the one beside it with the same name.
+        The DYR file of a RAW file; by default the one with the same name in the same folder.
     check : bool
         Also compare the network with the stored voltages, start the dynamic models and simulate 2 s without a fault.
     loads : {"impedance", "current", "power"}, optional
@@ -153,7 +153,7 @@ def import_report(
             raise StudyError(f"{dyr} cannot be used: a DYR file belongs to a PSS/E file ending in .raw.")
         read = matpower.read(raw)
     else:
-        dyr = beside(Path(raw)) if dyr is None else dyr
+        dyr = matching_dyr(Path(raw)) if dyr is None else dyr
         read = psse.read(raw, dyr, missing="injection", missing_controls="fixed")
         kinds = by_kind(read)
     case = read.case.with_loads(loads) if loads is not None else read.case
@@ -174,6 +174,6 @@ def _checked(report: ImportReport) -> ImportReport:
             return None
 
     network = psse.read(report.files[0]).case if len(report.files) > 1 else report.case
-    flow = tried(checks.moved, network)
-    start = tried(checks.standstill, report.case) if flow and report.case.devices else None
+    flow = tried(checks.flow_difference, network)
+    start = tried(checks.initial_state, report.case) if flow and report.case.devices else None
     return replace(report, stored=checks.mismatch(network), flow=flow, start=start, failures=tuple(failures))

@@ -30,7 +30,7 @@ def machine(case: Case, v: Violation) -> int | str | None:
 
 def page(report: "ImportReport") -> str:
     """The report."""
-    parts = [_head(report), _kinds(report), _whole(report), _unsupported(report), _corrections(report)]
+    parts = [_head(report), _kinds(report), _complete(report), _unsupported(report), _corrections(report)]
     return "\n\n".join("\n".join(lines) for part in (*parts, _checks(report)) if (lines := list(part)))
 
 
@@ -51,17 +51,17 @@ def _kinds(report: "ImportReport") -> Iterator[str]:
         yield from table(HEAD, rows, left=2)
 
 
-def _whole(report: "ImportReport") -> Iterator[str]:
+def _complete(report: "ImportReport") -> Iterator[str]:
     if report.kinds:
         yield f"{report.supported} of {counted(report.records, 'record')} supported."
     if len(report.files) == 1:
         psse = report.files[0].suffix.lower() == ".raw"
         yield f"There are no dynamic models, only power-flow data{': no DYR file was given or found' if psse else ''}."
-    if report.whole:
+    if report.complete:
         yield "The import is complete: all data of the files are represented."
     else:
         yield "The import is incomplete: some data of the files are not represented."
-    if report.stored and not report.whole:
+    if report.stored and not report.complete:
         yield "For the checks below, machines without a model are constant-power injections, and the outputs"
         yield "of controls without a model are constant."
 

@@ -1,7 +1,7 @@
 """Reading and writing cases."""
 
-from .by_ending import load
 from .folder import packaged
+from .load_case import load
 from .writer import write
 
 __all__ = ["load", "packaged", "write"]

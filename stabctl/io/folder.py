@@ -13,7 +13,7 @@ from stabctl.errors import CaseError, shown
 from stabctl.model import catalog
 from stabctl.model.case import Case
 from stabctl.model.keys import Key
-from stabctl.model.mistake import RowError
+from stabctl.model.row_error import RowError
 from stabctl.model.tables import TABLES
 from stabctl.schema import fields
 

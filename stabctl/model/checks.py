@@ -13,7 +13,7 @@ from stabctl.devices.storage.models import TABLES
 from stabctl.errors import CaseError, StudyError, shown
 
 from . import catalog, device_checks
-from .mistake import RowError
+from .row_error import RowError
 from .tables import Storage
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from stabctl import devices
 from stabctl.schema import fields
 
 from . import catalog, keys
-from .mistake import RowError
+from .row_error import RowError
 
 if TYPE_CHECKING:
     from .case import Case

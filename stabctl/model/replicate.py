@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from stabctl._util.collection import paused
+from stabctl._util.garbage_collection import paused
 from stabctl.errors import StudyError, shown
 
 from . import catalog, keys, powerflow

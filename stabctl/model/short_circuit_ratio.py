@@ -1,4 +1,4 @@
-"""Short-circuit ratios of converters: how strong the grid is at each, alone and beside the others."""
+"""Short-circuit ratios of converters: how strong the grid is at each, alone and with the others."""
 
 from dataclasses import dataclass
 from html import escape
@@ -77,8 +77,8 @@ class ShortCircuitRatio:
         k = int(np.argmin(self.equivalent))
         return (
             f"{self.case.name}: {counted(len(self.converters), 'converter')}, {self.rated_mva.sum():.0f} MVA; weighted "
-            f"short-circuit ratio {self.weighted:.2f}; weakest: {self.converters[k]} with {self.ratio[k]:.2f}, beside "
-            f"the others {self.equivalent[k]:.2f}"
+            f"short-circuit ratio {self.weighted:.2f}; weakest: {self.converters[k]} with SCR {self.ratio[k]:.2f}, "
+            f"ESCR {self.equivalent[k]:.2f}"
         )
 
     __repr__ = __str__

@@ -8,7 +8,7 @@ from stabctl.design.evidence import Evidence
 from stabctl.design.requirement import FAST
 from stabctl.design.result import Design
 
-from . import hover
+from . import tooltips
 from .modes import RATIOS, ray
 from .style import COLORS, GRAY, LABELS, single, subplots
 
@@ -70,7 +70,7 @@ def bode(found: Evidence) -> "Figure":
         curves = size.loglog(loop.hz, np.abs(loop.response), label=loop.name)
         curves += phase.semilogx(loop.hz, np.rad2deg(np.unwrap(np.angle(loop.response))))
         for curve in curves:
-            hover.name(curve, loop.name)
+            tooltips.name(curve, loop.name)
     size.axhline(1, color=GRAY, linewidth=1)
     size.set_ylabel("magnitude")
     phase.set(xlabel=LABELS["frequency"], ylabel="phase (deg)")
@@ -85,7 +85,7 @@ def steps(found: Evidence) -> "Figure":
     figure, axes = subplots(*TALL, 2, 1, sharex=True)
     for ax, (t, y), what in zip(axes[:, 0], (found.steps.before, found.steps.after), ("without", "with"), strict=True):
         for name, row in zip(found.steps.machines, y.T, strict=True):
-            hover.name(ax.plot(t, hz * row, linewidth=1, label=f"machine {name}")[0], f"machine {name}, {what}")
+            tooltips.name(ax.plot(t, hz * row, linewidth=1, label=f"machine {name}")[0], f"machine {name}, {what}")
         ax.set_ylabel(f"{what} (mHz)")
     _above(axes[0, 0])
     axes[1, 0].set_xlabel(LABELS["time"])
@@ -98,7 +98,7 @@ def own_steps(found: Evidence) -> "Axes":
     ax = single(None, *LOW)
     for name, t, y in found.steps.own:
         for row in y.T:
-            hover.name(ax.plot(t, row, linewidth=1, label=name)[0], name)
+            tooltips.name(ax.plot(t, row, linewidth=1, label=name)[0], name)
     ax.set(xlabel=LABELS["time"], ylabel="output")
     _above(ax)
     return ax

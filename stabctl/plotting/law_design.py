@@ -6,7 +6,7 @@ import numpy as np
 
 from stabctl.design.law_result import Judged, LawDesign
 
-from . import hover
+from . import tooltips
 from .clearing_time import LABEL
 from .style import COLORS, GRAY, single
 
@@ -39,7 +39,7 @@ def plot(design: LawDesign, *, ax: "Axes | None" = None) -> "Axes":
     marks = (("without a law", GRAY, "o"), ("the paper's law", COLORS[1], "s"), ("designed law", COLORS[0], "D"))
     for k, (name, color, marker) in enumerate(marks):
         dots = ax.plot(reach[:, k], y, marker, color=color, label=name, markersize=5)[0]
-        hover.name(dots, [f"{named(c)}, {name}: {x:g} cycles" for c, x in zip(rows, reach[:, k], strict=True)])
+        tooltips.name(dots, [f"{named(c)}, {name}: {x:g} cycles" for c, x in zip(rows, reach[:, k], strict=True)])
     ax.set_yticks(y, [named(c) for c in rows])
     ax.set_ylim(len(rows) - 0.4, -0.6)
     ax.set_xlim(left=0)

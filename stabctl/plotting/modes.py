@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from stabctl.smallsignal import Mode, Modes
 from stabctl.smallsignal.eigen import ZERO
 
-from . import hover
+from . import tooltips
 from .style import COLORS, GRAY, LABELS, single
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def plot(modes: Modes, *, ax: "Axes | None" = None) -> "Axes":
         chosen = sorted((k for k in range(len(modes)) if upper[k] and kind[k] == name), key=inside.__getitem__)
         if chosen:
             dots = ax.plot(real[chosen], hertz[chosen], marker, mfc=face, mec=edge, ls="none", label=name, zorder=3)
-            hover.name(dots[0], [describe(modes.mode(k)) for k in chosen if inside[k]])
+            tooltips.name(dots[0], [describe(modes.mode(k)) for k in chosen if inside[k]])
     ax.set(xlim=(left, right), ylim=(0, top), xlabel="real part (1/s)", ylabel=LABELS["frequency"])
     ax.axvline(0, color=GRAY, linewidth=1)
     for ratio in RATIOS:

@@ -7,7 +7,7 @@ import numpy as np
 from stabctl.diagram import OneLine, one_line
 from stabctl.errors import StudyError, shown
 
-from . import hover, one_line_labels, one_line_results
+from . import one_line_labels, one_line_results, tooltips
 from .style import COLORS, GRAY, INK, VOLTAGES, single, voltage_colors
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def _branches(ax: "Axes", line: OneLine, point: float) -> None:
     )
     kinds = ["transformer" if t else "line" for t in line.transformer]
     loads = zip(kinds, line.circuits, line.loading, strict=True)
-    hover.name(drawn, [f"{kind} {name}: {mva:.0f} MVA" for kind, name, mva in loads])
+    tooltips.name(drawn, [f"{kind} {name}: {mva:.0f} MVA" for kind, name, mva in loads])
     text = f"line width: loading up to {most:.0f} MVA"
     ax.text(0.0, 0.0, text, transform=ax.transAxes, fontsize=7, color=GRAY, ha="left", va="top")
 
@@ -136,12 +136,12 @@ def _symbols(ax: "Axes", line: OneLine, point: float, *, bare: bool) -> None:
         edgecolors=INK,
     )
     buses = zip(line.case.buses, line.voltage, strict=True)
-    hover.name(dots, [f"{f'bus {b.bus} {b.name}'.rstrip()}: {v:.3f} pu" for b, v in buses])
+    tooltips.name(dots, [f"{f'bus {b.bus} {b.name}'.rstrip()}: {v:.3f} pu" for b, v in buses])
     dots.set_cmap(kinds[0])
     dots.set_clim(*kinds[1:])
     look: Any = {"edgecolors": INK, "linewidths": 0.8, "zorder": 2}
     disks = ax.scatter(line.machines[:, 0], line.machines[:, 1], s=(0.28 * point) ** 2, facecolors="white", **look)
-    hover.name(disks, [f"machine {m.called} at bus {m.bus}: {m.base:g} MVA" for m in line.case.machines])
+    tooltips.name(disks, [f"machine {m.called} at bus {m.bus}: {m.base:g} MVA" for m in line.case.machines])
     size = 0.15 * point
     ax.plot(*line.machines.T, ls="none", marker=r"$\sim$", color=INK, markersize=size, mew=0.3, zorder=2.2)
     ax.scatter(line.storage[:, 0], line.storage[:, 1], s=(0.17 * point) ** 2, marker="s", facecolors=COLORS[2], **look)

@@ -11,7 +11,7 @@ from stabctl.errors import StudyError
 from stabctl.placement.siting import Siting
 from stabctl.smallsignal import Areas, Mode
 
-from . import hover
+from . import tooltips
 from .clearing_time import LABEL
 from .one_line_labels import Label
 from .style import AREAS, COLORS, GRAY, INK, clearing_colors
@@ -77,7 +77,7 @@ def screen(ax: "Axes", line: OneLine, found: Screen, point: float) -> list[Label
     late = clearing_colors()
     colors = late(scale(np.array(cycles)[order])) if half else []
     halves = ax.add_collection(LineCollection([half[i] for i in order], colors=colors, linewidths=3, zorder=1.2))
-    hover.name(halves, [found.pairs[i].brief() for i in order])
+    tooltips.name(halves, [found.pairs[i].brief() for i in order])
     ax.figure.colorbar(ScalarMappable(scale, late), ax=ax, label=LABEL, shrink=0.6, pad=0.01, aspect=25)
     first = sorted(range(len(cycles)), key=cycles.__getitem__)[:NAMED]
     middle = [0.75 * np.array(half[i][0]) + 0.25 * np.array(half[i][1]) for i in first]
@@ -100,7 +100,7 @@ def siting(ax: "Axes", line: OneLine, found: Siting, point: float) -> list[Label
         linewidths=0.8,
         zorder=4,
     )
-    hover.name(squares, [f"storage of machine {s.machine} at bus {s.bus}: {s.size} MW" for s in found.sites])
+    tooltips.name(squares, [f"storage of machine {s.machine} at bus {s.bus}: {s.size} MW" for s in found.sites])
     pairs = zip(found.sites, at, side, strict=True)
     return [Label(f"{s.size}", x, 0.5 * r, COLORS[2], bold=True) for s, x, r in pairs]
 

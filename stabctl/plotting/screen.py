@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from stabctl.clearing import ClearingTime, Screen
 
-from . import hover
+from . import tooltips
 from .clearing_time import LABEL
 from .style import COLORS, GRAY, single
 
@@ -35,7 +35,7 @@ def plot(found: Screen, *, most: int = 25, ax: "Axes | None" = None) -> "Axes":
     open_ended = [p.status == "stable_at_limit" for p in shown]
     bars = ax.barh(range(len(shown)), cycles, 0.7, color=[GRAY if o else COLORS[0] for o in open_ended])
     for bar, p in zip(bars, shown, strict=True):
-        hover.name(bar, p.brief())
+        tooltips.name(bar, p.brief())
     ax.bar_label(bars, [_note(p) for p in shown], padding=4, fontsize="small")
     ax.set_yticks(range(len(shown)), [f"bus {p.fault}, trip {', '.join(p.trip)}" for p in shown])
     ax.set_ylim(len(shown) - 0.4, -0.6)

@@ -1,4 +1,4 @@
-"""Figure of short-circuit ratios: each converter alone, and beside the others."""
+"""Figure of short-circuit ratios: each converter alone, and with the others."""
 
 from typing import TYPE_CHECKING
 
@@ -35,7 +35,7 @@ def plot(found: "ShortCircuitRatio", *, most: int = 25, ax: "Axes | None" = None
     ax = single(ax, 6, 1.6 + 0.45 * len(shown))
     for shift, values, label, color in (
         (-0.19, found.ratio, "alone (SCR)", COLORS[0]),
-        (0.19, found.equivalent, "beside the others (ESCR)", COLORS[1]),
+        (0.19, found.equivalent, "with the others (ESCR)", COLORS[1]),
     ):
         bars = ax.barh(np.arange(len(shown)) + shift, values[shown], 0.36, color=color, label=label)
         ax.bar_label(bars, [f"{values[k]:.2f}" for k in shown], padding=3, fontsize="small")

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from stabctl.placement.siting import Siting
 
-from . import hover
+from . import tooltips
 from .style import COLORS, GRAY, single
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def plot(siting: Siting, *, ax: "Axes | None" = None) -> "Axes":
 def _bars(ax: "Axes", rows: list[float], mw: list[float], **look: Any) -> None:
     """Bars that name their megawatts."""
     for bar, size in zip(ax.barh(rows, mw, 0.4, **look), mw, strict=True):
-        hover.name(bar, f"{look['label']}: {size:.1f} MW")
+        tooltips.name(bar, f"{look['label']}: {size:.1f} MW")
 
 
 def convergence(siting: Siting, *, ax: "Axes | None" = None) -> "Axes":
@@ -65,7 +65,7 @@ def convergence(siting: Siting, *, ax: "Axes | None" = None) -> "Axes":
         line = ax.plot(rounds, costs, label=name, markersize=4, linewidth=1.3, **look)[0]
         if "marker" in look:
             pairs = [(k, c) for k, c in zip(rounds, costs, strict=True) if math.isfinite(c)]
-            hover.name(line, [f"{name}, iteration {k}: {c:.4g}" for k, c in pairs])
+            tooltips.name(line, [f"{name}, iteration {k}: {c:.4g}" for k, c in pairs])
     if siting.lower_bound is not None:
         ax.axhline(siting.lower_bound, color=GRAY, linestyle="--", linewidth=1, label="estimated lower bound")
     ax.locator_params(axis="x", integer=True)

@@ -6,7 +6,7 @@ import re
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
-from stabctl.plotting import hover
+from stabctl.plotting import tooltips
 from stabctl.plotting.style import COLORS, GRAY, INK, whole
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def svg(drawn: "Figure | Axes", label: str) -> "Markup":
     from markupsafe import Markup, escape
 
     image = io.StringIO()
-    parts = {f"hover-{k}": pair for k, pair in enumerate(hover.named(whole(drawn).findobj()))}
+    parts = {f"hover-{k}": pair for k, pair in enumerate(tooltips.named(whole(drawn).findobj()))}
     for key, (artist, _) in parts.items():
         artist.set_gid(key)
     with plt.rc_context(OPTIONS):

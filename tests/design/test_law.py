@@ -11,7 +11,7 @@ from stabctl.controllers.file import load
 from stabctl.design import LawLimits, law
 from stabctl.design.law_contingencies import spread, training
 from stabctl.design.law_text import parameters
-from stabctl.design.quiet import quiet
+from stabctl.design.limit_cycle_check import no_stable_limit_cycle
 from stabctl.errors import StudyError
 from stabctl.simulation.contingency import Contingency
 
@@ -45,10 +45,10 @@ def test_the_designed_law_is_better_than_the_papers(fleet, found):
 
 def test_a_law_with_a_large_delay_is_not_quiet(fleet, found):
     """Half a period of the inter-area mode late, a law drives the swings that it should stop."""
-    assert found[0].quiet
+    assert found[0].no_limit_cycle
     law = StorageLaw(deadband=0.02, slope=0.02)
-    assert quiet(fleet, law.sampled(60))
-    assert not quiet(fleet, law.sampled(60, "800ms"))
+    assert no_stable_limit_cycle(fleet, law.sampled(60))
+    assert not no_stable_limit_cycle(fleet, law.sampled(60, "800ms"))
 
 
 def test_the_group_is_named(found):

@@ -8,7 +8,7 @@ import pytest
 
 from stabctl import io
 from stabctl.dynamics import operating_point
-from stabctl.estimation.bank import wrapped
+from stabctl.estimation.filter_bank import wrapped
 from stabctl.estimation.q_axis import QAxis, turn
 from stabctl.estimation.rotor_units import Terminals, rotor_units
 from stabctl.simulation.contingency import Contingency

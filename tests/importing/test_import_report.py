@@ -1,4 +1,4 @@
-"""The import report says what is understood of a file, and whether the system stands still."""
+"""The import report says what is represented of a file, and whether the system starts in steady state."""
 
 import json
 
@@ -8,7 +8,16 @@ from psse_replay import DATA
 import stabctl as st
 
 THREE = DATA / "psid/GENROU/ThreeBusMulti.raw"
-KEYS = ["records", "supported", "whole", "unsupported", "corrections", "mismatch_mw", "mismatch_mvar", "mismatch_bus"]
+KEYS = [
+    "records",
+    "supported",
+    "complete",
+    "unsupported",
+    "corrections",
+    "mismatch_mw",
+    "mismatch_mvar",
+    "mismatch_bus",
+]
 KEYS += ["dv_pu", "dangle_deg", "dxdt", "violations", "drift_pu"]
 GENROU = "102 'GENROU' 1 8.0 0.03 0.4 0.05 6.175 0.05 1.8 1.7 0.3 0.55 0.25 0.2 0.1 0.8 /\n"
 GOVERNED = f"101 'GENCLS' 1 0.0 0.0 /\n{GENROU}102 'SEXS' 1 0.1 10 100 0.0005 -5 5 /\n"
@@ -41,7 +50,7 @@ def test_a_whole_system_stands_still(files, stabctl):
     found = json.loads(out)
     assert (code, err) == (0, "")
     assert list(found) == KEYS
-    assert (found["records"], found["supported"], found["whole"]) == (3, 3, True)
+    assert (found["records"], found["supported"], found["complete"]) == (3, 3, True)
     assert found["unsupported"] == found["violations"] == []
     assert found["corrections"] == [
         f"{raw.with_suffix('.dyr')} line 3, SEXS of 102/1: TA = 0.0005 s is below 1 ms, where a lag is bypassed."
@@ -59,7 +68,7 @@ def test_what_is_not_supported_is_named_once_with_file_and_line(files, stabctl):
     code, out, _ = stabctl("import", raw, "--json", "--no-check")
     found = json.loads(out)
     assert code == 1
-    assert (found["records"], found["supported"], found["whole"]) == (4, 2, False)
+    assert (found["records"], found["supported"], found["complete"]) == (4, 2, False)
     assert [(u["kind"], u["file"], u["line"]) for u in found["unsupported"]] == [
         ("FACTS device", str(raw), line_of(raw, "'F1'")),
         ("UFLSBL", str(raw.with_suffix(".dyr")), 3),
@@ -99,7 +108,7 @@ def test_every_limit_that_the_start_exceeds_is_listed(files):
 
 def test_a_load_flow_without_a_solution_is_reported(files):
     report = st.import_report(files(GOVERNED, ("250.000,    30.000", "2500.000,    30.000")))
-    assert report.whole
+    assert report.complete
     assert report.stored.mw > 2000
     assert report.plain()["dv_pu"] is None
     assert "did not converge" in str(report)
@@ -139,7 +148,7 @@ def test_a_matpower_file_has_a_report(stabctl, tmp_path):
     path = DATA / "powermodels" / "case30.m"
     code, out, err = stabctl("import", path, "--json", "--out", tmp_path / "mine")
     found = json.loads(out)
-    assert (code, found["whole"], found["records"]) == (0, True, 0)
+    assert (code, found["complete"], found["records"]) == (0, True, 0)
     assert found["dv_pu"] < 1e-4  # 5.3e-6
     assert found["dangle_deg"] < 0.01  # 1.0e-4
     assert found["corrections"] == [f"{path}: not represented: gencost."]

@@ -12,10 +12,10 @@ from matplotlib.quiver import Quiver
 from scipy.spatial import cKDTree
 
 import stabctl as st
-from stabctl.diagram import kept, one_line
+from stabctl.diagram import layout_cache, one_line
 from stabctl.diagram.graph import backbone, graph
 from stabctl.diagram.layout import layout
-from stabctl.diagram.stress import stress
+from stabctl.diagram.stress_majorization import stress_majorization
 from stabctl.errors import StudyError
 from stabctl.placement.siting import Costs, Site, Siting
 from stabctl.smallsignal import areas
@@ -45,7 +45,7 @@ def test_points_on_a_plane_are_found_from_their_distances():
     """A path and a grid have a stress of zero at the distances of the plane."""
     points = np.array([(i, j) for i in range(6) for j in range(3)], float)
     D = np.linalg.norm(points[:, None] - points[None], axis=2)
-    found = stress(D)
+    found = stress_majorization(D)
     assert np.linalg.norm(found[:, None] - found[None], axis=2) == pytest.approx(D, abs=1e-2)
     assert np.ptp(found[:, 0]) > np.ptp(found[:, 1])
 
@@ -130,19 +130,19 @@ def test_coordinates_survive_a_case_folder(tmp_path, cases):
 
 def test_the_layout_is_calculated_once(cases, own_cache, monkeypatch):
     case = cases("ieee39")
-    first = kept.kept(case)
-    monkeypatch.setattr(kept, "layout", lambda case: pytest.fail("calculated again"))
+    first = layout_cache.cached_layout(case)
+    monkeypatch.setattr(layout_cache, "layout", lambda case: pytest.fail("calculated again"))
     (file,) = own_cache.iterdir()
-    monkeypatch.setattr(kept, "_name", lambda case: file.stem)
-    assert (kept.kept(case) == first).all()
+    monkeypatch.setattr(layout_cache, "_name", lambda case: file.stem)
+    assert (layout_cache.cached_layout(case) == first).all()
 
 
 def test_a_damaged_file_is_calculated_again(cases, own_cache):
-    first = kept.kept(cases("wscc9"))
+    first = layout_cache.cached_layout(cases("wscc9"))
     file = next(own_cache.iterdir())
     for damage in (b"", b"no array", file.read_bytes()[:-9]):
         file.write_bytes(damage)
-        assert (kept.kept(cases("wscc9")) == first).all()
+        assert (layout_cache.cached_layout(cases("wscc9")) == first).all()
 
 
 def test_islands_and_small_systems_have_a_layout(cases):
@@ -173,7 +173,7 @@ def test_a_screen_colors_each_end_of_a_line(cases, points):
     assert halves
     critical = min(p.cycles for p in found.pairs if p.cycles is not None)
     assert f"{critical:g}" in {t.get_text() for t in ax.texts}
-    with pytest.raises(StudyError, match="draw the screen on the case it was made with"):
+    with pytest.raises(StudyError, match="draw the screen on the diagram of its own case"):
         cases("two_area").plot(found)
 
 

@@ -18,7 +18,7 @@ def test_systems_kinds_and_what_is_not_supported_are_listed(tmp_path):
         dyr + "102 'LOEXR1' 1  1 /\n103 'UFLSBL' 1 59 /\n103 'UFLSBL' 1 58 /\n"
     )
     text = coverage_page.page(tmp_path)
-    assert "Whole: 1 of 2 systems.\nSupported: 10 of 13 dynamic records." in text
+    assert "Complete: 1 of 2 systems.\nSupported: 10 of 13 dynamic records." in text
     assert "| `whole/three` | 3 | 2 | 5 | 5 | yes | 0.00071 | none | 0 |" in text
     assert "| `part/other` | 3 | 2 | 8 | 5 | no | 0.00071 | none | 0 |" in text
     assert "| IEEET1 | exciter | 2 | 2 |" in text

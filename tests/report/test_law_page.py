@@ -8,10 +8,10 @@ from labels import crowded
 
 from stabctl.controllers import BangBang, StorageLaw
 from stabctl.design import LawDesign, LawLimits
+from stabctl.design.critical_machines import Group
 from stabctl.design.duty import Duty, Later
 from stabctl.design.law_jobs import Measured
 from stabctl.design.law_result import Judged
-from stabctl.design.leaving import Group
 from stabctl.plotting import law_design as figures
 from stabctl.report import law_page
 from stabctl.simulation.contingency import Contingency

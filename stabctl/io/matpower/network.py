@@ -4,8 +4,8 @@ from collections import Counter, defaultdict
 
 from stabctl.model.tables import Branch, Bus, Load, Machine
 
-from ..collected import ISOLATED, KINDS, POWER_LOW, Collected
 from ..psse.lexer import Place
+from ..table_builder import ISOLATED, KINDS, POWER_LOW, TableBuilder
 from . import mpc
 from .mpc import Mpc
 
@@ -13,7 +13,7 @@ AT_LIMIT = 0.01  # Mvar   distance from a reactive limit
 SAME_VOLTAGE = 1e-4  # pu   distance of the stored voltage from VG
 
 
-class Network(Collected):
+class Network(TableBuilder):
     """Rows of the tables of a case while they are collected from a MATPOWER file.
 
     Attributes

@@ -9,7 +9,7 @@ from stabctl.devices.blocks.lags import SHORT
 from stabctl.model import catalog
 from stabctl.schema import fields
 
-from ..collected import NO_IMPEDANCE
+from ..table_builder import NO_IMPEDANCE
 from .dyr import Record
 from .generators import Source
 from .lexer import number, whole

@@ -9,7 +9,7 @@ import math
 
 from stabctl.model.tables import Load
 
-from ..collected import POWER_LOW
+from ..table_builder import POWER_LOW
 from .lexer import Place
 from .network import Network
 from .records import Converter

@@ -9,7 +9,7 @@ from stabctl.errors import CaseError
 from stabctl.model import catalog, keys
 from stabctl.model.tables import Load, Machine
 
-from ..collected import POWER_LOW
+from ..table_builder import POWER_LOW
 from .devices import Dynamics, Unsupported
 from .generators import Source
 from .network import Network

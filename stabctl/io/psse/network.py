@@ -5,12 +5,12 @@ from typing import Any
 
 from stabctl.model.tables import Branch, Bus, Load
 
-from ..collected import ISOLATED, KINDS, POWER_LOW, Collected
+from ..table_builder import ISOLATED, KINDS, POWER_LOW, TableBuilder
 from .lexer import Place
 from .raw import Raw
 
 
-class Network(Collected):
+class Network(TableBuilder):
     """Rows of the tables of a case while they are collected from a RAW file.
 
     Attributes

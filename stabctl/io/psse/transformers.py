@@ -7,7 +7,7 @@ from typing import Any
 
 from stabctl.model.tables import Branch, Bus
 
-from ..collected import NO_IMPEDANCE
+from ..table_builder import NO_IMPEDANCE
 from .lexer import Place
 from .network import Network
 from .sections import Transformer

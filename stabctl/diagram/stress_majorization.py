@@ -17,7 +17,7 @@ TOLERANCE = 3e-4  # relative decrease of the stress in a step, below which it en
 PRECISE = 1e-2  # relative residual of each solution
 
 
-def stress(D: np.ndarray) -> np.ndarray:
+def stress_majorization(D: np.ndarray) -> np.ndarray:
     """Points (n, 2) whose distances are close to D (n, n); the longest axis is horizontal."""
     n = len(D)
     if n < 3:

@@ -1,4 +1,4 @@
-"""Whether a storage law is quiet at the operating point: no stable limit cycle, by describing functions."""
+"""Whether a storage law has no stable limit cycle at the operating point, by describing functions."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ from stabctl.smallsignal.limit_cycles import limit_cycles
 AT_REST = {"arm_at": 0.0, "return_time": 0.0, "max_acceleration": 0.0}  # the law as if always armed
 
 
-def quiet(point: OperatingPoint, law: Law) -> bool:
+def no_stable_limit_cycle(point: OperatingPoint, law: Law) -> bool:
     """Whether no limit cycle of 0.1 to 10 Hz is stable with a `StorageLaw`, its rate and delay included."""
     if isinstance(law, SampledLaw) and isinstance(law.law, StorageLaw):
         law = replace(law, law=replace(law.law, **AT_REST))

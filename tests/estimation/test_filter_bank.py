@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from stabctl.estimation.bank import ENGINES, GATE, Seen, wrapped
+from stabctl.estimation.filter_bank import ENGINES, GATE, Seen, wrapped
 from stabctl.estimation.swing import REJECTED, STATES, swing
 
 T, R = 1 / 60, 4e-6

@@ -1,13 +1,13 @@
-"""What becomes unknown of a machine while it sends no report."""
+"""Uncertainty of a machine while it sends no reports."""
 
 import numpy as np
 
 
-class Silence:
-    """Standard deviations of power and speed of silent machines, from what happens to those that report.
+class MissingReports:
+    """Standard deviations of power and speed of machines without reports, from the changes at those that report.
 
-    The powers of the others have moved by so much, root mean square, since the last report; the power of the silent
-    machine may have, too, and its speed has then moved by the integral.
+    The power of a machine without reports is assumed to change as much as the root mean square of the changes at the
+    others since its last report, and its speed by the integral of this.
 
     Parameters
     ----------

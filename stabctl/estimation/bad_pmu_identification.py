@@ -1,4 +1,4 @@
-"""Which PMUs explain the residuals: the fewest that do, as the largest normalized residual of state estimation.
+"""Identification of bad PMUs: the fewest that explain the residuals, as for bad data in state estimation.
 
 Voltages V of the machines are compared with V', which follows from the reports of the others: with e = 1 - V'/V,
 

@@ -1,4 +1,4 @@
-"""Layouts kept in the user's cache folder, under a hash of what they depend on."""
+"""Layouts of diagrams, stored in the user's cache folder under a hash of the data they depend on."""
 
 import hashlib
 import io
@@ -14,7 +14,7 @@ from stabctl.model.case import Case
 from .layout import layout
 
 
-def kept(case: Case) -> np.ndarray:
+def cached_layout(case: Case) -> np.ndarray:
     """The layout of a case (buses and machines, 2), calculated once."""
     path = jit.folder() / "diagrams" / f"{_name(case)}.npy"
     with suppress(OSError, ValueError, EOFError):

@@ -1,9 +1,10 @@
-"""The machines that a fault drives out of synchronism together: a group whose storage should act as one.
+"""The critical machines of a fault: a group that loses synchronism together, whose storage should act as one.
 
-The fault is cleared just too late. The machine that loses synchronism first, and those on its side of the widest gap
-between the rotor angles, have left. A machine may leave alone although the fault drove another one with it that just
-held, so the other machines of its coherent area are candidates, too. A candidate belongs to the group if at clearing it
-moves against the center of inertia in the direction of the first machine, and at least half as fast.
+The fault is cleared slightly too late. The machine that loses synchronism first, and those on its side of the widest
+gap between the rotor angles, are unstable. If it loses synchronism alone, the fault may still have accelerated another
+one that just remained in synchronism, so the other machines of its coherent area are candidates, too. A candidate
+belongs to the group if at clearing it moves, relative to the center of inertia, in the direction of the first machine,
+and at least half as fast.
 
 Coherent areas are those of the slow modes (J. H. Chow, ed., Time-Scale Modeling of Dynamic Networks, 1982, ch. 5).
 """
@@ -25,7 +26,7 @@ PER_AREA = 3  # machines per coherent area, on average
 
 @dataclass(frozen=True)
 class Group:
-    """Machines that leave together.
+    """Machines that lose synchronism together.
 
     Attributes
     ----------
@@ -33,8 +34,8 @@ class Group:
         The group, names or numbers.
     first
         The machine that loses synchronism first.
-    left
-        Machines that had left when the run ended.
+    unstable
+        Machines that had lost synchronism when the run ended.
     area
         The coherent area of the first machine.
     cycles
@@ -43,7 +44,7 @@ class Group:
 
     machines: tuple[int | str, ...]
     first: int | str
-    left: tuple[int | str, ...]
+    unstable: tuple[int | str, ...]
     area: tuple[int | str, ...]
     cycles: float
 
@@ -66,13 +67,13 @@ def slow_areas(modes: Modes) -> Areas:
     return areas(modes, min(max(2, count), len(modes.swings()) + 1))
 
 
-def leaving(trial: Trial, coherent: Areas, cycles: float | None = None) -> Group | None:
-    """The group of machines that a contingency drives out of synchronism.
+def critical_machines(trial: Trial, coherent: Areas, cycles: float | None = None) -> Group | None:
+    """The group of machines that lose synchronism together after a contingency.
 
     Parameters
     ----------
     trial : Trial
-        The contingency, under the control law that it is judged with.
+        The contingency and the control law.
     coherent : Areas
         Coherent areas of the system.
     cycles : float, optional

@@ -12,7 +12,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from scipy.special import chdtri
 
-from .bank_kernels import correct, propagate
+from .filter_bank_kernels import correct, propagate
 from .swing import REJECTED, STATES
 
 GATE = float(chdtri(1, 0.001))  # 0.999 quantile of chi-square with one degree of freedom
@@ -28,7 +28,7 @@ class Seen(NamedTuple):
     received: np.ndarray  # bool
 
 
-class Bank(Protocol):
+class FilterBank(Protocol):
     """Filters of (seeds, machines)."""
 
     @property
@@ -64,18 +64,18 @@ class Batched:
         self._half, self._row = np.zeros((STATES, STATES)), np.zeros(STATES)
 
     def predict(self, x: np.ndarray, F: np.ndarray, Q: np.ndarray) -> None:
-        """As in `Bank`."""
+        """As in `FilterBank`."""
         self.x = x.copy()
         propagate(self.P, F, Q, self._half)
 
     def update(self, seen: Seen) -> np.ndarray:
-        """As in `Bank`."""
+        """As in `FilterBank`."""
         nis = np.empty(self.S.shape)
         correct(self.x, self.P, seen, self._rejected, self._reset, (GATE, REJECTED), nis, self.S, self._row)
         return nis
 
     def restart(self, x: np.ndarray, P: np.ndarray) -> None:
-        """As in `Bank`."""
+        """As in `FilterBank`."""
         self.x, self.P = x, P
 
 
@@ -107,14 +107,14 @@ class Filterpy:
         return np.array([ekf.P for ekf in self.filters.values()]).reshape(*self.shape, STATES, STATES)
 
     def predict(self, x: np.ndarray, F: np.ndarray, Q: np.ndarray) -> None:
-        """As in `Bank`."""
+        """As in `FilterBank`."""
         for at, ekf in self.filters.items():
             ekf.F, ekf.Q = F[at], Q[at]
             ekf.to = x[at]
             ekf.predict()
 
     def update(self, seen: Seen) -> np.ndarray:
-        """As in `Bank`."""
+        """As in `FilterBank`."""
         nis = np.full(self.shape, np.nan)
         for at, ekf in self.filters.items():
             if not seen.received[at]:
@@ -138,7 +138,7 @@ class Filterpy:
         return nis
 
     def restart(self, x: np.ndarray, P: np.ndarray) -> None:
-        """As in `Bank`."""
+        """As in `FilterBank`."""
         for at, ekf in self.filters.items():
             ekf.x, ekf.P = x[at], P[at]
 

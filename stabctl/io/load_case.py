@@ -1,4 +1,4 @@
-"""Loading a case by what its name says: a packaged case, a folder, a PSS/E RAW file, a MATPOWER file."""
+"""Loading a case by its name: a packaged case, a folder, a PSS/E RAW file, a MATPOWER file."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -67,7 +67,7 @@ def load(
         from . import psse
 
         _refuse(name, {"frequency": frequency}, "a MATPOWER file ending in .m")
-        dynamic = beside(Path(name)) if dyr is None else dyr
+        dynamic = matching_dyr(Path(name)) if dyr is None else dyr
         case = psse.read_psse(name, dynamic, missing=missing, missing_controls=missing_controls)
     else:
         _refuse(name, given, "a PSS/E file ending in .raw")
@@ -87,7 +87,7 @@ def _refuse(name: str | Path, given: dict[str, Any], files: str) -> None:
             raise StudyError(f"{option} applies only to {files}, not to {name}.")
 
 
-def beside(raw: Path) -> Path | None:
+def matching_dyr(raw: Path) -> Path | None:
     """The DYR file with the name of a RAW file, in small or capital letters, if there is one."""
     exact = raw.parent / f"{raw.stem}.dyr"
     try:

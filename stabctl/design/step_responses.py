@@ -20,7 +20,7 @@ INPUTS = 12  # of a controller, up to which its own step is shown
 
 
 @dataclass(frozen=True, repr=False)
-class Steps:
+class StepResponses:
     """Step responses.
 
     Attributes
@@ -44,7 +44,7 @@ class Steps:
     own: tuple[tuple[str, np.ndarray, np.ndarray], ...]
 
 
-def steps(point: OperatingPoint, controllers: Sequence[Controller]) -> Steps:
+def step_responses(point: OperatingPoint, controllers: Sequence[Controller]) -> StepResponses:
     """The step responses of a closed loop and of its controllers."""
     case = point.case
     if not case.loads:
@@ -62,7 +62,7 @@ def steps(point: OperatingPoint, controllers: Sequence[Controller]) -> Steps:
 
     machines = tuple(str(name) for name in point.rotor_names)
     alone = [one for c in controllers for one in _own(point, c)]
-    return Steps(load.bus, mw, machines, response(), response(*controllers), tuple(alone))
+    return StepResponses(load.bus, mw, machines, response(), response(*controllers), tuple(alone))
 
 
 def _own(point: OperatingPoint, c: Controller) -> list[tuple[str, np.ndarray, np.ndarray]]:

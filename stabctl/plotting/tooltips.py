@@ -1,4 +1,4 @@
-"""Names of the parts of a figure, which a page shows when the pointer is on them."""
+"""Tooltips: names of the parts of a figure, which a page shows under the pointer."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING

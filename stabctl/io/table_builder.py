@@ -1,4 +1,4 @@
-"""Rows of the tables of a case while a reader collects them, each with its place in the file."""
+"""Tables of a case while a reader fills them, each row with its place in the file."""
 
 from collections import defaultdict
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 
 from stabctl.errors import CaseError
 from stabctl.model.case import Case
-from stabctl.model.mistake import RowError
+from stabctl.model.row_error import RowError
 from stabctl.model.tables import Branch, Bus
 
 KINDS: dict[int, Literal["pq", "pv", "swing"]] = {1: "pq", 2: "pv", 3: "swing"}
@@ -22,7 +22,7 @@ POWER_LOW = 0.7  # pu   voltage below which PSS/E changes constant-power loads (
 SHOWN = 5  # buses in a sentence
 
 
-class Collected:
+class TableBuilder:
     """Rows of the tables of a case, and what was decided on the way.
 
     Attributes

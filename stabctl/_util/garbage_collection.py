@@ -1,4 +1,4 @@
-"""Python's search for cyclic garbage, paused while many objects are made that are all kept."""
+"""Python's cyclic garbage collection, paused while many objects are created that are all kept."""
 
 import gc
 from collections.abc import Iterator

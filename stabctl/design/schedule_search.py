@@ -1,4 +1,4 @@
-"""The search for the longest fault: schedules improved by convex programs, and longer faults, in turn."""
+"""The search for the optimal schedule: schedules improved by convex programs, and longer faults, in turn."""
 
 import math
 from collections.abc import Callable
@@ -35,7 +35,7 @@ class Iteration(NamedTuple):
 
 
 @dataclass
-class Climb:
+class ScheduleSearch:
     """The search, from a schedule that survives to those of longer faults."""
 
     scheduled: Scheduled

@@ -1,4 +1,4 @@
-"""A second process that compiles an entry point while this one compiles other things."""
+"""Compilation of an entry point in a second process, while this one compiles other functions."""
 
 import atexit
 import os

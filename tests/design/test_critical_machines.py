@@ -4,7 +4,7 @@ import pytest
 
 from stabctl.clearing.search import Search
 from stabctl.clearing.trial import Trial
-from stabctl.design.leaving import Group, disjoint, leaving, slow_areas
+from stabctl.design.critical_machines import Group, critical_machines, disjoint, slow_areas
 from stabctl.simulation.contingency import Contingency
 
 
@@ -18,17 +18,19 @@ from stabctl.simulation.contingency import Contingency
 )
 def test_the_group_is_found_from_the_run_that_is_lost(points, name, fault, trip, machines):
     point = points(name)
-    group = leaving(Trial(point, Contingency(fault, trip=trip), None, Search()), slow_areas(point.modes()))
+    group = critical_machines(Trial(point, Contingency(fault, trip=trip), None, Search()), slow_areas(point.modes()))
     assert set(group.machines) == machines
     assert group.coherent
-    assert group.first in group.left
+    assert group.first in group.unstable
 
 
 def test_a_machine_that_just_held_belongs_to_the_group(points):
-    """At clearing machine 13 has 0.61 times the speed of machine 14, which leaves alone."""
+    """At clearing machine 13 has 0.61 times the speed of machine 14, which loses synchronism alone."""
     point = points("wnaps_paper")
-    group = leaving(Trial(point, Contingency("83", trip="83-33"), None, Search()), slow_areas(point.modes()), 5.25)
-    assert group.left == (14,)
+    group = critical_machines(
+        Trial(point, Contingency("83", trip="83-33"), None, Search()), slow_areas(point.modes()), 5.25
+    )
+    assert group.unstable == (14,)
     assert str(group) == "machine 14 loses synchronism with 13 (one coherent area)"
     assert group.cycles == 5.25
 
@@ -36,7 +38,7 @@ def test_a_machine_that_just_held_belongs_to_the_group(points):
 def test_no_group_if_nothing_is_lost(points):
     point = points("two_area")
     search = Search(limit_cycles=2.0, resolution_cycles=1.0)
-    assert leaving(Trial(point, Contingency("7-8@0.4"), None, search), slow_areas(point.modes())) is None
+    assert critical_machines(Trial(point, Contingency("7-8@0.4"), None, search), slow_areas(point.modes())) is None
 
 
 def test_groups_of_a_law_have_no_common_machine():
