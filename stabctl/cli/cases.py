@@ -1,4 +1,4 @@
-"""stabctl cases: what comes with the package."""
+"""stabctl cases: the packaged cases."""
 
 from .options import Json
 from .shared import console, print_json

@@ -1,4 +1,4 @@
-"""What the commands of `stabctl design` share: options, and how a design is shown."""
+"""Common parts of the commands of `stabctl design`: options, and the output of a design."""
 
 from dataclasses import asdict
 from pathlib import Path

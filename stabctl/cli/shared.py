@@ -1,4 +1,4 @@
-"""What several commands share: the case and its storage, events, control, output."""
+"""Common parts of several commands: the case and its storage, events, control, output."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""A controller: named inputs and outputs, its own states, and what real controllers have: rate, delay, limits, gate.
+"""A controller: named inputs and outputs, its own states, sampling rate, delay, limits and gate.
 
     continuous   x' = A x + B y,  u = shape(C x + D y),   delayed by a Pade approximation
     sampled      the same once per frame with x+ in place of x'; u is held, and acts `delay` later

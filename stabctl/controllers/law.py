@@ -1,4 +1,4 @@
-"""What all control laws of storage devices have in common, and a law that acts at frames."""
+"""Base class of the control laws of storage devices, and sampled laws."""
 
 import math
 import sys

@@ -1,4 +1,4 @@
-"""A control law as a Python function: what it sees at a frame."""
+"""A control law as a Python function: the signals it reads at a frame."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

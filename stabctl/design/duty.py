@@ -1,4 +1,4 @@
-"""What a contingency asks of the storage devices, and what it leaves behind."""
+"""Use of the storage devices in a contingency: energy, switching, and the state afterwards."""
 
 from typing import Any, NamedTuple
 

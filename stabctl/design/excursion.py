@@ -1,4 +1,4 @@
-"""How far the rotors swing in the window of a schedule, and how that changes with its orders.
+"""The excursion of the rotors in the window of a schedule, and its derivatives with respect to the orders.
 
     excursion = largest |m| + SHARE * mean over time of the sum of m^2
 

@@ -1,4 +1,4 @@
-"""Storage laws measured on all cores: clearing times, and what they ask of the devices."""
+"""Evaluation of storage laws on all cores: clearing times, and the use of the devices."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What a storage law may ask for, and the score of a law: clearing times gained, less what it exceeds."""
+"""Limits of a storage law, and its score: clearing times gained, less penalties for exceeded limits."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The result of the design of a storage law: the law, and what it reaches in every contingency."""
+"""The result of the design of a storage law: the law, and its clearing time in every contingency."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -155,7 +155,7 @@ class LawDesign:
         leaving = dict.fromkeys(str(g) for g in self.groups if len(g.machines) > 1)
         said += [f"In {self.case}, {listed(list(leaving))}."] if leaving else []
         if not self.kept:
-            said.append("The law exceeds a limit of the design in a contingency of the training.")
+            said.append("The law exceeds a limit of the design in a training contingency.")
         if not self.no_limit_cycle:
             said.append("It has a stable limit cycle at the operating point; give a larger smallest deadband.")
         work = f"{counted(self.tried, 'law')} tried, {self.simulations} simulations in {self.wall_s:.1f} s"

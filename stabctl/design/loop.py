@@ -1,4 +1,4 @@
-"""Loops closed again and again with other gains: the system is linearized once."""
+"""Closed loops with varying gains; the system is linearized once."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Linear-quadratic regulator: feedback that minimizes the swings and the effort, of all states or of what is measured.
+"""Linear-quadratic regulator: feedback of all states or of measurements that minimizes swings and control effort.
 
 A regulator that reads a few signals y = C x takes the gain whose output differs least from that of all states, in the
 mean square of the motion of the optimal loop under white noise of the power of every machine:

@@ -1,4 +1,4 @@
-"""The result of a search for the optimal schedule: the orders, their proof, and how it was found."""
+"""The result of a search for the optimal schedule: the orders, the run that verifies them, and the iterations."""
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""Operating points without one branch each: what controllers of a network that changes must serve."""
+"""Operating points with one branch out of service each, for controllers that must be adequate for all of them."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Which signal damps a mode best through which input: pairs ranked by residue and availability."""
+"""Choice of signal and input for damping a mode: pairs ranked by residue and availability."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The result of the design of a regulator, with what its order reduction lost."""
+"""The result of the design of a regulator, compared with feedback of all states."""
 
 from dataclasses import dataclass
 from typing import Any, Self

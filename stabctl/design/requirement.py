@@ -1,4 +1,4 @@
-"""What damping is asked of which modes."""
+"""The damping ratio required of the modes."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""The residue method: the phase of a feedback that turns its effect on a mode into pure damping.
+"""The residue method: phase compensation of a feedback so that it only damps a mode.
 
 A feedback u = k H(s) y moves an eigenvalue by k H(s) R for small k, R the residue of the transfer function from u to y.
 The compensator H turns H(s) exp(-s delay) R into the negative real axis, so that the gain adds damping alone. Source:

@@ -1,4 +1,4 @@
-"""What a state or output feedback withstands: guaranteed margins of a loop with several inputs.
+"""Robustness of a state or output feedback: guaranteed margins of a loop with several inputs.
 
 With the return difference 1 + L at the inputs of the plant and T = L (1 + L)^-1, the loop stays stable with
 

@@ -1,4 +1,4 @@
-"""Gains of controllers for the worst of several closed loops: one for all, or each its own by linear programs."""
+"""Tuning of gains for the worst of several closed loops: one common gain, or individual ones by linear programs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

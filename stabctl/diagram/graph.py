@@ -1,4 +1,4 @@
-"""The graph that a layout places: a node for every bus, then one for every machine, beside its terminal bus."""
+"""The graph of a diagram: a node for every bus, then one for every machine, next to its terminal bus."""
 
 from collections.abc import Iterator
 from typing import NamedTuple

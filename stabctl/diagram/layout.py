@@ -1,4 +1,4 @@
-"""Where the nodes of a diagram are: the backbone by stress majorization, stubs fanned into the widest free angles.
+"""Layout of a diagram: the backbone by stress majorization, stubs spread over the widest free angles.
 
 Coordinates given in `buses.csv` are kept; a bus without is put between its neighbors.
 """

@@ -1,4 +1,4 @@
-"""The one-line diagram of a case: positions of everything drawn, and what it carries in the power flow."""
+"""The one-line diagram of a case: positions of all symbols, and the voltages and flows of the power flow."""
 
 from collections import defaultdict
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""PMUs that report wrong phasors: frozen, with a clock that drifts, turned by an angle, or turned further and further.
+"""PMUs that report wrong phasors: frozen, with a drifting clock, or with a jump or a ramp of the angle.
 
 An error of the clock turns voltage and current alike, so that the power stays right.
 """

@@ -1,4 +1,4 @@
-"""The reports of bad PMUs, made wrong."""
+"""Errors in the reports of bad PMUs."""
 
 from collections.abc import Sequence
 from math import pi

@@ -1,4 +1,4 @@
-"""The equations of `bank`, compiled: loops over seeds k, machines i and states; arrays are changed in place."""
+"""The equations of `filter_bank`, compiled: loops over seeds k, machines i and states; arrays are changed in place."""
 
 import numpy as np
 

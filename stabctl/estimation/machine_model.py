@@ -1,4 +1,4 @@
-"""What the extended Kalman filters know of the machines: how their states move over a frame, and what a report says.
+"""The machine model of the extended Kalman filters: state transition over a frame, and measurement equation.
 
 The equations are those of `swing`, `q_axis` and `governor`; the covariances those of `swing` and `noise`.
 """

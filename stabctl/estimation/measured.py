@@ -1,4 +1,4 @@
-"""What follows from the reports of a frame: internal voltages, powers, and their variances."""
+"""Quantities computed from the reports of a frame: internal voltages, powers, and their variances."""
 
 from typing import NamedTuple
 

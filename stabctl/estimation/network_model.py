@@ -1,4 +1,4 @@
-"""What the network says of a machine whose PMU is missing, from the reports of all others.
+"""Network model: the phasors of a machine without PMU, from the reports of all others.
 
 The network between the internal voltages is linear: V = Z J, J the source currents I + y V of the machines, y = 1/(ra +
 j x), and the currents of storage devices and of loads that are no constant admittances; Z is the inverse of the network

@@ -1,4 +1,4 @@
-"""What the noise of the phasors does to the measured angle, power and current of a machine.
+"""Propagation of the noise of the phasors to the measured angle, power and current of a machine.
 
 V and I have independent errors of standard deviation sa (rad) in angle and sm (relative) in magnitude. An error of
 E = V + Z I moves the measured rotor angle arg E - theta, sin theta = omega psi''q/|E|, by Im(dE/E) + t Re(dE/E),

@@ -1,4 +1,4 @@
-"""What the estimators are given of simulations, frame by frame, and what is true there."""
+"""Observation of simulations frame by frame: the reports for the estimators, and the true values."""
 
 from collections import deque
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What controllers read of PMUs at buses, lines and terminals: magnitudes, angles, frequencies and powers.
+"""Signals of controllers from PMUs at buses, lines and terminals: magnitudes, angles, frequencies and powers.
 
 A lost report leaves the last one. Reports arrive at once where the controller belongs to the machine at that place, and
 with the latency of the PMUs otherwise.

@@ -1,4 +1,4 @@
-"""Finds bad PMUs: compares every voltage V with V', what the network model says of it from all other reports.
+"""Detection of bad PMUs: every voltage V is compared with V', computed from all other reports by the network model.
 
 The network model is exact through faults and swings, so that e = 1 - V'/V is only noise, whatever the machines do.
 `suspects` names the PMUs that explain e, and those that explain its mean, exponential over `WINDOW`. The offsets of the

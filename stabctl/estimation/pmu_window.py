@@ -1,4 +1,4 @@
-"""What the window of a P or M class filter does to the estimates, and how much of it stays unknown.
+"""Effect of the window of a P or M class filter on the estimates, and its remaining uncertainty.
 
 A report is the weighted mean of the phasors in a window. The swing equation is linear: its solution with the mean power
 is the mean of angle and speed in the window, from which the values in its middle differ by

@@ -1,4 +1,4 @@
-"""What controllers read of the rotors: speeds and angles as the estimator knows them, relative to centers of inertia.
+"""Signals of controllers from the estimator: speeds and angles of rotors, relative to centers of inertia.
 
     y = rest + sum of own e(own) - sum of other e(remote),    e the slips, or the angles, extrapolated to the present
 

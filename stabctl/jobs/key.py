@@ -1,4 +1,4 @@
-"""What identifies a job: the SHA-256 of everything that determines its row."""
+"""The key of a job: the SHA-256 of everything that determines its row."""
 
 import dataclasses
 import hashlib

@@ -1,4 +1,4 @@
-"""Where the jobs of a study run, and the file that keeps their rows."""
+"""Runner of the jobs of a study: threads, processes or a cluster, and the file with their rows."""
 
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed

@@ -1,4 +1,4 @@
-"""Figures of critical clearing times: the runs of a search, and clearing times against anything."""
+"""Figures of critical clearing times: the runs of a search, and clearing times over a parameter."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING

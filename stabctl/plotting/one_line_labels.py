@@ -1,4 +1,4 @@
-"""Labels of a one-line diagram: each where it is free, or left out; the same every time."""
+"""Labels of a one-line diagram: placed where there is space, or left out; deterministic."""
 
 from collections import defaultdict
 from typing import TYPE_CHECKING, NamedTuple

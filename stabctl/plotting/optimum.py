@@ -1,4 +1,4 @@
-"""The figure of an optimal schedule: the swings that it leaves, and the power of the devices."""
+"""The figure of an optimal schedule: the remaining swings, and the power of the devices."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""The look of every figure, and how figures are made and saved. Fonts, colors and labels are those of `style.toml`."""
+"""Style of all figures, and how they are created and saved. Fonts, colors and labels are those of `style.toml`."""
 
 import io
 import tomllib

@@ -1,4 +1,4 @@
-"""The page of a designed storage law: the law, its contingencies, what it asks of the devices."""
+"""The page of a designed storage law: the law, its contingencies, the use of the devices."""
 
 from collections.abc import Iterator
 from pathlib import Path
