@@ -1,4 +1,4 @@
-"""Typical machines: every unit of the table starts in steady state and is stable; every output says they are typical."""
+"""Typical machines: every unit of the table starts in steady state and is stable; outputs say that they are typical."""
 
 import json
 from dataclasses import replace
