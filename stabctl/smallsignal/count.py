@@ -16,6 +16,7 @@ from .fronts import Front, Network, reach
 
 NEAR = 1e-6  # reach, relative to |s|, below which an eigenvalue lies on the boundary
 WHOLE = 1e-3  # turns   largest rounding error
+AHEAD = 0.75  # of the reach of a point, expected of the next one
 
 Said = Callable[[float], None]  # called with the part of the work done, 0 to 1
 
@@ -73,7 +74,8 @@ def count(system: Network, sector: Sector, said: Said = lambda _: None) -> int:
                 said(done / length)
                 last = ahead.pop()
             else:
-                ahead.append(_point(system, a.s + (b.s - a.s) * (a.reach + gap / 2) / abs(b.s - a.s)))
+                step = a.reach + min(gap / 2, AHEAD * a.reach)
+                ahead.append(_point(system, a.s + (b.s - a.s) * step / abs(b.s - a.s)))
     turns /= 2 * np.pi
     if abs(turns - round(turns)) > WHOLE:
         raise OnBoundaryError

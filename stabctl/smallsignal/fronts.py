@@ -11,6 +11,7 @@ because the eigenvalues e of E satisfy sum |e|^2 <= F^2. This limits the phase o
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -57,7 +58,7 @@ class Front(NamedTuple):
     def slack(self, r: float) -> float:
         """Largest error of the predicted phase, |h| <= r."""
         F = self.size(r)
-        return -np.log1p(-F) - F + np.sqrt(len(self.scale)) * self.rest(r) if F < 1 else np.inf
+        return float(-np.log1p(-F) - F + np.sqrt(len(self.scale)) * self.rest(r)) if F < 1 else np.inf
 
     def turn(self, h: complex) -> float:
         """Predicted change of the phase, Im tr E(h)."""
@@ -77,6 +78,7 @@ class Network:
     def fronts(self, s: complex) -> list[Front]:
         """All fronts at a point s (1/s)."""
         seen = [series(u, s) for u in self.groups]
+        rest = cache(lambda r: [group.rest(r) for group in seen])
         whole = np.zeros((TERMS + 1, *self.Y.shape), complex)
         whole[0] = self.Y
         found, rests = [], []
@@ -84,23 +86,27 @@ class Network:
             N = np.zeros((TERMS + 1, *area.Y.shape), complex)
             N[0] = area.Y
             _add(N, area.members, seen)
-            found.append(front := _front(N, _tail(area.members, seen)))
+            found.append(front := _front(N, _tail(area.members, rest)))
             if len(area.edge):
                 rests.append((area, front, _eliminate(whole, area, front)))
         if len(self.Y):
             _add(whole, self.members, seen)
-            own, through = _tail(self.members, seen), _through(rests)
+            own, through = _tail(self.members, rest), _through(rests)
             found.append(_front(whole, lambda G, T, r: own(G, T, r) + through(G, T, r)))
         return found
 
 
 def reach(fronts: list[Front]) -> float:
     """Distance (1/s) within which every front is regular and its phase is known to `SLACK`."""
-    low, high = 0.0, 1 / max(float(front.norms[0]) for front in fronts)
-    for _ in range(HALVINGS):
-        r = (low + high) / 2
-        low, high = (r, high) if all(front.slack(r) <= SLACK for front in fronts) else (low, r)
-    return low
+    far = 1 / max(float(front.norms[0]) for front in fronts)
+    for front in fronts:
+        if front.slack(far) > SLACK:
+            low, high = 0.0, far
+            for _ in range(HALVINGS):
+                r = (low + high) / 2
+                low, high = (r, high) if front.slack(r) <= SLACK else (low, r)
+            far = low
+    return far
 
 
 def _add(N: np.ndarray, members: list[Member], seen: list[Series]) -> None:
@@ -119,11 +125,13 @@ def _front(N: np.ndarray, tail: Callable[[np.ndarray, np.ndarray, float], float]
     E = G @ N[1:]
     scale = np.diag(sl.matrix_balance(np.abs(E[0]), permute=False)[1])
     norms = np.linalg.norm(E * scale / scale[:, None], axis=(1, 2))
-    return Front(float(phase), G, E, scale, norms, lambda r: tail(G, scale, r))
+    return Front(float(phase), G, E, scale, norms, cache(lambda r: tail(G, scale, r)))
 
 
-def _tail(members: list[Member], seen: list[Series]) -> Callable[[np.ndarray, np.ndarray, float], float]:
-    """Bound of the norm of what the series of the units leave out."""
+def _tail(
+    members: list[Member], rest: Callable[[float], list[np.ndarray]]
+) -> Callable[[np.ndarray, np.ndarray, float], float]:
+    """Bound of the norm of what the series of the units leave out; `rest` gives the bounds of each group of units."""
     weights: list[np.ndarray] = []
 
     def bound(G: np.ndarray, T: np.ndarray, r: float) -> float:
@@ -131,7 +139,7 @@ def _tail(members: list[Member], seen: list[Series]) -> Callable[[np.ndarray, np
             columns = np.square(np.abs(G / T[:, None])).sum(axis=0)
             weights.extend(np.sqrt(columns[at].sum(axis=1)) * T[at].max(axis=1) for _, _, at in members)
         parts = zip(weights, members, strict=True)
-        return float(sum(w @ seen[m.group].rest(r)[m.rows] for w, m in parts))
+        return float(sum(w @ rest(r)[m.group][m.rows] for w, m in parts))
 
     return bound
 

@@ -114,7 +114,7 @@ def _arnoldi(product: Product, without: Product, n: int, block: int, most: int) 
     """Arnoldi iterations in the invariant subspace without the modes known, to which rounding would lead back."""
     if n <= most:
         Q = np.eye(n, dtype=complex)
-        return _ritz(Q, without(product(Q)))
+        return _ritz(Q, without(product(Q)), block)
     size = most // block * block
     start = np.random.default_rng(SEED).normal(size=(2, n, block))
     Q, P = np.zeros((2, size, n), complex).transpose(0, 2, 1)  # columns are contiguous; P = operator Q
@@ -126,17 +126,25 @@ def _arnoldi(product: Product, without: Product, n: int, block: int, most: int) 
         Q[:, k : k + block] = new
         new = product(new)
         P[:, k : k + block] = new = without(new)
-    return _ritz(Q, P)
+    return _ritz(Q, P, block)
 
 
-def _ritz(Q: np.ndarray, P: np.ndarray) -> Ritz:
-    """Eigenvalues in the space of the columns of Q, which an operator turns into P."""
-    mu, Z = np.linalg.eig(Q.conj().T @ P)
+def _ritz(Q: np.ndarray, P: np.ndarray, block: int) -> Ritz:
+    """Eigenvalues in the space of the columns of Q, which an operator turns into P; only the last block leaves it.
+
+    Vectors that are not precise are zero.
+    """
+    H = Q.conj().T @ P
+    mu, Z = np.linalg.eig(H)
     order = np.argsort(-np.abs(mu))
     order = order[np.abs(mu[order]) > TINY * np.abs(mu).max()]
     mu, Z = mu[order], Z[:, order]
-    V = P @ Z / mu  # once more multiplied by the operator: small residuals also in terms of A
-    return Ritz(mu, V, np.linalg.norm(V - Q @ Z, axis=0))
+    beyond = P[:, -block:] - Q @ H[:, -block:]
+    miss = np.linalg.norm(beyond @ Z[-block:], axis=0) / np.abs(mu)
+    near, V = miss <= PRECISE, np.zeros((len(Q), len(mu)), complex)
+    V[:, near] = P @ Z[:, near] / mu[near]  # once more multiplied by the operator: small residuals also in terms of A
+    miss[near] = np.linalg.norm(V[:, near] - Q @ Z[:, near], axis=0)
+    return Ritz(mu, V, miss)
 
 
 def _checked(d: Descriptor, V: np.ndarray, W: np.ndarray) -> Eigen:
