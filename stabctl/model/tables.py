@@ -27,7 +27,7 @@ class Bus(NamedTuple):
     area: Annotated[int, "-", "area, for information only", NOT_NEGATIVE] = 0
     zone: Annotated[int, "-", "zone, for information only", NOT_NEGATIVE] = 0
     owner: Annotated[int, "-", "owner, for information only", NOT_NEGATIVE] = 0
-    x: Annotated[float, "-", "position in diagrams, to the right; with x = y = 0 it is found automatically"] = 0.0
+    x: Annotated[float, "-", "position in diagrams, to the right (x = y = 0: automatic)"] = 0.0
     y: Annotated[float, "-", "position in diagrams, upward, in the unit of x"] = 0.0
 
 
@@ -40,8 +40,8 @@ class Branch(NamedTuple):
     x: Annotated[float, "pu", "series reactance (negative: series capacitor)"]
     b: Annotated[float, "pu", "total line charging susceptance"] = 0.0
     tap: Annotated[float, "-", "turns ratio on the from side (1 for a line)", RATIO] = 1.0
-    phase: Annotated[float, "deg", "phase shift by which the from side leads"] = 0.0
-    circuit: Annotated[str, "-", "circuit identifier, by which it is then named: 7-8 ckt 2"] = ""
+    phase: Annotated[float, "deg", "phase shift by which the voltage of the from side leads"] = 0.0
+    circuit: Annotated[str, "-", "circuit identifier; the circuit is then named 7-8 ckt 2"] = ""
     g_from: Annotated[float, "pu", "shunt conductance at the from end, switched with the branch"] = 0.0
     b_from: Annotated[float, "pu", "shunt susceptance at the from end, switched with the branch"] = 0.0
     g_to: Annotated[float, "pu", "shunt conductance at the to end, switched with the branch"] = 0.0
@@ -56,10 +56,8 @@ class Machine(NamedTuple):
     base: Annotated[float, "MVA", "rating, the base of its per-unit parameters", Ge(1e-6)]
     p: Annotated[float, "MW", "scheduled active power (initial guess at the swing bus)"]
     storage_bus: Annotated[int, "-", "bus for its storage device: high-voltage side, or the terminal bus"]
-    q: Annotated[float, "Mvar", "reactive power: fixed at a pq bus, elsewhere its share before the rest is divided"] = (
-        0.0
-    )
-    name: Annotated[str, "-", "name, by which it is then called: 30/1 for identifier 1 at bus 30"] = ""
+    q: Annotated[float, "Mvar", "reactive power: fixed at a pq bus; elsewhere its share before the remainder is divided"] = 0.0
+    name: Annotated[str, "-", "name used instead of the number: 30/1 is identifier 1 at bus 30"] = ""
 
     @property
     def called(self) -> int | str:
@@ -84,7 +82,7 @@ class Load(NamedTuple):
     v_low: Annotated[float, "pu", "voltage below which the whole load is an admittance", POSITIVE] = 0.5
     v: Annotated[float, "pu", "voltage at which p and q are consumed (0: the power-flow voltage)", NOT_NEGATIVE] = 0.0
     id: Annotated[str, "-", "identifier of the load at its bus"] = ""
-    kind: Annotated[LoadKind, "-", "load, or another injection, which --loads leaves as it is"] = "load"
+    kind: Annotated[LoadKind, "-", "load, or another injection, which --loads does not change"] = "load"
     model_share: Annotated[float, "-", "share of p and q that its load model draws, if it has one", SHARE] = 1.0
 
 
@@ -102,9 +100,9 @@ class Storage(NamedTuple):
     """An energy storage device (ESD) that belongs to a machine; the defaults are the ideal device of the paper."""
 
     machine: Annotated[int, "-", "machine whose speed controls it"]
-    bus: Annotated[int, "-", "bus it is connected to"]
+    bus: Annotated[int, "-", "bus to which it is connected"]
     rating: Annotated[float, "MW", "power rating at 1 pu voltage", NOT_NEGATIVE]
-    characteristic: Annotated[Characteristic, "-", "what stays constant when the voltage changes"] = "power"
+    characteristic: Annotated[Characteristic, "-", "what remains constant when the voltage changes"] = "power"
     energy: Annotated[float, "MWh", "energy capacity (0: unlimited)", NOT_NEGATIVE] = 0.0
     charge: Annotated[float, "-", "initial state of charge", SHARE] = 0.5
     ramp: Annotated[float, "MW/s", "ramp-rate limit (0: none)", NOT_NEGATIVE] = 0.0
