@@ -56,7 +56,7 @@ class Machine(NamedTuple):
     base: Annotated[float, "MVA", "rating, the base of its per-unit parameters", Ge(1e-6)]
     p: Annotated[float, "MW", "scheduled active power (initial guess at the swing bus)"]
     storage_bus: Annotated[int, "-", "bus for its storage device: high-voltage side, or the terminal bus"]
-    q: Annotated[float, "Mvar", "reactive power: fixed at a pq bus; elsewhere its share before the remainder is divided"] = 0.0
+    q: Annotated[float, "Mvar", "reactive power: fixed at a pq bus, elsewhere its share before the rest is split"] = 0.0
     name: Annotated[str, "-", "name used instead of the number: 30/1 is identifier 1 at bus 30"] = ""
 
     @property
