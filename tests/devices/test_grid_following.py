@@ -9,7 +9,7 @@ from block_diagram import distance, evaluate, feedback, one, opened, response, s
 from systems import REGC, REGC_B, REGC_C, small
 
 import stabctl as st
-from stabctl.devices.converters import regc_b, regc_c
+from stabctl.devices.converters import regc_a, regc_b, regc_c
 from stabctl.dynamics import operating_point
 from stabctl.model import network
 from stabctl.simulation import simulation
@@ -41,6 +41,39 @@ def at_infinite_bus(device, p):
     x, u = list(device.guess(1.0 + 0j, P - 1j * Q, p)), {"Ipcmd": P, "Iqcmd": Q}
     assert np.abs(evaluate(device, p, x, u)[0]).max() < 1e-12
     return x, u
+
+
+@pytest.mark.parametrize(("vt", "gain", "above"), [(1.0, 1.0, 0), (0.6, 0.5, 0), (1.3, 1.0, 1)])
+def test_regc_a_linearized_is_its_block_diagram(vt, gain, above):
+    """1/(1+sTg) from each command; low-voltage management halves Ip at 0.6 pu, Khv takes Iq from 1.2 pu on.
+
+    P = gain(vt) Ip vt, Q = (Iq - Khv (vt - Volim)) vt, both without delay.
+    """
+    for seed in range(20):
+        p = opened(regc_a, REGC._replace(**drawn(seed, "Tg", "Tfltr", "Khv"), Lvplsw=seed % 2))
+        x, u, v = [P, Q, vt], {"Ipcmd": P, "Iqcmd": Q}, (vt, 0.0)
+        assert np.abs(evaluate(regc_a, p, x, u, v)[0]).max() < 1e-12
+        lag = vt / (1 + s * p.Tg)
+        assert distance(response(regc_a, p, x, u, ["Ipcmd"], "P", v), [gain * lag]) < 1e-9
+        assert distance(response(regc_a, p, x, u, ["Iqcmd"], "Q", v), [lag]) < 1e-9
+        dP, dQ, _ = slopes(lambda z, p=p, x=x, u=u: evaluate(regc_a, p, x, u, (z[0], 0.0))[1], np.array([vt + 0j]))
+        of_gain = P * vt / (p.Lvpnt1 - p.Lvpnt0) if gain < 1 else 0.0
+        assert dP[0] == pytest.approx(gain * P + of_gain, rel=1e-12)
+        assert dQ[0] == pytest.approx(Q - above * p.Khv * (2 * vt - p.Volim), rel=1e-12)
+
+
+@pytest.mark.parametrize("model", ["regc_a", "regc_b", "regc_c"])
+def test_a_current_lag_below_a_millisecond_is_refused(model):
+    """Bypassed, the current would depend on commands that depend on the voltage that it makes."""
+    with pytest.raises(st.StabctlError, match=r"Tg_s: 0\.0005 is not allowed; it must be a number of at least 0\.001"):
+        small({"regc_a": REGC}).with_device(model, 1, Tg="0.5ms")
+
+
+def test_a_phase_locked_loop_at_its_limit_is_told_when_it_slips():
+    """The frequency falls beyond what the loop may follow, 60 - 0.5/(2 pi) Hz."""
+    found = run(small({"regc_c": REGC_C._replace(wmin=-0.5)}), [LoadStep("2", 0.1, 400.0)], 20.0)
+    assert (found.outcome.kind, found.outcome.machine) == ("lost_synchronism", 1)
+    assert "its frequency at a limit of its range from 59.92 to 61.91 Hz" in str(found.outcome)
 
 
 @pytest.mark.parametrize("RateFlag", [0, 1])

@@ -68,6 +68,18 @@ def test_a_load_step_changes_the_frequency_along_the_droop(stepped):
     assert speeds == pytest.approx([-drops[0], -drops[1]], abs=1e-10)
 
 
+def test_a_law_reads_the_rate_of_a_virtual_speed_in_the_last_step():
+    """Virtual speed is no state: its acceleration, against the other converter, is its change over the step."""
+    case = island(FORMING._replace(TPf=0.1), SLOW._replace(TPf=0.2)).with_storage("14MW")
+    law = st.Feedback(acceleration_gain=0.003)
+    found = case.initialize().simulate([LoadStep("2", 0.1, 30.0, 20.0)], until="1s", control=law)
+    relative = signal(found, "omega", 0) - signal(found, "omega", 1)
+    wanted = 2 * np.pi * 60 * law.acceleration_gain * 400 / 14 * np.diff(relative) / np.diff(found.time)
+    order, later = found.dataset["storage_order"].values[1:, 0], found.time[1:] > 0.12
+    assert np.abs(wanted[later]).max() > 0.01
+    assert np.abs(order - wanted)[later].max() < 1e-5  # 6.3e-6
+
+
 def test_the_voltage_follows_the_reactive_power_along_the_droop(stepped):
     for k, p in enumerate((FORMING, SLOW)):
         Q, vt = signal(stepped, "Q", k), signal(stepped, "vt", k)

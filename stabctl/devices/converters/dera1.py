@@ -16,9 +16,11 @@ PSS/E Model Library, DERA1; NREL-Sienna/PowerSimulationsDynamics.jl, AggregateDi
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from annotated_types import Interval
 
 from stabctl._util.jit import inline
 from stabctl.devices.blocks import (
+    SHORT,
     at_least,
     at_most,
     clip,
@@ -85,11 +87,11 @@ class Par(NamedTuple):
     Pmin: Annotated[float, "pu", "smallest power"] = 0.0
     dPmax: Annotated[float, "pu/s", "largest rise of the power order"] = 0.5
     dPmin: Annotated[float, "pu/s", "largest fall of the power order, negative"] = -0.5
-    Tpord: Annotated[float, "s", "lag of the power order", NOT_NEGATIVE] = 0.02
+    Tpord: Annotated[float, "s", "lag of the power order", Interval(ge=SHORT)] = 0.02
     Kpg: Annotated[float, "pu", "proportional gain of the power", NOT_NEGATIVE] = 0.1
     Kig: Annotated[float, "1/s", "integral gain of the power", NOT_NEGATIVE] = 10.0
     Imax: Annotated[float, "pu", "largest current", POSITIVE] = 1.2
-    Tg: Annotated[float, "s", "lag of the currents", NOT_NEGATIVE] = 0.02
+    Tg: Annotated[float, "s", "lag of the currents", Interval(ge=SHORT)] = 0.02
     rrpwr: Annotated[float, "pu/s", "largest rise of the active current", POSITIVE] = 99.0
     Iqvmax: Annotated[float, "pu", "largest reactive current of Kqv"] = 1.0
     Iqvmin: Annotated[float, "pu", "smallest reactive current of Kqv"] = -1.0

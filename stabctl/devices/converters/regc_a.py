@@ -10,7 +10,8 @@ P + jQ = vt (Ip + j Iq). Ipcmd and Iqcmd come from the electrical controls; with
 initialized from the power flow. The phase-locked loop is ideal, as in the source. Below vlow, where a real one would
 lose synchronism, the currents are reduced in proportion to the voltage, so that the network always has a solution.
 Simplifications: Iqrmax and Iqrmin apply whatever the sign of the initial Q; while LVPL is active, Ip is reduced at once
-and its lag follows with Tg. Some programs remove the limit LVPL above Brkpt. Per unit on the converter's own MVA; `mva`
+and its lag follows with Tg. Tg is at least 1 ms: without it the current would depend on commands that depend on the
+voltage that it makes. Some programs remove the limit LVPL above Brkpt. Per unit on the converter's own MVA; `mva`
 converts currents to the system base.
 Source: WECC Renewable Energy Modeling Task Force, WECC Solar Plant Dynamic Modeling Guidelines (2014), REGC_A;
 PSS/E Model Library, REGCA1.
@@ -23,13 +24,25 @@ import numpy as np
 from annotated_types import Interval
 
 from stabctl._util.jit import inline
-from stabctl.devices.blocks import at_least, at_most, deadband, lag, lag_rate, line, low_value, magnitude, rate_limit
+from stabctl.devices.blocks import (
+    SHORT,
+    at_least,
+    at_most,
+    deadband,
+    lag,
+    lag_rate,
+    line,
+    low_value,
+    magnitude,
+    rate_limit,
+)
 from stabctl.devices.ports import PORT
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 NAME = "REGC_A"
 ROLE = "converter"
 UPPER = ("Rrpwr", "Lvpl1")
+FILTER = Interval(ge=SHORT)
 SWITCH = Interval(ge=0, le=1)
 LOOPS = {"active current": ("ip",), "reactive current": ("iq",), "voltage filter": ("vfilt",)}
 DYR = {
@@ -41,7 +54,7 @@ class Par(NamedTuple):
     """Parameters of one converter."""
 
     mva: Annotated[float, "-", "converter MVA over system MVA", FROM_CASE]
-    Tg: Annotated[float, "s", "lag of the current regulators", NOT_NEGATIVE] = 0.02
+    Tg: Annotated[float, "s", "lag of the current regulators", FILTER] = 0.02
     Rrpwr: Annotated[float, "pu/s", "largest rise of the active current", POSITIVE] = 10.0
     Brkpt: Annotated[float, "pu", "voltage at which low-voltage power logic reaches Lvpl1"] = 0.9
     Zerox: Annotated[float, "pu", "voltage at which low-voltage power logic reaches zero", NOT_NEGATIVE] = 0.5
