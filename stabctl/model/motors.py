@@ -9,7 +9,7 @@ from stabctl.units import quantity
 
 from . import catalog, keys
 from .case import Case, as_case
-from .equip import with_device
+from .device_edit import with_device
 
 MODEL = "cim"
 

@@ -237,7 +237,7 @@ def test_records_of_what_is_not_modeled_are_refused_or_told():
     with pytest.raises(ValueError, match="remote bus 7"):
         reec_b.from_record("REECB1", {"bus": 7})
     _, said = repc_a.from_record("REPCA1", {"branch_from": 1, "branch_to": 2, "circuit": "A"})
-    assert said == ["monitors its own power instead of branch 1-2 ckt A."]
+    assert said == ["measures its own power instead of that of branch 1-2 ckt A."]
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, NamedTuple
 
 from stabctl._util.jit import inline
-from stabctl.devices.blocks import SHORT, at_least, available, magnitude, shortened
+from stabctl.devices.blocks import at_least, available, magnitude, shortened
 from stabctl.devices.converters import electrical, reec_c, regc_a
 from stabctl.devices.converters.electrical import limited, rates, table_p, table_q
 from stabctl.devices.converters.regc_a import delivered
@@ -66,8 +66,6 @@ def errors(values: Mapping[str, float]) -> Iterator[tuple[str, str]]:
     """Name and message for each combination of parameters that is not possible."""
     if values["QFlag"] > 0 and not values["VFlag"]:
         yield "VFlag", "takes a voltage reference with QFlag = 1, which no storage law gives; set VFlag = 1"
-    if values["Tg"] < SHORT:
-        yield "Tg", f"s must be at least {SHORT:g} s"
 
 
 KIT = joined.Kit(
