@@ -49,7 +49,7 @@ def test_no_device_of_the_package_is_taken_for_a_mistake(name):
 
 def test_what_is_no_file_name_of_a_table_is_refused(tmp_path):
     (tmp_path / "my-exciter.py").write_text(GOOD)
-    with pytest.raises(StudyError, match="'my-exciter' cannot name a table"):
+    with pytest.raises(StudyError, match="'my-exciter' is not a table name"):
         devices.register(tmp_path / "my-exciter.py")
     with pytest.raises(StudyError, match="None is not a device file"):
         devices.register(None)
