@@ -54,6 +54,8 @@ def equations(device: ModuleType) -> dict[int, tuple[str, ...]]:
     if hasattr(device, "step"):
         return {STEP: ("step",)}
     found = {op: names for op, names in EQUATIONS.items() if hasattr(device, names[0])}
+    if hasattr(device, "internal"):
+        found.setdefault(SOURCE, ())  # computed there once, before the voltages are iterated
     if fused(device):
         del found[OUTPUT], found[RATES]
         found[BOTH] = ("output", "derivatives")

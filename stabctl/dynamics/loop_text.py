@@ -111,13 +111,16 @@ def _body(device: ModuleType, op: int, names: tuple[str, ...], anew: bool) -> li
     store["step"] = [*(memory if memory[1:] else ()), *shown]
     of_unit = op in (SOURCE, CURRENT) and device.ROLE in ("machine", "converter")
     lines = [f"if on[w[{columns} * j + {UNIT}]] < 0:", "    continue"] if of_unit else []
+    first = len(fields(device, "Output"))
+    keep = [place, *(f"s[o + {first + k}] = i.{n}" for k, n in enumerate(fields(device, "Internal")))]
+    if not names:
+        return [*lines, *(line for a in ("x", "p", "i") for line in head[a]), *keep]
     known: set[str] = set()
     for name in names:
         needed = _needed(device, name, anew)
         lines += [line for a in needed if a not in known for line in head[a]]
         if op == SOURCE and "i" in needed:
-            first = len(fields(device, "Output"))
-            lines += [place, *(f"s[o + {first + k}] = i.{n}" for k, n in enumerate(fields(device, "Internal")))]
+            lines += keep
         known |= {*needed, result[name]}
         lines += [f"{result[name]} = device.{name}({', '.join(arguments(device, name))})", *store[name]]
     return lines

@@ -80,6 +80,7 @@ def drop(ip, iq, p):
 
 @inline
 def admittance(p):
-    """Norton admittance 1/(Re + j Xe) (pu system), real and imaginary part."""
+    """Norton admittance 1/(Re + j Xe) (pu system), real and imaginary part; 0 where the current is its reference."""
     ip, iq = through(1.0, 0.0, p)
-    return p.mva * ip, -p.mva * iq
+    k = (p.Te >= SHORT) * p.mva
+    return k * ip, -k * iq

@@ -94,11 +94,23 @@ class Output(NamedTuple):
     vq: Annotated[float, "pu", "terminal voltage ahead of the frame, which the phase-locked loop brings to zero"]
 
 
+class Internal(NamedTuple):
+    """Direction of the frame."""
+
+    c: Annotated[float, "-", "cosine of its angle"]
+    s: Annotated[float, "-", "sine of its angle"]
+
+
 @inline
-def framed(x, v):
+def internal(x, p):
+    """Direction of the frame."""
+    return Internal(np.cos(x.theta_pll), np.sin(x.theta_pll))
+
+
+@inline
+def framed(i, v):
     """Components of the terminal voltage (pu) along the frame and ahead of it."""
-    c, s = np.cos(x.theta_pll), np.sin(x.theta_pll)
-    return v[0] * c + v[1] * s, v[1] * c - v[0] * s
+    return v[0] * i.c + v[1] * i.s, v[1] * i.c - v[0] * i.s
 
 
 @inline
@@ -118,34 +130,34 @@ def locked(x, vq, p):
 
 
 @inline
-def current(x, v, p):
+def current(x, i, v, p):
     """Current into the network beside the Norton admittance (pu system), real and imaginary part: I + Y V."""
-    vd, vq = framed(x, v)
+    vd, vq = framed(i, v)
     ip, iq = delivered(x, vd, vq, magnitude(vd, vq), p)
-    return turned(x, ip, iq, v, p)
+    return turned(i, ip, iq, v, p)
 
 
 @inline
-def turned(x, ip, iq, v, p):
+def turned(i, ip, iq, v, p):
     """The current of `current` from its active and reactive part in the frame (pu converter)."""
-    c, s = np.cos(x.theta_pll), np.sin(x.theta_pll)
     g, b = admittance(p)
-    return p.mva * (ip * c + iq * s) + g * v[0] - b * v[1], p.mva * (ip * s - iq * c) + g * v[1] + b * v[0]
+    re, im = ip * i.c + iq * i.s, ip * i.s - iq * i.c
+    return p.mva * re + g * v[0] - b * v[1], p.mva * im + g * v[1] + b * v[0]
 
 
 @inline
-def output(x, v, p):
+def output(x, i, v, p):
     """Power and voltage at the terminals, frequency and error of the phase-locked loop (pu)."""
-    vd, vq = framed(x, v)
+    vd, vq = framed(i, v)
     vt = magnitude(v[0], v[1])
     ip, iq = delivered(x, vd, vq, vt, p)
     return Output(vd * ip - vq * iq, vd * iq + vq * ip, vt, locked(x, vq, p), vq)
 
 
 @inline
-def derivatives(x, u, v, y, p):
+def derivatives(x, i, u, v, y, p):
     """State derivatives (1/s); y is this converter's own output."""
-    vd, vq = framed(x, v)
+    vd, vq = framed(i, v)
     ip, iq = delivered(x, vd, vq, y.vt, p)
     to_p, to_q = references(x, y.vt, p)
     ep, eq = to_p - ip, to_q - iq

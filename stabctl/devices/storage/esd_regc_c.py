@@ -17,8 +17,9 @@ from stabctl.devices.blocks import available, magnitude
 from stabctl.devices.converters import electrical, reec_c, regc_c
 from stabctl.devices.converters.behind_impedance import admittance
 from stabctl.devices.converters.electrical import rates
-from stabctl.devices.converters.regc_c import delivered, framed, locked, turned
+from stabctl.devices.converters.regc_c import Internal, delivered, framed, locked, turned
 from stabctl.devices.converters.regc_c import derivatives as converter_rates
+from stabctl.devices.converters.regc_c import internal as frame
 
 from . import joined
 from .esd import Input
@@ -36,7 +37,7 @@ ANGLES = regc_c.ANGLES
 PLL = regc_c.PLL
 Par: Any = joined.joined(joined.Store, regc_c.Par, reec_c.Par)
 KIT = FOLLOWING._replace(name="REGC_C and REEC_C of storage", parts=(regc_c.Par, reec_c.Par))
-__all__ = ["Input", "admittance"]
+__all__ = ["Input", "Internal", "admittance"]
 
 
 class State(NamedTuple):
@@ -97,39 +98,45 @@ def converter(x):
 
 
 @inline
-def terminal(x, v, p):
+def internal(x, p):
+    """Direction of the frame."""
+    return frame(converter(x), p)
+
+
+@inline
+def terminal(x, i, v, p):
     """Active and reactive current at the terminals (pu converter), in the frame."""
-    vd, vq = framed(x, v)
+    vd, vq = framed(i, v)
     ip, iq = delivered(converter(x), vd, vq, magnitude(vd, vq), p)
     return available(ip, x.energy, p.floor, p.capacity), iq
 
 
 @inline
-def current(x, v, p):
+def current(x, i, v, p):
     """Current into the network beside the Norton admittance (pu system), real and imaginary part: I + Y V."""
-    ip, iq = terminal(x, v, p)
-    return turned(x, ip, iq, v, p)
+    ip, iq = terminal(x, i, v, p)
+    return turned(i, ip, iq, v, p)
 
 
 @inline
-def output(x, v, p):
+def output(x, i, v, p):
     """Power absorbed (pu system), charge, currents (pu converter), voltage, frequency of the phase-locked loop."""
-    vd, vq = framed(x, v)
-    ip, iq = terminal(x, v, p)
+    vd, vq = framed(i, v)
+    ip, iq = terminal(x, i, v, p)
     P, Q = vd * ip - vq * iq, vd * iq + vq * ip
     charge, vt = x.energy / p.capacity, magnitude(v[0], v[1])
     return Output(-p.mva * P, -p.mva * Q, charge, ip, iq, vt, locked(converter(x), vq, p))
 
 
 @inline
-def derivatives(x, u, v, y, p):
+def derivatives(x, i, u, v, y, p):
     """State derivatives (1/s); y is this device's own output."""
-    vd, vq = framed(x, v)
+    vd, vq = framed(i, v)
     s, P, Q = store_rates(x, u, y, p), vd * y.Ip - vq * y.Iq, vd * y.Iq + vq * y.Ip
     r = seen(x, u, y.vt, P, Q, p)
     ip, iq, most = commands(x, r, p)
     e = rates(r.Pref, control(x), r, p, 0.0, most)
-    g = converter_rates(converter(x), regc_c.Input(ip, iq), v, regc_c.Output(P, Q, y.vt, y.wpll, vq), p)
+    g = converter_rates(converter(x), i, regc_c.Input(ip, iq), v, regc_c.Output(P, Q, y.vt, y.wpll, vq), p)
     return State(
         s.share, s.energy, s.reactive, e.vm, e.vq, e.iv, e.iq, e.pord,
         g.theta_pll, g.xpll, g.ip, g.iq, g.vfilt, g.xp, g.xq, g.Ed, g.Eq,
