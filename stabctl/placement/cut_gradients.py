@@ -11,6 +11,7 @@ from .trials import Trials
 INSIDE = (1.04, 1.08, 1.16, 1.02)  # multiples of the boundary fleet at which nearby fleets are simulated
 STEP = 0.03  # first change of one size, relative to the whole fleet
 HALVINGS = 8
+AFTER = 0.25  # s   simulated beyond the instant of the largest angle
 
 
 def by_peak(trials: Trials, mw: np.ndarray, k: int) -> np.ndarray | None:
@@ -18,18 +19,19 @@ def by_peak(trials: Trials, mw: np.ndarray, k: int) -> np.ndarray | None:
 
     The sets of fleets with equal largest angle approach the boundary as the angle grows. Slightly inside the boundary,
     each size is raised by a few per cent of the fleet, or less if that fleet is not stable. One simulation per
-    candidate.
+    candidate, until shortly after the largest angle.
     """
     lost = trials.outcome((1 - 2e-3) * mw, k).machine
     for inside in INSIDE:
         base = trials.fleet(inside * mw)
-        run = trials.outcome(base, k)
+        run = trials.peaks(base, k)
         if run.stable:
             break
     else:
         return None
     names = trials.point.rotor_names
-    machine = names.index(lost) if lost in names else int(run.peak.argmax())
+    machine = names.index(lost) if lost in names else int(run.angle.argmax())
+    until = run.time[machine] + AFTER
 
     def slope(i: int) -> float:
         if not trials.helps(i, k):
@@ -38,9 +40,9 @@ def by_peak(trials: Trials, mw: np.ndarray, k: int) -> np.ndarray | None:
         for _ in range(HALVINGS):
             tried = base.copy()
             tried[i] += step
-            changed = trials.outcome(tried, k)
+            changed = trials.outcome(tried, k, until)
             if changed.stable:
-                return (run.peak[machine] - changed.peak[machine]) / step
+                return (run.angle[machine] - changed.peak[machine]) / step
             step /= 2
         return np.nan
 

@@ -174,7 +174,7 @@ class CuttingPlanes:
     def buildable(self, mw: np.ndarray) -> np.ndarray | None:
         """The fleet in whole modules, slightly larger if it does not survive everything; None if none does."""
         fleets = (self.master.built(more * mw) for more in MORE)
-        return next((fleet for fleet in fleets if not self.trials.lost(fleet)), None)
+        return next((fleet for fleet in fleets if self.trials.all_survived(fleet)), None)
 
     def _valid(self) -> list[Cut]:
         """The cuts, moved back to the fleets known to survive everything that they would exclude."""
@@ -201,6 +201,9 @@ class CuttingPlanes:
             if 0 < self.best[i] < self.best.max():
                 rest = self.best.copy()
                 rest[i] = 0.0
+                most = self.prices.affordable(rest, (1 + TOLERANCE) * self.cost)
+                if most < np.inf and not self.trials.all_survived(most * rest):
+                    continue
                 scaled = least_scaling(self.trials, rest)
                 fleet = None if scaled is None else self.buildable(scaled.scaling * rest)
                 if fleet is None:
@@ -217,6 +220,6 @@ class CuttingPlanes:
         assert self.best is not None
         digits = rounding.decimals(self.trials.cap)
         fleets = (rounding.up(self.master.built(more * self.best), digits) for more in MORE)
-        found = next((mw for mw in map(self.trials.fleet, fleets) if not self.trials.lost(mw)), self.best)
+        found = next((mw for mw in map(self.trials.fleet, fleets) if self.trials.all_survived(mw)), self.best)
         self.energy = rounding.up(energies(self.trials, found), digits + 2)
         self.take(found, self.energy)

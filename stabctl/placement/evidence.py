@@ -51,7 +51,7 @@ def table(
         rest = np.where(np.arange(len(mw)) == i, 0.0, mw)
         rows.append(_row(rest, critical_times(trials, rest), without=f"{s.machine}@{s.bus}"))
     refined = trials.refined()
-    enough = next((m for m in MARGINS if not refined.lost(m * mw)), MARGINS[-1])
+    enough = next((m for m in MARGINS if refined.all_survived(m * mw)), MARGINS[-1])
     times = critical_times(refined, enough * mw)
     rows.append(_row(trials.fleet(enough * mw), times, scale=enough, refined=True))
     for name, control in controls.items():

@@ -19,3 +19,8 @@ class Prices(NamedTuple):
     def per_mw(self, hours: np.ndarray) -> np.ndarray:
         """Price of a MW (candidates) that needs so many MWh per MW."""
         return self.mw + self.mwh * hours
+
+    def affordable(self, mw: np.ndarray, cost: float) -> float:
+        """The largest multiple of a fleet (candidates, MW) that costs no more, without its energy."""
+        of_sizes, of_sites = float(self.mw @ mw), float(self.site @ (mw > 0))
+        return max(cost - of_sites, 0.0) / of_sizes if of_sizes > 0 else np.inf

@@ -16,6 +16,7 @@ from stabctl.jobs.key import sha256, text
 from stabctl.simulation.attached import attached, resized
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control, acting
+from stabctl.simulation.recording import Recorded
 from stabctl.simulation.simulation import run
 from stabctl.simulation.trajectory import Trajectory
 
@@ -23,9 +24,9 @@ from .contingencies import target_cycles
 from .scenario import without_fault
 from .siting_rows import SAME
 
-FORMAT = 2
+FORMAT = 3
 GRID = 0.125  # cycles
-What = Literal["outcome", "energy", "currents", "critical time"]
+What = Literal["outcome", "peak", "energy", "currents", "critical time"]
 
 
 class Simulated(NamedTuple):
@@ -63,6 +64,14 @@ class Outcome(NamedTuple):
     peak: np.ndarray  # (rotors) rad   largest change of every angle from the center of inertia
 
 
+class Peaks(NamedTuple):
+    """The largest angles of a simulation of a fleet."""
+
+    stable: bool
+    angle: np.ndarray  # (rotors) rad   largest change of every angle from the center of inertia
+    time: np.ndarray  # (rotors) s   its instant, from the last event on
+
+
 class CriticalTime(NamedTuple):
     """The critical clearing time of a contingency with a fleet."""
 
@@ -80,7 +89,7 @@ def task(one: Simulated, shared: Shared, identified: bool) -> Task:
     return Task(key, one, shared, FLEET)
 
 
-def simulate(one: Simulated, shared: Shared, record: bool) -> Trajectory:
+def simulate(one: Simulated, shared: Shared, record: Recorded) -> Trajectory:
     """The simulation of a scenario with a fleet."""
     search, point = one.search, resized(shared.base.point, one.ratings)
     if one.contingency.fault is not None:
@@ -106,10 +115,17 @@ def answer(task: Task) -> Found:
     target = target_cycles(one.contingency, shared.base.point.case)
     if one.what == "critical time" and target is not None:
         return _critical_time(one, shared, target)
-    read = READS.get(one.what)
-    ran = simulate(one, shared, record=read is not None)
-    values, end = ran.peak if read is None else read(ran), ran.outcome
+    ran = simulate(one, shared, record=VALUES[one.what].record)
+    end, values = ran.outcome, VALUES[one.what].of(ran)
     return _found(end.stable, end.machine, 1, values=json.dumps(values.tolist()))
+
+
+def _peaks(ran: Trajectory) -> np.ndarray:
+    """Largest change of every angle from the center of inertia, rad, and its instant from the last event on, s."""
+    H, change = ran.point.inertia, ran.arrays.angle - ran.arrays.angle[0]
+    change -= (change @ H / H.sum())[:, None]
+    last = max((change.at for change in ran.happened.changes if change.at > 0), default=0.0)
+    return np.stack([ran.peak, ran.time[np.abs(change).argmax(axis=0)] - last])
 
 
 def _critical_time(one: Simulated, shared: Shared, target: float) -> Found:
@@ -135,7 +151,19 @@ def _currents(run: Trajectory) -> np.ndarray:
     return np.array([most, np.where(current >= (1 - SAME) * most, voltage, np.inf).min(axis=0)])
 
 
-READS: dict[str, Callable[[Trajectory], np.ndarray]] = {"energy": _energies, "currents": _currents}  # of a recorded run
+class Values(NamedTuple):
+    """What a simulation of a fleet is asked for, and what must be recorded for it."""
+
+    of: Callable[[Trajectory], np.ndarray]
+    record: Recorded
+
+
+VALUES: dict[What, Values] = {
+    "outcome": Values(lambda ran: ran.peak, False),
+    "peak": Values(_peaks, "rotors"),
+    "energy": Values(_energies, True),
+    "currents": Values(_currents, True),
+}
 
 
 def _found(stable: bool, machine: int | str | None, simulations: int, **more: Any) -> Found:

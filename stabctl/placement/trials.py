@@ -2,6 +2,7 @@
 
 import copy
 import json
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from dataclasses import replace
@@ -23,8 +24,9 @@ from stabctl.simulation.trajectory import Trajectory
 
 from .contingencies import target_cycles
 from .scenario import Scenario, without_fault
-from .simulated import FLEET, CriticalTime, Outcome, Shared, Simulated, What, simulate, task, trial
+from .simulated import FLEET, CriticalTime, Outcome, Peaks, Shared, Simulated, What, simulate, task, trial
 
+FEW = 2  # scenarios simulated before all others
 DIGITS = 9  # of a size over its cap; fleets that agree to so many are the same
 T = TypeVar("T")
 
@@ -91,6 +93,7 @@ class Trials:
         self._pool, self._ended = ThreadPoolExecutor(self.runner.threads), Event()
         self._bases = tuple(map(Base, self.points))
         self._known: dict[Question, Future[bool]] = {}
+        self._losses: Counter[Scenario] = Counter()
 
     @property
     def point(self) -> OperatingPoint:
@@ -117,20 +120,25 @@ class Trials:
         """Number of simulations so far, including those of trials derived from these."""
         return self._counted[0]
 
-    def ask(self, what: What, mw: np.ndarray, k: int, control: Control = None) -> dict[str, Any]:
-        """The row on a fleet (candidates, MW, also above the caps) in scenario k.
+    def ask(
+        self, what: What, mw: np.ndarray, k: int, control: Control = None, *, until: float | None = None
+    ) -> dict[str, Any]:
+        """The row on a fleet (candidates, MW, also above the caps) in scenario k, observed for `until` (s) at most.
 
         Raises `CancelledError` once the study has ended.
         """
         if self._ended.is_set():
             raise CancelledError
-        row = self.runner.ask(task(self._question(what, mw, k), self._shared(k, control), self.runner.remote))
+        row = self.runner.ask(task(self._question(what, mw, k, until), self._shared(k, control), self.runner.remote))
         self._count(row["simulations"])
         return row
 
-    def _question(self, what: What, mw: np.ndarray, k: int) -> Simulated:
+    def _question(self, what: What, mw: np.ndarray, k: int, until: float | None = None) -> Simulated:
         ratings = tuple(map(float, self.ratings(mw, k)))
-        return Simulated(what, self.scenarios[k].contingency, ratings, self.search, "")
+        search = self.search
+        if until is not None and until < search.observed_s:
+            search = replace(search, observed_s=until, longest_s=0.0)
+        return Simulated(what, self.scenarios[k].contingency, ratings, search, "")
 
     def _shared(self, k: int, control: Control = None) -> Shared:
         return Shared(self._bases[self.scenarios[k].point], control or self.control)
@@ -169,12 +177,19 @@ class Trials:
                 answer.set_result(bool(self.ask("outcome", mw, k)["stable"]))
             except BaseException as error:
                 answer.set_exception(error)
+            with self._lock:
+                self._losses[one] += answer.exception() is None and not answer.result()
         return answer.result()
 
-    def outcome(self, mw: np.ndarray, k: int) -> Outcome:
-        """The simulation of scenario k with this fleet (candidates, MW, also above the caps)."""
-        row = self.ask("outcome", mw, k)
+    def outcome(self, mw: np.ndarray, k: int, until: float | None = None) -> Outcome:
+        """The simulation of scenario k with this fleet (candidates, MW, also above the caps), observed for `until` s."""
+        row = self.ask("outcome", mw, k, until=until)
         return Outcome(bool(row["stable"]), json.loads(row["machine"]), np.array(json.loads(row["values"])))
+
+    def peaks(self, mw: np.ndarray, k: int) -> Peaks:
+        """The largest angles in scenario k with this fleet (candidates, MW, also above the caps), and their instants."""
+        row = self.ask("peak", mw, k)
+        return Peaks(bool(row["stable"]), *np.array(json.loads(row["values"])))
 
     def energy(self, mw: np.ndarray, k: int) -> np.ndarray:
         """The range of the charge (candidates, MWh) in scenario k with this fleet (candidates, MW)."""
@@ -201,6 +216,11 @@ class Trials:
         """The scenarios that the fleet does not survive."""
         return [k for k, survived in enumerate(self.each(lambda k: self.survives(mw, k))) if not survived]
 
+    def all_survived(self, mw: np.ndarray) -> bool:
+        """Whether the fleet survives every scenario; the few that were lost most often are simulated first."""
+        often = sorted(range(len(self.scenarios)), key=lambda k: -self._losses[self.scenarios[k]])
+        return all(all(self.each(lambda k: self.survives(mw, k), some)) for some in (often[:FEW], often[FEW:]))
+
     def fleets(self, k: int) -> int:
         """Number of fleets tried against scenario k."""
         one = self.scenarios[k]
@@ -222,6 +242,7 @@ class Trials:
         step = Simulation(self.point, step=self.search.step, record=False).step / 2
         new = copy.copy(self)
         new.search, new._known = replace(self.search, observed_s=2 * self.search.observed_s, step=step), {}
+        new._losses = Counter(self._losses)
         return new
 
     def target(self, k: int) -> float | None:
