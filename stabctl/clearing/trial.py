@@ -115,7 +115,7 @@ class Trial:
     def _run(
         self, events: list[Contingency | Event], until: float, record: Recorded, longest: float = 0.0
     ) -> Trajectory:
-        step = self.search.step
-        later = steps.later(self.point, step) if self.control is None else None
+        step, acts = self.search.step, acting(self.control)
+        later = None if acts.controllers or acts.pilots else steps.later(self.point, step)
         options: Any = {"step": step, "later": later, "criterion": self.search.criterion, "record": record}
         return run(self.point, events, until, self.control, longest=longest, **options)

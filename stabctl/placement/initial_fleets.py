@@ -89,7 +89,8 @@ def linear_fleet(search: CuttingPlanes, uniform: np.ndarray) -> np.ndarray | Non
             mw = allocate(found, budget, trials.cap.tolist(), objective).sizes
         except StudyError:
             continue
-        scaled = least_scaling(trials, mw)
+        enough = trials.all_survived(largest_scaling(trials, mw) * mw)
+        scaled = least_scaling(trials, mw) if enough else None
         if scaled:
             search.cut_along(mw, scaled)
             fleet = trials.fleet(scaled.scaling * mw)

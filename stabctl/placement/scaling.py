@@ -8,9 +8,16 @@ import numpy as np
 from .trials import Trials
 
 SCAN = 1.25  # ratio of neighboring multiples of a scan
-FINE = 1e-3  # relative width of the final bracket
+FINE = 2e-3  # relative width of the final bracket
 SMALL = 1e-3  # multiple below which the empty fleet is tried
 NEAR = 0.85  # of the scaling of a fleet: contingencies lost there are nearly binding
+
+
+class Bracket(NamedTuple):
+    """Two multiples of a fleet: the larger one survives, the smaller one does not."""
+
+    low: float
+    high: float
 
 
 class Scaled(NamedTuple):
@@ -39,22 +46,39 @@ def critical_scaling(
     fine : float
         Relative width of the final bracket.
     """
+    found = first_bracket(survives, most, low=low, near=near)
+    return found and bisect(survives, found.low, found.high, fine)
+
+
+def first_bracket(
+    survives: Callable[[float], bool], most: float, *, low: float = 0.0, near: float = 1.0
+) -> Bracket | None:
+    """The first neighbors of the upward scan of `critical_scaling` between which survival begins; None if it never does.
+
+    Without width if `low` survives.
+    """
     if survives(low):
-        return low
+        return Bracket(low, low)
     high = min(max(near / 4, SCAN * low), most)
     while not survives(high):
         if high >= most:
             return None
         low, high = high, min(SCAN * high, most)
-    return bisect(survives, low, high, fine)
+    return Bracket(low, high)
 
 
 def bisect(survives: Callable[[float], bool], low: float, high: float, fine: float = FINE) -> float:
     """The survived end of a bracket that is lost at its low end, once it is narrower than `fine` times itself."""
     while high - low > fine * high:
-        middle = (low + high) / 2
-        low, high = (low, middle) if survives(middle) else (middle, high)
+        low, high = halved(survives, Bracket(low, high))
     return high
+
+
+def halved(survives: Callable[[float], bool], bracket: Bracket) -> Bracket:
+    """The half of a bracket in which survival begins."""
+    low, high = bracket
+    middle = (low + high) / 2
+    return Bracket(low, middle) if survives(middle) else Bracket(middle, high)
 
 
 def largest_scaling(trials: Trials, mw: np.ndarray) -> float:
@@ -76,25 +100,40 @@ def least_scaling(trials: Trials, mw: np.ndarray, fine: float = FINE) -> Scaled 
             return Scaled(0.0, {})
         high, low = low, low / SCAN if low > SMALL else 0.0
 
-    def above(k: int) -> float | None:
-        """Critical scaling of contingency k, which is lost at `low`."""
+    def above(k: int) -> Bracket | None:
+        """Where survival of contingency k begins, which is lost at `low`."""
 
         def survives(a: float) -> bool:
             return trials.survives(a * mw, k)
 
         if high > low and survives(high):
-            return bisect(survives, low, high, fine)
-        return critical_scaling(survives, most, low=low, near=low, fine=fine)
+            return Bracket(low, high)
+        return first_bracket(survives, most, low=low, near=low)
 
     near: dict[int, float] = {}
     while lost:
         found = trials.each(above, lost)
-        reached = {k: a for k, a in zip(lost, found, strict=True) if a is not None}
-        if len(reached) < len(lost):
+        brackets = {k: b for k, b in zip(lost, found, strict=True) if b is not None}
+        if len(brackets) < len(lost):
             return None
-        near |= reached
+        near |= _narrowed(trials, mw, brackets, fine)
         low = high = max(near.values())
         lost = trials.lost(high * mw)
     under = [k for k in trials.lost(NEAR * high * mw) if k not in near]
     below = trials.each(lambda k: bisect(lambda a: trials.survives(a * mw, k), NEAR * high, high, 10 * fine), under)
     return Scaled(high, near | dict(zip(under, below, strict=True)))
+
+
+def _narrowed(trials: Trials, mw: np.ndarray, brackets: dict[int, Bracket], fine: float) -> dict[int, float]:
+    """The critical scalings of contingencies with a bracket each: of the binding ones, and of those nearly so.
+
+    The others are not worth more simulations.
+    """
+    while True:
+        top = max(b.low for b in brackets.values())
+        brackets = {k: b for k, b in brackets.items() if b.high >= NEAR * top}
+        wide = [k for k, b in brackets.items() if b.high - b.low > (fine if b.high > top else 10 * fine) * b.high]
+        if not wide:
+            return {k: b.high for k, b in brackets.items()}
+        halves = trials.each(lambda k: halved(lambda a: trials.survives(a * mw, k), brackets[k]), wide)
+        brackets |= dict(zip(wide, halves, strict=True))

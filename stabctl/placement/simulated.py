@@ -13,6 +13,7 @@ from stabctl.clearing.last_stable import last_stable
 from stabctl.jobs import Found, Kind, Task
 from stabctl.jobs.base import Base
 from stabctl.jobs.key import sha256, text
+from stabctl.simulation import steps
 from stabctl.simulation.attached import attached, resized
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control, acting
@@ -95,8 +96,9 @@ def simulate(one: Simulated, shared: Shared, record: Recorded) -> Trajectory:
     if one.contingency.fault is not None:
         return trial(one, shared).simulate(1, record)
     events, last = without_fault(one.contingency, point.case)
-    until, longest = last + search.observed_s, last + search.longest_s
-    how: dict[str, Any] = {"step": search.step, "criterion": search.criterion, "record": record}
+    until, longest, acts = last + search.observed_s, last + search.longest_s, acting(shared.control)
+    later = None if acts.controllers or acts.pilots else steps.later(point, search.step)
+    how: dict[str, Any] = {"step": search.step, "later": later, "criterion": search.criterion, "record": record}
     return run(point, events, until, shared.control, longest=longest, **how)
 
 
@@ -130,24 +132,24 @@ def _peaks(ran: Trajectory) -> np.ndarray:
 
 def _critical_time(one: Simulated, shared: Shared, target: float) -> Found:
     """The critical clearing time on a grid of about an eighth of a cycle that contains the target (cycles)."""
-    steps = max(1, round(target / GRID))
-    tried = trial(one, shared, target / steps)
-    found = last_stable(tried.attempt, tried.search.last, steps, 2, scan=near(tried.search))
-    runs = found.runs if steps in found.runs else {**found.runs, steps: tried.attempt(steps)}
-    cycles = None if found.status == "unstable_at_zero" else found.critical * target / steps
-    return _found(runs[steps].stable, found.machine, len(runs), cycles=cycles)
+    count = max(1, round(target / GRID))
+    tried = trial(one, shared, target / count)
+    found = last_stable(tried.attempt, tried.search.last, count, 2, scan=near(tried.search))
+    runs = found.runs if count in found.runs else {**found.runs, count: tried.attempt(count)}
+    cycles = None if found.status == "unstable_at_zero" else found.critical * target / count
+    return _found(runs[count].stable, found.machine, len(runs), cycles=cycles)
 
 
-def _energies(run: Trajectory) -> np.ndarray:
+def _energies(ran: Trajectory) -> np.ndarray:
     """The range of the energy of every device, MWh."""
-    return np.ptp(run.arrays.energy, axis=0)
+    return np.ptp(ran.arrays.energy, axis=0)
 
 
-def _currents(run: Trajectory) -> np.ndarray:
+def _currents(ran: Trajectory) -> np.ndarray:
     """The largest current of every device (pu on its MVA), and the lowest voltage of its bus with it (pu)."""
-    current, point = run.arrays.storage_current, run.point
+    current, point = ran.arrays.storage_current, ran.point
     most = current.max(axis=0)
-    voltage = np.abs(run.arrays.V[:, [point.net.place[s.bus] for s in point.case.storage]])
+    voltage = np.abs(ran.arrays.V[:, [point.net.place[s.bus] for s in point.case.storage]])
     return np.array([most, np.where(current >= (1 - SAME) * most, voltage, np.inf).min(axis=0)])
 
 

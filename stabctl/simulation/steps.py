@@ -18,7 +18,8 @@ from stabctl.schema import hints
 
 STEP = 1 / 120  # s   default
 CALM = 1.0  # s   after the last event; a later step may be longer
-LATER = 1 / 48  # s   default step then
+LATER = 1 / 48  # s   default step then, if the fastest eigenvalue allows it
+WORTH = 1.2  # least ratio of a later step to the default one
 LEAST_STEP = 1e-7  # s
 FEW = 100  # steps that are always affordable
 MOST = 50_000_000  # steps of a run
@@ -58,9 +59,11 @@ def standstill(point: OperatingPoint) -> tuple[float, str]:
 def later(point: OperatingPoint, step: float | None) -> float | None:
     """The step from `CALM` after the last event on (s), where fast transients have ended; None: the same as before.
 
-    A step that was given is kept. So is the default one if a longer one would come near the limit of stability.
+    A step that was given is kept. So is the default one if the limit of stability allows hardly more.
     """
-    return LATER if step is None and LATER * max(point.fastest, standstill(point)[0]) <= NEARLY else None
+    fastest = max(point.fastest, standstill(point)[0])
+    longest = min(LATER, NEARLY / fastest) if fastest else LATER
+    return longest if step is None and longest > WORTH * STEP else None
 
 
 class Steps(NamedTuple):
