@@ -84,6 +84,9 @@ class Curved:
     def each(self, ask, which=None):
         return [ask(k) for k in ((0,) if which is None else which)]
 
+    def all_survived(self, mw):
+        return self.survives(mw, 0)
+
     def lost(self, mw):
         return [] if self.survives(mw, 0) else [0]
 
