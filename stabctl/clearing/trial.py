@@ -116,6 +116,6 @@ class Trial:
         self, events: list[Contingency | Event], until: float, record: Recorded, longest: float = 0.0
     ) -> Trajectory:
         step, acts = self.search.step, acting(self.control)
-        later = None if acts.controllers or acts.pilots else steps.later(self.point, step)
+        later = None if acts.controllers or acts.pilots or record is True else steps.later(self.point, step)
         options: Any = {"step": step, "later": later, "criterion": self.search.criterion, "record": record}
         return run(self.point, events, until, self.control, longest=longest, **options)

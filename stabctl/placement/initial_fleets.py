@@ -15,6 +15,7 @@ from .siting import Infeasible
 from .trials import Trials
 
 BUDGET = 0.5  # of the uniform fleet, for the linear allocation
+FINE = 1e-3  # relative width of the last scaling of the uniform fleet
 
 
 class BoundaryFleet(NamedTuple):
@@ -71,7 +72,7 @@ def uniform_fleet(search: CuttingPlanes, uniform: np.ndarray, boundary: Sequence
         return np.zeros_like(uniform)
     if any(one.mw is not uniform for one in boundary):
         return None
-    scaled = least_scaling(search.trials, largest * uniform)
+    scaled = least_scaling(search.trials, largest * uniform, FINE)
     return None if scaled is None else search.trials.fleet(scaled.scaling * largest * uniform)
 
 

@@ -53,9 +53,9 @@ def critical_scaling(
 def first_bracket(
     survives: Callable[[float], bool], most: float, *, low: float = 0.0, near: float = 1.0
 ) -> Bracket | None:
-    """The first neighbors of the upward scan of `critical_scaling` between which survival begins; None if it never does.
+    """The first neighbors of the upward scan of `critical_scaling` between which survival begins.
 
-    Without width if `low` survives.
+    None if nothing survives; without width if `low` survives.
     """
     if survives(low):
         return Bracket(low, low)
@@ -135,5 +135,10 @@ def _narrowed(trials: Trials, mw: np.ndarray, brackets: dict[int, Bracket], fine
         wide = [k for k, b in brackets.items() if b.high - b.low > (fine if b.high > top else 10 * fine) * b.high]
         if not wide:
             return {k: b.high for k, b in brackets.items()}
-        halves = trials.each(lambda k: halved(lambda a: trials.survives(a * mw, k), brackets[k]), wide)
-        brackets |= dict(zip(wide, halves, strict=True))
+        brackets |= _halved(trials, mw, {k: brackets[k] for k in wide})
+
+
+def _halved(trials: Trials, mw: np.ndarray, brackets: dict[int, Bracket]) -> dict[int, Bracket]:
+    """The halves of the brackets of some contingencies in which survival begins."""
+    halves = trials.each(lambda k: halved(lambda a: trials.survives(a * mw, k), brackets[k]), brackets)
+    return dict(zip(brackets, halves, strict=True))

@@ -97,7 +97,7 @@ def simulate(one: Simulated, shared: Shared, record: Recorded) -> Trajectory:
         return trial(one, shared).simulate(1, record)
     events, last = without_fault(one.contingency, point.case)
     until, longest, acts = last + search.observed_s, last + search.longest_s, acting(shared.control)
-    later = None if acts.controllers or acts.pilots else steps.later(point, search.step)
+    later = None if acts.controllers or acts.pilots or record is True else steps.later(point, search.step)
     how: dict[str, Any] = {"step": search.step, "later": later, "criterion": search.criterion, "record": record}
     return run(point, events, until, shared.control, longest=longest, **how)
 
@@ -117,8 +117,9 @@ def answer(task: Task) -> Found:
     target = target_cycles(one.contingency, shared.base.point.case)
     if one.what == "critical time" and target is not None:
         return _critical_time(one, shared, target)
-    ran = simulate(one, shared, record=VALUES[one.what].record)
-    end, values = ran.outcome, VALUES[one.what].of(ran)
+    asked = VALUES.get(one.what, VALUES["outcome"])  # without a fault there is no critical time
+    ran = simulate(one, shared, record=asked.record)
+    end, values = ran.outcome, asked.of(ran)
     return _found(end.stable, end.machine, 1, values=json.dumps(values.tolist()))
 
 

@@ -182,12 +182,12 @@ class Trials:
         return answer.result()
 
     def outcome(self, mw: np.ndarray, k: int, until: float | None = None) -> Outcome:
-        """The simulation of scenario k with this fleet (candidates, MW, also above the caps), observed for `until` s."""
+        """The simulation of scenario k with this fleet (candidates, MW, also above the caps), for `until` s at most."""
         row = self.ask("outcome", mw, k, until=until)
         return Outcome(bool(row["stable"]), json.loads(row["machine"]), np.array(json.loads(row["values"])))
 
     def peaks(self, mw: np.ndarray, k: int) -> Peaks:
-        """The largest angles in scenario k with this fleet (candidates, MW, also above the caps), and their instants."""
+        """The largest angles in scenario k with this fleet (candidates, MW, also above the caps), and when."""
         row = self.ask("peak", mw, k)
         return Peaks(bool(row["stable"]), *np.array(json.loads(row["values"])))
 

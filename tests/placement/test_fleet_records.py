@@ -24,7 +24,7 @@ def known():
 def test_the_table_of_the_page_is_that_of_the_record(known):
     text = PAGE.read_text(encoding="utf-8")
     assert set(known) == set(ROWS) == set(STUDIES)
-    kalman = re.search(r"Kalman filter of PMU reports when it is ([\d.]+) times as large", text)[1]
+    kalman = re.search(r"the third fleet must be ([\d.]+) times as large", text)[1]
     assert float(kalman) == known["nine, full order"]["with_kalman"]
     for name, title in ROWS.items():
         cells = re.search(rf"^\| {re.escape(title)} \|(.*)\|$", text, re.MULTILINE)[1].split("|")

@@ -44,7 +44,7 @@ def test_an_interrupted_study_continues(study, undisturbed, tmp_path):
     assert replace(found, wall_s=0.0) == replace(undisturbed, wall_s=0.0)
     now = finished(tmp_path)
     assert kept.items() < now.items()  # not simulated again
-    assert {what for what, _ in now.values()} == {"outcome", "energy", "critical time"}
+    assert {what for what, _ in now.values()} == {"outcome", "peak", "energy", "critical time"}
     study(store=tmp_path)
     assert finished(tmp_path) == now
 
