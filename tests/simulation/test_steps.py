@@ -92,8 +92,7 @@ class TestTime:
         assert sizes[calm] == pytest.approx(long, rel=0.01)
         assert found.arrays.angle[-1] == pytest.approx(fine.arrays.angle[-1], abs=3e-5)  # 1.2e-5
         assert steps.later(two_area, None) == pytest.approx(steps.NEARLY / two_area.fastest)  # near 108 1/s
-        stiff = two_area._replace(fastest=200.0) if hasattr(two_area, "_replace") else replace(two_area, fastest=200.0)
-        assert steps.later(stiff, None) is None
+        assert steps.later(replace(two_area, fastest=240.0), None) is None
         assert steps.later(point, 1 / 100) is None
 
     def test_without_record_the_outcome_is_the_same(self, two_area):
