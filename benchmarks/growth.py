@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from machine import stated, timed
+from machine import cpu, stated
 from rich.console import Console
 from rich.table import Table
 
@@ -30,7 +30,7 @@ from stabctl.smallsignal import analyze, descriptor
 
 COPIES = (1, 3, 10, 30, 100, 300, 820)
 LARGE = 100  # copies, beyond which no modes are calculated
-RUNS = 5
+RUNS = 3
 BAND, DAMPING = (0.35, 0.45), (0.0, 0.1)  # between areas
 WORKS = (
     "power flow",
@@ -42,10 +42,10 @@ WORKS = (
 
 
 def second(point: operating_point.OperatingPoint) -> float:
-    """Computing time (s) of one simulated second that begins with a four-cycle fault, two network changes included."""
+    """Processor time (s) of one simulated second that begins with a four-cycle fault, two network changes included."""
     point.stages.clear()
     simulation = Simulation(point, Contingency("83", 4 / 60, ["83-33"], at=0.0), record=False)
-    return timed(lambda: simulation.advance(1.0))
+    return cpu(lambda: simulation.advance(1.0))
 
 
 def off_solution(case: Case) -> Case:
@@ -62,23 +62,23 @@ def off_solution(case: Case) -> Case:
 
 
 def works(copies: int) -> tuple[int, int, list[Callable[[], float]]]:
-    """Number of buses and states, and the tasks, each of which returns its time in seconds."""
+    """Number of buses and states, and the tasks, each of which returns its processor time in seconds."""
     case = replicate(io.load("wnaps"), copies, spread=0.05)
     flow, disturbed = powerflow.solve(case), off_solution(case)
     point = operating_point.solve(case, flow)
     form = descriptor(point)
     calls = [
-        lambda: timed(lambda: powerflow.solve(disturbed)),
-        lambda: timed(lambda: operating_point.solve(case, flow)),
+        lambda: cpu(lambda: powerflow.solve(disturbed)),
+        lambda: cpu(lambda: operating_point.solve(case, flow)),
         lambda: second(point),
-        lambda: timed(lambda: descriptor(point)),
-        lambda: timed(lambda: analyze(form, BAND, DAMPING)) if copies <= LARGE else np.nan,
+        lambda: cpu(lambda: descriptor(point)),
+        lambda: cpu(lambda: analyze(form, BAND, DAMPING)) if copies <= LARGE else np.nan,
     ]
     return len(case.buses), len(form.rows), calls
 
 
 def draw(buses: list[int], per_bus: np.ndarray, path: Path) -> None:
-    """Milliseconds per bus against buses, a line for each work."""
+    """Processor milliseconds per bus against buses, a line for each work."""
     fig, axes = style.subplots(7.5, 4.2)
     ax = axes[0, 0]
     for name, line, mark in zip(WORKS, per_bus.T, "os^Dv", strict=True):
@@ -89,7 +89,7 @@ def draw(buses: list[int], per_bus: np.ndarray, path: Path) -> None:
     ]
     ax.set_yticks(marks, [f"{value:g}" for value in marks])
     ax.minorticks_off()
-    ax.set(xlabel="buses (wnaps 1 to 820 times)", ylabel="ms per bus")
+    ax.set(xlabel="buses (wnaps 1 to 820 times)", ylabel="processor time, ms per bus")
     style.legend_beside(ax, WORKS)
     path.parent.mkdir(exist_ok=True)
     style.save(fig, path)
@@ -101,7 +101,7 @@ def main() -> None:
     buses = [n for n, _, _ in systems]
     rounds = [[[work() for work in calls] for _, _, calls in systems] for _ in range(RUNS)]  # sizes in turn
     per_bus = 1e3 * np.min(rounds, axis=0) / np.array(buses)[:, None]
-    table = Table("buses", "states", *WORKS, title=f"ms per bus, best of {RUNS}; {stated()}")
+    table = Table("buses", "states", *WORKS, title=f"processor ms per bus, best of {RUNS}; {stated()}")
     for (n, states, _), row in zip(systems, per_bus, strict=True):
         table.add_row(str(n), str(states), *(f"{ms:.3f}" for ms in row))
     console = Console(highlight=False, width=120)
