@@ -33,6 +33,9 @@ docs: .venv/docs  ## build the site of the documentation in build/site, and docs
 gallery: .venv/demo  ## draw the figures of docs/gallery again
 	$(BIN)/python tools/gallery.py
 
+screenshots: .venv/dev  ## take the pictures of docs/live.md again; needs Chromium
+	$(BIN)/python tools/screenshots.py
+
 coverage: .venv/demo  ## write docs/coverage.md: how much of a collection of PSS/E systems is supported (COLLECTION=folder)
 	$(BIN)/python tools/coverage_page.py $(COLLECTION)
 
@@ -80,5 +83,5 @@ clean:  ## remove the virtual environment and all generated files
 	$(BIN)/python -m pip install -q -e '.[dev]'
 	@touch $@
 
-.PHONY: help demo test slow fuzz lint mutate docs gallery coverage reproduce bench clean
+.PHONY: help demo test slow fuzz lint mutate docs gallery screenshots coverage reproduce bench clean
 .DEFAULT_GOAL := help

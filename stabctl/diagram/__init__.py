@@ -1,5 +1,5 @@
 """One-line diagrams: where buses, branches, machines and storage are drawn, and what they carry in the power flow."""
 
-from .one_line import OneLine, one_line
+from .one_line import OneLine, one_line, storage
 
-__all__ = ["OneLine", "one_line"]
+__all__ = ["OneLine", "one_line", "storage"]

@@ -1,6 +1,7 @@
 """The one-line diagram of a case: positions of all symbols, and the voltages and flows of the power flow."""
 
 from collections import defaultdict
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 BESIDE = 0.07  # distance between parallel circuits
 STORED = 0.3  # distance of a storage symbol from its machine
+BUS, MACHINE, SQUARE = 0.21, 0.31, 0.24  # free distance of a storage symbol from other symbols
+TURNS = np.deg2rad([0, 50, -50, 100, -100, 150, -150])
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -100,13 +103,14 @@ def one_line(base: "Case | OperatingPoint", flow: PowerFlow | None = None) -> On
     flow = flow or getattr(base, "flow", None) or powerflow.solve(case)
     X, net = cached_layout(case), network.build(case)
     buses, machines = X[: len(case.buses)], X[len(case.buses) :]
+    unit = {m.machine: i for i, m in enumerate(case.machines)}
     rated = np.array([b.rated for b in case.buses])
     transformer = (net.ratio != 1) | (rated[net.frm] != rated[net.to])
     return OneLine(
         case,
         buses,
         machines,
-        _storage(case, buses, machines),
+        storage(case, buses, machines, (unit[s.machine] for s in case.storage)),
         _ends(buses, net.frm, net.to),
         tuple(circuits.names(case.branches)),
         transformer,
@@ -129,16 +133,21 @@ def _ends(X: np.ndarray, frm: np.ndarray, to: np.ndarray) -> np.ndarray:
     return ends
 
 
-def _storage(case: Case, buses: np.ndarray, machines: np.ndarray) -> np.ndarray:
-    """Storage symbols: beside the machine, on the side away from its bus; several are turned from each other."""
-    row = {m.machine: i for i, m in enumerate(case.machines)}
+def storage(case: Case, buses: np.ndarray, machines: np.ndarray, rows: Iterable[int]) -> np.ndarray:
+    """Storage symbols (n, 2) beside the machines of these rows of the table.
+
+    On the side away from the bus if it is free, otherwise turned to the nearest free place, or to where most room is.
+    """
     bus = {b.bus: i for i, b in enumerate(case.buses)}
-    found = np.zeros((len(case.storage), 2))
-    count: defaultdict[int, int] = defaultdict(int)
-    for j, s in enumerate(case.storage):
-        i = row[s.machine]
+    symbols = [*((x, BUS) for x in buses), *((x, MACHINE) for x in machines)]
+    X, room = np.array([x for x, _ in symbols]), np.array([r for _, r in symbols])
+    found: list[np.ndarray] = []
+    for i in rows:
         away = machines[i] - buses[bus[case.machines[i].bus]]
-        angle = np.arctan2(away[1], away[0]) + np.deg2rad(50 * count[i])
-        count[i] += 1
-        found[j] = machines[i] + STORED * np.array([np.cos(angle), np.sin(angle)])
-    return found
+        angles = np.arctan2(away[1], away[0]) + TURNS
+        tried = machines[i] + STORED * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        others, needed = np.r_[X, np.reshape(found, (-1, 2))], np.r_[room, np.full(len(found), SQUARE)]
+        needed[len(buses) + i] = 0
+        free = (np.linalg.norm(tried[:, None] - others, axis=2) - needed).min(axis=1)
+        found.append(tried[int(np.argmax(free > 0)) if (free > 0).any() else int(free.argmax())])
+    return np.reshape(found, (-1, 2))

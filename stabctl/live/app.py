@@ -6,7 +6,7 @@ from typing import Any
 
 from stabctl.errors import StabctlError, sentence
 
-from . import linear, page, runs, searches, theory
+from . import commands, linear, page, runs, searches, theory
 from .commands import Source
 from .guard import Guard
 from .packing import pack
@@ -30,16 +30,17 @@ class Pages:
 
     def modes(self, message: Any) -> bytes:
         """The modes at a load level, with a gain multiplied."""
-        case = self.points.bare(read({"level": message.get("level", 100)})).case
-        found = linear.answer(case, str(message.get("gain", "")), float(message.get("factor", 1.0)))
-        return json.dumps(found).encode()
+        level = read({"level": message.get("level", 100)})
+        case, gain = self.points.bare(level).case, (str(message.get("gain", "")), float(message.get("factor", 1.0)))
+        found = linear.answer(case, *gain)
+        return json.dumps(found | {"copy": commands.of_modes(self.load, case, level.level, *gain)}).encode()
 
     def theory(self, message: Any) -> bytes:
         """The equal areas and phase plane of a machine."""
-        case = self.points.bare(read({"level": message.get("level", 100)})).case
-        machine = message["machine"]
-        chosen = None if machine is None else int(machine)
-        return json.dumps(theory.answer(case, chosen, float(message["clear"]))).encode()
+        level, machine, clear = read({"level": message.get("level", 100)}), message["machine"], float(message["clear"])
+        found = theory.answer(self.points.bare(level).case, None if machine is None else int(machine), clear)
+        copy = commands.of_theory(self.load, level.level, found["machine"], clear)
+        return json.dumps(found | {"copy": copy}).encode()
 
     def save(self, message: Any) -> bytes:
         """The page as a file that works offline."""

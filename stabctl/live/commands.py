@@ -15,10 +15,53 @@ class Source(NamedTuple):
     words: tuple[str, ...]
 
 
-def lines(load: Source, case: Case, state: State) -> dict[str, str]:
-    """The lines of a run by kind; the command line is left out if it has no option for a setting."""
-    beyond = state.level != 100 or (state.plain and (state.law == "feedback" or state.delay))
-    return {"python": _python(load, case, state)} | ({} if beyond else {"shell": _shell(load, case, state)})
+Lines = dict[str, str]
+
+
+def lines(load: Source, case: Case, state: State) -> dict[str, Lines]:
+    """The lines of a run, its critical clearing time and a screen.
+
+    Each in Python, and for the command line if that has an option for every setting.
+    """
+    clear, trip = f"'{state.clear:g}cyc'", f", trip={state.trip!r}" if state.trip else ""
+    system, control = _system(load, case, state)
+    found: dict[str, Lines] = {
+        "run": {"python": f"{system}.simulate(st.Contingency({state.fault!r}, clear={clear}{trip}){control})"},
+        "critical": {"python": f"{system}.clearing_time(st.Contingency({state.fault!r}{trip}){control})"},
+        "screen": {"python": f"{system}.screen({control.removeprefix(', ')})"},
+    }
+    if state.level == 100 and not (state.plain and (state.law == "feedback" or state.delay)):
+        fault = ["--fault", state.fault, *(["--trip", state.trip] if state.trip else [])]
+        words = {
+            "run": ["simulate", *load.words, *fault, "--clear", f"{state.clear:g}cyc"],
+            "critical": ["clearing-time", *load.words, *fault],
+            "screen": ["screen", *load.words],
+        }
+        for kind, given in words.items():
+            found[kind]["shell"] = shlex.join(["stabctl", *given, *_options(case, state)])
+    return found
+
+
+def of_modes(load: Source, case: Case, level: float, gain: str, factor: float) -> Lines:
+    """The lines of the modes with a gain of all machines multiplied."""
+    model, _, name = gain.partition(".")
+    start = f"{load.python}{_level(level)}"
+    if factor == 1 or not gain:
+        found = {"python": f"{start}.modes()"}
+        return found if level != 100 else found | {"shell": shlex.join(["stabctl", "modes", *load.words])}
+    changed = f"{{f'{model}.{{m}}.{name}': {factor:g} * p.{name} for m, p in case.devices[{model!r}].items()}}"
+    found = {"python": f"(case := {start}).set({changed}).modes()"}
+    if level != 100:
+        return found
+    rows = case.devices[model].items()
+    options = [word for m, p in rows for word in ("--set", f"{model}.{m}.{name}={factor * getattr(p, name):.10g}")]
+    return found | {"shell": shlex.join(["stabctl", "modes", *load.words, *options])}
+
+
+def of_theory(load: Source, level: float, machine: int, cycles: float) -> Lines:
+    """The line of the equal areas of a machine."""
+    pair = f"equivalent({load.python}{_level(level)}, {machine})"
+    return {"python": f"from stabctl.theory.from_case import equivalent; area = {pair}.equal_area({cycles:g})"}
 
 
 def fleet(case: Case, state: State) -> str | dict[int, str]:
@@ -30,24 +73,26 @@ def fleet(case: Case, state: State) -> str | dict[int, str]:
     return {m: text for m, text in listed.items() if not text.startswith("0")}
 
 
-def _python(load: Source, case: Case, state: State) -> str:
-    trip = f", trip={state.trip!r}" if state.trip else ""
-    level = f".with_load_level({state.level / 100:g})" if state.level != 100 else ""
-    text, control = f"{load.python}{level}", ""
+def _level(level: float) -> str:
+    return f".with_load_level({level / 100:g})" if level != 100 else ""
+
+
+def _system(load: Source, case: Case, state: State) -> tuple[str, str]:
+    """The case with its storage, and the argument for the law."""
+    text, control = f"{load.python}{_level(state.level)}", ""
     if state.stored:
         rate = round(case.frequency_hz)
         text += f".with_storage({fleet(case, state)!r})"
         sampled = f".sampled({rate}, {state.delay:g} / {rate})" if state.delay else ""
         control = f", control=st.{state.plain!r}{sampled}" if state.plain else ""
-    return f"{text}.simulate(st.Contingency({state.fault!r}, clear='{state.clear:g}cyc'{trip}){control})"
+    return text, control
 
 
-def _shell(load: Source, case: Case, state: State) -> str:
-    words = ["stabctl", "simulate", *load.words, "--fault", state.fault, "--clear", f"{state.clear:g}cyc"]
-    words += ["--trip", state.trip] if state.trip else []
-    if state.stored:
-        sizes = fleet(case, state)
-        at = isinstance(sizes, dict) and ",".join(f"{m}={size}" for m, size in sizes.items())
-        words += ["--storage-at", at] if at else ["--storage", str(sizes)]
-        words += ["--control", "none"] if state.law == "idle" else ["--deadband", f"{state.deadband / 1e3:g}"]
-    return shlex.join(words)
+def _options(case: Case, state: State) -> list[str]:
+    """Storage and its law as words of the command line."""
+    if not state.stored:
+        return []
+    sizes = fleet(case, state)
+    at = isinstance(sizes, dict) and ",".join(f"{m}={size}" for m, size in sizes.items())
+    words = ["--storage-at", at] if at else ["--storage", str(sizes)]
+    return words + (["--control", "none"] if state.law == "idle" else ["--deadband", f"{state.deadband / 1e3:g}"])

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from stabctl.clearing.lines import lines
-from stabctl.diagram import OneLine, one_line
+from stabctl.diagram import OneLine, one_line, storage
 from stabctl.errors import StudyError
 from stabctl.plotting import style
 
@@ -84,10 +84,12 @@ def about(points: Points) -> dict[str, Any]:
 
 def _diagram(drawn: OneLine) -> dict[str, Any]:
     """Positions, y downward, and voltages."""
-    flip = [1, -1]
+    flip, case = [1, -1], drawn.case
+    beside = storage(case, drawn.buses, drawn.machines, range(len(case.machines)))
     return {
         "buses": (drawn.buses * flip).round(3).tolist(),
         "machines": (drawn.machines * flip).round(3).tolist(),
+        "storage": (beside * flip).round(3).tolist(),
         "ends": (drawn.ends * flip).round(3).tolist(),
         "voltage": drawn.voltage.round(4).tolist(),
     }

@@ -43,3 +43,4 @@ async def parts(work: Callable[[Tell], None]) -> AsyncIterator[bytes]:
             yield json.dumps(part).encode() + b"\n"
     finally:
         left.set()
+        told.put(None)  # ends the thread that waits, which would delay the end of the server

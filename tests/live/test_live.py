@@ -174,17 +174,47 @@ def test_equal_areas_begin_with_a_machine_that_has_them(cases):
 def test_copied_lines_give_the_run_of_the_page(points, settings, capsys, monkeypatch):
     state = replace(FAULT, **settings)
     head, _ = unpacked(runs.answer(points, state, LOAD))
-    run = eval(head["copy"]["python"], {"st": st})
+    copy = head["copy"]["run"]
+    run = eval(copy["python"], {"st": st})
     assert run.outcome.message == head["runs"][""]["message"]
-    if "shell" not in head["copy"]:
+    if "shell" not in copy:
         assert state.level != 100 or state.law == "feedback" or state.delay
         return
     from stabctl.cli import main
 
-    monkeypatch.setattr("sys.argv", [*shlex.split(head["copy"]["shell"]), "--json"])
+    monkeypatch.setattr("sys.argv", [*shlex.split(copy["shell"]), "--json"])
     with pytest.raises(SystemExit):
         main()
     assert json.loads(capsys.readouterr().out)["message"] == head["runs"][""]["message"]
+
+
+@pytest.mark.parametrize("settings", [{}, {"percent": 5.0, "deadband": 50.0}])
+def test_copied_lines_give_the_clearing_times_of_the_page(points, settings, stabctl):
+    state, told = replace(FAULT, **settings), []
+    searches.critical(points, state, told.append)
+    copy = commands.lines(LOAD, points.case, state)
+    found = next(t for t in told if "text" in t)
+    assert eval(copy["critical"]["python"], {"st": st}).cycles == found["cycles"]
+    code, out, _ = stabctl(*shlex.split(copy["critical"]["shell"])[1:], "--json")
+    assert (code, json.loads(out)["cycles"]) == (0, found["cycles"])
+    assert copy["screen"]["shell"].startswith("stabctl screen two_area")
+    compile(copy["screen"]["python"], "line", "eval")
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.5])
+def test_copied_lines_give_the_modes_and_areas_of_the_page(pages, factor, stabctl):
+    message = {"level": 100, "gain": "pss.K", "factor": factor}
+    found = json.loads(ask(pages, f"/{TOKEN}/modes", message)[1])
+    least = found["text"].split("least damped: ")[1].split(" (")[0]
+    assert least in str(eval(found["copy"]["python"], {"st": st}))
+    code, out, _ = stabctl(*shlex.split(found["copy"]["shell"])[1:])
+    assert code == 0
+    assert least in " ".join(out.split())
+    shown = json.loads(ask(pages, f"/{TOKEN}/theory", {"level": 95, "machine": 1, "clear": 6})[1])
+    scope = {"st": st}
+    exec(shown["copy"]["python"], scope)
+    assert str(scope["area"]) == shown["text"]
+    assert "shell" not in shown["copy"]
 
 
 def test_how_the_case_was_loaded_is_in_the_lines():

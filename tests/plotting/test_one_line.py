@@ -88,6 +88,19 @@ def test_labels_are_apart(cases, name):
     assert np.mean([f"G{m.called}" in texts for m in cases(name).machines]) > 0.9
 
 
+@pytest.mark.parametrize("name", CASES)
+def test_storage_is_drawn_where_it_is_free(cases, name):
+    """Beside its machine, clear of the circles of other machines (radius 0.19) and of buses (0.09)."""
+    case = cases(name).with_storage("20MW")
+    line, row = one_line(case), {m.machine: i for i, m in enumerate(case.machines)}
+    own = [row[s.machine] for s in case.storage]
+    assert np.linalg.norm(line.storage - line.machines[own], axis=1) == pytest.approx(0.3)
+    far = np.linalg.norm(line.storage[:, None] - line.machines, axis=2)
+    far[np.arange(len(own)), own] = np.inf
+    assert far.min() > 0.31  # 0.39 on wnaps
+    assert np.linalg.norm(line.storage[:, None] - line.buses, axis=2).min() > 0.21  # 0.23
+
+
 def test_voltages_and_loading_are_those_of_the_power_flow(cases):
     case = cases("ieee39")
     flow, line = case.power_flow(), case.one_line()

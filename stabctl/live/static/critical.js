@@ -32,6 +32,12 @@ const critical = {
       const first = part.machine === null ? "" : `; machine ${part.machine} leaves first`;
       if (part.status === "found") this.note(`critical: ${+part.cycles.toFixed(3)} cycles${first}`);
       else this.note(part.status === "stable_at_limit" ? "stable up to 60 cycles" : "unstable however fast it is cleared");
+      for (const [kind, name] of [["python", "copy Python"], ["shell", "copy command"]]) {
+        const button = element("button", { type: "button", className: "link", textContent: name });
+        button.onclick = () => copy(live.run?.head.copy.critical[kind]);
+        button.disabled = !live.run?.head.copy.critical[kind];
+        $("note-clear").append(" ", button);
+      }
       live.critical = part;
     } else if (!this.answer) {
       this.note(part.high === null ? `critical: above ${part.low} cycles …` : `critical: ${part.low} to ${part.high} cycles …`);

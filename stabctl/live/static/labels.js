@@ -20,7 +20,7 @@ function placedLabels() {
   const pixels = (p) => p.map((v) => v * s);
   d.machines.forEach((p, i) => {
     take(square(pixels(p), 0.2 * size));
-    take(square(pixels(storagePlace(i)), 0.09 * size));
+    take(square(pixels(d.storage[i]), 0.09 * size));
   });
   d.buses.forEach((p) => take(square(pixels(p), 0.1 * size)));
   for (const ends of d.ends) for (let f = 0.05; f < 1; f += 0.1) {
@@ -29,7 +29,7 @@ function placedLabels() {
   }
   c.font = letters(LETTERS);
   const put = (text, p, radius, soft) => {
-    const [x, y] = pixels(p), width = c.measureText(text).width, r = radius * size + 2;
+    const [x, y] = pixels(p), width = c.measureText(text).width, r = radius * size + 3;
     for (const [u, v] of [[1, -1], [-1, -1], [1, 1], [-1, 1], [1, 0], [-1, 0], [0, -1], [0, 1]]) {
       const reach = u && v ? 0.75 * r : r;
       const left = x + u * reach + ((u - 1) * width) / 2, top = y + v * reach + ((v - 1) * LETTERS) / 2;

@@ -13,6 +13,7 @@ function show(view) {
   $("controls").hidden = $("verdict").hidden = view === "modes";
   $("play-row").hidden = view !== "time";
   if (view === "time") time.draw();
+  copyable();
   diagram.draw();
 }
 
@@ -54,8 +55,16 @@ function mouse() {
   $("whole").onclick = () => (diagram.fit(), diagram.draw());
 }
 
-async function copy(kind) {
-  const text = live.run?.head.copy[kind];
+function lines() { // that reproduce what the view shows
+  const { run, screen } = live.run?.head.copy ?? {};
+  return { time: run, landscape: screen, modes: modes.found?.copy, theory: theory.found?.copy }[live.view] ?? {};
+}
+
+function copyable() {
+  for (const kind of ["python", "shell"]) $(kind).disabled = !lines()[kind];
+}
+
+async function copy(text) {
   if (!text) return;
   live.copied = text;
   try {
@@ -104,8 +113,7 @@ async function start() {
   mouse();
   show("time");
   $("play").onclick = () => time.play();
-  $("python").onclick = () => copy("python");
-  $("shell").onclick = () => copy("shell");
+  for (const kind of ["python", "shell"]) $(kind).onclick = () => copy(lines()[kind]);
   $("save").onclick = save;
   $("save").hidden = !!live.recorded;
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);

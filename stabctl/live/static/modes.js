@@ -54,6 +54,7 @@ const modes = {
     if (before) this.chosen = found.modes.map((_, k) => k).reduce(least(near));
     else this.chosen = swings.length ? swings.reduce(least((m) => m[2])) : 0;
     this.said.textContent = found.text;
+    copyable();
     this.fill();
     this.draw();
   },

@@ -34,7 +34,8 @@ class Plane {
   ticks(low, high, apart, across) {
     const { box } = this, length = across ? box.right - box.left : box.bottom - box.top;
     const rough = ((high - low) * apart) / length, power = 10 ** Math.floor(Math.log10(rough));
-    const step = power * [1, 2, 5, 10].find((m) => m * power >= rough), found = [];
+    const degrees = (across ? this.xLabel : this.yLabel).includes("(deg)");
+    const step = power * (degrees ? [1, 1.5, 3, 4.5, 9, 10] : [1, 2, 5, 10]).find((m) => m * power >= rough), found = [];
     for (let v = Math.ceil(low / step) * step; v <= high + step * 1e-6; v += step) {
       const value = Math.abs(v) < step * 1e-6 ? 0 : v;
       found.push([+value.toPrecision(6), across ? this.x(value) : this.y(value)]);
@@ -54,6 +55,10 @@ class Plane {
     this.c.textAlign = align;
     this.c.textBaseline = "middle";
     this.c.fillStyle = ink().soft;
+    this.c.strokeStyle = ink().card;
+    this.c.lineWidth = 4;
+    this.c.strokeText(text, x, y);
+    this.c.lineWidth = 1;
     this.c.fillText(text, x, y);
   }
 

@@ -59,19 +59,13 @@ function storage(c, at, s) { // squares beside the machines with storage
   const side = Math.max(s < FINE ? 3 : 4, 0.17 * s), sizes = live.state.megawatts ?? {};
   live.case.machines.forEach((_, i) => {
     if (!(sizes[live.case.machines[i][3]] ?? live.state.percent)) return;
-    const [x, y] = at(storagePlace(i));
+    const [x, y] = at(live.case.diagram.storage[i]);
     c.fillStyle = live.case.style.colors[2];
     c.fillRect(x - side / 2, y - side / 2, side, side);
     c.lineWidth = 1;
     c.strokeStyle = ink().ink;
     c.strokeRect(x - side / 2, y - side / 2, side, side);
   });
-}
-
-function storagePlace(i) { // beside a machine, on the side away from its bus
-  const p = live.case.diagram.machines[i], q = live.case.diagram.buses[live.case.machines[i][1]];
-  const far = Math.hypot(p[0] - q[0], p[1] - q[1]) || 1;
-  return [p[0] + (0.3 * (p[0] - q[0])) / far, p[1] + (0.3 * (p[1] - q[1])) / far];
 }
 
 function flash(c, [x, y], size) {

@@ -38,6 +38,7 @@ const theory = {
       return;
     }
     this.found = found;
+    copyable();
     this.machine = found.machine;
     $("theory-machine").value = found.machine;
     this.said.textContent = `${found.text} Critical clearing time of this theory: ${found.critical.toFixed(2)} cycles.`;

@@ -77,7 +77,7 @@ function answered(buffer) {
   live.answers++;
   const { stable, message } = run.head.runs[""], other = run.head.runs["bare."];
   verdict(message + (other ? ` Without storage: ${other.message}` : ""), stable ? "good" : "bad");
-  $("shell").disabled = !run.head.copy.shell;
+  copyable();
   if (live.view === "time") time.draw();
   diagram.show(live.playing ? 0 : null);
 }
