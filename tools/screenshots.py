@@ -43,7 +43,8 @@ def save(folder: Path) -> None:
                 for view in VIEWS:
                     page.click(f"#tab-{view}")
                     page.mouse.move(1, 1)
-                    page.wait_for_timeout(800)
+                    until(page, "!running.busy && !theory.asking.busy")
+                    page.wait_for_timeout(500)
                     picture = Image.open(io.BytesIO(page.screenshot(full_page=True)))
                     path = folder / f"{view}-{width}-{scheme}.webp"
                     picture.convert("RGB").save(path, quality=QUALITY, method=6)

@@ -4,8 +4,11 @@ Both make the same steps. With Z, the impedances between the buses with voltage-
 these currents, the step x of their voltages, whose residual is F, is that of the whole network:
 
     (1 + s - Z D) x = F    <=>    ((1 + s) Y - D) x = Y F,    F = 0 at the other buses
+
+The factors of Y - D are kept from one instant to the next and used as long as the residual falls quickly with them.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,10 +19,29 @@ from . import voltages
 from .substitution import OPTIONS, matrix
 from .voltages import HALVINGS, STEPS, TINY, TOLERANCE, currents, solved
 
+QUICKLY = 0.4  # of the residual, at most left after a step with factors of an earlier instant
+CLOSE = 1e-2  # of the tolerance: with kept factors the last step gains less than with Newton's
 MANY = 200  # buses with voltage-dependent currents, from which on the sparse method is faster
 
 
-def newton(calls: Any, p: Any, a: Any, net: Any, q: Any, z: Any) -> bool:
+@dataclass
+class Slopes:
+    """What is kept of a network: its real matrix, and factors of Y - D at an earlier instant."""
+
+    net: Any = None
+    R: Any = None
+    factors: Any = None
+
+    def of(self, net: Any) -> "Slopes":
+        """For a network; what is kept of another one is dropped."""
+        if self.net is not net:
+            Y = matrix(net.factors)
+            real = sp.kron(Y.real, sp.identity(2)) + sp.kron(Y.imag, np.array([[0.0, -1.0], [1.0, 0.0]]))
+            self.net, self.R, self.factors = net, real.tocsc(), None
+        return self
+
+
+def newton(calls: Any, p: Any, a: Any, net: Any, q: Any, z: Any, *, kept: Slopes) -> bool:
     """Solve for the voltages by Newton's method; returns whether a solution was found.
 
     Starts from the present voltages, then tries long implicit steps, and finally these from zero voltage.
@@ -35,10 +57,16 @@ def newton(calls: Any, p: Any, a: Any, net: Any, q: Any, z: Any) -> bool:
         bus with the largest residual is in `q.marks[0]`.
     z
         Work space (`newton_space`).
+    kept
+        What the calls of a run share.
     """
-    before, method = q.volt.copy(), sparse if len(a.draw_bus) > MANY else voltages.newton_from
+    before = q.volt.copy()
     for attempt in range(3):
-        if method(calls, p, a, net, q, z, attempt > 0):
+        if len(a.draw_bus) > MANY:
+            found = sparse(calls, p, a, net, q, z, attempt > 0, kept.of(net))
+        else:
+            found = voltages.newton_from(calls, p, a, net, q, z, attempt > 0)
+        if found:
             return True
         if attempt == 1:
             q.volt[:] = 0
@@ -46,51 +74,65 @@ def newton(calls: Any, p: Any, a: Any, net: Any, q: Any, z: Any) -> bool:
     return False
 
 
-def sparse(calls: Any, p: Any, a: Any, net: Any, q: Any, z: Any, slow: bool) -> bool:
+def sparse(calls: Any, p: Any, a: Any, net: Any, q: Any, z: Any, slow: bool, kept: Slopes) -> bool:
     """The same as `voltages.newton_from`, by factors of the whole network."""
-    bus, n, Y = a.draw_bus, len(a.draw_bus), matrix(net.factors)
-    R = (sp.kron(Y.real, sp.identity(2)) + sp.kron(Y.imag, np.array([[0.0, -1.0], [1.0, 0.0]]))).tocsc()
+    bus, n, R = a.draw_bus, len(a.draw_bus), kept.R
     solved(net.factors, q.source, q.work, z.new)
     open_ = z.new[bus]
     v, out = q.volt[bus].view(float).reshape(n, 2).astype(complex), np.zeros((n, 2), complex)
-    step, before, pace = np.zeros((n, 2)), np.inf, 0.3
+    step, F, before, pace, fresh = np.zeros((n, 2)), np.zeros(n, complex), np.inf, 0.3, True
     pairs = (2 * bus[:, None] + np.arange(2)).ravel()
     rows, columns = np.repeat(pairs, 2), np.repeat(pairs.reshape(n, 2), 2, axis=0).ravel()
-    now, miss = np.inf, np.zeros(n)
     for _ in range(3 * STEPS if slow else STEPS):
-        for halving in range(HALVINGS):
+        now, tried, miss = np.inf, v, F
+        for halving in range(HALVINGS if fresh else 1):
             tried = (v.real - 0.5**halving * step).astype(complex)
             currents(calls, p, a, net, z, tried, out)
             q.current[:] = 0
             q.current[bus] = out[:, 0].real + 1j * out[:, 1].real
             solved(net.factors, q.current, q.work, z.new)
-            F = tried[:, 0].real + 1j * tried[:, 1].real - open_ - z.new[bus]
-            miss = np.abs(F)
-            now = miss.max()
+            miss = tried[:, 0].real + 1j * tried[:, 1].real - open_ - z.new[bus]
+            now = np.abs(miss).max()
             if now < before or slow:
                 break
-        if not now < (np.inf if slow else before):
+        if now < (np.inf if slow else before):
+            quick, v, F = now < QUICKLY * before, tried, miss
+            if before < np.inf:
+                pace = min(max(pace * before / now, 0.05), 1e6)
+            before = now
+            if now < (TOLERANCE if slow else CLOSE * TOLERANCE):
+                q.current[:] += q.source
+                solved(net.factors, q.current, q.work, q.volt)
+                return True
+        elif fresh:
+            F = miss
             break
-        if before < np.inf:
-            pace = min(max(pace * before / now, 0.05), 1e6)
-        before, v = now, tried
-        if now < TOLERANCE:
-            q.current[:] += q.source
-            solved(net.factors, q.current, q.work, q.volt)
-            return True
-        bent = []
-        for k in range(2):
-            tried = v.copy()
-            tried[:, k] += 1j * TINY
-            currents(calls, p, a, net, z, tried, out)
-            bent.append(out.imag / TINY)
-        D = sp.csc_matrix((np.stack(bent, axis=2).ravel(), (rows, columns)), shape=R.shape)
+        else:
+            quick = False  # a step with earlier factors: repeat it with present ones
+        fresh = slow or not quick or kept.factors is None
+        if fresh:
+            try:
+                bent = slopes(calls, p, a, net, z, v, out)
+                D = sp.csc_matrix((bent.ravel(), (rows, columns)), shape=R.shape)
+                factors = spl.splu((1 + 1 / pace if slow else 1.0) * R - D, **OPTIONS)
+            except RuntimeError:
+                break
+            kept.factors = None if slow else factors
+        else:
+            factors = kept.factors
         residual = np.zeros(len(q.volt), complex)
         residual[bus] = F
-        try:
-            factors = spl.splu((1 + 1 / pace if slow else 1.0) * R - D, **OPTIONS)
-        except RuntimeError:
-            break
         step = factors.solve(R @ residual.view(float)).reshape(-1, 2)[bus]
-    q.marks[0] = bus[int(np.argmax(miss))]
+    q.marks[0] = bus[int(np.argmax(np.abs(F)))]
     return False
+
+
+def slopes(calls: Any, p: Any, a: Any, net: Any, z: Any, v: np.ndarray, out: np.ndarray) -> np.ndarray:
+    """Slopes of the currents by the voltages of their buses (buses, 2, 2), by complex steps."""
+    bent = []
+    for k in range(2):
+        tried = v.copy()
+        tried[:, k] += 1j * TINY
+        currents(calls, p, a, net, z, tried, out)
+        bent.append(out.imag / TINY)
+    return np.stack(bent, axis=2)

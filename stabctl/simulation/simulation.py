@@ -18,7 +18,7 @@ from .attached import Attached, attached
 from .contingency import Disturbance, schedule
 from .control import Control, Frames, acting
 from .criterion import DEFAULT, Criterion, for_system, frequency_range, numbers
-from .newton import newton
+from .newton import Slopes, newton
 from .outcome import End, Outcome, outcome
 from .plant import newton_space, space
 from .recording import Recorded, Recording
@@ -96,7 +96,7 @@ class Simulation:
         self.time, self.wall_s, self.steps = start, 0.0, 0
         self.outcome: Outcome | None = None
         self._taken_off: list[str] = []
-        self._verdict = stepper.DONE
+        self._verdict, self._slopes = stepper.DONE, Slopes()
         self._finished: Trajectory | None = None
         self._swings: tuple[float, Swings | None] | None = None  # instant and last swings then
         self._at, self._since = 0, start
@@ -327,7 +327,7 @@ class Simulation:
             kept["newton"] = program(self.wired.families, complex)
         p = kept["newton"]._replace(k=self._program.k)
         q = self._space
-        return newton(p.current, p, self._frame, self._stage.net, q, newton_space(q))
+        return newton(p.current, p, self._frame, self._stage.net, q, newton_space(q), kept=self._slopes)
 
 
 def run(

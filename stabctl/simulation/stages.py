@@ -7,7 +7,7 @@ import numpy as np
 from stabctl.dynamics.program import Program, program
 from stabctl.errors import StudyError
 
-from .newton import newton
+from .newton import Slopes, newton
 from .plant import Frame, Net, Space, newton_space, space
 from .replay import replay
 from .topology import Stage, stage
@@ -80,4 +80,4 @@ def _replay(system: Wired, network: Stage, q: Space, rows: np.ndarray, made: Sta
 
 def _newton(system: Wired, p: Program, a: Frame, net: Net, q: Space) -> bool:
     both = program(system.families, complex)._replace(k=p.k)
-    return newton(both.current, both, a, net, q, newton_space(q))
+    return newton(both.current, both, a, net, q, newton_space(q), kept=Slopes())

@@ -23,7 +23,7 @@ const theory = {
   open() {
     if (!this.said) this.build();
     if (live.recorded) live.recorded.results.theory && this.told(live.recorded.results.theory);
-    else this.ask();
+    else this.draw(), this.ask();
   },
 
   ask() {
