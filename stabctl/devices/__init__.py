@@ -66,8 +66,10 @@ BUILT_IN = (
     "zip_load",
     "esd",
     "esd_regc",
+    "esd_regc_b",
     "esd_regc_c",
     "esd_regfm",
+    "esd_regfm_b1",
     "hvdc",
 )  # their rows come from the tables loads, storage and links
 

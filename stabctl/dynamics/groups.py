@@ -75,12 +75,16 @@ class Groups:
 
 
 def _solved(blocks: np.ndarray, f: np.ndarray) -> np.ndarray:
-    """inv(block) f of every block; the least-squares solution if a block is singular or not square."""
+    """inv(block) f of every block; the least-squares solution if a block is singular or not square.
+
+    An unknown without an entry is exactly 0: rounding would move states that rest at a limit.
+    """
+    used = (blocks != 0).any(axis=1)
     if blocks.shape[1] == blocks.shape[2]:
         with contextlib.suppress(np.linalg.LinAlgError):
             return np.linalg.solve(_filled(blocks), f[..., None])[..., 0]
     found = np.stack([np.linalg.lstsq(block, one, rcond=None)[0] for block, one in zip(blocks, f, strict=True)])
-    return np.where((blocks != 0).any(axis=1), found, 0.0)
+    return np.where(used, found, 0.0)
 
 
 def _filled(blocks: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from systems import KINDS, small
 
 from stabctl import devices
 from stabctl.controllers import BangBang
-from stabctl.devices.converters import reec_c, regc_a, regc_c, regfm_a1
+from stabctl.devices.converters import reec_c, regc_a, regc_b, regc_c, regfm_a1, regfm_b1
 from stabctl.devices.storage import esd_regc, joined
 from stabctl.dynamics import family, operating_point, storage
 from stabctl.errors import CaseError, StudyError
@@ -23,7 +23,8 @@ from stabctl.smallsignal import linearize
 KEEP_ON = Criterion(max_angle=np.inf)
 SHORT = [Fault("2", 0.5, impedance=0.02j), Clear("2", 0.6)]
 FAULT = {"events": SHORT, "until": 1.5}
-MODELS = "regc", "regfm"
+MODELS = "regc", "regc_b", "regc_c", "regfm", "regfm_b1"
+FOLLOWING = "regc", "regc_b", "regc_c"
 
 
 def with_esd(*rows, **options):
@@ -81,7 +82,9 @@ PUBLISHED = {
         "Qext",
     ),
     "regc_c": ({"regc_c": regc_c.Par(0, 0, Imax=1.11), "reec_c": REEC}, "", "Qext"),
+    "regc_b": ({"regc_b": regc_b.Par(0, Imax=1.11), "reec_c": REEC}, "", "Qext"),
     "regfm": ({"regfm_a1": regfm_a1.Par(0, 0, Pmin=-1.0, ImaxF=1.2)}, "ImaxF=1.2", "Qref"),
+    "regfm_b1": ({"regfm_b1": regfm_b1.Par(0, 0, ImaxF=1.2)}, "ImaxF=1.2", "Qref"),
 }
 
 
@@ -130,8 +133,9 @@ def test_a_law_at_rest_gives_no_order(model):
     assert np.abs(sim.s[: point.layout.step] - point.s[: point.layout.step]).max() < 1e-9
 
 
-@pytest.mark.parametrize(("model", "limit"), [("regc", "Imax=1.05 Kqv=4"), ("regfm", "ImaxF=1.05")])
-def test_the_current_stays_within_its_limit_and_reaches_it(model, limit):
+@pytest.mark.parametrize("model", MODELS)
+def test_the_current_stays_within_its_limit_and_reaches_it(model):
+    limit = "Imax=1.05 Kqv=4" if model in FOLLOWING else "ImaxF=1.05"
     run = driven(with_esd(storage_model=model, mva=40.0, converter=limit), {0.2: 1.0, 0.9: -1.0}, **FAULT)
     size = np.hypot(signal(run, "Ip"), signal(run, "Iq"))
     assert size.max() <= 1.05 * (1 + 1e-9)
@@ -161,7 +165,9 @@ def test_the_power_is_what_the_current_carries(model):
         I = complex(*f.device.current(*(known[n] for n in family.arguments(f.device, "current"))))
         V = complex(*known["v"])
         if hasattr(f.device, "source"):
-            I += complex(*f.device.source(x, u, par)) - complex(*f.device.admittance(par)) * V
+            I += complex(*f.device.source(x, u, par))
+        if hasattr(f.device, "admittance"):
+            I -= complex(*f.device.admittance(par)) * V
         y = f.device.output(*(known[n] for n in family.arguments(f.device, "output")))
         assert complex(y.P, y.Q) == pytest.approx(-V * I.conjugate(), abs=1e-12)
 
@@ -184,33 +190,41 @@ def test_the_store_holds_the_integral_of_the_power(model, efficiency):
     assert np.ptp(gained) > 0.2  # pu s
 
 
-def test_a_grid_following_device_that_becomes_full_or_empty_stops_at_once():
+@pytest.mark.parametrize("model", FOLLOWING)
+def test_a_grid_following_device_that_becomes_full_or_empty_stops_at_once(model):
     for order in (1.0, -1.0):
-        run = driven(with_esd(energy=0.01, charge=0.5), {0.2: order, 1.2: -order}, until=2.0)
+        run = driven(with_esd(storage_model=model, energy=0.01, charge=0.5), {0.2: order, 1.2: -order}, until=2.0)
         share, P = run.arrays.energy[:, 0] / 0.01, run.arrays.storage[:, 0] * order
         assert share.min() >= 0
         assert share.max() <= 1
         done = np.flatnonzero(share == (order + 1) / 2)[0]
         resting = (run.time > run.time[done]) & (run.time < 1.2)
         assert P[done - 1] > 39
-        assert np.abs(P[resting]).max() < 1e-9
+        rest = 5e-3 if model == "regc_c" else 1e-9  # 1.4e-3 MW of the reactive current while the loop's frame turns
+        assert np.abs(P[resting]).max() < rest
         assert P[-1] == pytest.approx(-40, rel=0.01)
 
 
-def test_a_grid_forming_device_that_becomes_empty_goes_to_zero_and_counts_what_flows_until_then():
-    run = driven(with_esd(storage_model="regfm", energy=0.01, charge=0.5), {0.2: -1.0}, until=4.0)
-    charge, P = signal(run, "charge"), run.arrays.storage[:, 0]
-    empty = run.time[np.flatnonzero(charge < 0)[0]]
-    assert P.min() < -39
-    assert P[run.time > empty + 0.5].min() > -3
-    assert abs(P[run.time > empty + 1.5].mean()) < 0.5
-    assert -0.15 < charge.min() < 0
+@pytest.mark.parametrize("order", [1.0, -1.0])
+@pytest.mark.parametrize(("model", "late"), [("regfm", 0.11), ("regfm_b1", 0.04)])
+def test_a_grid_forming_device_that_becomes_full_or_empty_goes_to_zero_and_counts_what_flows_until_then(
+    model, late, order
+):
+    """`late`: seconds of rated power that flow beyond the store; the power then stays away from that side."""
+    run = driven(with_esd(storage_model=model, energy=0.01, charge=0.5), {0.2: order}, until=4.0)
+    charge, P = order * (signal(run, "charge") - 0.5) + 0.5, order * run.arrays.storage[:, 0]
+    done = run.time[np.flatnonzero(charge > 1)[0]]
+    assert P.max() > 39
+    assert P[run.time > done + 0.5].max() < 3
+    assert abs(P[run.time > done + 1.5].mean()) < 0.5
+    beyond = (charge.max() - 1) * 0.01 * 3600 / 40  # s
+    assert 0 < beyond < late
 
 
 @pytest.mark.parametrize("model", MODELS)
 def test_nothing_winds_up_while_a_limit_holds_the_power_back(model):
     """After three seconds beyond a limit a device turns around as fast as after half a second."""
-    limit = {"regc": "Imax=0.6", "regfm": "Pmin=-0.6 ImaxF=1.2"}[model]
+    limit = {"regfm": "Pmin=-0.6 ImaxF=1.2", "regfm_b1": "ImaxSS=0.67 ImaxF=1.2"}.get(model, "Imax=0.6")
     long, short = (
         driven(with_esd(storage_model=model, converter=limit), {0.2: 1.0, t: -1.0}, until=t + 1.0) for t in (3.2, 1.2)
     )
@@ -308,7 +322,7 @@ def test_grid_forming_storage_keeps_its_island_alive_and_grid_following_storage_
         ({"storage_model": "regfm", "converter": "Emin=1 Emax=0.9"}, "Emax = 0.9 must be above Emin = 1"),
         ({"storage_model": "regfm", "characteristic": "current"}, "applies only to ideal devices"),
         ({"storage_model": "ideal", "converter": "Imax=1.2"}, "applies only to devices behind a converter"),
-        ({"storage_model": "regd"}, "must be one of ideal, regc, regc_c, regfm"),
+        ({"storage_model": "regd"}, "must be one of ideal, regc, regc_b, regc_c, regfm, regfm_b1"),
         ({"mva": 30.0}, "30 MVA is less than its rating of 40 MW"),
     ],
 )
@@ -350,7 +364,7 @@ def dense(matrix):
     return matrix.toarray() if hasattr(matrix, "toarray") else np.asarray(matrix)
 
 
-@pytest.mark.parametrize("model", ["regc", "regc_c", "regfm"])
+@pytest.mark.parametrize("model", MODELS)
 def test_complex_step_equals_central_differences(model):
     """Derivatives of the whole system, at a state off the equilibrium."""
     point = operating_point.solve(with_esd(storage_model=model, energy=1.0, lag=0.1, efficiency=0.9))

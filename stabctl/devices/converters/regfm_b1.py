@@ -6,9 +6,7 @@ Vref + mq (Qref - qf), with VdrpFlag = 1 Vref - mq iqf -> Vcmd;   E = [kpv + kiv
 Vq -> [kpPLL + kiPLL/s], dwPLLmin..dwPLLmax -> wpll - 1 -> [wb/s] -> theta_pll, held while vt < VPLLfrz
 P, Q, vt -> [1/(1+sTPf)], [1/(1+sTQf)], [1/(1+sTVf)] -> pf, qf, vm
 Id, Iq in the frame of theta_pll -> [1/(1+sTIf)] -> idf, iqf
-Idmax = kf ImaxSS, Iqmax = sqrt(ImaxSS^2 - idf^2) with PQFlag = 1;  Idmax = sqrt(ImaxSS^2 - iqf^2), Iqmax = kf ImaxSS
-kI (Idmax - idf) -> [1/s], 0..asin(XL ImaxSS) -> dmax;   kI (-Ke Idmax - idf) -> [1/s], -asin(XL ImaxSS)..0 -> dmin
-Emax, Emin = sqrt((vm +/- Iqmax XL)^2 + (idf XL)^2)
+dmin, dmax, Emin, Emax: see `steady_current`
 I = (E exp(j delta) - V)/(RL + jXL), reduced to the magnitude ImaxF where it is larger, at the same angle
 
 H is the weight of the virtual rotor in a center of inertia. A steady change dP of the load changes the frequency by
@@ -39,20 +37,18 @@ from annotated_types import Interval
 from stabctl._util.jit import inline
 from stabctl.devices.blocks import (
     SHORT,
-    at_least,
-    beyond_rate,
     clip,
     lag,
     lag_rate,
-    magnitude,
     pi,
     pi_rate,
     while_within,
 )
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
-from .electrical import root
 from .forming import Input, Output, admittance, correction, limited, short_circuit, terminals
+from .steady_current import LIMITS as OF_ANGLE
+from .steady_current import leads, reductions, voltage_limits, widest
 
 __all__ = ["Input", "admittance"]
 
@@ -64,7 +60,7 @@ FILTER = Interval(ge=SHORT)
 SWITCH = Interval(ge=0, le=1)
 SHARE = Interval(gt=0, le=1)
 STOP = 100.0  # 1/s   how fast delta comes to its limits
-LIMITS = {"dw": ("dwmin", "dwmax"), "over": (0.0, "deltamax"), "under": (0.0, "deltamax")}
+LIMITS = {"dw": ("dwmin", "dwmax"), **OF_ANGLE}
 LOOPS = {
     "virtual rotor": ("delta", "dw", "xd", "pf", "wf"),
     "voltage control": ("e", "vm"),
@@ -146,29 +142,12 @@ class State(NamedTuple):
 
 def prepare(p: Par) -> Par:
     """With the largest angles that ImaxSS allows."""
-    most = float(np.arcsin(min(p.XL * p.ImaxSS, 1.0)))
-    return p._replace(deltamax=most, deltamin=-most if p.ESFlag > 0.5 else 0.0)
+    return widest(p)
 
 
 def inertia(p: Par) -> float:
     """Inertia constant (s) of the virtual rotor."""
     return p.H
-
-
-@inline
-def most(x, p):
-    """Limits of the active and the reactive current in steady state (pu)."""
-    if p.PQFlag > 0.5:
-        return p.kf * p.ImaxSS, root(p.ImaxSS, x.idf)
-    return root(p.ImaxSS, x.iqf), p.kf * p.ImaxSS
-
-
-@inline
-def voltage_limits(x, p):
-    """Emin and Emax (pu), at which the reactive current is at its limit."""
-    _, iq = most(x, p)
-    ahead = x.idf * p.XL
-    return magnitude(at_least(x.vm - iq * p.XL, 0.0), ahead), magnitude(x.vm + iq * p.XL, ahead)
 
 
 @inline
@@ -185,47 +164,56 @@ def emf(x, u, p):
 
 
 @inline
-def angle(x, p):
-    """Angle (rad) of the internal voltage within its limits."""
-    return x.theta_pll + clip(x.delta - x.theta_pll, p.deltamin + x.under, p.deltamax - x.over)
+def angle(x, low, high):
+    """Angle (rad) of the internal voltage, between two limits ahead of the phase-locked loop."""
+    return x.theta_pll + clip(x.delta - x.theta_pll, low, high)
 
 
 @inline
 def source(x, u, p):
     """Short-circuit current of the internal voltage without limit (pu system), real and imaginary part."""
-    return short_circuit(emf(x, u, p), angle(x, p), p)
+    low, high = leads(x, p)
+    return short_circuit(emf(x, u, p), angle(x, low, high), p)
 
 
 @inline
 def current(x, u, v, p):
     """Current that the limit adds to that of the source (pu system), real and imaginary part."""
-    return correction(emf(x, u, p), angle(x, p), v, p)
+    low, high = leads(x, p)
+    return correction(emf(x, u, p), angle(x, low, high), v, p)
 
 
 @inline
 def output(x, u, v, p):
     """Power and voltage at the terminals, virtual speed, internal voltage (pu converter)."""
-    E = emf(x, u, p)
-    P, Q, vt = terminals(E, angle(x, p), v, p)
+    E, (low, high) = emf(x, u, p), leads(x, p)
+    P, Q, vt = terminals(E, angle(x, low, high), v, p)
     return Output(P, Q, vt, 1 + x.dw, E)
 
 
 @inline
 def derivatives(x, u, v, y, p):
     """State derivatives (1/s); y is this converter's own output."""
+    low, high = leads(x, p)
+    return between(x, u, v, y, p, low, high)
+
+
+@inline
+def between(x, u, v, y, p, low, high):
+    """State derivatives (1/s) with these limits of the angle ahead of the phase-locked loop (rad)."""
     c, s = np.cos(x.theta_pll), np.sin(x.theta_pll)
-    ir, ii = limited(y.E, angle(x, p), v, p)
+    ir, ii = limited(y.E, angle(x, low, high), v, p)
     vq = v[1] * c - v[0] * s
     dwpll = pi(p.kpPLL, vq, x.xpll, p.dwPLLmin, p.dwPLLmax)
     turn = while_within(p.wb * dwpll, y.vt, p.VPLLfrz, 0.0)
     integral = pi_rate(p.kpPLL, p.kiPLL, vq, x.xpll, p.dwPLLmin, p.dwPLLmax)
     lead = x.delta - x.theta_pll
-    slip = clip(p.wb * x.dw - turn, STOP * (p.deltamin + x.under - lead), STOP * (p.deltamax - x.over - lead))
+    slip = clip(p.wb * x.dw - turn, STOP * (low - lead), STOP * (high - lead))
     seen = dwpll if p.wFlag > 0.5 else x.dw
     droop = lag(p.Tp, seen, x.wf) / p.mp if p.FFlag > 0.5 else 0 * x.dw
     power = u.Pref - droop - lag(p.TPf, y.P, x.pf) - p.D1 * x.dw - p.D2 * (x.dw - x.xd)
-    idmax, _ = most(x, p)
     bottom, top = voltage_limits(x, p)
+    over, under = reductions(x, p)
     return State(
         turn + slip,
         power / (2 * p.H),
@@ -237,8 +225,8 @@ def derivatives(x, u, v, y, p):
         (ir * c + ii * s - x.idf) / p.TIf,
         (ir * s - ii * c - x.iqf) / p.TIf,
         pi_rate(p.kpv, p.kiv, command(x, u, p) - x.vm, x.e, bottom, top),
-        beyond_rate(p.kI, x.idf - idmax, x.over),
-        beyond_rate(p.kI if p.ESFlag > 0.5 else 0.0, -p.Ke * idmax - x.idf, x.under),
+        over,
+        under,
         turn,
         while_within(integral, y.vt, p.VPLLfrz, 0.0),
     )

@@ -2,5 +2,12 @@
 
 from typing import Literal
 
-StorageModel = Literal["ideal", "regc", "regc_c", "regfm"]
-TABLES = {"ideal": "esd", "regc": "esd_regc", "regc_c": "esd_regc_c", "regfm": "esd_regfm"}  # model -> device
+StorageModel = Literal["ideal", "regc", "regc_b", "regc_c", "regfm", "regfm_b1"]
+TABLES = {  # model -> device
+    "ideal": "esd",
+    "regc": "esd_regc",
+    "regc_b": "esd_regc_b",
+    "regc_c": "esd_regc_c",
+    "regfm": "esd_regfm",
+    "regfm_b1": "esd_regfm_b1",
+}

@@ -1,0 +1,138 @@
+"""ESD behind a grid-forming converter controlled as a virtual synchronous machine, REGFM_B1.
+
+order   -> [1/(1+sTlag)] -> share    -> (zero if full or empty) -> Pref = -rated share    -> REGFM_B1
+order_q -> [1/(1+sTlag)] -> reactive -> (what P leaves of Smax) -> Qref = -rated reactive -> REGFM_B1
+
+The equations are those of `regfm_b1`, with Vref at the voltage of the power flow, so that the output is zero there. A
+full device takes no power as one with ESFlag = 0: its angle stays ahead of the phase-locked loop; an empty one gives
+none, as its angle stays behind. What flows while the angle comes there, within some 50 ms, is counted, so the charge
+may pass 0 or 1 by a little. `rated` is the power rating over the MVA; per unit on the MVA of the converter.
+Source: see `regfm_b1`.
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, NamedTuple
+
+from stabctl._util.jit import inline
+from stabctl.devices.blocks import at_least, available
+from stabctl.devices.converters import regfm_b1
+from stabctl.devices.converters.forming import correction, short_circuit, terminals
+from stabctl.devices.converters.regfm_b1 import admittance, angle, between, emf
+from stabctl.devices.converters.steady_current import leads, widest
+
+from . import joined
+from .esd import Input
+from .esd import derivatives as store_rates
+from .esd_regfm import Vref, references
+
+NAME = "ESD_REGFM_B1"
+ROLE = "storage"
+LIMITS = regfm_b1.LIMITS
+UPPER = regfm_b1.UPPER
+ANGLES = regfm_b1.ANGLES
+CURRENT_LIMIT = "ImaxF"
+Par: Any = joined.joined(joined.Store, regfm_b1.Par, Vref)
+__all__ = ["Input", "admittance"]
+
+
+class State(NamedTuple):
+    """Orders and stored energy; the states of REGFM_B1."""
+
+    share: Annotated[float, "-", "lagged order"]
+    energy: Annotated[float, "pu s", "stored energy"]
+    reactive: Annotated[float, "-", "lagged reactive order"]
+    delta: Annotated[float, "rad", "angle of the internal voltage relative to the synchronous frame"]
+    dw: Annotated[float, "pu", "deviation of the virtual speed"]
+    xd: Annotated[float, "pu", "lagged deviation of the speed, of the transient damping"]
+    wf: Annotated[float, "pu", "filtered deviation of the speed, of the droop"]
+    pf: Annotated[float, "pu", "filtered active power"]
+    qf: Annotated[float, "pu", "filtered reactive power"]
+    vm: Annotated[float, "pu", "filtered terminal voltage"]
+    idf: Annotated[float, "pu", "filtered active current"]
+    iqf: Annotated[float, "pu", "filtered reactive current"]
+    e: Annotated[float, "pu", "integral of the voltage controller"]
+    over: Annotated[float, "rad", "reduction of the largest angle ahead of the phase-locked loop"]
+    under: Annotated[float, "rad", "reduction of the largest angle behind the phase-locked loop"]
+    theta_pll: Annotated[float, "rad", "angle of the phase-locked loop relative to the synchronous frame"]
+    xpll: Annotated[float, "pu", "integral of the phase-locked loop"]
+
+
+class Output(NamedTuple):
+    """Power at the terminals, charge, currents, virtual speed, voltages."""
+
+    P: Annotated[float, "pu", "power absorbed, system base"]
+    Q: Annotated[float, "pu", "reactive power absorbed, system base"]
+    charge: Annotated[float, "-", "state of charge; 0 if the capacity is unlimited"]
+    Ip: Annotated[float, "pu", "active current delivered, converter base"]
+    Iq: Annotated[float, "pu", "reactive current delivered, converter base"]
+    omega: Annotated[float, "pu", "virtual speed"]
+    vt: Annotated[float, "pu", "terminal voltage"]
+    E: Annotated[float, "pu", "internal voltage before the current limit"]
+
+
+def errors(values: Mapping[str, float]) -> Iterator[tuple[str, str]]:
+    """Name and message for each combination of parameters that is not possible."""
+    if not values["mq"]:
+        yield "mq", "must be above 0; without droop nothing determines the reactive power at rest"
+
+
+KIT = joined.Kit("REGFM_B1 of storage", (regfm_b1.Par,), {}, (), errors)
+
+
+def from_case(device: Any, base_mva: float) -> Any:
+    """Parameters from a row of storage.csv; V0 and wb are filled from the case."""
+    return joined.from_row(KIT, Par, device, base_mva, wb=0.0, deltamax=0.0, deltamin=0.0)
+
+
+def prepare(p: Any) -> Any:
+    """With the largest angles that ImaxSS allows."""
+    return widest(p)
+
+
+def guess(V: complex, p: Any) -> State:
+    """States at rest: no power, and the initial energy."""
+    return State(0.0, p.stored, 0.0, *regfm_b1.guess(V, 0j, p))
+
+
+@inline
+def limits(x, p):
+    """Least and largest angle (rad) ahead of the phase-locked loop that the store allows."""
+    low, high = leads(x, p)
+    return available(low, x.energy, p.floor, p.capacity), available(high, x.energy, p.floor, p.capacity)
+
+
+@inline
+def source(x, u, p):
+    """Short-circuit current of the internal voltage without limit (pu system), real and imaginary part."""
+    low, high = limits(x, p)
+    return short_circuit(emf(x, references(x, u, p), p), angle(x, low, high), p)
+
+
+@inline
+def current(x, u, v, p):
+    """Current that the limit adds to that of the source (pu system), real and imaginary part."""
+    low, high = limits(x, p)
+    return correction(emf(x, references(x, u, p), p), angle(x, low, high), v, p)
+
+
+@inline
+def output(x, u, v, p):
+    """Power absorbed (pu system), charge, currents and voltages (pu converter), and virtual speed."""
+    low, high = limits(x, p)
+    E = emf(x, references(x, u, p), p)
+    P, Q, vt = terminals(E, angle(x, low, high), v, p)
+    divisor = at_least(vt, 1e-9)
+    return Output(-p.mva * P, -p.mva * Q, x.energy / p.capacity, P / divisor, Q / divisor, 1 + x.dw, vt, E)
+
+
+@inline
+def derivatives(x, u, v, y, p):
+    """State derivatives (1/s); y is this device's own output."""
+    r, s = references(x, u, p), store_rates(x, u, y, p)
+    low, high = limits(x, p)
+    own = regfm_b1.Output(y.vt * y.Ip, y.vt * y.Iq, y.vt, y.omega, y.E)
+    d = between(x, r, v, own, p, low, high)
+    return State(
+        s.share, s.energy, s.reactive, d.delta, d.dw, d.xd, d.wf, d.pf, d.qf, d.vm, d.idf, d.iqf, d.e, d.over, d.under,
+        d.theta_pll, d.xpll,
+    )  # fmt: skip
