@@ -48,7 +48,13 @@ def place(point: OperatingPoint, signal: Signal) -> int:
     case = point.case
     if signal.kind in OF_STORAGE:
         row = [f"{s.machine}@{s.bus}" for s in case.storage].index(str(signal.place))
-        return int(getattr(storage.places(point.system, case), signal.kind)[row])
+        at = int(getattr(storage.places(point.system, case), signal.kind)[row])
+        if at < 0:
+            raise StudyError(
+                f"The storage device {signal.place} of {case.name} has no voltage reference, so order_v has no effect "
+                "on it; make it grid-forming, or grid-following with QFlag=1 VFlag=0."
+            )
+        return at
     found: int | None
     if signal.kind in DRAWN:
         found = point.layout.setpoint(NO_UNIT, signal.label)

@@ -61,6 +61,12 @@ INPUTS = _kinds(
             "ratings",
             "reactive order to a storage device, within its MVA, positive to absorb",
         ),
+        "order_v": (
+            "device",
+            "voltage order ESD {place}",
+            "pu",
+            "change of the voltage reference of a storage device behind a converter that has one",
+        ),
         "vs": ("machine", "stabilizer input {exciter} {place}", "pu", "signal added to the stabilizers of an exciter"),
         "vref": ("machine", "reference {exciter} {place}", "pu", "voltage reference of an exciter"),
         "pref": ("machine", "reference {governor} {place}", "pu", "load reference of a governor, machine base"),
@@ -148,7 +154,7 @@ OUTPUTS = _kinds(
 
 OF_ROTOR = ("speed", "angle", "rest_speed", "deviation", "angle_deviation")  # of a machine, or virtual
 OF_MACHINE = ("efd", "pm", "ifd", "field", "power")
-OF_STORAGE = ("order", "order_q")
+OF_STORAGE = ("order", "order_q", "order_v")
 OF_CONVERTER = ("ipcmd", "iqcmd")
 SET_POINTS = {"pset": ("Pset", "Pref"), "qset": ("Qset", "Qext", "Qref"), "vset": ("Vset", "Vref")}  # ports
 CONTROLS = ("plant control", "electrical control", "converter")  # of a converter, the outermost first

@@ -22,6 +22,7 @@ class Places(NamedTuple):
     unit: np.ndarray  # rows of the machines that they belong to
     order: np.ndarray
     order_q: np.ndarray
+    order_v: np.ndarray  # -1: the device has no voltage reference
     energy: np.ndarray
     P: np.ndarray
     Q: np.ndarray
@@ -34,9 +35,9 @@ def places(system: System, case: Case) -> Places:
     """The places of the signals in a system of a case; controllers may have changed what the orders are read from."""
     found = [_of(f, j) for f, j in members(system, case)]
     keys = tuple(str(row[-1]) for row in found)
-    columns = list(zip(*(row[:-1] for row in found), strict=True)) or [()] * 9
-    where: list[Any] = [np.array(c, np.int64) for c in columns[:8]]
-    return Places._make([*where, np.array(columns[8], float), keys])
+    columns = list(zip(*(row[:-1] for row in found), strict=True)) or [()] * 10
+    where: list[Any] = [np.array(c, np.int64) for c in columns[:9]]
+    return Places._make([*where, np.array(columns[9], float), keys])
 
 
 def members(system: System, case: Case) -> list[tuple[Family, int]]:
@@ -60,9 +61,18 @@ def _of(f: Family, j: int) -> tuple[Any, ...]:
     w, inputs, outputs = f.w[j], family.fields(f.device, "Input"), family.fields(f.device, "Output")
     energy = w[family.STATE] + family.fields(f.device, "State").index("energy")
     orders = (w[family.INPUTS + inputs.index(name)] for name in ("order", "order_q"))
+    order_v = w[family.INPUTS + inputs.index("order_v")] if _holds_voltage(f, j) else -1
     shown = (w[-1] + outputs.index(name) for name in ("P", "Q", "charge"))
     ramp = f.k[j, family.fields(f.device, "Par").index("ramp")]
-    return (w[family.BUS], w[family.UNIT], *orders, energy, *shown, ramp, f.keys[j])
+    return (w[family.BUS], w[family.UNIT], *orders, order_v, energy, *shown, ramp, f.keys[j])
+
+
+def _holds_voltage(f: Family, j: int) -> bool:
+    """Whether a device has a voltage reference: grid-forming, or grid-following with QFlag = 1 and VFlag = 0."""
+    names = family.fields(f.device, "Par")
+    if "order_v" not in family.fields(f.device, "Input"):
+        return False
+    return "QFlag" not in names or bool(f.k[j, names.index("QFlag")] > f.k[j, names.index("VFlag")])
 
 
 def is_energy(table: str, state: str) -> bool:

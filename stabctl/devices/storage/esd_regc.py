@@ -2,6 +2,7 @@
 
 order   -> [1/(1+sTlag)] -> share    -> (zero if full or empty) -> Pref = -rated share    -> REEC_C -> Ipcmd -> REGC_A
 order_q -> [1/(1+sTlag)] -> reactive -> (what P leaves of Smax) -> Qext = -rated reactive -> REEC_C -> Iqcmd -> REGC_A
+With QFlag = 1 and VFlag = 0, Qext is the voltage reference, V0 + order_v.
 
 P - jQ = -vt (Ip - j Iq) mva is absorbed from the bus. The equations of both parts are those of their files, with the
 power flow at zero output. The store of the ESD takes the place of the state of charge of REEC_C: at once, a full device
@@ -22,8 +23,9 @@ from stabctl.devices.converters.regc_a import delivered
 from stabctl.devices.converters.regc_a import derivatives as converter_rates
 
 from . import joined
-from .esd import Input, shares
 from .esd import derivatives as store_rates
+from .esd import shares
+from .joined import Input
 
 NAME = "ESD_REGC"
 ROLE = "storage"
@@ -64,8 +66,8 @@ class Output(NamedTuple):
 
 def errors(values: Mapping[str, float]) -> Iterator[tuple[str, str]]:
     """Name and message for each combination of parameters that is not possible."""
-    if values["QFlag"] > 0 and not values["VFlag"]:
-        yield "VFlag", "takes a voltage reference with QFlag = 1, which no storage law gives; set VFlag = 1"
+    if values["Tg"] < SHORT:
+        yield "Tg", f"s must be at least {SHORT:g} s"
 
 
 KIT = joined.Kit(
@@ -109,7 +111,8 @@ def control(x):
 def seen(x, u, vt, P, Q, p):
     """What REEC_C reads; active and reactive power delivered (pu converter) are given."""
     active, reactive = shares(x, u, p)
-    return electrical.Input(-p.rated * active, -p.rated * reactive, 0 * vt, vt, P, Q)
+    ordered = p.V0 + u.order_v if p.QFlag > 0.5 and p.VFlag < 0.5 else -p.rated * reactive
+    return electrical.Input(-p.rated * active, ordered, 0 * vt, vt, P, Q)
 
 
 @inline

@@ -20,10 +20,10 @@ from stabctl.devices.converters.regc_b import delivered
 from stabctl.devices.converters.regc_b import derivatives as converter_rates
 
 from . import joined
-from .esd import Input
 from .esd import derivatives as store_rates
 from .esd_regc import KIT as FOLLOWING
 from .esd_regc import Output, commands, control, seen
+from .joined import Input
 
 NAME = "ESD_REGC_B"
 ROLE = "storage"

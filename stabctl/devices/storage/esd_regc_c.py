@@ -5,15 +5,14 @@ order_q -> [1/(1+sTlag)] -> reactive -> (what P leaves of Smax) -> Qext = -rated
 
 The equations of both parts are those of their files, with the power flow at zero output; Imax and PqFlag are the same
 for both. The store of the ESD takes the place of the state of charge of REEC_C: at once, a full device takes and an
-empty one gives no active current in the frame of the phase-locked loop. `rated` is the power rating over the MVA; per
-unit on the MVA of the converter.
+empty one gives no active power. `rated` is the power rating over the MVA; per unit on the MVA of the converter.
 Source: see `regc_c` and `reec_c`.
 """
 
 from typing import Annotated, Any, NamedTuple
 
 from stabctl._util.jit import inline
-from stabctl.devices.blocks import available, magnitude
+from stabctl.devices.blocks import magnitude, shortened
 from stabctl.devices.converters import electrical, reec_c, regc_c
 from stabctl.devices.converters.behind_impedance import admittance
 from stabctl.devices.converters.electrical import rates
@@ -22,10 +21,10 @@ from stabctl.devices.converters.regc_c import derivatives as converter_rates
 from stabctl.devices.converters.regc_c import internal as frame
 
 from . import joined
-from .esd import Input
 from .esd import derivatives as store_rates
 from .esd_regc import KIT as FOLLOWING
 from .esd_regc import commands, control, seen
+from .joined import Input
 
 NAME = "ESD_REGC_C"
 ROLE = "storage"
@@ -37,6 +36,7 @@ ANGLES = regc_c.ANGLES
 PLL = regc_c.PLL
 Par: Any = joined.joined(joined.Store, regc_c.Par, reec_c.Par)
 KIT = FOLLOWING._replace(name="REGC_C and REEC_C of storage", parts=(regc_c.Par, reec_c.Par))
+LEAST = 0.1  # pu   voltage along the frame below which a full or empty device is blocked
 __all__ = ["Input", "Internal", "admittance"]
 
 
@@ -105,16 +105,25 @@ def internal(x, p):
 
 @inline
 def terminal(x, i, v, p):
-    """Active and reactive current at the terminals (pu converter), in the frame."""
+    """Active and reactive current at the terminals (pu converter), in the frame, and the active power (pu converter).
+
+    Where the store does not allow the power, the active current only balances that of the reactive current.
+    """
     vd, vq = framed(i, v)
     ip, iq = delivered(converter(x), vd, vq, magnitude(vd, vq), p)
-    return available(ip, x.energy, p.floor, p.capacity), iq
+    power = vd * ip - vq * iq
+    if (x.energy.real > p.floor or power.real <= 0) and (x.energy.real < p.capacity or power.real >= 0):
+        return ip, iq, power
+    if vd.real < LEAST:
+        return 0 * ip, 0 * iq, 0 * power
+    ip, iq = shortened(vq * iq / vd, iq, p.Imax)
+    return ip, iq, 0 * power
 
 
 @inline
 def current(x, i, v, p):
     """Current into the network beside the Norton admittance (pu system), real and imaginary part: I + Y V."""
-    ip, iq = terminal(x, i, v, p)
+    ip, iq, _ = terminal(x, i, v, p)
     return turned(i, ip, iq, v, p)
 
 
@@ -122,8 +131,8 @@ def current(x, i, v, p):
 def output(x, i, v, p):
     """Power absorbed (pu system), charge, currents (pu converter), voltage, frequency of the phase-locked loop."""
     vd, vq = framed(i, v)
-    ip, iq = terminal(x, i, v, p)
-    P, Q = vd * ip - vq * iq, vd * iq + vq * ip
+    ip, iq, P = terminal(x, i, v, p)
+    Q = vd * iq + vq * ip
     charge, vt = x.energy / p.capacity, magnitude(v[0], v[1])
     return Output(-p.mva * P, -p.mva * Q, charge, ip, iq, vt, locked(converter(x), vq, p))
 

@@ -3,10 +3,10 @@
 order   -> [1/(1+sTlag)] -> share    -> (zero if full or empty) -> Pref = -rated share    -> REGFM_A1
 order_q -> [1/(1+sTlag)] -> reactive -> (what P leaves of Smax) -> Qref = -rated reactive -> REGFM_A1
 
-The equations are those of `regfm_a1`, with Vref at the voltage of the power flow, so that the output is zero there. A
-voltage source cannot stop at once: the limit Pmax of an empty device, and Pmin of a full one, becomes 0, and the
-controllers `over` and `under` bring the power there. The energy that flows until then is counted, so the charge may
-pass 0 or 1 by a little. `rated` is the power rating over the MVA; per unit on the MVA of the converter.
+The equations are those of `regfm_a1`, with Vref at the voltage of the power flow plus `order_v`, so that the output is
+zero at the start. A voltage source cannot stop at once: the limit Pmax of an empty device, and Pmin of a full one,
+becomes 0, and the controllers `over` and `under` bring the power there. The energy that flows until then is counted, so
+the charge may pass 0 or 1 by a little. `rated` is the power rating over the MVA; per unit on the MVA of the converter.
 Source: see `regfm_a1`.
 """
 
@@ -25,8 +25,9 @@ from stabctl.devices.converters.regfm_a1 import derivatives as converter_rates
 from stabctl.devices.converters.regfm_a1 import source as norton
 
 from . import joined
-from .esd import Input, shares
 from .esd import derivatives as store_rates
+from .esd import shares
+from .joined import Input
 
 NAME = "ESD_REGFM"
 ROLE = "storage"
@@ -99,7 +100,7 @@ def guess(V: complex, p: Any) -> State:
 def references(x, u, p):
     """What REGFM_A1 reads (pu converter)."""
     active, reactive = shares(x, u, p)
-    return regfm_a1.Input(-p.rated * active, -p.rated * reactive, p.V0 + 0 * active)
+    return regfm_a1.Input(-p.rated * active, -p.rated * reactive, p.V0 + u.order_v)
 
 
 @inline

@@ -3,10 +3,11 @@
 order   -> [1/(1+sTlag)] -> share    -> (zero if full or empty) -> Pref = -rated share    -> REGFM_B1
 order_q -> [1/(1+sTlag)] -> reactive -> (what P leaves of Smax) -> Qref = -rated reactive -> REGFM_B1
 
-The equations are those of `regfm_b1`, with Vref at the voltage of the power flow, so that the output is zero there. A
-full device takes no power as one with ESFlag = 0: its angle stays ahead of the phase-locked loop; an empty one gives
-none, as its angle stays behind. What flows while the angle comes there, within some 50 ms, is counted, so the charge
-may pass 0 or 1 by a little. `rated` is the power rating over the MVA; per unit on the MVA of the converter.
+The equations are those of `regfm_b1`, with Vref at the voltage of the power flow plus `order_v`, so that the output is
+zero at the start. A full device takes no power as one with ESFlag = 0: its angle stays ahead of the phase-locked loop;
+an empty one gives none, as its angle stays behind. What flows while the angle comes there, within some 50 ms, is
+counted, so the charge may pass 0 or 1 by a little. `rated` is the power rating over the MVA; per unit on the MVA of the
+converter.
 Source: see `regfm_b1`.
 """
 
@@ -21,9 +22,9 @@ from stabctl.devices.converters.regfm_b1 import admittance, angle, between, emf
 from stabctl.devices.converters.steady_current import leads, widest
 
 from . import joined
-from .esd import Input
 from .esd import derivatives as store_rates
 from .esd_regfm import Vref, references
+from .joined import Input
 
 NAME = "ESD_REGFM_B1"
 ROLE = "storage"

@@ -8,6 +8,7 @@ from typing import Annotated, Any, NamedTuple, get_type_hints
 import numpy as np
 
 from stabctl._util.validation import Invalid, checked
+from stabctl.devices.ports import fixed
 from stabctl.errors import StudyError, shown
 from stabctl.schema import fields
 
@@ -35,6 +36,14 @@ class Store(NamedTuple):
     efficiency: Annotated[float, "-", "one-way efficiency, the square root of the round-trip efficiency"]
     Smax: Annotated[float, "-", "largest apparent power over the power rating"]
     rated: Annotated[float, "-", "power rating over the MVA of the converter"]
+
+
+class Input(NamedTuple):
+    """Signals at a device behind a converter."""
+
+    order: Annotated[float, "-", "share of the rating to absorb", fixed(0.0)]
+    order_q: Annotated[float, "-", "reactive power to absorb, over the power rating", fixed(0.0)]
+    order_v: Annotated[float, "pu", "change of the voltage reference", fixed(0.0)]
 
 
 def joined(*records: type) -> Any:
