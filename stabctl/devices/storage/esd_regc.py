@@ -12,7 +12,6 @@ over the MVA; per unit on the MVA of the converter.
 Source: see `regc_a` and `reec_c`.
 """
 
-from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, NamedTuple
 
 from stabctl._util.jit import inline
@@ -64,18 +63,12 @@ class Output(NamedTuple):
     vt: Annotated[float, "pu", "terminal voltage"]
 
 
-def errors(values: Mapping[str, float]) -> Iterator[tuple[str, str]]:
-    """Name and message for each combination of parameters that is not possible."""
-    if values["Tg"] < SHORT:
-        yield "Tg", f"s must be at least {SHORT:g} s"
-
-
 KIT = joined.Kit(
     "REGC_A and REEC_C of storage",
     (regc_a.Par, reec_c.Par),
     {"Pmin": -1.0, "Qmin": -1.0, "Qmax": 1.0},
     ("PfFlag", "Tp", "T", "SOCini", "SOCmax", "SOCmin"),
-    errors,
+    joined.no_errors,
 )
 
 

@@ -25,6 +25,11 @@ class Kit(NamedTuple):
     errors: Callable[[Mapping[str, float]], Iterator[tuple[str, str]]]  # name and message of what is not possible
 
 
+def no_errors(_values: Mapping[str, float]) -> Iterator[tuple[str, str]]:
+    """For parts of which every combination of parameters is possible."""
+    return iter(())
+
+
 class Store(NamedTuple):
     """What every storage device has: limits of its order, and its store of energy."""
 
