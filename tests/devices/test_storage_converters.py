@@ -188,6 +188,8 @@ def test_the_power_is_what_the_current_carries(model):
         u = f.device.Input(*row[f.w[j, family.INPUTS : -1]])
         at = f.w[j, family.BUS]
         known = {"x": x, "u": u, "v": (row[at], row[at + 1]), "p": par}
+        if hasattr(f.device, "internal"):
+            known["i"] = f.device.internal(x, par)
         I = complex(*f.device.current(*(known[n] for n in family.arguments(f.device, "current"))))
         V = complex(*known["v"])
         if hasattr(f.device, "source"):

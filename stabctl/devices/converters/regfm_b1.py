@@ -37,7 +37,8 @@ from annotated_types import Interval
 from stabctl._util.jit import inline
 from stabctl.devices.blocks import (
     SHORT,
-    clip,
+    at_least,
+    at_most,
     lag,
     lag_rate,
     pi,
@@ -47,7 +48,6 @@ from stabctl.devices.blocks import (
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 from .forming import Input, Output, admittance, correction, limited, short_circuit, terminals
-from .steady_current import LIMITS as OF_ANGLE
 from .steady_current import leads, reductions, voltage_limits, widest
 
 __all__ = ["Input", "admittance"]
@@ -60,7 +60,7 @@ FILTER = Interval(ge=SHORT)
 SWITCH = Interval(ge=0, le=1)
 SHARE = Interval(gt=0, le=1)
 STOP = 100.0  # 1/s   how fast delta comes to its limits
-LIMITS = {"dw": ("dwmin", "dwmax"), **OF_ANGLE}
+LIMITS = {"dw": ("dwmin", "dwmax"), "over": (0.0, "deltamax"), "under": (0.0, "deltamax")}
 LOOPS = {
     "virtual rotor": ("delta", "dw", "xd", "pf", "wf"),
     "voltage control": ("e", "vm"),
@@ -166,7 +166,7 @@ def emf(x, u, p):
 @inline
 def angle(x, low, high):
     """Angle (rad) of the internal voltage, between two limits ahead of the phase-locked loop."""
-    return x.theta_pll + clip(x.delta - x.theta_pll, low, high)
+    return x.theta_pll + at_least(at_most(x.delta - x.theta_pll, high), low)
 
 
 @inline
@@ -208,7 +208,7 @@ def between(x, u, v, y, p, low, high):
     turn = while_within(p.wb * dwpll, y.vt, p.VPLLfrz, 0.0)
     integral = pi_rate(p.kpPLL, p.kiPLL, vq, x.xpll, p.dwPLLmin, p.dwPLLmax)
     lead = x.delta - x.theta_pll
-    slip = clip(p.wb * x.dw - turn, STOP * (low - lead), STOP * (high - lead))
+    slip = at_least(at_most(p.wb * x.dw - turn, STOP * (high - lead)), STOP * (low - lead))
     seen = dwpll if p.wFlag > 0.5 else x.dw
     droop = lag(p.Tp, seen, x.wf) / p.mp if p.FFlag > 0.5 else 0 * x.dw
     power = u.Pref - droop - lag(p.TPf, y.P, x.pf) - p.D1 * x.dw - p.D2 * (x.dw - x.xd)

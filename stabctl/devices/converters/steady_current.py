@@ -18,8 +18,6 @@ from stabctl.devices.blocks import at_least, beyond_rate, magnitude
 
 from .electrical import root
 
-LIMITS = {"over": (0.0, "deltamax"), "under": (0.0, "deltamax")}
-
 
 def widest(p: Any) -> Any:
     """Parameters with the largest angles that ImaxSS allows."""

@@ -12,7 +12,7 @@ Source: see `regc_c` and `reec_c`.
 from typing import Annotated, Any, NamedTuple
 
 from stabctl._util.jit import inline
-from stabctl.devices.blocks import magnitude, shortened
+from stabctl.devices.blocks import at_least, available, magnitude, shortened
 from stabctl.devices.converters import electrical, reec_c, regc_c
 from stabctl.devices.converters.behind_impedance import admittance
 from stabctl.devices.converters.electrical import rates
@@ -36,7 +36,7 @@ ANGLES = regc_c.ANGLES
 PLL = regc_c.PLL
 Par: Any = joined.joined(joined.Store, regc_c.Par, reec_c.Par)
 KIT = FOLLOWING._replace(name="REGC_C and REEC_C of storage", parts=(regc_c.Par, reec_c.Par))
-LEAST = 0.1  # pu   voltage along the frame below which a full or empty device is blocked
+LEAST = 1e-3  # pu   smallest voltage along the frame by which a power is divided
 __all__ = ["Input", "Internal", "admittance"]
 
 
@@ -112,12 +112,9 @@ def terminal(x, i, v, p):
     vd, vq = framed(i, v)
     ip, iq = delivered(converter(x), vd, vq, magnitude(vd, vq), p)
     power = vd * ip - vq * iq
-    if (x.energy.real > p.floor or power.real <= 0) and (x.energy.real < p.capacity or power.real >= 0):
-        return ip, iq, power
-    if vd.real < LEAST:
-        return 0 * ip, 0 * iq, 0 * power
-    ip, iq = shortened(vq * iq / vd, iq, p.Imax)
-    return ip, iq, 0 * power
+    kept = available(power, x.energy, p.floor, p.capacity)
+    ip, iq = shortened(ip - (power - kept) / at_least(vd, LEAST), iq, p.Imax)
+    return ip, iq, kept
 
 
 @inline
