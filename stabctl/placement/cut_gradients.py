@@ -5,10 +5,11 @@ A gradient d (candidates, 1/MW) at a fleet s on the boundary is scaled to d . s 
 
 import numpy as np
 
-from .scaling import bisect
+from .scaling import COARSE, FINE, bisect
 from .trials import Trials
 
 INSIDE = (1.04, 1.08, 1.16, 1.02)  # multiples of the boundary fleet at which nearby fleets are simulated
+OUTSIDE = (2 * FINE, COARSE, 2 * COARSE)  # parts of the boundary fleet left out to see what is lost
 STEP = 0.03  # first change of one size, relative to the whole fleet
 HALVINGS = 8
 AFTER = 0.25  # s   simulated beyond the instant of the largest angle
@@ -21,7 +22,7 @@ def by_peak(trials: Trials, mw: np.ndarray, k: int) -> np.ndarray | None:
     each size is raised by a few per cent of the fleet, or less if that fleet is not stable. One simulation per
     candidate, until shortly after the largest angle.
     """
-    lost = trials.outcome((1 - 2e-3) * mw, k).machine
+    lost = _lost_first(trials, mw, k)
     for inside in INSIDE:
         base = trials.fleet(inside * mw)
         run = trials.peaks(base, k)
@@ -47,6 +48,12 @@ def by_peak(trials: Trials, mw: np.ndarray, k: int) -> np.ndarray | None:
         return np.nan
 
     return _scaled(np.array(trials.each(slope, range(len(mw)))), mw)
+
+
+def _lost_first(trials: Trials, mw: np.ndarray, k: int) -> int | str | None:
+    """The machine that loses synchronism first with a fleet just outside the boundary; None if none is found."""
+    runs = (trials.outcome((1 - less) * mw, k) for less in OUTSIDE)
+    return next((run.machine for run in runs if not run.stable), None)
 
 
 def by_scaling(trials: Trials, mw: np.ndarray, k: int, fine: float = 1e-4) -> np.ndarray | None:

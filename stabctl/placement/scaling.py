@@ -9,6 +9,7 @@ from .trials import Trials
 
 SCAN = 1.25  # ratio of neighboring multiples of a scan
 FINE = 2e-3  # relative width of the final bracket
+COARSE = 1e-2  # the same for contingencies that are not binding
 SMALL = 1e-3  # multiple below which the empty fleet is tried
 NEAR = 0.85  # of the scaling of a fleet: contingencies lost there are nearly binding
 
@@ -120,7 +121,9 @@ def least_scaling(trials: Trials, mw: np.ndarray, fine: float = FINE) -> Scaled 
         low = high = max(near.values())
         lost = trials.lost(high * mw)
     under = [k for k in trials.lost(NEAR * high * mw) if k not in near]
-    below = trials.each(lambda k: bisect(lambda a: trials.survives(a * mw, k), NEAR * high, high, 10 * fine), under)
+    below = trials.each(
+        lambda k: bisect(lambda a: trials.survives(a * mw, k), NEAR * high, high, max(fine, COARSE)), under
+    )
     return Scaled(high, near | dict(zip(under, below, strict=True)))
 
 
@@ -132,7 +135,9 @@ def _narrowed(trials: Trials, mw: np.ndarray, brackets: dict[int, Bracket], fine
     while True:
         top = max(b.low for b in brackets.values())
         brackets = {k: b for k, b in brackets.items() if b.high >= NEAR * top}
-        wide = [k for k, b in brackets.items() if b.high - b.low > (fine if b.high > top else 10 * fine) * b.high]
+        wide = [
+            k for k, b in brackets.items() if b.high - b.low > (fine if b.high > top else max(fine, COARSE)) * b.high
+        ]
         if not wide:
             return {k: b.high for k, b in brackets.items()}
         brackets |= _halved(trials, mw, {k: brackets[k] for k in wide})
