@@ -98,11 +98,13 @@ def test_labels_reach_python_control(point):
 def test_every_kind_of_signal_has_a_place_in_some_case(point):
     case = point("two_area").case.with_storage([Storage(1, 5, 50.0, lag=0.05, energy=10.0)])
     outputs = [k if k != "state" else "state:field flux GENROU 2" for k in OUTPUTS]
-    m = linearize(operating_point.solve(case), [k for k in INPUTS if k not in ("field", "power")], outputs)
+    m = linearize(operating_point.solve(case), [k for k in INPUTS if k not in ("field", "power", "order_v")], outputs)
     assert "order ESD 1@5" in m.inputs
     assert "power ESD 1@5" in m.states
     assert "energy ESD 1@5" in m.states
     assert "energy ESD 1@5" not in linearize(operating_point.solve(case), "order", "absorbed").states
+    forming = point("two_area").case.with_storage([Storage(1, 5, 50.0, storage_model="regfm")])
+    assert linearize(operating_point.solve(forming), "order_v", "absorbed").inputs == ("order_v ESD 1@5",)
     free = linearize(point("two_area_manual"), ["field", "power"], ["speed"])
     assert free.inputs[0] == "field voltage GENROU 1"
     assert free.inputs[4] == "mechanical power GENROU 1"
