@@ -104,7 +104,7 @@ def test_every_kind_of_signal_has_a_place_in_some_case(point):
     assert "energy ESD 1@5" in m.states
     assert "energy ESD 1@5" not in linearize(operating_point.solve(case), "order", "absorbed").states
     forming = point("two_area").case.with_storage([Storage(1, 5, 50.0, storage_model="regfm")])
-    assert linearize(operating_point.solve(forming), "order_v", "absorbed").inputs == ("order_v ESD 1@5",)
+    assert linearize(operating_point.solve(forming), "order_v", "absorbed").inputs == ("voltage order ESD 1@5",)
     free = linearize(point("two_area_manual"), ["field", "power"], ["speed"])
     assert free.inputs[0] == "field voltage GENROU 1"
     assert free.inputs[4] == "mechanical power GENROU 1"
