@@ -92,9 +92,9 @@ def task(one: Simulated, shared: Shared, identified: bool) -> Task:
 
 def simulate(one: Simulated, shared: Shared, record: Recorded) -> Trajectory:
     """The simulation of a scenario with a fleet."""
-    search, point = one.search, resized(shared.base.point, one.ratings)
     if one.contingency.fault is not None:
         return trial(one, shared).simulate(1, record)
+    search, point = one.search, resized(shared.base.point, one.ratings)
     events, last = without_fault(one.contingency, point.case)
     until, longest, acts = last + search.observed_s, last + search.longest_s, acting(shared.control)
     later = None if acts.controllers or acts.pilots or record is True else steps.later(point, search.step)

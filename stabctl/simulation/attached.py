@@ -85,7 +85,8 @@ def attached(point: OperatingPoint, controllers: Sequence[Controller], measured:
 def resized(point: OperatingPoint, ratings: Iterable[float]) -> OperatingPoint:
     """The point with other storage ratings (devices, MW), and with the controllers that it keeps attached."""
     new = point.resized(ratings)
-    kept = {key: replace(a, point=a.point.resized(ratings)) for key, a in vars(point).get("attached", {}).items()}
+    known = vars(point).get("attached", {})
+    kept = {key: replace(a, point=new if a.point is point else a.point.resized(ratings)) for key, a in known.items()}
     vars(new)["attached"] = kept
     return new
 
