@@ -133,11 +133,11 @@ Characteristic = Annotated[
     typer.Option("--characteristic", help="What remains constant when the voltage changes."),
 ]
 StorageModel = Annotated[
-    Literal["ideal", "regc", "regc_b", "regc_c", "regfm", "regfm_b1"],
+    Literal["ideal", "regc", "regc_b", "regc_c", "regc_repc", "regc_b_repc", "regc_c_repc", "regfm", "regfm_b1"],
     typer.Option(
         "--storage-model",
-        help="Ideal devices, or behind a converter: grid-following (regc, regc_b; regc_c with PLL) or grid-forming "
-        "(regfm, regfm_b1).",
+        help="Ideal devices, or behind a converter: grid-following (regc, regc_b; regc_c with PLL; with plant "
+        "controller regc_repc, regc_b_repc, regc_c_repc) or grid-forming (regfm, regfm_b1).",
     ),
 ]
 Mva = Annotated[

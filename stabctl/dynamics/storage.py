@@ -68,10 +68,12 @@ def _of(f: Family, j: int) -> tuple[Any, ...]:
 
 
 def _holds_voltage(f: Family, j: int) -> bool:
-    """Whether a device has a voltage reference: grid-forming, or grid-following with QFlag = 1 and VFlag = 0."""
+    """Whether a device has a voltage reference: grid-forming, or with QFlag = 1 and VFlag = 0, or RefFlag = 1."""
     names = family.fields(f.device, "Par")
     if "order_v" not in family.fields(f.device, "Input"):
         return False
+    if "repc_RefFlag" in names:
+        return bool(f.k[j, names.index("repc_RefFlag")] > 0)
     return "QFlag" not in names or bool(f.k[j, names.index("QFlag")] > f.k[j, names.index("VFlag")])
 
 

@@ -38,7 +38,7 @@ def with_storage(case: Case, sizes: Fleet, flow: PowerFlow | None = None, **opti
     **options : float or str
         Other columns of every device: `characteristic`, `energy`, `charge`, `ramp`, `lag`, `efficiency`, `mva` ("120%"
         of the rating, "0.8pu": the rating at this voltage within the current limit, or MVA), `storage_model` ("ideal",
-        "regc", "regc_b", "regc_c", "regfm", "regfm_b1") and `converter` ("Imax=1.3 Lvplsw=0").
+        "regc", "regc_b", "regc_c", the same with "_repc", "regfm", "regfm_b1") and `converter` ("Imax=1.3 Lvplsw=0").
 
     Raises
     ------

@@ -22,7 +22,7 @@ from stabctl.devices.converters.regc_b import derivatives as converter_rates
 from . import joined
 from .esd import derivatives as store_rates
 from .esd_regc import KIT as FOLLOWING
-from .esd_regc import Output, commands, control, seen
+from .esd_regc import Output, commands, control, power, seen
 from .joined import Input
 
 NAME = "ESD_REGC_B"
@@ -103,12 +103,17 @@ def output(x, v, p):
 
 
 @inline
-def derivatives(x, u, y, p):
-    """State derivatives (1/s); y is this device's own output."""
+def moved(x, u, y, r, p):
+    """State derivatives (1/s); r is what REEC_C reads."""
     vt, s = y.vt, store_rates(x, u, y, p)
-    k = vt * vt / at_least(vt, p.vlow)
-    r = seen(x, u, vt, k * y.Ip, k * y.Iq, p)
     ip, iq, most = commands(x, r, p)
     e = rates(r.Pref, control(x), r, p, 0.0, most)
     g = converter_rates(converter(x), regc_b.Input(ip, iq), regc_b.Output(0 * vt, 0 * vt, vt), p)
     return State(s.share, s.energy, s.reactive, e.vm, e.vq, e.iv, e.iq, e.pord, g.ip, g.iq, g.vfilt, g.Ed, g.Eq)
+
+
+@inline
+def derivatives(x, u, y, p):
+    """State derivatives (1/s); y is this device's own output."""
+    P, Q = power(y, p)
+    return moved(x, u, y, seen(x, u, y.vt, P, Q, p), p)

@@ -135,15 +135,27 @@ def output(x, i, v, p):
 
 
 @inline
-def derivatives(x, i, u, v, y, p):
-    """State derivatives (1/s); y is this device's own output."""
+def power(i, v, y):
+    """Active and reactive power delivered (pu converter)."""
     vd, vq = framed(i, v)
-    s, P, Q = store_rates(x, u, y, p), vd * y.Ip - vq * y.Iq, vd * y.Iq + vq * y.Ip
-    r = seen(x, u, y.vt, P, Q, p)
+    return vd * y.Ip - vq * y.Iq, vd * y.Iq + vq * y.Ip
+
+
+@inline
+def moved(x, i, u, v, y, r, p):
+    """State derivatives (1/s); r is what REEC_C reads."""
+    s, vq = store_rates(x, u, y, p), framed(i, v)[1]
     ip, iq, most = commands(x, r, p)
     e = rates(r.Pref, control(x), r, p, 0.0, most)
-    g = converter_rates(converter(x), i, regc_c.Input(ip, iq), v, regc_c.Output(P, Q, y.vt, y.wpll, vq), p)
+    g = converter_rates(converter(x), i, regc_c.Input(ip, iq), v, regc_c.Output(r.P, r.Q, y.vt, y.wpll, vq), p)
     return State(
         s.share, s.energy, s.reactive, e.vm, e.vq, e.iv, e.iq, e.pord,
         g.theta_pll, g.xpll, g.ip, g.iq, g.vfilt, g.xp, g.xq, g.Ed, g.Eq,
     )  # fmt: skip
+
+
+@inline
+def derivatives(x, i, u, v, y, p):
+    """State derivatives (1/s); y is this device's own output."""
+    P, Q = power(i, v, y)
+    return moved(x, i, u, v, y, seen(x, u, y.vt, P, Q, p), p)

@@ -12,7 +12,7 @@ from stabctl.devices.ports import fixed
 from stabctl.errors import StudyError, shown
 from stabctl.schema import fields
 
-_SETTING = re.compile(r"([A-Za-z][A-Za-z0-9]*)\s*=\s*([^\s,;=]+)")
+_SETTING = re.compile(r"([A-Za-z][A-Za-z0-9_]*)\s*=\s*([^\s,;=]+)")
 
 
 class Kit(NamedTuple):

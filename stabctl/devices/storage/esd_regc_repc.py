@@ -1,0 +1,55 @@
+"""ESD behind a grid-following converter with a plant controller: REPC_A, then REGC_A with REEC_C.
+
+The equations of both parts are those of `esd_regc` and `plant`.
+"""
+
+from typing import Any
+
+from stabctl._util.jit import inline
+
+from . import esd_regc, joined, plant
+from .esd_regc import (
+    CURRENT_LIMIT,
+    LIMITS,
+    STOPS,
+    UPPER,
+    Output,
+    current,
+    moved,
+    output,
+    power,
+    prepare,
+)
+from .plant import DEADBANDS, Input
+
+NAME = "ESD_REGC_REPC"
+ROLE = "storage"
+Par: Any = joined.joined(esd_regc.Par, plant.Par)
+State: Any = joined.joined(esd_regc.State, plant.State)
+KIT = plant.kit(esd_regc.KIT)
+__all__ = [
+    "CURRENT_LIMIT", "DEADBANDS", "LIMITS", "STOPS", "UPPER", "Input", "Output", "current", "output",
+    "prepare",
+]  # fmt: skip
+
+
+def from_case(device: Any, base_mva: float) -> Any:
+    """Parameters from a row of storage.csv; V0 is filled from the power flow."""
+    return joined.from_row(KIT, Par, device, base_mva, P0=0.0, running=0.0)
+
+
+def guess(V: complex, p: Any) -> Any:
+    """States at rest: no power, and the initial energy."""
+    return State(*esd_regc.guess(V, p), *plant.guess(V, p))
+
+
+@inline
+def derivatives(x, u, y, p):
+    """State derivatives (1/s); y is this device's own output."""
+    P, Q = power(y, p)
+    g = plant.rates(x, u, y.vt, P, Q, p)
+    d = moved(x, u, y, plant.references(x, u, y.vt, P, Q, p), p)
+    return State(
+        d.share, d.energy, d.reactive, d.vm, d.vq, d.iv, d.iqr, d.pord, d.ip, d.iq, d.vfilt,
+        g.meas, g.xq, g.xf, g.pf, g.xp, g.pg,
+    )  # fmt: skip
