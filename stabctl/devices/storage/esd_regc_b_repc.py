@@ -8,6 +8,7 @@ from typing import Any
 from stabctl._util.jit import inline
 
 from . import esd_regc_b, joined, plant
+from .esd_regc import power
 from .esd_regc_b import (
     CURRENT_LIMIT,
     LIMITS,
@@ -18,7 +19,6 @@ from .esd_regc_b import (
     current,
     moved,
     output,
-    power,
     prepare,
 )
 from .plant import DEADBANDS, Input
