@@ -115,7 +115,13 @@ class Trial:
     def _run(
         self, events: list[Contingency | Event], until: float, record: Recorded, longest: float = 0.0
     ) -> Trajectory:
-        step, acts = self.search.step, acting(self.control)
-        later = None if acts.controllers or acts.pilots or record is True else steps.later(self.point, step)
+        step = self.search.step
+        later = later_step(self.point, step, self.control, record)
         options: Any = {"step": step, "later": later, "criterion": self.search.criterion, "record": record}
         return run(self.point, events, until, self.control, longest=longest, **options)
+
+
+def later_step(point: OperatingPoint, step: float | None, control: Control, record: Recorded) -> float | None:
+    """`steps.later` of a run without controllers, which may be fast, and without a full record; otherwise None."""
+    acts = acting(control)
+    return None if acts.controllers or acts.pilots or record is True else steps.later(point, step)

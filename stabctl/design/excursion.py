@@ -60,9 +60,7 @@ def window(scheduled: Scheduled, plan: Plan, run: Trajectory, limit: float = np.
     start = trial.cleared(plan.k) - plan.before / plan.rate
     frame = np.floor((run.time - start) * plan.rate + 1e-6).astype(int)
     inside = frame < len(plan.orders)
-    H = run.point.inertia
-    moves = run.arrays.angle - run.arrays.angle[0]
-    moves = moves - (moves @ H / H.sum())[:, None]
+    moves = run.arrays.swing
     inside &= np.maximum.accumulate(np.abs(moves).max(axis=1)) <= limit
     return Window(run.time[inside], frame[inside], moves[inside], int(np.searchsorted(frame, 0)))
 

@@ -111,8 +111,7 @@ class Optimum(Tabular):
     @property
     def peak(self) -> tuple[int | str, float, float]:
         """The rotor that swings most against the center of inertia, its angle (rad), and when (s after clearing)."""
-        angle, H = self.run.arrays.angle - self.run.arrays.angle[0], self.run.point.inertia
-        moves = np.abs(angle - (angle @ H / H.sum())[:, None])
+        moves = np.abs(self.run.arrays.swing)
         row, rotor = np.unravel_index(int(moves.argmax()), moves.shape)
         return self.run.point.rotor_names[rotor], float(moves[row, rotor]), float(self.run.time[row] - self.cleared)
 

@@ -5,7 +5,7 @@ A gradient d (candidates, 1/MW) at a fleet s on the boundary is scaled to d . s 
 
 import numpy as np
 
-from .scaling import COARSE, FINE, bisect
+from .scaling import COARSE, FINE, along, bisect
 from .trials import Trials
 
 INSIDE = (1.04, 1.08, 1.16, 1.02)  # multiples of the boundary fleet at which nearby fleets are simulated
@@ -60,9 +60,7 @@ def by_scaling(trials: Trials, mw: np.ndarray, k: int, fine: float = 1e-4) -> np
     """Forward differences of 1/alpha_k, one bisection per candidate: the gradient by definition; None if they fail."""
 
     def inverse(tried: np.ndarray) -> float:
-        def survives(a: float) -> bool:
-            return trials.survives(a * tried, k)
-
+        survives = along(trials, tried, k)
         low, high = 0.8, 1.25
         while survives(low):
             low *= 0.8
@@ -106,8 +104,7 @@ def by_swept_angle(trials: Trials, mw: np.ndarray, k: int, J: np.ndarray) -> np.
     """
     run = trials.simulate(mw, k)
     H = trials.at(k).inertia
-    change = run.arrays.angle - run.arrays.angle[0]
-    change -= (change @ H / H.sum())[:, None]
+    change = run.arrays.swing
     first = int(np.argmax(run.time >= trials.disturbed(k) - 1e-9))
     widest = first + int(np.argmax(np.ptp(change[first:], axis=1)))
     ranked = np.argsort(change[widest])

@@ -18,7 +18,7 @@ from . import cut_gradients, rounding
 from .evidence import energies
 from .master import Cut, Master, Plan, Unsolved
 from .prices import Prices
-from .scaling import Scaled, critical_scaling, largest_scaling, least_scaling
+from .scaling import Scaled, along, critical_scaling, largest_scaling, least_scaling
 from .siting import Iteration
 from .trials import Trials
 
@@ -104,7 +104,7 @@ class CuttingPlanes:
         """
         if scaled is None:
             most = largest_scaling(self.trials, mw)
-            found = self.trials.each(lambda k: critical_scaling(lambda a: self.trials.survives(a * mw, k), most))
+            found = self.trials.each(lambda k: critical_scaling(along(self.trials, mw, k), most))
             for k, a in enumerate(found):
                 if a:
                     self.cut(a * mw, k)

@@ -10,7 +10,7 @@ from stabctl.errors import LinearizationError, StudyError
 from .allocation import Objective, allocate
 from .cutting_planes import CuttingPlanes
 from .gramians import gramians
-from .scaling import critical_scaling, largest_scaling, least_scaling
+from .scaling import along, critical_scaling, largest_scaling, least_scaling
 from .siting import Infeasible
 from .trials import Trials
 
@@ -47,7 +47,7 @@ def feasible(trials: Trials, uniform: np.ndarray) -> tuple[Trials, list[Boundary
 def _boundary(trials: Trials, fleets: Sequence[np.ndarray], k: int) -> BoundaryFleet | None:
     def scaling(mw: np.ndarray) -> float | None:
         most = largest_scaling(trials, mw)
-        return critical_scaling(lambda a: trials.survives(a * mw, k), most) if most else None
+        return critical_scaling(along(trials, mw, k), most) if most else None
 
     found = ((mw, scaling(mw)) for mw in fleets)
     return next((BoundaryFleet(mw, a) for mw, a in found if a is not None), None)

@@ -82,6 +82,11 @@ def halved(survives: Callable[[float], bool], bracket: Bracket) -> Bracket:
     return Bracket(low, middle) if survives(middle) else Bracket(middle, high)
 
 
+def along(trials: Trials, mw: np.ndarray, k: int) -> Callable[[float], bool]:
+    """Whether a multiple of a fleet (candidates, MW) survives scenario k."""
+    return lambda a: trials.survives(a * mw, k)
+
+
 def largest_scaling(trials: Trials, mw: np.ndarray) -> float:
     """The multiple at which every device of a fleet has reached its cap."""
     return float((trials.cap[mw > 0] / mw[mw > 0]).max(initial=0.0))
@@ -103,10 +108,7 @@ def least_scaling(trials: Trials, mw: np.ndarray, fine: float = FINE) -> Scaled 
 
     def above(k: int) -> Bracket | None:
         """Where survival of contingency k begins, which is lost at `low`."""
-
-        def survives(a: float) -> bool:
-            return trials.survives(a * mw, k)
-
+        survives = along(trials, mw, k)
         if high > low and survives(high):
             return Bracket(low, high)
         return first_bracket(survives, most, low=low, near=low)
@@ -121,9 +123,7 @@ def least_scaling(trials: Trials, mw: np.ndarray, fine: float = FINE) -> Scaled 
         low = high = max(near.values())
         lost = trials.lost(high * mw)
     under = [k for k in trials.lost(NEAR * high * mw) if k not in near]
-    below = trials.each(
-        lambda k: bisect(lambda a: trials.survives(a * mw, k), NEAR * high, high, max(fine, COARSE)), under
-    )
+    below = trials.each(lambda k: bisect(along(trials, mw, k), NEAR * high, high, max(fine, COARSE)), under)
     return Scaled(high, near | dict(zip(under, below, strict=True)))
 
 
@@ -145,5 +145,5 @@ def _narrowed(trials: Trials, mw: np.ndarray, brackets: dict[int, Bracket], fine
 
 def _halved(trials: Trials, mw: np.ndarray, brackets: dict[int, Bracket]) -> dict[int, Bracket]:
     """The halves of the brackets of some contingencies in which survival begins."""
-    halves = trials.each(lambda k: halved(lambda a: trials.survives(a * mw, k), brackets[k]), brackets)
+    halves = trials.each(lambda k: halved(along(trials, mw, k), brackets[k]), brackets)
     return dict(zip(brackets, halves, strict=True))

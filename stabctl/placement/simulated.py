@@ -10,10 +10,10 @@ import numpy as np
 from stabctl.clearing import Search, Trial
 from stabctl.clearing.critical_time import near
 from stabctl.clearing.last_stable import last_stable
+from stabctl.clearing.trial import later_step
 from stabctl.jobs import Found, Kind, Task
 from stabctl.jobs.base import Base
 from stabctl.jobs.key import sha256, text
-from stabctl.simulation import steps
 from stabctl.simulation.attached import attached, resized
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control, acting
@@ -96,8 +96,8 @@ def simulate(one: Simulated, shared: Shared, record: Recorded) -> Trajectory:
         return trial(one, shared).simulate(1, record)
     search, point = one.search, resized(shared.base.point, one.ratings)
     events, last = without_fault(one.contingency, point.case)
-    until, longest, acts = last + search.observed_s, last + search.longest_s, acting(shared.control)
-    later = None if acts.controllers or acts.pilots or record is True else steps.later(point, search.step)
+    until, longest = last + search.observed_s, last + search.longest_s
+    later = later_step(point, search.step, shared.control, record)
     how: dict[str, Any] = {"step": search.step, "later": later, "criterion": search.criterion, "record": record}
     return run(point, events, until, shared.control, longest=longest, **how)
 
@@ -125,10 +125,8 @@ def answer(task: Task) -> Found:
 
 def _peaks(ran: Trajectory) -> np.ndarray:
     """Largest change of every angle from the center of inertia, rad, and its instant from the last event on, s."""
-    H, change = ran.point.inertia, ran.arrays.angle - ran.arrays.angle[0]
-    change -= (change @ H / H.sum())[:, None]
     last = max((change.at for change in ran.happened.changes if change.at > 0), default=0.0)
-    return np.stack([ran.peak, ran.time[np.abs(change).argmax(axis=0)] - last])
+    return np.stack([ran.peak, ran.time[np.abs(ran.arrays.swing).argmax(axis=0)] - last])
 
 
 def _critical_time(one: Simulated, shared: Shared, target: float) -> Found:

@@ -44,6 +44,12 @@ class Arrays:
         return _fixed(self.speed @ H / H.sum())
 
     @cached_property
+    def swing(self) -> np.ndarray:
+        """Changes of the angles relative to the center of inertia (rows, rotor units), rad; valid as `coi_speed`."""
+        H, change = self._point.rotors.inertia, self.angle - self.angle[0]
+        return _fixed(change - (change @ H / H.sum())[:, None])
+
+    @cached_property
     def V(self) -> np.ndarray:
         """Bus voltages (rows, buses), complex, pu."""
         return _fixed(np.ascontiguousarray(self._rows[:, self._point.layout.voltages]).view(complex))

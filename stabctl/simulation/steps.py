@@ -30,7 +30,7 @@ NEAR = 3.0  # between the inverse of a time constant and the eigenvalue that it 
 
 def checked(point: OperatingPoint, step: float | None) -> float:
     """The step given, or the default one (s). `StudyError` if it is not stable, or far too short."""
-    fastest = max(point.fastest, standstill(point)[0])
+    fastest = _fastest(point)
     longest = REACH / fastest if fastest else math.inf  # infinite buses alone do not move
     if step is None:
         return min(STEP, longest, REACH / point.fastest / 2 if point.fastest else math.inf)
@@ -56,12 +56,17 @@ def standstill(point: OperatingPoint) -> tuple[float, str]:
     return max(worst, default=(0.0, ""))
 
 
+def _fastest(point: OperatingPoint) -> float:
+    """The largest eigenvalue (1/s) at the operating point, or of a motor that stops."""
+    return max(point.fastest, standstill(point)[0])
+
+
 def later(point: OperatingPoint, step: float | None) -> float | None:
     """The step from `CALM` after the last event on (s), where fast transients have ended; None: the same as before.
 
     A step that was given is kept. So is the default one if the limit of stability allows hardly more.
     """
-    fastest = max(point.fastest, standstill(point)[0])
+    fastest = _fastest(point)
     longest = min(LATER, NEARLY / fastest) if fastest else LATER
     return longest if step is None and longest > WORTH * STEP else None
 

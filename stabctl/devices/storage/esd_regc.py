@@ -21,7 +21,7 @@ from stabctl.devices.converters.electrical import limited, rates, table_p, table
 from stabctl.devices.converters.regc_a import delivered
 from stabctl.devices.converters.regc_a import derivatives as converter_rates
 
-from . import joined
+from . import esd, joined
 from .esd import derivatives as store_rates
 from .esd import shares
 from .joined import Input
@@ -36,20 +36,17 @@ Par: Any = joined.joined(joined.Store, regc_a.Par, reec_c.Par)
 __all__ = ["Input"]
 
 
-class State(NamedTuple):
-    """Orders and stored energy; the states of REEC_C, then those of REGC_A."""
+class Electrical(NamedTuple):
+    """States of REEC_C in storage, whose charge is that of the store."""
 
-    share: Annotated[float, "-", "lagged order"]
-    energy: Annotated[float, "pu s", "stored energy"]
-    reactive: Annotated[float, "-", "lagged reactive order"]
     vm: Annotated[float, "pu", "filtered terminal voltage of REEC_C"]
     vq: Annotated[float, "pu", "integral of the reactive power error"]
     iv: Annotated[float, "pu", "integral of the voltage error"]
     iqr: Annotated[float, "pu", "lagged reactive current"]
     pord: Annotated[float, "pu", "power order"]
-    ip: Annotated[float, "pu", "active current"]
-    iq: Annotated[float, "pu", "reactive current"]
-    vfilt: Annotated[float, "pu", "filtered terminal voltage of REGC_A"]
+
+
+State: Any = joined.joined(esd.State, Electrical, regc_a.State)
 
 
 class Output(NamedTuple):
@@ -82,7 +79,7 @@ def prepare(p: Any) -> Any:
     return electrical.rising(p)
 
 
-def guess(V: complex, p: Any) -> State:
+def guess(V: complex, p: Any) -> Any:
     """States at rest: no power, and the initial energy."""
     v, inner = abs(V), p.QFlag > 0
     return State(0.0, p.stored, 0.0, v, v if inner else 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, v)

@@ -9,7 +9,7 @@ empty one gives no active current. `rated` is the power rating over the MVA; per
 Source: see `regc_b` and `reec_c`.
 """
 
-from typing import Annotated, Any, NamedTuple
+from typing import Any
 
 from stabctl._util.jit import inline
 from stabctl.devices.blocks import at_least, available, magnitude
@@ -19,10 +19,10 @@ from stabctl.devices.converters.electrical import rates
 from stabctl.devices.converters.regc_b import delivered
 from stabctl.devices.converters.regc_b import derivatives as converter_rates
 
-from . import joined
+from . import esd, joined
 from .esd import derivatives as store_rates
 from .esd_regc import KIT as FOLLOWING
-from .esd_regc import Output, commands, control, power, seen
+from .esd_regc import Electrical, Output, commands, control, power, seen
 from .joined import Input
 
 NAME = "ESD_REGC_B"
@@ -36,22 +36,7 @@ KIT = FOLLOWING._replace(name="REGC_B and REEC_C of storage", parts=(regc_b.Par,
 __all__ = ["Input", "Output", "admittance"]
 
 
-class State(NamedTuple):
-    """Orders and stored energy; the states of REEC_C, then those of REGC_B."""
-
-    share: Annotated[float, "-", "lagged order"]
-    energy: Annotated[float, "pu s", "stored energy"]
-    reactive: Annotated[float, "-", "lagged reactive order"]
-    vm: Annotated[float, "pu", "filtered terminal voltage of REEC_C"]
-    vq: Annotated[float, "pu", "integral of the reactive power error"]
-    iv: Annotated[float, "pu", "integral of the voltage error"]
-    iqr: Annotated[float, "pu", "lagged reactive current"]
-    pord: Annotated[float, "pu", "power order"]
-    ip: Annotated[float, "pu", "active current reference, or power with RateFlag = 1"]
-    iq: Annotated[float, "pu", "reactive current reference"]
-    vfilt: Annotated[float, "pu", "filtered terminal voltage of REGC_B"]
-    Ed: Annotated[float, "pu", "internal voltage in phase with the terminal voltage"]
-    Eq: Annotated[float, "pu", "internal voltage ahead of the terminal voltage"]
+State: Any = joined.joined(esd.State, Electrical, regc_b.State)
 
 
 def from_case(device: Any, base_mva: float) -> Any:
@@ -64,7 +49,7 @@ def prepare(p: Any) -> Any:
     return electrical.rising(p)
 
 
-def guess(V: complex, p: Any) -> State:
+def guess(V: complex, p: Any) -> Any:
     """States at rest: no power, and the initial energy."""
     v = abs(V)
     return State(0.0, p.stored, 0.0, v, v if p.QFlag > 0 else 0.0, 0.0, 0.0, 0.0, *regc_b.guess(V, 0j, p))

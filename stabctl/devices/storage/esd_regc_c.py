@@ -20,10 +20,10 @@ from stabctl.devices.converters.regc_c import Internal, delivered, framed, locke
 from stabctl.devices.converters.regc_c import derivatives as converter_rates
 from stabctl.devices.converters.regc_c import internal as frame
 
-from . import joined
+from . import esd, joined
 from .esd import derivatives as store_rates
 from .esd_regc import KIT as FOLLOWING
-from .esd_regc import commands, control, seen
+from .esd_regc import Electrical, commands, control, seen
 from .joined import Input
 
 NAME = "ESD_REGC_C"
@@ -40,26 +40,7 @@ LEAST = 1e-3  # pu   smallest voltage along the frame by which a power is divide
 __all__ = ["Input", "Internal", "admittance"]
 
 
-class State(NamedTuple):
-    """Orders and stored energy; the states of REEC_C, then those of REGC_C."""
-
-    share: Annotated[float, "-", "lagged order"]
-    energy: Annotated[float, "pu s", "stored energy"]
-    reactive: Annotated[float, "-", "lagged reactive order"]
-    vm: Annotated[float, "pu", "filtered terminal voltage of REEC_C"]
-    vq: Annotated[float, "pu", "integral of the reactive power error"]
-    iv: Annotated[float, "pu", "integral of the voltage error"]
-    iqr: Annotated[float, "pu", "lagged reactive current"]
-    pord: Annotated[float, "pu", "power order"]
-    theta_pll: Annotated[float, "rad", "angle of the phase-locked loop relative to the synchronous frame"]
-    xpll: Annotated[float, "rad/s", "integral of the phase-locked loop"]
-    ip: Annotated[float, "pu", "active current reference, or power with RateFlag = 1"]
-    iq: Annotated[float, "pu", "reactive current reference"]
-    vfilt: Annotated[float, "pu", "filtered terminal voltage of REGC_C"]
-    xp: Annotated[float, "pu", "integral of the active current control"]
-    xq: Annotated[float, "pu", "integral of the reactive current control"]
-    Ed: Annotated[float, "pu", "internal voltage along the frame"]
-    Eq: Annotated[float, "pu", "internal voltage ahead of the frame"]
+State: Any = joined.joined(esd.State, Electrical, regc_c.State)
 
 
 class Output(NamedTuple):
@@ -84,7 +65,7 @@ def prepare(p: Any) -> Any:
     return electrical.rising(p)
 
 
-def guess(V: complex, p: Any) -> State:
+def guess(V: complex, p: Any) -> Any:
     """States at rest: no power, and the initial energy."""
     v = abs(V)
     rest = regc_c.guess(V, 0j, p)

@@ -24,7 +24,7 @@ from stabctl.devices.converters.regfm_a1 import current as added
 from stabctl.devices.converters.regfm_a1 import derivatives as converter_rates
 from stabctl.devices.converters.regfm_a1 import source as norton
 
-from . import joined
+from . import esd, joined
 from .esd import derivatives as store_rates
 from .esd import shares
 from .joined import Input
@@ -46,21 +46,7 @@ Par: Any = joined.joined(joined.Store, regfm_a1.Par, Vref)
 __all__ = ["Input", "admittance"]
 
 
-class State(NamedTuple):
-    """Orders and stored energy; the states of REGFM_A1."""
-
-    share: Annotated[float, "-", "lagged order"]
-    energy: Annotated[float, "pu s", "stored energy"]
-    reactive: Annotated[float, "-", "lagged reactive order"]
-    delta: Annotated[float, "rad", "angle of the internal voltage relative to the synchronous frame"]
-    pf: Annotated[float, "pu", "filtered active power"]
-    qf: Annotated[float, "pu", "filtered reactive power"]
-    vm: Annotated[float, "pu", "filtered terminal voltage"]
-    e: Annotated[float, "pu", "integral of the voltage controller"]
-    pmax: Annotated[float, "pu", "integral of the controller at Pmax"]
-    pmin: Annotated[float, "pu", "integral of the controller at Pmin"]
-    qmax: Annotated[float, "pu", "integral of the controller at Qmax"]
-    qmin: Annotated[float, "pu", "integral of the controller at Qmin"]
+State: Any = joined.joined(esd.State, regfm_a1.State)
 
 
 class Output(NamedTuple):
@@ -90,7 +76,7 @@ def from_case(device: Any, base_mva: float) -> Any:
     return joined.from_row(KIT, Par, device, base_mva, wb=0.0)
 
 
-def guess(V: complex, p: Any) -> State:
+def guess(V: complex, p: Any) -> Any:
     """States at rest: no power, and the initial energy."""
     v, none = abs(V), (0.0,) * 4
     return State(0.0, p.stored, 0.0, float(np.angle(V)), 0.0, 0.0, v, v if p.VFlag > 0.5 else 0.0, *none)

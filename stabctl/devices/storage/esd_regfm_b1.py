@@ -21,7 +21,7 @@ from stabctl.devices.converters.forming import correction, short_circuit, termin
 from stabctl.devices.converters.regfm_b1 import admittance, angle, between, emf
 from stabctl.devices.converters.steady_current import leads, widest
 
-from . import joined
+from . import esd, joined
 from .esd import derivatives as store_rates
 from .esd_regfm import Vref, references
 from .joined import Input
@@ -36,26 +36,7 @@ Par: Any = joined.joined(joined.Store, regfm_b1.Par, Vref)
 __all__ = ["Input", "admittance"]
 
 
-class State(NamedTuple):
-    """Orders and stored energy; the states of REGFM_B1."""
-
-    share: Annotated[float, "-", "lagged order"]
-    energy: Annotated[float, "pu s", "stored energy"]
-    reactive: Annotated[float, "-", "lagged reactive order"]
-    delta: Annotated[float, "rad", "angle of the internal voltage relative to the synchronous frame"]
-    dw: Annotated[float, "pu", "deviation of the virtual speed"]
-    xd: Annotated[float, "pu", "lagged deviation of the speed, of the transient damping"]
-    wf: Annotated[float, "pu", "filtered deviation of the speed, of the droop"]
-    pf: Annotated[float, "pu", "filtered active power"]
-    qf: Annotated[float, "pu", "filtered reactive power"]
-    vm: Annotated[float, "pu", "filtered terminal voltage"]
-    idf: Annotated[float, "pu", "filtered active current"]
-    iqf: Annotated[float, "pu", "filtered reactive current"]
-    e: Annotated[float, "pu", "integral of the voltage controller"]
-    over: Annotated[float, "rad", "reduction of the largest angle ahead of the phase-locked loop"]
-    under: Annotated[float, "rad", "reduction of the largest angle behind the phase-locked loop"]
-    theta_pll: Annotated[float, "rad", "angle of the phase-locked loop relative to the synchronous frame"]
-    xpll: Annotated[float, "pu", "integral of the phase-locked loop"]
+State: Any = joined.joined(esd.State, regfm_b1.State)
 
 
 class Output(NamedTuple):
@@ -90,7 +71,7 @@ def prepare(p: Any) -> Any:
     return widest(p)
 
 
-def guess(V: complex, p: Any) -> State:
+def guess(V: complex, p: Any) -> Any:
     """States at rest: no power, and the initial energy."""
     return State(0.0, p.stored, 0.0, *regfm_b1.guess(V, 0j, p))
 

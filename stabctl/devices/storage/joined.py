@@ -1,4 +1,4 @@
-"""Devices made of published parts: the parameters of a storage device and of its converter as one record."""
+"""Devices made of published parts: the records of a storage device and of its converter as one."""
 
 import difflib
 import re
@@ -54,7 +54,7 @@ class Input(NamedTuple):
 def joined(*records: type) -> Any:
     """A record with the fields of several, each field once."""
     found = {name: hint for record in records for name, hint in get_type_hints(record, include_extras=True).items()}
-    return NamedTuple("Par", list(found.items()))  # type: ignore[misc]
+    return NamedTuple("Joined", list(found.items()))  # type: ignore[misc]
 
 
 def store(device: Any, base_mva: float) -> Store:
