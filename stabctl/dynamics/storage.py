@@ -40,6 +40,11 @@ def places(system: System, case: Case) -> Places:
     return Places._make([*where, np.array(columns[9], float), keys])
 
 
+def ramps(system: System, case: Case) -> np.ndarray:
+    """Largest changes of the orders of the storage devices (devices), 1/s."""
+    return np.array([f.k[j, family.fields(f.device, "Par").index("ramp")] for f, j in members(system, case)], float)
+
+
 def members(system: System, case: Case) -> list[tuple[Family, int]]:
     """Family and row of every storage device."""
     count: dict[str, int] = {}

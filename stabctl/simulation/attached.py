@@ -75,6 +75,8 @@ def attached(point: OperatingPoint, controllers: Sequence[Controller], measured:
     EquilibriumError
         If a controller forms an algebraic loop with the devices, which it names.
     """
+    if not controllers and not measured:
+        return Attached(point)
     kept = vars(point).setdefault("attached", {})
     key = tuple(controllers), tuple(measured)
     if key not in kept:

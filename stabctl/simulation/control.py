@@ -48,27 +48,31 @@ def acting(control: Any, storage: bool = True) -> Acting:
     """
     several = control if isinstance(control, list | tuple) else () if control is None else (control,)
     laws: list[Any] = []
+    controllers: list[Controller] = []
+    pilots: list[Sampled] = []
     for one in several:
         if isinstance(one, type):
             raise StudyError(f"control = {one.__name__} is a class; give an instance, {one.__name__}().")
-        if isinstance(one, Controller | Sampled):
-            continue
-        if not callable(getattr(one, "par", None)):
+        if isinstance(one, Controller):
+            controllers.append(one)
+        elif not isinstance(one, Law) and isinstance(one, Sampled):
+            pilots.append(one)
+        elif not callable(getattr(one, "par", None)):
             raise StudyError(
                 f"control = {shown(one)} is not a control law; give BangBang(), Feedback(...) or a Controller."
             )
-        if not storage:
+        elif not storage:
             raise StudyError(
                 f"{type(one).__name__} needs storage devices to control; give storage='50MW', for example."
             )
-        laws.append(one)
-    controllers = tuple(c for c in several if isinstance(c, Controller))
-    pilots = tuple(c for c in several if isinstance(c, Sampled) and not isinstance(c, Controller))
+        else:
+            laws.append(one)
     if len(pilots) > 1:
         raise StudyError("Give one EstimatorControl, with all controllers behind the estimator in a list.")
     if len(laws) + sum(p.law is not None for p in pilots) > 1:
         raise StudyError("Give one storage law; further controllers are made with Controller.")
-    return Acting(laws[0] if laws else None, pilots, controllers, tuple(c for p in pilots for c in p.controllers))
+    measured = tuple(c for p in pilots for c in p.controllers)
+    return Acting(laws[0] if laws else None, tuple(pilots), tuple(controllers), measured)
 
 
 def ordered(controllers: Sequence[Controller]) -> bool:

@@ -156,6 +156,13 @@ def frame(
     )  # fmt: skip
 
 
+def with_ratings(made: Frame, system: System, relay: bool) -> Frame:
+    """The frame for a system whose devices have the same places, but other ratings, and thus other limits."""
+    limits, others = system.limits, system.unweighted
+    columns = {"other": others.column("place"), "other_unit": others.column("unit"), "other_bus": others.column("bus")}
+    return made._replace(low=limits.low, high=limits.high, relay=relay, **columns)
+
+
 def space(s: np.ndarray, layout: Layout, a: Frame) -> Space:
     """Buffers of a run that starts at s."""
     nx, nb, m = layout.nx, layout.buses, len(a.rotor)

@@ -14,7 +14,7 @@ from stabctl.errors import StudyError
 from stabctl.model.network import Switching
 
 from . import stepper, steps, swings
-from .attached import Attached, attached
+from .attached import attached
 from .contingency import Disturbance, schedule
 from .control import Control, Frames, acting
 from .criterion import DEFAULT, Criterion, for_system, frequency_range, numbers
@@ -87,7 +87,7 @@ class Simulation:
         progress: Callable[[float], None] | None = None,
     ) -> None:
         self.progress = progress
-        self.attached = attached(point, controllers, measured) if controllers or measured else Attached(point)
+        self.attached = attached(point, controllers, measured)
         point = self.attached.point
         self.point, self.criterion = point, for_system(criterion, point.system)
         self.step = steps.checked(point, step)

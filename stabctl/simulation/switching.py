@@ -8,7 +8,9 @@ from .voltages import FAILED, settle
 
 MOST = 4  # switching instants found in one step; the next orders are those of its end
 CHATTER = 8  # steps in a row with switching; the next are not divided until one without
-FINE = 1e-6  # of a step; a switch nearer to its ends counts as there
+FINE = 1e-4  # of a step, 2 us at most; to this an order's switch is found, and one nearer to its ends counts as there
+COARSE = 1e-2  # of a step; to this the switch is found before the voltages are solved for there
+EDGE = 1e-6  # of a step; the same for devices that are full or empty
 NEAR = 0.02  # of a step; nearer to its ends the interpolated voltages are exact enough
 
 
@@ -44,35 +46,41 @@ def filled(h, a, q):
         i, per = a.limited[j], q.s[a.scale[j]]
         if q.s[i] == q.x0[i] or not (q.s[i] == a.low[j] * per or q.s[i] == a.high[j] * per):
             continue
-        t = (q.s[i] - q.x0[i]) / (h * q.rate[i]) - FINE
+        t = (q.s[i] - q.x0[i]) / (h * q.rate[i]) - EDGE
         if 0 <= t < first:
             first, q.marks[6] = t, j
     return first
 
 
 @noinline
-def bisect(h, p, a, net, q):
-    """Fraction of the last h seconds at which an order first switched; stores the orders from then on."""
-    low, high = 0.0, 1.0
-    while high - low > FINE:
+def changed(t, h, p, a, net, q):
+    """Whether an order has switched at the fraction t of the last h seconds; if so, stores the orders then."""
+    set_orders(0, a, q)
+    interpolate(t, h, q)
+    if not decide(p, a, net, q, 0):
+        return False
+    for j in range(len(a.held)):
+        q.orders[1, j] = q.s[a.held[j]]
+    return True
+
+
+@noinline
+def bisect(low, high, fine, h, p, a, net, q):
+    """Narrow two fractions of the last h seconds, between which an order switches, to a distance `fine`."""
+    while high - low > fine:
         t = (low + high) / 2
-        set_orders(0, a, q)
-        interpolate(t, h, q)
-        if decide(p, a, net, q, 0):
+        if changed(t, h, p, a, net, q):
             high = t
-            for j in range(len(a.held)):
-                q.orders[1, j] = q.s[a.held[j]]
         else:
             low = t
-    set_orders(0, a, q)
-    return high
+    return low, high
 
 
 @noinline
 def switched(h, p, a, net, q):
     """Fraction of the last h seconds at which an order first switched, 1 if none; stores the orders from then on.
 
-    The voltages are solved for at the instant found, which is then found again.
+    The voltages are solved for at the instant found, which is then found again, near there in most cases.
     """
     if not decide(p, a, net, q, 0):
         return 1.0
@@ -81,17 +89,25 @@ def switched(h, p, a, net, q):
     q.part[2] = 0.5
     for j in range(len(a.held)):
         q.orders[1, j] = q.s[a.held[j]]
-    t = bisect(h, p, a, net, q)
-    if NEAR < t < 1 - NEAR:
-        interpolate(t, h, q)
+    low, high = 0.0, FINE
+    if not changed(high, h, p, a, net, q):
+        low, high = bisect(FINE, 1.0, COARSE, h, p, a, net, q)
+    if NEAR < high < 1 - NEAR:
+        set_orders(0, a, q)
+        interpolate(high, h, q)
         if settle(p, a, net, q) < FAILED:
             copy(q.volt, q.volts[1])
-            q.part[2] = t
-            t = bisect(h, p, a, net, q)
+            q.part[2], low, high = high, high - COARSE, high + COARSE
+            if changed(low, h, p, a, net, q):
+                low, high = 0.0, low
+            elif not changed(high, h, p, a, net, q):
+                low, high = high, 1.0
+    low, high = bisect(low, high, FINE, h, p, a, net, q)
+    set_orders(0, a, q)
     for k in range(len(q.x0)):
         q.s[k] = q.end[k]
     copy(q.volts[2], q.volt)
-    return t
+    return high if FINE < high < 1 - FINE else 1.0
 
 
 @noinline
@@ -104,7 +120,7 @@ def instant(h, p, a, net, q):
     else:
         for j in range(len(a.held)):
             q.orders[1, j] = q.s[a.held[j]]
-    return t if FINE < t < 1 - FINE else 1.0
+    return t if EDGE < t < 1 - EDGE else 1.0
 
 
 @noinline
@@ -116,5 +132,5 @@ def jump(h, a, q):
         i, per = a.limited[j], q.s[a.scale[j]]
         low, high = a.low[j] * per, a.high[j] * per
         edge = high if abs(q.s[i] - high) < abs(q.s[i] - low) else low
-        if j == q.marks[6] or abs(q.s[i] - edge) < 10 * FINE * h * abs(q.rate[i]):
+        if j == q.marks[6] or abs(q.s[i] - edge) < 10 * EDGE * h * abs(q.rate[i]):
             q.s[i] = edge

@@ -21,7 +21,7 @@ from stabctl.errors import StudyError
 from stabctl.model.case import Case
 
 from . import line
-from .plant import Frame, Relative, frame
+from .plant import Frame, Relative, frame, with_ratings
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,26 +72,40 @@ def wired(
     gates
         Places of the flags of the gates of controllers.
     """
-    kept = point.system.kept
     own = control.rate if control is not None else None
     rates = rates if own is None or own in rates else (*rates, own)
+    law = control and (control.module, control.frames, control.relay, control.groups, own and rates.index(own))
+    kept, key = point.system.kept, ("wired", law, rates, gates)
+    if key not in kept:
+        kept[key] = _wired(point, control, rates, gates)
+    return _with_constants(kept[key], point, control)
+
+
+def _wired(point: OperatingPoint, control: Law | None, rates: tuple[int, ...], gates: tuple[int, ...]) -> Wired:
+    """The same, made anew."""
     memory = _memory(point, control)
     layout = replace(point.system.layout, memory=point.system.layout.memory + memory.end - point.system.layout.size)
     families = (*point.system.families, *_families(point, control, memory, layout, rates))
-    key = "wired", control and (control.module, control.frames, own and rates.index(own))
-    if key not in kept:
-        kept[key] = program(families)
-    k = np.concatenate([np.zeros(0), *(f.k.ravel() for f in families)])
     start = np.zeros(layout.size)
-    start[: layout.first_memory] = point.s[: layout.first_memory]
     start[memory.relative.online : memory.relative.time] = 1.0
     for i, value in enumerate(getattr(control and control.module, "START", ())):
         start[memory.orders.start + i : memory.lines : memory.orders.step] = value
-    held, switches = np.r_[orders_of(layout, point.case), np.array(gates, np.int64)], _switches(families, control)
-    made = frame(
-        point.system, layout, memory.relative, held, groups=_groups(point, control), gated=bool(gates), relay=switches
-    )
-    return Wired(kept[key]._replace(k=k), families, layout, made, memory.orders, rates, start)
+    held = np.r_[orders_of(layout, point.case), np.array(gates, np.int64)]
+    relay, groups = _switches(families, control), _groups(point, control)
+    made = frame(point.system, layout, memory.relative, held, groups=groups, gated=bool(gates), relay=relay)
+    return Wired(program(families), families, layout, made, memory.orders, rates, start)
+
+
+def _with_constants(system: Wired, point: OperatingPoint, control: Law | None) -> Wired:
+    """The system with the parameters, limits and signals of an operating point whose devices have the same places."""
+    more = {"hold": storage.ramps(point.system, point.case)[:, None]} | {"law": _parameters(control, point.case)}
+    own = (f._replace(k=more.get(f.name, f.k)) for f in system.families[len(point.system.families) :])
+    families = (*point.system.families, *own)
+    k = np.concatenate([np.zeros(0), *(f.k.ravel() for f in families)])
+    start = system.start.copy()
+    start[: system.layout.first_memory] = point.s[: system.layout.first_memory]
+    made = with_ratings(system.frame, point.system, _switches(families, control))
+    return replace(system, program=system.program._replace(k=k), families=families, frame=made, start=start)
 
 
 def orders_of(layout: Layout, case: Case) -> np.ndarray:
@@ -148,13 +162,19 @@ def _families(
         )
     own = rotor[unit]
     reads = [of.speed + own, of.acceleration + own, of.angle + own, esd.energy, np.full(n, of.time)]
-    k = np.array([tuple(control.par(device)) for device in storage_devices(case)], float)
-    law = Family("law", control.module, np.stack([*common, *reads, wanted], 1), k, esd.keys)
+    law = Family("law", control.module, np.stack([*common, *reads, wanted], 1), _parameters(control, case), esd.keys)
     if not sampled:
         return law, holds
     lines = [wanted, np.full(n, of.due), memory.lines + control.frames * j, acting]
     bits = np.tile([float(control.frames), float(rates.index(control.rate or 0))], (n, 1))
     return law, Family("line", line, np.stack([*common, *lines], 1), bits, esd.keys), holds
+
+
+def _parameters(control: Law | None, case: Case) -> np.ndarray:
+    """Constants of a law (devices, constants); none without a law."""
+    if control is None:
+        return np.zeros((len(case.storage), 0))
+    return np.array([tuple(control.par(device)) for device in storage_devices(case)], float)
 
 
 def storage_devices(case: Case) -> list[Device]:
