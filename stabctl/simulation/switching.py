@@ -8,9 +8,8 @@ from .voltages import FAILED, settle
 
 MOST = 4  # switching instants found in one step; the next orders are those of its end
 CHATTER = 8  # steps in a row with switching; the next are not divided until one without
-FINE = 1e-4  # of a step, 2 us at most; to this an order's switch is found, and one nearer to its ends counts as there
-COARSE = 1e-2  # of a step; to this the switch is found before the voltages are solved for there
-EDGE = 1e-6  # of a step; the same for devices that are full or empty
+FINE = 1e-6  # of a step; a switch nearer to its ends counts as there
+COARSE = 1e-2  # of a step; to this the instant is found before the voltages are solved for there
 NEAR = 0.02  # of a step; nearer to its ends the interpolated voltages are exact enough
 
 
@@ -46,7 +45,7 @@ def filled(h, a, q):
         i, per = a.limited[j], q.s[a.scale[j]]
         if q.s[i] == q.x0[i] or not (q.s[i] == a.low[j] * per or q.s[i] == a.high[j] * per):
             continue
-        t = (q.s[i] - q.x0[i]) / (h * q.rate[i]) - EDGE
+        t = (q.s[i] - q.x0[i]) / (h * q.rate[i]) - FINE
         if 0 <= t < first:
             first, q.marks[6] = t, j
     return first
@@ -107,7 +106,7 @@ def switched(h, p, a, net, q):
     for k in range(len(q.x0)):
         q.s[k] = q.end[k]
     copy(q.volts[2], q.volt)
-    return high if FINE < high < 1 - FINE else 1.0
+    return high
 
 
 @noinline
@@ -120,7 +119,7 @@ def instant(h, p, a, net, q):
     else:
         for j in range(len(a.held)):
             q.orders[1, j] = q.s[a.held[j]]
-    return t if EDGE < t < 1 - EDGE else 1.0
+    return t if FINE < t < 1 - FINE else 1.0
 
 
 @noinline
@@ -132,5 +131,5 @@ def jump(h, a, q):
         i, per = a.limited[j], q.s[a.scale[j]]
         low, high = a.low[j] * per, a.high[j] * per
         edge = high if abs(q.s[i] - high) < abs(q.s[i] - low) else low
-        if j == q.marks[6] or abs(q.s[i] - edge) < 10 * EDGE * h * abs(q.rate[i]):
+        if j == q.marks[6] or abs(q.s[i] - edge) < 10 * FINE * h * abs(q.rate[i]):
             q.s[i] = edge
