@@ -5,6 +5,8 @@ a two-port, also with a fault along it or with open ends (`two_port`); the matri
 """
 
 from collections.abc import Mapping
+from itertools import chain
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -12,9 +14,9 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from .case import Case
-from .tables import Branch
 
 BOLTED = 1e9  # MVA at 1 pu voltage   admittance of a fault without impedance (1e7 pu on 100 MVA)
+_NUMBERS = attrgetter("r", "x", "b", "tap", "phase", "g_from", "b_from", "g_to", "b_to")
 
 
 class Network(NamedTuple):
@@ -112,21 +114,17 @@ class Entries(NamedTuple):
 def build(case: Case) -> Network:
     """The network of a case in pu on the system base, angles in radians."""
     place = {b.bus: i for i, b in enumerate(case.buses)}
-    rows = case.branches
-    columns = dict(zip(Branch._fields, zip(*rows, strict=True) if rows else [()] * len(Branch._fields), strict=True))
-
-    def column(name: str) -> np.ndarray:
-        return np.array(columns[name], float)
-
+    values = np.fromiter(chain.from_iterable(map(_NUMBERS, case.branches)), float)
+    r, x, b, tap, phase, *ends = values.reshape(-1, 9).T
     return Network(
         tuple(place),
         place,
-        np.array([place[bus] for bus in columns["from_bus"]], int),
-        np.array([place[bus] for bus in columns["to_bus"]], int),
-        column("r") + 1j * column("x"),
-        column("b"),
-        column("tap") * np.exp(1j * np.deg2rad(column("phase"))),
-        np.stack([column("g_from") + 1j * column("b_from"), column("g_to") + 1j * column("b_to")], axis=1),
+        np.array([place[k.from_bus] for k in case.branches], int),
+        np.array([place[k.to_bus] for k in case.branches], int),
+        r + 1j * x,
+        b,
+        tap * np.exp(1j * np.deg2rad(phase)),
+        np.stack([ends[0] + 1j * ends[1], ends[2] + 1j * ends[3]], axis=1),
         np.array([b.g + 1j * b.b for b in case.buses]) / case.base_mva,
         np.array([place[m.bus] for m in case.machines], int),
     )

@@ -46,6 +46,17 @@ class _Pattern(NamedTuple):
     J: sp.csc_matrix  # set anew at every step
 
 
+class Voltages(NamedTuple):
+    """Voltages (buses), and how far they are from a solution."""
+
+    size: np.ndarray  # pu
+    angle: np.ndarray  # rad
+    V: np.ndarray  # complex, pu
+    power: np.ndarray  # complex, pu   into the network
+    F: np.ndarray  # pu   mismatch of every equation
+    worst: float  # pu   the largest; infinite if a voltage is not physical
+
+
 @dataclass(frozen=True)
 class Equations:
     """Mismatch of active power at every bus but the swing bus, and of reactive power at the pq buses."""
@@ -56,13 +67,14 @@ class Equations:
     p: np.ndarray  # rows of the buses with an active-power equation
     q: np.ndarray  # rows of the buses with a reactive-power equation
 
-    def mismatch(self, size: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, float]:
-        """The mismatches (pu), and the largest; infinite if a voltage is not physical."""
+    def at(self, size: np.ndarray, angle: np.ndarray) -> "Voltages":
+        """The mismatches at voltages (buses) in pu and radians."""
         V = size * np.exp(1j * angle)
-        miss = V * (self.Y @ V).conj() - self.produced + self.drawn.at(size)
+        power = V * (self.Y @ V).conj()
+        miss = power - self.produced + self.drawn.at(size)
         F = np.concatenate([miss.real[self.p], miss.imag[self.q]])
         good = np.isfinite(F).all() and (not len(self.q) or size[self.q].min() > 0)
-        return F, float(np.abs(F).max(initial=0.0)) if good else np.inf
+        return Voltages(size, angle, V, power, F, float(np.abs(F).max(initial=0.0)) if good else np.inf)
 
     @cached_property
     def _pattern(self) -> "_Pattern":
@@ -79,16 +91,15 @@ class Equations:
         J = sp.csc_matrix((inside.astype(float), (rows[inside], columns[inside])), shape=(m, m))
         return _Pattern(i, j, np.flatnonzero(i == j), of_p[self.p], of_q[self.q], J.data.astype(int), J)
 
-    def step(self, size: np.ndarray, angle: np.ndarray, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def step(self, now: Voltages) -> tuple[np.ndarray, np.ndarray]:
         """Newton step of voltages (pu) and angles (rad). Raises RuntimeError if the Jacobian is singular."""
-        V, at, miss = size * np.exp(1j * angle), self._pattern, np.empty(len(F))
-        n, power = len(size), V * (self.Y @ V).conj()
-        flow = V[at.i] * (self.Y.data * V[at.j]).conj()  # part of the power of bus i that depends on bus j
-        by_size, turned = flow / size[at.j], flow.copy()  # derivatives by the angle are -j times `turned`
-        turned[at.own] -= power
-        by_size[at.own] += power / size + self.drawn.s1 + 2 * self.drawn.s2 * size
+        at, miss, n = self._pattern, np.empty(len(now.F)), len(now.V)
+        flow = now.V[at.i] * (self.Y.data * now.V[at.j]).conj()  # part of the power of bus i that depends on bus j
+        by_size, turned = flow / now.size[at.j], flow.copy()  # derivatives by the angle are -j times `turned`
+        turned[at.own] -= now.power
+        by_size[at.own] += now.power / now.size + self.drawn.s1 + 2 * self.drawn.s2 * now.size
         at.J.data[:] = np.concatenate([turned.imag, by_size.real, -turned.real, by_size.imag])[at.taken]
-        miss[at.of_p], miss[at.of_q] = -F[: len(self.p)], -F[len(self.p) :]
+        miss[at.of_p], miss[at.of_q] = -now.F[: len(self.p)], -now.F[len(self.p) :]
         x = splu(at.J, "NATURAL", **SYMMETRIC).solve(miss)
         d_size, d_angle = np.zeros((2, n))
         d_angle[self.p], d_size[self.q] = x[at.of_p], x[at.of_q]
@@ -112,29 +123,25 @@ def _order(Y: sp.csc_matrix) -> np.ndarray:
 def newton(case: Case, equations: Equations, size: np.ndarray, angle: np.ndarray, limit: int) -> tuple[np.ndarray, int]:
     """Voltages (pu) that solve the equations, and the steps it took; a step is halved until the mismatch falls."""
     with np.errstate(all="ignore"):
-        F, now = equations.mismatch(size, angle)
-        iteration = 0
+        now, iteration = equations.at(size, angle), 0
         for iteration in range(limit + 1):
-            if now < TOLERANCE / case.base_mva:
-                return size * np.exp(1j * angle), iteration
-            if now == np.inf:
+            if now.worst < TOLERANCE / case.base_mva:
+                return now.V, iteration
+            if now.worst == np.inf:
                 break
             try:
-                d_size, d_angle = equations.step(size, angle, F)
+                d_size, d_angle = equations.step(now)
             except RuntimeError:
                 break
-            for share in 0.5 ** np.arange(8):
-                tried = size + share * d_size, angle + share * d_angle
-                G, then = equations.mismatch(*tried)
-                if then < now:
-                    break
-            else:
+            tried = (equations.at(now.size + a * d_size, now.angle + a * d_angle) for a in 0.5 ** np.arange(8))
+            better = next((there for there in tried if there.worst < now.worst), None)
+            if better is None:
                 break
-            (size, angle), F, now = tried, G, then
-    miss, low = np.nan_to_num(equations.per_bus(F), nan=np.inf), int(np.argmin(size))
+            now = better
+    miss, low = np.nan_to_num(equations.per_bus(now.F), nan=np.inf), int(np.argmin(now.size))
     worst = int(miss.argmax())
     raise PowerFlowError(
         f"The power flow of {case.name} did not converge in {counted(iteration, 'iteration')}: the largest mismatch is "
         f"{miss[worst] * case.base_mva:.4g} MVA at bus {case.buses[worst].bus}, the lowest voltage is "
-        f"{size[low]:.3g} pu at bus {case.buses[low].bus}; check the loads, lines and voltages there."
+        f"{now.size[low]:.3g} pu at bus {case.buses[low].bus}; check the loads, lines and voltages there."
     )

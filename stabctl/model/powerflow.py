@@ -1,6 +1,7 @@
 """The power flow of a case: its solution as a record, with tables of buses and branches."""
 
 from dataclasses import dataclass
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -105,8 +106,8 @@ def demands(case: Case) -> Demand:
     place = {b.bus: i for i, b in enumerate(case.buses)}
     S = Demand(*np.zeros((3, len(case.buses)), complex))
     at = np.array([place[load.bus] for load in case.loads], int)
-    parts = np.array([zip_load.parts(load) for load in case.loads], complex).reshape(-1, 3) / case.base_mva
-    for order, part in zip(S, parts.T, strict=True):
+    parts = np.fromiter(chain.from_iterable(map(zip_load.parts, case.loads)), complex) / case.base_mva
+    for order, part in zip(S, parts.reshape(-1, 3).T, strict=True):
         np.add.at(order, at, part)
     for link in case.links:
         S.s0[place[link.from_bus]] += link.p / case.base_mva
@@ -145,7 +146,7 @@ def solve(case: Case, limit: int = 30) -> PowerFlow:
     Y = network.admittance(net)
     drawn = demands(case)
     produced = np.zeros(len(case.buses), complex)
-    np.add.at(produced, net.machine_bus, np.array([m.p + 1j * m.q for m in case.machines]) / case.base_mva)
+    np.add.at(produced, net.machine_bus, np.array([complex(m.p, m.q) for m in case.machines]) / case.base_mva)
     kind = np.array([b.kind for b in case.buses])
     equations = Equations(Y, produced, drawn, np.flatnonzero(kind != "swing"), np.flatnonzero(kind == "pq"))
     size, angle = np.array([b.v for b in case.buses]), np.deg2rad([b.angle for b in case.buses])
@@ -171,7 +172,7 @@ def _swing_angles(net: network.Network, kind: np.ndarray, angle: np.ndarray) -> 
 
 def _shared(case: Case, machine_bus: np.ndarray, injected: np.ndarray) -> np.ndarray:
     """Power (pu) of every machine: as scheduled, and the rest of the bus's power shared by machine base."""
-    S = np.array([m.p + 1j * m.q for m in case.machines]) / case.base_mva
+    S = np.array([complex(m.p, m.q) for m in case.machines]) / case.base_mva
     base = np.array([m.base for m in case.machines])
     rest, whole = injected.copy(), np.zeros(len(injected))
     np.add.at(rest, machine_bus, -S)

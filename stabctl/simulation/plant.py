@@ -159,8 +159,10 @@ def frame(
 def with_ratings(made: Frame, system: System, relay: bool) -> Frame:
     """The frame for a system whose devices have the same places, but other ratings, and thus other limits."""
     limits, others = system.limits, system.unweighted
-    columns = {"other": others.column("place"), "other_unit": others.column("unit"), "other_bus": others.column("bus")}
-    return made._replace(low=limits.low, high=limits.high, relay=relay, **columns)
+    place, unit, bus = (others.column(name) for name in ("place", "unit", "bus"))
+    return made._replace(
+        low=limits.low, high=limits.high, relay=relay, other=place, other_unit=unit, other_bus=bus
+    )  # fmt: skip
 
 
 def space(s: np.ndarray, layout: Layout, a: Frame) -> Space:

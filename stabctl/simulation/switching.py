@@ -9,7 +9,6 @@ from .voltages import FAILED, settle
 MOST = 4  # switching instants found in one step; the next orders are those of its end
 CHATTER = 8  # steps in a row with switching; the next are not divided until one without
 FINE = 1e-6  # of a step; a switch nearer to its ends counts as there
-COARSE = 1e-2  # of a step; to this the instant is found before the voltages are solved for there
 NEAR = 0.02  # of a step; nearer to its ends the interpolated voltages are exact enough
 
 
@@ -52,34 +51,28 @@ def filled(h, a, q):
 
 
 @noinline
-def changed(t, h, p, a, net, q):
-    """Whether an order has switched at the fraction t of the last h seconds; if so, stores the orders then."""
-    set_orders(0, a, q)
-    interpolate(t, h, q)
-    if not decide(p, a, net, q, 0):
-        return False
-    for j in range(len(a.held)):
-        q.orders[1, j] = q.s[a.held[j]]
-    return True
-
-
-@noinline
-def bisect(low, high, fine, h, p, a, net, q):
-    """Narrow two fractions of the last h seconds, between which an order switches, to a distance `fine`."""
-    while high - low > fine:
+def bisect(h, p, a, net, q):
+    """Fraction of the last h seconds at which an order first switched; stores the orders from then on."""
+    low, high = 0.0, 1.0
+    while high - low > FINE:
         t = (low + high) / 2
-        if changed(t, h, p, a, net, q):
+        set_orders(0, a, q)
+        interpolate(t, h, q)
+        if decide(p, a, net, q, 0):
             high = t
+            for j in range(len(a.held)):
+                q.orders[1, j] = q.s[a.held[j]]
         else:
             low = t
-    return low, high
+    set_orders(0, a, q)
+    return high
 
 
 @noinline
 def switched(h, p, a, net, q):
     """Fraction of the last h seconds at which an order first switched, 1 if none; stores the orders from then on.
 
-    The voltages are solved for at the instant found, which is then found again, near there in most cases.
+    The voltages are solved for at the instant found, which is then found again.
     """
     if not decide(p, a, net, q, 0):
         return 1.0
@@ -88,25 +81,17 @@ def switched(h, p, a, net, q):
     q.part[2] = 0.5
     for j in range(len(a.held)):
         q.orders[1, j] = q.s[a.held[j]]
-    low, high = 0.0, FINE
-    if not changed(high, h, p, a, net, q):
-        low, high = bisect(FINE, 1.0, COARSE, h, p, a, net, q)
-    if NEAR < high < 1 - NEAR:
-        set_orders(0, a, q)
-        interpolate(high, h, q)
+    t = bisect(h, p, a, net, q)
+    if NEAR < t < 1 - NEAR:
+        interpolate(t, h, q)
         if settle(p, a, net, q) < FAILED:
             copy(q.volt, q.volts[1])
-            q.part[2], low, high = high, high - COARSE, high + COARSE
-            if changed(low, h, p, a, net, q):
-                low, high = 0.0, low
-            elif not changed(high, h, p, a, net, q):
-                low, high = high, 1.0
-    low, high = bisect(low, high, FINE, h, p, a, net, q)
-    set_orders(0, a, q)
+            q.part[2] = t
+            t = bisect(h, p, a, net, q)
     for k in range(len(q.x0)):
         q.s[k] = q.end[k]
     copy(q.volts[2], q.volt)
-    return high
+    return t
 
 
 @noinline
