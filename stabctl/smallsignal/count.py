@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .fronts import Front, Network, reach
+from .fronts import Fronts, Network
 
 NEAR = 1e-6  # reach, relative to |s|, below which an eigenvalue lies on the boundary
 WHOLE = 1e-3  # turns   largest rounding error
@@ -52,7 +52,7 @@ class Point(NamedTuple):
     """The fronts at a point of the boundary."""
 
     s: complex
-    fronts: list[Front]
+    fronts: Fronts
     reach: float
 
 
@@ -88,7 +88,7 @@ def _point(system: Network, s: complex) -> Point:
         fronts = system.fronts(s)
     except np.linalg.LinAlgError:
         raise OnBoundaryError from None
-    far = reach(fronts)
+    far = fronts.reach()
     if not far > NEAR * abs(s):
         raise OnBoundaryError
     return Point(s, fronts, far)
@@ -97,8 +97,6 @@ def _point(system: Network, s: complex) -> Point:
 def _turned(a: Point, b: Point) -> float:
     """Change of the phase of all fronts from one point to the next: the prediction, made exact by whole turns."""
     middle = a.s + (b.s - a.s) * a.reach / (a.reach + b.reach)
-    total = 0.0
-    for p, q in zip(a.fronts, b.fronts, strict=True):
-        expected = p.turn(middle - a.s) - q.turn(middle - b.s)
-        total += expected + (q.phase - p.phase - expected + np.pi) % (2 * np.pi) - np.pi
-    return total
+    expected = a.fronts.turn(middle - a.s) - b.fronts.turn(middle - b.s)
+    turned = b.fronts.phase - a.fronts.phase
+    return float((expected + (turned - expected + np.pi) % (2 * np.pi) - np.pi).sum())

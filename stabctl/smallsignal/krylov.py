@@ -84,12 +84,9 @@ def _resolvent(d: Descriptor, shift: complex) -> tuple[Product, Product]:
 
     def product(trans: str) -> Product:
         def solved(b: np.ndarray) -> np.ndarray:
-            padded = np.zeros(n + m, complex)
-            columns = []
-            for column in b.T:
-                padded[:n] = column
-                columns.append(factors.solve(padded, trans)[:n])  # type: ignore[call-overload]
-            return np.array(columns).T
+            padded = np.zeros((n + m, b.shape[1]), complex, "F")
+            padded[:n] = b
+            return factors.solve(padded, trans)[:n]  # type: ignore[call-overload]
 
         return solved
 

@@ -12,7 +12,7 @@ from .fronts import Area, Member, Network
 from .partition import Parts, partition
 from .units import Units, units
 
-PORTS = 80  # voltages of devices in an area, at most, if the network can be divided
+PORTS = 40  # voltages of devices in an area, at most, if the network can be divided
 
 
 def network(d: Descriptor, most: int = PORTS) -> Network:
@@ -74,7 +74,20 @@ def _voltages(buses: np.ndarray) -> np.ndarray:
 def _members(groups: list[Units], voltages: np.ndarray) -> list[Member]:
     found = []
     for k, group in enumerate(groups):
-        rows = np.flatnonzero(np.isin(group.at, voltages).all(axis=1))
-        if group.at.shape[1] and len(rows):
-            found.append(Member(k, rows, np.searchsorted(voltages, group.at[rows])))
+        rows = np.flatnonzero(np.isin(group.at, voltages).all(axis=1)) if group.at.shape[1] else np.zeros(0, int)
+        while len(rows):
+            apart = np.array(_apart(group.at[rows]))
+            found.append(Member(k, rows[apart], np.searchsorted(voltages, group.at[rows[apart]])))
+            rows = np.delete(rows, apart)
     return found
+
+
+def _apart(places: np.ndarray) -> list[int]:
+    """The first unit, and each later one that shares no voltage with those before."""
+    taken: set[int] = set()
+    chosen = []
+    for k, own in enumerate(places.tolist()):
+        if taken.isdisjoint(own):
+            taken.update(own)
+            chosen.append(k)
+    return chosen

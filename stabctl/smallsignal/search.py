@@ -4,8 +4,11 @@ The modes of the band are counted first (`count`). Then they are searched for ar
 each time without those known, until as many are known as were counted. If the shifts do not find them all,
 smaller and smaller parts of the band are counted and searched, with as many vectors as modes are missing. What is not
 complete even then is named.
+
+In a large system modes are counted and searched for at the same time, in two threads; the result is the same.
 """
 
+from collections.abc import Callable
 from heapq import heappop, heappush
 from typing import NamedTuple
 
@@ -13,9 +16,11 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 from threadpoolctl import threadpool_limits
 
+from stabctl._util import cores
 from stabctl.errors import StudyError
 
 from . import krylov
+from .background import Background
 from .boxes import Box
 from .count import OnBoundaryError, Said, Sector, count
 from .descriptor import Descriptor
@@ -23,13 +28,14 @@ from .eigen import Eigen
 from .fronts import Network
 from .network import network
 
-BLOCK, VECTORS = 3, 160  # vectors in a block, and in all, of the first search around a shift
+BLOCK, VECTORS = 4, 160  # vectors in a block, and in all, of the first search around a shift
 MORE, DEPTH = 2, 4  # vectors in a block beyond the number of modes that are missing; blocks
 LEAST = 1e-3  # smallest part of a band, relative to its frequency
 MARGIN = 1e-3  # step by which the band is made wider while a mode lies on its edge
 TRIES = 5
 TOGETHER = 1e-6  # modes this close (relative) nearly coincide
 COUNTING = 0.5  # part of the work, for those who wait
+TWO_THREADS = 1000  # states from which modes are counted and searched for at the same time
 CUTS = np.linspace(0.35, 0.65, 13)  # where a part of the band may be divided
 
 
@@ -64,14 +70,38 @@ def band(
 
 def _found(d: Descriptor, asked: Sector, said: Said) -> Found:
     system = network(d)
-    sector, counted = _counted(system, asked, lambda done: said(COUNTING * done))
-    search = _Search(d, system, sector)
-    search.along(sector, counted, lambda done: said(COUNTING + (1 - COUNTING) * done))
+    at_once = len(d.rows) >= TWO_THREADS and cores.available() > 1
+    search, sector, counted = (_at_once if at_once else _in_turn)(d, system, asked, said)
     search.complete(sector, counted)
     known = _paired(search.known)
     inside = np.flatnonzero(asked.holds(known.values))
     order = inside[np.lexsort((known.values.real[inside], known.values.imag[inside]))]
     return Found(known.some(order), counted - (len(known.values) - len(inside)), tuple(search.incomplete))
+
+
+def _in_turn(d: Descriptor, system: Network, asked: Sector, said: Said) -> "tuple[_Search, Sector, int]":
+    """Count the modes, then search along the band."""
+    sector, counted = _counted(system, asked, lambda done: said(COUNTING * done))
+    search = _Search(d, system, sector)
+    search.along(sector, lambda: counted, lambda done: said(COUNTING + (1 - COUNTING) * done))
+    return search, sector, counted
+
+
+def _at_once(d: Descriptor, system: Network, asked: Sector, said: Said) -> "tuple[_Search, Sector, int]":
+    """Search along the band while a second thread counts; what is found and kept is the same as in turn."""
+    with Background(lambda done: _counted(system, asked, done)) as count:
+        search = _Search(d, system, asked)
+        search.along(
+            asked,
+            lambda: count.result()[1] if count.ended() else None,
+            lambda done: said(max(COUNTING * count.part, done)),
+        )
+        sector, counted = count.result()
+    if sector != asked:  # a mode lies on the edge of the band asked for
+        search = _Search(d, system, sector)
+        search.along(sector, lambda: counted, said)
+    search.until(sector, counted)
+    return search, sector, counted
 
 
 def _paired(known: Eigen) -> Eigen:
@@ -107,6 +137,7 @@ class _Search:
         self.d, self.system, self.whole = d, system, whole
         self.known = Eigen(np.zeros(0, complex), none, none)
         self.incomplete: list[Sector] = []
+        self.sizes: list[int] = []  # how many modes were known after every shift
 
     def missing(self, sector: Sector, counted: int) -> int:
         """How many of the modes counted in a sector are not known."""
@@ -116,14 +147,22 @@ class _Search:
         """Search around a shift (1/s) and keep what is found."""
         found = krylov.near(self.d, shift, steps, self.known)
         self.known = self.known.joined(found.modes.some(self.whole.holds(found.modes.values)))
+        self.sizes.append(len(self.known.values))
         return found
 
-    def along(self, sector: Sector, counted: int, said: Said) -> None:
-        """Search around shifts, most where modes are dense, until all modes of a sector are known or it is covered."""
+    def along(self, sector: Sector, counted: Callable[[], int | None], said: Said) -> None:
+        """Search around shifts, most where modes are dense, until all modes of a sector are known or it is covered.
+
+        `counted` gives their number, or None as long as it is not known.
+        """
         discs: list[krylov.Near] = []
         boxes = [(0.0, Box(-np.inf, np.inf, sector.low, sector.high))]
-        while boxes and (missing := self.missing(sector, counted)) > 0:
-            said(1 - missing / counted)
+        while boxes:
+            total = counted()
+            missing = None if total is None else self.missing(sector, total)
+            if missing is not None and missing <= 0:
+                return
+            said(1 - missing / total if missing and total else 0.0)
             _, whole = heappop(boxes)
             box = whole.fitted(sector.least, sector.most)
             if box is None or any(box.within(disc) for disc in discs) or whole.top < (1 + LEAST) * whole.bottom:
@@ -132,6 +171,13 @@ class _Search:
             if not box.within(discs[-1]):
                 for half in box.halves():
                     heappush(boxes, (discs[-1].radius, half))
+
+    def until(self, sector: Sector, counted: int) -> None:
+        """Forget what was found after all modes of a sector were known."""
+        known = np.cumsum(sector.holds(self.known.values))
+        enough = [size for size in self.sizes if size and known[size - 1] >= counted]
+        if enough:
+            self.known = self.known.some(np.arange(enough[0]))
 
     def complete(self, sector: Sector, counted: int) -> None:
         """Search in ever smaller parts of a sector, counted one by one, until all its modes are known."""

@@ -14,8 +14,8 @@ import scipy.linalg as sl
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-TERMS = 8  # terms of a series after the first
-ROOT = 8  # power of R whose norm bounds what is left out
+DOUBLINGS = 3
+TERMS = ROOT = 2**DOUBLINGS  # terms of a series after the first; power of R whose norm bounds what is left out
 
 
 class Units(NamedTuple):
@@ -61,14 +61,14 @@ def units(fx: sp.csc_matrix, fv: sp.csr_matrix, gx: sp.csc_matrix) -> list[Units
 
 def series(u: Units, s: complex) -> Series:
     """The admittances of some units around a point s (1/s)."""
-    R = np.linalg.inv(u.F - s * np.eye(u.F.shape[1]))
-    X, terms = R @ u.B, []
-    for _ in range(TERMS + 1):
-        terms.append(-u.C @ X)
-        X = R @ X
-    size, beyond = np.linalg.norm(u.C, axis=(1, 2)), []
-    for _ in range(ROOT):
-        beyond.append(size * np.linalg.norm(X, axis=(1, 2)))
-        X = R @ X
-    root = np.linalg.norm(np.linalg.matrix_power(R, ROOT), axis=(1, 2))
-    return Series(np.array(terms), np.array(beyond), root)
+    R, (count, n, m) = np.linalg.inv(u.F - s * np.eye(u.F.shape[1])), u.B.shape
+    X = R @ u.B
+    for _ in range(DOUBLINGS):  # R B, R^2 B, ..., side by side
+        X, R = np.concatenate([X, R @ X], axis=2), R @ R
+    later = R @ X
+    terms = -u.C @ np.concatenate([X, later[:, :, :m]], axis=2)
+    left_out = np.concatenate([later[:, :, m:], R @ later[:, :, :m]], axis=2)
+    beyond = (
+        np.linalg.norm(left_out.reshape(count, n, ROOT, m), axis=(1, 3)) * np.linalg.norm(u.C, axis=(1, 2))[:, None]
+    )
+    return Series(terms.reshape(count, m, TERMS + 1, m).transpose(2, 0, 1, 3), beyond.T, np.linalg.norm(R, axis=(1, 2)))
