@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .fronts import Fronts, Network
+from .fronts import Network
+from .reach import Fronts
 
 NEAR = 1e-6  # reach, relative to |s|, below which an eigenvalue lies on the boundary
 WHOLE = 1e-3  # turns   largest rounding error
