@@ -52,6 +52,7 @@ bench: .venv/bench  ## measure speed on this machine, of other programs (NORDIC=
 	$(BIN)/python benchmarks/peers.py $(if $(NORDIC),--nordic $(NORDIC))
 	$(BIN)/python benchmarks/before.py
 	$(BIN)/python benchmarks/growth.py
+	$(BIN)/python benchmarks/caches.py
 	$(BIN)/python benchmarks/large.py
 	$(BIN)/python benchmarks/cluster.py
 	$(BIN)/python benchmarks/live.py
