@@ -101,11 +101,13 @@ def changed(tmp_path_factory):
     return {file: {name for name in plain if names[name] != plain[name]} for file, names in found.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edited", EDITS)
 def test_an_edit_leads_to_other_machine_code_where_it_is_used_and_nowhere_else(changed, edited):
     assert changed[edited] == EDITS[edited]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shared", SHARED)
 def test_an_edit_of_what_devices_share_reaches_every_device_that_uses_it(changed, shared):
     home = f"stabctl.{shared.removesuffix('.py').replace('/', '.')}"
@@ -120,6 +122,7 @@ def _home(value):
     return getattr(value, "__module__", None)
 
 
+@pytest.mark.slow
 def test_an_edit_of_how_loops_are_written_reaches_every_device(changed):
     (writer,) = WRITER
     assert {*devices.every(), *ENTRIES} <= changed[writer]
