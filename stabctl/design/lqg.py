@@ -10,7 +10,8 @@ from stabctl.controllers.controller import Controller
 from stabctl.controllers.law import checked_frames, duration
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
+from stabctl.dynamics.signal_kinds import INPUTS, OUTPUTS
+from stabctl.dynamics.signals import Signal, chosen
 from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet

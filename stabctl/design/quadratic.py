@@ -11,7 +11,8 @@ import numpy as np
 import scipy.linalg as sl
 
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
+from stabctl.dynamics.signal_kinds import INPUTS, OUTPUTS
+from stabctl.dynamics.signals import Signal, chosen
 from stabctl.errors import StudyError, shown
 from stabctl.smallsignal.closed_loop import closed_loop
 from stabctl.smallsignal.model import Linear

@@ -8,7 +8,8 @@ from stabctl.errors import StudyError
 from . import storage
 from .operating_point import OperatingPoint
 from .rows import NO_UNIT
-from .signals import OF_CONVERTER, OF_STORAGE, Signal, port
+from .signal_kinds import OF_CONVERTER, OF_STORAGE
+from .signals import Signal, port
 
 PORTS = {
     "vs": "added Vs",

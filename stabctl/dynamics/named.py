@@ -13,7 +13,8 @@ from stabctl.errors import StudyError
 from . import outputs
 from .extended import extended
 from .operating_point import OperatingPoint
-from .signals import INPUTS, OUTPUTS, Signal, chosen
+from .signal_kinds import INPUTS, OUTPUTS
+from .signals import Signal, chosen
 
 
 @dataclass(frozen=True)

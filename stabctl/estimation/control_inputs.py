@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from stabctl.dynamics.named import Named
-from stabctl.dynamics.signals import OUTPUTS, Signal, machines
+from stabctl.dynamics.signal_kinds import OUTPUTS
+from stabctl.dynamics.signals import Signal, machines
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.simulation.simulation import Simulation

@@ -5,7 +5,8 @@ import numpy as np
 from stabctl.controllers import Input, Law
 from stabctl.dynamics import outputs, storage
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.signals import OUTPUTS, chosen
+from stabctl.dynamics.signal_kinds import OUTPUTS
+from stabctl.dynamics.signals import chosen
 from stabctl.simulation.simulation import Simulation
 from stabctl.simulation.wired import storage_devices
 

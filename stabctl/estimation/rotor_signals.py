@@ -11,7 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.signals import OUTPUTS, Signal, machines
+from stabctl.dynamics.signal_kinds import OUTPUTS
+from stabctl.dynamics.signals import Signal, machines
 
 from .coi import REACH, Deviations
 from .estimators import Estimate

@@ -14,7 +14,7 @@ from scipy.sparse.linalg import splu
 
 from stabctl.dynamics import inputs, signals
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.signals import INPUTS
+from stabctl.dynamics.signal_kinds import INPUTS
 from stabctl.errors import StudyError
 from stabctl.model import network
 from stabctl.model.case import Case

@@ -14,7 +14,8 @@ from stabctl.dynamics.extension import Extension
 from stabctl.dynamics.layout import SetPoint, StatePlace
 from stabctl.dynamics.named import Named, named
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen, machines
+from stabctl.dynamics.signal_kinds import INPUTS, OUTPUTS
+from stabctl.dynamics.signals import Signal, chosen, machines
 from stabctl.errors import StudyError
 
 from . import frame, lti

@@ -51,28 +51,35 @@ def filled(h, a, q):
 
 
 @noinline
+def changed(t, h, p, a, net, q):
+    """Whether an order has switched at the fraction t of the last h seconds; if so, stores the orders then."""
+    set_orders(0, a, q)
+    interpolate(t, h, q)
+    if not decide(p, a, net, q, 0):
+        return False
+    for j in range(len(a.held)):
+        q.orders[1, j] = q.s[a.held[j]]
+    return True
+
+
+@noinline
 def bisect(h, p, a, net, q):
-    """Fraction of the last h seconds at which an order first switched; stores the orders from then on."""
+    """Fractions of the last h seconds between which an order first switched; stores the orders from then on."""
     low, high = 0.0, 1.0
     while high - low > FINE:
         t = (low + high) / 2
-        set_orders(0, a, q)
-        interpolate(t, h, q)
-        if decide(p, a, net, q, 0):
+        if changed(t, h, p, a, net, q):
             high = t
-            for j in range(len(a.held)):
-                q.orders[1, j] = q.s[a.held[j]]
         else:
             low = t
-    set_orders(0, a, q)
-    return high
+    return low, high
 
 
 @noinline
 def switched(h, p, a, net, q):
     """Fraction of the last h seconds at which an order first switched, 1 if none; stores the orders from then on.
 
-    The voltages are solved for at the instant found, which is then found again.
+    The voltages are solved for at the instant found, which is then confirmed, or found again if they move it.
     """
     if not decide(p, a, net, q, 0):
         return 1.0
@@ -81,17 +88,20 @@ def switched(h, p, a, net, q):
     q.part[2] = 0.5
     for j in range(len(a.held)):
         q.orders[1, j] = q.s[a.held[j]]
-    t = bisect(h, p, a, net, q)
-    if NEAR < t < 1 - NEAR:
-        interpolate(t, h, q)
+    low, high = bisect(h, p, a, net, q)
+    set_orders(0, a, q)
+    if NEAR < high < 1 - NEAR:
+        interpolate(high, h, q)
         if settle(p, a, net, q) < FAILED:
             copy(q.volt, q.volts[1])
-            q.part[2] = t
-            t = bisect(h, p, a, net, q)
+            q.part[2] = high
+            if changed(low, h, p, a, net, q) or not changed(high, h, p, a, net, q):
+                low, high = bisect(h, p, a, net, q)
+            set_orders(0, a, q)
     for k in range(len(q.x0)):
         q.s[k] = q.end[k]
     copy(q.volts[2], q.volt)
-    return t
+    return high
 
 
 @noinline

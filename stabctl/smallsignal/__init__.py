@@ -1,6 +1,7 @@
 """Linear models and modes: exact linearization with names, eigenvalues, participation, root loci, reduction."""
 
-from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal
+from stabctl.dynamics.signal_kinds import INPUTS, OUTPUTS
+from stabctl.dynamics.signals import Signal
 
 from .analysis import analyze
 from .areas import Areas, areas, opened

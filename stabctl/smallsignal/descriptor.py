@@ -20,7 +20,8 @@ from stabctl.dynamics.extended import extended
 from stabctl.dynamics.jacobian import Derivatives
 from stabctl.dynamics.matrix import Matrix, array, filled, matrix
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
+from stabctl.dynamics.signal_kinds import INPUTS, OUTPUTS
+from stabctl.dynamics.signals import Signal, chosen
 from stabctl.model.network import UNSWITCHED, Switching
 
 from . import refuse

@@ -12,7 +12,8 @@ from stabctl.controllers.law import Law
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.named import Named, all_named
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.signals import OUTPUTS, Signal, chosen
+from stabctl.dynamics.signal_kinds import OUTPUTS
+from stabctl.dynamics.signals import Signal, chosen
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet

@@ -9,7 +9,8 @@ from stabctl import io
 from stabctl.controllers import file
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.law import Law
-from stabctl.dynamics.signals import INPUTS, OUTPUTS, chosen
+from stabctl.dynamics.signal_kinds import INPUTS, OUTPUTS
+from stabctl.dynamics.signals import chosen
 from stabctl.errors import StabctlError, StudyError
 from stabctl.jobs import Task
 from stabctl.jobs.key import fingerprint, sha256, text

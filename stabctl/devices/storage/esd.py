@@ -100,8 +100,11 @@ def allowed(share, x, p):
 def shares(x, u, p):
     """Active and reactive power over the rating."""
     active = allowed(lag(p.Tlag, allowed(u.order, x, p), x.share), x, p)
+    reactive = lag(p.Tlag, u.order_q, x.reactive)
+    if reactive == 0:
+        return active, reactive
     most = np.sqrt(at_least(p.Smax * p.Smax - active * active, 0.0))
-    return active, at_most(at_least(lag(p.Tlag, u.order_q, x.reactive), -most), most)
+    return active, at_most(at_least(reactive, -most), most)
 
 
 @inline
