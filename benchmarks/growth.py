@@ -84,9 +84,8 @@ def draw(buses: list[int], per_bus: np.ndarray, path: Path) -> None:
     for name, line, mark in zip(WORKS, per_bus.T, "os^Dv", strict=True):
         ax.loglog(buses, line, marker=mark, label=name)
     ax.set_xticks(buses, [str(n) for n in buses])
-    marks = [
-        value for value in (0.05, 0.1, 0.2, 0.5, 1, 2, 5) if np.nanmin(per_bus) / 2 < value < np.nanmax(per_bus) * 2
-    ]
+    steps = (a * 10.0**b for b in range(-3, 2) for a in (1, 2, 5))
+    marks = [value for value in steps if np.nanmin(per_bus) / 1.5 < value < np.nanmax(per_bus) * 1.5]
     ax.set_yticks(marks, [f"{value:g}" for value in marks])
     ax.minorticks_off()
     ax.set(xlabel="buses (wnaps 1 to 820 times)", ylabel="processor time, ms per bus")

@@ -1,5 +1,6 @@
 """A linearized system divided into fronts: areas of the network, and the separators between them."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -12,18 +13,21 @@ from .fronts import Area, Member, Network
 from .partition import Parts, partition
 from .units import Units, units
 
-PORTS = 40  # voltages of devices in an area, at most, if the network can be divided
+PORTS = (40, 80)  # voltages of devices in an area, at most, if the network can be divided: what takes less work
 
 
-def network(d: Descriptor, most: int = PORTS) -> Network:
-    """Divide a linearized system into fronts of about `most` voltages; voltages without a device are eliminated."""
+def network(d: Descriptor, *most: int) -> Network:
+    """Divide a linearized system into fronts of about `most` voltages; voltages without a device are eliminated.
+
+    Of several sizes, by default `PORTS`, that with the least work is chosen: small areas, but not many separators.
+    """
     turn = _turn(d)
     gv = (turn.T @ d.gv @ turn).tocsr()
     groups = units(d.fx, (d.fv @ turn).tocsr(), (turn.T @ d.gx).tocsc())
     device = np.zeros(gv.shape[0], bool)
     for group in groups:
         device[group.at] = True
-    parts = _divided(gv, groups, device, most)
+    parts = _divided(gv, groups, device, most or PORTS)
     kept = _voltages(parts.separator)
     Y, areas = gv[kept][:, kept].toarray(), []
     for buses in parts.areas:
@@ -50,7 +54,7 @@ def _turn(d: Descriptor) -> sp.csr_matrix:
     return sp.block_diag(list(blocks), format="csr")
 
 
-def _divided(gv: sp.csr_matrix, groups: list[Units], device: np.ndarray, most: int) -> Parts:
+def _divided(gv: sp.csr_matrix, groups: list[Units], device: np.ndarray, most: Sequence[int]) -> Parts:
     """Areas and separators of buses; the buses of a unit stay together."""
     buses = gv.shape[0] // 2
     pairs = [np.array([(a, b) for at in g.at // 2 for a, b in pairwise(at)]).reshape(-1, 2) for g in groups]
@@ -61,7 +65,12 @@ def _divided(gv: sp.csr_matrix, groups: list[Units], device: np.ndarray, most: i
     at = label[entries.row // 2], label[entries.col // 2]
     links = sp.coo_matrix((np.ones(len(entries.data)), at), (count, count)).tocsr()
     weight = np.bincount(label, device.reshape(-1, 2).sum(axis=1), count)
-    parts = partition(links, weight, most)
+    size = 2 * np.bincount(label, minlength=count)
+
+    def work(parts: Parts) -> float:
+        return float(sum(weight[nodes].sum() ** 3 for nodes in parts.areas) + float(size[parts.separator].sum()) ** 3)
+
+    parts = min((partition(links, weight, n) for n in most), key=work)
     areas = tuple(np.flatnonzero(np.isin(label, nodes)) for nodes in parts.areas)
     return Parts(areas, np.flatnonzero(np.isin(label, parts.separator)))
 
