@@ -131,6 +131,18 @@ def test_what_a_series_leaves_out_is_within_its_bound(point):
         assert np.isinf(found.rest(2 * float((found.root ** (-1 / 8)).max()))).all()
 
 
+def test_of_two_divisions_that_with_less_work_is_taken(point):
+    """The cube of the size of every front, whichever comes first."""
+
+    def sizes(*most):
+        system = network(descriptor(point("wnaps")), *most)
+        return [len(area.Y) for area in system.areas] + [len(system.Y)]
+
+    few, many = sizes(10), sizes(80)
+    assert sum(n**3 for n in few) < 0.5 * sum(n**3 for n in many)  # 0.11
+    assert sizes(10, 80) == sizes(80, 10) == few
+
+
 @pytest.mark.parametrize("most", [6, 1000])
 def test_phases_between_points_are_within_their_bounds(point, most):
     """At the reach of a point: the change of phase followed in small steps against the prediction, front by front."""
