@@ -121,6 +121,7 @@ def test_the_uniform_fleet_is_the_smallest(classical, six):
     assert not all(survives_from_scratch(classical, less, one) for one in todo)
 
 
+@pytest.mark.slow
 def test_no_fleet_on_a_grid_does_with_less(classical, six):
     """Three sites out of five, of sizes on a simplex of 97 % of the total: each is lost at some contingency."""
     numbers, steps = (1, 6, 7, 8, 9), 10

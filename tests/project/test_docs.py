@@ -34,7 +34,12 @@ ROOT = Path(__file__).resolve().parents[2]
 GENERATED = {"docs/models.md"}
 WRITTEN = sorted(p for p in (ROOT / "docs").glob("*.md") if f"docs/{p.name}" not in GENERATED)
 PAGES = [*(ROOT / f"{name}.md" for name in ("README", "CHANGELOG", "CONTRIBUTING")), *WRITTEN]
+LONG = {"tutorial", "placement", "estimation", "sweeps"}  # pages whose code runs for 4 to 7 s
 each_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+each_page_by_length = pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, id=page.stem, marks=[pytest.mark.slow] * (page.stem in LONG)) for page in PAGES],
+)
 
 
 def tokens(page):
@@ -81,7 +86,7 @@ def own_folder(tmp_path, monkeypatch):
             del sys.modules[name]
 
 
-@each_page
+@each_page_by_length
 def test_code_of_a_page_runs_and_gives_what_it_shows(page, own_folder, stabctl):
     targets = re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
     names, printed = {"__name__": page.stem}, None
