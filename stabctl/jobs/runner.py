@@ -7,6 +7,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from threadpoolctl import threadpool_limits
+
 from stabctl._util import cores, files
 from stabctl.errors import StudyError
 
@@ -109,11 +111,12 @@ class Runner(AbstractContextManager["Runner"]):
             yield from self.cluster.rows(tasks)
             return
         pool = ThreadPoolExecutor(self.workers)
-        try:
-            for done in as_completed([pool.submit(completed, task) for task in tasks]):
-                yield done.result()
-        finally:
-            pool.shutdown(cancel_futures=True)
+        with threadpool_limits(1):  # the matrices are small: threads of linear algebra would wait for each other
+            try:
+                for done in as_completed([pool.submit(completed, task) for task in tasks]):
+                    yield done.result()
+            finally:
+                pool.shutdown(cancel_futures=True)
 
 
 def _folder(path: str | Path) -> Path:
