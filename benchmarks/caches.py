@@ -12,7 +12,6 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import statistics
 import time
-from typing import Any
 
 import numpy as np
 from machine import stated
@@ -25,15 +24,11 @@ from stabctl.model.replicate import replicate
 from stabctl.simulation import stepper
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import Simulation
+from stabctl.simulation.substitution import Factors
 
 COPIES, SYSTEMS = 10, 82
 STEP = 1 / 120  # s
 ROUNDS = 7
-
-
-def apart(record: Any) -> Any:
-    """A record of arrays with copies of them."""
-    return type(record)(*(apart(v) if isinstance(v, tuple) else np.array(v) for v in record))
 
 
 class System:
@@ -44,7 +39,7 @@ class System:
         run.advance(0.1)
         program, net = run._program, run._stage.net
         self.program = program._replace(w=program.w.copy(), k=program.k.copy())
-        self.net = net._replace(factors=apart(net.factors), island=net.island.copy())
+        self.net = net._replace(factors=Factors(*(part.copy() for part in net.factors)), island=net.island.copy())
         self.frame = run._frame
         self.space, self.rules, self.nothing = run._space, run._rules, np.empty((0, run._record.width))
 

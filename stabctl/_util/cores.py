@@ -1,6 +1,8 @@
 """Cores of the machine, and how many of them a study uses."""
 
 import os
+from contextlib import AbstractContextManager
+from typing import Any
 
 from stabctl.errors import StudyError
 
@@ -8,6 +10,13 @@ from stabctl.errors import StudyError
 def available() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def one_thread() -> AbstractContextManager[Any]:
+    """Context in which linear algebra uses one thread: with small matrices, several would wait for each other."""
+    from threadpoolctl import threadpool_limits
+
+    return threadpool_limits(1)
 
 
 def used(workers: int | None) -> int:

@@ -27,7 +27,6 @@ class Places(NamedTuple):
     P: np.ndarray
     Q: np.ndarray
     charge: np.ndarray
-    ramp: np.ndarray  # 1/s   largest change of the order
     keys: tuple[str, ...]
 
 
@@ -35,9 +34,9 @@ def places(system: System, case: Case) -> Places:
     """The places of the signals in a system of a case; controllers may have changed what the orders are read from."""
     found = [_of(f, j) for f, j in members(system, case)]
     keys = tuple(str(row[-1]) for row in found)
-    columns = list(zip(*(row[:-1] for row in found), strict=True)) or [()] * 10
-    where: list[Any] = [np.array(c, np.int64) for c in columns[:9]]
-    return Places._make([*where, np.array(columns[9], float), keys])
+    columns = list(zip(*(row[:-1] for row in found), strict=True)) or [()] * 9
+    where: list[Any] = [np.array(c, np.int64) for c in columns]
+    return Places._make([*where, keys])
 
 
 def ramps(system: System, case: Case) -> np.ndarray:
@@ -68,8 +67,7 @@ def _of(f: Family, j: int) -> tuple[Any, ...]:
     orders = (w[family.INPUTS + inputs.index(name)] for name in ("order", "order_q"))
     order_v = w[family.INPUTS + inputs.index("order_v")] if _holds_voltage(f, j) else -1
     shown = (w[-1] + outputs.index(name) for name in ("P", "Q", "charge"))
-    ramp = f.k[j, family.fields(f.device, "Par").index("ramp")]
-    return (w[family.BUS], w[family.UNIT], *orders, order_v, energy, *shown, ramp, f.keys[j])
+    return (w[family.BUS], w[family.UNIT], *orders, order_v, energy, *shown, f.keys[j])
 
 
 def _holds_voltage(f: Family, j: int) -> bool:

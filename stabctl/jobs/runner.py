@@ -7,8 +7,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from threadpoolctl import threadpool_limits
-
 from stabctl._util import cores, files
 from stabctl.errors import StudyError
 
@@ -111,7 +109,7 @@ class Runner(AbstractContextManager["Runner"]):
             yield from self.cluster.rows(tasks)
             return
         pool = ThreadPoolExecutor(self.workers)
-        with threadpool_limits(1):  # the matrices are small: threads of linear algebra would wait for each other
+        with cores.one_thread():
             try:
                 for done in as_completed([pool.submit(completed, task) for task in tasks]):
                     yield done.result()

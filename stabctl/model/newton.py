@@ -67,7 +67,7 @@ class Equations:
     p: np.ndarray  # rows of the buses with an active-power equation
     q: np.ndarray  # rows of the buses with a reactive-power equation
 
-    def at(self, size: np.ndarray, angle: np.ndarray) -> "Voltages":
+    def at(self, size: np.ndarray, angle: np.ndarray) -> Voltages:
         """The mismatches at voltages (buses) in pu and radians."""
         V = size * np.exp(1j * angle)
         power = V * (self.Y @ V).conj()

@@ -55,7 +55,7 @@ def acting(control: Any, storage: bool = True) -> Acting:
             raise StudyError(f"control = {one.__name__} is a class; give an instance, {one.__name__}().")
         if isinstance(one, Controller):
             controllers.append(one)
-        elif not isinstance(one, Law) and isinstance(one, Sampled):
+        elif not isinstance(one, Law) and isinstance(one, Sampled):  # the check of a protocol is slow
             pilots.append(one)
         elif not callable(getattr(one, "par", None)):
             raise StudyError(

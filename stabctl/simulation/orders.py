@@ -51,7 +51,7 @@ def due_frames(calls, bits, due, p, s, f, on):
 @inline
 def group(i, island_of, a, q, s, island):
     """Inertia, and mean speed, acceleration and change of angle, of a group in one island."""
-    if a.first[i + 1] == a.first[i] + 1 and island_of >= 0:
+    if a.first[i + 1] == a.first[i] + 1:
         return a.inertia[i], s[a.speed[i]], acceleration(i, a, q), s[a.rotor[i]] - q.angles[0, i]
     H, speed, rate, angle = 0.0, 0.0, 0.0, 0.0
     for c in range(a.first[i], a.first[i + 1]):

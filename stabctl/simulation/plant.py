@@ -157,7 +157,7 @@ def frame(
 
 
 def with_ratings(made: Frame, system: System, relay: bool) -> Frame:
-    """The frame for a system whose devices have the same places, but other ratings, and thus other limits."""
+    """The frame for a system with other ratings, and thus other limits; without a rating no angle is judged."""
     limits, others = system.limits, system.unweighted
     place, unit, bus = (others.column(name) for name in ("place", "unit", "bus"))
     return made._replace(

@@ -98,7 +98,7 @@ def _wired(point: OperatingPoint, control: Law | None, rates: tuple[int, ...], g
 
 def _with_constants(system: Wired, point: OperatingPoint, control: Law | None) -> Wired:
     """The system with the parameters, limits and signals of an operating point whose devices have the same places."""
-    more = {"hold": storage.ramps(point.system, point.case)[:, None]} | {"law": _parameters(control, point.case)}
+    more = {"hold": storage.ramps(point.system, point.case)[:, None], "law": _parameters(control, point.case)}
     own = (f._replace(k=more.get(f.name, f.k)) for f in system.families[len(point.system.families) :])
     families = (*point.system.families, *own)
     k = np.concatenate([np.zeros(0), *(f.k.ravel() for f in families)])
@@ -149,7 +149,7 @@ def _families(
     sampled = control is not None and control.rate is not None
     acting = memory.acting + j if sampled else wanted
     columns = [*common, acting, of.online + unit, np.full(n, layout.step), order]
-    holds = Family("hold", hold, np.stack(columns, 1), esd.ramp[:, None], esd.keys)
+    holds = Family("hold", hold, np.stack(columns, 1), storage.ramps(system, case)[:, None], esd.keys)
     if control is None:
         return (holds,)
     rotor = np.full(len(case.machines), -1)

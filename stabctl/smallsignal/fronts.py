@@ -48,10 +48,11 @@ class Network:
         whole[0] = self.Y
         found, edges = [], []
         for k, area in enumerate(self.areas):
-            front = _of_area(area, seen)
+            blocks = [_blocks(member, seen) for member in area.members]
+            front = _of_area(area, seen, blocks)
             found.append(front)
             if len(area.edge):
-                edges.append((k, area, front, _eliminate(whole, area, front, seen)))
+                edges.append((k, area, front, _eliminate(whole, area, front, blocks)))
         through = None
         if len(self.Y):
             for group, rows, at in self.members:
@@ -63,16 +64,15 @@ class Network:
         return Fronts(found, seen, through)
 
 
-def _of_area(area: Area, seen: list[Series]) -> Front:
+def _of_area(area: Area, seen: list[Series], blocks: list[np.ndarray]) -> Front:
     """The front of an area, whose terms E_j = N0^-1 D_j have only the blocks of its units in D_j."""
     N = area.Y.astype(complex)
     for group, rows, at in area.members:
         N[at[:, :, None], at[:, None, :]] += seen[group].terms[0, rows]
     phase, inverse = _inverse(N)
     E = np.zeros((TERMS, *N.shape), complex)
-    for member in area.members:
-        at, blocks = member.places, _blocks(member, seen)
-        product = inverse[:, at].transpose(1, 0, 2) @ blocks
+    for (_, _, at), own in zip(area.members, blocks, strict=True):
+        product = inverse[:, at].transpose(1, 0, 2) @ own
         E[:, :, at] += product.reshape(len(at), len(N), TERMS, -1).transpose(2, 1, 0, 3)
     return _front(phase, inverse, E, area.members, seen)
 
@@ -109,24 +109,21 @@ def _squared(values: np.ndarray) -> np.ndarray:
     return values.real**2 + values.imag**2
 
 
-def _eliminate(whole: np.ndarray, area: Area, front: Front, seen: list[Series]) -> np.ndarray:
+def _eliminate(whole: np.ndarray, area: Area, front: Front, blocks: list[np.ndarray]) -> np.ndarray:
     """Add -into N(s)^-1 out to the separators; returns the terms x0, x1, ... of N(s)^-1 out.
 
     x_j = -N0^-1 (D1 x_(j-1) + D2 x_(j-2) + ...).
     """
     x = np.zeros((TERMS + 1, *area.out.shape), complex)
     x[0] = front.inverse @ area.out
-    parts = [
-        (m.places, _blocks(m, seen), np.zeros((len(m.rows), TERMS * m.places.shape[1], x.shape[2]), complex))
-        for m in area.members
-    ]
+    earlier = [np.zeros((len(rows), TERMS * at.shape[1], x.shape[2]), complex) for _, rows, at in area.members]
     for j in range(1, TERMS + 1):
         right = np.zeros(area.out.shape, complex)
-        for at, blocks, before in parts:
+        for (_, _, at), own, before in zip(area.members, blocks, earlier, strict=True):
             m = at.shape[1]
             last = before[:, m * (TERMS - j) :]  # x_(j-1), x_(j-2), ... at the units, one below the other
             last[:, :m] = x[j - 1, at]
-            right[at] += blocks[:, :, : m * j] @ last
+            right[at] += own[:, :, : m * j] @ last
         x[j] = -(front.inverse @ right)
     whole[:, area.edge[:, None], area.edge] -= area.into @ x
     return x

@@ -4,9 +4,9 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from stabctl import units
+from stabctl._util import cores
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.law import Law
 from stabctl.dynamics.coerce import operating_point
@@ -81,7 +81,7 @@ def limit_cycles(
         )
     shown = chosen(point.case, signals, OUTPUTS) or tuple(dict.fromkeys(s for c in bent for s in c.inputs))
     low, high = units.band(band)
-    with threadpool_limits(1):  # the matrices are small: threads would wait for each other
+    with cores.one_thread():
         loop = OpenedLoop(point, own, [None if a.gentle else a for a in acts], shown)
         high = min(high, loop.rate / FEWEST) if loop.rate else high
         hz, G = sampled(loop, low, high)

@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from stabctl._util import cores
 from stabctl._util.tabular import Tabular
 from stabctl._util.verbs import verb
 from stabctl.controllers.controller import Controller
@@ -107,7 +107,7 @@ def margins(base: Case | OperatingPoint, *controllers: Controller | Law, storage
     """
     point = operating_point(base, storage)
     own = all_named(point, controllers)
-    with threadpool_limits(1):  # the matrices are small: threads would wait for each other
+    with cores.one_thread():
         return _found(point, own)
 
 

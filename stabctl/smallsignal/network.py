@@ -13,7 +13,7 @@ from .fronts import Area, Member, Network
 from .partition import Parts, partition
 from .units import Units, units
 
-PORTS = (40, 80)  # voltages of devices in an area, at most, if the network can be divided: what takes less work
+PORTS = (40, 80)  # voltages of devices in an area, at most, if the network can be divided
 
 
 def network(d: Descriptor, *most: int) -> Network:
@@ -68,7 +68,8 @@ def _divided(gv: sp.csr_matrix, groups: list[Units], device: np.ndarray, most: S
     size = 2 * np.bincount(label, minlength=count)
 
     def work(parts: Parts) -> float:
-        return float(sum(weight[nodes].sum() ** 3 for nodes in parts.areas) + float(size[parts.separator].sum()) ** 3)
+        fronts = [*(weight[nodes] for nodes in parts.areas), size[parts.separator]]
+        return sum(float(front.sum()) ** 3 for front in fronts)
 
     parts = min((partition(links, weight, n) for n in most), key=work)
     areas = tuple(np.flatnonzero(np.isin(label, nodes)) for nodes in parts.areas)

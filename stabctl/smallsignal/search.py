@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
-from threadpoolctl import threadpool_limits
 
 from stabctl._util import cores
 from stabctl.errors import StudyError
@@ -64,7 +63,7 @@ def band(
         )
     slopes = (float(-ratio / np.sqrt(1 - ratio**2)) for ratio in reversed(damping))
     asked = Sector(2 * np.pi * low_hz, 2 * np.pi * high_hz, *slopes)
-    with threadpool_limits(1):  # the matrices are small: threads would wait for each other
+    with cores.one_thread():
         return _found(d, asked, said)
 
 
@@ -159,10 +158,12 @@ class _Search:
         boxes = [(0.0, Box(-np.inf, np.inf, sector.low, sector.high))]
         while boxes:
             total = counted()
-            missing = None if total is None else self.missing(sector, total)
-            if missing is not None and missing <= 0:
+            if total is None:
+                said(0.0)
+            elif (missing := self.missing(sector, total)) > 0:
+                said(1 - missing / total)
+            else:
                 return
-            said(1 - missing / total if missing and total else 0.0)
             _, whole = heappop(boxes)
             box = whole.fitted(sector.least, sector.most)
             if box is None or any(box.within(disc) for disc in discs) or whole.top < (1 + LEAST) * whole.bottom:
