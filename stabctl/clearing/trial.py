@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
-from stabctl.simulation import steps
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control, acting
 from stabctl.simulation.events import Event, Fault
@@ -115,13 +114,5 @@ class Trial:
     def _run(
         self, events: list[Contingency | Event], until: float, record: Recorded, longest: float = 0.0
     ) -> Trajectory:
-        step = self.search.step
-        later = later_step(self.point, step, self.control, record)
-        options: Any = {"step": step, "later": later, "criterion": self.search.criterion, "record": record}
+        options: Any = {"step": self.search.step, "criterion": self.search.criterion, "record": record}
         return run(self.point, events, until, self.control, longest=longest, **options)
-
-
-def later_step(point: OperatingPoint, step: float | None, control: Control, record: Recorded) -> float | None:
-    """`steps.later` of a run without controllers, which may be fast, and without a full record; otherwise None."""
-    acts = acting(control)
-    return None if acts.controllers or acts.pilots or record is True else steps.later(point, step)

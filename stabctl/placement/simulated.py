@@ -10,7 +10,6 @@ import numpy as np
 from stabctl.clearing import Search, Trial
 from stabctl.clearing.critical_time import near
 from stabctl.clearing.last_stable import last_stable
-from stabctl.clearing.trial import later_step
 from stabctl.jobs import Found, Kind, Task
 from stabctl.jobs.base import Base
 from stabctl.jobs.key import sha256, text
@@ -97,8 +96,7 @@ def simulate(one: Simulated, shared: Shared, record: Recorded) -> Trajectory:
     search, point = one.search, resized(shared.base.point, one.ratings)
     events, last = without_fault(one.contingency, point.case)
     until, longest = last + search.observed_s, last + search.longest_s
-    later = later_step(point, search.step, shared.control, record)
-    how: dict[str, Any] = {"step": search.step, "later": later, "criterion": search.criterion, "record": record}
+    how: dict[str, Any] = {"step": search.step, "criterion": search.criterion, "record": record}
     return run(point, events, until, shared.control, longest=longest, **how)
 
 

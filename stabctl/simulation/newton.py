@@ -44,7 +44,8 @@ class Slopes:
 def newton(calls: Any, p: Any, a: Any, net: Any, q: Any, z: Any, *, kept: Slopes) -> bool:
     """Solve for the voltages by Newton's method; returns whether a solution was found.
 
-    Starts from the present voltages, then tries long implicit steps, and finally these from zero voltage.
+    Starts from the present voltages, then from those without load, which finds the solution again where the present
+    one ends at the kink of a load; then tries long implicit steps, and finally these from zero voltage.
 
     Parameters
     ----------
@@ -60,16 +61,16 @@ def newton(calls: Any, p: Any, a: Any, net: Any, q: Any, z: Any, *, kept: Slopes
     kept
         What the calls of a run share.
     """
-    before = q.volt.copy()
-    for attempt in range(3):
+    before, open_ = q.volt.copy(), np.empty_like(q.volt)
+    solved(net.factors, q.source, q.work, open_)
+    for begin, slow in ((before, False), (open_, False), (before, True), (0.0, True)):
+        q.volt[:] = begin
         if len(a.draw_bus) > MANY:
-            found = sparse(calls, p, a, net, q, z, attempt > 0, kept.of(net))
+            found = sparse(calls, p, a, net, q, z, slow, kept.of(net))
         else:
-            found = voltages.newton_from(calls, p, a, net, q, z, attempt > 0)
+            found = voltages.newton_from(calls, p, a, net, q, z, slow)
         if found:
             return True
-        if attempt == 1:
-            q.volt[:] = 0
     q.volt[:] = before
     return False
 

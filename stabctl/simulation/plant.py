@@ -96,8 +96,10 @@ class Space(NamedTuple):
     )  # (2, rotor units) rad   before the first event, and the largest change relative to the COI so far
     turned: np.ndarray  # (2, rotor units) pu, pu/s   speed after the last step, and its mean rate in that step
     others: np.ndarray  # (angles without weight) rad   before the first event
-    off: np.ndarray  # (2, rotor units) s   time that their island has been outside the frequency range, and its maximum
-    low: np.ndarray  # (loads) s     time below the threshold
+    off: np.ndarray  # (3, rotor units) s, s, pu   time that their island has been outside the frequency range, its
+    # maximum, and how far it is outside
+    low: np.ndarray  # (2, loads) s, pu   time below the threshold, and how far below it is
+    over: np.ndarray  # (1) s   time from a timed verdict to the end of its step; -1 after an event
     orders: np.ndarray  # (2, held) before a decision, and after the next instant of switching
     coi: np.ndarray  # (4, buses) inertia, speed, angle and acceleration of the islands
     marks: np.ndarray  # critical bus and rotor unit, or angle without weight; step, stage, what is known and parts when
@@ -175,8 +177,8 @@ def space(s: np.ndarray, layout: Layout, a: Frame) -> Space:
         blank[0].copy(), blank[1].copy(), blank[2].copy(), blank[3].copy(),
         np.zeros((2, 4, len(a.near_bus)), complex),
         np.zeros(nx), np.zeros(nx), np.zeros(nx), np.zeros(nx), np.zeros((3, nb), complex), np.array([0.0, 1.0, 0.5]),
-        np.stack([s[a.rotor], np.zeros(m)]), np.stack([s[a.speed], np.zeros(m)]), s[a.other], np.zeros((2, m)),
-        np.zeros(len(a.watch_bus)), np.zeros((2, len(a.held))), np.zeros((4, nb)),
+        np.stack([s[a.rotor], np.zeros(m)]), np.stack([s[a.speed], np.zeros(m)]), s[a.other], np.zeros((3, m)),
+        np.zeros((2, len(a.watch_bus))), np.full(1, -1.0), np.zeros((2, len(a.held))), np.zeros((4, nb)),
         np.zeros(8, np.int64),
     )  # fmt: skip
 

@@ -32,6 +32,7 @@ from .wired import wired
 
 NO_ROWS = np.empty((0, 0))
 FURTHER = 5.0  # s   by which a run is continued while its swings may grow
+TIMED = stepper.LOW_VOLTAGE, stepper.FREQUENCY  # verdicts whose instant lies within a step
 
 
 class Simulation:
@@ -51,8 +52,6 @@ class Simulation:
         Controllers whose inputs are set from outside, at the places in `attached.measured`.
     step : float, s, optional
         Largest time step.
-    later : float, s, optional
-        Largest time step from `steps.CALM` after the last event on; by default the same.
     criterion : Criterion
         When the run counts as unstable and ends.
     record : bool or "rotors"
@@ -79,7 +78,6 @@ class Simulation:
         *,
         measured: Sequence[Controller] = (),
         step: float | None = None,
-        later: float | None = None,
         criterion: Criterion = DEFAULT,
         record: Recorded = True,
         every: float = 0.0,
@@ -91,7 +89,6 @@ class Simulation:
         point = self.attached.point
         self.point, self.criterion = point, for_system(criterion, point.system)
         self.step = steps.checked(point, step)
-        self._later = self.step if later is None else steps.checked(point, later)
         self.changes = timeline(point.case, schedule(point.case, events))
         self.time, self.wall_s, self.steps = start, 0.0, 0
         self.outcome: Outcome | None = None
@@ -107,8 +104,8 @@ class Simulation:
         signals = self.wired.layout.first_memory
         self._record = Recording(point, record, signals, every=every, span=swings.SPAN)
         self._rules = numbers(self.criterion)
-        self._enter()
         self._space = space(self.wired.start, self.wired.layout, self.wired.frame)
+        self._enter()
         self._clock = self.wired.layout.size - 2
         self.frames = tuple((c.named.controller.rate or 1, Frames(c, self)) for c in self.attached.called)
         self._windows()
@@ -164,20 +161,33 @@ class Simulation:
         """Raise `StudyError` if a run to `until` (s) takes too many steps, or too much memory."""
         steps.affordable(self.point, self.step, until - self.time, self._record.per_step(self.step))
 
-    def advance(self, until: float) -> bool:
-        """Advance to `until` (s), stopping exactly at every event; returns whether the run continues."""
+    def advance(self, until: float, cut: bool = False) -> bool:
+        """Advance to `until` (s), stopping exactly at every event; returns whether the run continues.
+
+        With `cut`, the steps before `until` are those of a run that goes on.
+        """
         self.affordable(until)
         while self.outcome is None and self.time < until - 1e-9:
-            following = self.changes[self._at + 1].at if self._at + 1 < len(self.changes) else np.inf
-            calm = self._since + (steps.CALM if self._later > self.step else 0.0)
-            target = min([until, following, *(t for t in (calm, *self._edges) if t > self.time + 1e-9)])
+            following = self._following
+            target = min([until, following, *(t for t in self._edges if t > self.time + 1e-9)])
             if target > self.time + 1e-9:
-                self._segment(target)
+                self._segment(target, cut and target == until < following)
                 self._windows()
             if self.outcome is None and following <= target + 1e-9:
                 self._at += 1
                 self._enter()
         return self.outcome is None
+
+    def whole(self, until: float) -> float:
+        """The last instant (s) up to `until` at which a step of a run that goes on begins."""
+        if until >= self._following - 1e-9 or self._edges:
+            return until
+        return steps.whole(max(self._since, self.time), until, self.step, self.wired.rates)
+
+    @property
+    def _following(self) -> float:
+        """Instant (s) of the next event."""
+        return self.changes[self._at + 1].at if self._at + 1 < len(self.changes) else np.inf
 
     def finish(self) -> Trajectory:
         """The trajectory so far, its last row at the present instant."""
@@ -214,6 +224,7 @@ class Simulation:
 
     def _enter(self) -> None:
         self._since, self._known = self.time, False
+        self._space.moves[:], self._space.over[0] = 0, -1.0
         self._record.event()
         self._stage = stage(self.point, self.changes[self._at].switching)
         self._off[(self._stage.net.island < 0) & np.isinf(self._off)] = self.time
@@ -236,10 +247,8 @@ class Simulation:
             self._space.s[place] = 1.0 if start <= self.time + 1e-9 < end else 0.0
         self._edges = sorted({edge for _, *both in windows for edge in both})
 
-    def _segment(self, target: float) -> None:
-        calm = self.time > self._since + steps.CALM - 1e-9
-        step = self._later if calm else self.step
-        all_steps, done = steps.steps(self.time, target, step, self.wired.rates), 0
+    def _segment(self, target: float, cut: bool) -> None:
+        all_steps, done = steps.steps(self.time, target, self.step, self.wired.rates, cut=cut), 0
         count = len(all_steps.sizes)
         while done < count and self.outcome is None:
             now = slice(done, done + self._record.at_once)
@@ -257,11 +266,12 @@ class Simulation:
 
     def _end(self, verdict: int) -> Outcome:
         self._verdict = verdict
+        instant = self.time - (float(self._space.over[0]) if verdict in TIMED else 0.0)
         bus, rotor = map(int, self._space.marks[:2])
         outside = self._space.off[1].max(initial=0.0)
         last = self.swings() if verdict == stepper.DONE else None
         end = End(
-            verdict, self.time, self._stage, self.speed, self._frame.weight, rotor, bus, outside,
+            verdict, instant, self._stage, self.speed, self._frame.weight, rotor, bus, outside,
             tuple(self._taken_off), last, self._loop_frequency(verdict, rotor),
             stalled(self.point, self._space.s, self._stage.net.alive),
         )  # fmt: skip
@@ -284,7 +294,7 @@ class Simulation:
         later = (replace(c, switching=s) for c, s in zip(self.changes[self._at :], gone, strict=True))
         self.changes = (*self.changes[: self._at], *later)
         self._enter()
-        self._space.off[:, self._space.marks[1]] = 0.0
+        self._space.off[:2, self._space.marks[1]] = 0.0
         rules, hz = self.criterion, self.point.case.frequency_hz
         left = f"left the speed range {rules.slowest:g} to {rules.fastest:g} pu at {self.time:.3f} s"
         if verdict == stepper.FREQUENCY:
@@ -337,7 +347,6 @@ def run(
     control: Control = None,
     *,
     step: float | None = None,
-    later: float | None = None,
     criterion: Criterion = DEFAULT,
     record: Recorded = True,
     every: float = 0.0,
@@ -353,7 +362,7 @@ def run(
     events, parts = schedule(point.case, contingency, until, start), acting(control)
     simulation = Simulation(
         point, events, parts.law, parts.controllers,
-        measured=parts.measured, step=step, later=later, criterion=criterion, record=record, every=every, start=start,
+        measured=parts.measured, step=step, criterion=criterion, record=record, every=every, start=start,
         progress=progress,
     )  # fmt: skip
     pilots: list[Pilot] = [*((one.rate, one.pilot([simulation])) for one in parts.pilots), *simulation.frames]
@@ -362,16 +371,16 @@ def run(
         carry([simulation], pilots, ends)
     else:
         for end in ends:
-            simulation.advance(end)
+            simulation.advance(end, cut=True)
     return simulation.finish()
 
 
 def _ends(simulation: Simulation, until: float, longest: float) -> Iterator[float]:
-    """The end of a run, and later ones while its swings have not settled."""
-    yield until
+    """The end of a run, later while its swings have not settled; they are judged where a step begins."""
     while until < longest - 1e-9 and simulation.outcome is None:
+        yield simulation.whole(until)
         last = simulation.swings()
         if last is not None and last.settled:
-            return
+            break
         until = min(until + FURTHER, longest)
-        yield until
+    yield until

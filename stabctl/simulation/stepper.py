@@ -1,7 +1,7 @@
 """The compiled loop: RK4 at a fixed step, network voltages by substitution, sampled devices once a step."""
 
 from stabctl._util.jit import entry, inline, noinline
-from stabctl.devices.blocks import copy
+from stabctl.devices.blocks import copy, magnitude
 
 from .orders import coi, decide, run
 from .substitution import solve_apart
@@ -78,9 +78,48 @@ def confine(s, a):
         s[i] = min(max(s[i], a.low[k] * per), a.high[k] * per)
 
 
+@inline
+def timed(seconds, before, now, h):
+    """The time beyond a limit at the end of a step, and the longest without interruption within it.
+
+    `before` and `now` are the distances beyond the limit at the start and end of the step (negative: not beyond), which
+    vary linearly in between.
+    """
+    if before > 0 and now > 0:
+        return seconds + h, seconds + h
+    if now > 0:
+        return h * now / (now - before), h * now / (now - before)
+    return 0.0, seconds + h * before / (before - now) if before > 0 else 0.0
+
+
+@noinline
+def begun(a, net, q, rules):
+    """Store how far the islands' frequencies and the loads' voltages are beyond their limits at the start of a step."""
+    coi(a.weight, a, net, q)
+    for i in range(len(a.rotor)):
+        q.off[2, i] = off_range(net.island[a.unit[i]], q, rules)
+    for j in range(len(a.watch_bus)):
+        v = q.volt[a.watch_bus[j]]
+        q.low[1, j] = a.watch_low[j] - magnitude(v.real, v.imag)
+    q.over[0] = 0.0
+
+
+@inline
+def off_range(k, q, rules):
+    """How far the frequency of an island is beyond its range, pu; negative if it is inside."""
+    if k < 0:
+        return -1.0
+    speed = q.coi[1, k] / q.coi[0, k]
+    return max(rules.min_frequency - speed, speed - rules.max_frequency)
+
+
 @noinline
 def judge(a, net, q, rules, h):
-    """Check synchronism, speeds, frequencies and load voltages by the criterion, and update the peak values."""
+    """Check synchronism, speeds, frequencies and load voltages by the criterion, and update the peak values.
+
+    Frequencies and voltages are timed from the instants at which they cross their limits within a step; `q.over` is the
+    time by which the end of the step is later than a verdict on them.
+    """
     verdict, worst = DONE, 0.0
     coi(a.weight, a, net, q)
     for i in range(len(a.rotor)):
@@ -96,11 +135,11 @@ def judge(a, net, q, rules, h):
             verdict, worst, q.marks[1] = SLIPPED, move, i
         if verdict == DONE and not rules.slowest < speed < rules.fastest:
             verdict, q.marks[1] = RUNAWAY, i
-        inside = rules.min_frequency * q.coi[0, k] <= q.coi[1, k] <= rules.max_frequency * q.coi[0, k]
-        q.off[0, i] = 0.0 if inside else q.off[0, i] + h
-        q.off[1, i] = max(q.off[1, i], q.off[0, i])
-        if verdict == DONE and 0 < rules.frequency_delay_s < q.off[0, i]:
-            verdict, q.marks[1] = FREQUENCY, i
+        now = off_range(k, q, rules)
+        q.off[0, i], longest = timed(q.off[0, i], q.off[2, i], now, h)
+        q.off[1, i], q.off[2, i] = max(q.off[1, i], longest), now
+        if verdict == DONE and 0 < rules.frequency_delay_s < longest:
+            verdict, q.marks[1], q.over[0] = FREQUENCY, i, longest - rules.frequency_delay_s
     for i in range(len(a.other)):
         k = net.island[a.other_unit[i]] if a.other_unit[i] >= 0 else net.island_at[a.other_bus[i]]
         if verdict == DONE and k >= 0 and q.coi[0, k] > 0:
@@ -111,10 +150,11 @@ def judge(a, net, q, rules, h):
         for j in range(len(a.watch_bus)):
             b = a.watch_bus[j]
             v = q.volt[b]
-            low = v.real * v.real + v.imag * v.imag < a.watch_low[j] * a.watch_low[j]
-            q.low[j] = q.low[j] + h if low and net.alive[b] else 0.0
-            if q.low[j] > rules.low_voltage_s:
-                verdict, q.marks[0] = LOW_VOLTAGE, b
+            now = a.watch_low[j] - magnitude(v.real, v.imag) if net.alive[b] else -1.0
+            q.low[0, j], longest = timed(q.low[0, j], q.low[1, j], now, h)
+            q.low[1, j] = now
+            if longest - rules.low_voltage_s > q.over[0]:
+                verdict, q.marks[0], q.over[0] = LOW_VOLTAGE, b, longest - rules.low_voltage_s
     return verdict
 
 
@@ -184,9 +224,6 @@ def advance(p, a, net, q, rules, sizes, due, last, resume, history):
         for i in range(len(q.volt)):
             if not net.alive[i]:
                 q.volt[i] = 0
-        for stage in range(4):
-            for i in range(len(a.near_bus)):
-                q.moves[0, stage, i] = q.moves[1, stage, i] = 0
     while step < steps + last:
         h = sizes[step] if step < steps else 0.0
         entire, span = q.part[1] - q.part[0] == 1, (q.part[1] - q.part[0]) * h
@@ -222,6 +259,8 @@ def advance(p, a, net, q, rules, sizes, due, last, resume, history):
             if not whole:
                 freeze(a, net, q)
             if stage == 0:
+                if q.over[0] < 0:
+                    begun(a, net, q, rules)
                 if step < len(history) and q.part[0] == 0:
                     record(a, net, q, whole, history[step])
                 if step == steps:

@@ -17,13 +17,9 @@ from stabctl.errors import StudyError
 from stabctl.schema import hints
 
 STEP = 1 / 120  # s   default
-CALM = 1.0  # s   after the last event; a later step may be longer
-LATER = 1 / 48  # s   default step then, if the fastest eigenvalue allows it
-WORTH = 1.2  # least ratio of a later step to the default one
 LEAST_STEP = 1e-7  # s
 FEW = 100  # steps that are always affordable
 MOST = 50_000_000  # steps of a run
-NEARLY = 2.1  # largest |step * eigenvalue| of a later step
 REACH = 2.5  # largest |step * eigenvalue| that RK4 carries, with a margin (it is unstable beyond 2.785)
 NEAR = 3.0  # between the inverse of a time constant and the eigenvalue that it explains
 
@@ -61,16 +57,6 @@ def _fastest(point: OperatingPoint) -> float:
     return max(point.fastest, standstill(point)[0])
 
 
-def later(point: OperatingPoint, step: float | None) -> float | None:
-    """The step from `CALM` after the last event on (s), where fast transients have ended; None: the same as before.
-
-    A step that was given is kept. So is the default one if the limit of stability allows hardly more.
-    """
-    fastest = _fastest(point)
-    longest = min(LATER, NEARLY / fastest) if fastest else LATER
-    return longest if step is None and longest > WORTH * STEP else None
-
-
 class Steps(NamedTuple):
     """Consecutive steps."""
 
@@ -82,29 +68,44 @@ class Steps(NamedTuple):
 NONE = Steps(np.empty(0), np.empty(0), np.empty(0, np.int64))
 
 
-def steps(start: float, end: float, step: float, rates: Sequence[int] = ()) -> Steps:
+def steps(start: float, end: float, step: float, rates: Sequence[int] = (), *, cut: bool = False) -> Steps:
     """Steps of at most `step` (s) from start to end that begin at every frame.
 
     Frame j of a rate is at j / rate. One that falls on the start belongs to this interval, one on the end to the next;
-    a frame within 1e-7 s of the start counts as there.
+    a frame within 1e-7 s of the start counts as there. Between two frames all steps are equal. With `cut`, nothing
+    happens at the end: the steps are those of a longer interval, the last of them cut off there.
     """
-    if not rates:
-        number = max(1, math.ceil((end - start) / step - 1e-6))
-        h = (end - start) / number
-        return Steps(start + h * np.arange(number), np.full(number, h), NONE.due)
+    if cut and not rates:
+        count = max(1, math.ceil((end - start) / step - 1e-6))
+        starts, sizes = start + step * np.arange(count), np.full(count, step)
+        sizes[-1] = end - starts[-1]
+        return Steps(starts, sizes, NONE.due)
     due: dict[float, int] = {}
     for bit, rate in enumerate(rates):
         for j in range(math.ceil(start * rate - 1e-6), math.ceil(end * rate - 1e-6)):
             at = start if j / rate < start + 1e-7 else round(j / rate, 12)
             due[at] = due.get(at, 0) | 1 << bit
     marks = sorted({start, *due})
-    length = np.diff([*marks, end])
+    beyond = min(math.ceil(end * rate - 1e-6) / rate for rate in rates) if cut else end
+    length = np.diff([*marks, beyond])
     count = np.maximum(1, np.ceil(length / step - 1e-6)).astype(int)
     first, sizes = np.cumsum(count) - count, np.repeat(length / count, count)
-    bits = np.zeros(len(sizes), np.int64)
-    bits[first] = [due.get(t, 0) for t in marks]
     starts = np.repeat(marks, count) + sizes * (np.arange(len(sizes)) - np.repeat(first, count))
+    bits = np.zeros(len(sizes) if rates else 0, np.int64)
+    if rates:
+        bits[first] = [due.get(t, 0) for t in marks]
+    if cut:
+        made = starts < end - 1e-6 * sizes
+        starts, sizes, bits = starts[made], sizes[made], bits[made[: len(bits)]]
+        sizes[-1] = end - starts[-1]
     return Steps(starts, sizes, bits)
+
+
+def whole(start: float, end: float, step: float, rates: Sequence[int] = ()) -> float:
+    """The last instant (s), not after the end, at which steps from the start on begin however far they go."""
+    if not rates:
+        return start + step * math.floor((end - start) / step + 1e-6)
+    return max(start, *(math.floor(end * rate + 1e-6) / rate for rate in rates))
 
 
 def affordable(point: OperatingPoint, step: float, length: float, width: float) -> None:
