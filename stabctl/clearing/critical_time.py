@@ -1,8 +1,8 @@
 """The search for a critical clearing time, of one contingency."""
 
-import math
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
@@ -14,14 +14,12 @@ from stabctl.simulation.control import Control
 from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.simulate import checked_control
 
-from .last_stable import Scan, last_stable
+from .last_stable import last_stable
 from .result import ClearingTime
 from .search import Search
 from .trial import Run, Trial
 
-SPACING = 0.125  # cycles between the faults of the scan, and between those tried first on a finer grid
-APART = 0.5  # cycles   without a scan, between the answer and the one shorter fault tried
-WARY = 1.0  # cycles   range below an answer whose swings have not settled that is always scanned
+APART = 0.5  # cycles   of which the first guess is a multiple
 LONGEST = "20s"  # observed at most
 
 
@@ -35,7 +33,7 @@ def clearing_time(
     limit: str | float = "60cyc",
     observe: str | float = "5s",
     longest: str | float = LONGEST,
-    scan: str | float = "4cyc",
+    scan: str | float = "auto",
     step: str | float | None = None,
     criterion: Criterion = DEFAULT,
     progress: Callable[[Run], None] | None = None,
@@ -44,7 +42,8 @@ def clearing_time(
 
     Clearing times are multiples of the resolution. The answer is stable and the next one is not. Then shorter and
     longer faults are tried every eighth of a cycle: if a shorter one is unstable, the answer lies below it, and if a
-    longer one is stable, stability is not monotone. Runs whose swings do not decay are watched longer.
+    longer one is stable, stability is not monotone. Runs whose swings do not decay are watched longer. `screen` and
+    the studies that use clearing times search in the same way, but try no longer faults.
 
     Parameters
     ----------
@@ -64,7 +63,8 @@ def clearing_time(
         `observe`.
     scan : str or float
         Range below and above the answer in which every eighth of a cycle (every point of a coarser grid) is tried:
-        "4cyc", or seconds; with 0 only the fault half a cycle shorter is tried.
+        "4cyc", or seconds; with 0 only the fault half a cycle shorter is tried. By default 4 cycles above, and 4 below
+        unless the swings of the answer decay; then only half a cycle below.
     progress : callable, optional
         Called after every simulation.
 
@@ -88,6 +88,7 @@ def clearing_time(
         scan=scan,
         longest=longest,
     )
+    search = replace(search, above_cycles=search.range_cycles)
     trial = Trial(point, _one(contingency), checked_control(control, point.case), search)
     return critical(trial, progress=progress)
 
@@ -117,12 +118,11 @@ def critical(
         return ran
 
     guess, stride = start or first_try(trial)
-    wide, wary = scan(search, search.scan_cycles), scan(search, WARY if search.extended else 0.0)
-    below, coarse = (wide, wide.spacing) if wide.number else (near(search), 1)
-    found = last_stable(attempt, search.last, guess, stride, scan=below, unsettled=wary, coarse=coarse)
+    found = last_stable(attempt, search.last, guess, stride, **search.shorter())
     cycles, runs = found.critical * search.resolution_cycles, dict(found.runs)
     if found.status == "found":
-        above = (min(found.critical + n * wide.spacing, search.last) for n in range(1, wide.number + 1))
+        longer = search.scan(search.above_cycles)
+        above = (min(found.critical + n * longer.spacing, search.last) for n in range(1, longer.number + 1))
         runs |= {k: attempt(k) for k in dict.fromkeys(above) if k not in runs}
     answer = cycles if found.status == "found" else None
     seconds = None if answer is None else answer / case.frequency_hz
@@ -130,17 +130,6 @@ def critical(
     return ClearingTime(
         case.name, trial.contingency, found.status, answer, seconds, found.machine, search, ordered, wall
     )
-
-
-def scan(search: Search, reach: float) -> Scan:
-    """The faults tried on one side of the answer, over a range in cycles."""
-    spacing = search.points(SPACING)
-    return Scan(spacing, math.ceil(reach / (spacing * search.resolution_cycles) - 1e-9))
-
-
-def near(search: Search) -> Scan:
-    """The one shorter fault that is tried without a scan."""
-    return Scan(search.points(APART), 1)
 
 
 def first_try(trial: Trial) -> tuple[int, int]:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Literal, NamedTuple
 
 from .margin import Margin
+from .search import NO_SCAN, Scan
 from .trial import Run
 
 Status = Literal["found", "unstable_at_zero", "stable_at_limit"]
@@ -28,33 +29,23 @@ class Found(NamedTuple):
         return beyond.machine if beyond else None
 
 
-class Scan(NamedTuple):
-    """Shorter faults to be tried beside an answer."""
-
-    spacing: int  # points of the grid
-    number: int
-
-
-NO_SCAN = Scan(1, 0)
-
-
 def last_stable(
     attempt: Callable[[int], Run],
     last: int,
     guess: int,
     stride: int,
     *,
-    scan: Scan,
-    unsettled: Scan = NO_SCAN,
+    always: Scan,
+    lasting: Scan = NO_SCAN,
     coarse: int = 1,
 ) -> Found:
     """The last stable point of the grid 0 ... `last` before the lowest unstable one found: a run at each of the two.
 
     Starts at a guess and moves up in growing steps. The excess energy of unstable runs is extrapolated to zero over the
     square of the clearing time; if that does not help, the interval is divided. Shorter faults are tried as well: if
-    one is unstable, in a later swing, the answer lies below it. They are those of `scan`, and those of `unsettled` if
-    the last swings of the answer have not settled. Multiples of `coarse` come before the points between them, so that a
-    finer grid gives the same answer, only finer.
+    one is unstable, in a later swing, the answer lies below it. They are those of `always`, and those of `lasting`
+    unless the swings of the answer decay, or are small at the last point of the grid. Multiples of `coarse` come before
+    the points between them, so that a finer grid gives the same answer, only finer.
     """
     tried: dict[int, Run] = {}
     low, high = -1, last + 1
@@ -68,11 +59,12 @@ def last_stable(
             low = max((s for s, run in tried.items() if run.stable and s < k), default=-1)
         if high - low > 1:
             k, stride = _multiple(_next(low, high, last, tried, stride), low, high, coarse), 2 * stride
-        elif low < 1 or low == last:
+        elif low < 1:
             break
         else:
             swings = tried[low].swings
-            gap = _gap(low, tried, scan) or (0 if swings is None or swings.settled else _gap(low, tried, unsettled))
+            calm = swings is not None and (swings.decaying or (low == last and swings.settled))
+            gap = _gap(low, tried, always) or (0 if calm else _gap(low, tried, lasting))
             if not gap:
                 break
             k = max(low - gap, 0)

@@ -113,7 +113,7 @@ class ClearingTime:
         On the default grid of an eighth of a cycle the scan tries every point. A stable window beyond it, or between
         two of its points on a finer grid, is not found.
         """
-        scanned = self.status == "found" and self.search.scan_cycles > 0
+        scanned = self.status == "found" and self.search.above_cycles > 0
         return False if self.stable_above else True if scanned else None
 
     @property

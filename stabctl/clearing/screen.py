@@ -37,6 +37,7 @@ def screen(
     limit: str | float = "60cyc",
     observe: str | float = "5s",
     longest: str | float = LONGEST,
+    scan: str | float = "auto",
     step: str | float | None = None,
     criterion: Criterion = DEFAULT,
     buses: int | str | Iterable[int] | None = None,
@@ -48,10 +49,9 @@ def screen(
 ) -> Screen:
     """The critical clearing times of bolted faults at both ends of every line, cleared by opening that line.
 
-    The search is that of `clearing_time`, but of the other faults it tries only the one half a cycle shorter, and every
-    eighth of a cycle from a cycle below if the swings of the answer have not settled. `monotone` of a pair is therefore
-    unknown (None). Lines whose opening splits the network, and circuits equal to a parallel
-    one, are left out. The answers do not depend on the number of threads.
+    The search is that of `clearing_time`, with the same answers; only longer faults are not tried, and `monotone` of a
+    pair is therefore unknown (None). Lines whose opening splits the network, and circuits equal to a parallel one, are
+    left out. The answers do not depend on the number of threads.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def screen(
         The system; a case is initialized first.
     below : str or float, optional
         Clearing time from which on a pair is not listed: "8cyc", or seconds. Saves most of the work.
-    storage, control, resolution, limit, observe, longest, step, criterion
+    storage, control, resolution, limit, observe, longest, scan, step, criterion
         As in `clearing_time`.
     buses : int, str, or iterable of int, optional
         Buses with a fault, "83, 102" or [83, 102]; by default both ends of every line.
@@ -91,6 +91,7 @@ def screen(
         observe=observe,
         step=step,
         criterion=criterion,
+        scan=scan,
         longest=longest,
     )
     if below is not None:

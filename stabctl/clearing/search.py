@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
@@ -10,6 +10,20 @@ from stabctl.simulation.criterion import DEFAULT, Criterion, checked
 from stabctl.units import cycles, seconds
 
 LONGEST_SCAN = 600.0  # cycles
+AUTO = "auto"  # a scan of `RANGE`, below an answer only if its swings do not decay
+RANGE = 4.0  # cycles
+SPACING = 0.125  # cycles between the faults of a scan, and between those tried first on a finer grid
+HALF = 0.5  # cycles   between an answer and the one shorter fault that is always tried
+
+
+class Scan(NamedTuple):
+    """Other faults to be tried on one side of an answer."""
+
+    spacing: int  # points of the grid
+    number: int
+
+
+NO_SCAN = Scan(1, 0)
 
 
 @dataclass(frozen=True)
@@ -24,7 +38,8 @@ class Search:
     observed_s: float = 5.0  # s   observed after clearing
     step: float | None = None  # s
     criterion: Criterion = DEFAULT
-    scan_cycles: float = 0.0  # range below and above the answer in which others are tried
+    scan_cycles: float | None = None  # range below the answer in which others are tried; None: as its swings demand
+    above_cycles: float = 0.0  # the same above it
     longest_s: float = 0.0  # s   observed at most, while the swings have not settled; if less than `observed_s`: never
 
     def __post_init__(self) -> None:
@@ -37,9 +52,9 @@ class Search:
             raise StudyError(f"The observation window of {self.observed_s:g} s is not allowed; it must be more than 0.")
         if not 0 <= self.longest_s < math.inf:
             raise StudyError(f"The longest observation of {self.longest_s:g} s is not allowed; give at least 0.")
-        if not 0 <= self.scan_cycles <= LONGEST_SCAN:
+        if not 0 <= self.range_cycles <= LONGEST_SCAN:
             raise StudyError(
-                f"The scan of {self.scan_cycles:g} cycles is not allowed; give 0 to {LONGEST_SCAN:g} cycles."
+                f"The scan of {self.range_cycles:g} cycles is not allowed; give 0 to {LONGEST_SCAN:g} cycles."
             )
 
     @classmethod
@@ -52,7 +67,7 @@ class Search:
         observe: Any,
         step: Any,
         criterion: Criterion = DEFAULT,
-        scan: Any = 0.0,
+        scan: Any = AUTO,
         longest: Any = 0.0,
     ) -> "Search":
         """The search with quantities as a user gives them: text with a unit, or seconds."""
@@ -60,12 +75,25 @@ class Search:
         grid, last = cycles(resolution, hz), cycles(limit, hz)
         h = None if step is None else seconds(step, hz)
         observed, most, rules = seconds(observe, hz), seconds(longest, hz), checked(criterion, hz)
-        return cls(grid, last, observed, h, rules, cycles(scan, hz), most)
+        reach = None if scan == AUTO else cycles(scan, hz)
+        return cls(grid, last, observed, h, rules, scan_cycles=reach, longest_s=most)
 
     @property
-    def extended(self) -> bool:
-        """Whether a run may be watched longer than the observation window."""
-        return self.longest_s > self.observed_s
+    def range_cycles(self) -> float:
+        """Range below the answer in which others are tried, if they are."""
+        return RANGE if self.scan_cycles is None else self.scan_cycles
+
+    def scan(self, reach: float) -> Scan:
+        """The faults tried on one side of the answer, over a range in cycles."""
+        spacing = self.points(SPACING)
+        return Scan(spacing, math.ceil(reach / (spacing * self.resolution_cycles) - 1e-9))
+
+    def shorter(self) -> dict[str, Any]:
+        """Which shorter faults are tried, for `last_stable`: one rule for every study of clearing times."""
+        half, wide = Scan(self.points(HALF), 1), self.scan(self.range_cycles)
+        if self.scan_cycles is None:
+            return {"always": half, "lasting": wide, "coarse": wide.spacing}
+        return {"always": wide, "coarse": wide.spacing} if wide.number else {"always": half}
 
     @property
     def last(self) -> int:

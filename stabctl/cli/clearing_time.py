@@ -29,7 +29,7 @@ def clearing_time(
     limit: options.Limit = "60cyc",
     observe: options.Observe = "5s",
     longest: options.Longest = "20s",
-    scan: options.Scan = "4cyc",
+    scan: options.Scan = "auto",
     step: options.Step = None,
     control: options.Control = None,
     controller: options.Controllers = None,

@@ -87,7 +87,7 @@ def law(
     limit: options.Limit = "60cyc",
     observe: options.Observe = "10s",
     longest: options.Longest = "20s",
-    scan: options.Scan = "4cyc",
+    scan: options.Scan = "auto",
     step: options.Step = None,
     stability: groups.StabilityOptions,
     workers: options.Workers = None,

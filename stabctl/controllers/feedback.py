@@ -80,3 +80,8 @@ class Feedback(Law):
         scale = 2 * pi * device.frequency * device.machine / device.rating if device.rating else 0.0
         gains = self.speed_gain * scale, self.acceleration_gain * scale
         return Par(self.deadband / device.frequency, self.min_voltage, *gains, float(self.braking))
+
+    def gains(self, device: Device) -> tuple[float, float, float]:
+        """Slopes of the order, as in `Law.gains`."""
+        par = self.par(device)
+        return 0.0 if self.braking else par.speed_gain, par.acceleration_gain, 0.0

@@ -68,6 +68,16 @@ class Law(ABC):
             Record of the file of the law, in pu.
         """
 
+    def gains(self, device: Device) -> tuple[float, float, float]:
+        """Slopes of the order by speed (1/pu), acceleration (s/pu) and angle (1/rad) beyond the deadband; 0: relay.
+
+        Parameters
+        ----------
+        device : Device
+            The device: rating, base, frequency.
+        """
+        return 0.0, 0.0, 0.0
+
     def sampled(self, rate: int, delay: str | float = 0.0) -> "SampledLaw":
         """The same law acting once per frame, with a delay.
 

@@ -148,6 +148,13 @@ class StorageLaw(Law):
             self.return_power if back else 0.0,
         )
 
+    def gains(self, device: Device) -> tuple[float, float, float]:
+        """Slopes of the order, as in `Law.gains`."""
+        if not self.slope:
+            return 0.0, 0.0, 0.0
+        par = self.par(device)
+        return 1 / par.slope, 0.0, par.angle_gain / par.slope
+
 
 def _groups(given: Any) -> tuple[tuple[int, ...], ...]:
     """Groups as numbers, from "13+14" or sequences of numbers."""

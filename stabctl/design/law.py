@@ -50,7 +50,7 @@ def law(
     limit: str | float = "60cyc",
     observe: str | float = "10s",
     longest: str | float = LONGEST,
-    scan: str | float = "4cyc",
+    scan: str | float = "auto",
     step: str | float | None = None,
     criterion: Criterion = DEFAULT,
     workers: int | None = None,

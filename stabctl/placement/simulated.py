@@ -8,7 +8,6 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from stabctl.clearing import Search, Trial
-from stabctl.clearing.critical_time import near
 from stabctl.clearing.last_stable import last_stable
 from stabctl.jobs import Found, Kind, Task
 from stabctl.jobs.base import Base
@@ -131,7 +130,7 @@ def _critical_time(one: Simulated, shared: Shared, target: float) -> Found:
     """The critical clearing time on a grid of about an eighth of a cycle that contains the target (cycles)."""
     count = max(1, round(target / GRID))
     tried = trial(one, shared, target / count)
-    found = last_stable(tried.attempt, tried.search.last, count, 2, scan=near(tried.search))
+    found = last_stable(tried.attempt, tried.search.last, count, 2, **tried.search.shorter())
     runs = found.runs if count in found.runs else {**found.runs, count: tried.attempt(count)}
     cycles = None if found.status == "unstable_at_zero" else found.critical * target / count
     return _found(runs[count].stable, found.machine, len(runs), cycles=cycles)

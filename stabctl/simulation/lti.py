@@ -102,6 +102,12 @@ def family(op, count, w, k, s, f, on):
                     f[x + i] += L * (shape(u, k[levels], k[levels + 1], k[levels + 2], k[levels + 3]) - u)
 
 
+def levels(k: np.ndarray) -> int:
+    """Place of the limits, the deadband and the relay in the constants of a controller."""
+    n, m, p = map(int, k[:3])
+    return HEAD + n * n + n * m + p * n + p * m + 2 * m
+
+
 def fastest(k: np.ndarray) -> float:
     """Largest magnitude of the eigenvalues, also at a limit (1/s)."""
     n, m, p = map(int, k[:3])

@@ -15,9 +15,14 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spl
 
-from . import voltages
+from . import stepper, voltages
+from .plant import newton_space
+from .steps import Steps
 from .substitution import OPTIONS, matrix
 from .voltages import HALVINGS, STEPS, TINY, TOLERANCE, currents, solved
+from .wired import Wired
+
+NO_ROWS = np.empty((0, 0))
 
 QUICKLY = 0.4  # of the residual, at most left after a step with factors of an earlier instant
 CLOSE = 1e-2  # of the tolerance: with kept factors the last step gains less than with Newton's
@@ -39,6 +44,25 @@ class Slopes:
             real = sp.kron(Y.real, sp.identity(2)) + sp.kron(Y.imag, np.array([[0.0, -1.0], [1.0, 0.0]]))
             self.net, self.R, self.factors = net, real.tocsc(), None
         return self
+
+
+def advance(
+    wired: Wired, p: Any, a: Any, net: Any, q: Any, rules: Any, now: Steps, *, last: bool,
+    history: np.ndarray = NO_ROWS, kept: Slopes | None = None,
+) -> tuple[int, int]:  # fmt: skip
+    """Steps of the compiled loop, `stepper.advance`, with Newton's method where it asks for it.
+
+    Returns the verdict and the number of steps made.
+    """
+    resume, kept = False, kept or Slopes()
+    while True:
+        verdict, made = stepper.advance(p, a, net, q, rules, now.sizes, now.due, last, resume, history)
+        if verdict != stepper.NEWTON:
+            return verdict, made
+        z = wired.for_newton()._replace(k=p.k)
+        if not newton(z.current, z, a, net, q, newton_space(q), kept=kept):
+            return stepper.NO_VOLTAGE, made
+        resume = True
 
 
 def newton(calls: Any, p: Any, a: Any, net: Any, q: Any, z: Any, *, kept: Slopes) -> bool:

@@ -45,6 +45,7 @@ class Outcome:
     bus: int | None = None  # number of the bus whose voltage collapsed
     swings: Swings | None = None  # the last ones of a run that reached its end; None if they are not judged
     stalled: tuple[int, ...] = ()  # numbers of the buses whose motor loads have stalled at the end
+    cycling: tuple[str, ...] = ()  # storage devices in a limit cycle at full power at the end
 
     @property
     def stable(self) -> bool:
@@ -70,6 +71,7 @@ class End(NamedTuple):
     swings: Swings | None  # if it reached its end
     frequency: float  # pu   of the critical phase-locked loop
     stalled: Stalled  # motor loads
+    cycling: dict[str, float]  # 1/s   storage devices in a limit cycle, and how often they reverse
 
 
 def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
@@ -119,8 +121,20 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
             everything = "All machines and converters" if converters else "All machines"
             text = f"{everything} stayed in synchronism until {t:.3f} s{_within(point, end, criterion)}."
     sentences = (cut, text, str(end.swings or "")) if end.verdict == stepper.DONE else (text, cut)
-    message = " ".join(s for s in (*sentences, str(end.stalled)) if s)
-    return Outcome(kind, message, t, machine, blamed, end.swings, end.stalled.buses)
+    message = " ".join(s for s in (*sentences, str(end.stalled), _cycling(end)) if s)
+    return Outcome(kind, message, t, machine, blamed, end.swings, end.stalled.buses, tuple(end.cycling))
+
+
+def _cycling(end: End) -> str:
+    """A sentence on storage devices in a limit cycle; empty if there are none."""
+    if not end.cycling:
+        return ""
+    what = _listed("storage device", list(end.cycling))
+    verb, rate = "reverses" if len(end.cycling) == 1 else "reverse", max(end.cycling.values())
+    return (
+        f"{what[0].upper()}{what[1:]} still {verb} between full charging and full discharging, up to {rate:.0f} times "
+        "per second: a limit cycle of the control; reduce its gain or delay, or widen its deadband."
+    )
 
 
 def _critical(point: OperatingPoint, end: End) -> tuple[int | str | None, str]:

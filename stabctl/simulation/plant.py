@@ -68,9 +68,11 @@ class Frame(NamedTuple):
     watch_bus: np.ndarray  # rows of the buses with loads
     watch_low: np.ndarray  # pu   voltages below which a load counts as lost
     held: np.ndarray  # places that sampled devices write: the orders
+    order: np.ndarray  # (storage devices) places that they read their orders from, in the order of the case's table
     stops: np.ndarray  # rows of `limited` at whose limits a power jumps
     gated: bool  # some of these are gates, which read outputs
     relay: bool  # the orders switch between fixed values, at instants to be found within a step
+    follows: bool  # the orders follow the signals at every stage of a step; otherwise they are held over a step
 
 
 class Space(NamedTuple):
@@ -100,6 +102,7 @@ class Space(NamedTuple):
     # maximum, and how far it is outside
     low: np.ndarray  # (2, loads) s, pu   time below the threshold, and how far below it is
     over: np.ndarray  # (1) s   time from a timed verdict to the end of its step; -1 after an event
+    turns: np.ndarray  # (2, storage devices) side of the last full order, 1 or -1; 1/s   recent changes of it
     orders: np.ndarray  # (2, held) before a decision, and after the next instant of switching
     coi: np.ndarray  # (4, buses) inertia, speed, angle and acceleration of the islands
     marks: np.ndarray  # critical bus and rotor unit, or angle without weight; step, stage, what is known and parts when
@@ -119,10 +122,12 @@ def frame(
     layout: Layout,
     relative: Relative,
     held: np.ndarray,
+    order: np.ndarray,
     *,
     groups: Sequence[np.ndarray],
     gated: bool,
     relay: bool,
+    follows: bool,
 ) -> Frame:
     """The places that the stepper reads in a system.
 
@@ -136,12 +141,16 @@ def frame(
         Places of the signals that laws read.
     held
         Places that sampled devices write.
+    order
+        Places that the storage devices read their orders from.
     groups
         Rotor units of the group of each rotor unit.
     gated
         Whether some of `held` are gates.
     relay
         Whether they switch between fixed values.
+    follows
+        Whether they follow the signals at every stage of a step.
     """
     rotors, limits, others = system.rotors, system.limits, system.unweighted
     places = np.array([layout.nx, layout.step, relative.speed], np.int64)
@@ -153,17 +162,17 @@ def frame(
         places, rotors.angle, rotors.speed, rotors.unit, rotors.inertia, rotors.inertia,
         others.column("place"), others.column("unit"), others.column("bus"), first, member, owner,
         limits.state, limits.low, limits.high, limits.scale,
-        system.draw_bus, system.near_bus, system.watch_bus, system.watch_low, held.astype(np.int64),
-        limits.stops, gated, relay,
+        system.draw_bus, system.near_bus, system.watch_bus, system.watch_low, held.astype(np.int64), order,
+        limits.stops, gated, relay, follows,
     )  # fmt: skip
 
 
-def with_ratings(made: Frame, system: System, relay: bool) -> Frame:
+def with_ratings(made: Frame, system: System, relay: bool, follows: bool) -> Frame:
     """The frame for a system with other ratings, and thus other limits; without a rating no angle is judged."""
     limits, others = system.limits, system.unweighted
     place, unit, bus = (others.column(name) for name in ("place", "unit", "bus"))
     return made._replace(
-        low=limits.low, high=limits.high, relay=relay, other=place, other_unit=unit, other_bus=bus
+        low=limits.low, high=limits.high, relay=relay, follows=follows, other=place, other_unit=unit, other_bus=bus
     )  # fmt: skip
 
 
@@ -178,8 +187,8 @@ def space(s: np.ndarray, layout: Layout, a: Frame) -> Space:
         np.zeros((2, 4, len(a.near_bus)), complex),
         np.zeros(nx), np.zeros(nx), np.zeros(nx), np.zeros(nx), np.zeros((3, nb), complex), np.array([0.0, 1.0, 0.5]),
         np.stack([s[a.rotor], np.zeros(m)]), np.stack([s[a.speed], np.zeros(m)]), s[a.other], np.zeros((3, m)),
-        np.zeros((2, len(a.watch_bus))), np.full(1, -1.0), np.zeros((2, len(a.held))), np.zeros((4, nb)),
-        np.zeros(8, np.int64),
+        np.zeros((2, len(a.watch_bus))), np.full(1, -1.0), np.zeros((2, len(a.order))), np.zeros((2, len(a.held))),
+        np.zeros((4, nb)), np.zeros(8, np.int64),
     )  # fmt: skip
 
 

@@ -9,18 +9,18 @@ import numpy as np
 from stabctl.controllers import Law
 from stabctl.controllers.controller import Controller
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.program import program
 from stabctl.errors import StudyError
+from stabctl.model import keys
 from stabctl.model.network import Switching
 
-from . import stepper, steps, swings
+from . import closed, stepper, steps, swings
 from .attached import attached
 from .contingency import Disturbance, schedule
 from .control import Control, Frames, acting
 from .criterion import DEFAULT, Criterion, for_system, frequency_range, numbers
-from .newton import Slopes, newton
+from .newton import NO_ROWS, Slopes, advance
 from .outcome import End, Outcome, outcome
-from .plant import newton_space, space
+from .plant import space
 from .recording import Recorded, Recording
 from .sampled import Pilot, carry
 from .stall import stalled
@@ -30,8 +30,8 @@ from .topology import stage
 from .trajectory import Happened, Trajectory
 from .wired import wired
 
-NO_ROWS = np.empty((0, 0))
 FURTHER = 5.0  # s   by which a run is continued while its swings may grow
+REVERSALS = 5.0  # 1/s   of full power, from which on a storage device is in a limit cycle; swings make up to 4
 TIMED = stepper.LOW_VOLTAGE, stepper.FREQUENCY  # verdicts whose instant lies within a step
 
 
@@ -88,7 +88,6 @@ class Simulation:
         self.attached = attached(point, controllers, measured)
         point = self.attached.point
         self.point, self.criterion = point, for_system(criterion, point.system)
-        self.step = steps.checked(point, step)
         self.changes = timeline(point.case, schedule(point.case, events))
         self.time, self.wall_s, self.steps = start, 0.0, 0
         self.outcome: Outcome | None = None
@@ -101,6 +100,8 @@ class Simulation:
         while self._at + 1 < len(self.changes) and self.changes[self._at + 1].at <= start + 1e-9:
             self._at += 1
         self.wired = wired(point, control, self.attached.rates, self.attached.gates)
+        self.loop = closed.fastest(self.attached, control, self.wired)
+        self.step = steps.checked(point, step, self.loop)
         signals = self.wired.layout.first_memory
         self._record = Recording(point, record, signals, every=every, span=swings.SPAN)
         self._rules = numbers(self.criterion)
@@ -159,7 +160,8 @@ class Simulation:
 
     def affordable(self, until: float) -> None:
         """Raise `StudyError` if a run to `until` (s) takes too many steps, or too much memory."""
-        steps.affordable(self.point, self.step, until - self.time, self._record.per_step(self.step))
+        width = self._record.per_step(self.step)
+        steps.affordable(self.point, self.step, until - self.time, width, loop=self.loop)
 
     def advance(self, until: float, cut: bool = False) -> bool:
         """Advance to `until` (s), stopping exactly at every event; returns whether the run continues.
@@ -273,9 +275,14 @@ class Simulation:
         end = End(
             verdict, instant, self._stage, self.speed, self._frame.weight, rotor, bus, outside,
             tuple(self._taken_off), last, self._loop_frequency(verdict, rotor),
-            stalled(self.point, self._space.s, self._stage.net.alive),
+            stalled(self.point, self._space.s, self._stage.net.alive), self._cycling(),
         )  # fmt: skip
         return outcome(self.point, end, self.criterion)
+
+    def _cycling(self) -> dict[str, float]:
+        """Storage devices whose orders reverse at full power faster than machines swing: name -> times per second."""
+        turns, names = self._space.turns[1], keys.keys(self.point.case, "storage")
+        return {str(name): float(rate) for name, rate in zip(names, turns, strict=True) if rate > REVERSALS}
 
     def _loop_frequency(self, verdict: int, row: int) -> float:
         """The frequency of the phase-locked loop that lost synchronism, pu; 1 if none did."""
@@ -321,23 +328,7 @@ class Simulation:
     def _advance(self, now: steps.Steps, last: bool, history: np.ndarray) -> tuple[int, int]:
         """Steps of the compiled loop, with Newton's method when it is requested."""
         p, a, net, q = self._program, self._frame, self._stage.net, self._space
-        resume = False
-        while True:
-            verdict, made = stepper.advance(p, a, net, q, self._rules, now.sizes, now.due, last, resume, history)
-            if verdict != stepper.NEWTON:
-                return verdict, made
-            if not self._newton():
-                return stepper.NO_VOLTAGE, made
-            resume = True
-
-    def _newton(self) -> bool:
-        """Solve for the voltages if the fixed-point iteration fails; returns whether a solution was found."""
-        kept = self.point.system.kept
-        if "newton" not in kept:
-            kept["newton"] = program(self.wired.families, complex)
-        p = kept["newton"]._replace(k=self._program.k)
-        q = self._space
-        return newton(p.current, p, self._frame, self._stage.net, q, newton_space(q), kept=self._slopes)
+        return advance(self.wired, p, a, net, q, self._rules, now, last=last, history=history, kept=self._slopes)
 
 
 def run(

@@ -8,6 +8,7 @@ from .substitution import solve_apart
 from .switching import CHATTER, MOST, instant, jump
 from .voltages import FAILED, NEEDS_NEWTON, settle
 
+FULL = 0.9  # of the rating: orders beyond it count as full
 NOTHING, SETTLED, DECIDED = range(3)  # known at a stage: nothing, the voltages, also the orders
 DONE, SLIPPED, NO_VOLTAGE, LOW_VOLTAGE, RUNAWAY, FREQUENCY, UNLOCKED, NEWTON = range(8)
 
@@ -111,6 +112,19 @@ def off_range(k, q, rules):
         return -1.0
     speed = q.coi[1, k] / q.coi[0, k]
     return max(rules.min_frequency - speed, speed - rules.max_frequency)
+
+
+@noinline
+def reverse(a, q, h):
+    """Count how often orders change between full charging and discharging: per second, over about the last one."""
+    for j in range(len(a.order)):
+        order = q.s[a.order[j]]
+        side = 1.0 if order > FULL else -1.0 if order < -FULL else 0.0
+        q.turns[1, j] *= 1 - h
+        if side * q.turns[0, j] < 0:
+            q.turns[1, j] += 1
+        if side != 0:
+            q.turns[0, j] = side
 
 
 @noinline
@@ -234,6 +248,8 @@ def advance(p, a, net, q, rules, sizes, due, last, resume, history):
                     from_above(p, net, q)
                 guess(stage % 4, entire, a, q)
                 known = DECIDED if 0 < stage < 4 else known
+                if a.follows and 0 < stage < 4:
+                    decide(p, a, net, q, 0)
             while True:
                 n = 0 if resume or known == SETTLED else settle(p, a, net, q)
                 resume = False
@@ -297,6 +313,7 @@ def advance(p, a, net, q, rules, sizes, due, last, resume, history):
             q.marks[7] = q.marks[7] + 1 if parts > 1 else 0
         q.part[0], parts = 0.0, 1
         verdict = judge(a, net, q, rules, h)
+        reverse(a, q, h)
         q.s[a.places[2] + 3 * len(a.rotor) + len(net.island)] += h
         step += 1
         if verdict != DONE:

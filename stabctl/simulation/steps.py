@@ -21,19 +21,23 @@ LEAST_STEP = 1e-7  # s
 FEW = 100  # steps that are always affordable
 MOST = 50_000_000  # steps of a run
 REACH = 2.5  # largest |step * eigenvalue| that RK4 carries, with a margin (it is unstable beyond 2.785)
+FASTER = 1.1  # than all open loops: an eigenvalue that the control makes
 NEAR = 3.0  # between the inverse of a time constant and the eigenvalue that it explains
 
 
-def checked(point: OperatingPoint, step: float | None) -> float:
-    """The step given, or the default one (s). `StudyError` if it is not stable, or far too short."""
-    fastest = _fastest(point)
+def checked(point: OperatingPoint, step: float | None, loop: float = 0.0) -> float:
+    """The step given, or the default one (s); `loop` is the fastest eigenvalue of closed loops (1/s).
+
+    Raises `StudyError` if the step is not stable, or far too short.
+    """
+    fastest, moving = max(_fastest(point), loop), max(point.fastest, loop)
     longest = REACH / fastest if fastest else math.inf  # infinite buses alone do not move
     if step is None:
-        return min(STEP, longest, REACH / point.fastest / 2 if point.fastest else math.inf)
+        return min(STEP, longest, REACH / moving / 2 if moving else math.inf)
     if not LEAST_STEP <= step < np.inf:
         raise StudyError(f"The step {step:g} s is not allowed; it must be at least {LEAST_STEP:g} s.")
     if step > longest:
-        because = forced_by(point) if longest < STEP else ""
+        because = forced_by(point, loop) if longest < STEP else ""
         raise StudyError(
             f"The step {step:.4g} s is too long for {point.case.name}, whose fastest eigenvalue is near "
             f"{fastest:.0f} 1/s{because}; give at most {longest:.3g} s."
@@ -108,7 +112,7 @@ def whole(start: float, end: float, step: float, rates: Sequence[int] = ()) -> f
     return max(start, *(math.floor(end * rate + 1e-6) / rate for rate in rates))
 
 
-def affordable(point: OperatingPoint, step: float, length: float, width: float) -> None:
+def affordable(point: OperatingPoint, step: float, length: float, width: float, loop: float = 0.0) -> None:
     """Check the length of a run before it starts.
 
     Parameters
@@ -119,6 +123,8 @@ def affordable(point: OperatingPoint, step: float, length: float, width: float) 
         Time step and length of the run, s.
     width
         Signals recorded per step; 0 records nothing.
+    loop
+        The fastest eigenvalue of closed loops, 1/s.
 
     Raises
     ------
@@ -129,7 +135,7 @@ def affordable(point: OperatingPoint, step: float, length: float, width: float) 
     if count < FEW:
         return
     if not count <= MOST:
-        because = forced_by(point) if step < STEP else ""
+        because = forced_by(point, loop) if step < STEP else ""
         raise StudyError(
             f"A run of {length:g} s takes {count:.2g} steps{because}, more than the {MOST:g} allowed; choose a longer "
             "step or a shorter run."
@@ -150,18 +156,20 @@ def memory() -> float:
         return math.inf
 
 
-def forced_by(point: OperatingPoint) -> str:
+def forced_by(point: OperatingPoint, loop: float = 0.0) -> str:
     """The cause of a short step in brackets, empty if none is known."""
-    return f" ({text})" if (text := cause(point)) else ""
+    return f" ({text})" if (text := cause(point, loop)) else ""
 
 
-def cause(point: OperatingPoint) -> str:
+def cause(point: OperatingPoint, loop: float = 0.0) -> str:
     """What makes the fastest eigenvalue, or empty.
 
     A motor that may stop, `T2d = 1e-05 s of genrou, machine 3 at bus 3`, a controller, or without such a time constant
     the control loop or state that takes part most: `PLL of REGC_C 5`, `Ed REGC_C 5`.
     """
     rate, load = standstill(point)
+    if loop > FASTER * max(rate, point.fastest):
+        return "that of the loop closed by the control; reduce its gain"
     if rate > 2 * point.fastest:
         return f"that of the motor of {load}, if it stops"
     for f in point.system.families:

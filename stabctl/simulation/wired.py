@@ -5,8 +5,8 @@ describes.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,6 +35,13 @@ class Wired:
     wanted: slice  # of the orders in s
     rates: tuple[int, ...]  # 1/s, of the sampled controllers and of the law; place k is bit k
     start: np.ndarray  # s
+    kept: dict[Any, Any] = field(repr=False)  # what follows from the tables, shared by all systems of one structure
+
+    def for_newton(self) -> Program:
+        """The program for complex numbers, which gives derivatives; kept with the system."""
+        if "newton" not in self.kept:
+            self.kept["newton"] = program(self.families, complex)
+        return self.kept["newton"]
 
     def constants_at(self, table: str) -> int:
         """Place in the program's constants of the first constant of a table."""
@@ -91,9 +98,10 @@ def _wired(point: OperatingPoint, control: Law | None, rates: tuple[int, ...], g
     for i, value in enumerate(getattr(control and control.module, "START", ())):
         start[memory.orders.start + i : memory.lines : memory.orders.step] = value
     held = np.r_[orders_of(layout, point.case), np.array(gates, np.int64)]
-    relay, groups = _switches(families, control), _groups(point, control)
-    made = frame(point.system, layout, memory.relative, held, groups=groups, gated=bool(gates), relay=relay)
-    return Wired(program(families), families, layout, made, memory.orders, rates, start)
+    relay, follows = _switches(families, control)
+    how = {"groups": _groups(point, control), "gated": bool(gates), "relay": relay, "follows": follows}
+    made = frame(point.system, layout, memory.relative, held, storage.places(point.system, point.case).order, **how)
+    return Wired(program(families), families, layout, made, memory.orders, rates, start, point.system.kept)
 
 
 def _with_constants(system: Wired, point: OperatingPoint, control: Law | None) -> Wired:
@@ -104,7 +112,7 @@ def _with_constants(system: Wired, point: OperatingPoint, control: Law | None) -
     k = np.concatenate([np.zeros(0), *(f.k.ravel() for f in families)])
     start = system.start.copy()
     start[: system.layout.first_memory] = point.s[: system.layout.first_memory]
-    made = with_ratings(system.frame, point.system, _switches(families, control))
+    made = with_ratings(system.frame, point.system, *_switches(families, control))
     return replace(system, program=system.program._replace(k=k), families=families, frame=made, start=start)
 
 
@@ -128,11 +136,16 @@ def _memory(point: OperatingPoint, control: Law | None) -> Memory:
     return Memory(slice(first, lines, stride), lines, acting, relative, relative.end)
 
 
-def _switches(families: tuple[Family, ...], control: Law | None) -> bool:
-    """Whether the orders switch between fixed values: a relay, no ramp limit, no other device with a memory."""
+def _switches(families: tuple[Family, ...], control: Law | None) -> tuple[bool, bool]:
+    """Whether the orders switch between fixed values, and whether they follow the signals continuously.
+
+    Neither is so with a ramp limit or another device with a memory; the orders of a sampled law are held, too.
+    """
     others = any(hasattr(f.device, "step") for f in families if f.name not in ("law", "hold"))
     ramped = any(f.name == "hold" and (f.k > 0).any() for f in families)
-    return control is not None and control.relay and not ramped and not others
+    if control is None or ramped or others:
+        return False, False
+    return control.relay, not control.relay and control.rate is None
 
 
 def _families(

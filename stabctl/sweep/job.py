@@ -39,7 +39,7 @@ class Job(NamedTuple):
     limit: Annotated[str, "-", "longest clearing time tried"] = "60cyc"
     observe: Annotated[float, "s", "observation window after clearing", POSITIVE] = 5.0
     longest: Annotated[float, "s", "longest time observed, while the swings do not decay", NOT_NEGATIVE] = 20.0
-    scan: Annotated[str, "-", "how far below and above the answer other faults are tried"] = "4cyc"
+    scan: Annotated[str, "-", "how far below and above the answer other faults are tried"] = "auto"
     storage: Annotated[str, "-", "none, 50MW, 5%mva, 5%dispatch, or 14=50MW,13@33=20MW (empty: that of the case)"] = ""
     characteristic: Annotated[Characteristic, "-", "what a storage device holds constant"] = "power"
     lag: Annotated[float, "s", "time constant from order to power", NOT_NEGATIVE] = 0.0

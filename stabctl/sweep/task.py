@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from stabctl import io
+from stabctl.clearing.search import AUTO
 from stabctl.controllers import file
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.law import Law
@@ -114,7 +115,7 @@ CHECKS: dict[str, Callable[[Case, str], object]] = {
     "clear": lambda case, text: seconds(text, case.frequency_hz),
     "resolution": lambda case, text: seconds(text, case.frequency_hz),
     "limit": lambda case, text: seconds(text, case.frequency_hz),
-    "scan": lambda case, text: seconds(text, case.frequency_hz),
+    "scan": lambda case, text: text if text == AUTO else seconds(text, case.frequency_hz),
     "storage": lambda case, text: fleet.devices(case, text.replace("%dispatch", "%mva")),
 }
 
