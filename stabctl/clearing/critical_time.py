@@ -64,7 +64,7 @@ def clearing_time(
     scan : str or float
         Range below and above the answer in which every eighth of a cycle (every point of a coarser grid) is tried:
         "4cyc", or seconds; with 0 only the fault half a cycle shorter is tried. By default 4 cycles above, and 4 below
-        unless the swings of the answer decay; then only half a cycle below.
+        unless the swings of the answer decay or are very small; then only half a cycle below.
     progress : callable, optional
         Called after every simulation.
 

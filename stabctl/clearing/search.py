@@ -10,7 +10,7 @@ from stabctl.simulation.criterion import DEFAULT, Criterion, checked
 from stabctl.units import cycles, seconds
 
 LONGEST_SCAN = 600.0  # cycles
-AUTO = "auto"  # a scan of `RANGE`, below an answer only if its swings do not decay
+AUTO = "auto"  # a scan of `RANGE`, below an answer only if its swings are not calm
 RANGE = 4.0  # cycles
 SPACING = 0.125  # cycles between the faults of a scan, and between those tried first on a finer grid
 HALF = 0.5  # cycles   between an answer and the one shorter fault that is always tried

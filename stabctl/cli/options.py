@@ -193,7 +193,7 @@ Scan = Annotated[
         metavar="TIME",
         parser=lambda text: text if text == "auto" else time(text),
         help="Range below and above the critical clearing time that is scanned in steps of 1/8 cycle; 0 for none; "
-        "auto: 4cyc, but below it only if the swings do not decay.",
+        "auto: 4cyc, but below it only if the swings neither decay nor are very small.",
     ),
 ]
 Limit = Annotated[str, typer.Option("--limit", help="Longest clearing time that is tried.")]

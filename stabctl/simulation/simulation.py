@@ -169,6 +169,8 @@ class Simulation:
         With `cut`, the steps before `until` are those of a run that goes on.
         """
         self.affordable(until)
+        if not cut:
+            self._space.moves[:] = 0  # orders may have changed
         while self.outcome is None and self.time < until - 1e-9:
             following = self._following
             target = min([until, following, *(t for t in self._edges if t > self.time + 1e-9)])

@@ -10,6 +10,7 @@ LEAST = 2.5  # s   since the last event, below which nothing is said
 SHARE = 0.5  # of the largest swing: rotors that swing less are not judged
 FAINT = np.deg2rad(1.0)  # swings below are not judged
 SMALL = np.deg2rad(60.0)  # swings below are far from the limit
+VERY_SMALL = np.deg2rad(30.0)
 STEADY, GROWTH = 0.95, 1.05  # ratios of two swings: from the first on they do not decay, from the second on they grow
 
 
@@ -51,6 +52,11 @@ class Swings(NamedTuple):
     def settled(self) -> bool:
         """Whether a longer run would not show more: the swings decay, or are small and do not grow."""
         return self.decaying or (self.largest < SMALL and not self.growing)
+
+    @property
+    def calm(self) -> bool:
+        """Whether a slightly shorter fault would not show more: the swings decay, or are very small and do not grow."""
+        return self.decaying or (self.largest < VERY_SMALL and not self.growing)
 
     def __str__(self) -> str:
         span = f"degrees in the last {self.half_s:.2g} s"

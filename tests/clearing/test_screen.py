@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from stabctl.clearing import Run, Trial, clearing_time, lines, screen
-from stabctl.clearing.last_stable import Scan, last_stable
+from stabctl.clearing.last_stable import last_stable
 from stabctl.clearing.margin import Margin
+from stabctl.clearing.search import Scan
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
@@ -55,7 +56,7 @@ def grid(critical, slope=None, lost=()):
 @pytest.mark.parametrize("critical", [0, 1, 2, 31, 64, 200, 478, 479])
 def test_search_finds_the_last_survivor_and_proves_it(critical, guess, slope):
     attempt, asked = grid(critical, slope)
-    found = last_stable(attempt, 480, guess, 4, scan=HALF)
+    found = last_stable(attempt, 480, guess, 4, always=HALF)
     assert found[:2] == ("found", critical)
     assert found.machine == 7
     assert sorted(found.runs) == sorted(asked)
@@ -65,20 +66,20 @@ def test_search_finds_the_last_survivor_and_proves_it(critical, guess, slope):
 
 def test_search_with_margins_asks_few_questions():
     attempt, asked = grid(73, 1e-6)
-    last_stable(attempt, 480, 110, 4, scan=HALF)
+    last_stable(attempt, 480, 110, 4, always=HALF)
     assert len(asked) <= 6  # 5
 
 
 @pytest.mark.parametrize("guess", [0, 7, 480])
 def test_search_ends_at_the_ends(guess):
-    always, never = (last_stable(grid(critical)[0], 480, guess, 4, scan=HALF) for critical in (999, -1))
+    always, never = (last_stable(grid(critical)[0], 480, guess, 4, always=HALF) for critical in (999, -1))
     assert (*always[:2], always.machine) == ("stable_at_limit", 480, None)
     assert (*never[:2], never.machine) == ("unstable_at_zero", 0, 7)
 
 
 def test_an_answer_above_faults_that_are_lost_is_not_given():
     attempt, _ = grid(91, 1e-6, lost=range(85, 91))
-    assert last_stable(attempt, 480, 120, 4, scan=HALF).critical == 84
+    assert last_stable(attempt, 480, 120, 4, always=HALF).critical == 84
 
 
 @pytest.mark.slow
@@ -150,7 +151,7 @@ def test_nothing_below_is_said(cases):
 
 def test_a_fine_grid_costs_few_questions():
     attempt, asked = grid(31_415_926_535)
-    found = last_stable(attempt, 480_000_000_000, 10**9, 10**9, scan=Scan(4 * 10**9, 1))
+    found = last_stable(attempt, 480_000_000_000, 10**9, 10**9, always=Scan(4 * 10**9, 1))
     assert found.critical == 31_415_926_535
     assert len(asked) < 50  # 43
 

@@ -14,7 +14,7 @@ from stabctl.simulation.outcome import Kind
 
 def trial(stable, resolution, guess=10.0, limit=60.0, scan=4.0):
     """A system of which it is known whether a fault of so many cycles is stable."""
-    search = Search(resolution, limit, scan_cycles=scan)
+    search = Search(resolution, limit, scan_cycles=scan, above_cycles=scan)
 
     def attempt(k):
         cycles = k * resolution

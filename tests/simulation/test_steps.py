@@ -9,6 +9,7 @@ from systems import REGC_C, small
 
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
+from stabctl.dynamics.coerce import initialize
 from stabctl.errors import StudyError
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.simulation import steps
@@ -83,17 +84,34 @@ class TestTime:
         assert two_area.case.machines[off[-1].argmax()].machine == traced.outcome.machine
         assert (off[:-1] < 3.5).all()
 
-    def test_later_steps_are_longer_and_as_exact(self, two_area, cases):
-        point = operating_point.solve(cases("two_area").classical())
-        fault, long = Contingency("7", "5cyc", "7-8"), steps.later(point, None)
-        found, fine = (run(point, fault, 5.0, **how) for how in ({"later": long}, {"step": 1 / 480}))
-        sizes, calm = np.diff(found.time), found.time[:-1] > found.happened.changes[-1].at + steps.CALM - 1e-9
-        assert sizes[~calm].max() < steps.STEP + 1e-12
-        assert sizes[calm] == pytest.approx(long, rel=0.01)
-        assert found.arrays.angle[-1] == pytest.approx(fine.arrays.angle[-1], abs=3e-5)  # 1.2e-5
-        assert steps.later(two_area, None) == pytest.approx(steps.NEARLY / two_area.fastest)  # near 108 1/s
-        assert steps.later(replace(two_area, fastest=240.0), None) is None
-        assert steps.later(point, 1 / 100) is None
+    @pytest.mark.parametrize("rates", [(), (50,), (30, 50)])
+    @pytest.mark.parametrize("start", [0.0, 0.137])
+    def test_a_run_does_not_depend_on_where_it_ends(self, rates, start):
+        long = steps.steps(start, 3.0, 1 / 120, rates, cut=True)
+        for end in (start + 1.0, start + 1.0 + 1e-9, 1.234567, 2.0 - 1e-9, 2.9999):
+            short = steps.steps(start, end, 1 / 120, rates, cut=True)
+            n = len(short.sizes)
+            assert np.array_equal(short.starts, long.starts[:n])
+            assert np.array_equal(short.sizes[:-1], long.sizes[: n - 1])
+            assert np.array_equal(short.due, long.due[: len(short.due)])
+            assert short.starts[-1] + short.sizes[-1] == pytest.approx(end, abs=1e-12)
+            assert 0 < short.sizes[-1] < long.sizes[n - 1] * (1 + 1e-5)
+            begun = steps.whole(start, end, 1 / 120, rates)
+            again = steps.steps(begun, 3.0, 1 / 120, rates, cut=True)
+            assert begun <= end + 1e-9
+            assert again.starts == pytest.approx(long.starts[-len(again.starts) :], abs=1e-12)
+            assert again.sizes == pytest.approx(long.sizes[-len(again.sizes) :], abs=1e-12)
+
+    @pytest.mark.parametrize("control", [None, BangBang(), BangBang().sampled(50, "40ms")])
+    def test_a_later_end_changes_nothing_before_it(self, points, control):
+        point = initialize(points("two_area").case, "20MW")
+        fault = Contingency("1-5@0.5", clear="7cyc")
+        whole = run(point, fault, 6.0, control)
+        for end in (4.0, 4.0 + 1e-9, 4.123):
+            part = run(point, fault, end, control)
+            n = len(part.time) - 2  # the last step is shorter, which its row says
+            assert np.array_equal(part.time[:n], whole.time[:n])
+            assert np.array_equal(part.rows[:n], whole.rows[:n])
 
     def test_without_record_the_outcome_is_the_same(self, two_area):
         events = Contingency("7", 0.3, ["7-8"])
