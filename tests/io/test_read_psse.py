@@ -213,6 +213,17 @@ class TestNames:
         assert case.machine("2/b").p == 300
 
 
+def test_a_branch_without_impedance_gets_the_same_one_on_every_base(tmp_path):
+    """1e-5 pu on 100 MVA, in ohms whatever the base of the file."""
+    branch = next(row for row in THREE.read_text().split("\n") if row.replace(" ", "").startswith("101,102,'1'"))
+    fields = branch.split(",")
+    joined = ",".join([*fields[:3], "0", "0", *fields[5:]])
+    for base in (100.0, 0.02, 3000.0):
+        text = THREE.read_text().replace(branch, joined, 1).replace("100.00, 33", f"{base}, 33", 1)
+        (tmp_path / "x.raw").write_text(text)
+        assert psse.read_psse(tmp_path / "x.raw").branches[0].x == pytest.approx(1e-5 * base / 100)
+
+
 @pytest.mark.parametrize("kind", ["impedance", "current", "power"])
 def test_loads_of_a_kind_draw_the_same_power(tmp_path, kind):
     powers = "250.000,    30.000,     0.000,     0.000,     0.000,     0.000"
