@@ -249,3 +249,40 @@ def test_a_dc_line_holds_its_set_point_at_the_right_end(tmp_path, mode, setpoint
         assert 0 < factor < 1
         assert load.q == pytest.approx(abs(load.p) * np.sqrt(1 / factor**2 - 1))
         assert (load.kind, load.p_power, load.q_power) == ("injection", 1.0, 1.0)
+
+
+def test_machines_at_one_bus(tmp_path):
+    """The first holds the voltage; one without MBASE is on SBASE."""
+    first = GENERATOR.format(node="").replace(" 120.0,", " 0,")
+    second = BEHIND.format(node="").replace("13,'A'", "11,'B'").replace("0.009, 0.13, 1.06", "0, 0, 1")
+    out = BEHIND.format(node="").replace("13,'A'", "11,'C'").replace("1.06, 1,", "1.06, 0,")
+    case = raw(tmp_path, branch=[lines_of(33)], generator=[first, second, out])
+    assert [(m.name, m.base, m.p, m.q) for m in case.machines] == [
+        ("11/1", 85.0, 41.3, 12.7),
+        ("11/B", 47.0, 23.5, 6.4),
+    ]
+    assert case.buses[0].v == 1.043
+
+
+def test_fields_that_are_left_out_have_the_defaults_of_the_manual(tmp_path):
+    case = raw(
+        tmp_path,
+        bus=["11,,132,3", "12,,,,,,,0.98", "13", "14,,,4"],
+        load=["12", "13,,,,,5.3"],
+        shunt=["12,,,2.3", "13,,0,3.1"],
+        generator=["11"],
+        branch=["11,12,,,0.087", "12,13,'2',0.013,0.07,0.04", "11,13,,,0.3,,,,,,,,,0"],
+        transformer=["11,13", "0.013,0.143", ",", ","],
+    )
+    assert [(b.kind, b.v, b.angle, b.g, b.rated, b.area, b.zone, b.owner) for b in case.buses] == [
+        ("swing", 1.0, 0.0, 0.0, 132.0, 1, 1, 1),
+        ("pq", 0.98, 0.0, 2.3, 0.0, 1, 1, 1),
+        ("pq", 1.0, 0.0, 0.0, 0.0, 1, 1, 1),
+    ]
+    assert [(load.bus, load.p, load.q, load.id) for load in case.loads] == [(13, 5.3, 0.0, "1")]
+    assert [m[:7] for m in case.machines] == [(11, 11, 85.0, 0.0, 11, 0.0, "11/1")]
+    assert [(k.from_bus, k.to_bus, k.circuit, k.r, k.x, k.b, k.tap, k.phase) for k in case.branches] == [
+        (11, 12, "1", 0.0, 0.087, 0.0, 1.0, 0.0),
+        (12, 13, "2", 0.013, 0.07, 0.04, 1.0, 0.0),
+        (11, 13, "1", 0.013, 0.143, 0.0, 1.0, 0.0),
+    ]
