@@ -58,7 +58,7 @@ def tasks(by_bus: dict[str, list[str]], shared: Shared, identified: bool) -> lis
 def run(task: Task) -> Found:
     """The clearing times of a faulted bus."""
     job, (base, search, control) = task.job, task.shared
-    pairs = _pairs([Trial(base.point, Contingency(job.fault, trip=name), control, search) for name in job.trip])
+    pairs = _pairs([Trial(base.point, Contingency(job.fault, trip=(name,)), control, search) for name in job.trip])
     shortest = min((p.cycles for p in pairs if p.cycles is not None), default=None)
     simulations = sum(len(p.runs) for p in pairs) + 1
     found = json.dumps([as_plain(pair) for pair in pairs])

@@ -11,7 +11,7 @@ from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 from stabctl.jobs import Runner
 from stabctl.jobs.base import Base
-from stabctl.model import keys
+from stabctl.model import circuits, keys
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 from stabctl.simulation.control import Control
@@ -120,9 +120,10 @@ def screen(
 def _by_bus(case: Case, found: Lines, buses: int | str | Iterable[int] | None) -> dict[str, list[str]]:
     """Faulted bus -> the lines that are opened."""
     wanted = _wanted(case, buses)
+    branch = dict(zip(circuits.names(case.branches), case.branches, strict=True))
     by_bus: dict[str, list[str]] = {}
     for name in found.screened:
-        for bus in name.split("#")[0].split("-"):
+        for bus in (str(branch[name].from_bus), str(branch[name].to_bus)):
             if wanted is None or bus in wanted:
                 by_bus.setdefault(bus, []).append(name)
     if not by_bus:

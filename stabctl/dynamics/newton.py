@@ -15,7 +15,7 @@ from .groups import Groups
 from .jacobian import Equations
 from .tables import Family
 
-TOLERANCE = 1e-11  # largest residual, 1/s and pu
+TOLERANCE = 1e-11  # largest residual, 1/s and pu; of a current, pu on 100 MVA
 ROUNDOFF = 1e-15  # the same relative to the largest derivative of its equation, for fast blocks
 FAR = 1e9  # value of an opened limit
 STEPS = 30
@@ -53,13 +53,18 @@ class Newton:
         Bus voltages (buses), complex, pu.
     current
         Current out of every unit (units), complex, pu on the system base.
+    base_mva
+        The system base, MVA.
     """
 
-    def __init__(self, system: System, equations: Equations, V: np.ndarray, current: np.ndarray) -> None:
+    def __init__(
+        self, system: System, equations: Equations, V: np.ndarray, current: np.ndarray, base_mva: float
+    ) -> None:
         layout = system.layout
         self.equations, self.nx, self.outputs = equations, layout.nx, layout.outputs
         self.constants, self.continued = _constants(equations.families)
         self.owners, self.injections, self.target = _power_flow(system, equations, V, current)
+        self._unit = np.r_[np.ones(self.nx + self.outputs), np.full(len(self.injections), 100.0 / base_mva)]
         free = [layout.first_setpoint + k for k, p in enumerate(layout.setpoints) if p.start is None]
         outputs = layout.first_output + np.arange(layout.outputs)
         self.unknown = np.r_[np.arange(layout.nx), outputs, np.array(free, int)].astype(int)
@@ -126,9 +131,9 @@ class Newton:
             entries = self._entries(derivatives)
             if not (np.isfinite(f).all() and np.isfinite(entries).all()):
                 break
-            slope = np.ones(len(f))
+            slope = self._unit.copy()
             np.maximum.at(slope, self._rows, np.abs(entries))
-            if ((np.abs(f) < TOLERANCE) | (np.abs(f) < ROUNDOFF * slope)).all():
+            if ((np.abs(f) < TOLERANCE * self._unit) | (np.abs(f) < ROUNDOFF * slope)).all():
                 return made
             s[self.unknown] -= self.groups.solve(entries, f)
         worst = int(np.argmax(np.where(np.isfinite(f), np.abs(f), np.inf)))

@@ -68,7 +68,7 @@ def _solve(
     case: Case, system: System, equations: Equations, V: np.ndarray, current: np.ndarray, s: np.ndarray
 ) -> tuple[int, float, int]:
     """Solve for the equilibrium, from and to `s`: Newton steps, the largest eigenvalue, and its main state."""
-    newton = Newton(system, equations, V, current)
+    newton = Newton(system, equations, V, current, case.base_mva)
     try:
         return newton.solve(s)
     except Unsolved as error:

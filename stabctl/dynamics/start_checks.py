@@ -9,7 +9,7 @@ from . import family
 from .assembly import System
 from .jacobian import Equations
 
-LEAST = 1e-8  # pu   current that counts
+LEAST = 1e-8  # pu on 100 MVA   current that counts
 
 
 def check(case: Case, system: System, equations: Equations, s: np.ndarray) -> None:
@@ -30,7 +30,7 @@ def check(case: Case, system: System, equations: Equations, s: np.ndarray) -> No
         If a check fails; names device and machine.
     """
     _upright(case, system, s)
-    _no_current(system, equations, s)
+    _no_current(system, equations, s, LEAST * 100 / case.base_mva)
 
 
 def _upright(case: Case, system: System, s: np.ndarray) -> None:
@@ -44,8 +44,8 @@ def _upright(case: Case, system: System, s: np.ndarray) -> None:
         )
 
 
-def _no_current(system: System, equations: Equations, s: np.ndarray) -> None:
-    """Check that shunts and storage devices draw no current at the power flow, which does not include them."""
+def _no_current(system: System, equations: Equations, s: np.ndarray, least: float) -> None:
+    """Check that shunts and storage devices draw no current (pu) at the power flow, which does not include them."""
     first, values = system.layout.nx + system.layout.outputs, equations.entries(s)[1]
     for f in equations.families:
         part = equations.injections[f.name]
@@ -56,7 +56,7 @@ def _no_current(system: System, equations: Equations, s: np.ndarray) -> None:
             g, b = f.device.admittance(f.device.Par(*f.k.T))
             drawn = drawn - (g + 1j * b) * s[f.w[:, [family.BUS]] + np.arange(2)].view(complex)[:, 0]
         size = np.abs(drawn)
-        if size.max() > LEAST:
+        if size.max() > least:
             j = int(size.argmax())
             raise EquilibriumError(
                 f"{f.device.NAME} of {f.keys[j]} draws {size[j]:.3g} pu of current at the power flow, which does not "

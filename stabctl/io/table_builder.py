@@ -17,7 +17,7 @@ from stabctl.model.tables import Branch, Bus
 
 KINDS: dict[int, Literal["pq", "pv", "swing"]] = {1: "pq", 2: "pv", 3: "swing"}
 ISOLATED = 4
-NO_IMPEDANCE = 1e-5  # pu   reactance given to a branch without impedance
+NO_IMPEDANCE = 1e-5  # pu on 100 MVA   reactance given to a branch without impedance
 POWER_LOW = 0.7  # pu   voltage below which PSS/E changes constant-power loads (PQBRAK)
 SHOWN = 5  # buses in a sentence
 
@@ -33,9 +33,12 @@ class TableBuilder:
         What was changed, one sentence each.
     joined : list of pairs of int
         Buses joined by a branch without impedance.
+    no_impedance : float, pu
+        Reactance given to such a branch.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, base_mva: float) -> None:
+        self.no_impedance = NO_IMPEDANCE * base_mva / 100
         self.rows: dict[str, list[Any]] = {"buses": [], "branches": [], "machines": [], "loads": []}
         self.places: dict[str, list[Any]] = {table: [] for table in self.rows}
         self.corrections: list[str] = []
@@ -74,10 +77,10 @@ class TableBuilder:
         """Add a branch; one without impedance gets a small one. `threshold`: reactance (pu) that counts as none."""
         if branch.r == 0 and abs(branch.x) <= max(threshold, 0.0):
             self.joined.append((branch.from_bus, branch.to_bus))
-        if branch.r == 0 and abs(branch.x) < NO_IMPEDANCE:
+        if branch.r == 0 and abs(branch.x) < self.no_impedance:
             name = f"{branch.from_bus}-{branch.to_bus} ckt {branch.circuit}"
-            self.corrections.append(f"{place}: {name} has no impedance and gets x = {NO_IMPEDANCE:g} pu.")
-            branch = branch._replace(x=NO_IMPEDANCE)
+            self.corrections.append(f"{place}: {name} has no impedance and gets x = {self.no_impedance:g} pu.")
+            branch = branch._replace(x=self.no_impedance)
         self.add("branches", branch, place)
 
     def leave_out(self, buses: set[int]) -> None:

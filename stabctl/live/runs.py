@@ -34,7 +34,7 @@ def answer(points: Points, state: State, load: commands.Source) -> bytes:
         "at": AT,
         "cleared": state.contingency.cleared(points.case),
         "until": UNTIL,
-        "opened": state.contingency.opened,
+        "opened": state.contingency.opened(points.case),
         "copy": commands.lines(load, points.case, state),
         "simulated_ms": 1e3 * (ran - begun),
     }

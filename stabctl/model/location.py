@@ -53,8 +53,8 @@ def locate(case: Case, text: str) -> Location:
         return Location(next(i for i, bus in enumerate(case.buses) if bus.bus == number))
     if _NUMBER.fullmatch(text):
         raise StudyError(_no_bus(case, int(text)))
-    point = _POINT.fullmatch(text)
-    wanted = circuits.parse(case, point[1] if point else text)
+    name, position = _parts(case, text)
+    wanted = circuits.parse(case, name)
     if wanted is None:
         raise StudyError(
             f"{shown(text)} is not a location; write 83 for a bus, 7-8 or 7-8#2 for a circuit, 7-8@0.4 for a point on "
@@ -62,17 +62,29 @@ def locate(case: Case, text: str) -> Location:
         )
     a, b = wanted.a, wanted.b
     row = _circuit_row(case, wanted)
-    if point is None:
+    if position is None:
         return Location(None, row)
     try:
-        along = float(point[2])
+        along = float(position)
     except ValueError:
         along = -1.0
     if not 0 <= along <= 1:
         raise StudyError(
-            f"The position {point[2]} along {a}-{b} is not allowed; it must be from 0 (bus {a}) to 1 (bus {b})."
+            f"The position {position} along {a}-{b} is not allowed; it must be from 0 (bus {a}) to 1 (bus {b})."
         )
     return Location(None, row, along if case.branches[row].from_bus == a else 1 - along)
+
+
+def _parts(case: Case, text: str) -> tuple[str, str | None]:
+    """The circuit and the position along it; the identifier of a circuit may itself begin with `@`."""
+    wanted = circuits.parse(case, text)
+    point = None if wanted and circuits.rows(case, wanted) else _POINT.fullmatch(text)
+    return (point[1], point[2]) if point else (text, None)
+
+
+def faulted(case: Case, text: str) -> str | None:
+    """Name of the circuit of a location, without the position along it; None if it is a bus."""
+    return None if locate(case, text).branch is None else _parts(case, str(text).strip())[0]
 
 
 def _circuit_row(case: Case, wanted: circuits.Circuit) -> int:

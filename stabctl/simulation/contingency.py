@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case
+from stabctl.model.location import faulted
 from stabctl.units import seconds
 
 from . import notation
@@ -84,16 +85,25 @@ class Contingency:
         object.__setattr__(self, "trip", _circuits(self.trip))
         object.__setattr__(self, "events", _events(self.events))
 
-    @property
-    def on_line(self) -> bool:
-        """Whether the fault is on a circuit, which is then opened to clear it."""
-        return self.fault is not None and "-" in self.fault
+    def opened(self, case: Case) -> tuple[str, ...]:
+        """The circuits opened at clearing: the faulted one first.
 
-    @property
-    def opened(self) -> tuple[str, ...]:
-        """The circuits opened at clearing: the faulted one first."""
-        own = (self.fault.split("@")[0].strip(),) if self.fault is not None and self.on_line else ()
-        return tuple(dict.fromkeys((*own, *self.trip)))
+        Parameters
+        ----------
+        case : Case
+            The system, which tells a circuit from a bus with a dash in its name.
+
+        Returns
+        -------
+        tuple of str
+
+        Raises
+        ------
+        StudyError
+            If the case has no such fault location.
+        """
+        own = None if self.fault is None else faulted(case, self.fault)
+        return tuple(dict.fromkeys((*([own] if own else ()), *self.trip)))
 
     @property
     def label(self) -> str:
@@ -170,9 +180,9 @@ class Contingency:
         at, off = self.starts(case), self.cleared(case)
         if self.fault is not None and seconds(self.clear or 0.0, case.frequency_hz) > 0:
             events.append(Fault(self.fault, at, self.impedance))
-            if not self.on_line:
+            if faulted(case, self.fault) is None:
                 events.append(Clear(self.fault, off))
-        return tuple(events) + tuple(Open(name, off) for name in self.opened)
+        return tuple(events) + tuple(Open(name, off) for name in self.opened(case))
 
     def check(self, case: Case, until: float | None = None) -> None:
         """Check the contingency against a case.
@@ -211,7 +221,8 @@ class Contingency:
         parts = []
         if self.fault is not None:
             parts.append(f"fault {self.fault}" + (f" through {self.impedance} pu" if self.impedance else ""))
-        opened = f"opening {', '.join(self.opened)}" if self.opened else ""
+        names = dict.fromkeys((*_line(self.fault or ""), *self.trip))
+        opened = f"opening {', '.join(names)}" if names else ""
         if self.clear is not None and self.fault is not None:
             parts.append(f"cleared after {_said(self.clear)}" + (f" by {opened}" if opened else ""))
         elif opened:
@@ -294,6 +305,12 @@ def _events(events: Event | str | Iterable[Event | str]) -> tuple[Event | str, .
         elif not isinstance(item, Event):
             raise StudyError(f"{item!r} is not an event; write {notation.SHOWN}, or give a record such as LoadStep.")
     return items
+
+
+def _line(fault: str) -> tuple[str, ...]:
+    """The circuit of a fault that is on one whatever the case: `7-8`, `7-8@0.4`."""
+    name, at, _ = fault.rpartition("@")
+    return (name or fault,) if at or notation.NUMBERS.fullmatch(fault) else ()
 
 
 def _said(time: str | float) -> str:

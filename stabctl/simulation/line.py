@@ -21,7 +21,7 @@ def family(op, count, w, k, s, f, on):
     for j in range(count):
         wanted, due, line, out = w[8 * j + 4], w[8 * j + 5], w[8 * j + 6], w[8 * j + 7]
         d, bit = int(k[2 * j]), int(k[2 * j + 1])
-        if op == STEP and int(s[due]) & (1 << bit):
+        if op == STEP and int(s[due].real) & (1 << bit):
             if d == 0:
                 s[out] = s[wanted]
             else:

@@ -9,7 +9,7 @@ from stabctl.units import seconds
 from .events import Event, LoadStep, Open, TripMachine
 
 SHOWN = "7-8@1s (a line opens), 14@2s (a machine trips) or 7:+50MW@1s (a load changes)"
-_NUMBERS = re.compile(r"\d{1,18}-\d{1,18}(?:#\d{1,18})?", re.ASCII)
+NUMBERS = re.compile(r"\d{1,18}-\d{1,18}(?:#\d{1,18})?", re.ASCII)
 _MACHINE = re.compile(r"\d{1,18}|[^:]+/[^:/]+", re.ASCII)
 _POWER = r"[+-]\d+(?:\.\d*)?(?:[eE][+-]?\d+)?"
 _LOAD = re.compile(rf"([^:]+):(?:({_POWER})\s*MW)?\s*(?:({_POWER})\s*Mvar)?", re.ASCII | re.IGNORECASE)
@@ -45,7 +45,7 @@ def load_step(text: str, frequency_hz: float) -> LoadStep:
 
 def _circuit(what: str) -> bool:
     """Whether it has the form of a circuit: two numbers, or the names of two buses; or an identifier."""
-    return bool(_NUMBERS.fullmatch(what)) or ("-" in what and any(c.isalpha() for c in what))
+    return bool(NUMBERS.fullmatch(what)) or ("-" in what and any(c.isalpha() for c in what))
 
 
 def event(text: str | Event, frequency_hz: float) -> Event:

@@ -20,7 +20,7 @@ from .model import eliminated
 if TYPE_CHECKING:
     import control
 
-TOLERANCE = 1e-12  # pu   largest current mismatch of a bus
+TOLERANCE = 1e-12  # pu on 100 MVA   largest current mismatch of a bus
 
 
 def nonlinear(
@@ -99,7 +99,7 @@ class Motion:
             d = self._equations.at(s)
             miss = (d.currents - self._Y @ v.view(complex)).view(float)
             now = np.abs(miss).max()
-            if now < TOLERANCE:
+            if now < TOLERANCE * 100 / self._point.case.base_mva:
                 return s, d
             if not np.isfinite(now):
                 break

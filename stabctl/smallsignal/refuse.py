@@ -15,7 +15,7 @@ from stabctl.dynamics.signals import Signal
 from stabctl.dynamics.tables import Family
 from stabctl.errors import LinearizationError
 
-STILL = 1e-8  # 1/s and pu   largest state derivative and current mismatch of an equilibrium
+STILL = 1e-8  # 1/s and pu on 100 MVA   largest state derivative and current mismatch of an equilibrium
 NUDGE = 1e-8  # perturbation of every signal, which moves a value off a limit
 SMOOTH = 10 * NUDGE  # change of a derivative without a kink, by curvature
 JUMP = 1e-3  # change of a derivative between the two sides, relative to the largest in its row
@@ -30,7 +30,7 @@ def moving(point: OperatingPoint, d: Derivatives, Y: Matrix) -> None:
             f"The operating point of {point.case.name} is not an equilibrium: {point.layout.states[k].label} changes "
             f"at {d.rates[k]:.3g} per second, faster than any other state; use the result of initialize()."
         )
-    if not miss[bus] < STILL:
+    if not miss[bus] < STILL * 100 / point.case.base_mva:
         raise LinearizationError(
             f"The operating point of {point.case.name} is not an equilibrium: the current mismatch at bus "
             f"{point.case.buses[bus].bus} is {miss[bus]:.3g} pu; use the result of initialize()."

@@ -3,21 +3,28 @@
 import csv
 import json
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import stabctl as st
 from stabctl.clearing import Run, Trial, clearing_time, lines, screen
 from stabctl.clearing.last_stable import last_stable
 from stabctl.clearing.margin import Margin
 from stabctl.clearing.search import Scan
 from stabctl.controllers import BangBang
+from stabctl.design.law_contingencies import spread
 from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
+from stabctl.live import searches
+from stabctl.live.points import Points
+from stabctl.live.state import State
 from stabctl.model.fleet import everywhere
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.outcome import Kind
 
+EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 HALF = Scan(4, 1)  # one fault half a cycle shorter, on a grid of an eighth
 
 
@@ -120,6 +127,40 @@ def test_a_sample_of_wnaps_as_clearing_time_finds_it(points):
     assert lost == {("84-28",): 13, ("77-102",): 32}
     assert {p.status for p in found.pairs[:2]} == {"unstable_at_zero"}
     assert "even without a fault: 84-28, 77-102" in str(found)
+
+
+@pytest.fixture(scope="module")
+def identified(tmp_path_factory):
+    """A system from a PSS/E file, which names circuits by identifiers, one of them with the sign of a position."""
+    text = (EXAMPLES / "three.raw").read_text()
+    for old, new in (("102, 103, '1', 0.015", "102, 103, '@1', 0.011"), ("102, 103, '2'", "103, 102, '2'")):
+        assert old in text
+        text = text.replace(old, new)
+    path = tmp_path_factory.mktemp("three") / "three.raw"
+    path.write_text(text)
+    point = st.load(path, dyr=EXAMPLES / "three.dyr", loads="impedance").initialize()
+    return point, screen(point, resolution="1cyc", longest="0s")
+
+
+def test_circuits_with_identifiers_are_screened(identified):
+    point, found = identified
+    ends = {"101-102": "101 102", "101-103": "101 103", "102-103 ckt @1": "102 103", "103-102 ckt 2": "102 103"}
+    assert {(p.fault, p.trip) for p in found.pairs} == {(b, (k,)) for k, e in ends.items() for b in e.split()}
+    for pair in found.pairs[:3]:
+        one = clearing_time(point, pair.contingency, resolution="1cyc", longest="0s", scan=0)
+        assert answer(pair) == answer(one)
+    assert found.pairs[0].cycles == 18  # of 18 to 20
+
+
+def test_what_reads_a_screen_knows_circuits_with_identifiers(identified, tmp_path):
+    point, found = identified
+    for contingency in spread(found, 4):
+        contingency.with_clear("6cyc").check(point.case)
+    assert found.report(tmp_path, base=point).read_text().count("<title>") >= 2 * len(found.pairs)
+    told = []
+    searches.landscape(Points(point.case), State("101"), told.append)
+    rows = [row for message in told for row in message.get("pairs", ())]
+    assert {(row[0], row[1]) for row in rows} == {(p.fault, p.trip[0]) for p in found.pairs}
 
 
 def test_pairs_are_ranked_and_cut(screens):

@@ -5,6 +5,7 @@ import pytest
 from block_diagram import distance, evaluate, feedback, motion, one, opened, response, rest, s
 
 from stabctl import devices
+from stabctl.devices.blocks import lookup
 from stabctl.devices.converters import csvgn1, dera1, reec_b, reec_c, repc_a, wtdt_a
 from stabctl.schema import fields
 
@@ -219,6 +220,31 @@ def test_curves_of_current_over_voltage_limit_it():
     _, x, u = still(reec_a, p, CURRENTS)
     out = motion(reec_a, p, x, lambda t: u | {"vt": 1.0 if t < 0.1 else 0.5}, 0.6)
     assert out[-1, -2:] == pytest.approx([0.2, 0.5], abs=1e-6)
+
+
+@pytest.mark.parametrize("model", ["reec_a", "reec_c"])
+@pytest.mark.parametrize("curve", ["q", "p"])
+@pytest.mark.parametrize(
+    "points",
+    [
+        [(-1.0, 1.6), (2.0, 1.5)],
+        [(0.2, 0.3), (0.7, 1.1), (1.4, 1.3)],
+        [(0.0, 0.0), (0.6, 0.7)],
+        [(0.0, 0.4)],
+        [(0.1, 0.0), (0.5, 0.9), (0.8, 1.2), (1.2, 0.6)],
+    ],
+)
+def test_unused_points_of_a_curve_are_not_part_of_it(model, curve, points):
+    """What follows the last point as 0, 0 changes the curve nowhere."""
+    device = devices.every()[model]
+    given = {f"{n}{curve}{k}": 0.0 for n in "VI" for k in range(1, 5)}
+    for k, (volts, limit) in enumerate(points, 1):
+        given |= {f"V{curve}{k}": volts, f"I{curve}{k}": limit}
+    known = {name: 0.0 for name in device.Par._fields if name not in fields(device.Par)}
+    p = device.prepare(device.Par(**(known | {n: f.default for n, f in fields(device.Par).items()} | given)))
+    volts, limits = ([getattr(p, f"{n}{curve}{k}") for k in range(1, 5)] for n in "VI")
+    for v in np.linspace(0, 2, 21):
+        assert lookup(v, volts, limits) == pytest.approx(np.interp(v, *zip(*points, strict=True)))
 
 
 def test_points_of_a_curve_that_do_not_ascend_are_left_out():

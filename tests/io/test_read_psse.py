@@ -9,7 +9,9 @@ from psse_replay import DATA
 import stabctl as st
 from stabctl.errors import CaseError, StudyError
 from stabctl.io import psse
-from stabctl.model import keys, network, powerflow
+from stabctl.io.psse import dyr, lexer
+from stabctl.model import circuits, keys, location, network, powerflow
+from stabctl.simulation.events import Clear, Fault, Open
 
 THREE = DATA / "psid/GENROU/ThreeBusMulti.raw"
 TVC = DATA / "psid/EXAC1/TVC_System_32.raw"
@@ -71,6 +73,73 @@ def test_a_mistake_is_told_with_line_and_field(tmp_path, old, new, says):
     assert str(caught.value).startswith(f"{tmp_path / 'x.raw'} {says}")
 
 
+COMMENTS = "peak load", "peak load, 'summer'", "'", "it's 3, 4", 'an "old", value', "a/b, 'c/d'", ", , ,", "101 'X"
+
+
+@pytest.mark.parametrize("comment", COMMENTS)
+@pytest.mark.parametrize("commas", [True, False])
+def test_a_comment_changes_nothing(tmp_path, comment, commas):
+    """After every record of every section and after their end records, with commas and without."""
+    rows = THREE.read_text().split("\n")
+    if not commas:
+        rows = [row.replace(",", " ") for row in rows]
+    (tmp_path / "x.raw").write_text("\n".join(rows))
+    rows = [
+        row if i in (1, 2) or not row.strip() else f"{row.partition('/')[0]} / {comment}" for i, row in enumerate(rows)
+    ]
+    (tmp_path / "y.raw").write_text("\n".join(rows))
+    case, same = (psse.read_psse(tmp_path / name) for name in ("x.raw", "y.raw"))
+    assert (same.buses, same.branches, same.machines, same.loads) == (
+        case.buses,
+        case.branches,
+        case.machines,
+        case.loads,
+    )
+    assert case.loads == psse.read_psse(THREE).loads != ()
+
+
+@pytest.mark.parametrize("comment", COMMENTS)
+def test_a_comment_in_a_dyr_file_changes_nothing(tmp_path, comment):
+    records = "101 'GENCLS' 1 0 0 /", "102 'GENROU' 1 8 0.03 0.4 0.05", "6.2 0.05 1.8 1.7 0.3 0.55 0.25 0.2 0 0 /"
+    (tmp_path / "x.dyr").write_text("\n".join(f"{r} {comment}" if r.endswith("/") else r for r in records))
+    (tmp_path / "y.dyr").write_text(" ".join(records))
+    assert [r[1:] for r in dyr.read(tmp_path / "x.dyr")] == [r[1:] for r in dyr.read(tmp_path / "y.dyr")]
+
+
+@pytest.mark.parametrize(
+    ("text", "fields"),
+    [
+        ("5,'26' Drop ', 87.0 / 'a', 'b'", ["5", "26' Drop", "87.0"]),  # an apostrophe in a name
+        ("5,'N/S' , 'A, B' / c", ["5", "N/S", "A, B"]),
+        ("5 'N/S, W' 87.0 / c, 'd'", ["5", "N/S, W", "87.0"]),
+        ("5 'O'HARE' ,'x' /'", ["5", "O'HARE", "x"]),
+        ('5 "N / S" 1/2', ["5", "N / S", "1"]),
+    ],
+)
+def test_quoted_fields(text, fields):
+    assert lexer.split(text, lexer.Place(THREE, 1)).fields == fields
+
+
+def test_records_of_one_line_are_read_in_one_pass(tmp_path, monkeypatch):
+    """Twice as many records on a line are searched for twice as many fields, each once."""
+    searched = []
+
+    def split(text, place, commas=True, start=0):
+        line = lexer.split(text, place, commas, start)
+        searched.append((line.end or len(text)) - start)
+        return line
+
+    monkeypatch.setattr(dyr, "split", split)
+    record = "101 'GENCLS' 1 5.5 0.25 / "
+    for count in (10, 1000):
+        searched.clear()
+        (tmp_path / "x.dyr").write_text(record * count)
+        found = dyr.read(tmp_path / "x.dyr")
+        assert len(found) == count
+        assert {r[1:] for r in found} == {(101, "GENCLS", "1", ("5.5", "0.25"))}
+        assert sum(searched) <= len(record) * count
+
+
 @pytest.mark.parametrize(
     ("name", "codes", "allowed"),
     [
@@ -103,6 +172,30 @@ class TestNames:
         with pytest.raises(StudyError, match="Branch 1-4 of TVC_System_32 has no circuit 3; its identifiers are 1, 2"):
             st.Contingency("1-4 ckt 3@0.5", "6cyc").check(case)
 
+    @pytest.mark.parametrize("ids", [("1", "2"), ("@1", "*1"), ("7", "&A"), ("1", "@1")])
+    def test_of_circuits_are_read_back(self, tmp_path, ids):
+        """The name of every circuit leads to its row, from both ends, and to points along it."""
+        text = TVC.read_text().replace("     1,      4,'1 '", f"1,4,'{ids[0]}'")
+        text = text.replace("     1,      4,'2 '", f"4,1,'{ids[1]}'")
+        (tmp_path / "x.raw").write_text(text)
+        case = st.load(tmp_path / "x.raw")
+        assert [k.circuit for k in case.branches[:2]] == list(ids)
+        for row, name in enumerate(circuits.names(case.branches)):
+            assert location.circuit(case, name) == (row, True)
+            assert location.locate(case, f"{name}@0.25") == (None, row, 0.25)
+            assert st.Contingency(f"{name}@0.25", "6cyc").opened(case) == (name,)
+            k = case.branches[row]
+            other = name.replace(f"{k.from_bus}-{k.to_bus}", f"{k.to_bus}-{k.from_bus}")
+            assert location.locate(case, f"{other}@0.25") == (None, row, 0.75)
+
+    def test_of_a_bus_with_a_dash(self, tmp_path):
+        """A fault at bus NORTH-4 is at a bus: it is removed, and opens nothing."""
+        (tmp_path / "x.raw").write_text(TVC.read_text().replace("'BUS4        '", "'NORTH-4'"))
+        case = st.load(tmp_path / "x.raw")
+        fault = st.Contingency("NORTH-4", 0.1, "1-4 ckt 2")
+        assert fault.timed(case) == (Fault("NORTH-4", 1.0), Clear("NORTH-4", 1.1), Open("1-4 ckt 2", 1.1))
+        assert str(fault) == "fault NORTH-4, cleared after 0.1 s by opening 1-4 ckt 2"
+
     def test_of_machines_and_buses(self, case):
         assert case.machine("2/1") is case.machine(2) is case.machine("bus2/1")
         with pytest.raises(StudyError, match="There is no machine 2/7 in TVC_System_32; its machines are 1/1, 2/1"):
@@ -118,6 +211,17 @@ class TestNames:
         case = st.load(tmp_path / "x.raw")
         assert [m.name for m in case.machines] == ["1/1", "2/1", "2/B"]
         assert case.machine("2/b").p == 300
+
+
+def test_a_branch_without_impedance_gets_the_same_one_on_every_base(tmp_path):
+    """1e-5 pu on 100 MVA, in ohms whatever the base of the file."""
+    branch = next(row for row in THREE.read_text().split("\n") if row.replace(" ", "").startswith("101,102,'1'"))
+    fields = branch.split(",")
+    joined = ",".join([*fields[:3], "0", "0", *fields[5:]])
+    for base in (100.0, 0.02, 3000.0):
+        text = THREE.read_text().replace(branch, joined, 1).replace("100.00, 33", f"{base}, 33", 1)
+        (tmp_path / "x.raw").write_text(text)
+        assert psse.read_psse(tmp_path / "x.raw").branches[0].x == pytest.approx(1e-5 * base / 100)
 
 
 @pytest.mark.parametrize("kind", ["impedance", "current", "power"])

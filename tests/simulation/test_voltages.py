@@ -6,10 +6,11 @@ from comparison import KEEP_ON
 from scipy.optimize import root
 from systems import with_shares
 
-from stabctl.dynamics import family, operating_point
+from stabctl.controllers import Feedback
+from stabctl.dynamics import family, loop, operating_point
 from stabctl.dynamics.program import program
 from stabctl.model.network import UNSWITCHED
-from stabctl.simulation import newton, voltages
+from stabctl.simulation import center, frame, line, lti, newton, voltages
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.plant import newton_space, space
 from stabctl.simulation.simulation import run
@@ -76,6 +77,23 @@ class TestNewtonFallback:
             bus = (w[family.BUS] - point.layout.nx) // 2
             out[bus] += complex(*f.device.current((V[bus].real, V[bus].imag), f.device.Par(*k)))
         return out
+
+    def test_a_sampled_storage_law_acts_on_the_signals_of_an_earlier_frame(self, cases):
+        """Its orders, recomputed from the run: three frames late, in proportion to the speed against the others'."""
+        point = operating_point.solve(self.heavy(cases).with_storage("50MW"))
+        law = Feedback(0.002, min_voltage=0.0).sampled(60, "50ms")
+        traced = run(point, Contingency("8", 6 / 60, ["7-8", "8-9"], at=0.1), 0.6, law, criterion=KEEP_ON)
+        assert "newton" in point.system.kept, "substitution would do"
+        H, speed = point.inertia, traced.arrays.speed
+        deviation = speed - ((speed @ H)[:, None] - speed * H) / (H.sum() - H)
+        wanted = 0.002 * 2 * np.pi * 60 * np.array([m.base for m in point.case.machines]) / 50 * deviation
+        frames = [at(traced, k / 60) for k in range(36)]
+        assert np.abs(wanted).max() > 0.03  # 0.035 of the rating
+        assert np.abs(traced.arrays.order[frames[3:]] - wanted[frames[:-3]]).max() < 1e-12  # 6e-15
+
+    @pytest.mark.parametrize("device", [center, frame, line, lti])
+    def test_families_with_a_loop_of_their_own_exist_for_complex_numbers(self, device):
+        assert loop.address(device.__name__.rpartition(".")[2], device, complex) is not None
 
     def test_factors_of_an_earlier_instant_give_the_same_voltages(self, cases):
         """Kept while the sources change; near the kinks, where they do not help, present ones are made."""

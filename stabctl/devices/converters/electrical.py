@@ -191,9 +191,15 @@ def limited(pref, x, u, p, bias, low, most_p, most_q):
 
 
 def rising(p: Any) -> Any:
-    """Parameters whose curves have ascending voltages, and no limit where every point is zero."""
+    """Parameters whose curves have ascending voltages, and no limit where every point is zero.
+
+    Points 0, 0 after the last of a curve are unused.
+    """
     for v, i in (("Vq", "Iq"), ("Vp", "Ip")):
-        points = sorted({getattr(p, f"{v}{k}"): getattr(p, f"{i}{k}") for k in range(4, 0, -1)}.items())
+        given = [(getattr(p, f"{v}{k}"), getattr(p, f"{i}{k}")) for k in range(1, 5)]
+        while len(given) > 1 and given[-1] == (0.0, 0.0):
+            given.pop()
+        points = sorted(dict(reversed(given)).items())
         if not any(limit for _, limit in points):
             points = [(0.0, NO_LIMIT)]
         while len(points) < 4:

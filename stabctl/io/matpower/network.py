@@ -25,7 +25,7 @@ class Network(TableBuilder):
     """
 
     def __init__(self, file: Mpc) -> None:
-        super().__init__()
+        super().__init__(file.base_mva)
         self.file = file
         self.row_of: dict[int, int] = {}
         self._lines: dict[int, Place] = {}

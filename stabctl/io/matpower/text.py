@@ -72,13 +72,18 @@ def assignments(path: Path) -> dict[str, Assignment]:
 
 
 def _code(path: Path) -> Iterator[tuple[Place, str]]:
-    """The lines of the file without comments."""
-    block = 0
+    """The lines of the file without comments. Raises `CaseError` for a block comment that is not closed."""
+    blocks: list[Place] = []  # where those that are open begin
     for i, line in enumerate(lines(path), 1):
         marker = line.strip()
-        block += (marker == "%{") - (marker == "%}" and block > 0)
-        if not block and marker != "%}":
+        if marker == "%{":
+            blocks.append(Place(path, i))
+        elif marker == "%}":
+            del blocks[-1:]
+        elif not blocks:
             yield Place(path, i), _without_comment(line)
+    if blocks:
+        raise blocks[0].error("the block comment %{ is not closed; write %} on a line of its own after it.")
 
 
 def _without_comment(line: str) -> str:

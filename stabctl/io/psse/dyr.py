@@ -1,5 +1,6 @@
 """A DYR file as records: bus, kind of model, ID, constants, up to a slash."""
 
+import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,6 +10,7 @@ from .lexer import NUMBER, Place, lines, split, whole
 
 USER = "USRMDL"  # a record of a user-written model: its name, six numbers that describe it, then its constants
 HEAD = 7
+_NEXT = re.compile(r"\s*\d+\s+['\"]\S*\s+\S")  # another record after a slash; anything else is a comment
 
 
 class Record(NamedTuple):
@@ -27,37 +29,23 @@ def read(path: Path) -> list[Record]:
     fields: list[str] = []
     start: Place | None = None
     for i, text in enumerate(lines(path), 1):
-        rest = text
-        while rest.strip():
-            place = Place(path, i)
-            if not fields and rest.lstrip().startswith(("@!", "//")):
-                break
-            line = split(rest, place, commas=False)
+        if not text.strip() or (not fields and text.lstrip().startswith(("@!", "//"))):
+            continue
+        place, at = Place(path, i), 0
+        while True:
+            line = split(text, place, commas=False, start=at)
             start = start if fields else place
             fields += line.fields
-            if not line.closed:
+            if line.end is None:
                 break
             if fields and start:
                 found.append(_record(start, fields))
-            fields, rest = [], _after(rest)
+            fields, at = [], line.end
+            if not _NEXT.match(text, at):
+                break
     if fields and start:
         raise start.error("the record has no slash at its end.")
     return found
-
-
-def _after(text: str) -> str:
-    """What follows the first slash outside quotes if it is another record, otherwise nothing."""
-    quote = ""
-    for i, c in enumerate(text):
-        if quote:
-            quote = "" if c == quote else quote
-        elif c in "'\"":
-            quote = c
-        elif c == "/":
-            rest = text[i + 1 :]
-            parts = rest.split()
-            return rest if len(parts) >= 3 and parts[0].isdecimal() and parts[1][:1] in "'\"" else ""
-    return ""
 
 
 def _record(place: Place, fields: list[str]) -> Record:

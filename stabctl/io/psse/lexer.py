@@ -8,7 +8,8 @@ from stabctl.errors import CaseError, shown
 
 from ..table import LARGEST_FILE
 
-_PARTS = r"""\s+ | '(.*?)'(?={end}) | "(.*?)"(?={end}) | (,) | (/) | ([^\s,/'"][^\s,/]*) | (['"])"""
+_PARTS = r"""\s+ | '([^']*(?:'[^'/]*)*?)'(?={end}) | "([^"]*(?:"[^"/]*)*?)"(?={end})
+    | (,) | (/) | ([^\s,/'"][^\s,/]*) | (['"])"""  # a slash after a quote within a quoted field ends the record
 _COMMAS = re.compile(_PARTS.format(end=r"\s*[,/]|\s*$"), re.VERBOSE)
 _BLANKS = re.compile(_PARTS.format(end=r"[\s,/]|$"), re.VERBOSE)
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?", re.ASCII)
@@ -29,11 +30,11 @@ class Place(NamedTuple):
 
 
 class Line(NamedTuple):
-    """The fields of a line, empty where a value is left out; `closed` if a slash ends them."""
+    """The fields of a line, empty where a value is left out, and the position after the slash that ends them."""
 
     place: Place
     fields: list[str]
-    closed: bool
+    end: int | None
 
 
 def lines(path: Path) -> list[str]:
@@ -49,18 +50,17 @@ def lines(path: Path) -> list[str]:
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
-def split(text: str, place: Place, commas: bool = True) -> Line:
-    """The fields of a line; with `commas`, one must follow a quoted field if the line has any.
+def split(text: str, place: Place, commas: bool = True, start: int = 0) -> Line:
+    """The fields of a line from a position; with `commas`, one must follow a quoted field if they are separated by any.
 
-    Raises `CaseError` for a quote that is not closed.
+    What follows the slash is a comment and changes nothing. Raises `CaseError` for a quote that is not closed.
     """
     fields: list[str] = []
-    filled, closed = False, False  # whether the field before the next comma has a value
-    for match in (_COMMAS if commas and "," in text else _BLANKS).finditer(text):
+    filled = False  # whether the field before the next comma has a value
+    for match in (_COMMAS if commas and _separated(text) else _BLANKS).finditer(text, start):
         single, double, comma, slash, plain, quote = match.groups()
         if slash:
-            closed = True
-            break
+            return Line(place, fields, match.end())
         if quote:
             raise place.error(f"the quote in {shown(text[match.start() :])} is not closed, or no comma follows it.")
         if comma:
@@ -70,7 +70,14 @@ def split(text: str, place: Place, commas: bool = True) -> Line:
         elif (value := next((v for v in (single, double, plain) if v is not None), None)) is not None:
             fields.append("".join(c if c.isprintable() else "?" for c in value).strip())
             filled = True
-    return Line(place, fields, closed)
+    return Line(place, fields, None)
+
+
+def _separated(text: str) -> bool:
+    """Whether commas separate the fields before the slash."""
+    ends = (m for m in _BLANKS.finditer(text) if m[3] or m[4] or m[6]) if "," in text else iter(())
+    first = next(ends, None)
+    return first is not None and first[3] is not None
 
 
 def number(text: str, place: Place, field: str) -> float:

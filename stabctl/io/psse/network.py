@@ -24,7 +24,7 @@ class Network(TableBuilder):
     """
 
     def __init__(self, raw: Raw) -> None:
-        super().__init__()
+        super().__init__(raw.base_mva)
         self.raw = raw
         self.internal: dict[int, str] = {}
         self.step_up: set[int] = set()

@@ -7,7 +7,6 @@ from typing import Any
 
 from stabctl.model.tables import Branch, Bus
 
-from ..table_builder import NO_IMPEDANCE
 from .lexer import Place
 from .network import Network
 from .sections import Transformer
@@ -75,7 +74,7 @@ def _star_voltage(net: Network, branches: Sequence[Branch]) -> complex:
     """Voltage of a star point (pu) at which its currents sum to zero. The stored VMSTAR is not always a solution."""
     sources, total = 0j, 0j
     for k in branches:
-        y = 1 / (complex(k.r, k.x) or 1j * NO_IMPEDANCE)
+        y = 1 / (complex(k.r, k.x) or 1j * net.no_impedance)
         bus = net.bus(k.from_bus)
         sources += y * cmath.rect(bus.v / k.tap, math.radians(bus.angle - k.phase))
         total += y

@@ -55,7 +55,7 @@ const controls = {
 
   moved(id, value) {
     const { fault, megawatts } = live.state;
-    if (id === "along") return change({ fault: `${fault.split("@")[0]}@${value / 100}` });
+    if (id === "along") return change({ fault: `${parted(fault)[0]}@${value / 100}` });
     if (id === "own") return change({ megawatts: { ...megawatts, [$("machine").value]: value } });
     change({ [id]: value });
   },
@@ -73,7 +73,7 @@ const controls = {
   show() { // the state on the sliders
     const s = live.state, own = +$("machine").value, machine = live.case.machines.find((m) => m[3] === own);
     $("own").max = Math.max(10, Math.round(machine[2] / 4));
-    const values = { ...s, along: Math.round(100 * (+s.fault.split("@")[1] || 0)), own: s.megawatts[own] ?? Math.round((s.percent * machine[2]) / 100) };
+    const values = { ...s, along: Math.round(100 * (+parted(s.fault)[1] || 0)), own: s.megawatts[own] ?? Math.round((s.percent * machine[2]) / 100) };
     for (const { id, say, when } of CONTROLS) {
       $(id).value = values[id];
       $(`value-${id}`).textContent = say(values[id]);

@@ -13,6 +13,11 @@ function element(kind, properties = {}, ...children) {
 const color = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
 let inks = null; // colors of the page as it is, light or dark
+function parted(fault) { // a circuit and the position along it; its identifier may hold an @
+  const at = fault.lastIndexOf("@");
+  return at < 0 ? [fault] : [fault.slice(0, at), fault.slice(at + 1)];
+}
+
 function ink() {
   return (inks ??= Object.fromEntries(
     ["ink", "soft", "paper", "card", "line", "a", "b", "c", "d", "e", "many", "shade", "bad", "good", "font"].map((n) => [n, color(n)]),

@@ -128,7 +128,7 @@ function away(a, b, [x, y]) { // distance of a point from a segment, and where a
 }
 
 function faultPlace(fault) { // where a fault 83 or 7-8@0.4 is
-  const c = live.case, [what, share] = String(fault ?? "").split("@");
+  const c = live.case, [what, share] = parted(String(fault ?? ""));
   const bus = c.buses.findIndex((b) => String(b[0]) === what);
   if (bus >= 0) return c.diagram.buses[bus];
   const row = c.branches.findIndex((b) => b[0] === what);
