@@ -1,10 +1,16 @@
 """Clearing times beyond the observation window: as if every run were watched for 20 s, and scanned point by point."""
 
+import numpy as np
 import pytest
 
-from stabctl.clearing import Search, Trial, clearing_time, screen
+from stabctl.clearing import Run, Search, Trial, clearing_time, screen
+from stabctl.clearing.last_stable import last_stable
+from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
+from stabctl.dynamics.coerce import initialize
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.outcome import Kind
+from stabctl.simulation.swings import Swings
 
 AT_7 = Contingency("7", trip="7-8")
 
@@ -96,3 +102,81 @@ def test_damped_answers_say_nothing(points):
     assert found.swings.decaying
     assert "observed 5 s after clearing" in str(found)
     assert not found.remark()
+
+
+@pytest.mark.parametrize(
+    ("bus", "trip", "answer", "first"),
+    [(16, "16-24", 10.875, 11.125), pytest.param(22, "22-23", 12.875, 13.375, marks=pytest.mark.slow)],
+)
+def test_a_screen_with_storage_does_not_step_over_a_lost_later_swing(cases, bus, trip, answer, first):
+    """Half a cycle below the first-swing limit all is stable again; the swings of both last."""
+    point = initialize(cases("ieee39").classical(), "3%mva")
+    pair = next(p for p in screen(point, buses=bus, control=BangBang()).pairs if p.trip == (trip,))
+    assert pair.cycles == answer
+    assert pair.cycles == clearing_time(point, pair.contingency, control=BangBang()).cycles
+    trial = Trial(point, pair.contingency, BangBang(), pair.search)
+    assert not trial.simulate(round(8 * answer) + 1).outcome.stable
+    assert trial.simulate(round(8 * first)).outcome.stable
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        pytest.param({"observe": "20s"}, marks=pytest.mark.slow),
+        pytest.param({"observe": "20s", "longest": 0}, marks=pytest.mark.slow),
+        {"longest": 0},
+    ],
+)
+def test_one_rule_for_screens_and_clearing_times_however_long_they_observe(classical, options):
+    for pair in screen(classical, buses=[22, 8] if options.get("observe") else [24, 2], **options).pairs:
+        one = clearing_time(classical, pair.contingency, **options)
+        assert (pair.cycles, pair.machine) == (one.cycles, one.machine), pair
+
+
+def test_a_fault_that_is_stable_at_the_limit_of_a_screen_is_scanned_below_it(classical):
+    """8/8-9 is stable at 13 cycles and lost at 12.625: a screen of what is below 13 cycles lists it."""
+    found = {p.trip: p.cycles for p in screen(classical, "13cyc", buses=8).pairs}
+    assert found["8-9",] == clearing_time(classical, Contingency("8", trip="8-9")).cycles == 12.5
+
+
+def swinging(last_deg, ratio):
+    """Swings that are a ratio of those before."""
+    last, before = np.deg2rad((last_deg, last_deg / ratio))
+    return Swings(1, last, before, last, before, 2.5, 0.7)
+
+
+@pytest.mark.parametrize(
+    ("swings", "answer"),
+    [(None, 60), (swinging(50, 0.9), 60), (swinging(50, 0.6), 80), (swinging(25, 0.9), 80), (swinging(25, 1.2), 60)],
+)
+@pytest.mark.parametrize("guess", [20, 70, 110])
+def test_what_is_scanned_depends_on_the_swings_of_the_answer(swings, answer, guess):
+    """A system that is lost at one point, 20 below its first-swing limit at 80; a run between shows it or does not."""
+
+    def attempt(k):
+        stable = k <= 80 and k != 61
+        return Run(k / 8, stable, Kind.STABLE if stable else Kind.LOST_SYNCHRONISM, None, 5.0, swings=swings)
+
+    found = last_stable(attempt, 480, guess, 30, **Search().shorter())
+    assert found.critical == answer
+    assert len(found.runs) < 70
+    assert last_stable(attempt, 480, guess, 30, **Search(scan_cycles=4.0).shorter()).critical == 60
+    assert len(last_stable(attempt, 480, guess, 30, **Search(scan_cycles=0.0).shorter()).runs) < 15
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "storage", "options"),
+    [
+        ("ieee39", "3%mva", {}),
+        ("ieee39", None, {"observe": "20s"}),
+        ("two_area", "20MW", {}),
+        ("wscc9", None, {"observe": "20s", "longest": 0}),
+    ],
+)
+def test_every_screen_is_the_clearing_times(cases, name, storage, options):
+    point = initialize(cases(name).classical(), storage)
+    control = BangBang() if storage else None
+    for pair in screen(point, control=control, **options).pairs[::3]:
+        one = clearing_time(point, pair.contingency, control=control, **options)
+        assert (pair.status, pair.cycles, pair.machine) == (one.status, one.cycles, one.machine), pair

@@ -1,0 +1,148 @@
+"""The step of a run in which a law or controller makes the loop faster; limit cycles at full power are named."""
+
+import control
+import numpy as np
+import pytest
+
+import stabctl as st
+from stabctl.dynamics.coerce import initialize
+from stabctl.errors import StudyError
+from stabctl.simulation import closed
+from stabctl.simulation.control import acting
+from stabctl.simulation.simulation import Simulation
+
+NONE = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0))
+
+
+def stored(points, name, storage="50MW"):
+    return initialize(points(name).case, storage)
+
+
+def loop_of(point, *controls):
+    parts = acting(list(controls))
+    return Simulation(point, None, parts.law, parts.controllers).loop
+
+
+def lead(machine, gain, seconds=0.005):
+    return st.Controller.from_control(
+        gain * control.tf([0.5, 1], [seconds, 1]), inputs=f"deviation:{machine}", outputs=f"order:{machine}"
+    )
+
+
+def fastest(point, *controllers):
+    """From the closed loop of the linear model, which is made without the simulation."""
+    return np.abs(np.linalg.eigvals(point.closed_loop(*controllers).A)).max()
+
+
+@pytest.mark.parametrize("name", ["wscc9", "two_area", "two_area_thyristor"])
+@pytest.mark.parametrize("seed", range(3))
+def test_the_fastest_eigenvalue_is_that_of_the_closed_loop(points, name, seed):
+    rng = np.random.default_rng(seed)
+    point = stored(points, name, "70MW")
+    machines = rng.permutation([m.machine for m in point.case.machines])
+    controllers = [lead(m, 10 ** rng.uniform(1, 3.3), rng.uniform(0.004, 0.03)) for m in machines[:2]]
+    assert loop_of(point, *controllers) == pytest.approx(fastest(point, *controllers), rel=2e-3)  # 4e-5
+
+
+@pytest.mark.parametrize("name", ["wscc9", "two_area"])
+@pytest.mark.parametrize(
+    "law", [st.Feedback(10.0), st.Feedback(40.0), st.StorageLaw(slope=0.004, deadband=0.0, angle_gain=0.9)]
+)
+def test_so_it_is_of_a_law(points, name, law):
+    point = stored(points, name, "70MW")
+    laws = law.controllers(point.case)
+    assert loop_of(point, law) == pytest.approx(fastest(point, *laws), rel=2e-3)  # 2e-5
+
+
+def test_a_group_counts_as_one_machine(points):
+    point = stored(points, "two_area", "70MW")
+    law = st.StorageLaw(groups=("1+2",), slope=0.002, deadband=0.0)
+    assert loop_of(point, law) == pytest.approx(fastest(point, *law.controllers(point.case)), rel=2e-3)  # 2e-5
+
+
+def test_what_does_not_act_continuously_closes_no_loop(points):
+    point = stored(points, "wscc9")
+    for law in (st.BangBang(), st.Feedback(10.0).sampled(50), st.StorageLaw(deadband=0.05)):
+        assert loop_of(point, law) == 0
+    relay = st.Controller(("deviation:2",), ("order:2",), *NONE, [[900.0]], relay=True, limits=0.7)
+    assert loop_of(point, relay) < 1.01 * point.fastest
+
+
+def test_a_large_system_needs_only_its_fastest_eigenvalue(points, monkeypatch):
+    point = stored(points, "two_area", "70MW")
+    whole = closed.fastest
+    dense = loop_of(point, st.Feedback(25.0))
+    vars(point).pop("closed")
+    monkeypatch.setattr(closed, "DENSE", 5)
+    assert whole is closed.fastest
+    assert loop_of(point, st.Feedback(25.0)) == pytest.approx(dense, rel=closed.ACCURACY)
+
+
+def test_a_stable_loop_decays_after_a_small_step(points):
+    """At 1/120 s, with orders held over a step, this law chattered at full power after a step of 0.01 MW."""
+    point = stored(points, "two_area")
+    ran = point.simulate("7:+0.01MW@1s", "6s", control=st.Feedback(10.0))
+    assert ran.step * loop_of(point, st.Feedback(10.0)) < 1.3
+    order = np.abs(ran.arrays.order)
+    assert order.max() < 5e-4  # 1.5e-4
+    assert order[-60:].max() < order.max() / 2
+    fine = point.simulate("7:+0.01MW@1s", "6s", control=st.Feedback(10.0), step=1 / 3000)
+    assert order[-1] == pytest.approx(np.abs(fine.arrays.order)[-1], rel=1e-3)  # 3e-5
+    assert not ran.outcome.cycling
+
+
+def test_a_law_is_evaluated_within_a_step(points):
+    """The error of a run under a continuous law falls with the fourth power of the step, not with the first."""
+    point = stored(points, "two_area")
+    event = "7:+30MW@0.1s"
+    law = st.Feedback(0.05, min_voltage=0.0)
+    runs = [point.simulate(event, "1.1s", control=law, step=h) for h in (1 / 60, 1 / 120, 1 / 1920)]
+    errors = [np.abs(r.arrays.speed[-1] - runs[-1].arrays.speed[-1]).max() for r in runs[:2]]
+    assert errors[1] < errors[0] / 8
+
+
+def test_at_rest_a_fast_controller_moves_nothing(points):
+    """At 1/120 s the voltages collapsed within a second, without any disturbance."""
+    point = stored(points, "wscc9")
+    ran = point.simulate(None, "3s", control=lead(3, 1000))
+    assert ran.outcome.stable
+    assert np.abs(ran.arrays.speed - 1).max() < 1e-8
+    assert ran.step < 1.3 / fastest(point, lead(3, 1000))
+
+
+def test_a_step_that_is_too_long_for_the_loop_is_refused(points):
+    point = stored(points, "wscc9")
+    with pytest.raises(StudyError, match=r"too long for wscc9, .* \(that of the loop closed by the control; reduce"):
+        point.simulate(None, "1s", control=lead(3, 1000), step="4ms")
+    with pytest.raises(StudyError, match=r"takes .* steps \(that of the loop closed by the control;"):
+        point.simulate(None, "600s", control=st.Feedback(1e6))
+
+
+@pytest.mark.parametrize(
+    ("law", "cycles"),
+    [(st.BangBang(), False), (st.BangBang(deadband=0.0), True), (st.Feedback(10.0, min_voltage=0.0), False)],
+)
+def test_a_limit_cycle_at_full_power_is_named(points, law, cycles):
+    point = stored(points, "two_area")
+    end = point.simulate(st.Contingency("7-8@0.4", clear="10cyc"), control=law).outcome
+    assert end.stable
+    assert bool(end.cycling) == cycles
+    assert ("a limit cycle of the control" in str(end)) == cycles
+    if cycles:
+        assert "Storage devices 1@5, 2@6, 3@11, 4@10 still reverse between full charging and full discharging" in str(
+            end
+        )
+
+
+def test_the_rate_of_a_limit_cycle(points):
+    """A late controller of high gain: as many reversals as its order makes in the last second."""
+    point = stored(points, "two_area", "200MW")
+    late = st.Controller(("deviation:1",), ("order:1",), *NONE, [[16000.0]], rate=1000, delay="20ms")
+    ran = point.simulate("7:+1MW@0.5s", "10s", control=late)
+    order = ran.arrays.order[:, 0][ran.time > ran.time[-1] - 1]
+    side = np.sign(order[np.abs(order) > 0.9])
+    reversals = int((np.diff(side) != 0).sum())
+    assert ran.outcome.cycling == ("1@5",)
+    assert reversals > 10
+    said = int(str(ran.outcome).split("up to ")[1].split(" times")[0])
+    assert abs(said - reversals) <= 2
