@@ -48,6 +48,13 @@ def drawn(device, rng, ranges):
     return device.prepare(p) if hasattr(device, "prepare") else p
 
 
+def kept(device, p, u, name, value):
+    """A state within its limits of LIMITS, where the simulator keeps it."""
+    low, high, *per = getattr(device, "LIMITS", {}).get(name, (-np.inf, np.inf))
+    scale = u[per[0]] if per else 1.0
+    return held(value, *(scale * (getattr(p, edge) if isinstance(edge, str) else edge) for edge in (low, high)))
+
+
 def injected(device, p, x, u, v, y):
     """Current into the network (pu system)."""
     known = {"p": p, "x": x, "v": v, "u": SimpleNamespace(**u), **u, "y": y}
@@ -65,8 +72,9 @@ def compare(name, reference, ranges=None, states=(-0.3, 1.3), inputs=(-0.3, 1.3)
     for seed in range(POINTS):
         rng = np.random.default_rng(seed)
         p = drawn(device, rng, ranges)
-        x = device.State(*(float(rng.uniform(*ranges.get(f"x.{n}", states))) for n in device.State._fields))
         u = {n: float(rng.uniform(*ranges.get(f"u.{n}", inputs))) for n in family.fields(device, "Input")}
+        free = {n: float(rng.uniform(*ranges.get(f"x.{n}", states))) for n in device.State._fields}
+        x = device.State(*(kept(device, p, u, name, value) for name, value in free.items()))
         V = rng.uniform(*volts) * np.exp(1j * rng.uniform(-3, 3))
         v = (V.real, V.imag)
         rates, out = evaluate(device, p, x, u, v)
