@@ -86,4 +86,3 @@ def compare(name, reference, ranges=None, states=(-0.3, 1.3), inputs=(-0.3, 1.3)
             assert value == pytest.approx(wanted[signal], rel=1e-9, abs=1e-9), (seed, signal)
         if "into" in wanted:
             assert injected(device, p, x, u, v, device.Output(*out)) == pytest.approx(wanted["into"], abs=1e-9), seed
-

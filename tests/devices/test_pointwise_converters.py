@@ -76,8 +76,8 @@ def electrical(p, x, u, _):
     support = held(p.Kqv * outside((p.Vref0 or p.V0) - x.vm, p.dbd1, p.dbd2), p.Iqvmin, p.Iqvmax)
     most_p = most_q = p.Imax
     if curves:
-        most_q = min(most_q, np.interp(x.vm, *zip(*((getattr(p, f"Vq{k}"), getattr(p, f"Iq{k}")) for k in "1234"))))
-        most_p = min(most_p, np.interp(x.vm, *zip(*((getattr(p, f"Vp{k}"), getattr(p, f"Ip{k}")) for k in "1234"))))
+        Vq, Iq, Vp, Ip = ([getattr(p, f"{n}{k}") for k in range(1, 5)] for n in ("Vq", "Iq", "Vp", "Ip"))
+        most_q, most_p = min(most_q, np.interp(x.vm, Vq, Iq)), min(most_p, np.interp(x.vm, Vp, Ip))
     least = -1 if storage else 0
     d_iv = 0.0
 
@@ -335,7 +335,10 @@ MODELS = {
     "regc_b": (regc_b, RATES | {"vlow": (0.1, 0.3), "x.Eq": (-0.6, 0.6)}),
     "regc_c": (regc_c, RATES | FRAME | {"x.Eq": (-0.6, 0.6), "Kip": (0.2, 2), "wmin": (-0.4, -0.1)}),
     "regfm_a1": (regfm_a1, FORMING | {"Emin": (0.1, 0.5), "Emax": (0.6, 1.1), "x.delta": (-3, 3)}),
-    "regfm_b1": (regfm_b1, FORMING | FRAME | {"x.vm": (0.1, 1.3), "x.delta": (-1, 1), "x.over": (-0.05, 0.2), "x.under": (-0.05, 0.2)}),
+    "regfm_b1": (
+        regfm_b1,
+        FORMING | FRAME | {"x.vm": (0.1, 1.3), "x.delta": (-1, 1)} | {"x.over": (-0.05, 0.2), "x.under": (-0.05, 0.2)},
+    ),
     "wtdt_a": (wtdt_a, {"turning": (1, 1), "x.wt": (0.5, 1.5), "x.wg": (0.5, 1.5)}),
 }
 

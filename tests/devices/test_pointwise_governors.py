@@ -200,7 +200,8 @@ ITS = {"u.omega": (0.7, 1.3), "feedback": [0, 1], "M": [0, 1], "x.gate": (0.1, 1
 ITS |= {"Umax": (0.5, 1.5), "Umin": (-0.7, -0.2), "Velmax": (0.5, 1.5), "Velmin": (-0.7, -0.2)}
 ITS |= {"select": [1, 0, -1, -2], "fuel": [0, 1], "Dm": (-0.9, 0.9), "Trate": (50.0, 90.0), "base": (80.0, 130.0)}
 ITS |= {"db": (0.01, 0.1), "Rmax": (0.5, 3.0), "Rmin": (-2.0, -0.4), "Ka": (1.0, 9.0), "x.swing": (0.7, 1.3)}
-ITS |= {"x.exhaust": (0.1, 0.9), "x.ago": (-0.2, 1.0), "x.load": (-0.1, 0.1), "K1": (0.1, 2.0), "a21": (1.2, 1.6), "Reg": (-0.9, -0.1)}
+ITS |= {"x.exhaust": (0.1, 0.9), "x.ago": (-0.2, 1.0), "x.load": (-0.1, 0.1)}
+ITS |= {"K1": (0.1, 2.0), "a21": (1.2, 1.6), "Reg": (-0.9, -0.1)}
 MODELS = {f.__name__: f for f in (tgov, tgov1, gast, ieeeg1, ieesgo, ieeeg3, degov, degov1, pidgov, wpidhy)}
 MODELS |= {"hygov": hygov, "ggov1": ggov1}
 
