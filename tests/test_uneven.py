@@ -1,0 +1,270 @@
+"""Every number that is shown of a system without symmetry (`uneven`), computed a second time from its tables."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from packed import unpacked
+from uneven import BASE, HZ, uneven, uneven_point
+
+import stabctl as st
+from stabctl.controllers import BangBang
+from stabctl.live import page, runs
+from stabctl.live.commands import Source
+from stabctl.live.points import Points
+from stabctl.live.state import State
+from stabctl.model import powerflow
+
+CASE = uneven()
+ROW = {b.bus: i for i, b in enumerate(CASE.buses)}
+MVA = np.array([m.base for m in CASE.machines])
+H = np.array([next(t[m.machine].H for t in CASE.devices.values() if m.machine in t) for m in CASE.machines])
+
+
+def ends(k, Vf, Vt):
+    """MVA into a branch at its from and at its to end: ideal transformer t:1, then a pi-section, shunts outside."""
+    t = k.tap * np.exp(1j * np.deg2rad(k.phase))
+    inner = Vf / t
+    through = (inner - Vt) / (k.r + 1j * k.x)
+    out = (through + 0.5j * k.b * inner) / t.conjugate()  # power is the same on both sides of the ratio
+    Sf = Vf * out.conjugate() + abs(Vf) ** 2 * (k.g_from - 1j * k.b_from)
+    St = Vt * (0.5j * k.b * Vt - through).conjugate() + abs(Vt) ** 2 * (k.g_to - 1j * k.b_to)
+    return BASE * Sf, BASE * St
+
+
+def taken(V, left_out=()):
+    """MVA that branches, other than some rows, and bus shunts take from every bus."""
+    S = np.array([abs(V[ROW[b.bus]]) ** 2 * (b.g - 1j * b.b) for b in CASE.buses], complex)
+    for i, k in enumerate(CASE.branches):
+        if i not in left_out:
+            for bus, power in zip((k.from_bus, k.to_bus), ends(k, V[ROW[k.from_bus]], V[ROW[k.to_bus]]), strict=True):
+                S[ROW[bus]] += power
+    return S
+
+
+def loads(V, V0):
+    """MVA that loads and the link take from every bus at voltages V; V0 are those of the power flow."""
+    S = np.zeros(len(V), complex)
+    for load in CASE.loads:
+        m, m0 = abs(V[ROW[load.bus]]), abs(V0[ROW[load.bus]])
+        ratio = m / (load.v or m0)
+        P, Q = (
+            amount * (power + current * ratio + (1 - power - current) * ratio**2)
+            for amount, power, current in (
+                (load.p, load.p_power, load.p_current),
+                (load.q, load.q_power, load.q_current),
+            )
+        )
+        S[ROW[load.bus]] += complex(P, Q)
+    (dc,) = CASE.links
+    for bus, power in ((dc.from_bus, dc.p), (dc.to_bus, dc.loss - dc.p)):
+        S[ROW[bus]] += power * abs(V[ROW[bus]]) / abs(V0[ROW[bus]])
+    return S
+
+
+@pytest.fixture(scope="module")
+def flow():
+    return powerflow.solve(CASE)
+
+
+def test_every_branch_and_bus_of_the_power_flow(flow):
+    V, made = flow.V, np.zeros(len(CASE.buses), complex)
+    for m, S in zip(CASE.machines, flow.S, strict=True):
+        made[ROW[m.bus]] += BASE * S
+    assert made == pytest.approx(taken(V) + loads(V, V), abs=1e-7)
+    found = flow.branches
+    for k, (_, row) in zip(CASE.branches, found.iterrows(), strict=True):
+        a, b = ends(k, V[ROW[k.from_bus]], V[ROW[k.to_bus]])
+        assert row.tolist() == pytest.approx(
+            [k.from_bus, k.to_bus, a.real, a.imag, b.real, b.imag, a.real + b.real], abs=1e-9
+        )
+    shown, drawn = flow.df, loads(V, V)
+    assert shown.to_numpy() == pytest.approx(
+        np.array([abs(V), np.angle(V, deg=True), made.real, made.imag, drawn.real, drawn.imag]).T, abs=1e-7
+    )
+    assert list(shown.index) == [b.bus for b in CASE.buses]
+    assert f"{made.real.sum():.1f} MW generated" in str(flow)
+    low, high = abs(V).argmin(), abs(V).argmax()
+    assert f"from {abs(V[low]):.3f} pu (bus {CASE.buses[low].bus}) to {abs(V[high]):.3f} pu (bus 10)" in str(flow)
+
+
+def test_machines_share_what_the_tables_leave_open(flow):
+    """Active power as scheduled but at the swing bus; reactive power: its share, and the rest by MVA."""
+    S = BASE * flow.S
+    assert S.real[[0, 1, 3]] == pytest.approx([150.0, 61.0, 43.0], abs=1e-7)
+    assert S.imag[3] == pytest.approx(9.0, abs=1e-7)
+    rest = S.imag[:2] - [12.0, -7.0]
+    assert abs(rest).min() > 1.0
+    assert rest[0] / rest[1] == pytest.approx(310 / 190, rel=1e-9)
+
+
+def test_the_tables_of_the_command(flow, stabctl, tmp_path):
+    st.write(CASE, tmp_path / "uneven")
+    read = json.loads(stabctl("powerflow", tmp_path / "uneven", "--json")[1])
+    table = [list(row.values()) for row in read["buses"]]
+    shown = flow.df.reset_index()[["bus", "v_pu", "angle_deg", "p_gen_mw", "q_gen_mvar"]]
+    assert np.array(table) == pytest.approx(shown.to_numpy(), abs=1e-7)
+    lines = [list(row.values()) for row in read["branches"]]
+    assert np.array(lines) == pytest.approx(flow.branches.drop(columns="loss_mw").to_numpy(), abs=1e-7)
+    out = stabctl("powerflow", tmp_path / "uneven", "--branches")[1]
+    printed = [[float(n) for n in re.findall(r"-?\d+\.?\d*", line)] for line in out.splitlines() if "│" in line]
+    buses, branches = printed[: len(CASE.buses)], printed[len(CASE.buses) :]
+    for row, wanted in zip(buses, table, strict=True):
+        assert row == pytest.approx(wanted if len(row) > 3 else wanted[:3], abs=6e-3)
+        assert (len(row) > 3) == any(m.bus == row[0] for m in CASE.machines)
+    assert np.array(branches) == pytest.approx(flow.branches.to_numpy(), abs=6e-3)
+    assert f"branch losses: {flow.branches.loss_mw.sum():.1f} MW" in out
+
+
+def test_every_machine_starts_at_its_phasor_diagram():
+    point = uneven_point()
+    V = point.V
+    for i, m in enumerate(CASE.machines):
+        v, S = V[ROW[m.bus]], BASE * point.flow.S[i] / m.base
+        I = (S / v).conjugate()
+        signals = {name: point.s[place] for (unit, name), place in point.layout.signals.items() if unit == i}
+        assert [signals[n] for n in ("P", "Q", "vt")] == pytest.approx([S.real, S.imag, abs(v)], abs=1e-9)
+        angle = point.rotor_angle[i]
+        assert complex(signals["iq"], -signals["id"]) == pytest.approx(I * np.exp(-1j * angle), abs=1e-9)
+        classical = m.machine in CASE.devices["gencls"]
+        p = CASE.devices["gencls" if classical else "genrou"][m.machine]
+        E = v + complex(p.ra, p.x1d if classical else p.xq) * I
+        if classical:
+            assert [angle, signals["Efd"]] == pytest.approx([np.angle(E), abs(E)], abs=1e-9)
+        elif not p.S12:
+            assert angle == pytest.approx(np.angle(E), abs=1e-9)
+            assert signals["Efd"] == pytest.approx(abs(E) + (p.xd - p.xq) * signals["id"], abs=1e-9)
+        assert signals["Pm"] == pytest.approx(S.real + p.ra * abs(I) ** 2, abs=1e-9)
+    assert point.inertia == pytest.approx(H * MVA / BASE)
+
+
+@pytest.fixture(scope="module")
+def run():
+    """A fault of five cycles at a bus, orders of a law to three kinds of storage."""
+    fault = st.Contingency("50", clear="5cyc", at=0.2, impedance=0.05 + 0.1j)
+    return uneven_point().simulate(fault, until=2.0, step="2ms", control=BangBang(0.05))
+
+
+def of_units(run, name):
+    return np.array([run.rows[:, run.point.layout.signals[i, name]] for i in range(len(CASE.machines))]).T
+
+
+def test_power_balances_at_every_bus_and_instant(run):
+    """What machines give, less loads, link, storage and the fault, goes into the branches; charge and energy follow."""
+    V0 = run.point.V
+    S = MVA * (of_units(run, "P") + 1j * of_units(run, "Q"))
+    assert run.electrical_power.to_numpy() == pytest.approx(S.real, abs=1e-9)
+    for k in range(0, len(run.time), 7):
+        V, on = run.arrays.V[k], 0.2 < run.time[k] < 0.3 - 1e-9
+        given = -loads(V, V0)
+        for m, power in zip(CASE.machines, S[k], strict=True):
+            given[ROW[m.bus]] += power
+        for device, power in zip(CASE.storage, run.storage.to_numpy()[k], strict=True):
+            given[ROW[device.bus]] -= power
+        if abs(run.time[k] - 0.2) < 1e-9 or abs(run.time[k] - 0.3) < 1e-9:
+            continue
+        if on:
+            given[ROW[50]] -= BASE * abs(V[ROW[50]]) ** 2 / (0.05 - 0.1j)
+        low = [ROW[d.bus] for d in (*CASE.loads, *CASE.storage) if abs(V[ROW[d.bus]]) < 0.61]
+        assert np.delete(given - taken(V), low) == pytest.approx(0, abs=2e-4), run.time[k]
+    assert run.voltage.to_numpy() == pytest.approx(np.abs(run.arrays.V))
+
+
+def test_every_rotor_obeys_the_swing_equation_in_its_own_units(run):
+    """d delta/dt = 2 pi 50 (omega - 1), 2H d omega/dt = Pm/omega - Te - D (omega - 1), without 1/omega if classical."""
+    t, speed, angle = run.time, run.speed.to_numpy(), run.angle.to_numpy()
+    moved = 2 * np.pi * HZ * np.trapezoid(speed - 1, t, axis=0)
+    assert angle[-1] - angle[0] == pytest.approx(moved, abs=2e-5)
+    Pm, Te = of_units(run, "Pm"), of_units(run, "Te")
+    assert run.dataset["mechanical_power"].to_numpy() == pytest.approx(Pm)
+    late = t > 0.31
+    for i, m in enumerate(CASE.machines):
+        classical = m.machine in CASE.devices["gencls"]
+        D = CASE.devices["gencls" if classical else "genrou"][m.machine].D
+        torque = Pm[:, i] / (1 if classical else speed[:, i]) - Te[:, i] - D * (speed[:, i] - 1)
+        change = 2 * H[i] * (speed[late][-1, i] - speed[late][0, i])
+        assert change == pytest.approx(np.trapezoid(torque[late], t[late]), abs=2e-6)
+        assert np.abs(torque).max() > 0.01
+
+
+def test_storage_draws_what_is_ordered_and_keeps_what_its_efficiency_leaves(run):
+    power, energy, order = (run.dataset[n].to_numpy() for n in ("storage", "storage_energy", "storage_order"))
+    volts = run.voltage.to_numpy()
+    for j, d in enumerate(CASE.storage):
+        way, m = np.sqrt(d.efficiency), volts[:, ROW[d.bus]]
+        gain = np.where(power[:, j] > 0, way * power[:, j], power[:, j] / way)
+        assert energy[0, j] == pytest.approx(d.energy * d.charge)
+        stored = np.r_[0, np.cumsum(np.diff(run.time) * (gain[1:] + gain[:-1]) / 2)] / 3600
+        assert energy[:, j] - energy[0, j] == pytest.approx(stored, abs=3e-6 * d.rating)
+        exponent = {"power": 0, "current": 1, "conductance": 2}[d.characteristic]
+        full = np.where(m > 0.5, d.rating * m**exponent, 0)
+        assert (np.abs(power[:, j]) <= full + 1e-6)[m > 0.5].all()
+        rise = np.abs(np.diff(order[:, j])) / np.diff(run.time) * d.rating
+        if d.ramp:
+            assert rise.max() == pytest.approx(d.ramp, rel=1e-6)
+        if not d.lag:
+            assert power[:, j][m > 0.5] == pytest.approx((order[:, j] * full)[m > 0.5], abs=1e-6)
+        assert np.abs(power[:, j]).max() > 0.5 * d.rating
+
+
+def test_tables_and_sentences_of_a_run(run):
+    speed, angle = run.speed.to_numpy(), run.angle.to_numpy()
+    shares = H * MVA / (H * MVA).sum()
+    change = angle - angle[0]
+    swing = change - (change @ shares)[:, None]
+    assert np.rad2deg(np.abs(swing).max()) == pytest.approx(run.max_angle_from_coi_deg, rel=1e-3)
+    assert f"Largest change of angle {run.max_angle_from_coi_deg:.1f} degrees" in str(run)
+    frame, relative = run.df, run.table(angle_reference=12)
+    names = [m.machine for m in CASE.machines]
+    assert frame.time_s.to_numpy() == pytest.approx(run.time)
+    for i, name in enumerate(names):
+        assert frame[f"speed_pu:{name}"].to_numpy() == pytest.approx(speed[:, i])
+        assert frame[f"angle_rad:{name}"].to_numpy() == pytest.approx(angle[:, i])
+        assert relative[f"angle_rad:{name}"].to_numpy() == pytest.approx(angle[:, i] - angle[:, names.index(12)])
+    for b in CASE.buses:
+        assert frame[f"voltage_pu:{b.bus}"].to_numpy() == pytest.approx(np.abs(run.arrays.V[:, ROW[b.bus]]))
+    for j, d in enumerate(CASE.storage):
+        assert frame[f"storage_mw:{d.machine}"].to_numpy() == pytest.approx(run.storage.to_numpy()[:, j])
+    wide = [min(speed.min(), 1), max(speed.max(), 1)]
+    assert 0.9 < wide[0] < wide[1] < 1.1
+    assert run.arrays.coi_speed == pytest.approx(speed @ shares)
+    assert run.arrays.swing == pytest.approx(swing, abs=1e-12)
+
+
+def test_the_curves_and_frames_of_the_page():
+    """Angles against the center of inertia in degrees, speeds in Hz, voltages at the buses of storage, every 50 ms."""
+    points, state = Points(uneven(())), State("50", clear=5.0, signals=("speed", "angle", "voltage"))
+    head, found = unpacked(runs.answer(points, state, Source("st.load('uneven')", ("uneven",))))
+    run = points.bare(state).simulate(state.contingency, 10.0)
+    angle = np.rad2deg(run.angle.to_numpy())
+    relative = angle - (angle @ (H * MVA) / (H * MVA).sum())[:, None]
+    volts = run.voltage.to_numpy()
+    assert found["speed"] == pytest.approx(HZ * run.speed.to_numpy(), abs=1e-3)
+    assert found["angle"] == pytest.approx(relative, abs=0.02)
+    assert np.ptp(relative, axis=0).min() > 1
+    assert found["voltage"] == pytest.approx(volts[:, [ROW[m.storage_bus] for m in CASE.machines]], abs=1e-4)
+    frames = [int(np.argmin(np.abs(run.time - t))) for t in found["frame"]]
+    assert run.time[frames] == pytest.approx(found["frame"], abs=1e-6)
+    assert found["frame"][:-1] == pytest.approx(np.arange(0, 10, 0.05)[: len(frames) - 1], abs=0.011)
+    assert len(frames) > 195
+    assert found["frame.angle"] == pytest.approx(relative[frames], abs=0.02)
+    assert found["frame.voltage"] == pytest.approx(volts[frames], abs=1e-4)
+    assert (head["at"], head["cleared"], head["until"]) == (1.0, pytest.approx(1.1), 10.0)
+    assert head["runs"][""]["stable"] is bool(run.outcome.stable)
+
+
+def test_what_the_page_knows_of_the_case(flow):
+    about = page.about(Points(uneven(())))
+    for (name, a, b, transformer, mva), k in zip(about["branches"], CASE.branches, strict=True):
+        sizes = np.abs(ends(k, flow.V[ROW[k.from_bus]], flow.V[ROW[k.to_bus]]))
+        assert (a, b, mva) == (ROW[k.from_bus], ROW[k.to_bus], pytest.approx(sizes.max(), rel=1e-9))
+        assert name.startswith(f"{k.from_bus}-{k.to_bus}")
+        assert transformer
+    assert about["machines"] == [
+        [str(m.machine), ROW[m.bus], m.base, m.machine, ROW[m.storage_bus]] for m in CASE.machines
+    ]
+    assert about["buses"] == [[b.bus, b.name, b.rated] for b in CASE.buses]
+    assert about["hz"] == HZ
+    assert about["diagram"]["voltage"] == pytest.approx(np.abs(flow.V), abs=1e-4)
+    assert about["rotors"] == [0, 1, 2, 3]
