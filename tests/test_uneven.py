@@ -6,15 +6,17 @@ import re
 import numpy as np
 import pytest
 from packed import unpacked
+from scipy.linalg import eig
 from uneven import BASE, HZ, uneven, uneven_point
 
 import stabctl as st
 from stabctl.controllers import BangBang
-from stabctl.live import page, runs
+from stabctl.live import linear, page, runs, theory
 from stabctl.live.commands import Source
 from stabctl.live.points import Points
 from stabctl.live.state import State
 from stabctl.model import powerflow
+from stabctl.theory.from_case import equivalent
 
 CASE = uneven()
 ROW = {b.bus: i for i, b in enumerate(CASE.buses)}
@@ -268,3 +270,66 @@ def test_what_the_page_knows_of_the_case(flow):
     assert about["hz"] == HZ
     assert about["diagram"]["voltage"] == pytest.approx(np.abs(flow.V), abs=1e-4)
     assert about["rotors"] == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.5])
+def test_modes_are_eigenvectors_of_the_state_matrix(factor):
+    """Frequency, damping, shares |v w| of the states, and speeds relative to the largest, in Python and on the page."""
+    case = uneven(()).set({"pss.7.K": factor * 5.0, "pss.3.K": factor * 3.0})
+    model = case.initialize().linearize()
+    values, left, right = eig(model.A, left=True)
+    shown = linear.answer(uneven(()), "pss.K", factor)["modes"]
+    modes = case.modes()
+    assert len(shown) == (values.imag >= -1e-9).sum()
+    for (real, hz, damping, swing, label, shares, shape), k in zip(
+        shown, np.flatnonzero(modes.eigenvalues.imag >= 0), strict=True
+    ):
+        s = complex(real, 2 * np.pi * hz)
+        assert s == pytest.approx(modes.eigenvalues[k], abs=1e-9)
+        i = int(np.abs(values - s).argmin())
+        assert values[i] == pytest.approx(s, abs=1e-6 * max(1, abs(s)))
+        assert damping == pytest.approx(-real / abs(s) if s else 1.0)
+        assert (swing, label) == (k in modes.swings(), modes.label(int(k)))
+        if not swing:
+            continue
+        part = np.abs(left[:, i].conj() * right[:, i])
+        wanted = dict(zip(model.states, part / part.sum(), strict=True))
+        assert dict(shares) == pytest.approx({n: wanted[n] for n, _ in shares}, abs=1e-6)
+        assert {n for n, _ in shares} == {n for n, v in sorted(wanted.items(), key=lambda t: -t[1])[:10] if v > 0.01}
+        of_machines = ("GENROU 7", "GENROU 3", "GENCLS 12", "GENCLS 5")
+        speeds = right[[model.states.index(f"speed {name}") for name in of_machines], i]
+        speeds = speeds / speeds[np.abs(speeds).argmax()]
+        found = np.zeros(4, complex)
+        for unit, size, angle in shape:
+            found[unit] = size * np.exp(1j * np.deg2rad(angle))
+        assert found == pytest.approx(np.where(np.abs(speeds) > 0.02, speeds, 0), abs=1e-6)
+
+
+def test_the_theory_on_the_page_is_that_of_two_machines():
+    """Equal areas of the equivalent of machine 7: angles in degrees, areas closed by quadrature, speeds in Hz."""
+    pair = equivalent(CASE, 7)
+    Pm, Pmax, M = pair.Pm1, 1 / pair.X, 2 * pair.H1 * pair.HCOI / (pair.H1 + pair.HCOI) / (2 * np.pi * HZ)
+    shares = H * MVA / BASE
+    assert (pair.H1, pair.HCOI) == (pytest.approx(shares[0]), pytest.approx(shares[1:].sum()))
+    found = theory.answer(CASE, 7, 4.0)
+    start, stop = np.arcsin(Pm / Pmax), np.pi - np.arcsin(Pm / Pmax)
+    T = 4.0 / HZ
+    clearing = start + Pm / M * T**2 / 2
+    assert (found["Pm"], found["Pmax"]) == (pytest.approx(Pm), pytest.approx(Pmax))
+    assert np.deg2rad(found["unstable"]) == pytest.approx(stop)
+    assert np.deg2rad(found["marks"][:2]) == pytest.approx([start, clearing])
+    end = np.deg2rad(found["marks"][2])
+    braking = Pmax * (np.cos(clearing) - np.cos(end)) - Pm * (end - clearing)
+    assert braking == pytest.approx(Pm * (clearing - start), rel=1e-9)
+    angle, speed = np.deg2rad(found["curve"][0]), 2 * np.pi * np.array(found["curve"][1])
+    at = found["cleared"]
+    assert angle[at] == pytest.approx(clearing, abs=1e-6)
+    assert speed[at] == pytest.approx(Pm / M * T, rel=1e-6)
+    energy = M / 2 * speed[at:] ** 2 - Pm * angle[at:] - Pmax * np.cos(angle[at:])
+    assert np.ptp(energy) < 1e-6 * abs(energy[0])
+    edge, rate = np.deg2rad(found["separatrix"][0]), 2 * np.pi * np.array(found["separatrix"][1])
+    on_edge = M / 2 * rate**2 - Pm * edge - Pmax * np.cos(edge)
+    assert on_edge == pytest.approx(-Pm * stop - Pmax * np.cos(stop), abs=1e-9)
+    delta = np.arccos((Pm * (stop - start) + Pmax * np.cos(stop)) / Pmax)
+    assert found["critical"] == pytest.approx(HZ * np.sqrt(2 * M * (delta - start) / Pm), rel=1e-9)
+    assert found["stable"] is (found["critical"] > 4)
