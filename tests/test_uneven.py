@@ -11,11 +11,13 @@ from uneven import BASE, HZ, uneven, uneven_point
 
 import stabctl as st
 from stabctl.controllers import BangBang
+from stabctl.dynamics import outputs, signals
+from stabctl.dynamics.signal_kinds import OUTPUTS
 from stabctl.live import linear, page, runs, theory
 from stabctl.live.commands import Source
 from stabctl.live.points import Points
 from stabctl.live.state import State
-from stabctl.model import powerflow
+from stabctl.model import circuits, powerflow
 from stabctl.theory.from_case import equivalent
 
 CASE = uneven()
@@ -333,3 +335,124 @@ def test_the_theory_on_the_page_is_that_of_two_machines():
     delta = np.arccos((Pm * (stop - start) + Pmax * np.cos(stop)) / Pmax)
     assert found["critical"] == pytest.approx(HZ * np.sqrt(2 * M * (delta - start) / Pm), rel=1e-9)
     assert found["stable"] is (found["critical"] > 4)
+
+
+def test_every_signal_that_can_be_read(flow):
+    """Flows and currents into each circuit from the bus named first; speeds and angles against others, by inertia."""
+    point = uneven_point()
+    s = point.s + 1e-2 * np.sin(np.arange(len(point.s)))  # nothing is at rest
+
+    def read(text):
+        (signal,) = signals.chosen(CASE, [text], OUTPUTS)
+        return outputs.value(point, signal)(s)
+
+    V = s[point.layout.voltages].view(complex)
+    speed, angle, inertia = s[point.rotors.speed], s[point.rotors.angle], H * MVA
+    names = circuits.names(CASE.branches)
+    for name, k in zip(names, CASE.branches, strict=True):
+        both = ends(k, V[ROW[k.from_bus]], V[ROW[k.to_bus]])
+        turned = re.sub(r"(\d+)-(\d+)", r"\2-\1", name)
+        for text, S, bus in ((name, both[0], k.from_bus), (turned, both[1], k.to_bus)):
+            wanted = S.real, S.imag, abs(S) / abs(V[ROW[bus]])
+            found = [BASE * read(f"{kind}:{text}") for kind in ("flow", "flow_q", "current")]
+            assert found == pytest.approx(wanted, rel=1e-9), text
+    for b in CASE.buses:
+        assert read(f"voltage:{b.bus}") == pytest.approx(abs(V[ROW[b.bus]]))
+        relative = np.angle(V[ROW[b.bus]] * np.exp(-1j * (inertia @ angle / inertia.sum())))
+        assert read(f"bus_angle:{b.bus}") == pytest.approx(relative)
+    for i, m in enumerate(CASE.machines):
+        rest = np.arange(4) != i
+        others = inertia[rest] @ speed[rest] / inertia[rest].sum()
+        assert read(f"speed:{m.machine}") == pytest.approx(speed[i])
+        assert read(f"deviation:{m.machine}") == pytest.approx(speed[i] - others)
+        assert read(f"angle:{m.machine}") == pytest.approx(angle[i] - inertia @ angle / inertia.sum())
+    assert read("coi_speed") == pytest.approx(inertia @ speed / inertia.sum())
+    pair = [1, 2]
+    group = inertia[pair] @ speed[pair] / inertia[pair].sum()
+    assert read("deviation:3+12") == pytest.approx(group - inertia[[0, 3]] @ speed[[0, 3]] / inertia[[0, 3]].sum())
+
+
+def along(k, fraction):
+    """A branch as two, with a bus 99 at a fraction of its length; ratio and outer shunts stay at their ends."""
+    first = k._replace(to_bus=99, r=k.r * fraction, x=k.x * fraction, b=k.b * fraction, g_to=0.0, b_to=0.0)
+    left = 1 - fraction
+    last = k._replace(
+        from_bus=99, r=k.r * left, x=k.x * left, b=k.b * left, tap=1.0, phase=0.0, g_from=0.0, b_from=0.0, circuit="9"
+    )
+    return first, last
+
+
+EVENTS = {
+    "a load": (st.LoadStep(50, 0.2, p=30.0, q=-17.0), {}),
+    "a load where there is none": (st.LoadStep(20, 0.2, p=30.0, q=-17.0), {}),
+    "a shunt": (st.SwitchShunt(30, 0.2, g=11.0, b=-44.0), {"shunt": (30, 11.0 - 44.0j)}),
+    "one end": (st.Open("30-40#2", 0.2, end=40), {"open": (5, "to")}),
+    "the other end": (st.Open("30-10#2", 0.2, end=30), {"open": (1, "from")}),
+    "a circuit": (st.Open("20-30 ckt 1", 0.2), {"open": (3, "both")}),
+    "a fault along a line": (st.Fault("40-30 ckt 1@0.3", 0.2, 0.1 + 0.3j), {"fault": (4, 0.3)}),
+    "a fault from the other end": (st.Fault("30-20@0.2", 0.2, 0.1 + 0.3j), {"fault": (2, 0.8)}),
+    "a fault at the tapped end": (st.Fault("10-30@0", 0.2, 0.1 + 0.3j), {"at": 10}),
+}
+
+
+@pytest.mark.parametrize("name", EVENTS)
+def test_the_network_just_after_an_event(name):
+    """What machines and storage give goes into the network as it then is, written down from the tables."""
+    event, what = EVENTS[name]
+    run = uneven_point().simulate(event, until=0.4, step="2ms")
+    k = int(np.searchsorted(run.time, 0.2 + 1e-9)) + 3
+    V = dict(zip(ROW, run.arrays.V[k], strict=True))
+    given = np.array([of_units(run, "P")[k, i] + 1j * of_units(run, "Q")[k, i] for i in range(4)]) * MVA
+    S = -loads(run.arrays.V[k], run.point.V)
+    for m, power in zip(CASE.machines, given, strict=True):
+        S[ROW[m.bus]] += power
+    if isinstance(event, st.LoadStep):
+        V0 = abs(run.point.V[ROW[event.bus]])
+        ratio, load = abs(V[event.bus]) / V0, next((row for row in CASE.loads if row.bus == event.bus), None)
+        parts = ((load.p_power, load.p_current), (load.q_power, load.q_current)) if load else ((0, 0), (0, 0))
+        more = (x * (a + b * ratio + (1 - a - b) * ratio**2) for x, (a, b) in zip((30.0, -17.0), parts, strict=True))
+        S[ROW[event.bus]] -= complex(*more)
+    if "shunt" in what:
+        bus, power = what["shunt"]
+        S[ROW[bus]] -= abs(V[bus]) ** 2 * power.conjugate()
+    if "at" in what:
+        S[ROW[what["at"]]] -= BASE * abs(V[what["at"]]) ** 2 / (0.1 - 0.3j)
+    gone = what.get("open", what.get("fault", (None, None)))[0]
+    if "open" in what and what["open"][1] != "both":
+        b, end = CASE.branches[gone], what["open"][1]
+        bus = b.from_bus if end == "to" else b.to_bus
+        V_end = open_end(b, V[bus], end)
+        S[ROW[bus]] -= ends(b, V[bus], V_end)[0] if end == "to" else ends(b, V_end, V[bus])[1]
+    if "fault" in what:
+        b, fraction = CASE.branches[gone], what["fault"][1]
+        first, last = along(b, fraction)
+        V["x"] = middle(first, last, V[b.from_bus], V[b.to_bus], 1 / (0.1 + 0.3j))
+        S[ROW[b.from_bus]] -= ends(first, V[b.from_bus], V["x"])[0]
+        S[ROW[b.to_bus]] -= ends(last, V["x"], V[b.to_bus])[1]
+    left_out = () if gone is None else (gone,)
+    assert S == pytest.approx(taken(run.arrays.V[k], left_out), abs=2e-4)
+
+
+def currents_into(k, Vf, Vt):
+    """Currents (pu) into a branch at its ends, linear in the voltages."""
+    Sf, St = ends(k, Vf, Vt)
+    return (Sf / BASE / Vf).conjugate(), (St / BASE / Vt).conjugate()
+
+
+def open_end(k, V, end):
+    """The voltage of an open end, where no current flows."""
+    if end == "to":
+        a, b = (currents_into(k, V, x)[1] for x in (1.0, 2.0))
+    else:
+        a, b = (currents_into(k, x, V)[0] for x in (1.0, 2.0))
+    return 1.0 - a / (b - a)
+
+
+def middle(first, last, Vf, Vt, y):
+    """The voltage of the faulted point, where what comes from both sides goes through the fault."""
+
+    def left(x):
+        return currents_into(first, Vf, x)[1] + currents_into(last, x, Vt)[0] + y * x
+
+    a, b = left(1.0), left(2.0)
+    return 1.0 - a / (b - a)
