@@ -456,3 +456,30 @@ def middle(first, last, Vf, Vt, y):
 
     a, b = left(1.0), left(2.0)
     return 1.0 - a / (b - a)
+
+
+def test_short_circuit_power_and_ratios():
+    """Z = inv(Y) of branches, shunts and machines behind their subtransient (classical: transient) impedance."""
+    Y = np.diag([(b.g + 1j * b.b) / BASE for b in CASE.buses])
+    for k in CASE.branches:
+        at = [ROW[k.from_bus], ROW[k.to_bus]]
+        with_one, with_two = (np.array(currents_into(k, Vf, 1.0)) for Vf in (1.0, 2.0))
+        by_from = with_two - with_one
+        Y[np.ix_(at, at)] += np.array([by_from, with_one - by_from]).T
+    for m in CASE.machines:
+        p = next(t[m.machine] for n, t in CASE.devices.items() if n in ("gencls", "genrou") and m.machine in t)
+        x = getattr(p, "x2", None) or p.x1d
+        Y[ROW[m.bus], ROW[m.bus]] += m.base / BASE / complex(p.ra, x)
+    Z = np.linalg.inv(Y)
+    assert np.abs(Z - Z.T).max() > 1e-3  # phase shifters
+    found, ratio = CASE.short_circuit(), CASE.short_circuit_ratio()
+    assert found.impedance == pytest.approx(np.diag(Z), abs=1e-9)
+    assert found.mva == pytest.approx(BASE / np.abs(np.diag(Z)))
+    assert found.df.x_over_r.to_numpy() == pytest.approx(np.diag(Z).imag / np.diag(Z).real)
+    at, P = [ROW[d.bus] for d in CASE.storage], np.array([d.mva or d.rating for d in CASE.storage])
+    S = BASE / np.abs(np.diag(Z))[at]
+    factor = np.abs(Z[np.ix_(at, at)] / np.diag(Z)[at])
+    assert ratio.ratio == pytest.approx(S / P)
+    assert ratio.equivalent == pytest.approx(S / (factor @ P))
+    assert ratio.weighted == pytest.approx(S @ P / P.sum() ** 2)
+    assert ratio.buses == tuple(d.bus for d in CASE.storage)
