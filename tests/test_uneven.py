@@ -483,3 +483,14 @@ def test_short_circuit_power_and_ratios():
     assert ratio.equivalent == pytest.approx(S / (factor @ P))
     assert ratio.weighted == pytest.approx(S @ P / P.sum() ** 2)
     assert ratio.buses == tuple(d.bus for d in CASE.storage)
+
+
+def test_another_load_level_changes_loads_and_dispatch_alone():
+    less = CASE.with_load_level(0.8)
+    for now, before in zip(less.loads, CASE.loads, strict=True):
+        assert now == before._replace(p=0.8 * before.p, q=0.8 * before.q)
+    for now, before in zip(less.machines, CASE.machines, strict=True):
+        assert now == before._replace(p=0.8 * before.p)
+    assert (less.links, less.buses, less.branches, less.storage) == (
+        CASE.links, CASE.buses, CASE.branches, CASE.storage,
+    )  # fmt: skip
