@@ -248,6 +248,13 @@ def doubled(case):
     return replace(case, machines=(half, half._replace(machine=101), *others), devices=devices)
 
 
+def rebased(case, base):
+    """The same system with its per-unit network on another system base (MVA)."""
+    k = base / case.base_mva
+    branches = tuple(b._replace(r=b.r * k, x=b.x * k, b=b.b / k) for b in case.branches)
+    return replace(case, base_mva=base, branches=branches)
+
+
 def with_shares(case, **shares):
     """The same case, its loads of these shares (`p_current=1` ...)."""
     return replace(case, loads=tuple(load._replace(**shares) for load in case.loads))

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import stabctl as st
+from stabctl.controllers.realization import anti_windup
 from stabctl.errors import EquilibriumError, StudyError
 
 S = control.tf("s")
@@ -74,6 +75,16 @@ def test_a_sampled_integrator_leaves_its_limit_without_windup(base):
         return run.time[np.abs(order(run)) > 0.2 - 1e-9].max()
 
     assert last_at_limit("50ms") < last_at_limit(None) - 0.5
+
+
+@pytest.mark.parametrize(("rate", "left"), [(None, -1 / 0.08), (50, np.exp(-1 / 50 / 0.08))])
+def test_the_output_beyond_a_limit_decays_with_the_tracking_time(rate, left):
+    """Of the excess e of two outputs: e' = -e/0.08 s, or a factor exp(-T/0.08 s) per frame T."""
+    block = control.ss(-np.eye(3), np.ones((3, 1)), [[1.0, 2.0, -0.5], [0.3, 0.0, 4.0]], np.zeros((2, 1)))
+    law = st.Controller.from_control(block, "deviation:1", "order:1@5, order:2@6", rate=rate, tracking=0.08)
+    C = np.array([[1.0, 2.0, -0.5], [0.3, 0.0, 4.0]])
+    L = anti_windup(law, C)
+    assert (-C @ L if rate is None else np.eye(2) - C @ L) == pytest.approx(left * np.eye(2), abs=1e-12)
 
 
 @pytest.mark.parametrize("rate", [None, 60])

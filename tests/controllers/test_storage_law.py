@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as some
 
 import stabctl as st
-from stabctl.controllers import Device, Input, SampledLaw, decided, storage_law
+from stabctl.controllers import Device, Input, SampledLaw, decided, hold, storage_law
 from stabctl.errors import StudyError
 
-DEVICE = Device(50.0, 900.0, 60.0, 100.0, 7.0)
+DEVICE = Device(45.0, 830.0, 50.0, 137.0, 7.0)
 FAULT = st.Contingency("7-8@0.4", clear="20cyc")
 
 
@@ -22,7 +22,7 @@ def base():
 
 
 def order(law, deviation, angle=0.0, *, voltage=1.0, acceleration=0.0, energy=7.0, time=0.0, before=None):
-    signals = Input(deviation / 60, acceleration / 60, angle, energy, time)
+    signals = Input(deviation / 50, acceleration / 50, angle, energy, time)
     return decided(law, law.par(DEVICE), signals, voltage, before)
 
 
@@ -67,9 +67,30 @@ def test_it_stays_armed_for_a_time_after_the_surface_was_last_beyond_the_level()
 
 def test_an_idle_device_returns_its_energy():
     law = st.StorageLaw(return_time="10s", return_power=0.1)
-    assert order(law, 0.0, energy=7.2).wanted == pytest.approx(-0.04)  # 0.2 pu s in 10 s with 0.5 pu
+    assert order(law, 0.0, energy=7.2).wanted == pytest.approx(-0.2 / 10 * 137 / 45)  # 0.2 pu s in 10 s, of 45 MW
     assert order(law, 0.0, energy=6.0).wanted == 0.1
     assert order(law, 0.5, energy=7.2).wanted == 1
+
+
+def test_constants_are_on_the_bases_of_the_device():
+    """Gains of feedback are on the machine's base, orders in ratings, speeds in pu of 50 Hz."""
+    law = st.Feedback(0.02, 0.003, deadband=0.1, min_voltage=0.7)
+    found = decided(law, law.par(DEVICE), Input(0.004, -0.01, 0.0, 7.0, 0.0), 0.8)
+    assert found.wanted == pytest.approx((0.02 * 0.004 - 0.003 * 0.01) * 2 * np.pi * 50 * 830 / 45)
+    par = st.BangBang("150mHz", 0.6).par(DEVICE)
+    assert (par.deadband, par.gate) == (pytest.approx(0.003), 0.6)
+    surface = st.StorageLaw(angle_gain=1.5, slope="0.5Hz", deadband="0.2Hz", max_acceleration="2Hz/s", arm_at="0.4Hz")
+    own = surface.par(DEVICE)
+    assert own[:6] == pytest.approx((1.5 / (2 * np.pi * 50), 0.01, 0.004, 0.8, 0.04, 0.008))
+
+
+@pytest.mark.parametrize("ramp", [0.0, 2.0])
+def test_an_order_is_held_within_its_limits_and_ramp_and_is_zero_without_its_machine(ramp):
+    before = hold.Output(0.3)
+    reach = 2.0 * 0.05 if ramp else np.inf
+    for wanted, online, goal in ((1.7, 1.0, 1.0), (-1.4, 1.0, -1.0), (0.35, 1.0, 0.35), (0.9, 0.0, 0.0)):
+        found = hold.step(hold.Input(wanted, online, 0.05), before, hold.Par(ramp)).order
+        assert found == pytest.approx(0.3 + np.clip(goal - 0.3, -reach, reach))
 
 
 def test_without_an_angle_it_is_the_bang_bang_law(base):

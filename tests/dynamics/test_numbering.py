@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from comparison import KEEP_ON
-from systems import kind, small, with_shares
+from systems import kind, rebased, small, with_shares
 
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
@@ -48,13 +48,6 @@ def renumbered(case):
         storage=tuple(s._replace(machine=machine(s.machine), bus=bus(s.bus)) for s in case.storage[::-1]),
         devices={k: {key(n): elsewhere(p) for n, p in list(rows.items())[::-1]} for k, rows in case.devices.items()},
     )
-
-
-def rebased(case, base):
-    """The same system, its network per unit of another base."""
-    ratio = base / case.base_mva
-    branches = tuple(k._replace(r=k.r * ratio, x=k.x * ratio, b=k.b / ratio) for k in case.branches)
-    return replace(case, base_mva=base, branches=branches)
 
 
 def events(place=lambda n: n, unit=lambda n: n):

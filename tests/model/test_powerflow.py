@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from systems import CLASSICAL, doubled, small
+from systems import CLASSICAL, doubled, rebased, small
 
 from stabctl import io
 from stabctl.errors import PowerFlowError
@@ -148,13 +148,6 @@ def test_one_bus_needs_no_iteration():
     flow = powerflow.solve(case)
     assert flow.iterations == 0
     assert flow.S[0] == pytest.approx(0.5 + 0.1j, abs=1e-12)
-
-
-def rebased(case, base):
-    """The same system with its per-unit network on another system base (MVA)."""
-    k = base / case.base_mva
-    branches = tuple(b._replace(r=b.r * k, x=b.x * k, b=b.b / k) for b in case.branches)
-    return replace(case, base_mva=base, branches=branches)
 
 
 @pytest.mark.parametrize("name", ["two_area", "ieee39", "wnaps"])
