@@ -48,7 +48,7 @@ def hold(planes: CuttingPlanes, tolerance: float) -> None:
     if best is not None and planes.best is None:
         raise StudyError(
             f"No fleet within the caps was found that survives every contingency also with any one site "
-            f"{100 * tolerance:g} % smaller or larger. The last one, with {best.sum():.1f} MW, loses {_named(left, 0)}. "
+            f"{100 * tolerance:g} % smaller or larger. The last one, {best.sum():.1f} MW, loses {_named(left, 0)}. "
             "Raise the caps or the number of sites, shorten the clearing times, or reduce the tolerance."
         )
 
