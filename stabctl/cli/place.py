@@ -40,6 +40,15 @@ Levels = Annotated[
     ),
 ]
 Outages = Annotated[bool, typer.Option("--outages", help="Also survive the outage of any one storage device.")]
+Tolerance = Annotated[
+    float | None,
+    typer.Option(
+        "--tolerance",
+        metavar="SHARE",
+        parser=options.in_unit("-"),
+        help="Also survive with any one device this much smaller or larger: 10%.",
+    ),
+]
 Existing = Annotated[
     str | None, typer.Option("--storage-at", help="Existing devices, instead of those of the case: 14=50MW,13@33=20MW.")
 ]
@@ -60,6 +69,7 @@ def place(
     also: Also = None,
     load_level: Levels = None,
     outages: Outages = False,
+    tolerance: Tolerance = None,
     storage_at: Existing = None,
     candidates: Candidates = None,
     sites: Sites = None,
@@ -110,6 +120,7 @@ def place(
             cap=cap,
             candidates=candidates,
             outages=outages,
+            tolerance=tolerance,
             costs=Costs(cost_mw, cost_site, cost_mwh),
             sites=sites,
             control=acts,
@@ -213,6 +224,7 @@ def _record(found: "Siting") -> dict[str, Any]:
         "controllers": list(found.controllers),
         "law": found.law,
         "evidence": [_evidence(row) for row in found.evidence],
+        "tolerance": found.tolerance,
         "history": [h._asdict() for h in found.history],
         "observed_s": found.observed_s,
         "simulations": found.simulations,

@@ -42,7 +42,7 @@ def used(trials: Trials, mw: np.ndarray) -> list[Used | None]:
 def _worst(trials: Trials, every: Sequence[np.ndarray], i: int, limit: float) -> Used:
     """The largest current of candidate i, in service; of equal ones that at the lowest voltage."""
     k = min(
-        (k for k in range(len(every)) if trials.helps(i, k)),
+        (k for k in range(len(every)) if trials.multiple(i, k)),
         key=lambda k: (-round(every[k][0, i], DIGITS), every[k][1, i]),
     )
     current, voltage = map(float, every[k][:, i])

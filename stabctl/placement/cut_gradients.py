@@ -35,7 +35,7 @@ def by_peak(trials: Trials, mw: np.ndarray, k: int) -> np.ndarray | None:
     until = run.time[machine] + AFTER
 
     def slope(i: int) -> float:
-        if not trials.helps(i, k):
+        if not trials.multiple(i, k):
             return 0.0
         step = STEP * base.sum()
         for _ in range(HALVINGS):
@@ -116,8 +116,8 @@ def by_swept_angle(trials: Trials, mw: np.ndarray, k: int, J: np.ndarray) -> np.
     peak = first + int(np.argmax(theta[first:]))
     shares = np.where(C, M_N, -M_C) / H.sum()
     order = run.arrays.order[:, len(trials.existing) :]
-    in_service = np.array([trials.helps(i, k) for i in range(len(mw))])
-    work = in_service * (order[first:peak] * np.diff(theta)[first:peak, None]).sum(0)
+    multiples = np.array([trials.multiple(i, k) for i in range(len(mw))])
+    work = multiples * (order[first:peak] * np.diff(theta)[first:peak, None]).sum(0)
     return _scaled(work * (shares @ J), mw)
 
 

@@ -10,6 +10,7 @@ The energy that a MW needs depends on the whole fleet. A fleet is compared at it
 takes the MWh per MW of the best fleet, or where it has no device of the uniform fleet.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,6 +20,7 @@ from .evidence import energies
 from .master import Cut, Master, Plan, Unsolved
 from .prices import Prices
 from .scaling import Scaled, along, critical_scaling, largest_scaling, least_scaling
+from .scenario import Scenario
 from .siting import Iteration
 from .trials import Trials
 
@@ -114,6 +116,23 @@ class CuttingPlanes:
                 self.cut(a * mw, k)
             else:
                 self.boundary.append((k, self.trials.fleet(a * mw)))
+
+    def require(self, scenarios: Iterable[Scenario]) -> None:
+        """Add scenarios to be survived; the best fleet becomes the cheapest known one that survives them too.
+
+        Otherwise it is the smallest multiple of the former one that does, if there is any.
+        """
+        assert self.best is not None
+        former, known = self.best, self.survivors
+        self.trials = self.trials.among((*self.trials.scenarios, *scenarios))
+        self.best, self.cost, self.survivors = None, np.inf, []
+        for mw in known:
+            if self.trials.all_survived(mw):
+                self.accept(mw)
+        scaled = least_scaling(self.trials, former)
+        self.cut_along(former, scaled)
+        if scaled is not None and (fleet := self.buildable(scaled.scaling * former)) is not None:
+            self.accept(fleet)
 
     def run(self) -> None:
         """Approach the cheapest fleet, tighten the bound, and make the best fleet one that can be built."""

@@ -8,6 +8,7 @@ import numpy as np
 from stabctl.simulation.control import Control
 from stabctl.simulation.sampled import Sampled
 
+from .scenario import scaled
 from .simulated import CriticalTime
 from .siting import Evidence
 from .trials import Trials
@@ -27,9 +28,9 @@ def critical_times(trials: Trials, mw: np.ndarray, control: Control = None) -> l
 
 
 def table(
-    trials: Trials, mw: np.ndarray, found: Sequence[CriticalTime], controls: Mapping[str, Sampled]
+    trials: Trials, mw: np.ndarray, found: Sequence[CriticalTime], controls: Mapping[str, Sampled], tolerance: float
 ) -> tuple[Evidence, ...]:
-    """The fleet, 0.9 of it, the fleet without each site, in refined simulations, and under other controllers.
+    """The fleet, 0.9 of it, with each site removed, smaller or larger, refined, and under other controllers.
 
     If the fleet does not survive refined simulations or another controller, the first of `MARGINS` that does is shown
     too, or the last one if none does.
@@ -44,12 +45,15 @@ def table(
         Critical clearing times with the fleet.
     controls : mapping
         Other controllers by name.
+    tolerance : float
+        Share by which each site alone is smaller or larger; such fleets are simulated at the targets only.
     """
     rows = [_row(mw, found), _row(0.9 * mw, critical_times(trials, 0.9 * mw), scale=0.9)]
-    for i in (int(i) for i in np.argsort(-mw) if mw[i] > 0):
-        s = trials.point.case.storage[len(trials.existing) + i]
+    built = [int(i) for i in np.argsort(-mw) if mw[i] > 0]
+    for i in built:
         rest = np.where(np.arange(len(mw)) == i, 0.0, mw)
-        rows.append(_row(rest, critical_times(trials, rest), without=f"{s.machine}@{s.bus}"))
+        rows.append(_row(rest, critical_times(trials, rest), without=trials.site(i)))
+    rows += [_scaled(trials, mw, i, multiple) for i in built for multiple in (1 - tolerance, 1 + tolerance)]
     refined = trials.refined()
     enough = next((m for m in MARGINS if refined.all_survived(m * mw)), MARGINS[-1])
     times = critical_times(refined, enough * mw)
@@ -63,6 +67,14 @@ def table(
             if not row.lost:
                 break
     return tuple(rows)
+
+
+def _scaled(trials: Trials, mw: np.ndarray, i: int, multiple: float) -> Evidence:
+    """The fleet (candidates, MW) with another size at candidate i, also above its cap, simulated at the targets."""
+    changed = trials.among(scaled(trials.scenarios, len(trials.existing) + i, multiple))
+    lost = changed.lost(mw)
+    stable = tuple(k not in lost for k in range(len(changed.scenarios)))
+    return Evidence(float(mw.sum() + (multiple - 1) * mw[i]), (), stable, scale=multiple, site=trials.site(i))
 
 
 def _row(mw: np.ndarray, found: Sequence[CriticalTime], **variant: Any) -> Evidence:

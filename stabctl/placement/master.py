@@ -2,8 +2,8 @@
 
     min  c's + f'z + rho 1'xi
     s.t. D s >= b - xi,  0 <= s <= cap z,  |s - best| <= radius,  xi >= 0
-         0 <= z <= 1 (a linear program, Clarabel), or z of 0 and 1 with at most K of them (HiGHS)
-         s_i = module_i n_i, n_i a whole number, where sizes are multiples of a module (HiGHS)
+         0 <= z <= 1 (a linear program, Clarabel), or z of 0 and 1 with at most K of them (HiGHS, by SciPy)
+         s_i = module_i n_i, n_i a whole number, where sizes are multiples of a module (HiGHS, by SciPy)
 
 Internally a size is a share of its cap, and a cut is divided by the largest contribution of one device, so that the
 program is well scaled.
@@ -95,7 +95,7 @@ class Master:
         if whole.size:
             share = self.module[whole] / self.cap[whole]
             constraints.append(self.s[whole] == cp.multiply(share, cp.Variable(whole.size, integer=True)))
-        self.solver = cp.CLARABEL if self.z is None and not whole.size else cp.HIGHS
+        self.solver = cp.CLARABEL if self.z is None and not whole.size else cp.SCIPY
         self.problem = cp.Problem(cp.Minimize(cost), constraints)
         assert self.problem.is_dpp()
 

@@ -20,7 +20,7 @@ from stabctl.simulation.control import Control
 from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.sampled import Sampled
 
-from . import controls, converters, initial_fleets, rounding
+from . import controls, converters, initial_fleets, rounding, tolerances
 from .contingencies import LONGER, Contingencies
 from .contingencies import contingencies as as_contingencies
 from .cutting_planes import CuttingPlanes
@@ -52,6 +52,7 @@ def place(
     sites: int | None = None,
     candidates: SiteOptions | None = None,
     outages: bool = False,
+    tolerance: str | float | None = None,
     control: Control = None,
     device: Mapping[str, Any] | None = None,
     observe: str | float = "5s",
@@ -87,6 +88,10 @@ def place(
         there decelerates most.
     outages : bool
         Whether the fleet must survive everything also without each one of the devices, new or existing.
+    tolerance : str or float, optional
+        Share of its size by which any one new device may be smaller or larger: "10%" or 0.1. The fleet must survive
+        everything also with each device so much smaller, and so much larger, than planned, the others as planned. By
+        default the evidence shows what 10 % change, and nothing is required.
     control : control law, Controller, or list of them, optional
         The control law of all devices, `BangBang()` by default, and controllers, which act in every simulation. If
         controllers give orders to the storage devices, there is no law unless one is given.
@@ -117,12 +122,14 @@ def place(
     Raises
     ------
     StudyError
-        If an argument is invalid, no fleet survives any contingency, or no fleet with so few sites is found.
+        If an argument is invalid, no fleet survives any contingency, or no fleet with so few sites or
+        within the tolerance is found.
     """
     began = time.perf_counter()
     cases = operating_points(base)
     case = next(iter(cases.values()))
     _check(costs, sites)
+    required = tolerances.share(tolerance)
     acts = controls.acting_in(control)
     others = controls.others(validate, acts)
     search = Search.of(
@@ -160,9 +167,11 @@ def place(
         planes.run()
         if planes.best is None or planes.energy is None:
             raise StudyError(_none_found(trials, sites))
+        if required is not None:
+            tolerances.hold(planes, required)
         best, bound, trials = planes.best, planes.bound, trials.of(planes.best)
         times = critical_times(trials, best)
-        rows = table(trials, best, times, others)
+        rows = table(trials, best, times, others, required or tolerances.USUAL)
         survived = _survived(trials, best, times)
         mva, uses = converters.mva(trials, best), converters.used(trials, best)
     order = [int(i) for i in np.argsort(-best) if best[i] > 0]
@@ -197,6 +206,7 @@ def place(
         controllers=tuple(str(c) for c in acts if isinstance(c, Controller)),
         law=next((str(law) for law in acts if isinstance(law, Law)), ""),
         targets=BY_SCREEN if isinstance(contingencies, Screen) else "",
+        tolerance=required,
     )
 
 

@@ -19,6 +19,7 @@ class Scenario(NamedTuple):
     contingency: Contingency
     point: int = 0  # number of the operating point
     out: int | None = None  # row of the storage device out of service, the existing ones first
+    scaled: tuple[int, float] | None = None  # row of a storage device, and the multiple of its rating
 
 
 def operating_points(bases: Bases) -> dict[str, Case]:
@@ -62,6 +63,11 @@ def scenarios(contingencies: Sequence[Contingency], points: int, devices: int | 
     """Every contingency at every operating point, and, given the number of devices, without each of them."""
     out = (None,) if devices is None else (None, *range(devices))
     return tuple(Scenario(one, point, row) for point in range(points) for one in contingencies for row in out)
+
+
+def scaled(scenarios: Iterable[Scenario], device: int, multiple: float) -> tuple[Scenario, ...]:
+    """The scenarios with the rating of one device (its row, existing ones first) multiplied."""
+    return tuple(one._replace(scaled=(device, multiple)) for one in scenarios)
 
 
 def without_fault(one: Contingency, case: Case) -> tuple[Contingency, float]:

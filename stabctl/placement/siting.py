@@ -56,6 +56,8 @@ class Siting(Tabular):
         Law of the devices; empty if controllers drive them.
     targets : str
         Source of the required clearing times, as a sentence; empty if they were given.
+    tolerance : float or None
+        Share by which any one device alone may be smaller or larger, if that was required.
     """
 
     case: str
@@ -79,6 +81,7 @@ class Siting(Tabular):
     controllers: tuple[str, ...] = ()
     law: str = ""
     targets: str = ""
+    tolerance: float | None = None
 
     plot = verb("stabctl.plotting.siting:plot")
     report = verb("stabctl.report.siting_page:write")
@@ -123,8 +126,9 @@ class Siting(Tabular):
 
     @property
     def smaller(self) -> tuple[Evidence, ...]:
-        """Fleets with less storage that survive everything too."""
-        return tuple(row for row in self.evidence if self.sites and row.smaller and not row.lost)
+        """Fleets with less storage that survive everything too; none if a tolerance was required."""
+        asked = self.sites and self.tolerance is None
+        return tuple(row for row in self.evidence if asked and row.smaller and not row.lost)
 
     def storage(self, **options: Any) -> tuple[Storage, ...]:
         """The devices, for `simulate(storage=...)`.
@@ -144,12 +148,15 @@ class Siting(Tabular):
 
     @property
     def df(self) -> "pd.DataFrame":
-        """The devices of the fleet, a row each, with their caps; of converters also the current that sets their MVA."""
+        """The devices of the fleet, a row each, with their caps; of converters also the current that sets their MVA.
+
+        `lost_if_smaller` and `lost_if_larger` count the scenarios that are lost with another size at this site alone.
+        """
         import pandas as pd
 
         caps = {(c.bus, c.machine): c.cap_mw for c in self.candidates}
-        rows = [(*s, caps.get((s.bus, s.machine))) for s in self.sites]
-        table = pd.DataFrame(rows, columns=[*Site._fields, "cap_mw"])
+        rows = [(*s, caps.get((s.bus, s.machine)), *self._lost_at(s)) for s in self.sites]
+        table = pd.DataFrame(rows, columns=[*Site._fields, "cap_mw", "lost_if_smaller", "lost_if_larger"])
         return table if self.converters else table.drop(columns=["current", "limit", "voltage", "worst"])
 
     @property
@@ -164,6 +171,11 @@ class Siting(Tabular):
         columns = ["contingency", "target_cycles", "critical_cycles", "margin_cycles", "stable", "binding", "machine"]
         numbers = dict.fromkeys(("target_cycles", "critical_cycles", "margin_cycles"), float)
         return machine_column(pd.DataFrame(rows, columns=columns).astype(numbers))
+
+    def _lost_at(self, site: Site) -> list[int | None]:
+        """Scenarios lost with a smaller and with a larger size at a site."""
+        rows = [row for row in self.evidence if row.site == f"{site.machine}@{site.bus}"]
+        return [next((row.lost for row in rows if (row.scale < 1) == less), None) for less in (True, False)]
 
     def remarks(self) -> tuple[str, ...]:
         """The result in sentences."""

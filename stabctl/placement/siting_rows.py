@@ -117,10 +117,11 @@ class Evidence(NamedTuple):
     """The fleet, or a variant of it, simulated against every contingency."""
 
     mw: float
-    critical_cycles: tuple[float | None, ...]
+    critical_cycles: tuple[float | None, ...]  # empty: simulated at the targets only
     stable: tuple[bool, ...]  # at the targets
-    scale: float = 1.0  # of all sizes
+    scale: float = 1.0  # of all sizes, or of the one of `site`
     without: str | None = None  # the device (machine@bus) that is removed
+    site: str | None = None  # the only device (machine@bus) that `scale` changes
     refined: bool = False  # simulated with half the time step and twice the observation window
     control: str | None = None  # another controller
 
@@ -129,6 +130,8 @@ class Evidence(NamedTuple):
         """The variant in words."""
         if self.without:
             return f"without {self.without}"
+        if self.site:
+            return f"{self.site} x{self.scale:g}"
         also = [self.control] if self.control else [REFINED] if self.refined else []
         return ", ".join(also if self.control and self.scale == 1 else [f"x{self.scale:g}", *also])
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from stabctl._util.wording import counted
 from stabctl.controllers import BangBang
 
-from .siting_rows import REFINED, Infeasible, Survived
+from .siting_rows import REFINED, Evidence, Infeasible, Survived
 
 if TYPE_CHECKING:
     from .siting import Siting
@@ -108,6 +108,8 @@ def _comparisons(siting: "Siting") -> Iterator[str]:
         yield f"The allocation by linear analysis needs {siting.linear_mw:.1f} MW."
     elif siting.linear_mw is None:
         yield "No multiple of the allocation by linear analysis within the caps is sufficient."
+    if siting.tolerance is not None and (siting.uniform_mw or siting.linear_mw):
+        yield "The uniform fleet and the linear allocation are sized without the tolerance."
 
 
 def _bound(siting: "Siting") -> Iterator[str]:
@@ -129,15 +131,39 @@ def reservations(siting: "Siting") -> tuple[str, ...]:
         if row.refined:
             fleet = "this fleet" if row.scale == 1 else f"{row.scale:g} times this fleet"
             fleet = fleet if siting.sites else "the system without storage"
-            lost = [c.label for c, ok in zip(siting.contingencies, row.stable, strict=True) if not ok]
+            lost = _lost(siting, row)
             said.append(
-                f"With {REFINED}, {fleet} does not survive {'; '.join(lost)}; use a longer observation window."
+                f"With {REFINED}, {fleet} does not survive {lost}; use a longer observation window."
                 if lost
                 else f"With {REFINED}, {fleet} survives every contingency."
             )
+    said += _other_sizes(siting)
     also = "survives every contingency too, so a smaller fleet is possible"
     said += [f"The fleet {row.fleet} {also}." for row in siting.smaller]
     return tuple(said)
+
+
+def _other_sizes(siting: "Siting") -> Iterator[str]:
+    """What the fleet does not survive if one device alone is smaller or larger."""
+    rows = [row for row in siting.evidence if row.site]
+    if rows and not any(row.lost for row in rows):
+        changed = 100 * abs(rows[0].scale - 1)
+        yield f"The fleet survives every contingency also if any one site has {changed:g} % less or more."
+        return
+    for less in (False, True):
+        tried = [row for row in rows if (row.scale < 1) == less]
+        if lost := [row for row in tried if row.lost]:
+            changed, count = 100 * abs(lost[0].scale - 1), counted(len(tried), "site")
+            named = "; ".join(f"{row.site} loses {_lost(siting, row)}" for row in lost)
+            yield (
+                f"With {changed:g} % {'less' if less else 'more'} at one site alone, the fleet is not sufficient for "
+                f"{len(lost)} of {count}: {named}."
+            )
+
+
+def _lost(siting: "Siting", row: Evidence) -> str:
+    """The scenarios that a variant of the fleet does not survive."""
+    return ", ".join(c.label for c, ok in zip(siting.contingencies, row.stable, strict=True) if not ok)
 
 
 def _solver(siting: "Siting") -> Iterator[str]:

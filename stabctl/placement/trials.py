@@ -112,8 +112,15 @@ class Trials:
     def named(self, k: int) -> tuple[str, str]:
         """The operating point of scenario k, if there are several, and the device that is out of service, if any."""
         one = self.scenarios[k]
-        s = None if one.out is None else self.point.case.storage[one.out]
-        return self.names[one.point] if len(self.points) > 1 else "", "" if s is None else f"{s.machine}@{s.bus}"
+        return self.names[one.point] if len(self.points) > 1 else "", "" if one.out is None else self._device(one.out)
+
+    def site(self, i: int) -> str:
+        """Candidate i as machine@bus."""
+        return self._device(len(self.existing) + i)
+
+    def _device(self, row: int) -> str:
+        s = self.point.case.storage[row]
+        return f"{s.machine}@{s.bus}"
 
     @property
     def simulations(self) -> int:
@@ -155,13 +162,21 @@ class Trials:
 
     def ratings(self, mw: np.ndarray, k: int) -> np.ndarray:
         """The ratings (devices, MW) of the existing devices and the fleet in scenario k."""
-        out = self.scenarios[k].out
-        all_of_them = np.concatenate([self.existing, mw])
-        return all_of_them if out is None else np.where(np.arange(len(all_of_them)) == out, 0.0, all_of_them)
+        return np.concatenate([self.existing, mw]) * self._multiples(k)
 
-    def helps(self, i: int, k: int) -> bool:
-        """Whether candidate i is in service in scenario k."""
-        return self.scenarios[k].out != len(self.existing) + i
+    def multiple(self, i: int, k: int) -> float:
+        """The multiple of its size with which candidate i acts in scenario k: 0 out of service, usually 1."""
+        return float(self._multiples(k)[len(self.existing) + i])
+
+    def _multiples(self, k: int) -> np.ndarray:
+        one = self.scenarios[k]
+        multiples = np.ones(len(self.existing) + len(self.cap))
+        if one.scaled is not None:
+            row, scale = one.scaled
+            multiples[row] = scale
+        if one.out is not None:
+            multiples[one.out] = 0.0
+        return multiples
 
     def survives(self, mw: np.ndarray, k: int) -> bool:
         """Whether the fleet (candidates, MW; reduced to the caps) survives scenario k."""
@@ -228,8 +243,12 @@ class Trials:
 
     def only(self, kept: Sequence[int]) -> "Trials":
         """The same for some of the scenarios."""
+        return self.among(self.scenarios[k] for k in kept)
+
+    def among(self, scenarios: Iterable[Scenario]) -> "Trials":
+        """The same for other scenarios."""
         new = copy.copy(self)
-        new.scenarios = tuple(self.scenarios[k] for k in kept)
+        new.scenarios = tuple(scenarios)
         return new
 
     def of(self, mw: np.ndarray) -> "Trials":

@@ -92,6 +92,9 @@ def _contingencies(siting: Siting) -> Iterator[tuple[str, ...]]:
 
 def _variation(siting: Siting, row: Evidence) -> dict[str, Any]:
     """A fleet near the one chosen: its name, its megawatts, margin and stability of every contingency."""
+    if not row.critical_cycles:
+        cells = [("stable" if stable else "unstable", stable) for stable in row.stable]
+        return {"fleet": row.fleet, "mw": f"{row.mw:.1f}", "margins": cells}
     required = [c.target_cycles for c in siting.contingencies]
     margins = [_margin(critical, target) for critical, target in zip(row.critical_cycles, required, strict=True)]
     return {"fleet": row.fleet, "mw": f"{row.mw:.1f}", "margins": list(zip(margins, row.stable, strict=True))}

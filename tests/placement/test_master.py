@@ -59,6 +59,12 @@ def test_it_is_disciplined_and_built_once():
         assert master.solve(_random_cuts(np.random.default_rng(1))).cost == pytest.approx(first.cost, rel=1e-6)
 
 
+def test_the_solver_says_nothing(capfd):
+    """HiGHS called by its own package prints a notice at its first solution, into what --json prints."""
+    Master(np.array([10.0]), np.ones(1), np.ones(1), 1).solve([])
+    assert capfd.readouterr() == ("", "")
+
+
 @pytest.mark.parametrize("sites", [None, 1, 2, 3, 4, 9])
 def test_at_most_so_many_sites(sites):
     rng = np.random.default_rng(5)

@@ -119,7 +119,7 @@ def test_a_device_out_of_service_does_nothing_and_costs_no_second_run(case):
     assert trials.lost(np.array([60.0, 0.0])) == [1]
     assert trials.simulations == 2  # without the second device, which has no rating, is the same run
     assert trials.ratings(np.array([60.0, 5.0]), 1).tolist() == [0.0, 5.0]
-    assert not trials.helps(0, 1)
+    assert (trials.multiple(0, 1), trials.multiple(1, 1)) == (0, 1)
     assert trials.of(np.array([60.0, 0.0])).scenarios == (Scenario(NEAR_9), Scenario(NEAR_9, out=0))
 
 

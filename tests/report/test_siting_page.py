@@ -27,6 +27,7 @@ def siting():
         Evidence(60.0, (12.25, 7.5), (True, True)),
         Evidence(54.0, (11.75, 6.0), (False, True), scale=0.9),
         Evidence(20.0, (None, 12.875), (False, False), without="3@103"),
+        Evidence(64.0, (), (True, False), scale=1.1, site="3@103"),
     )
     history = (Iteration(10.0, math.inf, math.inf, 0), Iteration(50.0, 62.0, 62.0, 3), Iteration(59.0, 60.0, 60.0, 2))
     return Siting(
@@ -109,8 +110,9 @@ def test_the_page_says_what_the_record_holds(siting, tmp_path):
         ["x1", "60.0", "+0.250", "+1.500"],
         ["x0.9", "54.0", "-0.250" + lost, "+0.000"],
         ["without 3@103", "20.0", "none" + lost, "+6.875" + lost],
+        ["3@103 x1.1", "64.0", "stable", "unstable" + lost],
     ]
-    assert page.count('class="unstable"') == 3
+    assert page.count('class="unstable"') == 4
 
 
 def test_converters_have_mva_and_what_sets_them(with_converters, plain):
@@ -159,10 +161,11 @@ def test_without_a_uniform_fleet_rounds_or_places(siting, tmp_path):
 
 def test_reservations_are_among_the_sentences(siting):
     spared = replace(siting, evidence=(*siting.evidence, Evidence(40.0, (12.0, 6.0), (True, True), without="31@131")))
-    infeasible, less = spared.reservations()
+    infeasible, other, less = spared.reservations()
+    assert other.endswith("10 % more at one site alone, the fleet is not sufficient for 1 of 1 site: 3@103 loses <9>.")
     assert infeasible.startswith("Not survived: 3 at 18.00 cycles: none of the 35 fleets")
     assert less == "The fleet without 31@131 survives every contingency too, so a smaller fleet is possible."
-    assert spared.remarks()[-2:] == (infeasible, less)
+    assert spared.remarks()[-3:] == (infeasible, other, less)
 
 
 def test_labels_of_the_figures_stand_apart(siting):
@@ -234,7 +237,7 @@ def test_no_name_of_a_case_leads_out_of_the_folder(plain, tmp_path, name):
 
 def test_a_siting_is_a_table_and_saves_itself(siting, tmp_path):
     table = siting.df
-    assert list(table.columns) == ["bus", "machine", "mw", "mwh", "mva", "cap_mw"]
+    assert list(table.columns) == ["bus", "machine", "mw", "mwh", "mva", "cap_mw", "lost_if_smaller", "lost_if_larger"]
     assert table.mw.tolist() == [40.0, 20.0]
     assert table.cap_mw.tolist() == [297.0, 269.0]
     times = siting.clearing_times
