@@ -35,6 +35,11 @@ def sentence(error: Exception) -> str:
     return one_line(text)
 
 
+def bug(error: Exception) -> str:
+    """The message of an error that only a mistake in stabctl can cause."""
+    return one_line(f"{type(error).__name__}: {error}. This is a bug in stabctl; please report it.")
+
+
 def one_line(text: str) -> str:
     """The text on one line, long words shortened, control characters as escapes: a terminal would obey them."""
     words = " ".join(word if len(word) <= LONGEST else f"{word[:LONGEST]}..." for word in text.split())

@@ -1,9 +1,15 @@
 """Atomic writing of files: a file is written completely or not at all."""
 
+import errno
+import hashlib
 import os
 import re
-import tempfile
+import secrets
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
 
 from stabctl.errors import StudyError, shown
 
@@ -18,9 +24,11 @@ def path_of(given: object) -> Path:
 def check(path: Path) -> None:
     """Raise `StudyError` if a file cannot be written, before any work is done for it."""
     try:
-        number, part = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        os.close(number)
-        os.unlink(part)
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, "it is a folder")
+        with _beside(_target(path)) as (file, part):
+            file.close()
+            part.unlink()
     except OSError as error:
         raise _unwritable(path, error) from None
 
@@ -40,18 +48,52 @@ def _unwritable(path: Path, error: OSError) -> StudyError:
     return StudyError(f"{path} cannot be written: {error.strerror or error}; choose another file or folder{kept}.")
 
 
+def _target(path: Path) -> Path:
+    """The file that a link leads to."""
+    return Path(os.path.realpath(path))
+
+
+@contextmanager
+def _beside(path: Path) -> Iterator[tuple[BinaryIO, Path]]:
+    """A new file next to `path`, with its permissions, or those of any new file; it is removed after an error."""
+    part = path.with_name(f".{path.name[:100]}.{secrets.token_hex(4)}")
+    with part.open("xb") as file:
+        try:
+            with suppress(FileNotFoundError):
+                part.chmod(stat.S_IMODE(path.stat().st_mode))
+            yield file, part
+        except BaseException:
+            part.unlink()
+            raise
+
+
 def _replace(path: Path, content: str | bytes) -> None:
-    number, part = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    path, data = _target(path), content.encode() if isinstance(content, str) else content
+    if path.exists() and not path.is_file() and not path.is_dir():
+        path.write_bytes(data)  # a device, which must not be replaced
+        return
+    with _beside(path) as (file, part):
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+        file.close()  # before it is moved, for Windows
+        part.replace(path)
+
+
+def keep(path: Path, content: bytes) -> None:
+    """Write a file that `kept` reads; nothing happens if it cannot be written."""
+    with suppress(OSError):
+        _replace(path, hashlib.sha256(content).digest() + content)
+
+
+def kept(path: Path) -> bytes | None:
+    """What `keep` has written; None if there is no such file, or it is damaged or cannot be read."""
     try:
-        with os.fdopen(number, "wb") as file:
-            file.write(content.encode() if isinstance(content, str) else content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(part, 0o644)
-        os.replace(part, path)
-    except BaseException:
-        os.unlink(part)
-        raise
+        found = path.read_bytes()
+    except OSError:
+        return None
+    content = found[32:]
+    return content if hashlib.sha256(content).digest() == found[:32] else None
 
 
 def safe_name(text: str) -> str:

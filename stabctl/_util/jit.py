@@ -15,8 +15,9 @@ import stat
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, suppress
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from threading import RLock
 from types import ModuleType
@@ -81,9 +82,7 @@ def sources(module: ModuleType) -> str:
 
 def digest(*texts: str) -> str:
     """Name of machine code: a hash of the numba version and the source texts it is made from."""
-    import numba
-
-    found = hashlib.sha256(numba.__version__.encode())
+    found = hashlib.sha256(version("numba").encode())
     for text in texts:
         found.update(text.encode())
     return found.hexdigest()[:16]
@@ -96,7 +95,7 @@ def folder() -> Path:
 
     user = os.getuid() if hasattr(os, "getuid") else "user"
     for path in (Path(platformdirs.user_cache_dir("stabctl")), Path(tempfile.gettempdir()) / f"stabctl-{user}"):
-        if _made(path) and _ours(path) and _made(path / "families"):
+        if _made(path) and _ours(path):
             return path
     path = Path(tempfile.mkdtemp(prefix="stabctl-"))
     atexit.register(shutil.rmtree, path, ignore_errors=True)
@@ -118,20 +117,6 @@ def _ours(path: Path) -> bool:
     found = path.lstat()
     mine = not hasattr(os, "getuid") or found.st_uid == os.getuid()
     return mine and stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o022
-
-
-@contextmanager
-def alone(path: Path) -> Iterator[None]:
-    """Lock on `path`, so that one process compiles at a time and the next one finds the machine code on disk."""
-    try:
-        import fcntl
-    except ImportError:  # Windows: two processes may compile the same code
-        yield
-        return
-    with path.open("w") as file:
-        with suppress(OSError):  # a file system without locks
-            fcntl.flock(file, fcntl.LOCK_EX)
-        yield
 
 
 _told: list[bool] = []
@@ -194,40 +179,38 @@ class Entry:
             return self._compiled(*arguments)
         with lock, compiling([] if self.on_disk() else [self.name]) as done:
             awaited.pop(self.function.__module__, bool)()
-            self._compiled = self._compiled or self._compile()
-            with nullcontext() if disabled() else alone(self._place() / "lock"):
-                found = self._compiled(*arguments)
+            found = self._compiled or self._compile(arguments)
             done()
-        return found
+        self._compiled = found
+        return found(*arguments)
 
     def signatures(self) -> list[Any]:
         """Types that it has been compiled for."""
         return list(getattr(self._compiled, "signatures", ()))
 
-    def _place(self) -> Path:
-        return folder() / digest(sources(sys.modules[self.function.__module__]))
+    def _stem(self) -> str:
+        module = self.function.__module__
+        return f"{module.rpartition('.')[2]}.{self.name}-{digest(sources(sys.modules[module]))}"
 
     def on_disk(self) -> bool:
         """Whether its machine code is on disk, or not needed."""
-        if disabled() or self._compiled is not None:
-            return True
-        return any(self._place().rglob(f"*.{self.name}-*.nbc"))
+        return disabled() or self._compiled is not None or kept(self._stem())
 
-    def _compile(self) -> Callable[..., Any]:
+    def _compile(self, arguments: Sequence[Any]) -> Callable[..., Any]:
+        """The function, compiled for the types of the arguments."""
         if disabled():
             return self.function
-        import numba
+        from . import machine_code
 
         ready()
-        place = self._place()
-        place.mkdir(mode=0o700, exist_ok=True)
-        config: Any = numba.config
-        njit: Any = numba.njit
-        before, config.CACHE_DIR = config.CACHE_DIR, str(place)
-        try:
-            return njit(error_model="numpy", cache=True, nogil=True, _nrt=self.allocates)(self.function)
-        finally:
-            config.CACHE_DIR = before
+        found = machine_code.function(self.function, folder() / self._stem(), self.allocates)
+        found.compile(tuple(map(found.typeof_pyval, arguments)))
+        return found  # type: ignore[no-any-return]
+
+
+def kept(stem: str) -> bool:
+    """Whether machine code of this name is on disk."""
+    return any(name.startswith(f"{stem}-") and name.endswith(".nbc") for name in os.listdir(folder()))
 
 
 def entry(function: Callable[..., Any]) -> Entry:

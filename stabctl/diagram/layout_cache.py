@@ -1,14 +1,11 @@
 """Layouts of diagrams, stored in the user's cache folder under a hash of the data they depend on."""
 
 import hashlib
-import io
 import sys
-from contextlib import suppress
 
 import numpy as np
 
 from stabctl._util import files, jit
-from stabctl.errors import StudyError
 from stabctl.model.case import Case
 
 from .layout import layout
@@ -16,16 +13,12 @@ from .layout import layout
 
 def cached_layout(case: Case) -> np.ndarray:
     """The layout of a case (buses and machines, 2), calculated once."""
-    path = jit.folder() / "diagrams" / f"{_name(case)}.npy"
-    with suppress(OSError, ValueError, EOFError):
-        found = np.load(path, allow_pickle=False)
-        if found.shape == (len(case.buses) + len(case.machines), 2) and np.isfinite(found).all():
-            return found
-    found, text = layout(case), io.BytesIO()
-    np.save(text, found, allow_pickle=False)
-    with suppress(OSError, StudyError):  # a folder that cannot be written
-        path.parent.mkdir(mode=0o700, exist_ok=True)
-        files.replace(path, text.getvalue())
+    path, shape = jit.folder() / f"diagram-{_name(case)}", (len(case.buses) + len(case.machines), 2)
+    content = files.kept(path)
+    if content is not None:
+        return np.frombuffer(content).reshape(shape)
+    found = layout(case)
+    files.keep(path, np.asarray(found, float).tobytes())
     return found
 
 

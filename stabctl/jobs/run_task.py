@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import Any
 
 from stabctl import devices
-from stabctl.errors import StabctlError
+from stabctl.errors import StabctlError, bug
 
 from .task import Row, Task, row
 
@@ -23,8 +23,7 @@ def run_task(task: Task) -> Row:
     except StabctlError as error:
         return row(task, {}, "error", " ".join(str(error).split()), **_here(began))
     except Exception as error:
-        text = f"{type(error).__name__}: {error}. This is a bug in stabctl; please report it with the study file."
-        return row(task, {}, "bug", " ".join(text.split()), **_here(began))
+        return row(task, {}, "bug", bug(error), **_here(began))
 
 
 def completed(task: Task) -> Row:

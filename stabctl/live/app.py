@@ -4,7 +4,7 @@ import json
 from collections.abc import Callable
 from typing import Any
 
-from stabctl.errors import StabctlError, sentence
+from stabctl.errors import StabctlError, bug, sentence
 
 from . import commands, linear, page, runs, searches, theory
 from .commands import Source
@@ -12,10 +12,11 @@ from .guard import Guard
 from .packing import pack
 from .points import Points
 from .recording import recording
-from .state import read
-from .streams import parts
+from .state import Wrong, number, read
+from .streams import Searches
 
 LARGEST = 20_000_000  # bytes of a request: a page to be saved
+LONGEST = 3600.0  # cycles   of a fault in the phase plane
 
 
 class Pages:
@@ -28,48 +29,66 @@ class Pages:
         """The run of a state."""
         return runs.answer(self.points, read(message), self.load)
 
-    def modes(self, message: Any) -> bytes:
+    def modes(self, message: dict[str, Any]) -> bytes:
         """The modes at a load level, with a gain multiplied."""
-        level = read({"level": message.get("level", 100)})
-        case, gain = self.points.bare(level).case, (str(message.get("gain", "")), float(message.get("factor", 1.0)))
-        found = linear.answer(case, *gain)
-        return json.dumps(found | {"copy": commands.of_modes(self.load, case, level.level, *gain)}).encode()
+        level, gain = read({"level": message.get("level", 100)}), message.get("gain", "")
+        if not isinstance(gain, str):
+            raise Wrong
+        case, factor = self.points.bare(level).case, number(message, "factor", 1.0)
+        found = linear.answer(case, gain, factor)
+        return json.dumps(found | {"copy": commands.of_modes(self.load, case, level.level, gain, factor)}).encode()
 
-    def theory(self, message: Any) -> bytes:
+    def theory(self, message: dict[str, Any]) -> bytes:
         """The equal areas and phase plane of a machine."""
-        level, machine, clear = read({"level": message.get("level", 100)}), message["machine"], float(message["clear"])
-        found = theory.answer(self.points.bare(level).case, None if machine is None else int(machine), clear)
+        level, machine = read({"level": message.get("level", 100)}), message.get("machine")
+        clear = number(message, "clear", most=LONGEST)
+        if machine is not None and type(machine) is not int:
+            raise Wrong
+        found = theory.answer(self.points.bare(level).case, machine, clear)
         copy = commands.of_theory(self.load, level.level, found["machine"], clear)
         return json.dumps(found | {"copy": copy}).encode()
 
-    def save(self, message: Any) -> bytes:
+    def save(self, message: dict[str, Any]) -> bytes:
         """The page as a file that works offline."""
-        return page.saved(recording(self.points, read(message["state"]), self.load, message["results"])).encode()
+        state = read(message.get("state"))
+        return page.saved(recording(self.points, state, self.load, message.get("results"))).encode()
 
 
 def app(points: Points, load: Source, token: str, port: int) -> Guard:
     """The application of a case, behind its guard."""
     from starlette.applications import Starlette
     from starlette.concurrency import run_in_threadpool
+    from starlette.exceptions import HTTPException
     from starlette.requests import Request
     from starlette.responses import JSONResponse, Response, StreamingResponse
     from starlette.routing import Route
 
-    pages = Pages(points, load)
+    pages, searching = Pages(points, load), Searches()
 
     async def body(request: Request) -> Any:
-        if int(request.headers.get("content-length", 0)) > LARGEST:
-            raise ValueError
-        return json.loads(await request.body())
+        found = bytearray()
+        async for part in request.stream():
+            found += part
+            if len(found) > LARGEST:
+                raise HTTPException(413)
+        try:
+            return json.loads(found, parse_constant=_refused)
+        except (ValueError, RecursionError):
+            raise HTTPException(400) from None
 
     def answered(work: Callable[[Any], bytes], kind: str) -> Callable[[Request], Any]:
         async def answer(request: Request) -> Response:
+            message = await body(request)
             try:
-                return Response(await run_in_threadpool(work, await body(request)), media_type=kind)
+                if not isinstance(message, dict):
+                    raise Wrong
+                return Response(await run_in_threadpool(work, message), media_type=kind)
+            except (Wrong, RecursionError):
+                raise HTTPException(400) from None
             except StabctlError as error:
                 wrong = {"error": sentence(error)}
-            except (ValueError, KeyError, TypeError, AttributeError):
-                return Response(status_code=400)
+            except Exception as error:
+                wrong = {"error": bug(error)}
             text = pack(wrong, {}) if kind == BINARY else json.dumps(wrong).encode()
             return Response(text, media_type=kind)
 
@@ -79,9 +98,12 @@ def app(points: Points, load: Source, token: str, port: int) -> Guard:
         async def answer(request: Request) -> Response:
             try:
                 state = read(await body(request))
-            except (StabctlError, ValueError):
-                return Response(status_code=400)
-            return StreamingResponse(parts(lambda tell: work(pages.points, state, tell)), media_type=LINES)
+            except StabctlError:
+                raise HTTPException(400) from None
+            found = searching.start(lambda tell: work(pages.points, state, tell))
+            if found is None:
+                return Response(FULL, 503, {"retry-after": "5"}, LINES)
+            return StreamingResponse(found, media_type=LINES)
 
         return answer
 
@@ -118,4 +140,10 @@ def app(points: Points, load: Source, token: str, port: int) -> Guard:
     )
 
 
+def _refused(name: str) -> float:
+    """NaN and Infinity are not JSON."""
+    raise ValueError(name)
+
+
+FULL = json.dumps({"error": "Many searches are running for other pages; wait until some of them end."}) + "\n"
 BINARY, LINES = "application/octet-stream", "application/x-ndjson"

@@ -51,7 +51,7 @@ class Guard:
     def allows(self, scope: "Scope") -> bool:
         """Whether token, host and origin are right."""
         headers = dict(scope["headers"])
-        given = scope["path"].split("/")[1].encode()
+        given = scope["path"].removeprefix("/").partition("/")[0].encode(errors="replace")
         host, origin = headers.get(b"host", b""), headers.get(b"origin")
         known = secrets.compare_digest(given, self.token) and host in self.hosts
         own = origin is None or origin == b"http://" + host

@@ -6,12 +6,17 @@ import sys
 import webbrowser
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
 
 from .commands import Source
+
+if TYPE_CHECKING:
+    import uvicorn
+
+    from .points import Points
 
 HOST = "127.0.0.1"
 
@@ -41,10 +46,9 @@ def serve(
     """
     try:
         import starlette  # noqa: F401
-        import uvicorn
+        import uvicorn  # noqa: F401
     except ImportError:
         raise StudyError("The page needs starlette and uvicorn; install them: pip install 'stabctl[live]'.") from None
-    from .app import app
     from .warm import warm
 
     token = secrets.token_urlsafe(18)
@@ -56,15 +60,23 @@ def serve(
             reason = getattr(error, "strerror", None) or "it is not a port"
             raise StudyError(f"Port {port} cannot be used: {reason}; choose another with --port.") from None
         port = listening.getsockname()[1]
-        points = warm(case)
-        options: Any = {"log_level": "critical", "lifespan": "off", "server_header": False}
-        server = uvicorn.Server(
-            uvicorn.Config(app(points, load, token, port), timeout_graceful_shutdown=1, ws="none", **options)
-        )
+        running = server(warm(case), load, token, port)
         address = f"http://{HOST}:{port}/{token}/"
         listening.listen()  # a browser that is quicker than the server waits for it
         with suppress(KeyboardInterrupt):
             said(address)
             if browser:
                 webbrowser.open(address)
-            server.run([listening])
+            running.run([listening])
+
+
+def server(points: "Points", load: Source, token: str, port: int) -> "uvicorn.Server":
+    """The server of a page, to be run with a socket."""
+    import uvicorn
+
+    from .app import app
+
+    options: Any = {"log_level": "critical", "lifespan": "off", "server_header": False}
+    return uvicorn.Server(
+        uvicorn.Config(app(points, load, token, port), timeout_graceful_shutdown=1, ws="none", **options)
+    )

@@ -74,6 +74,18 @@ def read(given: Any) -> State:
     return state
 
 
+class Wrong(Exception):
+    """A message that no page sends."""
+
+
+def number(message: dict[str, Any], name: str, default: float | None = None, most: float = 1e6) -> float:
+    """A number of a message, from 0 to `most`. Raises Wrong if it is none."""
+    value = message.get(name, default)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= most:
+        raise Wrong
+    return float(value)
+
+
 def _value(name: str, value: Any, example: Any) -> Any:
     """A value of the kind of the example."""
     try:

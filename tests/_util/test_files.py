@@ -1,6 +1,7 @@
 """Files written whole or not at all, and errors on one line."""
 
 import os
+import stat
 from collections.abc import Callable
 from pathlib import Path
 
@@ -80,6 +81,40 @@ def test_a_file_that_cannot_take_its_place_leaves_nothing(tmp_path: Path) -> Non
     with pytest.raises(StudyError, match="taken cannot be written: Is a directory"):
         files.replace(folder, b"content")
     assert list(tmp_path.iterdir()) == [folder]
+
+
+@pytest.mark.parametrize("umask", [0o000, 0o022, 0o027, 0o077])
+def test_a_new_file_has_the_permissions_of_any_new_file_and_an_old_one_keeps_its_own(
+    tmp_path: Path, umask: int
+) -> None:
+    new, old = tmp_path / "new.csv", tmp_path / "old.csv"
+    old.write_text("before")
+    before = os.umask(umask)
+    try:
+        for mode in (0o600, 0o640, 0o664):
+            old.chmod(mode)
+            files.replace(old, "after")
+            assert stat.S_IMODE(old.stat().st_mode) == mode
+        files.replace(new, "content")
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE(new.stat().st_mode) == 0o666 & ~umask
+
+
+def test_the_file_that_a_link_leads_to_is_replaced(tmp_path: Path) -> None:
+    (tmp_path / "link.csv").symlink_to(tmp_path / "run.csv")
+    files.replace(tmp_path / "link.csv", "content")
+    assert (tmp_path / "link.csv").is_symlink()
+    assert (tmp_path / "run.csv").read_text() == "content"
+
+
+def test_what_is_no_file_is_written_to_and_not_replaced(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    files.replace(tmp_path / "pipe", "content")
+    assert os.read(reader, 100) == b"content"
+    assert [path.is_fifo() for path in tmp_path.iterdir()] == [True]
+    os.close(reader)
 
 
 def test_errors_are_one_line(tmp_path: Path) -> None:

@@ -47,12 +47,6 @@ def test_a_user_without_a_writable_cache_folder_has_a_private_one_among_the_temp
     assert stat.S_IMODE(found.stat().st_mode) == 0o700
 
 
-def test_a_folder_whose_part_for_devices_cannot_be_written_is_not_used(folder, tmp_path):
-    (tmp_path / "cache" / "stabctl").mkdir(parents=True, mode=0o700)
-    (tmp_path / "cache" / "stabctl" / "families").write_text("")
-    assert folder() == tmp_path / "tmp" / f"stabctl-{os.getuid()}"
-
-
 @pytest.mark.parametrize("planted", ["folder of another", "open to all", "link", "file"])
 def test_a_planted_folder_is_not_used(folder, tmp_path, monkeypatch, planted):
     places = tmp_path / "cache" / "stabctl", tmp_path / "tmp" / f"stabctl-{os.getuid()}"

@@ -41,7 +41,7 @@ def names():
     return {
         name: [loop._module(name, device, scalar).__module__ for scalar in (float, complex)]
         for name, device in modules.items()
-    } | {entry.name: entry._place().name for entry in entries}
+    } | {entry.name: entry._stem() for entry in entries}
 
 
 found = {"": names()}

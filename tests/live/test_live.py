@@ -247,7 +247,7 @@ def test_every_file_of_the_page_is_served(pages):
 @pytest.mark.parametrize(
     ("path", "message", "status"),
     [
-        ("run", [1], 200),
+        ("run", [1], 400),
         ("run", {"fault": "no bus"}, 200),
         ("run", {"fault": "7", "clear": -1}, 200),
         ("run", {"fault": "7", "clear": "long"}, 200),

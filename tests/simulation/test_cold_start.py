@@ -37,7 +37,7 @@ def test_an_interrupted_first_run_leaves_no_process_behind(cold, tmp_path):
     run = subprocess.Popen(
         COMMAND, env=cold, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
-    while not (tmp_path / "stabctl" / "families").is_dir() and run.poll() is None:
+    while not (tmp_path / "stabctl").is_dir() and run.poll() is None:
         time.sleep(0.05)
     time.sleep(0.5)
     run.send_signal(signal.SIGINT)

@@ -56,8 +56,7 @@ class Scratch:
                 shutil.rmtree(new) if new.is_dir() else new.unlink()
 
     def _compiled(self) -> set[Path]:
-        folder = self.cache / "stabctl"
-        return {*folder.glob("*"), *(folder / "families").glob("*")}
+        return {*(self.cache / "stabctl").iterdir()}
 
 
 def digest(path: Path) -> str:

@@ -1,0 +1,203 @@
+"""Machine code that is kept on disk: damaged files are made again, and nobody waits for code that is whole."""
+
+import fcntl
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+import threading
+from itertools import cycle
+
+import numpy as np
+import pytest
+
+from stabctl import devices
+from stabctl._util import files, jit
+from stabctl.diagram.layout_cache import cached_layout
+from stabctl.dynamics import loop
+
+SOURCE = """
+from stabctl._util import jit
+
+@jit.entry
+def twice(x):
+    x[0] = 2.0 * x[1]
+
+@jit.entry
+def thrice(x):
+    x[0] = 3.0 * x[1]
+"""
+DAMAGE = {
+    "empty": lambda data: b"",
+    "cut": lambda data: data[: len(data) // 2],
+    "short of a byte": lambda data: data[:-1],
+    "a flipped bit": lambda data: data[:-200] + bytes([data[-200] ^ 16]) + data[-199:],
+    "zeros": lambda data: bytes(len(data)),
+    "text": lambda data: b"<html>disk quota exceeded</html>",
+    "another pickle": lambda data: b"\x80\x04]\x94.",
+}
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """An empty folder for machine code."""
+    (tmp_path / "kept").mkdir(mode=0o700)
+    monkeypatch.setattr(jit, "folder", lambda: tmp_path / "kept")
+    return tmp_path / "kept"
+
+
+@pytest.fixture
+def compiled(tmp_path, folder):
+    """Calls a function as a new process does: fails if its value is wrong, and says whether files were written."""
+
+    def call(name="twice", factor=2.0):
+        (tmp_path / "multiples.py").write_text(SOURCE)
+        spec = importlib.util.spec_from_file_location("multiples", tmp_path / "multiples.py")
+        sys.modules["multiples"] = module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        before, x = contents(folder), np.array([1.0, 5.0])
+        getattr(module, name)(x)
+        assert x[0] == 5.0 * factor
+        return contents(folder) != before
+
+    yield call
+    sys.modules.pop("multiples", None)
+
+
+def contents(folder):
+    """File -> time and content, of the machine code."""
+    return {file: (file.stat().st_mtime_ns, file.read_bytes()) for file in folder.rglob("*.nb?") if file.is_file()}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_a_damaged_file_is_made_again(compiled, folder, damage):
+    assert compiled()
+    assert not compiled()
+    for file in contents(folder):
+        file.write_bytes(DAMAGE[damage](file.read_bytes()))
+        assert compiled()
+        assert not compiled()
+
+
+def test_a_family_whose_file_is_damaged_is_made_again(folder, monkeypatch):
+    for turn in range(3):
+        monkeypatch.setattr(loop, "_compiled", {})
+        before = contents(folder)
+        assert loop.address("zip_load", devices.every()["zip_load"], float)
+        assert (contents(folder) == before) is (turn == 1)
+        for file in contents(folder) if turn == 1 else ():
+            file.write_bytes(DAMAGE["cut"](file.read_bytes()))
+
+
+def test_a_folder_in_the_place_of_a_file_costs_only_time(compiled, folder):
+    assert compiled()
+    for file in contents(folder):
+        file.unlink()
+        file.mkdir()
+    assert not compiled()
+    assert all(file.is_dir() for file in folder.rglob("*.nbc"))
+
+
+def test_a_full_disk_costs_only_time(compiled, folder, monkeypatch):
+    def full(_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(files.os, "fsync", full)
+    assert not compiled()
+    assert all(file.name.endswith("lock") for file in folder.rglob("*") if file.is_file())
+
+
+def test_a_damaged_layout_is_made_again(cases, folder):
+    wanted = cached_layout(cases("two_area"))
+    (file,) = (file for file in folder.rglob("*") if file.is_file())
+    whole = file.read_bytes()
+    for damage in DAMAGE.values():
+        file.write_bytes(damage(whole))
+        assert (cached_layout(cases("two_area")) == wanted).all()
+        assert file.read_bytes() == whole
+
+
+@pytest.fixture
+def hold():
+    """Hold the locks of a folder as another process does."""
+    held = []
+
+    def each(folder):
+        for path in [*folder.rglob("*lock")]:
+            held.append(path.open("w"))
+            fcntl.flock(held[-1], fcntl.LOCK_EX)
+        assert held
+
+    def release():
+        while held:
+            held.pop().close()
+
+    each.release = release
+    yield each
+    release()
+
+
+def in_time(work, *arguments):
+    """What `work` returns; fails if it has not in 20 s."""
+    found = []
+    thread = threading.Thread(target=lambda: found.append(work(*arguments)), daemon=True)
+    thread.start()
+    thread.join(20)
+    assert found, "it waits for a lock"
+    return found[0]
+
+
+def test_code_on_disk_is_loaded_while_its_lock_is_held(compiled, folder, hold):
+    assert compiled()
+    hold(folder)
+    assert in_time(compiled) is False
+
+
+def test_the_lock_of_another_function_delays_nobody(compiled, folder, hold):
+    assert compiled()
+    hold(folder)
+    assert in_time(compiled, "thrice", 3.0)
+
+
+def test_a_function_that_another_process_compiles_is_awaited(compiled, folder, hold):
+    """It is then loaded, not compiled again."""
+    assert compiled()
+    whole = contents(folder)
+    hold(folder)
+    for file in whole:
+        file.unlink()
+    found = []
+    thread = threading.Thread(target=lambda: found.append(compiled()), daemon=True)
+    thread.start()
+    thread.join(1.0)
+    assert not found
+    for file, (_, data) in whole.items():
+        file.write_bytes(data)
+    written = contents(folder)
+    hold.release()
+    thread.join(20)
+    assert found
+    assert contents(folder) == written
+
+
+@pytest.mark.slow
+def test_a_command_answers_the_same_with_every_file_damaged_or_locked(tmp_path, hold):
+    command = sys.executable, "-m", "stabctl", "simulate", "wscc9", "--classical", "--fault", "7", "--clear", "6cyc"
+
+    def answer(timeout=None):
+        where = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}
+        done = subprocess.run(
+            [*command, "--json"], env=where, capture_output=True, text=True, check=True, timeout=timeout
+        )
+        found = json.loads(done.stdout)
+        del found["wall_s"]
+        return found
+
+    wanted = answer()
+    damage = cycle(DAMAGE.values())
+    for file in [file for file in tmp_path.rglob("*") if file.is_file() and file.stat().st_size]:
+        file.write_bytes(next(damage)(file.read_bytes()))
+    assert answer() == wanted
+    hold(tmp_path)
+    assert answer(timeout=30) == wanted
