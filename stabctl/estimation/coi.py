@@ -17,6 +17,7 @@ REACH = 0.1  # s   longest extrapolation
 COAST = 0.5  # s   time without a report after which the storage of a machine stays idle
 ENOUGH = 0.7  # -   share of the island's inertia that must have reported by then, otherwise the storage stays idle
 SHARED = 0.2  # -   of a change of a machine's acceleration that the COI of the others makes too, before it is reported
+LIMIT = 1e-3  # pu   standard deviation of a deviation, beyond which it is not usable (60 mHz at 60 Hz)
 LEAST = 3e-4  # pu   standard deviation of the speeds of machines about that of the COI, at least
 
 
@@ -26,7 +27,7 @@ class Deviations(NamedTuple):
     speed: np.ndarray  # pu
     acceleration: np.ndarray  # pu/s
     sigma: np.ndarray  # pu   standard deviation of the speed
-    usable: np.ndarray  # bool   the own estimate is valid, and those of enough of the island
+    usable: np.ndarray  # bool   the own estimate is valid, those of enough of the island too, and sigma is below `LIMIT`
     own: Estimate  # as the machines know it, with slips and their variance extrapolated to the present
     remote: Estimate  # as others know it, the same
 
@@ -82,7 +83,7 @@ class CoiReference:
         usable = valid & (island >= 0) & (reporting > 0) & (reporting + self.H >= ENOUGH * (sums[0] + self.H))
         unseen = (SHARED * min((self.remote - self.own) * self.T, REACH)) ** 2 * jumped
         sigma = np.sqrt(var + sums[3] / weight**2 + unseen)
-        return Deviations(s - sums[1] / weight, a - sums[2] / weight, sigma, usable, own, far)
+        return Deviations(s - sums[1] / weight, a - sums[2] / weight, sigma, usable & (sigma < LIMIT), own, far)
 
     def _together(self, e: Estimate, silent: np.ndarray, island: np.ndarray) -> Estimate:
         """A silent machine stays in synchronism: its speed is near that of the COI, as near as those of the others are.
