@@ -16,6 +16,7 @@ from .filter_bank import ENGINES, FilterBank, wrapped
 from .instrument import Frame
 from .machine_model import MachineModel
 from .measured import Measured
+from .missing_reports import LINEAR
 from .noise import TUNING, Tuning
 from .pmu import Pmu
 from .rotor_units import RotorUnits
@@ -35,6 +36,7 @@ class Estimate(NamedTuple):
     received: np.ndarray  # bool   a report arrived
     nis: np.ndarray  # -      normalized innovation squared, NaN without a report
     angle: np.ndarray | None = None  # rad   of the rotor, where the estimator knows it
+    whole: np.ndarray | float = 0.0  # pu/s   acceleration without its electrical power
 
 
 class Estimator(Protocol):
@@ -93,7 +95,8 @@ class Filtered:
         step = model.predict(bank.x, seen)
         added = clocks.predict(step.F, seen, step.x[..., 0], model.kept) if clocks else 0.0
         bank.predict(step.x, step.F, step.Q + added)
-        first, forgotten = here & ~self._begun, here & self._begun & (model.kept.missing >= model.memory)
+        first, blind = here & ~self._begun, model.unreported.hidden[..., 0] > LINEAR
+        forgotten = here & self._begun & (blind | (model.kept.missing >= model.memory))
         if first.any() or forgotten.any():
             self._begun = self._begun | first
             x, P = model.restarted(bank.x, bank.P, seen, forgotten)
@@ -143,8 +146,8 @@ class Filtered:
         x, P = bank.x, bank.P
         acceleration, drift = self.model.acceleration(x, P)
         y, C = self._known(bank)
-        variance = C[..., 1, 1].copy()
-        return Estimate(y[..., 1].copy(), acceleration, variance, drift, received, nis, y[..., 0].copy())
+        variance, whole = C[..., 1, 1].copy(), self.model.whole(x) / (2 * self.model.H)
+        return Estimate(y[..., 1].copy(), acceleration, variance, drift, received, nis, y[..., 0].copy(), whole)
 
 
 def estimator(

@@ -32,7 +32,7 @@ def correct(x, P, seen, rejected, reset, limits, nis, S, gain, doubt):
     for k in range(x.shape[0]):
         for i in range(x.shape[1]):
             if not seen.received[k, i]:
-                nis[k, i] = np.nan
+                nis[k, i], rejected[k, i] = np.nan, min(rejected[k, i] + 1, allowed)
                 for a in range(n):
                     gain[k, i, a] = 0.0
                 continue

@@ -132,7 +132,6 @@ def spread(x, P, variance, of_current, received, c, kept, change, window, settin
             if noise == 0.0:
                 noise = current_variance(kept.current[k, i], angle, magnitude)
             further = window[0, k, i] + (abs(change[k, i]) if m > 1 else 0.0)  # the current may have moved in between
-            further += hidden[k, i, 2]
             first, second = c.step[frames, i, 0], c.step[frames, i, 1]
             jumped = together * window[2, k, i]
             flux = first * jumped, second * jumped
@@ -140,7 +139,8 @@ def spread(x, P, variance, of_current, received, c, kept, change, window, settin
                 c.drive[i, 0, 0] * sqrt(noise) + first * further,
                 c.drive[i, 1, 0] * sqrt(noise) + second * further,
             )
-            between = hidden[k, i, 0], hidden[k, i, 1]
+            current = hidden[k, i, 2] + abs(kept.current[k, i] + change[k, i]) * hidden[k, i, 0]  # iq depends on the angle
+            between = hidden[k, i, 0], hidden[k, i, 1], 0.0, first * current, second * current
             process_covariance(k, i, c, Q, together * dP, m, power, flux, driven, between)
 
 

@@ -20,7 +20,7 @@ class Frame(NamedTuple):
     received: np.ndarray  # bool
     slip: np.ndarray  # pu
     parts: "Parts | None" = None
-    switched: np.ndarray | None = None  # (seeds, 1) bool   the network was switched within the window of the report
+    since: np.ndarray | None = None  # (seeds, 1)   frames since the network was switched; None: never
 
 
 class Parts(NamedTuple):

@@ -12,7 +12,7 @@ from .frame_kernels import Constants, Kept, expect, keep, move, spread
 from .governor import Governors
 from .instrument import Frame
 from .measured import Measured, measured
-from .missing_reports import MissingReports
+from .missing_reports import UNKNOWN, UNSURE, MissingReports
 from .noise import Tuning, computed_angle_variance
 from .pmu import Pmu
 from .pmu_window import PmuWindow
@@ -53,7 +53,7 @@ class MachineModel:
         self.swing = swing(self.H, self.D, hz=hz, T=self.T, walk=walk, flux=flux, with_power=power)
         self.q_axis = QAxis(known, self.T, self.memory)
         self.governors = Governors(known.governor, self.T)
-        self._window = PmuWindow(pmu.own_frames(hz), self.T, hz)
+        self._window, self._length = PmuWindow(pmu.own_frames(hz), self.T, hz), 2 * pmu.own_frames(hz) + 1
         s, q = self.swing, self.q_axis
         self.constants = Constants(
             known.impedance, known.mva, self._has_flux * power, s.F, s.B, s.walk, s.c, s.d,
@@ -116,9 +116,9 @@ class MachineModel:
             window[0] = self._window.flux_noise(x[..., 1], change)
             window[1] = self._window.power_noise(moved, change) * here
             window[2] = self._window.entering(change.real)
-        Q, switched = np.empty((*x.shape, STATES)), seen.frame.switched
-        switched = np.zeros((len(here), 1), bool) if switched is None else switched
-        powers = {"before": kept.P, "now": seen.P, "variance": kept.variance}
+        Q, since = np.empty((*x.shape, STATES)), seen.frame.since
+        switched = np.zeros((len(here), 1), bool) if since is None else since < self._length
+        powers = {"whole": self.whole(x), "before": kept.P, "now": seen.P, "variance": kept.variance}
         self.unreported.step(here, kept.missing, switched, **powers)
         given = self.constants, kept, change, window, self._settings, self.unreported.hidden
         spread(x, seen.P, seen.variance, seen.of_current, here, *given, Q)
@@ -151,18 +151,23 @@ class MachineModel:
     def angle_and_slip(self, x: np.ndarray, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Angle and speed (seeds, machines, 2) at the time stamp, and their covariance."""
         r = self.unreported.moved
-        P = P[..., :2, :2] + r[..., :, None] * r[..., None, :]
+        both = P[..., :2, :2] + r[..., :, None] * r[..., None, :] * UNKNOWN[:2, :2]
+        both += (self.unreported.lost > 0)[..., None, None] * UNSURE
         if not self._window.wide:
-            return x[..., :2], P
+            return x[..., :2], both
         a, _ = self.acceleration(x, P)
         jerk = -self._rate / (2 * self.H)
-        return self._window.middle(x[..., :2], P, acceleration=a, jerk=jerk)
+        return self._window.middle(x[..., :2], both, acceleration=a, jerk=jerk)
 
     def acceleration(self, x: np.ndarray, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The acceleration (pu/s) at these states, and its variance from their covariances P."""
         rate = 1 / (2 * self.H)
         variance = P[..., 2, 2] + self.kept.variance + self.unreported.power**2
         return (x[..., 2] + self.kept.g - self.kept.P - self.D * x[..., 1]) * rate, variance * rate**2
+
+    def whole(self, x: np.ndarray) -> np.ndarray:
+        """The larger of electrical and mechanical power, pu machine: a switching may change the former by as much."""
+        return np.maximum(np.abs(self.kept.P), np.abs(x[..., 2] + self.kept.g)) if self.power else self.kept.P
 
     def _governed(self, x: np.ndarray) -> np.ndarray:
         """g at the end of the frame, from the speed in its middle."""

@@ -2,20 +2,28 @@
 
 A machine without a report coasts with the power it reported last. The error sigma of this power is unknown, but not
 small after a disturbance: it is taken to be the largest change at the machines that do report, and if the network was
-switched, at least the whole power of the machine. A constant error sigma moves angle and speed by
+switched, at least the whole power of the machine, electrical or mechanical. A constant error sigma moves angle and
+speed by
 
     r = [r_d, r_s],   dr_s/dt = sigma / 2H,   dr_d/dt = wb r_s,
 
-whose outer product r r' is added to the covariance while no report arrives. The next report tells the power at both
-ends of the gap, but not what it did in between: it may have jumped there and back if the gap is longer than `SHORTEST`
-and the network was switched, or have swung. Then r at an unknown instant is process noise (`UNKNOWN`).
+whose outer product r r', with the correlation of unknown instants (`UNKNOWN`), is added to the covariance while no
+report arrives. The next report tells the power at both ends of the gap, but not what it did in between: it may have
+jumped there and back if the gap is longer than `SHORTEST` and the network was switched, or have swung. Then this is
+process noise. Beyond `LINEAR` the angle is too uncertain for an extended filter, and the fluxes, which the current has
+moved, are not known: the filter starts anew, with `UNSURE` on top of its covariance until the fluxes have decayed.
 """
 
 import numpy as np
 
 SHORTEST = 0.05 - 1e-9  # s   no fault is cleared faster: two jumps are at least that far apart
-SWUNG = 0.25  # -   deviation from a ramp between two reports without a switching, as a share of sigma
-UNKNOWN = np.array([[1, np.sqrt(3) / 2], [np.sqrt(3) / 2, 1]])  # correlation of angle and speed
+SWINGING = 0.1  # s   gap in which the power deviates from a ramp by as much as sigma, without a switching
+LINEAR = 0.2  # rad   standard deviation of an angle up to which the equations are linear
+RECOVERY = 2.0  # s
+UNSURE = np.diag([LINEAR, 2e-3]) ** 2  # rad^2, pu^2   variances of angle and speed of a filter that may be wrong
+UNKNOWN = np.eye(5)  # correlation of the states, of angle and speed and of the fluxes
+UNKNOWN[0, 1] = UNKNOWN[1, 0] = np.sqrt(3) / 2
+UNKNOWN[3, 4] = UNKNOWN[4, 3] = 1 / 2
 
 
 class MissingReports:
@@ -35,6 +43,7 @@ class MissingReports:
         self._before, self._c, self._d, self._turn, self._T = np.repeat(P[:, None, :], P.shape[1], 1), c, d, wb * T, T
         self.power = np.zeros(P.shape)
         self.moved, self._switched = np.zeros((*P.shape, 2)), np.zeros(P.shape, bool)  # r while no report arrives
+        self.lost = np.zeros(P.shape, int)  # frames for which a filter is still not to be trusted
         self.hidden = np.zeros((*P.shape, 3))  # r, and the current (pu), that the report of this frame leaves open
 
     def step(
@@ -43,6 +52,7 @@ class MissingReports:
         missing: np.ndarray,
         switched: np.ndarray,
         *,
+        whole: np.ndarray,
         before: np.ndarray,
         now: np.ndarray,
         variance: np.ndarray,
@@ -57,10 +67,13 @@ class MissingReports:
             Frames without a report up to the last one.
         switched : (seeds, 1) array of bool
             Whether the network was switched since the last frame.
+        whole : (seeds, machines) array
+            What a switching may change the power by.
         before, now, variance : (seeds, machines) array
             Powers as last reported and in this frame, and their variance.
         """
         self._switched |= switched
+        self.lost = np.maximum(self.lost - 1, 0)
         if here.all() and not missing.any() and self._T < SHORTEST:
             self._switched[:], self.hidden[:] = False, 0.0
             return
@@ -68,11 +81,13 @@ class MissingReports:
         self._before = np.where(first[..., None], before[:, None, :], self._before)
         moved = ((now[:, None, :] - self._before) ** 2 - 2 * variance[:, None, :]) * here[:, None, :]
         sigma = np.sqrt(np.maximum(moved.max(-1), 0.0))
-        sigma = np.where(self._switched, np.maximum(sigma, np.abs(before)), sigma)
+        sigma = np.where(self._switched, np.maximum(sigma, whole), sigma)
         r = self.moved
         r = np.stack([r[..., 0] + self._turn * r[..., 1] + self._c * sigma, r[..., 1] + self._d * sigma], -1)
-        share = np.where(self._switched & ((missing + 1) * self._T > SHORTEST), 1.0, SWUNG * ~first)
+        gap = (missing + 1) * self._T
+        share = np.where(self._switched & (gap > SHORTEST), 1.0, np.minimum(gap / SWINGING, 1.0) * ~first)
         self.hidden = np.where(here, share, 0.0)[..., None] * np.concatenate([r, sigma[..., None]], -1)
         self.moved = np.where(here[..., None], 0.0, r)
+        self.lost[self.hidden[..., 0] > LINEAR] = round(RECOVERY / self._T)
         self.power = np.where(here, 0.0, sigma)
         self._switched &= ~here

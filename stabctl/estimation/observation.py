@@ -19,6 +19,8 @@ from .pmu import Pmu
 from .pmu_check import RETURN, Alarm, PmuCheck
 from .rotor_units import Terminals
 
+LONG = 1 << 30  # frames
+
 
 class Truth(NamedTuple):
     """What is true at an instant, arrays (seeds, machines) unless stated otherwise."""
@@ -64,13 +66,13 @@ class Observation:
         self._terminals = [Terminals(s) for s in simulations]
         self._last: list[tuple[np.ndarray, ...] | None] = [None] * len(simulations)
         self._window = 2 * pmu.own_frames(hz)
-        self._switching: list[tuple[Switching, int]] = [(s.switching, self._window + 1) for s in simulations]
+        self._switching: list[tuple[Switching, int]] = [(s.switching, LONG) for s in simulations]
 
     def __call__(self, at: float, resting: np.ndarray | None = None) -> tuple[Truth, Frame]:
         """Truth and frame at an instant (s); `resting` are the bus voltages of a system at rest."""
         truth = Truth(*map(np.array, zip(*(self._true(k, resting) for k in range(len(self._last))), strict=True)))
         frame = self._spoil(at, self._instrument.report(at, truth.V, truth.I, truth.slip))
-        frame = frame._replace(switched=np.array([[since <= self._window] for _, since in self._switching]))
+        frame = frame._replace(since=np.array([[since] for _, since in self._switching]))
         if not self._metered:
             return truth, frame
         metered = self._meters.report(at, truth.others, truth.others, truth.others.real).I

@@ -105,8 +105,8 @@ def process_covariance(k, i, model, Q, jump, frames, power, flux, noise, hidden)
         Variance of the power over the frame.
     flux, noise : (2) tuple, pu
         Response of e and k to the jump of iq, and to its standard deviation over the frame.
-    hidden : (2) tuple, rad and pu
-        Standard deviations of angle and speed from what the power did between reports (`missing_reports`).
+    hidden : (5) tuple, rad and pu
+        Standard deviations of the states from what the power did between reports (`missing_reports`).
     """
     c, d, late, size = model.c[i], model.d[i], frames * jump, sqrt(power)
     moved = -c * late * frames, -d * late, 0.0, flux[0], flux[1]
@@ -116,6 +116,4 @@ def process_covariance(k, i, model, Q, jump, frames, power, flux, noise, hidden)
             Q[k, i, a, b] = model.walk[i, a, b] + JUMP[a, b] * moved[a] * moved[b]
             if (a < 3) == (b < 3):  # the noises of power and current are independent
                 Q[k, i, a, b] += blurred[a] * blurred[b]
-    for a in range(2):
-        for b in range(2):
             Q[k, i, a, b] += UNKNOWN[a, b] * hidden[a] * hidden[b]
