@@ -4,6 +4,10 @@
 
 Every speed is extrapolated to the present with its acceleration, s + a t, t its age but at most `REACH`. A machine
 without a report stays in both sums, with a growing variance.
+
+Where the network was switched after the time stamp of an estimate, the acceleration has changed since then by an unknown
+share of |P|/2H, and the speed by this times the time since the switching: the whole of it for the own estimate and for
+machines without a PMU, `SHARED` of it for those of the others, which change together.
 """
 
 from collections import deque
@@ -16,7 +20,8 @@ from .estimators import Estimate
 REACH = 0.1  # s   longest extrapolation
 COAST = 0.5  # s   time without a report after which the storage of a machine stays idle
 ENOUGH = 0.7  # -   share of the island's inertia that must have reported by then, otherwise the storage stays idle
-SHARED = 0.2  # -   of a change of a machine's acceleration that the COI of the others makes too, before it is reported
+SHARED = 0.4  # -   of a change of a machine's acceleration that others make too, before it is reported
+LIMIT = 1.5e-3  # pu   standard deviation of a deviation, beyond which it is not usable (90 mHz at 60 Hz)
 LEAST = 3e-4  # pu   standard deviation of the speeds of machines about that of the COI, at least
 
 
@@ -26,7 +31,7 @@ class Deviations(NamedTuple):
     speed: np.ndarray  # pu
     acceleration: np.ndarray  # pu/s
     sigma: np.ndarray  # pu   standard deviation of the speed
-    usable: np.ndarray  # bool   the own estimate is valid, and those of enough of the island
+    usable: np.ndarray  # bool   the own estimate is valid, those of enough of the island too, and sigma is below `LIMIT`
     own: Estimate  # as the machines know it, with slips and their variance extrapolated to the present
     remote: Estimate  # as others know it, the same
 
@@ -49,7 +54,9 @@ class CoiReference:
         self._past: deque[tuple[Estimate, np.ndarray]] = deque(maxlen=remote - own + 1)
         self._silent: np.ndarray | None = None
 
-    def step(self, now: Estimate, island: np.ndarray, without: np.ndarray | None = None) -> Deviations:
+    def step(
+        self, now: Estimate, island: np.ndarray, without: np.ndarray | None = None, since: np.ndarray | None = None
+    ) -> Deviations:
         """The deviations at the instant of the frame.
 
         Parameters
@@ -60,29 +67,34 @@ class CoiReference:
             Numbers of islands, -1 for tripped machines.
         without : (seeds, machines) array of bool, optional
             Machines without a PMU: what they know of themselves comes from the others, and as late as that.
+        since : (seeds, 1) array, optional
+            Frames since the network was switched.
         """
         silent = np.zeros(now.slip.shape) if self._silent is None else self._silent
         self._silent = silent = np.where(now.received, 0.0, silent + self.T)
-        whole = island.max(initial=0) == 0 and island.min(initial=0) == 0
+        whole, sure = island.max(initial=0) == 0 and island.min(initial=0) == 0, now.variance < LIMIT**2
         if (silent > 1.5 * self.T).any():
             now = self._together(now, silent, island)
         valid = silent <= COAST + 1e-9
         self._past.append((now, valid))
         remote, remote_valid = self._past[0]
         jumped = (now.acceleration - remote.acceleration) ** 2  # of a machine, which the others may have done too
-        own, far = _extrapolated(now, self.own * self.T), _extrapolated(remote, self.remote * self.T)
+        after = np.full((len(island), 1), self.remote) if since is None else since
+        own, far = self._extrapolated(now, self.own), self._extrapolated(remote, self.remote)
+        unseen, together = self._unseen(now, self.own, after), self._unseen(remote, self.remote, after) * SHARED
         (s, a, var), (rs, ra, rvar) = own[:3], far[:3]
         if without is not None and without.any():
             s, a, var = np.where(without, (rs, ra, rvar), (s, a, var))
+            unseen = np.where(without, together / SHARED, unseen)
+            together = np.where(without, unseen, together)
         H = self.H if whole else self.H * (island >= 0)
-        shares = np.empty((5, *rs.shape))
-        shares[0], shares[1], shares[2], shares[3], shares[4] = H * remote_valid, H, H * rs, H * ra, H * H * rvar
+        shares = np.stack([H * remote_valid, H + 0 * rs, H * rs, H * ra, H * H * rvar, H * together])
         reporting, *sums = _others(shares, island, whole)
         weight = np.where(sums[0] > 0, sums[0], 1.0)
         usable = valid & (island >= 0) & (reporting > 0) & (reporting + self.H >= ENOUGH * (sums[0] + self.H))
-        unseen = (SHARED * min((self.remote - self.own) * self.T, REACH)) ** 2 * jumped
-        sigma = np.sqrt(var + sums[3] / weight**2 + unseen)
-        return Deviations(s - sums[1] / weight, a - sums[2] / weight, sigma, usable, own, far)
+        jumped *= (SHARED * min((self.remote - self.own) * self.T, REACH)) ** 2
+        sigma = np.sqrt(var + unseen**2 + (sums[3] + sums[4] ** 2) / weight**2 + jumped)
+        return Deviations(s - sums[1] / weight, a - sums[2] / weight, sigma, usable & sure & (sigma < LIMIT), own, far)
 
     def _together(self, e: Estimate, silent: np.ndarray, island: np.ndarray) -> Estimate:
         """A silent machine stays in synchronism: its speed is near that of the COI, as near as those of the others are.
@@ -98,11 +110,14 @@ class CoiReference:
         slip = e.slip + gain * (mean - e.slip)
         return e._replace(slip=slip, acceleration=(1 - gain) * e.acceleration, variance=(1 - gain) * e.variance)
 
+    def _extrapolated(self, e: Estimate, age: int) -> Estimate:
+        """Slip and its variance `age` frames later."""
+        t = min(age * self.T, REACH)
+        return e._replace(slip=e.slip + t * e.acceleration, variance=e.variance + t * t * e.drift) if t else e
 
-def _extrapolated(e: Estimate, age: float) -> Estimate:
-    """Slip and its variance `age` seconds later."""
-    t = min(age, REACH)
-    return e._replace(slip=e.slip + t * e.acceleration, variance=e.variance + t * t * e.drift) if t else e
+    def _unseen(self, e: Estimate, age: int, since: np.ndarray) -> np.ndarray:
+        """Change of the speed if the power is lost with the switching, `since` (seeds, 1) frames ago, unseen so far."""
+        return np.where(since < age, (since + 1) * self.T, 0.0) * e.whole + np.zeros(e.slip.shape)
 
 
 def _others(weight: np.ndarray, island: np.ndarray, whole: bool) -> np.ndarray:

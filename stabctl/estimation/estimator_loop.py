@@ -105,7 +105,7 @@ class EstimatorLoop:
             self.estimator.forget(self.observation.excluded)
         estimate = self._turned(self.estimator.step(frame), true)
         self.inputs.frame(at, true.buses, frame, estimate, true.island)
-        dev = self.coi.step(estimate, true.island, self.observation.without)
+        dev = self.coi.step(estimate, true.island, self.observation.without, frame.since)
         wall = time.perf_counter() - before
         none = np.zeros(true.slip.shape)
         exact = estimate._replace(slip=true.slip, acceleration=none, variance=none, drift=none, received=none == 0)

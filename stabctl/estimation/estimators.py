@@ -11,12 +11,16 @@ from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
+from .clocks import Clocks
 from .filter_bank import ENGINES, FilterBank, wrapped
 from .instrument import Frame
 from .machine_model import MachineModel
+from .measured import Measured
+from .missing_reports import LINEAR
 from .noise import TUNING, Tuning
 from .pmu import Pmu
 from .rotor_units import RotorUnits
+from .swing import rejections
 
 EstimatorName = Literal["ideal", "frequency", "kinematic", "kalman"]
 Engine = Literal["filterpy", "batched"]
@@ -32,6 +36,7 @@ class Estimate(NamedTuple):
     received: np.ndarray  # bool   a report arrived
     nis: np.ndarray  # -      normalized innovation squared, NaN without a report
     angle: np.ndarray | None = None  # rad   of the rotor, where the estimator knows it
+    whole: np.ndarray | float = 0.0  # pu/s   acceleration without its electrical power
 
 
 class Estimator(Protocol):
@@ -74,21 +79,48 @@ class Filtered:
     ) -> None:
         self.model, self._engine = MachineModel(known, pmu, power=swing, tuning=tuning), ENGINES[engine]
         self._clock = (2 * np.pi * known.frequency_hz * pmu.clock) ** 2
+        self.clocks = Clocks(self.model.constants, self._clock)
         self.bank: FilterBank | None = None
+        self._begun: np.ndarray = np.zeros(0)
+        self._own: np.ndarray = np.array(True)  # machines with a PMU of their own
 
     def step(self, frame: Frame) -> Estimate:
         """Predict with the mean power since the last report, then use the new angles that pass the gate."""
-        model, seen = self.model, self.model.measured(frame)
+        model, seen, here = self.model, self.model.measured(frame), frame.received
         if self.bank is None:
-            self.bank = self._engine(*model.begin(seen), model.swing.reset)
-            return self._estimate(self.bank, np.ones(seen.P.shape, bool), np.full(seen.P.shape, np.nan))
-        self.bank.predict(*model.predict(self.bank.x, seen))
-        forgotten = (model.kept.missing >= model.memory) & frame.received
-        if forgotten.any():
-            self.bank.restart(*model.restarted(self.bank.x, self.bank.P, seen, forgotten))
-        nis = self.bank.update(model.observe(self.bank.x, seen))
-        model.settle(self.bank.x, seen)
-        return self._estimate(self.bank, frame.received, nis)
+            self.bank, self._begun = self._engine(*model.begin(seen), model.swing.reset, rejections(model.T)), here
+            self._consider(seen, here)
+            return self._estimate(self.bank, here, np.full(seen.P.shape, np.nan))
+        bank, clocks = self.bank, self._consider(seen, ~(here | True))
+        step = model.predict(bank.x, seen)
+        added = clocks.predict(step.F, seen, step.x[..., 0], model.kept) if clocks else 0.0
+        bank.predict(step.x, step.F, step.Q + added)
+        first, blind = here & ~self._begun, model.unreported.hidden[..., 0] > LINEAR
+        forgotten = here & self._begun & (blind | (model.kept.missing >= model.memory))
+        if first.any() or forgotten.any():
+            self._begun = self._begun | first
+            x, P = model.restarted(bank.x, bank.P, seen, forgotten)
+            rest = model.at_rest(seen)
+            bank.restart(np.where(first[..., None], rest[0], x), np.where(first[..., None, None], rest[1], P))
+            self._consider(seen, first | forgotten)
+        report = model.observe(bank.x, seen)
+        report = report._replace(received=here & ~first)
+        nis = bank.update(clocks.observe(report, seen, model.turn, bank.P) if clocks else report)
+        if clocks:
+            clocks.settle(bank.gain, seen, bank.x[..., 0])
+        model.settle(bank.x, seen)
+        return self._estimate(bank, here, nis)
+
+    def _consider(self, seen: Measured, begun: np.ndarray) -> Clocks | None:
+        """The clocks behind computed phasors, if there are any; with these reports machines (seeds, machines) begin."""
+        parts, bank = seen.frame.parts, self.bank
+        if parts is None or not self._clock or bank is None:
+            return None
+        self._own = np.where(seen.frame.received, ~parts.computed, self._own)
+        if begun.any() or self.clocks.C is None:
+            added = self.clocks.begin(seen, bank.x[..., 0], self.model.turn, begun & parts.computed)
+            bank.restart(bank.x, bank.P + added)
+        return self.clocks
 
     def forget(self, where: np.ndarray) -> None:
         """Start anew with the next report of these machines (seeds, machines)."""
@@ -97,20 +129,25 @@ class Filtered:
     def error(self, delta: np.ndarray, slip: np.ndarray) -> np.ndarray:
         """Normalized squared error (NEES) of angle and speed (seeds, machines), chi-square with two degrees.
 
-        The offset of a clock turns the angle and is not known to the filter: its variance is added here.
+        The clock of a machine's own PMU turns its angle alone, and is not known to the filter: its variance is added here.
         """
         assert self.bank is not None
-        x, P = self.model.angle_and_slip(self.bank.x, self.bank.P)
+        x, P = self._known(self.bank)
         e = np.stack([wrapped(x[..., 0] - delta), x[..., 1] - slip], -1)
-        P = P + np.diag([self._clock, 0.0])
+        P = P + np.diag([self._clock, 0.0]) * self._own[..., None, None]
         return np.einsum("...i,...i", e, np.linalg.solve(P, e[..., None])[..., 0])
+
+    def _known(self, bank: FilterBank) -> tuple[np.ndarray, np.ndarray]:
+        """Angle and speed, and their covariance; a rejected report casts doubt on both."""
+        y, C = self.model.angle_and_slip(bank.x, bank.P)
+        return y, C + bank.doubt[..., None, None] * np.eye(2) * self.model.swing.reset[:, None, :2]
 
     def _estimate(self, bank: FilterBank, received: np.ndarray, nis: np.ndarray) -> Estimate:
         x, P = bank.x, bank.P
         acceleration, drift = self.model.acceleration(x, P)
-        y, C = self.model.angle_and_slip(x, P)
-        variance = C[..., 1, 1] + self.model.unreported.slip**2
-        return Estimate(y[..., 1].copy(), acceleration, variance, drift, received, nis, y[..., 0].copy())
+        y, C = self._known(bank)
+        variance, whole = C[..., 1, 1].copy(), self.model.whole(x) / (2 * self.model.H)
+        return Estimate(y[..., 1].copy(), acceleration, variance, drift, received, nis, y[..., 0].copy(), whole)
 
 
 def estimator(

@@ -2,7 +2,7 @@
 
     predict   x = f(x), P = F P F' + Q
     gate      y = z - h(x) (wrapped), S = h P h' + R, NIS = y^2/S; a report beyond the 0.999 quantile of chi-square(1)
-              is rejected; after two rejections in a row the third is accepted with a larger covariance (P + y^2 reset)
+              is rejected; after `rejections` in a row, lost ones included, the next is accepted with a larger covariance (P + y^2 reset)
     update    K = P h'/S, x = x + K y, P = (1 - K h) P (1 - K h)' + K R K', h = dh/dx
 A lost report is a prediction without an update.
 """
@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from .filter_bank_kernels import correct, propagate
-from .swing import REJECTED, STATES
+from .swing import STATES
 
 GATE = float(chdtri(1, 0.001))  # 0.999 quantile of chi-square with one degree of freedom
 
@@ -41,6 +41,16 @@ class FilterBank(Protocol):
         """Covariances (seeds, machines, 5, 5)."""
         ...
 
+    @property
+    def gain(self) -> np.ndarray:
+        """K of the last update (seeds, machines, 5), 0 without one."""
+        ...
+
+    @property
+    def doubt(self) -> np.ndarray:
+        """Square of the innovation (seeds, machines) where the last report was rejected, else 0."""
+        ...
+
     def predict(self, x: np.ndarray, F: np.ndarray, Q: np.ndarray) -> None:
         """Advance one frame, to the states x (seeds, machines, 5); F and Q (seeds, machines, 5, 5)."""
         ...
@@ -57,11 +67,12 @@ class FilterBank(Protocol):
 class Batched:
     """All filters at once, in compiled loops."""
 
-    def __init__(self, x: np.ndarray, P: np.ndarray, reset: np.ndarray) -> None:
-        self.x, self.P, self._reset = x.copy(), P.copy(), reset
+    def __init__(self, x: np.ndarray, P: np.ndarray, reset: np.ndarray, rejections: int) -> None:
+        self.x, self.P, self._reset, self._limits = x.copy(), P.copy(), reset, (GATE, rejections)
         self._rejected = np.zeros(x.shape[:2], int)
         self.S = np.ones(x.shape[:2])  # variances of the last innovations
-        self._half, self._row = np.zeros((STATES, STATES)), np.zeros(STATES)
+        self.gain, self.doubt = np.zeros(x.shape), np.zeros(x.shape[:2])
+        self._half = np.zeros((STATES, STATES))
 
     def predict(self, x: np.ndarray, F: np.ndarray, Q: np.ndarray) -> None:
         """As in `FilterBank`."""
@@ -71,7 +82,7 @@ class Batched:
     def update(self, seen: Seen) -> np.ndarray:
         """As in `FilterBank`."""
         nis = np.empty(self.S.shape)
-        correct(self.x, self.P, seen, self._rejected, self._reset, (GATE, REJECTED), nis, self.S, self._row)
+        correct(self.x, self.P, seen, self._rejected, self._reset, self._limits, nis, self.S, self.gain, self.doubt)
         return nis
 
     def restart(self, x: np.ndarray, P: np.ndarray) -> None:
@@ -82,14 +93,15 @@ class Batched:
 class Filterpy:
     """One `filterpy.kalman.ExtendedKalmanFilter` per machine and seed."""
 
-    def __init__(self, x: np.ndarray, P: np.ndarray, reset: np.ndarray) -> None:
+    def __init__(self, x: np.ndarray, P: np.ndarray, reset: np.ndarray, rejections: int) -> None:
         from filterpy.kalman import ExtendedKalmanFilter
 
         class Filter(ExtendedKalmanFilter):
             def predict_x(self, u: float = 0) -> None:
                 self.x = self.to
 
-        self.shape, self._reset = x.shape[:2], reset
+        self.shape, self._reset, self._rejections = x.shape[:2], reset, rejections
+        self.gain, self.doubt = np.zeros(x.shape), np.zeros(x.shape[:2])
         self._rejected = np.zeros(self.shape, int)
         self.filters = {}
         for at in np.ndindex(self.shape):
@@ -115,19 +127,21 @@ class Filterpy:
 
     def update(self, seen: Seen) -> np.ndarray:
         """As in `FilterBank`."""
-        nis = np.full(self.shape, np.nan)
+        nis, self.gain = np.full(self.shape, np.nan), np.zeros(self.gain.shape)
         for at, ekf in self.filters.items():
             if not seen.received[at]:
+                self._rejected[at] = min(self._rejected[at] + 1, self._rejections)
                 continue
             h, R = seen.slope[at], seen.variance[at]
             y = wrapped(seen.angle[at] - seen.expected[at])
             nis[at] = y * y / (h @ ekf.P @ h + R)
             if nis[at] > GATE:
-                if self._rejected[at] < REJECTED:
+                if self._rejected[at] < self._rejections:
                     self._rejected[at] += 1
+                    self.doubt[at] = y * y
                     continue
                 ekf.P = ekf.P + np.diag(y * y * self._reset[at[1]])
-            self._rejected[at] = 0
+            self._rejected[at], self.doubt[at] = 0, 0.0
             ekf.update(
                 np.array([seen.angle[at]]),
                 HJacobian=lambda x, row=h: row[None, :],
@@ -135,6 +149,7 @@ class Filterpy:
                 R=np.array([[R]]),
                 residual=lambda z, expected: wrapped(z - expected),
             )
+            self.gain[at] = ekf.K[:, 0]
         return nis
 
     def restart(self, x: np.ndarray, P: np.ndarray) -> None:

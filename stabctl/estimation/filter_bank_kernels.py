@@ -25,24 +25,26 @@ def propagate(P, F, Q, half):
 
 
 @entry
-def correct(x, P, seen, rejected, reset, limits, nis, S, p):
-    """Use the angles that were received; `limits` are the gate and the rejections allowed, `p` (5) is work space."""
+def correct(x, P, seen, rejected, reset, limits, nis, S, gain, doubt):
+    """Use the angles that were received; `limits` are the gate and the rejections allowed."""
     gate, allowed = limits
     n = x.shape[2]
     for k in range(x.shape[0]):
         for i in range(x.shape[1]):
             if not seen.received[k, i]:
-                nis[k, i] = np.nan
+                nis[k, i], rejected[k, i] = np.nan, min(rejected[k, i] + 1, allowed)
+                for a in range(n):
+                    gain[k, i, a] = 0.0
                 continue
             y = seen.angle[k, i] - seen.expected[k, i]
             y -= 2 * np.pi * np.rint(y / (2 * np.pi))
             for turn in range(2):  # the second one with the larger covariance
                 S[k, i] = seen.variance[k, i]
                 for a in range(n):
-                    p[a] = 0.0
+                    gain[k, i, a] = 0.0
                     for b in range(n):
-                        p[a] += P[k, i, a, b] * seen.slope[k, i, b]
-                    S[k, i] += seen.slope[k, i, a] * p[a]
+                        gain[k, i, a] += P[k, i, a, b] * seen.slope[k, i, b]
+                    S[k, i] += seen.slope[k, i, a] * gain[k, i, a]
                 if turn == 0:
                     nis[k, i] = y * y / S[k, i]
                     if nis[k, i] <= gate or rejected[k, i] < allowed:
@@ -51,9 +53,14 @@ def correct(x, P, seen, rejected, reset, limits, nis, S, p):
                         P[k, i, a, a] += y * y * reset[i, a]
             if nis[k, i] > gate and rejected[k, i] < allowed:
                 rejected[k, i] += 1
+                doubt[k, i] = y * y
+                for a in range(n):
+                    gain[k, i, a] = 0.0
                 continue
-            rejected[k, i] = 0
+            rejected[k, i], doubt[k, i] = 0, 0.0
             for a in range(n):  # (1 - K h) P (1 - K h)' + K R K' = P - p p'/S if K = p/S, p = P h'
-                x[k, i, a] += p[a] * y / S[k, i]
+                x[k, i, a] += gain[k, i, a] * y / S[k, i]
                 for b in range(n):
-                    P[k, i, a, b] -= p[a] * p[b] / S[k, i]
+                    P[k, i, a, b] -= gain[k, i, a] * gain[k, i, b] / S[k, i]
+            for a in range(n):
+                gain[k, i, a] /= S[k, i]

@@ -45,6 +45,7 @@ class Kept(NamedTuple):
     missing: np.ndarray
     current: np.ndarray  # in the frame of the rotor
     voltage: np.ndarray
+    rate: np.ndarray  # pu   change of P per frame before
 
 
 @inline
@@ -107,12 +108,14 @@ def move(x, P, I, received, c, kept, g, after, F, change):
 
 
 @entry
-def spread(x, P, variance, of_current, received, c, kept, change, window, settings, Q):
+def spread(x, P, variance, of_current, received, c, kept, change, window, settings, hidden, Q):
     """Process covariance Q (seeds, machines, 5, 5), as in `swing.process_covariance`.
 
     `window` (3, seeds, machines) has what the filter of the PMUs adds: standard deviation of the current, variance of
     the power, and the jump of iq; `settings` are the standard deviations of angle and magnitude, the share of the
-    model error (0 without measured power), and the factor of jumps.
+    model error (0 without measured power), and the factor of jumps; `hidden` (seeds, machines, 3) has the standard
+    deviations of angle, speed and current from what happened between two reports. If the power bends between them, it
+    is off the ramp by 1/12 of its second difference on average.
     """
     angle, magnitude, share, together = settings
     longest = c.ramp.shape[0] - 1
@@ -123,6 +126,8 @@ def spread(x, P, variance, of_current, received, c, kept, change, window, settin
             frames = min(m, longest)
             power = (kept.variance[k, i] + (variance[k, i] if here else kept.variance[k, i])) / 2
             power += (share * (x[k, i, 2] + kept.g[k, i] - kept.P[k, i])) ** 2 + window[1, k, i]
+            if here and share > 0:
+                power += (m * (dP - m * kept.rate[k, i]) / 12) ** 2
             noise = of_current[k, i]
             if noise == 0.0:
                 noise = current_variance(kept.current[k, i], angle, magnitude)
@@ -134,7 +139,9 @@ def spread(x, P, variance, of_current, received, c, kept, change, window, settin
                 c.drive[i, 0, 0] * sqrt(noise) + first * further,
                 c.drive[i, 1, 0] * sqrt(noise) + second * further,
             )
-            process_covariance(k, i, c, Q, together * dP, m, power, flux, driven)
+            current = hidden[k, i, 2] + abs(kept.current[k, i] + change[k, i]) * hidden[k, i, 0]  # iq depends on the angle
+            between = hidden[k, i, 0], hidden[k, i, 1], 0.0, first * current, second * current
+            process_covariance(k, i, c, Q, together * dP, m, power, flux, driven, between)
 
 
 @entry
@@ -168,6 +175,7 @@ def keep(x, P, variance, I, E, received, g, kept):
             kept.g[k, i] = g[k, i]
             kept.missing[k, i] += 1
             if received[k, i]:
+                kept.rate[k, i] = (P[k, i] - kept.P[k, i]) / kept.missing[k, i]
                 kept.P[k, i], kept.variance[k, i], kept.missing[k, i] = P[k, i], variance[k, i], 0
                 kept.current[k, i] = turned_back(I[k, i], x[k, i, 0])
                 kept.voltage[k, i] = turned_back(E[k, i], x[k, i, 0])

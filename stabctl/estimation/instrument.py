@@ -20,6 +20,7 @@ class Frame(NamedTuple):
     received: np.ndarray  # bool
     slip: np.ndarray  # pu
     parts: "Parts | None" = None
+    since: np.ndarray | None = None  # (seeds, 1)   frames since the network was switched; None: never
 
 
 class Parts(NamedTuple):

@@ -12,7 +12,7 @@ from .frame_kernels import Constants, Kept, expect, keep, move, spread
 from .governor import Governors
 from .instrument import Frame
 from .measured import Measured, measured
-from .missing_reports import MissingReports
+from .missing_reports import UNKNOWN, UNSURE, MissingReports
 from .noise import Tuning, computed_angle_variance
 from .pmu import Pmu
 from .pmu_window import PmuWindow
@@ -22,6 +22,7 @@ from .swing import STATES, swing
 
 FORGOTTEN = 0.5  # s   without a report, after which a filter starts anew with the next one
 UNSETTLED = 0.05  # pu   standard deviation of a flux that may not be at rest
+NOTHING = 0.1  # pu   standard deviation of speed and power of a machine that has not reported yet
 RUNAWAY = 5e-3  # pu   standard deviation of a speed after a long silence, at least
 FLOOR = 1e-8  # rad^2   error of the model: without measurement noise the filter would be singular
 
@@ -52,7 +53,7 @@ class MachineModel:
         self.swing = swing(self.H, self.D, hz=hz, T=self.T, walk=walk, flux=flux, with_power=power)
         self.q_axis = QAxis(known, self.T, self.memory)
         self.governors = Governors(known.governor, self.T)
-        self._window = PmuWindow(pmu.own_frames(hz), self.T, hz)
+        self._window, self._length = PmuWindow(pmu.own_frames(hz), self.T, hz), 2 * pmu.own_frames(hz) + 1
         s, q = self.swing, self.q_axis
         self.constants = Constants(
             known.impedance, known.mva, self._has_flux * power, s.F, s.B, s.walk, s.c, s.d,
@@ -65,23 +66,31 @@ class MachineModel:
         return measured(frame, self.constants, self._noise, self.power)
 
     def begin(self, seen: Measured) -> tuple[np.ndarray, np.ndarray]:
-        """States and covariances at rest."""
+        """States and covariances at rest, with the first report."""
+        shape = seen.P.shape
+        flux = self.q_axis.rest(seen.I, seen.E)
+        turned = np.exp(-1j * (np.angle(seen.E) - turn(self.q_axis.psi(flux), np.abs(seen.E))))
+        self.kept = Kept(
+            seen.P.copy(), seen.variance.copy(), np.abs(seen.E), np.zeros(shape), np.zeros(shape, int),
+            seen.I * turned, seen.E * turned, np.zeros(shape),
+        )  # fmt: skip
+        self._F, self._unchanged = np.zeros((*shape, STATES, STATES)), np.zeros((3, *shape))
+        wb = 2 * np.pi * self.known.frequency_hz
+        self.unreported = MissingReports(seen.P, self.swing.c, self.swing.d, wb=wb, T=self.T)
+        self._rate = np.zeros(shape)
+        return self.at_rest(seen)
+
+    def at_rest(self, seen: Measured) -> tuple[np.ndarray, np.ndarray]:
+        """States and covariances at rest; those of machines without a report are unknown."""
         x, P = np.zeros((*seen.E.shape, STATES)), np.zeros((*seen.E.shape, STATES, STATES))
         x[..., 3:] = self.q_axis.rest(seen.I, seen.E)
         x[..., 0], x[..., 2] = np.angle(seen.E) - turn(self.q_axis.psi(x[..., 3:]), np.abs(seen.E)), seen.P
-        shape, turned = seen.P.shape, np.exp(-1j * x[..., 0])
-        self.kept = Kept(
-            seen.P.copy(), seen.variance.copy(), np.abs(seen.E), np.zeros(shape), np.zeros(shape, int),
-            seen.I * turned, seen.E * turned,
-        )  # fmt: skip
-        self._F, self._unchanged = np.zeros((*shape, STATES, STATES)), np.zeros((3, *shape))
         start = self.observe(x, seen)
         P[..., 0, 0], P[..., 1, 1], P[..., 2, 2] = start.variance, 1e-4**2, seen.variance
         P[..., 2, 2] += 0 if self.power else 1e-3**2
         P[..., 3, 3] = P[..., 4, 4] = (1e-3**2 + seen.of_current) * self._has_flux
-        self.unreported = MissingReports(seen.P, self.T / (2 * self.H))
-        self._rate = np.zeros(shape)
-        return x, P
+        nothing = np.diag([np.pi, *[NOTHING] * 4]) ** 2 * np.array([1, 1, 1, 0, 0])
+        return x, np.where(seen.frame.received[..., None, None], P, nothing)
 
     def restarted(
         self, x: np.ndarray, P: np.ndarray, seen: Measured, where: np.ndarray
@@ -91,7 +100,7 @@ class MachineModel:
         fresh[..., 3:] = self.q_axis.rest(seen.I, seen.E)
         fresh[..., 0] = np.angle(seen.E) - turn(self.q_axis.psi(fresh[..., 3:]), size)
         flux = UNSETTLED**2 * self._has_flux + np.zeros(size.shape)
-        known = P[..., 1, 1] + np.maximum(self.unreported.slip, RUNAWAY) ** 2
+        known = P[..., 1, 1] + np.maximum(self.unreported.moved[..., 1], RUNAWAY) ** 2
         variances = np.stack([flux + 1e-3**2, known, P[..., 2, 2] + 1e-2**2, flux, flux], -1)
         fresh_P = variances[..., None] * np.eye(STATES)
         return np.where(where[..., None], fresh, x), np.where(where[..., None, None], fresh_P, P)
@@ -107,11 +116,13 @@ class MachineModel:
             window[0] = self._window.flux_noise(x[..., 1], change)
             window[1] = self._window.power_noise(moved, change) * here
             window[2] = self._window.entering(change.real)
-        Q = np.empty((*x.shape, STATES))
-        given = self.constants, kept, change, window, self._settings
+        Q, since = np.empty((*x.shape, STATES)), seen.frame.since
+        switched = np.zeros((len(here), 1), bool) if since is None else since < self._length
+        powers = {"whole": self.whole(x), "before": kept.P, "now": seen.P, "variance": kept.variance}
+        self.unreported.step(here, kept.missing, switched, **powers)
+        given = self.constants, kept, change, window, self._settings, self.unreported.hidden
         spread(x, seen.P, seen.variance, seen.of_current, here, *given, Q)
         self._g = g
-        self.unreported.step(here, kept.missing, before=kept.P, now=seen.P, variance=kept.variance)
         if self._window.wide:
             self._rate = np.where(here, seen.P - kept.P, 0.0) / ((kept.missing + 1) * self.T)
         return Step(after, self._F, Q)
@@ -130,6 +141,7 @@ class MachineModel:
         if self._window.wide:
             size = np.abs(seen.E)
             variance = variance + (self._window.turned(x[..., 1]) * (1 - self.kept.size / size)) ** 2
+        self.turn = middle
         return Seen(angle, expected, slope, variance, seen.frame.received)
 
     def settle(self, x: np.ndarray, seen: Measured) -> None:
@@ -138,17 +150,24 @@ class MachineModel:
 
     def angle_and_slip(self, x: np.ndarray, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Angle and speed (seeds, machines, 2) at the time stamp, and their covariance."""
+        r = self.unreported.moved
+        both = P[..., :2, :2] + r[..., :, None] * r[..., None, :] * UNKNOWN[:2, :2]
+        both += (self.unreported.lost > 0)[..., None, None] * UNSURE
         if not self._window.wide:
-            return x[..., :2], P[..., :2, :2]
+            return x[..., :2], both
         a, _ = self.acceleration(x, P)
         jerk = -self._rate / (2 * self.H)
-        return self._window.middle(x[..., :2], P[..., :2, :2], acceleration=a, jerk=jerk)
+        return self._window.middle(x[..., :2], both, acceleration=a, jerk=jerk)
 
     def acceleration(self, x: np.ndarray, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The acceleration (pu/s) at these states, and its variance from their covariances P."""
         rate = 1 / (2 * self.H)
         variance = P[..., 2, 2] + self.kept.variance + self.unreported.power**2
         return (x[..., 2] + self.kept.g - self.kept.P - self.D * x[..., 1]) * rate, variance * rate**2
+
+    def whole(self, x: np.ndarray) -> np.ndarray:
+        """The larger of electrical and mechanical power, pu machine: a switching may change the former by as much."""
+        return np.maximum(np.abs(self.kept.P), np.abs(x[..., 2] + self.kept.g)) if self.power else self.kept.P
 
     def _governed(self, x: np.ndarray) -> np.ndarray:
         """g at the end of the frame, from the speed in its middle."""

@@ -1,28 +1,61 @@
-"""Uncertainty of a machine while it sends no reports."""
+"""What the power of a machine may have done between its reports, and what this did to its angle and speed.
+
+A machine without a report coasts with the power it reported last. The error sigma of this power is unknown, but not
+small after a disturbance: it is taken to be the largest change at the machines that do report, and if the network was
+switched, at least the whole power of the machine, electrical or mechanical. A constant error sigma moves angle and
+speed by
+
+    r = [r_d, r_s],   dr_s/dt = sigma / 2H,   dr_d/dt = wb r_s,
+
+whose outer product r r', with the correlation of unknown instants (`UNKNOWN`), is added to the covariance while no
+report arrives. The next report tells the power at both ends of the gap, but not what it did in between: it may have
+jumped there and back if the gap is longer than `SHORTEST` and the network was switched, or have swung. Then this is
+process noise. Beyond `LINEAR` the angle is too uncertain for an extended filter, and the fluxes, which the current has
+moved, are not known: the filter starts anew, with `UNSURE` on top of its covariance until the fluxes have decayed.
+"""
 
 import numpy as np
 
+SHORTEST = 0.05 - 1e-9  # s   no fault is cleared faster: two jumps are at least that far apart
+SWINGING = 0.1  # s   gap in which the power deviates from a ramp by as much as sigma, without a switching
+LINEAR = 0.2  # rad   standard deviation of an angle up to which the equations are linear
+RECOVERY = 2.0  # s
+UNSURE = np.diag([LINEAR, 2e-3]) ** 2  # rad^2, pu^2   variances of angle and speed of a filter that may be wrong
+UNKNOWN = np.eye(5)  # correlation of the states, of angle and speed and of the fluxes
+UNKNOWN[0, 1] = UNKNOWN[1, 0] = np.sqrt(3) / 2
+UNKNOWN[3, 4] = UNKNOWN[4, 3] = 1 / 2
+
 
 class MissingReports:
-    """Standard deviations of power and speed of machines without reports, from the changes at those that report.
-
-    The power of a machine without reports is assumed to change as much as the root mean square of the changes at the
-    others since its last report, and its speed by the integral of this.
+    """Errors of power, angle and speed (standard deviations) that the reports leave open, arrays (seeds, machines).
 
     Parameters
     ----------
     P : (seeds, machines) array, pu machine
         Powers at the start.
-    per_frame : (machines,) array
-        Change of the speed per unit of power in a frame.
+    c, d : (machines,) array
+        Changes of angle (rad) and speed (pu) per unit of power in a frame.
+    wb, T : float
+        Rated angular frequency (rad/s) and length of a frame (s).
     """
 
-    def __init__(self, P: np.ndarray, per_frame: np.ndarray) -> None:
-        self._before, self._per_frame = np.repeat(P[:, None, :], P.shape[1], 1), per_frame
-        self.power, self.slip = np.zeros((2, *P.shape))
+    def __init__(self, P: np.ndarray, c: np.ndarray, d: np.ndarray, *, wb: float, T: float) -> None:
+        self._before, self._c, self._d, self._turn, self._T = np.repeat(P[:, None, :], P.shape[1], 1), c, d, wb * T, T
+        self.power = np.zeros(P.shape)
+        self.moved, self._switched = np.zeros((*P.shape, 2)), np.zeros(P.shape, bool)  # r while no report arrives
+        self.lost = np.zeros(P.shape, int)  # frames for which a filter is still not to be trusted
+        self.hidden = np.zeros((*P.shape, 3))  # r, and the current (pu), that the report of this frame leaves open
 
     def step(
-        self, here: np.ndarray, missing: np.ndarray, *, before: np.ndarray, now: np.ndarray, variance: np.ndarray
+        self,
+        here: np.ndarray,
+        missing: np.ndarray,
+        switched: np.ndarray,
+        *,
+        whole: np.ndarray,
+        before: np.ndarray,
+        now: np.ndarray,
+        variance: np.ndarray,
     ) -> None:
         """Advance a frame.
 
@@ -32,14 +65,29 @@ class MissingReports:
             Machines with a report.
         missing : (seeds, machines) array
             Frames without a report up to the last one.
+        switched : (seeds, 1) array of bool
+            Whether the network was switched since the last frame.
+        whole : (seeds, machines) array
+            What a switching may change the power by.
         before, now, variance : (seeds, machines) array
             Powers as last reported and in this frame, and their variance.
         """
-        if here.all() and not missing.any():
+        self._switched |= switched
+        self.lost = np.maximum(self.lost - 1, 0)
+        if here.all() and not missing.any() and self._T < SHORTEST:
+            self._switched[:], self.hidden[:] = False, 0.0
             return
-        first = ~here & (missing == 0)
+        first = missing == 0
         self._before = np.where(first[..., None], before[:, None, :], self._before)
         moved = ((now[:, None, :] - self._before) ** 2 - 2 * variance[:, None, :]) * here[:, None, :]
-        mean = moved.sum(-1) / np.maximum(here.sum(-1, keepdims=True), 1)
-        self.power = np.where(here, 0.0, np.sqrt(np.maximum(mean, 0.0)))
-        self.slip = np.where(here, 0.0, self.slip + self._per_frame * self.power)
+        sigma = np.sqrt(np.maximum(moved.max(-1), 0.0))
+        sigma = np.where(self._switched, np.maximum(sigma, whole), sigma)
+        r = self.moved
+        r = np.stack([r[..., 0] + self._turn * r[..., 1] + self._c * sigma, r[..., 1] + self._d * sigma], -1)
+        gap = (missing + 1) * self._T
+        share = np.where(self._switched & (gap > SHORTEST), 1.0, np.minimum(gap / SWINGING, 1.0) * ~first)
+        self.hidden = np.where(here, share, 0.0)[..., None] * np.concatenate([r, sigma[..., None]], -1)
+        self.moved = np.where(here[..., None], 0.0, r)
+        self.lost[self.hidden[..., 0] > LINEAR] = round(RECOVERY / self._T)
+        self.power = np.where(here, 0.0, sigma)
+        self._switched &= ~here

@@ -21,7 +21,8 @@ from stabctl.dynamics.operating_point import OperatingPoint, source_admittances
 from stabctl.model.network import Switching
 
 MOST = 500  # networks and patterns of reports kept
-AMPLIFIED = 10  # times the noise of a report: a computed phasor is not used beyond
+AMPLIFIED = 10  # times the error of a report: a computed phasor is not used beyond
+BLURRED = 0.1  # -   relative error of an internal voltage, beyond which it is not used
 
 
 class Computed(NamedTuple):
@@ -31,6 +32,26 @@ class Computed(NamedTuple):
     I: np.ndarray  # (machines)
     V_parts: np.ndarray
     I_parts: np.ndarray
+
+
+def sharp(found: Computed, impedance: np.ndarray, error: float) -> np.ndarray:
+    """Which phasors are known well enough to be used: voltages V, and the internal voltages V + Z I behind them.
+
+    At a bolted fault the voltage is known to be zero, and the current is not known at all.
+
+    Parameters
+    ----------
+    found : Computed
+        Phasors of some machines.
+    impedance : (machines,) array, pu
+        The Z of these machines.
+    error : float
+        Relative standard deviation of a report, its clock included.
+    """
+    parts = found.V_parts + impedance[:, None] * found.I_parts
+    apart = np.sqrt((np.abs(parts) ** 2).sum(-1)) / np.abs(parts.sum(-1))
+    of_voltage = np.sqrt((np.abs(found.V_parts) ** 2).sum(-1))
+    return (np.maximum(apart, of_voltage) < AMPLIFIED) & (apart * error < BLURRED)
 
 
 class NetworkModel:

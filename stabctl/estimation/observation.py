@@ -7,16 +7,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stabctl.dynamics.operating_point import source_admittances
 from stabctl.errors import StudyError
 from stabctl.model.network import Switching
 from stabctl.simulation.simulation import Simulation
 
 from .bad_reports import BadReports
 from .instrument import Frame, Instrument, Parts
-from .network_model import AMPLIFIED, NetworkModel
+from .network_model import NetworkModel, sharp
 from .pmu import Pmu
 from .pmu_check import RETURN, Alarm, PmuCheck
 from .rotor_units import Terminals
+
+LONG = 1 << 30  # frames
 
 
 class Truth(NamedTuple):
@@ -46,6 +49,8 @@ class Observation:
         self._spoil = BadReports(pmu.bad, [self.numbers.index(number) for number in bad], hz)
         self.simulations, self.network = simulations, NetworkModel(point)
         self.without = np.broadcast_to(without, shape).copy()  # machines whose reports are not used
+        self._impedance = 1 / source_admittances(point.system)
+        self._error = float(np.hypot(max(pmu.angle, pmu.magnitude), 2 * np.pi * hz * pmu.clock))
         self._check = PmuCheck(self.network, pmu, hz, shape) if check else None
         self._metered = check or bool(without.any())
         self.excluded = np.zeros(shape, bool)  # with this frame
@@ -61,12 +66,13 @@ class Observation:
         self._terminals = [Terminals(s) for s in simulations]
         self._last: list[tuple[np.ndarray, ...] | None] = [None] * len(simulations)
         self._window = 2 * pmu.own_frames(hz)
-        self._switching: list[tuple[Switching, int]] = [(s.switching, self._window) for s in simulations]
+        self._switching: list[tuple[Switching, int]] = [(s.switching, LONG) for s in simulations]
 
     def __call__(self, at: float, resting: np.ndarray | None = None) -> tuple[Truth, Frame]:
         """Truth and frame at an instant (s); `resting` are the bus voltages of a system at rest."""
         truth = Truth(*map(np.array, zip(*(self._true(k, resting) for k in range(len(self._last))), strict=True)))
         frame = self._spoil(at, self._instrument.report(at, truth.V, truth.I, truth.slip))
+        frame = frame._replace(since=np.array([[since] for _, since in self._switching]))
         if not self._metered:
             return truth, frame
         metered = self._meters.report(at, truth.others, truth.others, truth.others.real).I
@@ -111,11 +117,11 @@ class Observation:
             if found is None:
                 continue
             rows = np.flatnonzero(~known)
-            sharp = np.sqrt((np.abs(found.V_parts) ** 2).sum(-1)) < AMPLIFIED
-            parts.computed[k, rows] = self.without[k, rows] & sharp
-            parts.V[k, rows[sharp]], parts.I[k, rows[sharp]] = found.V_parts[sharp], found.I_parts[sharp]
-        V = np.where(parts.computed, parts.V.sum(-1), frame.V)
-        I = np.where(parts.computed, parts.I.sum(-1), frame.I)
+            good = sharp(found, self._impedance[rows], self._error)
+            parts.computed[k, rows] = self.without[k, rows] & good
+            parts.V[k, rows[good]], parts.I[k, rows[good]] = found.V_parts[good], found.I_parts[good]
+        V = np.where(parts.computed, parts.V.sum(-1), np.where(self.without, 1.0, frame.V))
+        I = np.where(parts.computed, parts.I.sum(-1), np.where(self.without, 0.0, frame.I))
         return frame._replace(V=V, I=I, received=frame.received | parts.computed, parts=parts)
 
     def _true(self, k: int, resting: np.ndarray | None) -> tuple[np.ndarray, ...]:

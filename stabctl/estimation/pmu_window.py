@@ -19,7 +19,7 @@ import numpy as np
 
 from .instrument import window
 
-ANGLE, SLIP = 2.0, 1.5  # standard deviations of the values in the middle, in units of the differences above
+ANGLE, SLIP = 2.0, 2.0  # standard deviations of the values in the middle, in units of the differences above
 
 
 class PmuWindow:
@@ -28,6 +28,7 @@ class PmuWindow:
     def __init__(self, half: int, T: float, hz: float) -> None:
         weights = window(half)
         self.wide, self._half, self.T, self.wb = half > 0, half, T, 2 * np.pi * hz
+        self._width = max(half / 3, 1) * T
         self._variance = float(weights @ np.arange(-half, half + 1) ** 2) * T**2
         self._turns: deque[np.ndarray] = deque(maxlen=2 * half + 1)
         self._changes: deque[np.ndarray] = deque(maxlen=half + 1)
@@ -74,6 +75,6 @@ class PmuWindow:
         half, y, P = self._variance / 2, y.copy(), P.copy()
         y[..., 0] -= half * self.wb * acceleration
         y[..., 1] -= half * jerk
-        P[..., 0, 0] += (ANGLE * half * self.wb * self.T * jerk) ** 2
+        P[..., 0, 0] += (ANGLE * half * self.wb * self._width * jerk) ** 2
         P[..., 1, 1] += (SLIP * half * jerk) ** 2
         return y, P

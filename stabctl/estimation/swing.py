@@ -7,7 +7,7 @@ a governor adds g to Pm:
     (e, k): the fluxes of `q_axis`, driven by the current I.
 A classical machine has no omega in its swing equation.
 
-Process noise over a frame T has four sources:
+Process noise over a frame T has five sources:
     walk   q * integral of h h', h(t) = [wb t^2/4H, t/2H, 1];
     power  (var P + (share (Pm - P))^2) * h h', h = [c, d, 0, 0, 0], c = wb T^2/4H, d = T/2H; share is the model error;
            the noise of a report acts in the frames before and after it, so that it counts in full;
@@ -15,7 +15,8 @@ Process noise over a frame T has four sources:
     jump   P and iq jump by dP and di at an unknown instant since the last report, m frames ago. The share u of this
            time that is left is uniform: delta has moved by -c m^2 u^2 dP, s by -d m u dP, e and k by u times their
            response to di. Means -dP c/3 and -dP d/2 (the same as of a ramp), covariance r r' times that of
-           (u^2, u, 0, u, u): var u^2 = 4/45, var u = cov(u, u^2) = 1/12.
+           (u^2, u, 0, u, u): var u^2 = 4/45, var u = cov(u, u^2) = 1/12;
+    hidden what the power did between two reports beyond that jump (`missing_reports`).
 """
 
 from math import sqrt
@@ -26,7 +27,9 @@ from scipy.linalg import expm
 
 from stabctl._util.jit import inline
 
-REJECTED = 2  # reports in a row that the gate rejects before it accepts one
+from .missing_reports import UNKNOWN
+
+REJECTED = 1 / 30  # s   for which the gate rejects reports before it accepts one
 STATES = 5
 JUMP = np.full((STATES, STATES), 1 / 12)
 JUMP[0, 0], JUMP[2], JUMP[:, 2] = 4 / 45, 0, 0
@@ -48,7 +51,7 @@ def swing(
 ) -> Swing:
     """The swing equation over a frame; exact except for D T/2H in B.
 
-    When the gate accepts an innovation y after `REJECTED` rejections, y may come from an error of the angle, of the
+    When the gate accepts an innovation y after its `rejections`, y may come from an error of the angle, of the
     flux, or of the speed (without measured power, of the acceleration): each gets the variance that explains y alone.
 
     Parameters
@@ -73,14 +76,19 @@ def swing(
     upper = a * a * T**5 / 20, a * b * T**4 / 8, a * T**3 / 6, b * b * T**3 / 3, b * T**2 / 2, one * T
     for i, j, values in zip(*np.triu_indices(3), upper, strict=True):
         Q[:, i, j] = Q[:, j, i] = values
-    since = (REJECTED + 1) * T
+    since = (rejections(T) + 1) * T
     acceleration = 0 * one if with_power else one / (a * since**2)
     reset = np.stack([one, one / (wb * since), acceleration, flux, flux], -1) ** 2
     return Swing(expm(A * T), B, np.pad(walk**2 * Q, ((0, 0), (0, 2), (0, 2))), c, d, reset)
 
 
+def rejections(T: float) -> int:
+    """Reports in a row that the gate rejects before it accepts one, with frames of the length T (s)."""
+    return int(REJECTED / T + 1e-9)
+
+
 @inline
-def process_covariance(k, i, model, Q, jump, frames, power, flux, noise):
+def process_covariance(k, i, model, Q, jump, frames, power, flux, noise, hidden):
     """Write the process covariance of machine i and seed k into Q (seeds, machines, 5, 5).
 
     Parameters
@@ -97,6 +105,8 @@ def process_covariance(k, i, model, Q, jump, frames, power, flux, noise):
         Variance of the power over the frame.
     flux, noise : (2) tuple, pu
         Response of e and k to the jump of iq, and to its standard deviation over the frame.
+    hidden : (5) tuple, rad and pu
+        Standard deviations of the states from what the power did between reports (`missing_reports`).
     """
     c, d, late, size = model.c[i], model.d[i], frames * jump, sqrt(power)
     moved = -c * late * frames, -d * late, 0.0, flux[0], flux[1]
@@ -106,3 +116,4 @@ def process_covariance(k, i, model, Q, jump, frames, power, flux, noise):
             Q[k, i, a, b] = model.walk[i, a, b] + JUMP[a, b] * moved[a] * moved[b]
             if (a < 3) == (b < 3):  # the noises of power and current are independent
                 Q[k, i, a, b] += blurred[a] * blurred[b]
+            Q[k, i, a, b] += UNKNOWN[a, b] * hidden[a] * hidden[b]
