@@ -286,3 +286,53 @@ def test_fields_that_are_left_out_have_the_defaults_of_the_manual(tmp_path):
         (12, 13, "2", 0.013, 0.07, 0.04, 1.0, 0.0),
         (11, 13, "1", 0.013, 0.143, 0.0, 1.0, 0.0),
     ]
+
+
+def test_the_source_of_a_machine_is_that_of_the_raw_file(tmp_path):
+    """ZR + jZX on MBASE, 0 + j1 if left out, is the impedance of a classical machine; GENROU has its own reactances."""
+    raw(tmp_path, generator=[GENERATOR.format(node=""), "12,'B', 23.5"], branch=[lines_of(33)])
+    records = "11 'GENCLS' 1 5.3 0.7 / 12 'GENCLS' B 3.1 0.2 /"
+    (tmp_path / "x.dyr").write_text(records)
+    rows = st.load(tmp_path / "x.raw", dyr=tmp_path / "x.dyr").devices["gencls"]
+    assert {m: (p.H, p.D, p.ra, p.x1d) for m, p in rows.items()} == {
+        11: (5.3, 0.7, 0.004, 0.21),
+        12: (3.1, 0.2, 0.0, 1.0),
+    }
+
+
+def test_a_step_up_transformer_without_a_ratio(tmp_path):
+    case = raw(tmp_path, generator=["11,'1', 41.3, 12.7, 55, -35, 1.043, 0, 120, 0.004, 0.21, 0.007, 0.11"])
+    assert [(k.tap, k.r, k.x) for k in case.branches] == [
+        (1.0, pytest.approx(0.007 * 85 / 120), pytest.approx(0.11 * 85 / 120))
+    ]
+
+
+@pytest.mark.parametrize(("produced", "kind"), [(31.0, "pq"), (-18.0, "pq"), (6.4, "pv"), (18.0, "pv"), (-31.0, "pv")])
+def test_a_machine_at_its_reactive_limit_does_not_hold_the_voltage(tmp_path, produced, kind):
+    """QG at QT or QB, while the stored voltage is not VS."""
+    at = (
+        BEHIND.format(node="")
+        .replace("0.009, 0.13, 1.06", "0, 0, 1")
+        .replace("1.024", "1.057")
+        .replace("6.4", str(produced))
+    )
+    case = raw(tmp_path, branch=[lines_of(33).replace("-12", "13")], generator=[GENERATOR.format(node=""), at])
+    assert (case.buses[1].kind, case.buses[1].v) == (kind, 1.024 if kind == "pq" else 1.057)
+
+
+def test_correction_tables_are_told(tmp_path):
+    """TAB of a winding, whatever is before it in the version."""
+    for version in (30, 33, 34, 35):
+        lines = transformer(version)
+        assert not any("table" in note for note in raw(tmp_path, version, transformer=lines).notes)
+        lines[3] = lines[3].replace(" 33, 0, 0.0", " 33, 7, 0.0")
+        notes = [note for note in raw(tmp_path, version, transformer=lines).notes if "table 7" in note]
+        assert len(notes) == 1
+
+
+def test_the_star_point_begins_at_the_voltage_at_which_its_currents_sum_to_zero(tmp_path):
+    case = raw(tmp_path, transformer=transformer(cw=3, cz=2))
+    V = np.array([b.v * np.exp(1j * np.deg2rad(b.angle)) for b in case.buses])
+    V[0] *= 1.031 / 1.043  # the star point is found before the machine's VS is read
+    current = admittance(case) @ V
+    assert abs(current[-1]) < 1e-12 < abs(current[0])
