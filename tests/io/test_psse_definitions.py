@@ -272,13 +272,14 @@ def test_fields_that_are_left_out_have_the_defaults_of_the_manual(tmp_path):
         shunt=["12,,,2.3", "13,,0,3.1"],
         generator=["11"],
         branch=["11,12,,,0.087", "12,13,'2',0.013,0.07,0.04", "11,13,,,0.3,,,,,,,,,0"],
-        transformer=["11,13", "0.013,0.143", ",", ","],
+        transformer=["11,13", "0.013,0.143,31", ",", ","],
     )
     assert [(b.kind, b.v, b.angle, b.g, b.rated, b.area, b.zone, b.owner) for b in case.buses] == [
         ("swing", 1.0, 0.0, 0.0, 132.0, 1, 1, 1),
         ("pq", 0.98, 0.0, 2.3, 0.0, 1, 1, 1),
         ("pq", 1.0, 0.0, 0.0, 0.0, 1, 1, 1),
     ]
+    assert not any("bus 12" in note for note in case.notes), "IDE = 1: not a bus that has lost its machine"
     assert [(load.bus, load.p, load.q, load.id) for load in case.loads] == [(13, 5.3, 0.0, "1")]
     assert [m[:7] for m in case.machines] == [(11, 11, 85.0, 0.0, 11, 0.0, "11/1")]
     assert [(k.from_bus, k.to_bus, k.circuit, k.r, k.x, k.b, k.tap, k.phase) for k in case.branches] == [
@@ -324,9 +325,11 @@ def test_correction_tables_are_told(tmp_path):
     """TAB of a winding, whatever is before it in the version."""
     for version in (30, 33, 34, 35):
         lines = transformer(version)
-        assert not any("table" in note for note in raw(tmp_path, version, transformer=lines).notes)
+        assert not any("impedance correction" in note for note in raw(tmp_path, version, transformer=lines).notes)
         lines[3] = lines[3].replace(" 33, 0, 0.0", " 33, 7, 0.0")
-        notes = [note for note in raw(tmp_path, version, transformer=lines).notes if "table 7" in note]
+        notes = [
+            note for note in raw(tmp_path, version, transformer=lines).notes if "impedance correction table 7" in note
+        ]
         assert len(notes) == 1
 
 
