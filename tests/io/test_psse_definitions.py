@@ -1,11 +1,13 @@
 """A RAW file against PSS/E's definitions: no two numbers are equal, no base is a default, 50 Hz."""
 
 from itertools import permutations
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import stabctl as st
+from stabctl.io.psse import constants, dyr
 from stabctl.model import network, powerflow
 
 BASE = 85.0
@@ -339,3 +341,29 @@ def test_the_star_point_begins_at_the_voltage_at_which_its_currents_sum_to_zero(
     V[0] *= 1.031 / 1.043  # the star point is found before the machine's VS is read
     current = admittance(case) @ V
     assert abs(current[-1]) < 1e-12 < abs(current[0])
+
+
+def test_a_record_of_a_user_written_model_is_that_of_its_model(tmp_path):
+    """Name, six numbers (type, application, counts of ICONs, CONs, STATEs and VARs), then the constants."""
+    (tmp_path / "x.dyr").write_text("11 'USRMDL' 'A' 'GENCLS' 1 1 0 2 4 3 5.3 0.7 /\n11 'GENCLS' 'A' 5.3 0.7 /")
+    user, plain = dyr.read(tmp_path / "x.dyr")
+    assert user[1:] == plain[1:] == (11, "GENCLS", "A", ("5.3", "0.7"))
+
+
+def test_the_source_impedance_of_a_converter(tmp_path):
+    raw(tmp_path)
+    (tmp_path / "x.dyr").write_text("11 'REGCB1' 1 1 0 0.021 0.023 77 -78 9 0.017 1.3 /")
+    (par,) = st.load(tmp_path / "x.raw", dyr=tmp_path / "x.dyr").devices["regc_b"].values()
+    assert (par.Re, par.Xe, par.Tg, par.Tfltr, par.Te, par.Imax) == (0.004, 0.21, 0.021, 0.023, 0.017, 1.3)
+
+
+def test_the_constants_of_every_record_are_in_the_order_of_the_library():
+    """Kinds of loads have an ending for their scope: a bus, an owner, a zone, an area, all."""
+    rows = (Path(__file__).parent / "psse_constants.txt").read_text().split("\n")
+    listed = dict(row.split(" ", 1) for row in rows if row and not row.startswith("#"))
+    found = {kind: order for kind, (_, order) in constants.kinds().items()}
+    scoped = {kind: f"{kind[:-2]}xx" for kind in found if f"{kind[:-2]}xx" in listed}
+    assert {scoped.get(kind, kind): order for kind, order in found.items()} == listed
+    for name in {kind[:-2] for kind in scoped}:
+        assert {kind[-2:] for kind in scoped if kind[:-2] == name} == {"BL", "OW", "ZN", "AR", "AL"}
+        assert len({found[kind] for kind in scoped if kind[:-2] == name}) == 1
