@@ -31,8 +31,6 @@ class TableBuilder:
         Rows of every table, and the place of each in the file.
     corrections : list of str
         What was changed, one sentence each.
-    joined : list of pairs of int
-        Buses joined by a branch without impedance.
     no_impedance : float, pu
         Reactance given to such a branch.
     """
@@ -42,7 +40,6 @@ class TableBuilder:
         self.rows: dict[str, list[Any]] = {"buses": [], "branches": [], "machines": [], "loads": []}
         self.places: dict[str, list[Any]] = {table: [] for table in self.rows}
         self.corrections: list[str] = []
-        self.joined: list[tuple[int, int]] = []
         self.at: dict[int, int] = {}  # row of every bus in service
         self._next = 0
 
@@ -73,10 +70,8 @@ class TableBuilder:
         bus = self.bus(number)
         self.change(number, g=bus.g + g, b=bus.b + b)
 
-    def branch(self, branch: Branch, place: Any, threshold: float = 0.0) -> None:
-        """Add a branch; one without impedance gets a small one. `threshold`: reactance (pu) that counts as none."""
-        if branch.r == 0 and abs(branch.x) <= max(threshold, 0.0):
-            self.joined.append((branch.from_bus, branch.to_bus))
+    def branch(self, branch: Branch, place: Any) -> None:
+        """Add a branch; one without impedance gets a small one."""
         if branch.r == 0 and abs(branch.x) < self.no_impedance:
             name = f"{branch.from_bus}-{branch.to_bus} ckt {branch.circuit}"
             self.corrections.append(f"{place}: {name} has no impedance and gets x = {self.no_impedance:g} pu.")

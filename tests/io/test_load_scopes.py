@@ -1,5 +1,6 @@
 """Records of load models of a bus, an owner, a zone, an area, or all: the narrowest scope holds."""
 
+from itertools import pairwise
 from types import SimpleNamespace
 
 from stabctl.io.psse.dyr import Record
@@ -50,3 +51,12 @@ def test_the_narrowest_scope_holds_and_then_the_last_record():
         record(1, "IEELAR"),
     ]
     assert scopes().owners(records) == {0: [2, "2#2"], 1: [3], 3: [1, "2#3"]}
+
+
+def test_every_scope_is_narrower_than_the_one_before():
+    """All loads, an area, a zone, an owner, a bus: the narrower record holds whichever is last."""
+    kinds = [(0, "IEELAL"), (1, "IEELAR"), (1, "IEELZN"), (5, "IEELOW"), (1, "IEELBL")]
+    for wide, narrow in pairwise(kinds):
+        for records in ([record(*wide), record(*narrow)], [record(*narrow), record(*wide)]):
+            (holding,) = (n for n, keys in scopes().owners(records).items() if 1 in keys)
+            assert records[holding].kind == narrow[1]

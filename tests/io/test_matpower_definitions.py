@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import stabctl as st
+from stabctl.io.matpower import to_case
 from stabctl.model import network, powerflow
 
 TEXT = """function mpc = unequal
@@ -81,3 +82,18 @@ def test_what_buses_draw(case):
     delivered = 15.3 - (0.37 + 0.023 * 15.3)
     drawn = [3.1 + 1.3j, 21.7 + 8.3j + 15.3 - 2.7j + 6.6 + 1.4j, 5.9 - 2.2j, -delivered + 3.9j]
     assert powerflow.demand(case) * 85 == pytest.approx(np.array(drawn), rel=1e-12)
+
+
+def test_kinds_and_ratings_of_generators(tmp_path):
+    """By fuel, then by type; a rating left at baseMVA is that of PMAX at the usual power factor, 0.85."""
+    text = TEXT.replace("47	1	44", "85	1	44")
+    fuels, types = ("ng", "hydro", "ng", "coal", "ng"), ("GT", "HY", "CA", "ST", "CT")
+    text += "".join(
+        f"mpc.{n} = {{ {'; '.join(map(repr, v))} }};\n" for n, v in (("genfuel", fuels), ("gentype", types))
+    )
+    (tmp_path / "unequal.m").write_text(text)
+    found = list(to_case.read(tmp_path / "unequal.m").known.values())
+    assert [k.kind for k in found] == ["gas", "hydro", "steam"]
+    assert [k.mva for k in found] == pytest.approx([120.0, 44 / 0.85, 43 / 0.85])
+    (tmp_path / "fuel.m").write_text(text[: text.index("mpc.gentype")])
+    assert [k.kind for k in to_case.read(tmp_path / "fuel.m").known.values()] == ["gas", "hydro", "gas"]

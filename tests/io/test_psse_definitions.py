@@ -1,11 +1,13 @@
 """A RAW file against PSS/E's definitions: no two numbers are equal, no base is a default, 50 Hz."""
 
 from itertools import permutations
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import stabctl as st
+from stabctl.io.psse import constants, dyr
 from stabctl.model import network, powerflow
 
 BASE = 85.0
@@ -272,13 +274,14 @@ def test_fields_that_are_left_out_have_the_defaults_of_the_manual(tmp_path):
         shunt=["12,,,2.3", "13,,0,3.1"],
         generator=["11"],
         branch=["11,12,,,0.087", "12,13,'2',0.013,0.07,0.04", "11,13,,,0.3,,,,,,,,,0"],
-        transformer=["11,13", "0.013,0.143", ",", ","],
+        transformer=["11,13", "0.013,0.143,31", ",", ","],
     )
     assert [(b.kind, b.v, b.angle, b.g, b.rated, b.area, b.zone, b.owner) for b in case.buses] == [
         ("swing", 1.0, 0.0, 0.0, 132.0, 1, 1, 1),
         ("pq", 0.98, 0.0, 2.3, 0.0, 1, 1, 1),
         ("pq", 1.0, 0.0, 0.0, 0.0, 1, 1, 1),
     ]
+    assert not any("bus 12" in note for note in case.notes), "IDE = 1: not a bus that has lost its machine"
     assert [(load.bus, load.p, load.q, load.id) for load in case.loads] == [(13, 5.3, 0.0, "1")]
     assert [m[:7] for m in case.machines] == [(11, 11, 85.0, 0.0, 11, 0.0, "11/1")]
     assert [(k.from_bus, k.to_bus, k.circuit, k.r, k.x, k.b, k.tap, k.phase) for k in case.branches] == [
@@ -286,3 +289,81 @@ def test_fields_that_are_left_out_have_the_defaults_of_the_manual(tmp_path):
         (12, 13, "2", 0.013, 0.07, 0.04, 1.0, 0.0),
         (11, 13, "1", 0.013, 0.143, 0.0, 1.0, 0.0),
     ]
+
+
+def test_the_source_of_a_machine_is_that_of_the_raw_file(tmp_path):
+    """ZR + jZX on MBASE, 0 + j1 if left out, is the impedance of a classical machine; GENROU has its own reactances."""
+    raw(tmp_path, generator=[GENERATOR.format(node=""), "12,'B', 23.5"], branch=[lines_of(33)])
+    records = "11 'GENCLS' 1 5.3 0.7 / 12 'GENCLS' B 3.1 0.2 /"
+    (tmp_path / "x.dyr").write_text(records)
+    rows = st.load(tmp_path / "x.raw", dyr=tmp_path / "x.dyr").devices["gencls"]
+    assert {m: (p.H, p.D, p.ra, p.x1d) for m, p in rows.items()} == {
+        11: (5.3, 0.7, 0.004, 0.21),
+        12: (3.1, 0.2, 0.0, 1.0),
+    }
+
+
+def test_a_step_up_transformer_without_a_ratio(tmp_path):
+    case = raw(tmp_path, generator=["11,'1', 41.3, 12.7, 55, -35, 1.043, 0, 120, 0.004, 0.21, 0.007, 0.11"])
+    assert [(k.tap, k.r, k.x) for k in case.branches] == [
+        (1.0, pytest.approx(0.007 * 85 / 120), pytest.approx(0.11 * 85 / 120))
+    ]
+
+
+@pytest.mark.parametrize(("produced", "kind"), [(31.0, "pq"), (-18.0, "pq"), (6.4, "pv"), (18.0, "pv"), (-31.0, "pv")])
+def test_a_machine_at_its_reactive_limit_does_not_hold_the_voltage(tmp_path, produced, kind):
+    """QG at QT or QB, while the stored voltage is not VS."""
+    at = (
+        BEHIND.format(node="")
+        .replace("0.009, 0.13, 1.06", "0, 0, 1")
+        .replace("1.024", "1.057")
+        .replace("6.4", str(produced))
+    )
+    case = raw(tmp_path, branch=[lines_of(33).replace("-12", "13")], generator=[GENERATOR.format(node=""), at])
+    assert (case.buses[1].kind, case.buses[1].v) == (kind, 1.024 if kind == "pq" else 1.057)
+
+
+def test_correction_tables_are_told(tmp_path):
+    """TAB of a winding, whatever is before it in the version."""
+    for version in (30, 33, 34, 35):
+        lines = transformer(version)
+        assert not any("impedance correction" in note for note in raw(tmp_path, version, transformer=lines).notes)
+        lines[3] = lines[3].replace(" 33, 0, 0.0", " 33, 7, 0.0")
+        notes = [
+            note for note in raw(tmp_path, version, transformer=lines).notes if "impedance correction table 7" in note
+        ]
+        assert len(notes) == 1
+
+
+def test_the_star_point_begins_at_the_voltage_at_which_its_currents_sum_to_zero(tmp_path):
+    case = raw(tmp_path, transformer=transformer(cw=3, cz=2))
+    V = np.array([b.v * np.exp(1j * np.deg2rad(b.angle)) for b in case.buses])
+    V[0] *= 1.031 / 1.043  # the star point is found before the machine's VS is read
+    current = admittance(case) @ V
+    assert abs(current[-1]) < 1e-12 < abs(current[0])
+
+
+def test_a_record_of_a_user_written_model_is_that_of_its_model(tmp_path):
+    """Name, six numbers (type, application, counts of ICONs, CONs, STATEs and VARs), then the constants."""
+    (tmp_path / "x.dyr").write_text("11 'USRMDL' 'A' 'GENCLS' 1 1 0 2 4 3 5.3 0.7 /\n11 'GENCLS' 'A' 5.3 0.7 /")
+    user, plain = dyr.read(tmp_path / "x.dyr")
+    assert user[1:] == plain[1:] == (11, "GENCLS", "A", ("5.3", "0.7"))
+
+
+def test_the_source_impedance_of_a_converter(tmp_path):
+    raw(tmp_path)
+    (tmp_path / "x.dyr").write_text("11 'REGCB1' 1 1 0 0.021 0.023 77 -78 9 0.017 1.3 /")
+    (par,) = st.load(tmp_path / "x.raw", dyr=tmp_path / "x.dyr").devices["regc_b"].values()
+    assert (par.Re, par.Xe, par.Tg, par.Tfltr, par.Te, par.Imax) == (0.004, 0.21, 0.021, 0.023, 0.017, 1.3)
+
+
+def test_the_constants_of_every_record_are_in_the_order_of_the_library():
+    """Kinds of loads have an ending for their scope: a bus, an owner, a zone, an area, all."""
+    rows = (Path(__file__).parent / "psse_constants.txt").read_text().split("\n")
+    listed = dict(row.split(" ", 1) for row in rows if row and not row.startswith("#"))
+    found = {kind: order for kind, (_, order) in constants.kinds().items()}
+    scoped = {kind: f"{kind[:-2]}xx" for kind in found if f"{kind[:-2]}xx" in listed}
+    assert {scoped.get(kind, kind): order for kind, order in found.items()} == listed
+    for name in {kind[:-2] for kind in scoped}:
+        assert {kind[-2:] for kind in scoped if kind[:-2] == name} == {"BL", "OW", "ZN", "AR", "AL"}
+        assert len({found[kind] for kind in scoped if kind[:-2] == name}) == 1

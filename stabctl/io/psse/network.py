@@ -69,7 +69,7 @@ class Network(TableBuilder):
             name, first = f"{branch.from_bus}-{branch.to_bus}", self._circuits[key].line
             self.corrections.append(f"{place}: circuit {id} of {name} is already in line {first}; both are kept.")
         self._circuits.setdefault(key, place)
-        self.branch(branch, place, self.raw.threshold)
+        self.branch(branch, place)
 
     def stepped_up(self) -> set[int]:
         """Buses whose generators are behind step-up transformers."""

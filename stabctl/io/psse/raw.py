@@ -23,7 +23,6 @@ class Raw:
     base_mva: float
     frequency_hz: float
     title: str
-    threshold: float = 1e-4  # pu   reactance up to which a branch without resistance has no impedance
     sections: dict[str, list[tuple[Any, Place]]] = field(default_factory=dict)
     unmodeled: list[Unmodeled] = field(default_factory=list)
 
@@ -93,20 +92,9 @@ def _section(raw: Raw, section: str, texts: Iterator[tuple[Place, str]], before:
                 raise place.error("the record is not complete; the lines that belong to it are missing.")
             return split(text, at)
 
-        if section == "system":
-            _system(raw, line)
-            continue
         record = sections.record(section, raw.version, line, more)
         if isinstance(record, Unmodeled):
             raw.unmodeled.append(record)
         elif record is not None:
             found.append((record, place))
     return None
-
-
-def _system(raw: Raw, line: Line) -> None:
-    """A line of the section of system-wide data: of it the threshold of zero-impedance lines is used."""
-    for text in line.fields:
-        name, _, value = text.partition("=")
-        if name.strip().upper() == "THRSHZ" and value:
-            raw.threshold = number(value.strip(), line.place, "THRSHZ")
