@@ -335,6 +335,9 @@ def test_the_theory_on_the_page_is_that_of_two_machines():
     delta = np.arccos((Pm * (stop - start) + Pmax * np.cos(stop)) / Pmax)
     assert found["critical"] == pytest.approx(HZ * np.sqrt(2 * M * (delta - start) / Pm), rel=1e-9)
     assert found["stable"] is (found["critical"] > 4)
+    held, share = pair.critical(0.2), pair.HCOI / (pair.H1 + pair.HCOI)
+    braking = Pmax * (np.cos(held.angle) - np.cos(stop)) + (0.2 * share - Pm) * (stop - held.angle)
+    assert braking == pytest.approx(Pm * (held.angle - start), rel=1e-9)
 
 
 def test_every_signal_that_can_be_read(flow):
