@@ -18,7 +18,7 @@ from stabctl.live.commands import Source
 from stabctl.live.points import Points
 from stabctl.live.state import State
 from stabctl.model import circuits, powerflow
-from stabctl.theory.from_case import equivalent
+from stabctl.theory.from_case import equivalent, reduced_network
 
 CASE = uneven()
 ROW = {b.bus: i for i, b in enumerate(CASE.buses)}
@@ -335,6 +335,9 @@ def test_the_theory_on_the_page_is_that_of_two_machines():
     delta = np.arccos((Pm * (stop - start) + Pmax * np.cos(stop)) / Pmax)
     assert found["critical"] == pytest.approx(HZ * np.sqrt(2 * M * (delta - start) / Pm), rel=1e-9)
     assert found["stable"] is (found["critical"] > 4)
+    held, share = pair.critical(0.2), pair.HCOI / (pair.H1 + pair.HCOI)
+    braking = Pmax * (np.cos(held.angle) - np.cos(stop)) + (0.2 * share - Pm) * (stop - held.angle)
+    assert braking == pytest.approx(Pm * (held.angle - start), rel=1e-9)
 
 
 def test_every_signal_that_can_be_read(flow):
@@ -483,6 +486,21 @@ def test_short_circuit_power_and_ratios():
     assert ratio.equivalent == pytest.approx(S / (factor @ P))
     assert ratio.weighted == pytest.approx(S @ P / P.sum() ** 2)
     assert ratio.buses == tuple(d.bus for d in CASE.storage)
+
+
+def test_the_relative_motion_weighs_powers_by_the_other_inertia():
+    """Of machine 7 against the rest: Pe = (H_rest P1 - H1 sum P_rest)/H, turned against each other by every angle."""
+    pair, (Y, E, inertia) = equivalent(CASE, 7), reduced_network(CASE)
+    assert inertia == pytest.approx(H * MVA / BASE)
+    turned = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    powers = []
+    for angle in turned:
+        source = E * np.exp(1j * np.array([angle, 0.0, 0.0, 0.0]))
+        P = (source * (Y @ source).conj()).real
+        powers.append((inertia[1:].sum() * P[0] - inertia[0] * P[1:].sum()) / inertia.sum())
+    wave = np.fft.rfft(powers) / len(turned)
+    assert 2 * abs(wave[1]) == pytest.approx(1 / pair.X)
+    assert powers[0] - wave[0].real == pytest.approx(pair.Pm1)
 
 
 def test_another_load_level_changes_loads_and_dispatch_alone():

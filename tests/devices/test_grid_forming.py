@@ -15,6 +15,7 @@ from stabctl.errors import EquilibriumError
 from stabctl.model import network
 from stabctl.simulation import simulation
 from stabctl.simulation.events import Clear, Fault, LoadStep, Open
+from stabctl.smallsignal import analyze
 from stabctl.smallsignal.areas import areas
 
 SLOW = FORMING._replace(mp=0.02, mq=0.1, TPf=0.02, kiv=20.0)
@@ -207,6 +208,15 @@ def test_its_modes_are_those_of_the_motion_after_a_step():
     grown = np.where(slow, 2.0, np.expm1(2.0 * values) / np.where(slow, 1, values))
     wanted = (V @ (grown * drive)).real
     assert np.abs(x - wanted).max() < 1e-5 * np.abs(wanted).max()  # 5.4e-7
+
+
+def test_shapes_of_modes_are_those_of_the_speeds_at_fifty_hertz():
+    """The virtual speed is an output, the speed of a machine a state: both are rows of C times the eigenvector."""
+    case = replace(small({"regfm_a1": FORMING}), frequency_hz=50.0)
+    modes = analyze(st.linearize(case, outputs="speed"))
+    speeds, moving = modes.observability(), np.abs(modes.eigenvalues) > 1e-6
+    assert (np.abs(speeds[0, moving]) > 1e-6).any()
+    assert modes.speeds[:, moving] == pytest.approx(speeds[:, moving], abs=1e-9)
 
 
 def test_without_machines_there_are_areas_and_clearing_times():

@@ -59,8 +59,8 @@ def test_a_whole_system_stands_still(files, stabctl):
     assert found["mismatch_bus"] == 102
     assert found["dv_pu"] < 3e-7  # 2.4e-7
     assert found["dangle_deg"] < 5e-5  # 4.8e-5
-    assert found["dxdt"] < 1e-9  # 4e-16
-    assert found["drift_pu"] < 1e-7  # 5e-16
+    assert found["dxdt"] < 1e-13  # 4e-16
+    assert found["drift_pu"] < 1e-7  # 1e-8
 
 
 def test_what_is_not_supported_is_named_once_with_file_and_line(files, stabctl):
@@ -150,7 +150,7 @@ def test_a_matpower_file_has_a_report(stabctl, tmp_path):
     found = json.loads(out)
     assert (code, found["complete"], found["records"]) == (0, True, 0)
     assert found["dv_pu"] < 1e-4  # 5.3e-6
-    assert found["dangle_deg"] < 0.01  # 1.0e-4
+    assert found["dangle_deg"] < 1e-3  # 1.0e-4
     assert found["corrections"] == [f"{path}: not represented: gencost."]
     assert st.load(tmp_path / "mine") == st.load(path)
     assert "There are no dynamic models, only power-flow data." in stabctl("import", path)[1]

@@ -121,10 +121,10 @@ def test_a_megawatt_is_worth_the_same_wherever_it_could_move(found, objective):
     assert inside.sum() > 1
     assert none.any()
     price = a.gain[inside].mean()
-    assert a.gain[inside] == pytest.approx(price, rel=1e-4)  # 6e-9, 1e-6
+    assert a.gain[inside] == pytest.approx(price, rel=1e-5)  # 6e-9, 1e-6
     assert (a.gain[full] >= price * (1 + 1e-3)).all()  # 1.02, 1.01 times
     assert (a.gain[none] <= price * (1 - 1e-3)).all()  # 0.97, 0.62 times
-    assert 0 <= a.bound - a.value < 1e-6 * abs(a.value)  # 1e-10, 1.4e-8
+    assert 0 <= a.bound - a.value < 1e-7 * abs(a.value)  # 1e-10, 1.4e-8
     even = _objective(found.of(np.full(10, 40.0)), objective)
     assert a.value > even
     assert a.value == pytest.approx(_objective(found.of(a.sizes), objective), rel=1e-9)

@@ -1,11 +1,14 @@
 """The page of a design: in a browser, and its numbers read back."""
 
 import re
+from dataclasses import replace
 from html import unescape
 
+import control
 import pytest
 from labels import crowded
 
+import stabctl as st
 from stabctl.design import outages, pss
 from stabctl.design.evidence import evidence
 from stabctl.errors import StudyError
@@ -46,6 +49,16 @@ def test_the_page_says_what_was_found(found):
     (check,) = found.checks
     assert (label, float(before), float(after)) == ("7-8@0.4", check.before.cycles, check.after.cycles)
     assert page.count("<svg ") == 5
+
+
+def test_margins_and_controllers_are_shown_in_milliseconds(found):
+    assert found.margins
+    known = replace(found, margins=replace(found.margins, delay=0.0123, gain_up=3.4))
+    cards = [(what, value) for value, what in design_page._numbers(known)][2:]
+    assert cards == [("delay margin", "12.3 ms"), ("times the gains are still stable", "3.4")]
+    late = control.ss(-1, 1, [[2.0]], 0)
+    one = st.Controller.from_control(late, "speed:1", "vs:2", rate=50, delay="40ms", limits=0.05, name="mine")
+    assert design_page._controller(one) == ("mine", "speed:1", "vs:2", "1", "50/s", "40 ms", "-0.05 to 0.05")
 
 
 def test_labels_stand_apart(found):

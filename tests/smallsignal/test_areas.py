@@ -27,6 +27,9 @@ def test_neighbors_stay_together_in_the_western_system(modes):
     assert found.of(1) == found.of(2) == found.of(3)
     assert found.of(34) != found.of(1)
     assert sorted(m for g in found.groups for m in g) == list(range(1, 35))
+    point = modes("wnaps").linear.point
+    inertia = [sum(point.inertia[point.rotor_names.index(m)] for m in g) for g in found.groups]
+    assert inertia == sorted(inertia, reverse=True)
 
 
 def test_areas_after_a_topology_change(modes):

@@ -22,7 +22,7 @@ def test_storage_damping_at_both_ends_of_the_tie(point):
     first = analyze(model).residues()
     assert slope[inter] == pytest.approx(first[inter], rel=2e-3)  # 7e-4: the curvature over one unit of gain
     end = np.linalg.eigvals(model.A + 60 * model.B @ model.C / (1 - 60 * model.D[0, 0]))
-    assert np.abs(np.sort_complex(locus.eigenvalues[-1]) - np.sort_complex(end)).max() < 1e-5  # 3e-13
+    assert np.abs(np.sort_complex(locus.eigenvalues[-1]) - np.sort_complex(end)).max() < 1e-10  # 3e-13
 
 
 def test_a_gain_around_an_output_that_the_input_reaches_at_once(point):
