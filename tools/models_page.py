@@ -28,6 +28,8 @@ def page() -> str:
 
 def _section(of: Description) -> Iterator[str]:
     yield f"### {of.name}\n\n{of.title}.\n"
+    if of.unverified:
+        yield f"**This model is {of.unverified}.**\n"
     if of.text.strip():
         yield f"```text\n{of.text.strip(chr(10))}\n```\n"
     if of.parameters:

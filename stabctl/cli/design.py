@@ -31,6 +31,19 @@ Spread = Annotated[
     ),
 ]
 Order = Annotated[int | None, typer.Option("--order", min=1, max=8, help="Lags in the tuned filter of every input.")]
+MaxGain = Annotated[
+    float,
+    typer.Option("--max-gain", help="Largest gain of a stabilizer at any frequency, pu of voltage per pu of speed."),
+]
+NoiseFilter = Annotated[
+    str,
+    typer.Option(
+        "--noise-filter",
+        metavar="TIME",
+        parser=options.in_unit("s"),
+        help="Time constant of the lag that filters the speed, s; 0: none.",
+    ),
+]
 Outages = Annotated[bool, typer.Option("--n-1", help="Also design for the outage of each branch.")]
 Input = Annotated[
     str | None,
@@ -61,6 +74,8 @@ def pss(
     *,
     machine: Machine = None,
     damping: Damping = 0.1,
+    max_gain: MaxGain = 200.0,
+    noise_filter: NoiseFilter = "20ms",
     outages: Outages = False,
     files: designed.Files,
     storage: groups.StorageOptions,
@@ -73,7 +88,7 @@ def pss(
     files.check()
     point = storage.initialize(case.load())
     points = design.outages(point) if outages else point
-    found = design.pss(points, machine or None, damping=damping)
+    found = design.pss(points, machine or None, damping=damping, max_gain=max_gain, noise_filter=float(noise_filter))
     designed.show(found, files, as_json, points if isinstance(points, design.Outages) else None)
 
 

@@ -63,10 +63,12 @@ def show(found: "Design", files: Files, as_json: bool, points: "Outages | None" 
             {
                 "worst_damping_before": found.worst_before,
                 "worst_damping_after": found.worst_after,
+                "worst_damping_replaced": found.worst_replaced,
                 "mode_hz": float(worst.frequency_hz[least(worst)[1]]),
                 "reached": found.reached,
                 "remarks": list(found.remarks),
                 "controllers": [c.name for c in found.controllers],
+                "largest_gains": found.largest_gains,
                 "files": [str(path) for path in written],
                 "operating_points": len(found.before),
                 "left_out": dict(points.left_out) if points else {},

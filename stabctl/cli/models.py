@@ -34,7 +34,9 @@ def models(name: Name = None, device: options.Device = None, as_json: options.Js
 
 def _listed(found: "list[Description]", as_json: bool) -> None:
     if as_json:
-        shared.print_json({"models": [{"name": m.name, "role": m.role, "title": m.title} for m in found]})
+        shared.print_json(
+            {"models": [{"name": m.name, "role": m.role, "title": m.title, "unverified": m.unverified} for m in found]}
+        )
         return
     from rich.table import Table
 
@@ -42,7 +44,7 @@ def _listed(found: "list[Description]", as_json: bool) -> None:
     table.columns[1].no_wrap = True
     last = ""
     for m in found:
-        table.add_row(m.role if m.role != last else "", m.name, m.title)
+        table.add_row(m.role if m.role != last else "", m.name, m.title + f" ({m.unverified})" * bool(m.unverified))
         last = m.role
     shared.console().print(table)
 
@@ -51,6 +53,8 @@ def _shown(found: "Description") -> None:
     from rich.table import Table
 
     console = shared.console()
+    if found.unverified:
+        print(f"This model is {found.unverified}.\n")
     print(f"{found.title}\n\n{found.text}\n\nRole: {found.role}, {found.role_meaning}.\n")
     if found.parameters:
         table = Table("parameter", "unit", "meaning", "allowed", "default", title="Parameters", title_justify="left")

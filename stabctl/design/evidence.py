@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stabctl._util.wording import counted
 from stabctl.clearing import ClearingTime, clearing_time
 from stabctl.controllers.controller import Controller
 from stabctl.dynamics.operating_point import OperatingPoint
@@ -38,15 +39,21 @@ class RootLocus:
 
 @dataclass(frozen=True)
 class Check:
-    """Critical clearing times of a contingency without and with the controllers."""
+    """Critical clearing times of a contingency without and with the controllers, and with those that they replace."""
 
     before: ClearingTime
     after: ClearingTime
+    replaced: ClearingTime | None = None  # with the stabilizers of the case; None if it has none that are replaced
 
     @property
     def label(self) -> str:
         """The contingency."""
         return self.after.contingency.label
+
+    @property
+    def change(self) -> float:
+        """Cycles gained against the stabilizers of the case or, without any, against none; an unstable case has 0."""
+        return (self.after.cycles or 0.0) - ((self.replaced or self.before).cycles or 0.0)
 
 
 @dataclass(frozen=True, repr=False)
@@ -79,8 +86,23 @@ class Evidence:
     def __str__(self) -> str:
         lines = [str(self.design)]
         lines += [self.margins.together] if self.margins else ["the closed loop is unstable"]
-        lines += [f"{c.label}: {_cycles(c.before)} without, {_cycles(c.after)} with" for c in self.checks]
+        lines += [f"{c.label}: {_check(c)}" for c in self.checks]
+        lines += [self.summary] if self.checks else []
         return "\n".join(lines)
+
+    @property
+    def summary(self) -> str:
+        """How the controllers change the clearing times of the checks, as a sentence; empty without checks."""
+        if not self.checks:
+            return ""
+        changes = np.array([c.change for c in self.checks])
+        worst = self.checks[int(changes.argmin())]
+        other = "with the stabilizers of the case" if self.design.given else "without the controllers"
+        return (
+            f"Compared with those {other}, {(changes < 0).sum()} of {counted(len(changes), 'clearing time')} are "
+            f"shorter and {(changes > 0).sum()} longer: median {np.median(changes):+g} cycles, worst "
+            f"{worst.change:+g} cycles ({worst.label})."
+        )
 
     __repr__ = __str__
 
@@ -93,7 +115,8 @@ def evidence(design: Design, checks: Iterable[Contingency | str] = ()) -> Eviden
     design : Design
         The design; its controllers must have matrices.
     checks : iterable of Contingency or str
-        Contingencies whose critical clearing times are found without and with the controllers.
+        Contingencies whose critical clearing times are found without and with the controllers, and with the stabilizers
+        of the case that they replace.
 
     Returns
     -------
@@ -122,7 +145,11 @@ def evidence(design: Design, checks: Iterable[Contingency | str] = ()) -> Eviden
         margins(point, *controllers) if design.after[0].stable else None,
         step_responses(point, controllers),
         tuple(
-            Check(clearing_time(point, c), clearing_time(point, c, control=list(controllers)))
+            Check(
+                clearing_time(point, c),
+                clearing_time(point, c, control=list(controllers)),
+                clearing_time(design.given, c) if design.given else None,
+            )
             for c in (replace(c, clear=None) for c in wanted)
         ),
     )
@@ -131,6 +158,11 @@ def evidence(design: Design, checks: Iterable[Contingency | str] = ()) -> Eviden
 def _locus(point: OperatingPoint, controllers: Sequence[Controller]) -> RootLocus:
     loop = Loop(point, controllers)
     return RootLocus(FACTORS, tuple(loop.eigenvalues([c.scaled(float(k)) for c in controllers]) for k in FACTORS))
+
+
+def _check(c: Check) -> str:
+    own = f", {_cycles(c.replaced)} with the stabilizers of the case" if c.replaced else ""
+    return f"{_cycles(c.before)} without, {_cycles(c.after)} with{own}"
 
 
 def _cycles(found: ClearingTime) -> str:

@@ -38,8 +38,10 @@ def compensator(phase: float, w: float, washout: float, filter_s: float = 0.0) -
     return whole / abs(complex(whole(1j * w)))
 
 
-def fitted(hz: np.ndarray, phase: np.ndarray, washout: float) -> "control.TransferFunction":
-    """Washout and equal lead-lag stages whose phase is as near as possible to a phase over a band; gain 1 at rest.
+def fitted(hz: np.ndarray, phase: np.ndarray, washout: float, filter_s: float = 0.0) -> "control.TransferFunction":
+    """Washout, filter and equal lead-lag stages whose phase is as near as possible to a phase over a band.
+
+    The stages and the filter have gain 1 at rest.
 
     Parameters
     ----------
@@ -49,12 +51,14 @@ def fitted(hz: np.ndarray, phase: np.ndarray, washout: float) -> "control.Transf
         Phase wanted at each, rad.
     washout
         Time constant of the washout, s.
+    filter_s
+        Time constant of the noise filter 1/(1+sTf), s, whose lag is compensated too; 0: none.
     """
     import control
     from scipy.optimize import least_squares
 
     w = 2 * np.pi * hz
-    left = phase - np.angle(1j * w * washout / (1 + 1j * w * washout))
+    left = phase - np.angle(1j * w * washout / (1 + 1j * w * washout)) + np.arctan(w * filter_s)
     stages = max(1, int(np.ceil(np.abs(left).max() / MOST - 1e-9)))
 
     def miss(logs: np.ndarray) -> np.ndarray:
@@ -63,7 +67,7 @@ def fitted(hz: np.ndarray, phase: np.ndarray, washout: float) -> "control.Transf
 
     T1, T2 = np.exp(least_squares(miss, np.log([0.2, 0.05]), bounds=(np.log(SHORTEST), np.log(LONGEST))).x)
     s = control.tf("s")
-    whole = washout * s / (1 + washout * s)
+    whole = washout * s / (1 + washout * s) / (1 + filter_s * s)
     for _ in range(stages):
         whole = whole * (1 + T1 * s) / (1 + T2 * s)
     return whole

@@ -1,6 +1,7 @@
 """Power system stabilizers by phase compensation: washout and lead-lag stages against the phase of GEP(s)."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError, shown
 from stabctl.model import catalog, keys
 from stabctl.model.case import Case
+from stabctl.smallsignal.closed_loop import closed_loop
 from stabctl.smallsignal.model import linearize
 
 from .gep import Others, held
@@ -18,12 +20,14 @@ from .lead_lag import fitted
 from .loop import Loop
 from .outages import Outages
 from .requirement import Requirement
-from .result import Design, operating_points
+from .result import Design, largest_gain, operating_points
 from .tuning import Scenario, common, separate, worst
 
 BAND = (0.2, 2.5)  # Hz   in which the phase is compensated
+BOUND = 0.99  # of the largest gain allowed, from which it decides
 POINTS = 25  # frequencies in the band
-GAINS = np.geomspace(0.5, 100.0, 30)  # common gains that are tried
+GAINS = np.geomspace(0.01, 1.0, 34)  # common gains that are tried, of the largest one allowed
+LARGEST, MAX_GAIN = 1e6, 200.0  # pu of exciter voltage per pu of speed, at any frequency
 
 
 def pss(
@@ -34,12 +38,15 @@ def pss(
     washout: str | float = 10.0,
     limits: tuple[float, float] | float = (-0.1, 0.1),
     band: tuple[float, float] = BAND,
+    noise_filter: str | float = 0.02,
+    max_gain: float = MAX_GAIN,
     others: Others = "held",
 ) -> Design:
     """Design stabilizers from the speed of machines to their exciters.
 
     One gain for all machines is raised until every mode reaches the damping at every operating point. If none does,
-    every machine gets a gain of its own.
+    every machine gets a gain of its own. The linear design knows no clearing times, which may become shorter, also than
+    with the stabilizers of the case; `st.design.evidence` compares them.
 
     Parameters
     ----------
@@ -55,6 +62,10 @@ def pss(
         Limits of the output.
     band : pair of float, Hz
         Frequencies over which the phase is compensated.
+    noise_filter : str or float, s
+        Time constant of the lag 1/(1+sTf) that filters the speed; 0: none.
+    max_gain : float, pu
+        Largest gain of a stabilizer at any frequency, pu of exciter voltage per pu of speed.
     others : {"held", "free"}
         The rotors of the other machines in GEP(s); see `gep`.
 
@@ -65,29 +76,50 @@ def pss(
     Raises
     ------
     StudyError
-        If a machine has no exciter.
+        If a machine has no exciter, or an argument is invalid.
     """
-    points = operating_points(base)
-    numbers = _machines(points[0].case, machines)
-    points = [_without_stabilizers(point, numbers) for point in points]
+    if not 0 < max_gain <= LARGEST:
+        raise StudyError(f"max_gain = {shown(max_gain)} is not allowed; give a gain above 0 and up to {LARGEST:g} pu.")
+    given = operating_points(base)
+    numbers = _machines(given[0].case, machines)
+    points = [_without_stabilizers(point, numbers) for point in given]
     hz = np.geomspace(*band, POINTS)
     model = linearize(points[0], [f"vs:{n}" for n in numbers], [f"pe:{n}" for n in numbers])
     ones = []
     for i, number in enumerate(numbers):
         phase = np.unwrap(np.angle(held(model, number, i, others).response(hz)[:, 0, 0]))
-        H = fitted(hz, -phase, duration("washout", washout))
+        H = fitted(hz, -phase, duration("washout", washout), duration("noise_filter", noise_filter))
         ones.append(Controller.from_control(H, f"speed:{number}", f"vs:{number}", limits=limits, name=f"pss {number}"))
+    most = max_gain / np.array([largest_gain(c) for c in ones])
 
     def make(gains: np.ndarray) -> list[Controller]:
         return [c.scaled(float(gain)) for c, gain in zip(ones, gains, strict=True)]
 
     scenarios = [Scenario(Loop(point, ones), 1.0, Requirement(damping)) for point in points]
-    gains, spare = common(scenarios, make, np.ones(len(ones)), GAINS)
+    gains, spare = common(scenarios, make, np.ones(len(ones)), GAINS * most.min())
     if spare < 0 and len(ones) > 1:
         scale = np.full(len(ones), max(gains.max(), 1.0))
-        gains, spare = separate(scenarios, make, gains, scale, most=GAINS[-1], positive=True)
+        gains, spare = separate(scenarios, make, gains, scale, most=most, positive=True)
     used = [c for c in make(gains) if np.any(c.C) or np.any(c.D)]
-    return Design.of(points, used, short=-spare, needed=worst(scenarios, make, 0 * gains) < 0)
+    found = Design.of(points, used, short=-spare, needed=worst(scenarios, make, 0 * gains) < 0)
+    replaced = () if points[0] is given[0] else tuple(closed_loop(point).modes() for point in given)
+    found = replace(found, replaced=replaced)
+    return replace(found, remarks=(*found.remarks, *_remarks(found, max_gain)))
+
+
+def _remarks(found: Design, max_gain: float) -> Iterator[str]:
+    """The largest gains, whether their bound decides, and what the stabilizers of the case achieve."""
+    largest = max(found.largest_gains.values(), default=0.0)
+    if found.controllers:
+        least = min(found.largest_gains.values())
+        yield f"Their largest gains are {least:.0f} to {largest:.0f} pu; up to {max_gain:g} pu are allowed."
+    if not found.reached and largest > BOUND * max_gain:
+        yield f"No stabilizers with gains of at most {max_gain:g} pu were found that reach the damping."
+    if found.worst_replaced is not None:
+        yield (
+            f"The stabilizers of the case, which they replace, give {found.worst_replaced:.4f}; compare the clearing "
+            "times, too."
+        )
 
 
 def _machines(case: Case, machines: Iterable[int] | None) -> list[int]:

@@ -24,6 +24,7 @@ from .requirement import FAST, GROWING, SLOW
 if TYPE_CHECKING:
     import pandas as pd
 
+HZ = np.geomspace(0.01, 1000.0, 1001)  # frequencies at which the largest gain is sought
 ENOUGH = "The required damping is reached without the controllers, so they have almost no effect; require more damping."
 
 
@@ -43,6 +44,8 @@ class Design:
         Damping ratio that is missing at the worst operating point and gain.
     remarks
         What else a user must know, as sentences.
+    replaced
+        Modes of each operating point with the stabilizers of the case that the controllers replace; empty if none.
     """
 
     controllers: tuple[Controller, ...]
@@ -51,6 +54,7 @@ class Design:
     reached: bool
     short: float = 0.0
     remarks: tuple[str, ...] = ()
+    replaced: tuple[Modes, ...] = ()
 
     plot = verb("stabctl.plotting.design:plot")
     report = verb("stabctl.report.design_page:write")
@@ -84,6 +88,11 @@ class Design:
         return self.before[0].linear.point
 
     @property
+    def given(self) -> OperatingPoint | None:
+        """The first operating point with the stabilizers of the case that the controllers replace; None if none."""
+        return self.replaced[0].linear.point if self.replaced else None
+
+    @property
     def controller(self) -> Controller:
         """The first controller."""
         return self.controllers[0]
@@ -94,9 +103,20 @@ class Design:
         return min(least(m)[0] for m in self.before)
 
     @property
+    def worst_replaced(self) -> float | None:
+        """Smallest damping ratio of 0.1 to 3 Hz with the stabilizers of the case that they replace; None if none."""
+        return min((least(m)[0] for m in self.replaced), default=None)
+
+    @property
     def worst_after(self) -> float:
         """Smallest damping ratio of 0.1 to 3 Hz with the controllers."""
         return min(least(m)[0] for m in self.after)
+
+    @property
+    def largest_gains(self) -> dict[str, float]:
+        """The largest gain at any frequency of every continuous controller of one signal, pu, by name."""
+        single = (c for c in self.controllers if c.rate is None and c.law is None and c.D.shape == (1, 1))
+        return {c.name: largest_gain(c) for c in single}
 
     @property
     def df(self) -> "pd.DataFrame":
@@ -161,6 +181,11 @@ class Design:
         return "\n".join([said, *self.remarks])
 
     __repr__ = __str__
+
+
+def largest_gain(c: Controller) -> float:
+    """The largest gain of a continuous controller of one signal at any frequency, output over input."""
+    return float(np.abs(c.to_control()(2j * np.pi * HZ)).max())
 
 
 def operating_points(base: Any, storage: "Fleet | None" = None) -> list[OperatingPoint]:

@@ -72,7 +72,7 @@ def separate(
     x: np.ndarray,
     scale: np.ndarray,
     *,
-    most: float = np.inf,
+    most: float | np.ndarray = np.inf,
     positive: bool = False,
 ) -> tuple[np.ndarray, float]:
     """Gains, each its own, with which nothing is missing, and the largest relative to its scale is small.
@@ -91,7 +91,7 @@ def separate(
     scale
         Size (gains) of a gain that matters.
     most
-        Largest size of a gain.
+        Largest size of every gain.
     positive
         Whether gains must not change sign.
 

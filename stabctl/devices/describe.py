@@ -38,7 +38,10 @@ class Limit(NamedTuple):
 
 
 class Description(NamedTuple):
-    """A device. `name` is that of its file and table, `title` and `text` are the parts of its docstring."""
+    """A device. `name` is that of its file and table, `title` and `text` are the parts of its docstring.
+
+    `unverified` says what its equations have not been compared with; it is empty for most devices.
+    """
 
     name: str
     title: str
@@ -50,6 +53,7 @@ class Description(NamedTuple):
     inputs: tuple[Signal, ...]
     outputs: tuple[Signal, ...]
     limits: tuple[Limit, ...]
+    unverified: str = ""
 
 
 def describe(name: str) -> Description:
@@ -78,6 +82,7 @@ def describe(name: str) -> Description:
         inputs,
         outputs,
         tuple(_limits(device)),
+        getattr(device, "UNVERIFIED", ""),
     )
 
 

@@ -29,10 +29,12 @@ def page(found: Evidence) -> str:
             title=f"Controllers of {design.base.case.name}",
             summary=str(design),
             numbers=list(_numbers(found)),
-            controllers=[_controller(c) for c in design.controllers],
+            controllers=[_controller(c, design.largest_gains.get(c.name)) for c in design.controllers],
             modes=list(_modes(design)),
             points=list(_points(design)) if len(design.before) > 1 else [],
             checks=[_check(c) for c in found.checks],
+            changes=found.summary,
+            replaces=design.given is not None,
             loops=[(x.name, number(x.distance, 3), _degrees(x.phase_margin)) for x in found.loops],
             margins=found.margins.together if found.margins else "",
             load=f"{found.steps.mw:.3g} MW at bus {found.steps.bus}",
@@ -68,6 +70,8 @@ def write(design: Design, folder: str | Path, checks: Iterable[Contingency | str
 def _numbers(found: Evidence) -> Iterator[tuple[str, str]]:
     yield f"{found.design.worst_before:.4f}", f"smallest damping ratio of {SLOW:g} to {FAST:g} Hz without"
     yield f"{found.design.worst_after:.4f}", "with the controllers"
+    if found.design.worst_replaced is not None:
+        yield f"{found.design.worst_replaced:.4f}", "with the stabilizers of the case, which they replace"
     if found.margins:
         late = found.margins.delay
         yield "over 2 s" if np.isinf(late) else f"{1e3 * late:.4g} ms", "delay margin"
@@ -75,10 +79,19 @@ def _numbers(found: Evidence) -> Iterator[tuple[str, str]]:
         yield "over 1000" if np.isinf(up) else f"{up:.3g}", "times the gains are still stable"
 
 
-def _controller(c: Any) -> tuple[str, ...]:
+def _controller(c: Any, gain: float | None) -> tuple[str, ...]:
     limits = "none" if np.isinf(c.limits[1]) and np.isinf(c.limits[0]) else f"{c.limits[0]:g} to {c.limits[1]:g}"
     kind, late = f"{c.rate}/s" if c.rate else "continuous", f"{1e3 * c.delay:g} ms"
-    return c.name, _short(c.inputs), _short(c.outputs), str(len(c.A)), kind, late, limits
+    return (
+        c.name,
+        _short(c.inputs),
+        _short(c.outputs),
+        str(len(c.A)),
+        kind,
+        late,
+        limits,
+        number(gain, 1) if gain else "",
+    )
 
 
 def _short(names: tuple[str, ...]) -> str:
@@ -108,7 +121,8 @@ def _check(c: Check) -> tuple[str, ...]:
         return "none" if value is None else f"{value:g}"
 
     lost = "" if c.after.machine is None else str(c.after.machine)
-    return c.label, cycles(c.before.cycles), cycles(c.after.cycles), lost
+    own = (cycles(c.replaced.cycles),) if c.replaced else ()
+    return c.label, cycles(c.before.cycles), *own, cycles(c.after.cycles), lost
 
 
 def _degrees(value: float) -> str:

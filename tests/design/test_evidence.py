@@ -78,3 +78,16 @@ def test_a_python_function_has_no_page(damper):
     law = st.Controller.from_function(lambda seen: 10 * seen["deviation:1"], "deviation:1", "order:3@11", rate=60)
     with pytest.raises(StudyError, match="is a Python function"):
         evidence(replace(damper, controllers=(law,)))
+
+
+def test_checks_compare_with_the_stabilizers_that_are_replaced(cases):
+    """Of the case itself, by the clearing times of three systems; medians and counts by hand."""
+    case = cases("two_area")
+    found = evidence(pss(case, damping=0.1), ["7-8@0.4", "5"])
+    own = [case.clearing_time(fault).cycles for fault in ("7-8@0.4", "5")]
+    assert [c.replaced.cycles for c in found.checks] == own
+    changes = [c.after.cycles - cycles for c, cycles in zip(found.checks, own, strict=True)]
+    assert [c.change for c in found.checks] == changes
+    shorter, longer = sum(x < 0 for x in changes), sum(x > 0 for x in changes)
+    assert f"{shorter} of 2 clearing times are shorter and {longer} longer" in found.summary
+    assert f"median {np.median(changes):+g} cycles, worst {min(changes):+g} cycles" in str(found)

@@ -69,7 +69,7 @@ def test_one_design_serves_all_outages(ieee39):
 def test_gains_of_their_own_reach_what_a_common_gain_does_not(cases):
     """Two stabilizers of four: the best common gain gives a worst damping of 0.1775, two gains 0.179."""
     case = cases("two_area_thyristor")
-    found = pss(case, [1, 3], damping=0.178)
+    found = pss(case, [1, 3], damping=0.178, noise_filter=0, max_gain=1000)
     assert found.reached
     gains = [abs(complex(np.ravel(c.to_control()(1e-6j))[0])) for c in found.controllers]
     assert max(gains) > 1.1 * min(gains)  # 1.15
@@ -83,9 +83,8 @@ def test_gains_of_their_own_reach_what_a_common_gain_does_not(cases):
 def test_what_cannot_be_reached_is_said_with_the_mode(cases):
     found = pss(cases("two_area_thyristor"), [1, 2], damping=0.1)
     assert not found.reached
-    assert str(found).endswith(
-        "the required damping is not reached: 0.0862 at 1.152 Hz (3 against 4), short by up to 0.0138."
-    )
+    assert "the required damping is not reached: 0.0860 at 1.15" in str(found)
+    assert "Hz (3 against 4), short by up to 0.0140." in str(found)
 
 
 @pytest.mark.parametrize(
@@ -100,3 +99,51 @@ def test_what_cannot_be_reached_is_said_with_the_mode(cases):
 def test_mistakes(cases, call, says):
     with pytest.raises(StudyError, match=says):
         call(cases("two_area_thyristor"))
+
+
+def gains(found, *hz):
+    """Gain of every stabilizer (stabilizers, frequencies)."""
+    return np.array([np.abs(np.ravel(c.to_control()(2j * np.pi * np.array(hz)))) for c in found.controllers])
+
+
+def test_no_gain_exceeds_its_bound_and_what_is_not_reached_is_said(cases):
+    """13 % damping needs gains of 112 (two_area_thyristor); with at most 60 it is 7.2 %, and the design says so."""
+    case = cases("two_area_thyristor")
+    free, bound = pss(case, damping=0.13), pss(case, damping=0.13, max_gain=60)
+    assert free.reached
+    assert "largest gains are 101 to 112 pu; up to 200 pu are allowed." in str(free)
+    assert not bound.reached
+    assert "No stabilizers with gains of at most 60 pu were found that reach the damping" in str(bound)
+    for found, most in ((free, 200), (bound, 60)):
+        largest = gains(found, *np.geomspace(0.003, 3000, 3000)).max(axis=1)
+        assert largest.max() <= most * 1.001
+        assert list(found.largest_gains.values()) == pytest.approx(largest, rel=1e-3)
+    assert 0.0 < bound.worst_after < free.worst_after
+
+
+def test_the_filter_holds_back_noise_and_its_lag_is_compensated(cases):
+    """Far above the band the gain falls with the frequency; in the band the phase is that without the filter."""
+    case = cases("two_area_thyristor")
+    plain, filtered = pss(case, noise_filter=0), pss(case, noise_filter="20ms")
+    assert gains(plain, 1000).ravel() == pytest.approx(gains(plain, 100).ravel(), rel=0.02)
+    assert gains(filtered, 1000).ravel() == pytest.approx(gains(filtered, 100).ravel() / 10, rel=0.05)  # 0.027
+    for one, other in zip(plain.controllers, filtered.controllers, strict=True):
+        hz = np.geomspace(0.3, 2, 9)
+        turn = other.to_control()(2j * np.pi * hz) / one.to_control()(2j * np.pi * hz)
+        assert np.abs(np.rad2deg(np.angle(np.ravel(turn)))).max() < 5  # 3.3
+
+
+def test_a_design_is_compared_with_the_stabilizers_that_it_replaces(cases):
+    case = cases("two_area")
+    found = pss(case, damping=0.1)
+    assert found.worst_replaced == case.modes().damping_ratio[case.modes().within(0.1, 3)].min()
+    assert f"The stabilizers of the case, which they replace, give {found.worst_replaced:.4f}" in str(found)
+    assert found.given.case == case
+    assert not found.base.case.devices.get("pss")
+    assert pss(cases("two_area_thyristor")).worst_replaced is None
+
+
+@pytest.mark.parametrize("wrong", [0, -1, float("nan"), float("inf")])
+def test_a_bound_is_a_gain(cases, wrong):
+    with pytest.raises(StudyError, match="max_gain = "):
+        pss(cases("two_area_thyristor"), max_gain=wrong)

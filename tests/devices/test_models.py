@@ -96,8 +96,19 @@ def test_models_lists_all_and_shows_one():
     shown = run("models", "exdc2").output
     assert "The state vr has the non-windup limits VRmin x vt and VRmax x vt." in shown
     assert "kA" not in shown
+    assert {row["name"] for row in listed if row["unverified"]} == {"regfm_b1", "esd_regfm_b1"}
     with pytest.raises(StudyError, match="There is no model 'genru'; choose one of gencls"):
         describe("genru")
+
+
+def test_what_is_not_verified_says_so_wherever_it_is_shown():
+    """A docstring that says that a source was not at hand has the mark of the tables; so has storage that reuses it."""
+    for name, device in devices.every().items():
+        shown = [run("models", name).output, "".join(models_page._section(describe(name)))]
+        borrowed = name.replace("esd_", "") in devices.every() and describe(name.replace("esd_", "")).unverified
+        assert bool(describe(name).unverified) == bool("not at hand" in (device.__doc__ or "") or borrowed)
+        assert all(("not verified against its source" in text) == bool(describe(name).unverified) for text in shown)
+    assert run("models").output.count("not verified") == 2
 
 
 def test_a_device_file_serves_the_commands(mine):

@@ -53,6 +53,7 @@ from .steady_current import leads, reductions, voltage_limits, widest
 __all__ = ["Input", "admittance"]
 
 NAME = "REGFM_B1"
+UNVERIFIED = "not verified against its source, whose text was not at hand"
 ROLE = "converter"
 UPPER = ("ImaxF", "ImaxSS")
 ANGLES = ("delta", "theta_pll")

@@ -27,6 +27,7 @@ from .esd_regfm import Vref, references
 from .joined import Input
 
 NAME = "ESD_REGFM_B1"
+UNVERIFIED = regfm_b1.UNVERIFIED
 ROLE = "storage"
 LIMITS = regfm_b1.LIMITS
 UPPER = regfm_b1.UPPER
