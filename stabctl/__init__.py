@@ -9,8 +9,8 @@ Every name is imported when it is first used.
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING
 
+TYPE_CHECKING = False  # importing typing takes longer than the rest, and Ctrl-C is not yet handled here
 if TYPE_CHECKING:
     from stabctl import design
     from stabctl.clearing.critical_time import ClearingTime, clearing_time

@@ -3,6 +3,9 @@
 import os
 import signal
 import sys
+from types import FrameType
+
+LATER = 0.02  # s   after which Ctrl-C in an import is tried again
 
 
 def main() -> None:
@@ -12,19 +15,28 @@ def main() -> None:
     os.close(number)
     sys.stdout = sys.stdout or os.fdopen(1, "w")
     sys.stderr = sys.stderr or os.fdopen(2, "w")
-    standard = signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    if standard:
-        signal.signal(signal.SIGINT, _interrupted)
-    from .cli import main as run
+    try:
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            signal.signal(signal.SIGINT, _interrupted)
+        from .cli import main as run
 
-    if standard:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-    run()
+        run()
+    except KeyboardInterrupt:
+        os.write(2, b"stabctl: interrupted.\n")
+        sys.exit(130)
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is ending
 
 
-def _interrupted(*_: object) -> None:
-    os.write(2, b"stabctl: interrupted.\n")
-    os._exit(130)
+def _interrupted(_: int, frame: FrameType | None) -> None:
+    """Ctrl-C; in an import, where it may be lost or leave a part of a library behind, once that is complete."""
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib") and hasattr(signal, "setitimer"):
+            signal.signal(signal.SIGALRM, _interrupted)
+            signal.setitimer(signal.ITIMER_REAL, LATER)
+            return
+        frame = frame.f_back
+    raise KeyboardInterrupt
 
 
 if __name__ == "__main__":

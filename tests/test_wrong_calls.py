@@ -149,13 +149,13 @@ def test_commands(stabctl, tmp_path, monkeypatch, words, says):
 
 
 def test_a_file_that_cannot_be_written_is_said_before_the_work(stabctl, tmp_path, monkeypatch):
-    def refuse(**_):
+    def refuse(_):
         raise OSError(13, "Permission denied")
 
     def work(*_, **__):
         raise AssertionError("began to simulate")
 
-    monkeypatch.setattr("stabctl._util.files.tempfile.mkstemp", refuse)
+    monkeypatch.setattr("stabctl._util.files._beside", refuse)
     monkeypatch.setattr("stabctl.simulation.simulate.simulate", work)
     code, _, err = stabctl("simulate", "two_area", "--out", tmp_path / "run.csv")
     assert code == 2

@@ -22,6 +22,35 @@ def machine_column(frame: "pd.DataFrame") -> "pd.DataFrame":
     return frame.astype({"machine": "string" if named else "Int64"})
 
 
+def inert(text: str) -> str:
+    """Text in a CSV file that no spreadsheet takes for a formula: with an apostrophe before `=`, `+`, `-` or `@`."""
+    return f"'{text}" if _formula(text) else text
+
+
+def plain(cell: str) -> str:
+    """The text of which `inert` has made a cell."""
+    return cell[1:] if cell.startswith("'") and _formula(cell[1:]) else cell
+
+
+def _formula(text: str) -> bool:
+    begins = text.lstrip("'")
+    if not begins.startswith(("=", "+", "-", "@")):
+        return False
+    try:
+        float(begins)
+    except ValueError:
+        return True
+    return False
+
+
+def csv_text(frame: "pd.DataFrame") -> str:
+    """A table as CSV."""
+    named = frame.rename(columns=lambda name: inert(str(name)))
+    for name in named.select_dtypes(exclude="number"):
+        named[name] = named[name].map(lambda value: inert(value) if isinstance(value, str) else value)
+    return named.to_csv(index=False)
+
+
 class Tabular:
     """A result with a table (`df`), a summary (`__str__`) and usually a figure (`plot`)."""
 
@@ -51,7 +80,7 @@ class Tabular:
         if ending != ".csv":
             allowed = ", ".join((".csv", *IMAGES)) if plot else ".csv"
             raise StudyError(f"The file {path.name!r} must end in {allowed}.")
-        files.replace(path, self.df.to_csv(index=False))
+        files.replace(path, csv_text(self.df))
         return path
 
     def __repr__(self) -> str:

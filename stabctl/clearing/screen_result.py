@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stabctl._util import files
-from stabctl._util.tabular import machine_column
+from stabctl._util.tabular import inert, machine_column
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.errors import StudyError
@@ -121,7 +121,9 @@ class Screen:
         if path.suffix.lower() != ".csv":
             raise StudyError(f"The file {path.name!r} must end in .csv.")
         text = io.StringIO()
-        csv.writer(text).writerows([COLUMNS, *self.rows()])
+        csv.writer(text).writerows(
+            [COLUMNS, *([inert(c) if isinstance(c, str) else c for c in r] for r in self.rows())]
+        )
         files.replace(path, text.getvalue())
         return path
 

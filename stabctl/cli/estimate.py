@@ -11,8 +11,10 @@ from .grouped import grouped
 if TYPE_CHECKING:
     from stabctl.estimation.estimates import Accuracy, Estimates
 
-Clear = Annotated[str, typer.Option("--clear", help="Clearing time: 6cyc, 0.1s, 100ms.")]
-At = Annotated[float, typer.Option("--at", help="Time of the fault, s.")]
+Clear = Annotated[
+    str, typer.Option("--clear", metavar="TIME", parser=options.time, help="Duration of the fault, s or 6cyc.")
+]
+At = Annotated[str, typer.Option("--at", metavar="TIME", parser=options.time, help="Time of the fault, s or 60cyc.")]
 EngineOption = Annotated[
     Literal["batched", "filterpy"],
     typer.Option(
@@ -28,7 +30,7 @@ def estimate(
     fault: options.Fault,
     clear: Clear,
     trip: options.Trip = None,
-    at: At = 1.0,
+    at: At = "1s",
     observe: options.Observe = "5s",
     step: options.Step = None,
     controller: options.Controllers = None,
@@ -55,7 +57,7 @@ def estimate(
     observed = seconds(observe, loaded.frequency_hz)
     if not observed > 0.05:
         raise StudyError(f"--observe {observed:g} s is not allowed; it must be more than 0.05 s.")
-    off = seconds(clear, loaded.frequency_hz)
+    begins, lasts = (seconds(time, loaded.frequency_hz) for time in (at, clear))
     contingency = Contingency(fault, clear, trip or (), at=at, impedance=shared.impedance(fault_impedance))
     point = storage.initialize(loaded)
     chosen, own = law.chosen(point.case, None, shared.controllers(controller))
@@ -63,7 +65,7 @@ def estimate(
     found = simulate(
         point,
         contingency,
-        at + off + observed,
+        begins + lasts + observed,
         control=EstimatorControl(behind, estimator, pmu.pmu(), engine=engine),
         seeds=pmu.seed,
         step=step,

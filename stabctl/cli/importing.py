@@ -37,6 +37,7 @@ def importing(
 
     if dyr_file is not None and dyr is not None:
         raise StudyError("The DYR file is given twice, with and without --dyr; give it once.")
+    shared.folder(out)
     report = import_report(raw, dyr_file or dyr, check=check, loads=loads)
     if as_json:
         shared.print_json(report.plain())

@@ -92,7 +92,10 @@ Set = Annotated[
 Device = Annotated[
     list[str] | None,
     typer.Option(
-        "--device", metavar="FILE", callback=register, help="Your own device model: my_exciter.py. Repeatable."
+        "--device",
+        metavar="FILE",
+        callback=register,
+        help="Your own device model, my_exciter.py; the file is executed, with your rights. Repeatable.",
     ),
 ]
 Verbose = Annotated[bool, typer.Option("--verbose", help="Print every warning, not only the first.")]
@@ -185,7 +188,12 @@ Longest = Annotated[
         help="Longest time simulated after clearing if the swings do not decay, s; 0: never more than --observe.",
     ),
 ]
-Resolution = Annotated[str, typer.Option("--resolution", help="Spacing of the clearing times that are tried.")]
+Resolution = Annotated[
+    str,
+    typer.Option(
+        "--resolution", metavar="TIME", parser=time, help="Spacing of the clearing times that are tried, s or 0.5cyc."
+    ),
+]
 Scan = Annotated[
     str,
     typer.Option(
@@ -196,7 +204,9 @@ Scan = Annotated[
         "auto: 4cyc, but below it only if the swings neither decay nor are very small.",
     ),
 ]
-Limit = Annotated[str, typer.Option("--limit", help="Longest clearing time that is tried.")]
+Limit = Annotated[
+    str, typer.Option("--limit", metavar="TIME", parser=time, help="Longest clearing time that is tried, s or 60cyc.")
+]
 Angle = Annotated[
     float,
     typer.Option(

@@ -11,7 +11,12 @@ from .grouped import grouped
 if TYPE_CHECKING:
     from stabctl.clearing import Screen
 
-Below = Annotated[str | None, typer.Option("--below", help="List only pairs with shorter clearing times: 8cyc.")]
+Below = Annotated[
+    str | None,
+    typer.Option(
+        "--below", metavar="TIME", parser=options.time, help="List only pairs with shorter clearing times, s or 8cyc."
+    ),
+]
 Report = Annotated[Path | None, typer.Option("--report", help="Write a page with figures to this folder.")]
 Out = Annotated[Path | None, typer.Option("--out", help="Write the pairs to FILE.csv.")]
 

@@ -4,6 +4,7 @@ import json
 import math
 import os
 import sys
+import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -73,16 +74,18 @@ def file(path: Path | None, *endings: str) -> None:
 
 
 def folder(path: Path | None) -> None:
-    """Reject a report folder that cannot be created or written to, before any work is done."""
+    """Reject a folder that cannot be created or written to, before any work is done."""
     from stabctl.errors import StudyError
 
     if path is None:
         return
     there = next(p for p in (path.absolute(), *path.absolute().parents) if p.exists())
     if not there.is_dir():
-        raise StudyError(f"Cannot write a report to {path} because {there} is a file; give a folder.")
-    if not os.access(there, os.W_OK):
-        raise StudyError(f"Cannot write a report to {path} because {there} is not writable; choose another folder.")
+        raise StudyError(f"Cannot write to {path} because {there} is a file; give a folder.")
+    try:
+        os.rmdir(tempfile.mkdtemp(dir=there))
+    except OSError:
+        raise StudyError(f"Cannot write to {path} because {there} is not writable; choose another folder.") from None
 
 
 def controllers(names: list[str] | None) -> "list[Controller | Law]":

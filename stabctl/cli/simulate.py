@@ -12,7 +12,10 @@ if TYPE_CHECKING:
     from stabctl.simulation.trajectory import Trajectory
 
 FaultOrNone = Annotated[str | None, typer.Option("--fault", help=options.FAULT)]
-Clear = Annotated[str | None, typer.Option("--clear", help="Duration of the fault: 6cyc, 0.1s, 100ms.")]
+Clear = Annotated[
+    str | None,
+    typer.Option("--clear", metavar="TIME", parser=options.time, help="Duration of the fault, s or 6cyc."),
+]
 At = Annotated[str, typer.Option("--at", metavar="TIME", parser=options.time, help="Time of the fault, s or 60cyc.")]
 Until = Annotated[
     str, typer.Option("--until", metavar="TIME", parser=options.time, help="End of the simulation, s or 500ms.")

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from .options import Json
-from .shared import console, print_json
+from .shared import console, file, print_json
 
 app = typer.Typer(no_args_is_help=True, help="Theory of one and two machines: equal area, feedback laws, minimum time.")
 
@@ -36,6 +36,7 @@ def table1_command(
     from stabctl.theory.omib import OMIB, table1
     from stabctl.theory.phase import portrait
 
+    file(plot, ".png", ".svg", ".pdf")
     m, lengths = OMIB(H, Pm, X), tuple(cycles or (6.0, 12.0, 15.0))
     rows = table1(m, lengths)
     if plot:
@@ -63,6 +64,7 @@ def equal_area_command(
     from stabctl.theory.equal_area import critical_clearing, equal_area
     from stabctl.theory.omib import OMIB, during_fault
 
+    file(plot, ".png", ".svg", ".pdf")
     m = OMIB(H, Pm, X)
     found = critical_clearing(m, Pc)
     area = equal_area(m, found.angle if cycles is None else during_fault(m, m.seconds(cycles))[0], Pc)
@@ -101,6 +103,7 @@ def feedback_command(
     from stabctl.theory.feedback_laws import compare, paper_laws
     from stabctl.theory.omib import OMIB
 
+    file(plot, ".png", ".svg", ".pdf")
     found = compare(OMIB(H, Pm, X), cycles, paper_laws(Kv, Ka, Ka_size))
     if plot:
         from stabctl.plotting import style
@@ -152,6 +155,7 @@ def minimum_time_command(
     from stabctl.theory.shooting import by_shooting
     from stabctl.theory.two_machine import Equivalent
 
+    file(plot, ".png", ".svg", ".pdf")
     problem = Equivalent(H1, HCOI, X=X, Pm1=Pm).minimum_time_problem(cycles, -Pc if Pc_min is None else Pc_min, Pc)
     found = by_shooting(problem)
     if plot:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from stabctl._util.tabular import inert, plain
 from stabctl.errors import CaseError, shown
 from stabctl.model.keys import REPEATED
 from stabctl.schema import Field
@@ -99,6 +100,8 @@ def text_from(columns: Mapping[str, Field], cells: Sequence[Sequence[Any]]) -> s
 
 
 def _cell(value: Any) -> Any:
+    if isinstance(value, str):
+        return inert(value)
     if not isinstance(value, float):
         return value
     short = format(value, ".15g")
@@ -125,8 +128,10 @@ def _value(path: Path, line: int, f: Field, cell: str, key: bool) -> Any:
     """The value in a cell; numbers in ASCII digits."""
     if key and REPEATED.fullmatch(cell):
         return cell
+    if f.kind is str:
+        return plain(cell)
     try:
-        if f.kind is not str and ("_" in cell or not cell.isascii()):
+        if "_" in cell or not cell.isascii():
             raise ValueError
         return f.kind(cell)
     except ValueError:

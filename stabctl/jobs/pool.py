@@ -8,6 +8,7 @@ import importlib
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 import time
 import warnings
@@ -109,7 +110,7 @@ class Worker:
 def _start(process: multiprocessing.Process) -> None:
     """Start a process that ignores Ctrl-C, which the starting process handles."""
     if METHOD != "forkserver":
-        with _environment():
+        with _environment(), _without_script():
             process.start()
         return
     from multiprocessing import forkserver, resource_tracker
@@ -118,7 +119,8 @@ def _start(process: multiprocessing.Process) -> None:
     resource_tracker.ensure_running()  # first, because it unblocks Ctrl-C when it starts
     with _environment():
         forkserver.ensure_running()
-    process.start()  # waits while the server compiles, and may be interrupted
+    with _without_script():
+        process.start()  # waits while the server compiles, and may be interrupted
 
 
 @contextmanager
@@ -134,6 +136,18 @@ def _environment() -> Iterator[None]:
             os.environ.pop(name) if value is None else os.environ.update({name: value})
         if mask is not None:
             signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+
+
+@contextmanager
+def _without_script() -> Iterator[None]:
+    """A process started in this context does not run the script again, which it does not need."""
+    script: dict[str, Any] = vars(sys.modules["__main__"])
+    hidden: dict[str, Any] = {name: script[name] for name in ("__file__", "__spec__") if name in script}
+    script.update(dict.fromkeys(hidden))
+    try:
+        yield
+    finally:
+        script.update(hidden)
 
 
 def _serve(pipe: connection.Connection, files: tuple[str, ...]) -> None:

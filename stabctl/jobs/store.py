@@ -80,14 +80,15 @@ class Store:
     def statuses(self) -> dict[str, str]:
         """Key -> status of every row."""
         self._check_present()
-        with self._lock, _explained(self.path):
-            return dict(self._base.execute(f"SELECT key, status FROM {self.kind.table}"))
+        return {row["key"]: row["status"] for row in self._rows()}
 
     def rows(self) -> dict[str, dict[str, Any]]:
         """Key -> column -> value, of the rows that did not end in an error."""
+        return {row["key"]: row for row in self._rows() if row["status"] == "ok"}
+
+    def _rows(self) -> list[dict[str, Any]]:
         with self._lock, _explained(self.path):
-            found = self._base.execute(f"SELECT * FROM {self.kind.table} WHERE status = 'ok'").fetchall()
-        return {row[0]: _checked(dict(zip(self._columns, row, strict=True)), self.path, self.kind) for row in found}
+            return _all(self._base, self.path, self.kind)
 
     def _check_present(self) -> None:
         """Raise StudyError if the file was deleted or replaced, which SQLite does not notice while it is open."""
@@ -112,11 +113,16 @@ def rows(path: str | Path, kind: Kind) -> list[dict[str, Any]]:
         try:
             if not _is_ours(base, path, kind):
                 return []
-            found = base.execute(f"SELECT * FROM {kind.table}")
-            names = [column[0] for column in found.description]
-            return [_checked(dict(zip(names, row, strict=True)), path, kind) for row in found]
+            return _all(base, path, kind)
         finally:
             base.close()
+
+
+def _all(base: sqlite3.Connection, path: Path, kind: Kind) -> list[dict[str, Any]]:
+    """Every row, checked."""
+    found = base.execute(f"SELECT * FROM {kind.table}")
+    names = [column[0] for column in found.description]
+    return [_checked(dict(zip(names, row, strict=True)), path, kind) for row in found]
 
 
 def _checked(row: dict[str, Any], path: Path, kind: Kind) -> dict[str, Any]:
@@ -152,6 +158,9 @@ def _is_ours(base: sqlite3.Connection, path: Path, kind: Kind) -> bool:
             raise StudyError(
                 f"{path}: its rows have format {format_}, this version uses {kind.format}; choose another file."
             )
+        found = [name for _, name, *_ in base.execute(f"PRAGMA table_info({kind.table})")]
+        if found != list(kind.columns):
+            raise StudyError(f"{path}: its columns are not those of stabctl; keep a copy, and choose another file.")
         if base.execute("PRAGMA quick_check(1)").fetchone() != ("ok",):
             raise StudyError(f"{path}: {SENTENCES['SQLITE_CORRUPT']}.")
         return True
@@ -169,5 +178,6 @@ def _explained(path: Path) -> Iterator[None]:
         raise StudyError(f"{path}: {SENTENCES['SQLITE_CORRUPT']}.") from None
     except sqlite3.Error as error:
         name = getattr(error, "sqlite_errorname", "")
+        name = "SQLITE_CORRUPT" if "decode" in str(error) else name  # the name of a column
         said = next((text for start, text in SENTENCES.items() if name.startswith(start)), f"SQLite reports: {error}")
         raise StudyError(f"{path}: {said}.") from None

@@ -1,6 +1,5 @@
 """The result of a run: an immutable record of every signal with its units, one row per step."""
 
-import io
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from stabctl._util import files
+from stabctl._util.tabular import csv_text
 from stabctl._util.verbs import verb
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
@@ -237,9 +237,7 @@ class Trajectory:
         """
         path = files.path_of(path)
         if path.suffix.lower() == ".csv":
-            text = io.StringIO()
-            self.table(angle_reference).to_csv(text, index=False)
-            files.replace(path, text.getvalue())
+            files.replace(path, csv_text(self.table(angle_reference)))
         elif path.suffix.lower() == ".nc":
             kept = self.dataset if self.point.case.storage else self.dataset.drop_dims("device")
             files.replace(path, bytes(kept.to_netcdf(engine="scipy")))

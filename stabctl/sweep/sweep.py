@@ -68,8 +68,7 @@ def run_sweep(
 ) -> Sweep:
     """Run the jobs of a study file that the results file does not have.
 
-    Call it below `if __name__ == "__main__":` in a script, because the workers import the script. Ctrl-C ends it
-    cleanly; calling it again continues.
+    Ctrl-C ends it cleanly; calling it again continues.
 
     Parameters
     ----------

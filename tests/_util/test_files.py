@@ -3,12 +3,14 @@
 import os
 import stat
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 import stabctl as st
-from stabctl._util import files
+from stabctl._util import files, tabular
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError, sentence
 from stabctl.plotting import style
@@ -129,6 +131,35 @@ def test_no_message_commands_the_terminal() -> None:
     assert sentence(StudyError("there is no " + "9" * 5000)) == f"there is no {'9' * 400}..."
     text = "x\x1b[31m\x07y\u202e\udcff \u00e9\u03b4"
     assert sentence(StudyError(text)) == r"x\x1b[31m\x07y\u202e\udcff " + "\u00e9\u03b4"
+
+
+TEXTS = ["=1+1", "'=1", "''=1", "+cmd|' /C calc'!A0", "-x", "@SUM(A1)", "'", "-1.5", "+3", "'-1.5", "7-8", "", "=", "-"]
+
+
+@pytest.mark.parametrize("text", TEXTS)
+def test_no_text_in_a_table_is_a_formula_and_it_is_read_back(text: str) -> None:
+    cell = tabular.inert(text)
+    assert tabular.plain(cell) == text
+    assert cell[:1] not in tuple("=@")
+    assert cell[:1] not in tuple("+-") or float(cell)
+
+
+def test_tables_for_people_have_no_formulas(tmp_path: Path) -> None:
+    class Found(tabular.Tabular):
+        df = pd.DataFrame({"=name": ["=1+1", "plain", None], "value": [-1.5, 2.0, 3.0], "yes": [True, False, True]})
+
+    Found().save(tmp_path / "found.csv")
+    assert (tmp_path / "found.csv").read_text() == "'=name,value,yes\n'=1+1,-1.5,True\nplain,2.0,False\n,3.0,True\n"
+
+
+def test_names_that_begin_like_a_formula_come_back_from_a_case_folder(
+    tmp_path: Path, points: Callable[[str], OperatingPoint]
+) -> None:
+    case = points("two_area").case
+    named = replace(case, buses=tuple(b._replace(name=t) for b, t in zip(case.buses, TEXTS, strict=False)))
+    st.write(named, tmp_path / "case")
+    assert [b.name for b in st.load(tmp_path / "case").buses] == [b.name for b in named.buses]
+    assert "=1+1" not in (tmp_path / "case" / "buses.csv").read_text().replace("'=1+1", "")
 
 
 @pytest.mark.parametrize("given", ["", " ", "\t", None, 3, b"run.csv"])

@@ -68,6 +68,33 @@ def test_ctrl_c_while_the_program_loads_is_a_sentence(module):
     assert (run.stdout, run.stderr) == ("", "stabctl: interrupted.\n")
 
 
+CALLBACK = """
+import os, signal, sys
+from importlib import _bootstrap
+class Ends:  # in its callback an exception is printed and forgotten, as in those of the locks of modules
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        for _ in range(1000):
+            pass
+plain = _bootstrap._ModuleLock.release
+def release(lock):
+    plain(lock)
+    if lock.name == "stabctl.model.powerflow":
+        _bootstrap._ModuleLock.release = plain
+        Ends()
+_bootstrap._ModuleLock.release = release
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from stabctl.__main__ import main
+sys.argv = ["stabctl", "powerflow", "two_area"]
+main()
+"""
+
+
+def test_ctrl_c_in_a_callback_of_an_import_is_not_lost():
+    run = subprocess.run([sys.executable, "-c", CALLBACK], capture_output=True, text=True)
+    assert (run.returncode, run.stdout, run.stderr) == (130, "", "stabctl: interrupted.\n")
+
+
 def test_ctrl_c_that_an_import_turned_into_another_error(stabctl, monkeypatch):
     def wrapped(*_, **__):
         try:

@@ -3,6 +3,7 @@
 import os
 import resource
 import signal
+import subprocess
 import sys
 import time
 from contextlib import closing
@@ -36,6 +37,16 @@ def test_a_killed_worker_is_replaced_and_its_job_done_again(write, facts, undist
     assert (summary.done, summary.errors) == (12, 0)
     assert len(set(killed)) == 2
     assert len(workers(out)) >= 3  # those that were killed, and others
+    assert facts(out) == facts(undisturbed)
+
+
+@pytest.mark.slow
+def test_a_script_without_a_main_guard_runs_once(write, facts, undisturbed, tmp_path):
+    script, out = tmp_path / "script.py", tmp_path / "results.db"
+    call = f"run_sweep({str(write(TINY))!r}, {str(out)!r}, workers=2)"
+    script.write_text(f"print('begun')\nfrom stabctl import run_sweep\nprint({call}.errors)\n")
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "begun\n0\n", "")
     assert facts(out) == facts(undisturbed)
 
 

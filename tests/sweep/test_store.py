@@ -72,6 +72,35 @@ def test_rows_of_another_format_are_not_mixed(tmp_path):
         Store(path)
 
 
+@pytest.mark.parametrize(
+    "change",
+    ["ADD COLUMN note TEXT", "RENAME COLUMN outcome TO ending", "DROP COLUMN message"],
+)
+def test_foreign_columns_are_refused_by_all_alike(tmp_path, change):
+    path = tmp_path / "results.db"
+    with Store(path) as kept:
+        kept.add(row("a"))
+    with sqlite3.connect(path) as base:
+        base.execute(f"ALTER TABLE {SWEEP.table} {change}")
+    before = path.read_bytes()
+    for use in (Store, rows):
+        with pytest.raises(StudyError, match="its columns are not those of stabctl"):
+            use(path)
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("damage", ["status = 3", "time_s = 'late'", "message = 'a' || char(27)"])
+def test_values_of_another_kind_are_refused_by_all_alike(tmp_path, damage):
+    path = tmp_path / "results.db"
+    with Store(path) as kept:
+        kept.add(row("a"))
+    with sqlite3.connect(path) as base:
+        base.execute(f"UPDATE {SWEEP.table} SET {damage}")
+    for use in (lambda path: Store(path).statuses(), lambda path: Store(path).rows(), rows):
+        with pytest.raises(StudyError, match="it is damaged"):
+            use(path)
+
+
 def test_a_damaged_file(tmp_path):
     path = tmp_path / "results.db"
     with Store(path) as kept:
@@ -156,5 +185,5 @@ def test_rows_that_are_no_results(tmp_path, damage):
         kept.add(row("a", message="stable"))
     with sqlite3.connect(path) as base:
         base.executescript(damage)
-    with pytest.raises(StudyError, match="it is damaged"):
+    with pytest.raises(StudyError, match=r"it is damaged|its columns are not those"):
         rows(path)
