@@ -21,7 +21,7 @@ REACH = 0.1  # s   longest extrapolation
 COAST = 0.5  # s   time without a report after which the storage of a machine stays idle
 ENOUGH = 0.7  # -   share of the island's inertia that must have reported by then, otherwise the storage stays idle
 SHARED = 0.4  # -   of a change of a machine's acceleration that others make too, before it is reported
-LIMIT = 1.5e-3  # pu   standard deviation of a deviation, beyond which it is not usable (90 mHz at 60 Hz)
+LIMIT = 2e-3  # pu   standard deviation of a deviation, beyond which it is not usable (120 mHz at 60 Hz)
 LEAST = 3e-4  # pu   standard deviation of the speeds of machines about that of the COI, at least
 
 

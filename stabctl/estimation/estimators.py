@@ -16,7 +16,6 @@ from .filter_bank import ENGINES, FilterBank, wrapped
 from .instrument import Frame
 from .machine_model import MachineModel
 from .measured import Measured
-from .missing_reports import LINEAR
 from .noise import TUNING, Tuning
 from .pmu import Pmu
 from .rotor_units import RotorUnits
@@ -95,8 +94,7 @@ class Filtered:
         step = model.predict(bank.x, seen)
         added = clocks.predict(step.F, seen, step.x[..., 0], model.kept) if clocks else 0.0
         bank.predict(step.x, step.F, step.Q + added)
-        first, blind = here & ~self._begun, model.unreported.hidden[..., 0] > LINEAR
-        forgotten = here & self._begun & (blind | (model.kept.missing >= model.memory))
+        first, forgotten = here & ~self._begun, here & self._begun & (model.kept.missing >= model.memory)
         if first.any() or forgotten.any():
             self._begun = self._begun | first
             x, P = model.restarted(bank.x, bank.P, seen, forgotten)

@@ -11,16 +11,16 @@ whose outer product r r', with the correlation of unknown instants (`UNKNOWN`), 
 report arrives. The next report tells the power at both ends of the gap, but not what it did in between: it may have
 jumped there and back if the gap is longer than `SHORTEST` and the network was switched, or have swung. Then this is
 process noise. Beyond `LINEAR` the angle is too uncertain for an extended filter, and the fluxes, which the current has
-moved, are not known: the filter starts anew, with `UNSURE` on top of its covariance until the fluxes have decayed.
+moved, are not known: `UNSURE` is added to the covariance until they have decayed.
 """
 
 import numpy as np
 
 SHORTEST = 0.05 - 1e-9  # s   no fault is cleared faster: two jumps are at least that far apart
 SWINGING = 0.1  # s   gap in which the power deviates from a ramp by as much as sigma, without a switching
-LINEAR = 0.2  # rad   standard deviation of an angle up to which the equations are linear
+LINEAR = 0.3  # rad   standard deviation of an angle up to which the equations are linear
 RECOVERY = 2.0  # s
-UNSURE = np.diag([LINEAR, 2e-3]) ** 2  # rad^2, pu^2   variances of angle and speed of a filter that may be wrong
+UNSURE = np.diag([LINEAR, 3e-3]) ** 2  # rad^2, pu^2   variances of angle and speed of a filter that may be wrong
 UNKNOWN = np.eye(5)  # correlation of the states, of angle and speed and of the fluxes
 UNKNOWN[0, 1] = UNKNOWN[1, 0] = np.sqrt(3) / 2
 UNKNOWN[3, 4] = UNKNOWN[4, 3] = 1 / 2

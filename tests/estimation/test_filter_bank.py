@@ -5,9 +5,10 @@ import pytest
 from scipy.stats import chi2
 
 from stabctl.estimation.filter_bank import ENGINES, GATE, Seen, wrapped
-from stabctl.estimation.swing import REJECTED, STATES, swing
+from stabctl.estimation.swing import STATES, rejections, swing
 
 T, R = 1 / 60, 4e-6
+REJECTED = rejections(T)
 H = np.array([2.0, 4.0, 6.5])
 FLUX = np.array([0.0, 0.0, 1.0])
 MODEL = swing(H, np.array([0.0, 1.0, 0.0]), hz=60.0, T=T, walk=0.05, flux=FLUX)
@@ -40,7 +41,7 @@ def seen(bank, angle, received=True, R=R):
 def begun(engine, seeds=1, x=0.0):
     start = np.zeros((seeds, 3, STATES))
     start[..., 0] = x
-    return ENGINES[engine](start, np.broadcast_to(P0, (seeds, 3, STATES, STATES)), MODEL.reset)
+    return ENGINES[engine](start, np.broadcast_to(P0, (seeds, 3, STATES, STATES)), MODEL.reset, REJECTED)
 
 
 def exact(engine, seeds, frames, loss=0.1):

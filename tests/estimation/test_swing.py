@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from stabctl.estimation.swing import JUMP, REJECTED, process_covariance, swing
+from stabctl.estimation.swing import JUMP, process_covariance, rejections, swing
 
 H, D, HZ, T = np.array([2.0, 6.5]), np.array([0.0, 1.0]), 60.0, 1 / 60
 SWING = swing(H, D, hz=HZ, T=T, walk=0.05, flux=np.array([0.0, 1.0]))
@@ -13,7 +13,7 @@ SWING = swing(H, D, hz=HZ, T=T, walk=0.05, flux=np.array([0.0, 1.0]))
 def covariance(jump, frames, power, flux=(0.0, 0.0)):
     """Process covariance of the first machine."""
     Q = np.empty((1, 2, 5, 5))
-    process_covariance(0, 0, SWING, Q, jump, frames, power, flux, (0.0, 0.0))
+    process_covariance(0, 0, SWING, Q, jump, frames, power, flux, (0.0, 0.0), 5 * (0.0,))
     return Q[0, 0]
 
 
@@ -82,7 +82,7 @@ def test_each_state_gets_the_variance_that_explains_an_innovation_alone():
     flux = np.array([0.0, 0.8])
     found = swing(H, np.zeros(2), hz=HZ, T=T, walk=0.05, flux=flux)
     angle, speed, power, *fluxes = np.sqrt(found.reset).T
-    later = np.linalg.matrix_power(found.F, REJECTED + 1)
+    later = np.linalg.matrix_power(found.F, rejections(T) + 1)
     assert angle == pytest.approx(1)
     assert (later @ np.stack([0 * speed, speed, 0 * speed], -1)[..., None])[:, 0, 0] == pytest.approx(1)
     assert not power.any()  # it is measured
