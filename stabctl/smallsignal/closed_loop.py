@@ -23,7 +23,7 @@ from stabctl.dynamics.signals import Signal, chosen
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 
-from .delayed_loop import FAST, DelayedLoop
+from .delayed_loop import DelayedLoop
 from .delayed_modes import delayed_modes
 from .eigen import Eigen, eigen, values
 from .frames import common_period, over_a_period
@@ -70,8 +70,7 @@ class ClosedLoop(Linear):
     def eigenvalues(self) -> np.ndarray:
         """Eigenvalues (1/s), without those of the angle reference and of emptying delay lines."""
         if self.opened is not None:
-            s = self.opened.eigenvalues(self.rotation())
-            return s[np.abs(s) < 2 * np.pi * FAST]
+            return self.opened.eigenvalues(self.rotation())
         s = values(self.A, self.rotation())
         if not self.period:
             return s
@@ -81,7 +80,7 @@ class ClosedLoop(Linear):
     def modes(self) -> Modes:
         """The modes of the closed loop; those of emptying delay lines are left out.
 
-        With continuous delays they are the exact roots below 10 Hz (`delayed_loop`): `DelayedModes`.
+        With continuous delays they are the exact roots below 10 Hz, and all that grow (`delayed_loop`): `DelayedModes`.
         """
         if self.opened is not None:
             return delayed_modes(self)

@@ -3,16 +3,18 @@
 The loop opened at the outputs of all controllers, with delays tau: x' = A x + B v, w = C x + D v, v = exp(-s tau) w,
 has the roots
 
-    det T(s) = 0,  T(s) = s - A - B G(s) C,  G = (exp(s tau) - D)^-1,
+    det M(s) = 0,  M(s) = [s - A, -B; -E C, 1 - E D],  E = exp(-s tau),
 
-infinitely many, of which finitely many are inside any circle. Starting values: every delay as a transport equation,
-discretized by Chebyshev collocation (D. Breda, S. Maset, R. Vermiglio, SIAM J. Sci. Comput. 27, 2005). Each is
-corrected by inverse iteration on T. Their number is checked by the argument principle: the roots inside a circle are
-the eigenvalues of A there plus the turns of det(exp(s tau) - D - C (s - A)^-1 B) around it.
+infinitely many, of which finitely many are inside a circle around 0 or right of the imaginary axis, if the direct path D
+is small enough. Starting values: every delay as a transport equation, discretized by Chebyshev collocation (D. Breda,
+S. Maset, R. Vermiglio, SIAM J. Sci. Comput. 27, 2005). All roots are counted and found as in `root_search`, and their
+vectors by inverse iteration on M.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as sl
@@ -20,25 +22,40 @@ import scipy.linalg as sl
 from stabctl.controllers.realization import pade
 from stabctl.dynamics.named import Named
 
-from .eigen import values
+from .characteristic import Characteristic, growing
+from .count import OnBoundaryError
+from .eigen import GROWING, ZERO, values, without
 from .interconnection import Plant
+from .root_search import Region, count, find
 
 FAST = 10.0  # Hz   radius of the circle, in frequency
 NODES = 12  # of a delay, and
 PER_RADIAN = 0.7  # nodes for each radian of phase that it turns at `FAST`
-TURN = 0.5  # rad   largest turn of the determinant between two points of the circle
+NODES_AT_MOST = 1500
+EDGES = (0.0, -1e-3, -3e-3, -1e-2)  # 1/s   left edges of the region beyond the circle: the first without roots on it
+DECAYED = (36.0, 30.0, 24.0, 18.0, 12.0)  # exp(-size) in a delay: decay of the fastest roots counted, if rounding hides others
 ITERATIONS = 20
 CONVERGED = 1e-9  # last correction of a root, relative to 1 + |s|
-SAME = 1e-8  # distance of a root found twice, relative to 1 + |s|
+SAME = 1e-5  # distance of roots that count as one with several vectors, relative to 1 + |s|
+AWAY = 1e-13  # relative to 1 + |s|, so that no matrix is exactly singular
 
 
 @dataclass(frozen=True, eq=False)
 class Root:
-    """A root with its vectors: T v = 0, w^H T = 0, w^H T' v = 1."""
+    """A root with its vectors: T v = 0, w^H T = 0, w^H T' v = 1, T = s - A - B (1 - E D)^-1 E C."""
 
     s: complex
     right: np.ndarray
     left: np.ndarray
+
+
+class Roots(NamedTuple):
+    """The roots of a region, of each pair that with positive imaginary part."""
+
+    found: list[Root]
+    region: Region
+    counted: int | None  # by the argument principle, both of each pair; None if they cannot be counted
+    growing: int | None  # of these and all others
 
 
 class DelayedLoop:
@@ -92,9 +109,9 @@ class DelayedLoop:
                 right[place], left[place] = R @ P.B @ w[out], (given[out] @ P.C @ R).conj()
         return right, left
 
-    def discretized(self) -> np.ndarray:
-        """A of the closed loop with every delay as a chain of Chebyshev nodes."""
-        lines = [_line(tau) for tau in self.delays]
+    def discretized(self, fast: float = FAST) -> np.ndarray:
+        """A of the closed loop with every delay as a chain of Chebyshev nodes, for frequencies to `fast` (Hz)."""
+        lines = [_line(tau, fast) for tau in self.delays]
         Ad, Bd, Cd = (sl.block_diag(*(line[k] for line in lines)) for k in range(3))
         Dd = np.diag([1.0 if tau == 0 else 0.0 for tau in self.delays])
         inner = np.linalg.inv(np.eye(len(Dd)) - self.D @ Dd)
@@ -107,90 +124,130 @@ class DelayedLoop:
         bottom[:, n:] += Ad
         return np.vstack([top, bottom])
 
-    def gain(self, s: complex) -> np.ndarray:
-        """G(s), from w without v to v."""
-        return np.linalg.inv(np.diag(np.exp(s * self.delays)) - self.D)
+    def characteristic(self, rotation: np.ndarray | None = None, later: float = 0.0) -> Characteristic:
+        """The characteristic function with delays that are longer (s); `rotation` as in `eigen`.
 
-    def corrected(self, s: complex) -> Root | None:
-        """The root near a starting value; None if the iteration does not converge."""
-        one = np.eye(len(self.A))
-        v = w = None
-        for _ in range(ITERATIONS):
-            G = self.gain(s)
-            slope = one + self.B @ G @ ((self.delays * np.exp(s * self.delays))[:, None] * G) @ self.C
-            lu = sl.lu_factor(s * one - self.A - self.B @ G @ self.C, check_finite=False)
-            if v is None:
-                v = w = np.ones(len(one), complex)
-            v = sl.lu_solve(lu, slope @ v, check_finite=False)
-            w = sl.lu_solve(lu, slope.conj().T @ w, trans=2, check_finite=False)
-            v, w = v / np.linalg.norm(v), w / np.linalg.norm(w)
-            size = w.conj() @ slope @ v
-            if not np.isfinite(size) or size == 0:
-                return None
-            step = w.conj() @ ((s * one - self.A - self.B @ G @ self.C) @ v) / size
-            s = s - step
-            if abs(step) < CONVERGED * (1 + abs(s)):
-                return Root(complex(s), v, w / np.conj(size))
-        return None
+        The root of the angle reference is left out.
+        """
+        A, B, C = self.A, self.B, self.C
+        if rotation is not None:
+            A, B, C = without(rotation[self.places], A, B, C)
+        return Characteristic.of(A, B, C, self.D, self.delays + later)
+
+    @cached_property
+    def seeds(self) -> np.ndarray:
+        """Roots as the discretization gives them."""
+        return np.linalg.eigvals(self.discretized())
+
+    def eigenvalues(self, rotation: np.ndarray) -> np.ndarray:
+        """Roots below `FAST`, and all that grow, without that of the angle reference; `rotation` as in `eigen`.
+
+        Those of the discretization, if as many of them grow as are counted.
+        """
+        A, f = self.discretized(), self.characteristic(rotation)
+        turned = rotation[self.places]
+        s = values(A, np.r_[turned, np.zeros(len(A) - len(turned))])
+        s = s[np.abs(s) < 2 * np.pi * FAST]
+        unstable = growing(f)
+        if unstable == (s.real > GROWING).sum():
+            return s
+        if unstable is None:
+            return np.r_[s, np.inf]
+        region, counted = self.counted(f)
+        exact = find(f, region, counted or 0, self.starts(region))
+        exact = np.r_[exact, exact[exact.imag > 0].conj()]
+        return exact if unstable == (exact.real > GROWING).sum() else np.r_[exact, np.inf]
 
     def radius(self) -> float:
         """Radius of the circle (1/s), with no eigenvalue of A and no root near it."""
-        sizes = np.abs(np.r_[np.linalg.eigvals(self.A), np.linalg.eigvals(self.discretized())])
+        sizes = np.abs(np.r_[np.linalg.eigvals(self.A), self.seeds])
         tried = 2 * np.pi * FAST * np.linspace(1.0, 1.1, 41)
         gaps = np.abs(tried[:, None] - sizes).min(axis=1)
         return float(tried[gaps.argmax()])
 
-    def count(self, radius: float) -> int:
-        """Roots inside a circle around 0, by the argument principle."""
-        poles = np.linalg.eigvals(self.A)
-        T, Z = sl.schur(self.A.astype(complex), output="complex")
-        B, C = Z.conj().T @ self.B, self.C @ Z
+    def counted(self, f: Characteristic) -> tuple[Region, int | None]:
+        """The region whose roots are counted, and their number; None if they cannot be counted.
 
-        def phase(angle: float) -> complex:
-            s = radius * np.exp(1j * angle)
-            inner = C @ sl.solve_triangular(s * np.eye(len(T)) - T, B, check_finite=False)
-            return complex(np.linalg.slogdet(np.diag(np.exp(s * self.delays)) - self.D - inner)[0])
+        Beyond the `radius` it reaches to a frequency above which nothing grows, and to the left, unless rounding hides
+        the roots there.
+        """
+        radius, slow = self.radius(), float(self.delays.max())
+        for edge in EDGES:
+            far = f.shifted(edge).bound()
+            for left in (np.inf, *(size / slow for size in DECAYED)):
+                region = Region(radius, left, edge, far)
+                try:
+                    return region, count(f, region)
+                except OnBoundaryError:
+                    continue
+        return Region(radius, np.inf, 0.0, 0.0), None
 
-        turned = 0.0
-        ahead = [(a, phase(a)) for a in np.linspace(np.pi, 0, 101)]
-        last = ahead.pop()
-        while ahead:
-            angle, value = ahead[-1]
-            turn = float(np.angle(value / last[1]))
-            if abs(turn) < TURN or angle - last[0] < 1e-9:
-                turned += turn
-                last = ahead.pop()
-            else:
-                middle = (angle + last[0]) / 2
-                ahead.append((middle, phase(middle)))
-        return int((np.abs(poles) < radius).sum()) + round(turned / np.pi)
+    def starts(self, region: Region) -> np.ndarray:
+        """Starting values of the roots in a region (1/s)."""
+        seeds, top = self.seeds, region.far / (2 * np.pi)
+        if top > FAST and sum(_nodes(tau, top) for tau in self.delays) < NODES_AT_MOST:
+            fast = np.linalg.eigvals(self.discretized(top))
+            seeds = np.r_[seeds[np.abs(seeds) < region.radius], fast[np.abs(fast) >= region.radius]]
+        return seeds[(np.abs(seeds) < 1.2 * region.radius) | (seeds.real > region.edge - 1)]
 
-    def eigenvalues(self, rotation: np.ndarray | None = None) -> np.ndarray:
-        """Roots as the discretization gives them, without that of the angle reference; `rotation` as in `eigen`."""
-        A = self.discretized()
-        if rotation is None:
-            return np.linalg.eigvals(A)
-        turned = rotation[self.places]
-        return values(A, np.r_[turned, np.zeros(len(A) - len(turned))])
-
-    def roots(self, radius: float, rotation: np.ndarray | None = None) -> list[Root]:
-        """Roots inside a circle around 0 except 0 itself; of a conjugate pair the one with positive imaginary part."""
-        seeds = self.eigenvalues(rotation)
+    def roots(self, rotation: np.ndarray | None = None) -> Roots:
+        """All roots of the region that can be counted, except 0 itself and the angle reference; as in `eigen`."""
+        f = self.characteristic(rotation)
+        region, counted = self.counted(f)
+        left = find(f, region, counted or 0, self.starts(region))
         found: list[Root] = []
-        for s in seeds[(seeds.imag >= -1e-9) & (np.abs(seeds) < 1.2 * radius) & (np.abs(seeds) > 1e-6)]:
-            one = self.corrected(complex(s.real, max(s.imag, 0.0)))
-            if one is None or not 1e-6 < abs(one.s) < radius or one.s.imag < -SAME * (1 + abs(one.s)):
-                continue
-            if all(abs(one.s - other.s) > SAME * (1 + abs(one.s)) for other in found):
-                found.append(one)
-        return found
+        while len(left):
+            same = np.abs(left - left[0]) <= SAME * (1 + np.abs(left[0]))
+            if abs(left[0]) > ZERO:
+                found += self.corrected(left[same])
+            left = left[~same]
+        return Roots(found, region, counted, growing(f))
+
+    def corrected(self, given: np.ndarray) -> list[Root]:
+        """The vectors of a root, and its value improved; of one that counts several times all its values are given.
+
+        Inverse iteration on the whole matrix M(s), with as many vectors as the root counts.
+        """
+        n, s, times = len(self.A), complex(given.mean()), len(given)
+        far = np.exp(-s.real * self.delays) > 1  # rows multiplied by exp(s tau)
+        v = w = np.random.default_rng(0).normal(size=(n + len(far), times)) + 0j
+        for k in range(ITERATIONS):
+            M, slope = self._whole(s, far)
+            lu = sl.lu_factor(self._whole(s + AWAY * (1 + abs(s)), far)[0], check_finite=False)
+            v = np.linalg.qr(sl.lu_solve(lu, slope @ v, check_finite=False))[0]
+            w = np.linalg.qr(sl.lu_solve(lu, slope.conj().T @ w, trans=2, check_finite=False))[0]
+            size = w.conj().T @ slope @ v
+            if times > 1 and k:
+                break
+            step = complex((w.conj().T @ M @ v)[0, 0] / size[0, 0]) if times == 1 and size[0, 0] else 0j
+            s = s - step
+            if k and abs(step) < CONVERGED * (1 + abs(s)):
+                break
+        w = w @ np.linalg.pinv(size).conj().T
+        every = [s] if times == 1 else given
+        return [Root(complex(one), v[:n, k], w[:n, k]) for k, one in enumerate(every)]
+
+    def _whole(self, s: complex, far: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """[s - A, -B; -E C, 1 - E D] and its derivative; the rows chosen are multiplied by exp(s tau)."""
+        n, R, tau = len(self.A), len(self.delays), self.delays
+        own, shift = np.where(far, np.exp(s * tau * far), 1), np.where(far, 1, np.exp(-s * tau * ~far))
+        M, slope = np.zeros((2, n + R, n + R), complex)
+        M[:n, :n], M[:n, n:] = s * np.eye(n) - self.A, -self.B
+        M[n:, :n], M[n:, n:] = -shift[:, None] * self.C, np.diag(own) - shift[:, None] * self.D
+        slope[:n, :n] = np.eye(n)
+        turned = np.where(far, 0, tau * shift)[:, None]
+        slope[n:, :n], slope[n:, n:] = turned * self.C, np.diag(np.where(far, tau * own, 0)) + turned * self.D
+        return M, slope
+def _nodes(tau: float, fast: float) -> int:
+    """Chebyshev nodes of a delay (s)."""
+    return NODES + int(np.ceil(PER_RADIAN * 2 * np.pi * fast * tau)) if tau else 0
 
 
-def _line(tau: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _line(tau: float, fast: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """z' = A z + B w, v = C z of a delay (s): dz/dt = -dz/dx at Chebyshev nodes, z = w at the first, v at the last."""
     if tau == 0:
         return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0))
-    n = NODES + int(np.ceil(PER_RADIAN * 2 * np.pi * FAST * tau))
+    n = _nodes(tau, fast)
     x = np.cos(np.pi * np.arange(n + 1) / n)
     c = np.r_[2.0, np.ones(n - 1), 2.0] * (-1.0) ** np.arange(n + 1)
     slopes = np.outer(c, 1 / c) / (x[:, None] - x + np.eye(n + 1))

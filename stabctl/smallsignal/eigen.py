@@ -14,6 +14,7 @@ from scipy.sparse.csgraph import connected_components
 
 NEAR = 1e-9  # eigenvalues this close (relative) share one eigenspace
 ZERO = 1e-7  # 1/s   an eigenvalue this small is zero
+GROWING = 1e-6  # 1/s   real part of an eigenvalue from which a loop counts as unstable
 
 
 class Eigen(NamedTuple):
@@ -74,10 +75,17 @@ def _geev(A: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def values(A: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Eigenvalues alone (n - 1), without the zero of the angle reference; `rotation` as in `eigen`."""
-    turned, u = A.copy(order="F"), _normal(rotation)
-    _reflect(turned, u)
-    _reflect(turned.T, u)
-    return np.linalg.eigvals(turned[1:, 1:])
+    return np.linalg.eigvals(without(rotation, A, A[:, :0], A[:0])[0])
+
+
+def without(
+    rotation: np.ndarray, A: np.ndarray, B: np.ndarray, C: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A, B and C without the angle reference, which no output sees; `rotation` as in `eigen`."""
+    A, B, C, u = A.copy(order="F"), B.copy(), C.copy(), _normal(rotation)
+    for rows in (A, A.T, B, C.T):
+        _reflect(rows, u)
+    return A[1:, 1:], B[1:], C[:, 1:]
 
 
 def _normal(rotation: np.ndarray) -> np.ndarray:

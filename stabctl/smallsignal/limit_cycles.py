@@ -20,10 +20,10 @@ from stabctl.model.fleet import Fleet
 
 from .closed_loop import joined
 from .describing import nonlinearity
+from .eigen import GROWING
 from .harmonic_balance import Balance, balances, curves, returns, sampled
 from .interconnection import plant_of
 from .limit_cycle import Component, LimitCycle, LimitCycles, Nyquist
-from .margins import GROWING
 from .opened_loop import OpenedLoop
 
 BAND = (0.1, 10.0)  # Hz

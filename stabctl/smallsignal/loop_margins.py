@@ -27,6 +27,7 @@ from .opened_loop import alone, linear_loop
 from .response import grid
 
 BAND = (1e-3, 100.0)  # Hz   sampled loops: to half of the rate
+FASTEST = 1e4  # Hz
 LARGEST = 1e3  # largest factor of a gain that is reported, and its inverse the smallest
 REST, FAST = 1e-4, 1e9  # 1/s   real s at which L stands for that at rest, and at infinite frequency
 AROUND = np.tan(np.linspace(-1.2, 1.2, 7))  # points around each resonance, in widths
@@ -94,13 +95,16 @@ class Loops(NamedTuple):
     gain: np.ndarray
 
 
-def single_loops(point: OperatingPoint, own: Sequence[Named], poles: np.ndarray) -> Loops:
-    """The loops through each output of `linear_loop`; `poles` (1/s) are those of the stable closed loop."""
+def single_loops(point: OperatingPoint, own: Sequence[Named], poles: np.ndarray, fast: float = 0.0) -> Loops:
+    """The loops through each output of `linear_loop`; `poles` (1/s) are those of the stable closed loop.
+
+    Beyond a frequency `fast` (Hz) the loop gains are too small for margins.
+    """
     loop = linear_loop(point, own)
     if loop is None:
         return Loops((), np.empty(0), np.empty((0, 0), complex))
     gains = np.concatenate([c.gains for c in own if c.controller.rate or not loop.rate])
-    low, high = BAND[0], loop.rate / 2 if loop.rate else BAND[1]
+    low, high = BAND[0], loop.rate / 2 if loop.rate else float(np.clip(fast, BAND[1], FASTEST))
 
     def given(s: complex) -> np.ndarray:
         """L(s) of every output."""

@@ -21,7 +21,10 @@ from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 
+from .characteristic import growing
 from .closed_loop import joined
+from .delayed_loop import DelayedLoop
+from .eigen import GROWING
 from .interconnection import plant_of
 from .loop_margins import LoopMargins, single_loops
 
@@ -30,7 +33,9 @@ if TYPE_CHECKING:
 
 LATEST = 2.0  # s   largest delay that is tried
 GAINS = (1e-3, 1e3)  # smallest and largest factor of the gains that is tried
-GROWING = 1e-6  # 1/s   real part of an eigenvalue from which the loop counts as unstable
+STEPS = 2e-4, 0.02  # s   smallest and largest step of the delays that are tried
+SLOW = 0.01  # s   delay margins beyond this are found to 0.01 ms, smaller ones to 0.1 %
+LATER = 1.0  # s   added to all delays while a loop is taken apart, so that no output is without
 
 
 @dataclass(frozen=True, repr=False)
@@ -114,28 +119,32 @@ def margins(base: Case | OperatingPoint, *controllers: Controller | Law, storage
 def _found(point: OperatingPoint, own: list[Named]) -> Margins:
     acting = [n for n in own if n.controller.linear]
     plant = plant_of(point, acting)
-    every = [n.controller for n in acting]
-
-    def closed(changed: Sequence[Controller]) -> np.ndarray:
-        """Eigenvalues (1/s) of the closed loop with changed controllers."""
-        return joined(plant, [replace(n, controller=c) for n, c in zip(acting, changed, strict=True)]).eigenvalues()
-
-    def stable(changed: Sequence[Controller]) -> bool:
-        """Whether no mode of the closed loop with changed controllers grows."""
-        return bool(closed(changed).real.max() <= GROWING)
-
-    def gained(gain: float) -> bool:
-        return stable([c.scaled(gain) for c in every])
-
-    poles = closed(every)
+    poles = joined(plant, acting).eigenvalues()
     if poles.real.max() > GROWING:
         raise StudyError(f"The closed loop of {point.case.name} is unstable, so it has no margins.")
-    loops = single_loops(point, own, poles)
     if not acting:
-        return Margins(np.inf, np.inf, 0.0, *loops)
-    up = _edge(np.geomspace(1.0, GAINS[1], 61).tolist(), gained)
-    down = _edge(np.geomspace(1.0, GAINS[0], 61).tolist(), gained)
-    return Margins(_delay(every, stable), up or np.inf, down or 0.0, *loops)
+        return Margins(np.inf, np.inf, 0.0, *single_loops(point, own, poles))
+    rates = [n.controller.rate for n in acting if n.controller.rate]
+    f = None if rates else DelayedLoop.of(plant, acting).characteristic(joined(plant, acting).rotation(), LATER)
+
+    def stable(gain: float, more: float) -> bool:
+        """Whether no mode of the closed loop grows with a factor of all gains and more delay (s)."""
+        delays = [n.controller.delay + more for n in acting]
+        if f and all(delays):
+            return growing(f.later(more - LATER).scaled(gain)) == 0
+        changed = [n.controller.scaled(gain) for n in acting]
+        every = [replace(n, controller=c.delayed(d)) for n, c, d in zip(acting, changed, delays, strict=True)]
+        return bool(joined(plant, every).eigenvalues().real.max() <= GROWING)
+
+    up = _edge(np.geomspace(1.0, GAINS[1], 61).tolist(), lambda gain: stable(gain, 0.0)) or np.inf
+    down = _edge(np.geomspace(1.0, GAINS[0], 61).tolist(), lambda gain: stable(gain, 0.0)) or 0.0
+    fast = f.later(-LATER).scaled(min(up, GAINS[1])).bound() / (2 * np.pi) if f else 0.0
+    loops = single_loops(point, own, poles, fast)
+    if rates:
+        return Margins(_first(1 / min(rates), lambda more: stable(1.0, more)), up, down, *loops)
+    bound = f.later(-LATER).bound() if f else 0.0
+    late = _delay(bound, lambda more: stable(1.0, more)) if np.isfinite(bound) else 0.0
+    return Margins(late, up, down, *loops)
 
 
 def _edge(gains: Sequence[float], good: Callable[[float], bool]) -> float | None:
@@ -152,18 +161,22 @@ def _edge(gains: Sequence[float], good: Callable[[float], bool]) -> float | None
     return None
 
 
-def _delay(controllers: Sequence[Controller], stable: Callable[[Sequence[Controller]], bool]) -> float:
-    """Smallest further delay with which the loop is unstable; stability is not monotone in it."""
-    rates = [c.rate for c in controllers if c.rate]
-    step = 1 / min(rates) if rates else 0.02
+def _first(step: float, good: Callable[[float], bool]) -> float:
+    """The first multiple of a step with which the loop is unstable; stability is not monotone in the delay."""
     for k in range(1, int(LATEST / step) + 1):
-        if not stable([replace(c, delay=c.delay + k * step) for c in controllers]):
-            if rates:
-                return k * step
-            low, high = (k - 1) * step, k * step
-            while high - low > 1e-5:
-                middle = (low + high) / 2
-                good = stable([replace(c, delay=c.delay + middle) for c in controllers])
-                low, high = (middle, high) if good else (low, middle)
-            return high
+        if not good(k * step):
+            return k * step
     return float("inf")
+
+
+def _delay(bound: float, good: Callable[[float], bool]) -> float:
+    """Smallest further delay with which the loop is unstable; `bound` (rad/s) of the frequencies that may grow."""
+    step = float(np.clip(1 / bound, *STEPS))
+    high = _first(step, good)
+    if np.isinf(high):
+        return high
+    low = high - step
+    while high - low > 1e-5 * min(1, high / SLOW):
+        middle = (low + high) / 2
+        low, high = (middle, high) if good(middle) else (low, middle)
+    return high

@@ -32,13 +32,13 @@ def test_the_roots_of_a_scalar_law_are_those_of_the_lambert_function(tau):
     """x' = -x(t - tau): s = W(-tau) / tau on every branch."""
     one, none = np.ones((1, 1)), np.zeros((1, 1))
     loop = DelayedLoop(none, one, -one, none, np.array([tau]))
-    radius = loop.radius()
+    found, region, counted, growing = loop.roots()
     wanted = np.array([lambertw(-tau, k) / tau for k in range(-40, 40)])
-    inside = wanted[(np.abs(wanted) < radius) & (wanted.imag > -1e-12)]
-    found = np.array([root.s for root in loop.roots(radius)])
+    inside = wanted[(np.abs(wanted) < region.radius) & (wanted.imag > -1e-12)]
     assert len(found) == len(inside)
-    assert max(np.abs(inside - s).min() for s in found) < 1e-12  # at most 9e-16
-    assert loop.count(radius) == (np.abs(wanted) < radius).sum()
+    assert max(np.abs(inside - root.s).min() for root in found) < 1e-12  # at most 9e-16
+    assert counted == (np.abs(wanted) < region.radius).sum()
+    assert growing == 0
 
 
 @pytest.mark.parametrize("delay", ["100ms", "1s"])
