@@ -13,7 +13,7 @@ from block_diagram import evaluate
 from stabctl import devices
 from stabctl.dynamics import family
 
-POINTS = 400
+POINTS = 250
 
 
 def held(x, low, high):

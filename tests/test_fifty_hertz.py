@@ -23,7 +23,7 @@ from stabctl.estimation.pmu import Pmu
 from stabctl.jobs.run_task import run_task
 from stabctl.model import powerflow
 from stabctl.simulation.contingency import Contingency
-from stabctl.simulation.criterion import Criterion
+from stabctl.simulation.criterion import Criterion, checked
 from stabctl.simulation.simulate import simulate
 from stabctl.sweep import study_file
 from stabctl.sweep.task import tasks
@@ -166,6 +166,13 @@ def test_options_of_commands_count_cycles_of_the_case():
     assert (opened.at, tripped.at, stepped.at) == (0.5, 1.0, 0.1)
     limits = StabilityOptions(min_frequency=47.5, max_frequency=51.5, frequency_delay="25cyc").criterion(case)
     assert (limits.min_frequency, limits.max_frequency, limits.frequency_delay_s) == (0.95, 1.03, 0.5)
+
+
+def test_frequencies_of_a_criterion_are_relative_to_that_of_the_case():
+    given = Criterion(max_angle="180deg", min_frequency="47.5Hz", max_frequency="51.5Hz", low_voltage_s="300ms")
+    found = checked(given, 50.0)
+    assert (found.min_frequency, found.max_frequency) == (pytest.approx(0.95), pytest.approx(1.03))
+    assert (found.max_angle, found.low_voltage_s) == (pytest.approx(np.pi), pytest.approx(0.3))
 
 
 def test_an_estimate_ends_after_cycles_of_the_case(stabctl):

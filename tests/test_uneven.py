@@ -11,6 +11,7 @@ from uneven import BASE, HZ, uneven, uneven_point
 
 import stabctl as st
 from stabctl.controllers import BangBang
+from stabctl.design.duty import duty
 from stabctl.dynamics import outputs, signals
 from stabctl.dynamics.signal_kinds import OUTPUTS
 from stabctl.live import linear, page, runs, theory
@@ -234,6 +235,14 @@ def test_tables_and_sentences_of_a_run(run):
     assert 0.9 < wide[0] < wide[1] < 1.1
     assert run.arrays.coi_speed == pytest.approx(speed @ shares)
     assert run.arrays.swing == pytest.approx(swing, abs=1e-12)
+
+
+def test_the_duty_of_storage_is_in_hertz_and_kilowatt_hours(run):
+    found, volts = duty(run), run.voltage.to_numpy()
+    coi = run.speed.to_numpy() @ (H * MVA) / (H * MVA).sum()
+    assert found.coi_hz == pytest.approx(HZ * np.abs(coi - coi[0]).max())
+    assert found.energy_kwh == pytest.approx(1e3 * np.ptp(run.dataset["storage_energy"].to_numpy(), axis=0).sum())
+    assert found.voltage == pytest.approx(volts[run.time >= 1.5].mean(axis=0).min())
 
 
 def test_the_curves_and_frames_of_the_page():

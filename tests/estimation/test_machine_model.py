@@ -5,6 +5,7 @@ import pytest
 
 from stabctl.dynamics import operating_point
 from stabctl.estimation.estimators import Filtered
+from stabctl.estimation.governor import Governors
 from stabctl.estimation.instrument import Frame
 from stabctl.estimation.machine_model import MachineModel
 from stabctl.estimation.noise import Tuning
@@ -94,3 +95,13 @@ def test_the_acceleration_is_that_of_the_swing_equation_with_the_variance_of_its
     a, variance = model.acceleration(x, P)
     assert a[0] == pytest.approx(np.array([0.1, -0.2, 0.3, 0.0]) / (2 * known.H), abs=1e-15)
     assert variance[0] == pytest.approx((P[0, :, 2, 2] + report.variance[0]) / (2 * known.H) ** 2, rel=1e-12)
+
+
+def test_a_known_governor_stops_at_its_limits():
+    """At rest g is clip(Pref - K s, Pmin, Pmax) - Pref: what the limits leave from the reference."""
+    values = {"K": 20.0, "Ts": 0.1, "Tc": 0.3, "T3": 0.0, "T4": 1.0, "T5": 2.0, "Pmax": 0.9, "Pmin": 0.25}
+    known = Governors({name: np.array([value]) for name, value in values.items()}, 0.05)
+    slip, reference = np.array([[0.01], [-0.01], [0.05], [-0.05]]), np.array([[0.6], [0.6], [0.6], [0.7]])
+    for _ in range(600):
+        g = known.step(slip, reference)
+    assert g[:, 0] == pytest.approx([-0.2, 0.2, 0.25 - 0.6, 0.9 - 0.7], abs=1e-6)
