@@ -42,14 +42,14 @@ coverage: .venv/demo  ## write docs/coverage.md: how much of a collection of PSS
 reproduce: .venv/demo  ## run all studies, compared with the paper in reports/index.html (FULL=1: also the long ones)
 	$(BIN)/python tools/reproduce.py $(if $(FULL),--full)
 
-bench: .venv/bench  ## measure speed on this machine, of other programs (NORDIC=folder: RAMSES) and of version 0.1
+bench: .venv/bench  ## measure speed on this machine, of other programs and of version 0.1
 	$(BIN)/python benchmarks/core.py
 	$(BIN)/python benchmarks/controllers.py
 	$(BIN)/python benchmarks/storage_converters.py
 	$(BIN)/python benchmarks/estimate.py
 	$(BIN)/python benchmarks/linear.py
 	$(BIN)/python benchmarks/placement.py
-	$(BIN)/python benchmarks/peers.py $(if $(NORDIC),--nordic $(NORDIC))
+	$(BIN)/python benchmarks/peers.py
 	$(BIN)/python benchmarks/before.py
 	$(BIN)/python benchmarks/growth.py
 	$(BIN)/python benchmarks/caches.py

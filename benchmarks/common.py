@@ -14,7 +14,7 @@ from stabctl.model.tables import Load
 
 STEP = 1 / 120  # s
 UNTIL = 10.0  # s
-FAULT_BUS, FAULT_ON, FAULT_OFF, FAULT_X = 7, 1.0, 1.1, 1e-4  # s, s, pu
+FAULT_ON, FAULT_OFF, FAULT_X = 1.0, 1.1, 1e-4  # s, s, pu
 DROOP, T1, T2, T3 = 0.05, 0.5, 3.0, 10.0  # TGOV1: pu, s
 KA, TE, EMAX = 200.0, 0.05, 5.0  # SEXS without lead-lag: pu, s, pu
 
@@ -35,9 +35,13 @@ def classical() -> Case:
     return _loads_fixed(_governed(replace(case, devices={"gencls": rows})))
 
 
-def full(name: str = "two_area") -> Case:
+def fault_bus(case: Case) -> int:
+    """Bus of the fault: 7, in the middle of two_area, or else the bus with the largest load."""
+    return 7 if case.name.startswith("two_area") else max(case.loads, key=lambda load: load.p).bus
+
+
+def full(case: Case) -> Case:
     """GENROU with SEXS and TGOV1, loads as admittances."""
-    case = io.load(name)
     exciters = {m.machine: sexs.Par(0.0, KA, TE, Efdmax=EMAX, Efdmin=-EMAX) for m in case.machines}
     kept = {"genrou": dict(case.devices["genrou"]), "sexs": exciters}
     ends = [(k.from_bus, k.p) for k in case.links] + [(k.to_bus, k.loss - k.p) for k in case.links]

@@ -7,7 +7,6 @@ import numpy as np
 from common import (
     DROOP,
     EMAX,
-    FAULT_BUS,
     FAULT_OFF,
     FAULT_ON,
     FAULT_X,
@@ -19,6 +18,7 @@ from common import (
     TE,
     UNTIL,
     Answer,
+    fault_bus,
 )
 
 from stabctl.model.case import Case
@@ -32,7 +32,9 @@ def empty(folder: str) -> andes.System:
     return andes.System(no_output=True, default_config=True, options={"pycode_path": folder})
 
 
-def works(case: Case, folder: str) -> tuple[dict[str, Callable[[], Callable[[], object]]], Callable[[], Answer]]:
+def works(
+    case: Case, folder: str, step: float = STEP
+) -> tuple[dict[str, Callable[[], Callable[[], object]]], Callable[[], Answer]]:
     """The three works, each set up by a call, and the answer of the last of each; `folder` holds generated code."""
     kept: dict[str, andes.System] = {}
 
@@ -41,7 +43,7 @@ def works(case: Case, folder: str) -> tuple[dict[str, Callable[[], Callable[[], 
         return ss.PFlow.run
 
     def motion() -> Callable[[], None]:
-        ss = kept["run"] = system(case, folder)
+        ss = kept["run"] = system(case, folder, step=step)
         ss.PFlow.run()
         ss.TDS.init()
         return ss.TDS.run
@@ -63,8 +65,8 @@ def works(case: Case, folder: str) -> tuple[dict[str, Callable[[], Callable[[], 
         return both
 
     def answer() -> Answer:
-        flow, modes = kept["flow"], np.array(kept["modes"].EIG.mu)
-        V = flow.Bus.v.v * np.exp(1j * flow.Bus.a.v)
+        flow, modes = kept.get("flow"), np.array(kept["modes"].EIG.mu) if "modes" in kept else np.zeros(0)
+        V = flow.Bus.v.v * np.exp(1j * flow.Bus.a.v) if flow else np.zeros(0)
         if "run" not in kept:
             return Answer(V, modes, np.zeros(0), np.zeros(0))
         run = kept["run"]
@@ -79,7 +81,7 @@ def works(case: Case, folder: str) -> tuple[dict[str, Callable[[], Callable[[], 
     }, answer
 
 
-def system(case: Case, folder: str, fault: bool = True) -> andes.System:
+def system(case: Case, folder: str, fault: bool = True, step: float = STEP) -> andes.System:
     """The case as an ANDES system."""
     ss, mva, hz = empty(folder), case.base_mva, case.frequency_hz
     ss.config.mva, ss.config.freq = mva, hz
@@ -112,8 +114,8 @@ def system(case: Case, folder: str, fault: bool = True) -> andes.System:
             ss.add("GENCLS", own | {"D": par.D, "xd1": par.x1d, "ra": par.ra})
         ss.add("TGOV1", {"syn": name, "R": DROOP, "VMAX": 1.0, "VMIN": 0.0, "T1": T1, "T2": T2, "T3": T3, "Dt": 0.0})
     if fault:
-        ss.add("Fault", {"bus": FAULT_BUS, "tf": FAULT_ON, "tc": FAULT_OFF, "xf": FAULT_X, "rf": 0.0})
+        ss.add("Fault", {"bus": fault_bus(case), "tf": FAULT_ON, "tc": FAULT_OFF, "xf": FAULT_X, "rf": 0.0})
     ss.setup()
-    for name, value in {"tf": UNTIL, "tstep": STEP, "fixt": 1, "shrinkt": 0, "criteria": 0, "no_tqdm": 1}.items():
+    for name, value in {"tf": UNTIL, "tstep": step, "fixt": 1, "shrinkt": 0, "criteria": 0, "no_tqdm": 1}.items():
         setattr(ss.TDS.config, name, value)
     return ss

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
-from common import FAULT_BUS, FAULT_OFF, FAULT_ON, FAULT_X, STEP, UNTIL, Answer
+from common import FAULT_OFF, FAULT_ON, FAULT_X, STEP, UNTIL, Answer, fault_bus
 
 from stabctl.dynamics import operating_point
 from stabctl.model import powerflow
@@ -15,14 +15,15 @@ from stabctl.smallsignal import analyze, linearize
 METHOD = "RK4"
 
 
-def works(case: Case) -> tuple[dict[str, Callable[[], Callable[[], object]]], Callable[[], Answer]]:
+def works(case: Case, step: float = STEP) -> tuple[dict[str, Callable[[], Callable[[], object]]], Callable[[], Answer]]:
     """The three works, each set up by a call, and the answer of the last of each."""
     flow, kept = powerflow.solve(case), {}
-    events = [Fault(str(FAULT_BUS), FAULT_ON, 1j * FAULT_X), Clear(str(FAULT_BUS), FAULT_OFF)]
+    bus = str(fault_bus(case))
+    events = [Fault(bus, FAULT_ON, 1j * FAULT_X), Clear(bus, FAULT_OFF)]
 
     def motion() -> Callable[[], None]:
         point = operating_point.solve(case, flow)
-        return lambda: kept.update(run=run(point, events, UNTIL, step=STEP))
+        return lambda: kept.update(run=run(point, events, UNTIL, step=step))
 
     def eigenvalues() -> Callable[[], None]:
         point = operating_point.solve(case, flow)
@@ -30,7 +31,7 @@ def works(case: Case) -> tuple[dict[str, Callable[[], Callable[[], object]]], Ca
 
     def answer() -> Answer:
         run = (kept["run"].time, kept["run"].arrays.speed) if "run" in kept else (np.zeros(0), np.zeros(0))
-        return Answer(flow.V, kept["modes"].eigenvalues, *run)
+        return Answer(flow.V, kept["modes"].eigenvalues if "modes" in kept else np.zeros(0), *run)
 
     flows = {"power flow": lambda: lambda: powerflow.solve(case), "10 s": motion}
     return flows | {"linearization and eigenvalues": eigenvalues, "eigenvalues": eigenvalues}, answer

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
-from common import DROOP, FAULT_BUS, FAULT_OFF, FAULT_ON, FAULT_X, STEP, T1, T2, T3, UNTIL, Answer, produced
+from common import DROOP, FAULT_OFF, FAULT_ON, FAULT_X, STEP, T1, T2, T3, UNTIL, Answer, fault_bus, produced
 from tops.dynamic import PowerSystemModel
 from tops.modal_analysis import PowerSystemModelLinearization
 from tops.solvers import SimpleRK4
@@ -24,7 +24,7 @@ def works(case: Case) -> tuple[dict[str, Callable[[], Callable[[], object]]], Ca
     def motion() -> Callable[[], None]:
         ps = system(case)
         ps.init_dyn_sim()
-        return lambda: kept.update(run=simulated(ps))
+        return lambda: kept.update(run=simulated(ps, fault_bus(case)))
 
     def eigenvalues() -> Callable[[], None]:
         ps = system(case)
@@ -39,9 +39,9 @@ def works(case: Case) -> tuple[dict[str, Callable[[], Callable[[], object]]], Ca
     return {"power flow": flow, "10 s": motion} | linear, answer
 
 
-def simulated(ps: PowerSystemModel) -> tuple[np.ndarray, np.ndarray]:
-    """Times and speeds under the common fault."""
-    place = list(ps.buses["name"]).index(f"B{FAULT_BUS}")
+def simulated(ps: PowerSystemModel, bus: int) -> tuple[np.ndarray, np.ndarray]:
+    """Times and speeds under a fault at a bus."""
+    place = list(ps.buses["name"]).index(f"B{bus}")
     speeds, rows = ps.gen["GEN"].state_idx_global["speed"], []
     solver = SimpleRK4(ps.ode_fun, 0, ps.x0.copy(), UNTIL, max_step=STEP)
     steps, on, off = (round(t / STEP) for t in (UNTIL, FAULT_ON, FAULT_OFF))

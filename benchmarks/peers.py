@@ -5,7 +5,11 @@ a linearization with all its eigenvalues; they do not include building the tool'
 ANDES evaluates its derivatives during initialization: `eigenvalues` leaves them out in ANDES, but not in stabctl and
 TOPS; `linearization and eigenvalues` evaluates them in all three. Processor seconds.
 
-Run: python benchmarks/peers.py [--only two_area wnaps flow ramses] [--nordic FOLDER], see `peer_ramses.py`.
+`accuracy` is ten seconds at equal accuracy: every program has a solution with fine steps of its own, from which the
+speeds with longer steps differ by some error; stabctl takes the longest step with which its error is not larger than
+that of the other program.
+
+Run: python benchmarks/peers.py [--only two_area wnaps flow accuracy]
 """
 
 import os
@@ -23,27 +27,40 @@ import warnings
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
+from functools import partial
 from io import StringIO
 from pathlib import Path
+from typing import Any
 
 import common
 import numpy as np
 import peer_flow
-import peer_ramses
 from common import Answer
 from large import GIVEN, matpower_file
 from machine import cpu, stated
 from rich.console import Console
 from rich.table import Table
 
-from stabctl import read_matpower
+from stabctl import load, read_matpower
+from stabctl.errors import StudyError
+from stabctl.model.case import Case
 from stabctl.model.replicate import replicate
 
 ROUNDS = 9
 COPIES = 10  # of a case of 200 buses
 LINEAR = ("linearization and eigenvalues", "eigenvalues")
 WORKS = ("power flow", "10 s", *LINEAR)
-GROUPS = ("two_area", "wnaps", "flow", "ramses")
+GROUPS = ("two_area", "wnaps", "flow", "accuracy")
+FINE = 1 / 1920  # s   step of the solutions that errors are measured against
+COARSE = (1 / 120, 1 / 30)  # s   steps of the other program
+OWN = tuple(1 / n for n in (20, 30, 40, 60, 80, 120, 160, 240, 480))  # s   steps of stabctl that are tried
+INSTANTS = np.arange(0, common.UNTIL - 0.05, 0.1)  # s   on the grid of every step
+ROUNDS_SLOW = 3
+SYSTEMS: dict[str, Callable[[], Case]] = {
+    "two_area": lambda: common.full(load("two_area")),
+    "wnaps": lambda: common.full(load("wnaps")),
+    "case_ACTIVSg200, ten times": lambda: common.full(replicate(read_matpower(GIVEN), COPIES).with_typical_machines()),
+}
 Tool = tuple[dict[str, Callable[[], Callable[[], object]]], Callable[[], Answer], str]
 
 
@@ -117,8 +134,8 @@ def systems(chosen: set[str], console: Console) -> None:
             print(f"ANDES generated its code in {time.perf_counter() - before:.0f} s, once for all systems.")
         for name, title, case, tasks in (
             ("two_area", "two_area, classical machines, TGOV1", common.classical(), WORKS),
-            ("two_area", "two_area, GENROU, SEXS, TGOV1", common.full(), WORKS),
-            ("wnaps", "wnaps (34 machines), GENROU, SEXS, TGOV1", common.full("wnaps"), ("power flow", *LINEAR)),
+            ("two_area", "two_area, GENROU, SEXS, TGOV1", common.full(load("two_area")), WORKS),
+            ("wnaps", "wnaps (34 machines), GENROU, SEXS, TGOV1", common.full(load("wnaps")), WORKS),
         ):
             if name not in chosen:
                 continue
@@ -159,23 +176,58 @@ def flows(console: Console) -> None:
     console.print(table)
 
 
-def fortran(data: Path | None, console: Console) -> None:
-    """Ten seconds of 20 machines in RAMSES, which shares neither the system nor the method."""
-    if data is None:
-        print("RAMSES is left out: give --nordic FOLDER, a copy of SPS-L/stepss-IEEE-Nordic-Test-system.")
+def accuracy(console: Console) -> None:
+    """Ten seconds of three systems at equal accuracy in stabctl and ANDES."""
+    own, andes = peer("stabctl"), peer("andes")
+    if not andes:
         return
-    try:
-        theirs, mine = peer_ramses.ramses(data), peer_ramses.own()
-        mine()
-        times = [(theirs(), mine()) for _ in range(ROUNDS)]
-    except (ImportError, OSError) as error:
-        print(f"RAMSES is left out: {error}. It needs pip install 'stabctl[bench-ramses]', OpenBLAS and libgfortran5.")
-        return
-    ramses, own = (1e3 * statistics.median(column) for column in zip(*times, strict=True))
-    table = Table("10 s of 20 machines, 1/120 s", "ms", "over stabctl", title=stated())
-    table.add_row("stabctl, ieee39 twice, RK4", f"{own:.4g}", "1")
-    table.add_row("RAMSES, Nordic system, trapezoidal", f"{ramses:.4g}", f"{ramses / own:.3g}")
+    table = Table(
+        "system", "ANDES: step, s", "error, mHz", "s", "stabctl: step, s", "error, mHz", "s", "ratio", title=stated()
+    )
+    with tempfile.TemporaryDirectory() as folder, redirect_stdout(StringIO()):
+        andes.empty(folder)
+        for name, case in SYSTEMS.items():
+            given = case()
+            theirs = partial(stepped, lambda step, given=given: andes.works(given, folder, step))
+            mine = partial(stepped, lambda step, given=given: own.works(given, step))
+            fine_theirs, fine_mine = theirs(FINE)[0], mine(FINE)[0]
+            for step in COARSE:
+                speed, seconds = theirs(step, ROUNDS_SLOW)
+                off = error(speed, fine_theirs)
+                own_step = next((h for h in OWN if missed(mine, h, fine_mine) <= off), OWN[-1])
+                speed, taken = mine(own_step, ROUNDS_SLOW)
+                table.add_row(
+                    f"{name}, {len(given.machines)} machines", f"1/{1 / step:.0f}", f"{off:.2g}", f"{seconds:.3g}",
+                    f"1/{1 / own_step:.0f}", f"{error(speed, fine_mine):.2g}", f"{taken:.3g}", f"{seconds / taken:.3g}",
+                )  # fmt: skip
     console.print(table)
+
+
+def stepped(works: Callable[[float], Any], step: float, rounds: int = 1) -> tuple[np.ndarray, float]:
+    """Speeds (instants, machines) with a step, and the median of the processor seconds of a run, without set-up."""
+    tasks, answer = works(step)
+    times = []
+    for _ in range(rounds):
+        ready = tasks["10 s"]()
+        times.append(cpu(ready))
+    found = answer()
+    return np.column_stack([np.interp(INSTANTS, found.time, column) for column in found.speed.T]), statistics.median(
+        times
+    )
+
+
+def missed(run: Callable[[float], tuple[np.ndarray, float]], step: float, fine: np.ndarray) -> float:
+    """Largest error with a step, mHz; infinite if the step is refused as too long."""
+    try:
+        return error(run(step)[0], fine)
+    except StudyError:
+        return np.inf
+
+
+def error(speed: np.ndarray, fine: np.ndarray) -> float:
+    """Largest difference of two solutions, mHz; infinite if one is not finite."""
+    off = np.abs(speed - fine).max() * 60e3
+    return float(off) if np.isfinite(off) else np.inf
 
 
 def main() -> None:
@@ -183,15 +235,14 @@ def main() -> None:
     warnings.filterwarnings("ignore")
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", nargs="+", choices=GROUPS, default=GROUPS, help="what to measure")
-    parser.add_argument("--nordic", type=Path, metavar="FOLDER", help="data of the Nordic test system for RAMSES")
     options = parser.parse_args()
     console = Console(file=sys.stdout, highlight=False, width=120)  # also while the output of others is hidden
     if "flow" in options.only:  # before ANDES generates code into a folder that is removed afterwards
         flows(console)
     if {"two_area", "wnaps"} & set(options.only):
         systems(set(options.only), console)
-    if "ramses" in options.only:
-        fortran(options.nordic, console)
+    if "accuracy" in options.only:
+        accuracy(console)
 
 
 if __name__ == "__main__":
