@@ -2,12 +2,15 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.estimation.estimate import estimate
+from stabctl.estimation.estimator_control import EstimatorControl
+from stabctl.estimation.pmu import Pmu
 from stabctl.jobs.run_task import run_task
 from stabctl.model import fleet
 from stabctl.simulation.contingency import Contingency
@@ -61,6 +64,45 @@ def test_a_simulation_under_an_estimator_is_that_of_the_call(results, cases):
     assert (ideal.rmse_mhz, alone.energy_mwh) == (None, None)
     assert alone.rmse_mhz > kalman.rmse_mhz
     assert 0 < ideal.energy_mwh < 4 * 50 * 2 / 3600  # MWh: never more than every device at full power all the time
+
+
+def test_the_energy_of_a_row_is_the_integral_of_the_power(results, cases):
+    """In MWh, the largest change of each device, summed over devices of different ratings."""
+    head = SIMULATE.replace('"11cyc"', '"9cyc"') + 'deadband_hz = 0.06\nstorage = "1=31MW,2=17MW,4=53MW"\n'
+    (result,) = results(head)
+    case = cases("two_area").with_storage({1: "31MW", 2: "17MW", 4: "53MW"})
+    run = case.simulate(Contingency("7", 9 / 60, ["7-8"]), 3.0, control=BangBang(0.06))
+    power = run.storage.to_numpy()
+    into = np.vstack([np.zeros(3), np.cumsum(np.diff(run.time)[:, None] * (power[1:] + power[:-1]) / 2, axis=0)]) / 3600
+    each = np.ptp(into, axis=0)
+    assert len({*each.round(6)}) == 3
+    assert result.energy_mwh == pytest.approx(each.sum(), rel=3e-4)  # 5.3e-5: the power changes between two rows
+    assert result.energy_mwh == pytest.approx(np.ptp(run.arrays.energy, axis=0).sum(), rel=1e-12)
+
+
+def test_the_seed_of_a_job_is_that_of_its_noise(results, cases):
+    """Rows of several seeds differ, and each is that of the call with its seed."""
+    noisy = (
+        'storage = "70MW"\nestimator = "frequency"\npmu_noise_mrad = 9\nloss = 0.3\nlatency_ms = 30\npmu_rate = 30\n'
+    )
+    found = results(f"{SIMULATE}{noisy}seed = [3, 8, 21]\n")
+    point, wanted = cases("two_area").with_storage("70MW").initialize(), []
+    for seed in (3, 8, 21):
+        control = EstimatorControl([BangBang(0.1)], "frequency", Pmu.noisy(30, 9, 30, 0.3), seed=seed)
+        run = point.simulate(Contingency("7", 11 / 60, "7-8"), 3.0, control=control)
+        wanted.append((seed, run.max_angle_from_coi_deg, run.outcome.message))
+    assert [(row.seed, row.max_angle_from_coi_deg, row.message) for row in found] == wanted
+    assert len({angle for _, angle, _ in wanted}) == 3
+
+
+def test_the_seed_of_a_clearing_time_is_that_of_its_noise(results, monkeypatch):
+    def seen(*_, control, **__):
+        found = {"status": "found", "seconds": 0.15, "runs": (), "machine": None, "stable_above": ()}
+        return SimpleNamespace(cycles=float(control.seed), **found)
+
+    monkeypatch.setattr(run_job, "clearing_time", seen)
+    head = 'kind = "clearing-time"\ncase = "two_area"\nfault = "7"\nestimator = "kalman"\nseed = [3, 8]\n'
+    assert [row.cycles for row in results(head)] == [3.0, 8.0]
 
 
 def test_what_a_job_is_refused_for_is_in_its_row(results):
