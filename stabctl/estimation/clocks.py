@@ -68,9 +68,10 @@ class Clocks:
         self._a = a = self._of_angle(report, turn)
         self._slope = seen.slope
         shared = (self.C @ a[..., None])[..., 0]
-        scale = np.sqrt(np.maximum(np.einsum("...ii->...i", P), 1e-30))
-        inverse = np.linalg.pinv(P / scale[..., None] / scale[..., None, :], rcond=1e-12, hermitian=True)
-        turned = (inverse @ (shared / scale)[..., None])[..., 0] / scale
+        at, turned = shared.any(-1), np.zeros(shared.shape)
+        scale = np.sqrt(np.maximum(np.einsum("...ii->...i", P[at]), 1e-30))
+        inverse = np.linalg.pinv(P[at] / scale[..., None] / scale[..., None, :], rcond=1e-12, hermitian=True)
+        turned[at] = (inverse @ (shared[at] / scale)[..., None])[..., 0] / scale
         variance = self.variance * (a * a).sum(-1) - (shared * turned).sum(-1)
         return seen._replace(slope=seen.slope - turned, variance=seen.variance + np.maximum(variance, 0.0))
 

@@ -21,7 +21,7 @@ REACH = 0.1  # s   longest extrapolation
 COAST = 0.5  # s   time without a report after which the storage of a machine stays idle
 ENOUGH = 0.7  # -   share of the island's inertia that must have reported by then, otherwise the storage stays idle
 SHARED = 0.4  # -   of a change of a machine's acceleration that others make too, before it is reported
-LIMIT = 2e-3  # pu   standard deviation of a deviation, beyond which it is not usable (120 mHz at 60 Hz)
+LIMIT = 3e-3  # pu   standard deviation of a deviation, beyond which it is not usable (180 mHz at 60 Hz)
 LEAST = 3e-4  # pu   standard deviation of the speeds of machines about that of the COI, at least
 
 
@@ -79,16 +79,17 @@ class CoiReference:
         self._past.append((now, valid))
         remote, remote_valid = self._past[0]
         jumped = (now.acceleration - remote.acceleration) ** 2  # of a machine, which the others may have done too
-        after = np.full((len(island), 1), self.remote) if since is None else since
         own, far = self._extrapolated(now, self.own), self._extrapolated(remote, self.remote)
-        unseen, together = self._unseen(now, self.own, after), self._unseen(remote, self.remote, after) * SHARED
+        unseen, together = self._unseen(now, self.own, since), self._unseen(remote, self.remote, since) * SHARED
         (s, a, var), (rs, ra, rvar) = own[:3], far[:3]
         if without is not None and without.any():
             s, a, var = np.where(without, (rs, ra, rvar), (s, a, var))
             unseen = np.where(without, together / SHARED, unseen)
             together = np.where(without, unseen, together)
         H = self.H if whole else self.H * (island >= 0)
-        shares = np.stack([H * remote_valid, H + 0 * rs, H * rs, H * ra, H * H * rvar, H * together])
+        shares = np.empty((6, *rs.shape))
+        shares[0], shares[1], shares[2], shares[3] = H * remote_valid, H, H * rs, H * ra
+        shares[4], shares[5] = H * H * rvar, H * together
         reporting, *sums = _others(shares, island, whole)
         weight = np.where(sums[0] > 0, sums[0], 1.0)
         usable = valid & (island >= 0) & (reporting > 0) & (reporting + self.H >= ENOUGH * (sums[0] + self.H))
@@ -115,8 +116,10 @@ class CoiReference:
         t = min(age * self.T, REACH)
         return e._replace(slip=e.slip + t * e.acceleration, variance=e.variance + t * t * e.drift) if t else e
 
-    def _unseen(self, e: Estimate, age: int, since: np.ndarray) -> np.ndarray:
+    def _unseen(self, e: Estimate, age: int, since: np.ndarray | None) -> np.ndarray:
         """Change of the speed if the power is lost with the switching, `since` (seeds, 1) frames ago, unseen so far."""
+        if since is None or since.min() >= age:
+            return np.zeros(e.slip.shape)
         return np.where(since < age, (since + 1) * self.T, 0.0) * e.whole + np.zeros(e.slip.shape)
 
 

@@ -138,7 +138,9 @@ class Filtered:
     def _known(self, bank: FilterBank) -> tuple[np.ndarray, np.ndarray]:
         """Angle and speed, and their covariance; a rejected report casts doubt on both."""
         y, C = self.model.angle_and_slip(bank.x, bank.P)
-        return y, C + bank.doubt[..., None, None] * np.eye(2) * self.model.swing.reset[:, None, :2]
+        if bank.doubt.any():
+            C = C + bank.doubt[..., None, None] * np.eye(2) * self.model.swing.reset[:, None, :2]
+        return y, C
 
     def _estimate(self, bank: FilterBank, received: np.ndarray, nis: np.ndarray) -> Estimate:
         x, P = bank.x, bank.P

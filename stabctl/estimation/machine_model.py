@@ -150,9 +150,9 @@ class MachineModel:
 
     def angle_and_slip(self, x: np.ndarray, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Angle and speed (seeds, machines, 2) at the time stamp, and their covariance."""
-        r = self.unreported.moved
-        both = P[..., :2, :2] + r[..., :, None] * r[..., None, :] * UNKNOWN[:2, :2]
-        both += (self.unreported.lost > 0)[..., None, None] * UNSURE
+        r, lost, both = self.unreported.moved, self.unreported.lost, P[..., :2, :2]
+        if r.any() or lost.any():
+            both = both + r[..., :, None] * r[..., None, :] * UNKNOWN[:2, :2] + (lost > 0)[..., None, None] * UNSURE
         if not self._window.wide:
             return x[..., :2], both
         a, _ = self.acceleration(x, P)

@@ -20,7 +20,7 @@ SHORTEST = 0.05 - 1e-9  # s   no fault is cleared faster: two jumps are at least
 SWINGING = 0.1  # s   gap in which the power deviates from a ramp by as much as sigma, without a switching
 LINEAR = 0.3  # rad   standard deviation of an angle up to which the equations are linear
 RECOVERY = 2.0  # s
-UNSURE = np.diag([LINEAR, 3e-3]) ** 2  # rad^2, pu^2   variances of angle and speed of a filter that may be wrong
+UNSURE = np.diag([LINEAR, 4e-3]) ** 2  # rad^2, pu^2   variances of angle and speed of a filter that may be wrong
 UNKNOWN = np.eye(5)  # correlation of the states, of angle and speed and of the fluxes
 UNKNOWN[0, 1] = UNKNOWN[1, 0] = np.sqrt(3) / 2
 UNKNOWN[3, 4] = UNKNOWN[4, 3] = 1 / 2

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stabctl.estimation.coi import COAST, CoiReference
+from stabctl.estimation.coi import COAST, LIMIT, CoiReference
 from stabctl.estimation.estimators import Estimate
 
 H = np.array([3.0, 2.0, 5.0, 10.0])
@@ -55,7 +55,7 @@ def test_a_silent_machine_stays_in_the_sums_with_a_growing_variance():
         variance = np.where(gone, 0.0, (1e-3 * k) ** 2)
         got = coi.step(estimate(received=gone)._replace(variance=variance), WHOLE)
         sigma.append(got.sigma[0, 0])
-        assert got.usable[0].tolist() == [True, True, (k + 1) / 60 <= COAST + 1e-9, True]
+        assert got.usable[0].tolist() == [True, True, (k + 1) / 60 <= COAST + 1e-9 and 1e-3 * k < LIMIT, True]
     assert np.all(np.diff(sigma[:3]) > 0)
     at_last = H[[1, 3]] @ S[0, [1, 3]] + H[2] * others
     assert got.speed[0, 0] == pytest.approx(S[0, 0] - at_last / 17, abs=2e-5)

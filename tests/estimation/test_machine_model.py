@@ -41,19 +41,23 @@ def test_the_variance_of_the_power_is_the_mean_of_two_reports_and_held_while_non
     of_report = [2 * PMU.magnitude**2 * s.real**2 + 2 * PMU.angle**2 * s.imag**2 for s in S]
     x, _ = model.begin(reports[0])
     x[..., 2] += 0.25
-    held, P, since = of_report[0], reports[0].P[0], np.ones(m)
+    held, P, since, rate = of_report[0], reports[0].P[0], np.ones(m), np.zeros(m)
     for seen, variance in zip(reports[1:], of_report[1:], strict=True):
         here = seen.frame.received[0]
         Q = model.predict(x, seen).Q[0]
         jump = np.where(here, since * (seen.P[0] - P), 0.0)
         power = (held + np.where(here, variance, held)) / 2 + (TUNING.share * (x[0, :, 2] - P)) ** 2
+        power += np.where(here, since * (seen.P[0] - P - since * rate) / 12, 0.0) ** 2  # of the bend
+        gap_angle, gap_speed, _ = model.unreported.hidden[0].T
+        assert np.all((gap_speed > 0) == (here & (since > 1)))
         d = 1 / (2 * known.H * PMU.rate)
-        expected = model.swing.walk[:, 1, 1] + d**2 * (jump**2 / 12 + power)
+        expected = model.swing.walk[:, 1, 1] + d**2 * (jump**2 / 12 + power) + gap_speed**2
         assert Q[:, 1, 1] == pytest.approx(expected, rel=1e-12)
         c = 2 * np.pi * 60 / (4 * known.H * PMU.rate**2)
-        expected = model.swing.walk[:, 0, 0] + c**2 * (since**2 * jump**2 * 4 / 45 + power)
+        expected = model.swing.walk[:, 0, 0] + c**2 * (since**2 * jump**2 * 4 / 45 + power) + gap_angle**2
         assert Q[:, 0, 0] == pytest.approx(expected, rel=1e-12)
         model.settle(x, seen)
+        rate = np.where(here, (seen.P[0] - P) / since, rate)
         held, P = np.where(here, variance, held), np.where(here, seen.P[0], P)
         since = np.where(here, 1, since + 1)
         assert model.kept.variance[0] == pytest.approx(held, rel=1e-12)
