@@ -1,16 +1,17 @@
 """The characteristic function of a loop with delays, and how far its phase is known from one point.
 
-The loop opened at its delays is H(s) = D + C (s - A)^-1 B = D + sum_i c_i b_i / (s - a_i), a_i the eigenvalues of A. Its
-roots are the zeros of the entire function
+The loop opened at its delays is H(s) = D + C (s - A)^-1 B = D + sum_i c_i b_i / (s - a_i), a_i the eigenvalues of A.
+Its roots are the zeros of the entire function
 
     f(s) = det(s - A) det N(s),  N = 1 - E H,  E = diag(exp(-s tau)),
 
-where a row of N may be multiplied by exp(s tau_j), whose phase is known. Around a point s0, with N(s0 + h) = N0 (1 + M(h)),
-M = h M1 + ..., the Frobenius norm F of M limits the phase of the determinant, as in `reach`:
+where a row of N may be multiplied by exp(s tau_j), whose phase is known. Around a point s0, with
+N(s0 + h) = N0 (1 + M(h)), M = h M1 + ..., the Frobenius norm F of M limits the phase of the determinant, as in `reach`:
 
     |log det(1 + M) - h tr M1| <= -log(1 - F) - F + sqrt(n) |M - h M1|.
 
-What M leaves out after h M1 is bounded term by term: |exp(x) - 1 - x| <= exp|x| - 1 - |x|, and the rest of 1 / (s - a).
+What M leaves out after h M1 is bounded term by term: |exp(x) - 1 - x| <= exp|x| - 1 - |x|, the norms of the next terms
+of H, and what they leave out, h^k / ((s0 - a)^k (s0 + h - a)) of 1 / (s0 + h - a).
 """
 
 from collections.abc import Callable
@@ -24,6 +25,7 @@ from .count import WHOLE, OnBoundaryError
 from .eigen import GROWING
 from .reach import SLACK
 
+TERMS = 4  # of the series of H around a point that are computed; the rest is bounded
 ROUNDING = 1e-14  # error of H, relative to the sum of the magnitudes of its terms
 TOGETHER = 2**19  # numbers in the arrays of points that are computed at once
 DEPENDENT = 1e-12  # size of a combination of rows of H, relative to the largest, that is zero
@@ -47,8 +49,7 @@ class Points:
     own: np.ndarray  # (points, channels) what multiplies exp(s tau) in a row of N, or 0
     shift: np.ndarray  # (points, channels) what multiplies exp(-s tau) H in a row of N, or 0
     plain: np.ndarray  # (points, channels) what multiplies H in a row of N, or 0
-    rows: np.ndarray  # (points, channels) norms of the rows of H
-    steep: np.ndarray  # (points, channels) norms of the rows of dH/ds
+    rows: np.ndarray  # (points, channels, 1 + TERMS) norms of the rows of the Taylor coefficients of H
     spread: np.ndarray  # (points, channels) norms of the columns of N^-1
 
     def some(self, chosen: np.ndarray | slice) -> "Points":
@@ -74,7 +75,7 @@ class Characteristic:
 
     @classmethod
     def of(cls, A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, delays: np.ndarray) -> "Characteristic":
-        """Of the opened loop x' = A x + B v, w = C x + D v, v = w after the delays; outputs without delay are closed."""
+        """Of x' = A x + B v, w = C x + D v, v = w after the delays; outputs without delay are closed."""
         now = delays == 0
         if now.any():
             late = ~now
@@ -145,10 +146,13 @@ class Characteristic:
         R, tau = len(self.delays), self.delays
         away = s[:, None] - self.poles
         terms = self.c / away[:, None, :]
-        H, slope = self.D + terms @ self.b, -(terms / away[:, None, :]) @ self.b
-        rows, steep = np.linalg.norm(H, axis=2), np.linalg.norm(slope, axis=2)
+        series = [self.D + terms @ self.b]
+        for _ in range(TERMS):
+            terms = -terms / away[:, None, :]
+            series.append(terms @ self.b)
+        (H, slope, *_), rows = series, np.stack([np.linalg.norm(term, axis=2) for term in series], axis=2)
         with np.errstate(divide="ignore"):
-            turned = np.log(rows) > s.real[:, None] * tau  # |E H| > 1: rows multiplied by exp(s tau)
+            turned = np.log(rows[:, :, 0]) > s.real[:, None] * tau  # |E H| > 1: rows multiplied by exp(s tau)
         e = np.exp(np.where(turned, s[:, None], -s[:, None]) * tau)
         own, shift, plain = np.where(turned, e, 0), np.where(turned, 0, e), turned.astype(float)
         N = -(plain + shift)[:, :, None] * H
@@ -166,17 +170,22 @@ class Characteristic:
         phase = np.angle(np.linalg.slogdet(N)[0]) - known * s.imag
         change = np.trace(M1, axis1=1, axis2=2) - known
         first, spread = np.linalg.norm(M1, axis=(1, 2)), np.linalg.norm(inverse, axis=1)
-        return Points(s, phase, change, first, np.abs(away), *map(np.abs, (own, shift, plain)), rows, steep, spread)
+        return Points(s, phase, change, first, np.abs(away), np.abs(own), np.abs(shift), plain, rows, spread)
 
     def slack(self, p: Points, r: np.ndarray) -> np.ndarray:
         """Largest errors (points) of the predicted phases, |h| <= r (points); infinite where nothing is known."""
         r = r[:, None]
-        inside = (r < 0.99 * p.gaps).all(axis=1)
+        inside: np.ndarray = np.all(r < 0.99 * p.gaps, axis=1)
         gaps = np.where(inside[:, None], p.gaps, np.inf)
-        later = r**2 * ((1 / (gaps**2 * (gaps - r))) @ self._weights)
+        later = r ** (TERMS + 1) * ((1 / (gaps ** (TERMS + 1) * (gaps - r))) @ self._weights)
+        later += np.einsum("pjk,pk->pj", p.rows[:, :, 2:], r ** np.arange(2, TERMS + 1))
         x = np.minimum(r * self.delays, 50.0)
         one, two = np.expm1(x), np.expm1(x) - x
-        rest = p.own * two + p.shift * (two * p.rows + one * r * p.steep + (one + 1) * later) + p.plain * later
+        rest = (
+            p.own * two
+            + p.shift * (two * p.rows[:, :, 0] + one * r * p.rows[:, :, 1] + (one + 1) * later)
+            + p.plain * later
+        )
         rest += ROUNDING * (p.shift + p.plain) * ((1 / gaps) @ self._weights)
         left_out = (p.spread * rest).sum(axis=1)
         F = r[:, 0] * p.first + left_out

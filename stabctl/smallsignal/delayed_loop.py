@@ -5,8 +5,8 @@ has the roots
 
     det M(s) = 0,  M(s) = [s - A, -B; -E C, 1 - E D],  E = exp(-s tau),
 
-infinitely many, of which finitely many are inside a circle around 0 or right of the imaginary axis, if the direct path D
-is small enough. Starting values: every delay as a transport equation, discretized by Chebyshev collocation (D. Breda,
+infinitely many, of which finitely many are inside a circle around 0 or right of the imaginary axis, if the direct path
+D is small enough. Starting values: every delay as a transport equation, discretized by Chebyshev collocation (D. Breda,
 S. Maset, R. Vermiglio, SIAM J. Sci. Comput. 27, 2005). All roots are counted and found as in `root_search`, and their
 vectors by inverse iteration on M.
 """
@@ -33,7 +33,13 @@ NODES = 12  # of a delay, and
 PER_RADIAN = 0.7  # nodes for each radian of phase that it turns at `FAST`
 NODES_AT_MOST = 1500
 EDGES = (0.0, -1e-3, -3e-3, -1e-2)  # 1/s   left edges of the region beyond the circle: the first without roots on it
-DECAYED = (36.0, 30.0, 24.0, 18.0, 12.0)  # exp(-size) in a delay: decay of the fastest roots counted, if rounding hides others
+DECAYED = (
+    36.0,
+    30.0,
+    24.0,
+    18.0,
+    12.0,
+)  # exp(-size) in a delay: decay of the fastest roots counted, if rounding hides others
 ITERATIONS = 20
 CONVERGED = 1e-9  # last correction of a root, relative to 1 + |s|
 SAME = 1e-5  # distance of roots that count as one with several vectors, relative to 1 + |s|
@@ -216,15 +222,20 @@ class DelayedLoop:
             lu = sl.lu_factor(self._whole(s + AWAY * (1 + abs(s)), far)[0], check_finite=False)
             v = np.linalg.qr(sl.lu_solve(lu, slope @ v, check_finite=False))[0]
             w = np.linalg.qr(sl.lu_solve(lu, slope.conj().T @ w, trans=2, check_finite=False))[0]
-            size = w.conj().T @ slope @ v
+            # small eigenvalue problem of the corrections of all its values
+            steps, Q = np.linalg.eig(np.linalg.pinv(w.conj().T @ slope @ v) @ (w.conj().T @ M @ v))
+            v = v @ Q
             if times > 1 and k:
                 break
-            step = complex((w.conj().T @ M @ v)[0, 0] / size[0, 0]) if times == 1 and size[0, 0] else 0j
-            s = s - step
+            step = complex(steps.mean())
+            s = s - step if np.isfinite(step) and times == 1 else s
             if k and abs(step) < CONVERGED * (1 + abs(s)):
                 break
-        w = w @ np.linalg.pinv(size).conj().T
-        every = [s] if times == 1 else given
+        w = w @ np.linalg.pinv(w.conj().T @ slope @ v).conj().T
+        every = np.array([s]) if times == 1 else s - steps
+        if not np.abs(every - given.mean()).max() < SAME * (1 + abs(s)):
+            every = given
+        every = np.where(given.imag == 0, every.real, every)
         return [Root(complex(one), v[:n, k], w[:n, k]) for k, one in enumerate(every)]
 
     def _whole(self, s: complex, far: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -238,6 +249,8 @@ class DelayedLoop:
         turned = np.where(far, 0, tau * shift)[:, None]
         slope[n:, :n], slope[n:, n:] = turned * self.C, np.diag(np.where(far, tau * own, 0)) + turned * self.D
         return M, slope
+
+
 def _nodes(tau: float, fast: float) -> int:
     """Chebyshev nodes of a delay (s)."""
     return NODES + int(np.ceil(PER_RADIAN * 2 * np.pi * fast * tau)) if tau else 0

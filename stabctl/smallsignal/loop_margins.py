@@ -4,7 +4,7 @@ With the loop gain L(jw), sign of negative feedback, the loop is unstable where 
 
     gain margins     k = 1 / |L| where L < 0: the smallest above 1 and the largest below
     phase margin     smallest angle of -L where |L| = 1
-    delay margin     smallest angle of -L, from 0 to 360 deg, over w where |L| = 1
+    delay margin     smallest angle of -L, from 0 to 360 deg, over w where |L| = 1; 0 if |L| >= 1 for w = inf
     disk margin      smallest 2 |1 + L| / |1 - L|: gain and phase may change together inside a disk
 
 The disk margin a is the symmetric one, 1 / max |S - T| / 2: gains from (2 - a)/(2 + a) to (2 + a)/(2 - a) or phases up
@@ -157,6 +157,8 @@ def _margins(
     angles = [float(np.angle(-given(f))) for f in crossings]
     phase = min(((float(np.rad2deg(abs(a))), f) for a, f in zip(angles, crossings, strict=True)), default=None)
     late = min(((a % (2 * np.pi) / (2 * np.pi * f), f) for a, f in zip(angles, crossings, strict=True)), default=None)
+    if abs(ends.get(np.inf, 0.0)) >= 1:
+        late = 0.0, np.inf  # without a lag: any delay turns a gain above 1 around at some frequency
     return LoopMargins(
         name,
         *min((one for one in factors if one[0] > 1), default=(np.inf, np.nan)),

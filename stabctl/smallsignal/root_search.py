@@ -1,6 +1,6 @@
 """All roots of a loop with delays in a region: counted by the argument principle, then found until as many are known.
 
-Region: |s| < radius with Re s > -left, and every s with Re s >= edge, edge <= 0. Beyond a bound no root has Re s >= edge
+Region: |s| < radius with Re s > -left, and every s with Re s > edge, edge <= 0. Beyond a bound no root has Re s > edge
 (`Characteristic.bound`), so the path around the region runs from there down along Re s = edge and around the circle.
 Starting values are corrected by Newton's method; of those that meet, a small circle tells how many roots they are. What
 is then still missing is enclosed by rectangles that are counted, halved, and searched without the roots known.
@@ -188,7 +188,9 @@ def _searched(f: Characteristic, region: Region, found: np.ndarray) -> np.ndarra
         if missing <= 0:
             continue
         size = box.high - box.low
-        starts = box.low + np.array([complex(x * size.real, y * size.imag) for x in (0.2, 0.5, 0.8) for y in (0.3, 0.7)])
+        starts = box.low + np.array(
+            [complex(x * size.real, y * size.imag) for x in (0.2, 0.5, 0.8) for y in (0.3, 0.7)]
+        )
         for s in starts:
             more, _ = newton(f, np.array([s]), _both(found))
             if len(more) and region.holds(more)[0]:

@@ -89,6 +89,41 @@ def test_the_margins_of_one_loop_are_those_of_the_eigenvalues(base, options):
         assert found.delay == pytest.approx(loop.delay, abs=2e-5)
 
 
+@pytest.mark.parametrize(
+    ("reads", "gain", "delay", "hz"), [("pe:1", -50, 86.73e-3, 4.070), ("voltage:7", -3, 364.9e-3, 0.6218)]
+)
+def test_a_crossover_that_leads_has_almost_a_turn_of_delay(base, reads, gain, delay, hz):
+    """There the angle of -L is negative, so delay does not lead to -1 at once: the other crossover decides."""
+    lag = S / (1 + 0.02 * S) if reads == "voltage:7" else 3 * S / (1 + 3 * S) / (1 + 0.05 * S)
+    one = st.Controller.from_control(gain * lag, reads, "order:1@5")
+    found = base.margins(one)
+    (loop,) = found.loops
+    assert loop.phase_hz < 0.97 * loop.delay_hz
+    assert loop.phase_deg / 360 / loop.phase_hz != pytest.approx(loop.delay, rel=0.2)
+    assert loop.delay == pytest.approx(delay, rel=1e-3)
+    assert loop.delay_hz == pytest.approx(hz, rel=1e-3)
+    assert found.delay == pytest.approx(loop.delay, abs=2e-5)  # by the roots
+    for more, stable in ((0.99, True), (1.01, False)):
+        assert base.closed_loop(one.delayed(more * delay)).modes().stable == stable
+
+
+def test_a_direct_path_above_1_allows_no_delay(base):
+    """Stable without delay, but the order moves the line power at once, with a gain of 3.15: a neutral loop."""
+    one = st.Controller.from_control(3 * S / (1 + 0.02 * S), "flow:7-8", "order:1@5")
+    found = base.margins(one)
+    assert found.delay == 0
+    assert found.loops[0].delay == 0
+    late = base.closed_loop(one.delayed("1ms"))
+    modes = late.modes()
+    assert modes.counted is None
+    assert not modes.certified
+    assert not modes.stable
+    assert "cannot be counted" in str(modes)
+    assert late.eigenvalues().real.max() > 0
+    with pytest.raises(StudyError, match="unstable"):
+        base.margins(one.delayed("1ms"))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("rate", [None, 60])
 def test_each_output_alone_loses_stability_at_its_margins(base, rate):

@@ -58,6 +58,25 @@ def test_every_root_closes_the_loop_and_none_is_missing(base, delay):
     assert np.abs(sums - 1).max() < 1e-2  # 7e-5 of the slowest: Pade in the rows of the delay
 
 
+def test_the_direct_path_of_a_delayed_loop_is_in_its_roots(base):
+    """Line power and terminal power follow orders at once: det(1 - K P exp(-s tau)) = 0 with two delays."""
+    gains = np.array([[4.0, -1.0], [1.5, 3.0]])
+    reads, drives, delays = ("flow:7-8", "pe:3"), ("order:1@5", "order:3@11"), (0.12, 0.23)
+    none = np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0))
+    own = [st.Controller(reads, (drives[k],), *none, gains[k : k + 1], delay=delays[k]) for k in range(2)]
+    modes = base.closed_loop(*own).modes()
+    plant = base.linearize(drives, reads).to_control()
+    assert np.abs(plant.D).min() > 1e-3
+    assert modes.certified
+    one, checked = np.eye(2), 0
+    for s in modes.eigenvalues:
+        if s.real > -10 and np.abs(np.linalg.eigvals(plant.A) - s).min() > 1e-2:
+            loop = one - np.exp(-s * np.array(delays))[:, None] * (gains @ plant(s))
+            assert np.linalg.svd(loop, compute_uv=False)[-1] < 1e-9
+            checked += 1
+    assert checked > 10
+
+
 def test_several_delays(base):
     """With all delays short, the modes are those without; the correction grows with the delay."""
     loop = base.closed_loop(damper("100ms"), stabilizer("50ms"), stabilizer(0.0))
