@@ -195,8 +195,8 @@ def accuracy(console: Console) -> None:
                 own_step = next((h for h in OWN if missed(mine, h, fine_mine) <= off), OWN[-1])
                 speed, taken = mine(own_step, ROUNDS_SLOW)
                 console.print(
-                    f"{name}, {len(given.machines)} machines: ANDES 1/{1 / step:.0f} s, {off:.2g} mHz, {seconds:.3g} s; "
-                    f"stabctl 1/{1 / own_step:.0f} s, {error(speed, fine_mine):.2g} mHz, {taken:.3g} s; "
+                    f"{name}, {len(given.machines)} machines: ANDES 1/{1 / step:.0f} s, {off:.2g} mHz, "
+                    f"{seconds:.3g} s; stabctl 1/{1 / own_step:.0f} s, {error(speed, fine_mine):.2g} mHz, {taken:.3g} s; "
                     f"ratio {seconds / taken:.3g}"
                 )
 
