@@ -196,8 +196,8 @@ def accuracy(console: Console) -> None:
                 speed, taken = mine(own_step, ROUNDS_SLOW)
                 console.print(
                     f"{name}, {len(given.machines)} machines: ANDES 1/{1 / step:.0f} s, {off:.2g} mHz, "
-                    f"{seconds:.3g} s; stabctl 1/{1 / own_step:.0f} s, {error(speed, fine_mine):.2g} mHz, {taken:.3g} s; "
-                    f"ratio {seconds / taken:.3g}"
+                    f"{seconds:.3g} s; stabctl 1/{1 / own_step:.0f} s, {error(speed, fine_mine):.2g} mHz, "
+                    f"{taken:.3g} s; ratio {seconds / taken:.3g}"
                 )
 
 
