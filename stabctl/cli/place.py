@@ -97,7 +97,7 @@ def place(
     case: groups.CaseOptions,
     as_json: options.Json = False,
 ) -> None:
-    """Find the cheapest storage fleet that survives every contingency in simulation."""
+    """Search for the cheapest storage fleet that survives every contingency in simulation."""
     from stabctl.estimation.estimator_control import EstimatorControl
     from stabctl.placement.place import place
     from stabctl.placement.siting import Costs

@@ -1,1 +1,1 @@
-"""Siting and sizing of storage: the cheapest fleet that survives a list of contingencies."""
+"""Siting and sizing of storage: a search for the cheapest fleet that survives a list of contingencies."""

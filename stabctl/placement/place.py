@@ -65,7 +65,7 @@ def place(
     scheduler: str | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> Siting:
-    """Find the cheapest storage fleet that survives every contingency in nonlinear simulation.
+    """Search for the cheapest storage fleet that survives every contingency in nonlinear simulation.
 
     Parameters
     ----------

@@ -138,7 +138,7 @@ def random_relays(count, seed=2):
 
 @pytest.mark.slow
 def test_other_systems_agree_as_the_page_says():
-    """Of 15 relays that oscillate on, half of the frequencies are within 3 %, four of five within 6 %; one is 46 % off."""
+    """Of 15 that oscillate on, half of the frequencies are within 3 %, four of five within 6 %; one is 46 % off."""
     off = []
     for trial in random_relays(24):
         base = trial.base()
