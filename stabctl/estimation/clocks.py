@@ -3,7 +3,7 @@
 The phasors of a machine without PMU are sums of reports with parts V_r, I_r. Clock errors b, constant and of known
 variance, turn each part by j b_r, and so the measured angle, power and current by
 
-    a b,  a_r = Re((V_r + Z I_r)(1 + j t)/E),      p b,  p_r = -Im(V_r I* + V* I_r),      i b,  i_r = -Im(I_r e^(-j delta)).
+    a b,  a_r = Re((V_r + Z I_r)(1 + j t)/E),   p b,  p_r = -Im(V_r I* + V* I_r),   i b,  i_r = -Im(I_r e^(-j delta)).
 
 The errors b are not estimated, but their covariance C = E[e b'] with the error e of the states is kept. Over a frame
 C' = F C + G, where G follows from p and i as the states do from P and iq. An innovation y = a b + v - h e has
@@ -18,6 +18,7 @@ import numpy as np
 
 from .filter_bank import Seen
 from .frame_kernels import Constants, Kept
+from .instrument import Parts
 from .measured import Measured
 
 
@@ -63,7 +64,7 @@ class Clocks:
         return both + both.swapaxes(-1, -2) + self.variance * G @ G.swapaxes(-1, -2)
 
     def observe(self, seen: Seen, report: Measured, turn: np.ndarray, P: np.ndarray) -> Seen:
-        """What the report says, E ahead of the rotor by `turn`: slope and variance of the filter that considers clocks."""
+        """What the report says, E ahead of the rotor by `turn`: slope and variance that consider the clocks."""
         assert self.C is not None
         self._a = a = self._of_angle(report, turn)
         self._slope = seen.slope
@@ -80,7 +81,7 @@ class Clocks:
         assert self.C is not None
         left = self.variance * self._a - (self._slope[..., None, :] @ self.C)[..., 0, :]
         self.C = self.C + gain[..., None] * left[..., None, :]
-        self.C[seen.frame.received & ~seen.frame.parts.computed] = 0.0  # a PMU of its own again
+        self.C[seen.frame.received & ~_parts(seen).computed] = 0.0  # a PMU of its own again
         self._i = np.where(seen.frame.received[..., None], self._of_input(seen, angle)[1], self._i)
 
     def _of(self, parts: np.ndarray) -> np.ndarray:
@@ -90,12 +91,18 @@ class Clocks:
 
     def _of_angle(self, seen: Measured, turn: np.ndarray) -> np.ndarray:
         """a, where the angle of E is `turn` (rad) ahead of the rotor."""
-        parts = seen.frame.parts
+        parts = _parts(seen)
         tilt = (1 + 1j * np.tan(turn)) / seen.E
         return self._of((parts.V + self._known.impedance[:, None] * parts.I) * tilt[..., None]).real
 
     def _of_input(self, seen: Measured, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """p and i with the rotors at these angles (rad), pu of the machines."""
-        parts, mva = seen.frame.parts, self._known.mva[:, None]
+        parts, mva = _parts(seen), self._known.mva[:, None]
         S = parts.V * (seen.I.conj())[..., None] + seen.V.conj()[..., None] * parts.I / mva
         return -self._of(S).imag, -self._of(parts.I / mva * np.exp(-1j * angle)[..., None]).imag
+
+
+def _parts(seen: Measured) -> Parts:
+    """The parts of the phasors, of a frame that has computed ones."""
+    assert seen.frame.parts is not None
+    return seen.frame.parts

@@ -5,8 +5,8 @@
 Every speed is extrapolated to the present with its acceleration, s + a t, t its age but at most `REACH`. A machine
 without a report stays in both sums, with a growing variance.
 
-Where the network was switched after the time stamp of an estimate, the acceleration has changed since then by an unknown
-share of |P|/2H, and the speed by this times the time since the switching: the whole of it for the own estimate and for
+Where the network was switched after the time stamp of an estimate, the acceleration has changed since then by an
+unknown share of |P|/2H, and the speed by this times the time since the switching: the whole of it for the own estimate and for
 machines without a PMU, `SHARED` of it for those of the others, which change together.
 """
 
@@ -31,7 +31,9 @@ class Deviations(NamedTuple):
     speed: np.ndarray  # pu
     acceleration: np.ndarray  # pu/s
     sigma: np.ndarray  # pu   standard deviation of the speed
-    usable: np.ndarray  # bool   the own estimate is valid, those of enough of the island too, and sigma is below `LIMIT`
+    usable: (
+        np.ndarray
+    )  # bool   the own estimate is valid, those of enough of the island too, and sigma is below `LIMIT`
     own: Estimate  # as the machines know it, with slips and their variance extrapolated to the present
     remote: Estimate  # as others know it, the same
 

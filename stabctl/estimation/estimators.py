@@ -127,7 +127,7 @@ class Filtered:
     def error(self, delta: np.ndarray, slip: np.ndarray) -> np.ndarray:
         """Normalized squared error (NEES) of angle and speed (seeds, machines), chi-square with two degrees.
 
-        The clock of a machine's own PMU turns its angle alone, and is not known to the filter: its variance is added here.
+        The clock of a machine's own PMU turns its angle alone, and is not known to the filter: its variance is added.
         """
         assert self.bank is not None
         x, P = self._known(self.bank)

@@ -2,7 +2,8 @@
 
     predict   x = f(x), P = F P F' + Q
     gate      y = z - h(x) (wrapped), S = h P h' + R, NIS = y^2/S; a report beyond the 0.999 quantile of chi-square(1)
-              is rejected; after `rejections` in a row, lost ones included, the next is accepted with a larger covariance (P + y^2 reset)
+              is rejected; after `rejections` in a row, lost ones included, the next is accepted with a larger
+              covariance (P + y^2 reset)
     update    K = P h'/S, x = x + K y, P = (1 - K h) P (1 - K h)' + K R K', h = dh/dx
 A lost report is a prediction without an update.
 """

@@ -139,7 +139,9 @@ def spread(x, P, variance, of_current, received, c, kept, change, window, settin
                 c.drive[i, 0, 0] * sqrt(noise) + first * further,
                 c.drive[i, 1, 0] * sqrt(noise) + second * further,
             )
-            current = hidden[k, i, 2] + abs(kept.current[k, i] + change[k, i]) * hidden[k, i, 0]  # iq depends on the angle
+            current = (
+                hidden[k, i, 2] + abs(kept.current[k, i] + change[k, i]) * hidden[k, i, 0]
+            )  # iq depends on the angle
             between = hidden[k, i, 0], hidden[k, i, 1], 0.0, first * current, second * current
             process_covariance(k, i, c, Q, together * dP, m, power, flux, driven, between)
 

@@ -1,4 +1,4 @@
-"""The claims of the filters hold wherever they are made: a grid of faults, missing PMUs, rates, classes, losses, clocks.
+"""The claims of the filters over a grid of faults, missing PMUs, rates, filter classes, losses, clocks.
 
 For every machine and window (before the fault, in it, 0.2 s after it is cleared, later), the NEES of angle and speed
 (2 on average if the covariance is right) is averaged over the frames of all seeds in which `usable` is True, at the
