@@ -62,8 +62,9 @@ def test_the_direct_path_of_a_delayed_loop_is_in_its_roots(base):
     """Line power and terminal power follow orders at once: det(1 - K P exp(-s tau)) = 0 with two delays."""
     gains = np.array([[4.0, -1.0], [1.5, 3.0]])
     reads, drives, delays = ("flow:7-8", "pe:3"), ("order:1@5", "order:3@11"), (0.12, 0.23)
-    none = np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0))
-    own = [st.Controller(reads, (drives[k],), *none, gains[k : k + 1], delay=delays[k]) for k in range(2)]
+    slow, into, out = np.array([-5.0, -8.0]), np.array([[3.0, -2.0], [1.0, 4.0]]), np.array([2.0, -1.5])
+    parts = [(slow[k : k + 1, None], into[k : k + 1], out[k : k + 1, None], gains[k : k + 1]) for k in range(2)]
+    own = [st.Controller(reads, (drives[k],), *parts[k], delay=delays[k]) for k in range(2)]
     modes = base.closed_loop(*own).modes()
     plant = base.linearize(drives, reads).to_control()
     assert np.abs(plant.D).min() > 1e-3
@@ -71,7 +72,8 @@ def test_the_direct_path_of_a_delayed_loop_is_in_its_roots(base):
     one, checked = np.eye(2), 0
     for s in modes.eigenvalues:
         if s.real > -10 and np.abs(np.linalg.eigvals(plant.A) - s).min() > 1e-2:
-            loop = one - np.exp(-s * np.array(delays))[:, None] * (gains @ plant(s))
+            K = gains + (out / (s - slow))[:, None] * into
+            loop = one - np.exp(-s * np.array(delays))[:, None] * (K @ plant(s))
             assert np.linalg.svd(loop, compute_uv=False)[-1] < 1e-9
             checked += 1
     assert checked > 10
