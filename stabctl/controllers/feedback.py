@@ -1,7 +1,7 @@
 """Continuous laws on speed and acceleration (the paper, section 3, eq. (13) and (14)), as orders of storage devices.
 
-In the one-machine theory the power depends on the acceleration that it causes. Here an order reads the acceleration of the
-stage of the integration before, which gives the same result within a few steps while |Ka| stays below 2H/wb.
+In the one-machine theory the power depends on the acceleration that it causes. Here an order reads the acceleration of
+the stage of the integration before, which gives the same result within a few steps while |Ka| stays below 2H/wb.
 """
 
 from dataclasses import dataclass
