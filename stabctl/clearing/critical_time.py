@@ -16,7 +16,7 @@ from stabctl.simulation.simulate import checked_control
 
 from .last_stable import last_stable
 from .result import ClearingTime
-from .search import Search
+from .search import ABOVE, Search
 from .trial import Run, Trial
 
 APART = 0.5  # cycles   of which the first guess is a multiple
@@ -63,8 +63,9 @@ def clearing_time(
         `observe`.
     scan : str or float
         Range below and above the answer in which every eighth of a cycle (every point of a coarser grid) is tried:
-        "4cyc", or seconds; with 0 only the fault half a cycle shorter is tried. By default 4 cycles above, and 4 below
-        unless the swings of the answer decay or are very small; then only half a cycle below.
+        "4cyc", or seconds; with 0 only the fault half a cycle shorter is tried. By default 4 cycles above, and below as
+        the last swings of the answer demand: 2 cycles, 1 if they are below 60 degrees and do not grow, and half a
+        cycle if they decay or are below 30 degrees.
     progress : callable, optional
         Called after every simulation.
 
@@ -88,7 +89,7 @@ def clearing_time(
         scan=scan,
         longest=longest,
     )
-    search = replace(search, above_cycles=search.range_cycles)
+    search = replace(search, above_cycles=ABOVE if search.scan_cycles is None else search.scan_cycles)
     trial = Trial(point, _one(contingency), checked_control(control, point.case), search)
     return critical(trial, progress=progress)
 

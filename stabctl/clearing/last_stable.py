@@ -44,8 +44,9 @@ def last_stable(
     Starts at a guess and moves up in growing steps. The excess energy of unstable runs is extrapolated to zero over the
     square of the clearing time; if that does not help, the interval is divided. Shorter faults are tried as well: if
     one is unstable, in a later swing, the answer lies below it. They are those of `always`, and those of `lasting`
-    unless the swings of the answer are calm; at the last point of the grid it suffices that they have settled.
-    Multiples of `coarse` come before the points between them, so that a finer grid gives the same answer, only finer.
+    unless the swings of the answer are calm; the nearer half of them if the swings have settled, and none if the answer
+    is the last point of the grid, too. Multiples of `coarse` come before the points between them, so that a finer grid
+    gives the same answer, only finer.
     """
     tried: dict[int, Run] = {}
     low, high = -1, last + 1
@@ -63,8 +64,9 @@ def last_stable(
             break
         else:
             swings = tried[low].swings
-            calm = swings is not None and (swings.calm or (low == last and swings.settled))
-            gap = _gap(low, tried, always) or (0 if calm else _gap(low, tried, lasting))
+            settled, calm = swings is not None and swings.settled, swings is not None and swings.calm
+            number = 0 if calm or (settled and low == last) else -(-lasting.number // 2) if settled else lasting.number
+            gap = _gap(low, tried, always) or _gap(low, tried, lasting._replace(number=number))
             if not gap:
                 break
             k = max(low - gap, 0)

@@ -10,8 +10,8 @@ from stabctl.simulation.criterion import DEFAULT, Criterion, checked
 from stabctl.units import cycles, seconds
 
 LONGEST_SCAN = 600.0  # cycles
-AUTO = "auto"  # a scan of `RANGE`, below an answer only if its swings are not calm
-RANGE = 4.0  # cycles
+AUTO = "auto"  # a scan of `BELOW`, as the swings of the answer demand, and of `ABOVE`
+BELOW, ABOVE = 2.0, 4.0  # cycles
 SPACING = 0.125  # cycles between the faults of a scan, and between those tried first on a finer grid
 HALF = 0.5  # cycles   between an answer and the one shorter fault that is always tried
 
@@ -81,7 +81,7 @@ class Search:
     @property
     def range_cycles(self) -> float:
         """Range below the answer in which others are tried, if they are."""
-        return RANGE if self.scan_cycles is None else self.scan_cycles
+        return BELOW if self.scan_cycles is None else self.scan_cycles
 
     def scan(self, reach: float) -> Scan:
         """The faults tried on one side of the answer, over a range in cycles."""

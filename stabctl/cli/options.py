@@ -201,7 +201,7 @@ Scan = Annotated[
         metavar="TIME",
         parser=lambda text: text if text == "auto" else time(text),
         help="Range below and above the critical clearing time that is scanned in steps of 1/8 cycle; 0 for none; "
-        "auto: 4cyc, but below it only if the swings neither decay nor are very small.",
+        "auto: 4cyc above, and 0.5cyc to 2cyc below, as its swings demand.",
     ),
 ]
 Limit = Annotated[
