@@ -13,6 +13,9 @@ from scipy.linalg.lapack import dgebal, zgetrf, zgetrs
 from .reach import Front, Fronts, Through
 from .units import TERMS, Series, Units, series
 
+WEAK = 1e-4  # coupling, relative to the largest, below which a front need not be balanced
+WORSE = 1.5  # norm, relative to that balanced in full, with which it need not be
+
 
 class Member(NamedTuple):
     """Units of a group that belong to a front and share no voltage."""
@@ -96,13 +99,26 @@ def _inverse(N: np.ndarray) -> tuple[float, np.ndarray]:
 
 def _front(phase: float, inverse: np.ndarray, E: np.ndarray, members: list[Member], seen: list[Series]) -> Front:
     size = _squared(E)
-    scale = dgebal(np.sqrt(size[0]), scale=1, permute=0)[3]
+    scale = _balance(size)
     norms = np.sqrt(size @ scale**2 @ scale**-2)
     columns = scale**-2 @ _squared(inverse)
     weights = [np.zeros(len(group.root)) for group in seen]
     for group, rows, at in members:
         weights[group][rows] += np.sqrt(columns[at].sum(axis=1)) * scale[at].max(axis=1)
     return Front(phase, inverse, np.trace(E, axis1=1, axis2=2), scale, norms, weights)
+
+
+def _balance(size: np.ndarray) -> np.ndarray:
+    """Scales of the voltages of a front, from the squares of the magnitudes of its terms.
+
+    Couplings that grow weaker from device to device in one direction have scales of any size, which would enlarge those
+    with the separators. They are used only where the norm of the first term requires it.
+    """
+    first = np.sqrt(size[0])
+    mild, full = (dgebal(first + k * first.max(), scale=1, permute=0)[3] for k in (WEAK, 0.0))
+    norm = [float(size[0] @ scale**2 @ scale**-2) for scale in (mild, full)]
+    found: np.ndarray = mild if norm[0] <= WORSE**2 * norm[1] else full
+    return found
 
 
 def _squared(values: np.ndarray) -> np.ndarray:

@@ -15,8 +15,9 @@ from stabctl.dynamics import operating_point
 from stabctl.model.replicate import replicate
 from stabctl.smallsignal import analyze, descriptor, krylov, linearize
 from stabctl.smallsignal.count import OnBoundaryError, Sector, count
+from stabctl.smallsignal.fronts import Area, Member, Network, _balance
 from stabctl.smallsignal.network import network
-from stabctl.smallsignal.units import TERMS, series
+from stabctl.smallsignal.units import TERMS, Units, series
 
 app = typer.Typer()
 app.command("modes")(command)
@@ -230,3 +231,37 @@ def test_the_method_takes_sparse(point, modes):
     assert few.certified
     assert len(few) == few.counted == 8
     assert len(point("ieee39").modes(sparse=False)) == len(modes("ieee39"))
+
+
+def test_couplings_that_grow_weaker_have_no_scales_of_any_size():
+    """Beside stronger couplings the scales of a chain do not matter, and would enlarge what goes through its ends."""
+    n = 16
+    chain = np.diag(np.full(n - 1, 1e-3), 1) + np.diag(np.full(n - 1, 1e-11), -1) + 1e-13 * np.eye(n)
+    size = np.zeros((1, n + 2, n + 2))
+    size[0, :n, :n], size[0, n:, n:] = chain**2, [[0.5, 0.4], [0.3, 0.5]]
+    scale = _balance(size)
+    assert scale.max() / scale.min() < 1e6  # balanced in full: 1e41
+    assert size[0] @ scale**2 @ scale**-2 < 2
+    scale = _balance(size[:, :n, :n])  # alone it is balanced in full, to the norm of the couplings both ways
+    assert np.sqrt(size[0, :n, :n] @ scale**2 @ scale**-2) < 1e-4  # 2e-5, and 4e-3 without
+
+
+def test_couplings_almost_in_one_direction_do_not_stop_the_count():
+    """A chain of devices that act on the next one far more than on the one before."""
+    rng, n = np.random.default_rng(5), 14
+    F = rng.uniform(-0.5, -0.05, n)[:, None, None] * np.eye(2) + rng.uniform(2, 9, n)[:, None, None] * [[0, 1], [-1, 0]]
+    B, C = rng.uniform(0.1, 0.4, (2, n, 2, 1))
+    Y = np.diag(rng.uniform(0.4, 0.5, n + 1)) + np.diag(rng.uniform(1, 2, n), 1)
+    Y[np.arange(1, n), np.arange(n - 1)] = -1e-10
+    Y[n] = Y[:, n] = 0.3
+    Y[n, n] = 3
+    group = Units(F, B, C.transpose(0, 2, 1), np.arange(n)[:, None])
+    area = Area(Y[:n, :n], Y[:n, n:], Y[n:, :n], np.array([0]), [Member(0, np.arange(n), np.arange(n)[:, None])])
+    system = Network([group], [area], Y[n:, n:], [])
+    x, v = np.arange(2 * n).reshape(n, 2), np.arange(n)
+    A, into, out = np.zeros((2 * n, 2 * n)), np.zeros((2 * n, n + 1)), np.zeros((n + 1, 2 * n))
+    A[x[:, :, None], x[:, None, :]], into[x, v[:, None]], out[v[:, None], x] = F, B[:, :, 0], C[:, :, 0]
+    values = np.linalg.eigvals(A - into @ np.linalg.solve(Y, out))
+    assert system.fronts(1 + 5j).reach() > 0.05
+    sector = Sector(1.0, 12.0, -0.4, 0.2)
+    assert count(system, sector) == sector.holds(values).sum() > 5

@@ -131,6 +131,24 @@ def test_the_count_of_a_power_system_is_that_of_brute_force(base, delay):
     assert counted == brute(loop, region, 3000)
 
 
+@pytest.mark.slow
+def test_ten_outputs_of_ieee39_with_300_ms(cases):
+    """3 s of delay in all, and the poles of ten equal washouts nearly at one place."""
+    point = cases("ieee39").initialize(storage="200MW")
+    loop = point.closed_loop(*(washout(one.machine, one.bus) for one in point.case.storage))
+    modes = loop.modes()
+    region, counted = loop.opened.counted(loop.opened.characteristic(loop.rotation()))
+    assert modes.certified
+    assert modes.counted == counted + 1 == brute(loop.opened, region, 1500) > 150  # 186
+
+
+def washout(machine, bus):
+    """40 * 3 s / (1 + 3 s) / (1 + 0.05 s)."""
+    A, B, C = np.array([[-1 / 3, 0.0], [-20 / 3, -20.0]]), np.array([[1.0], [20.0]]), np.array([[0.0, 40.0]])
+    names = (f"deviation:{machine}",), (f"order:{machine}@{bus}",)
+    return st.Controller(*names, A, B, C, np.zeros((1, 1)), delay="300ms", name=f"damper {machine}")
+
+
 @pytest.mark.parametrize("delay", ["700ms", "1.5s"])
 def test_deviations_of_all_machines_with_long_delays_are_certified(base, delay):
     modes = base.closed_loop(proportional(40, delay)).modes()
