@@ -82,6 +82,8 @@ class Feedback(Law):
         return Par(self.deadband / device.frequency, self.min_voltage, *gains, float(self.braking))
 
     def gains(self, device: Device) -> tuple[float, float, float]:
-        """Slopes of the order, as in `Law.gains`."""
+        """Slopes of the order, as in `Law.gains`; 0 of speed if the power is full from the edge of the deadband on."""
         par = self.par(device)
+        if par.speed_gain * par.deadband >= 1:
+            par = par._replace(speed_gain=0.0)
         return 0.0 if self.braking else par.speed_gain, par.acceleration_gain, 0.0

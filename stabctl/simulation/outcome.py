@@ -72,6 +72,7 @@ class End(NamedTuple):
     frequency: float  # pu   of the critical phase-locked loop
     stalled: Stalled  # motor loads
     cycling: dict[str, float]  # 1/s   storage devices in a limit cycle, and how often they reverse
+    too_fast: tuple[float, float] | None  # 1/s, s   fastest eigenvalue of a closed loop that the step is too long for
 
 
 def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
@@ -121,8 +122,19 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
             everything = "All machines and converters" if converters else "All machines"
             text = f"{everything} stayed in synchronism until {t:.3f} s{_within(point, end, criterion)}."
     sentences = (cut, text, str(end.swings or "")) if end.verdict == stepper.DONE else (text, cut)
-    message = " ".join(s for s in (*sentences, str(end.stalled), _cycling(end)) if s)
+    message = " ".join(s for s in (*sentences, str(end.stalled), _cycling(end), _too_fast(end)) if s)
     return Outcome(kind, message, t, machine, blamed, end.swings, end.stalled.buses, tuple(end.cycling))
+
+
+def _too_fast(end: End) -> str:
+    """A sentence on a closed loop that the step is too long for; empty if there is none."""
+    if end.too_fast is None:
+        return ""
+    loop, step = end.too_fast
+    return (
+        f"The control closes a loop with an eigenvalue near {loop:.3g} 1/s, too fast for the step of {1e3 * step:.3g} ms: "
+        "its orders may chatter, and the run cannot be trusted; reduce its gain, or give a shorter step."
+    )
 
 
 def _cycling(end: End) -> str:

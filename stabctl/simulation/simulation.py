@@ -278,6 +278,7 @@ class Simulation:
             verdict, instant, self._stage, self.speed, self._frame.weight, rotor, bus, outside,
             tuple(self._taken_off), last, self._loop_frequency(verdict, rotor),
             stalled(self.point, self._space.s, self._stage.net.alive), self._cycling(),
+            None if steps.trusted(self.step, self.loop) else (self.loop, self.step),
         )  # fmt: skip
         return outcome(self.point, end, self.criterion)
 

@@ -17,6 +17,7 @@ from stabctl.errors import StudyError
 from stabctl.schema import hints
 
 STEP = 1 / 120  # s   default
+SHORTEST = 1e-4  # s   default step for a closed loop
 LEAST_STEP = 1e-7  # s
 FEW = 100  # steps that are always affordable
 MOST = 50_000_000  # steps of a run
@@ -28,12 +29,16 @@ NEAR = 3.0  # between the inverse of a time constant and the eigenvalue that it 
 def checked(point: OperatingPoint, step: float | None, loop: float = 0.0) -> float:
     """The step given, or the default one (s); `loop` is the fastest eigenvalue of closed loops (1/s).
 
+    A loop that needs a default step of less than `SHORTEST` is not followed (`trusted`).
     Raises `StudyError` if the step is not stable, or far too short.
     """
     fastest, moving = max(_fastest(point), loop), max(point.fastest, loop)
     longest = REACH / fastest if fastest else math.inf  # infinite buses alone do not move
     if step is None:
-        return min(STEP, longest, REACH / moving / 2 if moving else math.inf)
+        without = checked(point, None) if loop else math.inf
+        return max(
+            min(STEP, longest, REACH / moving / 2 if moving else math.inf), min(SHORTEST, without) if loop else 0
+        )
     if not LEAST_STEP <= step < np.inf:
         raise StudyError(f"The step {step:g} s is not allowed; it must be at least {LEAST_STEP:g} s.")
     if step > longest:
@@ -43,6 +48,11 @@ def checked(point: OperatingPoint, step: float | None, loop: float = 0.0) -> flo
             f"{fastest:.0f} 1/s{because}; give at most {longest:.3g} s."
         )
     return step
+
+
+def trusted(step: float, loop: float) -> bool:
+    """Whether a step (s) is short enough for the closed loops, whose fastest eigenvalue is `loop` (1/s)."""
+    return step * loop <= REACH
 
 
 def standstill(point: OperatingPoint) -> tuple[float, str]:

@@ -21,7 +21,7 @@ from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 
-from .characteristic import growing
+from .characteristic import Characteristic, growing
 from .closed_loop import joined
 from .delayed_loop import DelayedLoop
 from .eigen import GROWING
@@ -35,6 +35,9 @@ LATEST = 2.0  # s   largest delay that is tried
 GAINS = (1e-3, 1e3)  # smallest and largest factor of the gains that is tried
 STEPS = 2e-4, 0.02  # s   smallest and largest step of the delays that are tried
 SLOW = 0.01  # s   delay margins beyond this are found to 0.01 ms, smaller ones to 0.1 %
+POINTS = 1500  # frequencies between which an eigenvalue of magnitude 1 is looked for, and
+HALVINGS = 50  # of the distance between two of them
+TURNS = 20  # of the eigenvalue by a delay, at most
 LATER = 1.0  # s   added to all delays while a loop is taken apart, so that no output is without
 
 
@@ -142,8 +145,10 @@ def _found(point: OperatingPoint, own: list[Named]) -> Margins:
     loops = single_loops(point, own, poles, fast)
     if rates:
         return Margins(_first(1 / min(rates), lambda more: stable(1.0, more)), up, down, *loops)
-    bound = f.later(-LATER).bound() if f else 0.0
-    late = _delay(bound, lambda more: stable(1.0, more)) if np.isfinite(bound) else 0.0
+    assert f is not None  # without rates
+    now = f.later(-LATER)
+    bound = now.bound()
+    late = _delay(now, bound, lambda more: stable(1.0, more)) if np.isfinite(bound) else 0.0
     return Margins(late, up, down, *loops)
 
 
@@ -169,8 +174,20 @@ def _first(step: float, good: Callable[[float], bool]) -> float:
     return float("inf")
 
 
-def _delay(bound: float, good: Callable[[float], bool]) -> float:
-    """Smallest further delay with which the loop is unstable; `bound` (rad/s) of the frequencies that may grow."""
+def _delay(f: Characteristic, bound: float, good: Callable[[float], bool]) -> float:
+    """Smallest further delay with which the loop is unstable.
+
+    With the same further delay T in all loops, a root is at j w if exp(-j w T) l = 1 for an eigenvalue l of E H(j w),
+    that is where |l| = 1, whatever the delay is. The first such delay beyond which roots grow is confirmed by two counts;
+    if they do not confirm it, delays are tried one after the other.
+    """
+    delays = np.array(sorted(T for w, turn in _crossings(f, bound) for T in _delays(w, turn)))
+    near = 1e-5 * np.minimum(1, delays / SLOW)
+    for T, e in zip(delays, near, strict=True):
+        if not good(T + e):
+            if T - e <= 0 or good(T - e):
+                return float(T)
+            break
     step = float(np.clip(1 / bound, *STEPS))
     high = _first(step, good)
     if np.isinf(high):
@@ -180,3 +197,34 @@ def _delay(bound: float, good: Callable[[float], bool]) -> float:
         middle = (low + high) / 2
         low, high = (middle, high) if good(middle) else (low, middle)
     return high
+
+
+def _delays(w: float, turn: float) -> list[float]:
+    """The delays (s) after which an eigenvalue at the frequency w (rad/s), of this angle (rad), is 1."""
+    first = turn % (2 * np.pi) / w
+    return [T for k in range(TURNS) if 0 < (T := first + 2 * np.pi * k / w) <= LATEST]
+
+
+def _crossings(f: Characteristic, bound: float) -> list[tuple[float, float]]:
+    """Frequencies (rad/s) at which an eigenvalue of E H(j w) has magnitude 1, and its angle (rad)."""
+    near = np.abs(f.poles.imag)[:, None] + np.abs(f.poles.real)[:, None] * np.linspace(-3, 3, 7)
+    w = np.unique(np.concatenate([np.geomspace(1e-2, bound, POINTS), near[(near > 1e-2) & (near < bound)]]))
+    sizes = np.sort(np.abs(_loci(f, w)), axis=1)
+    at, which = np.nonzero((sizes[:-1] > 1) != (sizes[1:] > 1))
+    low, high, above = w[at], w[at + 1], sizes[at + 1, which] > 1
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        up = np.sort(np.abs(_loci(f, middle)), axis=1)[np.arange(len(at)), which] > 1
+        low, high = np.where(up == above, low, middle), np.where(up == above, middle, high)
+    found = _loci(f, high)
+    of = np.argsort(np.abs(found), axis=1)[np.arange(len(at)), which]
+    return list(zip(high.tolist(), np.angle(found[np.arange(len(at)), of]).tolist(), strict=True))
+
+
+def _loci(f: Characteristic, w: np.ndarray) -> np.ndarray:
+    """Eigenvalues (frequencies, channels) of E H(j w)."""
+    found = [np.zeros((0, len(f.delays)), complex)]
+    for part in np.array_split(1j * w, -(-len(w) // 200) or 1):
+        H = f.D + (f.c / (part[:, None] - f.poles)[:, None, :]) @ f.b
+        found.append(np.linalg.eigvals(np.exp(-part[:, None] * f.delays)[:, :, None] * H))
+    return np.concatenate(found)

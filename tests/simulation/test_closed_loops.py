@@ -1,5 +1,7 @@
 """The step of a run in which a law or controller makes the loop faster; limit cycles at full power are named."""
 
+import re
+
 import control
 import numpy as np
 import pytest
@@ -114,8 +116,17 @@ def test_a_step_that_is_too_long_for_the_loop_is_refused(points):
     point = stored(points, "wscc9")
     with pytest.raises(StudyError, match=r"too long for wscc9, .* \(that of the loop closed by the control; reduce"):
         point.simulate(None, "1s", control=lead(3, 1000), step="4ms")
-    with pytest.raises(StudyError, match=r"takes .* steps \(that of the loop closed by the control;"):
-        point.simulate(None, "600s", control=st.Feedback(1e6))
+
+
+def test_a_loop_that_no_step_follows_is_said(points):
+    point = stored(points, "wscc9")
+    ran = point.simulate(None, "0.1s", control=st.Feedback(1e5))
+    assert ran.step == 1e-4
+    assert re.search(r"eigenvalue near [0-9.e+]+ 1/s, too fast for the step of 0.1 ms: .* cannot be trusted", str(ran))
+    slower = point.simulate(None, "0.1s", control=st.Feedback(100.0))
+    assert "trusted" not in str(slower)
+    relay = st.Feedback(1e6, deadband="0.1Hz")  # full power from the edge of its deadband on
+    assert loop_of(point, relay) == 0
 
 
 @pytest.mark.parametrize(
