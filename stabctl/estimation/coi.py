@@ -6,8 +6,8 @@ Every speed is extrapolated to the present with its acceleration, s + a t, t its
 without a report stays in both sums, with a growing variance.
 
 Where the network was switched after the time stamp of an estimate, the acceleration has changed since then by an
-unknown share of |P|/2H, and the speed by this times the time since the switching: the whole of it for the own estimate and for
-machines without a PMU, `SHARED` of it for those of the others, which change together.
+unknown share of |P|/2H, and the speed by this times the time since the switching: the whole of it for the own estimate
+and for machines without a PMU, `SHARED` of it for those of the others, which change together.
 """
 
 from collections import deque

@@ -94,7 +94,8 @@ class Filtered:
         step = model.predict(bank.x, seen)
         added = clocks.predict(step.F, seen, step.x[..., 0], model.kept) if clocks else 0.0
         bank.predict(step.x, step.F, step.Q + added)
-        first, forgotten = here & ~self._begun, here & self._begun & (model.kept.missing >= model.memory)
+        first = here & ~self._begun
+        forgotten = here & self._begun & (model.unreported.blind | (model.kept.missing >= model.memory))
         if first.any() or forgotten.any():
             self._begun = self._begun | first
             x, P = model.restarted(bank.x, bank.P, seen, forgotten)

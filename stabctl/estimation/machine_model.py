@@ -119,7 +119,9 @@ class MachineModel:
         Q, since = np.empty((*x.shape, STATES)), seen.frame.since
         switched = np.zeros((len(here), 1), bool) if since is None else since < self._length
         powers = {"whole": self.whole(x), "before": kept.P, "now": seen.P, "variance": kept.variance}
-        self.unreported.step(here, kept.missing, switched, **powers)
+        parts = seen.frame.parts
+        computed = np.zeros(here.shape, bool) if parts is None else parts.computed
+        self.unreported.step(here, kept.missing, switched, computed, **powers)
         given = self.constants, kept, change, window, self._settings, self.unreported.hidden
         spread(x, seen.P, seen.variance, seen.of_current, here, *given, Q)
         self._g = g

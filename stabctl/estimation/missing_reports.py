@@ -11,7 +11,9 @@ whose outer product r r', with the correlation of unknown instants (`UNKNOWN`), 
 report arrives. The next report tells the power at both ends of the gap, but not what it did in between: it may have
 jumped there and back if the gap is longer than `SHORTEST` and the network was switched, or have swung. Then this is
 process noise. Beyond `LINEAR` the angle is too uncertain for an extended filter, and the fluxes, which the current has
-moved, are not known: `UNSURE` is added to the covariance until they have decayed.
+moved, are not known: `UNSURE` is added to the covariance until they have decayed. A machine without a PMU that was not
+observable across a switching is treated like this however short the gap, and its filter starts anew then, and again
+when its fluxes have decayed.
 """
 
 import numpy as np
@@ -42,6 +44,7 @@ class MissingReports:
     def __init__(self, P: np.ndarray, c: np.ndarray, d: np.ndarray, *, wb: float, T: float) -> None:
         self._before, self._c, self._d, self._turn, self._T = np.repeat(P[:, None, :], P.shape[1], 1), c, d, wb * T, T
         self.power = np.zeros(P.shape)
+        self.blind = np.zeros(P.shape, bool)  # filters of machines without a PMU that start anew
         self.moved, self._switched = np.zeros((*P.shape, 2)), np.zeros(P.shape, bool)  # r while no report arrives
         self.lost = np.zeros(P.shape, int)  # frames for which a filter is still not to be trusted
         self.hidden = np.zeros((*P.shape, 3))  # r, and the current (pu), that the report of this frame leaves open
@@ -51,6 +54,7 @@ class MissingReports:
         here: np.ndarray,
         missing: np.ndarray,
         switched: np.ndarray,
+        computed: np.ndarray,
         *,
         whole: np.ndarray,
         before: np.ndarray,
@@ -67,12 +71,15 @@ class MissingReports:
             Frames without a report up to the last one.
         switched : (seeds, 1) array of bool
             Whether the network was switched since the last frame.
+        computed : (seeds, machines) array of bool
+            Machines whose report follows from those of others.
         whole : (seeds, machines) array
             What a switching may change the power by.
         before, now, variance : (seeds, machines) array
             Powers as last reported and in this frame, and their variance.
         """
         self._switched |= switched
+        self.blind = here & computed & (self.lost == 1)  # at the end the fluxes are at rest: the filter begins again
         self.lost = np.maximum(self.lost - 1, 0)
         if here.all() and not missing.any() and self._T < SHORTEST:
             self._switched[:], self.hidden[:] = False, 0.0
@@ -88,6 +95,8 @@ class MissingReports:
         share = np.where(self._switched & (gap > SHORTEST), 1.0, np.minimum(gap / SWINGING, 1.0) * ~first)
         self.hidden = np.where(here, share, 0.0)[..., None] * np.concatenate([r, sigma[..., None]], -1)
         self.moved = np.where(here[..., None], 0.0, r)
-        self.lost[self.hidden[..., 0] > LINEAR] = round(RECOVERY / self._T)
+        found = here & computed & self._switched & ~first & (gap > SHORTEST)
+        self.blind |= found
+        self.lost[found | (self.hidden[..., 0] > LINEAR)] = round(RECOVERY / self._T)
         self.power = np.where(here, 0.0, sigma)
         self._switched &= ~here
