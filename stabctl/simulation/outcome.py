@@ -132,8 +132,8 @@ def _too_fast(end: End) -> str:
         return ""
     loop, step = end.too_fast
     return (
-        f"The control closes a loop with an eigenvalue near {loop:.3g} 1/s, too fast for the step of {1e3 * step:.3g} ms: "
-        "its orders may chatter, and the run cannot be trusted; reduce its gain, or give a shorter step."
+        f"The control closes a loop with an eigenvalue near {loop:.3g} 1/s, too fast for the step of {1e3 * step:.3g} "
+        "ms: its orders may chatter, and the run cannot be trusted; reduce its gain, or give a shorter step."
     )
 
 

@@ -284,6 +284,8 @@ class Simulation:
 
     def _cycling(self) -> dict[str, float]:
         """Storage devices whose orders reverse at full power faster than machines swing: name -> times per second."""
+        if self._verdict != stepper.DONE:
+            return {}
         turns, names = self._space.turns[1], keys.keys(self.point.case, "storage")
         return {str(name): float(rate) for name, rate in zip(names, turns, strict=True) if rate > REVERSALS}
 

@@ -35,10 +35,8 @@ def checked(point: OperatingPoint, step: float | None, loop: float = 0.0) -> flo
     fastest, moving = max(_fastest(point), loop), max(point.fastest, loop)
     longest = REACH / fastest if fastest else math.inf  # infinite buses alone do not move
     if step is None:
-        without = checked(point, None) if loop else math.inf
-        return max(
-            min(STEP, longest, REACH / moving / 2 if moving else math.inf), min(SHORTEST, without) if loop else 0
-        )
+        shortest = min(SHORTEST, checked(point, None)) if loop else 0.0
+        return max(min(STEP, longest, REACH / moving / 2 if moving else math.inf), shortest)
     if not LEAST_STEP <= step < np.inf:
         raise StudyError(f"The step {step:g} s is not allowed; it must be at least {LEAST_STEP:g} s.")
     if step > longest:

@@ -35,6 +35,7 @@ LATEST = 2.0  # s   largest delay that is tried
 GAINS = (1e-3, 1e3)  # smallest and largest factor of the gains that is tried
 STEPS = 2e-4, 0.02  # s   smallest and largest step of the delays that are tried
 SLOW = 0.01  # s   delay margins beyond this are found to 0.01 ms, smaller ones to 0.1 %
+BESIDE = 1e-3  # of a delay: where roots are counted on both sides of it
 POINTS = 1500  # frequencies between which an eigenvalue of magnitude 1 is looked for, and
 HALVINGS = 50  # of the distance between two of them
 TURNS = 20  # of the eigenvalue by a delay, at most
@@ -178,15 +179,13 @@ def _delay(f: Characteristic, bound: float, good: Callable[[float], bool]) -> fl
     """Smallest further delay with which the loop is unstable.
 
     With the same further delay T in all loops, a root is at j w if exp(-j w T) l = 1 for an eigenvalue l of E H(j w),
-    that is where |l| = 1, whatever the delay is. The first such delay beyond which roots grow is confirmed by two counts;
-    if they do not confirm it, delays are tried one after the other.
+    that is where |l| = 1, whatever the delay is. The first such delay beyond which roots grow is confirmed by counts
+    beside it; if they do not confirm it, delays are tried one after the other.
     """
-    delays = np.array(sorted(T for w, turn in _crossings(f, bound) for T in _delays(w, turn)))
-    near = 1e-5 * np.minimum(1, delays / SLOW)
-    for T, e in zip(delays, near, strict=True):
-        if not good(T + e):
-            if T - e <= 0 or good(T - e):
-                return float(T)
+    for T in sorted(T for w, turn in _crossings(f, bound) for T in _delays(w, turn)):
+        if not good((1 + BESIDE) * T):
+            if good((1 - BESIDE) * T):
+                return T
             break
     step = float(np.clip(1 / bound, *STEPS))
     high = _first(step, good)
