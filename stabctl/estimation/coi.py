@@ -3,7 +3,8 @@
     w_i = s_i(own age) - sum_{j != i} H_j s_j(remote age) / sum_{j != i} H_j,   over the valid machines of its island
 
 Every speed is extrapolated to the present with its acceleration, s + a t, t its age but at most `REACH`. A machine
-without a report stays in both sums, with a growing variance.
+without a report stays in both sums, with a growing variance. A speed that differs from most others by more than a swing
+does counts as unknown.
 
 Where the network was switched after the time stamp of an estimate, the acceleration has changed since then by an
 unknown share of |P|/2H, and the speed by this times the time since the switching: the whole of it for the own estimate
@@ -22,6 +23,8 @@ COAST = 0.5  # s   time without a report after which the storage of a machine st
 ENOUGH = 0.7  # -   share of the island's inertia that must have reported by then, otherwise the storage stays idle
 SHARED = 0.4  # -   of a change of a machine's acceleration that others make too, before it is reported
 LIMIT = 3e-3  # pu   standard deviation of a deviation, beyond which it is not usable (180 mHz at 60 Hz)
+PLAUSIBLE = 0.05  # pu   difference of a speed from most others, beyond which its filter has lost the rotor
+LOST = 1.0  # pu^2   variance of such a speed
 LEAST = 3e-4  # pu   standard deviation of the speeds of machines about that of the COI, at least
 
 
@@ -74,6 +77,10 @@ class CoiReference:
         """
         silent = np.zeros(now.slip.shape) if self._silent is None else self._silent
         self._silent = silent = np.where(now.received, 0.0, silent + self.T)
+        if np.ptp(now.slip) > PLAUSIBLE:
+            lost = (island >= 0) & (np.abs(now.slip - np.median(now.slip, axis=1, keepdims=True)) > PLAUSIBLE)
+            now = now._replace(variance=np.where(lost, LOST, now.variance))
+            silent = np.where(lost, np.maximum(silent, 2 * self.T), silent)
         whole, sure = island.max(initial=0) == 0 and island.min(initial=0) == 0, now.variance < LIMIT**2
         if (silent > 1.5 * self.T).any():
             now = self._together(now, silent, island)

@@ -84,3 +84,19 @@ def test_islands_have_their_own_coi_and_tripped_machines_none():
     got = CoiReference(H, 60, 0, 0).step(estimate(), np.array([[0, 0, 0, -1]]))
     assert got.speed[0, 0] == pytest.approx(rest(0, (0, 1, 2)))
     assert got.usable[0].tolist() == [True, True, True, False]
+
+
+def test_a_filter_that_has_lost_its_rotor_is_not_believed():
+    """A speed half a turn per frame off, with a small variance: unusable itself, and the others do without it."""
+    wrong = S.copy()
+    wrong[0, 2] += 0.5
+    right, got = (
+        CoiReference(H, 60, 0, 0).step(estimate(), WHOLE),
+        CoiReference(H, 60, 0, 0).step(estimate(wrong), WHOLE),
+    )
+    assert not got.usable[0, 2]
+    others = [0, 1, 3]
+    assert np.abs(got.speed - right.speed)[0, others].max() < 0.005
+    swing = S.copy()
+    swing[0, 2] += 0.03  # a swing of 1.8 Hz
+    assert CoiReference(H, 60, 0, 0).step(estimate(swing), WHOLE).usable.all()
