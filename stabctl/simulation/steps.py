@@ -88,8 +88,8 @@ def steps(start: float, end: float, step: float, rates: Sequence[int] = (), *, c
     happens at the end: the steps are those of a longer interval, the last of them cut off there.
     """
     if cut and not rates:
-        count = max(1, math.ceil((end - start) / step - 1e-6))
-        starts, sizes = start + step * np.arange(count), np.full(count, step)
+        number = max(1, math.ceil((end - start) / step - 1e-6))
+        starts, sizes = start + step * np.arange(number), np.full(number, step)
         sizes[-1] = end - starts[-1]
         return Steps(starts, sizes, NONE.due)
     due: dict[float, int] = {}

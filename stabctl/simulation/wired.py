@@ -99,7 +99,7 @@ def _wired(point: OperatingPoint, control: Law | None, rates: tuple[int, ...], g
         start[memory.orders.start + i : memory.lines : memory.orders.step] = value
     held = np.r_[orders_of(layout, point.case), np.array(gates, np.int64)]
     relay, follows = _switches(families, control)
-    how = {"groups": _groups(point, control), "gated": bool(gates), "relay": relay, "follows": follows}
+    how: dict[str, Any] = {"groups": _groups(point, control), "gated": bool(gates), "relay": relay, "follows": follows}
     made = frame(point.system, layout, memory.relative, held, storage.places(point.system, point.case).order, **how)
     return Wired(program(families), families, layout, made, memory.orders, rates, start, point.system.kept)
 
