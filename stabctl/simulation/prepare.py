@@ -27,8 +27,9 @@ def prepare() -> None:
         "high": none,
         "watch_low": none,
     }
-    arrays: dict[str, Any] = {name: kinds.get(name, places) for name in Frame._fields if name not in ("gated", "relay")}
-    frame = Frame(**arrays, gated=False, relay=False)
+    flags = dict.fromkeys(("gated", "relay", "follows"), False)
+    arrays: dict[str, Any] = {name: kinds.get(name, places) for name in Frame._fields if name not in flags}
+    frame = Frame(**arrays, **flags)
     net = Net(factor(sp.identity(1, complex, "csc")), places, places, np.ones(1, bool), False)
     program = Program(places, none, calls, calls, calls, calls, calls, calls, places)
     q = space(np.zeros(layout.size), layout, frame)
