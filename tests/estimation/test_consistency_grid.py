@@ -39,6 +39,18 @@ PMUS = {
 }
 
 
+EXCEEDED = {  # (case, bus, missing, kind) in which a machine is worse than it claims: the limitations of the page
+    ("two_area", "3", (1,), "M class"),
+    *(("ieee39", "16", missing, "10/s") for missing in ((), (9,), (10,))),
+}
+
+
+def known(request, *key):
+    """Expect that the claims do not hold where the page says so; if they do, the page is to be changed."""
+    if key in EXCEEDED:
+        request.applymarker(pytest.mark.xfail(strict=True, reason="NEES above 4, as in the limitations of the page"))
+
+
 def scores(name, fault, pmu, seeds=SEEDS):
     """Mean NEES (windows, machines) where usable, its low end by a bootstrap over seeds, and shares usable."""
     bus, cycles, trip = fault
@@ -96,7 +108,8 @@ def test_a_clock_of_a_millisecond_behind_computed_phasors_is_not_usable():
 @pytest.mark.parametrize("kind", PMUS)
 @pytest.mark.parametrize("missing", [(), (1,), (3,)], ids=str)
 @pytest.mark.parametrize("fault", FAULTS["two_area"], ids=lambda f: f"bus {f[0]}")
-def test_grid_of_two_area(fault, missing, kind):
+def test_grid_of_two_area(fault, missing, kind, request):
+    known(request, "two_area", fault[0], missing, kind)
     check("two_area", fault, missing=missing, **PMUS[kind])
 
 
@@ -104,5 +117,6 @@ def test_grid_of_two_area(fault, missing, kind):
 @pytest.mark.parametrize("kind", PMUS)
 @pytest.mark.parametrize("missing", [(), (9,), (10,)], ids=str)
 @pytest.mark.parametrize("fault", FAULTS["ieee39"], ids=lambda f: f"bus {f[0]}")
-def test_grid_of_ieee39(fault, missing, kind):
+def test_grid_of_ieee39(fault, missing, kind, request):
+    known(request, "ieee39", fault[0], missing, kind)
     check("ieee39", fault, missing=missing, **PMUS[kind])
