@@ -5,7 +5,7 @@ import signal
 import sys
 from types import FrameType
 
-LATER = 0.02  # s   after which Ctrl-C in an import is tried again
+LATER = 0.002  # s   after which Ctrl-C in an import is tried again
 
 
 def main() -> None:
@@ -21,11 +21,24 @@ def main() -> None:
         from .cli import main as run
 
         run()
+        if _pending():
+            raise KeyboardInterrupt
     except KeyboardInterrupt:
         os.write(2, b"stabctl: interrupted.\n")
         sys.exit(130)
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is ending
+        _pending()
+
+
+def _pending() -> bool:
+    """Whether a Ctrl-C in an import is still to be tried again; it no longer is."""
+    if not hasattr(signal, "setitimer"):
+        return False
+    left, _ = signal.setitimer(signal.ITIMER_REAL, 0)
+    if left:
+        signal.signal(signal.SIGALRM, signal.SIG_IGN)
+    return left > 0
 
 
 def _interrupted(_: int, frame: FrameType | None) -> None:
