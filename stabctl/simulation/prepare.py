@@ -27,7 +27,7 @@ def prepare() -> None:
         "high": none,
         "watch_low": none,
     }
-    flags = dict.fromkeys(("gated", "relay", "follows"), False)
+    flags: dict[str, Any] = dict.fromkeys(("gated", "relay", "follows"), False)
     arrays: dict[str, Any] = {name: kinds.get(name, places) for name in Frame._fields if name not in flags}
     frame = Frame(**arrays, **flags)
     net = Net(factor(sp.identity(1, complex, "csc")), places, places, np.ones(1, bool), False)
