@@ -80,9 +80,15 @@ def sources(module: ModuleType) -> str:
     return "".join(seen[name] for name in sorted(seen))
 
 
+@cache
+def _numba() -> str:
+    """Version of numba, found without importing it."""
+    return version("numba")
+
+
 def digest(*texts: str) -> str:
     """Name of machine code: a hash of the numba version and the source texts it is made from."""
-    found = hashlib.sha256(version("numba").encode())
+    found = hashlib.sha256(_numba().encode())
     for text in texts:
         found.update(text.encode())
     return found.hexdigest()[:16]

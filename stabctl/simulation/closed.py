@@ -13,6 +13,7 @@ import numpy as np
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
 from stabctl.controllers import Law
+from stabctl.dynamics import storage
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.model.network import UNSWITCHED
 
@@ -134,7 +135,7 @@ def _fastest(plant: Rates, gains: np.ndarray) -> float:
 def _seen(point: OperatingPoint, wired: Wired) -> np.ndarray:
     """What the law of each storage device sees of the rotors: its group against the mean of the others."""
     a, rotors = wired.frame, point.rotors
-    unit = [point.case.machines.index(point.case.machine(s.machine)) for s in point.case.storage]
+    unit = storage.places(point.system, point.case).unit
     out = np.zeros((len(unit), len(rotors.unit)))
     for j, own in enumerate(unit):
         i = int(np.flatnonzero(rotors.unit == own)[0])

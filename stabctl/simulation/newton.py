@@ -59,10 +59,15 @@ def advance(
         verdict, made = stepper.advance(p, a, net, q, rules, now.sizes, now.due, last, resume, history)
         if verdict != stepper.NEWTON:
             return verdict, made
-        z = wired.for_newton()._replace(k=p.k)
-        if not newton(z.current, z, a, net, q, newton_space(q), kept=kept):
+        if not of_wired(wired, p, a, net, q, kept):
             return stepper.NO_VOLTAGE, made
         resume = True
+
+
+def of_wired(wired: Wired, p: Any, a: Any, net: Any, q: Any, kept: Slopes) -> bool:
+    """The same as `newton`, with the program for complex numbers that is kept with the system."""
+    z = wired.for_newton()._replace(k=p.k)
+    return newton(z.current, z, a, net, q, newton_space(q), kept=kept)
 
 
 def newton(calls: Any, p: Any, a: Any, net: Any, q: Any, z: Any, *, kept: Slopes) -> bool:

@@ -4,11 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stabctl.dynamics.program import Program, program
 from stabctl.errors import StudyError
 
-from .newton import Slopes, newton
-from .plant import Frame, Net, Space, newton_space, space
+from .newton import Slopes, of_wired
+from .plant import Space, space
 from .replay import replay
 from .topology import Stage, stage
 from .trajectory import Trajectory
@@ -70,14 +69,9 @@ def constants(system: Wired, network: Stage, k: np.ndarray) -> np.ndarray:
 
 def _replay(system: Wired, network: Stage, q: Space, rows: np.ndarray, made: Stages) -> None:
     p = system.program._replace(k=constants(system, network, system.program.k))
-    a, net, resume = system.frame, network.net, False
+    a, net, resume, kept = system.frame, network.net, False, Slopes()
     of_made = made.sizes, np.ascontiguousarray(rows)
     while replay(p, a, net, q, *of_made, resume, made.signals, made.held, made.clipped) < len(made.sizes):
         resume = True
-        if not _newton(system, p, a, net, q):
+        if not of_wired(system, p, a, net, q, kept):
             raise StudyError("The voltages of a stage were not found, so the run has no derivatives there.")
-
-
-def _newton(system: Wired, p: Program, a: Frame, net: Net, q: Space) -> bool:
-    both = program(system.families, complex)._replace(k=p.k)
-    return newton(both.current, both, a, net, q, newton_space(q), kept=Slopes())
