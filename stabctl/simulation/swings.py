@@ -51,12 +51,16 @@ class Swings(NamedTuple):
     @property
     def settled(self) -> bool:
         """Whether a longer run would not show more: the swings decay, or are small and do not grow."""
-        return self.decaying or (self.largest < SMALL and not self.growing)
+        return self._decaying_or_below(SMALL)
 
     @property
     def calm(self) -> bool:
         """Whether a slightly shorter fault would not show more: the swings decay, or are very small and do not grow."""
-        return self.decaying or (self.largest < VERY_SMALL and not self.growing)
+        return self._decaying_or_below(VERY_SMALL)
+
+    def _decaying_or_below(self, size: float) -> bool:
+        """Whether the swings decay, or are below a size (rad) and do not grow."""
+        return self.decaying or (self.largest < size and not self.growing)
 
     def __str__(self) -> str:
         span = f"degrees in the last {self.half_s:.2g} s"

@@ -104,19 +104,17 @@ def test_a_clock_of_a_millisecond_behind_computed_phasors_is_not_usable():
     assert not found.usable[:, :, 2].any()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", PMUS)
-@pytest.mark.parametrize("missing", [(), (1,), (3,)], ids=str)
-@pytest.mark.parametrize("fault", FAULTS["two_area"], ids=lambda f: f"bus {f[0]}")
-def test_grid_of_two_area(fault, missing, kind, request):
-    known(request, "two_area", fault[0], missing, kind)
-    check("two_area", fault, missing=missing, **PMUS[kind])
+GRID = [
+    (name, fault, without)
+    for name, several in (("two_area", ((), (1,), (3,))), ("ieee39", ((), (9,), (10,))))
+    for fault in FAULTS[name]
+    for without in several
+]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", PMUS)
-@pytest.mark.parametrize("missing", [(), (9,), (10,)], ids=str)
-@pytest.mark.parametrize("fault", FAULTS["ieee39"], ids=lambda f: f"bus {f[0]}")
-def test_grid_of_ieee39(fault, missing, kind, request):
-    known(request, "ieee39", fault[0], missing, kind)
-    check("ieee39", fault, missing=missing, **PMUS[kind])
+@pytest.mark.parametrize(("name", "fault", "missing"), GRID, ids=[f"{n}-bus {f[0]}-{w}" for n, f, w in GRID])
+def test_grid(name, fault, missing, kind, request):
+    known(request, name, fault[0], missing, kind)
+    check(name, fault, missing=missing, **PMUS[kind])
