@@ -11,11 +11,11 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import nullcontext
 from itertools import chain
 from pathlib import Path
 
-from machine import cpu_of_children, stated, timed
+from machine import archived, cpu_of_children, stated, timed
 
 COMMAND = ("-m", "stabctl", "simulate", "two_area", "--fault", "7-8@0.4", "--clear", "21cyc")
 COMMIT = "1deeace"  # version 0.1
@@ -94,20 +94,6 @@ def starts(versions: tuple[Version, Version], kind: str, repeat: int) -> Iterato
         yield f"\nThe warm command takes {wall / statistics.median(imports):.2f} times as long as its largest imports."
 
 
-@contextmanager
-def earlier(folder: Path | None) -> Iterator[Path]:
-    """The folder of version 0.1, which is taken from the repository unless it is given."""
-    if folder:
-        yield folder.resolve()
-        return
-    with tempfile.TemporaryDirectory() as name:
-        files = subprocess.run(["git", "archive", COMMIT], cwd=HERE.parent, capture_output=True)
-        if files.returncode:
-            raise SystemExit(f"Commit {COMMIT} is not in this repository; give --before FOLDER with version 0.1.")
-        subprocess.run(["tar", "x", "-C", name], input=files.stdout, check=True)
-        yield Path(name)
-
-
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -121,7 +107,7 @@ def main() -> None:
     def chosen(works: list[str]) -> list[str]:
         return [work for work in works if any(word in work for word in options.only)]
 
-    with earlier(options.before) as folder:
+    with nullcontext(options.before.resolve()) if options.before else archived(COMMIT) as folder:
         versions = Version(folder, "works_before"), Version(HERE.parent, "works_after")
         print(f"{stated()}\n\n| work | 0.1, ms | now, ms | ratio |\n|---|---|---|---|", flush=True)
         rows = [

@@ -1,10 +1,13 @@
-"""Description of the machine, date, and timing."""
+"""Description of the machine, date, timing, and earlier versions of the package."""
 
 import datetime
 import os
 import platform
+import subprocess
+import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 
@@ -34,3 +37,14 @@ def cpu_of_children() -> float:
     """Processor seconds of all child processes that have ended."""
     used = os.times()
     return used.children_user + used.children_system
+
+
+@contextmanager
+def archived(commit: str) -> Iterator[Path]:
+    """A folder with the files of a commit of this repository."""
+    with tempfile.TemporaryDirectory() as name:
+        files = subprocess.run(["git", "archive", commit], cwd=Path(__file__).parent.parent, capture_output=True)
+        if files.returncode:
+            raise SystemExit(f"Commit {commit} is not in this repository.")
+        subprocess.run(["tar", "x", "-C", name], input=files.stdout, check=True)
+        yield Path(name)
