@@ -1,6 +1,6 @@
 """Gradients of what a run shows with respect to the orders of its storage devices, by the adjoint of its steps.
 
-A run is a sequence of Runge-Kutta steps of four stages, with the network solved at each. Followed backwards with the
+A run is a sequence of Runge-Kutta steps, with the network solved at each. Followed backwards with the
 exact derivatives of every stage, a weight of the states at the end of a step becomes one of the states at its
 beginning, and one of the orders held in it. This is the derivative of the numbers of the run, not of the differential
 equations behind them. A state at a non-windup limit stays there, or follows the signal that scales the limit.
@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stabctl.dynamics.limits import Limits
+from stabctl.simulation.method import RK4, STAGES
 from stabctl.simulation.stages import Stages, constants, stages
 from stabctl.simulation.trajectory import Trajectory
 from stabctl.simulation.wired import orders_of, wired
@@ -84,16 +85,16 @@ class _Step:
     def __call__(self, step: int, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Weights of the states at the beginning of a step and of its orders, from those of the states at its end."""
         part, h = self._part, self._part.sizes[step]
-        share, reach = (h / 6, h / 3, h / 3, h / 6), (h / 2, h / 2, h)
-        end, of_z = self._unclipped(step, 3, end)
+        last = STAGES - 1
+        end, of_z = self._unclipped(step, last, end)
         begin, of_x, of_u = end, np.zeros_like(end), np.zeros(0)
-        for stage in (3, 2, 1, 0):
-            weight = share[stage] * end
-            if stage < 3:
-                weight += reach[stage] * of_x
+        for stage in reversed(range(STAGES)):
+            weight = h / RK4.weight[stage] * end
+            if stage < last:
+                weight += h / RK4.reach[stage] * of_x
             weight[self._limits.state[part.held[step, stage] > 0]] = 0.0
             of_x, of_orders = self._matrices.at(part.signals[step, stage])(weight, of_z)
-            of_u = of_u + of_orders if stage < 3 else of_orders
+            of_u = of_u + of_orders if stage < last else of_orders
             if stage:
                 of_x, of_z = self._unclipped(step, stage - 1, of_x)
             begin = begin + of_x

@@ -17,10 +17,11 @@ from stabctl.dynamics import storage
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.model.network import UNSWITCHED
 
-from . import lti, newton, steps
+from . import lti, newton
 from .attached import BOUND, Attached
+from .buffers import buffers
 from .criterion import DEFAULT, numbers
-from .plant import space
+from .stepper import NOTHING
 from .topology import stage
 from .wired import Wired, orders_of, storage_devices
 
@@ -44,7 +45,7 @@ def fastest(what: Attached, law: Law | None, wired: Wired) -> float:
         Both, connected for the stepper.
     """
     gains = np.zeros((0, 3))
-    if law is not None and wired.frame.follows:
+    if law is not None and wired.places.follows:
         gains = np.array([law.gains(device) for device in storage_devices(what.point.case)]).reshape(-1, 3)
     if not gains.any() and not any(f.device is lti for f in wired.families):
         return 0.0
@@ -62,7 +63,7 @@ class Rates:
         self.nx, self.orders = layout.nx, orders_of(layout, what.point.case)
         self._net = stage(what.point, UNSWITCHED).net
         none = np.zeros(0, np.int64)
-        self._frame = wired.frame._replace(held=none, gated=False, relay=False, follows=False)
+        self._places = wired.places._replace(held=none, gated=False, relay=False, follows=False)
         self._program = wired.program._replace(k=wired.program.k.copy(), step=np.zeros((0, 5), np.int64))
         self._rest = wired.start.copy()
         self._rest[[*what.gates, *(place for place, _, _ in what.windows)]] = 1.0
@@ -94,11 +95,11 @@ class Rates:
 
     def _at(self, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """All signals and the rates, with the states and orders changed from rest."""
-        q = space(self._rest, self.wired.layout, self._frame)
-        q.s[: self.nx] += x
-        q.s[self.orders] += u
-        newton.advance(self.wired, self._program, self._frame, self._net, q, RULES, steps.NONE, last=True)
-        return q.s, q.f[: self.nx]
+        run = buffers(self._rest, self.wired.layout, self._places)
+        run.s[: self.nx] += x
+        run.s[self.orders] += u
+        newton.advance(self.wired, self._program, self._places, self._net, run, RULES, NOTHING._replace(last=True))
+        return run.s, run.f[: self.nx]
 
 
 def _fastest(plant: Rates, gains: np.ndarray) -> float:
@@ -134,7 +135,7 @@ def _fastest(plant: Rates, gains: np.ndarray) -> float:
 
 def _seen(point: OperatingPoint, wired: Wired) -> np.ndarray:
     """What the law of each storage device sees of the rotors: its group against the mean of the others."""
-    a, rotors = wired.frame, point.rotors
+    a, rotors = wired.places, point.rotors
     unit = storage.places(point.system, point.case).unit
     out = np.zeros((len(unit), len(rotors.unit)))
     for j, own in enumerate(unit):

@@ -15,9 +15,9 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spl
 
-from . import stepper, voltages
-from .plant import newton_space
-from .steps import Steps
+from . import judgment, stepper, voltages
+from .buffers import NOTE, newton_space
+from .stepper import Plan
 from .substitution import OPTIONS, matrix
 from .voltages import HALVINGS, STEPS, TINY, TOLERANCE, currents, solved
 from .wired import Wired
@@ -47,30 +47,29 @@ class Slopes:
 
 
 def advance(
-    wired: Wired, p: Any, a: Any, net: Any, q: Any, rules: Any, now: Steps, *, last: bool,
+    wired: Wired, program: Any, places: Any, net: Any, run: Any, rules: Any, plan: Plan,
     history: np.ndarray = NO_ROWS, kept: Slopes | None = None,
 ) -> tuple[int, int]:  # fmt: skip
     """Steps of the compiled loop, `stepper.advance`, with Newton's method where it asks for it.
 
     Returns the verdict and the number of steps made.
     """
-    resume, kept = False, kept or Slopes()
+    at, kept = stepper.START, kept or Slopes()
     while True:
-        verdict, made = stepper.advance(p, a, net, q, rules, now.sizes, now.due, last, resume, history)
-        if verdict != stepper.NEWTON:
-            return verdict, made
-        if not of_wired(wired, p, a, net, q, kept):
-            return stepper.NO_VOLTAGE, made
-        resume = True
+        verdict, at = stepper.advance(program, places, net, run, rules, plan, at, history)
+        if verdict != judgment.NEWTON:
+            return verdict, at.step
+        if not of_wired(wired, program, places, net, run, kept):
+            return judgment.NO_VOLTAGE, at.step
 
 
-def of_wired(wired: Wired, p: Any, a: Any, net: Any, q: Any, kept: Slopes) -> bool:
+def of_wired(wired: Wired, program: Any, places: Any, net: Any, run: Any, kept: Slopes) -> bool:
     """The same as `newton`, with the program for complex numbers that is kept with the system."""
-    z = wired.for_newton()._replace(k=p.k)
-    return newton(z.current, z, a, net, q, newton_space(q), kept=kept)
+    z = wired.for_newton()._replace(k=program.k)
+    return newton(z.current, z, places, net, run, newton_space(run), kept=kept)
 
 
-def newton(calls: Any, p: Any, a: Any, net: Any, q: Any, z: Any, *, kept: Slopes) -> bool:
+def newton(calls: Any, program: Any, places: Any, net: Any, run: Any, z: Any, *, kept: Slopes) -> bool:
     """Solve for the voltages by Newton's method; returns whether a solution was found.
 
     Starts from the present voltages, then from those without load, which finds the solution again where the present
@@ -80,36 +79,36 @@ def newton(calls: Any, p: Any, a: Any, net: Any, q: Any, z: Any, *, kept: Slopes
     ----------
     calls
         Calls of the devices with voltage-dependent currents, for complex numbers.
-    p
+    program
         The program for complex numbers.
-    a, net, q
-        Frame, network and buffers of the run. On success `q.volt` is the solution; otherwise it is unchanged, and the
-        bus with the largest residual is in `q.marks[0]`.
+    places, net, run
+        Frame, network and buffers of the run. On success `run.volt` is the solution; otherwise it is unchanged, and the
+        bus with the largest residual is in `run.notes`.
     z
         Work space (`newton_space`).
     kept
         What the calls of a run share.
     """
-    before, open_ = q.volt.copy(), np.empty_like(q.volt)
-    solved(net.factors, q.source, q.work, open_)
+    before, open_ = run.volt.copy(), np.empty_like(run.volt)
+    solved(net.factors, run.solve.source, run.solve.work, open_)
     for begin, slow in ((before, False), (open_, False), (before, True), (0.0, True)):
-        q.volt[:] = begin
-        if len(a.draw_bus) > MANY:
-            found = sparse(calls, p, a, net, q, z, slow, kept.of(net))
+        run.volt[:] = begin
+        if len(places.draw_bus) > MANY:
+            found = sparse(calls, program, places, net, run, z, slow, kept.of(net))
         else:
-            found = voltages.newton_from(calls, p, a, net, q, z, slow)
+            found = voltages.newton_from(calls, program, places, net, run, z, slow)
         if found:
             return True
-    q.volt[:] = before
+    run.volt[:] = before
     return False
 
 
-def sparse(calls: Any, p: Any, a: Any, net: Any, q: Any, z: Any, slow: bool, kept: Slopes) -> bool:
+def sparse(calls: Any, program: Any, places: Any, net: Any, run: Any, z: Any, slow: bool, kept: Slopes) -> bool:
     """The same as `voltages.newton_from`, by factors of the whole network."""
-    bus, n, R = a.draw_bus, len(a.draw_bus), kept.R
-    solved(net.factors, q.source, q.work, z.new)
+    bus, n, R = places.draw_bus, len(places.draw_bus), kept.R
+    solved(net.factors, run.solve.source, run.solve.work, z.new)
     open_ = z.new[bus]
-    v, out = q.volt[bus].view(float).reshape(n, 2).astype(complex), np.zeros((n, 2), complex)
+    v, out = run.volt[bus].view(float).reshape(n, 2).astype(complex), np.zeros((n, 2), complex)
     step, F, before, pace, fresh = np.zeros((n, 2)), np.zeros(n, complex), np.inf, 0.3, True
     pairs = (2 * bus[:, None] + np.arange(2)).ravel()
     rows, columns = np.repeat(pairs, 2), np.repeat(pairs.reshape(n, 2), 2, axis=0).ravel()
@@ -117,10 +116,10 @@ def sparse(calls: Any, p: Any, a: Any, net: Any, q: Any, z: Any, slow: bool, kep
         now, tried, miss = np.inf, v, F
         for halving in range(HALVINGS if fresh else 1):
             tried = (v.real - 0.5**halving * step).astype(complex)
-            currents(calls, p, a, net, z, tried, out)
-            q.current[:] = 0
-            q.current[bus] = out[:, 0].real + 1j * out[:, 1].real
-            solved(net.factors, q.current, q.work, z.new)
+            currents(calls, program, places, net, z, tried, out)
+            run.current[:] = 0
+            run.current[bus] = out[:, 0].real + 1j * out[:, 1].real
+            solved(net.factors, run.current, run.solve.work, z.new)
             miss = tried[:, 0].real + 1j * tried[:, 1].real - open_ - z.new[bus]
             now = np.abs(miss).max()
             if now < before or slow:
@@ -131,8 +130,8 @@ def sparse(calls: Any, p: Any, a: Any, net: Any, q: Any, z: Any, slow: bool, kep
                 pace = min(max(pace * before / now, 0.05), 1e6)
             before = now
             if now < (TOLERANCE if slow else CLOSE * TOLERANCE):
-                q.current[:] += q.source
-                solved(net.factors, q.current, q.work, q.volt)
+                run.current[:] += run.solve.source
+                solved(net.factors, run.current, run.solve.work, run.volt)
                 return True
         elif fresh:
             F = miss
@@ -142,7 +141,7 @@ def sparse(calls: Any, p: Any, a: Any, net: Any, q: Any, z: Any, slow: bool, kep
         fresh = slow or not quick or kept.factors is None
         if fresh:
             try:
-                bent = slopes(calls, p, a, net, z, v, out)
+                bent = slopes(calls, program, places, net, z, v, out)
                 D = sp.csc_matrix((bent.ravel(), (rows, columns)), shape=R.shape)
                 factors = spl.splu((1 + 1 / pace if slow else 1.0) * R - D, **OPTIONS)
             except RuntimeError:
@@ -150,19 +149,19 @@ def sparse(calls: Any, p: Any, a: Any, net: Any, q: Any, z: Any, slow: bool, kep
             kept.factors = None if slow else factors
         else:
             factors = kept.factors
-        residual = np.zeros(len(q.volt), complex)
+        residual = np.zeros(len(run.volt), complex)
         residual[bus] = F
         step = factors.solve(R @ residual.view(float)).reshape(-1, 2)[bus]
-    q.marks[0] = bus[int(np.argmax(np.abs(F)))]
+    run.notes[NOTE.bus] = bus[int(np.argmax(np.abs(F)))]
     return False
 
 
-def slopes(calls: Any, p: Any, a: Any, net: Any, z: Any, v: np.ndarray, out: np.ndarray) -> np.ndarray:
+def slopes(calls: Any, program: Any, places: Any, net: Any, z: Any, v: np.ndarray, out: np.ndarray) -> np.ndarray:
     """Slopes of the currents by the voltages of their buses (buses, 2, 2), by complex steps."""
     bent = []
     for k in range(2):
         tried = v.copy()
         tried[:, k] += 1j * TINY
-        currents(calls, p, a, net, z, tried, out)
+        currents(calls, program, places, net, z, tried, out)
         bent.append(out.imag / TINY)
     return np.stack(bent, axis=2)

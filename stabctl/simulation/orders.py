@@ -5,105 +5,106 @@ from stabctl.dynamics.perform import perform, perform_due
 
 
 @inline
-def run(calls, p, s, f, on):
+def call(calls, program, s, f, on):
     """Call the device families."""
-    perform(calls, p.w, p.k, s, f, on)
+    perform(calls, program.w, program.k, s, f, on)
 
 
 @inline
-def acceleration(i, a, q):
+def acceleration(i, places, run):
     """Acceleration of a rotor: the rate of a state as last evaluated, or that of an output in the last step."""
-    return q.f[a.speed[i]] if a.speed[i] < len(q.x0) else q.turned[1, i]
+    return run.f[places.speed[i]] if places.speed[i] < len(run.step.x) else run.watch.turned[1, i]
 
 
 @noinline
-def coi(weight, a, net, q):
+def coi(weight, places, net, run):
     """Sum the weights of the rotors, and weight times speed and angle change, per island."""
-    s, sums, island = q.s, q.coi, net.island
+    s, sums, island = run.s, run.watch.coi, net.island
     for i in range(len(island)):
         for j in range(3):
             sums[j, max(island[i], 0)] = 0.0
-    for i in range(len(a.rotor)):
-        k, h = island[a.unit[i]], weight[i]
+    for i in range(len(places.rotor)):
+        k, h = island[places.unit[i]], weight[i]
         if k >= 0:
             sums[0, k] += h
-            sums[1, k] += h * s[a.speed[i]]
-            sums[2, k] += h * (s[a.rotor[i]] - q.angles[0, i])
+            sums[1, k] += h * s[places.speed[i]]
+            sums[2, k] += h * (s[places.rotor[i]] - run.watch.angles[0, i])
 
 
 @noinline
-def accelerate(a, net, q):
+def accelerate(places, net, run):
     """Sum inertia times acceleration, per island."""
     for i in range(len(net.island)):
-        q.coi[3, max(net.island[i], 0)] = 0.0
-    for i in range(len(a.rotor)):
-        k = net.island[a.unit[i]]
+        run.watch.coi[3, max(net.island[i], 0)] = 0.0
+    for i in range(len(places.rotor)):
+        k = net.island[places.unit[i]]
         if k >= 0:
-            q.coi[3, k] += a.inertia[i] * acceleration(i, a, q)
+            run.watch.coi[3, k] += places.inertia[i] * acceleration(i, places, run)
 
 
 @noinline
-def due_frames(calls, bits, due, p, s, f, on):
+def due_frames(calls, bits, due, program, s, f, on):
     """Call the sampled controllers whose frame it is."""
-    perform_due(calls, bits, due, p.w, p.k, s, f, on)
+    perform_due(calls, bits, due, program.w, program.k, s, f, on)
 
 
 @inline
-def group(i, island_of, a, q, s, island):
+def group(i, island_of, places, run, s, island):
     """Inertia, and mean speed, acceleration and change of angle, of a group in one island."""
-    if a.first[i + 1] == a.first[i] + 1:
-        return a.inertia[i], s[a.speed[i]], acceleration(i, a, q), s[a.rotor[i]] - q.angles[0, i]
+    if places.first[i + 1] == places.first[i] + 1:
+        angle = s[places.rotor[i]] - run.watch.angles[0, i]
+        return places.inertia[i], s[places.speed[i]], acceleration(i, places, run), angle
     H, speed, rate, angle = 0.0, 0.0, 0.0, 0.0
-    for c in range(a.first[i], a.first[i + 1]):
-        j = a.member[c]
-        if island[a.unit[j]] == island_of:
-            h = a.inertia[j]
+    for c in range(places.first[i], places.first[i + 1]):
+        j = places.member[c]
+        if island[places.unit[j]] == island_of:
+            h = places.inertia[j]
             H += h
             share = h / H
-            speed += share * (s[a.speed[j]] - speed)
-            rate += share * (acceleration(j, a, q) - rate)
-            angle += share * (s[a.rotor[j]] - q.angles[0, j] - angle)
+            speed += share * (s[places.speed[j]] - speed)
+            rate += share * (acceleration(j, places, run) - rate)
+            angle += share * (s[places.rotor[j]] - run.watch.angles[0, j] - angle)
     return H, speed, rate, angle
 
 
 @noinline
-def step(p, a, net, q, due):
+def act(program, places, net, run, due):
     """Let gates and laws act, with their signals; returns whether a gate or an order has changed."""
-    coi(a.inertia, a, net, q)
-    accelerate(a, net, q)
-    s, sums, island, first, m = q.s, q.coi, net.island, a.places[2], len(a.rotor)
+    coi(places.inertia, places, net, run)
+    accelerate(places, net, run)
+    s, sums, island, seen = run.s, run.watch.coi, net.island, places.seen
     for i in range(len(island)):
-        s[first + 3 * m + i] = 1.0 if island[i] >= 0 else 0.0
-    s[first + 3 * m + len(island) + 1] = due
-    for i in range(m):
-        k = island[a.unit[i]]
-        s[first + i] = s[first + m + i] = s[first + 2 * m + i] = 0.0
-        own, speed, rate, angle = group(i, k, a, q, s, island)
+        s[seen.online + i] = 1.0 if island[i] >= 0 else 0.0
+    s[seen.time + 1] = due
+    for i in range(len(places.rotor)):
+        k = island[places.unit[i]]
+        s[seen.speed + i] = s[seen.acceleration + i] = s[seen.angle + i] = 0.0
+        own, speed, rate, angle = group(i, k, places, run, s, island)
         if k >= 0 and sums[0, k] > own:
             rest = sums[0, k] - own
-            s[first + i] = speed - (sums[1, k] - own * speed) / rest
-            s[first + m + i] = rate - (sums[3, k] - own * rate) / rest
-            s[first + 2 * m + i] = angle - (sums[2, k] - own * angle) / rest
-    for j in range(len(a.held)):
-        q.orders[0, j] = q.s[a.held[j]]
-    run(p.step, p, q.s, q.f, net.island)
+            s[seen.speed + i] = speed - (sums[1, k] - own * speed) / rest
+            s[seen.acceleration + i] = rate - (sums[3, k] - own * rate) / rest
+            s[seen.angle + i] = angle - (sums[2, k] - own * angle) / rest
+    for j in range(len(places.held)):
+        run.orders[0, j] = run.s[places.held[j]]
+    call(program.step, program, run.s, run.f, net.island)
     changed = False
-    for j in range(len(a.held)):
-        changed |= q.orders[0, j] != q.s[a.held[j]]
+    for j in range(len(places.held)):
+        changed |= run.orders[0, j] != run.s[places.held[j]]
     return changed
 
 
 @noinline
-def decide(p, a, net, q, due):
+def decide(program, places, net, run, due):
     """Let the devices that act at every step, and controllers whose frame is due, act; returns whether one has changed.
 
     `due` has a bit for every frame rate. The signals are those of `Relative`.
     """
-    if due or a.gated:
-        run(p.sense, p, q.s, q.f, net.island)
+    if due or places.gated:
+        call(program.sense, program, run.s, run.f, net.island)
     changed = due != 0
-    if len(a.held):
-        changed |= step(p, a, net, q, due)
+    if len(places.held):
+        changed |= act(program, places, net, run, due)
     if due:
-        due_frames(p.frame, p.bits, due, p, q.s, q.f, net.island)
+        due_frames(program.frame, program.bits, due, program, run.s, run.f, net.island)
     return changed

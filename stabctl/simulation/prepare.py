@@ -8,9 +8,10 @@ import scipy.sparse as sp
 from stabctl.dynamics.layout import Layout
 from stabctl.dynamics.program import Program
 
+from .buffers import buffers
 from .criterion import DEFAULT, numbers
-from .plant import Frame, Net, space
-from .stepper import advance
+from .places import Net, Places, Relative
+from .stepper import NOTHING, START, advance
 from .substitution import factor
 
 
@@ -19,7 +20,6 @@ def prepare() -> None:
     places, none, calls = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 5), np.int64)
     layout = Layout((), (), 1, 0, 0, {}, places)
     kinds = {
-        "places": np.zeros(3, np.int64),
         "first": np.zeros(1, np.int64),
         "inertia": none,
         "weight": none,
@@ -28,12 +28,13 @@ def prepare() -> None:
         "watch_low": none,
     }
     flags: dict[str, Any] = dict.fromkeys(("gated", "relay", "follows"), False)
-    arrays: dict[str, Any] = {name: kinds.get(name, places) for name in Frame._fields if name not in flags}
-    frame = Frame(**arrays, **flags)
+    numbers_: dict[str, Any] = {"voltages": 0, "step": 0, "seen": Relative(0, 0, 0, 0, 0)} | flags
+    arrays: dict[str, Any] = {name: kinds.get(name, places) for name in Places._fields if name not in numbers_}
+    read = Places(**arrays, **numbers_)
     net = Net(factor(sp.identity(1, complex, "csc")), places, places, np.ones(1, bool), False)
     program = Program(places, none, calls, calls, calls, calls, calls, calls, places)
-    q = space(np.zeros(layout.size), layout, frame)
-    advance(program, frame, net, q, numbers(DEFAULT), none, places, False, False, np.empty((0, 0)))
+    run = buffers(np.zeros(max(layout.size, 2)), layout, read)
+    advance(program, read, net, run, numbers(DEFAULT), NOTHING, START, np.empty((0, 0)))
 
 
 if __name__ == "__main__":

@@ -3,58 +3,46 @@
 from stabctl._util.jit import entry
 from stabctl.devices.blocks import copy
 
-from .orders import run
-from .stepper import confine, freeze, hold
-from .voltages import FAILED, settle
+from .method import STAGES, clip_at_limits, freeze_disconnected, hold_at_limits, move
+from .orders import call
+from .stepper import all_on, at_stage, next_step
+from .voltages import settle
 
 
 @entry
-def replay(p, a, net, q, sizes, rows, resume, signals, held, clipped):
+def replay(program, places, net, run, sizes, rows, at, signals, held, clipped):
     """Make the stages of steps of the given sizes (s) that begin at recorded rows.
 
-    Returns the number of steps made; if they are not all, it asks for the voltages at the stage reached (`q.marks`).
+    Returns where it is; if steps are left, it asks for the voltages of the stage there, to be called again.
     """
-    nx = len(q.x0)
-    whole = True
-    for i in range(len(net.island)):
-        whole &= net.island[i] >= 0
-    step, first = 0, 0
-    if resume:
-        step, first = q.marks[2], q.marks[3]
-    while step < len(sizes):
-        h = sizes[step]
-        for at in range(first, 4):
-            if not resume:
-                if at == 0:
+    whole = all_on(net)
+    while at.step < len(sizes):
+        h, step = sizes[at.step], at.step
+        for stage in range(at.stage, STAGES):
+            if not at.solved:
+                if stage == 0:
                     for k in range(rows.shape[1]):
-                        q.s[k] = rows[step, k]
-                    copy(q.s, q.x0)
-                copy(q.volt, q.kept)
-                if settle(p, a, net, q) >= FAILED:
-                    q.marks[2], q.marks[3] = step, at
-                    return step
-            resume = False
-            run(p.sweep, p, q.s, q.f, net.island)
-            copy(q.s, signals[step, at])
-            for k in range(len(a.limited)):
-                held[step, at, k] = q.f[a.limited[k]]
-            hold(q, a)
-            for k in range(len(a.limited)):
-                held[step, at, k] = 1.0 if held[step, at, k] != 0 and q.f[a.limited[k]] == 0 else 0.0
+                        run.s[k] = rows[step, k]
+                    copy(run.s, run.step.x)
+                copy(run.volt, run.solve.before)
+                if not settle(program, places, net, run):
+                    return at_stage(stage, True, True, at)
+            call(program.sweep, program, run.s, run.f, net.island)
+            copy(run.s, signals[step, stage])
+            for k in range(len(places.limited)):
+                held[step, stage, k] = run.f[places.limited[k]]
+            hold_at_limits(run, places)
+            for k in range(len(places.limited)):
+                held[step, stage, k] = 1.0 if held[step, stage, k] != 0 and run.f[places.limited[k]] == 0 else 0.0
             if not whole:
-                freeze(a, net, q)
-            weight = h / 6 if at == 0 or at == 3 else h / 3
-            reach = h if at == 2 else h / 2
-            for k in range(nx):
-                total = weight * q.f[k] + (q.sum[k] if at else q.x0[k])
-                q.sum[k] = total
-                q.s[k] = total if at == 3 else q.x0[k] + reach * q.f[k]
-            for k in range(len(a.limited)):
-                clipped[step, at, k] = q.s[a.limited[k]]
-            confine(q.s, a)
-            for k in range(len(a.limited)):
-                free, kept = clipped[step, at, k], q.s[a.limited[k]]
-                clipped[step, at, k] = 1.0 if free > kept else -1.0 if free < kept else 0.0
-        first = 0
-        step += 1
-    return step
+                freeze_disconnected(places, net, run)
+            move(stage, h, run)
+            for k in range(len(places.limited)):
+                clipped[step, stage, k] = run.s[places.limited[k]]
+            clip_at_limits(run.s, places)
+            for k in range(len(places.limited)):
+                free, kept = clipped[step, stage, k], run.s[places.limited[k]]
+                clipped[step, stage, k] = 1.0 if free > kept else -1.0 if free < kept else 0.0
+            at = at_stage(stage + 1, True, False, at)
+        at = next_step(False, at)
+    return at

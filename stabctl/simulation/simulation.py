@@ -13,14 +13,14 @@ from stabctl.errors import StudyError
 from stabctl.model import keys
 from stabctl.model.network import Switching
 
-from . import closed, stepper, steps, swings
+from . import closed, judgment, stepper, steps, swings
 from .attached import attached
+from .buffers import NOTE, buffers
 from .contingency import Disturbance, schedule
 from .control import Control, Frames, acting
 from .criterion import DEFAULT, Criterion, for_system, frequency_range, numbers
 from .newton import NO_ROWS, Slopes, advance
 from .outcome import End, Outcome, outcome
-from .plant import space
 from .recording import Recorded, Recording
 from .sampled import Pilot, carry
 from .stall import stalled
@@ -32,7 +32,7 @@ from .wired import wired
 
 FURTHER = 5.0  # s   by which a run is continued while its swings may grow
 REVERSALS = 5.0  # 1/s   of full power, from which on a storage device is in a limit cycle; swings make up to 4
-TIMED = stepper.LOW_VOLTAGE, stepper.FREQUENCY  # verdicts whose instant lies within a step
+TIMED = judgment.LOW_VOLTAGE, judgment.FREQUENCY  # verdicts whose instant lies within a step
 
 
 class Simulation:
@@ -92,7 +92,7 @@ class Simulation:
         self.time, self.wall_s, self.steps = start, 0.0, 0
         self.outcome: Outcome | None = None
         self._taken_off: list[str] = []
-        self._verdict, self._slopes = stepper.DONE, Slopes()
+        self._verdict, self._slopes = judgment.DONE, Slopes()
         self._finished: Trajectory | None = None
         self._swings: tuple[float, Swings | None] | None = None  # instant and last swings then
         self._at, self._since = 0, start
@@ -105,7 +105,7 @@ class Simulation:
         signals = self.wired.layout.first_memory
         self._record = Recording(point, record, signals, every=every, span=swings.SPAN)
         self._rules = numbers(self.criterion)
-        self._space = space(self.wired.start, self.wired.layout, self.wired.frame)
+        self._run = buffers(self.wired.start, self.wired.layout, self.wired.places)
         self._enter()
         self._clock = self.wired.layout.size - 2
         self.frames = tuple((c.named.controller.rate or 1, Frames(c, self)) for c in self.attached.called)
@@ -116,37 +116,37 @@ class Simulation:
     @property
     def orders(self) -> np.ndarray:
         """Storage orders (devices) in per unit of the ratings, positive to absorb; set them in place."""
-        return self._space.s[self.wired.wanted]
+        return self._run.s[self.wired.wanted]
 
     @property
     def s(self) -> np.ndarray:
         """Every signal now; only the inputs of `attached.measured` may be set. Outputs are those of the last stage."""
-        return self._space.s
+        return self._run.s
 
     @property
     def speed(self) -> np.ndarray:
         """Speeds (rotor units) now, pu."""
-        return self._space.s[self.point.rotors.speed]
+        return self._run.s[self.point.rotors.speed]
 
     @property
     def angle(self) -> np.ndarray:
         """Angles (rotor units) now, rad."""
-        return self._space.s[self.point.rotors.angle]
+        return self._run.s[self.point.rotors.angle]
 
     @property
     def V(self) -> np.ndarray:
         """Voltages (buses) now, complex, pu."""
         self.settled()
-        return self._space.volt.copy()
+        return self._run.volt.copy()
 
     def at_frame(self) -> np.ndarray:
         """Every signal at a frame, with the voltages of the outputs that were held before it."""
-        return self._space.s if self._known else self.settled()
+        return self._run.s if self._known else self.settled()
 
     def settled(self) -> np.ndarray:
         """Every signal now, with voltages and outputs brought up to date."""
         self._advance(steps.NONE, True, NO_ROWS)
-        return self._space.s
+        return self._run.s
 
     @property
     def island(self) -> np.ndarray:
@@ -170,7 +170,7 @@ class Simulation:
         """
         self.affordable(until)
         if not cut:
-            self._space.moves[:] = 0  # orders may have changed
+            self._run.solve.moves[:] = 0  # orders may have changed
         while self.outcome is None and self.time < until - 1e-9:
             following = self._following
             target = min([until, following, *(t for t in self._edges if t > self.time + 1e-9)])
@@ -198,12 +198,12 @@ class Simulation:
         if self._finished is not None:
             return self._finished
         if self.outcome is None:
-            self.outcome = self._end(stepper.DONE)
-        if self._record.recording and self._verdict != stepper.NO_VOLTAGE:
+            self.outcome = self._end(judgment.DONE)
+        if self._record.recording and self._verdict != judgment.NO_VOLTAGE:
             self._record.event()
             self._call(steps.NONE, True)
         times, rows = self._record.kept(self.wired.layout.first_memory)
-        peak = self._space.angles[1].copy()
+        peak = self._run.watch.angles[1].copy()
         for array in (rows, times, peak):
             array.setflags(write=False)
         happened = Happened(self.changes[: self._at + 1], self._off.copy(), self._stage.net.island)
@@ -224,18 +224,18 @@ class Simulation:
         rotors, half_s = self.point.rotors, (self.time - begin) / 2
         island, names, limit = self.island[rotors.unit], self.point.rotor_names, self.criterion.decay
         angles, middle = self._record.angles(begin, begin + half_s)
-        return swings.judged(angles, middle, island, self._frame.weight, names, half_s, limit)
+        return swings.judged(angles, middle, island, self._places.weight, names, half_s, limit)
 
     def _enter(self) -> None:
         self._since, self._known = self.time, False
-        self._space.moves[:], self._space.over[0] = 0, -1.0
+        self._run.solve.moves[:], self._run.late[0] = 0, -1.0
         self._record.event()
         self._stage = stage(self.point, self.changes[self._at].switching)
         self._off[(self._stage.net.island < 0) & np.isinf(self._off)] = self.time
         self._program = self.wired.program
-        self._frame = self.wired.frame
+        self._places = self.wired.places
         if self.criterion.coi == "machines":
-            self._frame = self._frame._replace(weight=self.point.rotors.of_machines(self._stage.net.island))
+            self._places = self._places._replace(weight=self.point.rotors.of_machines(self._stage.net.island))
         if self._stage.constants:
             k = self._program.k.copy()
             for table, row, par in self._stage.constants:
@@ -248,7 +248,7 @@ class Simulation:
         windows = self.attached.windows
         self._known = self._known and not windows
         for place, start, end in windows:
-            self._space.s[place] = 1.0 if start <= self.time + 1e-9 < end else 0.0
+            self._run.s[place] = 1.0 if start <= self.time + 1e-9 < end else 0.0
         self._edges = sorted({edge for _, *both in windows for edge in both})
 
     def _segment(self, target: float, cut: bool) -> None:
@@ -261,57 +261,57 @@ class Simulation:
             done += made
             self.time = target if done == count else float(all_steps.starts[done])
             self.steps += made
-            if verdict in (stepper.RUNAWAY, stepper.FREQUENCY) and self._alone():
+            if verdict in (judgment.RUNAWAY, judgment.FREQUENCY) and self._alone():
                 self._take_off(verdict)
-            elif verdict != stepper.DONE:
+            elif verdict != judgment.DONE:
                 self.outcome = self._end(verdict)
             if self.progress:
                 self.progress(self.time)
 
     def _end(self, verdict: int) -> Outcome:
         self._verdict = verdict
-        instant = self.time - (float(self._space.over[0]) if verdict in TIMED else 0.0)
-        bus, rotor = map(int, self._space.marks[:2])
-        outside = self._space.off[1].max(initial=0.0)
-        last = self.swings() if verdict == stepper.DONE else None
+        instant = self.time - (float(self._run.late[0]) if verdict in TIMED else 0.0)
+        bus, rotor = int(self._run.notes[NOTE.bus]), int(self._run.notes[NOTE.rotor])
+        outside = self._run.watch.off[1].max(initial=0.0)
+        last = self.swings() if verdict == judgment.DONE else None
         end = End(
-            verdict, instant, self._stage, self.speed, self._frame.weight, rotor, bus, outside,
+            verdict, instant, self._stage, self.speed, self._places.weight, rotor, bus, outside,
             tuple(self._taken_off), last, self._loop_frequency(verdict, rotor),
-            stalled(self.point, self._space.s, self._stage.net.alive), self._cycling(),
+            stalled(self.point, self._run.s, self._stage.net.alive), self._cycling(),
             None if steps.trusted(self.step, self.loop) else (self.loop, self.step),
         )  # fmt: skip
         return outcome(self.point, end, self.criterion)
 
     def _cycling(self) -> dict[str, float]:
         """Storage devices whose orders reverse at full power faster than machines swing: name -> times per second."""
-        if self._verdict != stepper.DONE:
+        if self._verdict != judgment.DONE:
             return {}
-        turns, names = self._space.turns[1], keys.keys(self.point.case, "storage")
+        turns, names = self._run.watch.turns[1], keys.keys(self.point.case, "storage")
         return {str(name): float(rate) for name, rate in zip(names, turns, strict=True) if rate > REVERSALS}
 
     def _loop_frequency(self, verdict: int, row: int) -> float:
         """The frequency of the phase-locked loop that lost synchronism, pu; 1 if none did."""
-        found = self.point.system.unweighted.rows[row].frequency if verdict == stepper.UNLOCKED else -1
-        return float(self._space.s[found]) if found >= 0 else 1.0
+        found = self.point.system.unweighted.rows[row].frequency if verdict == judgment.UNLOCKED else -1
+        return float(self._run.s[found]) if found >= 0 else 1.0
 
     def _alone(self) -> bool:
         """Whether the runaway machine is alone in its island, while others are running elsewhere."""
         island = self._stage.net.island[self.point.rotors.unit]
-        return (island == island[self._space.marks[1]]).sum() == 1 and (island >= 0).sum() > 1
+        return (island == island[self._run.notes[NOTE.rotor]]).sum() == 1 and (island >= 0).sum() > 1
 
     def _take_off(self, verdict: int) -> None:
         """Trip the machine that ran away or left the frequency range, as its protection would."""
-        row = int(self.point.rotors.unit[self._space.marks[1]])
+        row = int(self.point.rotors.unit[self._run.notes[NOTE.rotor]])
         gone = [c.switching._replace(tripped=c.switching.tripped | {row}) for c in self.changes[self._at :]]
         later = (replace(c, switching=s) for c, s in zip(self.changes[self._at :], gone, strict=True))
         self.changes = (*self.changes[: self._at], *later)
         self._enter()
-        self._space.off[:2, self._space.marks[1]] = 0.0
+        self._run.watch.off[:2, self._run.notes[NOTE.rotor]] = 0.0
         rules, hz = self.criterion, self.point.case.frequency_hz
         left = f"left the speed range {rules.slowest:g} to {rules.fastest:g} pu at {self.time:.3f} s"
-        if verdict == stepper.FREQUENCY:
+        if verdict == judgment.FREQUENCY:
             left = f"was outside {frequency_range(rules, hz)} for {rules.frequency_delay_s:g} s at {self.time:.3f} s"
-        noun = "Converter" if self.point.rotors.virtual[self._space.marks[1]] else "Machine"
+        noun = "Converter" if self.point.rotors.virtual[self._run.notes[NOTE.rotor]] else "Machine"
         number = self.point.case.machines[row].machine
         self._taken_off.append(f"{noun} {number}, alone in its island, {left} and was tripped.")
 
@@ -319,21 +319,21 @@ class Simulation:
         """Make steps; with `last`, record their end too, with `settle`, only evaluate all signals there."""
         history = np.empty((len(now.sizes) + last, self._record.width))
         before = time.perf_counter()
-        self._space.s[self._clock] = self.time
+        self._run.s[self._clock] = self.time
         if not np.isfinite(self.orders).all():
             raise StudyError(f"The storage orders {self.orders} are not finite numbers; set them between -1 and 1.")
         verdict, made = self._advance(now, last or settle, history)
-        if settle and verdict == stepper.NO_VOLTAGE and made == len(now.sizes):
-            verdict, settle = stepper.DONE, False  # at this instant, which an event or the frame may change
-        self._known = settle and verdict == stepper.DONE
+        if settle and verdict == judgment.NO_VOLTAGE and made == len(now.sizes):
+            verdict, settle = judgment.DONE, False  # at this instant, which an event or the frame may change
+        self._known = settle and verdict == judgment.DONE
         self.wall_s += time.perf_counter() - before
         self._record.add(np.append(now.starts[:made], self.time) if last else now.starts[:made], history[: made + last])
         return verdict, made
 
     def _advance(self, now: steps.Steps, last: bool, history: np.ndarray) -> tuple[int, int]:
         """Steps of the compiled loop, with Newton's method when it is requested."""
-        p, a, net, q = self._program, self._frame, self._stage.net, self._space
-        return advance(self.wired, p, a, net, q, self._rules, now, last=last, history=history, kept=self._slopes)
+        plan, of = stepper.Plan(now.sizes, now.due, last), (self._program, self._places, self._stage.net, self._run)
+        return advance(self.wired, *of, self._rules, plan, history, self._slopes)
 
 
 def run(

@@ -6,23 +6,25 @@ import numpy as np
 
 from stabctl.errors import StudyError
 
+from .buffers import Run, buffers
+from .method import STAGES
 from .newton import Slopes, of_wired
-from .plant import Space, space
 from .replay import replay
+from .stepper import START
 from .topology import Stage, stage
 from .trajectory import Trajectory
 from .wired import Wired, wired
 
 
 class Stages(NamedTuple):
-    """Steps on one network, each with its four stages."""
+    """Steps on one network, each with its stages (`method.STAGES`)."""
 
     network: Stage
     first: int  # row of the trajectory at which the first step begins
     sizes: np.ndarray  # (steps) s
-    signals: np.ndarray  # (steps, 4, signals)
-    held: np.ndarray  # (steps, 4, limited states) whether a state is held at its limit
-    clipped: np.ndarray  # (steps, 4, limited states) -1, 1: clipped to its lower or upper limit after the stage
+    signals: np.ndarray  # (steps, stages, signals)
+    held: np.ndarray  # (steps, stages, limited states) whether a state is held at its limit
+    clipped: np.ndarray  # (steps, stages, limited states) -1, 1: clipped to its lower or upper limit after the stage
 
 
 def stages(trajectory: Trajectory) -> list[Stages]:
@@ -49,11 +51,13 @@ def stages(trajectory: Trajectory) -> list[Stages]:
     for k in np.unique(network):
         mine = np.flatnonzero(network == k)  # consecutive
         now = stage(point, trajectory.happened.changes[k].switching)
-        q = space(system.start, system.layout, system.frame)
+        run = buffers(system.start, system.layout, system.places)
         sizes = np.diff(time)[mine]
-        shape = len(mine), 4, len(system.frame.limited)
-        made = Stages(now, int(mine[0]), sizes, np.empty((len(mine), 4, len(q.s))), np.empty(shape), np.empty(shape))
-        _replay(system, now, q, rows[mine], made)
+        shape = len(mine), STAGES, len(system.places.limited)
+        made = Stages(
+            now, int(mine[0]), sizes, np.empty((len(mine), STAGES, len(run.s))), np.empty(shape), np.empty(shape)
+        )
+        _replay(system, now, run, rows[mine], made)
         found.append(made)
     return found
 
@@ -67,11 +71,10 @@ def constants(system: Wired, network: Stage, k: np.ndarray) -> np.ndarray:
     return k
 
 
-def _replay(system: Wired, network: Stage, q: Space, rows: np.ndarray, made: Stages) -> None:
+def _replay(system: Wired, network: Stage, run: Run, rows: np.ndarray, made: Stages) -> None:
     p = system.program._replace(k=constants(system, network, system.program.k))
-    a, net, resume, kept = system.frame, network.net, False, Slopes()
+    places, net, at, kept = system.places, network.net, START, Slopes()
     of_made = made.sizes, np.ascontiguousarray(rows)
-    while replay(p, a, net, q, *of_made, resume, made.signals, made.held, made.clipped) < len(made.sizes):
-        resume = True
-        if not of_wired(system, p, a, net, q, kept):
+    while (at := replay(p, places, net, run, *of_made, at, made.signals, made.held, made.clipped)).step < len(rows):
+        if not of_wired(system, p, places, net, run, kept):
             raise StudyError("The voltages of a stage were not found, so the run has no derivatives there.")

@@ -4,7 +4,7 @@ from stabctl._util.jit import inline, noinline
 from stabctl.devices.blocks import copy
 
 from .orders import decide
-from .voltages import FAILED, settle
+from .voltages import settle
 
 MOST = 4  # switching instants found in one step; the next orders are those of its end
 CHATTER = 8  # steps in a row with switching; the next are not divided until one without
@@ -13,62 +13,62 @@ NEAR = 0.02  # of a step; nearer to its ends the interpolated voltages are exact
 
 
 @inline
-def set_orders(row, a, q):
+def set_orders(row, places, run):
     """Set the orders to a row of those stored."""
-    for j in range(len(a.held)):
-        q.s[a.held[j]] = q.orders[row, j]
+    for j in range(len(places.held)):
+        run.s[places.held[j]] = run.orders[row, j]
 
 
 @noinline
-def interpolate(t, h, q):
+def interpolate(t, m, h, run):
     """Set states and voltages to those at the fraction t of the last h seconds.
 
-    A cubic of the states and rates at both ends, a parabola of the voltages at the ends and at the fraction part[2].
+    A cubic of the states and rates at both ends, a parabola of the voltages at the ends and at the fraction m.
     """
-    for k in range(len(q.x0)):
-        change = q.end[k] - q.x0[k]
-        bend = (1 - t) * (h * q.rate[k] - change) - t * (h * q.f[k] - change)
-        q.s[k] = q.x0[k] + t * (change + (1 - t) * bend)
-    m = q.part[2]
+    for k in range(len(run.step.x)):
+        change = run.step.end[k] - run.step.x[k]
+        bend = (1 - t) * (h * run.step.rate[k] - change) - t * (h * run.f[k] - change)
+        run.s[k] = run.step.x[k] + t * (change + (1 - t) * bend)
+    volts = run.step.volts
     first, middle, last = (1 - t) * (m - t) / m, t * (1 - t) / (m * (1 - m)), t * (t - m) / (1 - m)
-    for i in range(len(q.volt)):
-        q.volt[i] = first * q.volts[0, i] + middle * q.volts[1, i] + last * q.volts[2, i]
+    for i in range(len(run.volt)):
+        run.volt[i] = first * volts[0, i] + middle * volts[1, i] + last * volts[2, i]
 
 
 @noinline
-def filled(h, a, q):
-    """Fraction of the last h seconds just before a device reached a limit that stops it, 1 if none; marks which."""
-    first, q.marks[6] = 1.0, -1
-    for k in range(len(a.stops)):
-        j = a.stops[k]
-        i, per = a.limited[j], q.s[a.scale[j]]
-        if q.s[i] == q.x0[i] or not (q.s[i] == a.low[j] * per or q.s[i] == a.high[j] * per):
+def filled(h, places, run):
+    """Fraction of the last h seconds just before a device reached a limit that stops it, 1 if none; and its row."""
+    first, row = 1.0, -1
+    for k in range(len(places.stops)):
+        j = places.stops[k]
+        i, per = places.limited[j], run.s[places.scale[j]]
+        if run.s[i] == run.step.x[i] or not (run.s[i] == places.low[j] * per or run.s[i] == places.high[j] * per):
             continue
-        t = (q.s[i] - q.x0[i]) / (h * q.rate[i]) - FINE
+        t = (run.s[i] - run.step.x[i]) / (h * run.step.rate[i]) - FINE
         if 0 <= t < first:
-            first, q.marks[6] = t, j
-    return first
+            first, row = t, j
+    return first, row
 
 
 @noinline
-def changed(t, h, p, a, net, q):
+def changed(t, m, h, program, places, net, run):
     """Whether an order has switched at the fraction t of the last h seconds; if so, stores the orders then."""
-    set_orders(0, a, q)
-    interpolate(t, h, q)
-    if not decide(p, a, net, q, 0):
+    set_orders(0, places, run)
+    interpolate(t, m, h, run)
+    if not decide(program, places, net, run, 0):
         return False
-    for j in range(len(a.held)):
-        q.orders[1, j] = q.s[a.held[j]]
+    for j in range(len(places.held)):
+        run.orders[1, j] = run.s[places.held[j]]
     return True
 
 
 @noinline
-def bisect(h, p, a, net, q):
+def bisect(m, h, program, places, net, run):
     """Fractions of the last h seconds between which an order first switched; stores the orders from then on."""
     low, high = 0.0, 1.0
     while high - low > FINE:
         t = (low + high) / 2
-        if changed(t, h, p, a, net, q):
+        if changed(t, m, h, program, places, net, run):
             high = t
         else:
             low = t
@@ -76,55 +76,57 @@ def bisect(h, p, a, net, q):
 
 
 @noinline
-def switched(h, p, a, net, q):
+def switched(h, program, places, net, run):
     """Fraction of the last h seconds at which an order first switched, 1 if none; stores the orders from then on.
 
     The voltages are solved for at the instant found, which is then confirmed, or found again if they move it.
     """
-    if not decide(p, a, net, q, 0):
+    if not decide(program, places, net, run, 0):
         return 1.0
-    copy(q.s, q.end)
-    copy(q.volt, q.volts[2])
-    q.part[2] = 0.5
-    for j in range(len(a.held)):
-        q.orders[1, j] = q.s[a.held[j]]
-    low, high = bisect(h, p, a, net, q)
-    set_orders(0, a, q)
+    copy(run.s, run.step.end)
+    copy(run.volt, run.step.volts[2])
+    for j in range(len(places.held)):
+        run.orders[1, j] = run.s[places.held[j]]
+    low, high = bisect(0.5, h, program, places, net, run)
+    set_orders(0, places, run)
     if NEAR < high < 1 - NEAR:
-        interpolate(high, h, q)
-        if settle(p, a, net, q) < FAILED:
-            copy(q.volt, q.volts[1])
-            q.part[2] = high
-            if changed(low, h, p, a, net, q) or not changed(high, h, p, a, net, q):
-                low, high = bisect(h, p, a, net, q)
-            set_orders(0, a, q)
-    for k in range(len(q.x0)):
-        q.s[k] = q.end[k]
-    copy(q.volts[2], q.volt)
+        interpolate(high, 0.5, h, run)
+        if settle(program, places, net, run):
+            copy(run.volt, run.step.volts[1])
+            m = high
+            if changed(low, m, h, program, places, net, run) or not changed(high, m, h, program, places, net, run):
+                low, high = bisect(m, h, program, places, net, run)
+            set_orders(0, places, run)
+    for k in range(len(run.step.x)):
+        run.s[k] = run.step.end[k]
+    copy(run.step.volts[2], run.volt)
     return high
 
 
 @noinline
-def instant(h, p, a, net, q):
-    """Fraction of the last h seconds at which a power jumps, 1 if none; the orders from then on are in orders[1]."""
-    t = filled(h, a, q)
-    first = switched(h, p, a, net, q) if a.relay else 1.0
+def instant(h, program, places, net, run):
+    """Fraction of the last h seconds at which a power jumps, 1 if none, and the row of `limited` if a device stops.
+
+    The orders from then on are in orders[1].
+    """
+    t, row = filled(h, places, run)
+    first = switched(h, program, places, net, run) if places.relay else 1.0
     if first <= t:
-        t, q.marks[6] = first, -1
+        t, row = first, -1
     else:
-        for j in range(len(a.held)):
-            q.orders[1, j] = q.s[a.held[j]]
-    return t if FINE < t < 1 - FINE else 1.0
+        for j in range(len(places.held)):
+            run.orders[1, j] = run.s[places.held[j]]
+    return t if FINE < t < 1 - FINE else 1.0, row
 
 
 @noinline
-def jump(h, a, q):
+def jump(row, h, places, run):
     """Switch the orders at the instant found; devices that fill or empty there are exactly at their limits."""
-    set_orders(1, a, q)
-    for k in range(len(a.stops)):
-        j = a.stops[k]
-        i, per = a.limited[j], q.s[a.scale[j]]
-        low, high = a.low[j] * per, a.high[j] * per
-        edge = high if abs(q.s[i] - high) < abs(q.s[i] - low) else low
-        if j == q.marks[6] or abs(q.s[i] - edge) < 10 * FINE * h * abs(q.rate[i]):
-            q.s[i] = edge
+    set_orders(1, places, run)
+    for k in range(len(places.stops)):
+        j = places.stops[k]
+        i, per = places.limited[j], run.s[places.scale[j]]
+        low, high = places.low[j] * per, places.high[j] * per
+        edge = high if abs(run.s[i] - high) < abs(run.s[i] - low) else low
+        if j == row or abs(run.s[i] - edge) < 10 * FINE * h * abs(run.step.rate[i]):
+            run.s[i] = edge

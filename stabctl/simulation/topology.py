@@ -16,7 +16,7 @@ from stabctl.model import keys, network
 from stabctl.model.location import circuit
 from stabctl.model.network import Switching
 
-from .plant import Net
+from .places import Net
 from .substitution import factor
 
 MOST = 200  # networks kept for each operating point

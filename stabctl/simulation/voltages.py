@@ -11,64 +11,65 @@ from stabctl._util.jit import allocating_entry, entry, inline, noinline
 from stabctl.devices.blocks import copy
 from stabctl.dynamics.perform import perform
 
+from .buffers import NOTE
 from .substitution import backward, forward, middle, solve_apart
 
 TOLERANCE = 1e-7  # pu   voltage error at which the iteration ends
 LIMIT = 30  # -    fixed-point iterations before Newton is called
 STEPS = 40  # -    Newton steps
 HALVINGS = 12  # -    of a Newton step
-FAILED, NEEDS_NEWTON = 1000, 1001  # -    special results of `settle`
 TINY = 1e-30  # complex step
 
 
 @inline
-def settle(p, a, net, q):
-    """Solve Y v = i(v) by fixed-point iteration; returns the number of iterations, or NEEDS_NEWTON."""
-    for i in range(len(q.current)):
-        q.current[i] = 0
-    perform(p.source, p.w, p.k, q.s, q.f, net.island)
-    copy(q.current, q.source)
-    factors, d, b, before = net.factors, a.draw_bus, a.near_bus, 0.0
-    forward(factors, q.source, q.work)
+def settle(program, places, net, run):
+    """Solve Y v = i(v) by fixed-point iteration; returns whether it ended. If not, Newton's method is needed."""
+    for i in range(len(run.current)):
+        run.current[i] = 0
+    perform(program.source, program.w, program.k, run.s, run.f, net.island)
+    copy(run.current, run.solve.source)
+    factors, d, b, before = net.factors, places.draw_bus, places.near_bus, 0.0
+    forward(factors, run.solve.source, run.solve.work)
     for i in range(factors.again[0], factors.all[0]):
-        q.begun[i] = q.work[i]
+        run.solve.begun[i] = run.solve.work[i]
     for iteration in range(1, LIMIT):
         for i in range(len(d)):
-            q.current[d[i]] = 0
-        perform(p.current, p.w, p.k, q.s, q.f, net.island)
+            run.current[d[i]] = 0
+        perform(program.current, program.w, program.k, run.s, run.f, net.island)
         if iteration > 1:
             for i in range(factors.again[0], factors.all[0]):
-                q.work[i] = q.begun[i]
+                run.solve.work[i] = run.solve.begun[i]
         for i in range(len(d)):
-            q.work[factors.back[d[i]]] += q.current[d[i]]
-        middle(factors, q.work)
+            run.solve.work[factors.back[d[i]]] += run.current[d[i]]
+        middle(factors, run.solve.work)
         change = 0.0
         for i in range(len(b)):
-            v = q.work[factors.cols[b[i]]]
-            miss = v - q.volt[b[i]]
+            v = run.solve.work[factors.cols[b[i]]]
+            miss = v - run.volt[b[i]]
             size = miss.real * miss.real + miss.imag * miss.imag
             if not size <= change:
                 change = size
-            q.volt[b[i]] = v
+            run.volt[b[i]] = v
         # the changes fall like a geometric series; its remainder is the error
         change = np.sqrt(change)
         if change < TOLERANCE or change * change < TOLERANCE * (before - change):
-            backward(factors, q.work, q.volt)
-            return iteration
+            backward(factors, run.solve.work, run.volt)
+            return True
         before = change
     for i in range(len(b)):
-        q.volt[b[i]] = q.kept[b[i]]
-    return NEEDS_NEWTON
+        run.volt[b[i]] = run.solve.before[b[i]]
+    return False
 
 
 @allocating_entry
-def newton_from(calls, p, a, net, q, z, slow):
+def newton_from(calls, program, places, net, run, z, slow):
     """Solve v - a - Z i(v) = 0 at the buses with voltage-dependent currents; returns whether a solution was found.
 
     a are the voltages without these currents, Z the impedances between the buses. Steps are halved until the residual
     falls. With `slow`, they are implicit Euler steps, whose length grows as the residual falls.
     """
-    bus, factors, source, volt, current, work, new = a.draw_bus, net.factors, q.source, q.volt, q.current, q.work, z.new
+    bus, factors, new = places.draw_bus, net.factors, z.new
+    source, work, volt, current = run.solve.source, run.solve.work, run.volt, run.current
     n = len(bus)
     open_, Z = np.zeros(n, np.complex128), np.zeros((n, n), np.complex128)
     solve_apart(factors, source, work, new)
@@ -93,7 +94,7 @@ def newton_from(calls, p, a, net, q, z, slow):
             for i in range(n):
                 for k in range(2):
                     tried[i, k] = v[i, k].real - scale * F[2 * i + k]
-            drawn(calls, p, a, net, z, tried, i_v[0])
+            drawn(calls, program, places, net, z, tried, i_v[0])
             now, worst = residual(tried, open_, Z, i_v[0], J[0])
             if now < before or slow:
                 break
@@ -117,32 +118,32 @@ def newton_from(calls, p, a, net, q, z, slow):
             for i in range(n):
                 tried[i, k] = v[i, k] + 1j * TINY
                 tried[i, 1 - k] = v[i, 1 - k]
-            drawn(calls, p, a, net, z, tried, i_v[1 + k])
+            drawn(calls, program, places, net, z, tried, i_v[1 + k])
         slopes(Z, i_v, J)
         for i in range(2 * n if slow else 0):
             J[i, i] += 1 / pace
         F = np.linalg.solve(J, F)
-    q.marks[0] = bus[worst]
+    run.notes[NOTE.bus] = bus[worst]
     return False
 
 
 @noinline
-def drawn(calls, p, a, net, z, v, out):
+def drawn(calls, program, places, net, z, v, out):
     """Voltage-dependent currents (pairs) at bus voltages v (pairs)."""
     for i in range(len(v)):
-        at = a.places[0] + 2 * a.draw_bus[i]
+        at = places.voltages + 2 * places.draw_bus[i]
         z.s[at], z.s[at + 1] = v[i, 0], v[i, 1]
         z.f[at] = z.f[at + 1] = 0
-    perform(calls, p.w, p.k, z.s, z.f, net.island)
+    perform(calls, program.w, program.k, z.s, z.f, net.island)
     for i in range(len(v)):
-        at = a.places[0] + 2 * a.draw_bus[i]
+        at = places.voltages + 2 * places.draw_bus[i]
         out[i, 0], out[i, 1] = z.f[at], z.f[at + 1]
 
 
 @entry
-def currents(calls, p, a, net, z, v, out):
+def currents(calls, program, places, net, z, v, out):
     """The same, as an entry point."""
-    drawn(calls, p, a, net, z, v, out)
+    drawn(calls, program, places, net, z, v, out)
 
 
 @entry

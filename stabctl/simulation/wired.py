@@ -21,7 +21,7 @@ from stabctl.errors import StudyError
 from stabctl.model.case import Case
 
 from . import line
-from .plant import Frame, Relative, frame, with_ratings
+from .places import Places, Relative, places, with_ratings
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class Wired:
     program: Program
     families: tuple[Family, ...]
     layout: Layout
-    frame: Frame
+    places: Places
     wanted: slice  # of the orders in s
     rates: tuple[int, ...]  # 1/s, of the sampled controllers and of the law; place k is bit k
     start: np.ndarray  # s
@@ -100,7 +100,7 @@ def _wired(point: OperatingPoint, control: Law | None, rates: tuple[int, ...], g
     held = np.r_[orders_of(layout, point.case), np.array(gates, np.int64)]
     relay, follows = _switches(families, control)
     how: dict[str, Any] = {"groups": _groups(point, control), "gated": bool(gates), "relay": relay, "follows": follows}
-    made = frame(point.system, layout, memory.relative, held, storage.places(point.system, point.case).order, **how)
+    made = places(point.system, layout, memory.relative, held, storage.places(point.system, point.case).order, **how)
     return Wired(program(families), families, layout, made, memory.orders, rates, start, point.system.kept)
 
 
@@ -112,8 +112,8 @@ def _with_constants(system: Wired, point: OperatingPoint, control: Law | None) -
     k = np.concatenate([np.zeros(0), *(f.k.ravel() for f in families)])
     start = system.start.copy()
     start[: system.layout.first_memory] = point.s[: system.layout.first_memory]
-    made = with_ratings(system.frame, point.system, *_switches(families, control))
-    return replace(system, program=system.program._replace(k=k), families=families, frame=made, start=start)
+    made = with_ratings(system.places, point.system, *_switches(families, control))
+    return replace(system, program=system.program._replace(k=k), families=families, places=made, start=start)
 
 
 def orders_of(layout: Layout, case: Case) -> np.ndarray:

@@ -56,7 +56,7 @@ def test_tables_for_compiled_code_are_contiguous_and_writeable(points, control):
     case = points("wnaps").case
     point = operating_point.solve(case.with_storage([Storage(1, case.machines[0].storage_bus, 10.0)]))
     made = wired(point, control)
-    for record in (made.program, made.frame, stage(point, UNSWITCHED).net, point.equations.program):
+    for record in (made.program, made.places, stage(point, UNSWITCHED).net, point.equations.program):
         for name, array in arrays(record):
             assert array.flags.c_contiguous, name
             assert array.flags.writeable, name

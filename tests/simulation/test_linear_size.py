@@ -9,7 +9,7 @@ from stabctl.dynamics import operating_point
 from stabctl.model import fleet
 from stabctl.model.network import UNSWITCHED
 from stabctl.model.replicate import replicate
-from stabctl.simulation.plant import space
+from stabctl.simulation.buffers import buffers
 from stabctl.simulation.topology import stage
 from stabctl.simulation.wired import wired
 
@@ -21,6 +21,8 @@ def sizes(name: str, record: tuple) -> Iterator[tuple[str, int]]:
     for field, value in zip(record._fields, record, strict=True):
         if isinstance(value, np.ndarray):
             yield f"{name}.{field}", value.size
+        elif hasattr(value, "_fields"):
+            yield from sizes(f"{name}.{field}", value)
 
 
 def counts(point: operating_point.OperatingPoint) -> dict[str, int]:
@@ -29,11 +31,10 @@ def counts(point: operating_point.OperatingPoint) -> dict[str, int]:
     rows, low, up = (int(part) for part in net.factors.again)
     calls = {kind: getattr(system.program, kind) for kind in ("source", "current", "sweep")}
     return {
-        **dict(sizes("factors", net.factors)),
         **dict(sizes("net", net)),
         **dict(sizes("program", system.program)),
-        **dict(sizes("frame", system.frame)),
-        **dict(sizes("space", space(system.start, system.layout, system.frame))),
+        **dict(sizes("places", system.places)),
+        **dict(sizes("run", buffers(system.start, system.layout, system.places))),
         **{f"devices called in {kind}": int(table[:, 2].sum()) for kind, table in calls.items()},
         "iterated rows": len(net.factors.d) - rows,
         "iterated entries of L": len(net.factors.L) - low,

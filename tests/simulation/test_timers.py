@@ -13,8 +13,8 @@ from stabctl.dynamics.coerce import initialize
 from stabctl.simulation import newton
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import Criterion
+from stabctl.simulation.judgment import time_beyond
 from stabctl.simulation.simulation import Simulation, run
-from stabctl.simulation.stepper import timed
 
 
 @pytest.mark.parametrize("parts", [1, 3, 10])
@@ -24,7 +24,7 @@ def test_a_timer_does_not_depend_on_the_steps(parts):
     seconds, times = 0.0, []
     instants = np.unique(np.concatenate([np.linspace(a, b, parts + 1) for a, b in pairwise(corners)]))
     for a, b in pairwise(instants):
-        seconds, longest = timed(seconds, *np.interp((a, b), corners, values), b - a)
+        seconds, longest = time_beyond(seconds, *np.interp((a, b), corners, values), b - a)
         times.append(longest)
     times = np.array(times)
     assert times[instants[1:] <= 2.0].max() == pytest.approx(1.25, abs=1e-12)

@@ -11,8 +11,8 @@ from stabctl.dynamics import family, loop, operating_point
 from stabctl.dynamics.program import program
 from stabctl.model.network import UNSWITCHED
 from stabctl.simulation import center, frame, line, lti, newton, voltages
+from stabctl.simulation.buffers import NOTE, buffers, newton_space
 from stabctl.simulation.contingency import Contingency
-from stabctl.simulation.plant import newton_space, space
 from stabctl.simulation.simulation import run
 from stabctl.simulation.timeline import timeline
 from stabctl.simulation.topology import stage
@@ -104,9 +104,9 @@ class TestNewtonFallback:
         for scale in (1.0, 0.995, 0.99, 0.97, 0.96, 0.9, 0.8, 1.0):
             found = []
             for slopes in (kept, newton.Slopes().of(net)):
-                q, before = space(made.start, made.layout, made.frame), slopes.factors
-                q.source[:] = scale * own
-                if newton.sparse(p.current, p, made.frame, net, q, newton_space(q), False, slopes):
+                q, before = buffers(made.start, made.layout, made.places), slopes.factors
+                q.solve.source[:] = scale * own
+                if newton.sparse(p.current, p, made.places, net, q, newton_space(q), False, slopes):
                     found.append(q.volt)
                 made_again += slopes is kept and slopes.factors is not before
             assert len(found) in (0, 2)
@@ -130,19 +130,19 @@ class TestNewtonFallback:
             V = np.ascontiguousarray(pairs).view(complex)
             return np.linalg.solve(Y, Y @ V - source - self.draws(point, V)).view(float)
 
-        q = space(made.start, made.layout, made.frame)
-        q.source[:] = source
+        q = buffers(made.start, made.layout, made.places)
+        q.solve.source[:] = source
         p, net = program(made.families, complex), stage(point, UNSWITCHED).net
-        found = voltages.newton_from(p.current, p, made.frame, net, q, newton_space(q), slow)
+        found = voltages.newton_from(p.current, p, made.places, net, q, newton_space(q), slow)
         assert found or not slow
-        other = space(made.start, made.layout, made.frame)
-        other.source[:] = source
+        other = buffers(made.start, made.layout, made.places)
+        other.solve.source[:] = source
         kept = newton.Slopes().of(net)
-        assert newton.sparse(p.current, p, made.frame, net, other, newton_space(other), slow, kept) == found
+        assert newton.sparse(p.current, p, made.places, net, other, newton_space(other), slow, kept) == found
         assert np.abs(other.volt - q.volt).max() < 3e-7  # 1.8e-7: the dense method ends at a residual of 1e-7
         if found and not slow:
             assert np.abs(miss(other.volt.view(float))).max() < 2e-9
-        assert found or other.marks[0] == q.marks[0]
+        assert found or other.notes[NOTE.bus] == q.notes[NOTE.bus]
         if found:
             assert np.abs(miss(q.volt.view(float))).max() < 2e-7
             theirs = root(miss, q.volt.view(float), tol=1e-12)

@@ -1,0 +1,105 @@
+"""The criterion at the end of a step: synchronism, speeds, frequencies, load voltages; and reversing orders."""
+
+from stabctl._util.jit import inline, noinline
+from stabctl.devices.blocks import magnitude
+
+from .buffers import NOTE
+from .orders import coi
+
+FULL = 0.9  # of the rating: orders beyond it count as full
+DONE, SLIPPED, NO_VOLTAGE, LOW_VOLTAGE, RUNAWAY, FREQUENCY, UNLOCKED, NEWTON = range(8)
+
+
+@inline
+def time_beyond(seconds, before, now, h):
+    """The time beyond a limit at the end of a step, and the longest without interruption within it.
+
+    `before` and `now` are the distances beyond the limit at the start and end of the step (negative: not beyond), which
+    vary linearly in between.
+    """
+    if before > 0 and now > 0:
+        return seconds + h, seconds + h
+    if now > 0:
+        return h * now / (now - before), h * now / (now - before)
+    return 0.0, seconds + h * before / (before - now) if before > 0 else 0.0
+
+
+@inline
+def beyond_range(k, run, rules):
+    """How far the frequency of an island is beyond its range, pu; negative if it is inside."""
+    if k < 0:
+        return -1.0
+    speed = run.watch.coi[1, k] / run.watch.coi[0, k]
+    return max(rules.min_frequency - speed, speed - rules.max_frequency)
+
+
+@noinline
+def start_timers(places, net, run, rules):
+    """Store how far the islands' frequencies and the loads' voltages are beyond their limits at the start of a step."""
+    coi(places.weight, places, net, run)
+    for i in range(len(places.rotor)):
+        run.watch.off[2, i] = beyond_range(net.island[places.unit[i]], run, rules)
+    for j in range(len(places.watch_bus)):
+        v = run.volt[places.watch_bus[j]]
+        run.watch.low[1, j] = places.watch_low[j] - magnitude(v.real, v.imag)
+    run.late[0] = 0.0
+
+
+@noinline
+def count_reversals(places, run, h):
+    """Count how often orders change between full charging and discharging: per second, over about the last one."""
+    turns = run.watch.turns
+    for j in range(len(places.order)):
+        order = run.s[places.order[j]]
+        side = 1.0 if order > FULL else -1.0 if order < -FULL else 0.0
+        turns[1, j] *= 1 - h
+        if side * turns[0, j] < 0:
+            turns[1, j] += 1
+        if side != 0:
+            turns[0, j] = side
+
+
+@noinline
+def judge(places, net, run, rules, h):
+    """Check synchronism, speeds, frequencies and load voltages by the criterion, and update the peak values.
+
+    Frequencies and voltages are timed from the instants at which they cross their limits within a step; `late` is the
+    time by which the end of the step is later than a verdict on them.
+    """
+    watch, notes, late = run.watch, run.notes, run.late
+    verdict, worst = DONE, 0.0
+    coi(places.weight, places, net, run)
+    for i in range(len(places.rotor)):
+        k, speed = net.island[places.unit[i]], run.s[places.speed[i]]
+        if places.speed[i] >= len(run.step.x):  # a virtual rotor, whose speed is an output
+            watch.turned[1, i], watch.turned[0, i] = (speed - watch.turned[0, i]) / h, speed
+        if k < 0:
+            continue
+        move = abs(run.s[places.rotor[i]] - watch.angles[0, i] - watch.coi[2, k] / watch.coi[0, k])
+        if move > watch.angles[1, i]:
+            watch.angles[1, i] = move
+        if not move < rules.max_angle and not move <= worst:
+            verdict, worst, notes[NOTE.rotor] = SLIPPED, move, i
+        if verdict == DONE and not rules.slowest < speed < rules.fastest:
+            verdict, notes[NOTE.rotor] = RUNAWAY, i
+        now = beyond_range(k, run, rules)
+        watch.off[0, i], longest = time_beyond(watch.off[0, i], watch.off[2, i], now, h)
+        watch.off[1, i], watch.off[2, i] = max(watch.off[1, i], longest), now
+        if verdict == DONE and 0 < rules.frequency_delay_s < longest:
+            verdict, notes[NOTE.rotor], late[0] = FREQUENCY, i, longest - rules.frequency_delay_s
+    for i in range(len(places.other)):
+        k = net.island[places.other_unit[i]] if places.other_unit[i] >= 0 else net.island_at[places.other_bus[i]]
+        if verdict == DONE and k >= 0 and watch.coi[0, k] > 0:
+            move = abs(run.s[places.other[i]] - watch.others[i] - watch.coi[2, k] / watch.coi[0, k])
+            if not move < rules.max_angle:
+                verdict, notes[NOTE.rotor] = UNLOCKED, i
+    if verdict == DONE and rules.low_voltage_s > 0 and not net.faulted:
+        for j in range(len(places.watch_bus)):
+            b = places.watch_bus[j]
+            v = run.volt[b]
+            now = places.watch_low[j] - magnitude(v.real, v.imag) if net.alive[b] else -1.0
+            watch.low[0, j], longest = time_beyond(watch.low[0, j], watch.low[1, j], now, h)
+            watch.low[1, j] = now
+            if longest - rules.low_voltage_s > late[0]:
+                verdict, notes[NOTE.bus], late[0] = LOW_VOLTAGE, b, longest - rules.low_voltage_s
+    return verdict

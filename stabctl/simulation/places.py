@@ -1,0 +1,136 @@
+"""What the stepper itself reads: the network between two events, and places in the signal vector s.
+
+The stepper works on places only; it knows no device and no control law.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from stabctl.dynamics.assembly import System
+from stabctl.dynamics.layout import Layout
+
+from .substitution import Factors
+
+
+class Net(NamedTuple):
+    """The network between two events."""
+
+    factors: Factors
+    island: np.ndarray  # (units) island of each unit, -1 if it is tripped or blacked out
+    island_at: np.ndarray  # (buses) island of each bus, -1 if it has no unit or is blacked out
+    alive: np.ndarray  # (buses) whether its island has a voltage source
+    faulted: bool  # a fault is on, so low voltages are ignored
+
+
+class Relative(NamedTuple):
+    """Places of the signals that laws read: of every rotor unit against the COI of the others in its island."""
+
+    speed: int  # pu   of its group
+    acceleration: int  # pu/s
+    angle: int  # rad   less the initial value
+    online: int  # of every unit, 1 if it is on
+    time: int  # s   at the start of the step; then the bits of the frames that are due
+
+    @property
+    def due(self) -> int:
+        """Place of the bits of the frames that are due."""
+        return self.time + 1
+
+    @property
+    def end(self) -> int:
+        """Place after the last."""
+        return self.time + 2
+
+
+class Places(NamedTuple):
+    """Places and constants that the stepper itself reads. The type is the same for every system."""
+
+    voltages: int  # the first voltage
+    step: int  # the time step
+    seen: Relative  # signals that laws read
+    rotor: np.ndarray  # (rotor units) the angles
+    speed: np.ndarray  # (rotor units) the speeds: states, or outputs of virtual rotors
+    unit: np.ndarray  # (rotor units) rows of their units
+    inertia: np.ndarray  # (rotor units) s
+    weight: np.ndarray  # (rotor units) s   in the center of inertia that the criterion judges against
+    other: np.ndarray  # (angles without weight) of phase-locked loops, and of grid-forming storage
+    other_unit: np.ndarray  # (angles without weight) rows of their units, -1: storage
+    other_bus: np.ndarray  # (angles without weight) rows of their buses
+    first: np.ndarray  # (rotor units + 1) where the group of each begins in `member`
+    member: np.ndarray  # (members of all groups) rotor units of the groups, one group after the other
+    owner: np.ndarray  # (signals) row of the unit that owns the signal, -1: none
+    limited: np.ndarray  # (limits) states with non-windup limits
+    low: np.ndarray  # (limits) their limits, in the unit of the state over that of `scale`
+    high: np.ndarray  # (limits)
+    scale: np.ndarray  # (limits) signals that multiply the limits
+    draw_bus: np.ndarray  # (drawing buses) rows of the buses with voltage-dependent currents
+    near_bus: np.ndarray  # (iterated buses) the same, and remote buses whose voltages these currents depend on
+    watch_bus: np.ndarray  # (loads) rows of their buses
+    watch_low: np.ndarray  # (loads) pu   voltages below which they count as lost
+    held: np.ndarray  # (held) what gates and laws write: whether a gate is open, and the orders
+    order: np.ndarray  # (storage devices) what they read their orders from, in the order of the case's table
+    stops: np.ndarray  # (stops) rows of `limited` at whose limits a power jumps
+    gated: bool  # some of `held` are gates, which read outputs
+    relay: bool  # the orders switch between fixed values, at instants to be found within a step
+    follows: bool  # the orders follow the signals at every stage of a step; otherwise they are held over a step
+
+
+def places(
+    system: System,
+    layout: Layout,
+    seen: Relative,
+    held: np.ndarray,
+    order: np.ndarray,
+    *,
+    groups: Sequence[np.ndarray],
+    gated: bool,
+    relay: bool,
+    follows: bool,
+) -> Places:
+    """The places that the stepper reads in a system.
+
+    Parameters
+    ----------
+    system
+        Devices.
+    layout
+        Layout of the signal vector; it begins with the states and voltages of the system.
+    seen
+        Places of the signals that laws read.
+    held
+        Places that sampled devices write.
+    order
+        Places that the storage devices read their orders from.
+    groups
+        Rotor units of the group of each rotor unit.
+    gated
+        Whether some of `held` are gates.
+    relay
+        Whether they switch between fixed values.
+    follows
+        Whether they follow the signals at every stage of a step.
+    """
+    rotors, limits, others = system.rotors, system.limits, system.unweighted
+    first = np.cumsum([0, *(len(group) for group in groups)], dtype=np.int64)
+    member = np.concatenate([np.zeros(0, np.int64), *groups]).astype(np.int64)
+    owner = np.full(layout.size, -1, np.int64)
+    owner[: len(layout.owner)] = layout.owner
+    return Places(
+        layout.nx, layout.step, Relative(*map(int, seen)),
+        rotors.angle, rotors.speed, rotors.unit, rotors.inertia, rotors.inertia,
+        others.column("place"), others.column("unit"), others.column("bus"), first, member, owner,
+        limits.state, limits.low, limits.high, limits.scale,
+        system.draw_bus, system.near_bus, system.watch_bus, system.watch_low, held.astype(np.int64), order,
+        limits.stops, gated, relay, follows,
+    )  # fmt: skip
+
+
+def with_ratings(made: Places, system: System, relay: bool, follows: bool) -> Places:
+    """The places for a system with other ratings, and thus other limits; without a rating no angle is judged."""
+    limits, others = system.limits, system.unweighted
+    place, unit, bus = (others.column(name) for name in ("place", "unit", "bus"))
+    return made._replace(
+        low=limits.low, high=limits.high, relay=relay, follows=follows, other=place, other_unit=unit, other_bus=bus
+    )  # fmt: skip
