@@ -5,9 +5,9 @@ from pathlib import Path
 from reproduction import paper
 from reproduction.console import present
 from reproduction.study import Study, Table
-from stabctl.controllers import BangBang, Device, Input, decided
+from stabctl.controllers import BangBang, Input, StorageDevice, decided
 
-DEVICE = Device(rating=50.0, machine=900.0, frequency=60.0)
+DEVICE = StorageDevice(rating=50.0, machine=900.0, frequency=60.0)
 COMMANDS = {1.0: "absorbs", -1.0: "injects", 0.0: "idles"}
 MILLIHERTZ = -200, -101, -99, 0, 99, 101, 200
 VOLTAGES = 0.79, 0.81, 1.0  # pu

@@ -30,17 +30,17 @@ def feedback(forward, backward):
 
 def opened(device, p):
     """Parameters, those computed from others filled in, with every limit removed."""
-    p = device.prepare(p) if hasattr(device, "prepare") else p
+    p = device.prepared(p)
     return p._replace(**{n: family.side(device, n) * FAR for n in p._fields if family.side(device, n)})
 
 
 def evaluate(device, p, x, u, v=(1.0, 0.0)):
     """State derivatives and outputs at states x and inputs u (by name)."""
     known = {"p": p, "x": device.State(*x), "v": v, "u": SimpleNamespace(**u), **u}
-    if hasattr(device, "internal"):
-        known["i"] = device.internal(*(known[a] for a in family.arguments(device, "internal")))
-    known["y"] = device.output(*(known[a] for a in family.arguments(device, "output")))
-    rates = device.derivatives(*(known[a] for a in family.arguments(device, "derivatives")))
+    if device.has("internal"):
+        known["i"] = device.evaluate("internal", known)
+    known["y"] = device.evaluate("output", known)
+    rates = device.evaluate("derivatives", known)
     return np.array(rates), np.array(known["y"])
 
 
@@ -62,7 +62,7 @@ def rest(device, p, u, given, v=(1.0, 0.0)):
     given
         Outputs with a value, by name.
     """
-    fields = family.fields(device, "Input")
+    fields = device.Input._fields
     markers = {n: [m for m in device.Input.__annotations__[n].__metadata__ if isinstance(m, Port)] for n in fields}
     u = {n: 0.0 for n in fields if markers[n] and markers[n][0].summing} | u
     free = [n for n in fields if n not in u]
@@ -70,12 +70,11 @@ def rest(device, p, u, given, v=(1.0, 0.0)):
 
     def equations(z):
         rates, out = evaluate(device, p, z[:nx], u | dict(zip(free, z[nx:], strict=True)), v)
-        held = [out[family.fields(device, "Output").index(n)] - value for n, value in given.items()]
+        held = [out[device.Output._fields.index(n)] - value for n, value in given.items()]
         return np.array([*rates, *held])
 
     known = {"V": 1.0 + 0j, "I": 1.0 + 0j, "p": p}
-    guessed = [known[name] for name in family.arguments(device, "guess")]
-    start = list(device.guess(*guessed)) if guessed else [1.0] * nx
+    start = list(device.evaluate("guess", known)) if device.has("guess") else [1.0] * nx
     z = np.array([*start, *(1.0 for _ in free)])
     for _ in range(50):
         f = equations(z)
@@ -94,7 +93,7 @@ def response(device, p, x, u, inputs, output, v=(1.0, 0.0)):
     def both(z):
         return np.concatenate(evaluate(device, p, z[:nx], dict(zip(names, z[nx:], strict=True)), v))
 
-    J, row = slopes(both, at), nx + family.fields(device, "Output").index(output)
+    J, row = slopes(both, at), nx + device.Output._fields.index(output)
     A, C = J[:nx, :nx], J[row, :nx]
     columns = [nx + names.index(n) for n in inputs]
     out = [C @ np.linalg.solve(1j * w * np.eye(nx) - A, J[:nx, columns]) + J[row, columns] for w in W]
@@ -113,7 +112,7 @@ def motion(device, p, x, u, until, v=(1.0, 0.0)):
 
     def held(x, u):
         x = x.copy()
-        for name, (low, high, *per) in getattr(device, "LIMITS", {}).items():
+        for name, (low, high, *per) in device.limits.items():
             scale = u[per[0]] if per else 1.0
             k = device.State._fields.index(name)
             edges = [limit if isinstance(limit, float) else getattr(p, limit) for limit in (low, high)]

@@ -1,6 +1,6 @@
 """One row of parameters of every exciter and stabilizer of the library, and more where it has more branches."""
 
-from stabctl.devices.exciters import (
+from records import (
     dc4b,
     esac1a,
     esac6a,
@@ -14,13 +14,16 @@ from stabctl.devices.exciters import (
     expic1,
     exst1,
     exst3,
+    ieeest,
     ieeet2,
     ieeex1,
+    pss2b,
     scrx,
+    st2cut,
     st6b,
     st8c,
+    stab2a,
 )
-from stabctl.devices.stabilizers import ieeest, pss2b, st2cut, stab2a
 
 POINTS = {"E1": 1.2, "SE1": 0.05, "E2": 2.4, "SE2": 0.3}  # of saturation
 DC = (0.02, 40.0, 0.05, 1.0, 0.5, 6.0, -6.0, 1.0, 0.5, 0.05)  # TR KA TA TB TC VRmax VRmin KE TE KF

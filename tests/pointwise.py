@@ -11,7 +11,6 @@ import pytest
 from block_diagram import evaluate
 
 from stabctl import devices
-from stabctl.dynamics import family
 
 POINTS = 250
 
@@ -45,12 +44,12 @@ def drawn(device, rng, ranges):
             given = ranges[name]
             made[name] = rng.choice(given) if isinstance(given, list) else float(rng.uniform(*given))
     p = device.Par(**made)
-    return device.prepare(p) if hasattr(device, "prepare") else p
+    return device.prepared(p)
 
 
 def kept(device, p, u, name, value):
     """A state within its limits of LIMITS, where the simulator keeps it."""
-    low, high, *per = getattr(device, "LIMITS", {}).get(name, (-np.inf, np.inf))
+    low, high, *per = device.limits.get(name, (-np.inf, np.inf))
     scale = u[per[0]] if per else 1.0
     return held(value, *(scale * (getattr(p, edge) if isinstance(edge, str) else edge) for edge in (low, high)))
 
@@ -58,21 +57,20 @@ def kept(device, p, u, name, value):
 def injected(device, p, x, u, v, y):
     """Current into the network (pu system)."""
     known = {"p": p, "x": x, "v": v, "u": SimpleNamespace(**u), **u, "y": y}
-    if hasattr(device, "internal"):
-        known["i"] = device.internal(*(known[a] for a in family.arguments(device, "internal")))
-    parts = [getattr(device, name) for name in ("source", "current") if hasattr(device, name)]
-    total = sum(complex(*part(*(known[a] for a in family.arguments(device, part.__name__)))) for part in parts)
-    return total - complex(*device.admittance(p)) * complex(*v) if hasattr(device, "admittance") else total
+    if device.has("internal"):
+        known["i"] = device.evaluate("internal", known)
+    total = sum(complex(*device.evaluate(name, known)) for name in ("source", "current") if device.has(name))
+    return total - complex(*device.admittance(p)) * complex(*v) if device.has("admittance") else total
 
 
 def compare(name, reference, ranges=None, states=(-0.3, 1.3), inputs=(-0.3, 1.3), volts=(0.05, 1.4)):
     """Assert that a device is its reference at every point."""
     device, ranges = devices.every()[name], ranges or {}
-    outputs = family.fields(device, "Output")
+    outputs = device.Output._fields
     for seed in range(POINTS):
         rng = np.random.default_rng(seed)
         p = drawn(device, rng, ranges)
-        u = {n: float(rng.uniform(*ranges.get(f"u.{n}", inputs))) for n in family.fields(device, "Input")}
+        u = {n: float(rng.uniform(*ranges.get(f"u.{n}", inputs))) for n in device.Input._fields}
         free = {n: float(rng.uniform(*ranges.get(f"x.{n}", states))) for n in device.State._fields}
         x = device.State(*(kept(device, p, u, name, value) for name, value in free.items()))
         V = rng.uniform(*volts) * np.exp(1j * rng.uniform(-3, 3))

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from records import csvgn1, dera1, gencls
 
-from stabctl.devices.converters import csvgn1, dera1
-from stabctl.devices.machines import gencls
 from stabctl.dynamics import operating_point
 from stabctl.io import psse
 from stabctl.io.psse import dyr

@@ -9,10 +9,28 @@ from pathlib import Path
 
 import pytest
 from library import EXCITERS, STABILIZERS
-
-from stabctl import devices
-from stabctl.devices.converters import (
+from records import (
+    cim,
+    degov,
+    degov1,
     dera1,
+    exdc2,
+    exponential,
+    exst3,
+    gast,
+    gencls,
+    genrou,
+    gensal,
+    gentpj1,
+    ggov1,
+    hygov,
+    ieeeg1,
+    ieeeg3,
+    ieeet1,
+    ieel,
+    ieesgo,
+    pidgov,
+    pss,
     reec_a,
     reec_b,
     reec_c,
@@ -22,26 +40,15 @@ from stabctl.devices.converters import (
     regfm_a1,
     regfm_b1,
     repc_a,
-    wtdt_a,
-)
-from stabctl.devices.exciters import exdc2, exst3, ieeet1, sexs
-from stabctl.devices.governors import (
-    degov,
-    degov1,
-    gast,
-    ggov1,
-    hygov,
-    ieeeg1,
-    ieeeg3,
-    ieesgo,
-    pidgov,
+    sexs,
     tgov,
     tgov1,
+    two_axis,
     wpidhy,
-)  # fmt: skip
-from stabctl.devices.loads import cim, exponential, ieel
-from stabctl.devices.machines import gencls, genrou, gensal, gentpj1, two_axis
-from stabctl.devices.stabilizers import pss
+    wtdt_a,
+)
+
+from stabctl import devices
 from stabctl.model.case import Branch, Bus, Case, Load, Machine
 from stabctl.schema import fields
 
@@ -121,10 +128,7 @@ LIBRARY = {  # the same for devices of the library, whose tests are slow ones: e
     "gensae": {"gensae": POLES, "sexs": SEXS},
     "gentpj1": {"gentpj1": TYPE_J, "sexs": SEXS},
     "gentpj1 without saturation": {"gentpj1": TYPE_J._replace(S10=0.0, T1q=0.0)},
-    **{
-        device.NAME.lower(): {"genrou": ROUND, device.__name__.rpartition(".")[2]: par}
-        for device, par in GOVERNORS.items()
-    },
+    **{device.name.lower(): {"genrou": ROUND, device.table: par} for device, par in GOVERNORS.items()},
     "ggov1": {"genrou": ROUND, "ggov1": GAS},
     "ggov1, diesel engine": {
         "gencls": CLASSICAL,
@@ -201,7 +205,7 @@ def each(names=ALL_KINDS):
 
 def small(models, p=300.0, load=None, base=400.0, v=1.02, links=()):
     """Machine 1 with these devices, `p` MW, against the large classical machine 2; a load model stands at bus 2."""
-    tables = {k: {2 if devices.every()[k].ROLE == "load" else 1: par} for k, par in models.items()}
+    tables = {k: {2 if devices.every()[k].role == "load" else 1: par} for k, par in models.items()}
     tables["gencls"] = tables.get("gencls", {}) | {2: gencls.Par(0, 0, 5.0, 2.0, 0.0, 0.2)}
     return Case(
         name="small",

@@ -15,7 +15,7 @@ from stabctl import io
 from stabctl.clearing import clearing_time, screen
 from stabctl.cli import shared
 from stabctl.cli.groups import StabilityOptions
-from stabctl.controllers import BangBang, Device, Feedback
+from stabctl.controllers import BangBang, Feedback, StorageDevice
 from stabctl.dynamics import operating_point
 from stabctl.estimation.estimate import estimate
 from stabctl.estimation.instrument import Instrument
@@ -85,7 +85,7 @@ def test_clearing_times_are_the_same_in_cycles(storage):
 
 
 def test_gains_and_deadband_of_feedback_are_in_hertz_and_radians():
-    par = Feedback(0.02, 0.01, deadband=0.5).par(Device(rating=45.0, machine=900.0, frequency=50.0))
+    par = Feedback(0.02, 0.01, deadband=0.5).par(StorageDevice(rating=45.0, machine=900.0, frequency=50.0))
     assert par.deadband == 0.01
     assert par.speed_gain == pytest.approx(0.02 * 2 * np.pi * 50 * 900 / 45)
     assert par.acceleration_gain == par.speed_gain / 2

@@ -11,19 +11,19 @@ from .feedback import Feedback
 from .gate import Gate
 from .law import Law, SampledLaw, decided
 from .python_law import Seen
-from .signals import Device, Input
+from .signals import Input, StorageDevice
 from .storage_law import StorageLaw
 
 __all__ = [
     "BangBang",
     "Controller",
-    "Device",
     "Feedback",
     "Gate",
     "Input",
     "Law",
     "SampledLaw",
     "Seen",
+    "StorageDevice",
     "StorageLaw",
     "decided",
 ]

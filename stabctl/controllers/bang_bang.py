@@ -9,7 +9,7 @@ from stabctl.devices.blocks import magnitude
 from stabctl.schema import NOT_NEGATIVE
 
 from .law import Law
-from .signals import Device, Input, Output
+from .signals import Input, Output, StorageDevice
 
 NAME = "bang-bang"
 ROLE = "controller"
@@ -55,6 +55,6 @@ class BangBang(Law):
     def __post_init__(self) -> None:
         guard(self, omitted=False)
 
-    def par(self, device: Device) -> Par:
+    def par(self, device: StorageDevice) -> Par:
         """Parameters in pu."""
         return Par(self.deadband / device.frequency, self.min_voltage)

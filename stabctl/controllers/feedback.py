@@ -14,7 +14,7 @@ from stabctl.devices.blocks import magnitude
 from stabctl.schema import NOT_NEGATIVE
 
 from .law import Law
-from .signals import Device, Input, Output
+from .signals import Input, Output, StorageDevice
 
 NAME = "feedback"
 ROLE = "controller"
@@ -75,13 +75,13 @@ class Feedback(Law):
     def __post_init__(self) -> None:
         guard(self, omitted=False)
 
-    def par(self, device: Device) -> Par:
+    def par(self, device: StorageDevice) -> Par:
         """Parameters, with gains in orders per pu of speed."""
         scale = 2 * pi * device.frequency * device.machine / device.rating if device.rating else 0.0
         gains = self.speed_gain * scale, self.acceleration_gain * scale
         return Par(self.deadband / device.frequency, self.min_voltage, *gains, float(self.braking))
 
-    def gains(self, device: Device) -> tuple[float, float, float]:
+    def gains(self, device: StorageDevice) -> tuple[float, float, float]:
         """Slopes of the order, as in `Law.gains`; 0 of speed if the power is full from the edge of the deadband on."""
         par = self.par(device)
         if par.speed_gain * par.deadband >= 1:

@@ -4,13 +4,13 @@ import math
 import sys
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from stabctl.devices.device import Device, of
 from stabctl.errors import StudyError, shown
 from stabctl.units import TIME, quantity
 
-from .signals import Device, Input
+from .signals import Input, StorageDevice
 
 if TYPE_CHECKING:
     from stabctl.model.case import Case
@@ -49,17 +49,17 @@ class Law(ABC):
         return f"{type(self).__name__}({', '.join(changed)})"
 
     @property
-    def module(self) -> ModuleType:
-        """The file with its equations."""
-        return sys.modules[type(self).__module__]
+    def device(self) -> Device:
+        """Its equations, which are in its file."""
+        return of(sys.modules[type(self).__module__])
 
     @abstractmethod
-    def par(self, device: Device) -> Any:
+    def par(self, device: StorageDevice) -> Any:
         """Parameters of the compiled law for one device.
 
         Parameters
         ----------
-        device : Device
+        device : StorageDevice
             The device: rating, base, frequency.
 
         Returns
@@ -68,12 +68,12 @@ class Law(ABC):
             Record of the file of the law, in pu.
         """
 
-    def gains(self, device: Device) -> tuple[float, float, float]:
+    def gains(self, device: StorageDevice) -> tuple[float, float, float]:
         """Slopes of the order by speed (1/pu), acceleration (s/pu) and angle (1/rad) beyond the deadband; 0: relay.
 
         Parameters
         ----------
-        device : Device
+        device : StorageDevice
             The device: rating, base, frequency.
         """
         return 0.0, 0.0, 0.0
@@ -127,9 +127,9 @@ class SampledLaw(Law):
         return f"{self.law}, {self.rate} times per second" + (f", delay {1e3 * self.delay:g} ms" if self.delay else "")
 
     @property
-    def module(self) -> ModuleType:
-        """The file with the equations of the law."""
-        return self.law.module
+    def device(self) -> Device:
+        """The equations of the law."""
+        return self.law.device
 
     @property
     def groups(self) -> tuple[tuple[int, ...], ...]:  # type: ignore[override]
@@ -141,7 +141,7 @@ class SampledLaw(Law):
         """Delay in frames."""
         return round(self.delay * self.rate)
 
-    def par(self, device: Device) -> Any:
+    def par(self, device: StorageDevice) -> Any:
         """Parameters of the law."""
         return self.law.par(device)
 
@@ -175,7 +175,6 @@ def checked_frames(name: str, rate: Any, delay: float) -> int:
 
 def decided(law: Law, par: Any, signals: Input, voltage: float, before: Any = None) -> Any:
     """What a law gives for one device at a voltage (pu), with its parameters; `before` is what it gave last."""
-    step = law.module.step
-    if hasattr(law.module, "START"):
-        return step(signals, (voltage, 0.0), law.module.START if before is None else before, par)
-    return step(signals, (voltage, 0.0), par)
+    device = law.device
+    known = {"u": signals, "v": (voltage, 0.0), "x": device.start if before is None else before, "p": par}
+    return device.evaluate("step", known)

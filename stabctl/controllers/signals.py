@@ -24,7 +24,7 @@ class Output(NamedTuple):
     wanted: Annotated[float, "-", "order in ratings, positive to absorb"]
 
 
-class Device(NamedTuple):
+class StorageDevice(NamedTuple):
     """What a law needs to know of a device to set its constants."""
 
     rating: Annotated[float, "MW", "largest power"]

@@ -20,7 +20,7 @@ from stabctl.errors import StudyError, shown
 from stabctl.schema import NOT_NEGATIVE, POSITIVE, SHARE
 
 from .law import Law
-from .signals import Device, Input
+from .signals import Input, StorageDevice
 
 NAME = "storage law"
 ROLE = "controller"
@@ -131,7 +131,7 @@ class StorageLaw(Law):
         """Whether it reads the angle."""
         return self.angle_gain != 0
 
-    def par(self, device: Device) -> Par:
+    def par(self, device: StorageDevice) -> Par:
         """Parameters in pu."""
         f, rating = device.frequency, device.rating / device.system
         back = self.return_time > 0 and rating > 0
@@ -148,7 +148,7 @@ class StorageLaw(Law):
             self.return_power if back else 0.0,
         )
 
-    def gains(self, device: Device) -> tuple[float, float, float]:
+    def gains(self, device: StorageDevice) -> tuple[float, float, float]:
         """Slopes of the order, as in `Law.gains`."""
         if not self.slope:
             return 0.0, 0.0, 0.0

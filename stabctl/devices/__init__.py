@@ -1,32 +1,6 @@
 """Device models, one file each, discovered automatically: a new model is a new file in one of the folders.
 
-A device is a module with NAME, ROLE, Par and, where needed, State, Input and Output (NamedTuples whose fields are
-`Annotated` with unit and meaning). Its equations are scalar functions of x (State), u (Input), v (bus voltage, real
-and imaginary part), y (its own Output) and p (Par), each marked `@inline`:
-
-    internal(x, p)    -> Internal, quantities used by several equations, which read them as i
-    output(...)       -> Output
-    derivatives(...)  -> State, the state derivatives in 1/s
-    source(...)       -> Norton current of a voltage source (system base), together with admittance(p)
-    current(...)      -> current into the bus (system base) of any other device
-    prepare(p)        -> Par, with the parameters computed from others
-    guess(V, I, p)    -> State to start the initialization from
-    inertia(p)        -> equivalent inertia constant (s, own base) of a converter's virtual rotor: its angle is the
-                         state delta, its speed the state or output omega, as those of a machine
-    automatic(p, u, y) -> Par, with the parameters that depend on the starting point (u, y: inputs and output there)
-    step(...)         -> Output once per time step, for a sampled control law
-
-LIMITS lists the states with non-windup limits, each a parameter or a number, STOPS those of them at whose limit the
-power of the device jumps (the simulation ends a step there). Initialization ignores every limit: the parameters named
-...max and ...min, and upper limits with other names, listed in UPPER; it also closes the deadbands whose edges are in
-DEADBANDS. The file name is the name of the table. DYR names the fields of Par in the order of the constants of a PSS/E
-record (`_name`: ignored, `+name`: an integer before the constants, `'name`: a text there); from_record(kind, values) ->
-(Par, corrections) converts values where that is needed. ANGLES lists the states that are angles in the synchronous
-frame, by default "delta"; PHASORS the pairs of states that are real and imaginary part of a phasor there. PLL names the
-state that is the angle of a phase-locked loop there, judged by the criterion of stability as that of a rotor.
-CURRENT_LIMIT names the parameter that limits the current of a storage device, pu on its MVA.
-LOOPS maps the control loops of a converter to their states, after which modes are named; loops(p) does so where a
-parameter decides what a loop holds.
+`device.Device` says what such a file may contain; everything else in the package asks that record.
 """
 
 import copyreg
@@ -42,24 +16,8 @@ from typing import Any
 
 from stabctl.errors import StudyError, shown
 
-ROLES: Mapping[str, str] = MappingProxyType(
-    {
-        "machine": "synchronous machine of a generating unit",
-        "converter": "converter that takes the place of the machine of a generating unit",
-        "exciter": "excitation system and voltage regulator",
-        "governor": "turbine and speed governor",
-        "stabilizer": "power system stabilizer",
-        "electrical control": "electrical control of a converter",
-        "plant control": "plant controller of a converter",
-        "drive train": "drive train of a wind turbine with a converter",
-        "load": "load at a bus",
-        "storage": "energy storage device at a bus",
-        "shunt": "controlled shunt at a bus",
-        "link": "link between two buses",
-        "sensor": "measurement",
-        "controller": "control law of storage devices, or a designed controller",
-    }
-)
+from .device import ROLES, Device, misspelt, of
+
 OF_CONVERTER = ("electrical control", "plant control", "drive train")
 UNIT_ROLES = ("machine", "converter", "exciter", "governor", "stabilizer", *OF_CONVERTER)
 BUILT_IN = (
@@ -76,33 +34,33 @@ BUILT_IN = (
     "hvdc",
 )  # their rows come from the tables loads, storage and links
 
-_registered: dict[str, ModuleType] = {}
+_registered: dict[str, Device] = {}
 
 
 @cache
-def _found() -> Mapping[str, ModuleType]:
+def _found() -> Mapping[str, Device]:
     names = []
     for package in pkgutil.iter_modules(__path__):
         if package.ispkg:
             inside = Path(__path__[0]) / package.name
             names += [f"{__name__}.{package.name}.{file.name}" for file in pkgutil.iter_modules([str(inside)])]
     modules = [importlib.import_module(name) for name in sorted(names)]
-    devices = {m.__name__.rpartition(".")[2]: m for m in modules if hasattr(m, "ROLE")}
+    devices = {m.__name__.rpartition(".")[2]: of(m) for m in modules if "ROLE" in vars(m)}
     order = {role: k for k, role in enumerate(ROLES)}
-    return MappingProxyType(dict(sorted(devices.items(), key=lambda item: order[item[1].ROLE])))
+    return MappingProxyType(dict(sorted(devices.items(), key=lambda item: order[item[1].role])))
 
 
 @cache
-def every() -> Mapping[str, ModuleType]:
+def every() -> Mapping[str, Device]:
     """Every device by the name of its file: those of the package, then those registered."""
     return MappingProxyType({**_found(), **_registered})
 
 
 @cache
-def models() -> Mapping[str, ModuleType]:
+def models() -> Mapping[str, Device]:
     """The devices with a table of their own in a case, by name."""
     apart = ("sensor", "controller")
-    return MappingProxyType({k: m for k, m in every().items() if m.ROLE not in apart and k not in BUILT_IN})
+    return MappingProxyType({k: m for k, m in every().items() if m.role not in apart and k not in BUILT_IN})
 
 
 def register(path: str | Path) -> str:
@@ -146,7 +104,7 @@ def register(path: str | Path) -> str:
     sys.modules[spec.name] = module
     try:
         spec.loader.exec_module(module)
-        _check(path, module)
+        device = _checked(path, module)
     except (Exception, SystemExit) as error:
         sys.modules.pop(spec.name)
         if before is not None:
@@ -154,27 +112,26 @@ def register(path: str | Path) -> str:
         if isinstance(error, StudyError):
             raise
         raise StudyError(f"The device file {path} cannot be run: {type(error).__name__}: {error}.") from None
-    _registered[name] = module
+    _registered[name] = device
     copyreg.pickle(module.Par, lambda par: (_record, (str(module.__file__), *par)))
     every.cache_clear()
     models.cache_clear()
     return name
 
 
-def _check(path: Path, module: ModuleType) -> None:
-    """Raise `StudyError` if a module is not a device."""
+def _checked(path: Path, module: ModuleType) -> Device:
+    """The device of a module. Raises `StudyError` if it is none."""
     from . import trial  # imported late: it needs this package
 
-    missing = [part for part in ("NAME", "ROLE", "Par") if not hasattr(module, part)]
+    missing = [part for part in ("NAME", "ROLE", "Par") if part not in vars(module)]
     if missing:
         raise StudyError(f"The device file {path} lacks {', '.join(missing)}; see docs/extending.md.")
-    if module.ROLE not in ROLES:
-        raise StudyError(f"{path}: the role {module.ROLE!r} is not known; use one of {', '.join(ROLES)}.")
     if module.ROLE == "link":
         raise StudyError(f"{path}: a link model of your own is not supported; all rows of links.csv are HVDC links.")
-    wrong = trial.mistake(module)
+    wrong = trial.unreadable(module) or misspelt(module) or trial.mistake(of(module))
     if wrong:
         raise StudyError(f"{path}: {wrong}.")
+    return of(module)
 
 
 def _record(file: str, *values: Any) -> Any:
@@ -192,4 +149,4 @@ def register_missing(files: Iterable[str]) -> None:
 
 def registered() -> tuple[str, ...]:
     """Files of the devices registered so far."""
-    return tuple(str(m.__file__) for m in _registered.values())
+    return tuple(d.file for d in _registered.values())

@@ -1,10 +1,10 @@
 """Description of a device as plain records, for `stabctl models`, the page of models, and tests."""
 
 from collections.abc import Iterator, Mapping
-from types import ModuleType
 from typing import Any, NamedTuple, get_args, get_type_hints
 
 from stabctl.devices import ROLES, every
+from stabctl.devices.device import Device
 from stabctl.devices.ports import At, Port
 from stabctl.errors import StudyError
 from stabctl.schema import hints
@@ -65,30 +65,28 @@ def describe(name: str) -> Description:
         If there is no such device.
     """
     devices = every()
-    found = name if name in devices else next((k for k, m in devices.items() if m.NAME.lower() == name.lower()), None)
+    found = name if name in devices else next((k for k, m in devices.items() if m.name.lower() == name.lower()), None)
     if found is None:
         raise StudyError(f"There is no model {name!r}; choose one of {', '.join(devices)}.")
     device = devices[found]
-    title, _, text = (device.__doc__ or device.NAME).partition("\n")
+    title, _, text = device.text.partition("\n")
     states, inputs, outputs = (tuple(_signals(device, record)) for record in ("State", "Input", "Output"))
     return Description(
         found,
         title.rstrip(". "),
-        device.ROLE,
-        ROLES[device.ROLE],
+        device.role,
+        ROLES[device.role],
         text.strip("\n"),
         tuple(_parameters(device)),
         states,
         inputs,
         outputs,
         tuple(_limits(device)),
-        getattr(device, "UNVERIFIED", ""),
+        device.unverified,
     )
 
 
-def _parameters(device: ModuleType) -> Iterator[Parameter]:
-    if not hasattr(device, "Par"):
-        return
+def _parameters(device: Device) -> Iterator[Parameter]:
     given = hints(device.Par)
     for name, (_, unit, meaning, *_) in _annotated(device.Par).items():
         field = given[name]
@@ -98,10 +96,8 @@ def _parameters(device: ModuleType) -> Iterator[Parameter]:
             yield Parameter(name, unit, meaning, field.expected(), None if field.required else field.default)
 
 
-def _signals(device: ModuleType, record: str) -> Iterator[Signal]:
-    if not hasattr(device, record):
-        return
-    for name, (_, unit, meaning, *rest) in _annotated(getattr(device, record)).items():
+def _signals(device: Device, record: str) -> Iterator[Signal]:
+    for name, (_, unit, meaning, *rest) in _annotated(vars(device)[record]).items():
         yield Signal(name, unit, meaning, _reads(rest) if record == "Input" else "")
 
 
@@ -123,8 +119,8 @@ def _reads(markers: list[Any]) -> str:
     return "signal of this name in its unit"
 
 
-def _limits(device: ModuleType) -> Iterator[Limit]:
-    for state, (low, high, *per) in getattr(device, "LIMITS", {}).items():
+def _limits(device: Device) -> Iterator[Limit]:
+    for state, (low, high, *per) in device.limits.items():
         yield Limit(
             state, *(f"{limit:g}" if isinstance(limit, float) else " x ".join((limit, *per)) for limit in (low, high))
         )

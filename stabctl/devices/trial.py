@@ -3,7 +3,6 @@
 import inspect
 import numbers
 import traceback
-from collections.abc import Callable
 from types import ModuleType
 from typing import Any
 
@@ -11,64 +10,49 @@ import numpy as np
 
 from stabctl.schema import hints
 
+from .device import RECORDS, Device, Empty
+
 _GIVES = {"internal": "Internal", "output": "Output", "derivatives": "State", "source": None, "current": None}
 _NOT_ANALYTIC = {"abs", "min", "max", "sign", "conj", "conjugate", "fabs", "maximum", "minimum", "absolute"}
 
 
-def mistake(device: ModuleType) -> str | None:
-    """What is wrong with a device, without a final period; None if nothing is."""
+def unreadable(module: ModuleType) -> str | None:
+    """What is wrong with the records of a device file, without a final period; None if nothing is."""
     try:
-        records = {
-            name: hints(getattr(device, name)) for name in ("Par", "State", "Input", "Output") if hasattr(device, name)
-        }
+        for name in RECORDS:
+            hints(vars(module).get(name, Empty))
     except (TypeError, AttributeError, NameError, ValueError) as error:
         return f"{error}; write every field as name: Annotated[float, unit, meaning]"
-    return _lacks(device) or _limits(device, records) or _forbidden(device) or _fails(device, records)
-
-
-def _lacks(device: ModuleType) -> str | None:
-    """An equation that is missing for a record, or the other way around."""
-    if hasattr(device, "step") or hasattr(device, "family"):
-        return None
-    for record, equation in (("State", "derivatives"), ("Output", "output")):
-        if hasattr(device, record) != hasattr(device, equation):
-            there, missing = (record, equation) if hasattr(device, record) else (equation, record)
-            return f"it defines {there} but not {missing}"
     return None
 
 
-def _limits(device: ModuleType, records: dict[str, Any]) -> str | None:
-    """A name in LIMITS that is not a field of State or Par."""
-    for state, (low, high, *_) in getattr(device, "LIMITS", {}).items():
-        for name, record in ((state, "State"), (low, "Par"), (high, "Par")):
-            if not isinstance(name, float) and name not in records.get(record, ()):
-                return f"LIMITS contains {name!r}, which is not a field of {record}"
-    return None
+def mistake(device: Device) -> str | None:
+    """What is wrong with the equations of a device, without a final period; None if nothing is."""
+    return _forbidden(device) or _fails(device)
 
 
-def _forbidden(device: ModuleType) -> str | None:
+def _forbidden(device: Device) -> str | None:
     """A function used in an equation that complex-step differentiation does not allow."""
-    if hasattr(device, "step"):
+    if device.step is not None:
         return None  # never differentiated
-    for name, function in inspect.getmembers(device, inspect.isfunction):
+    for name, function in inspect.getmembers(device.module, inspect.isfunction):
         used = sorted(_NOT_ANALYTIC.intersection(function.__code__.co_names))
-        if function.__module__ == device.__name__ and hasattr(function, "inlined") and used:
+        if function.__module__ == device.module.__name__ and "inlined" in vars(function) and used:
             return f"{name} uses {used[0]}, which cannot be differentiated; use a block of stabctl.devices.blocks"
     return None
 
 
-def _fails(device: ModuleType, records: dict[str, Any]) -> str | None:
+def _fails(device: Device) -> str | None:
     """The first equation that fails when evaluated at arbitrary complex numbers."""
     given: dict[str, Any] = {"v": (1 + 0j, 0.1 + 0j), "v1": (1 + 0j, 0.1 + 0j), "v2": (1 + 0j, 0.2 + 0j)}
     for name, record in (("p", "Par"), ("x", "State"), ("u", "Input"), ("y", "Output")):
-        if record in records:
-            given[name] = getattr(device, record)(**{k: _value(f, name) for k, f in records[record].items()})
-    given |= given["u"]._asdict() if "u" in given else {}
-    if hasattr(device, "Internal"):
-        given["i"] = device.Internal(*[0.5 + 0j for _ in device.Internal._fields])
+        made = vars(device)[record]
+        given[name] = made(**{k: _value(f, name) for k, f in hints(made).items()})
+    given |= given["u"]._asdict()
+    given["i"] = device.Internal(*[0.5 + 0j for _ in device.Internal._fields])
     for equation, result in _GIVES.items():
-        if hasattr(device, equation) and not hasattr(device, "step"):
-            wrong = _tried(device, getattr(device, equation), given, getattr(device, result) if result else tuple)
+        if device.has(equation) and device.step is None:
+            wrong = _tried(device, equation, given, vars(device)[result] if result else tuple)
             if wrong:
                 return wrong
     return None
@@ -80,23 +64,17 @@ def _value(f: Any, kind: str) -> Any:
     return 1.0 if f is None or f.required else f.default
 
 
-def _tried(
-    device: ModuleType, equation: Callable[..., Any], given: dict[str, Any], kind: type[tuple[Any, ...]]
-) -> str | None:
+def _tried(device: Device, equation: str, given: dict[str, Any], kind: type[tuple[Any, ...]]) -> str | None:
     """What is wrong with one equation."""
-    names = list(inspect.signature(equation).parameters)
-    strange = [name for name in names if name not in given]
-    if strange:
-        return f"{equation.__name__} has an unknown argument {strange[0]!r}; it may take {', '.join(given)}"
     try:
         with np.errstate(all="ignore"):
-            result = equation(*(given[name] for name in names))
+            result = device.evaluate(equation, given)
     except (AttributeError, TypeError, NameError, IndexError) as error:
-        lines = [at.lineno for at in traceback.extract_tb(error.__traceback__) if at.filename == device.__file__]
-        return f"line {lines[-1]}, {equation.__name__}: {error}"
+        lines = [at.lineno for at in traceback.extract_tb(error.__traceback__) if at.filename == device.file]
+        return f"line {lines[-1]}, {equation}: {error}"
     except (ArithmeticError, ValueError):  # the numbers are arbitrary
         return None
     if not isinstance(result, kind):
-        return f"{equation.__name__} returns {type(result).__name__} instead of {kind.__name__}"
+        return f"{equation} returns {type(result).__name__} instead of {kind.__name__}"
     wrong = [v for v in result if not isinstance(v, numbers.Number)]
-    return f"{equation.__name__} returns {type(wrong[0]).__name__} instead of a number" if wrong else None
+    return f"{equation} returns {type(wrong[0]).__name__} instead of a number" if wrong else None

@@ -102,7 +102,7 @@ def system(case: Case, flow: PowerFlow, net: Network) -> System:
     unit = {name: [row.unit for row in rows] for name, rows in tables.items()}
     forming = np.zeros(len(case.machines), bool)
     for f in families:
-        if hasattr(f.device, "source") and f.device.ROLE in devices.UNIT_ROLES:
+        if f.device.source is not None and f.device.role in devices.UNIT_ROLES:
             forming[unit[f.name]] = True
     watched = [(b, low) for name, rows in tables.items() for row in rows for b, low in _watched(name, row)]
     buses = [f.w[:, [family.BUS, family.BUS2]].ravel() for f in draws]
@@ -123,7 +123,7 @@ def system(case: Case, flow: PowerFlow, net: Network) -> System:
 
 def _watched(name: str, row: Row) -> Iterator[tuple[int, float]]:
     device = devices.every()[name]
-    if device.ROLE in ("load", "link") and "vlow" in device.Par._fields:
+    if device.role in ("load", "link") and "vlow" in device.Par._fields:
         for bus in dict.fromkeys((row.bus, row.bus2)):
             yield bus, row.par.vlow
 
@@ -131,14 +131,14 @@ def _watched(name: str, row: Row) -> Iterator[tuple[int, float]]:
 def _rotors(families: Iterable[Family], unit: Mapping[str, list[int]]) -> Rotors:
     found: list[tuple[int, int, int, float, bool]] = []
     for f in families:
-        inertia, states = _inertia(f), family.fields(f.device, "State")
+        inertia, states = _inertia(f), f.device.State._fields
         if inertia is not None:
             angle = f.w[:, family.STATE] + states.index("delta")
             if "omega" in states:
                 speed = f.w[:, family.STATE] + states.index("omega")
             else:
-                speed = f.w[:, -1] + family.fields(f.device, "Output").index("omega")
-            virtual = [f.device.ROLE != "machine"] * len(f.w)
+                speed = f.w[:, -1] + f.device.Output._fields.index("omega")
+            virtual = [f.device.role != "machine"] * len(f.w)
             found += zip(unit[f.name], angle, speed, inertia, virtual, strict=True)
     parts = list(zip(*sorted(found), strict=True)) or [()] * 5
     kinds = np.int64, np.int64, np.int64, float, bool
@@ -147,10 +147,10 @@ def _rotors(families: Iterable[Family], unit: Mapping[str, list[int]]) -> Rotors
 
 def _inertia(f: Family) -> np.ndarray | None:
     """Inertia constants (devices) on the system base, s; None if the device has no rotor, real or virtual."""
-    constants = family.fields(f.device, "Par")
-    if hasattr(f.device, "inertia"):
+    constants = f.device.Par._fields
+    if f.device.inertia is not None:
         return np.asarray(f.device.inertia(f.device.Par(*f.k.T))) * f.k[:, constants.index("mva")]
-    if not ({"delta", "omega"} <= set(family.fields(f.device, "State")) and "H" in constants):
+    if not ({"delta", "omega"} <= set(f.device.State._fields) and "H" in constants):
         return None
     H = f.k[:, constants.index("H")]
     return np.where(H > 0, H, INFINITE) * f.k[:, constants.index("mva")]

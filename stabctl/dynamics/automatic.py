@@ -20,7 +20,7 @@ def completed(system: System, s: np.ndarray) -> System:
         All signals (layout.size) of an equilibrium with the parameters as given.
     """
     for f in system.families:
-        if not hasattr(f.device, "automatic"):
+        if f.device.automatic is None:
             continue
         k = np.array([_row(f, j, s) for j in range(len(f.w))])
         if not np.array_equal(k, f.k):
@@ -31,10 +31,10 @@ def completed(system: System, s: np.ndarray) -> System:
 def _row(f: Family, j: int, s: np.ndarray) -> list[float]:
     """Parameters of one device: its own computed from its inputs and output at the start."""
     w, device = f.w[j], f.device
-    inputs, outputs = family.fields(device, "Input"), family.fields(device, "Output")
+    inputs, outputs = device.Input._fields, device.Output._fields
     known = {
         "p": device.Par(*f.k[j]),
         "u": SimpleNamespace(**dict(zip(inputs, s[w[family.INPUTS : family.INPUTS + len(inputs)]], strict=True))),
         "y": SimpleNamespace(**dict(zip(outputs, s[w[-1] : w[-1] + len(outputs)], strict=True))),
     }
-    return list(device.automatic(*(known[name] for name in family.arguments(device, "automatic"))))
+    return list(device.evaluate("automatic", known))

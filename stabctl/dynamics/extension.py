@@ -10,6 +10,8 @@ from types import ModuleType
 
 import numpy as np
 
+from stabctl.devices.device import of
+
 from . import family
 from .assembly import System
 from .family import CURRENT
@@ -62,11 +64,12 @@ class Extension:
         self._memory += count
         return MEMORY + self._memory - count
 
-    def add(self, name: str, device: ModuleType, w: Sequence[int], k: Sequence[float], key: str) -> None:
+    def add(self, name: str, module: ModuleType, w: Sequence[int], k: Sequence[float], key: str) -> None:
         """Add one device with its places and constants, to its family if there is one of the same size."""
+        device = of(module)
         row = np.array([w], np.int64), np.array([k], float).reshape(1, -1)
         for i, f in enumerate(self._families):
-            if f.name == name and (f.w.shape[1], f.k.shape[1]) == (len(w), len(k)) and not hasattr(device, "SINGLE"):
+            if f.name == name and (f.w.shape[1], f.k.shape[1]) == (len(w), len(k)) and not device.single:
                 both = np.vstack([f.w, row[0]]), np.vstack([f.k, row[1]])
                 self._families[i] = Family(name, device, *both, (*f.keys, key))
                 return
@@ -83,9 +86,9 @@ class Extension:
     def ports(self, unit: int, name: str) -> list[tuple[int, int, int]]:
         """Inputs (family, row, column) with this name of the controls of a unit."""
         return [
-            (i, int(row), family.INPUTS + family.fields(f.device, "Input").index(name))
+            (i, int(row), family.INPUTS + f.device.Input._fields.index(name))
             for i, f in enumerate(self._families)
-            if name in family.fields(f.device, "Input")
+            if name in f.device.Input._fields
             for row in np.flatnonzero(f.w[:, family.UNIT] == unit)
         ]
 

@@ -40,7 +40,7 @@ class Equations:
 
     def __init__(self, system: System) -> None:
         self.system = system
-        self.families = [f for f in system.families if len(f.w) and not hasattr(f.device, "step")]
+        self.families = [f for f in system.families if len(f.w) and f.device.step is None]
         self.pattern = pattern(self.families, system.layout)
         k = np.concatenate([np.zeros(0), *(f.k.ravel() for f in self.families)])
         self.program: Program = self.pattern.program._replace(k=k)

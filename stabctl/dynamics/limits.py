@@ -27,14 +27,14 @@ def limits(families: Iterable[Family], one: int) -> Limits:
     high: list[np.ndarray] = []
     names: list[tuple[str | float, str | float]] = []
     for f in families:
-        constants, states = family.fields(f.device, "Par"), family.fields(f.device, "State")
-        inputs = family.fields(f.device, "Input")
-        for name, (least, most, *per) in getattr(f.device, "LIMITS", {}).items():
+        constants, states = f.device.Par._fields, f.device.State._fields
+        inputs = f.device.Input._fields
+        for name, (least, most, *per) in f.device.limits.items():
             state.append(f.w[:, family.STATE] + states.index(name))
             for values, limit in ((low, least), (high, most)):
                 values.append(np.full(len(f.w), limit) if isinstance(limit, float) else f.k[:, constants.index(limit)])
             scale.append(f.w[:, family.INPUTS + inputs.index(per[0])] if per else np.full(len(f.w), one))
-            stops.append(np.full(len(f.w), name in getattr(f.device, "STOPS", ())))
+            stops.append(np.full(len(f.w), name in f.device.stops))
             names += [(least, most)] * len(f.w)
     none = np.zeros(0, np.int64)
     if not state:

@@ -8,36 +8,38 @@ from types import ModuleType
 from typing import Any
 
 from stabctl._util import jit
+from stabctl.devices.device import Device
 
 from .loop_text import write
 
 
 @cache
-def _module(name: str, device: ModuleType, scalar: type) -> Callable[..., None]:
+def _module(name: str, device: Device, scalar: type) -> Callable[..., None]:
     """The loop as a Python function of a module that is named after its source text."""
     kind = scalar.__name__
-    text = f"import {device.__name__} as device\n" if device.__package__ else "import sys\n"
-    if not device.__package__:
-        text += f"device = sys.modules[{device.__name__!r}]\n"
+    inside = device.module.__package__
+    text = f"import {device.module.__name__} as device\n" if inside else "import sys\n"
+    if not inside:
+        text += f"device = sys.modules[{device.module.__name__!r}]\n"
     text += f"\n\n{write(device, name, scalar)}"
-    stem = f"{name}_{kind}_{jit.digest(text, inspect.getsource(_compile), jit.sources(device))}"
+    stem = f"{name}_{kind}_{jit.digest(text, inspect.getsource(_compile), jit.sources(device.module))}"
     module = sys.modules[stem] = ModuleType(stem)
     exec(compile(text, f"<{stem}>", "exec"), vars(module))  # text generated above
     return getattr(module, name)  # type: ignore[no-any-return]
 
 
-def on_disk(name: str, device: ModuleType, scalar: type) -> bool:
+def on_disk(name: str, device: Device, scalar: type) -> bool:
     """Whether the machine code of a family is on disk, loaded, or not needed."""
     if jit.disabled() or (device, scalar) in _compiled:
         return True
     return jit.kept(_module(name, device, scalar).__module__)
 
 
-_compiled: dict[tuple[ModuleType, type], Any] = {}
+_compiled: dict[tuple[Device, type], Any] = {}
 plain: list[Any] = []  # with NUMBA_DISABLE_JIT=1 an "address" is a row of this list
 
 
-def address(name: str, device: ModuleType, scalar: type) -> int:
+def address(name: str, device: Device, scalar: type) -> int:
     """Address of the compiled loop in this process."""
     key = device, scalar
     with jit.lock:

@@ -13,7 +13,7 @@ x state, u inputs, v bus voltage (v1, v2 of a link), y own output, p parameters,
 generated once for real numbers (simulation) and once for complex numbers (derivatives by complex step, h = 1e-30).
 """
 
-from types import ModuleType
+from stabctl.devices.device import Device
 
 from .family import (
     BUS,
@@ -26,19 +26,17 @@ from .family import (
     STATE,
     TINY,
     UNIT,
-    arguments,
     equations,
-    fields,
     fused,
     shape,
     width,
 )
 
 
-def write(device: ModuleType, name: str, scalar: type) -> str:
+def write(device: Device, name: str, scalar: type) -> str:
     """Source text of the family's loop, for float or complex."""
     text = [f"def {name}(op, n, w, k, s, f, on):"]
-    if hasattr(device, "family"):
+    if device.family is not None:
         return "\n".join([*text, "    device.family(op, n, w, k, s, f, on)", ""])
     ops = equations(device)
     if scalar is complex:
@@ -53,9 +51,9 @@ def write(device: ModuleType, name: str, scalar: type) -> str:
     return "\n".join([*text, ""])
 
 
-def _head(device: ModuleType, step: str = "") -> dict[str, tuple[str, ...]]:
+def _head(device: Device, step: str = "") -> dict[str, tuple[str, ...]]:
     """Lines that read each kind of argument; `step` is added to every variable that may be differentiated."""
-    par, state, inputs, shown = (fields(device, record) for record in ("Par", "State", "Input", "Output"))
+    par, state, inputs, shown = (device.fields(record) for record in ("Par", "State", "Input", "Output"))
     columns = width(device)
     at = {n: INPUTS + i for i, n in enumerate(inputs)}
     count = iter(range(10**6))
@@ -82,37 +80,37 @@ def _head(device: ModuleType, step: str = "") -> dict[str, tuple[str, ...]]:
     }
 
 
-def _internal(device: ModuleType, anew: bool) -> dict[str, tuple[str, ...]]:
+def _internal(device: Device, anew: bool) -> dict[str, tuple[str, ...]]:
     """Lines that compute the internal quantities, or read those that SOURCE has stored after the outputs."""
-    outputs, names = len(fields(device, "Output")), fields(device, "Internal")
+    outputs, names = len(device.Output._fields), device.Internal._fields
     if anew:
         return {"i": ("i = device.internal(x, p)",)}
     kept = ", ".join(f"s[o + {outputs + k}]" for k in range(len(names)))
     return {"i": (f"o = w[{width(device)} * j + {width(device) - 1}]", f"i = device.Internal({kept})")}
 
 
-def _needed(device: ModuleType, equation: str, anew: bool) -> tuple[str, ...]:
+def _needed(device: Device, equation: str, anew: bool) -> tuple[str, ...]:
     """Arguments of an equation, in an order in which they can be computed."""
-    names = arguments(device, equation)
+    names = device.arguments(equation)
     return ("x", "p", *(n for n in names if n not in ("x", "p"))) if anew and "i" in names else names
 
 
-def _body(device: ModuleType, op: int, names: tuple[str, ...], anew: bool) -> list[str]:
+def _body(device: Device, op: int, names: tuple[str, ...], anew: bool) -> list[str]:
     """Lines that evaluate equations of one device and store the results."""
     head, columns, links = _head(device) | _internal(device, anew), width(device), shape(device)[3] == 2
     place, row = f"o = w[{columns} * j + {columns - 1}]", f"first = w[{columns} * j + {STATE}]"
     bus = f"b, b2 = w[{columns} * j + {BUS}], w[{columns} * j + {BUS2}]"
     inject = [bus, "f[b] += g[0]", "f[b + 1] += g[1]", *(("f[b2] += g[2]", "f[b2 + 1] += g[3]") if links else ())]
-    shown = [place, *(f"s[o + {i}] = y.{n}" for i, n in enumerate(fields(device, "Output")))]
-    rates = [row, *(f"f[first + {i}] = d.{n}" for i, n in enumerate(fields(device, "State")))]
-    memory = [row, *(f"s[first + {i}] = x.{n}" for i, n in enumerate(fields(device, "State")))]
+    shown = [place, *(f"s[o + {i}] = y.{n}" for i, n in enumerate(device.Output._fields))]
+    rates = [row, *(f"f[first + {i}] = d.{n}" for i, n in enumerate(device.State._fields))]
+    memory = [row, *(f"s[first + {i}] = x.{n}" for i, n in enumerate(device.State._fields))]
     result = {"source": "g", "current": "g", "output": "y", "derivatives": "d", "step": "x, y" if memory[1:] else "y"}
     store = {"source": inject, "current": inject, "output": shown, "derivatives": rates}
     store["step"] = [*(memory if memory[1:] else ()), *shown]
-    of_unit = op in (SOURCE, CURRENT) and device.ROLE in ("machine", "converter")
+    of_unit = op in (SOURCE, CURRENT) and device.role in ("machine", "converter")
     lines = [f"if on[w[{columns} * j + {UNIT}]] < 0:", "    continue"] if of_unit else []
-    first = len(fields(device, "Output"))
-    keep = [place, *(f"s[o + {first + k}] = i.{n}" for k, n in enumerate(fields(device, "Internal")))]
+    first = len(device.Output._fields)
+    keep = [place, *(f"s[o + {first + k}] = i.{n}" for k, n in enumerate(device.Internal._fields))]
     if not names:
         return [*lines, *(line for a in ("x", "p", "i") for line in head[a]), *keep]
     known: set[str] = set()
@@ -122,41 +120,41 @@ def _body(device: ModuleType, op: int, names: tuple[str, ...], anew: bool) -> li
         if op == SOURCE and "i" in needed:
             lines += keep
         known |= {*needed, result[name]}
-        lines += [f"{result[name]} = device.{name}({', '.join(arguments(device, name))})", *store[name]]
+        lines += [f"{result[name]} = device.{name}({', '.join(device.arguments(name))})", *store[name]]
     return lines
 
 
-def _local(device: ModuleType) -> list[str]:
+def _local(device: Device) -> list[str]:
     """Lines that write the outputs, derivatives and currents of every device, perturbing each of its variables in turn.
 
     Block j of f has a row per state, input and voltage component and a last one without perturbation; its columns are
     the derivatives, the outputs and the injected currents.
     """
     states, inputs, outputs, buses = shape(device)
-    if hasattr(device, "step"):
+    if device.step is not None:
         return ["pass"]
     rows, columns = states + inputs + 2 * buses, states + outputs + 2 * buses
     head = _head(device, f"{TINY}j")
     lines: list[str] = []
     known = {"y"}
     for a in ("p", "x", "u", *((), ("v",), ("v1", "v2"))[buses]):
-        if a in "pxu" and not fields(device, {"p": "Par", "x": "State", "u": "Input"}[a]):
+        if a in "pxu" and not device.fields({"p": "Par", "x": "State", "u": "Input"}[a]):
             continue
         lines += head[a]
         known.add(a)
-    body = ["i = device.internal(x, p)"] if hasattr(device, "internal") else []
+    body = ["i = device.internal(x, p)"] if device.internal is not None else []
     known.add("i")
-    both = hasattr(device, "source") and hasattr(device, "current")
+    both = device.source is not None and device.current is not None
     for equation, result in (("output", "y"), ("derivatives", "d"), ("source", "g"), ("current", "c" if both else "g")):
-        if hasattr(device, equation):
-            needed = arguments(device, equation)
+        if device.has(equation):
+            needed = device.arguments(equation)
             body += [line for a in needed if a not in known for line in head[a]]
             known |= set(needed)
             body += [f"{result} = device.{equation}({', '.join(needed)})"]
     body += ["g = g[0] + c[0], g[1] + c[1]"] if both else []
-    names = [f"d.{n}" for n in fields(device, "State")] if hasattr(device, "derivatives") else ["0j"] * states
-    names += [f"y.{n}" for n in fields(device, "Output")]
-    names += [f"g[{i}]" for i in range(2 * buses)] if {"source", "current"} & set(dir(device)) else ["0j"] * 2 * buses
+    names = [f"d.{n}" for n in device.State._fields] if device.derivatives is not None else ["0j"] * states
+    names += [f"y.{n}" for n in device.Output._fields]
+    names += [f"g[{i}]" for i in range(2 * buses)] if device.injects else ["0j"] * 2 * buses
     body += [f"f[a + {i}] = {value}" for i, value in enumerate(names)]
     inner = [f"        {line}" for line in (*lines, *body, f"a += {columns}")]
     return ["a = 0", "for j in range(n):", f"    for c in range({rows + 1}):", *inner]

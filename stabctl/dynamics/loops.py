@@ -18,8 +18,8 @@ def loops(point: OperatingPoint, table: str, unit: int) -> dict[str, str]:
         Row of the unit.
     """
     device = devices.every()[table]
-    if not hasattr(device, "loops"):
-        return {state: name for name, states in getattr(device, "LOOPS", {}).items() for state in states}
+    if device.loops is None:
+        return {state: name for name, states in device.named_loops.items() for state in states}
     units, constants = point.constants(table)
     row = units.tolist().index(unit)
     par = device.Par(*(constants[name][row] for name in device.Par._fields))

@@ -31,13 +31,13 @@ class Unsolved(EquilibriumError):
 
 def opened(f: Family, closed: bool = True) -> np.ndarray:
     """Parameters of a family without limits and deadbands and, if `closed`, with every rotor circuit closed."""
-    k, names = f.k.copy(), family.fields(f.device, "Par")
+    k, names = f.k.copy(), f.device.Par._fields
     for i, name in enumerate(names):
         if side := family.side(f.device, name):
             k[:, i] = side * FAR
-        elif name in getattr(f.device, "DEADBANDS", ()):
+        elif name in f.device.deadbands:
             k[:, i] = 0.0
-        elif closed and name in getattr(f.device, "CLOSED", ()):
+        elif closed and name in f.device.closed:
             k[:, i] = np.where(k[:, i] > 0, k[:, i], 1.0)
     return k
 
@@ -174,8 +174,8 @@ def _constants(families: list[Family]) -> tuple[np.ndarray, np.ndarray]:
     for f in families:
         k = opened(f)
         opened_up.append(k.ravel())
-        for name in getattr(f.device, "CONTINUATION", ()):
-            continued.append(start + k.shape[1] * np.arange(len(k)) + family.fields(f.device, "Par").index(name))
+        for name in f.device.continuation:
+            continued.append(start + k.shape[1] * np.arange(len(k)) + f.device.Par._fields.index(name))
         start += k.size
     return np.concatenate(opened_up), np.concatenate(continued)
 
@@ -192,14 +192,13 @@ def _power_flow(
     rows, target = [np.zeros(0, int)], [np.zeros(0, complex)]
     for f in equations.families:
         part = equations.injections.get(f.name)
-        if part is None or f.device.ROLE not in ("machine", "converter", "shunt"):
+        if part is None or f.device.role not in ("machine", "converter", "shunt"):
             continue
         unit = f.w[:, family.UNIT]
         own = np.where(unit >= 0, current[unit], 0.0)
-        if hasattr(f.device, "admittance"):
-            g, b = f.device.admittance(f.device.Par(*f.k.T))
-            own = own + (g + 1j * b) * V[system.unit_bus[unit]]
-        owners += [(int(i), f"{f.device.NAME} of {key}") for i, key in zip(unit, f.keys, strict=True)]
+        if f.device.admittance is not None:
+            own = own + f.device.admittances(f.k) * V[system.unit_bus[unit]]
+        owners += [(int(i), f"{f.device.name} of {key}") for i, key in zip(unit, f.keys, strict=True)]
         rows.append(np.arange(part.start, part.stop))
         target.append(own)
     pairs = (2 * np.concatenate(rows)[:, None] + np.arange(2)).ravel()

@@ -189,9 +189,8 @@ def source_admittances(of: System) -> np.ndarray:
     """Norton admittance (units, complex, pu system) of every unit; 0 if it has none."""
     out = np.zeros(len(of.unit_bus), complex)
     for f in of.families:
-        if f.device.ROLE in devices.UNIT_ROLES and hasattr(f.device, "admittance"):
-            g, b = f.device.admittance(f.device.Par(*f.k.T))
-            out[f.w[:, family.UNIT]] = g + 1j * b
+        if f.device.role in devices.UNIT_ROLES and f.device.admittance is not None:
+            out[f.w[:, family.UNIT]] = f.device.admittances(f.k)
     return out
 
 
@@ -199,10 +198,9 @@ def storage_admittances(of: System) -> tuple[np.ndarray, np.ndarray]:
     """Rows of the buses of storage devices behind an impedance, and their Norton admittances (complex, pu system)."""
     bus, found = [np.zeros(0, np.int64)], [np.zeros(0, complex)]
     for f in of.families:
-        if f.device.ROLE == "storage" and hasattr(f.device, "admittance"):
-            g, b = f.device.admittance(f.device.Par(*f.k.T))
+        if f.device.role == "storage" and f.device.admittance is not None:
             bus.append((f.w[:, family.BUS] - of.layout.nx) // 2)
-            found.append(g + 1j * b)
+            found.append(f.device.admittances(f.k))
     return np.concatenate(bus), np.concatenate(found)
 
 
@@ -249,7 +247,7 @@ def unlimited(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
 
     Parameters and errors are those of `solve`, but for limits.
     """
-    if not any(devices.every()[model].ROLE in devices.UNIT_ROLES for model in case.devices):
+    if not any(devices.every()[model].role in devices.UNIT_ROLES for model in case.devices):
         names = f"{named(len(case.machines), 'machine')} {listed([str(m.called) for m in case.machines])}"
         raise StudyError(
             f"{case.name} has no dynamic models, only a power flow: no model for {names}; give their dynamic data, "

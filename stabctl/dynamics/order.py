@@ -51,7 +51,7 @@ def ordered(families: Sequence[Family]) -> list[Node]:
 
 def _called(one: Family, row: int) -> str:
     """What a device is called: `sexs of machine 1`, `controller pod`."""
-    return f"controller {one.keys[row]}" if one.device.ROLE == "controller" else f"{one.name} of {one.keys[row]}"
+    return f"controller {one.keys[row]}" if one.device.role == "controller" else f"{one.name} of {one.keys[row]}"
 
 
 def _graph(families: Sequence[Family], nodes: Sequence[Node]) -> dict[int, set[int]]:
@@ -71,7 +71,7 @@ def _written(one: Family, rows: Sequence[int]) -> np.ndarray:
 
 def _read(one: Family, op: int, rows: Sequence[int]) -> np.ndarray:
     places = family.read(one, op, rows)
-    own = op == RATES and "y" in family.arguments(one.device, "derivatives")
+    own = op == RATES and "y" in one.device.arguments("derivatives")
     return np.r_[places, _written(one, rows)] if own else places
 
 

@@ -86,13 +86,13 @@ class _Tables:
 
 def _addresses(families: Sequence[Family], scalar: type) -> list[int]:
     """Addresses of the families' loops, which are compiled if their machine code is not on disk."""
-    new = [f.device.NAME for f in families if len(f.w) and not loop.on_disk(f.name, f.device, scalar)]
+    new = [f.device.name for f in families if len(f.w) and not loop.on_disk(f.name, f.device, scalar)]
     if new:
         background_compilation.start("stabctl.simulation.stepper:advance", "stabctl.simulation.prepare")
     with jit.compiling(new) as done:
         out = []
         for f in families:
             out.append(loop.address(f.name, f.device, scalar) if len(f.w) else 0)
-            if f.device.NAME in new:
+            if f.device.name in new:
                 done()
     return out

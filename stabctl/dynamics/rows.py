@@ -1,12 +1,12 @@
 """The devices of every table of a case at its power flow, with their parameters on the system base."""
 
 from collections.abc import Iterator, Mapping
-from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from stabctl import devices
+from stabctl.devices.device import Device
 from stabctl.devices.loads import zip_load
 from stabctl.devices.storage import models as storage
 from stabctl.errors import EquilibriumError
@@ -36,9 +36,9 @@ def tables(case: Case, flow: PowerFlow, net: Network) -> tuple[dict[str, list[Ro
     found: dict[str, list[Row]] = {}
     for name, device in devices.models().items():
         rows = case.devices.get(name, {})
-        if device.ROLE == "shunt":
+        if device.role == "shunt":
             found[name] = [_bus_row(case, device, key, par, net) for key, par in rows.items()]
-        elif device.ROLE != "load" and rows:
+        elif device.role != "load" and rows:
             found[name] = [
                 _unit_row(case, device, numbers[keys.number(key)], key, par, net, flow) for key, par in rows.items()
             ]
@@ -67,13 +67,13 @@ def tables(case: Case, flow: PowerFlow, net: Network) -> tuple[dict[str, list[Ro
     return {name: rows for name, rows in found.items() if rows}, fixed
 
 
-def _filled(device: ModuleType, par: Any, known: Mapping[str, float]) -> Any:
+def _filled(device: Device, par: Any, known: Mapping[str, float]) -> Any:
     """Parameters, with those filled from the case and those computed from others."""
     par = par._replace(**{name: value for name, value in known.items() if name in par._fields})
-    return device.prepare(par) if hasattr(device, "prepare") else par
+    return device.prepared(par)
 
 
-def _unit_row(case: Case, device: ModuleType, unit: int, key: keys.Key, par: Any, net: Network, flow: PowerFlow) -> Row:
+def _unit_row(case: Case, device: Device, unit: int, key: keys.Key, par: Any, net: Network, flow: PowerFlow) -> Row:
     m, bus = case.machines[unit], int(net.machine_bus[unit])
     known = {
         "mva": m.base / case.base_mva,
@@ -83,21 +83,21 @@ def _unit_row(case: Case, device: ModuleType, unit: int, key: keys.Key, par: Any
     }
     par = _filled(device, par, known)
     name = str(key).replace(str(m.machine), str(m.called), 1)
-    return Row(unit, bus, bus, par, f"{device.NAME} {name}", f"machine {m.called} at bus {m.bus}")
+    return Row(unit, bus, bus, par, f"{device.name} {name}", f"machine {m.called} at bus {m.bus}")
 
 
 def _storage_row(case: Case, s: Storage, unit: int, bus: int, flow: PowerFlow) -> Row:
     device = devices.every()[storage.TABLES[s.storage_model]]
     known = {"V0": float(abs(flow.V[bus])), "wb": 2 * np.pi * case.frequency_hz}
-    par, name = _filled(device, device.from_case(s, case.base_mva), known), f"ESD {s.machine}@{s.bus}"
+    par, name = _filled(device, device.call("from_case", s, case.base_mva), known), f"ESD {s.machine}@{s.bus}"
     return Row(unit, bus, bus, par, name, name)
 
 
-def _bus_row(case: Case, device: ModuleType, key: keys.Key, par: Any, net: Network) -> Row:
+def _bus_row(case: Case, device: Device, key: keys.Key, par: Any, net: Network) -> Row:
     number = keys.number(key)
     bus = net.place[number]
     par = _filled(device, par, {"wb": 2 * np.pi * case.frequency_hz})
-    return Row(NO_UNIT, bus, bus, par, f"{device.NAME} {key}", f"bus {number}")
+    return Row(NO_UNIT, bus, bus, par, f"{device.name} {key}", f"bus {number}")
 
 
 def load_rows(case: Case, load: Load, V: float, *, key: keys.Key, bus: int) -> Iterator[tuple[str, Row]]:
@@ -117,7 +117,7 @@ def load_rows(case: Case, load: Load, V: float, *, key: keys.Key, bus: int) -> I
         Row of its bus.
     """
     known_models = devices.models()
-    found = (name for name, of in case.devices.items() if key in of and known_models[name].ROLE == "load")
+    found = (name for name, of in case.devices.items() if key in of and known_models[name].role == "load")
     name = next(found, None)
     share = 0.0 if name is None else load.model_share
     if name is not None and share:
@@ -131,7 +131,7 @@ def load_rows(case: Case, load: Load, V: float, *, key: keys.Key, bus: int) -> I
             "wb": 2 * np.pi * case.frequency_hz,
         }
         par = _filled(device, case.devices[name][key], known)
-        yield name, Row(NO_UNIT, bus, bus, par, f"{device.NAME} {key}", f"the load at bus {load.bus}")
+        yield name, Row(NO_UNIT, bus, bus, par, f"{device.name} {key}", f"the load at bus {load.bus}")
     if share < 1:
         P, Q = (1 - share) * load.p / case.base_mva, (1 - share) * load.q / case.base_mva
         par = zip_load.from_case(load, P, Q, load.v or V)

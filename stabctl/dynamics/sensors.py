@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping
 from functools import cache
-from types import ModuleType
 from typing import Any, get_args, get_type_hints
 
 import numpy as np
 
 from stabctl import devices
+from stabctl.devices.device import Device
 from stabctl.devices.ports import At, Port
 from stabctl.errors import EquilibriumError
 from stabctl.model.case import Case
@@ -17,10 +17,8 @@ from .rows import NO_UNIT, Row
 
 
 @cache
-def inputs(device: ModuleType) -> dict[str, Any]:
+def inputs(device: Device) -> dict[str, Any]:
     """Inputs of a device, each with its marker (Port, At) or None."""
-    if not hasattr(device, "Input"):
-        return {}
     hints = get_type_hints(device.Input, include_extras=True)
     return {
         name: next((m for m in get_args(hints[name]) if isinstance(m, Port | At)), None)
@@ -54,10 +52,10 @@ def with_sensors(case: Case, tables: Mapping[str, list[Row]], net: Network) -> d
 
 
 def _is_sensor(name: str) -> bool:
-    return name in devices.every() and devices.every()[name].ROLE == "sensor"
+    return name in devices.every() and devices.every()[name].role == "sensor"
 
 
 def _sensor(case: Case, name: str, bus: int) -> Row:
     device, number = devices.every()[name], case.buses[bus].bus
-    par = device.Par(2 * np.pi * case.frequency_hz) if hasattr(device, "Par") else ()
-    return Row(NO_UNIT, bus, bus, par, f"{device.NAME} {number}", f"bus {number}")
+    par = device.Par(2 * np.pi * case.frequency_hz) if device.Par._fields else ()
+    return Row(NO_UNIT, bus, bus, par, f"{device.name} {number}", f"bus {number}")

@@ -123,7 +123,7 @@ def _signal(case: Case, name: str, kind: Kind, place: int | str | None) -> Signa
     elif kind.place == "" and place is not None:
         raise StudyError(f"{name} is one signal for the whole system; write {name} without a number.")
     words = {
-        "machine" if role == "converter" else role: devices.models()[model].NAME
+        "machine" if role == "converter" else role: devices.models()[model].name
         for role in ("machine", "converter", "exciter", "governor")
         if isinstance(place, int) and (model := _model(case, place, role))
     }
@@ -135,7 +135,7 @@ def port(case: Case, number: int, kind: str) -> str | None:
     """The port of a converter's outermost control that a set-point belongs to; None if there is none."""
     for role in CONTROLS:
         model = _model(case, number, role)
-        fields = getattr(getattr(devices.models()[model], "Input", None), "_fields", ()) if model else ()
+        fields = devices.models()[model].Input._fields if model else ()
         found = next((name for name in SET_POINTS[kind] if name in fields), None)
         if found:
             return found
@@ -197,7 +197,8 @@ def _device(case: Case, text: str) -> str:
 def _has_rotor(case: Case, number: int, virtual: bool) -> bool:
     """Whether a unit is a synchronous machine or, if `virtual` rotors count, a converter with one."""
     converter = _model(case, number, "converter") if virtual else None
-    return bool(_model(case, number, "machine")) or hasattr(devices.models().get(str(converter)), "inertia")
+    with_inertia = converter is not None and devices.models()[converter].has("inertia")
+    return _model(case, number, "machine") is not None or with_inertia
 
 
 def _model(case: Case, number: int, role: str) -> str | None:

@@ -81,14 +81,14 @@ def _guess(system: System, V: np.ndarray, current: np.ndarray, s: np.ndarray) ->
     layout = system.layout
     s[: layout.nx] = 1.0
     for f in system.families:
-        if not hasattr(f.device, "guess"):
+        if f.device.guess is None:
             continue
-        names = family.arguments(f.device, "guess")
+        relative = "I" in f.device.arguments("guess")
         for w, k in zip(f.w, f.k, strict=True):
             par, unit, bus = f.device.Par(*k), w[family.UNIT], (w[family.BUS] - layout.nx) // 2
-            own = current[unit] / getattr(par, "mva", 1.0) if unit >= 0 and "I" in names else 0j
+            own = current[unit] / getattr(par, "mva", 1.0) if unit >= 0 and relative else 0j
             known = {"V": V[bus], "I": own, "p": par}
-            states = f.device.guess(*(known[n] for n in names))
+            states = f.device.evaluate("guess", known)
             s[w[family.STATE] : w[family.STATE] + len(states)] = states
 
 

@@ -49,16 +49,15 @@ def _no_current(system: System, equations: Equations, s: np.ndarray, least: floa
     first, values = system.layout.nx + system.layout.outputs, equations.entries(s)[1]
     for f in equations.families:
         part = equations.injections[f.name]
-        if f.device.ROLE not in ("shunt", "storage") or part.start == part.stop:
+        if f.device.role not in ("shunt", "storage") or part.start == part.stop:
             continue
         drawn = values[first + 2 * part.start : first + 2 * part.stop].view(complex)
-        if hasattr(f.device, "admittance"):
-            g, b = f.device.admittance(f.device.Par(*f.k.T))
-            drawn = drawn - (g + 1j * b) * s[f.w[:, [family.BUS]] + np.arange(2)].view(complex)[:, 0]
+        if f.device.admittance is not None:
+            drawn = drawn - f.device.admittances(f.k) * s[f.w[:, [family.BUS]] + np.arange(2)].view(complex)[:, 0]
         size = np.abs(drawn)
         if size.max() > least:
             j = int(size.argmax())
             raise EquilibriumError(
-                f"{f.device.NAME} of {f.keys[j]} draws {size[j]:.3g} pu of current at the power flow, which does not "
+                f"{f.device.name} of {f.keys[j]} draws {size[j]:.3g} pu of current at the power flow, which does not "
                 "include it; its current must be zero initially."
             )

@@ -41,7 +41,7 @@ def places(system: System, case: Case) -> Places:
 
 def ramps(system: System, case: Case) -> np.ndarray:
     """Largest changes of the orders of the storage devices (devices), 1/s."""
-    return np.array([f.k[j, family.fields(f.device, "Par").index("ramp")] for f, j in members(system, case)], float)
+    return np.array([f.k[j, f.device.Par._fields.index("ramp")] for f, j in members(system, case)], float)
 
 
 def members(system: System, case: Case) -> list[tuple[Family, int]]:
@@ -62,8 +62,8 @@ def by_table(case: Case) -> list[int]:
 
 
 def _of(f: Family, j: int) -> tuple[Any, ...]:
-    w, inputs, outputs = f.w[j], family.fields(f.device, "Input"), family.fields(f.device, "Output")
-    energy = w[family.STATE] + family.fields(f.device, "State").index("energy")
+    w, inputs, outputs = f.w[j], f.device.Input._fields, f.device.Output._fields
+    energy = w[family.STATE] + f.device.State._fields.index("energy")
     orders = (w[family.INPUTS + inputs.index(name)] for name in ("order", "order_q"))
     order_v = w[family.INPUTS + inputs.index("order_v")] if _holds_voltage(f, j) else -1
     shown = (w[-1] + outputs.index(name) for name in ("P", "Q", "charge"))
@@ -72,8 +72,8 @@ def _of(f: Family, j: int) -> tuple[Any, ...]:
 
 def _holds_voltage(f: Family, j: int) -> bool:
     """Whether a device has a voltage reference: grid-forming, or with QFlag = 1 and VFlag = 0, or RefFlag = 1."""
-    names = family.fields(f.device, "Par")
-    if "order_v" not in family.fields(f.device, "Input"):
+    names = f.device.Par._fields
+    if "order_v" not in f.device.Input._fields:
         return False
     if "repc_RefFlag" in names:
         return bool(f.k[j, names.index("repc_RefFlag")] > 0)
@@ -90,10 +90,10 @@ def with_ratings(system: System, case: Case, rows: Sequence[Storage]) -> System:
     k = {f.name: f.k.copy() for f in system.families if f.name in TABLES.values()}
     of = list(zip(members(system, case), rows, strict=True))
     for (f, j), row in of:
-        par, names = f.device.from_case(row, case.base_mva), family.fields(f.device, "Par")
+        par, names = f.device.call("from_case", row, case.base_mva), f.device.Par._fields
         known = {name: k[f.name][j, names.index(name)] for name in ("V0", "wb") if name in names}
         par = par._replace(**known)
-        k[f.name][j] = f.device.prepare(par) if hasattr(f.device, "prepare") else par
+        k[f.name][j] = f.device.prepared(par)
     for name, constants in k.items():
         system = system.with_constants(name, constants)
     return system
@@ -103,7 +103,7 @@ def currents(system: System, case: Case, rows: np.ndarray) -> np.ndarray:
     """Currents of the converters of storage (rows, devices) in rows of signals, pu on their MVA; 0 of ideal devices."""
     found = np.zeros((len(rows), len(case.storage)))
     for j, (f, i) in enumerate(members(system, case)):
-        names = family.fields(f.device, "Output")
+        names = f.device.Output._fields
         if "Ip" in names:
             found[:, j] = np.hypot(*(rows[:, f.w[i, -1] + names.index(name)] for name in ("Ip", "Iq")))
     return found
@@ -111,10 +111,10 @@ def currents(system: System, case: Case, rows: np.ndarray) -> np.ndarray:
 
 def current_limits(system: System, case: Case) -> np.ndarray:
     """Largest currents of the converters of storage (devices), pu on their MVA; infinite of ideal devices."""
-    names = [(f, i, getattr(f.device, "CURRENT_LIMIT", None)) for f, i in members(system, case)]
-    return np.array([f.k[i, family.fields(f.device, "Par").index(name)] if name else np.inf for f, i, name in names])
+    names = [(f, i, f.device.current_limit) for f, i in members(system, case)]
+    return np.array([f.k[i, f.device.Par._fields.index(name)] if name else np.inf for f, i, name in names])
 
 
 def in_network(case: Case) -> bool:
     """Whether the admittance of a storage device is part of the network."""
-    return any(hasattr(devices.every()[TABLES[s.storage_model]], "admittance") for s in case.storage)
+    return any(devices.every()[TABLES[s.storage_model]].admittance is not None for s in case.storage)

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from stabctl.devices.device import of
+
 from . import adder
 from .rows import NO_UNIT
 from .tables import Family
@@ -45,4 +47,4 @@ class Sums:
         if not rows:
             return []
         w = np.array(rows, np.int64)
-        return [Family("adder", adder, w, np.zeros((len(rows), 0)), ("a summing port",) * len(rows))]
+        return [Family("adder", of(adder), w, np.zeros((len(rows), 0)), ("a summing port",) * len(rows))]

@@ -40,11 +40,11 @@ def unweighted(families: Iterable[Family], nx: int) -> Unweighted:
 
 
 def _angles(f: Family, nx: int) -> Iterator[Angle]:
-    storage = f.device.ROLE == "storage"
-    name = getattr(f.device, "PLL", "delta" if storage and hasattr(f.device, "source") else None)
+    storage = f.device.role == "storage"
+    name = f.device.pll or ("delta" if storage and f.device.source else None)
     if name is None:
         return
-    states, outputs, constants = (family.fields(f.device, record) for record in ("State", "Output", "Par"))
+    states, outputs, constants = (f.device.fields(record) for record in ("State", "Output", "Par"))
     for w, k, key in zip(f.w, f.k, f.keys, strict=True):
         p = dict(zip(constants, k, strict=True))
         frequency = int(w[-1]) + outputs.index("wpll") if "wpll" in outputs else NONE
@@ -52,4 +52,4 @@ def _angles(f: Family, nx: int) -> Iterator[Angle]:
         unit = NONE if storage else int(w[family.UNIT])
         if not storage or p["mva"] > 0:
             bus, place = (int(w[family.BUS]) - nx) // 2, int(w[family.STATE]) + states.index(name)
-            yield Angle(unit, bus, place, not hasattr(f.device, "PLL"), key, frequency, *range_)
+            yield Angle(unit, bus, place, not f.device.pll, key, frequency, *range_)

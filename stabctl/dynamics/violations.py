@@ -115,7 +115,7 @@ def _of_states(system: System, s: np.ndarray) -> Iterator[Violation]:
         f = system.family(state.table)
         fixed = isinstance(name, float)
         yield Violation(
-            f.device.NAME,
+            f.device.name,
             f.name,
             f.keys[state.row],
             state.unit,
@@ -131,7 +131,7 @@ def _of_units(system: System, equations: Equations, s: np.ndarray) -> Iterator[V
     """The limits that prevent equilibrium of a unit when each alone is enforced, at all units at once."""
     free, of_state = [opened(f) for f in equations.families], np.array([p.unit for p in system.layout.states], int)
     for i, f in enumerate(equations.families):
-        for c, name in enumerate(family.fields(f.device, "Par")):
+        for c, name in enumerate(f.device.Par._fields):
             if not (side := family.side(f.device, name)):
                 continue
             trial = free.copy()
@@ -141,4 +141,4 @@ def _of_units(system: System, equations: Equations, s: np.ndarray) -> Iterator[V
             moved = set(of_state[~(np.abs(values[: system.layout.nx]) < STILL)].tolist())
             for j, unit in enumerate(f.w[:, family.UNIT].tolist()):
                 if unit in moved:
-                    yield Violation(f.device.NAME, f.name, f.keys[j], unit, name, float(f.k[j, c]), low=side < 0)
+                    yield Violation(f.device.name, f.name, f.keys[j], unit, name, float(f.k[j, c]), low=side < 0)

@@ -42,25 +42,25 @@ class Wiring:
 
     def _states(self, name: str, rows: list[Row]) -> None:
         device = devices.every()[name]
-        states, first = family.fields(device, "State"), len(self.states)
+        states, first = device.State._fields, len(self.states)
         self.first_state[name] = first
-        words, in_unit = [(state, WORDS.get(state, state)) for state in states], device.ROLE in devices.UNIT_ROLES
+        words, in_unit = [(state, WORDS.get(state, state)) for state in states], device.role in devices.UNIT_ROLES
         self.states += [
             StatePlace(name, j, row.unit if in_unit else NO_UNIT, state, f"{word} {row.label}")
             for j, row in enumerate(rows)
             for state, word in words
         ]
-        if device.ROLE in ("machine", "converter"):
+        if device.role in ("machine", "converter"):
             for i, state in enumerate(states):
                 self.givers.add(state, self.units[name], first + i + len(states) * np.arange(len(rows)))
 
     def _ports(self) -> None:
         """Add the set-points of the ports that no device drives."""
-        in_unit = {name for name in self.tables if devices.every()[name].ROLE in devices.UNIT_ROLES}
+        in_unit = {name for name in self.tables if devices.every()[name].role in devices.UNIT_ROLES}
         filled = {
             (unit, output)
             for name in in_unit
-            for output in family.fields(devices.every()[name], "Output")
+            for output in devices.every()[name].Output._fields
             for unit in self.units[name].tolist()
         }
         self.setpoints: list[SetPoint] = []
@@ -82,8 +82,8 @@ class Wiring:
         for name, rows in self.tables.items():
             device = devices.every()[name]
             self.first_output[name], stride = at, family.stride(device)
-            if device.ROLE in devices.UNIT_ROLES:
-                for i, output in enumerate(family.fields(device, "Output")):
+            if device.role in devices.UNIT_ROLES:
+                for i, output in enumerate(device.Output._fields):
                     self.givers.add(output, self.units[name], at + i + stride * np.arange(len(rows)))
             at += len(rows) * stride
         self.sums = Sums(self.step + 1, at)
@@ -93,7 +93,7 @@ class Wiring:
         rows, units = self.tables[name], self.units[name]
         if isinstance(hint, At):
             return np.array([self._elsewhere(hint, row) for row in rows])
-        in_unit = devices.every()[name].ROLE in devices.UNIT_ROLES
+        in_unit = devices.every()[name].role in devices.UNIT_ROLES
         found = self.givers.of(signal, units) if in_unit else np.zeros((0, len(rows)), int)
         count = (found >= 0).sum(axis=0)
         if isinstance(hint, Port) and hint.summing:
@@ -109,10 +109,10 @@ class Wiring:
     def _unclear(self, name: str, row: Row, signal: str, places: np.ndarray) -> str:
         """The error for an input that no device, or more than one device, drives."""
         if len(places):
-            names = " and ".join(devices.every()[self._table(place)].NAME for place in places)
+            names = " and ".join(devices.every()[self._table(place)].name for place in places)
             return f"{names} both provide {signal} of {row.key} in {self.case.name}; keep one of them."
         return (
-            f"{devices.every()[name].NAME} of {row.key} in {self.case.name} reads {signal}, which no device of its "
+            f"{devices.every()[name].name} of {row.key} in {self.case.name} reads {signal}, which no device of its "
             "unit provides; use another model."
         )
 
@@ -143,7 +143,7 @@ class Wiring:
         made = []
         for name, rows in self.tables.items():
             device = devices.every()[name]
-            states, outputs = len(family.fields(device, "State")), family.stride(device)
+            states, outputs = len(device.State._fields), family.stride(device)
             w = np.empty((len(rows), family.width(device)), np.int64)
             j = np.arange(len(rows))
             w[:, family.STATE] = self.first_state[name] + states * j
@@ -164,7 +164,7 @@ class Wiring:
         owner[self.nx + 2 * self.buses : self.step] = [point.unit for point in self.setpoints]
         for name, units in self.units.items():
             device = devices.every()[name]
-            if device.ROLE in devices.UNIT_ROLES:
+            if device.role in devices.UNIT_ROLES:
                 first, n = self.first_output[name], family.stride(device)
                 owner[first : first + n * len(units)] = np.repeat(units, n)
         outputs = self.sums.end - self.step - 3

@@ -64,7 +64,7 @@ class NetworkModel:
         self._each: dict[tuple[Switching, bytes], tuple[np.ndarray, np.ndarray]] = {}
         self._maps: dict[tuple[Switching, bytes], tuple[np.ndarray, np.ndarray] | None] = {}
         fed = [point.net.place[s.bus] for s in point.case.storage]
-        loads = [f for f in point.system.families if f.device.ROLE == "load"]
+        loads = [f for f in point.system.families if f.device.role == "load"]
         fed += [row for f in loads for row in (f.w[:, family.BUS] - point.layout.nx) // 2]
         fed += [point.net.place[bus] for link in point.case.links for bus in (link.from_bus, link.to_bus)]
         self.others = np.unique(np.array(fed, int))  # buses with currents that are neither machines nor admittances

@@ -68,20 +68,20 @@ def rotor_units(point: OperatingPoint, inertia: Factor = 1.0, reactance: Factor 
             "because it is a converter without a rotor; use a case with synchronous machines only."
         )
     for f in point.system.families:
-        if f.device.ROLE == "machine" and hasattr(f.device, "current"):
+        if f.device.role == "machine" and f.device.current is not None:
             raise StudyError(
-                f"The speed of {f.keys[0]} of {point.case.name} cannot be estimated, because {f.device.NAME} has "
+                f"The speed of {f.keys[0]} of {point.case.name} cannot be estimated, because {f.device.name} has "
                 "transient saliency; use a case with GENROU, GENSAL or GENCLS."
             )
     columns = {name: np.zeros(m) for name in ("mva", "H", "D", "ra", "x")}
     flux, governor = ({name: np.zeros(m) for name in names} for names in (FLUX, GOVERNOR))
-    for table in (f.name for f in point.system.families if f.device.ROLE == "machine"):
+    for table in (f.name for f in point.system.families if f.device.role == "machine"):
         at, par = point.constants(table)
         given = par | {"x": par[next(name for name in REACTANCES if name in par)]}
         _fill(columns, at, given)
         if set(FLUX) <= set(given | SALIENT):
             _fill(flux, at, given if "x1q" in given else given | SALIENT | {"x1q": given["xq"]})
-    for table in (f.name for f in point.system.families if f.device.ROLE == "governor"):
+    for table in (f.name for f in point.system.families if f.device.role == "governor"):
         at, par = point.constants(table)
         if set(GOVERNOR) <= set(par):
             _fill(governor, at, par)
@@ -106,21 +106,20 @@ class Terminals:
         self.simulation, system = simulation, simulation.point.system
         self._bus = system.unit_bus
         self._admittance = np.where(system.forming, source_admittances(system), 0)
-        self._sources = [f for f in system.families if hasattr(f.device, "source")]
+        self._sources = [f for f in system.families if f.device.source is not None]
 
     def phasors(self, bus_voltages: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Voltages and currents (machines), pu, now, of the bus voltages."""
         V, source, s = bus_voltages[self._bus], np.zeros(len(self._admittance), complex), self.simulation.s
         for f in self._sources:
-            states, inputs = (family.fields(f.device, record) for record in ("State", "Input"))
+            states, inputs = (f.device.fields(record) for record in ("State", "Input"))
             signals = {
                 "x": f.device.State(*(s[f.w[:, family.STATE] + i] for i in range(len(states)))),
                 "p": f.device.Par(*f.k.T),
                 **{name: s[f.w[:, family.INPUTS + i]] for i, name in enumerate(inputs)},
             }
-            if hasattr(f.device, "internal"):
+            if f.device.internal is not None:
                 signals["i"] = f.device.internal(signals["x"], signals["p"])
             at = f.w[:, family.UNIT]
-            given = (signals[name] for name in family.arguments(f.device, "source"))
-            source.real[at], source.imag[at] = f.device.source(*given)
+            source.real[at], source.imag[at] = f.device.evaluate("source", signals)
         return V, np.where(self.simulation.island >= 0, source - self._admittance * V, 0)

@@ -62,7 +62,7 @@ def fingerprint(case: Case) -> str:
     content["devices"] = {
         model: [[number, par._asdict()] for number, par in rows.items()] for model, rows in case.devices.items()
     }
-    files = {model: Path(str(devices.every()[model].__file__)) for model in case.devices}
+    files = {model: Path(devices.every()[model].file) for model in case.devices}
     known = devices.registered()
     own = {model: file.read_text(encoding="utf-8") for model, file in files.items() if str(file) in known}
     content |= {"device_files": own} if own else {}

@@ -5,10 +5,10 @@ be at any bus. Every other model is keyed by machine.
 """
 
 from collections.abc import Mapping
-from types import ModuleType
 from typing import Any
 
 from stabctl import devices
+from stabctl.devices.device import Device
 from stabctl.schema import Field, fields
 
 from .tables import TABLES
@@ -24,19 +24,19 @@ SINGLE_ROLES = (
 )  # a machine has at most one model with each of these
 
 
-def models() -> Mapping[str, ModuleType]:
+def models() -> Mapping[str, Device]:
     """Device models by name, without those that use a table of the case."""
     return {name: device for name, device in devices.models().items() if fields(device.Par)}
 
 
 def role(model: str) -> str:
     """Role of a model: machine, converter, exciter, governor, stabilizer, load ..."""
-    return models()[model].ROLE
+    return models()[model].role
 
 
 def of_role(*roles: str) -> list[str]:
     """Names of the models with one of these roles."""
-    return [name for name, device in models().items() if device.ROLE in roles]
+    return [name for name, device in models().items() if device.role in roles]
 
 
 def key_field(model: str) -> Field:
@@ -65,5 +65,5 @@ def parameters(model: str, **values: Any) -> Any:
 
 def takes(model: str, control: str) -> bool:
     """Whether a unit of this model may have a control of that role: any, unless its CONTROLS lists some."""
-    allowed = getattr(models()[model], "CONTROLS", None)
+    allowed = models()[model].controls
     return allowed is None or control in allowed

@@ -106,7 +106,7 @@ def _converter(i: int, s: Storage) -> None:
 def _setting(model: str, text: str) -> str:
     """What is wrong with the parameters of a converter, as a sentence; empty if nothing is."""
     try:
-        joined.parameters(devices.every()[TABLES[model]].KIT, text)
+        joined.parameters(devices.every()[TABLES[model]].kit, text)
     except StudyError as error:
         return str(error)
     return ""

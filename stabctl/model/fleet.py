@@ -164,9 +164,9 @@ class Voltage(NamedTuple):
 def _current_limit(options: Mapping[str, Any]) -> float:
     """The current limit of a converter, pu."""
     device = every()[TABLES.get(options.get("storage_model", "ideal"), "esd")]
-    if not hasattr(device, "CURRENT_LIMIT"):
+    if not device.current_limit:
         raise StudyError("MVA for a voltage need a converter, which has a current limit; give a storage_model.")
-    return float(joined.parameters(device.KIT, options.get("converter", ""))[device.CURRENT_LIMIT])
+    return float(joined.parameters(device.kit, options.get("converter", ""))[device.current_limit])
 
 
 def _read(name: str, value: Any, unit: str) -> Any:

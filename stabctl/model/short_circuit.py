@@ -152,7 +152,6 @@ def source_admittances(case: Case, net: network.Network) -> np.ndarray:
         model = case.model(m.machine, "machine")
         if model is not None:
             device = devices.every()[model]
-            par = case.devices[model][m.machine]._replace(mva=m.base / case.base_mva)
-            g, b = device.admittance(device.prepare(par) if hasattr(device, "prepare") else par)
-            found[bus] += g + 1j * b
+            par = device.prepared(case.devices[model][m.machine]._replace(mva=m.base / case.base_mva))
+            found[bus] += device.admittances(np.array([par]))[0]
     return found

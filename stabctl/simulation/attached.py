@@ -122,7 +122,7 @@ class _Attachment:
         for c, signal in zip(self.controllers, self.opening, strict=True):
             self._add(c, signal)
         point, final = self.more.build(), self.more.place
-        own = [f.device.fastest(k) for f in point.system.families if hasattr(f.device, "fastest") for k in f.k]
+        own = [f.device.fastest(k) for f in point.system.families if f.device.fastest is not None for k in f.k]
         point = replace(point, fastest=max([point.fastest, *own]))
         called = []
         for c, reads, held in self.called:

@@ -47,7 +47,7 @@ def fastest(what: Attached, law: Law | None, wired: Wired) -> float:
     gains = np.zeros((0, 3))
     if law is not None and wired.places.follows:
         gains = np.array([law.gains(device) for device in storage_devices(what.point.case)]).reshape(-1, 3)
-    if not gains.any() and not any(f.device is lti for f in wired.families):
+    if not gains.any() and not any(f.device.module is lti for f in wired.families):
         return 0.0
     kept = vars(what.point).setdefault("closed", {})
     if law not in kept:
@@ -69,7 +69,7 @@ class Rates:
         self._rest[[*what.gates, *(place for place, _, _ in what.windows)]] = 1.0
         given, at = [none], 0
         for f in wired.families:
-            if f.device is lti:
+            if f.device.module is lti:
                 for row, k in enumerate(f.k):
                     levels = at + f.k.shape[1] * row + lti.levels(k)
                     relay = k[lti.levels(k) + 3] > 0

@@ -100,7 +100,7 @@ def checked(criterion: object, frequency_hz: float) -> Criterion:
 def for_system(criterion: Criterion, system: System) -> Criterion:
     """The criterion for a system: a frequency that nothing governs is judged only if limits or delay were changed."""
     by_default = criterion[4:7] == DEFAULT[4:7]
-    governed = system.rotors.virtual.any() or any(f.device.ROLE == "governor" for f in system.families)
+    governed = system.rotors.virtual.any() or any(f.device.role == "governor" for f in system.families)
     return criterion._replace(frequency_delay_s=0.0) if by_default and not governed else criterion
 
 

@@ -160,7 +160,7 @@ def _critical(point: OperatingPoint, end: End) -> tuple[int | str | None, str]:
     if other is None and not rotors.virtual[end.machine]:
         return machine.called, f"machine {machine.called}"
     model = point.case.model(machine.machine, "converter")
-    return machine.called, f"converter {machine.called} ({devices.models()[str(model)].NAME})"
+    return machine.called, f"converter {machine.called} ({devices.models()[str(model)].name})"
 
 
 def _angle(point: OperatingPoint, end: End) -> str:

@@ -40,7 +40,7 @@ def stalled(point: OperatingPoint, s: np.ndarray, alive: np.ndarray) -> Stalled:
     """
     found: list[tuple[int, float]] = []
     for f in point.system.families:
-        if not hasattr(f.device, "stalled"):
+        if f.device.stalled is None:
             continue
         states, n = f.device.State._fields, len(f.device.State._fields)
         x = f.device.State(*s[f.w[:, [family.STATE]] + np.arange(n)].T)

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from stabctl.devices.blocks import SHORT
-from stabctl.dynamics import family
 from stabctl.dynamics.layout import StatePlace
 from stabctl.dynamics.loops import loops
 from stabctl.dynamics.operating_point import OperatingPoint
@@ -58,8 +57,8 @@ def standstill(point: OperatingPoint) -> tuple[float, str]:
 
     While it runs, its fluxes move slowly; those of a stopped motor turn at rated frequency against its rotor.
     """
-    motors = [f for f in point.system.families if hasattr(f.device, "standstill")]
-    rates = [f.device.standstill(f.device.Par(*f.k.T)) for f in motors]
+    motors = [f for f in point.system.families if f.device.standstill is not None]
+    rates = [f.device.call("standstill", f.device.Par(*f.k.T)) for f in motors]
     worst = [(float(rate.max()), f.keys[int(rate.argmax())]) for f, rate in zip(motors, rates, strict=True)]
     return max(worst, default=(0.0, ""))
 
@@ -181,7 +180,7 @@ def cause(point: OperatingPoint, loop: float = 0.0) -> str:
     if rate > 2 * point.fastest:
         return f"that of the motor of {load}, if it stops"
     for f in point.system.families:
-        if hasattr(f.device, "fastest") and point.fastest < NEAR * f.device.fastest(f.k[0]):
+        if f.device.fastest is not None and point.fastest < NEAR * f.device.fastest(f.k[0]):
             return f"that of controller {f.keys[0]}"
     if point.stiffest < 0:
         return ""
@@ -193,14 +192,14 @@ def cause(point: OperatingPoint, loop: float = 0.0) -> str:
 def _time_constant(f: Family, row: int, fastest: float) -> str:
     """The time constant of a device whose inverse is nearest to an eigenvalue (1/s), empty if none is near."""
     best, text = NEAR, ""
-    names = family.fields(f.device, "Par")
+    names = f.device.Par._fields
     for name, field in hints(f.device.Par).items():
         value = f.k[row, names.index(name)] if field and field.unit == "s" else 0.0
         if not value > 0:
             continue
         off = max(value * fastest, 1 / (value * fastest))
         if off < best:
-            bypass = "" if f.device.ROLE == "machine" else f"; a control lag below {1e3 * SHORT:g} ms is bypassed"
+            bypass = "" if f.device.role == "machine" else f"; a control lag below {1e3 * SHORT:g} ms is bypassed"
             best, text = off, f"{name} = {value:g} s of {f.name}, {f.keys[row]}{bypass}"
     return text
 
@@ -209,4 +208,4 @@ def _loop(point: OperatingPoint, place: StatePlace) -> str:
     """The control loop of a converter that a state belongs to, empty if it belongs to none."""
     name = loops(point, place.table, place.unit).get(place.name)
     called = point.case.machines[place.unit].called if place.unit >= 0 else ""
-    return f"{name} of {point.system.family(place.table).device.NAME} {called}" if name else ""
+    return f"{name} of {point.system.family(place.table).device.name} {called}" if name else ""

@@ -78,7 +78,7 @@ def _held(point: OperatingPoint) -> np.ndarray:
     """Rows of the buses of grid-forming storage."""
     found = [np.zeros(0, np.int64)]
     for f in point.system.families:
-        if f.device.ROLE == "storage" and hasattr(f.device, "source"):
+        if f.device.role == "storage" and f.device.source is not None:
             found.append((f.w[:, family.BUS] - point.layout.nx) // 2)
     return np.concatenate(found)
 
@@ -86,10 +86,10 @@ def _held(point: OperatingPoint) -> np.ndarray:
 def _blocked(point: OperatingPoint, alive: np.ndarray) -> Iterator[tuple[str, int, Any]]:
     """The links with a terminal that has no voltage, blocked."""
     for f in point.system.families:
-        if f.device.ROLE == "link":
+        if f.device.role == "link":
             bus = (f.w[:, [family.BUS, family.BUS2]] - point.layout.nx) // 2
             for j in np.flatnonzero(~alive[bus].all(axis=1)):
-                yield f.name, int(j), f.device.blocked(f.device.Par(*f.k[j]))
+                yield f.name, int(j), f.device.call("blocked", f.device.Par(*f.k[j]))
 
 
 def _measured(point: OperatingPoint, switching: Switching) -> Iterator[tuple[str, int, Any]]:

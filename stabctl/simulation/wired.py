@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stabctl.controllers import Device, Law, hold
+from stabctl.controllers import Law, StorageDevice, hold
+from stabctl.devices.device import of as device_of
 from stabctl.dynamics import storage
 from stabctl.dynamics.layout import Layout
 from stabctl.dynamics.operating_point import OperatingPoint
@@ -81,7 +82,7 @@ def wired(
     """
     own = control.rate if control is not None else None
     rates = rates if own is None or own in rates else (*rates, own)
-    law = control and (control.module, control.frames, control.relay, control.groups, own and rates.index(own))
+    law = control and (control.device, control.frames, control.relay, control.groups, own and rates.index(own))
     kept, key = point.system.kept, ("wired", law, rates, gates)
     if key not in kept:
         kept[key] = _wired(point, control, rates, gates)
@@ -95,7 +96,7 @@ def _wired(point: OperatingPoint, control: Law | None, rates: tuple[int, ...], g
     families = (*point.system.families, *_families(point, control, memory, layout, rates))
     start = np.zeros(layout.size)
     start[memory.relative.online : memory.relative.time] = 1.0
-    for i, value in enumerate(getattr(control and control.module, "START", ())):
+    for i, value in enumerate(control.device.start if control else ()):
         start[memory.orders.start + i : memory.lines : memory.orders.step] = value
     held = np.r_[orders_of(layout, point.case), np.array(gates, np.int64)]
     relay, follows = _switches(families, control)
@@ -127,7 +128,7 @@ def orders_of(layout: Layout, case: Case) -> np.ndarray:
 def _memory(point: OperatingPoint, control: Law | None) -> Memory:
     """Places after the outputs of the system."""
     n, m, first = len(point.case.storage), len(point.rotors.unit), point.system.layout.size
-    stride = len(control.module.Output._fields) if control is not None else 1
+    stride = len(control.device.Output._fields) if control is not None else 1
     lines = first + n * stride
     sampled = control is not None and control.rate is not None
     acting = lines + n * control.frames if sampled and control is not None else first
@@ -141,7 +142,7 @@ def _switches(families: tuple[Family, ...], control: Law | None) -> tuple[bool, 
 
     Neither is so with a ramp limit or another device with a memory; the orders of a sampled law are held, too.
     """
-    others = any(hasattr(f.device, "step") for f in families if f.name not in ("law", "hold"))
+    others = any(f.device.step is not None for f in families if f.name not in ("law", "hold"))
     ramped = any(f.name == "hold" and (f.k > 0).any() for f in families)
     if control is None or ramped or others:
         return False, False
@@ -162,7 +163,7 @@ def _families(
     sampled = control is not None and control.rate is not None
     acting = memory.acting + j if sampled else wanted
     columns = [*common, acting, of.online + unit, np.full(n, layout.step), order]
-    holds = Family("hold", hold, np.stack(columns, 1), storage.ramps(system, case)[:, None], esd.keys)
+    holds = Family("hold", device_of(hold), np.stack(columns, 1), storage.ramps(system, case)[:, None], esd.keys)
     if control is None:
         return (holds,)
     rotor = np.full(len(case.machines), -1)
@@ -175,12 +176,13 @@ def _families(
         )
     own = rotor[unit]
     reads = [of.speed + own, of.acceleration + own, of.angle + own, esd.energy, np.full(n, of.time)]
-    law = Family("law", control.module, np.stack([*common, *reads, wanted], 1), _parameters(control, case), esd.keys)
+    places_of = np.stack([*common, *reads, wanted], 1)
+    law = Family("law", control.device, places_of, _parameters(control, case), esd.keys)
     if not sampled:
         return law, holds
     lines = [wanted, np.full(n, of.due), memory.lines + control.frames * j, acting]
     bits = np.tile([float(control.frames), float(rates.index(control.rate or 0))], (n, 1))
-    return law, Family("line", line, np.stack([*common, *lines], 1), bits, esd.keys), holds
+    return law, Family("line", device_of(line), np.stack([*common, *lines], 1), bits, esd.keys), holds
 
 
 def _parameters(control: Law | None, case: Case) -> np.ndarray:
@@ -190,11 +192,13 @@ def _parameters(control: Law | None, case: Case) -> np.ndarray:
     return np.array([tuple(control.par(device)) for device in storage_devices(case)], float)
 
 
-def storage_devices(case: Case) -> list[Device]:
+def storage_devices(case: Case) -> list[StorageDevice]:
     """What a law may know of each storage device of a case."""
     base = {machine.machine: machine.base for machine in case.machines}
     return [
-        Device(s.rating, base[s.machine], case.frequency_hz, case.base_mva, s.energy * s.charge * 3600 / case.base_mva)
+        StorageDevice(
+            s.rating, base[s.machine], case.frequency_hz, case.base_mva, s.energy * s.charge * 3600 / case.base_mva
+        )
         for s in case.storage
     ]
 

@@ -130,7 +130,7 @@ def parameter_locus(
             )
         return new.A
 
-    return _follow(f"{parameter} of {models()[table].NAME}", given, first, matrix)
+    return _follow(f"{parameter} of {models()[table].name}", given, first, matrix)
 
 
 def _values(values: Iterable[float]) -> np.ndarray:

@@ -28,10 +28,10 @@ def loop(linear: Linear, share: np.ndarray) -> str | None:
     found: dict[tuple[str, str], dict[int, float]] = defaultdict(lambda: defaultdict(float))
     for place, part in zip(linear.places, share.tolist(), strict=True):
         device = devices.every().get(place.table) if part > LEAST else None
-        if device is not None and device.ROLE in ("converter", *devices.OF_CONVERTER):
+        if device is not None and device.role in ("converter", *devices.OF_CONVERTER):
             name = loops(linear.point, place.table, place.unit).get(place.name)
             if name is not None:
-                found[device.NAME, name][place.unit] += part
+                found[device.name, name][place.unit] += part
     total = {key: sum(units.values()) for key, units in found.items()}
     if sum(total.values()) < CONVERTER:
         return None

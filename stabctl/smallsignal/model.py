@@ -147,9 +147,9 @@ class Linear(Model):
     def rotation(self) -> np.ndarray:
         """The change of the states (states) when all angles are rotated by 1 rad, which changes nothing else."""
         every = {p.table: devices.every().get(p.table) for p in self.places}
-        angles = {table: getattr(device, "ANGLES", ("delta",)) for table, device in every.items()}
+        angles = {table: device.angles if device else ("delta",) for table, device in every.items()}
         r = np.array([p.name in angles[p.table] for p in self.places], float)
-        phasors = {t: d.PHASORS for t, d in every.items() if d is not None and hasattr(d, "PHASORS")}
+        phasors = {t: d.phasors for t, d in every.items() if d is not None and d.phasors}
         if not phasors:
             return r
         layout = self.point.layout

@@ -63,7 +63,7 @@ def limited(point: OperatingPoint) -> None:
                 else f.keys[j]
             )
             raise LinearizationError(
-                f"{f.device.NAME} of {where} is exactly at its limit {parameter} = {limit:g} pu, where its derivative "
+                f"{f.device.name} of {where} is exactly at its limit {parameter} = {limit:g} pu, where its derivative "
                 f"is discontinuous; widen {parameter} in {name}.csv, or choose another operating point."
             )
     raise LinearizationError(
@@ -171,6 +171,6 @@ def _limits(point: OperatingPoint, unit: int) -> list[tuple[str, int, int]]:
         (f.name, int(j), c)
         for f in point.system.families
         for j in np.flatnonzero(f.w[:, family.UNIT] == unit)
-        for c, name in enumerate(family.fields(f.device, "Par"))
+        for c, name in enumerate(f.device.Par._fields)
         if family.side(f.device, name)
     ]

@@ -183,8 +183,8 @@ def weak_grid(
             values[i, j], labels[i, j] = found.eigenvalues[k], found.label(k)
             growth[i, j] = found.eigenvalues[own].real.max()
     device = devices.every()[model]
-    k0 = getattr(case.devices[model][unit.machine], device.PLL_GAINS[0])
-    return WeakGrid(f"{device.NAME} {unit.called}", ratios, gains * k0, values, labels, growth)
+    k0 = getattr(case.devices[model][unit.machine], device.pll_gains[0])
+    return WeakGrid(f"{device.name} {unit.called}", ratios, gains * k0, values, labels, growth)
 
 
 def at_infinite_bus(
@@ -209,7 +209,7 @@ def at_infinite_bus(
     far = unit.bus + 1
     own: dict[str, dict[Any, Any]] = {}
     for table, rows in case.devices.items():
-        if devices.every()[table].ROLE in devices.UNIT_ROLES:
+        if devices.every()[table].role in devices.UNIT_ROLES:
             kept = {key: _local(par) for key, par in rows.items() if number(key) == unit.machine}
             own |= {table: kept} if kept else {}
     infinite = gencls.Par(0, 0, H=0.0, D=0.0, ra=0.0, x1d=INSIDE * x)
@@ -228,7 +228,7 @@ def at_infinite_bus(
 def with_gain(point: OperatingPoint, model: str, factor: float) -> OperatingPoint:
     """The point with `factor` times the gain of its phase-locked loop, whose damping ratio and rest stay the same."""
     device, k = devices.every()[model], point.system.family(model).k.copy()
-    for power, name in enumerate(device.PLL_GAINS, 1):
+    for power, name in enumerate(device.pll_gains, 1):
         k[:, device.Par._fields.index(name)] *= factor**power
     return replace(point, system=point.system.with_constants(model, k))
 
@@ -241,8 +241,8 @@ def _local(par: Any) -> Any:
 def _with_loop(case: Case, unit: Machine) -> str:
     """The converter model of a unit. `StudyError` if it has no phase-locked loop."""
     model = case.model(unit.machine, "converter")
-    if model is None or not hasattr(devices.every()[model], "PLL_GAINS"):
-        what = f"{devices.every()[model].NAME} of machine" if model else "Machine"
+    if model is None or not devices.every()[model].pll_gains:
+        what = f"{devices.every()[model].name} of machine" if model else "Machine"
         raise StudyError(
             f"{what} {unit.called} in {case.name} has no phase-locked loop; give it one: "
             f"case.with_device('regc_c', {unit.machine})."

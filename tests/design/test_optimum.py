@@ -9,11 +9,11 @@ import json
 
 import numpy as np
 import pytest
+from records import gencls
 from scipy.optimize import brentq
 
 from stabctl.controllers import BangBang
 from stabctl.design import optimum
-from stabctl.devices.machines import gencls
 from stabctl.errors import StudyError
 from stabctl.model.case import Branch, Bus, Case, Machine
 from stabctl.model.network import BOLTED

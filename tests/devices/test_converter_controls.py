@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from block_diagram import distance, evaluate, feedback, motion, one, opened, response, rest, s
+from records import csvgn1, dera1, reec_b, reec_c, repc_a, wtdt_a
 
 from stabctl import devices
 from stabctl.devices.blocks import lookup
-from stabctl.devices.converters import csvgn1, dera1, reec_b, reec_c, repc_a, wtdt_a
 from stabctl.schema import fields
 
 P, Q = 0.7, 0.2
@@ -143,7 +143,7 @@ def test_the_static_compensator_is_its_block_diagram():
 def driven(device, p, outputs, signal, change, until=8.0, **given):
     """Times and signals by name while an input is `change` higher for 3 s, then as much lower."""
     _, x, u = still(device, p, outputs, **given)
-    p = device.prepare(p) if hasattr(device, "prepare") else p
+    p = device.prepared(p)
     rates, _ = evaluate(device, p, x, u)
     assert np.abs(rates).max() < 1e-8
     out = motion(device, p, x, lambda t: u | {signal: u[signal] + (change if t < 3 else -change)}, until)

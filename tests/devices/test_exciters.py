@@ -287,7 +287,7 @@ def still(name, given, seed, efd=EFD):
     device = devices.every()[name]
     p = opened(device, draw(name, np.random.default_rng(seed), **given))
     u = {n: TERMINALS[n] for n in device.Input._fields if n in TERMINALS}
-    x, u = rest(device, p, u, {"Efd": efd} if device.ROLE == "exciter" else {}, (V.real, V.imag))
+    x, u = rest(device, p, u, {"Efd": efd} if device.role == "exciter" else {}, (V.real, V.imag))
     return device, p, x, u
 
 
@@ -299,27 +299,27 @@ def test_linearized_it_is_its_block_diagram(name, seeds):
     for seed in seeds:
         device, p, x, u = still(model, given, seed)
         wanted = diagram(p, device.State(*x), u)
-        if device.ROLE == "exciter" and "vt" not in wanted:
+        if device.role == "exciter" and "vt" not in wanted:
             wanted["vt"] = -wanted["Vref"] * (lag(p.TR) if "TR" in p._fields else 1)
         if name in ("esst3a", "esst4b", "exst3", "expic1", "st8c fed by the terminals"):
             del wanted["vt"]  # it also moves the source
-        output = "Efd" if device.ROLE == "exciter" else "Vs"
+        output = "Efd" if device.role == "exciter" else "Vs"
         found = response(device, p, x, u, list(wanted), output, (V.real, V.imag))
         assert distance(found, list(wanted.values())) < 1e-9, seed
 
 
 def test_every_model_of_an_exciter_or_stabilizer_has_a_diagram():
     known = {model for model, _, _ in (EXCITERS | STABILIZERS).values()}
-    assert known == {n for n, m in devices.every().items() if m.ROLE in ("exciter", "stabilizer")}
+    assert known == {n for n, m in devices.every().items() if m.role in ("exciter", "stabilizer")}
 
 
 def driven(name, signal, given):
     """Time, and the states and outputs by name, while `signal` is 3 pu too high for 1 s, then 3 pu too low."""
     device = devices.every()[name]
     p = draw(name, np.random.default_rng(0), **given)
-    p = device.prepare(p) if hasattr(device, "prepare") else p
+    p = device.prepared(p)
     u = {n: TERMINALS[n] for n in device.Input._fields if n in TERMINALS}
-    x, u = rest(device, opened(device, p), u, {"Efd": EFD} if device.ROLE == "exciter" else {}, (V.real, V.imag))
+    x, u = rest(device, opened(device, p), u, {"Efd": EFD} if device.role == "exciter" else {}, (V.real, V.imag))
     rates, _ = evaluate(device, p, x, u, (V.real, V.imag))
     assert np.abs(rates).max() < 1e-8  # stationary within its limits too
     out = motion(device, p, x, lambda t: u | {signal: u[signal] + (3.0 if t < 1 else -3.0)}, 1.5, (V.real, V.imag))
@@ -526,7 +526,7 @@ def test_a_limit_is_reached_and_left_without_windup(name, signal, given, what, h
     """The limits that are not given are far away. Driven the other way, the signal leaves its limit within 0.3 s."""
     device = devices.every()[name]
     far = {f: (-99.0 if f.endswith("min") else 99.0) for f in fields(device.Par) if f.endswith(("min", "max"))}
-    bare = BARE if device.ROLE == "exciter" else {}
+    bare = BARE if device.role == "exciter" else {}
     t, found, p = driven(name, signal, far | bare | given)
     if name == "esst4b":
         high, low = (value * supply(p, p.THETAP, p.XL)[0] for value in ({"VB": 1.0, "2 VB": 2.0}[high], low))

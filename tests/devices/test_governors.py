@@ -4,21 +4,9 @@ import control
 import numpy as np
 import pytest
 from block_diagram import W, motion, opened, response, rest
+from records import degov, degov1, gast, ggov1, hygov, ieeeg1, ieeeg3, ieesgo, pidgov, tgov1, wpidhy
 from systems import GAS, GOVERNORS, one_of
 
-from stabctl.devices.governors import (
-    degov,
-    degov1,
-    gast,
-    ggov1,
-    hygov,
-    ieeeg1,
-    ieeeg3,
-    ieesgo,
-    pidgov,
-    tgov1,
-    wpidhy,
-)  # fmt: skip
 from stabctl.schema import fields
 
 S = 1j * W
@@ -175,7 +163,7 @@ def still(device, par, power=POWER):
     return rest(device, opened(device, par), {n: given[n] for n in device.Input._fields if n in given}, {"Pm": power})
 
 
-@pytest.mark.parametrize("device", DIAGRAMS, ids=lambda d: d.NAME)
+@pytest.mark.parametrize("device", DIAGRAMS, ids=lambda d: d.name)
 def test_the_linearized_governor_is_its_block_diagram(device):
     """20 parameter sets, 30 frequencies, every input."""
     diagram, ranges = DIAGRAMS[device]
@@ -189,11 +177,11 @@ def test_the_linearized_governor_is_its_block_diagram(device):
 
 
 STATE_OF = {  # device -> the state with the limits
-    device: next(iter(device.LIMITS)) for device in GOVERNORS if hasattr(device, "LIMITS")
+    device: next(iter(device.limits)) for device in GOVERNORS if device.limits
 }
 
 
-@pytest.mark.parametrize("device", one_of(*GOVERNORS), ids=lambda d: d.NAME)
+@pytest.mark.parametrize("device", one_of(*GOVERNORS), ids=lambda d: d.name)
 def test_every_limit_is_reached_and_left_without_windup(device):
     """Low speed, then high speed: each limit holds, and is left within a second when the speed turns."""
     par = GOVERNORS[device]
@@ -210,7 +198,7 @@ def test_every_limit_is_reached_and_left_without_windup(device):
     assert np.abs(before - before[0]).max() < 1e-9
     if device in STATE_OF:
         name = STATE_OF[device]
-        signal, (low, high) = out[:, device.State._fields.index(name)], device.LIMITS[name]
+        signal, (low, high) = out[:, device.State._fields.index(name)], device.limits[name]
         low, high = getattr(par, low), getattr(par, high)
     else:
         signal, low, high = out[:, -1], par.Pmin, par.Pmax
@@ -227,7 +215,7 @@ def test_every_limit_is_reached_and_left_without_windup(device):
     ("device", "state", "rates"),
     [(ieeeg1, "valve", ("Umin", "Umax")), (hygov, "desired", (None, "VELM")), (ieeeg3, "gate", ("Umin", "Umax")),
      (pidgov, "gate", ("Velmin", "Velmax")), (wpidhy, "gate", ("Velmin", "Velmax"))],
-    ids=lambda v: getattr(v, "NAME", ""),
+    ids=lambda v: getattr(v, "name", ""),
 )  # fmt: skip
 def test_the_gate_moves_no_faster_than_its_limits(device, state, rates):
     par = GOVERNORS[device]
@@ -259,10 +247,10 @@ def test_degov_waits_for_its_delay():
     assert throttle[-1] > 0.61
 
 
-@pytest.mark.parametrize("device", GOVERNORS, ids=lambda d: d.NAME)
+@pytest.mark.parametrize("device", GOVERNORS, ids=lambda d: d.name)
 def test_a_record_of_the_present_length_is_read(device):
     """The names of DYR are the parameters of the device, each once; WSIEG1 has more, which must be 0."""
-    for kind, names in device.DYR.items():
+    for kind, names in device.dyr.items():
         own = [n.lstrip("+") for n in names.split() if not n.startswith("_")]
         known = set(own) - {"JBUS"}
         assert known == set(fields(device.Par)) or (kind == "WSIEG1" and known > set(fields(device.Par)))

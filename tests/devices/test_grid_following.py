@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from block_diagram import distance, evaluate, feedback, one, opened, response, s, slopes
+from records import regc_a, regc_b, regc_c
 from systems import REGC, REGC_B, REGC_C, small
 
 import stabctl as st
-from stabctl.devices.converters import regc_a, regc_b, regc_c
 from stabctl.dynamics import operating_point
 from stabctl.model import network
 from stabctl.simulation import simulation

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from block_diagram import distance, evaluate, feedback, one, opened, response, s
 from recorded import signal, state
+from records import regfm_a1
 from systems import FORMING, small
 
 import stabctl as st
-from stabctl.devices.converters import regfm_a1
 from stabctl.dynamics import operating_point
 from stabctl.errors import EquilibriumError
 from stabctl.model import network

@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from records import gensal, regc_a
 from systems import CLASSICAL, EXDC2, EXPONENTIAL, IEEET1, POLES, REGC, ROUND, SEXS, small, with_shares
 
 import stabctl as st
 from stabctl.devices.blocks import through
-from stabctl.devices.converters import regc_a
-from stabctl.devices.machines import gensal
 from stabctl.dynamics import operating_point
 from stabctl.errors import EquilibriumError, StudyError
 from stabctl.simulation import simulation

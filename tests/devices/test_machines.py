@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from records import genroe, genrou, gensae, gensal, gentpj1, two_axis
 from systems import CLASSICAL, POLES, ROUND, SALIENT, SATURATED, TWO_AXES, TYPE_J, small
 
-from stabctl.devices.machines import genroe, genrou, gensae, gensal, gentpj1, saliency, two_axis
+from stabctl.devices.machines import saliency
 from stabctl.dynamics import operating_point
 from stabctl.simulation import simulation
 from stabctl.simulation.events import Clear, Fault
@@ -14,7 +15,7 @@ V = 0.98, 0.11
 
 def evaluated(device, x, par, u=(2.0, 0.7), v=V):
     """Output, rates and current into the bus of a machine."""
-    p = device.prepare(par) if hasattr(device, "prepare") else par
+    p = device.prepared(par)
     p = p._replace(mva=0.5, wb=377.0)
     given = {"x": x, "u": device.Input(*u), "v": v, "p": p, "i": device.internal(x, p)}
 
@@ -25,7 +26,7 @@ def evaluated(device, x, par, u=(2.0, 0.7), v=V):
     given["y"] = call(device.output)
     g, b = device.admittance(p)
     into = complex(*call(device.source)) - complex(g, b) * complex(*v)
-    if hasattr(device, "current"):
+    if device.has("current"):
         into += complex(*call(device.current))
     return given["y"], call(device.derivatives), into
 
@@ -38,14 +39,14 @@ def states(record, seed, omega=1.0):
 MACHINES = {genrou: SATURATED, genroe: SATURATED, gensal: POLES, gensae: POLES, two_axis: TWO_AXES, gentpj1: TYPE_J}
 
 
-@pytest.mark.parametrize("device", MACHINES, ids=lambda d: d.NAME)
+@pytest.mark.parametrize("device", MACHINES, ids=lambda d: d.name)
 def test_the_current_into_the_bus_is_that_of_the_stator(device):
     """P + jQ of the output is V times the conjugate of the current that the network sees."""
     y, _, into = evaluated(device, states(device.State, 1, 1.01), MACHINES[device])
     assert complex(y.P, y.Q) * 0.5 == pytest.approx(complex(*V) * into.conjugate(), abs=1e-13)
 
 
-@pytest.mark.parametrize("device", MACHINES, ids=lambda d: d.NAME)
+@pytest.mark.parametrize("device", MACHINES, ids=lambda d: d.name)
 def test_the_air_gap_gives_power_to_the_terminals_and_the_resistance(device):
     """Te = P + ra I^2 at synchronous speed."""
     y, _, _ = evaluated(device, states(device.State, 2), MACHINES[device])
@@ -85,7 +86,7 @@ def iron(device, par, flux):
     return evaluated(device, x, par, v=(flux, 0.0))[0].Ifd - flux
 
 
-@pytest.mark.parametrize("device", [genrou, genroe, gensal, gensae, gentpj1], ids=lambda d: d.NAME)
+@pytest.mark.parametrize("device", [genrou, genroe, gensal, gensae, gentpj1], ids=lambda d: d.name)
 def test_saturation_passes_through_its_points(device):
     """Open circuit: the field current is 1 + S times the flux at 1.0 and at 1.2 pu."""
     par = MACHINES[device]._replace(S10=0.1, S12=0.4)

@@ -10,15 +10,64 @@ from stabctl.errors import StudyError
 GOOD = (OWN / "wide_area.py").read_text()
 MISTAKES = {
     "no rates": ("def derivatives", "def rates", "it defines State but not derivatives"),
+    "no output": ("def output", "def outcome", "it defines Output but not output"),
+    "misspelt equation": (
+        "def derivatives",
+        "def derivative",
+        "it defines derivative, which nothing reads; did you mean derivatives?",
+    ),
+    "misspelt constant": (
+        'ROLE = "stab',
+        'DEADBAND = ("Kv",)\nROLE = "stab',
+        "it defines DEADBAND, which nothing reads; did you mean DEADBANDS?",
+    ),
+    "misspelt equation beside the others": (
+        "@inline\ndef output",
+        "def standstil(p):\n    return p.T\n\n\n@inline\ndef output",
+        "it defines standstil, which nothing reads; did you mean standstill?",
+    ),
+    "no such role": (
+        'ROLE = "stabilizer"',
+        'ROLE = "stabiliser"',
+        "'stabiliser' is not known; did you mean",
+    ),
     "no such limit": (
         'ROLE = "stab',
-        'LIMITS = {"fast": ("Vmin", "Vmax")}\nROLE = "stab',
-        "LIMITS contains 'fast', which",
+        'LIMITS = {"slaw": ("Vmin", "Vmax")}\nROLE = "stab',
+        "LIMITS contains 'slaw', which is not a field of State; did you mean slow?",
+    ),
+    "no such edge of a limit": (
+        'ROLE = "stab',
+        'LIMITS = {"slow": ("Vmin", "Vmx")}\nROLE = "stab',
+        "LIMITS contains 'Vmx', which is not a field of Par; did you mean Vmax?",
+    ),
+    "no such scale of a limit": (
+        'ROLE = "stab',
+        'LIMITS = {"slow": ("Vmin", "Vmax", "W")}\nROLE = "stab',
+        "LIMITS contains 'W', which is not a field of Input",
+    ),
+    "one limit": ('ROLE = "stab', 'LIMITS = {"slow": ("Vmin",)}\nROLE = "stab', "LIMITS of slow has 1 entries"),
+    "a stop without a limit": (
+        'ROLE = "stab',
+        'STOPS = ("slow",)\nROLE = "stab',
+        "STOPS contains 'slow', which",
+    ),
+    "a text in place of names": ('ROLE = "stab', 'UPPER = "Vmax"\nROLE = "stab', "UPPER = 'Vmax' is no collection of"),
+    "no such parameter of a record": (
+        'ROLE = "stab',
+        'DYR = {"WIDE": "bus machine Kz"}\nROLE = "stab',
+        "DYR WIDE contains 'Kz', which is not a field of Par",
     ),
     "no such state": ("u.V - x.slow)", "u.V - x.fast)", "output: 'State' object has no attribute 'fast'"),
     "a value too many": ("u.V, x.slow))", "u.V, x.slow), 0.0)", "derivatives: State.__new__() takes 2 positional"),
     "no derivative": ("(p.T, u.V", "(p.T, abs(u.V)", "derivatives uses abs, which cannot be differentiated"),
     "an argument of no meaning": ("def output(x, u, p)", "def output(x, u, q)", "output has an unknown argument 'q'"),
+    "a voltage as a starting value": (
+        "@inline\ndef output",
+        "def guess(V, J, p):\n    return State(V)\n\n\n@inline\ndef output",
+        "guess has an unknown argument 'J'; it may take V, I, p",
+    ),
+    "a record that is none": ("class State(NamedTuple)", "class State", "State"),
     "no record": ("return State(", "return (", "derivatives returns complex instead of State"),
     "no unit": (
         'Kv: Annotated[float, "pu", "gain on the voltage"]',

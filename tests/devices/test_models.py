@@ -73,7 +73,7 @@ def test_the_page_holds_every_device_with_all_its_fields():
     for name, device in devices.every().items():
         assert f"### {name}\n" in text
         for record in ("Par", "State", "Input", "Output"):
-            for field in getattr(getattr(device, record, None), "_fields", ()):
+            for field in device.fields(record):
                 assert f"| {field} |" in text.partition(f"### {name}\n")[2].partition("\n### ")[0], (name, field)
 
 
@@ -84,7 +84,7 @@ def test_every_device_describes_itself(name):
     assert len(found.title) > 15
     assert found.role in devices.ROLES
     assert all(s.meaning for part in (found.states, found.inputs, found.outputs) for s in part)
-    assert describe(devices.every()[name].NAME).name == name
+    assert describe(devices.every()[name].name).name == name
 
 
 def test_models_lists_all_and_shows_one():

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from records import sexs
 from systems import registered
 
 import stabctl as st
 from stabctl import devices
-from stabctl.devices.exciters import sexs
 from stabctl.errors import CaseError
 
 FAULT = st.Contingency("7-8@0.4", clear="6cyc")

@@ -6,10 +6,8 @@ import math
 import numpy as np
 import pytest
 from pointwise import compare, held
+from records import bus_angle, bus_frequency, hvdc, line_current, line_power, rocof, zip_load
 
-from stabctl.devices.links import hvdc
-from stabctl.devices.loads import zip_load
-from stabctl.devices.sensors import bus_angle, bus_frequency, line_current, line_power, rocof
 from stabctl.model.case import Load
 
 

@@ -5,20 +5,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from block_diagram import evaluate
+from records import esst1a, ieeest, ieeet1, pss, pss2b, scrx, sexs, st2cut
 from systems import ROUND, small
 
 from stabctl import devices
-from stabctl.devices.exciters import esst1a, ieeet1, scrx, sexs
-from stabctl.devices.stabilizers import ieeest, pss, pss2b, st2cut
 from stabctl.dynamics import operating_point
 from stabctl.schema import hints
 
-RECORDS = [(name, kind) for name, m in devices.every().items() for kind in getattr(m, "DYR", ())]
+RECORDS = [(name, kind) for name, m in devices.every().items() for kind in m.dyr]
 
 
 def names(device, kind):
     """Names of the constants of a record that are read."""
-    return [n.removeprefix("+") for n in device.DYR[kind].split() if not n.startswith("_")]
+    return [n.removeprefix("+") for n in device.dyr[kind].split() if not n.startswith("_")]
 
 
 def values(device, kind, text):
@@ -32,7 +31,7 @@ def test_a_record_fills_every_parameter(name, kind):
     constants = names(device, kind)
     assert len(set(constants)) == len(constants)
     given = {n for n, field in hints(device.Par).items() if field is not None}
-    if not hasattr(device, "from_record"):
+    if not device.has("from_record"):
         assert set(constants) <= given
         network = {"ra", "x1d", "Re", "Xe"}  # the RAW file gives the source of a machine
         assert not {n for n in given - network - set(constants) if n not in device.Par._field_defaults}

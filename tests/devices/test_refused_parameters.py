@@ -4,10 +4,10 @@ from itertools import pairwise
 
 import pytest
 from library import EXCITERS, POINTS, STABILIZERS
+from records import pidgov, wpidhy
 from systems import CLASSICAL, EXDC2, EXST3, GOVERNORS, IEEET1, POLES, REGC, ROUND, SATURATED, TWO_AXES, TYPE_J
 
 from stabctl.devices.blocks import SHORT
-from stabctl.devices.governors import pidgov, wpidhy
 
 REFUSED = [  # parameters, changes that are refused, the field named, further changes with which they are taken
     (ROUND, {"x1d": ROUND.xl}, "x1d", {"x1d": 0.151, "T2d": 0.03}),

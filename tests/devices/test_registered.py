@@ -95,7 +95,7 @@ def test_machine_code_is_another_when_a_file_or_a_constant_beside_the_device_cha
             helper.write_text(helper.read_text().replace(before, after))
             sys.modules.pop("beside", None)
             with registered(file):
-                texts.append(jit.digest(jit.sources(devices.every()["echo_pss"])))
+                texts.append(jit.digest(jit.sources(devices.every()["echo_pss"].module)))
     assert texts[0] != texts[1]
     assert texts[2] != texts[3]
 
@@ -104,4 +104,4 @@ def test_the_files_of_these_tests_are_devices():
     for path in sorted(OWN.glob("*.py")):
         if not path.name.startswith(("test_", "conftest")):
             with registered(path) as (device,):
-                assert device.NAME
+                assert device.name

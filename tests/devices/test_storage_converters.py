@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from records import esd_regc, reec_c, regc_a, regc_b, regc_c, regfm_a1, regfm_b1, repc_a
 from systems import KINDS, one_of, small
 
 from stabctl import devices
 from stabctl.controllers import BangBang
-from stabctl.devices.converters import reec_c, regc_a, regc_b, regc_c, regfm_a1, regfm_b1, repc_a
-from stabctl.devices.storage import esd_regc, joined
+from stabctl.devices.storage import joined
 from stabctl.dynamics import family, operating_point, storage
 from stabctl.errors import CaseError, StudyError
 from stabctl.model.case import Machine, Storage
@@ -53,7 +53,7 @@ def signal(run, name, row=0):
     """An output or state of a device at every instant."""
     f, j = storage.members(run.point.system, run.point.case)[row]
     for record, first in (("State", f.w[j, family.STATE]), ("Output", f.w[j, -1])):
-        if name in (names := family.fields(f.device, record)):
+        if name in (names := f.device.fields(record)):
             return run.rows[:, first + names.index(name)]
     raise KeyError(name)
 
@@ -219,15 +219,15 @@ def test_the_power_is_what_the_current_carries(model):
         u = f.device.Input(*row[f.w[j, family.INPUTS : -1]])
         at = f.w[j, family.BUS]
         known = {"x": x, "u": u, "v": (row[at], row[at + 1]), "p": par}
-        if hasattr(f.device, "internal"):
+        if f.device.has("internal"):
             known["i"] = f.device.internal(x, par)
-        I = complex(*f.device.current(*(known[n] for n in family.arguments(f.device, "current"))))
+        I = complex(*f.device.evaluate("current", known))
         V = complex(*known["v"])
-        if hasattr(f.device, "source"):
+        if f.device.has("source"):
             I += complex(*f.device.source(x, u, par))
-        if hasattr(f.device, "admittance"):
+        if f.device.has("admittance"):
             I -= complex(*f.device.admittance(par)) * V
-        y = f.device.output(*(known[n] for n in family.arguments(f.device, "output")))
+        y = f.device.evaluate("output", known)
         assert complex(y.P, y.Q) == pytest.approx(-V * I.conjugate(), abs=1e-12)
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from block_diagram import distance, evaluate, feedback, one, opened, response, s, slopes
 from recorded import signal, state
+from records import regfm_b1
 from systems import VIRTUAL, small
 
 import stabctl as st
-from stabctl.devices.converters import regfm_b1
 from stabctl.dynamics import operating_point
 from stabctl.errors import EquilibriumError
 from stabctl.simulation import simulation

@@ -66,9 +66,9 @@ def executed(module):
 
 def equation(device, name, known):
     """What an equation of a device gives for the arguments that are `known`, a tuple; None where it has no such."""
-    if not hasattr(device, name):
+    if not device.has(name):
         return None
-    return tuple(executed(device)[name](*(known[a] for a in family.arguments(device, name))))
+    return tuple(executed(device.module)[name](*(known[a] for a in device.arguments(name))))
 
 
 class Symbols:
@@ -80,14 +80,14 @@ class Symbols:
         self.signals = dict(enumerate(self.z)) | {lay.zero: sympy.Integer(0), lay.one: sympy.Integer(1)}
         self.maker = {}
         for f in self.families():
-            outputs = len(family.fields(f.device, "Output"))
+            outputs = len(f.device.Output._fields)
             self.maker |= {w[-1] + c: (f, j) for j, w in enumerate(f.w) for c in range(outputs)}
             inner = range(outputs, family.stride(f.device))  # nobody reads them elsewhere
             self.signals |= {w[-1] + c: sympy.Integer(0) for w in f.w for c in inner}
 
     def families(self):
         """The families that live between steps."""
-        return [f for f in self.system.families if not hasattr(f.device, "step")]
+        return [f for f in self.system.families if not f.device.has("step")]
 
     def signal(self, place):
         """The expression of a signal, through the outputs that it is made from."""
@@ -100,12 +100,12 @@ class Symbols:
     def arguments(self, f, j, signal, *equations):
         """Arguments of equations of row j of a family, by name; `signal` gives the expression of a place."""
         device, w = f.device, f.w[j]
-        wanted = {a for e in equations for a in family.arguments(device, e)}
+        wanted = {a for e in equations for a in device.arguments(e)}
         wanted |= {"x", "p"} if "i" in wanted else set()
-        names = family.fields(device, "Input")
+        names = device.Input._fields
         read = {n: signal(w[family.INPUTS + c]) for c, n in enumerate(names) if "u" in wanted or n in wanted}
         v1, v2 = ((self.z[w[b]], self.z[w[b] + 1]) for b in (family.BUS, family.BUS2))
-        states = len(family.fields(device, "State"))
+        states = len(device.State._fields)
         known = read | {"v": v1, "v1": v1, "v2": v2}
         if "p" in wanted:
             known["p"] = device.Par(*map(float, f.k[j]))
@@ -134,12 +134,12 @@ class Symbols:
     def of_row(self, f, j, signal):
         """Rates, outputs and currents of row j of a family."""
         device = f.device
-        made = [e for e in ("output", "derivatives", "source", "current") if hasattr(device, e)]
+        made = [e for e in ("output", "derivatives", "source", "current") if device.has(e)]
         known = self.arguments(f, j, signal, *made)
         y = equation(device, "output", known) or ()
         if y:
             known["y"] = device.Output(*y)
-        rates = equation(device, "derivatives", known) or (0,) * len(family.fields(device, "State"))
+        rates = equation(device, "derivatives", known) or (0,) * len(device.State._fields)
         parts = [g for g in (equation(device, name, known) for name in ("source", "current")) if g]
         return rates, y, tuple(map(sum, zip(*parts, strict=True)))
 

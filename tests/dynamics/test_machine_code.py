@@ -32,11 +32,12 @@ def names():
         del sys.modules[module]
     from stabctl import devices
     from stabctl.controllers import BangBang, Feedback, hold
+    from stabctl.devices import of
     from stabctl.dynamics import adder, evaluate, loop
     from stabctl.simulation import stepper, voltages
 
-    laws = {"hold": hold, "bang_bang": BangBang().module, "feedback": Feedback().module}
-    modules = {**devices.every(), **laws, "adder": adder}
+    laws = {"hold": of(hold), "bang_bang": BangBang().device, "feedback": Feedback().device}
+    modules = {**devices.every(), **laws, "adder": of(adder)}
     entries = stepper.advance, voltages.newton_from, evaluate.evaluate
     return {
         name: [loop._module(name, device, scalar).__module__ for scalar in (float, complex)]

@@ -93,9 +93,7 @@ def halved(point, events, until, step):
 
 
 ITERATED = {  # their currents depend on the voltage, which is solved to a floor, see the next test
-    name
-    for name, models in (KINDS | LIBRARY).items()
-    if any(hasattr(devices.every()[model], "current") for model in models)
+    name for name, models in (KINDS | LIBRARY).items() if any(devices.every()[model].has("current") for model in models)
 }
 
 

@@ -110,7 +110,7 @@ def test_a_limit_beyond_which_the_start_lies_is_named_with_device_and_machine(mo
     tight = {**models, model: models[model]._replace(**{limit: figure})}
     with pytest.raises(EquilibriumError) as caught:
         operating_point.solve(small(tight))
-    start = f"{devices.every()[model].NAME} of machine 1 at bus 1 cannot be initialized: {limit} = {figure:g} pu"
+    start = f"{devices.every()[model].name} of machine 1 at bus 1 cannot be initialized: {limit} = {figure:g} pu"
     assert str(caught.value).startswith(start)
     assert f"widen {limit} in {model}.csv" in str(caught.value)
 

@@ -153,7 +153,7 @@ def test_a_start_outside_a_limit_names_device_machine_bus_and_limit(folder, tabl
         operating_point.solve(io.load(folder))
     text = str(caught.value)
     assert text.startswith(
-        f"{devices.models()[table].NAME} of machine 2 at bus 2 cannot be initialized: {limit} = {value} pu"
+        f"{devices.models()[table].name} of machine 2 at bus 2 cannot be initialized: {limit} = {value} pu"
     )
     assert f"{table}.csv" in text
     assert "\n" not in text

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from records import gencls
 from systems import CLASSICAL, REGC, small
 
 import stabctl as st
-from stabctl.devices.machines import gencls
 from stabctl.errors import StudyError
 from stabctl.model import network
 from stabctl.model.tables import Branch, Bus, Machine

@@ -10,10 +10,10 @@ a swing that ends at the angle `peak` needs
 
 import numpy as np
 import pytest
+from records import gencls
 from scipy.optimize import brentq
 
 from stabctl.controllers import BangBang
-from stabctl.devices.machines import gencls
 from stabctl.model.case import Branch, Bus, Case, Machine
 from stabctl.model.network import BOLTED
 from stabctl.placement.place import place

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from records import esd, zip_load
 from systems import KINDS, small
 
-from stabctl.devices.loads import zip_load
-from stabctl.devices.storage import esd
 from stabctl.dynamics import operating_point
 from stabctl.model.case import Storage
 from stabctl.simulation.criterion import Criterion

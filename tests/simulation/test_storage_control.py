@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from systems import KINDS, REGC, ROUND, doubled, small
 
-from stabctl.controllers import BangBang, Controller, Device, Feedback, Input, bang_bang, decided
+from stabctl.controllers import BangBang, Controller, Feedback, Input, StorageDevice, bang_bang, decided
 from stabctl.dynamics import operating_point
 from stabctl.model.case import Storage
 from stabctl.simulation import simulation
@@ -20,7 +20,7 @@ KEEP_ON = Criterion(max_angle=np.inf)
 
 class TestBangBangLaw:
     LAW = BangBang()
-    PAR = LAW.par(Device(50.0, 900.0, 60.0))
+    PAR = LAW.par(StorageDevice(50.0, 900.0, 60.0))
 
     def test_constants(self):
         assert bang_bang.Par(0.1 / 60, 0.8) == self.PAR
@@ -44,7 +44,7 @@ class TestBangBangLaw:
 
 
 class TestFeedbackLaw:
-    DEVICE = Device(50.0, 900.0, 60.0)
+    DEVICE = StorageDevice(50.0, 900.0, 60.0)
 
     @given(st.floats(-0.05, 0.05), st.floats(-0.1, 0.1), st.floats(0, 1.2))
     def test_power_is_gain_times_speed_and_acceleration_on_the_machine_base_within_the_rating(self, slip, rate, size):

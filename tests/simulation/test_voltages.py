@@ -7,6 +7,7 @@ from scipy.optimize import root
 from systems import with_shares
 
 from stabctl.controllers import Feedback
+from stabctl.devices import of
 from stabctl.dynamics import family, loop, operating_point
 from stabctl.dynamics.program import program
 from stabctl.model.network import UNSWITCHED
@@ -57,14 +58,14 @@ class TestNewtonFallback:
 
         def currents(row):
             out = np.zeros(len(point.V), complex)
-            for f in (f for f in point.system.families if hasattr(f.device, "source")):
+            for f in (f for f in point.system.families if f.device.has("source")):
                 for w, k in zip(f.w, f.k, strict=True):
                     state = row[w[family.STATE] : w[family.STATE] + len(f.device.State._fields)]
                     bus = (w[family.BUS] - point.layout.nx) // 2
                     known = {"x": f.device.State(*state), "p": f.device.Par(*k)}
-                    if hasattr(f.device, "internal"):
-                        known["i"] = f.device.internal(**known)
-                    out[bus] += complex(*f.device.source(*(known[a] for a in family.arguments(f.device, "source"))))
+                    if f.device.has("internal"):
+                        known["i"] = f.device.evaluate("internal", known)
+                    out[bus] += complex(*f.device.evaluate("source", known))
             return out
 
         return currents
@@ -93,7 +94,7 @@ class TestNewtonFallback:
 
     @pytest.mark.parametrize("device", [center, frame, line, lti])
     def test_families_with_a_loop_of_their_own_exist_for_complex_numbers(self, device):
-        assert loop.address(device.__name__.rpartition(".")[2], device, complex) is not None
+        assert loop.address(device.__name__.rpartition(".")[2], of(device), complex) is not None
 
     def test_factors_of_an_earlier_instant_give_the_same_voltages(self, cases):
         """Kept while the sources change; near the kinks, where they do not help, present ones are made."""

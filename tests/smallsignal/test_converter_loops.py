@@ -50,10 +50,10 @@ def test_equal_converters_share_the_name():
 
 def test_every_state_of_a_loop_exists():
     for device in devices.every().values():
-        states = [s for group in getattr(device, "LOOPS", {}).values() for s in group]
-        assert set(states) <= set(getattr(getattr(device, "State", None), "_fields", states))
+        states = [s for group in device.named_loops.values() for s in group]
+        assert set(states) <= set(device.State._fields)
     kinds = {"regc_a", "regc_b", "regc_c", "reec_a", "reec_b", "reec_c", "repc_a", "wtdt_a", "dera1", "csvgn1"}
-    assert kinds <= {name for name, d in devices.every().items() if hasattr(d, "LOOPS") or hasattr(d, "loops")}
+    assert kinds <= {name for name, d in devices.every().items() if d.named_loops or d.has("loops")}
 
 
 def test_a_mode_mostly_of_machines_is_not_a_converters(found):

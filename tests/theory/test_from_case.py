@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from records import gencls
 
 from reproduction import paper
 from stabctl import io
 from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang, Feedback
-from stabctl.devices.machines import gencls
 from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
 from stabctl.model import fleet

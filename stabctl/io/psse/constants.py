@@ -20,11 +20,7 @@ REACTANCES = "x1d", "Xe"  # parameters that are the source reactance of a genera
 @cache
 def kinds() -> Mapping[str, tuple[str, str]]:
     """Kind of record -> name of the device model, and its constants in order."""
-    found = {
-        kind: (name, order)
-        for name, device in catalog.models().items()
-        for kind, order in getattr(device, "DYR", {}).items()
-    }
+    found = {kind: (name, order) for name, device in catalog.models().items() for kind, order in device.dyr.items()}
     return MappingProxyType(found)
 
 
@@ -47,7 +43,7 @@ def parameters(record: Record, model: str, order: str, source: Source | None) ->
         if not name.startswith("_"):
             values[plain] = value
     sentences: list[str] = []
-    if hasattr(device, "from_record"):
+    if device.from_record is not None:
         made, sentences = device.from_record(record.kind, values)
         values = made if isinstance(made, dict) else made._asdict()
     allowed = fields(device.Par)
