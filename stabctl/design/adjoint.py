@@ -89,9 +89,9 @@ class _Step:
         end, of_z = self._unclipped(step, last, end)
         begin, of_x, of_u = end, np.zeros_like(end), np.zeros(0)
         for stage in reversed(range(STAGES)):
-            weight = h / RK4.weight[stage] * end
+            weight = h / RK4.weight_divisor[stage] * end
             if stage < last:
-                weight += h / RK4.reach[stage] * of_x
+                weight += h / RK4.reach_divisor[stage] * of_x
             weight[self._limits.state[part.held[step, stage] > 0]] = 0.0
             of_x, of_orders = self._matrices.at(part.signals[step, stage])(weight, of_z)
             of_u = of_u + of_orders if stage < last else of_orders

@@ -34,8 +34,8 @@ def beyond_range(k, run, rules):
 
 
 @noinline
-def start_timers(places, net, run, rules):
-    """Store how far the islands' frequencies and the loads' voltages are beyond their limits at the start of a step."""
+def measure_excess(places, net, run, rules):
+    """Store how far frequencies and voltages are beyond their limits at the first step after an event."""
     coi(places.weight, places, net, run)
     for i in range(len(places.rotor)):
         run.watch.off[2, i] = beyond_range(net.island[places.unit[i]], run, rules)
@@ -71,7 +71,7 @@ def judge(places, net, run, rules, h):
     coi(places.weight, places, net, run)
     for i in range(len(places.rotor)):
         k, speed = net.island[places.unit[i]], run.s[places.speed[i]]
-        if places.speed[i] >= len(run.step.x):  # a virtual rotor, whose speed is an output
+        if places.speed[i] >= len(run.part.x):  # a virtual rotor, whose speed is an output
             watch.turned[1, i], watch.turned[0, i] = (speed - watch.turned[0, i]) / h, speed
         if k < 0:
             continue

@@ -82,8 +82,8 @@ def newton(calls: Any, program: Any, places: Any, net: Any, run: Any, z: Any, *,
     program
         The program for complex numbers.
     places, net, run
-        Frame, network and buffers of the run. On success `run.volt` is the solution; otherwise it is unchanged, and the
-        bus with the largest residual is in `run.notes`.
+        Places, network and buffers of the run. On success `run.volt` is the solution; otherwise it is unchanged, and
+        the bus with the largest residual is in `run.notes`.
     z
         Work space (`newton_space`).
     kept

@@ -13,12 +13,12 @@ def call(calls, program, s, f, on):
 @inline
 def acceleration(i, places, run):
     """Acceleration of a rotor: the rate of a state as last evaluated, or that of an output in the last step."""
-    return run.f[places.speed[i]] if places.speed[i] < len(run.step.x) else run.watch.turned[1, i]
+    return run.f[places.speed[i]] if places.speed[i] < len(run.part.x) else run.watch.turned[1, i]
 
 
 @noinline
 def coi(weight, places, net, run):
-    """Sum the weights of the rotors, and weight times speed and angle change, per island."""
+    """Sum the weights of the rotors, and weight times speed and angle change, per island (`Watch.coi`)."""
     s, sums, island = run.s, run.watch.coi, net.island
     for i in range(len(island)):
         for j in range(3):
@@ -44,7 +44,7 @@ def accelerate(places, net, run):
 
 @noinline
 def due_frames(calls, bits, due, program, s, f, on):
-    """Call the sampled controllers whose frame it is."""
+    """Call the sampled controllers whose frame is due."""
     perform_due(calls, bits, due, program.w, program.k, s, f, on)
 
 
@@ -75,7 +75,7 @@ def act(program, places, net, run, due):
     s, sums, island, seen = run.s, run.watch.coi, net.island, places.seen
     for i in range(len(island)):
         s[seen.online + i] = 1.0 if island[i] >= 0 else 0.0
-    s[seen.time + 1] = due
+    s[seen.time + 1] = due  # the place `Relative.due`; compiled code does not know properties
     for i in range(len(places.rotor)):
         k = island[places.unit[i]]
         s[seen.speed + i] = s[seen.acceleration + i] = s[seen.angle + i] = 0.0
@@ -96,9 +96,9 @@ def act(program, places, net, run, due):
 
 @noinline
 def decide(program, places, net, run, due):
-    """Let the devices that act at every step, and controllers whose frame is due, act; returns whether one has changed.
+    """Let gates, laws, and the controllers whose frame is due act; returns whether outputs may have changed.
 
-    `due` has a bit for every frame rate. The signals are those of `Relative`.
+    `due` has a bit for every frame rate. The signals that laws see are those of `Relative`.
     """
     if due or places.gated:
         call(program.sense, program, run.s, run.f, net.island)

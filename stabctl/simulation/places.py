@@ -25,13 +25,13 @@ class Net(NamedTuple):
 
 
 class Relative(NamedTuple):
-    """Places of the signals that laws read: of every rotor unit against the COI of the others in its island."""
+    """First places of the signals that laws read: of every rotor unit, against the COI of the others in its island."""
 
     speed: int  # pu   of its group
     acceleration: int  # pu/s
     angle: int  # rad   less the initial value
     online: int  # of every unit, 1 if it is on
-    time: int  # s   at the start of the step; then the bits of the frames that are due
+    time: int  # s   at the start of the step; its place alone, and the next is `due`
 
     @property
     def due(self) -> int:
@@ -48,7 +48,7 @@ class Places(NamedTuple):
     """Places and constants that the stepper itself reads. The type is the same for every system."""
 
     voltages: int  # the first voltage
-    step: int  # the time step
+    span: int  # the length of the step, or of its part that is being made
     seen: Relative  # signals that laws read
     rotor: np.ndarray  # (rotor units) the angles
     speed: np.ndarray  # (rotor units) the speeds: states, or outputs of virtual rotors
@@ -69,7 +69,7 @@ class Places(NamedTuple):
     near_bus: np.ndarray  # (iterated buses) the same, and remote buses whose voltages these currents depend on
     watch_bus: np.ndarray  # (loads) rows of their buses
     watch_low: np.ndarray  # (loads) pu   voltages below which they count as lost
-    held: np.ndarray  # (held) what gates and laws write: whether a gate is open, and the orders
+    held: np.ndarray  # (held) what laws and gates write: orders, then whether a gate is open; constant over a part
     order: np.ndarray  # (storage devices) what they read their orders from, in the order of the case's table
     stops: np.ndarray  # (stops) rows of `limited` at whose limits a power jumps
     gated: bool  # some of `held` are gates, which read outputs
@@ -100,7 +100,7 @@ def places(
     seen
         Places of the signals that laws read.
     held
-        Places that sampled devices write.
+        Places that laws and gates write.
     order
         Places that the storage devices read their orders from.
     groups

@@ -3,9 +3,9 @@
 from stabctl._util.jit import entry
 from stabctl.devices.blocks import copy
 
-from .method import STAGES, clip_at_limits, freeze_disconnected, hold_at_limits, move
+from .method import STAGES, advance_states, clip_at_limits, freeze_disconnected, hold_at_limits
 from .orders import call
-from .stepper import all_on, at_stage, next_step
+from .stepper import all_connected, at_stage, next_step
 from .voltages import settle
 
 
@@ -15,7 +15,7 @@ def replay(program, places, net, run, sizes, rows, at, signals, held, clipped):
 
     Returns where it is; if steps are left, it asks for the voltages of the stage there, to be called again.
     """
-    whole = all_on(net)
+    connected = all_connected(net)
     while at.step < len(sizes):
         h, step = sizes[at.step], at.step
         for stage in range(at.stage, STAGES):
@@ -23,7 +23,7 @@ def replay(program, places, net, run, sizes, rows, at, signals, held, clipped):
                 if stage == 0:
                     for k in range(rows.shape[1]):
                         run.s[k] = rows[step, k]
-                    copy(run.s, run.step.x)
+                    copy(run.s, run.part.x)
                 copy(run.volt, run.solve.before)
                 if not settle(program, places, net, run):
                     return at_stage(stage, True, True, at)
@@ -34,9 +34,9 @@ def replay(program, places, net, run, sizes, rows, at, signals, held, clipped):
             hold_at_limits(run, places)
             for k in range(len(places.limited)):
                 held[step, stage, k] = 1.0 if held[step, stage, k] != 0 and run.f[places.limited[k]] == 0 else 0.0
-            if not whole:
+            if not connected:
                 freeze_disconnected(places, net, run)
-            move(stage, h, run)
+            advance_states(stage, h, run)
             for k in range(len(places.limited)):
                 clipped[step, stage, k] = run.s[places.limited[k]]
             clip_at_limits(run.s, places)

@@ -107,7 +107,7 @@ class Simulation:
         self._rules = numbers(self.criterion)
         self._run = buffers(self.wired.start, self.wired.layout, self.wired.places)
         self._enter()
-        self._clock = self.wired.layout.size - 2
+        self._clock = self.wired.places.seen.time
         self.frames = tuple((c.named.controller.rate or 1, Frames(c, self)) for c in self.attached.called)
         self._windows()
         self._call(steps.NONE, False)  # compiles, or loads the machine code, outside the time that is measured

@@ -7,7 +7,7 @@ A step, or a part of one, goes from left to right:
     divide   if the power of storage jumps within it, it is made again in parts that end at the jumps (`switching`)
     judge    synchronism, speeds, frequencies, load voltages (`judgment`)
 
-The arguments of the loop are records of the same types for every system, so it is compiled once:
+The types of its arguments are the same for every system, so the loop is compiled once and kept on disk:
 
     program  `Program`    calls of the devices, their places and constants
     places   `Places`     where the stepper itself reads and writes in the signals s
@@ -26,11 +26,11 @@ from stabctl._util.jit import entry, inline, noinline
 from stabctl.devices.blocks import copy
 
 from .buffers import NOTE
-from .judgment import DONE, NEWTON, count_reversals, judge, start_timers
-from .method import RK4, STAGES, clip_at_limits, freeze_disconnected, hold_at_limits, move
+from .judgment import DONE, NEWTON, count_reversals, judge, measure_excess
+from .method import RK4, STAGES, advance_states, clip_at_limits, freeze_disconnected, hold_at_limits
 from .orders import call, decide
 from .substitution import solve_apart
-from .switching import CHATTER, MOST, instant, jump
+from .switching import CHATTER, MOST, first_jump, jump
 from .voltages import settle
 
 
@@ -64,49 +64,49 @@ def advance(program, places, net, run, rules, plan, at, history):
     """Make the steps of a plan from a cursor on; returns a verdict and the cursor where it was reached.
 
     Row k of `history` (steps, or one more; signals) is the record at the start of step k; it has no rows if nothing is
-    recorded. The verdict NEWTON asks the caller to solve for the voltages at the cursor and to call again with it.
+    kept. The verdict NEWTON asks the caller to solve for the voltages at the cursor and to call again with it.
     """
-    steps, whole = len(plan.sizes), all_on(net)
-    jumps = places.relay or len(places.stops) > 0
+    steps, connected = len(plan.sizes), all_connected(net)
+    may_jump = places.relay or len(places.stops) > 0
     if not at.solved:
         clear_dead_buses(net, run)
     while at.step < steps + plan.last:
         h = plan.sizes[at.step] if at.step < steps else 0.0
         span = (at.end - at.begin) * h
-        run.s[places.step] = span
+        run.s[places.span] = span
         due = plan.due[at.step] if at.step < len(plan.due) else 0
         # With relays, the voltages at the end of a whole step are solved for too: they tell whether one has switched.
         stages = STAGES + 1 if places.relay and at.end == 1 else STAGES
         for stage in range(at.stage, stages):
             solved, decided = solve_voltages(stage, due, at, program, places, net, run)
-            at = at_stage(stage, decided, True, at)  # solved: by the caller, if not here
+            at = at_stage(stage, decided, True, at)
             if not solved:
-                return NEWTON, at
+                return NEWTON, at  # the caller solves for them, so when it calls again they are known
             if stage == STAGES:
                 break
-            evaluate(stage, at, whole, program, places, net, run)
+            evaluate(stage, at, connected, program, places, net, run)
             if stage == 0:
                 if run.late[0] < 0:  # the first step after an event
-                    start_timers(places, net, run, rules)
+                    measure_excess(places, net, run, rules)
                 if at.step < len(history) and at.begin == 0:
-                    record(places, net, run, whole, history[at.step])
+                    record(places, net, run, connected, history[at.step])
                 if at.step == steps:
                     return DONE, at
-            if jumps:
+            if may_jump:
                 remember(stage, run)
-            move(stage, span, run)
+            advance_states(stage, span, run)
             clip_at_limits(run.s, places)
             at = at_stage(stage + 1, at.decided, False, at)
         # A part that ends at a jump: orders switch, or a device stops. The rest of the step is the next part.
         if at.end < 1:
             jump(at.row, h, places, run)
-            copy(run.s, run.step.x)
+            copy(run.s, run.part.x)  # only the states, with which s begins
             at = part(at.end, 1.0, -1, at.parts, at)
             continue
         # Where does the first jump within this part lie? If there is one, make the part again, up to it. Orders that
         # chatter jump in every step, without end: after `CHATTER` such steps they act at the ends of steps only.
-        if jumps and at.parts <= MOST and run.notes[NOTE.divided] < CHATTER:
-            t, row = instant(span, program, places, net, run)
+        if may_jump and at.parts <= MOST and run.notes[NOTE.divided] < CHATTER:
+            t, row = first_jump(span, program, places, net, run)
             if t < 1:
                 return_to_begin(run)
                 at = part(at.begin, at.begin + t * (at.end - at.begin), row, at.parts + 1, at)
@@ -116,7 +116,7 @@ def advance(program, places, net, run, rules, plan, at, history):
         verdict = judge(places, net, run, rules, h)
         count_reversals(places, run, h)
         run.s[places.seen.time] += h
-        at = next_step(places.relay, at)
+        at = next_step(places.relay, at)  # with relays the voltages there are known, see above
         if verdict != DONE:
             return verdict, at
     return DONE, at
@@ -132,6 +132,12 @@ def at_stage(stage, decided, solved, at):
 def part(begin, end, row, parts, at):
     """The cursor at the start of another part of the same step; what was due in this step has acted."""
     return Cursor(at.step, 0, begin, end, row, parts, True, False)
+
+
+@inline
+def undivided(at):
+    """Whether the part that is being made is the whole step."""
+    return at.begin == 0 and at.end == 1
 
 
 @inline
@@ -151,14 +157,14 @@ def solve_voltages(stage, due, at, program, places, net, run):
     if not solved:
         if stage % STAGES == 0 and load_voltage_low(places, net, run):
             start_from_no_load(program, places, net, run)
-        predict(stage % STAGES, at.begin == 0 and at.end == 1, places, run)
+        predict(stage % STAGES, undivided(at), places, run)
         if places.follows and stage > 0:
             decide(program, places, net, run, 0)
     while solved or settle(program, places, net, run):
         if decided:
             return True, True
         decided, solved = True, False
-        copy(run.s, run.step.x)
+        copy(run.s, run.part.x)
         if (len(places.held) == 0 and due == 0) or not decide(program, places, net, run, due):
             if run.notes[NOTE.divided] == CHATTER:
                 run.notes[NOTE.divided] = 0  # the chatter is over
@@ -167,13 +173,13 @@ def solve_voltages(stage, due, at, program, places, net, run):
 
 
 @inline
-def evaluate(stage, at, whole, program, places, net, run):
+def evaluate(stage, at, connected, program, places, net, run):
     """Outputs and rates of all devices; states held at a limit and units that are off have rate 0."""
-    if at.begin == 0 and at.end == 1:
+    if undivided(at):
         note_change(stage, places, run)
     call(program.sweep, program, run.s, run.f, net.island)
     hold_at_limits(run, places)
-    if not whole:
+    if not connected:
         freeze_disconnected(places, net, run)
 
 
@@ -181,27 +187,27 @@ def evaluate(stage, at, whole, program, places, net, run):
 def remember(stage, run):
     """Keep what instants within this part are interpolated from: the first rates, the first and the middle voltages."""
     if stage == 0:
-        copy(run.f, run.step.rate)
-        copy(run.volt, run.step.volts[0])
+        copy(run.f, run.part.rate)
+        copy(run.volt, run.part.volts[0])
     if stage == RK4.middle:
-        copy(run.volt, run.step.volts[1])
+        copy(run.volt, run.part.volts[1])
 
 
 @inline
 def return_to_begin(run):
-    """Set states and voltages back to those at the beginning of this part."""
-    for k in range(len(run.step.x)):
-        run.s[k] = run.step.x[k]
-    copy(run.step.volts[0], run.volt)
+    """Set states and voltages back to those at the beginning of this part; outputs follow when they are evaluated."""
+    for k in range(len(run.part.x)):
+        run.s[k] = run.part.x[k]
+    copy(run.part.volts[0], run.volt)
 
 
 @inline
-def all_on(net):
+def all_connected(net):
     """Whether no unit is disconnected."""
-    whole = True
+    connected = True
     for i in range(len(net.island)):
-        whole &= net.island[i] >= 0
-    return whole
+        connected &= net.island[i] >= 0
+    return connected
 
 
 @inline
@@ -213,15 +219,15 @@ def clear_dead_buses(net, run):
 
 
 @inline
-def predict(stage, entire, places, run):
-    """Predict the iterated voltages of a stage: those of the stage before and, in an entire step, their change.
+def predict(stage, undivided, places, run):
+    """Predict the iterated voltages of a stage: those of the stage before and, in an undivided step, a change.
 
     The change is extrapolated from the changes at the same stage of the last two steps, 2 d1 - d2.
     """
     for i in range(len(places.near_bus)):
         b = places.near_bus[i]
         run.solve.before[b] = run.volt[b]
-        if entire:
+        if undivided:
             run.volt[b] += 2 * run.solve.moves[0, stage, i] - run.solve.moves[1, stage, i]
 
 
@@ -258,11 +264,11 @@ def load_voltage_low(places, net, run):
 
 
 @noinline
-def record(places, net, run, whole, row):
+def record(places, net, run, connected, row):
     """Record every signal; set-points and outputs of disconnected units are 0."""
     for k in range(len(row)):
         row[k] = run.s[k]
-    if not whole:
+    if not connected:
         for k in range(len(run.f), len(row)):
             if places.owner[k] >= 0 and net.island[places.owner[k]] < 0:
                 row[k] = 0.0

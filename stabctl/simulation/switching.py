@@ -6,9 +6,9 @@ from stabctl.devices.blocks import copy
 from .orders import decide
 from .voltages import settle
 
-MOST = 4  # switching instants found in one step; the next orders are those of its end
-CHATTER = 8  # steps in a row with switching; the next are not divided until one without
-FINE = 1e-6  # of a step; a switch nearer to its ends counts as there
+MOST = 4  # jumps found in one step; what switches later in it does so at its end
+CHATTER = 8  # divided steps in a row; the next ones are not divided, until one has nothing to switch at its start
+FINE = 1e-6  # of a step; a jump nearer to one of its ends does not divide it
 NEAR = 0.02  # of a step; nearer to its ends the interpolated voltages are exact enough
 
 
@@ -25,26 +25,26 @@ def interpolate(t, m, h, run):
 
     A cubic of the states and rates at both ends, a parabola of the voltages at the ends and at the fraction m.
     """
-    for k in range(len(run.step.x)):
-        change = run.step.end[k] - run.step.x[k]
-        bend = (1 - t) * (h * run.step.rate[k] - change) - t * (h * run.f[k] - change)
-        run.s[k] = run.step.x[k] + t * (change + (1 - t) * bend)
-    volts = run.step.volts
+    for k in range(len(run.part.x)):
+        change = run.part.end[k] - run.part.x[k]
+        bend = (1 - t) * (h * run.part.rate[k] - change) - t * (h * run.f[k] - change)
+        run.s[k] = run.part.x[k] + t * (change + (1 - t) * bend)
+    volts = run.part.volts
     first, middle, last = (1 - t) * (m - t) / m, t * (1 - t) / (m * (1 - m)), t * (t - m) / (1 - m)
     for i in range(len(run.volt)):
         run.volt[i] = first * volts[0, i] + middle * volts[1, i] + last * volts[2, i]
 
 
 @noinline
-def filled(h, places, run):
+def first_stop(h, places, run):
     """Fraction of the last h seconds just before a device reached a limit that stops it, 1 if none; and its row."""
     first, row = 1.0, -1
     for k in range(len(places.stops)):
         j = places.stops[k]
         i, per = places.limited[j], run.s[places.scale[j]]
-        if run.s[i] == run.step.x[i] or not (run.s[i] == places.low[j] * per or run.s[i] == places.high[j] * per):
+        if run.s[i] == run.part.x[i] or not (run.s[i] == places.low[j] * per or run.s[i] == places.high[j] * per):
             continue
-        t = (run.s[i] - run.step.x[i]) / (h * run.step.rate[i]) - FINE
+        t = (run.s[i] - run.part.x[i]) / (h * run.part.rate[i]) - FINE
         if 0 <= t < first:
             first, row = t, j
     return first, row
@@ -76,15 +76,15 @@ def bisect(m, h, program, places, net, run):
 
 
 @noinline
-def switched(h, program, places, net, run):
+def first_switch(h, program, places, net, run):
     """Fraction of the last h seconds at which an order first switched, 1 if none; stores the orders from then on.
 
     The voltages are solved for at the instant found, which is then confirmed, or found again if they move it.
     """
     if not decide(program, places, net, run, 0):
         return 1.0
-    copy(run.s, run.step.end)
-    copy(run.volt, run.step.volts[2])
+    copy(run.s, run.part.end)
+    copy(run.volt, run.part.volts[2])
     for j in range(len(places.held)):
         run.orders[1, j] = run.s[places.held[j]]
     low, high = bisect(0.5, h, program, places, net, run)
@@ -92,25 +92,25 @@ def switched(h, program, places, net, run):
     if NEAR < high < 1 - NEAR:
         interpolate(high, 0.5, h, run)
         if settle(program, places, net, run):
-            copy(run.volt, run.step.volts[1])
+            copy(run.volt, run.part.volts[1])
             m = high
             if changed(low, m, h, program, places, net, run) or not changed(high, m, h, program, places, net, run):
                 low, high = bisect(m, h, program, places, net, run)
             set_orders(0, places, run)
-    for k in range(len(run.step.x)):
-        run.s[k] = run.step.end[k]
-    copy(run.step.volts[2], run.volt)
+    for k in range(len(run.part.x)):
+        run.s[k] = run.part.end[k]
+    copy(run.part.volts[2], run.volt)
     return high
 
 
 @noinline
-def instant(h, program, places, net, run):
+def first_jump(h, program, places, net, run):
     """Fraction of the last h seconds at which a power jumps, 1 if none, and the row of `limited` if a device stops.
 
     The orders from then on are in orders[1].
     """
-    t, row = filled(h, places, run)
-    first = switched(h, program, places, net, run) if places.relay else 1.0
+    t, row = first_stop(h, places, run)
+    first = first_switch(h, program, places, net, run) if places.relay else 1.0
     if first <= t:
         t, row = first, -1
     else:
@@ -128,5 +128,5 @@ def jump(row, h, places, run):
         i, per = places.limited[j], run.s[places.scale[j]]
         low, high = places.low[j] * per, places.high[j] * per
         edge = high if abs(run.s[i] - high) < abs(run.s[i] - low) else low
-        if j == row or abs(run.s[i] - edge) < 10 * FINE * h * abs(run.step.rate[i]):
+        if j == row or abs(run.s[i] - edge) < 10 * FINE * h * abs(run.part.rate[i]):
             run.s[i] = edge

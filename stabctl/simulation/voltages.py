@@ -15,7 +15,7 @@ from .buffers import NOTE
 from .substitution import backward, forward, middle, solve_apart
 
 TOLERANCE = 1e-7  # pu   voltage error at which the iteration ends
-LIMIT = 30  # -    fixed-point iterations before Newton is called
+LIMIT = 30  # -    in place of this fixed-point iteration Newton's method is called
 STEPS = 40  # -    Newton steps
 HALVINGS = 12  # -    of a Newton step
 TINY = 1e-30  # complex step
@@ -65,8 +65,8 @@ def settle(program, places, net, run):
 def newton_from(calls, program, places, net, run, z, slow):
     """Solve v - a - Z i(v) = 0 at the buses with voltage-dependent currents; returns whether a solution was found.
 
-    a are the voltages without these currents, Z the impedances between the buses. Steps are halved until the residual
-    falls. With `slow`, they are implicit Euler steps, whose length grows as the residual falls.
+    a (`open_`) are the voltages without these currents, Z the impedances between the buses. Steps are halved until the
+    residual falls. With `slow`, they are implicit Euler steps, whose length grows as the residual falls.
     """
     bus, factors, new = places.draw_bus, net.factors, z.new
     source, work, volt, current = run.solve.source, run.solve.work, run.volt, run.current

@@ -57,7 +57,7 @@ def orders() -> dict[str, np.ndarray]:
     found = {}
     for name, table in (("rk4", method.RK4), ("heun", HEUN)):
         for module in (buffers, method, replay, stepper):
-            for constant, value in (("RK4", table), ("STAGES", len(table.reach))):
+            for constant, value in (("RK4", table), ("STAGES", len(table.reach_divisor))):
                 if hasattr(module, constant):
                     setattr(module, constant, value)
         for step in (1 / 80, 1 / 160, 1 / 1280):
