@@ -5,12 +5,6 @@ from stabctl.dynamics.perform import perform, perform_due
 
 
 @inline
-def call(calls, program, s, f, on):
-    """Call the device families."""
-    perform(calls, program.w, program.k, s, f, on)
-
-
-@inline
 def acceleration(i, places, run):
     """Acceleration of a rotor: the rate of a state as last evaluated, or that of an output in the last step."""
     return run.f[places.speed[i]] if places.speed[i] < len(run.part.x) else run.watch.turned[1, i]
@@ -87,7 +81,7 @@ def act(program, places, net, run, due):
             s[seen.angle + i] = angle - (sums[2, k] - own * angle) / rest
     for j in range(len(places.held)):
         run.orders[0, j] = run.s[places.held[j]]
-    call(program.step, program, run.s, run.f, net.island)
+    perform(program.step, program.w, program.k, run.s, run.f, net.island)
     changed = False
     for j in range(len(places.held)):
         changed |= run.orders[0, j] != run.s[places.held[j]]
@@ -101,7 +95,7 @@ def decide(program, places, net, run, due):
     `due` has a bit for every frame rate. The signals that laws see are those of `Relative`.
     """
     if due or places.gated:
-        call(program.sense, program, run.s, run.f, net.island)
+        perform(program.sense, program.w, program.k, run.s, run.f, net.island)
     changed = due != 0
     if len(places.held):
         changed |= act(program, places, net, run, due)

@@ -22,6 +22,7 @@ class Net(NamedTuple):
     island_at: np.ndarray  # (buses) island of each bus, -1 if it has no unit or is blacked out
     alive: np.ndarray  # (buses) whether its island has a voltage source
     faulted: bool  # a fault is on, so low voltages are ignored
+    whole: bool  # every unit is on
 
 
 class Relative(NamedTuple):

@@ -2,10 +2,10 @@
 
 from stabctl._util.jit import entry
 from stabctl.devices.blocks import copy
+from stabctl.dynamics.perform import perform
 
 from .method import STAGES, advance_states, clip_at_limits, freeze_disconnected, hold_at_limits
-from .orders import call
-from .stepper import all_connected, at_stage, next_step
+from .stepper import Cursor, at_stage
 from .voltages import settle
 
 
@@ -15,7 +15,6 @@ def replay(program, places, net, run, sizes, rows, at, signals, held, clipped):
 
     Returns where it is; if steps are left, it asks for the voltages of the stage there, to be called again.
     """
-    connected = all_connected(net)
     while at.step < len(sizes):
         h, step = sizes[at.step], at.step
         for stage in range(at.stage, STAGES):
@@ -27,14 +26,14 @@ def replay(program, places, net, run, sizes, rows, at, signals, held, clipped):
                 copy(run.volt, run.solve.before)
                 if not settle(program, places, net, run):
                     return at_stage(stage, True, True, at)
-            call(program.sweep, program, run.s, run.f, net.island)
+            perform(program.sweep, program.w, program.k, run.s, run.f, net.island)
             copy(run.s, signals[step, stage])
             for k in range(len(places.limited)):
                 held[step, stage, k] = run.f[places.limited[k]]
             hold_at_limits(run, places)
             for k in range(len(places.limited)):
                 held[step, stage, k] = 1.0 if held[step, stage, k] != 0 and run.f[places.limited[k]] == 0 else 0.0
-            if not connected:
+            if not net.whole:
                 freeze_disconnected(places, net, run)
             advance_states(stage, h, run)
             for k in range(len(places.limited)):
@@ -44,5 +43,5 @@ def replay(program, places, net, run, sizes, rows, at, signals, held, clipped):
                 free, kept = clipped[step, stage, k], run.s[places.limited[k]]
                 clipped[step, stage, k] = 1.0 if free > kept else -1.0 if free < kept else 0.0
             at = at_stage(stage + 1, True, False, at)
-        at = next_step(False, at)
+        at = Cursor(at.step + 1, 0, begin=0.0, end=1.0, row=-1, parts=1, decided=True, solved=False)
     return at

@@ -71,7 +71,7 @@ def _stage(point: OperatingPoint, switching: Switching) -> Stage:
             "shunts and series capacitors."
         ) from None
     changed = *loads, *_blocked(point, alive), *_measured(point, switching)
-    return Stage(Net(factors, compact, at, alive, switching.faulted), changed, where, Y)
+    return Stage(Net(factors, compact, at, alive, switching.faulted, bool((compact >= 0).all())), changed, where, Y)
 
 
 def _held(point: OperatingPoint) -> np.ndarray:
