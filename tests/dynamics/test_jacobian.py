@@ -21,6 +21,7 @@ from stabctl.model.case import Link, Storage
 
 SOURCES = sorted((Path(stabctl.__file__).parent / "devices").rglob("*.py"))
 BLOCKS = [m for m in vars(blocks).values() if inspect.ismodule(m)]
+FILES = [*(device.module for device in devices.every().values()), *BLOCKS, adder]
 LINK = Link("a", 2, 3, 30.0, 1.0)
 
 
@@ -143,7 +144,7 @@ def offences(tree):
             yield f"line {node.lineno}: a complex phasor"
 
 
-@pytest.mark.parametrize("module", [*devices.every().values(), *BLOCKS, adder], ids=lambda m: m.__name__)
+@pytest.mark.parametrize("module", FILES, ids=lambda m: m.__name__)
 def test_equations_use_nothing_that_complex_step_gets_wrong(module):
     found = {name: list(offences(tree)) for name, tree in kernels(module).items()}
     assert found
@@ -180,7 +181,7 @@ def test_every_limit_follows_the_naming_rule(name):
     """Newton opens limits by their names; a device that clips with any other field would make it singular."""
     called = [
         n
-        for tree in kernels(devices.every()[name]).values()
+        for tree in kernels(devices.every()[name].module).values()
         for n in ast.walk(tree)
         if isinstance(n, ast.Call) and getattr(n.func, "id", "") == "clip"
     ]

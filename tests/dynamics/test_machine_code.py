@@ -112,7 +112,7 @@ def test_an_edit_leads_to_other_machine_code_where_it_is_used_and_nowhere_else(c
 @pytest.mark.parametrize("shared", SHARED)
 def test_an_edit_of_what_devices_share_reaches_every_device_that_uses_it(changed, shared):
     home = f"stabctl.{shared.removesuffix('.py').replace('/', '.')}"
-    users = {name for name, device in devices.every().items() if home in map(_home, vars(device).values())}
+    users = {name for name, device in devices.every().items() if home in map(_home, vars(device.module).values())}
     assert users <= changed[shared]
     assert len(users) > 1
     assert not changed[shared] & {"adder", "hold", "evaluate"}
@@ -146,17 +146,20 @@ def test_an_edited_device_of_the_user_is_compiled_anew(tmp_path):
                 found.append(point.s[state] / point.s[point.layout.signals[0, "Efd"]])
         assert found == pytest.approx([1.0, 2.0])
         with registered(path) as (device,):
-            before = jit.sources(device)
+            before = jit.sources(device.module)
         sys.modules.pop("my_signals")
         (tmp_path / "my_signals.py").write_text((tmp_path / "my_signals.py").read_text() + "\n# edited\n")
         with registered(path) as (device,):
-            assert jit.sources(device) != before
+            assert jit.sources(device.module) != before
     finally:
         sys.path.remove(str(tmp_path))
         sys.modules.pop("my_signals", None)
 
 
-@pytest.mark.parametrize("module", [*devices.every().values(), stepper, voltages, evaluate], ids=lambda m: m.__name__)
+MODULES = [*(device.module for device in devices.every().values()), stepper, voltages, evaluate]
+
+
+@pytest.mark.parametrize("module", MODULES, ids=lambda m: m.__name__)
 def test_every_file_that_machine_code_is_made_from_is_in_its_name(module):
     """Also one of which only a constant is taken."""
     tree, package = ast.parse(Path(module.__file__).read_text()), module.__name__.rpartition(".")[0]
