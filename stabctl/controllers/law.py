@@ -176,5 +176,5 @@ def checked_frames(name: str, rate: Any, delay: float) -> int:
 def decided(law: Law, par: Any, signals: Input, voltage: float, before: Any = None) -> Any:
     """What a law gives for one device at a voltage (pu), with its parameters; `before` is what it gave last."""
     device = law.device
-    known = {"u": signals, "v": (voltage, 0.0), "x": device.start if before is None else before, "p": par}
+    known = {"u": signals, "v": (voltage, 0.0), "y": device.start if before is None else before, "p": par}
     return device.evaluate("step", known)

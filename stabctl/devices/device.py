@@ -120,7 +120,7 @@ class Device:
         "DYR", {}, "PSS/E record -> its constants in order: parameters, `_name` ignored, `+name` integer, `'name` text"
     )
     kit: Any = _constant("KIT", (), "published models that a storage device consists of")
-    start: Sequence[float] = _constant("START", (), "memory of a law before it acts")
+    start: Sequence[float] = _constant("START", (), "what a law gave before it acts")
     single: bool = _constant("SINGLE", False, "each device has a loop of its own")
     unverified: str = _constant("UNVERIFIED", "", "what its equations have not been compared with")
 

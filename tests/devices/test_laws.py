@@ -108,13 +108,13 @@ class TestConverter:
 
     def test_low_voltage_reduces_active_and_high_voltage_reactive_current(self):
         x = regc_a.State(0.9, 0.2, 1.0)
-        assert regc_a.delivered(x, 1.0, REGC) == (0.9, 0.2)
-        assert regc_a.delivered(x, 0.6, REGC) == pytest.approx((0.45, 0.2))
-        assert regc_a.delivered(x, 0.4, REGC) == (0.0, 0.2)
-        assert regc_a.delivered(x, 1.3, REGC) == pytest.approx((0.9, 0.2 - 0.7 * 0.1))
-        assert regc_a.delivered(x, 9.0, REGC)[1] == REGC.Iolim
-        assert regc_a.delivered(x._replace(vfilt=0.7), 1.0, REGC)[0] == pytest.approx(1.22 * 0.5)
-        assert regc_a.delivered(x._replace(vfilt=0.7), 1.0, REGC._replace(Lvplsw=0.0))[0] == 0.9
+        assert regc_a.module.delivered(x, 1.0, REGC) == (0.9, 0.2)
+        assert regc_a.module.delivered(x, 0.6, REGC) == pytest.approx((0.45, 0.2))
+        assert regc_a.module.delivered(x, 0.4, REGC) == (0.0, 0.2)
+        assert regc_a.module.delivered(x, 1.3, REGC) == pytest.approx((0.9, 0.2 - 0.7 * 0.1))
+        assert regc_a.module.delivered(x, 9.0, REGC)[1] == REGC.Iolim
+        assert regc_a.module.delivered(x._replace(vfilt=0.7), 1.0, REGC)[0] == pytest.approx(1.22 * 0.5)
+        assert regc_a.module.delivered(x._replace(vfilt=0.7), 1.0, REGC._replace(Lvplsw=0.0))[0] == 0.9
 
     def test_a_limit_below_its_dispatch_is_named(self):
         with pytest.raises(EquilibriumError, match=r"REGC_A of machine 1 at bus 1 cannot be initialized: Lvpl1 = 0\.5"):

@@ -41,7 +41,7 @@ def test_powers_0_1_and_2_are_the_load_of_three_parts():
 
 def test_a_voltage_that_turns_faster_raises_the_frequency_by_as_much():
     """Turning 0.01 pu faster than the tracked angle, which it leads by 0.01 wb T at rest."""
-    lead = 0.01 * 377.0 * ieel.T
+    lead = 0.01 * 377.0 * ieel.module.T
     rates = ieel.derivatives(ieel.State(0.0, 0.01), (np.cos(lead), np.sin(lead)), LOAD)
     assert rates == pytest.approx((0.01 * 377.0, 0.0), abs=1e-12)
     still = ieel.derivatives(ieel.State(0.0, 0.0), (0.0, 1.0), LOAD._replace(a7=0.0, a8=0.0))

@@ -112,7 +112,7 @@ def test_gentpj1_at_rest_is_the_saturated_phasor_diagram():
     """Efd/Sd = vq + ra iq + Xds id, Xds = xl + (xd - xl)/Sd (Undrill, equations 1 and 11), S at the air-gap flux."""
     p = gentpj1.prepare(TYPE_J)._replace(mva=1.0)
     given = gentpj1.Internal(0.0, 1.0, 1.05, 0.45, 1.0)
-    S, iq, id_ = gentpj1.stator(given, 0.85, 0.4, p)
+    S, iq, id_ = gentpj1.module.stator(given, 0.85, 0.4, p)
     m = abs(complex(0.85, 0.4) + complex(p.ra, p.xl) * complex(iq, -id_)) + p.Kis * abs(complex(iq, id_))
     assert pytest.approx(p.SB * (m - p.SA) ** 2 / m, abs=1e-12) == S
     assert S > 0.2
@@ -131,7 +131,7 @@ def test_the_saturation_of_gentpj1_has_the_exact_derivative():
     p = gentpj1.prepare(TYPE_J)
 
     def S(psid):
-        return gentpj1.stator(gentpj1.Internal(0.0, 1.0, psid, 0.45, 1.0), 0.85, 0.4, p)[0]
+        return gentpj1.module.stator(gentpj1.Internal(0.0, 1.0, psid, 0.45, 1.0), 0.85, 0.4, p)[0]
 
     h = 1e-5
     central = (8 * (S(1.05 + h) - S(1.05 - h)) - (S(1.05 + 2 * h) - S(1.05 - 2 * h))) / (12 * h)

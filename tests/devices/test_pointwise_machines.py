@@ -189,6 +189,6 @@ def test_rows_of_loads_become_parts_at_their_voltage():
     for V in (0.9, 1.1):
         r = V / 1.04
         wanted = complex(80 * (0.5 + 0.3 * r + 0.2 * r * r), 30 * (0.1 + 0.6 * r + 0.3 * r * r))
-        assert zip_load.drawn(load, V) == pytest.approx(wanted)
+        assert zip_load.module.drawn(load, V) == pytest.approx(wanted)
         par = zip_load.from_case(load, 80.0, 30.0, 1.04)
         assert V * -complex(*zip_load.current((V, 0.0), par)).conjugate() == pytest.approx(wanted)

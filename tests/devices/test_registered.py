@@ -73,11 +73,12 @@ def test_a_device_file_that_breaks_leaves_the_one_registered_before(tmp_path):
     file = tmp_path / "echo_pss.py"
     file.write_text(ECHO)
     with registered(file):
-        before = sys.modules["stabctl_device_echo_pss"]
+        before = devices.every()["echo_pss"]
         file.write_text("1 / 0")
         with pytest.raises(StudyError, match="ZeroDivisionError"):
             devices.register(file)
-        assert sys.modules["stabctl_device_echo_pss"] is before is devices.every()["echo_pss"]
+        assert sys.modules["stabctl_device_echo_pss"] is before.module
+        assert devices.every()["echo_pss"] is before
 
 
 def test_machine_code_is_another_when_a_file_or_a_constant_beside_the_device_changes(tmp_path, monkeypatch):

@@ -119,7 +119,7 @@ def test_it_moves_as_its_published_parts_in_a_unit_of_their_own(name):
     orders, references = {}, {}
     for t, P, Q in ((0.1, 0.9, 0.0), (0.7, -0.8, 0.5)):
         store = joined.store(case.storage[0], 100.0)
-        active, reactive = esd.shares(esd.State(0.0, 0.0, 0.0), esd.Input(P, Q), store)
+        active, reactive = esd.module.shares(esd.State(0.0, 0.0, 0.0), esd.Input(P, Q), store)
         orders[t], references[t] = (P, Q), {"Pset" if q == "Qset" else "Pref": -0.8 * active, q: -0.8 * reactive}
     run = _ordered(case, orders)
     other = unit_driven(beside(case, models, 50.0), references, SHORT)
@@ -203,8 +203,10 @@ def test_currents_of_the_lags_beyond_the_limit_are_shortened_at_the_same_angle()
     par = operating_point.solve(with_esd(converter="Imax=1.1")).system.family("esd_regc").k[0]
     p = esd_regc.Par(*par)
     x = esd_regc.guess(1.0, p)._replace(ip=-1.0, iq=0.9, vfilt=1.0)
-    assert np.array(esd_regc.terminal(x, 1.0, p)) == pytest.approx(1.1 * np.array([-1.0, 0.9]) / np.hypot(1.0, 0.9))
-    assert esd_regc.terminal(x._replace(ip=-0.5), 1.0, p) == (-0.5, 0.9)
+    assert np.array(esd_regc.module.terminal(x, 1.0, p)) == pytest.approx(
+        1.1 * np.array([-1.0, 0.9]) / np.hypot(1.0, 0.9)
+    )
+    assert esd_regc.module.terminal(x._replace(ip=-0.5), 1.0, p) == (-0.5, 0.9)
 
 
 @pytest.mark.parametrize("model", ["ideal", *ALL])

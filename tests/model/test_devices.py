@@ -1,13 +1,14 @@
 """Device tables of every role: keys by machine or by load, several of a kind, converters in place of machines."""
 
 from dataclasses import replace
-from types import SimpleNamespace
+from types import ModuleType
 from typing import Annotated, NamedTuple
 
 import pytest
 from systems import CLASSICAL, PSS, ROUND, SEXS, small
 
 from stabctl import io
+from stabctl.devices.device import Device
 from stabctl.errors import CaseError, StudyError
 from stabctl.model import catalog, keys
 from stabctl.model.replicate import replicate
@@ -57,13 +58,14 @@ class Gensal(NamedTuple):
 def more_models(monkeypatch):
     """Models that the package does not have, found by their roles alone."""
     known = catalog.models()
-    more = {
-        "exponential": SimpleNamespace(Par=Exponential, ROLE="load"),
-        "other_load": SimpleNamespace(Par=Exponential, ROLE="load"),
-        "svc": SimpleNamespace(Par=Converter, ROLE="shunt"),
-        "regc": SimpleNamespace(Par=Converter, ROLE="converter"),
-        "starting": SimpleNamespace(Par=Gensal, ROLE="machine"),
+    parts = {
+        "exponential": ("load", Exponential),
+        "other_load": ("load", Exponential),
+        "svc": ("shunt", Converter),
+        "regc": ("converter", Converter),
+        "starting": ("machine", Gensal),
     }
+    more = {name: Device(ModuleType(name), name, name, role, Par=Par) for name, (role, Par) in parts.items()}
     monkeypatch.setattr(catalog, "models", lambda: {**known, **more})
 
 
@@ -85,7 +87,7 @@ def loads():
 def test_a_model_without_columns_of_its_own_has_no_table(monkeypatch):
     from stabctl import devices
 
-    more = {**devices.models(), "filled": SimpleNamespace(Par=Filled, ROLE="load")}
+    more = {**devices.models(), "filled": Device(ModuleType("filled"), "filled", "filled", "load", Par=Filled)}
     monkeypatch.setattr(devices, "models", lambda: more)
     assert set(PACKAGED_MODELS()) == set(devices.models()) - {"filled"}
 

@@ -33,10 +33,10 @@ def read(net: Network) -> None:
         ):
             q = _reactive(net, end, abs(power), voltage)
             if power or q:
-                name = f"DC {line.head.name}"
+                name = f"DC {line.head.NAME}"
                 net.add("loads", Load(end.IP, power, q, 1.0, 1.0, v_low=POWER_LOW, id=name, kind="injection"), place)
         net.corrections.append(
-            f"{place}: DC line {line.head.name} is a constant-power injection at buses {line.rectifier.IP} and "
+            f"{place}: DC line {line.head.NAME} is a constant-power injection at buses {line.rectifier.IP} and "
             f"{line.inverter.IP}, {at_rectifier * current:.4g} MW drawn and {at_inverter * current:.4g} MW delivered."
         )
 

@@ -41,7 +41,7 @@ class Network(TableBuilder):
             return
         if bus.IDE not in KINDS:
             raise place.error(f"{bus.IDE} is not a type of bus; it must be 1, 2, 3 or 4.", "IDE")
-        labels = (bus.name, bus.AREA, bus.ZONE, bus.OWNER)
+        labels = (bus.NAME, bus.AREA, bus.ZONE, bus.OWNER)
         self.add("buses", Bus(bus.I, KINDS[bus.IDE], bus.VM, bus.VA, bus.GL, bus.BL, bus.BASKV, *labels), place)
 
     def new_number(self) -> int:
