@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 import stabctl as st
-from reproduction.console import present
-from reproduction.study import Picture, Study, Table, draw
+from reproduction.study import Picture, Study, Table, draw, present
 from stabctl.errors import EquilibriumError
 from stabctl.plotting import style
+from stabctl.plotting.palette import COLORS, GRAY
 from stabctl.smallsignal import Modes
 
 if TYPE_CHECKING:
@@ -183,12 +183,12 @@ def picture(found: dict[Series, list[Step]], reports: Path) -> Picture:
 def figure(found: Iterable[tuple[Series, list[Step]]]) -> "Figure":
     """A line for each series."""
     drawn, ((ax,),) = style.subplots(7.0, 4.0)
-    for (series, steps), color, marker in zip(found, style.COLORS, style.MARKERS, strict=False):
+    for (series, steps), color, marker in zip(found, COLORS, style.MARKERS, strict=False):
         points = [(s.mixed.percent, s.modes.damping_ratio[s.mode]) for s in steps if s.modes]
         ax.plot(*zip(*points, strict=True), color=color, marker=marker, label=series.name)
         refused = [s.mixed.percent for s in steps if not s.modes]
         ax.plot(refused, [0.0] * len(refused), "x", color=color, markersize=9)
-    ax.axhline(0.0, color=style.GRAY, linewidth=1)
+    ax.axhline(0.0, color=GRAY, linewidth=1)
     ax.set_xlabel("converters (% of MVA)")
     ax.set_ylabel("least damping ratio")
     ax.legend(loc="upper left")

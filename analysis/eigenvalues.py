@@ -3,10 +3,9 @@
 from pathlib import Path
 
 import stabctl as st
-from reproduction.console import present
-from reproduction.study import Study, Table
+from reproduction.study import Study, Table, present
 from stabctl.report import modes_page
-from stabctl.report.modes_table import number
+from stabctl.report.modes_page import number
 from stabctl.smallsignal import Modes, areas
 
 BAND = 0.1, 2.5  # Hz

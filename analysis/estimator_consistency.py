@@ -6,12 +6,11 @@ from pathlib import Path
 import numpy as np
 
 import stabctl as st
-from reproduction.console import present
-from reproduction.study import Study, Table
+from reproduction.study import Study, Table, present
 from reproduction.unknown_input import UnknownInputFilter
 from stabctl.devices.machines import genrou
 from stabctl.estimation.estimators import Filtered, estimator
-from stabctl.estimation.instrument import Instrument
+from stabctl.estimation.pmu import Instrument
 from stabctl.estimation.rotor_units import Terminals, rotor_units
 from stabctl.simulation.simulation import Simulation
 

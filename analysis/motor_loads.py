@@ -4,9 +4,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import stabctl as st
-from reproduction.console import present
-from reproduction.study import Picture, Study, Table, draw
+from reproduction.study import Picture, Study, Table, draw, present
 from stabctl.plotting import style
+from stabctl.plotting.palette import COLORS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -93,12 +93,12 @@ def picture(
 def figure(found: dict[str, list[st.ClearingTime]], runs: dict[tuple[str, int], st.Trajectory]) -> "Figure":
     """Two panels."""
     drawn, ((left, right),) = style.subplots(9.0, 3.8, columns=2)
-    for (name, times), color, marker in zip(found.items(), style.COLORS, style.MARKERS, strict=False):
+    for (name, times), color, marker in zip(found.items(), COLORS, style.MARKERS, strict=False):
         left.plot(SHARES, [one.cycles for one in times], color=color, marker=marker, label=name)
     left.set_xlabel("motors (% of every load)")
     left.set_ylabel("critical clearing time (cycles)")
     left.legend(loc="upper right")
-    for share, color in zip(SHARES, style.COLORS, strict=False):
+    for share, color in zip(SHARES, COLORS, strict=False):
         run = runs["no storage", share]
         right.plot(run.time, run.voltage.sel(bus=BUS), color=color, label=f"{share} % motors")
     right.set_xlim(0, 3)

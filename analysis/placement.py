@@ -4,8 +4,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import stabctl as st
-from reproduction.console import present
-from reproduction.study import Study, Table, draw
+from reproduction.study import Study, Table, draw, present
 from stabctl.placement.contingencies import packaged, read
 from stabctl.placement.siting import Siting
 

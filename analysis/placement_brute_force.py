@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import stabctl as st
-from reproduction.console import present
-from reproduction.study import Study, Table
+from reproduction.study import Study, Table, present
 from stabctl.model import fleet
 from stabctl.placement.contingencies import packaged, read
 from stabctl.placement.trials import Trials

@@ -4,8 +4,7 @@ from pathlib import Path
 
 from placement import TEXT, Task, sitings
 
-from reproduction.console import present
-from reproduction.study import Study
+from reproduction.study import Study, present
 
 FULL = True
 

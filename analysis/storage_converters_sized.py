@@ -6,9 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import stabctl as st
-from reproduction.console import present
-from reproduction.kept import Kept, Tell
-from reproduction.study import Study, Table
+from reproduction.study import Kept, Study, Table, Tell, present
 from stabctl.placement.contingencies import contingencies, packaged
 from stabctl.placement.siting import Siting
 

@@ -5,9 +5,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import stabctl as st
-from reproduction.console import present
-from reproduction.kept import Kept, Tell
-from reproduction.study import Study, Table
+from reproduction.study import Kept, Study, Table, Tell, present
 from stabctl.design import LawDesign, LawLimits
 
 FULL = True

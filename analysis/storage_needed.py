@@ -6,12 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import stabctl as st
-from reproduction.console import present
-from reproduction.kept import Kept, Tell
-from reproduction.study import Study, Table
+from reproduction.study import Kept, Study, Table, Tell, present
 from stabctl.controllers import Law
 from stabctl.design import LawLimits
-from stabctl.design.duty import duty
+from stabctl.design.law_measurement import duty
 from stabctl.placement.contingencies import packaged, read
 from stabctl.placement.siting import Siting
 

@@ -22,11 +22,12 @@ from rich.console import Console
 from rich.table import Table
 
 from stabctl import io
-from stabctl.clearing import Search, faulted_bus, screen
+from stabctl.clearing import Search, screen
+from stabctl.clearing.screen import BUS, Shared, tasks
 from stabctl.dynamics import operating_point
 from stabctl.jobs import Kind, store
-from stabctl.jobs.base import Base
 from stabctl.jobs.cluster import Cluster
+from stabctl.jobs.task import Base
 from stabctl.placement.contingencies import packaged, read
 from stabctl.placement.place import place
 from stabctl.placement.simulated import FLEET
@@ -65,7 +66,7 @@ def costs(client: Client) -> dict[str, Cost]:
         point = operating_point.solve(io.load(name))
         screen(point, "1cyc", scheduler=client.scheduler.address)  # loads the machine code
         study = lambda point=point, below=below, **how: screen(point, below, **how)  # noqa: E731
-        found[f"screen {name}"] = measured(client, faulted_bus.BUS, Base(point), study)
+        found[f"screen {name}"] = measured(client, BUS, Base(point), study)
     case = io.load("ieee39").classical()
     wanted = read(packaged("ieee39", True) or "", case)[:2]
     base = Base(operating_point.solve(case))
@@ -77,8 +78,8 @@ def costs(client: Client) -> dict[str, Cost]:
 def overhead(client: Client, count: int = 1000) -> float:
     """Processor time (ms) of the scheduler and of the study for a job, from many very short ones."""
     point = operating_point.solve(io.load("two_area").classical())
-    shared = faulted_bus.Shared(Base(point), Search(limit_cycles=0.125, observed_s=0.1), None)
-    (one,) = faulted_bus.tasks({"7": ["7-8"]}, shared, True)
+    shared = Shared(Base(point), Search(limit_cycles=0.125, observed_s=0.1), None)
+    (one,) = tasks({"7": ["7-8"]}, shared, True)
     with closing(Cluster(client.scheduler.address)) as cluster:
         began = time.process_time()
         done = sum(row.about.status == "ok" for row in cluster.rows(one._replace(key=str(k)) for k in range(count)))

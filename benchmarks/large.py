@@ -22,9 +22,9 @@ from rich.console import Console
 from rich.table import Table
 
 import stabctl as st
-from stabctl.clearing.lines import lines
+from stabctl.clearing.screen_result import lines
 from stabctl.dynamics import operating_point
-from stabctl.model import circuits, powerflow
+from stabctl.model import naming, powerflow
 
 GIVEN = Path(__file__).parents[1] / "tests" / "reference" / "import" / "matpower" / "case_ACTIVSg200.m"
 FAULTS = 50
@@ -64,7 +64,7 @@ def matpower_file(case: st.Case, folder: Path) -> Path:
 
 def faulted(case: st.Case, among: Iterable[int]) -> list[int]:
     """Buses with about 50 line faults at them."""
-    ends = [circuits.parse(case, name) for name in lines(case).screened]
+    ends = [naming.parse_circuit(case, name) for name in lines(case).screened]
     count = Counter(bus for end in ends for bus in (end.a, end.b))
     chosen: list[int] = []
     for bus in among:

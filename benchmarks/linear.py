@@ -21,8 +21,8 @@ from stabctl.model.case import Case
 from stabctl.model.replicate import replicate
 from stabctl.smallsignal import Selected, analyze, descriptor, linearize
 from stabctl.smallsignal.eigen import eigen
+from stabctl.smallsignal.linearization_checks import limited
 from stabctl.smallsignal.model import eliminated
-from stabctl.smallsignal.refuse import limited
 
 RUNS = 15
 BAND = (0.1, 2.5)  # Hz

@@ -10,8 +10,7 @@ from stabctl import io
 from stabctl.clearing import screen
 from stabctl.dynamics import operating_point
 from stabctl.estimation.estimators import estimator
-from stabctl.estimation.instrument import Instrument
-from stabctl.estimation.pmu import Pmu
+from stabctl.estimation.pmu import Instrument, Pmu
 from stabctl.estimation.rotor_units import Terminals, rotor_units
 from stabctl.model import powerflow
 from stabctl.model.replicate import replicate

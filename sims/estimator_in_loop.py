@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import stabctl as st
-from reproduction.console import present
-from reproduction.study import Study, Table, draw
+from reproduction.study import Study, Table, draw, present
 from stabctl.plotting import estimates
 
 CONTROL, ESTIMATORS, SEEDS = st.EstimatorControl(), ("frequency", "kinematic", "kalman"), range(1, 6)

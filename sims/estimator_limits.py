@@ -4,9 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import stabctl as st
-from reproduction.console import present
-from reproduction.study import Study, draw
-from stabctl.plotting import clearing_time
+from reproduction.study import Study, draw, present
+from stabctl.plotting import clearing
 
 FULL = True
 SYSTEMS = {
@@ -32,7 +31,7 @@ def study(reports: Path) -> Study:
         noisy[name] = [cycles(st.Pmu(angle=1e-3 * noise, magnitude=1e-3 * noise)) for noise in NOISES]
     sweeps = {"latency of remote signals (ms)": (LATENCIES, late), "phasor noise (mrad and per mille)": (NOISES, noisy)}
     picture = draw(
-        clearing_time.panels(sweeps, ideal),
+        clearing.panels(sweeps, ideal),
         reports / "estimator_clearing.png",
         "Clearing time against latency and noise",
         alt="Clearing time against latency and against noise, two systems: constant at first, then lower.",

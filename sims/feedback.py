@@ -3,9 +3,8 @@
 from pathlib import Path
 
 from reproduction import paper
-from reproduction.console import present
-from reproduction.study import Study, Table, draw
-from stabctl.plotting import phase_plane
+from reproduction.study import Study, Table, draw, present
+from stabctl.plotting import one_machine
 from stabctl.theory.feedback_laws import FeedbackResponse, compare
 from stabctl.theory.omib import OMIB
 
@@ -33,7 +32,7 @@ def study(reports: Path) -> Study:
         paper.FEEDBACK_DAMPED.compare(best.name),
     )
     picture = draw(
-        phase_plane.feedback(found),
+        one_machine.feedback(found),
         reports / "figure07_feedback.png",
         "Four laws in the phase plane",
         alt="Speed against angle, one panel per law. With the first law the machine circles forever; with the others "

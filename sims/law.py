@@ -3,8 +3,7 @@
 from pathlib import Path
 
 from reproduction import paper
-from reproduction.console import present
-from reproduction.study import Study, Table
+from reproduction.study import Study, Table, present
 from stabctl.controllers import BangBang, Input, StorageDevice, decided
 
 DEVICE = StorageDevice(rating=50.0, machine=900.0, frequency=60.0)

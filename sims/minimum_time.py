@@ -5,13 +5,10 @@ from pathlib import Path
 
 from reproduction import paper
 from reproduction.comparison import Comparison
-from reproduction.console import present
-from reproduction.study import Picture, Study, Table, draw
-from stabctl.plotting import equal_area, minimum_time
-from stabctl.theory.collocation import by_collocation
+from reproduction.study import Picture, Study, Table, draw, present
+from stabctl.plotting import one_machine
 from stabctl.theory.convex_program import by_convex_program
-from stabctl.theory.minimum_time import MinimumTime, MinimumTimeProblem
-from stabctl.theory.shooting import by_shooting
+from stabctl.theory.minimum_time import MinimumTime, MinimumTimeProblem, by_collocation, by_shooting
 from stabctl.theory.two_machine import Equivalent
 
 POWERS = 0.0, 0.1, 0.2, 0.3, 0.4, 0.5  # pu
@@ -53,7 +50,7 @@ def comparisons(pair: Equivalent, problem: MinimumTimeProblem, control: MinimumT
 def pictures(reports: Path, pair: Equivalent, control: MinimumTime) -> Iterator[Picture]:
     """Figures 9, 10 and 11."""
     yield draw(
-        equal_area.compare({"(a) ": pair.equal_area(8), "(b) ": pair.equal_area(8, Pc=0.5)}),
+        one_machine.compare({"(a) ": pair.equal_area(8), "(b) ": pair.equal_area(8, Pc=0.5)}),
         reports / "figure09_two_machine.png",
         "Equal areas of two machines",
         alt="Power against angle. (a) Area A2 is too small. (b) The absorbed power lifts the curve; A2 is sufficient.",
@@ -62,7 +59,7 @@ def pictures(reports: Path, pair: Equivalent, control: MinimumTime) -> Iterator[
         of="9",
     )
     yield draw(
-        minimum_time.states(control),
+        one_machine.states(control),
         reports / "figure10_states.png",
         "States and co-states",
         alt="The angle levels off and the speed falls to zero; lambda1 rises to zero and lambda2 stays positive.",
@@ -70,7 +67,7 @@ def pictures(reports: Path, pair: Equivalent, control: MinimumTime) -> Iterator[
         of="10",
     )
     yield draw(
-        minimum_time.power(control),
+        one_machine.power(control),
         reports / "figure11_power.png",
         "Absorbed power",
         alt="Full power from clearing to rest.",

@@ -6,14 +6,12 @@ from pathlib import Path
 
 from reproduction import paper
 from reproduction.comparison import Comparison
-from reproduction.console import present
-from reproduction.study import Picture, Study, draw
-from stabctl.plotting import equal_area as areas
-from stabctl.plotting import phase_plane
+from reproduction.study import Picture, Study, draw, present
+from stabctl.plotting import one_machine
+from stabctl.plotting import one_machine as areas
 from stabctl.theory.equal_area import EqualArea, critical_clearing, equal_area, simulated_critical_time
-from stabctl.theory.omib import OMIB, during_fault, table1
-from stabctl.theory.phase import PhasePortrait, portrait
-from stabctl.theory.swing_curve import swing_curve
+from stabctl.theory.omib import OMIB, during_fault, swing_curve, table1
+from stabctl.theory.phase_plane import PhasePortrait, portrait
 
 REACTANCE = "The printed angle and speeds need 0.95 pu: the lines and 0.20 pu more, which the text does not mention."
 SPEED = "Ours is the closed form, speed wb Pm t/(2H). The paper's speeds are 0.14 % lower, its angles accordingly."
@@ -72,7 +70,7 @@ def pictures(
     """Figures 3, 4 and 5."""
     stable, unstable = fault_areas
     yield draw(
-        phase_plane.plot(faults),
+        one_machine.plot_phase_plane(faults),
         reports / "figure03_phase_plane.png",
         "Phase plane",
         alt="Speed against angle. After 6 and 12 cycles the machine circles inside the stability region; after 15 "
@@ -81,7 +79,7 @@ def pictures(
         of="3",
     )
     yield draw(
-        areas.plot(stable),
+        areas.plot_equal_area(stable),
         reports / "figure04_equal_area.png",
         "Equal areas",
         alt="Power against angle. Area A1 lies below the mechanical power up to clearing; A2, above it, is as large.",

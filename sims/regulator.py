@@ -3,8 +3,7 @@
 from pathlib import Path
 
 import stabctl as st
-from reproduction.console import present
-from reproduction.study import Study, Table
+from reproduction.study import Study, Table, present
 
 FULL = True
 FAULT, STORAGE = st.Contingency("83", trip="83-33"), "5%mva"

@@ -7,9 +7,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import stabctl as st
-from reproduction.console import present
-from reproduction.study import Picture, Study, Table, draw
-from stabctl.plotting import clearing_time
+from reproduction.study import Picture, Study, Table, draw, present
+from stabctl.plotting import clearing
 
 FULL = True
 PERCENT = 5, 10, 15, 20, 25, 30
@@ -64,7 +63,7 @@ def study(reports: Path) -> Study:
     tables = _limits(), Table("Table 4: critical clearing times (cycles) against the rating", heads, rows)
     pictures = (
         draw(
-            clearing_time.compare([0, *PERCENT], curves, xlabel="storage rating (% of dispatched power)"),
+            clearing.compare([0, *PERCENT], curves, xlabel="storage rating (% of dispatched power)"),
             reports / "storage_converters.png",
             "Table 4 behind converters",
             alt="Clearing times rise with the rating for every model, most with grid-forming converters.",

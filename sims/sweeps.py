@@ -3,8 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from reproduction.console import present
-from reproduction.study import Study, Table
+from reproduction.study import Study, Table, present
 from stabctl.sweep.results import cell
 from stabctl.sweep.sweep import run_sweep
 

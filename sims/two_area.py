@@ -8,9 +8,8 @@ import numpy as np
 import stabctl as st
 from reproduction import paper
 from reproduction.comparison import Comparison
-from reproduction.console import present
-from reproduction.study import Picture, Study, Table, draw
-from stabctl.plotting import clearing_time, trajectory
+from reproduction.study import Picture, Study, Table, draw, present
+from stabctl.plotting import clearing, trajectory
 
 LINE, LOCATION, CYCLES = "7-8", 0.4, paper.CASE_1_CYCLES
 LOCATIONS = 0.0, 0.1, 0.2, 0.25, 0.3, 0.35, 0.4, 0.42, 0.45, 0.5  # fraction from bus 7
@@ -83,7 +82,7 @@ def pictures(
         alt="Devices 1 and 2 first absorb and then inject full power, devices 3 and 4 the other way around.",
         of="15",
     )
-    ax = clearing_time.compare(LOCATIONS, curves, xlabel=f"location of the fault on {LINE} (fraction from bus 7)")
+    ax = clearing.compare(LOCATIONS, curves, xlabel=f"location of the fault on {LINE} (fraction from bus 7)")
     ax.axhline(CYCLES, color="0.35", linestyle="--", linewidth=1)
     label = f"{CYCLES} cycles: unstable without,\nstable with storage ({between[0]:.2f} to {between[1]:.2f})"
     ax.axvspan(*between, color="#e69f00", alpha=0.25, label=label)

@@ -9,8 +9,7 @@ import numpy as np
 import stabctl as st
 from reproduction import paper
 from reproduction.comparison import Comparison
-from reproduction.console import present
-from reproduction.study import Study, draw
+from reproduction.study import Study, draw, present
 from stabctl.plotting import trajectory
 
 FAULT = st.Contingency("83", clear=f"{paper.CASE_2_CYCLES}cyc", trip="83-33")

@@ -4,9 +4,8 @@ from pathlib import Path
 
 import stabctl as st
 from reproduction import paper
-from reproduction.console import present
-from reproduction.study import Study, Table, draw
-from stabctl.plotting import clearing_time
+from reproduction.study import Study, Table, draw, present
+from stabctl.plotting import clearing
 
 FAULT = st.Contingency("83", trip="83-33")
 RESOLUTIONS = {"whole cycles": "1cyc", "1/8 cycle": "0.125cyc"}
@@ -35,7 +34,7 @@ def study(reports: Path) -> Study:
     for name, curve in curves.items():
         columns += [f"{cycles:g}" for cycles in curve], [f"{gain:.0f}" for gain in gains[name]]
     picture = draw(
-        clearing_time.compare(list(paper.TABLE_4), curves, xlabel="storage rating (% of dispatched power)"),
+        clearing.compare(list(paper.TABLE_4), curves, xlabel="storage rating (% of dispatched power)"),
         reports / "wnaps_table4.png",
         "Clearing time against storage rating",
         alt="In whole cycles the clearing time stays at 8 from 20 % on; in eighths it rises all the way.",

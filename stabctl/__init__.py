@@ -22,22 +22,20 @@ if TYPE_CHECKING:
     from stabctl.dynamics.coerce import initialize
     from stabctl.dynamics.operating_point import OperatingPoint
     from stabctl.errors import StabctlError
-    from stabctl.estimation.bad_pmu import BadPmu
     from stabctl.estimation.estimate import estimate
     from stabctl.estimation.estimates import Estimates
     from stabctl.estimation.estimator_control import EstimatorControl
-    from stabctl.estimation.pmu import Pmu
-    from stabctl.importing.report import ImportReport, import_report
+    from stabctl.estimation.pmu import BadPmu, Pmu
     from stabctl.io import load, write
     from stabctl.io import packaged as cases
+    from stabctl.io.import_report import ImportReport, import_report
     from stabctl.io.matpower import read_matpower
     from stabctl.io.psse import read_psse
     from stabctl.model.case import Case, Storage
     from stabctl.model.powerflow import PowerFlow
     from stabctl.model.powerflow import solve as power_flow
     from stabctl.model.replicate import replicate
-    from stabctl.model.short_circuit import ShortCircuit, short_circuit
-    from stabctl.model.short_circuit_ratio import ShortCircuitRatio, short_circuit_ratio
+    from stabctl.model.short_circuit import ShortCircuit, ShortCircuitRatio, short_circuit, short_circuit_ratio
     from stabctl.placement.place import place
     from stabctl.placement.site_options import SiteOption
     from stabctl.placement.siting import Costs, Siting
@@ -49,9 +47,8 @@ if TYPE_CHECKING:
     from stabctl.smallsignal import linearize
     from stabctl.smallsignal.analysis import modes
     from stabctl.smallsignal.closed_loop import ClosedLoop, closed_loop
-    from stabctl.smallsignal.delayed_modes import DelayedModes
-    from stabctl.smallsignal.limit_cycle import LimitCycles
-    from stabctl.smallsignal.limit_cycles import limit_cycles
+    from stabctl.smallsignal.delayed_loop import DelayedModes
+    from stabctl.smallsignal.limit_cycles import LimitCycles, limit_cycles
     from stabctl.smallsignal.margins import Margins, margins
     from stabctl.smallsignal.weak_grid import WeakGrid, weak_grid
     from stabctl.sweep.results import Results as SweepResults
@@ -59,7 +56,7 @@ if TYPE_CHECKING:
     from stabctl.sweep.sweep import run_sweep
 
 _WHERE = {
-    "BadPmu": "estimation.bad_pmu:BadPmu",
+    "BadPmu": "estimation.pmu:BadPmu",
     "BangBang": "controllers:BangBang",
     "Case": "model.case:Case",
     "Clear": "simulation.events:Clear",
@@ -69,23 +66,23 @@ _WHERE = {
     "Controller": "controllers:Controller",
     "Costs": "placement.siting:Costs",
     "Criterion": "simulation.criterion:Criterion",
-    "DelayedModes": "smallsignal.delayed_modes:DelayedModes",
+    "DelayedModes": "smallsignal.delayed_loop:DelayedModes",
     "Estimates": "estimation.estimates:Estimates",
     "EstimatorControl": "estimation.estimator_control:EstimatorControl",
     "Fault": "simulation.events:Fault",
     "Feedback": "controllers:Feedback",
     "Gate": "controllers:Gate",
-    "LimitCycles": "smallsignal.limit_cycle:LimitCycles",
+    "LimitCycles": "smallsignal.limit_cycles:LimitCycles",
     "LoadStep": "simulation.events:LoadStep",
     "Margins": "smallsignal.margins:Margins",
     "Open": "simulation.events:Open",
-    "ImportReport": "importing.report:ImportReport",
+    "ImportReport": "io.import_report:ImportReport",
     "OperatingPoint": "dynamics.operating_point:OperatingPoint",
     "Pmu": "estimation.pmu:Pmu",
     "PowerFlow": "model.powerflow:PowerFlow",
     "Screen": "clearing:Screen",
     "ShortCircuit": "model.short_circuit:ShortCircuit",
-    "ShortCircuitRatio": "model.short_circuit_ratio:ShortCircuitRatio",
+    "ShortCircuitRatio": "model.short_circuit:ShortCircuitRatio",
     "SweepResults": "sweep.results:Results",
     "StabctlError": "errors:StabctlError",
     "SiteOption": "placement.site_options:SiteOption",
@@ -100,7 +97,7 @@ _WHERE = {
     "clearing_time": "clearing:clearing_time",
     "closed_loop": "smallsignal.closed_loop:closed_loop",
     "estimate": "estimation.estimate:estimate",
-    "import_report": "importing.report:import_report",
+    "import_report": "io.import_report:import_report",
     "initialize": "dynamics.coerce:initialize",
     "limit_cycles": "smallsignal.limit_cycles:limit_cycles",
     "linearize": "smallsignal:linearize",
@@ -118,7 +115,7 @@ _WHERE = {
     "run_sweep": "sweep.sweep:run_sweep",
     "screen": "clearing:screen",
     "short_circuit": "model.short_circuit:short_circuit",
-    "short_circuit_ratio": "model.short_circuit_ratio:short_circuit_ratio",
+    "short_circuit_ratio": "model.short_circuit:short_circuit_ratio",
     "simulate": "simulation.simulate:simulate",
     "weak_grid": "smallsignal.weak_grid:weak_grid",
     "write": "io:write",

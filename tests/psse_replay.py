@@ -14,7 +14,7 @@ from records import csvgn1, dera1, gencls
 from stabctl.dynamics import operating_point
 from stabctl.io import psse
 from stabctl.io.psse import dyr
-from stabctl.io.psse.constants import kinds
+from stabctl.io.psse.dyr import kinds
 from stabctl.model.tables import Machine
 from stabctl.simulation import simulation
 from stabctl.simulation.criterion import Criterion

@@ -18,15 +18,14 @@ from stabctl.cli.groups import StabilityOptions
 from stabctl.controllers import BangBang, Feedback, StorageDevice
 from stabctl.dynamics import operating_point
 from stabctl.estimation.estimate import estimate
-from stabctl.estimation.instrument import Instrument
-from stabctl.estimation.pmu import Pmu
-from stabctl.jobs.run_task import run_task
+from stabctl.estimation.pmu import Instrument, Pmu
+from stabctl.jobs.task import run_task
 from stabctl.model import powerflow
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import Criterion, checked
 from stabctl.simulation.simulate import simulate
 from stabctl.sweep import study_file
-from stabctl.sweep.task import tasks
+from stabctl.sweep.sweep import tasks
 
 KEEP_ON = Criterion(max_angle=np.inf)
 

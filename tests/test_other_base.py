@@ -5,14 +5,13 @@ import pytest
 from systems import rebased
 
 import stabctl as st
-from stabctl.clearing.search import Search
-from stabctl.clearing.trial import Trial
-from stabctl.design import duty
-from stabctl.design.step_responses import step_responses
+from stabctl.clearing.trial import Search, Trial
+from stabctl.design import law_measurement
+from stabctl.design.evidence import step_responses
 from stabctl.dynamics import operating_point
-from stabctl.placement.gramians import gramians
+from stabctl.placement.allocation import gramians
 from stabctl.placement.sensitivity import sensitivity
-from stabctl.theory.from_case import equivalent
+from stabctl.theory.two_machine import equivalent
 
 FAULT = st.Contingency("7-8@0.4", clear="6cyc", at="0.1s")
 LAW = st.StorageLaw(return_time="2s", return_power=0.6, deadband="20mHz")
@@ -28,7 +27,7 @@ def both(cases):
 def later(point):
     times = {"resolution": "1cyc", "limit": "20cyc", "observe": "1s", "longest": 0, "scan": 0, "step": None}
     search = Search.of(point.case, criterion=st.Criterion(), **times)
-    return list(duty.later(Trial(point, FAULT, LAW, search), 6, 0.5))
+    return list(law_measurement.later(Trial(point, FAULT, LAW, search), 6, 0.5))
 
 
 def run(point):
@@ -45,7 +44,7 @@ STUDIES = {
     "storage": lambda p: run(p).arrays.storage,
     "energy": lambda p: run(p).arrays.energy,
     "orders": lambda p: run(p).arrays.order,
-    "duty": lambda p: [*duty.duty(run(p))],
+    "duty": lambda p: [*law_measurement.duty(run(p))],
     "what is left": later,
     "events": events,
     "short-circuit power": lambda p: p.short_circuit().mva,

@@ -11,15 +11,14 @@ from uneven import BASE, HZ, uneven, uneven_point
 
 import stabctl as st
 from stabctl.controllers import BangBang
-from stabctl.design.duty import duty
+from stabctl.design.law_measurement import duty
 from stabctl.dynamics import outputs, signals
 from stabctl.dynamics.signal_kinds import OUTPUTS
-from stabctl.live import linear, page, runs, theory
+from stabctl.live import answers, page
 from stabctl.live.commands import Source
-from stabctl.live.points import Points
-from stabctl.live.state import State
-from stabctl.model import circuits, powerflow
-from stabctl.theory.from_case import equivalent, reduced_network
+from stabctl.live.state import Points, State
+from stabctl.model import naming, powerflow
+from stabctl.theory.two_machine import equivalent, reduced_network
 
 CASE = uneven()
 ROW = {b.bus: i for i, b in enumerate(CASE.buses)}
@@ -248,7 +247,7 @@ def test_the_duty_of_storage_is_in_hertz_and_kilowatt_hours(run):
 def test_the_curves_and_frames_of_the_page():
     """Angles against the center of inertia in degrees, speeds in Hz, voltages at the buses of storage, every 50 ms."""
     points, state = Points(uneven(())), State("50", clear=5.0, signals=("speed", "angle", "voltage"))
-    head, found = unpacked(runs.answer(points, state, Source("st.load('uneven')", ("uneven",))))
+    head, found = unpacked(answers.run_answer(points, state, Source("st.load('uneven')", ("uneven",))))
     run = points.bare(state).simulate(state.contingency, 10.0)
     angle = np.rad2deg(run.angle.to_numpy())
     relative = angle - (angle @ (H * MVA) / (H * MVA).sum())[:, None]
@@ -289,7 +288,7 @@ def test_modes_are_eigenvectors_of_the_state_matrix(factor):
     case = uneven(()).set({"pss.7.K": factor * 5.0, "pss.3.K": factor * 3.0})
     model = case.initialize().linearize()
     values, left, right = eig(model.A, left=True)
-    shown = linear.answer(uneven(()), "pss.K", factor)["modes"]
+    shown = answers.modes_answer(uneven(()), "pss.K", factor)["modes"]
     modes = case.modes()
     assert len(shown) == (values.imag >= -1e-9).sum()
     for (real, hz, damping, swing, label, shares, shape), k in zip(
@@ -322,7 +321,7 @@ def test_the_theory_on_the_page_is_that_of_two_machines():
     Pm, Pmax, M = pair.Pm1, 1 / pair.X, 2 * pair.H1 * pair.HCOI / (pair.H1 + pair.HCOI) / (2 * np.pi * HZ)
     shares = H * MVA / BASE
     assert (pair.H1, pair.HCOI) == (pytest.approx(shares[0]), pytest.approx(shares[1:].sum()))
-    found = theory.answer(CASE, 7, 4.0)
+    found = answers.equal_area_answer(CASE, 7, 4.0)
     start, stop = np.arcsin(Pm / Pmax), np.pi - np.arcsin(Pm / Pmax)
     T = 4.0 / HZ
     clearing = start + Pm / M * T**2 / 2
@@ -360,7 +359,7 @@ def test_every_signal_that_can_be_read(flow):
 
     V = s[point.layout.voltages].view(complex)
     speed, angle, inertia = s[point.rotors.speed], s[point.rotors.angle], H * MVA
-    names = circuits.names(CASE.branches)
+    names = naming.circuit_names(CASE.branches)
     for name, k in zip(names, CASE.branches, strict=True):
         both = ends(k, V[ROW[k.from_bus]], V[ROW[k.to_bus]])
         turned = re.sub(r"(\d+)-(\d+)", r"\2-\1", name)

@@ -3,7 +3,7 @@
 import pytest
 
 import stabctl as st
-from stabctl.design.law_jobs import LAW as DESIGNED
+from stabctl.design.law_measurement import LAW as DESIGNED
 from stabctl.errors import StudyError
 from stabctl.jobs import Runner
 from stabctl.model.replicate import replicate

@@ -17,9 +17,9 @@ import time
 from pathlib import Path
 
 from mutation import mutants
+from mutation.mutants import Scratch
 from mutation.related import Related
 from mutation.runner import Runner
-from mutation.scratch import Scratch
 
 ROOT = Path(__file__).resolve().parents[1]
 EQUIVALENT = Path(__file__).parent / "mutation" / "equivalent.txt"

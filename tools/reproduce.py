@@ -1,6 +1,6 @@
 """Run every study of analysis/ and sims/ and write reports/index.html, which compares them with the paper.
 
-A study is a script that ends with `reproduction.console.present`. Each runs in its own process, so that a failure is a
+A study is a script that ends with `reproduction.study.present`. Each runs in its own process, so that a failure is a
 sentence on the page and the other studies go on. A study with a line `FULL = True` runs with --full only; such a study
 says how far it is, and continues where it ended if it was interrupted.
 """
@@ -15,7 +15,7 @@ from concurrent.futures import ThreadPoolExecutor
 from datetime import date
 from pathlib import Path
 
-from reproduction import kept, records
+from reproduction import study
 from reproduction.page import About, Ran, page
 from stabctl._util import files
 from stabctl.errors import StabctlError
@@ -47,7 +47,7 @@ def main() -> int:
     index = options.out / "index.html"
     files.replace(index, page(ran, options.out, about))
     if not any(r.failure for r in ran):
-        kept.clear(options.out)
+        study.clear(options.out)
     print(f"wrote {index}: {sum(len(r.studies) for r in ran)} studies in {seconds:.0f} s")
     return int(any(r.failure for r in ran))
 
@@ -59,7 +59,7 @@ def needs_full(script: Path) -> bool:
 
 def run(script: Path, out: Path) -> Ran:
     """Run one script and read its records."""
-    began, file = time.perf_counter(), records.path_for(script, out)
+    began, file = time.perf_counter(), study.path_for(script, out)
     file.unlink(missing_ok=True)
     path = os.pathsep.join(filter(None, (str(ROOT), str(TOOLS), os.environ.get("PYTHONPATH"))))
     process = subprocess.Popen(
@@ -77,7 +77,7 @@ def run(script: Path, out: Path) -> Ran:
     try:
         if done.returncode:
             raise StabctlError(why(done))
-        ran = Ran(name, seconds, records.read(file))
+        ran = Ran(name, seconds, study.read(file))
     except StabctlError as error:
         ran = Ran(name, seconds, failure=str(error))
     print(f"{name}: {ran.failure or 'done'} ({seconds:.0f} s)", flush=True)
@@ -89,8 +89,8 @@ def said(process: subprocess.Popen[str]) -> str:
     errors = []
     assert process.stderr
     for line in process.stderr:
-        if line.startswith(kept.PROGRESS):
-            print(line.removeprefix(kept.PROGRESS), end="", flush=True)
+        if line.startswith(study.PROGRESS):
+            print(line.removeprefix(study.PROGRESS), end="", flush=True)
         else:
             errors.append(line)
     return "".join(errors)

@@ -8,14 +8,15 @@ from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
-from stabctl.errors import shown
+from stabctl.errors import StudyError, shown
 from stabctl.schema import Field, fields, hints
+from stabctl.units import NUMBER, kind_of, quantity
 
 if TYPE_CHECKING:
     from pydantic_core import SchemaValidator
 
-LARGEST = 1e12  # larger numbers are assumed to be errors
 
+LARGEST = 1e12  # larger numbers are assumed to be errors
 Record = TypeVar("Record", bound=NamedTuple)
 
 
@@ -112,3 +113,40 @@ def _expected(f: Field, first: Mapping[str, Any]) -> str:
     if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) > LARGEST:
         return f"{f.expected()}, and at most {LARGEST:g} in size"
     return f.expected() if f.kind is not str or f.choices else "one line of text"
+
+
+# Check of a frozen dataclass whose fields are written `name: Annotated[float, unit, meaning, constraint]`.
+
+
+def guard(record: Any, *, omitted: bool = True) -> None:
+    """Check the annotated fields of a frozen dataclass, called from its `__post_init__`.
+
+    A field that is None was omitted, where this is allowed. Text with a unit ("100mHz") becomes a number in the unit of
+    the field.
+
+    Raises
+    ------
+    StudyError
+        For the first value that is not allowed; it names the field, the value and what it must be.
+    """
+    kind: type = type(record)
+    for name, f in fields(kind).items():
+        value = getattr(record, name)
+        if value is None and omitted:
+            continue
+        if isinstance(value, str) and f.kind is float and kind_of(f.unit) not in (None, NUMBER):
+            value = _number(name, value, f.unit)
+            object.__setattr__(record, name, value)
+        expected = fault(f, value)
+        if expected:
+            unit = "" if f.unit == "-" or isinstance(value, str) else f" {f.unit}"
+            given = f"{value:g}" if isinstance(value, float) else shown(value)
+            raise StudyError(f"{name} = {given}{unit} ({f.meaning}) must be {expected}.")
+
+
+def _number(name: str, text: str, unit: str) -> float:
+    """The number that a text with a unit holds."""
+    try:
+        return quantity(text, unit, bare=False)
+    except StudyError as error:
+        raise StudyError(f"{name}: {error}") from None

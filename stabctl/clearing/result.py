@@ -2,18 +2,16 @@
 
 from dataclasses import dataclass
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from stabctl._util.tabular import machine_column
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted, listed, named
-from stabctl.model import labels
+from stabctl.model import naming
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.swings import Swings
 
-from .last_stable import Status
-from .search import Search
-from .trial import Run
+from .trial import Run, Search
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,6 +21,9 @@ def watched(search: Search, longest: float) -> str:
     """How long stable runs were observed: `5 s`, `5 to 20 s`."""
     least = f"{search.observed_s:g}"
     return f"{least} to {longest:g} s" if longest > search.observed_s + 1e-6 else f"{least} s"
+
+
+Status = Literal["found", "unstable_at_zero", "stable_at_limit"]
 
 
 @dataclass(frozen=True, repr=False)
@@ -59,7 +60,7 @@ class ClearingTime:
     runs: tuple[Run, ...]
     wall_s: float
 
-    plot = verb("stabctl.plotting.clearing_time:plot")
+    plot = verb("stabctl.plotting.clearing:plot_clearing_time")
 
     @property
     def fault(self) -> str:
@@ -127,7 +128,7 @@ class ClearingTime:
 
     def brief(self) -> str:
         """The answer, without case and search."""
-        first = f"; {labels.unit(self.machine)} loses synchronism first" if self.machine is not None else ""
+        first = f"; {naming.unit(self.machine)} loses synchronism first" if self.machine is not None else ""
         what = f"fault {self.fault}" + (f", trip {', '.join(self.trip)}" if self.trip else "")
         if self.status == "unstable_at_zero":
             return f"{what}: unstable even if cleared immediately{first}"
@@ -157,7 +158,7 @@ class ClearingTime:
     def __str__(self) -> str:
         observed = f"observed {watched(self.search, self.observed_s)} after clearing, {counted(len(self.runs), 'run')}"
         what = f"{self.case}, fault {self.fault}" + (f", trip {', '.join(self.trip)}" if self.trip else "")
-        first = f"; {labels.unit(self.machine)} loses synchronism first" if self.machine is not None else ""
+        first = f"; {naming.unit(self.machine)} loses synchronism first" if self.machine is not None else ""
         if self.status == "unstable_at_zero":
             return f"{what}: unstable even if cleared immediately{first} ({observed})."
         if self.status == "stable_at_limit":

@@ -1,30 +1,33 @@
-"""The screen: every line fault of a case, ranked by critical clearing time."""
+"""The screen: every line fault of a case, one job per faulted bus, ranked by critical clearing time."""
 
+import json
 import math
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
-from stabctl.jobs import Runner
-from stabctl.jobs.base import Base
-from stabctl.model import circuits, keys
+from stabctl.jobs import Found, Kind, Runner, Task
+from stabctl.jobs.task import Base, sha256, text
+from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
+from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control
 from stabctl.simulation.criterion import DEFAULT, Criterion
+from stabctl.simulation.outcome import Kind as OutcomeKind
 from stabctl.simulation.simulate import checked_control
+from stabctl.simulation.swings import Swings
 from stabctl.units import cycles
 
-from . import faulted_bus
-from .critical_time import LONGEST
-from .lines import Lines, lines
+from .critical_time import LONGEST, critical, first_try
 from .result import ClearingTime
-from .screen_result import Screen
-from .search import Search
+from .screen_result import Lines, Screen, lines
+from .trial import Margin, Run, Search, Trial
 
 
 def screen(
@@ -98,12 +101,12 @@ def screen(
         search = replace(search, limit_cycles=min(search.limit_cycles, _next(below, search, point.case)))
     found = lines(point.case)
     by_bus = _by_bus(point.case, found, buses)
-    shared = faulted_bus.Shared(Base(point), search, checked_control(control, point.case))
+    shared = Shared(Base(point), search, checked_control(control, point.case))
     began, pairs = time.perf_counter(), list[ClearingTime]()
     simulations, size = 0, sum(map(len, by_bus.values()))
-    with Runner(faulted_bus.BUS, store=store, workers=workers, scheduler=scheduler) as runner:
-        for _, row in runner.rows(faulted_bus.tasks(by_bus, shared, runner.remote)):
-            of_bus = faulted_bus.pairs_of(row, search)
+    with Runner(BUS, store=store, workers=workers, scheduler=scheduler) as runner:
+        for _, row in runner.rows(tasks(by_bus, shared, runner.remote)):
+            of_bus = pairs_of(row, search)
             pairs += of_bus
             simulations += row["simulations"]
             if each:
@@ -120,7 +123,7 @@ def screen(
 def _by_bus(case: Case, found: Lines, buses: int | str | Iterable[int] | None) -> dict[str, list[str]]:
     """Faulted bus -> the lines that are opened."""
     wanted = _wanted(case, buses)
-    branch = dict(zip(circuits.names(case.branches), case.branches, strict=True))
+    branch = dict(zip(naming.circuit_names(case.branches), case.branches, strict=True))
     by_bus: dict[str, list[str]] = {}
     for name in found.screened:
         for bus in (str(branch[name].from_bus), str(branch[name].to_bus)):
@@ -139,7 +142,7 @@ def _wanted(case: Case, buses: int | str | Iterable[int] | None) -> set[str] | N
     listed = buses.replace(",", " ").split() if isinstance(buses, str) else [buses] if isinstance(buses, int) else buses
     if not isinstance(listed, Iterable):
         raise StudyError(f"buses = {buses!r} does not name buses; write buses=[83, 102].")
-    return {str(case.buses[keys.row(case, "buses", bus)].bus) for bus in listed}
+    return {str(case.buses[naming.row(case, "buses", bus)].bus) for bus in listed}
 
 
 def _next(below: str | float, search: Search, case: Case) -> float:
@@ -152,3 +155,124 @@ def _next(below: str | float, search: Search, case: Case) -> float:
 
 def _rank(pair: ClearingTime) -> float:
     return {"unstable_at_zero": -1.0, "stable_at_limit": math.inf}.get(pair.status, pair.cycles or 0.0)
+
+
+# A job of a screen: the clearing times of faults at one bus, each cleared by opening another line there.
+
+FORMAT = 1
+NEAR = 0.5  # cycles   first stride from the answer of another line at the same bus
+
+
+class Shared(NamedTuple):
+    """What the faulted buses of a screen share."""
+
+    base: Base
+    search: Search
+    control: Control
+
+
+class FaultedBus(NamedTuple):
+    """The lines that are opened, one after the other, to clear a fault at a bus."""
+
+    case: str
+    fault: str
+    trip: tuple[str, ...]
+    study: str  # search and control, as text
+
+    def given(self) -> dict[str, Any]:
+        """Column -> value."""
+        return self._asdict() | {"trip": " ".join(self.trip)}
+
+
+def tasks(by_bus: dict[str, list[str]], shared: Shared, identified: bool) -> list[Task]:
+    """A task for every faulted bus, from the names of the lines that are opened there.
+
+    Unless `identified`, its key says nothing about case, search and control. Raises StudyError if a control cannot be
+    identified.
+    """
+    case, found = shared.base.point.case, []
+    study = text([shared.search, shared.control]) if identified else ""
+    content = shared.base.fingerprint if identified else ""
+    for bus, names in by_bus.items():
+        job = FaultedBus(case.name, bus, tuple(names), study)
+        found.append(Task(sha256({"format": FORMAT, "job": job.given(), "case": content}), job, shared, BUS))
+    return found
+
+
+def run(task: Task) -> Found:
+    """The clearing times of a faulted bus."""
+    job, (base, search, control) = task.job, task.shared
+    pairs = _pairs([Trial(base.point, Contingency(job.fault, trip=(name,)), control, search) for name in job.trip])
+    shortest = min((p.cycles for p in pairs if p.cycles is not None), default=None)
+    simulations = sum(len(p.runs) for p in pairs) + 1
+    found = json.dumps([as_plain(pair) for pair in pairs])
+    return Found({"simulations": simulations, "shortest_cycles": shortest, "pairs": found})
+
+
+def pairs_of(row: dict[str, Any], search: Search) -> list[ClearingTime]:
+    """The clearing times in a row."""
+    return [from_plain(one, search) for one in json.loads(row["pairs"])]
+
+
+def _pairs(trials: list[Trial]) -> list[ClearingTime]:
+    """The clearing times of one faulted bus; the search of each begins at the longest answer so far."""
+    start, longest, pairs = first_try(trials[0]), -1, []
+    for trial in trials:
+        pairs.append(critical(trial, start))
+        if pairs[-1].status != "unstable_at_zero":
+            found, search = pairs[-1].cycles, trial.search
+            k = search.last if found is None else round(found / search.resolution_cycles)
+            if k > longest:
+                longest, start = k, (k + 1, search.points(NEAR))
+    return pairs
+
+
+def as_plain(found: ClearingTime) -> dict[str, Any]:
+    """The clearing time of a fault and the lines opened, without its search."""
+    return {
+        "case": found.case,
+        "fault": found.fault,
+        "trip": list(found.trip),
+        "status": found.status,
+        "cycles": found.cycles,
+        "seconds": found.seconds,
+        "machine": found.machine,
+        "runs": [_run(run) for run in found.runs],
+        "wall_s": found.wall_s,
+    }
+
+
+def _run(run: Run) -> list[Any]:
+    margin = None if run.margin is None else [float(energy) for energy in run.margin]
+    swings = None if run.swings is None else list(run.swings)
+    return list(run._replace(margin=margin, swings=swings, stalled=list(run.stalled)))  # type: ignore[arg-type]
+
+
+BUS = Kind(
+    "screen",
+    {"case": str, "fault": str, "trip": str, "study": str},
+    {"simulations": int, "shortest_cycles": float, "pairs": str},
+    run,
+    FORMAT,
+)
+
+
+# Clearing times as plain values, for a file of rows, and back.
+
+
+def from_plain(plain: dict[str, Any], search: Search) -> ClearingTime:
+    """The clearing time that was found by a search, from its plain values."""
+    contingency = Contingency(plain["fault"], trip=plain["trip"])
+    runs = tuple(map(_run_of, plain["runs"]))
+    answer = {name: plain[name] for name in ("case", "status", "cycles", "seconds", "machine", "wall_s")}
+    return ClearingTime(contingency=contingency, search=search, runs=runs, **answer)
+
+
+def _run_of(plain: list[Any]) -> Run:
+    run = Run(*plain)
+    return run._replace(
+        outcome=OutcomeKind(run.outcome),
+        margin=None if run.margin is None else Margin(*run.margin),
+        swings=None if run.swings is None else Swings(*run.swings),
+        stalled=tuple(run.stalled),
+    )

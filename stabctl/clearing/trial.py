@@ -1,22 +1,174 @@
-"""One contingency simulated at clearing times on a grid: how every study of clearing times judges them."""
+"""One contingency simulated at clearing times on a grid: how it is searched, and how each run is judged."""
 
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
+from stabctl.model.case import Case
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control, acting
+from stabctl.simulation.criterion import DEFAULT, Criterion, checked
 from stabctl.simulation.events import Event, Fault
 from stabctl.simulation.outcome import Kind
 from stabctl.simulation.recording import Recorded
+from stabctl.simulation.separation import ahead
 from stabctl.simulation.simulation import run
 from stabctl.simulation.swings import Swings
 from stabctl.simulation.trajectory import Trajectory
+from stabctl.units import cycles, seconds
 
-from .margin import Margin, margin
-from .search import Search
+# How critical clearing times are searched: one record for a single fault, a screen and a siting study.
+
+LONGEST_SCAN = 600.0  # cycles
+AUTO = "auto"  # a scan of `BELOW`, as the swings of the answer demand, and of `ABOVE`
+BELOW, ABOVE = 2.0, 4.0  # cycles
+SPACING = 0.125  # cycles between the faults of a scan, and between those tried first on a finer grid
+HALF = 0.5  # cycles   between an answer and the one shorter fault that is always tried
+
+
+class Scan(NamedTuple):
+    """Other faults to be tried on one side of an answer."""
+
+    spacing: int  # points of the grid
+    number: int
+
+
+NO_SCAN = Scan(1, 0)
+
+
+@dataclass(frozen=True)
+class Search:
+    """The grid of clearing times and the criterion by which each is judged, in cycles and seconds.
+
+    Raises `StudyError` for a grid without points or an empty observation window.
+    """
+
+    resolution_cycles: float = 0.125
+    limit_cycles: float = 60.0
+    observed_s: float = 5.0  # s   observed after clearing
+    step: float | None = None  # s
+    criterion: Criterion = DEFAULT
+    scan_cycles: float | None = None  # range below the answer in which others are tried; None: as its swings demand
+    above_cycles: float = 0.0  # the same above it
+    longest_s: float = 0.0  # s   observed at most, while the swings have not settled; if less than `observed_s`: never
+
+    def __post_init__(self) -> None:
+        if not 0 < self.resolution_cycles <= self.limit_cycles < math.inf:
+            raise StudyError(
+                f"The resolution of {self.resolution_cycles:g} cycles is not allowed; it must be more than 0 and at "
+                f"most the search limit of {self.limit_cycles:g} cycles."
+            )
+        if not 0 < self.observed_s < math.inf:
+            raise StudyError(f"The observation window of {self.observed_s:g} s is not allowed; it must be more than 0.")
+        if not 0 <= self.longest_s < math.inf:
+            raise StudyError(f"The longest observation of {self.longest_s:g} s is not allowed; give at least 0.")
+        if not 0 <= self.range_cycles <= LONGEST_SCAN:
+            raise StudyError(
+                f"The scan of {self.range_cycles:g} cycles is not allowed; give 0 to {LONGEST_SCAN:g} cycles."
+            )
+
+    @classmethod
+    def of(
+        cls,
+        case: Case,
+        *,
+        resolution: Any,
+        limit: Any,
+        observe: Any,
+        step: Any,
+        criterion: Criterion = DEFAULT,
+        scan: Any = AUTO,
+        longest: Any = 0.0,
+    ) -> "Search":
+        """The search with quantities as a user gives them: text with a unit, or seconds."""
+        hz = case.frequency_hz
+        grid, last = cycles(resolution, hz), cycles(limit, hz)
+        h = None if step is None else seconds(step, hz)
+        observed, most, rules = seconds(observe, hz), seconds(longest, hz), checked(criterion, hz)
+        reach = None if scan == AUTO else cycles(scan, hz)
+        return cls(grid, last, observed, h, rules, scan_cycles=reach, longest_s=most)
+
+    @property
+    def range_cycles(self) -> float:
+        """Range below the answer in which others are tried, if they are."""
+        return BELOW if self.scan_cycles is None else self.scan_cycles
+
+    def scan(self, reach: float) -> Scan:
+        """The faults tried on one side of the answer, over a range in cycles."""
+        spacing = self.points(SPACING)
+        return Scan(spacing, math.ceil(reach / (spacing * self.resolution_cycles) - 1e-9))
+
+    def shorter(self) -> dict[str, Any]:
+        """Which shorter faults are tried, for `last_stable`: one rule for every study of clearing times."""
+        half, wide = Scan(self.points(HALF), 1), self.scan(self.range_cycles)
+        if self.scan_cycles is None:
+            return {"always": half, "lasting": wide, "coarse": wide.spacing}
+        return {"always": wide, "coarse": wide.spacing} if wide.number else {"always": half}
+
+    @property
+    def last(self) -> int:
+        """The last point of the grid; the first is 0."""
+        return math.floor(self.limit_cycles / self.resolution_cycles + 1e-9)
+
+    def points(self, length_cycles: float) -> int:
+        """A length in points of the grid, at least 1."""
+        return max(1, round(length_cycles / self.resolution_cycles))
+
+
+# How far beyond stability an unstable run was: its margin after the single-machine-equivalent (SIME) method.
+
+
+class Margin(NamedTuple):
+    """Energies of the single-machine equivalent of an unstable run, pu s on the system base."""
+
+    excess: float  # left where deceleration ends: minus the margin of SIME, zero in the critical run
+    given: float  # its maximum since clearing
+
+
+def margin(trajectory: Trajectory, cleared_s: float) -> Margin | None:
+    """The margin of a recorded unstable run that was cleared at an instant (s).
+
+    The machines fall into two groups at the widest gap between their angles at the end; each group is one machine in
+    its center of inertia, and the two are one of M = M_S M_N / (M_S + M_N) with the difference w of their speeds. The
+    excess is M w_u^2 / 2 at the last minimum of w, where the accelerating power turns positive again, or at the end
+    where voltages collapse before that (Pavella, Ernst, Ruiz-Vega, "Transient Stability of Power Systems: A Unified
+    Approach to Assessment and Control", 2000). A run that returned and was lost in a later swing has none. `None` of a
+    run without deceleration, of one that left the frequency range, and of one in which a phase-locked loop or storage
+    lost synchronism: they say nothing about the distance.
+    """
+    after = trajectory.time > cleared_s - 1e-9
+    if trajectory.outcome.machine not in (None, *trajectory.point.rotor_names):  # a phase-locked loop, or storage
+        return None
+    if trajectory.outcome.kind is Kind.FREQUENCY_INSTABILITY or after.sum() < 3 or trajectory.arrays.angle.shape[1] < 2:
+        return None
+    w, M = _equivalent(trajectory)
+    w = w[after]
+    falling = np.flatnonzero(np.diff(w) <= 0)
+    if not len(falling):
+        return None
+    at = falling[-1] + 1
+    if at == len(w) - 1 and trajectory.outcome.kind is not Kind.VOLTAGE_COLLAPSE:
+        return None
+    if w[at] < 0:
+        return None
+    return Margin(M * w[at] ** 2 / 2, M * w[:at].max() ** 2 / 2)
+
+
+def _equivalent(trajectory: Trajectory) -> tuple[np.ndarray, float]:
+    """Speed (rows, pu) of the group of machines that is lost against the others, and inertia (s) of the equivalent."""
+    H, numbers = trajectory.point.inertia, trajectory.point.rotor_names
+    end = trajectory.arrays.angle[-1] - trajectory.arrays.angle[0]
+    first = ahead(end)
+    lost = next((i for i, number in enumerate(numbers) if number == trajectory.outcome.machine), np.argmax(end))
+    share = np.where(first, H / H[first].sum(), -H / H[~first].sum())
+    w = trajectory.arrays.speed @ share
+    return (w if first[lost] else -w), float(2 * H[first].sum() * H[~first].sum() / H.sum())
+
 
 QUIET = 0.5  # s   before the fault, in which a sampled controller sees the system in steady state
 SUSTAINED = 0.45  # first guess, as a share of the time an uncleared fault takes to cause loss of synchronism

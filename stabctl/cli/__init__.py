@@ -11,26 +11,7 @@ import typer
 
 from stabctl.errors import StabctlError, one_line, sentence
 
-from . import (
-    cases,
-    clearing_time,
-    design,
-    estimate,
-    importing,
-    linearize,
-    live,
-    models,
-    modes,
-    place,
-    powerflow,
-    scr,
-    screen,
-    simulate,
-    sweep,
-    swing,
-    tables,
-    weak_grid,
-)
+from . import clearing, design, estimate, importing, linear, listings, live, place, powerflow, simulate, sweep, swing
 
 CLOSED_PIPE = 141  # exit code; what a shell reports for a program ended by SIGPIPE
 
@@ -42,22 +23,22 @@ app = typer.Typer(
     no_args_is_help=True,
     help="Controller design and linear analysis for transient stability with energy storage.",
 )
-app.command("cases")(cases.cases)
-app.command("tables")(tables.tables)
-app.command("models")(models.models)
+app.command("cases")(listings.cases)
+app.command("tables")(listings.tables)
+app.command("models")(listings.models)
 app.command("import")(importing.importing)
 app.command("powerflow")(powerflow.powerflow)
-app.command("scr")(scr.scr)
+app.command("scr")(powerflow.scr)
 app.command("simulate")(simulate.simulate)
-app.command("clearing-time")(clearing_time.clearing_time)
-app.command("screen")(screen.screen)
+app.command("clearing-time")(clearing.clearing_time)
+app.command("screen")(clearing.screen)
 app.command("place")(place.place)
 app.command("estimate")(estimate.estimate)
-app.command("modes")(modes.modes)
-app.command("weak-grid")(weak_grid.weak_grid)
+app.command("modes")(linear.modes)
+app.command("weak-grid")(linear.weak_grid)
 app.add_typer(design.app, name="design")
 app.command("live")(live.live)
-app.command("linearize")(linearize.linearize)
+app.command("linearize")(linear.linearize)
 app.add_typer(swing.app, name="swing")
 app.add_typer(sweep.app, name="sweep")
 

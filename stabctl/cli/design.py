@@ -1,16 +1,121 @@
-"""stabctl design: stabilizers, oscillation dampers, regulators, storage laws."""
+"""stabctl design pss, pod, lqr, lqg: stabilizers, oscillation dampers, regulators."""
 
-from typing import TYPE_CHECKING, Annotated
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from . import designed, groups, options, regulators, shared
+from . import groups, options, shared
 from .design_law import law
 from .design_optimum import optimum
-from .grouped import grouped
+from .shared import grouped
 
 if TYPE_CHECKING:
-    from stabctl.design import Pairs
+    from stabctl.design import Design, Outages, Pairs
+
+
+# Common parts of the commands of `stabctl design`: options, and the output of a design.
+
+SHOWN = 8  # modes in the table without and with the controllers: those with the least damping
+Out = Annotated[
+    Path | None,
+    typer.Option(
+        "--out",
+        help="Write the controller to FILE.toml, or several to FILE-1.toml and so on, to be given with --controller.",
+    ),
+]
+Report = Annotated[Path | None, typer.Option("--report", help="Write an HTML page on the design to this folder.")]
+Faults = Annotated[
+    list[str] | None,
+    typer.Option("--fault", help="Fault for the clearing times in the report: 7-8@0.4. Repeatable."),
+]
+Delay = Annotated[
+    str,
+    typer.Option("--delay", metavar="TIME", parser=options.in_unit("s"), help="Time from measurement to output, s."),
+]
+
+
+class Files(NamedTuple):
+    """What is written: the controllers, and the page with its faults."""
+
+    out: Out = None
+    report: Report = None
+    fault: Faults = None
+
+    def check(self) -> None:
+        """Raise `StudyError` if the files cannot be written, before anything is computed."""
+        from stabctl.errors import StudyError
+
+        shared.file(self.out, ".toml")
+        shared.folder(self.report)
+        if self.fault and not self.report:
+            raise StudyError("--fault is used only for the report; give --report FOLDER, too.")
+
+    def write(self, found: "Design") -> tuple[Path, ...]:
+        """Write them, and return their paths."""
+        written = found.save(self.out) if self.out else ()
+        return (*written, found.report(self.report, self.fault or ())) if self.report else written
+
+
+def show(found: "Design", files: Files, as_json: bool, points: "Outages | None" = None) -> None:
+    """Write the files, and print the modes before and after."""
+    written = files.write(found)
+    if as_json:
+        from stabctl.design.result import least
+
+        worst = min(found.before, key=lambda m: least(m)[0])
+        shared.print_json(
+            {
+                "worst_damping_before": found.worst_before,
+                "worst_damping_after": found.worst_after,
+                "worst_damping_replaced": found.worst_replaced,
+                "mode_hz": float(worst.frequency_hz[least(worst)[1]]),
+                "reached": found.reached,
+                "remarks": list(found.remarks),
+                "controllers": [c.name for c in found.controllers],
+                "largest_gains": found.largest_gains,
+                "files": [str(path) for path in written],
+                "operating_points": len(found.before),
+                "left_out": dict(points.left_out) if points else {},
+                **_margins(found),
+            }
+        )
+        return
+    from rich.table import Table
+
+    from stabctl._util.wording import counted
+
+    out_console, left = shared.console(), 0
+    if len(found.before) > 1:
+        table = Table("operating point", "without", "with", "Hz", "mode")
+        for point, before, after, hz, mode in found.worst.to_numpy().tolist():
+            table.add_row(point, f"{before:.4f}", f"{after:.4f}", f"{hz:.4f}", mode)
+    else:
+        table = Table("controllers", "Hz", "damping ratio", "mode")
+        modes = found.df
+        few = modes.groupby("controllers")["damping_ratio"].rank(method="first") <= SHOWN
+        left = int((~few).sum())
+        for what, _, hz, ratio, mode in modes[few].to_numpy().tolist():
+            table.add_row(what, f"{hz:.4f}", f"{ratio:.4f}", mode)
+    out_console.print(table)
+    if left:
+        out_console.print(f"{counted(left, 'mode')} with more damping left out; --report shows all.")
+    if points:
+        out_console.print(str(points))
+    out_console.print(str(found))
+    for path in written:
+        out_console.print(f"written: {path}")
+
+
+def _margins(found: "Design") -> dict[str, Any]:
+    """Margins of a regulator, and those with all states."""
+    from stabctl.design import Regulator
+
+    if not isinstance(found, Regulator) or found.full is None or found.own is None:
+        return {}
+    return {"margins": asdict(found.own), "margins_all_states": asdict(found.full)}
+
 
 ROWS = 20  # pairs in the table
 app = typer.Typer(
@@ -18,7 +123,6 @@ app = typer.Typer(
 )
 app.command("optimum")(optimum)
 app.command("law")(law)
-
 Damping = Annotated[float, typer.Option("--damping", min=0.0, max=0.9, help="Damping ratio to reach.")]
 Machine = Annotated[list[int] | None, typer.Option("--machine", help="Machine that gets a stabilizer. Repeatable.")]
 Spread = Annotated[
@@ -44,7 +148,7 @@ NoiseFilter = Annotated[
         help="Time constant of the lag that filters the speed, s; 0: none.",
     ),
 ]
-Outages = Annotated[bool, typer.Option("--n-1", help="Also design for the outage of each branch.")]
+OutagesOption = Annotated[bool, typer.Option("--n-1", help="Also design for the outage of each branch.")]
 Input = Annotated[
     str | None,
     typer.Option("--input", help="Signals that the damper reads: deviation:1, flow:7-8 (default: the best one)."),
@@ -76,8 +180,8 @@ def pss(
     damping: Damping = 0.1,
     max_gain: MaxGain = 200.0,
     noise_filter: NoiseFilter = "20ms",
-    outages: Outages = False,
-    files: designed.Files,
+    outages: OutagesOption = False,
+    files: Files,
     storage: groups.StorageOptions,
     case: groups.CaseOptions,
     as_json: options.Json = False,
@@ -89,7 +193,7 @@ def pss(
     point = storage.initialize(case.load())
     points = design.outages(point) if outages else point
     found = design.pss(points, machine or None, damping=damping, max_gain=max_gain, noise_filter=float(noise_filter))
-    designed.show(found, files, as_json, points if isinstance(points, design.Outages) else None)
+    show(found, files, as_json, points if isinstance(points, design.Outages) else None)
 
 
 @app.command("pod")
@@ -104,8 +208,8 @@ def pod(
     mode: Mode = None,
     order: Order = None,
     rate: Rate = None,
-    delay: designed.Delay = "0",
-    files: designed.Files,
+    delay: Delay = "0",
+    files: Files,
     storage: groups.StorageOptions,
     case: groups.CaseOptions,
     as_json: options.Json = False,
@@ -122,11 +226,96 @@ def pod(
     found = pod(
         point, read, driven, damping=damping, spread=spread, mode=mode, order=order, rate=rate, delay=float(delay)
     )
-    designed.show(found, files, as_json)
+    show(found, files, as_json)
 
 
-app.command("lqr")(regulators.lqr)
-app.command("lqg")(regulators.lqg)
+Speed = Annotated[
+    float,
+    typer.Option(
+        "--speed",
+        metavar="FREQUENCY",
+        parser=options.in_unit("Hz"),
+        help="Speed deviation that weighs as much as one --effort.",
+    ),
+]
+Effort = Annotated[float, typer.Option("--effort", help="Size of an output, in the unit of the input that it drives.")]
+Angle = Annotated[
+    float | None,
+    typer.Option(
+        "--angle",
+        metavar="ANGLE",
+        parser=options.in_unit("rad"),
+        help="Angle relative to the COI that weighs as much as one --effort.",
+    ),
+]
+Reads = Annotated[
+    str | None, typer.Option("--input", help="Signals that the regulator reads: 'angle, speed' (LQR: all states).")
+]
+Driven = Annotated[str, typer.Option("--output", help="Inputs of the system that the regulator drives: order, vref.")]
+
+
+@grouped
+def lqr(
+    *,
+    driven: Driven = "order",
+    read: Reads = None,
+    speed: Speed = 0.1,
+    angle: Angle = None,
+    effort: Effort = 1.0,
+    files: Files,
+    storage: groups.StorageOptions,
+    case: groups.CaseOptions,
+    as_json: options.Json = False,
+) -> None:
+    """Design a linear-quadratic regulator, which reads all states or the given signals."""
+    from stabctl.design import lqr
+
+    files.check()
+    point = storage.initialize(case.load())
+    show(lqr(point, driven, read, speed=speed, angle=angle, effort=effort), files, as_json)
+
+
+app.command("lqr")(lqr)
+FrameRate = Annotated[int, typer.Option("--rate", min=1, help="Frames per second.")]
+Disturbance = Annotated[
+    float,
+    typer.Option(
+        "--disturbance", metavar="POWER", parser=options.in_unit("MW"), help="Load change within one second, MW."
+    ),
+]
+Noise = Annotated[float, typer.Option("--noise", min=1e-6, help="Noise of the measurements, of 5 mHz and 2 mrad.")]
+States = Annotated[int | None, typer.Option("--order", min=1, help="Number of states of the reduced plant model.")]
+
+
+@grouped
+def lqg(
+    *,
+    driven: Driven = "order",
+    read: Reads = "deviation",
+    rate: FrameRate = 60,
+    delay: Delay = "0",
+    speed: Speed = 0.1,
+    angle: Angle = None,
+    effort: Effort = 1.0,
+    disturbance: Disturbance = 10.0,
+    noise: Noise = 1.0,
+    order: States = None,
+    files: Files,
+    storage: groups.StorageOptions,
+    case: groups.CaseOptions,
+    as_json: options.Json = False,
+) -> None:
+    """Design a linear-quadratic-Gaussian regulator, which estimates the states from measurements."""
+    from stabctl.design import lqg
+
+    files.check()
+    point, reads = storage.initialize(case.load()), read or "deviation"
+    given: dict[str, Any] = {"rate": rate, "delay": float(delay), "speed": speed, "angle": angle, "effort": effort}
+    found = lqg(point, driven, reads, disturbance=disturbance, noise=noise, order=order, **given)
+    show(found, files, as_json)
+
+
+app.command("lqg")(lqg)
 
 
 def _rank(found: "Pairs", as_json: bool) -> None:

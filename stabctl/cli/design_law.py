@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 from typer import Option
 
 from . import groups, options, shared
-from .grouped import grouped
+from .shared import grouped
 
 if TYPE_CHECKING:
     from stabctl.design import LawDesign, LawLimits
@@ -140,7 +140,7 @@ def _faults(
     point: "OperatingPoint", fault: str | None, trip: list[str] | None, file: Path | None, count: int | None
 ) -> "tuple[Contingency, ...]":
     """The contingencies of --fault, of the file, or of a screen."""
-    from stabctl.design.law_contingencies import spread
+    from stabctl.design.law import spread
     from stabctl.errors import StudyError
     from stabctl.placement.contingencies import read
     from stabctl.simulation.contingency import Contingency
@@ -165,7 +165,7 @@ def _faults(
 def _show(found: "LawDesign") -> None:
     from rich.table import Table
 
-    from stabctl.plotting.law_design import named
+    from stabctl.plotting.storage_control import named
 
     heads = ("fault", "none", "paper's law", "designed", "gain", "kWh", "switchings", "COI, Hz", "machines")
     table = Table(*heads, title="Critical clearing times, cycles", title_justify="left")

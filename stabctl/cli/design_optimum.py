@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from . import groups, options, shared
-from .grouped import grouped
+from .shared import grouped
 
 if TYPE_CHECKING:
-    from stabctl.design.optimum_result import Optimum
+    from stabctl.design.optimum import Optimum
 
 Window = Annotated[
     str, typer.Option("--window", metavar="TIME", parser=options.time, help="Length of the schedule after clearing, s.")

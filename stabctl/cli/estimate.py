@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from . import groups, options, shared
-from .grouped import grouped
+from .shared import grouped
 
 if TYPE_CHECKING:
     from stabctl.estimation.estimates import Accuracy, Estimates

@@ -33,7 +33,7 @@ def importing(
 ) -> None:
     """Import a PSS/E or MATPOWER system and report what is represented; the exit code is 0 only if everything is."""
     from stabctl.errors import StudyError
-    from stabctl.importing import import_report
+    from stabctl.io.import_report import import_report
 
     if dyr_file is not None and dyr is not None:
         raise StudyError("The DYR file is given twice, with and without --dyr; give it once.")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from . import groups, shared
-from .grouped import grouped
+from .shared import grouped
 
 if TYPE_CHECKING:
     from stabctl.live.commands import Source

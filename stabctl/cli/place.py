@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from . import groups, options, shared
-from .grouped import grouped
+from .shared import grouped
 
 if TYPE_CHECKING:
     from stabctl.model.case import Case
@@ -152,7 +152,7 @@ def place(
 
 def _operating_points(cases: "list[Case]", levels: list[float] | None) -> "dict[str, Case]":
     """Each case at each load level, by name."""
-    from stabctl.placement.scenario import operating_points
+    from stabctl.placement.contingencies import operating_points
 
     named = operating_points(cases)
     if not levels:

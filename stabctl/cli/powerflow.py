@@ -1,4 +1,4 @@
-"""stabctl powerflow: the power flow of a case."""
+"""stabctl powerflow and scr: the power flow of a case, short-circuit power and ratios."""
 
 import cmath
 import math
@@ -6,13 +6,11 @@ from typing import Annotated, Any
 
 import typer
 
-from .grouped import grouped
 from .groups import CaseOptions
 from .options import Json
-from .shared import console, print_json
+from .shared import console, grouped, print_json
 
 MOST = 1000  # rows of a table on the screen
-
 Branches = Annotated[bool, typer.Option("--branches", help="Also print the branch flows.")]
 
 
@@ -99,3 +97,47 @@ def _print_branches(lines: list[dict[str, Any]]) -> None:
     _rest(len(lines), "branches")
     lost = sum(line["p_from_mw"] + line["p_to_mw"] for line in lines)
     console().print(f"branch losses: {lost:.1f} MW")
+
+
+# stabctl scr: short-circuit power and short-circuit ratios.
+
+Trip = Annotated[str | None, typer.Option("--trip", help="Circuits out of service, such as 7-8 or '7-8#2, 8-9'.")]
+
+
+@grouped
+def scr(
+    *,
+    trip: Trip = None,
+    case: CaseOptions,
+    as_json: Json = False,
+) -> None:
+    """Compute the short-circuit power of every bus, and the short-circuit ratios of converters."""
+    from stabctl.model.short_circuit import installed, short_circuit, short_circuit_ratio
+
+    loaded = case.load()
+    power = short_circuit(loaded, trip=trip)
+    ratio = short_circuit_ratio(loaded, trip=trip) if installed(loaded) else None
+    buses = [{"bus": b.bus, "short_circuit_mva": float(S)} for b, S in zip(loaded.buses, power.mva, strict=True)]
+    rows = ratio.df.to_dict("records") if ratio else []
+    if as_json:
+        print_json({"case": loaded.name, "wscr": ratio.weighted if ratio else None, "converters": rows, "buses": buses})
+        return
+    from rich.table import Table
+
+    table = Table("bus", "short-circuit power, MVA")
+    for column in table.columns:
+        column.justify = "right"
+    for b in buses:
+        table.add_row(str(b["bus"]), f"{b['short_circuit_mva']:.1f}")
+    console().print(table)
+    if rows:
+        table = Table("converter", "bus", "rating, MVA", "short-circuit power, MVA", "SCR", "ESCR")
+        for column in table.columns[1:]:
+            column.justify = "right"
+        for r in rows:
+            numbers = (f"{r['rated_mva']:.1f}", f"{r['short_circuit_mva']:.1f}", f"{r['scr']:.2f}", f"{r['escr']:.2f}")
+            table.add_row(r["converter"], str(r["bus"]), *numbers)
+        console().print(table)
+    console().print(str(power))
+    if ratio:
+        console().print(str(ratio))

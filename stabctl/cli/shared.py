@@ -1,14 +1,16 @@
 """Common parts of several commands: the case and its storage, events, control, output."""
 
+import functools
+import inspect
 import json
 import math
 import os
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_type_hints
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -155,3 +157,34 @@ def progress(text: str, total: float | None) -> Iterator[Any]:
     with Progress(*columns, console=console(stderr=True), transient=True) as bar:
         task = bar.add_task(text, total=total)
         yield lambda done, said="": bar.update(task, completed=done, description=f"{text} {said}".rstrip())
+
+
+# Commands with options grouped in records.
+
+
+def grouped(command: Callable[..., None]) -> Callable[..., None]:
+    """The command for typer: a parameter that is a record of options becomes one option per field of the record.
+
+    Parameters
+    ----------
+    command
+        A function; a record is a NamedTuple whose fields are `Annotated` with their `typer.Option`.
+    """
+    hints, records, parameters = get_type_hints(command, include_extras=True), {}, []
+    for name, parameter in inspect.signature(command).parameters.items():
+        if not hasattr(hints[name], "_fields"):
+            parameters.append(parameter.replace(kind=parameter.KEYWORD_ONLY, annotation=hints[name]))
+            continue
+        record = records[name] = hints[name]
+        for field, hint in get_type_hints(record, include_extras=True).items():
+            default = record._field_defaults.get(field, parameter.empty)
+            parameters.append(inspect.Parameter(field, parameter.KEYWORD_ONLY, default=default, annotation=hint))
+
+    @functools.wraps(command)
+    def flat(**given: Any) -> None:
+        made = {name: record(*(given.pop(field) for field in record._fields)) for name, record in records.items()}
+        command(**given, **made)
+
+    flat.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    flat.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return flat

@@ -34,7 +34,7 @@ def table1_command(
 ) -> None:
     """Compute angle and speed when a bolted fault is cleared; the figure shows the phase plane."""
     from stabctl.theory.omib import OMIB, table1
-    from stabctl.theory.phase import portrait
+    from stabctl.theory.phase_plane import portrait
 
     file(plot, ".png", ".svg", ".pdf")
     m, lengths = OMIB(H, Pm, X), tuple(cycles or (6.0, 12.0, 15.0))
@@ -151,8 +151,7 @@ def minimum_time_command(
 ) -> None:
     """Find the minimum-time control of two machines; the figure shows states, co-states and absorbed power."""
     from stabctl.errors import StudyError
-    from stabctl.theory.collocation import by_collocation
-    from stabctl.theory.shooting import by_shooting
+    from stabctl.theory.minimum_time import by_collocation, by_shooting
     from stabctl.theory.two_machine import Equivalent
 
     file(plot, ".png", ".svg", ".pdf")

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
-from stabctl._util.guard import guard
 from stabctl._util.jit import inline
+from stabctl._util.validation import guard
 from stabctl.devices.blocks import magnitude
 from stabctl.schema import NOT_NEGATIVE
 

@@ -1,19 +1,16 @@
 """Design of controllers: stabilizers, oscillation dampers, regulators, storage laws, optimal storage schedules."""
 
 from .evidence import Evidence, evidence
-from .gep import gep
 from .law import law
-from .law_limits import LawLimits
-from .law_result import LawDesign
+from .law_result import LawDesign, LawLimits
 from .lqg import lqg
 from .lqr import lqr
-from .optimum import optimum
-from .optimum_result import Optimum
+from .optimum import Optimum, optimum
 from .outages import Outages, outages
 from .pairs import Pairs, pairs
 from .pod import pod
-from .pss import pss
-from .regulator import Regulator
+from .pss import gep, pss
+from .quadratic import Regulator
 from .result import Design
 
 __all__ = [

@@ -16,7 +16,7 @@ import numpy as np
 
 from stabctl.clearing.critical_time import critical
 from stabctl.clearing.trial import Trial
-from stabctl.model import labels
+from stabctl.model import naming
 from stabctl.smallsignal.areas import Areas, areas
 from stabctl.smallsignal.modes import Modes
 
@@ -100,7 +100,7 @@ def critical_machines(trial: Trial, coherent: Areas, cycles: float | None = None
     candidates = {first, *run.unstable_machines, *area}
     group = (m for m in candidates if m == first or w[names.index(m)] * np.sign(lead) >= SHARE * abs(lead))
     return Group(
-        tuple(sorted(group, key=labels.order)), first, run.unstable_machines, area, k * trial.search.resolution_cycles
+        tuple(sorted(group, key=naming.order)), first, run.unstable_machines, area, k * trial.search.resolution_cycles
     )
 
 

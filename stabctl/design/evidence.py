@@ -1,4 +1,4 @@
-"""Evidence for a design: root locus, loop gains, margins, step responses, and clearing times without and with it."""
+"""Evidence for a design: root locus, loop gains, margins, step responses, clearing times."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -8,15 +8,18 @@ import numpy as np
 from stabctl._util.wording import counted
 from stabctl.clearing import ClearingTime, clearing_time
 from stabctl.controllers.controller import Controller
+from stabctl.controllers.from_control import tustin
+from stabctl.dynamics.named import named
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError, shown
 from stabctl.simulation.contingency import Contingency
+from stabctl.smallsignal.closed_loop import closed_loop
+from stabctl.smallsignal.interconnection import held
 from stabctl.smallsignal.margins import Margins, margins
+from stabctl.smallsignal.opened_loop import alone, linear_loop
 
-from .loop import Loop
-from .loop_gain import LoopGain, loop_gains
 from .result import Design
-from .step_responses import StepResponses, step_responses
+from .tuning import Loop
 
 FACTORS = np.linspace(0.0, 2.0, 41)  # of the gains, along the root locus
 
@@ -54,6 +57,63 @@ class Check:
     def change(self) -> float:
         """Cycles gained against the stabilizers of the case or, without any, against none; an unstable case has 0."""
         return (self.after.cycles or 0.0) - ((self.replaced or self.before).cycles or 0.0)
+
+
+@dataclass(frozen=True, repr=False)
+class LoopGain:
+    """The loop gain at one output, with the sign of a negative feedback: stability is lost where it is -1.
+
+    Attributes
+    ----------
+    name
+        Controller and input that it drives.
+    hz
+        Frequencies (frequencies).
+    response
+        L(jw) (frequencies), complex.
+    """
+
+    name: str
+    hz: np.ndarray
+    response: np.ndarray
+
+    @property
+    def distance(self) -> float:
+        """Least distance of L(jw) from -1: the smallest change of the loop gain that makes it unstable."""
+        return float(np.abs(1 + self.response).min())
+
+    @property
+    def phase_margin(self) -> float:
+        """Smallest angle (deg) between L(jw) and -1 where its size is 1; inf if it never is."""
+        size = np.abs(self.response)
+        crossing = np.flatnonzero((size[:-1] - 1) * (size[1:] - 1) < 0)
+        angles = [np.angle(-self.response[k + (abs(size[k + 1] - 1) < abs(size[k] - 1))], deg=True) for k in crossing]
+        return float(min(np.abs(angles), default=np.inf))
+
+
+@dataclass(frozen=True, repr=False)
+class StepResponses:
+    """Step responses.
+
+    Attributes
+    ----------
+    bus, mw
+        Where load is switched on, and how much.
+    machines
+        Names of the machines.
+    before, after
+        Times (s) and speed deviations from the COI of the others (times, machines), pu, without and with the
+        controllers.
+    own
+        Name of every controller and its input, times (s), and the outputs (times, outputs) after a unit step of it.
+    """
+
+    bus: int
+    mw: float
+    machines: tuple[str, ...]
+    before: tuple[np.ndarray, np.ndarray]
+    after: tuple[np.ndarray, np.ndarray]
+    own: tuple[tuple[str, np.ndarray, np.ndarray], ...]
 
 
 @dataclass(frozen=True, repr=False)
@@ -167,3 +227,73 @@ def _check(c: Check) -> str:
 
 def _cycles(found: ClearingTime) -> str:
     return "none" if found.cycles is None else f"{found.cycles:g} cycles"
+
+
+# Loop gains: each controller output opened in turn, all others closed, sampling and delay exact.
+
+HZ = np.geomspace(0.05, 10.0, 240)
+MOST = 12  # loops that are shown
+
+
+def loop_gains(point: OperatingPoint, controllers: Sequence[Controller]) -> tuple[LoopGain, ...]:
+    """The loop gains of the first 12 outputs, as if without deadband or relay; see `linear_loop`."""
+    loop = linear_loop(point, [named(point, replace(c, deadband=0.0, relay=False)) for c in controllers])
+    if loop is None:
+        return ()
+    hz = HZ[loop.rate / 2 > HZ] if loop.rate else HZ
+    G = np.array([loop(2j * np.pi * f)[0] for f in hz])
+    return tuple(LoopGain(name, hz, -alone(G, np.ones(len(loop.names)), r)) for r, name in enumerate(loop.names[:MOST]))
+
+
+# Step responses: of the closed loop to a load, and of every controller alone.
+
+SECONDS = 10.0
+RATE = 60  # 1/s   of continuous responses
+SHARE = 0.01  # of the largest load, that is switched on
+INPUTS = 12  # of a controller, up to which its own step is shown
+
+
+def step_responses(point: OperatingPoint, controllers: Sequence[Controller]) -> StepResponses:
+    """The step responses of a closed loop and of its controllers."""
+    case = point.case
+    if not case.loads:
+        raise StudyError(f"{case.name} has no load, so there is no load step to show.")
+    load = max(case.loads, key=lambda one: one.p)
+    mw = SHARE * load.p
+
+    def response(*own: Controller) -> tuple[np.ndarray, np.ndarray]:
+        m = closed_loop(point, *own, inputs=f"load_p:{load.bus}", outputs="deviation")
+        A, B, T = m.transition()
+        if not T:
+            T = 1 / RATE
+            A, B = held(A, B, T)
+        return _step(A, B * mw / case.base_mva, m.C, m.D * mw / case.base_mva, T)
+
+    machines = tuple(str(name) for name in point.rotor_names)
+    alone = [one for c in controllers for one in _own(point, c)]
+    return StepResponses(load.bus, mw, machines, response(), response(*controllers), tuple(alone))
+
+
+def _own(point: OperatingPoint, c: Controller) -> list[tuple[str, np.ndarray, np.ndarray]]:
+    """The outputs of a controller after a step of each of its inputs, with its delay."""
+    names = named(point, c).names
+    if len(names) > INPUTS:
+        return []
+    rate = c.rate or RATE
+    A, B, C, D = (c.A, c.B, c.C, c.D) if c.rate else tustin(c.A, c.B, c.C, c.D, rate)
+    late = round(c.delay * rate)
+    found = []
+    for j, name in enumerate(names):
+        t, y = _step(A, B[:, [j]], C, D[:, [j]], 1 / rate)
+        found.append((f"{c.name}: {name}", t, np.vstack([np.zeros((late, y.shape[1])), y])[: len(t)]))
+    return found
+
+
+def _step(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, T: float) -> tuple[np.ndarray, np.ndarray]:
+    """Times and outputs of x+ = A x + B, y = C x + D from rest."""
+    count = int(SECONDS / T) + 1
+    x, y = np.zeros(len(A)), np.empty((count, len(C)))
+    for k in range(count):
+        y[k] = C @ x + D[:, 0]
+        x = A @ x + B[:, 0]
+    return T * np.arange(count), y

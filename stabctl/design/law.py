@@ -1,16 +1,18 @@
-"""Design of a storage law: the best member of the family `StorageLaw` for a system and a list of contingencies."""
+"""Design of a storage law: the best member of the family `StorageLaw` for a list of contingencies."""
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import islice, product
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from stabctl.clearing import Screen
 from stabctl.clearing.critical_time import LONGEST
-from stabctl.clearing.search import Search
-from stabctl.clearing.trial import Trial
-from stabctl.controllers import BangBang, Law, StorageLaw
+from stabctl.clearing.trial import Search, Trial
+from stabctl.controllers import BangBang, Law, SampledLaw, StorageLaw
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError, shown
@@ -20,16 +22,11 @@ from stabctl.model.fleet import Fleet
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.smallsignal.areas import Areas
+from stabctl.smallsignal.limit_cycles import limit_cycles
 
 from .critical_machines import Group, critical_machines, disjoint, slow_areas
-from .law_bench import Bench
-from .law_contingencies import faults as checked
-from .law_contingencies import training as share_of
-from .law_jobs import LAW, Measured
-from .law_limits import LawLimits
-from .law_result import Judged, LawDesign
-from .law_search import LawSearch
-from .limit_cycle_check import no_stable_limit_cycle
+from .law_measurement import LAW, Bench, Measured
+from .law_result import Judged, LawDesign, LawLimits
 
 DEADBAND = 0.05  # Hz   where the search begins
 ARMED = 0.1  # Hz   where the search begins, so that a new angle does not keep the devices acting
@@ -115,7 +112,7 @@ def law(
         scan=scan,
         longest=longest,
     )
-    faults = checked(point, contingencies)
+    faults = checked_contingencies(point, contingencies)
     with Runner(LAW, store=store, workers=workers, scheduler=scheduler) as runner:
         bench = Bench(point, search, runner, within_s=limits.return_within, progress=progress)
         found = _designed(bench, faults, limits, Use(rate, delay), training=training, seed=seed)
@@ -140,7 +137,7 @@ def _designed(
     point, reference = bench.point, use.of(BangBang())
     none = bench.measured([(None, c) for c in faults], bench.search)
     order = sorted(range(len(faults)), key=lambda k: none[k].reach)
-    chosen = share_of([faults[k] for k in order], training, seed)
+    chosen = training_contingencies([faults[k] for k in order], training, seed)
     areas = slow_areas(point.modes())
     groups = [_leaving(bench, areas, c, m) for c, m in zip(faults, none, strict=True)]
     together = _numbers(point, disjoint(g for k in order if faults[k] in chosen and (g := groups[k])))
@@ -183,3 +180,177 @@ def _start(limits: LawLimits) -> StorageLaw:
 def _numbers(point: OperatingPoint, groups: Sequence[tuple[int | str, ...]]) -> tuple[tuple[int, ...], ...]:
     """Groups as numbers of machines."""
     return tuple(tuple(sorted(point.case.machine(m).machine for m in group)) for group in groups)
+
+
+# The contingencies that a storage law is designed for, and those that it is tuned with.
+
+COUNT = 20  # contingencies taken from a screen
+
+
+def checked_contingencies(point: OperatingPoint, given: Any) -> tuple[Contingency, ...]:
+    """The contingencies, checked."""
+    if not point.case.storage:
+        raise StudyError(f"{point.case.name} has no storage devices to control; give storage='50MW', for example.")
+    if isinstance(given, Screen):
+        given = spread(given, COUNT)
+    several = [given] if isinstance(given, Contingency | str) else given
+    if not isinstance(several, Iterable):
+        raise StudyError(f"{shown(given)} is not a list of contingencies; give [Contingency('16', trip='16-21'), ...].")
+    found = list(dict.fromkeys(Contingency(c) if isinstance(c, str) else c for c in several))
+    if not found:
+        raise StudyError("There is no contingency to design the law for; give at least one.")
+    for c in found:
+        if not isinstance(c, Contingency) or c.fault is None:
+            raise StudyError(f"{shown(c)} is not a contingency with a fault; give Contingency('16', trip='16-21').")
+    return tuple(found)
+
+
+def spread(found: Screen, count: int) -> tuple[Contingency, ...]:
+    """The most critical contingencies of a screen that have a clearing time, in turn for each machine that is lost."""
+    queues: dict[Any, list[Contingency]] = {}
+    for pair in found.pairs:
+        if pair.cycles:
+            queues.setdefault(pair.machine, []).append(pair.contingency)
+    rounds = (
+        queue[k]
+        for k in range(max(map(len, queues.values()), default=0))
+        for queue in queues.values()
+        if k < len(queue)
+    )
+    return tuple(islice(rounds, count))
+
+
+def training_contingencies(faults: Sequence[Contingency], share: float, seed: int) -> tuple[Contingency, ...]:
+    """The contingencies of the training, of faults in the order of their clearing times: a share of each part."""
+    if not 0 < share <= 1:
+        raise StudyError(f"training = {share:g} is not a share; give more than 0 and at most 1, such as 0.5.")
+    count = max(1, round(share * len(faults)))
+    draw = np.random.default_rng(seed)
+    parts = np.array_split(np.arange(len(faults)), count)
+    return tuple(faults[int(draw.choice(part))] for part in parts)
+
+
+# The search for a storage law: a coarse grid, then one parameter after the other.
+#
+# The grid of angle gains, slopes and groups is measured on a coarse grid of clearing times. From the best laws on,
+# every
+# parameter is moved to its next larger and smaller value, on the fine grid, as long as that improves the score; then to
+# all its other values, which may lead on. The finalists are measured as a clearing time is, with a scan for shorter
+# unstable and longer stable faults. Nothing is random, so the answer does not depend on the number of threads.
+
+GRID = {"angle_gain": (0.0, 0.5, 1.0), "slope": (0.0, 0.05, 0.2)}
+AXES: Mapping[str, tuple[float, ...]] = {
+    "angle_gain": (0.0, 0.25, 0.5, 1.0, 2.0),
+    "slope": (0.0, 0.02, 0.05, 0.1, 0.2, 0.4),
+    "deadband": (0.02, 0.05, 0.1, 0.2),
+    "min_voltage": (0.5, 0.6, 0.7, 0.75, 0.8),
+    "max_acceleration": (0.0, 4.0, 2.0, 1.0),
+    "arm_at": (0.0, 0.05, 0.1, 0.2),
+}
+STARTS = 2  # laws of the grid that are refined
+FINALISTS = 3
+FAR = 10  # values on each side that are tried when no next one helps: all
+
+
+class LawSearch:
+    """Search for the law with the best score in the training contingencies.
+
+    Parameters
+    ----------
+    bench : Bench
+    contingencies : sequence of Contingency
+        Those of the training.
+    reference : Law
+        The law that clearing times are compared with.
+    limits : LawLimits
+    used : callable
+        The law as it is used, behind its rate and delay.
+    """
+
+    def __init__(
+        self,
+        bench: Bench,
+        contingencies: Sequence[Contingency],
+        reference: Law,
+        limits: LawLimits,
+        used: Callable[[StorageLaw], Law],
+    ) -> None:
+        self.bench, self.contingencies, self.reference = bench, contingencies, reference
+        self.limits, self.used = limits, used
+        self.tried: dict[StorageLaw, None] = {}
+
+    def best(self, start: StorageLaw, groups: Sequence[tuple[Any, ...]]) -> list[StorageLaw]:
+        """The finalists, best first.
+
+        Parameters
+        ----------
+        start
+            A law with the parameters that are not on the grid.
+        groups
+            Groups of machines that may act as one: none, or those found.
+        """
+        axes = {name: self._allowed(name, values) for name, values in AXES.items()} | {"groups": tuple(groups)}
+        grid = [
+            replace(start, groups=g, **dict(zip(GRID, values, strict=True)))
+            for g in groups
+            for values in product(*GRID.values())
+        ]
+        ranked = self._ranked(grid, self.bench.coarse)
+        refined = [law for start in ranked[:STARTS] for law in self._refined(start, axes)]
+        finalists = self._ranked(list(dict.fromkeys(refined)), self.bench.fine)[:FINALISTS]
+        return self._ranked(finalists, self.bench.search)
+
+    def _allowed(self, name: str, values: tuple[float, ...]) -> tuple[float, ...]:
+        """The values of a parameter within the limits, which are among them."""
+        least = {"deadband": self.limits.deadband, "min_voltage": self.limits.min_voltage}.get(name)
+        return values if least is None else tuple(sorted({least, *(v for v in values if v > least)}))
+
+    def _refined(self, law: StorageLaw, axes: Mapping[str, tuple[Any, ...]]) -> list[StorageLaw]:
+        """The laws on the way to one that no other value of a single parameter improves, last first."""
+        way, reach = [law], 1
+        while reach:
+            near = [law, *(n for name, values in axes.items() for n in _neighbors(law, name, values, reach))]
+            law = self._ranked(near, self.bench.fine)[0]
+            if law != way[0]:
+                way.insert(0, law)
+                reach = 1
+            else:
+                reach = FAR if reach == 1 else 0
+        return way
+
+    def _ranked(self, laws: Sequence[StorageLaw], search: Search) -> list[StorageLaw]:
+        """Laws by their score, best first; of equal ones, the earlier."""
+        self.tried |= dict.fromkeys(laws)
+        used = [self.reference, *(self.used(law) for law in laws)]
+        found = self.bench.measured([(law, c) for law in used for c in self.contingencies], search)
+        n = len(self.contingencies)
+        reference, *others = [found[k : k + n] for k in range(0, len(found), n)]
+        scores = [self.limits.score(of_one, reference) for of_one in others]
+        return [laws[k] for k in sorted(range(len(laws)), key=lambda k: -scores[k])]
+
+
+def _neighbors(law: StorageLaw, name: str, values: Sequence[Any], reach: int) -> list[StorageLaw]:
+    """The law with the next values of a parameter, so many on each side; a deadband raises the arming level to it."""
+    at = values.index(getattr(law, name))
+    found = []
+    for value in values[max(at - reach, 0) : at + reach + 1]:
+        deadband, arm_at = (value if name == key else getattr(law, key) for key in ("deadband", "arm_at"))
+        if name == "deadband" and arm_at:
+            arm_at = max(arm_at, deadband)
+        if value != values[at] and (arm_at == 0 or arm_at >= deadband):
+            found.append(replace(law, **{name: value, "deadband": deadband, "arm_at": arm_at}))
+    return found
+
+
+# Whether a storage law has no stable limit cycle at the operating point, by describing functions.
+
+AT_REST = {"arm_at": 0.0, "return_time": 0.0, "max_acceleration": 0.0}  # the law as if always armed
+
+
+def no_stable_limit_cycle(point: OperatingPoint, law: Law) -> bool:
+    """Whether no limit cycle of 0.1 to 10 Hz is stable with a `StorageLaw`, its rate and delay included."""
+    if isinstance(law, SampledLaw) and isinstance(law.law, StorageLaw):
+        law = replace(law, law=replace(law.law, **AT_REST))
+    elif isinstance(law, StorageLaw):
+        law = replace(law, **AT_REST)
+    return not any(cycle.stable for cycle in limit_cycles(point, law).cycles)

@@ -27,11 +27,8 @@ from stabctl.smallsignal.closed_loop import closed_loop
 from stabctl.smallsignal.modes import Modes
 
 from .pairs import written
-from .quadratic import Quadratic, Weights, driven, quadratic
-from .regulator import Regulator
-from .requirement import GROWING
-from .result import least
-from .robustness import plant, robustness
+from .quadratic import Quadratic, Regulator, Weights, driven, plant, quadratic, robustness
+from .result import GROWING, least
 
 
 def lqr(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StabctlError, StudyError
-from stabctl.model import circuits, network
+from stabctl.model import naming, network
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 
@@ -82,7 +82,7 @@ def outages(base: Case | OperatingPoint, *, storage: "Fleet | None" = None) -> O
     net = network.build(case)
     whole = network.islands(net).max()
     points, names, left_out, seen = [intact], [""], [], set()
-    for row, (branch, name) in enumerate(zip(case.branches, circuits.names(case.branches), strict=True)):
+    for row, (branch, name) in enumerate(zip(case.branches, naming.circuit_names(case.branches), strict=True)):
         alike = branch._replace(circuit="")
         if alike in seen:
             continue

@@ -19,7 +19,7 @@ from stabctl.model.fleet import Fleet
 from stabctl.smallsignal.closed_loop import closed_loop
 from stabctl.units import hertz
 
-from .residue import UNSEEN, meant
+from .phase_compensation import UNSEEN, meant
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -59,7 +59,7 @@ class Pairs(Tabular):
     weights: np.ndarray
     scores: np.ndarray
 
-    plot = verb("stabctl.plotting.pairs:plot")
+    plot = verb("stabctl.plotting.design:plot_pairs")
 
     @property
     def best(self) -> tuple[str, str]:

@@ -21,13 +21,11 @@ from stabctl.model.fleet import Fleet
 from stabctl.smallsignal.closed_loop import closed_loop
 from stabctl.units import hertz, quantity
 
-from . import lag_chain, residue
-from .loop import Loop, Make
+from . import phase_compensation
 from .outages import Outages
 from .pairs import SIGNALS, pairs, written
-from .requirement import Requirement
-from .result import Design, operating_points
-from .tuning import Scenario, common, separate, worst
+from .result import Design, Requirement, operating_points
+from .tuning import Loop, Make, Scenario, common, separate, worst
 
 TAPS, MOST = 3, 8  # lags in the filter of an input: by default at most, and at most
 GAINS = np.geomspace(0.01, 3.0, 40)  # gains that are tried, relative to that which moves the mode by its own size
@@ -113,14 +111,14 @@ def pod(
     if order is None and len(reads) == 1:
         return _one(
             points,
-            residue.damper(points[0], reads[0], output, hz, slow, more),
+            phase_compensation.residue_damper(points[0], reads[0], output, hz, slow, more),
             damping,
             factors,
         )
     corner = 2 * np.pi * _middle(points[0])
     found: Design | None = None
     for n in range(1, TAPS + 1) if order is None else [order]:
-        make, count = lag_chain.damper(reads, output, n, corner=corner, washout=slow, **more)
+        make, count = phase_compensation.lag_chain_damper(reads, output, n, corner=corner, washout=slow, **more)
         new = _several(points, make, count, damping, factors)
         found = new if found is None or new.short < found.short else found
         if found.reached:
@@ -177,6 +175,6 @@ def _several(
 def _middle(point: OperatingPoint) -> float:
     """Middle (Hz) of the frequencies of the electromechanical modes."""
     modes = closed_loop(point).modes()
-    residue.meant(modes, None)
+    phase_compensation.meant(modes, None)
     hz = modes.frequency_hz[modes.swings()]
     return float(np.sqrt(hz.min() * hz.max()))

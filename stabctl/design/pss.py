@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -10,24 +11,22 @@ from stabctl.controllers.law import duration
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError, shown
-from stabctl.model import catalog, keys
+from stabctl.model import naming, tables
 from stabctl.model.case import Case
 from stabctl.smallsignal.closed_loop import closed_loop
-from stabctl.smallsignal.model import linearize
+from stabctl.smallsignal.model import Linear, Model, linearize
 
-from .gep import Others, held
-from .lead_lag import fitted
-from .loop import Loop
 from .outages import Outages
-from .requirement import Requirement
-from .result import Design, largest_gain, operating_points
-from .tuning import Scenario, common, separate, worst
+from .phase_compensation import fitted
+from .result import Design, Requirement, largest_gain, operating_points
+from .tuning import Loop, Scenario, common, separate, worst
 
 BAND = (0.2, 2.5)  # Hz   in which the phase is compensated
 BOUND = 0.99  # of the largest gain allowed, from which it decides
 POINTS = 25  # frequencies in the band
 GAINS = np.geomspace(0.01, 1.0, 34)  # common gains that are tried, of the largest one allowed
 LARGEST, MAX_GAIN = 1e6, 200.0  # pu of exciter voltage per pu of speed, at any frequency
+Others = Literal["held", "free"]
 
 
 def pss(
@@ -141,7 +140,61 @@ def _machines(case: Case, machines: Iterable[int] | None) -> list[int]:
 def _without_stabilizers(point: OperatingPoint, numbers: Sequence[int]) -> OperatingPoint:
     """The operating point without the stabilizers that some machines have."""
     case = point.case
-    for model in catalog.of_role("stabilizer"):
-        places = set(numbers) & set(map(keys.number, case.devices.get(model, ())))
+    for model in tables.of_role("stabilizer"):
+        places = set(numbers) & set(map(naming.number, case.devices.get(model, ())))
         case = case.without_device(model, sorted(places)) if places else case
     return point if case is point.case else operating_point(case)
+
+
+# GEP(s): from the stabilizer input of an exciter to the electrical torque of its machine, at constant speed.
+#
+# A stabilizer with the opposite phase gives torque in phase with the speed: damping. Sources: E. Larsen, D. Swann,
+# Applying Power System Stabilizers, IEEE Trans. PAS-100, 1981; M. Gibbard, D. Vowles, Reconciliation of Methods of
+# Compensation for PSSs in Multimachine Systems, IEEE Trans. Power Systems 19, 2004 (all rotors held).
+
+
+def gep(base: "Case | OperatingPoint", machine: int, *, others: Others = "held") -> Model:
+    """Transfer function from the stabilizer input of a machine to its electrical torque, its rotor held.
+
+    Parameters
+    ----------
+    base : Case or OperatingPoint
+        The system.
+    machine : int
+        Number of the machine, which needs an exciter.
+    others : {"held", "free"}
+        The rotors of the other machines: held too, which is smooth over the frequency and the basis of `pss`, or free
+        to swing, which shows the resonances of the other machines.
+
+    Returns
+    -------
+    Model
+        One input (pu) and one output (pu on the machine's base); `response(hz)`, `plot()` and `to_control()`.
+
+    Raises
+    ------
+    StudyError
+        If there is no such machine, or it has no exciter.
+    """
+    if others not in ("held", "free"):
+        raise StudyError(f"others = {shown(others)} is not allowed; choose 'held' or 'free'.")
+    model = linearize(operating_point(base), f"vs:{machine}", f"pe:{machine}")
+    return held(model, machine, 0, others)
+
+
+def held(model: Linear, machine: int, column: int, others: Others) -> Model:
+    """The part of a linear model with inputs "vs" and outputs "pe" in which the rotor of a machine is held."""
+    angles = model.angles()[~model.point.rotors.virtual]
+    if others == "free":
+        angles = model.angles()[[model.point.rotor_numbers.index(machine)]]
+    free = np.delete(np.arange(len(model.A)), np.r_[angles, angles + 1])
+    labels = (model.inputs[column],), (model.outputs[column],)
+    return Model(
+        f"GEP of machine {machine} of {model.name}",
+        model.A[np.ix_(free, free)],
+        model.B[free][:, [column]],
+        model.C[[column]][:, free],
+        model.D[[column]][:, [column]],
+        tuple(model.states[k] for k in free),
+        *labels,
+    )

@@ -1,15 +1,17 @@
-"""The quadratic cost of a regulator in engineering units, on states without the angle reference.
+"""Linear-quadratic regulators: cost in engineering units, Riccati equation, margins, and the result.
 
 J = integral of (sum of (deviation of the speeds / speed)^2 + sum of (angle to COI / angle)^2
                  + sum of (output / effort)^2) dt
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 import scipy.linalg as sl
 
+from stabctl.controllers.controller import Controller
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signal_kinds import INPUTS, OUTPUTS
 from stabctl.dynamics.signals import Signal, chosen
@@ -19,9 +21,7 @@ from stabctl.smallsignal.model import Linear
 from stabctl.smallsignal.modes import Modes
 from stabctl.units import hertz, radians
 
-from . import riccati
-from .requirement import least_ratio
-from .robustness import Robustness, plant, robustness
+from .result import Design, least, least_ratio
 
 FLOOR = 1e-6  # weight of every state, relative to that of the speeds, which makes all of them observed
 
@@ -45,6 +45,33 @@ class Weights:
     def radians(self) -> float | None:
         """The angle, rad."""
         return None if self.angle is None else radians(self.angle)
+
+
+@dataclass(frozen=True)
+class Robustness:
+    """Margins of a loop; gains and delays may differ from input to input.
+
+    Attributes
+    ----------
+    damping
+        Smallest damping ratio of 0.1 to 3 Hz.
+    gain_down, gain_up
+        Factors of the gains that the loop withstands; inf if any.
+    delay_s
+        Delay that the loop withstands, s.
+    """
+
+    damping: float
+    gain_down: float
+    gain_up: float
+    delay_s: float
+
+    def __str__(self) -> str:
+        up = "any" if np.isinf(self.gain_up) else f"{self.gain_up:.3g}"
+        return (
+            f"damping ratio {self.damping:.4f}, gain margin {self.gain_down:.3g} to {up}, delay margin "
+            f"{1e3 * self.delay_s:.3g} ms"
+        )
 
 
 @dataclass(frozen=True)
@@ -84,7 +111,7 @@ class Quadratic:
         """The gain K (inputs, all states) of the feedback of all states, u = K x. Raises `StudyError` if none."""
         B = self.B
         try:
-            X = riccati.continuous(self.A, effort**2 * B @ B.T, self.Q)
+            X = continuous_riccati(self.A, effort**2 * B @ B.T, self.Q)
         except np.linalg.LinAlgError:
             raise StudyError(
                 f"No state feedback through {', '.join(self.model.inputs)} stabilizes {self.model.name}."
@@ -132,3 +159,162 @@ def quadratic(
     Q = Q + FLOOR * np.trace(Q) / len(Q) * np.eye(len(Q))
     rows = [seen.index(s) for s in reads]
     return Quadratic(model.modes(), basis, Q, model.C[rows], model.D[rows])
+
+
+# Robustness of a state or output feedback: guaranteed margins of a loop with several inputs.
+#
+# With the return difference 1 + L at the inputs of the plant and T = L (1 + L)^-1, the loop stays stable with
+#
+# gains from 1/(1 + a) to 1/(1 - a),   a = least singular value of 1 + L(jw), at most 1,
+# delays t with |exp(-jwt) - 1| s(T(jw)) < 1 at all w,   s the largest singular value,
+#
+# also with different gains, or delays up to t, in every input. A regulator on all states with equal efforts has a = 1.
+# Source: N. Lehtomaki, N. Sandell, M. Athans, Robustness results in linear-quadratic Gaussian based multivariable
+# control
+# designs, IEEE Trans. Automatic Control 26, 1981.
+
+HZ = (0.01, 100.0)
+POINTS = 300
+ROUND = 1e-3  # below 1 by which the return difference of an optimal loop may fall by rounding
+
+
+def robustness(loop: Callable[[float], np.ndarray], damping: float, fastest: float = HZ[1]) -> Robustness:
+    """Margins of a stable loop.
+
+    Parameters
+    ----------
+    loop : callable
+        The loop gain L (inputs, inputs), with the sign of a negative feedback, at a frequency in rad/s.
+    damping : float
+        Smallest damping ratio of the loop.
+    fastest : float, Hz
+        Highest frequency; half of the rate of a sampled loop.
+    """
+    least, delay = 1.0, np.inf
+    for hz in np.geomspace(HZ[0], fastest, POINTS):
+        w = 2 * np.pi * hz
+        L = loop(w)
+        back = np.eye(len(L)) + L
+        least = min(least, float(np.linalg.svd(back, compute_uv=False)[-1]))
+        size = float(np.linalg.norm(L @ np.linalg.inv(back), 2))
+        if size > 0.5:
+            delay = min(delay, 2 * np.arcsin(1 / (2 * size)) / w)
+    up = np.inf if least > 1 - ROUND else 1 / (1 - least)
+    return Robustness(damping, 1 / (1 + least), up, delay)
+
+
+def plant(modes: Modes, C: np.ndarray, D: np.ndarray, rate: int | None = None) -> Callable[[float], np.ndarray]:
+    """Response (signals, inputs) of y = C x + D u at a frequency in rad/s.
+
+    Parameters
+    ----------
+    modes : Modes
+        All modes of the plant, whose inputs are u.
+    C, D : (signals, states) and (signals, inputs) arrays
+        The outputs.
+    rate : int, 1/s, optional
+        Frames per second at which u is held and y read, with the u before.
+    """
+    s = modes.eigenvalues
+    moving = s != 0  # but for the rotation of all angles, which no feedback reads
+    s = s[moving]
+    left, right = (modes.left.conj().T @ modes.linear.B)[moving], (C @ modes.right)[:, moving]
+    if rate is None:
+        return lambda w: (right / (1j * w - s)) @ left + D
+    step = np.exp(s / rate)
+    left = left * ((step - 1) / s)[:, None]
+    return lambda w: (right / (np.exp(1j * w / rate) - step)) @ left + D * np.exp(-1j * w / rate)
+
+
+# Algebraic Riccati equations by doubling, which takes a tenth of the time of Schur vectors for hundreds of states.
+#
+# continuous   A' X + X A - X G X + Q = 0
+# discrete     A' X (1 + G X)^-1 A + Q = X,       G = B R^-1 B'
+#
+# Source: E. Chu, H. Fan, W. Lin, A structure-preserving doubling algorithm for continuous-time algebraic Riccati
+# equations, Linear Algebra and its Applications 396, 2005.
+
+SHIFT = 10.0  # 1/s   of the Cayley transform; must not be an eigenvalue of A
+MOST = 60  # doublings
+ENOUGH = 1e-14  # relative change of X of the last doubling
+
+
+def continuous_riccati(A: np.ndarray, G: np.ndarray, Q: np.ndarray) -> np.ndarray:
+    """The stabilizing solution of the continuous equation. Raises `numpy.linalg.LinAlgError` if there is none."""
+    inverse = np.linalg.inv(A - SHIFT * np.eye(len(A)))
+    W = np.linalg.inv((A - SHIFT * np.eye(len(A))).T + Q @ inverse @ G)
+    return _doubled(np.eye(len(A)) + 2 * SHIFT * W.T, 2 * SHIFT * inverse @ G @ W, 2 * SHIFT * W @ Q @ inverse)
+
+
+def discrete_riccati(A: np.ndarray, G: np.ndarray, Q: np.ndarray) -> np.ndarray:
+    """The stabilizing solution of the discrete equation. Raises `numpy.linalg.LinAlgError` if there is none."""
+    return _doubled(A, G, Q)
+
+
+def _doubled(A: np.ndarray, G: np.ndarray, X: np.ndarray) -> np.ndarray:
+    """The limit of X; every step doubles the horizon of the optimization."""
+    one = np.eye(len(A))
+    for _ in range(MOST):
+        with np.errstate(over="ignore", invalid="ignore"):
+            M = np.linalg.inv(one + G @ X)
+            change = A.T @ X @ M @ A
+            A, G, X = A @ M @ A, _even(G + A @ M @ G @ A.T), _even(X + change)
+        if not np.isfinite(X).all():
+            break
+        if np.abs(change).max() <= ENOUGH * np.abs(X).max():
+            return X
+    raise np.linalg.LinAlgError("no stabilizing solution")
+
+
+def _even(X: np.ndarray) -> np.ndarray:
+    return np.asarray(X + X.T) / 2
+
+
+# The result of the design of a regulator, compared with feedback of all states.
+
+
+@dataclass(frozen=True, repr=False)
+class Regulator(Design):
+    """A regulator, and the state feedback that it approximates.
+
+    Attributes
+    ----------
+    full
+        Margins of the feedback of all states.
+    own
+        Margins of the regulator itself, in the full model.
+    """
+
+    full: Robustness | None = None
+    own: Robustness | None = None
+
+    @classmethod
+    def of_cost(cls, cost: Quadratic, one: Controller, after: Modes, **more: Any) -> Self:
+        """The regulator for a cost; its aim is reached if the smallest damping ratio increases.
+
+        Parameters
+        ----------
+        cost : Quadratic
+            The cost and the plant.
+        one : Controller
+            The regulator.
+        after : Modes
+            Modes with the regulator.
+        **more
+            Other fields, such as `full` and `own`.
+
+        Returns
+        -------
+        Regulator
+        """
+        return cls((one,), (cost.modes,), (after,), least(after)[0] > least(cost.modes)[0], **more)
+
+    def __str__(self) -> str:
+        text = super().__str__()
+        if self.full is not None:
+            text += f"\nall states: {self.full}"
+        if self.own is not None and self.own != self.full:
+            text += f"\ngiven inputs: {self.own}"
+        return text
+
+    __repr__ = __str__

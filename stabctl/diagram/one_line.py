@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stabctl._util.verbs import verb
-from stabctl.model import circuits, network, powerflow
+from stabctl.model import naming, network, powerflow
 from stabctl.model.case import Case
 from stabctl.model.powerflow import PowerFlow
 
-from .layout_cache import cached_layout
+from .layout import cached_layout
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -112,7 +112,7 @@ def one_line(base: "Case | OperatingPoint", flow: PowerFlow | None = None) -> On
         machines,
         storage(case, buses, machines, (unit[s.machine] for s in case.storage)),
         _ends(buses, net.frm, net.to),
-        tuple(circuits.names(case.branches)),
+        tuple(naming.circuit_names(case.branches)),
         transformer,
         np.abs(flow.V),
         np.abs(flow.branch_power).max(axis=1, initial=0.0) * case.base_mva,

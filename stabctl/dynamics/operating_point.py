@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from stabctl import devices
-from stabctl._util.garbage_collection import paused
+from stabctl._util.process import paused
 from stabctl._util.verbs import verb
 from stabctl._util.wording import listed, named
 from stabctl.errors import EquilibriumError, StudyError
@@ -70,7 +70,7 @@ class OperatingPoint:
     place = verb("stabctl.placement.place:place")
     power_flow = verb("stabctl.model.powerflow:solve")
     short_circuit = verb("stabctl.model.short_circuit:short_circuit")
-    short_circuit_ratio = verb("stabctl.model.short_circuit_ratio:short_circuit_ratio")
+    short_circuit_ratio = verb("stabctl.model.short_circuit:short_circuit_ratio")
     one_line = verb("stabctl.diagram:one_line")
     plot = verb("stabctl.plotting.one_line:plot")
 

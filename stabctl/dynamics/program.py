@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stabctl._util import background_compilation, jit
+from stabctl._util import jit
 
 from . import loop
 from .family import CURRENT, FRAME, LOCAL, OUTPUT, RATES, SOURCE, STEP
@@ -88,7 +88,7 @@ def _addresses(families: Sequence[Family], scalar: type) -> list[int]:
     """Addresses of the families' loops, which are compiled if their machine code is not on disk."""
     new = [f.device.name for f in families if len(f.w) and not loop.on_disk(f.name, f.device, scalar)]
     if new:
-        background_compilation.start("stabctl.simulation.stepper:advance", "stabctl.simulation.prepare")
+        jit.start("stabctl.simulation.stepper:advance", "stabctl.simulation.prepare")
     with jit.compiling(new) as done:
         out = []
         for f in families:

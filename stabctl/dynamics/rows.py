@@ -10,7 +10,7 @@ from stabctl.devices.device import Device
 from stabctl.devices.loads import zip_load
 from stabctl.devices.storage import models as storage
 from stabctl.errors import EquilibriumError
-from stabctl.model import keys
+from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.model.network import Network
 from stabctl.model.powerflow import PowerFlow
@@ -40,10 +40,10 @@ def tables(case: Case, flow: PowerFlow, net: Network) -> tuple[dict[str, list[Ro
             found[name] = [_bus_row(case, device, key, par, net) for key, par in rows.items()]
         elif device.role != "load" and rows:
             found[name] = [
-                _unit_row(case, device, numbers[keys.number(key)], key, par, net, flow) for key, par in rows.items()
+                _unit_row(case, device, numbers[naming.number(key)], key, par, net, flow) for key, par in rows.items()
             ]
     found["zip_load"], fixed = [], np.zeros(len(case.buses), complex)
-    for load, key in zip(case.loads, keys.keys(case, "loads"), strict=True):
+    for load, key in zip(case.loads, naming.keys(case, "loads"), strict=True):
         bus = net.place[load.bus]
         V = _voltage(case, load, float(abs(flow.V[bus])))
         for name, row in load_rows(case, load, V, key=key, bus=bus):
@@ -73,7 +73,7 @@ def _filled(device: Device, par: Any, known: Mapping[str, float]) -> Any:
     return device.prepared(par)
 
 
-def _unit_row(case: Case, device: Device, unit: int, key: keys.Key, par: Any, net: Network, flow: PowerFlow) -> Row:
+def _unit_row(case: Case, device: Device, unit: int, key: naming.Key, par: Any, net: Network, flow: PowerFlow) -> Row:
     m, bus = case.machines[unit], int(net.machine_bus[unit])
     known = {
         "mva": m.base / case.base_mva,
@@ -93,14 +93,14 @@ def _storage_row(case: Case, s: Storage, unit: int, bus: int, flow: PowerFlow) -
     return Row(unit, bus, bus, par, name, name)
 
 
-def _bus_row(case: Case, device: Device, key: keys.Key, par: Any, net: Network) -> Row:
-    number = keys.number(key)
+def _bus_row(case: Case, device: Device, key: naming.Key, par: Any, net: Network) -> Row:
+    number = naming.number(key)
     bus = net.place[number]
     par = _filled(device, par, {"wb": 2 * np.pi * case.frequency_hz})
     return Row(NO_UNIT, bus, bus, par, f"{device.name} {key}", f"bus {number}")
 
 
-def load_rows(case: Case, load: Load, V: float, *, key: keys.Key, bus: int) -> Iterator[tuple[str, Row]]:
+def load_rows(case: Case, load: Load, V: float, *, key: naming.Key, bus: int) -> Iterator[tuple[str, Row]]:
     """Table and device of each part of a load: the share of its load model, if it has one, then the rest.
 
     Parameters

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from stabctl import devices
 from stabctl.errors import StudyError, shown
-from stabctl.model import circuits, labels
+from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.model.location import circuit
 
@@ -78,7 +78,7 @@ def _everywhere(case: Case, name: str, kind: Kind) -> Sequence[int | str | None]
     if kind.place == "bus":
         return [b.bus for b in case.buses]
     if kind.place == "line":
-        return list(circuits.names(case.branches))
+        return list(naming.circuit_names(case.branches))
     if kind.place == "":
         return [None]
     numbers = [m.machine for m in case.machines]
@@ -99,7 +99,7 @@ def _everywhere(case: Case, name: str, kind: Kind) -> Sequence[int | str | None]
 
 def _signal(case: Case, name: str, kind: Kind, place: int | str | None) -> Signal:
     if kind.place in ("machine", "bus"):
-        by_name = labels.machine_number if kind.place == "machine" else labels.bus_number
+        by_name = naming.machine_number if kind.place == "machine" else naming.bus_number
         if not re.fullmatch(r"[0-9]{1,18}", str(place)):
             place = by_name(case, place) or place
         if not re.fullmatch(r"[0-9]{1,18}", str(place)):
@@ -151,7 +151,7 @@ def _group(case: Case, name: str, text: str) -> int | str:
     """A machine, or several joined by "+", as numbers in ascending order."""
     found = set()
     for part in text.split("+"):
-        number = part if re.fullmatch(r"[0-9]{1,18}", part) else labels.machine_number(case, part)
+        number = part if re.fullmatch(r"[0-9]{1,18}", part) else naming.machine_number(case, part)
         if number is None:
             raise StudyError(f"{shown(f'{name}:{text}')} does not name machines; give numbers: {name}:13+14.")
         case.machine(int(number))

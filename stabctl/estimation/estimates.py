@@ -13,8 +13,8 @@ from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 from stabctl.simulation.trajectory import Trajectory
 
-from .instrument import Frame
-from .pmu_check import Alarm
+from .bad_data import Alarm
+from .pmu import Frame
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -11,8 +11,8 @@ from stabctl.simulation.simulation import Simulation
 
 from .estimator_loop import EstimatorLoop
 from .estimators import Engine, EstimatorName
-from .noise import TUNING, Tuning
 from .pmu import Pmu
+from .swing import TUNING, Tuning
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""A control with estimated signals, frame by frame: PMU reports, estimates, orders and inputs held for a frame.
+"""A control with estimated signals, frame by frame: reports, estimates, what it reads, orders held for a frame.
 
 Simulation -> V, I -> Instrument -> Estimator -> CoiReference -> law -> orders -> Simulation
 (true)        noise, loss, delay    s, ds/dt     own - others           (one frame)
@@ -13,21 +13,29 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from stabctl.controllers import decided
+from stabctl.controllers import Input, Law, decided
+from stabctl.dynamics import outputs, storage
+from stabctl.dynamics.named import Named
+from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.dynamics.signal_kinds import OUTPUTS
+from stabctl.dynamics.signals import Signal, chosen, machines
+from stabctl.errors import StudyError
+from stabctl.model.case import Case
 from stabctl.simulation.simulation import Simulation
+from stabctl.simulation.wired import storage_devices
 
-from .coi import CoiReference, Deviations
-from .control_inputs import ControlInputs
+from . import signals
 from .estimates import Estimates
-from .estimators import Estimate, Filtered, estimator
+from .estimators import Estimate, EstimatorName, Filtered, estimator
 from .filter_bank import wrapped
-from .instrument import Frame
-from .law_inputs import LawInputs
 from .observation import Observation, Truth
+from .pmu import Frame, Pmu
 from .rotor_units import rotor_units
+from .signals import CoiReference, Deviations, PhasorSignals, RotorSignals
 
 if TYPE_CHECKING:
     from .estimator_control import EstimatorControl
+
 
 WARM_UP = 1.0  # s   of the system at rest before the first frame
 
@@ -146,3 +154,140 @@ class _Row(NamedTuple):
     nees: np.ndarray
     orders: np.ndarray
     wall_s: np.ndarray
+
+
+# The inputs of controllers behind an estimator: which are possible, and their values at every frame.
+
+ANGLES = ("angle", "angle_deviation", "bus_angle")  # that need the angles of the rotors
+
+
+class ControlInputs:
+    """Inputs of controllers in simulations of one operating point.
+
+    Parameters
+    ----------
+    simulations : sequence of Simulation
+        The simulations, with the same controllers.
+    estimator : str
+        Name of the estimator.
+    inertia : (machines) array, s
+        H on one base, as the estimator knows it.
+    pmu : Pmu
+        The PMUs.
+    seeds : sequence of int
+        Seeds of noise and losses.
+    """
+
+    def __init__(
+        self,
+        simulations: Sequence[Simulation],
+        estimator: EstimatorName,
+        inertia: np.ndarray,
+        *,
+        pmu: Pmu,
+        seeds: Sequence[int],
+    ) -> None:
+        point, measured = simulations[0].point, simulations[0].attached.measured
+        self.simulations, self._inertia = simulations, inertia
+        read = [(m.named, s) for m in measured for s in m.named.inputs]
+        for c, signal in read:
+            _check(c, signal, estimator)
+        places = np.concatenate([np.zeros(0, int), *(m.reads for m in measured)])
+        rest = np.concatenate([np.zeros(0), *(m.named.rest for m in measured)])
+        given = [(s, _belongs(point.case, c, s)) for c, s in read]
+        kinds = np.array([s.kind for s, _ in given], str)
+        ages = pmu.own_frames(point.case.frequency_hz) / pmu.rate, pmu.remote_frames(point.case.frequency_hz) / pmu.rate
+        parts = []
+        for of in (signals.ROTOR_KINDS, signals.PHASOR_KINDS):
+            rows = np.flatnonzero(np.isin(kinds, of))
+            parts.append(([given[i] for i in rows], places[rows], rest[rows]))
+        (turning, *self._of_rotors), (electric, *self._of_phasors) = parts
+        self._rotors = RotorSignals(point, turning, inertia, ages) if turning else None
+        self._phasors = PhasorSignals(simulations, electric, pmu, seeds) if electric else None
+
+    def frame(self, at: float, V: np.ndarray, frame: Frame, estimate: Estimate, island: np.ndarray) -> None:
+        """Measure at an instant (s): bus voltages (seeds, buses), the frame and estimates of the machines, islands."""
+        if self._phasors is not None:
+            weight = self._inertia * (island >= 0)
+            angle = np.zeros(island.shape) if estimate.angle is None else estimate.angle
+            coi = (weight * angle).sum(axis=1) / np.maximum(weight.sum(axis=1), 1e-300)
+            self._phasors.frame(at, V, frame, coi)
+
+    def set(self, k: int, estimates: Deviations, island: np.ndarray) -> None:
+        """Give the controllers of simulation k their inputs."""
+        s = self.simulations[k].s
+        if self._rotors is not None:
+            places, rest = self._of_rotors
+            s[places] = self._rotors(k, estimates, island[k], rest)
+        if self._phasors is not None:
+            s[self._of_phasors[0]] = self._phasors(k)
+
+
+def _check(c: Named, signal: Signal, estimator: EstimatorName) -> None:
+    """Raise `StudyError` if no PMU measures a signal."""
+    name = signal.kind if signal.place is None else f"{signal.kind}:{signal.place}"
+    kinds = (*signals.ROTOR_KINDS, *signals.PHASOR_KINDS)
+    if signal.kind not in kinds:
+        raise StudyError(
+            f"{c.controller.name} reads {name}, which no PMU measures; behind an estimator a controller can read "
+            f"{', '.join(kinds)}."
+        )
+    if signal.kind in ANGLES and estimator == "frequency":
+        raise StudyError(
+            f"{c.controller.name} reads {name}, but the estimator 'frequency' does not estimate rotor angles; "
+            "choose 'kalman'."
+        )
+
+
+def _belongs(case: Case, c: Named, signal: Signal) -> bool:
+    """Whether a signal is measured at the machine that the controller belongs to."""
+    if c.machine is None:
+        return False
+    if OUTPUTS[signal.kind].place in ("machine", "group"):
+        return machines(signal) == (c.machine,)
+    machine = case.machine(c.machine)
+    return OUTPUTS[signal.kind].place == "bus" and signal.number in (machine.bus, machine.storage_bus)
+
+
+# What a storage law behind an estimator reads at a frame, for every device.
+
+
+class LawInputs:
+    """Inputs of the devices of a law: of their own machine, or of its group as late as reports of others arrive.
+
+    Parameters
+    ----------
+    point : OperatingPoint
+        The operating point.
+    law : Law
+        The law.
+    inertia : (machines) array, s
+        H on one base, as the estimator knows it.
+    pmu : Pmu
+        The PMUs.
+    """
+
+    def __init__(self, point: OperatingPoint, law: Law, inertia: np.ndarray, pmu: Pmu) -> None:
+        case, hz = point.case, point.case.frequency_hz
+        self.law, self.par = law, [law.par(device) for device in storage_devices(case)]
+        row = {m.machine: i for i, m in enumerate(case.machines)}
+        self._machine = [row[s.machine] for s in case.storage]
+        self._energy = storage.places(point.system, case).energy
+        groups = [next((g for g in law.groups if s.machine in g), (s.machine,)) for s in case.storage]
+        kinds = ("deviation", "angle_deviation")
+        names = [f"{kind}:{'+'.join(map(str, group))}" for group in groups for kind in kinds]
+        signals = {name: chosen(case, [name], OUTPUTS)[0] for name in names}
+        read = [(signals[name], "+" not in name) for name in names]
+        self._rest = np.array([float(outputs.value(point, s)(point.s)) for s, _ in read])
+        ages = pmu.own_frames(hz) / pmu.rate, pmu.remote_frames(hz) / pmu.rate
+        self._rotors = RotorSignals(point, read, inertia, ages) if law.groups or law.angular else None
+
+    def signals(self, k: int, estimates: Deviations, island: np.ndarray, simulation: Simulation) -> list[Input]:
+        """Inputs (devices) in simulation k, with its islands (machines)."""
+        s, speed, rate = simulation.s, estimates.speed[k], estimates.acceleration[k]
+        energy = s[self._energy]
+        deviation, angle = speed[self._machine], np.zeros(len(energy))
+        if self._rotors is not None:
+            relative = self._rotors(k, estimates, island, self._rest) - self._rest
+            deviation, angle = relative[::2], relative[1::2]
+        return [Input(deviation[j], rate[i], angle[j], energy[j], simulation.time) for j, i in enumerate(self._machine)]

@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from scipy.special import chdtri
 
-from .filter_bank_kernels import correct, propagate
+from .kernels import correct, propagate
 from .swing import STATES
 
 GATE = float(chdtri(1, 0.001))  # 0.999 quantile of chi-square with one degree of freedom

@@ -22,10 +22,9 @@ from stabctl.errors import StudyError
 
 from .estimators import Filtered
 from .filter_bank import GATE, Batched
-from .instrument import Frame
-from .noise import Tuning
-from .pmu import Pmu
+from .pmu import Frame, Pmu
 from .rotor_units import RotorUnits, rotor_units
+from .swing import Tuning
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -3,22 +3,28 @@
 The equations are those of `swing`, `q_axis` and `governor`; the covariances those of `swing` and `noise`.
 """
 
+from collections import deque
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import expm
 
 from .filter_bank import Seen
-from .frame_kernels import Constants, Kept, expect, keep, move, spread
-from .governor import Governors
-from .instrument import Frame
-from .measured import Measured, measured
-from .missing_reports import UNKNOWN, UNSURE, MissingReports
-from .noise import Tuning, computed_angle_variance
-from .pmu import Pmu
-from .pmu_window import PmuWindow
-from .q_axis import QAxis, turn
+from .kernels import Constants, Kept, expect, keep, move, see, spread
+from .pmu import Frame, Pmu, window
 from .rotor_units import RotorUnits
-from .swing import STATES, swing
+from .swing import (
+    STATES,
+    UNKNOWN,
+    UNSURE,
+    Governors,
+    MissingReports,
+    Tuning,
+    computed_angle_variance,
+    computed_current_variance,
+    computed_power_variance,
+    swing,
+)
 
 FORGOTTEN = 0.5  # s   without a report, after which a filter starts anew with the next one
 UNSETTLED = 0.05  # pu   standard deviation of a flux that may not be at rest
@@ -33,6 +39,19 @@ class Step(NamedTuple):
     x: np.ndarray  # (seeds, machines, 5)
     F: np.ndarray  # (seeds, machines, 5, 5)
     Q: np.ndarray  # (seeds, machines, 5, 5)
+
+
+class Measured(NamedTuple):
+    """A frame and what follows from it, arrays (seeds, machines)."""
+
+    frame: Frame
+    V: np.ndarray  # pu
+    ZI: np.ndarray  # pu
+    E: np.ndarray  # pu   internal voltage V + ZI
+    I: np.ndarray  # pu machine   current
+    P: np.ndarray  # pu machine   air-gap power
+    variance: np.ndarray  # of P
+    of_current: np.ndarray  # (pu machine)^2   variance of a part of I, if it is computed, else 0
 
 
 class MachineModel:
@@ -177,3 +196,193 @@ class MachineModel:
             return self.kept.g
         middle = x[..., 1] + (x[..., 2] + self.kept.g - self.kept.P) * self.T / (4 * self.H)
         return self.governors.step(middle, x[..., 2])
+
+
+# Quantities computed from the reports of a frame: internal voltages, powers, and their variances.
+
+
+def measured(frame: Frame, known: Constants, noise: dict[str, float], power: bool) -> Measured:
+    """The internal voltages of a frame, and with `power` the powers; `noise` as in `noise.power_variance`."""
+    ZI, E, I = np.empty((3, *frame.V.shape), complex)
+    P, variance, none = np.zeros((3, *frame.V.shape))
+    V, current = np.ascontiguousarray(frame.V), np.ascontiguousarray(frame.I)
+    see(V, current, known, noise["angle"], noise["magnitude"], ZI, E, I, P, variance)
+    if not power:
+        return Measured(frame, V, ZI, E, I, none, none, none)
+    parts = frame.parts
+    if parts is None:
+        return Measured(frame, V, ZI, E, I, P, variance, none)
+    of_power = computed_power_variance(parts.V, parts.I, (frame.V, frame.I), **noise) / known.mva**2
+    of_current = computed_current_variance(parts.I, **noise) / known.mva**2
+    variance = np.where(parts.computed, of_power, variance)
+    return Measured(frame, V, ZI, E, I, P, variance, of_current * parts.computed)
+
+
+# Effect of the window of a P or M class filter on the estimates, and its remaining uncertainty.
+#
+# A report is the weighted mean of the phasors in a window. The swing equation is linear: its solution with the mean
+# power
+# is the mean of angle and speed in the window, from which the values in its middle differ by
+#
+# -(v/2) d2delta/dt2   and   -(v/2) d2s/dt2 = (v/2) dP/dt / 2H,   v = variance of the window (s^2).
+#
+# Both are taken into account. A jump of the power reaches the end of the window in parts, all at the same unknown
+# instant, so that its variance is not the sum of that of the parts but 1/sum of weights^2 times as much. Voltage and
+# current change together in the window, and rotors turn: the mean of a product is not the product of the means.
+#
+# A current that jumps and decays may pass the window with hardly a change between two reports, while its jump is still
+# entering: the share of the window that comes next counts for as much as it could hold of the changes before.
+
+ANGLE, SLIP = 2.0, 2.0  # standard deviations of the values in the middle, in units of the differences above
+
+
+class PmuWindow:
+    """The window of the PMUs: `half` frames of length T to each side."""
+
+    def __init__(self, half: int, T: float, hz: float) -> None:
+        weights = window(half)
+        self.wide, self._half, self.T, self.wb = half > 0, half, T, 2 * np.pi * hz
+        self._width = max(half / 3, 1) * T
+        self._variance = float(weights @ np.arange(-half, half + 1) ** 2) * T**2
+        self._turns: deque[np.ndarray] = deque(maxlen=2 * half + 1)
+        self._changes: deque[np.ndarray] = deque(maxlen=half + 1)
+        self.together = 1 / float(weights @ weights)
+
+    def turned(self, slip: np.ndarray) -> np.ndarray:
+        """Root mean square of the turn (rad) of a rotor within the window."""
+        return self.wb * np.sqrt(self._variance) * np.abs(slip)
+
+    def flux_noise(self, slip: np.ndarray, change: np.ndarray) -> np.ndarray:
+        """Standard deviation (pu) of the current that drives the fluxes, from the turn of the rotor in the window."""
+        self._turns.append(np.abs(change))
+        return self.turned(slip) * np.max(self._turns, 0)
+
+    def entering(self, change: np.ndarray) -> np.ndarray:
+        """Change (pu) of a part of the current, at least as much as may be entering with the last jump.
+
+        Weights fall as half + 1, half, ... 1 from the middle of the window: with the largest one k frames ago, the
+        share that enters now is 1/(k + 1) of it.
+        """
+        self._changes.appendleft(np.abs(change))
+        most = np.max([size / (k + 1) for k, size in enumerate(self._changes)], 0)
+        return np.where(change < 0, -most, most)
+
+    def power_noise(self, voltage: np.ndarray, current: np.ndarray) -> np.ndarray:
+        """Variance of the mean power where voltage and current change by so much over a frame.
+
+        If a share a of a jump is within the window, the product of the means lacks a (1 - a), 1/6 on average.
+        """
+        return self.together**3 / 6 * np.abs(voltage * current) ** 2
+
+    def middle(
+        self, y: np.ndarray, P: np.ndarray, *, acceleration: np.ndarray, jerk: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Angle and speed (seeds, machines, 2) in the middle of the window, and their covariance.
+
+        Parameters
+        ----------
+        y, P : (seeds, machines, 2) and (seeds, machines, 2, 2) array
+            Mean angle and speed, and their covariance.
+        acceleration, jerk : (seeds, machines) array, pu/s and pu/s^2
+            Of the mean speed.
+        """
+        half, y, P = self._variance / 2, y.copy(), P.copy()
+        y[..., 0] -= half * self.wb * acceleration
+        y[..., 1] -= half * jerk
+        P[..., 0, 0] += (ANGLE * half * self.wb * self._width * jerk) ** 2
+        P[..., 1, 1] += (SLIP * half * jerk) ** 2
+        return y, P
+
+
+# The q-axis rotor circuits of machines with subtransient dynamics: they relate the angle of E'' to that of the rotor.
+#
+# The stator is w (psi''d + j psi''q) exp(j delta) = E'' = V + (ra + j x'') I, where w is 1, or omega with the
+# speed factor of GENROU, so that
+#
+# delta = arg E'' - asin(w psi''q / |E''|).
+#
+# psi''q follows from the current alone, without field voltage (Kundur, ch. 3-4; names as in `devices.machines.genrou`):
+#
+# T'q de/dt = -e - (xq - x'q)(iq + (x'q - x'')/b^2 (e - k - b iq)) - iron,   b = x'q - xl,
+# T''q dk/dt = e - k - b iq,   psi''q = a e + (1 - a) k,   a = (x'' - xl)/b,   iq = Re(I exp(-j delta)),
+# iron = S(|psi''|)/|psi''| psi''q (xq - xl)/(xd - xl).
+#
+# A salient pole has x'q = xq and e = 0; a classical machine has no flux, delta = arg E'.
+
+START = 200  # damped substitutions for the flux at a steady start
+
+
+class QAxis:
+    """The q-axis circuits of all machines over whole frames of the length T.
+
+    Attributes
+    ----------
+    out : (machines, 2) array
+        psi''q = out . (e, k), pu; 0 for classical machines.
+    A : (machines, 2, 2) array
+        Transition of (e, k) over a frame.
+    B : (machines, 2, 2) array
+        Response after a frame to constant inputs (iq, iron).
+    speed : (machines,) array
+        Speed factor, 0 or 1: w = 1 + speed (omega - 1).
+    step, ramp : (frames, machines, 2) array
+        Response after 0, 1, ... frames to an iq of 1 pu, constant or rising from 0 to 1 over these frames.
+    """
+
+    def __init__(self, known: RotorUnits, T: float, frames: int) -> None:
+        f, n = known.flux, len(known.H)
+        has = f["xq"] > 0
+        b = np.where(has, f["x1q"] - f["xl"], 1.0)
+        a, k, wide = (f["x2"] - f["xl"]) / b, (f["x1q"] - f["x2"]) / (b * b), f["xq"] - f["x1q"]
+        self.speed = f["speed_factor"]
+        self.out = np.stack([a, 1 - a], -1) * has[:, None]
+        A, B = np.zeros((n, 2, 2)), np.zeros((n, 2, 2))
+        A[:, 0, 0], A[:, 0, 1], B[:, 0, 0], B[:, 0, 1] = -1 - wide * k, wide * k, -wide * (1 - k * b), -1
+        A[:, 1, 0], A[:, 1, 1], B[:, 1, 0] = 1, -1, -b
+        self._rest = -np.linalg.solve(A, B) * has[:, None, None]
+        T_circuit = np.stack([f["T1q"], f["T2q"]], -1)
+        rate = np.divide(1.0, T_circuit, out=np.zeros((n, 2)), where=T_circuit > 0)[..., None]
+        whole = np.zeros((n, 6, 6))
+        whole[:, :2, :2], whole[:, :2, 2:4], whole[:, 2:4, 4:] = rate * A * T, rate * B * T, np.eye(2)
+        whole = expm(whole)
+        self.A, self.B = whole[:, :2, :2].copy(), whole[:, :2, 2:4].copy()
+        self.step, self.ramp = np.zeros((frames + 1, n, 2)), np.zeros((frames + 1, n, 2))
+        rise = np.zeros((n, 2))  # response to an iq that rises by 1 pu in every frame
+        for m in range(1, frames + 1):
+            rise = (self.A @ rise[..., None])[..., 0] + (m - 1) * self.B[..., 0] + whole[:, :2, 4]
+            self.step[m] = (self.A @ self.step[m - 1][..., None])[..., 0] + self.B[..., 0]
+            self.ramp[m] = rise / m
+        steep = np.maximum(1.2 * f["S12"], 1e-12)
+        ratio = np.sqrt(f["S10"] / steep)
+        self.knee = (1 - 1.2 * ratio) / (1 - ratio)
+        gap = np.divide(f["xq"] - f["xl"], f["xd"] - f["xl"], out=np.zeros(n), where=has)
+        self.slope = steep / (1.2 - self.knee) ** 2 * gap * ((f["S10"] > 0) & (f["S12"] > 0))
+        self.saturated = bool(self.slope.any())
+
+    def psi(self, flux: np.ndarray) -> np.ndarray:
+        """psi''q (seeds, machines), pu, of the fluxes e and k (seeds, machines, 2)."""
+        return self.out[:, 0] * flux[..., 0] + self.out[:, 1] * flux[..., 1]
+
+    def saturation(self, size: np.ndarray) -> np.ndarray:
+        """iron over psi''q: S(|psi''|)/|psi''|, S quadratic as in `devices.blocks`, scaled by the air gap."""
+        return self.slope * np.maximum(size - self.knee, 0.0) ** 2 / size
+
+    def rest(self, I: np.ndarray, E: np.ndarray) -> np.ndarray:
+        """The steady fluxes (seeds, machines, 2) at a current and an internal voltage (pu machine)."""
+        size, flux = np.abs(E), np.zeros((*E.shape, 2))
+        ratio = self.saturation(size)
+        for _ in range(START):
+            psi = self.psi(flux)
+            iq = np.real(I * np.exp(-1j * (np.angle(E) - turn(psi, size))))
+            flux = 0.8 * flux + 0.2 * (self._rest @ np.stack([iq, ratio * psi], -1)[..., None])[..., 0]
+        return flux
+
+
+def turn(psi: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """asin(w psi''q / |E''|), rad."""
+    return np.arcsin(within(psi / size, 0.99))
+
+
+def within(x: np.ndarray, limit: float) -> np.ndarray:
+    """x between -limit and limit."""
+    return np.minimum(np.maximum(x, -limit), limit)

@@ -12,11 +12,9 @@ from stabctl.errors import StudyError
 from stabctl.model.network import Switching
 from stabctl.simulation.simulation import Simulation
 
-from .bad_reports import BadReports
-from .instrument import Frame, Instrument, Parts
+from .bad_data import RETURN, Alarm, PmuCheck
 from .network_model import NetworkModel, sharp
-from .pmu import Pmu
-from .pmu_check import RETURN, Alarm, PmuCheck
+from .pmu import BadReports, Frame, Instrument, Parts, Pmu
 from .rotor_units import Terminals
 
 LONG = 1 << 30  # frames

@@ -1,4 +1,4 @@
-"""Phasor measurement units: what they report of a machine's terminals, with noise, latency and losses.
+"""Phasor measurement units: their data, and what they report with noise, latency, losses and faults.
 
 Errors follow IEEE/IEC 60255-118-1: a total vector error (TVE) of 1 % is allowed. A reported phasor is
 
@@ -7,17 +7,65 @@ Errors follow IEEE/IEC 60255-118-1: a total vector error (TVE) of 1 % is allowed
 and its frequency and ROCOF are those of the voltage angle between two frames, with white errors.
 """
 
+from collections import deque
+from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
-from math import ceil, hypot
-from typing import Annotated, Any, Literal
+from math import ceil, hypot, pi
+from typing import Annotated, Any, Literal, NamedTuple
 
+import numpy as np
 from annotated_types import Ge, Interval
 
-from stabctl._util.guard import guard
+from stabctl._util.validation import guard
 from stabctl.errors import StudyError
 from stabctl.units import quantity
 
-from .bad_pmu import BadPmu
+# PMUs that report wrong phasors: frozen, with a drifting clock, or with a jump or a ramp of the angle.
+#
+# An error of the clock turns voltage and current alike, so that the power stays right.
+
+TURN = Interval(ge=-pi, le=pi)
+
+
+@dataclass(frozen=True)
+class BadPmu:
+    """What is wrong with the PMU of a machine from an instant on. Quantities may be text, as jump="5deg", drift="10us".
+
+    Parameters
+    ----------
+    machine : int
+        Number of the machine.
+    at : float, s
+        Instant from which it is wrong.
+    frozen : bool
+        It repeats its last report.
+    drift : float, s
+        Error of its clock that is added in every second.
+    jump : float, rad
+        Angle by which its phasors are turned.
+    ramp : float, rad
+        Angle by which they are turned further in every second, as by a spoofed time signal.
+    until : float, s
+        Instant from which it is right again.
+
+    Raises
+    ------
+    StudyError
+        For a value out of range.
+    """
+
+    machine: int
+    at: Annotated[float, "s", "instant from which a PMU is bad", Interval(ge=0, le=1e6)]
+    _: KW_ONLY
+    frozen: bool = False
+    drift: Annotated[float, "s", "error of a clock per second", Interval(ge=-1, le=1)] = 0.0
+    jump: Annotated[float, "rad", "jump of the angles of a PMU", TURN] = 0.0
+    ramp: Annotated[float, "rad", "turn of the angles of a PMU per second", TURN] = 0.0
+    until: Annotated[float, "s", "instant from which a PMU is right again", Interval(ge=0, le=1e6)] = 1e6
+
+    def __post_init__(self) -> None:
+        guard(self)
+
 
 RATES = (10, 12, 15, 20, 24, 25, 30, 40, 50, 60, 100, 120, 200, 240)  # 1/s
 HALF_WINDOW = {"none": 0, "P": 1, "M": 3}  # cycles   half the length of the class's filter
@@ -162,3 +210,123 @@ class Pmu:
     def tve(self) -> float:
         """Root mean square of the total vector error |V' - V|/|V|."""
         return hypot(self.angle, self.magnitude)
+
+
+# The PMUs of all machines in operation: reports with noise and losses, the same for the same seed.
+
+
+class Frame(NamedTuple):
+    """One report of every PMU, arrays (seeds, machines); `slip` is the truth, for the ideal estimator only."""
+
+    V: np.ndarray  # pu   terminal voltage
+    I: np.ndarray  # pu   current out of the machine, system base
+    frequency: np.ndarray  # pu   deviation from nominal
+    rocof: np.ndarray  # pu/s
+    received: np.ndarray  # bool
+    slip: np.ndarray  # pu
+    parts: "Parts | None" = None
+    since: np.ndarray | None = None  # (seeds, 1)   frames since the network was switched; None: never
+
+
+class Parts(NamedTuple):
+    """Phasors that are not reports of the machine itself, but computed from those of others."""
+
+    computed: np.ndarray  # (seeds, machines) bool
+    V: np.ndarray  # (seeds, machines, reports) pu   what each report contributes to the voltage
+    I: np.ndarray  # (seeds, machines, reports) pu
+
+
+class Instrument:
+    """The PMUs of all machines in operation, one row per seed; the same seed always gives the same errors.
+
+    `report` takes the true phasors (seeds, machines) of an instant. With a filter class the report belongs to the
+    instant `own_frames` ago.
+    """
+
+    def __init__(
+        self, pmu: Pmu, seeds: Sequence[int] | Sequence[list[int]], machines: int, frequency_hz: float
+    ) -> None:
+        self.pmu, self.hz, self.shape = pmu, frequency_hz, (len(seeds), machines)
+        self._random = [np.random.default_rng(seed) for seed in seeds]
+        offset = np.array([r.standard_normal(machines) for r in self._random])
+        self._clock = np.exp(2j * pi * frequency_hz * pmu.clock * offset)
+        self._lost = np.zeros(self.shape, bool)
+        half = pmu.own_frames(frequency_hz)
+        self._length = 2 * half + 1
+        self._recent: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=self._length)
+        self._weights = window(half)
+        self._angle: np.ndarray | None = None
+        self._frequency: np.ndarray | None = None
+
+    def report(self, time: float, V: np.ndarray, I: np.ndarray, slip: np.ndarray) -> Frame:
+        """The frame at `time` (s) of true voltages and currents (pu)."""
+        p, m = self.pmu, self.shape[1]
+        V, I = self._filtered(V, I)
+        frequency, rocof = self._rates(V)
+        draws = np.array([r.standard_normal((6, m)) for r in self._random]).transpose(1, 0, 2)
+        chance = np.array([r.random(m) for r in self._random])
+        noise = p.magnitude * draws[:2] + 1j * p.angle * draws[2:4]
+        ends = chance < 1 / p.burst
+        begins = chance < p.loss / (p.burst * (1 - p.loss)) if p.loss else np.zeros(self.shape, bool)
+        self._lost = np.where(self._lost, ~ends, begins) if p.burst > 1 else chance < p.loss
+        out = p.outage is not None and float(p.outage[0]) - 1e-9 <= time < float(p.outage[1]) - 1e-9
+        return Frame(
+            V * (1 + noise[0].real) * np.exp(1j * noise[0].imag) * self._clock,
+            I * (1 + noise[1].real) * np.exp(1j * noise[1].imag) * self._clock,
+            frequency + p.frequency / self.hz * draws[4],
+            rocof + p.rocof / self.hz * draws[5],
+            ~self._lost & (not out),
+            slip,
+        )
+
+    def _filtered(self, V: np.ndarray, I: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        self._recent.append((V, I))
+        while len(self._recent) < self._length:
+            self._recent.append((V, I))
+        if len(self._weights) == 1:
+            return V, I
+        voltages, currents = zip(*self._recent, strict=True)
+        return np.tensordot(self._weights, voltages, 1), np.tensordot(self._weights, currents, 1)
+
+    def _rates(self, V: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        angle = np.angle(V)
+        before = angle if self._angle is None else self._angle
+        turn = np.angle(np.exp(1j * (angle - before)))
+        frequency = turn * self.pmu.rate / (2 * pi * self.hz)
+        earlier = frequency if self._frequency is None else self._frequency
+        self._angle, self._frequency = angle, frequency
+        return frequency, (frequency - earlier) * self.pmu.rate
+
+
+def window(half: int) -> np.ndarray:
+    """Triangular weights over 2 half + 1 frames."""
+    weights = np.bartlett(2 * half + 3)[1:-1]
+    return weights / weights.sum()
+
+
+# Errors in the reports of bad PMUs.
+
+
+class BadReports:
+    """Makes the reports of bad PMUs wrong; `rows` are the rows of their machines."""
+
+    def __init__(self, bad: Sequence[BadPmu], rows: Sequence[int], frequency_hz: float) -> None:
+        self._bad, self._wb = tuple(zip(bad, rows, strict=True)), 2 * pi * frequency_hz
+        self._last: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+
+    def __call__(self, at: float, frame: Frame) -> Frame:
+        """The frame at an instant (s), as it is reported."""
+        if not self._bad:
+            return frame
+        V, I = frame.V.copy(), frame.I.copy()
+        for k, (bad, row) in enumerate(self._bad):
+            since = at - bad.at
+            if since < -1e-9:
+                self._last[k] = V[:, row].copy(), I[:, row].copy()
+            if since < -1e-9 or at > bad.until - 1e-9:
+                continue
+            if bad.frozen and k in self._last:
+                V[:, row], I[:, row] = self._last[k]
+            turned = np.exp(1j * (bad.jump + (bad.ramp + self._wb * bad.drift) * since))
+            V[:, row], I[:, row] = V[:, row] * turned, I[:, row] * turned
+        return frame._replace(V=V, I=I)

@@ -11,7 +11,7 @@ from stabctl.dynamics.operating_point import OperatingPoint, source_admittances
 from stabctl.errors import StudyError, shown
 from stabctl.simulation.simulation import Simulation
 
-from .governor import GOVERNOR
+from .swing import GOVERNOR
 
 Factor = float | tuple[float, ...]
 REACTANCES = ("x2", "x1d")  # behind which the internal voltage is formed: x'' where the machine has one, else x'd

@@ -1,7 +1,6 @@
 """Reading and writing cases."""
 
-from .folder import packaged
+from .folder import packaged, write
 from .load_case import load
-from .writer import write
 
 __all__ = ["load", "packaged", "write"]

@@ -1,23 +1,25 @@
-"""A case as a folder: one CSV table for each kind of row, units in the header, and `case.toml`.
+"""A case as a folder of CSV tables and `case.toml`: read, laid over another case, and written.
 
 Tables: buses, branches, machines, loads, links, storage, and one for each device model, keyed by machine (load models:
 by bus). A folder whose case.toml says `extends = "other"` holds only what differs (`overlay`).
 """
 
 import tomllib
+from collections import Counter
 from collections.abc import Hashable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from stabctl.errors import CaseError, shown
-from stabctl.model import catalog
-from stabctl.model.case import Case
-from stabctl.model.keys import Key
-from stabctl.model.row_error import RowError
-from stabctl.model.tables import TABLES
+from stabctl._util import files
+from stabctl.errors import CaseError, StudyError, shown
+from stabctl.model import tables
+from stabctl.model.case import Case, as_case
+from stabctl.model.checks import RowError
+from stabctl.model.naming import Key
+from stabctl.model.tables import TABLES, device_columns, key_field, models, parameters
 from stabctl.schema import fields
 
-from .table import Row, Table, read, text_of
+from .table import Row, Table, read, text_from, text_of
 
 PACKAGED = Path(__file__).parent.parent / "model" / "cases"
 ABOUT = {"name": str, "title": str, "source": str, "base_mva": float, "frequency_hz": float, "extends": str}
@@ -43,13 +45,12 @@ def load(name: str | Path) -> Case:
     CaseError
         For the first error, with file, row, column, value and what is allowed.
     """
-    from . import overlay
 
     folder = find(name)
     about = read_about(folder)
     tables = read_tables(folder, about)
     if "extends" in about:
-        return overlay.load(folder, about, tables)
+        return load_overlay(folder, about, tables)
     for table in NEEDED:
         if table not in tables:
             raise CaseError(f"{folder / table}.csv: the table is missing; a case folder needs one.")
@@ -100,14 +101,14 @@ def read_tables(folder: Path, about: Row) -> dict[str, Table]:
     except OSError as error:
         raise CaseError(f"{folder}: the folder cannot be read ({error.strerror}).") from None
     for path in paths:
-        name, known = path.stem, [*TABLES, *catalog.models()]
+        name, known = path.stem, [*TABLES, *models()]
         if name not in known:
             raise CaseError(
                 f"{path}: there is no table {name!r}; the tables are {', '.join(known)}; register your own device with "
                 "st.register or --device."
             )
         device = name not in TABLES
-        columns = catalog.columns(name) if device else fields(TABLES[name])
+        columns = device_columns(name) if device else fields(TABLES[name])
         key = next(iter(columns)) if device or name in OVERLAID else None
         tables[name] = read(path, columns, partial=key if "extends" in about else None, device=device)
         if device or name == "loads":
@@ -127,7 +128,7 @@ def _refuse_copies(path: Path, table: Table, device: bool) -> None:
 
 def device_keys(folder: Path, model: str, table: Table) -> list[Key]:
     """Keys of the rows of a device table; the second row for machine 2 has the key 2#2, which may be implicit."""
-    column = catalog.key_field(model).name
+    column = key_field(model).name
     found: dict[Key, int] = {}
     for row, line in zip(table.rows, table.lines, strict=True):
         key, count = row[column], 1
@@ -142,8 +143,8 @@ def device_keys(folder: Path, model: str, table: Table) -> list[Key]:
 
 
 def _parameters(model: str, rows: Iterable[Row]) -> list[Any]:
-    column = catalog.key_field(model).name
-    return [catalog.parameters(model, **{k: v for k, v in row.items() if k != column}) for row in rows]
+    column = key_field(model).name
+    return [parameters(model, **{k: v for k, v in row.items() if k != column}) for row in rows]
 
 
 def located(parts: dict[str, Any], tables: Mapping[str, Table], folder: Path, base: Path | None = None) -> Case:
@@ -158,3 +159,141 @@ def located(parts: dict[str, Any], tables: Mapping[str, Table], folder: Path, ba
         raise CaseError(sentence) from None
     except CaseError as error:
         raise CaseError(f"{folder}/{error}") from None
+
+
+# Overlays: a folder whose case.toml says `extends = "other"` changes rows and columns of another case.
+#
+# A row of buses, machines or a device table replaces the columns given in the row of the other case with the same key;
+# any other table replaces the whole table.
+
+
+def load_overlay(folder: Path, about: Row, tables: dict[str, Table]) -> Case:
+    """The other case with the changes of this folder. Raises `CaseError` with the location of the error."""
+    base = _base(folder, about["extends"])
+    case = load(base)
+    parts: dict[str, Any] = {key: getattr(case, key) for key in ABOUT if key not in ("name", "extends")}
+    parts |= {name: getattr(case, name) for name in TABLES}
+    devices = {model: dict(rows) for model, rows in case.devices.items()}
+    lines: dict[str, Table] = {}
+    for name, table in tables.items():
+        if name in TABLES and name not in OVERLAID:
+            parts[name], lines[name] = tuple(TABLES[name](**row) for row in table.rows), table
+        elif name in TABLES:
+            known = {getattr(row, OVERLAID[name]): row for row in parts[name]}
+            lines[name] = _changed(folder, name, OVERLAID[name], table, known, _keys(folder, name, table), case)
+            parts[name] = tuple(known.values())
+        else:
+            known = devices.setdefault(name, {})
+            keys = device_keys(folder, name, table)
+            lines[name] = _changed(folder, name, key_field(name).name, table, known, keys, case)
+    given = {key: value for key, value in about.items() if key != "extends"}
+    return located(parts | {"devices": devices, "name": folder.name} | given, lines, folder, base)
+
+
+def _base(folder: Path, name: str) -> Path:
+    """The folder of the case that is extended: a folder next to this one, or a packaged case."""
+    place = f"{folder / 'case.toml'}, extends: "
+    beside = folder.parent / name
+    base = PACKAGED / name if name in packaged() else None
+    if name.isprintable() and name and (beside / "case.toml").is_file():
+        base = beside
+    if base is None:
+        raise CaseError(
+            f"{place}there is no case {name!r}; give a folder next to it, or one of {', '.join(packaged())}."
+        )
+    if base.resolve() == folder.resolve() or "extends" in read_about(base):
+        raise CaseError(f"{place}{name!r} is itself an overlay; give a full case.")
+    return base
+
+
+def _keys(folder: Path, name: str, table: Table) -> list[int]:
+    """Bus or machine numbers of the rows, which must be unique."""
+    column = OVERLAID[name]
+    found: dict[int, int] = {}
+    for row, line in zip(table.rows, table.lines, strict=True):
+        number = row[column]
+        if number in found:
+            text = (
+                f"{column} {number} appears twice (rows {found[number]} and {line}); {column} numbers must be unique."
+            )
+            raise CaseError(f"{folder / name}.csv row {line}, column {column}: {text}")
+        found[number] = line
+    return list(found)
+
+
+def _changed(
+    folder: Path, name: str, column: str, table: Table, known: dict[Any, Any], keys: list[Any], case: Case
+) -> Table:
+    """Change rows in `known`; returns for each row the line that changed it, 0 if none did."""
+    line_of = dict.fromkeys(known, 0)
+    for key, row, line in zip(keys, table.rows, table.lines, strict=True):
+        if key not in known:
+            text = f"{case.name} has no {column} {key} in {name}.csv; an overlay can only change existing rows."
+            raise CaseError(f"{folder / name}.csv row {line}, column {column}: {text}")
+        known[key] = known[key]._replace(**{k: v for k, v in row.items() if k != column})
+        line_of[key] = line
+    return Table(table.rows, list(line_of.values()))
+
+
+# Writing a case to a folder.
+
+
+def write(case: Case, folder: str | Path) -> Path:
+    """Write a case to a folder that `load` can read.
+
+    Parameters
+    ----------
+    case : Case
+        The system.
+    folder : str or Path
+        The folder, created if it does not exist.
+
+    Returns
+    -------
+    Path
+        The folder.
+
+    Raises
+    ------
+    CaseError
+        If the folder contains tables that the case does not have, which `load` would read as well.
+    StudyError
+        If a file cannot be written; files written before are complete.
+    """
+    case, folder = as_case(case), files.path_of(folder)
+    texts = {}
+    equal = Counter(case.loads).items()  # equal loads at a bus become one row, as a copy of a row is refused
+    rows = {name: getattr(case, name) for name in TABLES}
+    rows["loads"] = tuple(load._replace(p=count * load.p, q=count * load.q) for load, count in equal)
+    for name, record in TABLES.items():
+        if rows[name] or name in NEEDED:
+            texts[f"{name}.csv"] = text_from(fields(record), rows[name])
+    for name, devices in case.devices.items():
+        columns = tables.device_columns(name)
+        names = list(columns)[1:]
+        texts[f"{name}.csv"] = text_from(
+            columns, [[key, *(getattr(par, c) for c in names)] for key, par in devices.items()]
+        )
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StudyError(f"The folder {folder} cannot be created: {error.strerror or error}.") from None
+    other = sorted(path.name for path in folder.glob("*.csv") if path.name not in texts)
+    if other:
+        raise CaseError(
+            f"{folder} contains {', '.join(other)}, which {case.name} does not have; choose an empty folder."
+        )
+    for name, text in texts.items():
+        files.replace(folder / name, text)
+    about = {key: getattr(case, key) for key in ABOUT if key != "extends"}
+    files.replace(folder / "case.toml", "".join(f"{key} = {_toml(value)}\n" for key, value in about.items()))
+    return folder
+
+
+def _toml(value: str | float) -> str:
+    """A value as TOML."""
+    if not isinstance(value, str):
+        return repr(float(value))
+    for plain, escaped in (("\\", "\\\\"), ('"', '\\"'), ("\n", "\\n")):
+        value = value.replace(plain, escaped)
+    return f'"{value}"'

@@ -9,7 +9,7 @@ from stabctl.model.case import Case
 from . import folder
 
 if TYPE_CHECKING:
-    from stabctl.model.characteristic import Loads
+    from stabctl.model.loads import Loads
 
     from .psse.to_case import Missing, MissingControls
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from stabctl._util.tabular import inert, plain
 from stabctl.errors import CaseError, shown
-from stabctl.model.keys import REPEATED
+from stabctl.model.naming import REPEATED
 from stabctl.schema import Field
 
 Row = dict[str, Any]

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 
 from stabctl.errors import CaseError
 from stabctl.model.case import Case
-from stabctl.model.row_error import RowError
+from stabctl.model.checks import RowError
 from stabctl.model.tables import Branch, Bus
 
 KINDS: dict[int, Literal["pq", "pv", "swing"]] = {1: "pq", 2: "pv", 3: "swing"}

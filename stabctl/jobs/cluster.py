@@ -15,8 +15,7 @@ from typing import Any
 from stabctl import devices
 from stabctl.errors import StudyError
 
-from .run_task import run_received
-from .task import Row, Task, row
+from .task import Row, Task, row, run_received
 
 PATIENCE = 5.0  # s   to wait for the scheduler
 RETURN = 120.0  # s   to wait for a scheduler that has stopped, and for workers, until it is given up

@@ -7,13 +7,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from stabctl._util import cores, files
+from stabctl._util import files, process
 from stabctl.errors import StudyError
 
 from .cluster import Cluster
-from .run_task import completed
 from .store import Store
-from .task import Kind, Row, Task
+from .task import Kind, Row, Task, completed
 
 
 class Runner(AbstractContextManager["Runner"]):
@@ -41,7 +40,7 @@ class Runner(AbstractContextManager["Runner"]):
     ) -> None:
         if workers is not None and scheduler is not None:
             raise StudyError("workers and scheduler cannot be used together; give one of them.")
-        self.workers = cores.used(workers)
+        self.workers = process.used(workers)
         self.store = None if store is None else Store(_folder(store) / f"{kind.table}.db", kind)
         self._known = {} if self.store is None else self.store.rows()
         self.before = 0  # rows asked for that the store had
@@ -109,7 +108,7 @@ class Runner(AbstractContextManager["Runner"]):
             yield from self.cluster.rows(tasks)
             return
         pool = ThreadPoolExecutor(self.workers)
-        with cores.one_thread():
+        with process.one_thread():
             try:
                 for done in as_completed([pool.submit(completed, task) for task in tasks]):
                     yield done.result()

@@ -1,11 +1,29 @@
-"""A task: one job of a study, ready to be sent to any process; and its row."""
+"""A task: one job of a study with its key, ready for any process; and how it is run to a row."""
 
+import dataclasses
+import hashlib
+import json
+import os
+import pickle
+import platform
+import time
+from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
-from functools import cache
+from functools import cache, cached_property, lru_cache
 from importlib.metadata import version
+from pathlib import Path
+from threading import Lock
 from typing import Annotated, Any, Literal, NamedTuple, Protocol
 
+import numpy as np
+
+from stabctl import devices
+from stabctl.dynamics import operating_point
+from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.errors import StabctlError, StudyError, bug
+from stabctl.model.case import Case
+from stabctl.model.tables import TABLES
 from stabctl.schema import fields
 
 Status = Literal["ok", "error", "bug"]
@@ -90,3 +108,135 @@ def row(task: Task, found: Mapping[str, Any], status: Status, message: str | Non
 @cache
 def _version() -> str:
     return version("stabctl")
+
+
+# The key of a job: the SHA-256 of everything that determines its row.
+
+
+def sha256(content: object) -> str:
+    """SHA-256 of the text of a content."""
+    return hashlib.sha256(canonical(content).encode()).hexdigest()
+
+
+def canonical(content: object) -> str:
+    """The unique JSON text of a content."""
+    return json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def text(content: object) -> str:
+    """The unique JSON text of records, numbers and texts, such as a control law, with the names of the classes."""
+    return canonical(_plain(content))
+
+
+def _plain(value: Any) -> Any:
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, float):
+        return value if np.isfinite(value) else str(value)
+    if isinstance(value, complex):
+        return [value.real, value.imag]
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        named = {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        return {"class": type(value).__name__, **named}
+    if isinstance(value, tuple) and hasattr(value, "_asdict"):
+        return _plain(value._asdict())
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    if isinstance(value, Mapping):
+        return {str(name): _plain(one) for name, one in value.items()}
+    what = getattr(value, "__name__", type(value).__name__)
+    raise StudyError(
+        f"The Python function or object {what} cannot be kept in a store or sent to a cluster, because a later change "
+        "of it would go unnoticed; give a law or a controller with matrices, or leave out the store and the scheduler."
+    )
+
+
+def fingerprint(case: Case) -> str:
+    """SHA-256 of the content of a case, wherever it was read from, and of the user's own devices in it."""
+    content: dict[str, Any] = {name: [row._asdict() for row in getattr(case, name)] for name in TABLES}
+    content |= {name: getattr(case, name) for name in ("name", "base_mva", "frequency_hz")}
+    content["devices"] = {
+        model: [[number, par._asdict()] for number, par in rows.items()] for model, rows in case.devices.items()
+    }
+    files = {model: Path(devices.every()[model].file) for model in case.devices}
+    known = devices.registered()
+    own = {model: file.read_text(encoding="utf-8") for model, file in files.items() if str(file) in known}
+    content |= {"device_files": own} if own else {}
+    return sha256(content)
+
+
+# An operating point that is sent as its case, and solved once by every process that receives it.
+
+POINTS_KEPT = 16  # operating points that a process keeps
+_known: OrderedDict[str, OperatingPoint] = OrderedDict()
+_lock = Lock()
+
+
+class Base:
+    """The operating point of jobs."""
+
+    def __init__(self, point: OperatingPoint) -> None:
+        self.point = point
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """SHA-256 of the content of its case."""
+        return fingerprint(self.point.case)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _received, (self.fingerprint, self._packed)
+
+    @cached_property
+    def _packed(self) -> bytes:
+        return pickle.dumps(self.point.case)
+
+
+def _received(key: str, case: bytes) -> Base:
+    """The operating point of a pickled case from another process."""
+    with _lock:
+        if key not in _known:
+            _known[key] = operating_point.solve(pickle.loads(case))
+            while len(_known) > POINTS_KEPT:
+                _known.popitem(last=False)
+        _known.move_to_end(key)
+        return Base(_known[key])
+
+
+# A task is run; any error is recorded in its row.
+
+SHARED_KEPT = 8  # shared data that a worker of a cluster keeps
+
+
+def run_task(task: Task) -> Row:
+    """Run the job of a task; an error becomes its row."""
+    began = time.perf_counter()
+    try:
+        return completed(task)
+    except StabctlError as error:
+        return row(task, {}, "error", " ".join(str(error).split()), **_here(began))
+    except Exception as error:
+        return row(task, {}, "bug", bug(error), **_here(began))
+
+
+def completed(task: Task) -> Row:
+    """Run the job of a task; raises what the job raises."""
+    began = time.perf_counter()
+    found = task.kind.run(task)
+    return row(task, found.values, "ok", found.message, **_here(began))
+
+
+def _here(began: float) -> dict[str, Any]:
+    return {"wall": time.perf_counter() - began, "worker": f"{platform.node()}:{os.getpid()}"}
+
+
+def run_received(files: tuple[str, ...], task: bytes, shared: bytes) -> Row:
+    """Register the user's devices in `files`, which unpickling the case may need, and run a pickled task."""
+    devices.register_missing(files)
+    return run_task(pickle.loads(task)._replace(shared=_unpacked(shared)))  # from the process that made the study
+
+
+@lru_cache(SHARED_KEPT)
+def _unpacked(shared: bytes) -> Any:
+    return pickle.loads(shared)

@@ -61,7 +61,7 @@ def of_modes(load: Source, case: Case, level: float, gain: str, factor: float) -
 def of_theory(load: Source, level: float, machine: int, cycles: float) -> Lines:
     """The line of the equal areas of a machine."""
     pair = f"equivalent({load.python}{_level(level)}, {machine})"
-    return {"python": f"from stabctl.theory.from_case import equivalent; area = {pair}.equal_area({cycles:g})"}
+    return {"python": f"from stabctl.theory.two_machine import equivalent; area = {pair}.equal_area({cycles:g})"}
 
 
 def fleet(case: Case, state: State) -> str | dict[int, str]:

@@ -1,20 +1,22 @@
-"""The page: one HTML file from its parts, served or saved."""
+"""The page: one HTML file from its parts, served, or saved with recorded answers."""
 
 import base64
 import json
 from collections.abc import Mapping
+from dataclasses import fields, replace
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-from stabctl.clearing.lines import lines
+from stabctl.clearing.screen_result import lines
 from stabctl.diagram import OneLine, one_line, storage
 from stabctl.errors import StudyError
-from stabctl.plotting import style
+from stabctl.plotting.palette import AREAS, CLEARING, COLORS, LABELS, VOLTAGES, css
 
-from .linear import gains
-from .points import Points
-from .state import LAWS, State
+from . import answers
+from .answers import gains
+from .commands import Source
+from .state import LAWS, Points, State
 
 STATIC = Path(__file__).parent / "static"
 SCRIPTS = (
@@ -73,11 +75,11 @@ def about(points: Points) -> dict[str, Any]:
         "laws": LAWS,
         "fault": fault,
         "style": {
-            "colors": style.COLORS,
-            "areas": style.AREAS,
-            "voltages": style.VOLTAGES,
-            "clearing": style.CLEARING,
-            "labels": style.LABELS,
+            "colors": COLORS,
+            "areas": AREAS,
+            "voltages": VOLTAGES,
+            "clearing": CLEARING,
+            "labels": LABELS,
         },
     }
 
@@ -103,8 +105,28 @@ def file(name: str) -> tuple[bytes, str]:
 
 
 def _text(name: str) -> str:
-    return style.css() if name == SHEETS[0] else (STATIC / name).read_text(encoding="utf-8")
+    return css() if name == SHEETS[0] else (STATIC / name).read_text(encoding="utf-8")
 
 
 def _template() -> str:
     return _text("page.html")
+
+
+# A page that is saved: its answers at clearing times around the present one, recorded.
+
+FRAMES = 17  # recorded clearing times
+SPREAD = 8.0  # cycles   over which they are spread
+
+
+def recording(points: Points, state: State, load: Source, results: Any) -> dict[str, Any]:
+    """What a saved page knows: the case, the state, recorded runs, and the results that the page has."""
+    first = max(0.0, state.clear - SPREAD / 2)
+    times = sorted({*(first + SPREAD * k / (FRAMES - 1) for k in range(FRAMES)), state.clear})
+    taken = [(clear, answers.run_answer(points, replace(state, clear=clear), load)) for clear in times]
+    return {
+        "case": about(points),
+        "clear": state.clear,
+        "state": {f.name: getattr(state, f.name) for f in fields(state)} | {"megawatts": dict(state.megawatts)},
+        "runs": [[clear, encoded(answer)] for clear, answer in taken],
+        "results": results,
+    }

@@ -1,4 +1,4 @@
-"""The server of the page: this machine only, a token in its address, ended by Ctrl-C."""
+"""The server of the page: this machine only, a token in its address, warm before the page opens."""
 
 import secrets
 import socket
@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
+from stabctl.simulation.simulate import simulate
 
+from . import page
 from .commands import Source
+from .state import AT, Points, State
 
 if TYPE_CHECKING:
     import uvicorn
 
-    from .points import Points
 
 HOST = "127.0.0.1"
 
@@ -49,7 +51,6 @@ def serve(
         import uvicorn  # noqa: F401
     except ImportError:
         raise StudyError("The page needs starlette and uvicorn; install them: pip install 'stabctl[live]'.") from None
-    from .warm import warm
 
     token = secrets.token_urlsafe(18)
     with socket.socket() as listening:
@@ -80,3 +81,17 @@ def server(points: "Points", load: Source, token: str, port: int) -> "uvicorn.Se
     return uvicorn.Server(
         uvicorn.Config(app(points, load, token, port), timeout_graceful_shutdown=1, ws="none", **options)
     )
+
+
+# What is done before the page opens: everything compiled, the diagram laid out, errors of the case found.
+
+ENDS = AT + 0.5  # s   of the first simulations
+
+
+def warm(case: Case) -> Points:
+    """The operating points of a case after its first simulations. `StudyError` if it cannot be simulated."""
+    points = Points(case)
+    fault = page.about(points)["fault"]
+    for state in (State(fault), State(fault, percent=1.0), State(fault, percent=1.0, law="feedback")):
+        simulate(points.of(state), state.contingency, ENDS, control=state.control(case.frequency_hz))
+    return points

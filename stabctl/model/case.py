@@ -10,7 +10,7 @@ from typing import Any
 from stabctl._util.verbs import verb
 from stabctl.errors import StudyError, shown
 
-from . import catalog, checks, keys, labels
+from . import checks, naming, tables
 from .tables import TABLES, Branch, Bus, Link, Load, Machine, Storage
 
 
@@ -51,7 +51,7 @@ class Case:
     buses: tuple[Bus, ...]
     branches: tuple[Branch, ...]
     machines: tuple[Machine, ...]
-    devices: Mapping[str, Mapping[keys.Key, Any]]
+    devices: Mapping[str, Mapping[naming.Key, Any]]
     loads: tuple[Load, ...] = ()
     links: tuple[Link, ...] = ()
     storage: tuple[Storage, ...] = ()
@@ -89,7 +89,7 @@ class Case:
         StudyError
             If there is no such machine.
         """
-        found = labels.machine_number(self, number) if isinstance(number, str) else number
+        found = naming.machine_number(self, number) if isinstance(number, str) else number
         for m in self.machines:
             if m.machine == found:
                 return m
@@ -112,16 +112,16 @@ class Case:
         str or None
             Name of the model, such as "genrou"; None if the machine has none.
         """
-        return next((model for model in catalog.of_role(role) if number in self.devices.get(model, ())), None)
+        return next((model for model in tables.of_role(role) if number in self.devices.get(model, ())), None)
 
     set = verb("stabctl.model.edit:set_value")
     with_load = verb("stabctl.model.edit:with_load")
-    with_load_level = verb("stabctl.model.load_level:with_load_level")
-    with_motors = verb("stabctl.model.motors:with_motors")
-    with_loads = verb("stabctl.model.characteristic:with_loads")
+    with_load_level = verb("stabctl.model.loads:with_load_level")
+    with_motors = verb("stabctl.model.loads:with_motors")
+    with_loads = verb("stabctl.model.loads:with_loads")
     with_storage = verb("stabctl.model.fleet:with_storage")
-    with_device = verb("stabctl.model.device_edit:with_device")
-    without_device = verb("stabctl.model.device_edit:without_device")
+    with_device = verb("stabctl.model.edit:with_device")
+    without_device = verb("stabctl.model.edit:without_device")
     with_typical_machines = verb("stabctl.model.typical:with_typical_machines")
     trip_machine = verb("stabctl.model.edit:trip_machine")
     classical = verb("stabctl.model.edit:classical")
@@ -140,7 +140,7 @@ class Case:
     estimate = verb("stabctl.estimation.estimate:estimate")
     place = verb("stabctl.placement.place:place")
     short_circuit = verb("stabctl.model.short_circuit:short_circuit")
-    short_circuit_ratio = verb("stabctl.model.short_circuit_ratio:short_circuit_ratio")
+    short_circuit_ratio = verb("stabctl.model.short_circuit:short_circuit_ratio")
     one_line = verb("stabctl.diagram:one_line")
     plot = verb("stabctl.plotting.one_line:plot")
 

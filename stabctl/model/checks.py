@@ -1,8 +1,9 @@
 """Checks of the tables of a case: the first error is raised with its location."""
 
 import math
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from functools import cache
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -11,13 +12,47 @@ from stabctl._util.validation import Invalid, checked
 from stabctl.devices.storage import joined
 from stabctl.devices.storage.models import TABLES
 from stabctl.errors import CaseError, StudyError, shown
+from stabctl.schema import fields
 
-from . import catalog, device_checks
-from .row_error import RowError
+from . import naming, tables
 from .tables import Storage
 
 if TYPE_CHECKING:
     from .case import Case
+
+
+# An error in a case and where it is.
+
+
+class RowError(CaseError):
+    """An error in a row of a table (0 is the first below the header).
+
+    Parameters
+    ----------
+    table, column : str
+        Where it is; the column by its header.
+    row : int
+        Row of the table, from 0.
+    text : str
+        The message. If two rows contradict each other, `{rows}` in it stands for both row numbers.
+    first : int, optional
+        The other of the two rows.
+    """
+
+    def __init__(self, table: str, row: int, column: str, text: str, first: int | None = None) -> None:
+        self.table, self.row, self.column, self.text, self.first = table, row, column, text, first
+        super().__init__(self.located(f"{table}.csv", lambda row: row + 2))
+
+    def located(self, path: Path | str, line: Callable[[int], int]) -> str:
+        """The sentence with its place in a file; `line` gives the line of a row."""
+        text = self.text
+        if self.first is not None:
+            text = text.replace("{rows}", f"rows {line(self.first)} and {line(self.row)}")
+        return f"{path} row {line(self.row)}, column {self.column}: {text}"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return RowError, (self.table, self.row, self.column, self.text, self.first)
+
 
 LEAST_IMPEDANCE = 1e-9  # pu on 100 MVA
 
@@ -38,12 +73,12 @@ def device_values(devices: Mapping[str, Mapping[Any, Any]]) -> Mapping[str, Mapp
     """The device tables with every value allowed, frozen; a table without rows is left out. Raises `RowError`."""
     found = {}
     for model, rows in devices.items():
-        if model not in catalog.models():
+        if model not in tables.models():
             raise CaseError(
-                f"{model}.csv: there is no device model {model!r}; choose one of {', '.join(catalog.models())}."
+                f"{model}.csv: there is no device model {model!r}; choose one of {', '.join(tables.models())}."
             )
         if rows:
-            record = catalog.models()[model].Par
+            record = tables.models()[model].Par
             found[model] = MappingProxyType(dict(zip(rows, values(model, record, tuple(rows.values())), strict=True)))
     return MappingProxyType(found)
 
@@ -62,7 +97,7 @@ def check(case: "Case") -> Iterator[str]:
     _kinds(case)
     yield from _branches(case)
     _loads(case)
-    yield from device_checks.check(case)
+    yield from check_devices(case)
     storage(case)
     _connected(case)
 
@@ -210,3 +245,113 @@ def _connected(case: "Case") -> None:
         if island[i] not in swing:
             text = f"bus {b.bus} is not connected to the swing bus; add a branch or remove the bus."
             raise RowError("buses", i, "bus", text)
+
+
+# Checks of the device tables: each row belongs to a machine or bus, and is compatible with the other devices there.
+
+
+def check_devices(case: "Case") -> Iterator[str]:
+    """Raise the first error in the device tables; yield a warning for every unusual parameter."""
+    _owners(case)
+    _one_of_a_kind(case)
+    _every_unit_has_a_model(case)
+    _controls(case)
+    for model, rows in case.devices.items():
+        for i, (key, par) in enumerate(rows.items()):
+            yield from _parameters(model, i, key, par)
+
+
+def _owners(case: "Case") -> None:
+    """Check that every device belongs to a machine, to a bus, or (load models) to a row of loads.csv."""
+    machines, buses = {m.machine for m in case.machines}, {b.bus for b in case.buses}
+    loads = set(naming.keys(case, "loads"))
+    for model, rows in case.devices.items():
+        column = tables.key_field(model).name
+        for i, key in enumerate(rows):
+            if not (isinstance(key, int) and not isinstance(key, bool)) and not naming.REPEATED.fullmatch(str(key)):
+                text = f"{key!r} is not allowed; it must be a {column} number, or 2#2 for the second device at 2."
+                raise RowError(model, i, column, text)
+            if tables.role(model) == "load" and key not in loads:
+                text = f"there is no load at bus {key} in loads.csv; add it there, with its p and q."
+                raise RowError(model, i, column, text)
+            if naming.number(key) not in (buses if column == "bus" else machines):
+                table = "buses.csv" if column == "bus" else "machines.csv"
+                raise RowError(model, i, column, f"there is no {column} {naming.number(key)} in {table}.")
+
+
+def _one_of_a_kind(case: "Case") -> None:
+    """Check that a machine has at most one model, one exciter and one governor, and a load one model."""
+    first: dict[tuple[naming.Key, str], tuple[str, int]] = {}
+    for model, rows in case.devices.items():
+        role = tables.role(model)
+        if role not in (*tables.SINGLE_ROLES, "load"):
+            continue
+        place, kind = key_column(model), "unit" if role in tables.UNIT_ROLES else role
+        for i, key in enumerate(rows):
+            owner = key if role == "load" else naming.number(key)
+            if (owner, kind) not in first:
+                first[owner, kind] = model, i
+                continue
+            other, row = first[owner, kind]
+            noun = {"unit": "models", "load": "models"}.get(kind, kind + "s")
+            if other == model:
+                text = f"{place} {owner} appears twice ({{rows}}); it can have only one row in this table."
+                raise RowError(model, i, place, text, row)
+            text = f"{place} {owner} has two {noun}, in {other}.csv and {model}.csv; keep one."
+            raise RowError(model, i, place, text)
+
+
+def key_column(model: str) -> str:
+    """Name of the column that keys a model's table."""
+    return tables.key_field(model).name
+
+
+def _every_unit_has_a_model(case: "Case") -> None:
+    """Check that every machine has a model, unless none has: such a case has a power flow only."""
+    known = tables.of_role(*tables.UNIT_ROLES)
+    if not any(tables.role(model) in devices.UNIT_ROLES for model in case.devices):
+        return
+    modeled = {naming.number(key) for model in known for key in case.devices.get(model, ())}
+    for i, m in enumerate(case.machines):
+        if m.machine not in modeled:
+            text = (
+                f"machine {m.machine} has no model; add a row for it to one of {', '.join(f'{k}.csv' for k in known)}."
+            )
+            raise RowError("machines", i, "machine", text)
+
+
+def _controls(case: "Case") -> None:
+    """Check that every control has something to act on."""
+    for model, rows in case.devices.items():
+        role = tables.role(model)
+        for i, key in enumerate(rows):
+            number = naming.number(key)
+            machine = case.model(number, "machine")
+            if role == "exciter" and machine and not tables.takes(machine, role):
+                text = f"machine {number} is modeled by {machine}, which has no exciter; remove this row."
+                raise RowError(model, i, "machine", text)
+            if role in devices.OF_CONVERTER and machine:
+                text = f"machine {number} is modeled by {machine}, which has no {role}; remove this row."
+                raise RowError(model, i, "machine", text)
+            if role == "plant control" and not case.model(number, "electrical control"):
+                text = f"machine {number} has no electrical control for its plant control to act on; add one."
+                raise RowError(model, i, "machine", text)
+            if role == "stabilizer" and machine and not case.model(number, "exciter"):
+                text = f"machine {number} has no exciter for its stabilizer to act on; add one or remove this row."
+                raise RowError(model, i, "machine", text)
+
+
+def _parameters(model: str, i: int, key: naming.Key, par: Any) -> Iterator[str]:
+    """Raise the first invalid combination of parameters; yield a warning for every unusual one."""
+    kind: type = type(par)
+    of = fields(kind)
+    owner = f"{key_column(model)} {key}"
+    for name, f in of.items():
+        top = name.removesuffix("min") + "max"
+        if name.endswith("min") and top in of and getattr(par, name) > getattr(par, top):
+            text = f"{name} = {getattr(par, name):g} is above {top} = {getattr(par, top):g}."
+            raise RowError(model, i, f.column, text)
+    for name, text in getattr(par, "errors", tuple)():
+        raise RowError(model, i, of[name].column, f"{name} = {getattr(par, name):g} of {owner} {text}.")
+    for name, text in getattr(par, "warnings", tuple)():
+        yield f"{model}.csv, {owner}: {name} = {getattr(par, name):g} {text}."

@@ -12,7 +12,7 @@ from stabctl.errors import StudyError, shown
 from stabctl.schema import fields
 from stabctl.units import quantity, rating
 
-from . import checks, keys, powerflow
+from . import checks, naming, powerflow
 from .case import Case
 from .powerflow import PowerFlow
 from .tables import Machine, Storage
@@ -108,7 +108,7 @@ def chosen(
             )
         machine = case.machine(match[1].strip())
         bus = int(match[2]) if match[2] else machine.storage_bus
-        keys.row(case, "buses", bus)
+        naming.row(case, "buses", bus)
         if any((s.machine, s.bus) == (machine.machine, bus) for s in found):
             raise StudyError(f"Machine {machine.machine} has two storage devices at bus {bus}; give it one.")
         found.append(_equipped(Storage(machine.machine, bus, megawatts(case, machine, size, flow)), given))
@@ -193,7 +193,7 @@ def _options(options: Mapping[str, Any]) -> dict[str, Any]:
     known = {name: f for name, f in fields(Storage).items() if name not in ("machine", "bus", "rating")}
     for name in options:
         if name not in known:
-            raise StudyError(f"A storage device has no option {name!r}; {keys.near(name, known)}")
+            raise StudyError(f"A storage device has no option {name!r}; {naming.near(name, known)}")
     return {
         name: _read(name, value, known[name].unit) if isinstance(value, str) and known[name].kind is float else value
         for name, value in options.items()

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from stabctl.errors import StudyError, shown
 
-from . import circuits, labels
+from . import naming
 from .case import Case
 
 _NUMBER = re.compile(r"[0-9]{1,18}")
@@ -49,12 +49,12 @@ def locate(case: Case, text: str) -> Location:
         If the case has no such bus or circuit, or the text is not a location.
     """
     text = str(text).strip()
-    if (number := labels.bus_number(case, text)) is not None:
+    if (number := naming.bus_number(case, text)) is not None:
         return Location(next(i for i, bus in enumerate(case.buses) if bus.bus == number))
     if _NUMBER.fullmatch(text):
         raise StudyError(_no_bus(case, int(text)))
     name, position = _parts(case, text)
-    wanted = circuits.parse(case, name)
+    wanted = naming.parse_circuit(case, name)
     if wanted is None:
         raise StudyError(
             f"{shown(text)} is not a location; write 83 for a bus, 7-8 or 7-8#2 for a circuit, 7-8@0.4 for a point on "
@@ -77,8 +77,8 @@ def locate(case: Case, text: str) -> Location:
 
 def _parts(case: Case, text: str) -> tuple[str, str | None]:
     """The circuit and the position along it; the identifier of a circuit may itself begin with `@`."""
-    wanted = circuits.parse(case, text)
-    point = None if wanted and circuits.rows(case, wanted) else _POINT.fullmatch(text)
+    wanted = naming.parse_circuit(case, text)
+    point = None if wanted and naming.circuit_rows(case, wanted) else _POINT.fullmatch(text)
     return (point[1], point[2]) if point else (text, None)
 
 
@@ -87,12 +87,12 @@ def faulted(case: Case, text: str) -> str | None:
     return None if locate(case, text).branch is None else _parts(case, str(text).strip())[0]
 
 
-def _circuit_row(case: Case, wanted: circuits.Circuit) -> int:
+def _circuit_row(case: Case, wanted: naming.Circuit) -> int:
     """Row of a circuit; the first of those between its buses if it is not told from the others."""
     a, b = wanted.a, wanted.b
-    if rows := circuits.rows(case, wanted):
+    if rows := naming.circuit_rows(case, wanted):
         return rows[0]
-    among = circuits.rows(case, wanted._replace(place=None, id=None))
+    among = naming.circuit_rows(case, wanted._replace(place=None, id=None))
     if not among:
         raise StudyError(_no_branch(case, a, b))
     if wanted.id is None:
@@ -107,5 +107,5 @@ def circuit(case: Case, text: str) -> tuple[int, bool]:
     where = locate(case, text)
     if where.branch is None or where.fraction is not None:
         raise StudyError(f"{text!r} is not a circuit; write 7-8, or 7-8#2 for the second circuit.")
-    wanted = circuits.parse(case, str(text))
+    wanted = naming.parse_circuit(case, str(text))
     return where.branch, wanted is not None and case.branches[where.branch].from_bus == wanted.a

@@ -7,10 +7,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from stabctl._util.garbage_collection import paused
+from stabctl._util.process import paused
 from stabctl.errors import StudyError, shown
 
-from . import catalog, keys, powerflow
+from . import naming, powerflow, tables
 from .case import Case, as_case
 from .tables import Branch, Bus, Machine
 
@@ -53,7 +53,7 @@ def replicate(case: Case, copies: int, *, tie_bus: int | None = None, x: float =
     swing = next(b.bus for b in case.buses if b.kind == "swing")
     if tie_bus is None:
         tie_bus = next(m.storage_bus for m in case.machines if m.bus == swing)
-    keys.row(case, "buses", tie_bus)
+    naming.row(case, "buses", tie_bus)
     if not 0 < x < np.inf:
         raise StudyError(f"A tie of {x:g} pu is not possible; its reactance must be above 0.")
     flow = powerflow.solve(case)
@@ -75,7 +75,7 @@ def replicate(case: Case, copies: int, *, tie_bus: int | None = None, x: float =
         storage=tuple(_moved(d, s) for s in shifts for d in case.storage),
         devices={
             model: {
-                keys.moved(key, s): _heavier(model, par, float(g))
+                naming.moved(key, s): _heavier(model, par, float(g))
                 for s, g in zip(shifts, growth, strict=True)
                 for key, par in rows.items()
             }
@@ -86,7 +86,7 @@ def replicate(case: Case, copies: int, *, tie_bus: int | None = None, x: float =
 
 def _heavier(model: str, par: Any, factor: float) -> Any:
     """The parameters of a machine with its inertia multiplied; of other devices as they are."""
-    machine = catalog.role(model) == "machine" and "H" in par._fields
+    machine = tables.role(model) == "machine" and "H" in par._fields
     return par._replace(H=par.H * factor) if machine else par
 
 

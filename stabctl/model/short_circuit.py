@@ -1,4 +1,4 @@
-"""Short-circuit power of every bus: three-phase bolted faults at 1 pu, fed by the synchronous machines."""
+"""Short-circuit power of every bus, and short-circuit ratios of converters."""
 
 from dataclasses import dataclass
 from html import escape
@@ -8,6 +8,7 @@ import numpy as np
 
 from stabctl import devices
 from stabctl._util.verbs import verb
+from stabctl._util.wording import counted
 from stabctl.errors import StudyError
 
 from . import network
@@ -16,6 +17,7 @@ from .location import circuit
 
 if TYPE_CHECKING:
     import pandas as pd
+
 
 BLOCK = 256  # columns of the impedance matrix at a time
 
@@ -35,7 +37,7 @@ class ShortCircuit:
     case: Case
     impedance: np.ndarray
 
-    plot = verb("stabctl.plotting.short_circuit:plot")
+    plot = verb("stabctl.plotting.short_circuit:plot_short_circuit")
 
     @property
     def mva(self) -> np.ndarray:
@@ -155,3 +157,127 @@ def source_admittances(case: Case, net: network.Network) -> np.ndarray:
             par = device.prepared(case.devices[model][m.machine]._replace(mva=m.base / case.base_mva))
             found[bus] += device.admittances(np.array([par]))[0]
     return found
+
+
+# Short-circuit ratios of converters: how strong the grid is at each, alone and with the others.
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ShortCircuitRatio:
+    """Short-circuit ratios of the converters of a case.
+
+    Attributes
+    ----------
+    case : Case
+        The system.
+    converters : tuple of str
+        Labels of the converters.
+    buses : tuple of int
+        Number of the bus of each.
+    rated_mva : ndarray (converters), MVA
+        Ratings.
+    short_circuit_mva : ndarray (converters), MVA
+        Short-circuit power of the bus of each.
+    equivalent : ndarray (converters)
+        Equivalent short-circuit ratios, with the interaction of the other converters.
+    """
+
+    case: Case
+    converters: tuple[str, ...]
+    buses: tuple[int, ...]
+    rated_mva: np.ndarray
+    short_circuit_mva: np.ndarray
+    equivalent: np.ndarray
+
+    plot = verb("stabctl.plotting.short_circuit:plot_short_circuit_ratio")
+
+    @property
+    def ratio(self) -> np.ndarray:
+        """Short-circuit power of the bus over the rating of the converter (converters)."""
+        return self.short_circuit_mva / self.rated_mva
+
+    @property
+    def weighted(self) -> float:
+        """Weighted short-circuit ratio of all converters, sum S_k P_k / (sum P_k)^2."""
+        return float(self.short_circuit_mva @ self.rated_mva / self.rated_mva.sum() ** 2)
+
+    @property
+    def df(self) -> "pd.DataFrame":
+        """One row per converter: rating, short-circuit power of its bus, ratio, and equivalent ratio."""
+        import pandas as pd
+
+        return pd.DataFrame(
+            {
+                "converter": self.converters,
+                "bus": self.buses,
+                "rated_mva": self.rated_mva,
+                "short_circuit_mva": self.short_circuit_mva,
+                "scr": self.ratio,
+                "escr": self.equivalent,
+            }
+        )
+
+    def __str__(self) -> str:
+        k = int(np.argmin(self.equivalent))
+        return (
+            f"{self.case.name}: {counted(len(self.converters), 'converter')}, {self.rated_mva.sum():.0f} MVA; weighted "
+            f"short-circuit ratio {self.weighted:.2f}; weakest: {self.converters[k]} with SCR {self.ratio[k]:.2f}, "
+            f"ESCR {self.equivalent[k]:.2f}"
+        )
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        return f"<p>{escape(str(self))}</p>{self.df.to_html(index=False, float_format='{:.3f}'.format)}"
+
+
+def short_circuit_ratio(base: Any, *, trip: str | None = None) -> ShortCircuitRatio:
+    """Compute the short-circuit ratios of all converters: those of units, and storage devices.
+
+    SCR_k = S_k / P_k with the short-circuit power S_k of the bus without any converter and the rating P_k in MVA;
+    equivalent ratio with interaction factors ESCR_k = S_k / (P_k + sum_j |Z_kj / Z_jj| P_j), where |Z_kj / Z_jj| is the
+    change of the voltage at k over that at j for a current injected at j; weighted ratio WSCR = sum S_k P_k over
+    (sum P_k)^2. A static compensator is no converter here.
+    Source: CIGRE TB 671, Connection of Wind Farms to Weak AC Networks, 2016 (SCRIF); Y. Zhang et al., Evaluating System
+    Strength for Large-Scale Wind Plant Integration, IEEE PES General Meeting, 2014 (WSCR).
+
+    Parameters
+    ----------
+    base : Case or OperatingPoint
+        The system.
+    trip : str, optional
+        Circuits that are open: "7-8", "7-8#2, 8-9".
+
+    Returns
+    -------
+    ShortCircuitRatio
+
+    Raises
+    ------
+    StudyError
+        If there is no converter, the case has no dynamic data, or there is no such circuit.
+    """
+    case = as_case(base)
+    rows = installed(case)
+    if not rows:
+        raise StudyError(f"{case.name} has no converter and no storage device, so it has no short-circuit ratio.")
+    names, buses, rated = zip(*rows, strict=True)
+    place = {b.bus: k for k, b in enumerate(case.buses)}
+    at, P = np.array([place[bus] for bus in buses]), np.array(rated)
+    own, columns = impedances(case, trip, at)
+    S = case.base_mva / np.abs(own[at])
+    factor = np.abs(columns[at] / own[at])  # row k, column j: |Z_kj / Z_jj|; 1 at the same bus
+    with np.errstate(invalid="ignore"):
+        equivalent = S / (factor @ P)
+    return ShortCircuitRatio(case, names, buses, P, S, np.where(S > 0, equivalent, 0.0))
+
+
+def installed(case: Case) -> list[tuple[str, int, float]]:
+    """Name, bus and MVA of every converter and storage device of a case."""
+    found = [
+        (f"{device.name} {m.called}", m.bus, m.base)
+        for model, device in devices.models().items()
+        for m in case.machines
+        if device.role == "converter" and model != "csvgn1" and m.machine in case.devices.get(model, {})
+    ]
+    return found + [(f"ESD {s.machine}@{s.bus}", s.bus, s.mva or s.rating) for s in case.storage if s.rating > 0]

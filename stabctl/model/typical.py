@@ -22,9 +22,9 @@ from stabctl.devices.blocks import quadratic
 from stabctl.devices.machines.saturation import points
 from stabctl.errors import StudyError
 
-from . import catalog, powerflow
+from . import powerflow, tables
 from .case import Case, as_case
-from .characteristic import LOW
+from .loads import LOW
 from .tables import Load, Machine
 
 Kind = Literal["steam", "gas", "hydro", "nuclear", "condenser", "converter"]
@@ -77,7 +77,7 @@ def with_typical_machines(case: Case, known: Mapping[int, Known] = MappingProxyT
         If its power flow, which gives the ratings, has no solution.
     """
     case = as_case(case)
-    if any(model in case.devices for model in catalog.of_role(*catalog.UNIT_ROLES)):
+    if any(model in case.devices for model in tables.of_role(*tables.UNIT_ROLES)):
         raise StudyError(f"{case.name} has dynamic data; typical machines are for a case without any.")
     flow = powerflow.solve(case)
     power = dict(zip((m.machine for m in case.machines), (flow.S * case.base_mva).tolist(), strict=True))
@@ -160,7 +160,7 @@ def _devices(unit: dict[str, Any], S: complex) -> dict[str, Any]:
     if S.real > PRODUCES:
         lags = {f"T{k}": unit[f"GT{k}"] for k in range(1, 6)}
         made["ieesgo"] = {**lags, "T6": 0.0, "K1": 1 / unit["R"], "K2": 1 - unit["F"], "Pmax": unit["Pmax"]}
-    return {model: catalog.parameters(model, **values) for model, values in made.items()}
+    return {model: tables.parameters(model, **values) for model, values in made.items()}
 
 
 def _notes(case: Case, machines: int, converters: int, raised: int) -> list[str]:

@@ -7,9 +7,8 @@ import numpy as np
 
 from stabctl.errors import LinearizationError, StudyError
 
-from .allocation import Objective, allocate
+from .allocation import Objective, allocate, gramians
 from .cutting_planes import CuttingPlanes
-from .gramians import gramians
 from .scaling import along, critical_scaling, largest_scaling, least_scaling
 from .siting import Infeasible
 from .trials import Trials

@@ -1,37 +1,38 @@
 """Where storage belongs and how large it must be: from contingencies and costs to a fleet with its evidence."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
+from stabctl import units
 from stabctl._util.wording import counted
 from stabctl.clearing import Screen, Search
-from stabctl.controllers import Controller, Law
+from stabctl.controllers import BangBang, Controller, Law
 from stabctl.dynamics import operating_point
-from stabctl.errors import StudyError
+from stabctl.errors import StudyError, shown
+from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.estimators import EstimatorName
 from stabctl.jobs import Runner
 from stabctl.model import fleet, powerflow
 from stabctl.model.case import Storage
-from stabctl.simulation.control import Control
+from stabctl.simulation.control import Control, acting, with_law
 from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.sampled import Sampled
 
-from . import controls, converters, initial_fleets, rounding, tolerances
-from .contingencies import LONGER, Contingencies
+from . import cutting_planes, evidence, initial_fleets
+from .contingencies import LONGER, Bases, Contingencies, operating_points, scaled, scenarios
 from .contingencies import contingencies as as_contingencies
-from .cutting_planes import CuttingPlanes
+from .cutting_planes import CuttingPlanes, Master
 from .evidence import critical_times, energies, table
-from .master import Master
-from .scenario import Bases, operating_points, scenarios
 from .sensitivity import sensitivity
 from .simulated import FLEET, CriticalTime
 from .site_options import SiteOptions, Sites
 from .site_options import sites as as_sites
 from .siting import CandidateSite, Costs, Site, Siting, Survived
+from .siting_rows import label
 from .trials import Trials
 
 UNIFORM = 0.05  # of machine MVA   the uniform fleet that is scaled
@@ -129,16 +130,18 @@ def place(
     cases = operating_points(base)
     case = next(iter(cases.values()))
     _check(costs, sites)
-    required = tolerances.share(tolerance)
-    acts = controls.acting_in(control)
-    others = controls.others(validate, acts)
+    required = share(tolerance)
+    acts = acting_in(control)
+    others = other_controllers(validate, acts)
     search = Search.of(
         case, resolution="0.125cyc", limit=LIMIT, observe=observe, step=step, criterion=criterion, longest=longest
     )
     wanted = as_contingencies(case, contingencies)
     flow = powerflow.solve(case)
     possible = as_sites(operating_point.solve(case, flow), candidates, cap, costs, flow)
-    largest = np.where(possible.module > 0, possible.cap, rounding.down(possible.cap, rounding.decimals(possible.cap)))
+    largest = np.where(
+        possible.module > 0, possible.cap, cutting_planes.down(possible.cap, cutting_planes.decimals(possible.cap))
+    )
     places = fleet.devices(case, _devices(possible, largest), options=device)
     points = [operating_point.solve(fleet.extended(one, (*one.storage, *places))) for one in cases.values()]
 
@@ -168,12 +171,12 @@ def place(
         if planes.best is None or planes.energy is None:
             raise StudyError(_none_found(trials, sites))
         if required is not None:
-            tolerances.hold(planes, required)
+            hold(planes, required)
         best, bound, trials = planes.best, planes.bound, trials.of(planes.best)
         times = critical_times(trials, best)
-        rows = table(trials, best, times, others, required or tolerances.USUAL)
+        rows = table(trials, best, times, others, required or USUAL)
         survived = _survived(trials, best, times)
-        mva, uses = converters.mva(trials, best), converters.used(trials, best)
+        mva, uses = evidence.mva(trials, best), evidence.used(trials, best)
     order = [int(i) for i in np.argsort(-best) if best[i] > 0]
     found = possible.candidates
     built = [
@@ -239,3 +242,78 @@ def _none_found(trials: Trials, sites: int | None) -> str:
         f"No fleet{few} within the caps was found that survives all {len(trials.scenarios)} contingencies of "
         f"{trials.point.case.name}; raise the caps or the number of sites, or shorten the clearing times."
     )
+
+
+# What controls storage and the system in the simulations of a siting.
+
+
+def acting_in(control: Control) -> list[Law | Controller]:
+    """What acts in every simulation: a law, unless controllers give the orders, and the controllers."""
+    parts = acting(control)
+    if parts.pilots:
+        raise StudyError("A fleet is sized with true speeds; give the estimator as validate='kalman', for example.")
+    return with_law([*([parts.law] if parts.law else []), *parts.controllers], BangBang())
+
+
+def other_controllers(
+    validate: EstimatorName | Mapping[str, Sampled] | None, acts: Sequence[Law | Controller]
+) -> Mapping[str, Sampled]:
+    """Other controllers by name."""
+    if validate is None or isinstance(validate, Mapping):
+        return validate or {}
+    if validate not in get_args(EstimatorName):
+        raise StudyError(f"validate = {validate!r} is not an estimator; choose {', '.join(get_args(EstimatorName))}.")
+    return {validate: EstimatorControl(acts, validate)}
+
+
+# Fleets whose sizes have a tolerance: any one device alone may be a little smaller or larger.
+#
+# Survival is not monotone in the size of one device. Every scenario is therefore simulated with every device smaller
+# and
+# larger; those that are lost become scenarios of the search.
+
+USUAL = 0.1  # of a size, in the evidence of every fleet
+
+
+def share(tolerance: str | float | None) -> float | None:
+    """A tolerance of sizes as a share: "10%" or 0.1; None for none. Raises `StudyError`."""
+    if tolerance is None:
+        return None
+    value = units.quantity(tolerance, "-")
+    if not 0 < value < 1:
+        raise StudyError(f"The tolerance {shown(tolerance)} is not allowed; give a share of a size, such as 10%.")
+    return value
+
+
+def lost(trials: Trials, mw: np.ndarray, tolerance: float) -> Trials:
+    """The scenarios with any one device of a fleet (candidates, MW) smaller or larger that it does not survive."""
+    built = [len(trials.existing) + int(i) for i in np.flatnonzero(mw)]
+    multiples = 1 - tolerance, 1 + tolerance
+    every = trials.among(one for row in built for a in multiples for one in scaled(trials.scenarios, row, a))
+    return every.only(every.lost(mw))
+
+
+def hold(planes: CuttingPlanes, tolerance: float) -> None:
+    """Search again with what the best fleet does not survive within the tolerance, until nothing is left.
+
+    Each search adds at least one of finitely many scenarios. Raises `StudyError` if one finds no fleet.
+    """
+    given, best = planes.trials, planes.best
+    while planes.best is not None and (missing := lost(given, planes.best, tolerance)).scenarios:
+        best, left = planes.best, missing
+        planes.require(missing.scenarios)
+        planes.run()
+    if best is not None and planes.best is None:
+        raise StudyError(
+            f"No fleet within the caps was found that survives every contingency also with any one site "
+            f"{100 * tolerance:g} % smaller or larger. The last one, {best.sum():.1f} MW, loses {_named(left, 0)}. "
+            "Raise the caps or the number of sites, shorten the clearing times, or reduce the tolerance."
+        )
+
+
+def _named(trials: Trials, k: int) -> str:
+    """Scenario k with the device that has another size."""
+    one = trials.scenarios[k]
+    row, multiple = one.scaled or (0, 1.0)
+    size = f"{trials.site(row - len(trials.existing))} x{multiple:g}"
+    return f"{label(one.contingency, *trials.named(k))} with {size}"

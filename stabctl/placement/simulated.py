@@ -8,10 +8,9 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from stabctl.clearing import Search, Trial
-from stabctl.clearing.last_stable import last_stable
+from stabctl.clearing.critical_time import last_stable
 from stabctl.jobs import Found, Kind, Task
-from stabctl.jobs.base import Base
-from stabctl.jobs.key import sha256, text
+from stabctl.jobs.task import Base, sha256, text
 from stabctl.simulation.attached import attached, resized
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control, acting
@@ -19,8 +18,7 @@ from stabctl.simulation.recording import Recorded
 from stabctl.simulation.simulation import run
 from stabctl.simulation.trajectory import Trajectory
 
-from .contingencies import target_cycles
-from .scenario import without_fault
+from .contingencies import target_cycles, without_fault
 from .siting_rows import SAME
 
 FORMAT = 3

@@ -1,4 +1,4 @@
-"""Where storage may be built, what it costs there, and how large it may be: the candidates, from records or a table."""
+"""Where storage may be built, what it costs there, and how large it may be."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -15,9 +15,32 @@ from stabctl.model.case import Case
 from stabctl.model.powerflow import PowerFlow
 from stabctl.schema import NOT_NEGATIVE, POSITIVE, fields
 
-from .prices import Prices
 from .sensitivity import Candidate, all_candidates, checked, sensitivity
 from .siting_rows import Costs
+
+# What a fleet costs: its megawatts, the energy that they need, and its sites.
+
+
+class Prices(NamedTuple):
+    """Prices at every candidate (candidates), in any one currency."""
+
+    mw: np.ndarray  # per MW
+    mwh: np.ndarray  # per MWh
+    site: np.ndarray  # per site
+
+    def cost(self, mw: np.ndarray, mwh: np.ndarray) -> float:
+        """Cost of a fleet (candidates, MW) with its energy capacities (candidates, MWh)."""
+        return float(self.mw @ mw + self.mwh @ mwh + self.site @ (mw > 0))
+
+    def per_mw(self, hours: np.ndarray) -> np.ndarray:
+        """Price of a MW (candidates) that needs so many MWh per MW."""
+        return self.mw + self.mwh * hours
+
+    def affordable(self, mw: np.ndarray, cost: float) -> float:
+        """The largest multiple of a fleet (candidates, MW) that costs no more, without its energy."""
+        of_sizes, of_sites = float(self.mw @ mw), float(self.site @ (mw > 0))
+        return max(cost - of_sites, 0.0) / of_sizes if of_sizes > 0 else np.inf
+
 
 LARGEST = 1e6  # MW
 WHOLE = 1e-6  # of a module

@@ -15,15 +15,14 @@ from stabctl.clearing import Search
 from stabctl.controllers import BangBang
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.jobs import Runner
-from stabctl.jobs.base import Base
+from stabctl.jobs.task import Base
 from stabctl.simulation.attached import attached
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control, acting
 from stabctl.simulation.simulation import Simulation
 from stabctl.simulation.trajectory import Trajectory
 
-from .contingencies import target_cycles
-from .scenario import Scenario, without_fault
+from .contingencies import Scenario, target_cycles, without_fault
 from .simulated import FLEET, CriticalTime, Outcome, Peaks, Shared, Simulated, What, simulate, task, trial
 
 FEW = 2  # scenarios simulated before all others

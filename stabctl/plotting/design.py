@@ -1,16 +1,17 @@
-"""Figures of a design: modes without and with it, root locus, loop gains, step responses."""
+"""Figures of a design: modes, root locus, loop gains, step responses, and pairs of signals."""
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stabctl.design.evidence import Evidence
-from stabctl.design.requirement import FAST
-from stabctl.design.result import Design
+from stabctl.design.pairs import Pairs
+from stabctl.design.result import FAST, Design
 
-from . import tooltips
+from . import style
 from .modes import RATIOS, ray
-from .style import COLORS, GRAY, LABELS, single, subplots
+from .palette import COLORS, GRAY, LABELS
+from .style import single, subplots
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,11 +21,12 @@ if TYPE_CHECKING:
 
     from stabctl.smallsignal.modes import Modes
 
+
 SIZE, TALL, LOW = (5.2, 4.2), (5.6, 5.0), (5.6, 3.2)  # inches; letters stay readable on a phone
 WIDE = 50  # letters in a row of a legend
 
 
-def plot(design: Design, *, ax: "Axes | None" = None) -> "Axes":
+def plot_design(design: Design, *, ax: "Axes | None" = None) -> "Axes":
     """Plot the modes of all operating points without and with the controllers, the upper half of the complex plane.
 
     Parameters
@@ -70,7 +72,7 @@ def bode(found: Evidence) -> "Figure":
         curves = size.loglog(loop.hz, np.abs(loop.response), label=loop.name)
         curves += phase.semilogx(loop.hz, np.rad2deg(np.unwrap(np.angle(loop.response))))
         for curve in curves:
-            tooltips.name(curve, loop.name)
+            style.name(curve, loop.name)
     size.axhline(1, color=GRAY, linewidth=1)
     size.set_ylabel("magnitude")
     phase.set(xlabel=LABELS["frequency"], ylabel="phase (deg)")
@@ -85,7 +87,7 @@ def steps(found: Evidence) -> "Figure":
     figure, axes = subplots(*TALL, 2, 1, sharex=True)
     for ax, (t, y), what in zip(axes[:, 0], (found.steps.before, found.steps.after), ("without", "with"), strict=True):
         for name, row in zip(found.steps.machines, y.T, strict=True):
-            tooltips.name(ax.plot(t, hz * row, linewidth=1, label=f"machine {name}")[0], f"machine {name}, {what}")
+            style.name(ax.plot(t, hz * row, linewidth=1, label=f"machine {name}")[0], f"machine {name}, {what}")
         ax.set_ylabel(f"{what} (mHz)")
     _above(axes[0, 0])
     axes[1, 0].set_xlabel(LABELS["time"])
@@ -98,7 +100,7 @@ def own_steps(found: Evidence) -> "Axes":
     ax = single(None, *LOW)
     for name, t, y in found.steps.own:
         for row in y.T:
-            tooltips.name(ax.plot(t, row, linewidth=1, label=name)[0], name)
+            style.name(ax.plot(t, row, linewidth=1, label=name)[0], name)
     ax.set(xlabel=LABELS["time"], ylabel="output")
     _above(ax)
     return ax
@@ -128,3 +130,33 @@ def _plane(ax: "Axes", several: "Sequence[Modes]") -> None:
     ax.axvline(0, color=GRAY, linewidth=1)
     for ratio in RATIOS:
         ray(ax, ratio, left, top)
+
+
+# Figure of pairs of signals and inputs: their scores for damping a mode.
+
+MOST = 20  # pairs shown
+
+
+def plot_pairs(pairs: Pairs, *, ax: "Axes | None" = None) -> "Axes":
+    """Plot the scores of the best pairs.
+
+    Parameters
+    ----------
+    pairs
+        The ranked pairs.
+    ax
+        Axes to draw on. Default: a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        One bar for each of the 20 best pairs.
+    """
+    first = pairs.df.head(MOST)
+    ax = single(ax, 6.4, 1.2 + 0.24 * len(first))
+    at = np.arange(len(first))
+    ax.barh(at, first["score"], height=0.6, color=COLORS[0])
+    ax.set_yticks(at, [f"{row.input} to {row.output}" for row in first.itertuples()], fontsize="small")
+    ax.set(xlabel=f"score (1/s), mode at {pairs.mode_hz:.3f} Hz", ylim=(len(first) - 0.5, -0.5))
+    ax.grid(visible=False, axis="y")
+    return ax

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 
 from stabctl.estimation.estimates import Estimates
 
-from .style import COLORS, LABELS, subplots
+from .palette import COLORS, LABELS
+from .style import subplots
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -4,9 +4,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stabctl.smallsignal.limit_cycle import LimitCycles
+from stabctl.smallsignal.limit_cycles import LimitCycles
 
-from .style import COLORS, GRAY, single
+from .palette import COLORS, GRAY
+from .style import single
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,18 +1,19 @@
-"""Figure of short-circuit power: the weakest buses."""
+"""Figures of short-circuit power and of short-circuit ratios."""
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .style import COLORS, single
+from .palette import COLORS
+from .style import single
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from stabctl.model.short_circuit import ShortCircuit
+    from stabctl.model.short_circuit import ShortCircuit, ShortCircuitRatio
 
 
-def plot(found: "ShortCircuit", *, most: int = 25, ax: "Axes | None" = None) -> "Axes":
+def plot_short_circuit(found: "ShortCircuit", *, most: int = 25, ax: "Axes | None" = None) -> "Axes":
     """Plot the short-circuit power of the weakest buses as bars, the weakest on top.
 
     Parameters
@@ -38,4 +39,45 @@ def plot(found: "ShortCircuit", *, most: int = 25, ax: "Axes | None" = None) -> 
     ax.grid(visible=False, axis="y")
     ax.set_xlabel("short-circuit power (MVA)")
     ax.set_title(f"{found.case.name}: {len(shown)} of {len(found.mva)} buses", fontsize="medium")
+    return ax
+
+
+# Figure of short-circuit ratios: each converter alone, and with the others.
+
+WEAK = 3.0  # short-circuit ratio below which a grid is called weak (IEEE Std 1204-1997)
+
+
+def plot_short_circuit_ratio(found: "ShortCircuitRatio", *, most: int = 25, ax: "Axes | None" = None) -> "Axes":
+    """Plot the short-circuit ratios of the converters as bars, the smallest equivalent ratio on top.
+
+    Parameters
+    ----------
+    found
+        The short-circuit ratios.
+    most
+        Number of converters.
+    ax
+        Axes to draw on. Default: a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The dashed line is the ratio of 3 below which a grid is called weak.
+    """
+    shown = np.argsort(found.equivalent, kind="stable")[:most]
+    ax = single(ax, 6, 1.6 + 0.45 * len(shown))
+    for shift, values, label, color in (
+        (-0.19, found.ratio, "alone (SCR)", COLORS[0]),
+        (0.19, found.equivalent, "with the others (ESCR)", COLORS[1]),
+    ):
+        bars = ax.barh(np.arange(len(shown)) + shift, values[shown], 0.36, color=color, label=label)
+        ax.bar_label(bars, [f"{values[k]:.2f}" for k in shown], padding=3, fontsize="small")
+    ax.axvline(WEAK, color="0.4", linestyle="--", linewidth=1)
+    ax.set_yticks(range(len(shown)), [f"{found.converters[k]}, bus {found.buses[k]}" for k in shown])
+    ax.set_ylim(len(shown) - 0.4, -0.6)
+    ax.set_xlim(0, 1.15 * max(WEAK, found.ratio[shown].max()))
+    ax.grid(visible=False, axis="y")
+    ax.set_xlabel("short-circuit ratio")
+    ax.set_title(f"{found.case.name}: weighted ratio {found.weighted:.2f}", fontsize="medium")
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.08), ncols=2, frameon=False, fontsize="small")
     return ax

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 from stabctl.placement.siting import Siting
 
-from . import tooltips
-from .style import COLORS, GRAY, single
+from . import style
+from .palette import COLORS, GRAY
+from .style import single
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,7 +50,7 @@ def plot(siting: Siting, *, ax: "Axes | None" = None) -> "Axes":
 def _bars(ax: "Axes", rows: list[float], mw: list[float], **look: Any) -> None:
     """Bars that name their megawatts."""
     for bar, size in zip(ax.barh(rows, mw, 0.4, **look), mw, strict=True):
-        tooltips.name(bar, f"{look['label']}: {size:.1f} MW")
+        style.name(bar, f"{look['label']}: {size:.1f} MW")
 
 
 def convergence(siting: Siting, *, ax: "Axes | None" = None) -> "Axes":
@@ -65,7 +66,7 @@ def convergence(siting: Siting, *, ax: "Axes | None" = None) -> "Axes":
         line = ax.plot(rounds, costs, label=name, markersize=4, linewidth=1.3, **look)[0]
         if "marker" in look:
             pairs = [(k, c) for k, c in zip(rounds, costs, strict=True) if math.isfinite(c)]
-            tooltips.name(line, [f"{name}, iteration {k}: {c:.4g}" for k, c in pairs])
+            style.name(line, [f"{name}, iteration {k}: {c:.4g}" for k, c in pairs])
     if siting.lower_bound is not None:
         ax.axhline(siting.lower_bound, color=GRAY, linestyle="--", linewidth=1, label="estimated lower bound")
     ax.locator_params(axis="x", integer=True)

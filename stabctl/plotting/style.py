@@ -1,63 +1,31 @@
-"""Style of all figures, and how they are created and saved. Fonts, colors and labels are those of `style.toml`."""
+"""Style of all figures: their axes and fonts, names of their parts for tooltips, and how they are saved."""
 
 import io
-import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
+
+from matplotlib import rcParams
+from matplotlib.figure import Figure
+from matplotlib.font_manager import fontManager
+from matplotlib.text import Text
 
 from stabctl._util import files
 from stabctl.errors import StudyError, shown
 
+from .palette import COLORS, FONTS
+
 if TYPE_CHECKING:
     import numpy as np
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
-    from matplotlib.colors import LinearSegmentedColormap
-    from matplotlib.figure import Figure
+    from matplotlib.backend_bases import RendererBase
 
-LOOK: dict[str, Any] = tomllib.loads((Path(__file__).parent / "style.toml").read_text(encoding="utf-8"))
-FONTS: tuple[str, ...] = tuple(LOOK["fonts"])
-LABELS: dict[str, str] = LOOK["labels"]
-COLORS: tuple[str, ...] = tuple(LOOK["figures"]["cycle"])
-GRAY, INK, MANY = (LOOK["figures"][name] for name in ("gray", "ink", "many"))
-AREAS = (*COLORS[:5], COLORS[7], GRAY)  # of coherent areas; different from each other on light and dark paper
-VOLTAGES: list[tuple[float, str]] = [(v, color) for v, color in LOOK["figures"]["voltages"]]
-CLEARING: list[str] = LOOK["figures"]["clearing"]
+
 MARKERS = "os^Dv"
 DPI = 150
-
-
-def css() -> str:
-    """Return the colors and fonts of pages as CSS variables, in light, dark and printed pages."""
-    fonts = ", ".join((*(f"'{name}'" for name in FONTS), "sans-serif"))
-    light = f"--font: {fonts}; color-scheme: light dark; {variables('light')}"
-    dark, paper = variables("dark"), variables("print")
-    return (
-        f":root {{{light}}}\n@media (prefers-color-scheme: dark) {{:root {{{dark}}}}}\n"
-        f"@media print {{:root {{{paper}}}}}\n"
-    )
-
-
-def variables(scheme: str) -> str:
-    """Return the CSS variables of the colors of a scheme: light, dark, or print."""
-    return " ".join(f"--{name}: {color};" for name, color in LOOK[scheme].items())
-
-
-def voltage_colors() -> "LinearSegmentedColormap":
-    """Return the color map of voltages, from the lowest to the highest of `VOLTAGES`."""
-    low, high = VOLTAGES[0][0], VOLTAGES[-1][0]
-    return _mixed([((v - low) / (high - low), color) for v, color in VOLTAGES])
-
-
-def clearing_colors() -> "LinearSegmentedColormap":
-    """Return the color map of critical clearing times, from the shortest to the longest."""
-    return _mixed([(k / (len(CLEARING) - 1), color) for k, color in enumerate(CLEARING)])
-
-
-def _mixed(stops: list[tuple[float, str]]) -> "LinearSegmentedColormap":
-    from matplotlib.colors import LinearSegmentedColormap
-
-    return LinearSegmentedColormap.from_list("mixed", stops)
 
 
 def subplots(
@@ -65,8 +33,6 @@ def subplots(
 ) -> "tuple[Figure, np.ndarray]":
     """Return a pyplot figure of a size in inches and its axes (rows, columns); options are pyplot's."""
     import matplotlib.pyplot as plt
-
-    from .figure import StyledFigure
 
     figure = plt.figure(FigureClass=StyledFigure, figsize=(width, height), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, **options)
@@ -141,3 +107,44 @@ def save(drawn: "Figure | Axes", path: str | Path, dpi: int = DPI) -> Path:
     finally:
         plt.close(whole(drawn))
     return path
+
+
+# Figures in the fonts of the style, without changing the settings of matplotlib.
+
+
+class StyledFigure(Figure):
+    """A figure whose texts have our fonts when it is drawn, unless they were given others."""
+
+    def draw(self, renderer: "RendererBase") -> None:
+        """Draw the figure, as matplotlib does."""
+        for text in self.findobj(Text):
+            _letter(text)
+        super().draw(renderer)
+
+
+def _letter(text: Any) -> None:
+    if text.get_fontfamily() == rcParams["font.family"]:
+        text.set_fontfamily(_installed())
+        text.set_math_fontfamily("stixsans")
+
+
+@cache
+def _installed() -> tuple[str, ...]:
+    """Those of our fonts that this machine has; matplotlib warns of all others."""
+    known = {font.name for font in fontManager.ttflist}
+    return tuple(name for name in FONTS if name in known)
+
+
+# Tooltips: names of the parts of a figure, which a page shows under the pointer.
+
+_texts: "WeakKeyDictionary[Artist, tuple[str, ...]]" = WeakKeyDictionary()
+
+
+def name(artist: "Artist", texts: str | Iterable[str]) -> None:
+    """Name an artist, or each of its last markers, lines or segments in the order in which it draws them."""
+    _texts[artist] = (texts,) if isinstance(texts, str) else tuple(texts)
+
+
+def named(artists: "Iterable[Artist]") -> "list[tuple[Artist, tuple[str, ...]]]":
+    """Those of the artists that have names, with these."""
+    return [(a, _texts[a]) for a in artists if a in _texts]

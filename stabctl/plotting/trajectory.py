@@ -8,7 +8,8 @@ import numpy as np
 from stabctl.errors import StudyError
 from stabctl.simulation.trajectory import Trajectory
 
-from .style import COLORS, GRAY, LABELS, MANY, legend_beside, single, subplots
+from .palette import COLORS, GRAY, LABELS, MANY
+from .style import legend_beside, single, subplots
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

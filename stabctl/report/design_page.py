@@ -8,15 +8,14 @@ from typing import Any
 import numpy as np
 
 from stabctl.design.evidence import Check, Evidence, evidence
-from stabctl.design.requirement import FAST, SLOW
-from stabctl.design.result import Design
+from stabctl.design.result import FAST, SLOW, Design
 from stabctl.plotting import design as figures
 from stabctl.simulation.contingency import Contingency
 from stabctl.smallsignal.modes import Modes
 
 from . import document
-from .modes_table import number
-from .svg import svg
+from .document import svg
+from .modes_page import number
 
 
 def page(found: Evidence) -> str:
@@ -38,7 +37,7 @@ def page(found: Evidence) -> str:
             loops=[(x.name, number(x.distance, 3), _degrees(x.phase_margin)) for x in found.loops],
             margins=found.margins.together if found.margins else "",
             load=f"{found.steps.mw:.3g} MW at bus {found.steps.bus}",
-            map=svg(figures.plot(design), "Modes without and with the controllers"),
+            map=svg(figures.plot_design(design), "Modes without and with the controllers"),
             locus=svg(figures.locus(found), "Root locus over the gain"),
             bode=svg(figures.bode(found), "Loop gains") if found.loops else None,
             steps=svg(figures.steps(found), "Speeds after a load step without and with the controllers"),

@@ -3,12 +3,12 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from stabctl.design.law_jobs import Measured
+from stabctl.design.law_measurement import Measured
 from stabctl.design.law_result import Judged, LawDesign
-from stabctl.plotting import law_design as figures
+from stabctl.plotting import storage_control as figures
 
 from . import document
-from .svg import svg
+from .document import svg
 
 
 def page(design: LawDesign) -> str:
@@ -24,7 +24,7 @@ def page(design: LawDesign) -> str:
             parameters=[(p.name, p.value, p.meaning) for p in design.parameters],
             clearing=[_clearing(c) for c in rows],
             duties=[_duty(c) for c in rows],
-            figure=svg(figures.plot(design), "Critical clearing times without a law, with two laws"),
+            figure=svg(figures.plot_law_design(design), "Critical clearing times without a law, with two laws"),
         )
     )
 

@@ -1,16 +1,20 @@
-"""The page of the modes of a case: eigenvalues, mode shapes, participation factors, coherent areas."""
+"""The page of the modes of a case, and its table for the terminal and for `--json`."""
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from stabctl.plotting import mode_shape, one_line
+from stabctl.plotting import modes, one_line
 from stabctl.plotting import modes as eigenvalue_map
-from stabctl.smallsignal import Areas, Mode, Modes
+from stabctl.smallsignal import Areas, Mode, Modes, Selected
 from stabctl.smallsignal.eigen import ZERO
 
 from . import document
-from .modes_table import number
-from .svg import svg
+from .document import svg
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
 
 BARS = 5
 
@@ -38,7 +42,7 @@ def page(modes: Modes, areas: Areas | None, band: tuple[float, float]) -> str:
             title=f"Modes of {case.name}",
             case=case,
             summary=str(modes),
-            eigenvalues=svg(eigenvalue_map.plot(modes), "Eigenvalues in the complex plane"),
+            eigenvalues=svg(eigenvalue_map.plot_modes(modes), "Eigenvalues in the complex plane"),
             diagram=svg(one_line.plot(modes.linear.point, *drawn), "One-line diagram") if drawn else None,
             least=least,
             zeros=[modes.mode(k) for k in range(len(modes)) if modes.eigenvalues[k] == 0],
@@ -70,7 +74,7 @@ def _swing(m: Mode) -> dict[str, Any]:
         "mode": m,
         "frequency": number(m.frequency_hz, 3),
         "damping": number(100 * m.damping_ratio, 2),
-        "shape": svg(mode_shape.plot(m), f"Mode shape: {m.label}"),
+        "shape": svg(modes.plot_mode_shape(m), f"Mode shape: {m.label}"),
         "bars": [
             {"state": p.state, "width": f"{100 * p.share / largest:.1f}", "percent": f"{100 * p.share:.1f}"}
             for p in m.participation[:BARS]
@@ -85,3 +89,51 @@ def _areas(areas: Areas) -> dict[str, Any]:
         "agreement": f"{areas.agreement:.2f}",
         "groups": [(sorted(group), group[0]) for group in areas.groups],
     }
+
+
+# Modes as a table for the terminal and as the record that `--json` prints.
+
+
+def record(modes: Modes) -> dict[str, Any]:
+    """Return the eigenvalues with frequency, damping, label, ten largest participation factors and mode shape."""
+    rows = []
+    for k in range(len(modes)):
+        m = modes.mode(k)
+        rows.append(
+            {
+                "real": m.eigenvalue.real,
+                "imag": m.eigenvalue.imag,
+                "frequency_hz": m.frequency_hz,
+                "damping_ratio": m.damping_ratio,
+                "electromechanical": m.electromechanical,
+                "label": m.label,
+                "participation": [{"state": p.state, "share": p.share} for p in m.participation],
+                "shape": [{"machine": p.machine, "magnitude": p.magnitude, "angle_deg": p.angle_deg} for p in m.shape],
+            }
+        )
+    record = {"states": len(modes.linear.states), "modes": rows}
+    if isinstance(modes, Selected):
+        record |= {"certified": modes.certified, "counted": modes.counted, "proof": modes.proof()}
+    return record
+
+
+def table(modes: Modes, chosen: Iterable[int]) -> "Table":
+    """Return a table with a row for each of the chosen modes."""
+    from rich.table import Table
+
+    out = Table("Hz", "damping ratio", "real (1/s)", "imag (rad/s)", "swing", "mode")
+    for column in out.columns[:5]:
+        column.no_wrap = True
+        column.justify = "right"
+    for k in chosen:
+        m = modes.mode(k)
+        swing = "yes" if m.electromechanical else ""
+        s = m.eigenvalue
+        ratio, real = number(m.damping_ratio, 4), number(s.real, 4)
+        out.add_row(f"{m.frequency_hz:.4f}", ratio, real, f"{s.imag:.4f}", swing, m.label)
+    return out
+
+
+def number(value: float, digits: int) -> str:
+    """Format a number with so many decimals; zero has no sign."""
+    return f"{round(value, digits) + 0.0:.{digits}f}"

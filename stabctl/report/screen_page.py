@@ -4,11 +4,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stabctl.clearing import ClearingTime, Screen
+from stabctl.plotting import clearing as bars
 from stabctl.plotting import one_line
-from stabctl.plotting import screen as bars
 
 from . import document
-from .svg import svg
+from .document import svg
 
 if TYPE_CHECKING:
     from stabctl.dynamics.operating_point import OperatingPoint
@@ -27,7 +27,7 @@ def page(screen: Screen, base: "Case | OperatingPoint | None" = None) -> str:
             first=first,
             others=others,
             numbers=_numbers(screen, times),
-            bars=svg(bars.plot(screen), "The shortest clearing times") if screen.pairs else None,
+            bars=svg(bars.plot_screen(screen), "The shortest clearing times") if screen.pairs else None,
             diagram=svg(one_line.plot(base, screen), "One-line diagram") if base and screen.pairs else None,
             rows=[_row(p, screen.search.limit_cycles) for p in screen.pairs],
         )

@@ -9,7 +9,7 @@ from stabctl.plotting import one_line
 from stabctl.plotting import siting as figures
 
 from . import document
-from .svg import svg
+from .document import svg
 
 if TYPE_CHECKING:
     from stabctl.dynamics.operating_point import OperatingPoint

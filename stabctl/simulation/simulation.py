@@ -10,7 +10,7 @@ from stabctl.controllers import Law
 from stabctl.controllers.controller import Controller
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
-from stabctl.model import keys
+from stabctl.model import naming
 from stabctl.model.network import Switching
 
 from . import closed, judgment, stepper, steps, swings
@@ -286,7 +286,7 @@ class Simulation:
         """Storage devices whose orders reverse at full power faster than machines swing: name -> times per second."""
         if self._verdict != judgment.DONE:
             return {}
-        turns, names = self._run.watch.turns[1], keys.keys(self.point.case, "storage")
+        turns, names = self._run.watch.turns[1], naming.keys(self.point.case, "storage")
         return {str(name): float(rate) for name, rate in zip(names, turns, strict=True) if rate > REVERSALS}
 
     def _loop_frequency(self, verdict: int, row: int) -> float:

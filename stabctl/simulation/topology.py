@@ -12,7 +12,7 @@ from stabctl.dynamics import family, outputs
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.rows import load_rows
 from stabctl.errors import StudyError
-from stabctl.model import keys, network
+from stabctl.model import naming, network
 from stabctl.model.location import circuit
 from stabctl.model.network import Switching
 
@@ -106,7 +106,7 @@ def _stepped(point: OperatingPoint, switching: Switching) -> tuple[tuple[tuple[s
     """The loads that change, with their new parameters, and the admittance (buses, pu) that is added."""
     added, changed = np.zeros(len(point.V), complex), {}
     case, nx = point.case, point.layout.nx
-    rows = zip(keys.keys(case, "loads"), case.loads, strict=True)
+    rows = zip(naming.keys(case, "loads"), case.loads, strict=True)
     first = {load.bus: (key, load) for key, load in reversed(list(rows))}
     for bus, power in switching.loads:
         V, found = float(abs(point.V[bus])), first.get(case.buses[bus].bus)

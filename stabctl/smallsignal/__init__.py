@@ -3,16 +3,14 @@
 from stabctl.dynamics.signal_kinds import INPUTS, OUTPUTS
 from stabctl.dynamics.signals import Signal
 
-from .analysis import analyze
+from .analysis import Selected, analyze
 from .areas import Areas, areas, opened
 from .descriptor import Descriptor, descriptor
-from .locus import Locus, feedback_locus, parameter_locus
-from .mode import Mode, Part, Share
 from .model import Linear, Model, linearize
-from .modes import Modes
+from .modes import Mode, Modes, Part, Share
 from .nonlinear import nonlinear
 from .reduce import Reduced, balanced, modal
-from .some_modes import Selected
+from .root_locus import Locus, feedback_locus, parameter_locus
 
 __all__ = [
     "INPUTS", "OUTPUTS", "Areas", "Descriptor", "Linear", "Locus", "Mode", "Model", "Modes", "Part", "Reduced",

@@ -1,21 +1,72 @@
 """The modes of a system: all of them, or of a large system those of a band."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse.linalg import splu
 
 from stabctl import units
+from stabctl._util.wording import counted
 from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 
-from . import search
+from . import band_search
+from .argument_principle import Sector
 from .descriptor import Descriptor, descriptor
 from .eigen import Eigen, eigen
 from .model import Linear, eliminated
 from .modes import Modes
-from .some_modes import DAMPING, Selected
+
+# Modes in a band of frequencies and damping ratios, from the sparse descriptor.
+
+DAMPING = (-0.1, 0.3)  # damping ratios of a selection
+
+
+@dataclass(frozen=True, repr=False)
+class Selected(Modes):
+    """The modes in a band of frequencies and damping ratios, one of each pair; counted, so that none is missing."""
+
+    linear: Descriptor  # type: ignore[assignment]  # sparse, in place of the dense model
+    damping: tuple[float, float] = DAMPING
+    counted: int = 0  # eigenvalues in the band by the argument principle
+    incomplete: tuple[Sector, ...] = ()  # parts of the band in which not all eigenvalues counted were found
+
+    @property
+    def certified(self) -> bool:
+        """Whether as many modes were found as counted, in every part of the band."""
+        return self.counted == len(self) and not self.incomplete
+
+    def controllability(self) -> np.ndarray:
+        """W^H B (modes, inputs), B = fu - fv inv(gv) gu."""
+        d = self.linear
+        return self.left.conj().T @ (d.fu.toarray() - d.fv @ splu(d.gv).solve(d.gu.toarray()))
+
+    def observability(self) -> np.ndarray:
+        """C V (outputs, modes), C = hx - hv inv(gv) gx."""
+        d, factors = self.linear, splu(self.linear.gv)
+        currents = d.gx @ self.right
+        return d.hx @ self.right - d.hv @ (factors.solve(currents.real) + 1j * factors.solve(currents.imag))
+
+    def __str__(self) -> str:
+        (slow, fast), (low, high) = self.band or (0.0, np.inf), self.damping
+        asked = f"{slow:g} to {fast:g} Hz with damping ratios from {low:g} to {high:g}"
+        whole = super().__str__().partition(": ")[2].replace("eigenvalue", "mode", 1)
+        return f"{self.linear.name}, {len(self.linear.states)} states, only modes from {asked}: {whole} {self.proof()}."
+
+    def proof(self) -> str:
+        """What is certified, or where modes are missing."""
+        if self.certified:
+            return f"certified: {counted(self.counted, 'eigenvalue')} counted in the band"
+        hz = (f"{part.low / (2 * np.pi):.4g} to {part.high / (2 * np.pi):.4g} Hz" for part in self.incomplete)
+        found = f"{counted(self.counted, 'eigenvalue')} counted in the band, {len(self)} found"
+        return f"not complete: {found}; some are missing from {', '.join(hz)}"
+
+    __repr__ = __str__
+
 
 LARGE = 2000  # states beyond which only modes of a band are computed: all would take minutes
 BAND = (0.1, 2.5)  # Hz   electromechanical modes
@@ -96,7 +147,7 @@ def analyze(
     if isinstance(model, Descriptor):
         if band is not None or len(model.rows) > LARGE:
             band = BAND if band is None else band
-            found = search.band(model, *band, damping, said)
+            found = band_search.band(model, *band, damping, said)
             return Selected(model, *_fixed(found.modes), band, damping, found.counted, found.incomplete)
         model = eliminated(model)
     elif band is not None:

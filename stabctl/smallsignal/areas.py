@@ -13,7 +13,7 @@ import numpy as np
 
 from stabctl._util.wording import counted
 from stabctl.errors import CaseError, StudyError
-from stabctl.model import labels
+from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.model.location import circuit
 
@@ -44,10 +44,10 @@ class Areas:
         common = np.array([[len(set(a) & set(b)) for b in other.groups] for a in self.groups])
         pairs = dict(zip(*(side.tolist() for side in linear_sum_assignment(-common)), strict=True))
         moved = (m for group in self.groups for m in group if pairs.get(self.of(m)) != other.of(m))
-        return tuple(sorted(moved, key=labels.order))
+        return tuple(sorted(moved, key=naming.order))
 
     def __str__(self) -> str:
-        listed = "; ".join(", ".join(map(str, sorted(group, key=labels.order))) for group in self.groups)
+        listed = "; ".join(", ".join(map(str, sorted(group, key=naming.order))) for group in self.groups)
         return f"{self.name}: {len(self.groups)} areas: {listed}"
 
     __repr__ = __str__

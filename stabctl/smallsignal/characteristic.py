@@ -21,9 +21,8 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg as sl
 
-from .count import WHOLE, OnBoundaryError
+from .argument_principle import SLACK, WHOLE, OnBoundaryError
 from .eigen import GROWING
-from .reach import SLACK
 
 TERMS = 4  # of the series of H around a point that are computed; the rest is bounded
 ROUNDING = 1e-14  # error of H, relative to the sum of the magnitudes of its terms

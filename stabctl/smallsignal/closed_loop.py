@@ -23,11 +23,9 @@ from stabctl.dynamics.signals import Signal, chosen
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 
-from .delayed_loop import DelayedLoop
-from .delayed_modes import delayed_modes
+from .delayed_loop import DelayedLoop, delayed_modes
 from .eigen import Eigen, eigen, values
-from .frames import common_period, over_a_period
-from .interconnection import Plant, plant_of
+from .interconnection import Plant, common_period, over_a_period, plant_of
 from .model import Linear
 from .modes import Modes
 

@@ -24,7 +24,7 @@ from stabctl.dynamics.signal_kinds import INPUTS, OUTPUTS
 from stabctl.dynamics.signals import Signal, chosen
 from stabctl.model.network import UNSWITCHED, Switching
 
-from . import refuse
+from . import linearization_checks
 
 
 class Parts(NamedTuple):
@@ -120,11 +120,11 @@ def descriptor(
     lay = point.layout
     d = point.equations.at(point.s.copy())
     Y = admittance(point)
-    refuse.moving(point, d, Y)
-    refuse.limited(point)
+    linearization_checks.moving(point, d, Y)
+    linearization_checks.limited(point)
     nx, nv = lay.nx, lay.first_setpoint
     live = filled(d.of_rates, 1) | filled(d.of_rates[:, :nx], 0) | filled(d.of_currents[:, :nx], 0)
-    read = refuse.energies(point, y)
+    read = linearization_checks.energies(point, y)
     energy = [k for k, p in enumerate(lay.states) if storage.is_energy(p.table, p.name) and k not in read]
     live[energy] = False
     rows = np.flatnonzero(live)

@@ -1,9 +1,12 @@
-"""A linear model whose inputs and outputs are signals, and the loops of continuous controllers closed in it."""
+"""A plant with its controllers: continuous loops closed, sampled ones mapped over their common period."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
+from math import gcd
 
 import numpy as np
+from scipy.linalg import expm
 
 from stabctl.dynamics.layout import StatePlace, unique
 from stabctl.dynamics.named import Named
@@ -68,3 +71,100 @@ def plant_of(
     drives = list(dict.fromkeys([s for c in own for s in c.outputs] + list(inputs)))
     reads = list(dict.fromkeys([s for c in own for s in c.inputs] + list(outputs)))
     return Plant(eliminated(descriptor(point, drives, reads)), drives, reads)
+
+
+# The map of a system with sampled controllers over the common period of their frames, by exact discretization.
+
+LARGEST = 500  # frames in a common period
+
+
+def common_period(rates: Sequence[int]) -> Fraction:
+    """Shortest time (s) that is a whole number of frames of every rate. Raises `StudyError` if it is very long."""
+    period = Fraction(1, gcd(*rates))
+    if period * max(rates) > LARGEST:
+        raise StudyError(
+            f"The frame rates {', '.join(map(str, rates))} have a common period of {float(period):g} s; choose rates "
+            "that divide each other, such as 60 and 30."
+        )
+    return period
+
+
+def over_a_period(
+    plant: Plant, own: Sequence[Named], period: Fraction, columns: list[int], rows: list[int]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, list[str]]:
+    """The map of [x | outputs held, states and delay line of every controller], and what inputs and outputs add to it.
+
+    A frame sees the voltages of the outputs held before: y = C x + D held, then the outputs change.
+    """
+    m = plant.model
+    parts = [_Frames(c, plant) for c in own]
+    n, total = len(m.A), len(m.A) + sum(part.size for part in parts)
+    width = total + len(columns)
+    now = np.eye(total, width)
+    at = n
+    for part in parts:
+        part.start(now[at : at + part.size])
+        at += part.size
+    x, w = now[:n], np.eye(width)[total:]
+    H, J = np.zeros((len(rows), total)), np.zeros((len(rows), len(columns)))
+    instants = sorted({Fraction(k, part.rate) for part in parts for k in range(int(period * part.rate))})
+    transitions: dict[Fraction, tuple[np.ndarray, np.ndarray]] = {}
+    for k, instant in enumerate(instants):
+        u = np.zeros((m.B.shape[1], width))
+        for part in parts:
+            u[part.columns] += part.held
+        u[columns] += w
+        y = m.C @ x + m.D @ u
+        if k == 0:
+            H, J = y[rows][:, :total], y[rows][:, total:]
+        for part in parts:
+            if (instant * part.rate).denominator == 1:
+                part.frame(y)
+        gap = (instants[k + 1] if k + 1 < len(instants) else period) - instant
+        if gap not in transitions:
+            transitions[gap] = held(m.A, m.B, float(gap))
+        u = np.zeros((m.B.shape[1], width))
+        for part in parts:
+            u[part.columns] += part.held
+        u[columns] += w
+        P, G = transitions[gap]
+        x = P @ x + G @ u
+    end = np.vstack([x, *(part.end() for part in parts)])
+    return end[:, :total], end[:, total:], H, J, [name for part in parts for name in part.names]
+
+
+class _Frames:
+    """A sampled controller as rows of linear functions of the values at the start of a period."""
+
+    def __init__(self, c: Named, plant: Plant) -> None:
+        what, self.K = c.controller, c.matrices
+        self.rate, self.gains = what.rate or 1, c.gains[:, None]
+        self.columns, self.rows = plant.columns(c.outputs), plant.rows(c.inputs)
+        n, p, d = len(self.K.A), len(c.outputs), what.frames
+        self._n, self._p, self._d, self.size = n, p, d, n + p + d * p
+        self.names = [f"held {s.label} {what.name}" for s in c.outputs]
+        self.names += [f"x{i + 1} {what.name}" for i in range(n)]
+        self.names += [f"delay {k + 1} {s.label} {what.name}" for k in range(d) for s in c.outputs]
+
+    def start(self, rows: np.ndarray) -> None:
+        """Begin with these rows."""
+        p, n = self._p, self._n
+        self.held, self._x, self._line = rows[:p], rows[p : p + n], rows[p + n :]
+
+    def frame(self, y: np.ndarray) -> None:
+        """One frame, which reads all outputs y of the plant."""
+        own, K = y[self.rows], self.K
+        self._line = np.vstack([self._line, K.C @ self._x + K.D @ own])
+        self.held, self._line = self.gains * self._line[: self._p], self._line[self._p :]
+        self._x = K.A @ self._x + K.B @ own
+
+    def end(self) -> np.ndarray:
+        """The rows at the end."""
+        return np.vstack([self.held, self._x, self._line])
+
+
+def held(A: np.ndarray, B: np.ndarray, T: float) -> tuple[np.ndarray, np.ndarray]:
+    """Exact transition over T (s) with the inputs held, exp([A B; 0 0] T)."""
+    n, m = B.shape
+    M = expm(np.block([[A, B], [np.zeros((m, n + m))]]) * T)
+    return M[:n, :n], M[:n, n:]

@@ -1,5 +1,7 @@
-"""Modes of a linear model: damping, participation factors, mode shapes, controllability and observability."""
+"""Modes of a linear model: damping, participation, shapes, residues, and the names of modes."""
 
+from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
@@ -8,19 +10,70 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stabctl import devices
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
+from stabctl.dynamics.assembly import INFINITE
+from stabctl.dynamics.loops import loops
 from stabctl.errors import StudyError, shown
 
-from . import naming
 from .descriptor import Descriptor
 from .eigen import ZERO
-from .mode import Mode, Part, Share
 from .model import Linear, eliminated
 
 if TYPE_CHECKING:
     import control
     import pandas as pd
+
+
+# One mode: its eigenvalue, the states that participate, its shape.
+
+
+@dataclass(frozen=True)
+class Share:
+    """Participation of a state in a mode."""
+
+    state: str
+    share: float  # |p| over the sum of all |p|
+
+
+@dataclass(frozen=True)
+class Part:
+    """A machine in a mode shape: its speed relative to the largest."""
+
+    machine: int | str
+    magnitude: float
+    angle_deg: float
+
+
+@dataclass(frozen=True, repr=False)
+class Mode:
+    """One eigenvalue of the system."""
+
+    eigenvalue: complex  # 1/s
+    electromechanical: bool
+    label: str
+    participation: tuple[Share, ...]  # the ten largest
+    shape: tuple[Part, ...]
+
+    plot = verb("stabctl.plotting.modes:plot_mode_shape")
+
+    @property
+    def frequency_hz(self) -> float:
+        """Frequency of the oscillation, |Im| / 2 pi."""
+        return abs(self.eigenvalue.imag) / (2 * np.pi)
+
+    @property
+    def damping_ratio(self) -> float:
+        """Damping ratio -Re / |eigenvalue|; 1 for a zero eigenvalue."""
+        size = abs(self.eigenvalue)
+        return -self.eigenvalue.real / size if size else 1.0
+
+    def __str__(self) -> str:
+        s, ratio = self.eigenvalue, round(self.damping_ratio, 4) + 0.0
+        return f"{s.real:.4f} {s.imag:+.4f}j 1/s: {self.frequency_hz:.3f} Hz, damping {ratio:.4f}; {self.label}"
+
+    __repr__ = __str__
 
 
 @dataclass(frozen=True, repr=False)
@@ -33,7 +86,7 @@ class Modes:
     left: np.ndarray  # (states, modes) W
     band: tuple[float, float] | None = None  # Hz   of the table; None: all modes
 
-    plot = verb("stabctl.plotting.modes:plot")
+    plot = verb("stabctl.plotting.modes:plot_modes")
 
     def __len__(self) -> int:
         return len(self.eigenvalues)
@@ -85,18 +138,18 @@ class Modes:
     def electromechanical(self) -> np.ndarray:
         """Which modes are electromechanical: machines, or converters with a virtual rotor, swing against each other."""
         rotor = np.r_[self.linear.angles(), self.linear.speeds()]
-        return naming.swings(self.eigenvalues, self.shares, self.shapes, rotor, self.linear.point.inertia)
+        return swings(self.eigenvalues, self.shares, self.shapes, rotor, self.linear.point.inertia)
 
     def label(self, k: int) -> str:
         """Name of mode k: the machines and converters that swing against each other, or the dominant state."""
         linear, H = self.linear, self.linear.point.inertia
         if self.eigenvalues[k] == 0:
-            return naming.zero(linear, self.right[:, k], self.left[:, k], k == 0)
+            return zero(linear, self.right[:, k], self.left[:, k], k == 0)
         if self.electromechanical[k]:
             rotors, weight = linear.point.rotors, self.shares[linear.angles(), k]
             weight[rotors.speed < linear.point.layout.nx] = self.shares[linear.speeds(), k]
-            return naming.against(self.shapes[:, k], weight, linear.point.rotor_names, rotors.virtual)
-        return naming.leader(linear, self.shares[:, k], self.shapes[:, k], H, self.eigenvalues[k].imag != 0)
+            return against(self.shapes[:, k], weight, linear.point.rotor_names, rotors.virtual)
+        return leader(linear, self.shares[:, k], self.shapes[:, k], H, self.eigenvalues[k].imag != 0)
 
     def mode(self, k: int) -> Mode:
         """Mode k as a record; k is an index of `eigenvalues`, as returned by `swings()`."""
@@ -142,8 +195,8 @@ class Modes:
 
         They are also the derivatives of the eigenvalues with respect to the gain k of the feedback u = k y, at k = 0.
         """
-        i = naming.index(self.linear.outputs, output, "output")
-        j = naming.index(self.linear.inputs, input, "input")
+        i = index(self.linear.outputs, output, "output")
+        j = index(self.linear.inputs, input, "input")
         return self.observability()[i] * self.controllability()[:, j]
 
     @property
@@ -186,3 +239,119 @@ class Modes:
 
     def _repr_html_(self) -> str:
         return f"<p>{escape(str(self))}</p>{self.df.to_html(index=False, float_format='{:.4f}'.format)}"
+
+
+# Names of modes: which machines swing against each other, why an eigenvalue is zero, the dominant state.
+
+SWING = 1 / 3  # least participation of angles and speeds in a swing mode: n - 1 in every packaged case of n machines
+NAMED = 0.2  # participation, relative to the largest, from which a machine is named
+TOGETHER = 0.7  # |sum H s| / sum H |s| above which the machines move together
+STANDING = 1e-4 * INFINITE  # s   inertia of an infinite bus, whatever its MVA
+MOST = 4  # largest number of machines named on each side
+
+
+def swings(values: np.ndarray, shares: np.ndarray, speeds: np.ndarray, rotor: np.ndarray, H: np.ndarray) -> np.ndarray:
+    """Which modes are electromechanical: oscillatory, with rotor angles and speeds, machines against each other.
+
+    `speeds` (machines, modes) are the speed parts of the right eigenvectors, `rotor` the indices of angles and speeds.
+    """
+    return (values.imag != 0) & (shares[rotor].sum(axis=0) > SWING) & (_together(speeds, H) < TOGETHER)
+
+
+def _together(speeds: np.ndarray, H: np.ndarray) -> np.ndarray:
+    """|sum H s| / sum H |s| (modes); 0 with an infinite bus, which stands still while the others move."""
+    if H.max(initial=0.0) >= STANDING:
+        return np.zeros(speeds.shape[1])
+    whole = H @ np.abs(speeds)
+    return np.divide(np.abs(H @ speeds), whole, out=np.zeros(speeds.shape[1]), where=whole > 0)
+
+
+def sides(shape: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Machines in phase with the dominant one, and those against it, largest `weight` (participation) first."""
+    strong = np.argsort(-weight)
+    strong = strong[weight[strong] >= NAMED * weight.max()]
+    ahead = (shape[strong] * shape[strong[0]].conjugate()).real >= 0
+    return strong[ahead], strong[~ahead]
+
+
+def against(shape: np.ndarray, weight: np.ndarray, names: Sequence[int | str], virtual: np.ndarray) -> str:
+    """Which machines swing against which: "machine 34 against the rest", "1, 2 against 3, converter 4"."""
+    both = sorted((side for side in sides(shape, weight) if len(side)), key=min)
+    called = [f"converter {name}" if is_virtual else name for name, is_virtual in zip(names, virtual, strict=True)]
+    front, *back = (_listed(side, called) for side in both)
+    if back:
+        return f"{front} against {back[0]}"
+    return f"machine {front} against the rest" if front == str(names[both[0][0]]) else f"{front} against the rest"
+
+
+def _listed(side: np.ndarray, names: Sequence[int | str]) -> str:
+    named = ", ".join(str(names[i]) for i in sorted(side[:MOST]))
+    return named + (f" and {len(side) - MOST} more" if len(side) > MOST else "")
+
+
+def zero(linear: Linear, right: np.ndarray, left: np.ndarray, first: bool) -> str:
+    """Why an eigenvalue is zero; none of these is an instability."""
+    if first:
+        return "angle reference (rotating all angles together changes nothing)"
+    fixed = [k for k in range(len(left)) if not linear.A[k].any() and abs(left[k]) > 0.5 * np.abs(left).max()]
+    if fixed:
+        return f"constant state {linear.states[fixed[0]]} (open circuit)"
+    if (
+        len(linear.speeds())
+        and np.abs(left[linear.speeds()]).max() >= 0.5 * np.abs(left[np.r_[linear.speeds(), linear.angles()]]).max()
+    ):
+        return "frequency reference (no governor or damping restores the common speed)"
+    return f"integral of {linear.states[int(np.abs(right).argmax())]}"
+
+
+def leader(linear: Linear, share: np.ndarray, speeds: np.ndarray, H: np.ndarray, oscillates: bool) -> str:
+    """Name of a mode that is not a swing mode: the common frequency, a loop of converters, or its dominant state."""
+    rotor = np.r_[linear.speeds(), linear.angles()]
+    if oscillates and share[rotor].sum() > SWING and _together(speeds[:, None], H)[0] >= TOGETHER:
+        return "common frequency: all machines together"
+    return converter_loop(linear, share) or linear.states[int(share.argmax())]
+
+
+def index(labels: tuple[str, ...], wanted: str | int, what: str) -> int:
+    """Place of an input or output, given by its label or as a number."""
+    if isinstance(wanted, int) and 0 <= wanted < len(labels):
+        return wanted
+    if wanted not in labels:
+        raise StudyError(f"{wanted!r} is not an {what} of the model; its {what}s are {', '.join(labels) or 'none'}.")
+    return labels.index(wanted)
+
+
+# Names of modes of converters: the control loop whose states take part most, "PLL of REGC_C 5".
+
+CONVERTER = 0.5  # participation of converters and their controls from which a mode is theirs
+NAMED_LOOPS = 0.5  # participation, relative to the largest, from which a converter is named
+LEAST = 1e-3  # participation that counts
+
+
+def converter_loop(linear: Linear, share: np.ndarray) -> str | None:
+    """Name of a mode by the control loop of converters that takes part most; None if it is not a mode of converters.
+
+    Parameters
+    ----------
+    linear
+        The linear model.
+    share
+        Participation (states), with a sum of 1.
+    """
+    found: dict[tuple[str, str], dict[int, float]] = defaultdict(lambda: defaultdict(float))
+    for place, part in zip(linear.places, share.tolist(), strict=True):
+        device = devices.every().get(place.table) if part > LEAST else None
+        if device is not None and device.role in ("converter", *devices.OF_CONVERTER):
+            name = loops(linear.point, place.table, place.unit).get(place.name)
+            if name is not None:
+                found[device.name, name][place.unit] += part
+    total = {key: sum(units.values()) for key, units in found.items()}
+    if sum(total.values()) < CONVERTER:
+        return None
+    (device_name, name), units = max(found.items(), key=lambda item: total[item[0]])
+    largest = max(units.values())
+    strong = sorted(unit for unit, part in units.items() if part >= NAMED_LOOPS * largest)
+    case = linear.point.case
+    called = ", ".join(str(case.machines[unit].called) for unit in strong[:MOST])
+    more = f" and {len(strong) - MOST} more" if len(strong) > MOST else ""
+    return f"{name} of {device_name} {called}{more}"

@@ -14,7 +14,7 @@ from stabctl.dynamics import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import EquilibriumError, PowerFlowError, StudyError, shown
 from stabctl.model.case import Case, as_case
-from stabctl.model.keys import number
+from stabctl.model.naming import number
 from stabctl.model.powerflow import PowerFlow
 from stabctl.model.powerflow import solve as power_flow
 from stabctl.model.tables import Branch, Bus, Machine

@@ -1,20 +1,34 @@
-"""A job: one clearing time or one simulation, as plain values. Its fields are the keys of a study file.
+"""A job of a sweep: its fields are the keys of a study file; what it finds, and how.
 
 The columns of a job carry their units, as those of a case do: `until_s`, `deadband_hz`, `step_s`.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal, NamedTuple
 
+import numpy as np
 from annotated_types import Gt, Interval
 
+from stabctl.clearing import clearing_time
+from stabctl.controllers import BangBang, Controller, Law
+from stabctl.dynamics import operating_point
+from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.errors import StudyError
+from stabctl.estimation.estimate import estimate
+from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.estimators import EstimatorName
 from stabctl.estimation.pmu import Pmu
+from stabctl.jobs import Found, Kind, Task
+from stabctl.model import naming, powerflow
+from stabctl.model.case import Case
 from stabctl.model.tables import Characteristic, StorageModel
 from stabctl.schema import NOT_NEGATIVE, POSITIVE, SHARE, Field, fields
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.control import Control, with_law
 from stabctl.simulation.criterion import DEFAULT, Coi, Criterion
+from stabctl.simulation.simulate import simulate
+from stabctl.simulation.trajectory import Trajectory
 
 JobKind = Literal["clearing-time", "simulate"]
 FORMAT = 5  # of keys and rows; raised when a job or a result changes its meaning
@@ -127,3 +141,132 @@ def columns(kind: JobKind) -> dict[str, Field]:
 def changed(values: Mapping[str, Any]) -> str:
     """Changes of a case as the text of `Job.set`."""
     return json.dumps(dict(values), sort_keys=True) if values else ""
+
+
+# What a job of a sweep finds: columns of the results file.
+
+
+class Result(NamedTuple):
+    """What was found; None if not applicable."""
+
+    outcome: Annotated[str | None, "-", "how the simulation or the search ended"] = None
+    cycles: Annotated[float | None, "-", "critical clearing time in cycles"] = None
+    seconds: Annotated[float | None, "-", "critical clearing time in seconds"] = None
+    monotone: Annotated[int | None, "-", "1: no longer fault that was tried was stable"] = None
+    runs: Annotated[int | None, "-", "simulations of the search"] = None
+    machine: Annotated[int | None, "-", "machine that loses synchronism first"] = None
+    bus: Annotated[int | None, "-", "bus whose voltage collapsed"] = None
+    time: Annotated[float | None, "s", "end of the simulation"] = None
+    max_angle_from_coi: Annotated[float | None, "deg", "largest change of an angle relative to the COI"] = None
+    energy: Annotated[float | None, "MWh", "range of the charge, summed over the devices"] = None
+    rmse: Annotated[float | None, "mHz", "rms error of the estimated deviations"] = None
+    p99: Annotated[float | None, "mHz", "99th percentile of the absolute error"] = None
+    delay: Annotated[float | None, "ms", "of the estimates"] = None
+    wrong_command_share: Annotated[float | None, "-", "of machine-frames"] = None
+    opposite_command_share: Annotated[float | None, "-", "of machine-frames"] = None
+
+
+# What a job of a sweep finds.
+
+
+def run_job(task: Task) -> Found:
+    """Run the job of a task, whose shared data are the case and the controllers."""
+    run = {"clearing-time": _clearing_time, "simulate": _simulate}[task.job.kind]
+    job, (case, controllers) = task.job, task.shared
+    point = _point(job, case)
+    result, text = run(job, point, _control(job, point, controllers))
+    return Found({f.column: value for f, value in zip(fields(Result).values(), result, strict=True)}, text)
+
+
+def _point(job: Job, case: Case) -> OperatingPoint:
+    """The operating point with the storage of the job."""
+    flow = powerflow.solve(case)
+    if job.storage:
+        case = case.with_storage(job.storage, flow, **job.devices)
+    return operating_point.solve(case, flow)
+
+
+def _control(
+    job: Job, point: OperatingPoint, own: Sequence[Controller | Law]
+) -> list[Law | Controller] | EstimatorControl:
+    """Law and controllers; a law if there is storage that no controller orders, or for an estimator to evaluate."""
+    needed = point.case.storage if job.estimator == "ideal" or own else True
+    acts = list(own)
+    if needed and job.control != "none":
+        acts = with_law(own, BangBang(job.deadband, job.min_voltage))
+    if job.estimator == "ideal":
+        return acts
+    if not acts:
+        raise StudyError(f"The estimator {job.estimator!r} needs a control law; remove control = 'none'.")
+    return EstimatorControl(acts, job.estimator, job.pmu, seed=job.seed)
+
+
+def _clearing_time(job: Job, point: OperatingPoint, control: Control) -> tuple[Result, str]:
+    found = clearing_time(
+        point,
+        job.contingency,
+        control=control,
+        resolution=job.resolution,
+        limit=job.limit,
+        observe=job.observe,
+        longest=job.longest,
+        scan=job.scan,
+        step=job.step or None,
+        criterion=job.criterion,
+    )
+    result = Result(
+        found.status,
+        cycles=found.cycles,
+        seconds=found.seconds,
+        monotone=int(not found.stable_above),
+        runs=len(found.runs),
+        machine=_number(found.machine, point.case),
+    )
+    return result, str(found)
+
+
+def _simulate(job: Job, point: OperatingPoint, control: Control) -> tuple[Result, str]:
+    arguments = point, job.contingency, job.until
+    record = bool(point.case.storage)
+    options: Any = {"step": job.step or None, "criterion": job.criterion, "record": record}
+    if not isinstance(control, EstimatorControl):
+        run = simulate(*arguments, control=control, **options)
+        return _ended(run, record), run.outcome.message
+    found = estimate(*arguments, control=control, seeds=job.seed, **options)
+    result, text = _ended(found.runs[0], record), found.runs[0].outcome.message
+    try:
+        accuracy = found.accuracy
+    except StudyError:  # synchronism was lost before the estimates could be judged
+        return result, text
+    result = result._replace(
+        rmse=accuracy.rmse_mhz,
+        p99=accuracy.p99_mhz,
+        delay=accuracy.delay_ms,
+        wrong_command_share=accuracy.wrong_command_share,
+        opposite_command_share=accuracy.opposite_command_share,
+    )
+    return result, text
+
+
+def _number(machine: int | str | None, case: Case) -> int | None:
+    """Number of the machine called so; None for a storage device."""
+    return None if machine is None or str(machine).startswith(naming.STORAGE) else case.machine(machine).machine
+
+
+def _ended(run: Trajectory, record: bool) -> Result:
+    end = run.outcome
+    return Result(
+        end.kind.value,
+        machine=_number(end.machine, run.point.case),
+        bus=end.bus,
+        time=end.time_s,
+        max_angle_from_coi=run.max_angle_from_coi_deg,
+        energy=float(np.ptp(run.arrays.energy, axis=0).sum()) if record else None,
+    )
+
+
+# The table of a sweep, and what runs its jobs.
+
+JOB = {f.column: f.kind for f in fields(Job).values()}
+RESULT = {f.column: f.kind for f in fields(Result).values()}
+SWEEP = Kind("results", JOB, RESULT, run_job, FORMAT)

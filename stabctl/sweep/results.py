@@ -14,8 +14,7 @@ from stabctl.jobs import store
 from stabctl.jobs.task import COMPUTED
 from stabctl.schema import fields
 
-from .job import Job
-from .kind import JOB, SWEEP
+from .job import JOB, SWEEP, Job
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -13,17 +13,17 @@ from pathlib import Path
 from types import GenericAlias
 from typing import Annotated, Any, Literal, NoReturn, get_args
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
 from pydantic_core import PydanticCustomError
 
 from stabctl import schema, units
 from stabctl._util import toml_file
 from stabctl.errors import StudyError
 
-from . import grid
 from .job import Job, JobKind, changed, columns
 
-MOST = grid.MOST  # jobs of a study
+MOST_NUMBERS = 1_000_000  # numbers of a grid
+MOST = MOST_NUMBERS  # jobs of a study
 NEEDED: dict[JobKind, tuple[str, ...]] = {"clearing-time": ("case", "fault"), "simulate": ("case", "clear")}
 STRICT = ConfigDict(extra="forbid", strict=True)
 
@@ -97,7 +97,7 @@ def _alternatives(f: schema.Field) -> Callable[[object], list[Any]]:
     """What lists the alternatives of a key: those of a list and of the grids in it, or the one value."""
 
     def listed(value: object) -> list[Any]:
-        return [_converted(f, one) for one in grid.expanded(value, text=f.kind is str)]
+        return [_converted(f, one) for one in expanded(value, text=f.kind is str)]
 
     return listed
 
@@ -122,10 +122,10 @@ def _changes(given: object) -> dict[str, list[Any]]:
         raise PydanticCustomError("custom", 'write it as set."pss.1.K" = [5, 10, 20]')
     found: dict[str, list[Any]] = {}
     for key, value in given.items():
-        if isinstance(value, dict) and not grid.is_grid(value):
+        if isinstance(value, dict) and not is_grid(value):
             found |= {f"{key}.{path}": values for path, values in _changes(value).items()}
         else:
-            found[key] = grid.expanded(value)
+            found[key] = expanded(value)
             if not found[key]:
                 raise PydanticCustomError("custom", f"set.{key} = []: it must have at least one value")
     return found
@@ -133,3 +133,75 @@ def _changes(given: object) -> dict[str, list[Any]]:
 
 def _too_many(where: str) -> NoReturn:
     raise StudyError(f"{where}: the study has more than {MOST} jobs; split it into several files.")
+
+
+# Equally spaced numbers in a study file: { from = 0.0, to = 0.4, count = 5 }, { from = 1, to = 20, step = 1 }.
+#
+# In `text = "7-8@{}"` each number takes the place of {}.
+
+SHOWN = "a grid has from, to, and either count (at least 2) or step, and text for keys that are text"
+
+
+class Grid(BaseModel):
+    """Equally spaced numbers from `from` to `to`: `count` of them, or `step` apart."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+    start: float = Field(alias="from")
+    to: float
+    count: int | None = Field(None, ge=2)
+    step: float | None = None
+    text: str | None = None
+
+
+def is_grid(value: object) -> bool:
+    """Whether a table is meant as a grid."""
+    return isinstance(value, dict) and {"from", "to"} <= set(value)
+
+
+def expanded(value: object, *, text: bool = True) -> list[Any]:
+    """The alternatives of a key: those of a list and of the grids in it, those of a grid, or the one value.
+
+    Parameters
+    ----------
+    value : object
+        The value of a key.
+    text : bool
+        The key may have text; then a grid may have `text`.
+
+    Raises
+    ------
+    PydanticCustomError
+        For an invalid grid.
+    """
+    found: list[Any] = []
+    for one in value if isinstance(value, list) else [value]:
+        found += _numbers(one, text) if isinstance(one, dict) else [one]
+    return found
+
+
+def _numbers(table: dict[str, Any], text: bool) -> list[Any]:
+    try:
+        grid = Grid.model_validate(table)
+    except (ValidationError, OverflowError):
+        raise _wrong(SHOWN) from None
+    if (grid.count is None) == (grid.step is None):
+        raise _wrong(SHOWN)
+    if grid.text is not None and not (text and grid.text.count("{}") == 1):
+        raise _wrong("text must contain {} once, and belongs to a key whose values are text")
+    low, high = grid.start, grid.to
+    if grid.step is not None:
+        if not (high - low) * grid.step > 0:
+            raise _wrong(f"the step must lead from {low:g} to {high:g}")
+        step, intervals = grid.step, (high - low) / grid.step + 1e-9
+    else:
+        intervals = (grid.count or 2) - 1
+        step = (high - low) / intervals
+    if intervals >= MOST_NUMBERS:
+        raise _wrong(f"the grid has more than {MOST_NUMBERS} values")
+    points = [float(f"{low + k * step:.12g}") + 0.0 for k in range(int(intervals) + 1)]
+    return points if grid.text is None else [grid.text.replace("{}", f"{x:.12g}") for x in points]
+
+
+def _wrong(text: str) -> PydanticCustomError:
+    return PydanticCustomError("custom", text)

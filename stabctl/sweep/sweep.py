@@ -1,24 +1,34 @@
 """A sweep: the tasks of a study that the results file does not have, run and stored one by one."""
 
 import time
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from stabctl import io
-from stabctl._util import cores
+from stabctl._util import process
 from stabctl._util.wording import counted
-from stabctl.errors import StudyError
-from stabctl.jobs import Row, Task, pool
+from stabctl.clearing.trial import AUTO
+from stabctl.controllers import file
+from stabctl.controllers.controller import Controller
+from stabctl.controllers.law import Law
+from stabctl.dynamics.signal_kinds import INPUTS, OUTPUTS
+from stabctl.dynamics.signals import chosen
+from stabctl.errors import StabctlError, StudyError
+from stabctl.jobs import Row, Task
 from stabctl.jobs.cluster import Cluster
 from stabctl.jobs.store import Store
+from stabctl.jobs.task import fingerprint, sha256, text
+from stabctl.model import fleet
+from stabctl.model.case import Case
+from stabctl.simulation.contingency import Contingency
+from stabctl.units import seconds
 
-from . import results, study_file
-from .kind import SWEEP
-from .task import tasks
+from . import pool, results, study_file
+from .job import FORMAT, SWEEP, Job
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -98,7 +108,7 @@ def run_sweep(
     """
     if workers is not None and scheduler is not None:
         raise StudyError("workers and scheduler cannot be used together; give one of them.")
-    began, workers = time.perf_counter(), cores.used(workers)
+    began, workers = time.perf_counter(), process.used(workers)
     more = [str(Path(one).resolve()) for one in controllers]
     jobs = (job._replace(controller=", ".join(filter(None, [job.controller, *more]))) for job in study_file.read(study))
     wanted = tasks(jobs, study)
@@ -142,3 +152,126 @@ def _rows(missing: list[Task], workers: int, scheduler: str | None) -> Generator
     elif missing and scheduler is not None:
         with closing(Cluster(scheduler)) as cluster:
             yield from cluster.rows(missing)
+
+
+# The tasks of a study: its jobs, each with its case and the key of its result.
+
+
+class Shared(NamedTuple):
+    """What jobs share: a case, and controllers."""
+
+    case: Case
+    controllers: tuple[Controller | Law, ...] = ()
+
+
+def tasks(jobs: Iterable[Job], path: str | Path) -> tuple[Task, ...]:
+    """The tasks of the jobs of a study file, each once.
+
+    Case folders are relative to the study file. Every case is loaded, and every job checked, before the first one runs.
+
+    Raises
+    ------
+    StudyError
+        With file, key and value.
+    """
+    path = Path(path)
+    load = cache(lambda name: _case(path, name))
+    controllers = cache(lambda names: _controllers(path, names))
+    checked: set[tuple[str, ...]] = set()
+
+    @cache
+    def changed(name: str, machines: str, share: float, changes: str) -> tuple[Case, str]:
+        case = load(name).with_motors(share) if share else load(name)
+        case = _changed(path, case, Job("simulate", name, set=changes))
+        case = case.classical() if machines == "classical" else case
+        return case, fingerprint(case)
+
+    found: dict[str, Task] = {}
+    for job in jobs:
+        case, own = changed(job.case, job.machines, job.motor_share, job.set)
+        _check(path, job, case, checked)
+        acting = controllers(job.controller)
+        _signals(path, job, case, acting)
+        key = key_of(job, own, acting)
+        found.setdefault(key, Task(key, job, Shared(case, acting), SWEEP))
+    return tuple(found.values())
+
+
+def key_of(job: Job, case: str, controllers: Sequence[Controller | Law] = ()) -> str:
+    """SHA-256 of what determines the result: the job, the fingerprint of its case, controllers, format of results."""
+    content = job.given() | {"case": case, "set": ""}  # the changes of the case are in its fingerprint
+    content |= {"controller": text(controllers)}
+    return sha256({"format": FORMAT, "job": content})
+
+
+def _case(path: Path, name: str) -> Case:
+    try:
+        return io.load(name if name in io.packaged() else path.parent / name)
+    except StabctlError as error:
+        raise StudyError(f"{path}, case = {name!r}: {error}") from None
+
+
+def _controllers(path: Path, names: str) -> tuple[Controller | Law, ...]:
+    """The controllers and laws in the files of a job."""
+    try:
+        return tuple(file.load(path.parent / name.strip()) for name in names.split(",") if name.strip())
+    except StabctlError as error:
+        raise StudyError(f"{path}, controller = {names!r}: {error}") from None
+
+
+def _signals(path: Path, job: Job, case: Case, controllers: Sequence[Controller | Law]) -> None:
+    """Reject controllers of signals that the case does not have with the storage of the job."""
+    if controllers and job.storage:
+        case = case.with_storage(job.storage.replace("%dispatch", "%mva"))
+    try:
+        for one in (c for c in controllers if isinstance(c, Controller)):
+            chosen(case, one.inputs, OUTPUTS)
+            chosen(case, one.outputs, INPUTS)
+    except StudyError as error:
+        raise StudyError(f"{path}, controller = {job.controller!r}: {error}") from None
+
+
+def _changed(path: Path, case: Case, job: Job) -> Case:
+    """The case with the changes of a job."""
+    if not job.changes:
+        return case
+    try:
+        return case.set(job.changes)
+    except StabctlError as error:
+        given = ", ".join(f"{key} = {value!r}" for key, value in job.changes.items())
+        raise StudyError(f"{path}, set.{given}: {error}") from None
+
+
+CHECKS: dict[str, Callable[[Case, str], object]] = {
+    "fault": lambda case, text: Contingency(text, 1.0).check(case),
+    "trip": lambda case, text: Contingency(trip=text).check(case),
+    "clear": lambda case, text: seconds(text, case.frequency_hz),
+    "resolution": lambda case, text: seconds(text, case.frequency_hz),
+    "limit": lambda case, text: seconds(text, case.frequency_hz),
+    "scan": lambda case, text: text if text == AUTO else seconds(text, case.frequency_hz),
+    "storage": lambda case, text: fleet.devices(case, text.replace("%dispatch", "%mva")),
+}
+
+
+def _check(path: Path, job: Job, case: Case, checked: set[tuple[str, ...]]) -> None:
+    """Reject what the case does not have; a value is checked once."""
+    for name, check in CHECKS.items():
+        text = getattr(job, name)
+        if not text or (job.case, job.set, name, text) in checked:
+            continue
+        try:
+            check(case, text)
+        except StudyError as error:
+            raise StudyError(f"{path}, {name} = {text!r}: {error}") from None
+        checked.add((job.case, job.set, name, text))
+    key = (job.case, job.set, job.storage, *map(str, job.devices.values()))
+    if job.storage and key not in checked:
+        try:
+            case.with_storage(job.storage.replace("%dispatch", "%mva"), **job.devices)
+        except StabctlError as error:
+            raise StudyError(f"{path}, storage = {job.storage!r}: {error}") from None
+        checked.add(key)
+    try:
+        _ = job.pmu
+    except StudyError as error:
+        raise StudyError(f"{path}: {error}") from None

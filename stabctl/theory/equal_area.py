@@ -20,8 +20,7 @@ from stabctl._util.tabular import Tabular
 from stabctl._util.verbs import verb
 from stabctl.errors import StudyError
 
-from .omib import OMIB
-from .swing_curve import against_speed, swing_curve
+from .omib import OMIB, against_speed, swing_curve
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -58,7 +57,7 @@ class EqualArea(Tabular):
     Pe_fault: NDArray[np.float64]  # pu
     Pe: NDArray[np.float64]  # pu, after clearing
 
-    plot = verb("stabctl.plotting.equal_area:plot")
+    plot = verb("stabctl.plotting.one_machine:plot_equal_area")
 
     @property
     def df(self) -> "pd.DataFrame":

@@ -15,9 +15,8 @@ from stabctl._util.tabular import Tabular
 from stabctl._util.verbs import verb
 from stabctl.errors import StudyError
 
-from .omib import OMIB
-from .phase import Separatrix, separatrix
-from .swing_curve import PowerLaw, SwingCurve, swing_curve
+from .omib import OMIB, PowerLaw, SwingCurve, swing_curve
+from .phase_plane import Separatrix, separatrix
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -72,7 +71,7 @@ class FeedbackComparison(Tabular):
     separatrix: Separatrix
     responses: tuple[FeedbackResponse, ...]
 
-    plot = verb("stabctl.plotting.phase_plane:feedback")
+    plot = verb("stabctl.plotting.one_machine:feedback")
 
     @property
     def df(self) -> "pd.DataFrame":

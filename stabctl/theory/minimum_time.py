@@ -1,4 +1,4 @@
-"""Minimum-time control of the two-machine equivalent (29)-(39): bring the speed to zero as early as possible.
+"""Minimum-time control of the two-machine equivalent (29)-(39), by shooting and by collocation.
 
     x1' = x2                                            lambda1' = lambda2 (Pmax/M) cos x1
     x2' = (Pm - Pmax sin x1)/M - P_C/M1                 lambda2' = -lambda1
@@ -18,21 +18,26 @@ The same problem is solved by three methods: shooting.py, collocation.py and con
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from annotated_types import Interval
 from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import solve_bvp, solve_ivp
 from scipy.optimize import brentq
 
-from stabctl._util.guard import guard
 from stabctl._util.tabular import Tabular
+from stabctl._util.validation import guard
 from stabctl._util.verbs import verb
 from stabctl.errors import StudyError
 from stabctl.schema import POSITIVE
 
+from .omib import stops
+
 if TYPE_CHECKING:
     import pandas as pd
+
 
 Array = NDArray[np.float64]
 Arcs = list[tuple[Array, Array, float]]  # times (n,), (x1, x2, lambda1, lambda2) (4, n), P_C
@@ -99,7 +104,7 @@ class MinimumTime(Tabular):
     Pc: Array  # pu
     hamiltonian: Array  # (32)
 
-    plot = verb("stabctl.plotting.minimum_time:plot")
+    plot = verb("stabctl.plotting.one_machine:plot")
 
     @property
     def df(self) -> "pd.DataFrame":
@@ -177,3 +182,169 @@ def solution(p: MinimumTimeProblem, arcs: Arcs) -> MinimumTime:
     outcome = f"The speed is zero {t[-1]:.6f} s after clearing, at {y[0, -1]:.6f} rad, {how}."
     x1, x2, lambda1, lambda2 = y
     return MinimumTime(outcome, float(t[-1]), switches, t, x1, x2, lambda1, lambda2, Pc, hamiltonian(p, y, Pc))
+
+
+# Minimum time by shooting backwards from the end.
+#
+# The end angle alone determines the end state (x2 = lambda1 = 0, and H = 0 scales the co-states), so the extremals form
+# a
+# one-parameter family; the method finds the one that passes through the state at clearing. If an extremal would end
+# beyond the limit angle, the family continues with lambda1 >= 0 at the limit. Of several extremals the shortest is
+# taken.
+
+
+def by_shooting(p: MinimumTimeProblem) -> MinimumTime:
+    """Minimum time by shooting.
+
+    Raises StudyError if no extremal is found although a control exists, which only rounding at the limit can cause.
+    """
+    nearest = stop_angle(p)
+    if math.isnan(nearest):
+        return infeasible(p)
+    if p.x2 < 0:
+        return by_shooting(p.mirrored()).mirrored()
+
+    first = nearest - 1e-6 * (nearest - p.x1)  # slightly too close, so that the errors change sign
+
+    def end(s: float) -> Array:  # 0 <= s <= 1 moves the end angle; 1 <= s <= 2 raises lambda1 at the limit
+        x1 = first + min(s, 1 - 1e-9) * (p.limit - first)
+        slope = math.pi / 2 * max(s - 1, 0.0)
+        scale = math.sqrt(p.Pmax / p.M)
+        return np.array([x1, 0.0, scale * math.sin(slope), math.cos(slope)])
+
+    def error(s: float) -> float:
+        return float(_backward(p, end(s))[-1][1][1, -1]) - p.x2
+
+    grid = np.concatenate([np.linspace(0, 1, 33), np.linspace(1, 2, 9)[1:]])
+    errors = [error(s) for s in grid]
+    pairs = zip(pairwise(grid), pairwise(errors), strict=True)
+    found = [brentq(error, *ends, xtol=1e-15) for ends, (low, high) in pairs if low * high <= 0]
+    if not found:
+        raise StudyError(
+            f"Shooting found no control that stops the machine before {p.limit:.4f} rad; change the state at clearing "
+            "slightly."
+        )
+    T, s = min((_backward(p, end(s))[-1][0][-1], s) for s in found)
+    arcs = _backward(p, end(s), T / 200)
+    return solution(p, [(T - t[::-1], y[:, ::-1], Pc) for t, y, Pc in arcs[::-1]])
+
+
+def _backward(p: MinimumTimeProblem, end: Array, step: float = math.inf) -> Arcs:
+    """The extremal that ends in `end`, as arcs back to the angle at clearing; their times (s) count from the end."""
+
+    def angle(_t: float, y: Array) -> float:
+        return y[0] - p.x1
+
+    def rest(_t: float, y: Array) -> float:
+        return y[1]
+
+    def switch(_t: float, y: Array) -> float:
+        return y[3]
+
+    stops(angle)
+    stops(rest, -1)
+    stops(switch, -1)
+    longest = 100 * math.sqrt(p.M / p.Pmax)
+    arcs, t, y = [], 0.0, end
+    options: dict[str, Any] = {"max_step": step, "dense_output": True, **TIGHT}
+    for Pc, events in ((p.Pc_max, (angle, rest, switch)), (p.Pc_min, (angle, rest))):
+        run: Any = solve_ivp(lambda _, y, Pc=Pc: -rates(p, y, Pc), (t, longest), y, events=events, **options)
+        times, path = run.t, run.y
+        if run.t_events[0].size == 0 and path[0, -1] < p.x1:  # the angle was passed twice within the last step
+            t = brentq(lambda t, run=run: run.sol(t)[0] - p.x1, times[-2], times[-1], xtol=1e-15)
+            times, path = np.append(times[:-1], t), np.column_stack([path[:, :-1], run.sol(t)])
+        arcs.append((times, path, Pc))
+        t, y = times[-1], path[:, -1]
+        if run.t_events[0].size or run.t_events[1].size or y[0] <= p.x1:
+            break
+    return arcs
+
+
+# Minimum time as a boundary-value problem with free durations, solved by `scipy.integrate.solve_bvp`.
+
+TOL = 1e-8  # relative residual of the collocation
+
+
+def by_collocation(p: MinimumTimeProblem, guess: tuple[float, float] | None = None) -> MinimumTime:
+    """Minimum time by collocation.
+
+    Starts from a device that absorbs throughout. If that solution has lambda2 < 0 somewhere, an injecting arc is added
+    at the beginning, and its power is changed from Pc_max to Pc_min in steps. If there are several extremals, the
+    result is one of them, not necessarily the shortest.
+
+    Parameters
+    ----------
+    p : MinimumTimeProblem
+        The problem.
+    guess : (lambda1, lambda2), optional
+        Co-states at clearing to start from; by default those of the absorbing device.
+
+    Raises
+    ------
+    StudyError
+        If the collocation does not converge.
+    """
+    if math.isnan(stop_angle(p)):
+        return infeasible(p)
+    if p.x2 < 0:
+        return by_collocation(p.mirrored(), guess and (-guess[0], -guess[1])).mirrored()
+    t, y = _absorbing(p)
+    if guess is not None:
+        y[2:] = guess[0] * (1 - t / t[-1]), np.full(t.size, guess[1])
+    arcs = _collocate(p, (p.Pc_max,), [(t, y)])
+    t, y, _ = arcs[0]
+    if (y[3] < 0).any():
+        rise = int(np.flatnonzero(y[3] < 0)[-1]) + 1
+        arcs = [(t[: rise + 1], y[:, : rise + 1], p.Pc_max), (t[rise:], y[:, rise:], p.Pc_max)]
+        for part in np.linspace(0, 1, 9):  # with equal powers the guess is a solution
+            first = p.Pc_max + part * (p.Pc_min - p.Pc_max)
+            arcs = _collocate(p, (first, p.Pc_max), [(t, y) for t, y, _ in arcs], tol=TOL if part == 1 else 1e-3)
+        if arcs[-1][1][0, -1] > p.limit:
+            arcs = _collocate(p, (p.Pc_min, p.Pc_max), [(t, y) for t, y, _ in arcs], at_limit=True)
+    return solution(p, arcs)
+
+
+def _absorbing(p: MinimumTimeProblem) -> tuple[Array, Array]:
+    """Times (n,) from clearing to rest and (4, n) states and co-states while the device absorbs Pc_max throughout."""
+
+    def rest(_t: float, y: Array) -> float:
+        return y[1]
+
+    stops(rest, -1)
+    span, start = (0, 100 * math.sqrt(p.M / p.Pmax)), (p.x1, p.x2, 0.0, 0.0)
+    T = solve_ivp(lambda _, y: rates(p, y, p.Pc_max), span, start, events=rest, **TIGHT).t[-1]
+    end = np.array([stop_angle(p), 0.0, 0.0, 1.0])
+    run = solve_ivp(lambda _, y: rates(p, y, p.Pc_max), (T, 0), end, max_step=T / 40, **TIGHT)
+    y = run.y[:, ::-1].copy()
+    y[2:] /= 1 - hamiltonian(p, y[:, -1], p.Pc_max)
+    return run.t[::-1], y
+
+
+def _collocate(
+    p: MinimumTimeProblem,
+    powers: tuple[float, ...],
+    guess: list[tuple[Array, Array]],
+    *,
+    tol: float = TOL,
+    at_limit: bool = False,
+) -> Arcs:
+    """Solve the arcs of given powers together, each over tau in [0, 1] with its duration unknown."""
+
+    def field(_tau: Array, y: Array, T: Array) -> Array:
+        return np.vstack([T[k] * rates(p, y[4 * k : 4 * k + 4], Pc) for k, Pc in enumerate(powers)])
+
+    def ends(a: Array, b: Array, _T: Array) -> Array:
+        last = b[-4:]
+        joints = [a[4:] - b[:-4], b[3:-4:4]]
+        edge = last[0] - p.limit if at_limit else last[2]
+        return np.concatenate([[a[0] - p.x1, a[1] - p.x2], *joints, [last[1], edge, hamiltonian(p, last, powers[-1])]])
+
+    tau = np.linspace(0, 1, 41)
+    lengths = np.array([t[-1] - t[0] for t, _ in guess])
+    y = np.vstack([[np.interp(t[0] + tau * (t[-1] - t[0]), t, row) for row in y] for t, y in guess])
+    found = solve_bvp(field, ends, tau, y, p=lengths, tol=tol, max_nodes=20000)
+    lengths = np.asarray(found.p)
+    if not found.success or lengths.min() <= 0 or found.y[1::4].min() < -1e-6 * p.x2:
+        raise StudyError(f"The collocation did not converge ({found.message.rstrip('.')}); use shooting.")
+    begins = np.concatenate([[0.0], np.cumsum(lengths)])
+    return [(begins[k] + lengths[k] * found.x, found.y[4 * k : 4 * k + 4], Pc) for k, Pc in enumerate(powers)]

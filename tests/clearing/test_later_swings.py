@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stabctl.clearing import Run, Search, Trial, clearing_time, screen
-from stabctl.clearing.last_stable import last_stable
+from stabctl.clearing.critical_time import last_stable
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.dynamics.coerce import initialize

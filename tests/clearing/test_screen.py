@@ -10,16 +10,14 @@ import pytest
 
 import stabctl as st
 from stabctl.clearing import Run, Trial, clearing_time, lines, screen
-from stabctl.clearing.last_stable import last_stable
-from stabctl.clearing.margin import Margin
-from stabctl.clearing.search import Scan
+from stabctl.clearing.critical_time import last_stable
+from stabctl.clearing.trial import Margin, Scan
 from stabctl.controllers import BangBang
-from stabctl.design.law_contingencies import spread
+from stabctl.design.law import spread
 from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
-from stabctl.live import searches
-from stabctl.live.points import Points
-from stabctl.live.state import State
+from stabctl.live import answers
+from stabctl.live.state import Points, State
 from stabctl.model.fleet import everywhere
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.outcome import Kind
@@ -158,7 +156,7 @@ def test_what_reads_a_screen_knows_circuits_with_identifiers(identified, tmp_pat
         contingency.with_clear("6cyc").check(point.case)
     assert found.report(tmp_path, base=point).read_text().count("<title>") >= 2 * len(found.pairs)
     told = []
-    searches.landscape(Points(point.case), State("101"), told.append)
+    answers.landscape(Points(point.case), State("101"), told.append)
     rows = [row for message in told for row in message.get("pairs", ())]
     assert {(row[0], row[1]) for row in rows} == {(p.fault, p.trip[0]) for p in found.pairs}
 

@@ -4,8 +4,8 @@ import sqlite3
 
 import pytest
 
-from stabctl.clearing import faulted_bus, screen
-from stabctl.clearing.plain import as_plain, from_plain
+from stabctl.clearing import screen
+from stabctl.clearing.screen import BUS, as_plain, from_plain
 from stabctl.controllers import BangBang, Controller
 from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
@@ -23,7 +23,7 @@ def undisturbed(point):
 
 
 def finished(folder):
-    return {row["key"]: row["finished"] for row in rows(folder / "screen.db", faulted_bus.BUS)}
+    return {row["key"]: row["finished"] for row in rows(folder / "screen.db", BUS)}
 
 
 def test_plain_values_give_the_clearing_time_back(undisturbed):

@@ -125,7 +125,7 @@ def test_an_interruption_is_one_line(stabctl, monkeypatch, words):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    import_module("stabctl.theory.phase")  # which keeps the function it finds
+    import_module("stabctl.theory.phase_plane")  # which keeps the function it finds
     for work in ("stabctl.io.load", "stabctl.theory.omib.table1", "stabctl.jobs.store.rows"):
         monkeypatch.setattr(work, interrupt)
     assert stabctl(*words) == (130, "", "stabctl: interrupted.\n")

@@ -2,8 +2,7 @@
 
 import pytest
 
-from stabctl.clearing.search import Search
-from stabctl.clearing.trial import Trial
+from stabctl.clearing.trial import Search, Trial
 from stabctl.design.critical_machines import Group, critical_machines, disjoint, slow_areas
 from stabctl.simulation.contingency import Contingency
 

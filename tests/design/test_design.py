@@ -9,7 +9,7 @@ from ringdown import errors, ringdown
 
 import stabctl as st
 from stabctl.design import gep, lqr, pod, pss
-from stabctl.design.lead_lag import compensator
+from stabctl.design.phase_compensation import compensator
 from stabctl.errors import StudyError
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stabctl.controllers import Controller, Feedback
-from stabctl.design.duty import duty
+from stabctl.design.law_measurement import duty
 from stabctl.simulation.contingency import Contingency
 
 

@@ -5,7 +5,7 @@ import pytest
 
 import stabctl as st
 from stabctl.design import gep
-from stabctl.model import catalog
+from stabctl.model import tables
 from stabctl.model.tables import Branch, Bus, Machine
 
 XD, X1D, XQ, T1D, XE, KA, TR = 1.81, 0.30, 1.76, 8.0, 0.65, 200.0, 0.02
@@ -22,12 +22,12 @@ def single():
         machines=(Machine(1, 1, 100.0, 90.0, storage_bus=1), Machine(2, 2, 1e5, -90.0, storage_bus=2)),
         devices={
             "gensal": {
-                1: catalog.parameters(
+                1: tables.parameters(
                     "gensal", H=3.5, D=0.0, ra=0.0, xl=0.16, xd=XD, x1d=X1D, x2=X1D, T1d=T1D, T2d=0.0, xq=XQ, T2q=0.0
                 )
             },
-            "gencls": {2: catalog.parameters("gencls", H=1e5, D=0.0, ra=0.0, x1d=1e-3)},
-            "sexs": {1: catalog.parameters("sexs", TR=TR, KA=KA, TA=0.0, TB=0.0, TC=0.0, Efdmax=100.0, Efdmin=-100.0)},
+            "gencls": {2: tables.parameters("gencls", H=1e5, D=0.0, ra=0.0, x1d=1e-3)},
+            "sexs": {1: tables.parameters("sexs", TR=TR, KA=KA, TA=0.0, TB=0.0, TC=0.0, Efdmax=100.0, Efdmin=-100.0)},
         },
     )
 

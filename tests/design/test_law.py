@@ -9,9 +9,8 @@ from stabctl.clearing import screen
 from stabctl.controllers import BangBang, StorageLaw
 from stabctl.controllers.file import load
 from stabctl.design import LawLimits, law
-from stabctl.design.law_contingencies import spread, training
-from stabctl.design.law_text import parameters
-from stabctl.design.limit_cycle_check import no_stable_limit_cycle
+from stabctl.design.law import no_stable_limit_cycle, spread, training_contingencies
+from stabctl.design.law_result import parameters
 from stabctl.errors import StudyError
 from stabctl.simulation.contingency import Contingency
 
@@ -79,12 +78,12 @@ def test_without_low_voltage_the_law_gains_less(fleet, found):
 
 def test_the_training_is_a_share_of_every_part():
     faults = tuple(Contingency(str(k), trip=f"{k}-1") for k in range(2, 12))
-    chosen = training(faults, 0.5, 1)
+    chosen = training_contingencies(faults, 0.5, 1)
     places = np.sort([faults.index(c) for c in chosen])
     assert (places // 2).tolist() == [0, 1, 2, 3, 4]
-    assert training(faults, 0.5, 1) == chosen
-    assert len(training(faults, 1.0, 1)) == 10
-    assert len(training(faults[:1], 0.5, 1)) == 1
+    assert training_contingencies(faults, 0.5, 1) == chosen
+    assert len(training_contingencies(faults, 1.0, 1)) == 10
+    assert len(training_contingencies(faults[:1], 0.5, 1)) == 1
 
 
 def test_a_screen_is_spread_over_the_machines(points):

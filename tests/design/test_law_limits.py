@@ -2,9 +2,8 @@
 
 import pytest
 
-from stabctl.design.duty import Duty, Later
-from stabctl.design.law_jobs import Measured
-from stabctl.design.law_limits import MEAN, SHORT, LawLimits
+from stabctl.design.law_measurement import Duty, Later, Measured
+from stabctl.design.law_result import MEAN, SHORT, LawLimits
 from stabctl.errors import StudyError
 
 

@@ -19,8 +19,7 @@ from stabctl.model.case import Branch, Bus, Case, Machine
 from stabctl.model.network import BOLTED
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulate import simulate
-from stabctl.theory.minimum_time import stop_angle
-from stabctl.theory.shooting import by_shooting
+from stabctl.theory.minimum_time import by_shooting, stop_angle
 from stabctl.theory.two_machine import Equivalent
 
 BASE, LARGE, PC = 0.1, 10.0, 0.3  # MVA, inertia of machine 2 over that of machine 1, rating of the device in pu

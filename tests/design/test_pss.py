@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stabctl.design import gep, outages, pss
-from stabctl.design.lead_lag import fitted
+from stabctl.design.phase_compensation import fitted
 from stabctl.errors import StudyError
 
 

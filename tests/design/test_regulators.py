@@ -9,7 +9,7 @@ import scipy.linalg as sl
 from ringdown import errors, ringdown
 
 import stabctl as st
-from stabctl.design import lqg, lqr, riccati
+from stabctl.design import lqg, lqr, quadratic
 from stabctl.errors import StudyError
 
 
@@ -33,12 +33,12 @@ def test_riccati_equations_as_by_scipy(seed):
     rng = np.random.default_rng(seed)
     A, B, C = rng.standard_normal((8, 8)), rng.standard_normal((8, 2)), rng.standard_normal((3, 8))
     assert (np.linalg.eigvals(A).real > 0).any()
-    X = riccati.continuous(A, B @ B.T, C.T @ C)
+    X = quadratic.continuous_riccati(A, B @ B.T, C.T @ C)
     assert np.abs(X - sl.solve_continuous_are(A, B, C.T @ C, np.eye(2))).max() < 1e-9 * np.abs(X).max()  # 1e-13
-    X = riccati.discrete(A, B @ B.T, C.T @ C)
+    X = quadratic.discrete_riccati(A, B @ B.T, C.T @ C)
     assert np.abs(X - sl.solve_discrete_are(A, B, C.T @ C, np.eye(2))).max() < 1e-9 * np.abs(X).max()
     with pytest.raises(np.linalg.LinAlgError):
-        riccati.continuous(np.eye(2), np.diag([1.0, 0.0]), np.eye(2))
+        quadratic.continuous_riccati(np.eye(2), np.diag([1.0, 0.0]), np.eye(2))
 
 
 def test_signals_that_tell_all_states_give_the_gain_of_all_states(base):

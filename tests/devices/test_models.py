@@ -10,8 +10,7 @@ from stabctl import devices, io
 from stabctl.cli import app
 from stabctl.devices.describe import describe
 from stabctl.errors import StudyError
-from stabctl.jobs import pool
-from stabctl.sweep import task
+from stabctl.sweep import pool, sweep
 from stabctl.sweep.job import Job
 from tools import models_page
 
@@ -127,12 +126,12 @@ def test_workers_know_the_devices_of_the_user_and_keys_hold_their_text(mine):
     case, file = mine
     devices.register(file)
     job = Job("simulate", str(case), fault="8", clear="0.05s", at=0.1, until=0.5)
-    (one,) = task.tasks([job], case.parent / "study.toml")
+    (one,) = sweep.tasks([job], case.parent / "study.toml")
     (row,) = list(pool.rows([one], 1))
     assert row.found["outcome"] == "stable", row
     file.write_text(MINE.replace("p.K *", "2 * p.K *"))
     devices.register(file)
-    assert task.tasks([job], case.parent / "study.toml")[0].key != one.key
+    assert sweep.tasks([job], case.parent / "study.toml")[0].key != one.key
 
 
 def test_devices_of_a_test_are_gone_after_it():

@@ -14,7 +14,7 @@ import pytest
 
 from stabctl import devices
 from stabctl._util import files, jit
-from stabctl.diagram.layout_cache import cached_layout
+from stabctl.diagram.layout import cached_layout
 from stabctl.dynamics import loop
 
 SOURCE = """

@@ -9,7 +9,7 @@ import pytest
 from stabctl import io
 from stabctl.dynamics import operating_point
 from stabctl.estimation.filter_bank import wrapped
-from stabctl.estimation.q_axis import QAxis, turn
+from stabctl.estimation.machine_model import QAxis, turn
 from stabctl.estimation.rotor_units import Terminals, rotor_units
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import Simulation

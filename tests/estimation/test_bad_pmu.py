@@ -5,13 +5,11 @@ import pytest
 
 from stabctl import io
 from stabctl.errors import StudyError
-from stabctl.estimation.bad_pmu import BadPmu
+from stabctl.estimation.bad_data import PmuCheck
 from stabctl.estimation.estimate import estimate
 from stabctl.estimation.estimator_control import EstimatorControl
-from stabctl.estimation.instrument import Instrument
 from stabctl.estimation.network_model import NetworkModel
-from stabctl.estimation.pmu import Pmu
-from stabctl.estimation.pmu_check import PmuCheck
+from stabctl.estimation.pmu import BadPmu, Instrument, Pmu
 from stabctl.estimation.rotor_units import Terminals
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulate import simulate

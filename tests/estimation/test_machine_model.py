@@ -5,12 +5,10 @@ import pytest
 
 from stabctl.dynamics import operating_point
 from stabctl.estimation.estimators import Filtered
-from stabctl.estimation.governor import Governors
-from stabctl.estimation.instrument import Frame
 from stabctl.estimation.machine_model import MachineModel
-from stabctl.estimation.noise import Tuning
-from stabctl.estimation.pmu import Pmu
+from stabctl.estimation.pmu import Frame, Pmu
 from stabctl.estimation.rotor_units import Terminals, rotor_units
+from stabctl.estimation.swing import Governors, Tuning
 from stabctl.simulation.simulation import Simulation
 
 PMU, TUNING = Pmu(angle=3e-3, magnitude=2e-3), Tuning(walk=0.005, share=0.02)

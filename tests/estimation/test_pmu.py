@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from stabctl.errors import StudyError
-from stabctl.estimation.instrument import Instrument
-from stabctl.estimation.pmu import Pmu
+from stabctl.estimation.pmu import Instrument, Pmu
 
 ONE = np.ones(1000, complex)
 

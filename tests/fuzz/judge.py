@@ -14,8 +14,8 @@ from pathlib import Path
 
 from stabctl import cli
 from stabctl.errors import StabctlError
-from stabctl.jobs.run_task import run_task
-from stabctl.sweep import study_file, task
+from stabctl.jobs.task import run_task
+from stabctl.sweep import study_file, sweep
 
 from . import kill
 from .attempt import Attempt
@@ -119,7 +119,7 @@ def _wrong(code: object, out: str, err: str, as_json: bool) -> str | None:
 def _study(attempt: Attempt) -> str | None:
     """Run the first jobs of a study file in this process."""
     try:
-        jobs = task.tasks(study_file.read(attempt.words[0]), attempt.words[0])
+        jobs = sweep.tasks(study_file.read(attempt.words[0]), attempt.words[0])
     except StabctlError as error:
         return _wrong(2, "", f"stabctl: {error}\n", False)
     for one in jobs[:3]:

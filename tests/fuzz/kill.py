@@ -10,11 +10,10 @@ from random import Random
 from typing import Any
 
 import stabctl
-from stabctl.jobs.run_task import run_task
 from stabctl.jobs.store import Store
-from stabctl.jobs.task import COMPUTED
-from stabctl.sweep import study_file, task
-from stabctl.sweep.kind import SWEEP
+from stabctl.jobs.task import COMPUTED, run_task
+from stabctl.sweep import study_file, sweep
+from stabctl.sweep.job import SWEEP
 from stabctl.sweep.results import rows
 
 from .attempt import Attempt
@@ -70,7 +69,7 @@ def _undisturbed() -> dict[str, Any]:
     Path("r.db").rename("found.db")
     try:
         with Store("r.db", SWEEP) as store:
-            for one in task.tasks(study_file.read("s.toml"), "s.toml"):
+            for one in sweep.tasks(study_file.read("s.toml"), "s.toml"):
                 store.add(run_task(one))
         return _facts()
     finally:

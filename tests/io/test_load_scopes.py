@@ -3,8 +3,7 @@
 from itertools import pairwise
 from types import SimpleNamespace
 
-from stabctl.io.psse.dyr import Record
-from stabctl.io.psse.load_scopes import LoadScopes
+from stabctl.io.psse.dyr import LoadScopes, Record
 from stabctl.model.tables import Load
 
 BUSES = [SimpleNamespace(I=i, AREA=i, ZONE=1, OWNER=5) for i in (1, 2, 3)]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import stabctl as st
-from stabctl.io.psse import constants, dyr
+from stabctl.io.psse import dyr
 from stabctl.model import network, powerflow
 
 BASE = 85.0
@@ -361,7 +361,7 @@ def test_the_constants_of_every_record_are_in_the_order_of_the_library():
     """Kinds of loads have an ending for their scope: a bus, an owner, a zone, an area, all."""
     rows = (Path(__file__).parent / "psse_constants.txt").read_text().split("\n")
     listed = dict(row.split(" ", 1) for row in rows if row and not row.startswith("#"))
-    found = {kind: order for kind, (_, order) in constants.kinds().items()}
+    found = {kind: order for kind, (_, order) in dyr.kinds().items()}
     scoped = {kind: f"{kind[:-2]}xx" for kind in found if f"{kind[:-2]}xx" in listed}
     assert {scoped.get(kind, kind): order for kind, order in found.items()} == listed
     for name in {kind[:-2] for kind in scoped}:

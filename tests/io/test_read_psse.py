@@ -8,9 +8,9 @@ from psse_replay import DATA
 
 import stabctl as st
 from stabctl.errors import CaseError, StudyError
-from stabctl.io import psse
-from stabctl.io.psse import dyr, lexer
-from stabctl.model import circuits, keys, location, network, powerflow
+from stabctl.io import lexer, psse
+from stabctl.io.psse import dyr
+from stabctl.model import location, naming, network, powerflow
 from stabctl.simulation.events import Clear, Fault, Open
 
 THREE = DATA / "psid/GENROU/ThreeBusMulti.raw"
@@ -166,7 +166,7 @@ class TestNames:
 
     def test_of_circuits(self, case):
         rows = {
-            text: keys.row(case, "branches", text) for text in ("1-4 ckt 2", "4-1 CKT 2", "1-4#2", "BUS1-bus4 ckt 2")
+            text: naming.row(case, "branches", text) for text in ("1-4 ckt 2", "4-1 CKT 2", "1-4#2", "BUS1-bus4 ckt 2")
         }
         assert set(rows.values()) == {1}
         with pytest.raises(StudyError, match="Branch 1-4 of TVC_System_32 has no circuit 3; its identifiers are 1, 2"):
@@ -180,7 +180,7 @@ class TestNames:
         (tmp_path / "x.raw").write_text(text)
         case = st.load(tmp_path / "x.raw")
         assert [k.circuit for k in case.branches[:2]] == list(ids)
-        for row, name in enumerate(circuits.names(case.branches)):
+        for row, name in enumerate(naming.circuit_names(case.branches)):
             assert location.circuit(case, name) == (row, True)
             assert location.locate(case, f"{name}@0.25") == (None, row, 0.25)
             assert st.Contingency(f"{name}@0.25", "6cyc").opened(case) == (name,)

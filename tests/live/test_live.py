@@ -13,14 +13,13 @@ import stabctl as st
 from stabctl.cli.groups import CaseOptions
 from stabctl.cli.live import source
 from stabctl.errors import StudyError
-from stabctl.live import commands, linear, page, runs, searches, theory
+from stabctl.live import answers, commands, page
+from stabctl.live.answers import critical, landscape, pack
 from stabctl.live.app import app
-from stabctl.live.packing import pack
-from stabctl.live.points import Points
-from stabctl.live.recording import recording
-from stabctl.live.state import State, read
-from stabctl.theory.from_case import equivalent
-from stabctl.theory.phase import separatrix
+from stabctl.live.page import recording
+from stabctl.live.state import Points, State, read
+from stabctl.theory.phase_plane import separatrix
+from stabctl.theory.two_machine import equivalent
 
 TOKEN = "a-token-of-the-test"
 LOAD = commands.Source("st.load('two_area')", ("two_area",))
@@ -52,7 +51,7 @@ def test_packed_curves_are_read_back():
 
 def test_a_run_is_that_of_simulate(points):
     state = replace(FAULT, signals=("speed", "angle", "voltage", "storage"), percent=5.0, compare=True)
-    head, arrays = unpacked(runs.answer(points, state, LOAD))
+    head, arrays = unpacked(answers.run_answer(points, state, LOAD))
     case = points.case.with_storage("5%mva")
     run = st.simulate(case, st.Contingency("7-8@0.4", clear="21cyc"), control=st.BangBang())
     assert head["runs"][""]["message"] == run.outcome.message
@@ -75,7 +74,7 @@ def test_ratings_of_single_machines(points):
 
 def test_the_critical_time_is_that_of_clearing_time(points):
     told = []
-    searches.critical(points, FAULT, told.append)
+    critical(points, FAULT, told.append)
     answers = [part for part in told if "text" in part]
     assert [a["resolution"] for a in answers] == [0.125, 0.015625]
     assert answers[0]["text"] == str(st.clearing_time(points.case, "7-8@0.4"))
@@ -89,7 +88,7 @@ def test_the_delay_is_that_of_the_signals_of_the_law(points):
     began = []
     for delay in (0.0, 6.0, 12.0):
         state = replace(FAULT, percent=5.0, signals=("storage",), delay=delay)
-        _, arrays = unpacked(runs.answer(points, state, LOAD))
+        _, arrays = unpacked(answers.run_answer(points, state, LOAD))
         power = np.abs(arrays["storage"]).max(axis=1)
         began.append(float(arrays["time"][np.flatnonzero(power > 0.5)[0]]))
     assert (began[1] - began[0]) * 60 == pytest.approx(6, abs=1)  # cycles
@@ -99,7 +98,7 @@ def test_the_delay_is_that_of_the_signals_of_the_law(points):
 @pytest.mark.slow
 def test_the_landscape_is_the_screen(cases):
     told = []
-    searches.landscape(Points(cases("wscc9")), State("7"), told.append)
+    landscape(Points(cases("wscc9")), State("7"), told.append)
     pairs = sorted(tuple(row) for part in told for row in part.get("pairs", ()))
     whole = st.screen(cases("wscc9"))
     assert pairs == sorted((p.fault, p.trip[0], p.cycles, p.status, p.machine) for p in whole.pairs)
@@ -108,8 +107,8 @@ def test_the_landscape_is_the_screen(cases):
 
 def test_modes_with_a_gain(cases):
     case = cases("two_area")
-    gain = linear.gains(case)[-1]
-    found, more = (linear.answer(case, gain, factor) for factor in (1.0, 2.0))
+    gain = answers.gains(case)[-1]
+    found, more = (answers.modes_answer(case, gain, factor) for factor in (1.0, 2.0))
     own = case.modes()
     assert found["text"] == str(own)
     swings = [m for m in found["modes"] if m[3]]
@@ -117,17 +116,17 @@ def test_modes_with_a_gain(cases):
     assert more["modes"] != found["modes"]
     assert sorted(i for group in found["areas"] for i in group) == [0, 1, 2, 3]
     with pytest.raises(StudyError, match=r"has no gain 'H\.H'"):
-        linear.answer(case, "H.H", 2.0)
+        answers.modes_answer(case, "H.H", 2.0)
 
 
 def test_equal_areas_agree_with_the_phase_plane(cases):
-    critical = theory.answer(cases("two_area"), 1, 1.0)["critical"]
+    critical = answers.equal_area_answer(cases("two_area"), 1, 1.0)["critical"]
     for cycles, stable in ((critical - 0.1, True), (critical + 0.1, False)):
-        assert theory.answer(cases("two_area"), 1, cycles)["stable"] is stable
+        assert answers.equal_area_answer(cases("two_area"), 1, cycles)["stable"] is stable
 
 
 def test_the_theory_is_shown_in_degrees_and_hertz(cases):
-    found, pair = theory.answer(cases("two_area"), 1, 6.0), equivalent(cases("two_area"), 1)
+    found, pair = answers.equal_area_answer(cases("two_area"), 1, 6.0), equivalent(cases("two_area"), 1)
     area, edge = pair.equal_area(6.0), separatrix(pair.omib, 121)
     assert np.deg2rad(found["marks"]) == pytest.approx([area.start, area.clearing, area.stop], rel=1e-12)
     assert np.deg2rad(found["separatrix"][0]) == pytest.approx(edge.angle, rel=1e-12)
@@ -137,11 +136,11 @@ def test_the_theory_is_shown_in_degrees_and_hertz(cases):
 
 
 def test_equal_areas_begin_with_a_machine_that_has_them(cases):
-    found = theory.answer(cases("ieee39"), None, 6.0)
-    assert found == theory.answer(cases("ieee39"), found["machine"], 6.0)
+    found = answers.equal_area_answer(cases("ieee39"), None, 6.0)
+    assert found == answers.equal_area_answer(cases("ieee39"), found["machine"], 6.0)
     assert found["machine"] != 1
     with pytest.raises(StudyError, match="Machine 1 of ieee39 slows down against the others"):
-        theory.answer(cases("ieee39"), 1, 6.0)
+        answers.equal_area_answer(cases("ieee39"), 1, 6.0)
 
 
 @pytest.mark.parametrize(
@@ -156,7 +155,7 @@ def test_equal_areas_begin_with_a_machine_that_has_them(cases):
 )
 def test_copied_lines_give_the_run_of_the_page(points, settings, capsys, monkeypatch):
     state = replace(FAULT, **settings)
-    head, _ = unpacked(runs.answer(points, state, LOAD))
+    head, _ = unpacked(answers.run_answer(points, state, LOAD))
     copy = head["copy"]["run"]
     run = eval(copy["python"], {"st": st})
     assert run.outcome.message == head["runs"][""]["message"]
@@ -174,7 +173,7 @@ def test_copied_lines_give_the_run_of_the_page(points, settings, capsys, monkeyp
 @pytest.mark.parametrize("settings", [{}, {"percent": 5.0, "deadband": 50.0}])
 def test_copied_lines_give_the_clearing_times_of_the_page(points, settings, stabctl):
     state, told = replace(FAULT, **settings), []
-    searches.critical(points, state, told.append)
+    critical(points, state, told.append)
     copy = commands.lines(LOAD, points.case, state)
     found = next(t for t in told if "text" in t)
     assert eval(copy["critical"]["python"], {"st": st}).cycles == found["cycles"]

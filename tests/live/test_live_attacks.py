@@ -8,9 +8,9 @@ import time
 import pytest
 
 from stabctl.errors import StudyError
-from stabctl.live import commands, searches, streams
-from stabctl.live.points import Points
+from stabctl.live import answers, app, commands
 from stabctl.live.serve import HOST, server
+from stabctl.live.state import Points
 
 TOKEN = "a-token-of-the-test"
 DEEP = b"[" * 100_000
@@ -155,8 +155,8 @@ def test_a_search_that_fails_says_so(port, path, error, monkeypatch):
     def fails(*_, **__):
         raise error
 
-    monkeypatch.setattr(searches, "clearing_time", fails)
-    monkeypatch.setattr(searches, "screen", fails)
+    monkeypatch.setattr(answers, "clearing_time", fails)
+    monkeypatch.setattr(answers, "screen", fails)
     status, content = posted(port, path, b'{"fault": "7"}')
     assert status == 200
     assert f'"error": "{type(error).__name__}: '.encode() in content
@@ -164,7 +164,7 @@ def test_a_search_that_fails_says_so(port, path, error, monkeypatch):
 
 
 def test_a_run_that_fails_says_so(port, monkeypatch):
-    monkeypatch.setattr("stabctl.live.runs.simulate", lambda *_, **__: 1 / 0)
+    monkeypatch.setattr("stabctl.live.answers.simulate", lambda *_, **__: 1 / 0)
     status, content = posted(port, "run", b'{"fault": "7"}')
     assert status == 200
     assert b"ZeroDivisionError: division by zero. This is a bug in stabctl" in content
@@ -178,18 +178,18 @@ def test_a_few_searches_run_at_once_and_their_end_makes_room(port, monkeypatch):
         assert go.wait(20)
         raise StudyError("It has waited.")
 
-    monkeypatch.setattr(searches, "clearing_time", waits)
+    monkeypatch.setattr(answers, "clearing_time", waits)
     found = []
     threads = [
         threading.Thread(target=lambda: found.append(posted(port, "clearing", b'{"fault": "7"}')))
-        for _ in range(streams.MOST)
+        for _ in range(app.MOST)
     ]
     for thread in threads:
         thread.start()
     until = time.monotonic() + 10
-    while len(begun) < streams.MOST and time.monotonic() < until:
+    while len(begun) < app.MOST and time.monotonic() < until:
         time.sleep(0.01)
-    assert len(begun) == streams.MOST
+    assert len(begun) == app.MOST
     status, content = posted(port, "clearing", b'{"fault": "7"}')
     assert status == 503
     assert b"Many searches are running" in content
@@ -197,5 +197,5 @@ def test_a_few_searches_run_at_once_and_their_end_makes_room(port, monkeypatch):
     go.set()
     for thread in threads:
         thread.join(20)
-    assert [status for status, content in found if b"It has waited." in content] == [200] * streams.MOST
+    assert [status for status, content in found if b"It has waited." in content] == [200] * app.MOST
     assert posted(port, "clearing", b'{"fault": "7"}')[0] == 200

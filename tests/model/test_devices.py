@@ -10,12 +10,12 @@ from systems import CLASSICAL, PSS, ROUND, SEXS, small
 from stabctl import io
 from stabctl.devices.device import Device
 from stabctl.errors import CaseError, StudyError
-from stabctl.model import catalog, keys
+from stabctl.model import naming, tables
 from stabctl.model.replicate import replicate
 from stabctl.model.tables import Load
 from stabctl.schema import FROM_CASE, POSITIVE
 
-PACKAGED_MODELS = catalog.models
+PACKAGED_MODELS = tables.models
 
 
 class Exponential(NamedTuple):
@@ -57,7 +57,7 @@ class Gensal(NamedTuple):
 @pytest.fixture(autouse=True)
 def more_models(monkeypatch):
     """Models that the package does not have, found by their roles alone."""
-    known = catalog.models()
+    known = tables.models()
     parts = {
         "exponential": ("load", Exponential),
         "other_load": ("load", Exponential),
@@ -66,7 +66,7 @@ def more_models(monkeypatch):
         "starting": ("machine", Gensal),
     }
     more = {name: Device(ModuleType(name), name, name, role, Par=Par) for name, (role, Par) in parts.items()}
-    monkeypatch.setattr(catalog, "models", lambda: {**known, **more})
+    monkeypatch.setattr(tables, "models", lambda: {**known, **more})
 
 
 A, B = Exponential(0.0, 1.5), Exponential(0.0, 0.5, 1.0)
@@ -93,9 +93,9 @@ def test_a_model_without_columns_of_its_own_has_no_table(monkeypatch):
 
 
 def test_columns_follow_from_the_role():
-    assert list(catalog.columns("exponential")) == ["bus", "a", "b"]
-    assert list(catalog.columns("regc")) == ["machine", "rate"]
-    assert {"gencls", "genrou", "regc", "starting"} <= set(catalog.of_role("machine", "converter"))
+    assert list(tables.device_columns("exponential")) == ["bus", "a", "b"]
+    assert list(tables.device_columns("regc")) == ["machine", "rate"]
+    assert {"gencls", "genrou", "regc", "starting"} <= set(tables.of_role("machine", "converter"))
 
 
 @pytest.mark.parametrize("rows", [{2: A}, {2: A, "2#2": B}, {"2#2": B}, {1: B, "2#2": A, 2: B}])
@@ -108,7 +108,7 @@ def test_load_models_belong_to_rows_of_loads(loads, rows, tmp_path):
     assert case.trip_machine(1).devices["exponential"] == case.classical().devices["exponential"] == rows
     three = replicate(case, 3)
     assert len(three.devices["exponential"]) == 3 * len(rows)
-    assert {keys.moved(key, 20) for key in rows} <= set(three.devices["exponential"])
+    assert {naming.moved(key, 20) for key in rows} <= set(three.devices["exponential"])
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from systems import CLASSICAL, doubled, small
 from stabctl import io
 from stabctl.dynamics import operating_point
 from stabctl.errors import CaseError, StabctlError, StudyError
-from stabctl.model import catalog, keys, powerflow
+from stabctl.model import naming, powerflow, tables
 from stabctl.model.case import Case
 from stabctl.model.tables import TABLES, Link, Load, Storage
 from stabctl.schema import fields
@@ -30,8 +30,8 @@ def case():
 def every_value(case):
     """Table, row, key and field of every value of the case but the keys of devices."""
     for table in (*TABLES, *case.devices):
-        record = TABLES[table] if table in TABLES else catalog.models()[table].Par
-        for i, key in enumerate(keys.keys(case, table)):
+        record = TABLES[table] if table in TABLES else tables.models()[table].Par
+        for i, key in enumerate(naming.keys(case, table)):
             for f in fields(record).values():
                 yield table, i, key, f
 
@@ -74,7 +74,7 @@ def test_text_with_a_unit_is_the_number_in_the_unit_of_the_column(case):
 def test_rows_are_named_as_a_user_names_them(case):
     assert case.set("branches.7-8#2.x", 0.2).branches == case.set("branches.8-7#2.x", 0.2).branches
     second = [k.x for k in case.set("branches.7-8#2.x", 0.2).branches if {k.from_bus, k.to_bus} == {7, 8}]
-    assert second == [case.branches[keys.row(case, "branches", "7-8")].x, 0.2]
+    assert second == [case.branches[naming.row(case, "branches", "7-8")].x, 0.2]
     assert [load.p for load in case.set("loads.7#2.p", 20).loads] == [967, 1767, 20]
     assert case.set("links.dc no. 1.p", 20).links[0].p == 20
     assert case.set("pss.1.K", 10).devices["pss"][1].K == 10

@@ -10,8 +10,7 @@ from systems import CLASSICAL, doubled, small, with_shares
 
 from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
-from stabctl.placement.allocation import AllocationProgram, allocate, by_gramian
-from stabctl.placement.gramians import critical_modes, gramians
+from stabctl.placement.allocation import AllocationProgram, allocate, by_gramian, critical_modes, gramians
 from stabctl.placement.sensitivity import sensitivity
 from stabctl.smallsignal import analyze, linearize, modal
 

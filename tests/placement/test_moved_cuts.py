@@ -6,11 +6,10 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from stabctl.placement import cut_gradients, cutting_planes
-from stabctl.placement.cutting_planes import CuttingPlanes
-from stabctl.placement.master import Cut, Master, Unsolved
-from stabctl.placement.prices import Prices
-from stabctl.placement.scenario import Scenario
+from stabctl.placement import cutting_planes, scaling
+from stabctl.placement.contingencies import Scenario
+from stabctl.placement.cutting_planes import Cut, CuttingPlanes, Master, Unsolved
+from stabctl.placement.site_options import Prices
 from stabctl.simulation.contingency import Contingency
 
 AT_LEAST_20 = Cut(0, np.array([1 / 20, 0.0]), 1.0, np.array([20.0, 0.0]))  # MW at the first site
@@ -94,7 +93,7 @@ class Curved:
 @pytest.fixture
 def curved(monkeypatch):
     """Cutting planes with exact gradients, at a fleet that costs little more than the cheapest one."""
-    monkeypatch.setattr(cut_gradients, "by_peak", lambda trials, mw, k: 0.5 / mw)  # of s1 s2, scaled to d . s = 1
+    monkeypatch.setattr(scaling, "by_peak", lambda trials, mw, k: 0.5 / mw)  # of s1 s2, scaled to d . s = 1
     monkeypatch.setattr(cutting_planes, "energies", lambda trials, mw: 0 * mw)
     made = planes((14.5, 100 / 14.5), cuts=())
     made.trials = Curved()

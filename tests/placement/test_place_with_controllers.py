@@ -8,7 +8,7 @@ import pytest
 
 import stabctl as st
 from stabctl.errors import StudyError
-from stabctl.placement.controls import acting_in
+from stabctl.placement.place import acting_in
 from stabctl.placement.trials import Trials
 
 SITE = ((9, 29),)

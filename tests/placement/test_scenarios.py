@@ -9,9 +9,9 @@ import pytest
 import stabctl as st
 from stabctl.controllers import BangBang
 from stabctl.errors import CaseError, StudyError
-from stabctl.model.load_level import with_load_level
+from stabctl.model.loads import with_load_level
+from stabctl.placement.contingencies import Scenario, operating_points, scenarios
 from stabctl.placement.place import place
-from stabctl.placement.scenario import Scenario, operating_points, scenarios
 from stabctl.placement.sensitivity import sensitivity
 from stabctl.placement.site_options import SiteOption, read, sites
 from stabctl.placement.trials import Trials

@@ -6,8 +6,8 @@ import pytest
 
 from stabctl.controllers import BangBang
 from stabctl.estimation.estimator_control import EstimatorControl
-from stabctl.jobs.key import text
 from stabctl.jobs.store import rows
+from stabctl.jobs.task import text
 from stabctl.placement.place import place
 from stabctl.placement.simulated import FLEET
 from stabctl.placement.siting import Costs

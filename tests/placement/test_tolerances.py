@@ -7,8 +7,8 @@ import pytest
 
 from stabctl.controllers import BangBang
 from stabctl.errors import StudyError
+from stabctl.placement.contingencies import Scenario, scaled
 from stabctl.placement.place import place
-from stabctl.placement.scenario import Scenario, scaled
 from stabctl.simulation.contingency import Contingency
 
 AT_25 = Contingency("25", 8.25 / 60, "2-25")

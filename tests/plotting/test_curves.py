@@ -10,15 +10,15 @@ from stabctl.clearing import clearing_time as critical
 from stabctl.clearing import screen as screened
 from stabctl.controllers import BangBang
 from stabctl.estimation.estimate import estimate
-from stabctl.plotting import clearing_time, equal_area, estimates, minimum_time, phase_plane, screen, style, trajectory
-from stabctl.plotting.style import COLORS, GRAY
+from stabctl.plotting import clearing, estimates, one_machine, style, trajectory
+from stabctl.plotting.palette import COLORS, GRAY
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulate import simulate
 from stabctl.smallsignal import analyze, linearize
 from stabctl.theory.feedback_laws import compare
+from stabctl.theory.minimum_time import by_shooting
 from stabctl.theory.omib import OMIB
-from stabctl.theory.phase import portrait
-from stabctl.theory.shooting import by_shooting
+from stabctl.theory.phase_plane import portrait
 from stabctl.theory.two_machine import Equivalent
 
 FAULT = Contingency("7-8@0.4", "6cyc", at=0.1)
@@ -144,7 +144,7 @@ def test_estimates_and_commands(cases):
 
 def test_runs_of_a_search_and_bars_of_a_screen(points):
     found = critical(points("two_area"), "7-8@0.1", scan=0, resolution="1cyc")
-    ax = clearing_time.plot(found)
+    ax = clearing.plot_clearing_time(found)
     assert labeled(ax)
     for line, stable in zip(ax.lines, (True, False), strict=False):
         runs = [r for r in found.runs if r.stable is stable]
@@ -152,7 +152,7 @@ def test_runs_of_a_search_and_bars_of_a_screen(points):
     assert vertical(ax) == [found.cycles]
     assert ax.get_ylim()[0] == 0
     whole = screened(points("two_area"), limit="9cyc", resolution="1cyc")
-    ax = screen.plot(whole, most=3)
+    ax = clearing.plot_screen(whole, most=3)
     assert labeled(ax)
     assert [bar.get_width() for bar in ax.patches] == [p.cycles or 9.0 for p in whole.pairs[:3]]
     colors = ["gray" if p.status == "stable_at_limit" else "blue" for p in whole.pairs[:3]]
@@ -223,7 +223,7 @@ def test_arrows_of_a_mode_shape(points):
 def test_one_machine():
     m = OMIB()
     found = portrait(m)
-    ax = phase_plane.plot(found)
+    ax = one_machine.plot_phase_plane(found)
     assert labeled(ax)
     boundary = [data(line) for line in ax.lines if line.get_linestyle() == ":"]
     assert boundary[0][1] == pytest.approx(found.separatrix.speed)
@@ -242,7 +242,7 @@ def test_one_machine():
         assert_curves(ax.lines[:1], curve.t, values[:, None])
         assert vertical(ax) == [curve.clearing]
     laws = compare(m)
-    for ax, response in zip(phase_plane.feedback(laws).axes, laws.responses, strict=True):
+    for ax, response in zip(one_machine.feedback(laws).axes, laws.responses, strict=True):
         assert data(ax.lines[2])[1] == pytest.approx(response.curve.speed)
         assert ax.get_title() == f"{response.name}: peak {response.peak_angle:.3f} rad"
 
@@ -250,7 +250,7 @@ def test_one_machine():
 @pytest.mark.parametrize("absorbed", [0.0, 0.5])
 def test_areas_are_between_the_curves(absorbed):
     area = Equivalent().equal_area(8, absorbed)
-    ax = equal_area.plot(area)
+    ax = one_machine.plot_equal_area(area)
     assert labeled(ax)
     lines = {line.get_label(): data(line) for line in ax.lines}
     assert lines["$P_e$"] == pytest.approx(np.array([area.angle, area.Pe]))
@@ -268,7 +268,7 @@ def test_areas_are_between_the_curves(absorbed):
 
 def test_areas_side_by_side_share_an_axis_that_holds_them_all():
     areas = {"without": Equivalent().equal_area(8), "with": Equivalent().equal_area(8, 0.5)}
-    figure = equal_area.compare(areas)
+    figure = one_machine.compare(areas)
     highest = max((area.Pe + area.absorbed).max() for area in areas.values())
     assert [ax.get_ylim() for ax in figure.axes] == [(0, pytest.approx(1.1 * highest))] * 2
     assert [ax.get_title(loc="left").split("$")[0] for ax in figure.axes] == list(areas)
@@ -276,7 +276,7 @@ def test_areas_side_by_side_share_an_axis_that_holds_them_all():
 
 def test_minimum_time():
     control = by_shooting(Equivalent().minimum_time_problem(6))
-    figure = minimum_time.plot(control)
+    figure = one_machine.plot(control)
     assert labeled(figure)
     rows = control.x1, control.x2, control.lambda1, control.lambda2
     for ax, values in zip(figure.axes[:4], rows, strict=True):

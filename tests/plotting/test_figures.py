@@ -12,15 +12,16 @@ from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
 from stabctl.estimation.estimate import estimate
 from stabctl.model import fleet
-from stabctl.plotting import clearing_time, estimates, modes, screen, style, trajectory
-from stabctl.plotting.mode_shape import spread
+from stabctl.plotting import clearing, estimates, modes, style, trajectory
+from stabctl.plotting.modes import spread
+from stabctl.plotting.palette import GRAY
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run
 from stabctl.smallsignal import analyze, linearize
 from stabctl.theory.feedback_laws import compare
+from stabctl.theory.minimum_time import by_shooting
 from stabctl.theory.omib import OMIB
-from stabctl.theory.phase import portrait
-from stabctl.theory.shooting import by_shooting
+from stabctl.theory.phase_plane import portrait
 from stabctl.theory.two_machine import Equivalent
 
 
@@ -72,8 +73,8 @@ def test_the_unstable_machine_stands_out_among_many(points):
     assert crowded(figure) == []
     assert legend(figure.axes[0]) == ["machine 14", "the others", "fault on", "clearing"]
     own, *others = curves(figure.axes[0], found)
-    assert own.get_color() != style.GRAY
-    assert {line.get_color() for line in others} == {style.GRAY}
+    assert own.get_color() != GRAY
+    assert {line.get_color() for line in others} == {GRAY}
     fault = figure.axes[0].patches[0].get_extents().transformed(figure.axes[0].transData.inverted())
     assert (fault.x0, fault.x1) == pytest.approx((1.0, 1.1))
 
@@ -131,28 +132,28 @@ def test_axes_of_the_user_are_drawn_on(runs):
 
 def test_clearing_times(points):
     found = critical(points("two_area"), "7-8@0.4")
-    ax = clearing_time.plot(found)
+    ax = clearing.plot_clearing_time(found)
     assert crowded(ax) == []
     tried = sorted(cycles for line in ax.lines[:2] for cycles in line.get_xdata())
     assert tried == [r.cycles for r in found.runs]
     places, curves = np.linspace(0, 0.5, 6), {"without": np.arange(6), "with": np.arange(6) + 3}
-    assert crowded(clearing_time.compare(places, curves, xlabel="location")) == []
+    assert crowded(clearing.compare(places, curves, xlabel="location")) == []
     sweeps = dict.fromkeys(("latency (ms)", "noise (mrad)"), (places, curves))
-    assert crowded(clearing_time.panels(sweeps, {"without": 12.25, "with": 6.5})) == []
+    assert crowded(clearing.panels(sweeps, {"without": 12.25, "with": 6.5})) == []
 
 
 def test_screen(points, cases):
     found = screened(points("two_area"), below="12cyc")
-    ax = screen.plot(found)
+    ax = clearing.plot_screen(found)
     assert crowded(ax) == []
     assert [bar.get_width() for bar in ax.patches] == [p.cycles for p in found.pairs[:25]]
-    assert crowded(screen.plot(found.below("0.1cyc"))) == []
+    assert crowded(clearing.plot_screen(found.below("0.1cyc"))) == []
 
 
 @pytest.mark.parametrize("name", ["two_area", "ieee39", "wnaps", "two_area_thyristor"])
 def test_modes(name, points):
     found = analyze(linearize(points(name)))
-    ax = modes.plot(found)
+    ax = modes.plot_modes(found)
     assert crowded(ax) == []
     labels = [text.get_text() for text in ax.get_legend().texts]
     assert ("unstable" in labels) == (not found.stable)

@@ -12,10 +12,8 @@ from matplotlib.quiver import Quiver
 from scipy.spatial import cKDTree
 
 import stabctl as st
-from stabctl.diagram import layout_cache, one_line
-from stabctl.diagram.graph import backbone, graph
-from stabctl.diagram.layout import layout
-from stabctl.diagram.stress_majorization import stress_majorization
+from stabctl.diagram import layout, one_line
+from stabctl.diagram.layout import backbone, graph, node_positions, stress_majorization
 from stabctl.errors import StudyError
 from stabctl.placement.siting import Costs, Site, Siting
 from stabctl.smallsignal import areas
@@ -53,9 +51,9 @@ def test_points_on_a_plane_are_found_from_their_distances():
 @pytest.mark.parametrize("name", CASES)
 def test_nodes_are_apart_and_the_same_every_time(cases, name):
     case = cases(name)
-    X = layout(case)
+    X = node_positions(case)
     assert cKDTree(X).query(X, k=2)[0][:, 1].min() > 0.35
-    assert (X == layout(case)).all()
+    assert (X == node_positions(case)).all()
 
 
 def test_stubs_are_not_in_the_backbone(cases):
@@ -143,19 +141,19 @@ def test_coordinates_survive_a_case_folder(tmp_path, cases):
 
 def test_the_layout_is_calculated_once(cases, own_cache, monkeypatch):
     case = cases("ieee39")
-    first = layout_cache.cached_layout(case)
-    monkeypatch.setattr(layout_cache, "layout", lambda case: pytest.fail("calculated again"))
+    first = layout.cached_layout(case)
+    monkeypatch.setattr(layout, "node_positions", lambda case: pytest.fail("calculated again"))
     (file,) = own_cache.iterdir()
-    monkeypatch.setattr(layout_cache, "_name", lambda case: file.name.removeprefix("diagram-"))
-    assert (layout_cache.cached_layout(case) == first).all()
+    monkeypatch.setattr(layout, "_name", lambda case: file.name.removeprefix("diagram-"))
+    assert (layout.cached_layout(case) == first).all()
 
 
 def test_islands_and_small_systems_have_a_layout(cases):
     case = cases("two_area")
     swing = tuple(b._replace(kind="swing") if b.bus == 1 else b for b in case.buses)
     apart = replace(case, buses=swing, branches=tuple(k for k in case.branches if {k.from_bus, k.to_bus} != {8, 9}))
-    assert np.isfinite(layout(apart)).all()
-    X = layout(apart)
+    assert np.isfinite(node_positions(apart)).all()
+    X = node_positions(apart)
     assert cKDTree(X).query(X, k=2)[0][:, 1].min() > 0.35
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from stabctl.live import page
 from stabctl.plotting import style
+from stabctl.plotting.palette import COLORS, FONTS, LABELS, LOOK, css
 from stabctl.report.document import environment
 
 PACKAGE = Path(style.__file__).parents[1]
@@ -49,7 +50,7 @@ def lab(rgb):
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_text_and_curves_stand_out_from_the_page(scheme):
     """WCAG 2.2 asks for 4.5 of text and 3 of graphics; the least here are 4.6 and 3.0 (good, e; both light)."""
-    look = style.LOOK[scheme]
+    look = LOOK[scheme]
     for paper in (look["paper"], look["card"]):
         assert all(contrast(look[name], paper) >= 4.5 for name in ("ink", "soft", "bad", "good"))
         assert all(contrast(look[name], paper) >= 3 for name in CURVES)
@@ -58,7 +59,7 @@ def test_text_and_curves_stand_out_from_the_page(scheme):
 @pytest.mark.parametrize("cones", SEEN)
 def test_color_blind_readers_tell_the_first_curves_apart(cones):
     """Differences in CIELAB, of which 2 can just be seen; the least is 12.0 (b and d, light, no middle cones)."""
-    for colors in (style.COLORS[:7], *([style.LOOK[scheme][c] for c in CURVES] for scheme in SCHEMES)):
+    for colors in (COLORS[:7], *([LOOK[scheme][c] for c in CURVES] for scheme in SCHEMES)):
         seen = [lab(np.array(SEEN[cones]) @ linear(c)) for c in colors]
         assert min(np.linalg.norm(one - other) for one, other in combinations(seen, 2)) > 11
 
@@ -81,22 +82,22 @@ def test_colors_are_in_the_style_file_only():
 
 
 def test_reports_and_interactive_page_have_its_variables():
-    assert style.css() in environment().get_template("base.html").render(title="")
-    assert page.file("style.css")[0].decode() == style.css()
+    assert css() in environment().get_template("base.html").render(title="")
+    assert page.file("style.css")[0].decode() == css()
     used = {n for p in PACKAGE.glob("live/static/page.css") for n in re.findall(r"var\(--([\w-]+)\)", p.read_text())}
     used |= set(re.findall(r"var\(--([\w-]+)\)", (PACKAGE / "report/templates/style.css").read_text()))
-    assert used <= {"font", *style.LOOK["light"]}
-    assert style.LOOK["light"].keys() == style.LOOK["dark"].keys() == style.LOOK["print"].keys()
+    assert used <= {"font", *LOOK["light"]}
+    assert LOOK["light"].keys() == LOOK["dark"].keys() == LOOK["print"].keys()
 
 
 def test_figures_have_its_fonts_and_leave_those_of_others(caplog):
     before, ours = dict(mpl.rcParams), style.single(None, 3, 2)
-    ours.set_xlabel(style.LABELS["time"])
+    ours.set_xlabel(LABELS["time"])
     given = ours.text(0.5, 0.5, "x", family="monospace")
     ours.figure.canvas.draw()
     family = ours.xaxis.label.get_fontfamily()
-    assert family == [name for name in style.FONTS if name in family]
-    assert family[-1] == style.FONTS[-1]
+    assert family == [name for name in FONTS if name in family]
+    assert family[-1] == FONTS[-1]
     assert not caplog.messages
     assert given.get_fontfamily() == ["monospace"]
     theirs = plt.figure().add_subplot()

@@ -9,10 +9,9 @@ from labels import crowded
 from stabctl.controllers import BangBang, StorageLaw
 from stabctl.design import LawDesign, LawLimits
 from stabctl.design.critical_machines import Group
-from stabctl.design.duty import Duty, Later
-from stabctl.design.law_jobs import Measured
+from stabctl.design.law_measurement import Duty, Later, Measured
 from stabctl.design.law_result import Judged
-from stabctl.plotting import law_design as figures
+from stabctl.plotting import storage_control as figures
 from stabctl.report import law_page
 from stabctl.simulation.contingency import Contingency
 
@@ -92,4 +91,4 @@ def test_the_page_in_a_browser(design, tmp_path, browse):
 
 
 def test_the_labels_of_the_figure_do_not_overlap(design):
-    assert not crowded(figures.plot(design).figure)
+    assert not crowded(figures.plot_law_design(design).figure)

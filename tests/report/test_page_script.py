@@ -7,9 +7,9 @@ from live_page import browser, page_of
 import stabctl as st
 from stabctl.errors import StudyError
 from stabctl.plotting import modes as eigenvalue_map
-from stabctl.plotting import one_line, tooltips
+from stabctl.plotting import one_line, style
 from stabctl.report import document, modes_page
-from stabctl.report.svg import svg
+from stabctl.report.document import svg
 from stabctl.smallsignal import areas
 
 
@@ -97,8 +97,8 @@ def test_no_other_script_runs(chromium, tmp_path):
 def test_every_mark_of_a_figure_has_its_own_name():
     found = st.load("wnaps").initialize().modes()
     case = found.linear.point.case
-    for drawn in (eigenvalue_map.plot(found), one_line.plot(found.linear.point)):
-        parts = tooltips.named(drawn.figure.findobj())
+    for drawn in (eigenvalue_map.plot_modes(found), one_line.plot(found.linear.point)):
+        parts = style.named(drawn.figure.findobj())
         expected = sum(len(texts) for _, texts in parts)
         assert expected == svg(drawn, "a figure").count("<title>")
     names = [text for _, texts in parts for text in texts]
@@ -108,7 +108,7 @@ def test_every_mark_of_a_figure_has_its_own_name():
 
 def test_names_are_text_even_if_they_look_like_elements():
     ax = plt.figure().add_subplot()
-    tooltips.name(ax.plot([1, 2], [1, 2], "o", ls="none")[0], ["<b>&one", "two"])
+    style.name(ax.plot([1, 2], [1, 2], "o", ls="none")[0], ["<b>&one", "two"])
     assert svg(ax, "a figure").count("<title>&lt;b&gt;&amp;one</title>") == 1
 
 

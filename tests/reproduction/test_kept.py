@@ -2,7 +2,7 @@
 
 import pytest
 
-from reproduction.kept import PROGRESS, Kept, clear
+from reproduction.study import PROGRESS, Kept, clear
 
 
 @pytest.fixture

@@ -9,14 +9,14 @@ import pytest
 ROOT = Path(__file__).parents[2]
 GOOD = """
 from reproduction.study import Study
-from reproduction.console import present
+from reproduction.study import present
 {line}
 if __name__ == "__main__":
     present(lambda reports: [Study("Study {n}", text=("Words of {n}.",)), Study("Another of {n}")])
 """
 MISTAKE = """
 from stabctl.errors import StudyError
-from reproduction.console import present
+from reproduction.study import present
 
 def study(reports):
     raise StudyError("the line 7-9 does not exist: give another.")
@@ -24,8 +24,8 @@ def study(reports):
 present(study)
 """
 LONG = """
-from reproduction.console import present
-from reproduction.kept import Kept
+from reproduction.study import present
+from reproduction.study import Kept
 from reproduction.study import Study
 from stabctl.errors import StudyError
 

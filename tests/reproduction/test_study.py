@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from reproduction import console, paper, records
+from reproduction import paper, study
 from reproduction.comparison import Printed, Verdict
 from reproduction.study import Picture, Study, Table
 from stabctl.errors import StudyError
@@ -53,10 +53,10 @@ def test_difference_is_ours_less_the_papers():
 
 
 def test_records_come_back_from_their_file(tmp_path):
-    path = records.path_for(tmp_path / "sims" / "omib.py", tmp_path)
+    path = study.path_for(tmp_path / "sims" / "omib.py", tmp_path)
     assert path.name == "sims_omib.json"
-    records.write(path, [RECORD, RECORD])
-    assert records.read(path) == (RECORD, RECORD)
+    study.write(path, [RECORD, RECORD])
+    assert study.read(path) == (RECORD, RECORD)
 
 
 @pytest.mark.parametrize("text", ["", "[{}]", "{", "[1]", '{"title": 1}'])
@@ -64,12 +64,12 @@ def test_a_file_without_records_is_one_sentence(text, tmp_path):
     path = tmp_path / "sims_it.json"
     path.write_text(text)
     with pytest.raises(StudyError, match=r"^sims_it.json does not contain records") as error:
-        records.read(path)
+        study.read(path)
     assert "\n" not in str(error.value)
 
 
 def test_brackets_are_printed_as_they_stand(capsys, tmp_path):
-    console.show(Study("a [/b]", tables=(Table("t [bold]", ("h [x]",), (("[/c]",),)),)), tmp_path)
+    study.show(Study("a [/b]", tables=(Table("t [bold]", ("h [x]",), (("[/c]",),)),)), tmp_path)
     shown = capsys.readouterr().out
     assert all(text in shown for text in ("a [/b]", "t [bold]", "h [x]", "[/c]"))
     assert "\\" not in shown

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from stabctl.clearing import Search, Trial, clearing_time
-from stabctl.clearing.last_stable import last_stable
+from stabctl.clearing.critical_time import last_stable
 from stabctl.controllers import BangBang
 from stabctl.dynamics.coerce import initialize
 from stabctl.simulation import newton

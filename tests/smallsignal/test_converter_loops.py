@@ -5,8 +5,8 @@ import pytest
 from systems import PLANT, REEC, REGC_C, doubled, small
 
 from stabctl import devices
-from stabctl.smallsignal import loops
 from stabctl.smallsignal.analysis import modes
+from stabctl.smallsignal.modes import converter_loop
 
 CONTROLLED = {
     "regc_c": REGC_C,
@@ -58,4 +58,4 @@ def test_every_state_of_a_loop_exists():
 
 def test_a_mode_mostly_of_machines_is_not_a_converters(found):
     share = np.array([1.0 if p.table == "gencls" else 0.0 for p in found.linear.places])
-    assert loops.loop(found.linear, share / share.sum()) is None
+    assert converter_loop(found.linear, share / share.sum()) is None

@@ -9,15 +9,24 @@ from systems import KINDS, small
 from typer.testing import CliRunner
 
 from stabctl import io
-from stabctl.cli.linearize import linearize as other
-from stabctl.cli.modes import modes as command
+from stabctl.cli.linear import linearize as other
+from stabctl.cli.linear import modes as command
 from stabctl.dynamics import operating_point
 from stabctl.model.replicate import replicate
-from stabctl.smallsignal import analyze, descriptor, krylov, linearize
-from stabctl.smallsignal.count import OnBoundaryError, Sector, count
-from stabctl.smallsignal.fronts import Area, Member, Network, _balance
-from stabctl.smallsignal.network import network
-from stabctl.smallsignal.units import TERMS, Units, series
+from stabctl.smallsignal import analyze, descriptor, eigen, linearize
+from stabctl.smallsignal.argument_principle import (
+    TERMS,
+    Area,
+    Member,
+    Network,
+    OnBoundaryError,
+    Sector,
+    Units,
+    _balance,
+    count,
+    series,
+)
+from stabctl.smallsignal.dissection import network
 
 app = typer.Typer()
 app.command("modes")(command)
@@ -164,7 +173,7 @@ def test_phases_between_points_are_within_their_bounds(point, most):
 @pytest.mark.parametrize("always", [True, False])
 def test_a_mode_withheld_is_noticed(point, modes, monkeypatch, always):
     """A search that loses a mode: found later, the result is complete; otherwise the place is named."""
-    every, search = modes("ieee39"), krylov.near
+    every, search = modes("ieee39"), eigen.near
     lost = every.eigenvalues[every.swings()[2]]
     calls = []
 
@@ -174,7 +183,7 @@ def test_a_mode_withheld_is_noticed(point, modes, monkeypatch, always):
         keep = np.abs(found.modes.values - lost) > 1e-6 * (always or len(calls) == 1)
         return found._replace(modes=found.modes.some(keep))
 
-    monkeypatch.setattr(krylov, "near", near)
+    monkeypatch.setattr(eigen, "near", near)
     few = analyze(descriptor(point("ieee39")), (0.1, 2.5))
     assert few.counted == 9 - 1
     assert len(calls) > 1
@@ -192,9 +201,9 @@ def test_a_mode_withheld_is_noticed(point, modes, monkeypatch, always):
 
 def test_a_mode_found_again_is_not_another_one(point, modes, monkeypatch):
     """If rounding leads back to modes known already, they do not make up the number counted."""
-    monkeypatch.setattr(krylov, "_without", lambda *_: lambda x: x)
-    monkeypatch.setattr("stabctl.smallsignal.search.BLOCK", 3)
-    monkeypatch.setattr("stabctl.smallsignal.search.VECTORS", 18)
+    monkeypatch.setattr(eigen, "_without", lambda *_: lambda x: x)
+    monkeypatch.setattr("stabctl.smallsignal.band_search.BLOCK", 3)
+    monkeypatch.setattr("stabctl.smallsignal.band_search.VECTORS", 18)
     check(point("ieee39"), modes("ieee39").eigenvalues, (0.1, 2.5), (-0.1, 0.3))
 
 

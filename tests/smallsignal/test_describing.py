@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stabctl.smallsignal.describing import Nonlinearity
+from stabctl.smallsignal.opened_loop import Nonlinearity
 
 SHAPES = {
     "deadband": Nonlinearity(0.2, np.inf, False),

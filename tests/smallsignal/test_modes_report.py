@@ -10,10 +10,10 @@ import typer
 from systems import one_of
 from typer.testing import CliRunner
 
-from stabctl.cli.linearize import linearize
-from stabctl.cli.modes import modes as modes_command
+from stabctl.cli.linear import linearize
+from stabctl.cli.linear import modes as modes_command
 from stabctl.errors import StabctlError
-from stabctl.report import modes_page, modes_table
+from stabctl.report import modes_page
 from stabctl.smallsignal import areas
 
 app = typer.Typer()
@@ -94,7 +94,7 @@ def test_report_open_and_classical(tmp_path):
 
 
 def test_table_shows_no_negative_zero(modes):
-    assert modes_table.number(-1e-9, 4) == "0.0000"
+    assert modes_page.number(-1e-9, 4) == "0.0000"
 
 
 def test_linearize_exports_named_matrices(tmp_path):

@@ -9,7 +9,7 @@ from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
 from stabctl.model.replicate import replicate
 from stabctl.smallsignal import Selected, analyze, areas, descriptor, linearize, modal
-from stabctl.smallsignal.boxes import Box
+from stabctl.smallsignal.band_search import Box
 
 
 @pytest.fixture(scope="module")

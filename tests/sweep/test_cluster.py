@@ -11,8 +11,7 @@ from stabctl.errors import StudyError
 from stabctl.jobs import cluster
 from stabctl.sweep import study_file
 from stabctl.sweep.results import rows
-from stabctl.sweep.sweep import run_sweep
-from stabctl.sweep.task import tasks
+from stabctl.sweep.sweep import run_sweep, tasks
 
 from .conftest import TINY
 

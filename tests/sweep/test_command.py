@@ -9,10 +9,9 @@ import pytest
 from stabctl.jobs import task as jobs
 from stabctl.jobs.store import Store
 from stabctl.sweep import study_file
-from stabctl.sweep.kind import SWEEP
+from stabctl.sweep.job import SWEEP
 from stabctl.sweep.results import rows
-from stabctl.sweep.sweep import run_sweep
-from stabctl.sweep.task import tasks
+from stabctl.sweep.sweep import run_sweep, tasks
 
 from .conftest import TINY
 

@@ -6,9 +6,8 @@ import pytest
 import stabctl as st
 from stabctl.errors import StudyError
 from stabctl.sweep import study_file
-from stabctl.sweep.run_job import run_job
-from stabctl.sweep.sweep import run_sweep
-from stabctl.sweep.task import tasks
+from stabctl.sweep.job import run_job
+from stabctl.sweep.sweep import run_sweep, tasks
 
 STUDY = """
 kind = "clearing-time"

@@ -10,11 +10,9 @@ from contextlib import closing
 
 import pytest
 
-from stabctl.jobs import pool
-from stabctl.sweep import study_file
+from stabctl.sweep import pool, study_file
 from stabctl.sweep.results import rows
-from stabctl.sweep.sweep import run_sweep
-from stabctl.sweep.task import tasks
+from stabctl.sweep.sweep import run_sweep, tasks
 
 from .conftest import TINY, alive
 

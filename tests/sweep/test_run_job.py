@@ -11,12 +11,12 @@ from stabctl.dynamics import operating_point
 from stabctl.estimation.estimate import estimate
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.pmu import Pmu
-from stabctl.jobs.run_task import run_task
+from stabctl.jobs.task import run_task
 from stabctl.model import fleet
 from stabctl.simulation.contingency import Contingency
-from stabctl.sweep import run_job, study_file
-from stabctl.sweep.kind import SWEEP
-from stabctl.sweep.task import tasks
+from stabctl.sweep import job, study_file
+from stabctl.sweep.job import SWEEP
+from stabctl.sweep.sweep import tasks
 
 SIMULATE = 'kind = "simulate"\ncase = "two_area"\nfault = "7"\ntrip = "7-8"\nclear = "11cyc"\nuntil_s = 3\n'
 
@@ -100,7 +100,7 @@ def test_the_seed_of_a_clearing_time_is_that_of_its_noise(results, monkeypatch):
         found = {"status": "found", "seconds": 0.15, "runs": (), "machine": None, "stable_above": ()}
         return SimpleNamespace(cycles=float(control.seed), **found)
 
-    monkeypatch.setattr(run_job, "clearing_time", seen)
+    monkeypatch.setattr(job, "clearing_time", seen)
     head = 'kind = "clearing-time"\ncase = "two_area"\nfault = "7"\nestimator = "kalman"\nseed = [3, 8]\n'
     assert [row.cycles for row in results(head)] == [3.0, 8.0]
 
@@ -145,13 +145,13 @@ def test_whether_stability_is_monotone_is_in_the_row(results, monkeypatch, stabl
     found = SimpleNamespace(
         status="found", cycles=9.0, seconds=0.15, runs=(1, 2), machine=4, stable_above=stable_above, wall_s=0.0
     )
-    monkeypatch.setattr(run_job, "clearing_time", lambda *_, **__: found)
+    monkeypatch.setattr(job, "clearing_time", lambda *_, **__: found)
     (result,) = results('kind = "clearing-time"\ncase = "two_area"\nfault = "7"\n')
     assert (result.monotone, result.cycles, result.runs, result.machine) == (monotone, 9.0, 2, 4)
 
 
 def test_a_failure_that_must_not_be_is_marked_as_one(results, monkeypatch):
-    monkeypatch.setattr(run_job, "simulate", lambda *_, **__: 1 / 0)
+    monkeypatch.setattr(job, "simulate", lambda *_, **__: 1 / 0)
     (result,) = results(SIMULATE)
     assert result.status == "bug"
     assert result.message.startswith("ZeroDivisionError: division by zero.")

@@ -7,8 +7,7 @@ import pytest
 from stabctl.errors import StudyError
 from stabctl.jobs import Row, store
 from stabctl.jobs.task import About
-from stabctl.sweep.job import Job
-from stabctl.sweep.kind import SWEEP
+from stabctl.sweep.job import SWEEP, Job
 from stabctl.sweep.results import rows
 
 

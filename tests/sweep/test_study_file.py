@@ -12,13 +12,12 @@ import pytest
 
 from stabctl import io
 from stabctl.errors import StudyError
-from stabctl.jobs.key import fingerprint
+from stabctl.jobs.task import fingerprint
 from stabctl.model.tables import TABLES, Link
 from stabctl.schema import fields
 from stabctl.sweep import study_file
-from stabctl.sweep.job import Job, columns
-from stabctl.sweep.kind import JOB
-from stabctl.sweep.task import key_of, tasks
+from stabctl.sweep.job import JOB, Job, columns
+from stabctl.sweep.sweep import key_of, tasks
 
 ROOT = Path(__file__).parents[2]
 HEAD = 'kind = "simulate"\ncase = "two_area"\nfault = "7"\nclear = "6cyc"\n'

@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stabctl.errors import StudyError
-from stabctl.theory.energy import critical_energy, energy
 from stabctl.theory.feedback_laws import (
     FeedbackLaw,
     acceleration_magnitude,
@@ -15,8 +14,8 @@ from stabctl.theory.feedback_laws import (
     respond,
     speed_acceleration,
 )
-from stabctl.theory.omib import OMIB
-from stabctl.theory.swing_curve import swing_curve
+from stabctl.theory.omib import OMIB, swing_curve
+from stabctl.theory.phase_plane import critical_energy, energy
 
 PAPER = OMIB()
 number = st.floats(-2, 2)

@@ -14,8 +14,7 @@ from stabctl.model import fleet
 from stabctl.model.case import Branch, Bus, Case, Machine
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run
-from stabctl.theory.from_case import equivalent
-from stabctl.theory.two_machine import Equivalent
+from stabctl.theory.two_machine import Equivalent, equivalent
 
 
 @pytest.fixture(scope="module")

@@ -9,12 +9,10 @@ from scipy.integrate import quad, solve_ivp
 
 from reproduction import paper
 from stabctl.errors import StudyError
-from stabctl.theory.collocation import by_collocation
 from stabctl.theory.convex_program import SpeedProgram, by_convex_program
 from stabctl.theory.equal_area import simulated_critical_time
-from stabctl.theory.minimum_time import stop_angle
-from stabctl.theory.shooting import by_shooting
-from stabctl.theory.swing_curve import against_speed, swing_curve
+from stabctl.theory.minimum_time import by_collocation, by_shooting, stop_angle
+from stabctl.theory.omib import against_speed, swing_curve
 from stabctl.theory.two_machine import Equivalent
 
 PAIR = Equivalent()

@@ -7,11 +7,9 @@ from hypothesis import strategies as st
 
 from reproduction import paper
 from stabctl.errors import StudyError
-from stabctl.theory.energy import energy, potential
 from stabctl.theory.equal_area import critical_clearing, equal_area, simulated_critical_time
-from stabctl.theory.omib import OMIB, bolted_fault, during_fault, table1
-from stabctl.theory.phase import inside, portrait, separatrix
-from stabctl.theory.swing_curve import against_speed, swing_curve
+from stabctl.theory.omib import OMIB, against_speed, bolted_fault, during_fault, swing_curve, table1
+from stabctl.theory.phase_plane import energy, inside, portrait, potential, separatrix
 
 PAPER = OMIB()
 

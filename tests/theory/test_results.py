@@ -8,10 +8,9 @@ from labels import crowded
 from stabctl.errors import StudyError
 from stabctl.theory.equal_area import equal_area
 from stabctl.theory.feedback_laws import compare
-from stabctl.theory.omib import OMIB
-from stabctl.theory.phase import portrait
-from stabctl.theory.shooting import by_shooting
-from stabctl.theory.swing_curve import swing_curve
+from stabctl.theory.minimum_time import by_shooting
+from stabctl.theory.omib import OMIB, swing_curve
+from stabctl.theory.phase_plane import portrait
 from stabctl.theory.two_machine import Equivalent
 
 PAPER = OMIB()

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from annotated_types import Interval, Lt
 
-from stabctl._util.guard import guard
-from stabctl._util.validation import Invalid, checked, fault
+from stabctl._util.validation import Invalid, checked, fault, guard
 from stabctl.errors import StudyError
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE, fields
 

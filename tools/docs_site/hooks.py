@@ -17,7 +17,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tools")]
 
 import models_page  # noqa: E402
 from docs_site import interface, notebooks  # noqa: E402
-from stabctl.plotting import style  # noqa: E402
+from stabctl.plotting.palette import FONTS, LOOK, variables  # noqa: E402
 
 PAGES = {"CHANGELOG.md": "changelog.md", "CONTRIBUTING.md": "contributing.md", "README.md": "index.md"}
 OUTSIDE = re.compile(r"\]\(\.\./([^)#]+)")  # a link to a file of the repository that is not in docs
@@ -94,8 +94,8 @@ def _css() -> str:
 
 
 def _colors() -> Iterator[str]:
-    fonts = ", ".join(f'"{name}"' for name in style.FONTS)
+    fonts = ", ".join(f'"{name}"' for name in FONTS)
     yield f":root {{--font: {fonts}, sans-serif; --md-text-font: {fonts};}}"
     for name, scheme in (("default", "light"), ("slate", "dark")):
-        ours = " ".join(f"{variable}: {style.LOOK[scheme][color]};" for variable, color in COLORS.items())
-        yield f"[data-md-color-scheme={name}] {{{style.variables(scheme)} {ours}}}"
+        ours = " ".join(f"{variable}: {LOOK[scheme][color]};" for variable, color in COLORS.items())
+        yield f"[data-md-color-scheme={name}] {{{variables(scheme)} {ours}}}"

@@ -25,7 +25,7 @@ PAGES = {
     "estimation": ("Estimation", "estimate Estimates EstimatorControl Pmu BadPmu"),
     "placement": ("Placement", "place Siting Costs SiteOption"),
 }  # stem -> title, names
-RESULTS = {"linear": ("smallsignal.model.Linear", "smallsignal.modes.Modes", "smallsignal.mode.Mode")}
+RESULTS = {"linear": ("smallsignal.model.Linear", "smallsignal.modes.Modes", "smallsignal.modes.Mode")}
 
 
 def where(found: object) -> str:

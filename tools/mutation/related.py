@@ -3,10 +3,11 @@
 import json
 from collections.abc import Iterator
 
+from mutation.mutants import Scratch, digest
+from mutation.runner import function_at
+
 from .mutants import Mutant
-from .observer import function_at
 from .runner import Runner
-from .scratch import Scratch, digest
 
 KERNELS = ("devices", "dynamics", "simulation", "reference", "smallsignal", "clearing")  # test folders of compiled code
 LEFT_OUT = "tests/project/", "tests/reproduction/"  # about the repository, and about the studies

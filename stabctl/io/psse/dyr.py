@@ -1,12 +1,23 @@
-"""A DYR file as records: bus, kind of model, ID, constants, up to a slash."""
+"""A DYR file: its records, their constants as parameters, and rows of the device tables."""
 
 import re
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
+from stabctl.devices.blocks.lags import SHORT
 from stabctl.errors import CaseError
+from stabctl.model import naming, tables
+from stabctl.model.tables import Load
+from stabctl.schema import fields
 
-from .lexer import NUMBER, Place, lines, split, whole
+from ..lexer import NUMBER, Place, lines, number, split, whole
+from ..table_builder import NO_IMPEDANCE
+from .network import Source
+from .raw import Raw
 
 USER = "USRMDL"  # a record of a user-written model: its name, six numbers that describe it, then its constants
 HEAD = 7
@@ -59,3 +70,248 @@ def _record(place: Place, fields: list[str]) -> Record:
     if kind == USER and len(constants) >= HEAD:
         kind, constants = constants[0].upper(), constants[HEAD:]
     return Record(place, whole(fields[0], place, "bus"), kind, fields[2] or "1", tuple(constants))
+
+
+# Which loads a record of a load model applies to: one load, those of an owner, of a zone or of an area, or all.
+
+SCOPES = ("AL", "AR", "ZN", "OW", "BL")  # endings of the kinds, from the widest to the narrowest
+ANY = "*"  # identifier for all loads of a scope
+
+
+class LoadScopes:
+    """The loads of a system with their areas, zones and owners.
+
+    Parameters
+    ----------
+    loads
+        Rows of the loads, in the order of the table.
+    raw
+        The RAW file, for area, zone and owner of each load; those that it leaves out are those of the bus.
+    """
+
+    def __init__(self, loads: Iterable[Load], raw: Raw) -> None:
+        loads = tuple(loads)
+        buses = {bus.I: bus for bus, _ in raw.of("bus")}
+        self._scopes: dict[tuple[int, str], dict[str, int | None]] = {}
+        for load, _ in raw.of("load"):
+            bus = buses[load.I]
+            numbers = {"AR": load.AREA or bus.AREA, "ZN": load.ZONE or bus.ZONE, "OW": load.OWNER or bus.OWNER}
+            self._scopes[load.I, load.ID] = {**numbers, "BL": load.I, "AL": None}
+        self._keys: dict[tuple[int, str], list[naming.Key]] = defaultdict(list)
+        for row, key in zip(loads, naming.numbered(row.bus for row in loads), strict=True):
+            if row.kind == "load":
+                self._keys[row.bus, row.id].append(key)
+
+    def __contains__(self, where: tuple[int, str]) -> bool:
+        return where in self._keys
+
+    def named(self, record: Record) -> list[tuple[int, str]]:
+        """Bus and ID of the loads in the scope of a record."""
+        scope = record.kind[-2:]
+        return [
+            where
+            for where in self._keys
+            if record.id in (ANY, where[1]) and self._scopes[where].get(scope, where[0]) in (record.bus, None)
+        ]
+
+    def within(self, record: Record) -> list[naming.Key]:
+        """Keys of the loads in the scope of a record."""
+        return [key for where in self.named(record) for key in self._keys[where]]
+
+    def owners(self, records: Iterable[Record]) -> Mapping[int, list[naming.Key]]:
+        """Place of a record among all -> keys of the loads that it models: the narrowest scope holds, then the last."""
+        chosen: dict[naming.Key, tuple[int, int]] = {}
+        for n, record in enumerate(records):
+            rank = SCOPES.index(record.kind[-2:]) if record.kind[-2:] in SCOPES else len(SCOPES)
+            for key in self.within(record):
+                chosen[key] = max(chosen.get(key, (-1, -1)), (rank, n))
+        found: dict[int, list[naming.Key]] = defaultdict(list)
+        for key, (_, n) in chosen.items():
+            found[n].append(key)
+        return found
+
+
+# Constants of a DYR record as parameters of a device, by the `DYR` data of the device modules.
+
+REACTANCES = "x1d", "Xe"  # parameters that are the source reactance of a generator where no constant gives them
+
+
+@cache
+def kinds() -> Mapping[str, tuple[str, str]]:
+    """Kind of record -> name of the device model, and its constants in order."""
+    found = {kind: (name, order) for name, device in tables.models().items() for kind, order in device.dyr.items()}
+    return MappingProxyType(found)
+
+
+def parameters(record: Record, model: str, order: str, source: Source | None) -> tuple[Any, list[str]]:
+    """Parameters of a device and what was corrected in them; `ValueError` with a sentence for an unsupported code."""
+    device, names = tables.models()[model], order.split()
+    values: dict[str, Any] = {}
+    if len(record.constants) < len(names):
+        given = len(record.constants)
+        text = f"the record has {given} constants, {record.kind} of {record.bus}/{record.id} needs {len(names)}."
+        raise record.place.error(text)
+    for k, (name, text) in enumerate(zip(names, record.constants, strict=False), 1):
+        plain = name.lstrip("+_'")
+        if name.startswith("'"):
+            values[plain] = text.strip()
+            continue
+        value = (whole if name.startswith("+") else number)(
+            text or "0", record.place, f"constant {k} ({plain or 'unused'})"
+        )
+        if not name.startswith("_"):
+            values[plain] = value
+    sentences: list[str] = []
+    if device.from_record is not None:
+        made, sentences = device.from_record(record.kind, values)
+        values = made if isinstance(made, dict) else made._asdict()
+    allowed = fields(device.Par)
+    values = {name: value for name, value in values.items() if name in allowed}
+    if source is not None:
+        behind = next((name for name in REACTANCES if name in allowed and name not in names), None)
+        if behind and source.x == 0:
+            source = source._replace(x=NO_IMPEDANCE)
+            sentences = [*sentences, f"ZX = 0: the source reactance is {NO_IMPEDANCE:g} pu."]
+        for name, value in (("ra", source.ra), ("Re", source.ra), *((name, source.x) for name in REACTANCES)):
+            if name in allowed and name not in names:
+                values[name] = value
+    extra = len(record.constants) - len(names)
+    if extra > 0 and any(number(text or "0", record.place, "constant") for text in record.constants[len(names) :]):
+        sentences = [*sentences, f"{extra} further constants are not used."]
+    par = tables.parameters(model, **values)
+    return par, [*sentences, *_short_lags(par, tables.role(model))]
+
+
+def _short_lags(par: Any, role: str) -> Iterator[str]:
+    """A sentence for every time constant of a control that is too short to be simulated."""
+    if role in tables.UNIT_ROLES:
+        return
+    kind: type = type(par)
+    for name, of in fields(kind).items():
+        if of.unit == "s" and 0 < getattr(par, name) < SHORT:
+            yield f"{name} = {getattr(par, name):g} s is below {1e3 * SHORT:g} ms, where a lag is bypassed."
+
+
+# Records of a DYR file as rows of the device tables.
+
+OF_LOADS = "BL", "OW", "ZN", "AR"  # endings of the kinds of loads: at a bus, of an owner, of a zone, of an area
+
+
+class Unsupported(NamedTuple):
+    """A record without a model here."""
+
+    kind: str
+    place: Place
+    reason: str
+    owner: str = ""  # what it belongs to
+    machine: str = ""  # the machine in service whose control or model it is
+
+    def __str__(self) -> str:
+        """The sentence of a warning."""
+        what = f"{self.kind} ({self.owner})" if self.owner else self.kind
+        return f"{self.place}: {what} is left out: {self.reason}."
+
+
+class Dynamics:
+    """Rows of the device tables while they are collected, each with its place in the file."""
+
+    def __init__(self) -> None:
+        self.rows: dict[str, dict[naming.Key, Any]] = defaultdict(dict)
+        self.places: dict[str, list[Place]] = defaultdict(list)
+        self.corrections: list[str] = []
+        self.supported: list[Record] = []
+        self.unsupported: list[Unsupported] = []
+
+    def add(self, model: str, key: naming.Key, par: Any, place: Place) -> None:
+        """Add a device; the second of a model at machine 2 has the key 2#2."""
+        own, count = key, 1
+        while own in self.rows[model]:
+            count += 1
+            own = f"{key}#{count}"
+        self.rows[model][own] = par
+        self.places[model].append(place)
+
+
+def device_rows(
+    records: Iterable[Record],
+    machines: Mapping[tuple[int, str], Source],
+    loads: LoadScopes,
+    known: set[tuple[int, str]],
+) -> Dynamics:
+    """The devices that the records describe.
+
+    Parameters
+    ----------
+    records
+        Records of the DYR file.
+    machines
+        The machines in service, by bus and ID.
+    loads
+        The loads, with the scopes of records.
+    known
+        Bus and ID of every machine of the RAW file, in service or not.
+
+    Raises
+    ------
+    CaseError
+        With line and field for the first constant that cannot be read.
+    """
+    found, records = Dynamics(), tuple(records)
+    of_loads = [n for n, r in enumerate(records) if r.kind in kinds() and tables.role(kinds()[r.kind][0]) == "load"]
+    modeled = loads.owners([records[n] for n in of_loads])
+    owners = {n: modeled.get(k, []) for k, n in enumerate(of_loads)}
+    for n, record in enumerate(records):
+        if record.kind not in kinds():
+            found.unsupported.append(_without_model(record, "there is no model of this kind", machines, loads))
+            continue
+        _read(found, record, owners.get(n), machines, loads, known)
+    return found
+
+
+def _read(
+    found: Dynamics,
+    record: Record,
+    modeled: list[naming.Key] | None,
+    machines: Mapping[tuple[int, str], Source],
+    loads: LoadScopes,
+    known: set[tuple[int, str]],
+) -> None:
+    model, order = kinds()[record.kind]
+    role, where = tables.role(model), (record.bus or 0, record.id)
+    source = machines.get(where)
+    if modeled is not None:
+        owners = modeled
+    elif tables.at_bus(model):
+        owners = [where[0]]
+    else:
+        owners = [source.machine] if source else []
+    if not owners:
+        if role == "load" and loads.within(record):
+            found.supported.append(record)  # records of narrower scopes hold for all of its loads
+        elif where not in known:
+            what = "load" if role == "load" else "machine"
+            reason = f"the RAW file has no {what} {record.bus}/{record.id}"
+            found.unsupported.append(Unsupported(record.kind, record.place, reason))
+        return
+    try:
+        par, sentences = parameters(record, model, order, source)
+    except ValueError as error:
+        found.unsupported.append(_without_model(record, str(error).rstrip("."), machines, loads))
+        return
+    found.corrections += [f"{record.place}, {record.kind} of {record.bus}/{record.id}: {s}" for s in sentences]
+    found.supported.append(record)
+    for key in owners:
+        found.add(model, key, par, record.place)
+
+
+def _without_model(
+    record: Record,
+    reason: str,
+    machines: Mapping[tuple[int, str], Source],
+    loads: LoadScopes,
+) -> Unsupported:
+    where, name = (record.bus or 0, record.id), f"{record.bus}/{record.id}"
+    if where in machines and not record.kind.endswith(OF_LOADS):
+        return Unsupported(record.kind, record.place, reason, f"machine {name}", name)
+    owner = f"load {name}" if where in loads else name if record.bus else ""
+    return Unsupported(record.kind, record.place, reason, owner)

@@ -1,13 +1,17 @@
-"""The network of a RAW file as rows of the tables of a case: buses, shunts, lines, loads."""
+"""The network of a RAW file as rows: buses, loads, shunts, lines, generators, transformers, DC lines."""
 
+import cmath
+import math
+from collections import defaultdict
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
-from stabctl.model.tables import Branch, Bus, Load
+from stabctl.model.tables import Branch, Bus, Load, Machine
 
+from ..lexer import Place
 from ..table_builder import ISOLATED, KINDS, POWER_LOW, TableBuilder
-from .lexer import Place
-from .raw import Raw
+from .raw import DcLineRecord, Raw, TransformerRecord
+from .records import Converter
 
 
 class Network(TableBuilder):
@@ -111,3 +115,277 @@ def _loads(load: Any) -> Sequence[Load]:
         Load(load.I, load.YP, -load.YQ, v=1.0, id=load.ID),
     )
     return [row for row in rows if row.p or row.q]
+
+
+# Generators as machines, the kinds of their buses, and their step-up transformers.
+
+AT_LIMIT = 1e-3  # Mvar   distance from a reactive limit
+SAME_VOLTAGE = 1e-4  # pu
+
+
+class Source(NamedTuple):
+    """What the records of dynamic models need of a generator: its machine and source impedance, pu on MBASE."""
+
+    machine: int
+    ra: float
+    x: float
+    place: Place
+
+
+def read_generators(net: Network) -> dict[tuple[int, str], Source]:
+    """Add the generators in service. Returns them by bus and ID.
+
+    Raises `CaseError` with line and field for the first mistake.
+    """
+    at: dict[int, list[tuple[Any, Place]]] = defaultdict(list)
+    seen: dict[tuple[int, str], Place] = {}
+    for g, place in net.raw.of("generator"):
+        if (g.I, g.ID) in seen:
+            raise place.error(f"machine {g.I}/{g.ID} appears twice, first in line {seen[g.I, g.ID].line}.", "ID")
+        seen[g.I, g.ID] = place
+        if net.has(g.I, place) and g.STAT:
+            at[g.I].append((g, place))
+    found: dict[tuple[int, str], Source] = {}
+    for bus, units in at.items():
+        _bus_kind(net, bus, units)
+        for k, (g, place) in enumerate(units):
+            number = net.new_number() if k else bus
+            base = g.MBASE or net.raw.base_mva
+            terminal = _terminal(net, g, base, place) if g.XT or g.RT else None
+            p, q = (g.PG, g.QG) if terminal is None else terminal[1:]
+            where = bus if terminal is None else terminal[0]
+            net.add("machines", Machine(number, where, base, p, where, q, f"{bus}/{g.ID}"), place)
+            found[bus, g.ID] = Source(number, g.ZR, g.ZX, place)
+    net.idle()
+    net.storage_buses()
+    return found
+
+
+def _bus_kind(net: Network, bus: int, units: list[tuple[Any, Place]]) -> None:
+    """The voltage held at a bus with machines, or that their reactive power is fixed."""
+    row, (first, place) = net.bus(bus), units[0]
+    if row.kind == "pq":
+        return
+    remote = first.IREG not in (0, bus)
+    if remote or abs(first.VS - row.v) <= SAME_VOLTAGE:
+        if remote:
+            net.corrections.append(
+                f"{place}: machine {bus}/{first.ID} regulates bus {first.IREG}; it holds its stored terminal voltage."
+            )
+        return
+    limits = zip(*((g.QT - g.QG, g.QG - g.QB) for g, _ in units), strict=True)
+    if row.kind == "pv" and any(max(map(abs, distance)) <= AT_LIMIT for distance in limits):
+        net.change(bus, kind="pq")
+        net.corrections.append(
+            f"{place}: the machines at bus {bus} are at their reactive limit, so their reactive power is fixed."
+        )
+    else:
+        net.change(bus, v=first.VS)
+
+
+def _terminal(net: Network, g: Any, base: float, place: Place) -> tuple[int, float, float]:
+    """Add the terminal behind a step-up transformer (RT + jXT, GTAP) that delivers PG and QG to the bus.
+
+    Returns its number, and the active and reactive power produced there (MW, Mvar).
+    """
+    row, system = net.bus(g.I), net.raw.base_mva
+    if not g.GTAP > 0:
+        raise place.error(f"{g.GTAP:g} is not allowed; it must be more than 0.", "GTAP")
+    z = complex(g.RT, g.XT) * system / base
+    V = cmath.rect(row.v, math.radians(row.angle)) / g.GTAP
+    I = (complex(g.PG, g.QG) / system / V).conjugate()
+    behind = V + z * I
+    S = behind * I.conjugate() * system
+    number, held = net.new_number(), row.kind
+    labels = (f"terminal {g.I}/{g.ID}", *row[8:])
+    angle = math.degrees(cmath.phase(behind))
+    net.new_bus(
+        Bus(number, held, abs(behind), angle, 0.0, 0.0, 0.0, *labels), f"terminal of machine {g.I}/{g.ID}", place
+    )
+    net.step_up.add(g.I)
+    net.circuit(Branch(g.I, number, z.real, z.imag, 0.0, g.GTAP, circuit=g.ID), place)
+    return number, S.real, S.imag
+
+
+# Transformers as branches: turns ratios and impedances from their codes CW, CZ and CM, the star of three windings.
+
+OUT = {0: (1, 2, 3), 1: (), 2: (2,), 3: (3,), 4: (1,)}  # STAT -> windings out of service
+
+
+def read_transformers(net: Network) -> None:
+    """Add the transformers of a RAW file. Raises `CaseError` with line and field for the first mistake."""
+    for t, place in net.raw.of("transformer"):
+        for name, allowed in (("CW", (1, 2, 3)), ("CZ", (1, 2, 3)), ("CM", (1, 2)), ("STAT", tuple(OUT))):
+            if (code := getattr(t.head, name)) not in allowed:
+                choices = ", ".join(map(str, allowed))
+                raise place.error(f"{code} is not allowed; it must be one of {choices}.", name)
+        for w in t.windings:
+            if w.TAB:
+                net.corrections.append(
+                    f"{place}: the impedance correction table {w.TAB} is not used; the impedance is the nominal one."
+                )
+        (_three_windings if t.head.K else _two_windings)(net, t, place)
+
+
+def _two_windings(net: Network, t: TransformerRecord, place: Place) -> None:
+    i, j = abs(t.head.I), abs(t.head.J)
+    in_service = net.has(i, place) and net.has(j, place, "J") and t.head.STAT
+    if not in_service:
+        return
+    first, second = (_ratio(net, t.head, w, bus, place) for w, bus in zip(t.windings, (i, j), strict=True))
+    z = _impedance(net, t.head, place, t.z.R12, t.z.X12, t.z.SBASE12) * second**2
+    phase = t.windings[0].ANG - t.windings[1].ANG
+    magnetizing = _magnetizing(net, t, i, place)
+    net.circuit(
+        Branch(i, j, z.real, z.imag, 0.0, first / second, phase, t.head.CKT, magnetizing.real, magnetizing.imag), place
+    )
+
+
+def _three_windings(net: Network, t: TransformerRecord, place: Place) -> None:
+    buses = abs(t.head.I), abs(t.head.J), abs(t.head.K)
+    inside = [net.has(bus, place, name) for bus, name in zip(buses, "IJK", strict=True)]
+    on = [k for k in range(3) if inside[k] and k + 1 not in OUT[t.head.STAT]]
+    if not on:
+        return
+    z = t.z
+    pairs = ((z.R12, z.X12, z.SBASE12), (z.R23, z.X23, z.SBASE23), (z.R31, z.X31, z.SBASE31))
+    z12, z23, z31 = (_impedance(net, t.head, place, *pair) for pair in pairs)
+    star, name = net.new_number(), "-".join(map(str, buses))
+    branches = []
+    for k, own in enumerate(((z12 + z31 - z23) / 2, (z12 + z23 - z31) / 2, (z23 + z31 - z12) / 2)):
+        if k not in on:
+            continue
+        winding, bus = t.windings[k], buses[k]
+        ratio = _ratio(net, t.head, winding, bus, place)
+        ends = _magnetizing(net, t, bus, place) if k == 0 else 0j
+        values = (0.0, ratio, winding.ANG, t.head.CKT, ends.real, ends.imag)
+        branches.append(Branch(bus, star, own.real, own.imag, *values))
+    V = _star_voltage(net, branches)
+    labels = (f"star {name}", *net.bus(buses[on[0]])[8:])
+    what = f"star point of transformer {name} ckt {t.head.CKT}"
+    net.new_bus(Bus(star, "pq", abs(V), math.degrees(cmath.phase(V)), 0.0, 0.0, 0.0, *labels), what, place)
+    for branch in branches:
+        net.circuit(branch, place)
+
+
+def _star_voltage(net: Network, branches: Sequence[Branch]) -> complex:
+    """Voltage of a star point (pu) at which its currents sum to zero. The stored VMSTAR is not always a solution."""
+    sources, total = 0j, 0j
+    for k in branches:
+        y = 1 / (complex(k.r, k.x) or 1j * net.no_impedance)
+        bus = net.bus(k.from_bus)
+        sources += y * cmath.rect(bus.v / k.tap, math.radians(bus.angle - k.phase))
+        total += y
+    V = sources / total if total else 1 + 0j
+    return V if 0.01 <= abs(V) <= 100 else 1 + 0j
+
+
+def _base_kv(net: Network, bus: int, place: Place, why: str) -> float:
+    kv = net.bus(bus).rated
+    if not kv > 0:
+        raise place.error(f"bus {bus} has no base voltage (BASKV), which {why} needs.")
+    return kv
+
+
+def _ratio(net: Network, head: Any, w: Any, bus: int, place: Place) -> float:
+    """Turns ratio of a winding, pu of the base voltage of its bus."""
+    if head.CW == 1 or not w.WINDV:
+        ratio = w.WINDV or 1.0
+    elif head.CW == 2:
+        ratio = w.WINDV / _base_kv(net, bus, place, "CW = 2")
+    else:
+        ratio = w.WINDV * (w.NOMV / _base_kv(net, bus, place, "CW = 3") if w.NOMV else 1.0)
+    if not 0.01 <= ratio <= 100:
+        raise place.error(
+            f"the turns ratio {ratio:g} at bus {bus} is not allowed; it must be from 0.01 to 100.", "WINDV"
+        )
+    return ratio
+
+
+def _impedance(net: Network, head: Any, place: Place, r: float, x: float, base: float) -> complex:
+    """Impedance between two windings, pu on the system base."""
+    system = net.raw.base_mva
+    base = base or system
+    if not base > 0:
+        raise place.error(f"{base:g} MVA is not allowed; it must be more than 0.", "SBASE")
+    if head.CZ == 1:
+        return complex(r, x)
+    if head.CZ == 3:  # r is the load loss in W, x the size of the impedance
+        r = r * 1e-6 / base
+        if x * x < r * r:
+            raise place.error("the load loss gives a resistance above the impedance.", "R")
+        x = math.copysign(math.sqrt(x * x - r * r), x)
+    return complex(r, x) * system / base
+
+
+def _magnetizing(net: Network, t: TransformerRecord, bus: int, place: Place) -> complex:
+    """Magnetizing admittance at the bus of the first winding, pu on the system base."""
+    g, b = t.head.MAG1, t.head.MAG2
+    if t.head.CM == 1 or not (g or b):
+        return complex(g, b)
+    system, nominal = net.raw.base_mva, t.windings[0].NOMV
+    g = g * 1e-6 / system  # the no-load loss in W; b is the exciting current on the winding's own base
+    size = b * (t.z.SBASE12 or system) / system
+    if size < g:
+        raise place.error("the no-load loss gives a conductance above the exciting admittance.", "MAG1")
+    scale = (_base_kv(net, bus, place, "CM = 2") / nominal) ** 2 if nominal else 1.0
+    return scale * complex(g, -math.sqrt(size * size - g * g))
+
+
+# Two-terminal DC lines as injections of the power that their converters draw at the stored voltages.
+#
+# Voltage of a converter: Vdc = N (1.35 E cos(angle) - 3/pi Xc I - 2 Rc I), with E = EBAS V TR / TAP, and 1.35 short for
+# 3 sqrt(2)/pi. Its power factor is Vdc / (1.35 N E).
+# Source: Kundur, Power System Stability and Control, section 10.2.
+
+BLOCKED, POWER, CURRENT = 0, 1, 2
+
+
+def read_dc_lines(net: Network) -> None:
+    """Add the DC lines of a RAW file. Raises `CaseError` with line and field for the first mistake."""
+    for line, place in net.raw.of("dc"):
+        if line.head.MDC not in (BLOCKED, POWER, CURRENT):
+            raise place.error(f"{line.head.MDC} is not allowed; it must be 0, 1 or 2.", "MDC")
+        both = [net.has(end.IP, place, name) for end, name in ((line.rectifier, "IPR"), (line.inverter, "IPI"))]
+        if line.head.MDC == BLOCKED or not all(both):
+            continue
+        current, at_rectifier, at_inverter = _operation(line, place)
+        for end, power, voltage in (
+            (line.rectifier, at_rectifier * current, at_rectifier),
+            (line.inverter, -at_inverter * current, at_inverter),
+        ):
+            q = _reactive(net, end, abs(power), voltage)
+            if power or q:
+                name = f"DC {line.head.NAME}"
+                net.add("loads", Load(end.IP, power, q, 1.0, 1.0, v_low=POWER_LOW, id=name, kind="injection"), place)
+        net.corrections.append(
+            f"{place}: DC line {line.head.NAME} is a constant-power injection at buses {line.rectifier.IP} and "
+            f"{line.inverter.IP}, {at_rectifier * current:.4g} MW drawn and {at_inverter * current:.4g} MW delivered."
+        )
+
+
+def _operation(line: DcLineRecord, place: Place) -> tuple[float, float, float]:
+    """Current (kA), and voltages at rectifier and inverter (kV)."""
+    head = line.head
+    if not head.VSCHD > 0:
+        raise place.error(f"{head.VSCHD:g} kV is not allowed; it must be more than 0.", "VSCHD")
+    at_inverter, rise = head.VSCHD, head.RDC  # the inverter's voltage is VSCHD - RCOMP I, the rectifier's RDC I higher
+    drop = head.RCOMP
+    if head.MDC == CURRENT:
+        current = abs(head.SETVL) / 1000
+    else:
+        power, slope = abs(head.SETVL), (rise - drop if head.SETVL > 0 else -drop)
+        square = at_inverter**2 + 4 * slope * power
+        if square < 0:
+            raise place.error(f"{power:g} MW cannot be transmitted at {at_inverter:g} kV.", "SETVL")
+        current = 2 * power / (at_inverter + math.sqrt(square))
+    at_inverter -= drop * current
+    return current, at_inverter + rise * current, at_inverter
+
+
+def _reactive(net: Network, end: Converter, power: float, voltage: float) -> float:
+    """Reactive power (Mvar) that a converter draws; 0 if its transformer data do not give its power factor."""
+    ideal = 3 * math.sqrt(2) / math.pi * end.NB * end.EBAS * net.bus(end.IP).v * end.TR / (end.TAP or 1.0)
+    if not 0 < voltage < ideal:
+        return 0.0
+    return power * math.tan(math.acos(voltage / ideal))

@@ -1,17 +1,40 @@
-"""A RAW file as records: its sections are recognized by their order and by the records `0` that end them."""
+"""A RAW file as records: its sections in the order of every version, and the fields of their records."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple, get_type_hints
 
-from . import orders, sections
-from .lexer import Line, Place, lines, number, split, whole
-from .sections import SECTIONS, Unmodeled
+from ..lexer import Line, Place, lines, number, split, whole
+from . import records
+from .records import (
+    Branch,
+    Bus,
+    Converter,
+    DcLine,
+    Generator,
+    Impedances,
+    Load,
+    Shunt,
+    Switch,
+    SwitchedShunt,
+    Transformer,
+    Winding,
+)
 
 _END = re.compile(r"""\s*(['"]?)0\1\s*(?:/|$|[A-Za-z])""")
 _QUIT = re.compile(r"\s*[Qq]\s*$")
+
+
+class Unmodeled(NamedTuple):
+    """A record that is read and not modeled."""
+
+    kind: str
+    name: str
+    place: Place
 
 
 @dataclass
@@ -54,7 +77,7 @@ def _header(path: Path, line: Line, titles: list[str], rest: list[tuple[int, str
     base = number(texts[1], line.place, "SBASE") if texts[1] else 100.0
     frequency = number(texts[5], line.place, "BASFRQ") if texts[5] else 60.0
     version = whole(texts[2], line.place, "REV") if texts[2] else _version(path, rest)
-    if not 29 <= version <= orders.NEWEST:
+    if not 29 <= version <= NEWEST:
         raise line.place.error(f"version {version} of RAW files is not supported; save it as 30 to 35.", "REV")
     for name, value in (("SBASE", base), ("BASFRQ", frequency)):
         if not value > 0:
@@ -92,9 +115,183 @@ def _section(raw: Raw, section: str, texts: Iterator[tuple[Place, str]], before:
                 raise place.error("the record is not complete; the lines that belong to it are missing.")
             return split(text, at)
 
-        record = sections.record(section, raw.version, line, more)
+        record = begin_record(section, raw.version, line, more)
         if isinstance(record, Unmodeled):
             raw.unmodeled.append(record)
         elif record is not None:
             found.append((record, place))
     return None
+
+
+# Sections of a RAW file: their order in every version, and the record that begins on a line of each.
+
+_FIRST = "bus load {}generator branch {}transformer area dc vsc "
+_LAST = "impedance_correction multiterminal_dc multisection_line zone transfer owner facts"
+SECTIONS: Mapping[int, tuple[str, ...]] = MappingProxyType(
+    {
+        version: tuple(text.split())
+        for version, text in {
+            29: _FIRST.format("", "") + "switched_shunt " + _LAST,
+            31: _FIRST.format("shunt ", "") + _LAST + " switched_shunt",
+            32: _FIRST.format("shunt ", "") + _LAST + " switched_shunt gne",
+            33: _FIRST.format("shunt ", "") + _LAST + " switched_shunt gne induction_machine",
+            34: "system " + _FIRST.format("shunt ", "switch ") + _LAST + " switched_shunt gne induction_machine",
+        }.items()
+    }
+)
+_ONE_LINE = {
+    "bus": records.Bus,
+    "load": records.Load,
+    "shunt": records.Shunt,
+    "generator": records.Generator,
+    "branch": records.Branch,
+    "switch": records.Switch,
+    "switched_shunt": records.SwitchedShunt,
+}
+NAMED = {
+    "vsc": "VSC DC line",
+    "multiterminal_dc": "multi-terminal DC line",
+    "facts": "FACTS device",
+    "gne": "GNE device",
+    "induction_machine": "induction machine",
+}
+
+
+class TransformerRecord(NamedTuple):
+    """A transformer with two or three windings."""
+
+    head: records.Transformer
+    z: records.Impedances
+    windings: tuple[records.Winding, ...]
+
+
+class DcLineRecord(NamedTuple):
+    """A two-terminal DC line."""
+
+    head: records.DcLine
+    rectifier: records.Converter
+    inverter: records.Converter
+
+
+def begin_record(section: str, version: int, line: Line, more: Callable[[], Line]) -> Any:
+    """The record that begins on a line; None where the section is not used.
+
+    Parameters
+    ----------
+    section, version
+        The section, and the version of the file.
+    line
+        The line.
+    more
+        Gives the next lines that belong to the record.
+
+    Raises
+    ------
+    CaseError
+        With line and field if it cannot be read.
+    """
+    if section in _ONE_LINE:
+        return read_fields(_ONE_LINE[section], line, version)
+    if section in _SEVERAL_LINES:
+        return _SEVERAL_LINES[section](version, line, more)
+    if section in NAMED:
+        _skip(version, section, line, more)
+        return Unmodeled(NAMED[section], line.fields[0] if line.fields else "", line.place)
+    return None
+
+
+def _transformer(version: int, line: Line, more: Callable[[], Line]) -> TransformerRecord:
+    head = read_fields(records.Transformer, line, version)
+    z = read_fields(records.Impedances, more(), version)
+    windings = tuple(read_fields(records.Winding, more(), version) for _ in range(3 if head.K else 2))
+    return TransformerRecord(head, z, windings)
+
+
+def _dc(version: int, line: Line, more: Callable[[], Line]) -> DcLineRecord:
+    ends = (read_fields(records.Converter, more(), version) for _ in range(2))
+    return DcLineRecord(read_fields(records.DcLine, line, version), *ends)
+
+
+_RATES = " ".join("_" * 12)
+_WINDING = "WINDV NOMV ANG _ _ _ _ _ _ _ _ _ _ TAB"
+# record -> the first version with this order -> the fields in order; `_` is read and not used
+ORDERS: Mapping[type, Mapping[int, str]] = MappingProxyType(
+    {
+        Bus: {29: "I NAME BASKV IDE GL BL AREA ZONE VM VA OWNER", 31: "I NAME BASKV IDE AREA ZONE OWNER VM VA"},
+        Load: {
+            29: "I ID STATUS AREA ZONE PL QL IP IQ YP YQ OWNER",
+            34: "I ID STATUS AREA ZONE PL QL IP IQ YP YQ OWNER _ _ DGENP DGENQ DGENM",
+        },
+        Shunt: {31: "I ID STATUS GL BL"},
+        Generator: {
+            29: "I ID PG QG QT QB VS IREG MBASE ZR ZX RT XT GTAP STAT",
+            35: "I ID PG QG QT QB VS IREG _ MBASE ZR ZX RT XT GTAP STAT",
+        },
+        Branch: {29: "I J CKT R X B _ _ _ GI BI GJ BJ ST", 34: f"I J CKT R X B _ {_RATES} GI BI GJ BJ ST"},
+        Switch: {34: f"I J CKT X {_RATES} STAT"},
+        Transformer: {29: "I J K CKT CW CZ CM MAG1 MAG2 _ NAME STAT"},
+        Impedances: {29: "R12 X12 SBASE12 R23 X23 SBASE23 R31 X31 SBASE31"},
+        Winding: {
+            29: _WINDING,
+            34: f"WINDV NOMV ANG {_RATES} _ _ _ _ _ _ _ TAB",
+            35: f"WINDV NOMV ANG {_RATES} _ _ _ _ _ _ _ _ TAB",
+        },
+        SwitchedShunt: {
+            29: "I _ _ _ _ _ _ BINIT",
+            32: "I _ _ STAT _ _ _ _ _ BINIT",
+            35: "I _ _ _ STAT _ _ _ _ _ _ BINIT",
+        },
+        DcLine: {29: "NAME MDC RDC SETVL VSCHD _ RCOMP"},
+        Converter: {29: "IP NB ANMX ANMN RC XC EBAS TR TAP"},
+    }
+)
+
+
+@cache
+def _order(record: type, version: int) -> tuple[tuple[str, Any], ...]:
+    """Name and type of the fields in order; the name of a field that is not used is empty."""
+    kinds = get_type_hints(record)
+    known = ORDERS[record]
+    names = known[max(v for v in known if v <= version)].split()
+    return tuple(("", None) if name == "_" else (name, kinds[name]) for name in names)
+
+
+def read_fields(record: type, line: Line, version: int) -> Any:
+    """The record on a line; a field that is left out has its default. Raises `CaseError`."""
+    given: dict[str, Any] = {}
+    for (name, kind), text in zip(_order(record, version), line.fields, strict=False):
+        if text and name:
+            given[name] = text if kind is str else _value(kind, text, line.place, name)
+    for name in record.__annotations__:
+        if name not in given and name not in record._field_defaults:  # type: ignore[attr-defined]
+            raise line.place.error("it is left out and has no default.", name)
+    return record(**given)
+
+
+def _value(kind: type, text: str, place: Place, name: str) -> float:
+    return whole(text, place, name) if kind is int else number(text, place, name)
+
+
+_SEVERAL_LINES: Mapping[str, Callable[..., Any]] = MappingProxyType({"transformer": _transformer, "dc": _dc})
+
+
+def _skip(version: int, section: str, line: Line, more: Callable[[], Line]) -> None:
+    """Pass over the further lines of a record that is not modeled."""
+    texts = line.fields + [""] * 20
+    if section == "vsc":
+        count = 2
+    elif section == "multiterminal_dc":
+        count = sum(whole(texts[i], line.place, name) for i, name in ((1, "NCONV"), (2, "NDCBS"), (3, "NDCLN")))
+    elif section == "gne":
+        terminals = whole(texts[2], line.place, "NTERM")
+        kinds = [texts[3 + max(terminals, 0) + i] for i in range(3)] if terminals < 10 else []
+        count = 1 + sum(-(-whole(text or "0", line.place, "NREAL") // 10) for text in kinds)
+    else:
+        count = 0
+    for _ in range(count):
+        more()
+
+
+# The order of the fields of the records of a RAW file, in every version.
+
+NEWEST = 35

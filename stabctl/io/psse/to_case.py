@@ -1,15 +1,20 @@
 """A case from a RAW and a DYR file."""
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
+from stabctl._util.wording import named
 from stabctl.errors import CaseError, StudyError, shown
+from stabctl.model import naming, tables
 from stabctl.model.case import Case
+from stabctl.model.tables import Load, Machine
 
-from . import dc, devices, dyr, generators, missing_models, network, raw, transformers
-from .devices import Dynamics, Unsupported
-from .load_scopes import LoadScopes
+from ..table_builder import POWER_LOW
+from . import dyr, network, raw
+from .dyr import Dynamics, LoadScopes, Unsupported
+from .network import Network, Source
 
 Missing = Literal["refuse", "injection"]
 MissingControls = Literal["refuse", "fixed"]
@@ -90,9 +95,9 @@ def read(
             raise StudyError(f"{name} = {shown(value)} is not allowed; choose one of {', '.join(get_args(allowed))}.")
     file = raw.read(Path(raw_path))
     net = network.read(file)
-    transformers.read(net)
-    sources = generators.read(net)
-    dc.read(net)
+    network.read_transformers(net)
+    sources = network.read_generators(net)
+    network.read_dc_lines(net)
     apart = net.settle_islands(str(raw_path))
     if not net.rows["machines"]:
         raise CaseError(f"{raw_path}: no generator in service is connected to a swing bus; a case needs one.")
@@ -100,9 +105,9 @@ def read(
     sources = {key: source for key, source in sources.items() if source.machine in left}
     known = {(g.I, g.ID) for g, _ in file.of("generator")} | {(load.I, load.ID) for load, _ in file.of("load")}
     records = tuple(dyr.read(Path(dyr_path))) if dyr_path is not None else ()
-    dynamics = devices.read(records, sources, LoadScopes(net.rows["loads"], file), known)
+    dynamics = dyr.device_rows(records, sources, LoadScopes(net.rows["loads"], file), known)
     unsupported = _unsupported(file, net, dynamics, dyr_path)
-    replaced = missing_models.settle(net, dynamics, sources, dyr_path, missing, missing_controls)
+    replaced = settle(net, dynamics, sources, dyr_path, missing, missing_controls)
     corrections = (*net.corrections, *dynamics.corrections, *apart, *replaced)
     notes = (*corrections, *(str(u) for u in unsupported if u.kind != WITHOUT_RECORD))
     case = net.case(
@@ -126,8 +131,122 @@ def _unsupported(
     named = {u.machine for u in dynamics.unsupported}
     places = dict(zip(net.rows["machines"], net.places["machines"], strict=True))
     if dyr_path is not None:
-        for m in missing_models.without(net, dynamics):
+        for m in without(net, dynamics):
             if m.name not in named:
                 reason = f"{Path(dyr_path).name} has no model of it"
                 found.append(Unsupported(WITHOUT_RECORD, places[m], reason, f"machine {m.name}", m.name))
     return (*found, *dynamics.unsupported)
+
+
+# Machines and controls without a model: refused, or on request injections and constant controls.
+
+SHOWN = 8  # names in a list
+ACTS_ON = {"stabilizer": "exciter", "plant control": "electrical control"}
+
+
+def settle(
+    net: Network,
+    dynamics: Dynamics,
+    sources: Mapping[tuple[int, str], Source],
+    dyr: str | Path | None,
+    missing: str,
+    missing_controls: str,
+) -> list[str]:
+    """Replace or refuse what has no model; returns a sentence for everything replaced.
+
+    Raises `CaseError` with the list if it is refused.
+    """
+    names = {source.machine: f"{bus}/{id}" for (bus, id), source in sources.items()}
+    lacking = without(net, dynamics) if dyr is not None else []
+    gone = {names[m.machine] for m in lacking}
+    controls = [u for u in dynamics.unsupported if u.machine and u.machine not in gone]
+    _refuse(dyr, lacking if missing == "refuse" else [], controls if missing_controls == "refuse" else [], dynamics)
+    said = [_new_swing(net, bus, lacking) for bus in _swings_without(net, lacking)]
+    said += [_injection(net, dynamics, m) for m in lacking]
+    return said + _without_owner(dynamics, names)
+
+
+def without(net: Network, dynamics: Dynamics) -> list[Machine]:
+    """The machines that no record models."""
+    modeled = {
+        naming.number(key) for model in tables.of_role(*tables.UNIT_ROLES) for key in dynamics.rows.get(model, {})
+    }
+    return [m for m in net.rows["machines"] if m.machine not in modeled]
+
+
+def _refuse(
+    dyr: str | Path | None, machines: Sequence[Machine], controls: Sequence[Unsupported], dynamics: Dynamics
+) -> None:
+    """Raise `CaseError` with the list of machines and controls without a model, if there are any."""
+    tried = {u.machine: f" ({u.kind}, line {u.place.line}: {u.reason})" for u in reversed(dynamics.unsupported)}
+    parts, remedies = [], []
+    if machines:
+        listed = _listed(f"{m.name}{tried.get(m.name, '')}" for m in machines)
+        parts.append(f"{named(len(machines), 'machine')} {listed}")
+        become = "it an injection" if len(machines) == 1 else "them injections"
+        remedies.append(f"--missing injection makes {become} of constant power")
+    if controls:
+        parts.append(_listed(f"{u.kind} of {u.machine} (line {u.place.line}: {u.reason})" for u in controls))
+        remedies.append("--missing-controls fixed keeps what such records control constant")
+    if parts:
+        raise CaseError(f"{dyr}: no model for {' and for '.join(parts)}; {', '.join(remedies)}.")
+
+
+def _swings_without(net: Network, lacking: Sequence[Machine]) -> list[int]:
+    """The swing buses that keep no machine."""
+    kept = {m.bus for m in net.rows["machines"] if m not in lacking}
+    return [b.bus for b in net.rows["buses"] if b.kind == "swing" and b.bus not in kept]
+
+
+def _new_swing(net: Network, bus: int, lacking: Sequence[Machine]) -> str:
+    """Make the bus of the largest machine of an island with a model its swing bus, at its stored voltage."""
+    island = dict(zip((b.bus for b in net.rows["buses"]), net.islands().tolist(), strict=True))
+    others = [m for m in net.rows["machines"] if m not in lacking and island[m.bus] == island[bus]]
+    place = net.places["buses"][net.at[bus]]
+    if not others:
+        raise place.error(f"no machine of the island of swing bus {bus} has a model in the DYR file.")
+    largest = max(others, key=lambda m: m.base)
+    net.change(largest.bus, kind="swing")
+    net.change(bus, kind="pv")
+    return f"{place}: no machine at the swing bus {bus} has a model; bus {largest.bus} is the swing bus instead."
+
+
+def _injection(net: Network, dynamics: Dynamics, m: Machine) -> str:
+    """Replace a machine by an injection of its stored power."""
+    i = net.rows["machines"].index(m)
+    place = net.places["machines"].pop(i)
+    del net.rows["machines"][i]
+    for model, rows in dynamics.rows.items():
+        if not tables.at_bus(model):
+            gone = [k for k, key in enumerate(rows) if naming.number(key) == m.machine]
+            for key in [list(rows)[k] for k in gone]:
+                del rows[key]
+            dynamics.places[model] = [p for k, p in enumerate(dynamics.places[model]) if k not in gone]
+    if all(other.bus != m.bus for other in net.rows["machines"]):
+        net.change(m.bus, kind="pq")
+    if m.p or m.q:
+        net.add("loads", Load(m.bus, -m.p, -m.q, 1.0, 1.0, v_low=POWER_LOW, id=m.name, kind="injection"), place)
+    return f"{place}: machine {m.name} has no model and is a constant-power injection of {m.p:.4g} MW, {m.q:.4g} Mvar."
+
+
+def _without_owner(dynamics: Dynamics, names: Mapping[int, str]) -> list[str]:
+    """Leave out the controls that act on a control which has no model: its stabilizers, its plant control."""
+    said = []
+    for role, owner in ACTS_ON.items():
+        known = {naming.number(key) for model in tables.of_role(owner) for key in dynamics.rows.get(model, {})}
+        for model in tables.of_role(role):
+            rows: dict[naming.Key, Any] = dynamics.rows.get(model, {})
+            for key, place in zip(list(rows), list(dynamics.places.get(model, ())), strict=True):
+                if naming.number(key) not in known:
+                    del rows[key]
+                    dynamics.places[model].remove(place)
+                    said.append(
+                        f"{place}: {model} of {names[naming.number(key)]} left out, because its {owner} has no model."
+                    )
+    return said
+
+
+def _listed(names: Iterable[str]) -> str:
+    names = list(names)
+    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    return ", ".join(names[:SHOWN]) + more

@@ -1,0 +1,235 @@
+"""stabctl clearing-time and screen: how long a fault may last, and the most critical line faults."""
+
+from itertools import groupby
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from . import groups, options, shared
+from .shared import grouped
+
+if TYPE_CHECKING:
+    from stabctl.clearing import ClearingTime, Screen
+
+
+AFTER = "times count from the fault. Repeatable."
+Open = Annotated[list[str] | None, typer.Option("--open", help=f"Another line trip: 7-8@0.5s; {AFTER}")]
+TripMachine = Annotated[list[str] | None, typer.Option("--trip-machine", help=f"Machine trip: 14@0.1s; {AFTER}")]
+LoadStep = Annotated[list[str] | None, typer.Option("--load-step", help=f"Load step: 7:+50MW@0.1s; {AFTER}")]
+
+
+@grouped
+def clearing_time(
+    *,
+    fault: options.Fault,
+    trip: options.TripAtClearing = None,
+    opened: Open = None,
+    tripped: TripMachine = None,
+    stepped: LoadStep = None,
+    resolution: options.Resolution = "0.125cyc",
+    limit: options.Limit = "60cyc",
+    observe: options.Observe = "5s",
+    longest: options.Longest = "20s",
+    scan: options.Scan = "auto",
+    step: options.Step = None,
+    control: options.Control = None,
+    controller: options.Controllers = None,
+    storage: groups.StorageOptions,
+    law: groups.LawOptions,
+    fault_impedance: options.FaultImpedance = "0,0",
+    stability: groups.StabilityOptions,
+    estimator: options.Estimator = "ideal",
+    pmu: groups.PmuOptions,
+    case: groups.CaseOptions,
+    as_json: options.Json = False,
+) -> None:
+    """Find the critical clearing time of a fault."""
+    from stabctl.clearing import clearing_time
+    from stabctl.simulation.contingency import Contingency
+
+    loaded = case.load()
+    events = shared.events(loaded, opened, tripped, stepped)
+    through = shared.impedance(fault_impedance)
+    point = storage.initialize(loaded)
+    chosen, own = law.chosen(point.case, control, shared.controllers(controller))
+    steering = pmu.steering(chosen, own, estimator)
+    with shared.progress("searching", None) as tell:
+        found = clearing_time(
+            point,
+            Contingency(fault, trip=trip or (), at=0.0, impedance=through, events=events),
+            control=steering,
+            resolution=resolution,
+            limit=limit,
+            observe=observe,
+            longest=longest,
+            scan=scan,
+            step=step,
+            criterion=stability.criterion(loaded),
+            progress=lambda _run: tell(None),
+        )
+    _show_clearing_time(found, as_json)
+
+
+def _span(values: list[float], form: str) -> str:
+    """The least and the largest of some values: `5 to 9`, or `9`."""
+    return " to ".join(dict.fromkeys(f"{v:{form}}" for v in (min(values), max(values))))
+
+
+def _show_clearing_time(found: "ClearingTime", as_json: bool) -> None:
+    if as_json:
+        runs = [
+            {
+                "cycles": r.cycles,
+                "stable": r.stable,
+                "outcome": r.outcome.value,
+                "machine": r.machine,
+                "time_s": r.time_s,
+                "growing": None if r.swings is None else r.swings.growing,
+                "decaying": None if r.swings is None else r.swings.decaying,
+                "stalled": r.stalled,
+            }
+            for r in found.runs
+        ]
+        shared.print_json(
+            {
+                "case": found.case,
+                "cycles": found.cycles,
+                "seconds": found.seconds,
+                "status": found.status,
+                "machine": found.machine,
+                "monotone": found.monotone,
+                "lowest_unstable_cycles": found.lowest_unstable,
+                "stable_above_cycles": found.stable_above,
+                "observed_s": found.search.observed_s,
+                "longest_observed_s": found.observed_s,
+                "resolution_cycles": found.search.resolution_cycles,
+                "runs": runs,
+                "wall_s": found.wall_s,
+            }
+        )
+        return
+    from rich.table import Table
+
+    from stabctl.model import naming
+
+    table = Table("clearing time, cycles", "runs", "outcome", "loses synchronism first", "end, s after the fault")
+    for (outcome, machine), group in groupby(found.runs, lambda r: (r.outcome, r.machine)):
+        alike = list(group)
+        times, ends = [r.cycles for r in alike], [r.time_s for r in alike]
+        first = "" if machine is None else naming.unit(machine)
+        end = outcome.value.replace("_", " ")
+        table.add_row(_span(times, "g"), str(len(alike)), end, first, _span(ends, ".2f"))
+    shared.console().print(table)
+    shared.console().print(str(found))
+
+
+# stabctl screen: the line faults with the shortest critical clearing times.
+
+Below = Annotated[
+    str | None,
+    typer.Option(
+        "--below", metavar="TIME", parser=options.time, help="List only pairs with shorter clearing times, s or 8cyc."
+    ),
+]
+Report = Annotated[Path | None, typer.Option("--report", help="Write a page with figures to this folder.")]
+Out = Annotated[Path | None, typer.Option("--out", help="Write the pairs to FILE.csv.")]
+
+
+@grouped
+def screen(
+    *,
+    below: Below = None,
+    resolution: options.Resolution = "0.125cyc",
+    limit: options.Limit = "60cyc",
+    observe: options.Observe = "5s",
+    longest: options.Longest = "20s",
+    scan: options.Scan = "auto",
+    step: options.Step = None,
+    control: options.Control = None,
+    controller: options.Controllers = None,
+    storage: groups.StorageOptions,
+    law: groups.LawOptions,
+    stability: groups.StabilityOptions,
+    estimator: options.Estimator = "ideal",
+    pmu: groups.PmuOptions,
+    workers: options.Workers = None,
+    store: options.Store = None,
+    scheduler: options.Scheduler = None,
+    out: Out = None,
+    report: Report = None,
+    case: groups.CaseOptions,
+    as_json: options.Json = False,
+) -> None:
+    """Find the critical clearing times of faults at both ends of every line, cleared by opening it; shortest first."""
+    from stabctl.clearing import screen
+
+    shared.file(out, ".csv")
+    shared.folder(report)
+    loaded = case.load()
+    point = storage.initialize(loaded)
+    chosen, own = law.chosen(point.case, control, shared.controllers(controller))
+    steering = pmu.steering(chosen, own, estimator)
+    with shared.progress("screening", 1.0) as tell:
+        found = screen(
+            point,
+            below,
+            control=steering,
+            resolution=resolution,
+            limit=limit,
+            observe=observe,
+            longest=longest,
+            scan=scan,
+            step=step,
+            criterion=stability.criterion(loaded),
+            workers=workers,
+            store=store,
+            scheduler=scheduler,
+            progress=lambda done, total: tell(done / total),
+        )
+    _show_screen(found, as_json)
+    if out:
+        found.save(out)
+        if not as_json:
+            shared.console().print(f"written: {out}")
+    if report:
+        path = found.report(report, base=point)
+        if not as_json:
+            shared.console().print(f"written: {path}")
+
+
+def _show_screen(found: "Screen", as_json: bool) -> None:
+    if as_json:
+        from stabctl.clearing.screen_result import COLUMNS
+
+        shared.print_json(
+            {
+                "case": found.case,
+                "pairs": [dict(zip(COLUMNS, row, strict=True)) for row in found.rows()],
+                "bridges": found.lines.bridges,
+                "twins": found.lines.twins,
+                "screened": found.screened,
+                "simulations": found.simulations,
+                "wall_s": found.wall_s,
+                "observed_s": found.search.observed_s,
+                "longest_observed_s": found.observed_s,
+                "resolution_cycles": found.search.resolution_cycles,
+                "limit_cycles": found.search.limit_cycles,
+            }
+        )
+        return
+    from rich.table import Table
+
+    from stabctl.model import naming
+
+    table = Table("fault at bus", "trip", "critical clearing time, cycles", "loses synchronism first")
+    for p in found.pairs:
+        longest = f"{found.search.limit_cycles:g} or more"
+        shown = {"unstable_at_zero": "unstable at any", "stable_at_limit": longest}
+        first = "" if p.machine is None else naming.unit(p.machine)
+        cycles = shown.get(p.status) or f"{p.cycles:g}"
+        table.add_row(p.fault, " ".join(p.trip), cycles, first)
+    if found.pairs:
+        shared.console().print(table)
+    for sentence in found.remarks():
+        shared.console().print(sentence)

@@ -1,0 +1,159 @@
+"""stabctl cases, tables, models: what is packaged, columns of a table, parameters of a model."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from . import options, shared
+from .options import Device, Json
+from .shared import console, print_json
+
+if TYPE_CHECKING:
+    from stabctl.devices.describe import Description
+
+
+def cases(as_json: Json = False) -> None:
+    """List the packaged cases."""
+    from stabctl import io
+
+    found = [io.load(name) for name in io.packaged()]
+    if as_json:
+        rows = [
+            {
+                "name": c.name,
+                "title": c.title,
+                "machines": len(c.machines),
+                "buses": len(c.buses),
+                "branches": len(c.branches),
+                "loads": len(c.loads),
+                "links": len(c.links),
+                "source": c.source,
+            }
+            for c in found
+        ]
+        print_json({"cases": rows})
+        return
+    from rich.table import Table
+
+    table = Table("case", "machines", "buses", "branches", "loads", "HVDC", "description")
+    table.columns[0].no_wrap = True
+    for c in found:
+        sizes = (len(part) for part in (c.machines, c.buses, c.branches, c.loads, c.links))
+        table.add_row(c.name, *map(str, sizes), c.title)
+    console().print(table)
+
+
+# stabctl tables: the columns of a case's tables.
+
+TableName = Annotated[
+    str | None,
+    typer.Argument(metavar="[TABLE|CASE]", help="Only this table, such as buses or genrou, or those of a case."),
+]
+
+
+def tables(name: TableName = None, device: Device = None, as_json: Json = False) -> None:
+    """List the columns of a case's tables with their meaning, allowed values and default."""
+    from stabctl import io
+    from stabctl.errors import StudyError
+    from stabctl.model.tables import TABLES, device_columns, models
+    from stabctl.schema import fields
+
+    known = {table: list(fields(record).values()) for table, record in TABLES.items()}
+    known |= {model: list(device_columns(model).values()) for model in models()}
+    if name is None or name in known:
+        shown = known if name is None else {name: known[name]}
+    elif name in io.packaged() or Path(name).is_dir() or Path(name).suffix.lower() in (".m", ".raw"):
+        case = io.load(name)
+        shown = {table: rows for table, rows in known.items() if table in case.devices or getattr(case, table, None)}
+    else:
+        raise StudyError(f"There is no table or case {name!r}; the tables are {', '.join(known)}.")
+    if as_json:
+        rows = {
+            table: [
+                {
+                    "column": f.column,
+                    "meaning": f.meaning,
+                    "allowed": f.expected(),
+                    "default": None if f.required else f.default,
+                }
+                for f in columns
+            ]
+            for table, columns in shown.items()
+        }
+        print_json({"tables": rows})
+        return
+    from rich.table import Table
+
+    for table, columns in shown.items():
+        out = Table("column", "meaning", "allowed", "default", title=f"{table}.csv", title_justify="left")
+        out.columns[0].no_wrap = True
+        for f in columns:
+            out.add_row(f.column, f.meaning, f.expected(), "required" if f.required else str(f.default))
+        console().print(out)
+
+
+# stabctl models: the device models, with their parameters, states, inputs and outputs.
+
+ModelName = Annotated[str | None, typer.Argument(metavar="[NAME]", help="Only this model, in full, such as genrou.")]
+
+
+def models(name: ModelName = None, device: options.Device = None, as_json: options.Json = False) -> None:
+    """List the device models by role, or the parameters, states, inputs, outputs and limits of one model."""
+    from stabctl import devices
+    from stabctl.devices.describe import describe
+
+    if name is None:
+        _listed([describe(one) for one in devices.every()], as_json)
+        return
+    found = describe(name)
+    if as_json:
+        parts = ("parameters", "states", "inputs", "outputs", "limits")
+        rows = {part: [row._asdict() for row in getattr(found, part)] for part in parts}
+        for row in (*rows["states"], *rows["inputs"], *rows["outputs"]):
+            reads = row.pop("from_")
+            row |= {"reads": reads} if reads else {}
+        shared.print_json({"model": {**found._asdict(), **rows}})
+        return
+    _shown(found)
+
+
+def _listed(found: "list[Description]", as_json: bool) -> None:
+    if as_json:
+        shared.print_json(
+            {"models": [{"name": m.name, "role": m.role, "title": m.title, "unverified": m.unverified} for m in found]}
+        )
+        return
+    from rich.table import Table
+
+    table = Table("role", "model", "description")
+    table.columns[1].no_wrap = True
+    last = ""
+    for m in found:
+        table.add_row(m.role if m.role != last else "", m.name, m.title + f" ({m.unverified})" * bool(m.unverified))
+        last = m.role
+    shared.console().print(table)
+
+
+def _shown(found: "Description") -> None:
+    from rich.table import Table
+
+    console = shared.console()
+    if found.unverified:
+        print(f"This model is {found.unverified}.\n")
+    print(f"{found.title}\n\n{found.text}\n\nRole: {found.role}, {found.role_meaning}.\n")
+    if found.parameters:
+        table = Table("parameter", "unit", "meaning", "allowed", "default", title="Parameters", title_justify="left")
+        for p in found.parameters:
+            default = "required" if p.default is None else str(p.default)
+            table.add_row(p.name, p.unit, p.meaning, p.allowed, default if p.allowed else "from the case")
+        console.print(table)
+    for title, signals in (("States", found.states), ("Inputs", found.inputs), ("Outputs", found.outputs)):
+        if signals:
+            columns = ("name", "unit", "meaning", *(("reads",) if title == "Inputs" else ()))
+            table = Table(*columns, title=title, title_justify="left")
+            for s in signals:
+                table.add_row(*s[: len(columns)])
+            console.print(table)
+    for limit in found.limits:
+        print(f"The state {limit.state} has the non-windup limits {limit.low} and {limit.high}.")
