@@ -31,11 +31,12 @@ if TYPE_CHECKING:
     from stabctl.io.import_report import ImportReport, import_report
     from stabctl.io.matpower import read_matpower
     from stabctl.io.psse import read_psse
-    from stabctl.model.case import Case, Storage
+    from stabctl.model.case import Case
     from stabctl.model.powerflow import PowerFlow
     from stabctl.model.powerflow import solve as power_flow
     from stabctl.model.replicate import replicate
     from stabctl.model.short_circuit import ShortCircuit, ShortCircuitRatio, short_circuit, short_circuit_ratio
+    from stabctl.model.tables import Storage
     from stabctl.placement.place import place
     from stabctl.placement.site_options import SiteOption
     from stabctl.placement.siting import Costs, Siting
@@ -87,7 +88,7 @@ _WHERE = {
     "StabctlError": "errors:StabctlError",
     "SiteOption": "placement.site_options:SiteOption",
     "Siting": "placement.siting:Siting",
-    "Storage": "model.case:Storage",
+    "Storage": "model.tables:Storage",
     "StorageLaw": "controllers:StorageLaw",
     "SwitchShunt": "simulation.events:SwitchShunt",
     "Trajectory": "simulation.trajectory:Trajectory",

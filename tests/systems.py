@@ -49,7 +49,8 @@ from records import (
 )
 
 from stabctl import devices
-from stabctl.model.case import Branch, Bus, Case, Load, Machine
+from stabctl.model.case import Case
+from stabctl.model.tables import Branch, Bus, Load, Machine
 from stabctl.schema import fields
 
 OWN = Path(__file__).parent / "devices"  # devices as a user would write them

@@ -7,7 +7,7 @@ from uneven import uneven
 
 import stabctl as st
 from stabctl.dynamics import operating_point
-from stabctl.model.case import Storage
+from stabctl.model.tables import Storage
 
 FAULT = st.Contingency("2", clear="5cyc", at=0.1)
 LINE = st.Contingency("2-3@0.3", clear="4cyc", at=0.1)

@@ -7,7 +7,8 @@ from functools import cache
 from systems import CLASSICAL, PSS, ROUND, SATURATED, SEXS, STEAM
 
 from stabctl.dynamics import operating_point
-from stabctl.model.case import Branch, Bus, Case, Link, Load, Machine, Storage
+from stabctl.model.case import Case
+from stabctl.model.tables import Branch, Bus, Link, Load, Machine, Storage
 
 HZ, BASE = 50.0, 137.0
 

@@ -13,8 +13,9 @@ from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.errors import StudyError
 from stabctl.model import naming, network
-from stabctl.model.case import Branch, Case
+from stabctl.model.case import Case
 from stabctl.model.network import Switching
+from stabctl.model.tables import Branch
 from stabctl.units import cycles
 
 from .result import ClearingTime, watched

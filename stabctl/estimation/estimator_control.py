@@ -4,12 +4,11 @@ from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from typing import get_args
 
+from stabctl._util.verbs import verb
 from stabctl.controllers import BangBang, Law, SampledLaw
 from stabctl.controllers.controller import Controller
 from stabctl.errors import StudyError, shown
-from stabctl.simulation.simulation import Simulation
 
-from .estimator_loop import EstimatorLoop
 from .estimators import Engine, EstimatorName
 from .pmu import Pmu
 from .swing import TUNING, Tuning
@@ -94,16 +93,4 @@ class EstimatorControl:
         """Frames per second."""
         return self.pmu.rate
 
-    def pilot(self, simulations: Sequence[Simulation]) -> EstimatorLoop:
-        """The control of several simulations.
-
-        Parameters
-        ----------
-        simulations : sequence of Simulation
-            The simulations; the first uses `seed`, the others the following numbers.
-
-        Returns
-        -------
-        EstimatorLoop
-        """
-        return EstimatorLoop(self, simulations, range(self.seed, self.seed + len(simulations)))
+    pilot = verb("stabctl.estimation.estimator_loop:pilot")

@@ -9,7 +9,7 @@ import time
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from stabctl.simulation.wired import storage_devices
 
 from . import signals
 from .estimates import Estimates
+from .estimator_control import EstimatorControl
 from .estimators import Estimate, EstimatorName, Filtered, estimator
 from .filter_bank import wrapped
 from .observation import Observation, Truth
@@ -33,17 +34,30 @@ from .pmu import Frame, Pmu
 from .rotor_units import rotor_units
 from .signals import CoiReference, Deviations, PhasorSignals, RotorSignals
 
-if TYPE_CHECKING:
-    from .estimator_control import EstimatorControl
-
-
 WARM_UP = 1.0  # s   of the system at rest before the first frame
+
+
+def pilot(control: EstimatorControl, simulations: Sequence[Simulation]) -> "EstimatorLoop":
+    """The control of several simulations.
+
+    Parameters
+    ----------
+    control : EstimatorControl
+        What is controlled, and with which signals.
+    simulations : sequence of Simulation
+        The simulations; the first uses the seed of the control, the others the following numbers.
+
+    Returns
+    -------
+    EstimatorLoop
+    """
+    return EstimatorLoop(control, simulations, range(control.seed, control.seed + len(simulations)))
 
 
 class EstimatorLoop:
     """A control of several simulations of one operating point, each with the PMU errors of its own seed."""
 
-    def __init__(self, control: "EstimatorControl", simulations: Sequence[Simulation], seeds: Sequence[int]) -> None:
+    def __init__(self, control: EstimatorControl, simulations: Sequence[Simulation], seeds: Sequence[int]) -> None:
         point = simulations[0].point
         case, pmu = point.case, control.pmu
         if control.estimator == "ideal":

@@ -3,19 +3,18 @@
 Per-unit values of the network are on the case's `base_mva`, those of machines and controls on the machine's own `base`.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from typing import Any
 
 from stabctl._util.verbs import verb
 from stabctl.errors import StudyError, shown
 
-from . import checks, naming, tables
-from .tables import TABLES, Branch, Bus, Link, Load, Machine, Storage
+from . import checks, naming
+from .tables import TABLES, Machine, Tables
 
 
 @dataclass(frozen=True, repr=False)
-class Case:
+class Case(Tables):
     """A power system. Cases do not change: every method that edits one returns a new, checked case.
 
     Parameters
@@ -46,21 +45,6 @@ class Case:
     CaseError
         For the first error, with table, row, column, value and what is allowed.
     """
-
-    name: str
-    buses: tuple[Bus, ...]
-    branches: tuple[Branch, ...]
-    machines: tuple[Machine, ...]
-    devices: Mapping[str, Mapping[naming.Key, Any]]
-    loads: tuple[Load, ...] = ()
-    links: tuple[Link, ...] = ()
-    storage: tuple[Storage, ...] = ()
-    base_mva: float = 100.0
-    frequency_hz: float = 60.0
-    title: str = ""
-    source: str = ""
-    notes: tuple[str, ...] = field(default=(), compare=False)
-    warnings: tuple[str, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
         for table, record in TABLES.items():
@@ -96,23 +80,6 @@ class Case:
         numbers = ", ".join(str(m.called) for m in self.machines)
         wanted = number.strip() if isinstance(number, str) else shown(number)
         raise StudyError(f"There is no machine {wanted} in {self.name}; its machines are {numbers}.")
-
-    def model(self, number: int, role: str) -> str | None:
-        """Name of the first model with a role that a machine has.
-
-        Parameters
-        ----------
-        number : int
-            Number of the machine.
-        role : str
-            "machine", "exciter", "governor" ...
-
-        Returns
-        -------
-        str or None
-            Name of the model, such as "genrou"; None if the machine has none.
-        """
-        return next((model for model in tables.of_role(role) if number in self.devices.get(model, ())), None)
 
     set = verb("stabctl.model.edit:set_value")
     with_load = verb("stabctl.model.edit:with_load")

@@ -5,7 +5,7 @@ from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from stabctl import devices
 from stabctl._util.validation import Invalid, checked
@@ -15,11 +15,7 @@ from stabctl.errors import CaseError, StudyError, shown
 from stabctl.schema import fields
 
 from . import naming, tables
-from .tables import Storage
-
-if TYPE_CHECKING:
-    from .case import Case
-
+from .tables import Storage, Tables
 
 # An error in a case and where it is.
 
@@ -83,7 +79,7 @@ def device_values(devices: Mapping[str, Mapping[Any, Any]]) -> Mapping[str, Mapp
     return MappingProxyType(found)
 
 
-def check(case: "Case") -> Iterator[str]:
+def check(case: Tables) -> Iterator[str]:
     """Raise the first inconsistency between the tables of a case; yield a warning for everything unusual."""
     _about(case)
     for table in ("buses", "machines"):
@@ -102,7 +98,7 @@ def check(case: "Case") -> Iterator[str]:
     _connected(case)
 
 
-def storage(case: "Case") -> None:
+def storage(case: Tables) -> None:
     """Raise the first storage device that repeats another, whose bus or machine does not exist, or with too few MVA."""
     buses, machines = {b.bus for b in case.buses}, {m.machine for m in case.machines}
     first: dict[Storage, int] = {}
@@ -147,7 +143,7 @@ def _setting(model: str, text: str) -> str:
     return ""
 
 
-def _about(case: "Case") -> None:
+def _about(case: Tables) -> None:
     """The entries of case.toml."""
     for name in ("base_mva", "frequency_hz"):
         value = getattr(case, name)
@@ -174,7 +170,7 @@ def _unique(table: str, column: str, keys: Sequence[Hashable]) -> None:
         seen[key] = i
 
 
-def _references(case: "Case") -> None:
+def _references(case: Tables) -> None:
     """Check that every bus that is named exists."""
     known = {b.bus for b in case.buses}
     columns = {
@@ -190,7 +186,7 @@ def _references(case: "Case") -> None:
                     raise RowError(table, i, name, f"there is no bus {getattr(row, name)} in buses.csv.")
 
 
-def _kinds(case: "Case") -> None:
+def _kinds(case: Tables) -> None:
     """Check that there is a swing bus, that swing and pv buses have machines, and those at pq buses a q or a name."""
     if not any(b.kind == "swing" for b in case.buses):
         raise CaseError("buses.csv, column kind: there is no swing bus; make one bus with a machine the swing bus.")
@@ -204,7 +200,7 @@ def _kinds(case: "Case") -> None:
             raise RowError("buses", i, "kind", text)
 
 
-def _branches(case: "Case") -> Iterator[str]:
+def _branches(case: Tables) -> Iterator[str]:
     """Raise the first branch without impedance or to itself; yield a warning for each without reactance."""
     least = LEAST_IMPEDANCE * case.base_mva / 100
     for i, k in enumerate(case.branches):
@@ -218,7 +214,7 @@ def _branches(case: "Case") -> Iterator[str]:
             yield f"branches.csv, branch {k.from_bus}-{k.to_bus}: x = 0 is unusual for a line or a transformer."
 
 
-def _loads(case: "Case") -> None:
+def _loads(case: Tables) -> None:
     for i, load in enumerate(case.loads):
         for part in "pq":
             total = getattr(load, f"{part}_power") + getattr(load, f"{part}_current")
@@ -227,7 +223,7 @@ def _loads(case: "Case") -> None:
                 raise RowError("loads", i, f"{part}_current", text)
 
 
-def _connected(case: "Case") -> None:
+def _connected(case: Tables) -> None:
     """Check that there is one swing bus in every island of the network."""
     from . import network
 
@@ -250,7 +246,7 @@ def _connected(case: "Case") -> None:
 # Checks of the device tables: each row belongs to a machine or bus, and is compatible with the other devices there.
 
 
-def check_devices(case: "Case") -> Iterator[str]:
+def check_devices(case: Tables) -> Iterator[str]:
     """Raise the first error in the device tables; yield a warning for every unusual parameter."""
     _owners(case)
     _one_of_a_kind(case)
@@ -261,7 +257,7 @@ def check_devices(case: "Case") -> Iterator[str]:
             yield from _parameters(model, i, key, par)
 
 
-def _owners(case: "Case") -> None:
+def _owners(case: Tables) -> None:
     """Check that every device belongs to a machine, to a bus, or (load models) to a row of loads.csv."""
     machines, buses = {m.machine for m in case.machines}, {b.bus for b in case.buses}
     loads = set(naming.keys(case, "loads"))
@@ -279,7 +275,7 @@ def _owners(case: "Case") -> None:
                 raise RowError(model, i, column, f"there is no {column} {naming.number(key)} in {table}.")
 
 
-def _one_of_a_kind(case: "Case") -> None:
+def _one_of_a_kind(case: Tables) -> None:
     """Check that a machine has at most one model, one exciter and one governor, and a load one model."""
     first: dict[tuple[naming.Key, str], tuple[str, int]] = {}
     for model, rows in case.devices.items():
@@ -306,7 +302,7 @@ def key_column(model: str) -> str:
     return tables.key_field(model).name
 
 
-def _every_unit_has_a_model(case: "Case") -> None:
+def _every_unit_has_a_model(case: Tables) -> None:
     """Check that every machine has a model, unless none has: such a case has a power flow only."""
     known = tables.of_role(*tables.UNIT_ROLES)
     if not any(tables.role(model) in devices.UNIT_ROLES for model in case.devices):
@@ -320,7 +316,7 @@ def _every_unit_has_a_model(case: "Case") -> None:
             raise RowError("machines", i, "machine", text)
 
 
-def _controls(case: "Case") -> None:
+def _controls(case: Tables) -> None:
     """Check that every control has something to act on."""
     for model, rows in case.devices.items():
         role = tables.role(model)

@@ -4,21 +4,17 @@ import difflib
 import re
 from collections import Counter
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from stabctl.errors import StudyError, shown
 
 from . import tables
-from .tables import TABLES, Branch
-
-if TYPE_CHECKING:
-    from .case import Case
-
+from .tables import TABLES, Branch, Key, Tables
 
 STORAGE = "ESD "  # begins the names of storage devices in messages: ESD 1@2
 
 
-def machine_number(case: "Case", name: object) -> int | None:
+def machine_number(case: Tables, name: object) -> int | None:
     """Number of the machine with this number or name; the bus before the slash of a name may be given by its own."""
     text = _plain(name)
     if text.isdecimal():
@@ -29,7 +25,7 @@ def machine_number(case: "Case", name: object) -> int | None:
     return next((m.machine for m in case.machines if m.name and _plain(m.name) == wanted), None)
 
 
-def bus_number(case: "Case", name: object) -> int | None:
+def bus_number(case: Tables, name: object) -> int | None:
     """Number of the bus with this number, or with this name if only one has it; capitals do not matter."""
     text = _plain(name)
     if text.isdecimal():
@@ -38,7 +34,7 @@ def bus_number(case: "Case", name: object) -> int | None:
     return found[0] if len(found) == 1 else None
 
 
-def bus(case: "Case", number: int) -> str:
+def bus(case: Tables, number: int) -> str:
     """A bus in words: `bus 7`, or `bus 7 (NORTH)` if it has a name."""
     name = next((b.name for b in case.buses if b.bus == number), "")
     return f"bus {number} ({name})" if name else f"bus {number}"
@@ -93,7 +89,7 @@ def circuit_names(branches: Iterable[Branch]) -> list[str]:
     return list(found)
 
 
-def parse_circuit(case: "Case", text: str) -> Circuit | None:
+def parse_circuit(case: Tables, text: str) -> Circuit | None:
     """The circuit that a text names, whether or not the case has it; None if the text is not of that form."""
     match = _CIRCUIT.fullmatch(text.strip())
     if match is None:
@@ -102,7 +98,7 @@ def parse_circuit(case: "Case", text: str) -> Circuit | None:
     return Circuit(*ends, int(match[2]) if match[2] else None, match[3]) if ends else None
 
 
-def _ends(case: "Case", text: str) -> tuple[int, int] | None:
+def _ends(case: Tables, text: str) -> tuple[int, int] | None:
     """Bus numbers on both sides of a dash; a bus may be given by its name, which may hold dashes."""
     if match := _NUMBERS.fullmatch(text):
         return int(match[1]), int(match[2])
@@ -113,7 +109,7 @@ def _ends(case: "Case", text: str) -> tuple[int, int] | None:
     return None
 
 
-def circuit_rows(case: "Case", wanted: Circuit) -> list[int]:
+def circuit_rows(case: Tables, wanted: Circuit) -> list[int]:
     """Rows of the branches between the buses of a circuit; only its own if it is told from the others."""
     between = [i for i, k in enumerate(case.branches) if {k.from_bus, k.to_bus} == {wanted.a, wanted.b}]
     if wanted.id is not None:
@@ -128,7 +124,6 @@ def circuit_rows(case: "Case", wanted: Circuit) -> list[int]:
 # Devices are keyed by machine number, load models by bus number: the first of a model at machine 2 has the key 2 (int),
 # the second "2#2" (str).
 
-Key = int | str
 _NOUNS = {
     "buses": "bus",
     "branches": "branch",
@@ -161,7 +156,7 @@ def numbered(names: Iterable[Key]) -> list[Key]:
     return found
 
 
-def keys(case: "Case", table: str) -> list[Key]:
+def keys(case: Tables, table: str) -> list[Key]:
     """Keys of the rows of a table of the case, in order."""
     if table not in TABLES:
         return list(case.devices[table])
@@ -175,7 +170,7 @@ def keys(case: "Case", table: str) -> list[Key]:
             return numbered(row[0] for row in rows)
 
 
-def row(case: "Case", table: str, key: Key) -> int:
+def row(case: Tables, table: str, key: Key) -> int:
     """Row of a table (from 0) with that key; a circuit may be named from either end, buses and machines by name.
 
     Raises
@@ -202,7 +197,7 @@ def row(case: "Case", table: str, key: Key) -> int:
     raise StudyError(f"{case.name} has no {what}; {near(wanted, known)}")
 
 
-def known_table(case: "Case", name: str) -> str:
+def known_table(case: Tables, name: str) -> str:
     """The name of a table that has rows in the case. Raises `StudyError` if there is none, with similar names."""
     known = [table for table in TABLES if getattr(case, table)] + list(case.devices)
     if name in known:

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from .case import Case
+from .tables import Tables
 
 BOLTED = 1e9  # MVA at 1 pu voltage   admittance of a fault without impedance (1e7 pu on 100 MVA)
 _NUMBERS = attrgetter("r", "x", "b", "tap", "phase", "g_from", "b_from", "g_to", "b_to")
@@ -111,7 +111,7 @@ class Entries(NamedTuple):
         return sp.csc_matrix((self.values, (self.rows, self.columns)), shape=(n, n))
 
 
-def build(case: Case) -> Network:
+def build(case: Tables) -> Network:
     """The network of a case in pu on the system base, angles in radians."""
     place = {b.bus: i for i, b in enumerate(case.buses)}
     values = np.fromiter(chain.from_iterable(map(_NUMBERS, case.branches)), float)

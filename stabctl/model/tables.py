@@ -1,6 +1,7 @@
 """The tables of a case: a row is a record, a field is a column with its unit, meaning and allowed values."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -10,6 +11,8 @@ from stabctl import devices
 from stabctl.devices.device import Device
 from stabctl.devices.storage.models import StorageModel
 from stabctl.schema import NOT_NEGATIVE, POSITIVE, RATIO, SHARE, Field, fields
+
+Key = int | str
 
 LoadKind = Literal["load", "injection"]
 Characteristic = Literal["power", "current", "conductance"]
@@ -181,3 +184,40 @@ def takes(model: str, control: str) -> bool:
     """Whether a unit of this model may have a control of that role: any, unless its CONTROLS lists some."""
     allowed = models()[model].controls
     return allowed is None or control in allowed
+
+
+@dataclass(frozen=True, repr=False)
+class Tables:
+    """The tables of a system, not yet checked: what checks, names and the network read of a `Case`."""
+
+    name: str
+    buses: tuple[Bus, ...]
+    branches: tuple[Branch, ...]
+    machines: tuple[Machine, ...]
+    devices: Mapping[str, Mapping[Key, Any]]
+    loads: tuple[Load, ...] = ()
+    links: tuple[Link, ...] = ()
+    storage: tuple[Storage, ...] = ()
+    base_mva: float = 100.0
+    frequency_hz: float = 60.0
+    title: str = ""
+    source: str = ""
+    notes: tuple[str, ...] = field(default=(), compare=False)
+    warnings: tuple[str, ...] = field(default=(), compare=False)
+
+    def model(self, number: int, role: str) -> str | None:
+        """Name of the first model with a role that a machine has.
+
+        Parameters
+        ----------
+        number : int
+            Number of the machine.
+        role : str
+            "machine", "exciter", "governor" ...
+
+        Returns
+        -------
+        str or None
+            Name of the model, such as "genrou"; None if the machine has none.
+        """
+        return next((model for model in of_role(role) if number in self.devices.get(model, ())), None)

@@ -19,7 +19,7 @@ import numpy as np
 from stabctl._util.tabular import Tabular
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError
-from stabctl.model.case import Storage
+from stabctl.model.tables import Storage
 from stabctl.smallsignal import Mode, Modes, analyze, linearize
 
 from .sensitivity import Candidate, checked

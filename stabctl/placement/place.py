@@ -17,7 +17,7 @@ from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.estimators import EstimatorName
 from stabctl.jobs import Runner
 from stabctl.model import fleet, powerflow
-from stabctl.model.case import Storage
+from stabctl.model.tables import Storage
 from stabctl.simulation.control import Control, acting, with_law
 from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.sampled import Sampled

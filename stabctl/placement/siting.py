@@ -8,7 +8,7 @@ from stabctl._util.tabular import Tabular, machine_column
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.controllers import BangBang
-from stabctl.model.case import Storage
+from stabctl.model.tables import Storage
 
 from .siting_rows import REFINED, CandidateSite, Costs, Evidence, Infeasible, Iteration, Site, Survived
 

@@ -11,7 +11,7 @@ from stabctl.errors import StudyError
 
 if TYPE_CHECKING:
     from stabctl.dynamics.operating_point import OperatingPoint
-    from stabctl.model.case import Storage
+    from stabctl.model.tables import Storage
 
     from .simulation import Simulation
 

@@ -81,7 +81,7 @@ class ClosedLoop(Linear):
         With continuous delays they are the exact roots below 10 Hz, and all that grow (`delayed_loop`): `DelayedModes`.
         """
         if self.opened is not None:
-            return delayed_modes(self)
+            return delayed_modes(self, self.opened)
         found = eigen(self.A, self.rotation())
         if not self.period:
             return Modes(self, *found)

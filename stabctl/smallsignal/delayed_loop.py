@@ -14,7 +14,7 @@ vectors by inverse iteration on M.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as sl
@@ -28,12 +28,9 @@ from .argument_principle import OnBoundaryError
 from .characteristic import Characteristic, growing
 from .eigen import GROWING, ZERO, eigen, values, without
 from .interconnection import Plant
+from .model import Linear
 from .modes import Modes
 from .root_search import Region, count, find
-
-if TYPE_CHECKING:
-    from .closed_loop import ClosedLoop
-
 
 FAST = 10.0  # Hz   radius of the circle, in frequency
 NODES = 12  # of a delay, and
@@ -340,10 +337,8 @@ class DelayedModes(Modes):
     __repr__ = __str__
 
 
-def delayed_modes(loop: "ClosedLoop") -> DelayedModes:
-    """The exact modes of a closed loop with continuous delays."""
-    opened = loop.opened
-    assert opened is not None
+def delayed_modes(loop: Linear, opened: DelayedLoop) -> DelayedModes:
+    """The exact modes of a closed loop with continuous delays, of its linear model with Pade approximations."""
     rotation = loop.rotation()
     near = eigen(loop.A, rotation)
     zero = near.some(near.values == 0)

@@ -15,8 +15,9 @@ from scipy.optimize import brentq
 from stabctl.controllers import BangBang
 from stabctl.design import optimum
 from stabctl.errors import StudyError
-from stabctl.model.case import Branch, Bus, Case, Machine
+from stabctl.model.case import Case
 from stabctl.model.network import BOLTED
+from stabctl.model.tables import Branch, Bus, Machine
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulate import simulate
 from stabctl.theory.minimum_time import by_shooting, stop_angle

@@ -8,7 +8,7 @@ from systems import kind, small
 
 from stabctl.dynamics import family, operating_point
 from stabctl.errors import EquilibriumError
-from stabctl.model.case import Branch, Bus
+from stabctl.model.tables import Branch, Bus
 from stabctl.simulation.events import LoadStep, Open
 from stabctl.simulation.simulation import run
 

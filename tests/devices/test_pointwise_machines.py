@@ -8,7 +8,7 @@ import pytest
 from pointwise import compare, held
 from records import bus_angle, bus_frequency, hvdc, line_current, line_power, rocof, zip_load
 
-from stabctl.model.case import Load
+from stabctl.model.tables import Load
 
 
 def iron(S10, S12, flux, exponential):

@@ -12,7 +12,7 @@ from stabctl.controllers import BangBang
 from stabctl.devices.storage import joined
 from stabctl.dynamics import family, operating_point, storage
 from stabctl.errors import CaseError, StudyError
-from stabctl.model.case import Machine, Storage
+from stabctl.model.tables import Machine, Storage
 from stabctl.simulation import steps
 from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.events import Clear, Fault, Open

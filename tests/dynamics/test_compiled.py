@@ -12,8 +12,8 @@ import stabctl
 from stabctl import io
 from stabctl.controllers import BangBang, Feedback
 from stabctl.dynamics import evaluate, operating_point
-from stabctl.model.case import Storage
 from stabctl.model.network import UNSWITCHED
+from stabctl.model.tables import Storage
 from stabctl.simulation import simulation, stepper, voltages
 from stabctl.simulation.events import Clear, Fault, TripMachine
 from stabctl.simulation.topology import stage

@@ -17,7 +17,7 @@ from stabctl import devices
 from stabctl.devices import blocks
 from stabctl.dynamics import adder, family, operating_point
 from stabctl.dynamics.matrix import array
-from stabctl.model.case import Link, Storage
+from stabctl.model.tables import Link, Storage
 
 SOURCES = sorted((Path(stabctl.__file__).parent / "devices").rglob("*.py"))
 BLOCKS = [m for m in vars(blocks).values() if inspect.ismodule(m)]

@@ -24,7 +24,7 @@ from systems import (
 from stabctl import devices
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
-from stabctl.model.case import Storage
+from stabctl.model.tables import Storage
 from stabctl.simulation import simulation
 from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.events import Clear, Fault, LoadStep, Open

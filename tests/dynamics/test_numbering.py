@@ -9,8 +9,8 @@ from systems import kind, rebased, small, with_shares
 
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
-from stabctl.model.case import Link, Storage
 from stabctl.model.naming import number
+from stabctl.model.tables import Link, Storage
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.events import Clear, Fault, LoadStep, Open, TripMachine
 from stabctl.simulation.simulation import run

@@ -9,7 +9,7 @@ from systems import KINDS, LIBRARY
 from stabctl import devices, io
 from stabctl.errors import CaseError
 from stabctl.io.folder import PACKAGED
-from stabctl.model.case import TABLES, Link, Storage
+from stabctl.model.tables import TABLES, Link, Storage
 
 
 @pytest.mark.parametrize("name", io.packaged())

@@ -107,7 +107,7 @@ def test_no_droop_is_legal(cases):
 
 
 def test_storage_may_be_set_and_is_checked(cases):
-    from stabctl.model.case import Storage
+    from stabctl.model.tables import Storage
 
     c = cases("two_area").with_storage([Storage(1, 5, 50.0)])
     assert c.storage[0].rating == 50

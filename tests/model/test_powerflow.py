@@ -9,7 +9,8 @@ from systems import CLASSICAL, doubled, rebased, small
 from stabctl import io
 from stabctl.errors import PowerFlowError
 from stabctl.model import network, powerflow
-from stabctl.model.case import Branch, Bus, Case, Link, Load, Machine
+from stabctl.model.case import Case
+from stabctl.model.tables import Branch, Bus, Link, Load, Machine
 
 PACKAGED = io.packaged()
 

@@ -9,8 +9,8 @@ from stabctl import io
 from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
 from stabctl.model import fleet, powerflow
-from stabctl.model.case import Link
 from stabctl.model.replicate import replicate
+from stabctl.model.tables import Link
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run
 from stabctl.smallsignal import analyze, linearize

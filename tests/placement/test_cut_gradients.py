@@ -5,7 +5,7 @@ import pytest
 
 from stabctl.clearing import Search
 from stabctl.dynamics import operating_point
-from stabctl.model.case import Storage
+from stabctl.model.tables import Storage
 from stabctl.placement import scaling
 from stabctl.placement.scaling import critical_scaling
 from stabctl.placement.sensitivity import sensitivity

@@ -14,7 +14,7 @@ from placement_results import RECORD, record
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.model import fleet
-from stabctl.model.case import Storage
+from stabctl.model.tables import Storage
 from stabctl.placement.contingencies import clearing_s, packaged, read
 from stabctl.placement.place import place
 from stabctl.placement.trials import Trials

@@ -8,7 +8,7 @@ from systems import CLASSICAL, doubled, small, with_shares
 
 from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
-from stabctl.model.case import Storage
+from stabctl.model.tables import Storage
 from stabctl.placement.sensitivity import sensitivity
 from stabctl.simulation.events import Fault, LoadStep, Open, TripMachine
 from stabctl.simulation.simulation import Simulation

@@ -10,7 +10,7 @@ import pytest
 from stabctl.clearing import Search
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
-from stabctl.model.case import Storage
+from stabctl.model.tables import Storage
 from stabctl.placement.trials import Trials
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run

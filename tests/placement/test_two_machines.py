@@ -14,8 +14,9 @@ from records import gencls
 from scipy.optimize import brentq
 
 from stabctl.controllers import BangBang
-from stabctl.model.case import Branch, Bus, Case, Machine
+from stabctl.model.case import Case
 from stabctl.model.network import BOLTED
+from stabctl.model.tables import Branch, Bus, Machine
 from stabctl.placement.place import place
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import Criterion

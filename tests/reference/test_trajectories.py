@@ -15,7 +15,7 @@ from comparison import EARLY, differences, recorded, simulated
 
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
-from stabctl.model.case import Storage
+from stabctl.model.tables import Storage
 from stabctl.simulation.events import Clear, Fault, Open, SwitchShunt
 
 CYCLE = 1 / 60

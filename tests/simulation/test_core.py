@@ -11,7 +11,7 @@ from stabctl.controllers import BangBang, Feedback
 from stabctl.dynamics import operating_point
 from stabctl.errors import EquilibriumError, StudyError
 from stabctl.model import fleet, powerflow
-from stabctl.model.case import Branch, Bus, Storage
+from stabctl.model.tables import Branch, Bus, Storage
 from stabctl.simulation import stepper
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import Criterion

@@ -12,9 +12,9 @@ from systems import KINDS, ROUND, small, with_shares
 from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
 from stabctl.model import network
-from stabctl.model.case import Branch, Bus, Link, Load
 from stabctl.model.location import locate
 from stabctl.model.network import Switching, two_port
+from stabctl.model.tables import Branch, Bus, Link, Load
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.events import (
     Clear,

@@ -10,8 +10,8 @@ from systems import CLASSICAL, small
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.model import network
-from stabctl.model.case import Branch, Bus, Load, Storage
 from stabctl.model.network import Switching
+from stabctl.model.tables import Branch, Bus, Load, Storage
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.events import (

@@ -6,7 +6,7 @@ import pytest
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
-from stabctl.model.case import Storage
+from stabctl.model.tables import Storage
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run
 

@@ -8,7 +8,7 @@ from records import esd, zip_load
 from systems import KINDS, small
 
 from stabctl.dynamics import operating_point
-from stabctl.model.case import Storage
+from stabctl.model.tables import Storage
 from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.simulation import Simulation
 

@@ -10,7 +10,7 @@ from systems import KINDS, REGC, ROUND, doubled, small
 
 from stabctl.controllers import BangBang, Controller, Feedback, Input, StorageDevice, bang_bang, decided
 from stabctl.dynamics import operating_point
-from stabctl.model.case import Storage
+from stabctl.model.tables import Storage
 from stabctl.simulation import simulation
 from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.events import Clear, Fault, Open, TripMachine

@@ -5,7 +5,7 @@ import pytest
 from systems import KINDS, small
 
 import stabctl as st
-from stabctl.model.case import Storage
+from stabctl.model.tables import Storage
 from stabctl.simulation.events import Clear, Fault, Open
 from stabctl.simulation.simulation import Simulation
 

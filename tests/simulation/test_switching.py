@@ -6,7 +6,7 @@ from systems import KINDS, SEXS, small
 
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
-from stabctl.model.case import Storage
+from stabctl.model.tables import Storage
 from stabctl.simulation import simulation
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import Criterion

@@ -15,7 +15,7 @@ from stabctl.dynamics.evaluate import evaluate
 from stabctl.dynamics.family import TINY
 from stabctl.dynamics.matrix import array
 from stabctl.errors import LinearizationError, StudyError
-from stabctl.model.case import Storage
+from stabctl.model.tables import Storage
 from stabctl.smallsignal import INPUTS, OUTPUTS, descriptor, linearize
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from stabctl.dynamics import operating_point
-from stabctl.model.case import Storage
+from stabctl.model.tables import Storage
 from stabctl.simulation.events import LoadStep
 from stabctl.simulation.simulation import Simulation, run
 from stabctl.smallsignal import linearize, nonlinear

@@ -11,7 +11,8 @@ from stabctl.controllers import BangBang, Feedback
 from stabctl.dynamics import operating_point
 from stabctl.errors import StudyError
 from stabctl.model import fleet
-from stabctl.model.case import Branch, Bus, Case, Machine
+from stabctl.model.case import Case
+from stabctl.model.tables import Branch, Bus, Machine
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run
 from stabctl.theory.two_machine import Equivalent, equivalent

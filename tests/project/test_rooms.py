@@ -1,0 +1,61 @@
+"""The files of the package: how many, how long, and which import each other in a circle."""
+
+import ast
+from collections import defaultdict
+from importlib.util import resolve_name
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+ROOT = Path(__file__).resolve().parents[2]
+FILES = {
+    ".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in sorted((ROOT / "stabctl").rglob("*.py"))
+}
+MOST_LINES = 450
+OPEN = {  # circles that are left: a law and its file, a simulation and what is called from outside at frames
+    "controllers": 8,
+    "simulation": 3,
+}
+
+
+def imports(name):
+    """Files that a file imports, also for type checking only."""
+    package = name if FILES[name].stem == "__init__" else name.rpartition(".")[0]
+    package = package.removesuffix(".__init__")
+    for node in ast.walk(ast.parse(FILES[name].read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            home = resolve_name("." * node.level + (node.module or ""), package)
+            found = [f"{home}.{alias.name}" for alias in node.names] + [home]
+        else:
+            continue
+        yield from (one for one in found if one in FILES and one != name)
+
+
+def circles():
+    """Files that lead to each other by their imports, group by group."""
+    names = [name for name in FILES if not name.endswith("__init__")]
+    place = {name: k for k, name in enumerate(names)}
+    arrows = [(place[name], place[other]) for name in names for other in imports(name)]
+    graph = sp.csr_matrix((np.ones(len(arrows)), np.array(arrows).T), shape=(len(names),) * 2)
+    groups = defaultdict(list)
+    for name, group in zip(names, connected_components(graph, connection="strong")[1], strict=True):
+        groups[group].append(name)
+    return [group for group in groups.values() if len(group) > 1]
+
+
+def test_files_import_each_other_in_no_circle_but_those_known():
+    found = {group[0].split(".")[1]: group for group in circles()}
+    assert {room: len(group) for room, group in found.items()} == OPEN, found
+
+
+def test_no_file_is_long():
+    lines = {name: len(path.read_text(encoding="utf-8").splitlines()) for name, path in FILES.items()}
+    assert {name: n for name, n in lines.items() if n > MOST_LINES} == {}
+
+
+def test_a_file_is_more_than_a_page_on_average():
+    assert len(FILES) <= 412
