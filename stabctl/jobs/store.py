@@ -148,7 +148,20 @@ def _reading(path: Path) -> str:
 
 
 def _is_ours(base: sqlite3.Connection, path: Path, kind: Kind) -> bool:
-    """Whether it is an undamaged results file of this kind and format; False if it is empty."""
+    """Whether it is an undamaged results file of this kind and format; False if it is empty.
+
+    All is read at one instant, as another process may be creating the table.
+    """
+    if base.in_transaction:
+        return _is_ours_now(base, path, kind)
+    base.execute("BEGIN")
+    try:
+        return _is_ours_now(base, path, kind)
+    finally:
+        base.rollback()
+
+
+def _is_ours_now(base: sqlite3.Connection, path: Path, kind: Kind) -> bool:
     ((owner,), (format_,)) = (base.execute(f"PRAGMA {name}").fetchone() for name in ("application_id", "user_version"))
     if owner == OURS:
         tables = [name for (name,) in base.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
