@@ -1,6 +1,6 @@
 """Laws measured in contingencies: clearing times and use of the devices, as jobs, each once.
 
-A job finds the clearing time of one law in one contingency. The run that is cleared then shows how the devices are
+A job finds the clearing time of one law in one contingency. The run cleared at that time shows how the devices are
 used; with a law that returns their energy, a long run shows what is left of it in the end.
 """
 
