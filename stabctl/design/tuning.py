@@ -14,10 +14,13 @@ from stabctl.smallsignal.interconnection import plant_of
 
 from .result import Requirement, ratios
 
-# Closed loops with varying gains; the system is linearized once.
-
 Make = Callable[[np.ndarray], Sequence[Controller]]  # controllers of some gains
 RELATIVE = 1e-3  # step of the differences, relative to the size of a gain
+STEPS = 60  # linear programs at most
+FIRST, SMALLEST, LARGEST = 0.3, 1e-4, 3.0  # change of a gain in one step, relative to its scale
+NEAREST = 0.3  # damping ratio above the worst up to which a mode takes part in a step
+ENOUGH = 0.99  # of the largest gain, after a step that is the last
+MORE = 0.001  # damping ratio beyond what is asked, so that the gains can then be reduced
 
 
 class Loop:
@@ -55,13 +58,6 @@ class Loop:
         return modes.eigenvalues, found
 
 
-STEPS = 60  # linear programs at most
-FIRST, SMALLEST, LARGEST = 0.3, 1e-4, 3.0  # change of a gain in one step, relative to its scale
-NEAREST = 0.3  # damping ratio above the worst up to which a mode takes part in a step
-ENOUGH = 0.99  # of the largest gain, after a step that is the last
-MORE = 0.001  # damping ratio beyond what is asked, so that the gains can then be reduced
-
-
 @dataclass(frozen=True)
 class Scenario:
     """An operating point, a factor of all gains, and what is asked there."""
@@ -82,11 +78,6 @@ class Scenario:
         s, ds = s[near], self.factor * slopes[near]
         size = np.abs(s)[:, None]
         return spare[near], -(ds.real + ratios(s)[:, None] * (s.conj()[:, None] * ds).real / size) / size
-
-
-def worst(scenarios: Sequence[Scenario], make: Make, x: np.ndarray) -> float:
-    """Least spare damping of all scenarios."""
-    return min(one.spare(make, x) for one in scenarios)
 
 
 def common(scenarios: Sequence[Scenario], make: Make, unit: np.ndarray, gains: np.ndarray) -> tuple[np.ndarray, float]:
@@ -189,3 +180,8 @@ def _step(has: np.ndarray, slopes: np.ndarray, x: np.ndarray, bounds: np.ndarray
             np.r_[np.zeros(n), -1.0], np.hstack([-slopes, np.ones((len(has), 1))]), has, bounds=[*bounds, (None, MORE)]
         )
     return found.x[:n] if found.x is not None else np.zeros(n)
+
+
+def worst(scenarios: Sequence[Scenario], make: Make, x: np.ndarray) -> float:
+    """Least spare damping of all scenarios."""
+    return min(one.spare(make, x) for one in scenarios)
