@@ -1,4 +1,7 @@
-"""Tuning of gains for the worst of several closed loops: one common gain, or each by linear programs."""
+"""Tuning of gains for the worst of several closed loops: one common gain, or each by linear programs.
+
+Every operating point is linearized once; only the gains of its closed loop change.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -103,6 +106,11 @@ def common(scenarios: Sequence[Scenario], make: Make, unit: np.ndarray, gains: n
     return best[1] * unit, best[0]
 
 
+def worst(scenarios: Sequence[Scenario], make: Make, x: np.ndarray) -> float:
+    """Least spare damping of all scenarios."""
+    return min(one.spare(make, x) for one in scenarios)
+
+
 def separate(
     scenarios: Sequence[Scenario],
     make: Make,
@@ -180,8 +188,3 @@ def _step(has: np.ndarray, slopes: np.ndarray, x: np.ndarray, bounds: np.ndarray
             np.r_[np.zeros(n), -1.0], np.hstack([-slopes, np.ones((len(has), 1))]), has, bounds=[*bounds, (None, MORE)]
         )
     return found.x[:n] if found.x is not None else np.zeros(n)
-
-
-def worst(scenarios: Sequence[Scenario], make: Make, x: np.ndarray) -> float:
-    """Least spare damping of all scenarios."""
-    return min(one.spare(make, x) for one in scenarios)
