@@ -5,8 +5,8 @@ The cost of a regulator is
     J = integral of (sum of (deviation of the speeds / speed)^2 + sum of (angle to COI / angle)^2
                      + sum of (output / effort)^2) dt
 
-Its margins hold in every input at once. With the return difference 1 + L at the inputs of the plant and T = L (1 +
-L)^-1, the loop stays stable with
+Its margins hold in every input at once. With the return difference 1 + L at the inputs of the plant, and with
+T = L (1 + L)^-1, the loop stays stable with
 
     gains from 1/(1 + a) to 1/(1 - a),   a = least singular value of 1 + L(jw), at most 1,
     delays t with |exp(-jwt) - 1| s(T(jw)) < 1 at all w,   s the largest singular value,
@@ -45,8 +45,8 @@ from stabctl.units import hertz, radians
 from .result import Design, least, least_ratio
 
 FLOOR = 1e-6  # weight of every state, relative to that of the speeds, which makes all of them observed
-HZ = (0.01, 100.0)  # frequencies at which margins are sought
-POINTS = 300  # of them
+HZ = (0.01, 100.0)  # between which margins are sought
+POINTS = 300  # frequencies
 ROUND = 1e-3  # below 1 by which the return difference of an optimal loop may fall by rounding
 SHIFT = 10.0  # 1/s   of the Cayley transform; must not be an eigenvalue of A
 MOST = 60  # doublings
