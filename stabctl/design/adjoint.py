@@ -4,6 +4,11 @@ A run is a sequence of Runge-Kutta steps, with the network solved at each. Follo
 exact derivatives of every stage, a weight of the states at the end of a step becomes one of the states at its
 beginning, and one of the orders held in it. This is the derivative of the numbers of the run, not of the differential
 equations behind them. A state at a non-windup limit stays there, or follows the signal that scales the limit.
+
+The derivatives of a stage are those of its rates f, with the network solved. With states x, orders u, and outputs and
+voltages z, every device differentiated by complex step,
+
+    M dz = N (dx, du)   (outputs, and currents into the network),     df = R (dx, du) + S dz.
 """
 
 from collections.abc import Sequence
