@@ -1,4 +1,7 @@
-"""Evidence for a design: root locus, loop gains, margins, step responses, clearing times."""
+"""Evidence for a design: root locus, loop gains, margins, step responses, clearing times.
+
+Every controller output is opened in turn for its loop gain, with all others closed; sampling and delay are exact.
+"""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
