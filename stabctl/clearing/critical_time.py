@@ -1,6 +1,6 @@
-"""The search for a critical clearing time: the last stable point of a grid, found in few runs.
+"""The search for a critical clearing time: the last stable point of a grid, in few runs.
 
-It is extrapolated from unstable runs, which end early.
+The answer is extrapolated from unstable runs, which end early.
 """
 
 import time
