@@ -1,4 +1,7 @@
-"""The search for a critical clearing time: extrapolated from unstable runs, which end early."""
+"""The search for a critical clearing time: the last stable point of a grid, in few runs.
+
+The answer is extrapolated from unstable runs, which end early.
+"""
 
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -20,6 +23,11 @@ from .trial import ABOVE, NO_SCAN, Margin, Run, Scan, Search, Trial
 
 APART = 0.5  # cycles   of which the first guess is a multiple
 LONGEST = "20s"  # observed at most
+FORETOLD = 10  # runs after which the interval is only bisected
+HELD = 3.0  # energy the network absorbs, relative to that of the run at clearing; errs on the unstable side
+REACH = 2.0  # how far below two unstable runs their extrapolation is trusted, in multiples of their spacing
+PATIENCE = 5  # unstable runs without a stable one, after which the fault cleared immediately is tried
+UPPER = 2 / 3  # where an interval is divided: an unstable run costs about a third of a stable one
 
 
 def clearing_time(
@@ -93,6 +101,16 @@ def clearing_time(
     return critical(trial, progress=progress)
 
 
+def _one(contingency: Contingency | str) -> Contingency:
+    if isinstance(contingency, str):
+        return Contingency(contingency)
+    if not isinstance(contingency, Contingency):
+        raise StudyError(
+            f"{shown(contingency)} is not a contingency; give one, such as Contingency('7-8@0.4', trip='7-8')."
+        )
+    return contingency
+
+
 def critical(
     trial: Trial,
     start: tuple[int, int] | None = None,
@@ -137,25 +155,6 @@ def first_try(trial: Trial) -> tuple[int, int]:
     step = trial.search.points(APART)
     guess = round(trial.guess() / step) * step
     return guess, max(1, guess // 4)
-
-
-def _one(contingency: Contingency | str) -> Contingency:
-    if isinstance(contingency, str):
-        return Contingency(contingency)
-    if not isinstance(contingency, Contingency):
-        raise StudyError(
-            f"{shown(contingency)} is not a contingency; give one, such as Contingency('7-8@0.4', trip='7-8')."
-        )
-    return contingency
-
-
-# The last stable clearing time of a grid in few runs: extrapolated from unstable runs, which end early.
-
-FORETOLD = 10  # runs after which the interval is only bisected
-HELD = 3.0  # energy the network absorbs, relative to that of the run at clearing; errs on the unstable side
-REACH = 2.0  # how far below two unstable runs their extrapolation is trusted, in multiples of their spacing
-PATIENCE = 5  # unstable runs without a stable one, after which the fault cleared immediately is tried
-UPPER = 2 / 3  # where an interval is divided: an unstable run costs about a third of a stable one
 
 
 class Found(NamedTuple):
@@ -218,21 +217,6 @@ def last_stable(
     return Found("stable_at_limit" if low == last else "found", low, tried)
 
 
-def _multiple(k: int, low: int, high: int, spacing: int) -> int:
-    """The multiple of the spacing nearest to k between low and high; k itself if there is none."""
-    least, most = (low // spacing + 1) * spacing, (high - 1) // spacing * spacing
-    return min(max(round(k / spacing) * spacing, least), most) if least <= most else k
-
-
-def _gap(low: int, tried: Iterable[int], scan: Scan) -> int:
-    """The first distance below the answer near which nothing was tried, 0 if there is none."""
-    for n in range(1, scan.number + 1):
-        far, near = low - n * scan.spacing, low - (n - 1) * scan.spacing
-        if near > 0 and not any(far <= s < near for s in tried):
-            return low - far
-    return 0
-
-
 def _next(low: int, high: int, last: int, tried: Mapping[int, Run], stride: int) -> int:
     """The point to try: the lowest that is predicted to be unstable."""
     if high > last:
@@ -256,3 +240,18 @@ def _critical(lost: Mapping[int, Margin]) -> float:
         slope = (lost[further].excess - excess) / (further**2 - near**2)
         least = max(near - REACH * (further - near), 0.0)
     return max(near**2 - excess / slope, least**2) ** 0.5 if slope > 0 else float(near)
+
+
+def _multiple(k: int, low: int, high: int, spacing: int) -> int:
+    """The multiple of the spacing nearest to k between low and high; k itself if there is none."""
+    least, most = (low // spacing + 1) * spacing, (high - 1) // spacing * spacing
+    return min(max(round(k / spacing) * spacing, least), most) if least <= most else k
+
+
+def _gap(low: int, tried: Iterable[int], scan: Scan) -> int:
+    """The first distance below the answer near which nothing was tried, 0 if there is none."""
+    for n in range(1, scan.number + 1):
+        far, near = low - n * scan.spacing, low - (n - 1) * scan.spacing
+        if near > 0 and not any(far <= s < near for s in tried):
+            return low - far
+    return 0

@@ -1,4 +1,8 @@
-"""The screen: every line fault of a case, one job per faulted bus, ranked by critical clearing time."""
+"""The screen: every line fault of a case, one job per faulted bus, ranked by critical clearing time.
+
+A job finds the clearing times of faults at its bus, each cleared by opening another line there. Its row keeps them as
+plain values.
+"""
 
 import json
 import math
@@ -28,6 +32,9 @@ from .critical_time import LONGEST, critical, first_try
 from .result import ClearingTime
 from .screen_result import Lines, Screen, lines
 from .trial import Margin, Run, Search, Trial
+
+FORMAT = 1
+NEAR = 0.5  # cycles   first stride from the answer of another line at the same bus
 
 
 def screen(
@@ -120,6 +127,14 @@ def screen(
     return whole if below is None else whole.below(below)
 
 
+def _next(below: str | float, search: Search, case: Case) -> float:
+    """The grid's first point (cycles) at or above a clearing time."""
+    longest = cycles(below, case.frequency_hz)
+    if not longest > 0:
+        raise StudyError(f"No pair has a clearing time below {longest:g} cycles; give a time above 0.")
+    return math.ceil(longest / search.resolution_cycles - 1e-9) * search.resolution_cycles
+
+
 def _by_bus(case: Case, found: Lines, buses: int | str | Iterable[int] | None) -> dict[str, list[str]]:
     """Faulted bus -> the lines that are opened."""
     wanted = _wanted(case, buses)
@@ -145,22 +160,8 @@ def _wanted(case: Case, buses: int | str | Iterable[int] | None) -> set[str] | N
     return {str(case.buses[naming.row(case, "buses", bus)].bus) for bus in listed}
 
 
-def _next(below: str | float, search: Search, case: Case) -> float:
-    """The grid's first point (cycles) at or above a clearing time."""
-    longest = cycles(below, case.frequency_hz)
-    if not longest > 0:
-        raise StudyError(f"No pair has a clearing time below {longest:g} cycles; give a time above 0.")
-    return math.ceil(longest / search.resolution_cycles - 1e-9) * search.resolution_cycles
-
-
 def _rank(pair: ClearingTime) -> float:
     return {"unstable_at_zero": -1.0, "stable_at_limit": math.inf}.get(pair.status, pair.cycles or 0.0)
-
-
-# A job of a screen: the clearing times of faults at one bus, each cleared by opening another line there.
-
-FORMAT = 1
-NEAR = 0.5  # cycles   first stride from the answer of another line at the same bus
 
 
 class Shared(NamedTuple):
@@ -209,11 +210,6 @@ def run(task: Task) -> Found:
     return Found({"simulations": simulations, "shortest_cycles": shortest, "pairs": found})
 
 
-def pairs_of(row: dict[str, Any], search: Search) -> list[ClearingTime]:
-    """The clearing times in a row."""
-    return [from_plain(one, search) for one in json.loads(row["pairs"])]
-
-
 def _pairs(trials: list[Trial]) -> list[ClearingTime]:
     """The clearing times of one faulted bus; the search of each begins at the longest answer so far."""
     start, longest, pairs = first_try(trials[0]), -1, []
@@ -237,15 +233,38 @@ def as_plain(found: ClearingTime) -> dict[str, Any]:
         "cycles": found.cycles,
         "seconds": found.seconds,
         "machine": found.machine,
-        "runs": [_run(run) for run in found.runs],
+        "runs": [_run_as_plain(run) for run in found.runs],
         "wall_s": found.wall_s,
     }
 
 
-def _run(run: Run) -> list[Any]:
+def _run_as_plain(run: Run) -> list[Any]:
     margin = None if run.margin is None else [float(energy) for energy in run.margin]
     swings = None if run.swings is None else list(run.swings)
     return list(run._replace(margin=margin, swings=swings, stalled=list(run.stalled)))  # type: ignore[arg-type]
+
+
+def pairs_of(row: dict[str, Any], search: Search) -> list[ClearingTime]:
+    """The clearing times in a row."""
+    return [from_plain(one, search) for one in json.loads(row["pairs"])]
+
+
+def from_plain(plain: dict[str, Any], search: Search) -> ClearingTime:
+    """The clearing time that was found by a search, from its plain values."""
+    contingency = Contingency(plain["fault"], trip=plain["trip"])
+    runs = tuple(map(_run_from_plain, plain["runs"]))
+    answer = {name: plain[name] for name in ("case", "status", "cycles", "seconds", "machine", "wall_s")}
+    return ClearingTime(contingency=contingency, search=search, runs=runs, **answer)
+
+
+def _run_from_plain(plain: list[Any]) -> Run:
+    run = Run(*plain)
+    return run._replace(
+        outcome=OutcomeKind(run.outcome),
+        margin=None if run.margin is None else Margin(*run.margin),
+        swings=None if run.swings is None else Swings(*run.swings),
+        stalled=tuple(run.stalled),
+    )
 
 
 BUS = Kind(
@@ -255,24 +274,3 @@ BUS = Kind(
     run,
     FORMAT,
 )
-
-
-# Clearing times as plain values, for a file of rows, and back.
-
-
-def from_plain(plain: dict[str, Any], search: Search) -> ClearingTime:
-    """The clearing time that was found by a search, from its plain values."""
-    contingency = Contingency(plain["fault"], trip=plain["trip"])
-    runs = tuple(map(_run_of, plain["runs"]))
-    answer = {name: plain[name] for name in ("case", "status", "cycles", "seconds", "machine", "wall_s")}
-    return ClearingTime(contingency=contingency, search=search, runs=runs, **answer)
-
-
-def _run_of(plain: list[Any]) -> Run:
-    run = Run(*plain)
-    return run._replace(
-        outcome=OutcomeKind(run.outcome),
-        margin=None if run.margin is None else Margin(*run.margin),
-        swings=None if run.swings is None else Swings(*run.swings),
-        stalled=tuple(run.stalled),
-    )

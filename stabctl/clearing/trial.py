@@ -1,4 +1,8 @@
-"""One contingency simulated at clearing times on a grid: how it is searched, and how each run is judged."""
+"""One contingency simulated at clearing times on a grid: how it is searched, and how each run is judged.
+
+A single fault, a screen and a siting study share the record of the search. How far beyond stability an unstable run was
+is its margin after the single-machine-equivalent (SIME) method.
+"""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -22,13 +26,13 @@ from stabctl.simulation.swings import Swings
 from stabctl.simulation.trajectory import Trajectory
 from stabctl.units import cycles, seconds
 
-# How critical clearing times are searched: one record for a single fault, a screen and a siting study.
-
 LONGEST_SCAN = 600.0  # cycles
 AUTO = "auto"  # a scan of `BELOW`, as the swings of the answer demand, and of `ABOVE`
 BELOW, ABOVE = 2.0, 4.0  # cycles
 SPACING = 0.125  # cycles between the faults of a scan, and between those tried first on a finer grid
 HALF = 0.5  # cycles   between an answer and the one shorter fault that is always tried
+QUIET = 0.5  # s   before the fault, in which a sampled controller sees the system in steady state
+SUSTAINED = 0.45  # first guess, as a share of the time an uncleared fault takes to cause loss of synchronism
 
 
 class Scan(NamedTuple):
@@ -120,58 +124,11 @@ class Search:
         return max(1, round(length_cycles / self.resolution_cycles))
 
 
-# How far beyond stability an unstable run was: its margin after the single-machine-equivalent (SIME) method.
-
-
 class Margin(NamedTuple):
     """Energies of the single-machine equivalent of an unstable run, pu s on the system base."""
 
     excess: float  # left where deceleration ends: minus the margin of SIME, zero in the critical run
     given: float  # its maximum since clearing
-
-
-def margin(trajectory: Trajectory, cleared_s: float) -> Margin | None:
-    """The margin of a recorded unstable run that was cleared at an instant (s).
-
-    The machines fall into two groups at the widest gap between their angles at the end; each group is one machine in
-    its center of inertia, and the two are one of M = M_S M_N / (M_S + M_N) with the difference w of their speeds. The
-    excess is M w_u^2 / 2 at the last minimum of w, where the accelerating power turns positive again, or at the end
-    where voltages collapse before that (Pavella, Ernst, Ruiz-Vega, "Transient Stability of Power Systems: A Unified
-    Approach to Assessment and Control", 2000). A run that returned and was lost in a later swing has none. `None` of a
-    run without deceleration, of one that left the frequency range, and of one in which a phase-locked loop or storage
-    lost synchronism: they say nothing about the distance.
-    """
-    after = trajectory.time > cleared_s - 1e-9
-    if trajectory.outcome.machine not in (None, *trajectory.point.rotor_names):  # a phase-locked loop, or storage
-        return None
-    if trajectory.outcome.kind is Kind.FREQUENCY_INSTABILITY or after.sum() < 3 or trajectory.arrays.angle.shape[1] < 2:
-        return None
-    w, M = _equivalent(trajectory)
-    w = w[after]
-    falling = np.flatnonzero(np.diff(w) <= 0)
-    if not len(falling):
-        return None
-    at = falling[-1] + 1
-    if at == len(w) - 1 and trajectory.outcome.kind is not Kind.VOLTAGE_COLLAPSE:
-        return None
-    if w[at] < 0:
-        return None
-    return Margin(M * w[at] ** 2 / 2, M * w[:at].max() ** 2 / 2)
-
-
-def _equivalent(trajectory: Trajectory) -> tuple[np.ndarray, float]:
-    """Speed (rows, pu) of the group of machines that is lost against the others, and inertia (s) of the equivalent."""
-    H, numbers = trajectory.point.inertia, trajectory.point.rotor_names
-    end = trajectory.arrays.angle[-1] - trajectory.arrays.angle[0]
-    first = ahead(end)
-    lost = next((i for i, number in enumerate(numbers) if number == trajectory.outcome.machine), np.argmax(end))
-    share = np.where(first, H / H[first].sum(), -H / H[~first].sum())
-    w = trajectory.arrays.speed @ share
-    return (w if first[lost] else -w), float(2 * H[first].sum() * H[~first].sum() / H.sum())
-
-
-QUIET = 0.5  # s   before the fault, in which a sampled controller sees the system in steady state
-SUSTAINED = 0.45  # first guess, as a share of the time an uncleared fault takes to cause loss of synchronism
 
 
 class Run(NamedTuple):
@@ -268,3 +225,43 @@ class Trial:
     ) -> Trajectory:
         options: Any = {"step": self.search.step, "criterion": self.search.criterion, "record": record}
         return run(self.point, events, until, self.control, longest=longest, **options)
+
+
+def margin(trajectory: Trajectory, cleared_s: float) -> Margin | None:
+    """The margin of a recorded unstable run that was cleared at an instant (s).
+
+    The machines fall into two groups at the widest gap between their angles at the end; each group is one machine in
+    its center of inertia, and the two are one of M = M_S M_N / (M_S + M_N) with the difference w of their speeds. The
+    excess is M w_u^2 / 2 at the last minimum of w, where the accelerating power turns positive again, or at the end
+    where voltages collapse before that (Pavella, Ernst, Ruiz-Vega, "Transient Stability of Power Systems: A Unified
+    Approach to Assessment and Control", 2000). A run that returned and was lost in a later swing has none. `None` of a
+    run without deceleration, of one that left the frequency range, and of one in which a phase-locked loop or storage
+    lost synchronism: they say nothing about the distance.
+    """
+    after = trajectory.time > cleared_s - 1e-9
+    if trajectory.outcome.machine not in (None, *trajectory.point.rotor_names):  # a phase-locked loop, or storage
+        return None
+    if trajectory.outcome.kind is Kind.FREQUENCY_INSTABILITY or after.sum() < 3 or trajectory.arrays.angle.shape[1] < 2:
+        return None
+    w, M = _equivalent(trajectory)
+    w = w[after]
+    falling = np.flatnonzero(np.diff(w) <= 0)
+    if not len(falling):
+        return None
+    at = falling[-1] + 1
+    if at == len(w) - 1 and trajectory.outcome.kind is not Kind.VOLTAGE_COLLAPSE:
+        return None
+    if w[at] < 0:
+        return None
+    return Margin(M * w[at] ** 2 / 2, M * w[:at].max() ** 2 / 2)
+
+
+def _equivalent(trajectory: Trajectory) -> tuple[np.ndarray, float]:
+    """Speed (rows, pu) of the group of machines that is lost against the others, and inertia (s) of the equivalent."""
+    H, numbers = trajectory.point.inertia, trajectory.point.rotor_names
+    end = trajectory.arrays.angle[-1] - trajectory.arrays.angle[0]
+    first = ahead(end)
+    lost = next((i for i, number in enumerate(numbers) if number == trajectory.outcome.machine), np.argmax(end))
+    share = np.where(first, H / H[first].sum(), -H / H[~first].sum())
+    w = trajectory.arrays.speed @ share
+    return (w if first[lost] else -w), float(2 * H[first].sum() * H[~first].sum() / H.sum())

@@ -4,6 +4,11 @@ A run is a sequence of Runge-Kutta steps, with the network solved at each. Follo
 exact derivatives of every stage, a weight of the states at the end of a step becomes one of the states at its
 beginning, and one of the orders held in it. This is the derivative of the numbers of the run, not of the differential
 equations behind them. A state at a non-windup limit stays there, or follows the signal that scales the limit.
+
+The derivatives of a stage are those of its rates f, with the network solved. With states x, orders u, and outputs and
+voltages z, every device differentiated by complex step,
+
+    M dz = N (dx, du)   (outputs, and currents into the network),     df = R (dx, du) + S dz.
 """
 
 from collections.abc import Sequence
@@ -79,19 +84,43 @@ def gradients(run: Trajectory, shown: Sequence[Shown], first: int = 0) -> np.nda
     return out
 
 
-class _Pattern:
-    """A sparse matrix of one pattern, filled with entries that are added up where they meet."""
+class _Step:
+    """Steps on one network, followed backwards."""
 
-    def __init__(self, rows: np.ndarray, columns: np.ndarray, shape: tuple[int, int]) -> None:
-        unique, self._place = np.unique(columns.astype(np.int64) * shape[0] + rows, return_inverse=True)
-        indices = (unique % shape[0]).astype(np.int32)
-        starts = np.searchsorted(unique // shape[0], np.arange(shape[1] + 1)).astype(np.int32)
-        self._matrix = sp.csc_matrix((np.zeros(len(indices)), indices, starts), shape=shape)
+    def __init__(self, part: Stages, matrices: "StageMatrices", limits: Limits) -> None:
+        self._part, self._matrices, self._limits = part, matrices, limits
 
-    def __call__(self, entries: np.ndarray) -> sp.csc_matrix:
-        """The matrix with these entries; the same one at every call."""
-        self._matrix.data[:] = np.bincount(self._place, entries, minlength=len(self._matrix.indices))
-        return self._matrix
+    def __call__(self, step: int, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Weights of the states at the beginning of a step and of its orders, from those of the states at its end."""
+        part, h = self._part, self._part.sizes[step]
+        last = STAGES - 1
+        end, of_z = self._unclipped(step, last, end)
+        begin, of_x, of_u = end, np.zeros_like(end), np.zeros(0)
+        for stage in reversed(range(STAGES)):
+            weight = h / RK4.weight_divisor[stage] * end
+            if stage < last:
+                weight += h / RK4.reach_divisor[stage] * of_x
+            weight[self._limits.state[part.held[step, stage] > 0]] = 0.0
+            of_x, of_orders = self._matrices.at(part.signals[step, stage])(weight, of_z)
+            of_u = of_u + of_orders if stage < last else of_orders
+            if stage:
+                of_x, of_z = self._unclipped(step, stage - 1, of_x)
+            begin = begin + of_x
+        return begin, of_u
+
+    def _unclipped(self, step: int, stage: int, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+        """Weights of the states before they were clipped, and of the signals that scale the limits, if any do."""
+        side, limits = self._part.clipped[step, stage], self._limits
+        at = np.flatnonzero(side)
+        if not len(at):
+            return weight, None
+        edge = np.where(side[at] > 0, limits.high[at], limits.low[at])[:, None] * weight[limits.state[at]]
+        scale = self._matrices.of_z[limits.scale[at]]
+        of_z = np.zeros((self._matrices.nz, weight.shape[1]))
+        np.add.at(of_z, scale[scale >= 0], edge[scale >= 0])
+        weight = weight.copy()
+        weight[limits.state[at]] = 0.0
+        return weight, of_z
 
 
 class StageMatrices:
@@ -137,6 +166,21 @@ def _elimination(rows: np.ndarray, columns: np.ndarray, size: int) -> np.ndarray
     return np.asarray(splu(sp.csc_matrix((some, (rows, columns)), (size, size)), "MMD_AT_PLUS_A").perm_c)
 
 
+class _Pattern:
+    """A sparse matrix of one pattern, filled with entries that are added up where they meet."""
+
+    def __init__(self, rows: np.ndarray, columns: np.ndarray, shape: tuple[int, int]) -> None:
+        unique, self._place = np.unique(columns.astype(np.int64) * shape[0] + rows, return_inverse=True)
+        indices = (unique % shape[0]).astype(np.int32)
+        starts = np.searchsorted(unique // shape[0], np.arange(shape[1] + 1)).astype(np.int32)
+        self._matrix = sp.csc_matrix((np.zeros(len(indices)), indices, starts), shape=shape)
+
+    def __call__(self, entries: np.ndarray) -> sp.csc_matrix:
+        """The matrix with these entries; the same one at every call."""
+        self._matrix.data[:] = np.bincount(self._place, entries, minlength=len(self._matrix.indices))
+        return self._matrix
+
+
 class StageAdjoint:
     """The transposed derivatives of one stage."""
 
@@ -157,42 +201,3 @@ class StageAdjoint:
         mismatch = self._lu.solve(np.ascontiguousarray(g if z is None else g + z), "T")
         both = self._RN_T @ np.vstack([rates, mismatch])
         return both[: self._nx], both[self._nx :]
-
-
-class _Step:
-    """Steps on one network, followed backwards."""
-
-    def __init__(self, part: Stages, matrices: StageMatrices, limits: Limits) -> None:
-        self._part, self._matrices, self._limits = part, matrices, limits
-
-    def __call__(self, step: int, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Weights of the states at the beginning of a step and of its orders, from those of the states at its end."""
-        part, h = self._part, self._part.sizes[step]
-        last = STAGES - 1
-        end, of_z = self._unclipped(step, last, end)
-        begin, of_x, of_u = end, np.zeros_like(end), np.zeros(0)
-        for stage in reversed(range(STAGES)):
-            weight = h / RK4.weight_divisor[stage] * end
-            if stage < last:
-                weight += h / RK4.reach_divisor[stage] * of_x
-            weight[self._limits.state[part.held[step, stage] > 0]] = 0.0
-            of_x, of_orders = self._matrices.at(part.signals[step, stage])(weight, of_z)
-            of_u = of_u + of_orders if stage < last else of_orders
-            if stage:
-                of_x, of_z = self._unclipped(step, stage - 1, of_x)
-            begin = begin + of_x
-        return begin, of_u
-
-    def _unclipped(self, step: int, stage: int, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-        """Weights of the states before they were clipped, and of the signals that scale the limits, if any do."""
-        side, limits = self._part.clipped[step, stage], self._limits
-        at = np.flatnonzero(side)
-        if not len(at):
-            return weight, None
-        edge = np.where(side[at] > 0, limits.high[at], limits.low[at])[:, None] * weight[limits.state[at]]
-        scale = self._matrices.of_z[limits.scale[at]]
-        of_z = np.zeros((self._matrices.nz, weight.shape[1]))
-        np.add.at(of_z, scale[scale >= 0], edge[scale >= 0])
-        weight = weight.copy()
-        weight[limits.state[at]] = 0.0
-        return weight, of_z

@@ -1,4 +1,7 @@
-"""Evidence for a design: root locus, loop gains, margins, step responses, clearing times."""
+"""Evidence for a design: root locus, loop gains, margins, step responses, clearing times.
+
+Every controller output is opened in turn for its loop gain, with all others closed; sampling and delay are exact.
+"""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -22,6 +25,12 @@ from .result import Design
 from .tuning import Loop
 
 FACTORS = np.linspace(0.0, 2.0, 41)  # of the gains, along the root locus
+HZ = np.geomspace(0.05, 10.0, 240)  # of the loop gains
+MOST = 12  # loops whose gain is shown
+SECONDS = 10.0  # of the step responses
+RATE = 60  # 1/s   of continuous step responses
+SHARE = 0.01  # of the largest load, that is switched on
+INPUTS = 12  # of a controller, up to which its own step is shown
 
 
 @dataclass(frozen=True, repr=False)
@@ -38,25 +47,6 @@ class RootLocus:
 
     factors: np.ndarray
     eigenvalues: tuple[np.ndarray, ...]
-
-
-@dataclass(frozen=True)
-class Check:
-    """Critical clearing times of a contingency without and with the controllers, and with those that they replace."""
-
-    before: ClearingTime
-    after: ClearingTime
-    replaced: ClearingTime | None = None  # with the stabilizers of the case; None if it has none that are replaced
-
-    @property
-    def label(self) -> str:
-        """The contingency."""
-        return self.after.contingency.label
-
-    @property
-    def change(self) -> float:
-        """Cycles gained against the stabilizers of the case or, without any, against none; an unstable case has 0."""
-        return (self.after.cycles or 0.0) - ((self.replaced or self.before).cycles or 0.0)
 
 
 @dataclass(frozen=True, repr=False)
@@ -116,6 +106,25 @@ class StepResponses:
     own: tuple[tuple[str, np.ndarray, np.ndarray], ...]
 
 
+@dataclass(frozen=True)
+class Check:
+    """Critical clearing times of a contingency without and with the controllers, and with those that they replace."""
+
+    before: ClearingTime
+    after: ClearingTime
+    replaced: ClearingTime | None = None  # with the stabilizers of the case; None if it has none that are replaced
+
+    @property
+    def label(self) -> str:
+        """The contingency."""
+        return self.after.contingency.label
+
+    @property
+    def change(self) -> float:
+        """Cycles gained against the stabilizers of the case or, without any, against none; an unstable case has 0."""
+        return (self.after.cycles or 0.0) - ((self.replaced or self.before).cycles or 0.0)
+
+
 @dataclass(frozen=True, repr=False)
 class Evidence:
     """What speaks for a design, at its first operating point.
@@ -165,6 +174,15 @@ class Evidence:
         )
 
     __repr__ = __str__
+
+
+def _check(c: Check) -> str:
+    own = f", {_cycles(c.replaced)} with the stabilizers of the case" if c.replaced else ""
+    return f"{_cycles(c.before)} without, {_cycles(c.after)} with{own}"
+
+
+def _cycles(found: ClearingTime) -> str:
+    return "none" if found.cycles is None else f"{found.cycles:g} cycles"
 
 
 def evidence(design: Design, checks: Iterable[Contingency | str] = ()) -> Evidence:
@@ -220,21 +238,6 @@ def _locus(point: OperatingPoint, controllers: Sequence[Controller]) -> RootLocu
     return RootLocus(FACTORS, tuple(loop.eigenvalues([c.scaled(float(k)) for c in controllers]) for k in FACTORS))
 
 
-def _check(c: Check) -> str:
-    own = f", {_cycles(c.replaced)} with the stabilizers of the case" if c.replaced else ""
-    return f"{_cycles(c.before)} without, {_cycles(c.after)} with{own}"
-
-
-def _cycles(found: ClearingTime) -> str:
-    return "none" if found.cycles is None else f"{found.cycles:g} cycles"
-
-
-# Loop gains: each controller output opened in turn, all others closed, sampling and delay exact.
-
-HZ = np.geomspace(0.05, 10.0, 240)
-MOST = 12  # loops that are shown
-
-
 def loop_gains(point: OperatingPoint, controllers: Sequence[Controller]) -> tuple[LoopGain, ...]:
     """The loop gains of the first 12 outputs, as if without deadband or relay; see `linear_loop`."""
     loop = linear_loop(point, [named(point, replace(c, deadband=0.0, relay=False)) for c in controllers])
@@ -243,14 +246,6 @@ def loop_gains(point: OperatingPoint, controllers: Sequence[Controller]) -> tupl
     hz = HZ[loop.rate / 2 > HZ] if loop.rate else HZ
     G = np.array([loop(2j * np.pi * f)[0] for f in hz])
     return tuple(LoopGain(name, hz, -alone(G, np.ones(len(loop.names)), r)) for r, name in enumerate(loop.names[:MOST]))
-
-
-# Step responses: of the closed loop to a load, and of every controller alone.
-
-SECONDS = 10.0
-RATE = 60  # 1/s   of continuous responses
-SHARE = 0.01  # of the largest load, that is switched on
-INPUTS = 12  # of a controller, up to which its own step is shown
 
 
 def step_responses(point: OperatingPoint, controllers: Sequence[Controller]) -> StepResponses:
@@ -270,8 +265,8 @@ def step_responses(point: OperatingPoint, controllers: Sequence[Controller]) -> 
         return _step(A, B * mw / case.base_mva, m.C, m.D * mw / case.base_mva, T)
 
     machines = tuple(str(name) for name in point.rotor_names)
-    alone = [one for c in controllers for one in _own(point, c)]
-    return StepResponses(load.bus, mw, machines, response(), response(*controllers), tuple(alone))
+    each = [one for c in controllers for one in _own(point, c)]
+    return StepResponses(load.bus, mw, machines, response(), response(*controllers), tuple(each))
 
 
 def _own(point: OperatingPoint, c: Controller) -> list[tuple[str, np.ndarray, np.ndarray]]:

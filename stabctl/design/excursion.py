@@ -6,6 +6,8 @@ with m the change of the angle of a rotor relative to the center of inertia.
 
 The largest angle is what the criterion of stability limits. The mean asks for a return: near the unstable equilibrium
 the largest angle alone does not tell whether a rotor comes back from it.
+
+The orders of a schedule are held for frames, one of which begins at the instant of clearing.
 """
 
 import math

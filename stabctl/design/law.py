@@ -1,4 +1,12 @@
-"""Design of a storage law: the best member of the family `StorageLaw` for a list of contingencies."""
+"""Design of a storage law: the best member of the family `StorageLaw` for a list of contingencies.
+
+A part of the contingencies, drawn over the whole range of their clearing times, tunes the law. A grid of angle gains,
+slopes and groups is measured first, on a coarse grid of clearing times. From the best laws on, every parameter is moved
+to its next larger and smaller value, on the fine grid, as long as that improves the score; then to all its other
+values, which may lead on. The finalists are measured as a clearing time is, with a scan for shorter unstable faults.
+The answer is the best finalist without a stable limit cycle by describing functions, or the best of all if each has
+one. The search draws nothing at random, so its answer does not depend on the number of threads.
+"""
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -28,9 +36,23 @@ from .critical_machines import Group, critical_machines, disjoint, slow_areas
 from .law_measurement import LAW, Bench, Measured
 from .law_result import Judged, LawDesign, LawLimits
 
+COUNT = 20  # contingencies taken from a screen
 DEADBAND = 0.05  # Hz   where the search begins
 ARMED = 0.1  # Hz   where the search begins, so that a new angle does not keep the devices acting
 RETURNED = 4  # time constants of the return of energy within the time allowed
+GRID = {"angle_gain": (0.0, 0.5, 1.0), "slope": (0.0, 0.05, 0.2)}  # values measured first, in all combinations
+AXES: Mapping[str, tuple[float, ...]] = {  # values of every parameter, next ones side by side
+    "angle_gain": (0.0, 0.25, 0.5, 1.0, 2.0),
+    "slope": (0.0, 0.02, 0.05, 0.1, 0.2, 0.4),
+    "deadband": (0.02, 0.05, 0.1, 0.2),
+    "min_voltage": (0.5, 0.6, 0.7, 0.75, 0.8),
+    "max_acceleration": (0.0, 4.0, 2.0, 1.0),
+    "arm_at": (0.0, 0.05, 0.1, 0.2),
+}
+STARTS = 2  # laws of the grid that are refined
+FINALISTS = 3
+FAR = 10  # values on each side that are tried when no next one helps: all
+AT_REST = {"arm_at": 0.0, "return_time": 0.0, "max_acceleration": 0.0}  # the law as if always armed
 
 
 def law(
@@ -119,74 +141,6 @@ def law(
     return replace(found, wall_s=time.perf_counter() - began)
 
 
-class Use(NamedTuple):
-    """How laws are used."""
-
-    rate: int | None
-    delay: str | float
-
-    def of(self, law: Law) -> Law:
-        """The law behind its rate and delay."""
-        return law if self.rate is None else law.sampled(self.rate, self.delay)
-
-
-def _designed(
-    bench: Bench, faults: Sequence[Contingency], limits: LawLimits, use: Use, *, training: float, seed: int
-) -> LawDesign:
-    """The design; its computing time is added later."""
-    point, reference = bench.point, use.of(BangBang())
-    none = bench.measured([(None, c) for c in faults], bench.search)
-    order = sorted(range(len(faults)), key=lambda k: none[k].reach)
-    chosen = training_contingencies([faults[k] for k in order], training, seed)
-    areas = slow_areas(point.modes())
-    groups = [_leaving(bench, areas, c, m) for c, m in zip(faults, none, strict=True)]
-    together = _numbers(point, disjoint(g for k in order if faults[k] in chosen and (g := groups[k])))
-    tuning = LawSearch(bench, chosen, reference, limits, use.of)
-    finalists = [use.of(one) for one in tuning.best(_start(limits), [(), together] if together else [()])]
-    best, silent = _quiet(point, finalists)
-    pairs = bench.measured([(law, c) for c in faults for law in (reference, best)], bench.search)
-    found = zip(faults, none, pairs[::2], pairs[1::2], groups, strict=True)
-    rows = tuple(Judged(c, c in chosen, n, r, d, group) for c, n, r, d, group in found)
-    kept = limits.kept([row.designed for row in rows if row.training])
-    work = len(tuning.tried), bench.simulations, 0.0
-    return LawDesign(point.case.name, best, reference, rows, limits, kept, *work, silent)
-
-
-def _quiet(point: OperatingPoint, finalists: Sequence[Law]) -> tuple[Law, bool]:
-    """The first law without a stable limit cycle, and whether there is one; if there is none, the first."""
-    silent = next((one for one in finalists if no_stable_limit_cycle(point, one)), None)
-    return silent or finalists[0], silent is not None
-
-
-def _leaving(bench: Bench, areas: Areas, contingency: Contingency, idle: Measured) -> Group | None:
-    """The group that leaves just beyond the clearing time with idle devices."""
-    if idle.status == "stable_at_limit":
-        return None
-    above = bench.search.resolution_cycles if idle.status == "found" else 0.0
-    return critical_machines(Trial(bench.point, contingency, None, bench.search), areas, idle.reach + above)
-
-
-def _start(limits: LawLimits) -> StorageLaw:
-    """Where the search begins."""
-    returns = limits.return_within > 0
-    return StorageLaw(
-        deadband=max(DEADBAND, limits.deadband),
-        min_voltage=limits.min_voltage,
-        arm_at=max(ARMED, limits.deadband) if returns else 0.0,
-        return_time=limits.return_within / RETURNED,
-    )
-
-
-def _numbers(point: OperatingPoint, groups: Sequence[tuple[int | str, ...]]) -> tuple[tuple[int, ...], ...]:
-    """Groups as numbers of machines."""
-    return tuple(tuple(sorted(point.case.machine(m).machine for m in group)) for group in groups)
-
-
-# The contingencies that a storage law is designed for, and those that it is tuned with.
-
-COUNT = 20  # contingencies taken from a screen
-
-
 def checked_contingencies(point: OperatingPoint, given: Any) -> tuple[Contingency, ...]:
     """The contingencies, checked."""
     if not point.case.storage:
@@ -220,6 +174,39 @@ def spread(found: Screen, count: int) -> tuple[Contingency, ...]:
     return tuple(islice(rounds, count))
 
 
+class Use(NamedTuple):
+    """How laws are used."""
+
+    rate: int | None
+    delay: str | float
+
+    def of(self, law: Law) -> Law:
+        """The law behind its rate and delay."""
+        return law if self.rate is None else law.sampled(self.rate, self.delay)
+
+
+def _designed(
+    bench: Bench, faults: Sequence[Contingency], limits: LawLimits, use: Use, *, training: float, seed: int
+) -> LawDesign:
+    """The design; its computing time is added later."""
+    point, reference = bench.point, use.of(BangBang())
+    none = bench.measured([(None, c) for c in faults], bench.search)
+    order = sorted(range(len(faults)), key=lambda k: none[k].reach)
+    chosen = training_contingencies([faults[k] for k in order], training, seed)
+    areas = slow_areas(point.modes())
+    groups = [_leaving(bench, areas, c, m) for c, m in zip(faults, none, strict=True)]
+    together = _numbers(point, disjoint(g for k in order if faults[k] in chosen and (g := groups[k])))
+    tuning = LawSearch(bench, chosen, reference, limits, use.of)
+    finalists = [use.of(one) for one in tuning.best(_start(limits), [(), together] if together else [()])]
+    best, silent = _quiet(point, finalists)
+    pairs = bench.measured([(law, c) for c in faults for law in (reference, best)], bench.search)
+    found = zip(faults, none, pairs[::2], pairs[1::2], groups, strict=True)
+    rows = tuple(Judged(c, c in chosen, n, r, d, group) for c, n, r, d, group in found)
+    kept = limits.kept([row.designed for row in rows if row.training])
+    work = len(tuning.tried), bench.simulations, 0.0
+    return LawDesign(point.case.name, best, reference, rows, limits, kept, *work, silent)
+
+
 def training_contingencies(faults: Sequence[Contingency], share: float, seed: int) -> tuple[Contingency, ...]:
     """The contingencies of the training, of faults in the order of their clearing times: a share of each part."""
     if not 0 < share <= 1:
@@ -230,26 +217,28 @@ def training_contingencies(faults: Sequence[Contingency], share: float, seed: in
     return tuple(faults[int(draw.choice(part))] for part in parts)
 
 
-# The search for a storage law: a coarse grid, then one parameter after the other.
-#
-# The grid of angle gains, slopes and groups is measured on a coarse grid of clearing times. From the best laws on,
-# every
-# parameter is moved to its next larger and smaller value, on the fine grid, as long as that improves the score; then to
-# all its other values, which may lead on. The finalists are measured as a clearing time is, with a scan for shorter
-# unstable and longer stable faults. Nothing is random, so the answer does not depend on the number of threads.
+def _leaving(bench: Bench, areas: Areas, contingency: Contingency, idle: Measured) -> Group | None:
+    """The group that leaves just beyond the clearing time with idle devices."""
+    if idle.status == "stable_at_limit":
+        return None
+    above = bench.search.resolution_cycles if idle.status == "found" else 0.0
+    return critical_machines(Trial(bench.point, contingency, None, bench.search), areas, idle.reach + above)
 
-GRID = {"angle_gain": (0.0, 0.5, 1.0), "slope": (0.0, 0.05, 0.2)}
-AXES: Mapping[str, tuple[float, ...]] = {
-    "angle_gain": (0.0, 0.25, 0.5, 1.0, 2.0),
-    "slope": (0.0, 0.02, 0.05, 0.1, 0.2, 0.4),
-    "deadband": (0.02, 0.05, 0.1, 0.2),
-    "min_voltage": (0.5, 0.6, 0.7, 0.75, 0.8),
-    "max_acceleration": (0.0, 4.0, 2.0, 1.0),
-    "arm_at": (0.0, 0.05, 0.1, 0.2),
-}
-STARTS = 2  # laws of the grid that are refined
-FINALISTS = 3
-FAR = 10  # values on each side that are tried when no next one helps: all
+
+def _numbers(point: OperatingPoint, groups: Sequence[tuple[int | str, ...]]) -> tuple[tuple[int, ...], ...]:
+    """Groups as numbers of machines."""
+    return tuple(tuple(sorted(point.case.machine(m).machine for m in group)) for group in groups)
+
+
+def _start(limits: LawLimits) -> StorageLaw:
+    """Where the search begins."""
+    returns = limits.return_within > 0
+    return StorageLaw(
+        deadband=max(DEADBAND, limits.deadband),
+        min_voltage=limits.min_voltage,
+        arm_at=max(ARMED, limits.deadband) if returns else 0.0,
+        return_time=limits.return_within / RETURNED,
+    )
 
 
 class LawSearch:
@@ -342,9 +331,10 @@ def _neighbors(law: StorageLaw, name: str, values: Sequence[Any], reach: int) ->
     return found
 
 
-# Whether a storage law has no stable limit cycle at the operating point, by describing functions.
-
-AT_REST = {"arm_at": 0.0, "return_time": 0.0, "max_acceleration": 0.0}  # the law as if always armed
+def _quiet(point: OperatingPoint, finalists: Sequence[Law]) -> tuple[Law, bool]:
+    """The first law without a stable limit cycle, and whether there is one; if there is none, the first."""
+    silent = next((one for one in finalists if no_stable_limit_cycle(point, one)), None)
+    return silent or finalists[0], silent is not None
 
 
 def no_stable_limit_cycle(point: OperatingPoint, law: Law) -> bool:

@@ -1,4 +1,8 @@
-"""Laws measured in contingencies: clearing times and use of the devices, as jobs, each once."""
+"""Laws measured in contingencies: clearing times and use of the devices, as jobs, each once.
+
+A job finds the clearing time of one law in one contingency. The run cleared at that time shows how the devices are
+used; with a law that returns their energy, a long run shows what is left of it in the end.
+"""
 
 import json
 from collections.abc import Callable, Sequence
@@ -21,6 +25,12 @@ from stabctl.simulation.simulation import Simulation
 from stabctl.simulation.trajectory import Trajectory
 
 COARSE = 4  # points of the fine grid per point of the coarse one
+FORMAT = 1
+WATCHED = 10.0  # s   after clearing, in which the duty is measured
+ACTING = 0.02  # ratings   smaller orders count as none
+LAST = 0.5  # s   over which the final voltage is averaged
+SAMPLED = 0.25  # s   between the energies of a long run
+AFTER = 10.0  # s   watched after the devices have their energy back
 
 
 class Duty(NamedTuple):
@@ -142,12 +152,6 @@ class Bench:
         return next((m.reach for m in known if m and m.reach), None)
 
 
-# A job of the design of a storage law: a law is measured in one contingency.
-
-FORMAT = 1
-WATCHED = 10.0  # s   after clearing, in which the duty is measured
-
-
 class Measurement(NamedTuple):
     """What is measured: a law (None: idle devices) in a contingency, by a search that begins near a clearing time."""
 
@@ -169,6 +173,13 @@ def measurement_task(job: Measurement, base: Base, identified: bool) -> Task:
     return Task(sha256({"format": FORMAT, "job": job.given(), "case": case}), job, base, LAW)
 
 
+def measured(row: dict[str, Any]) -> Measured:
+    """What is in a row."""
+    machine, use, after = json.loads(row["rest"])
+    later = None if after is None else Later(*after)
+    return Measured(row["reach_cycles"], row["outcome"], machine, row["runs"], Duty(*use), later)
+
+
 def run_measurement(task: Task) -> Found:
     """Measure a law."""
     job, point = task.job, task.shared.point
@@ -184,46 +195,10 @@ def run_measurement(task: Task) -> Found:
     return Found(values | {"rest": json.dumps([found.machine, use, after])})
 
 
-def measured(row: dict[str, Any]) -> Measured:
-    """What is in a row."""
-    machine, use, after = json.loads(row["rest"])
-    later = None if after is None else Later(*after)
-    return Measured(row["reach_cycles"], row["outcome"], machine, row["runs"], Duty(*use), later)
-
-
 def _returns(law: Law | None) -> bool:
     """Whether a law returns the energy of the devices."""
     inner = law.law if isinstance(law, SampledLaw) else law
     return isinstance(inner, StorageLaw) and inner.return_time > 0
-
-
-ACTING = 0.02  # ratings   smaller orders count as none
-LAST = 0.5  # s   over which the final voltage is averaged
-SAMPLED = 0.25  # s   between the energies of a long run
-AFTER = 10.0  # s   watched after the devices have their energy back
-
-
-def later(trial: Trial, k: int, within_s: float) -> Later:
-    """What is left some time after a contingency, cleared at the grid's point k; it is watched a little longer.
-
-    Raises
-    ------
-    TypeError
-        If the control of the trial needs what is called from outside at frames.
-    """
-    parts = acting(trial.control)
-    if parts.pilots or parts.controllers:
-        raise TypeError("only a law of the storage devices is watched for long")
-    options: Any = {"step": trial.search.step, "criterion": trial.search.criterion, "record": False}
-    simulation = Simulation(trial.point, trial.events(k), parts.law, **options)
-    at = storage.places(trial.point.system, trial.point.case).energy
-    end, kwh = trial.last_event(k) + within_s, trial.point.case.base_mva / 3.6
-    found = [simulation.s[at] * kwh]
-    while simulation.time < end - 1e-9 and simulation.advance(min(simulation.time + SAMPLED, end)):
-        found.append(simulation.s[at] * kwh)
-    simulation.advance(end + AFTER)
-    left = np.abs(found[-1] - found[0]).sum()
-    return Later(simulation.finish().outcome.stable, float(np.ptp(found, axis=0).sum()), float(left))
 
 
 def duty(run: Trajectory) -> Duty:
@@ -252,6 +227,29 @@ def _switchings(run: Trajectory) -> int:
         swings = np.histogram(changes, [0, *rises.tolist(), len(w)])[0]
         most = max(most, int(swings.max(initial=0)))
     return most
+
+
+def later(trial: Trial, k: int, within_s: float) -> Later:
+    """What is left some time after a contingency, cleared at the grid's point k; it is watched a little longer.
+
+    Raises
+    ------
+    TypeError
+        If the control of the trial needs what is called from outside at frames.
+    """
+    parts = acting(trial.control)
+    if parts.pilots or parts.controllers:
+        raise TypeError("only a law of the storage devices is watched for long")
+    options: Any = {"step": trial.search.step, "criterion": trial.search.criterion, "record": False}
+    simulation = Simulation(trial.point, trial.events(k), parts.law, **options)
+    at = storage.places(trial.point.system, trial.point.case).energy
+    end, kwh = trial.last_event(k) + within_s, trial.point.case.base_mva / 3.6
+    found = [simulation.s[at] * kwh]
+    while simulation.time < end - 1e-9 and simulation.advance(min(simulation.time + SAMPLED, end)):
+        found.append(simulation.s[at] * kwh)
+    simulation.advance(end + AFTER)
+    left = np.abs(found[-1] - found[0]).sum()
+    return Later(simulation.finish().outcome.stable, float(np.ptp(found, axis=0).sum()), float(left))
 
 
 LAW = Kind(

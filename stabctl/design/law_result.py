@@ -1,4 +1,7 @@
-"""The result of the design of a storage law: its limits, its parameters, and clearing times in every contingency."""
+"""The result of the design of a storage law: its limits, its parameters, and clearing times in every contingency.
+
+The score of a law is the clearing time that it gains, less penalties for exceeded limits.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -20,15 +23,13 @@ from .law_measurement import Measured
 if TYPE_CHECKING:
     import pandas as pd
 
-
-# Limits of a storage law, and its score: clearing times gained, less penalties for exceeded limits.
-
 SLACK = 1e-9  # excess that is rounding
 MEAN = 0.1  # weight of the mean gain beside the median, which has many ties on a grid
 SHORT = 4.0  # cycles lost for a cycle below the reference law, in one contingency
 EXCEEDED = 20.0  # cycles lost in a contingency that exceeds a limit, and as much again for a limit exceeded twice
 LEFT = 0.05  # share of the energy that may be missing in the end
 EFFORT = 0.02  # cycles lost for as much energy as the reference law uses
+STEP = 0.125  # cycles   a clearing time this much shorter counts as equal, as it depends on the grid
 
 
 @dataclass(frozen=True)
@@ -124,58 +125,6 @@ class LawLimits:
         return float(np.median(gain)) + MEAN * float(gain.mean()) - lost
 
 
-# The parameters of a storage law in text.
-
-
-class Parameter(NamedTuple):
-    """A parameter: what it is called, its value with the unit, what it does."""
-
-    name: str
-    value: str
-    meaning: str
-
-
-def parameters(law: Law) -> tuple[Parameter, ...]:
-    """The parameters of a storage law that have an effect.
-
-    Raises
-    ------
-    TypeError
-        If it is another law.
-    """
-    inner = law.law if isinstance(law, SampledLaw) else law
-    if not isinstance(inner, StorageLaw):
-        raise TypeError(f"{type(inner).__name__} is not a StorageLaw")
-    found = list(_of(inner))
-    if isinstance(law, SampledLaw):
-        found.append(Parameter("rate", f"{law.rate}/s", "frames per second"))
-        found += [Parameter("delay", f"{1e3 * law.delay:g} ms", "time from measurement to output")] if law.delay else []
-    return tuple(found)
-
-
-def _of(law: StorageLaw) -> Iterator[Parameter]:
-    groups = ", ".join("+".join(map(str, group)) for group in law.groups)
-    yield Parameter("groups", groups or "none", "machines whose devices use the speed and angle of the group")
-    yield Parameter("angle gain", f"{law.angle_gain:g} 1/s", "k of the surface w + k Δδ")
-    if law.slope:
-        yield Parameter("slope", f"{law.slope:g} Hz", "surface beyond the deadband at which the power is full")
-    else:
-        yield Parameter("relay", "yes", "full power beyond the deadband")
-    yield Parameter("deadband", f"{law.deadband:g} Hz", "surface without action")
-    if law.min_voltage:
-        yield Parameter("lowest voltage", f"{law.min_voltage:g} pu", "voltage below which a device idles")
-    if law.max_acceleration:
-        yield Parameter("fastest", f"{law.max_acceleration:g} Hz/s", "rate of the deviation above which a device idles")
-    if law.arm_at:
-        yield Parameter("armed at", f"{law.arm_at:g} Hz", "surface beyond which the law is armed")
-        yield Parameter("time-out", f"{law.timeout:g} s", "time for which it stays armed")
-    if law.return_time:
-        yield Parameter("return", f"{law.return_time:g} s", "time constant with which idle devices return their energy")
-
-
-STEP = 0.125  # cycles   a clearing time this much shorter counts as equal, as it depends on the grid
-
-
 class Judged(NamedTuple):
     """One contingency: without a law, with the reference law, with the designed law."""
 
@@ -209,6 +158,14 @@ class Gain(NamedTuple):
             f"{self.least:+g} to {self.most:+g}) over the paper's law in {counted(self.number, 'contingency')}, "
             f"{self.below or 'none'} of them more than {STEP:g} cycles below it"
         )
+
+
+class Parameter(NamedTuple):
+    """A parameter: what it is called, its value with the unit, what it does."""
+
+    name: str
+    value: str
+    meaning: str
 
 
 @dataclass(frozen=True, repr=False)
@@ -270,7 +227,7 @@ class LawDesign:
         return tuple(c.group for c in self.contingencies if c.group)
 
     @property
-    def parameters(self) -> "tuple[Parameter, ...]":
+    def parameters(self) -> tuple[Parameter, ...]:
         """The parameters of the law in text."""
         return parameters(self.law)
 
@@ -319,6 +276,44 @@ class LawDesign:
         return "\n".join([f"{self.case}: {law}", *self.remarks()])
 
     __repr__ = __str__
+
+
+def parameters(law: Law) -> tuple[Parameter, ...]:
+    """The parameters of a storage law that have an effect.
+
+    Raises
+    ------
+    TypeError
+        If it is another law.
+    """
+    inner = law.law if isinstance(law, SampledLaw) else law
+    if not isinstance(inner, StorageLaw):
+        raise TypeError(f"{type(inner).__name__} is not a StorageLaw")
+    found = list(_of_storage_law(inner))
+    if isinstance(law, SampledLaw):
+        found.append(Parameter("rate", f"{law.rate}/s", "frames per second"))
+        found += [Parameter("delay", f"{1e3 * law.delay:g} ms", "time from measurement to output")] if law.delay else []
+    return tuple(found)
+
+
+def _of_storage_law(law: StorageLaw) -> Iterator[Parameter]:
+    groups = ", ".join("+".join(map(str, group)) for group in law.groups)
+    yield Parameter("groups", groups or "none", "machines whose devices use the speed and angle of the group")
+    yield Parameter("angle gain", f"{law.angle_gain:g} 1/s", "k of the surface w + k Δδ")
+    if law.slope:
+        yield Parameter("slope", f"{law.slope:g} Hz", "surface beyond the deadband at which the power is full")
+    else:
+        yield Parameter("relay", "yes", "full power beyond the deadband")
+    yield Parameter("deadband", f"{law.deadband:g} Hz", "surface without action")
+    if law.min_voltage:
+        yield Parameter("lowest voltage", f"{law.min_voltage:g} pu", "voltage below which a device idles")
+    if law.max_acceleration:
+        yield Parameter("fastest", f"{law.max_acceleration:g} Hz/s", "rate of the deviation above which a device idles")
+    if law.arm_at:
+        yield Parameter("armed at", f"{law.arm_at:g} Hz", "surface beyond which the law is armed")
+        yield Parameter("time-out", f"{law.timeout:g} s", "time for which it stays armed")
+    if law.return_time:
+        yield Parameter("return", f"{law.return_time:g} s", "time constant with which idle devices return their energy")
 
 
 def _gain(judged: Sequence[Judged]) -> Gain:

@@ -1,4 +1,16 @@
-"""Linear-quadratic-Gaussian regulator: a sampled controller with its own state estimator."""
+"""Linear-quadratic-Gaussian regulator: a sampled controller with its own state estimator.
+
+The plant is reduced. Its inputs are held for a frame and d frames late:
+
+    x+ = P x + G u(k - d) + w,    y = C x + D u(k - 1 - d) + v
+
+    estimate    xf = x + L (y - C x - D u(k - 1 - d)),    L = S C' (C S C' + V)^-1
+    regulator   u = -K [xf; u(k - 1) ... u(k - d)],       K = (R + H' X H)^-1 H' X F
+    prediction  x+ = P xf + G u(k - d)
+
+S and X solve the discrete Riccati equations of the noise and of the cost. Source: K. Astrom, B. Wittenmark, Computer
+Controlled Systems, 3rd ed. 1997, chapter 11.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -165,18 +177,6 @@ def _reduced(
         order = loose + int(np.argmax(left <= DROPPED * hankel.sum())) + 1
     small = balanced(modes, order)
     return replace(small, A=small.A[1:, 1:], B=small.B[1:], C=small.C[:, 1:], states=small.states[1:])
-
-
-# A sampled regulator with its own state estimator, for a plant whose inputs are held for a frame and d frames late:
-#
-# x+ = P x + G u(k - d) + w,    y = C x + D u(k - 1 - d) + v
-#
-# estimate    xf = x + L (y - C x - D u(k - 1 - d)),    L = S C' (C S C' + V)^-1
-# regulator   u = -K [xf; u(k - 1) ... u(k - d)],       K = (R + H' X H)^-1 H' X F
-# prediction  x+ = P xf + G u(k - d)
-#
-# S and X solve the discrete Riccati equations of the noise and of the cost. Source: K. Astrom, B. Wittenmark, Computer
-# Controlled Systems, 3rd ed. 1997, chapter 11.
 
 
 def compensator(

@@ -37,9 +37,7 @@ from .schedule_search import Bounds, Iteration, ScheduleSearch
 if TYPE_CHECKING:
     import pandas as pd
 
-
-# The result of a search for the optimal schedule: the orders, the run that verifies them, and the iterations.
-
+PAPER = BangBang()
 FULL = 0.99  # of a limit counts as all of it
 ENDS = {
     "converged": "no step of the convex program improves it",
@@ -174,9 +172,6 @@ class Optimum(Tabular):
         )
 
     __repr__ = __str__
-
-
-PAPER = BangBang()
 
 
 def optimum(

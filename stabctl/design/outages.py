@@ -14,6 +14,8 @@ from stabctl.model.fleet import Fleet
 if TYPE_CHECKING:
     import pandas as pd
 
+OPEN = network.BranchState(from_closed=False, to_closed=False)
+
 
 @dataclass(frozen=True, repr=False)
 class Outages:
@@ -99,6 +101,3 @@ def outages(base: Case | OperatingPoint, *, storage: "Fleet | None" = None) -> O
     if len(points) == 1:
         raise StudyError(f"No outage of {case.name} has an operating point; design for the intact system.")
     return Outages(tuple(points), tuple(names), tuple(left_out))
-
-
-OPEN = network.BranchState(from_closed=False, to_closed=False)

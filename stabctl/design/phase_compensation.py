@@ -1,4 +1,18 @@
-"""Phase compensation: lead-lag stages, chains of equal lags, and the residue method."""
+"""Phase compensation: the residue method, lead-lag stages fitted to a band, and chains of equal lags.
+
+The residue method damps one mode. A feedback u = k H(s) y moves an eigenvalue by k H(s) R for small k, R the residue of
+the transfer function from u to y. The compensator H turns H(s) exp(-s delay) R into the negative real axis, so that the
+gain adds damping alone. Source: M. Aboul-Ela et al., Damping Controller Design for Power System Oscillations Using
+Global Signals, IEEE Trans. Power Systems 11, 1996.
+
+A damper with several inputs has weights x to be found, and passes each input through a washout and a chain of equal
+lags:
+
+    u = sum over inputs i and k = 0 ... order of  x_ik  sTw/(1+sTw)  1/(1+s/w)^k  y_i
+
+The output is linear in the weights, so the derivatives of the eigenvalues are exact. With lags enough, the sum is any
+filter with poles at w: it advances, delays and selects frequencies.
+"""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -15,9 +29,55 @@ from stabctl.smallsignal.modes import Modes
 if TYPE_CHECKING:
     import control
 
-
 MOST = np.deg2rad(60)  # phase of one stage
 SHORTEST, LONGEST = 0.01, 10.0  # s   time constants of a fitted stage
+UNSEEN = 1e-9  # residue of a mode that a feedback cannot move
+ASIDE = 0.2  # of the frequency given, within which a mode is taken for the one that is meant
+
+
+def residue_damper(
+    point: OperatingPoint, input: str, output: str, hz: float | None, washout: float, more: dict[str, Any]
+) -> tuple[Controller, float, float]:
+    """The compensator of one signal for one input; the gain that counts as 1; frequency (Hz) of the mode.
+
+    Parameters
+    ----------
+    point
+        The operating point.
+    input, output
+        The signal that is read and the input that is driven.
+    hz
+        Frequency of the mode; None is the least damped electromechanical one.
+    washout
+        Time constant of the washout, s.
+    more
+        Other fields of the controller.
+    """
+    modes = closed_loop(point, inputs=output, outputs=input).modes()
+    k = meant(modes, hz)
+    residue, s = complex(modes.residues()[k]), complex(modes.eigenvalues[k])
+    if abs(residue) < UNSEEN:
+        raise StudyError(
+            f"The mode at {modes.frequency_hz[k]:.3f} Hz is not seen in {input}, or not moved by {output}; "
+            "choose others."
+        )
+    held = more["delay"] + (0.5 / more["rate"] if more["rate"] else 0.0)
+    H = compensator(np.pi - float(np.angle(residue)) + s.imag * held, s.imag, washout)
+    return Controller.from_control(H, input, output, **more), abs(s) / abs(residue), float(modes.frequency_hz[k])
+
+
+def meant(modes: Modes, hz: float | None) -> int:
+    """Index of the electromechanical mode nearest to a frequency, or of the least damped one."""
+    swings = modes.swings()
+    if not swings:
+        raise StudyError(f"{modes.linear.name} has no electromechanical mode to damp.")
+    if hz is None:
+        return min(swings, key=lambda k: modes.damping_ratio[k])
+    k = min(swings, key=lambda k: abs(modes.frequency_hz[k] - hz))
+    if abs(modes.frequency_hz[k] - hz) > ASIDE * hz:
+        known = ", ".join(f"{modes.frequency_hz[k]:.3f}" for k in swings)
+        raise StudyError(f"{modes.linear.name} has no electromechanical mode near {hz:g} Hz; they are at {known} Hz.")
+    return k
 
 
 def compensator(phase: float, w: float, washout: float, filter_s: float = 0.0) -> "control.TransferFunction":
@@ -82,15 +142,6 @@ def fitted(hz: np.ndarray, phase: np.ndarray, washout: float, filter_s: float = 
     return whole
 
 
-# A damper with several inputs and weights to be found: each input through a washout and a chain of equal lags.
-#
-# u = sum over inputs i and k = 0 ... order of  x_ik  sTw/(1+sTw)  1/(1+s/w)^k  y_i
-#
-# The output is linear in the weights x, so the derivatives of the eigenvalues are exact. With lags enough, the sum is
-# any
-# filter with poles at w: it advances, delays and selects frequencies.
-
-
 def lag_chain_damper(
     inputs: tuple[str, ...], output: str, order: int, *, corner: float, washout: float, rate: int | None, **more: Any
 ) -> tuple[Callable[[np.ndarray], list[Controller]], int]:
@@ -135,60 +186,3 @@ def _chain(order: int, corner: float, washout: float) -> tuple[np.ndarray, ...]:
         A[k, k] -= corner
         B[k] = corner * D[k - 1]
     return A, B, C, D
-
-
-# The residue method: phase compensation of a feedback so that it only damps a mode.
-#
-# A feedback u = k H(s) y moves an eigenvalue by k H(s) R for small k, R the residue of the transfer function from u to
-# y.
-# The compensator H turns H(s) exp(-s delay) R into the negative real axis, so that the gain adds damping alone. Source:
-# M. Aboul-Ela et al., Damping Controller Design for Power System Oscillations Using Global Signals, IEEE Trans. Power
-# Systems 11, 1996.
-
-UNSEEN = 1e-9  # residue of a mode that a feedback cannot move
-ASIDE = 0.2  # of the frequency given, within which a mode is taken for the one that is meant
-
-
-def residue_damper(
-    point: OperatingPoint, input: str, output: str, hz: float | None, washout: float, more: dict[str, Any]
-) -> tuple[Controller, float, float]:
-    """The compensator of one signal for one input; the gain that counts as 1; frequency (Hz) of the mode.
-
-    Parameters
-    ----------
-    point
-        The operating point.
-    input, output
-        The signal that is read and the input that is driven.
-    hz
-        Frequency of the mode; None is the least damped electromechanical one.
-    washout
-        Time constant of the washout, s.
-    more
-        Other fields of the controller.
-    """
-    modes = closed_loop(point, inputs=output, outputs=input).modes()
-    k = meant(modes, hz)
-    residue, s = complex(modes.residues()[k]), complex(modes.eigenvalues[k])
-    if abs(residue) < UNSEEN:
-        raise StudyError(
-            f"The mode at {modes.frequency_hz[k]:.3f} Hz is not seen in {input}, or not moved by {output}; "
-            "choose others."
-        )
-    held = more["delay"] + (0.5 / more["rate"] if more["rate"] else 0.0)
-    H = compensator(np.pi - float(np.angle(residue)) + s.imag * held, s.imag, washout)
-    return Controller.from_control(H, input, output, **more), abs(s) / abs(residue), float(modes.frequency_hz[k])
-
-
-def meant(modes: Modes, hz: float | None) -> int:
-    """Index of the electromechanical mode nearest to a frequency, or of the least damped one."""
-    swings = modes.swings()
-    if not swings:
-        raise StudyError(f"{modes.linear.name} has no electromechanical mode to damp.")
-    if hz is None:
-        return min(swings, key=lambda k: modes.damping_ratio[k])
-    k = min(swings, key=lambda k: abs(modes.frequency_hz[k] - hz))
-    if abs(modes.frequency_hz[k] - hz) > ASIDE * hz:
-        known = ", ".join(f"{modes.frequency_hz[k]:.3f}" for k in swings)
-        raise StudyError(f"{modes.linear.name} has no electromechanical mode near {hz:g} Hz; they are at {known} Hz.")
-    return k

@@ -1,4 +1,10 @@
-"""Power system stabilizers by phase compensation: washout and lead-lag stages against the phase of GEP(s)."""
+"""Power system stabilizers by phase compensation: washout and lead-lag stages against the phase of GEP(s).
+
+GEP(s) leads from the stabilizer input of an exciter to the electrical torque of its machine, at constant speed. A
+stabilizer with the opposite phase gives torque in phase with the speed: damping. Sources: E. Larsen, D. Swann, Applying
+Power System Stabilizers, IEEE Trans. PAS-100, 1981; M. Gibbard, D. Vowles, Reconciliation of Methods of Compensation
+for PSSs in Multimachine Systems, IEEE Trans. Power Systems 19, 2004 (all rotors held).
+"""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -106,21 +112,6 @@ def pss(
     return replace(found, remarks=(*found.remarks, *_remarks(found, max_gain)))
 
 
-def _remarks(found: Design, max_gain: float) -> Iterator[str]:
-    """The largest gains, whether their bound decides, and what the stabilizers of the case achieve."""
-    largest = max(found.largest_gains.values(), default=0.0)
-    if found.controllers:
-        least = min(found.largest_gains.values())
-        yield f"Their largest gains are {least:.0f} to {largest:.0f} pu; up to {max_gain:g} pu are allowed."
-    if not found.reached and largest > BOUND * max_gain:
-        yield f"No stabilizers with gains of at most {max_gain:g} pu were found that reach the damping."
-    if found.worst_replaced is not None:
-        yield (
-            f"The stabilizers of the case, which they replace, give {found.worst_replaced:.4f}; compare the clearing "
-            "times, too."
-        )
-
-
 def _machines(case: Case, machines: Iterable[int] | None) -> list[int]:
     """The machines that get a stabilizer."""
     if machines is not None and (isinstance(machines, str) or not isinstance(machines, Iterable)):
@@ -146,11 +137,19 @@ def _without_stabilizers(point: OperatingPoint, numbers: Sequence[int]) -> Opera
     return point if case is point.case else operating_point(case)
 
 
-# GEP(s): from the stabilizer input of an exciter to the electrical torque of its machine, at constant speed.
-#
-# A stabilizer with the opposite phase gives torque in phase with the speed: damping. Sources: E. Larsen, D. Swann,
-# Applying Power System Stabilizers, IEEE Trans. PAS-100, 1981; M. Gibbard, D. Vowles, Reconciliation of Methods of
-# Compensation for PSSs in Multimachine Systems, IEEE Trans. Power Systems 19, 2004 (all rotors held).
+def _remarks(found: Design, max_gain: float) -> Iterator[str]:
+    """The largest gains, whether their bound decides, and what the stabilizers of the case achieve."""
+    largest = max(found.largest_gains.values(), default=0.0)
+    if found.controllers:
+        least = min(found.largest_gains.values())
+        yield f"Their largest gains are {least:.0f} to {largest:.0f} pu; up to {max_gain:g} pu are allowed."
+    if not found.reached and largest > BOUND * max_gain:
+        yield f"No stabilizers with gains of at most {max_gain:g} pu were found that reach the damping."
+    if found.worst_replaced is not None:
+        yield (
+            f"The stabilizers of the case, which they replace, give {found.worst_replaced:.4f}; compare the clearing "
+            "times, too."
+        )
 
 
 def gep(base: "Case | OperatingPoint", machine: int, *, others: Others = "held") -> Model:

@@ -1,7 +1,28 @@
 """Linear-quadratic regulators: cost in engineering units, Riccati equation, margins, and the result.
 
-J = integral of (sum of (deviation of the speeds / speed)^2 + sum of (angle to COI / angle)^2
-                 + sum of (output / effort)^2) dt
+The cost of a regulator is
+
+    J = integral of (sum of (deviation of the speeds / speed)^2 + sum of (angle to COI / angle)^2
+                     + sum of (output / effort)^2) dt
+
+Its margins hold in every input at once. With the return difference 1 + L at the inputs of the plant, and with
+T = L (1 + L)^-1, the loop stays stable with
+
+    gains from 1/(1 + a) to 1/(1 - a),   a = least singular value of 1 + L(jw), at most 1,
+    delays t with |exp(-jwt) - 1| s(T(jw)) < 1 at all w,   s the largest singular value,
+
+also with different gains, or delays up to t, in every input. A regulator on all states with equal efforts has a = 1.
+Source: N. Lehtomaki, N. Sandell, M. Athans, Robustness results in linear-quadratic Gaussian based multivariable control
+designs, IEEE Trans. Automatic Control 26, 1981.
+
+The algebraic Riccati equations
+
+    continuous   A' X + X A - X G X + Q = 0
+    discrete     A' X (1 + G X)^-1 A + Q = X,       G = B R^-1 B'
+
+are solved by doubling, which takes a tenth of the time of Schur vectors for hundreds of states. Source: E. Chu, H. Fan,
+W. Lin, A structure-preserving doubling algorithm for continuous-time algebraic Riccati equations, Linear Algebra and
+its Applications 396, 2005.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,6 +45,12 @@ from stabctl.units import hertz, radians
 from .result import Design, least, least_ratio
 
 FLOOR = 1e-6  # weight of every state, relative to that of the speeds, which makes all of them observed
+HZ = (0.01, 100.0)  # between which margins are sought
+POINTS = 300  # frequencies
+ROUND = 1e-3  # below 1 by which the return difference of an optimal loop may fall by rounding
+SHIFT = 10.0  # 1/s   of the Cayley transform; must not be an eigenvalue of A
+MOST = 60  # doublings
+ENOUGH = 1e-14  # relative change of X of the last doubling
 
 
 @dataclass(frozen=True)
@@ -129,21 +156,59 @@ class Quadratic:
         return robustness(lambda w: -K @ states(w), least_ratio(np.linalg.eigvals(self.closed(K))))
 
 
+@dataclass(frozen=True, repr=False)
+class Regulator(Design):
+    """A regulator, and the state feedback that it approximates.
+
+    Attributes
+    ----------
+    full
+        Margins of the feedback of all states.
+    own
+        Margins of the regulator itself, in the full model.
+    """
+
+    full: Robustness | None = None
+    own: Robustness | None = None
+
+    @classmethod
+    def of_cost(cls, cost: Quadratic, one: Controller, after: Modes, **more: Any) -> Self:
+        """The regulator for a cost; its aim is reached if the smallest damping ratio increases.
+
+        Parameters
+        ----------
+        cost : Quadratic
+            The cost and the plant.
+        one : Controller
+            The regulator.
+        after : Modes
+            Modes with the regulator.
+        **more
+            Other fields, such as `full` and `own`.
+
+        Returns
+        -------
+        Regulator
+        """
+        return cls((one,), (cost.modes,), (after,), least(after)[0] > least(cost.modes)[0], **more)
+
+    def __str__(self) -> str:
+        text = super().__str__()
+        if self.full is not None:
+            text += f"\nall states: {self.full}"
+        if self.own is not None and self.own != self.full:
+            text += f"\ngiven inputs: {self.own}"
+        return text
+
+    __repr__ = __str__
+
+
 def driven(point: OperatingPoint, outputs: str | Sequence[str]) -> tuple[Signal, ...]:
     """The inputs that a regulator drives. Raises `StudyError` if there is none."""
     found = chosen(point.case, outputs, INPUTS)
     if not found:
         raise StudyError(f"{point.case.name} has no input {outputs!r}; choose other outputs for the regulator.")
     return found
-
-
-def weighed(point: OperatingPoint, weights: Weights) -> tuple[tuple[Signal, ...], np.ndarray]:
-    """The signals that the cost weighs, and the size of each that counts as much as one effort."""
-    scales = {"deviation": hertz(weights.speed) / point.case.frequency_hz}
-    if weights.radians:
-        scales["angle"] = weights.radians
-    found = chosen(point.case, list(scales), OUTPUTS)
-    return found, np.array([scales[s.kind] for s in found])
 
 
 def quadratic(
@@ -161,21 +226,13 @@ def quadratic(
     return Quadratic(model.modes(), basis, Q, model.C[rows], model.D[rows])
 
 
-# Robustness of a state or output feedback: guaranteed margins of a loop with several inputs.
-#
-# With the return difference 1 + L at the inputs of the plant and T = L (1 + L)^-1, the loop stays stable with
-#
-# gains from 1/(1 + a) to 1/(1 - a),   a = least singular value of 1 + L(jw), at most 1,
-# delays t with |exp(-jwt) - 1| s(T(jw)) < 1 at all w,   s the largest singular value,
-#
-# also with different gains, or delays up to t, in every input. A regulator on all states with equal efforts has a = 1.
-# Source: N. Lehtomaki, N. Sandell, M. Athans, Robustness results in linear-quadratic Gaussian based multivariable
-# control
-# designs, IEEE Trans. Automatic Control 26, 1981.
-
-HZ = (0.01, 100.0)
-POINTS = 300
-ROUND = 1e-3  # below 1 by which the return difference of an optimal loop may fall by rounding
+def weighed(point: OperatingPoint, weights: Weights) -> tuple[tuple[Signal, ...], np.ndarray]:
+    """The signals that the cost weighs, and the size of each that counts as much as one effort."""
+    scales = {"deviation": hertz(weights.speed) / point.case.frequency_hz}
+    if weights.radians:
+        scales["angle"] = weights.radians
+    found = chosen(point.case, list(scales), OUTPUTS)
+    return found, np.array([scales[s.kind] for s in found])
 
 
 def robustness(loop: Callable[[float], np.ndarray], damping: float, fastest: float = HZ[1]) -> Robustness:
@@ -226,19 +283,6 @@ def plant(modes: Modes, C: np.ndarray, D: np.ndarray, rate: int | None = None) -
     return lambda w: (right / (np.exp(1j * w / rate) - step)) @ left + D * np.exp(-1j * w / rate)
 
 
-# Algebraic Riccati equations by doubling, which takes a tenth of the time of Schur vectors for hundreds of states.
-#
-# continuous   A' X + X A - X G X + Q = 0
-# discrete     A' X (1 + G X)^-1 A + Q = X,       G = B R^-1 B'
-#
-# Source: E. Chu, H. Fan, W. Lin, A structure-preserving doubling algorithm for continuous-time algebraic Riccati
-# equations, Linear Algebra and its Applications 396, 2005.
-
-SHIFT = 10.0  # 1/s   of the Cayley transform; must not be an eigenvalue of A
-MOST = 60  # doublings
-ENOUGH = 1e-14  # relative change of X of the last doubling
-
-
 def continuous_riccati(A: np.ndarray, G: np.ndarray, Q: np.ndarray) -> np.ndarray:
     """The stabilizing solution of the continuous equation. Raises `numpy.linalg.LinAlgError` if there is none."""
     inverse = np.linalg.inv(A - SHIFT * np.eye(len(A)))
@@ -268,53 +312,3 @@ def _doubled(A: np.ndarray, G: np.ndarray, X: np.ndarray) -> np.ndarray:
 
 def _even(X: np.ndarray) -> np.ndarray:
     return np.asarray(X + X.T) / 2
-
-
-# The result of the design of a regulator, compared with feedback of all states.
-
-
-@dataclass(frozen=True, repr=False)
-class Regulator(Design):
-    """A regulator, and the state feedback that it approximates.
-
-    Attributes
-    ----------
-    full
-        Margins of the feedback of all states.
-    own
-        Margins of the regulator itself, in the full model.
-    """
-
-    full: Robustness | None = None
-    own: Robustness | None = None
-
-    @classmethod
-    def of_cost(cls, cost: Quadratic, one: Controller, after: Modes, **more: Any) -> Self:
-        """The regulator for a cost; its aim is reached if the smallest damping ratio increases.
-
-        Parameters
-        ----------
-        cost : Quadratic
-            The cost and the plant.
-        one : Controller
-            The regulator.
-        after : Modes
-            Modes with the regulator.
-        **more
-            Other fields, such as `full` and `own`.
-
-        Returns
-        -------
-        Regulator
-        """
-        return cls((one,), (cost.modes,), (after,), least(after)[0] > least(cost.modes)[0], **more)
-
-    def __str__(self) -> str:
-        text = super().__str__()
-        if self.full is not None:
-            text += f"\nall states: {self.full}"
-        if self.own is not None and self.own != self.full:
-            text += f"\ngiven inputs: {self.own}"
-        return text
-
-    __repr__ = __str__

@@ -1,4 +1,13 @@
-"""Sequential convex programming of a schedule: improved in a trust region, for longer faults in turn."""
+"""Sequential convex programming of a schedule: improved in a trust region, for longer faults in turn.
+
+Every convex program changes the orders by a linear model of the excursion:
+
+    minimize    t + SHARE (gradient of the mean) d + TINY |d|^2 / number
+    subject to  m + G d <= t,   |d| <= radius,   -1 <= u + d <= 1,
+                ramp limits, and limits on the energy absorbed since the first frame
+
+with the present orders u, their changes d, and the moves m with their derivatives G.
+"""
 
 import math
 from collections.abc import Callable
@@ -18,6 +27,7 @@ FALL, SLIGHT = 2e-4, 0.02  # rad   falls of the excursion that end the search, a
 EASY = 0.03  # of the clearing time under the law, by which the first fault is shorter: its run is less sensitive
 BEYOND = 1.1  # times the largest move survived, up to which the moves of a run that is lost are followed
 RESCUES = 4  # convex programs for a fault that the present schedule does not survive
+TINY = 1e-4  # rad   keeps orders that have no effect where they are
 
 
 class Iteration(NamedTuple):
@@ -211,17 +221,6 @@ class ScheduleSearch:
 
     def _cycles(self, k: int) -> float:
         return k * self.scheduled.trial.search.resolution_cycles
-
-
-# The next schedule of the sequential convex programming: a linear model of the excursion in a trust region.
-#
-# minimize    t + SHARE (gradient of the mean) d + TINY |d|^2 / number
-# subject to  m + G d <= t,   |d| <= radius,   -1 <= u + d <= 1,
-# ramp limits, and limits on the energy absorbed since the first frame
-#
-# with the present orders u, their changes d, and the moves m with their derivatives G.
-
-TINY = 1e-4  # rad   keeps orders that have no effect where they are
 
 
 def improved(plan: Plan, model: Slopes, bounds: Bounds, radius: float) -> tuple[np.ndarray, float, str]:

@@ -1,4 +1,7 @@
-"""Tuning of gains for the worst of several closed loops: one common gain, or each by linear programs."""
+"""Tuning of gains for the worst of several closed loops: one common gain, or each by linear programs.
+
+Every operating point is linearized once; only the gains of its closed loop change.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -14,10 +17,13 @@ from stabctl.smallsignal.interconnection import plant_of
 
 from .result import Requirement, ratios
 
-# Closed loops with varying gains; the system is linearized once.
-
 Make = Callable[[np.ndarray], Sequence[Controller]]  # controllers of some gains
 RELATIVE = 1e-3  # step of the differences, relative to the size of a gain
+STEPS = 60  # linear programs at most
+FIRST, SMALLEST, LARGEST = 0.3, 1e-4, 3.0  # change of a gain in one step, relative to its scale
+NEAREST = 0.3  # damping ratio above the worst up to which a mode takes part in a step
+ENOUGH = 0.99  # of the largest gain, after a step that is the last
+MORE = 0.001  # damping ratio beyond what is asked, so that the gains can then be reduced
 
 
 class Loop:
@@ -55,13 +61,6 @@ class Loop:
         return modes.eigenvalues, found
 
 
-STEPS = 60  # linear programs at most
-FIRST, SMALLEST, LARGEST = 0.3, 1e-4, 3.0  # change of a gain in one step, relative to its scale
-NEAREST = 0.3  # damping ratio above the worst up to which a mode takes part in a step
-ENOUGH = 0.99  # of the largest gain, after a step that is the last
-MORE = 0.001  # damping ratio beyond what is asked, so that the gains can then be reduced
-
-
 @dataclass(frozen=True)
 class Scenario:
     """An operating point, a factor of all gains, and what is asked there."""
@@ -82,11 +81,6 @@ class Scenario:
         s, ds = s[near], self.factor * slopes[near]
         size = np.abs(s)[:, None]
         return spare[near], -(ds.real + ratios(s)[:, None] * (s.conj()[:, None] * ds).real / size) / size
-
-
-def worst(scenarios: Sequence[Scenario], make: Make, x: np.ndarray) -> float:
-    """Least spare damping of all scenarios."""
-    return min(one.spare(make, x) for one in scenarios)
 
 
 def common(scenarios: Sequence[Scenario], make: Make, unit: np.ndarray, gains: np.ndarray) -> tuple[np.ndarray, float]:
@@ -110,6 +104,11 @@ def common(scenarios: Sequence[Scenario], make: Make, unit: np.ndarray, gains: n
             break
         low = gain
     return best[1] * unit, best[0]
+
+
+def worst(scenarios: Sequence[Scenario], make: Make, x: np.ndarray) -> float:
+    """Least spare damping of all scenarios."""
+    return min(one.spare(make, x) for one in scenarios)
 
 
 def separate(
