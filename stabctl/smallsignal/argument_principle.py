@@ -26,7 +26,6 @@ import scipy.sparse as sp
 from scipy.linalg.lapack import dgebal, zgetrf, zgetrs
 from scipy.sparse.csgraph import connected_components
 
-
 NEAR = 1e-6  # reach, relative to |s|, below which an eigenvalue lies on the boundary
 WHOLE = 1e-3  # turns   largest rounding error
 AHEAD = 0.75  # of the reach of a point, expected of the next one

@@ -27,7 +27,6 @@ from .descriptor import Descriptor
 from .dissection import network
 from .eigen import Eigen
 
-
 BLOCK, VECTORS = 4, 160  # vectors in a block, and in all, of the first search around a shift
 MORE, DEPTH = 2, 4  # vectors in a block beyond the number of modes that are missing; blocks
 LEAST = 1e-3  # smallest part of a band, relative to its frequency

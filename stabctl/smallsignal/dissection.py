@@ -15,7 +15,6 @@ from scipy.sparse.linalg import splu
 from .argument_principle import Area, Member, Network, Units, units
 from .descriptor import Descriptor
 
-
 PORTS = (40, 80)  # voltages of devices in an area, at most, if the network can be divided
 
 

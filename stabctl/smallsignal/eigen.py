@@ -27,7 +27,6 @@ from stabctl.errors import StudyError
 
 from .descriptor import Descriptor
 
-
 NEAR = 1e-9  # eigenvalues this close (relative) share one eigenspace
 ZERO = 1e-7  # 1/s   an eigenvalue this small is zero
 GROWING = 1e-6  # 1/s   real part of an eigenvalue from which a loop counts as unstable

@@ -20,7 +20,6 @@ from stabctl.errors import StudyError
 from .descriptor import descriptor
 from .model import Linear, eliminated
 
-
 LARGEST = 500  # frames in a common period
 
 

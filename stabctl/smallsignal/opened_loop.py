@@ -36,7 +36,6 @@ from .closed_loop import joined
 from .interconnection import held, plant_of
 from .model import Response
 
-
 DEEP = 1e-10  # least distance of an amplitude above the deadband, relative to it
 REACH = 1e5  # largest amplitude, relative to the deadband and limit together
 POINTS = 1500
