@@ -8,6 +8,12 @@ with R = (F - s0)^-1,
 
 A front is a matrix N(s): the nodal admittances of an area with its devices, or those of the separators with all areas
 eliminated. Its series around a point has only the blocks of the devices after the first term, except at the separators.
+Around s0, N(s0 + h) = N0 (1 + E(h)), E(h) = h E1 + h^2 E2 + ... While the Frobenius norm of E (after any scaling) is at
+most F < 1, N is regular, and
+
+    |log det(1 + E) - tr E| <= -log(1 - F) - F
+
+because the eigenvalues e of E satisfy sum |e|^2 <= F^2. This limits the phase of det N between points.
 
 The determinant of the pencil is the product of those of all units (F - s) and of all fronts N(s) of the network. Along
 the boundary the phase of each det N is followed from point to point. It is computed at each point from the factors, and
