@@ -38,13 +38,7 @@ PER_RADIAN = 0.7  # nodes for each radian of phase that it turns at `FAST`
 NODES_AT_MOST = 1500
 EDGES = (0.0, -1e-3, -3e-3, -1e-2)  # 1/s   left edges of the region beyond the circle: the first without roots on it
 # exp(-size) in a delay: decay of the fastest roots counted, if rounding hides others
-DECAYED = (
-    36.0,
-    30.0,
-    24.0,
-    18.0,
-    12.0,
-)  # exp(-size) in a delay: decay of the fastest roots counted, if rounding hides others
+DECAYED = (36.0, 30.0, 24.0, 18.0, 12.0)
 ITERATIONS = 20
 CONVERGED = 1e-9  # last correction of a root, relative to 1 + |s|
 SAME = 1e-5  # distance of roots that count as one with several vectors, relative to 1 + |s|
