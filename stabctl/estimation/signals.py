@@ -63,9 +63,7 @@ class Deviations(NamedTuple):
     speed: np.ndarray  # pu
     acceleration: np.ndarray  # pu/s
     sigma: np.ndarray  # pu   standard deviation of the speed
-    usable: (
-        np.ndarray
-    )  # bool   the own estimate is valid, those of enough of the island too, and sigma is below `LIMIT`
+    usable: np.ndarray  # bool   own estimate valid, those of enough of the island too, and sigma below `LIMIT`
     own: Estimate  # as the machines know it, with slips and their variance extrapolated to the present
     remote: Estimate  # as others know it, the same
 
