@@ -54,7 +54,7 @@ UNSETTLED = 0.05  # pu   standard deviation of a flux that may not be at rest
 NOTHING = 0.1  # pu   standard deviation of speed and power of a machine that has not reported yet
 RUNAWAY = 5e-3  # pu   standard deviation of a speed after a long silence, at least
 FLOOR = 1e-8  # rad^2   error of the model: without measurement noise the filter would be singular
-ANGLE, SLIP = 2.0, 2.0  # standard deviations of the values in the middle, in units of the differences above
+ANGLE, SLIP = 2.0, 2.0  # standard deviations of the values in the middle of a window, in units of the differences above
 START = 200  # damped substitutions for the flux at a steady start
 
 
