@@ -1,6 +1,19 @@
 """Bad data: PMUs that disagree with all others through the network model are detected and identified.
 
-The network model is exact through faults and swings, so that e = 1 - V'/V is only noise, whatever the machines do.
+Voltages V of the machines are compared with V', which the network model computes from the reports of all others. It is
+exact through faults and swings, so that e = 1 - V'/V is only noise, whatever the machines do:
+
+    e = G a + noise,   a_j = 1 - exp(-j phi_j) / (1 + m_j)
+
+if the phasors of PMU j are turned by phi_j and scaled by 1 + m_j, exactly, with the columns g_j of G from the reports.
+C is the covariance of the real and of the imaginary part of the noise. As for bad data in state estimation, the fewest
+PMUs that explain e are sought. A set M of them explains
+
+    T_M = b* A^-1 b,   b = G_M* C^-1 e,   A = G_M* C^-1 G_M,
+
+of e* C^-1 e; for one PMU it is chi-square with two degrees of freedom if all PMUs are good. A set of two must explain
+`LIMIT` more than one. Those PMUs are named that belong to every set within `CLEAR` of the best.
+
 `suspects` names the PMUs that explain e, and those that explain its mean, exponential over `WINDOW`. The offsets of the
 clocks are constant: their variance does not fall with the mean. A PMU that repeats the same phasor is bad, too.
 
@@ -17,6 +30,8 @@ from stabctl.model.network import Switching
 from .network_model import AMPLIFIED, NetworkModel
 from .pmu import Frame, Pmu
 
+LIMIT = 40.0  # T of one PMU; the probability of more is exp(-20)
+CLEAR = 16.0  # difference of T below which two explanations are alike
 WINDOW = 0.5  # s   of the mean
 RETURN = 5.0  # s
 USUAL, CENTERED = 4.0, 12.0
@@ -35,10 +50,6 @@ class Alarm(NamedTuple):
     def __str__(self) -> str:
         now = "left out" if self.left_out else "used again"
         return f"seed {self.seed}: the PMU of machine {self.machine} is {now} from {self.time_s:.3f} s on; {self.why}"
-
-
-LIMIT = 40.0  # T of one PMU; the probability of more is exp(-20)
-CLEAR = 16.0  # difference of T below which two explanations are alike
 
 
 class Residuals(NamedTuple):

@@ -4,6 +4,20 @@ ideal       the true speed
 frequency   the PMU's frequency at the terminal
 kinematic   Kalman filter of a constant acceleration on the internal angle
 kalman      Kalman filter of the swing equation on the internal angle, with the measured power as its input
+
+The clocks of the PMUs behind computed phasors have constant errors, which are not noise (Schmidt's consider states).
+The phasors of a machine without PMU are sums of reports with parts V_r, I_r. Clock errors b, constant and of known
+variance, turn each part by j b_r, and so the measured angle, power and current by
+
+    a b,  a_r = Re((V_r + Z I_r)(1 + j t)/E),   p b,  p_r = -Im(V_r I* + V* I_r),   i b,  i_r = -Im(I_r e^(-j delta)).
+
+The errors b are not estimated, but their covariance C = E[e b'] with the error e of the states is kept. Over a frame
+C' = F C + G, where G follows from p and i as the states do from P and iq. An innovation y = a b + v - h e has
+
+    S = h P h' - 2 h C a' + a B a' + R,   K = (P h' - C a')/S,   P' = P - K S K',   C' = C + K (a B - h C),
+
+B the variance of b. This is the usual update with h - a C' P^-1 in place of h and R + a B a' - a C' P^-1 C a' in place
+of R (S. F. Schmidt, Application of state-space methods to navigation problems, 1966).
 """
 
 from collections.abc import Callable
@@ -41,6 +55,19 @@ class Estimator(Protocol):
     def step(self, frame: Frame) -> Estimate:
         """The estimate at the instant of the frame."""
         ...
+
+
+def estimator(
+    name: EstimatorName, known: RotorUnits, pmu: Pmu, *, tuning: Tuning = TUNING, engine: Engine = "batched"
+) -> Estimator:
+    """The estimator of that name."""
+    make: dict[str, Callable[[], Estimator]] = {
+        "ideal": Ideal,
+        "frequency": lambda: Frequency(pmu, known.frequency_hz),
+        "kinematic": lambda: Filtered(known, pmu, swing=False, tuning=tuning, engine=engine),
+        "kalman": lambda: Filtered(known, pmu, swing=True, tuning=tuning, engine=engine),
+    }
+    return make[name]()
 
 
 class Ideal:
@@ -232,16 +259,3 @@ class Filtered:
         y, C = self._known(bank)
         variance, whole = C[..., 1, 1].copy(), self.model.whole(x) / (2 * self.model.H)
         return Estimate(y[..., 1].copy(), acceleration, variance, drift, received, nis, y[..., 0].copy(), whole)
-
-
-def estimator(
-    name: EstimatorName, known: RotorUnits, pmu: Pmu, *, tuning: Tuning = TUNING, engine: Engine = "batched"
-) -> Estimator:
-    """The estimator of that name."""
-    make: dict[str, Callable[[], Estimator]] = {
-        "ideal": Ideal,
-        "frequency": lambda: Frequency(pmu, known.frequency_hz),
-        "kinematic": lambda: Filtered(known, pmu, swing=False, tuning=tuning, engine=engine),
-        "kalman": lambda: Filtered(known, pmu, swing=True, tuning=tuning, engine=engine),
-    }
-    return make[name]()

@@ -1,6 +1,7 @@
-"""A frame in the filters, compiled: prediction, correction and measurement equations for all seeds and machines.
+"""A frame in the filters, compiled: prediction, correction and measurement equations for all seeds k and machines i.
 
-Arrays are (seeds, machines) unless stated otherwise; results are written into the arrays given for them.
+The equations are those of `swing`, `machine_model` and `filter_bank`. Arrays are (seeds, machines) unless stated
+otherwise; results are written into the arrays given for them, or into those that they change.
 """
 
 from math import asin, atan2, cos, sin, sqrt
@@ -181,9 +182,6 @@ def keep(x, P, variance, I, E, received, g, kept):
                 kept.current[k, i] = turned_back(I[k, i], x[k, i, 0])
                 kept.voltage[k, i] = turned_back(E[k, i], x[k, i, 0])
                 kept.size[k, i] = abs(E[k, i])
-
-
-# The equations of `filter_bank`, compiled: loops over seeds k, machines i and states; arrays are changed in place.
 
 
 @entry

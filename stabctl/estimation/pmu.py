@@ -5,6 +5,9 @@ Errors follow IEEE/IEC 60255-118-1: a total vector error (TVE) of 1 % is allowed
     V (1 + m) exp(j (a + c)),   m, a white and normal, c a constant offset of the PMU's clock,
 
 and its frequency and ROCOF are those of the voltage angle between two frames, with white errors.
+
+A bad PMU reports wrong phasors: it is frozen, or has a drifting clock, or a jump or a ramp of the angle. An error of
+the clock turns voltage and current alike, so that the power stays right.
 """
 
 from collections import deque
@@ -20,10 +23,9 @@ from stabctl._util.validation import guard
 from stabctl.errors import StudyError
 from stabctl.units import quantity
 
-# PMUs that report wrong phasors: frozen, with a drifting clock, or with a jump or a ramp of the angle.
-#
-# An error of the clock turns voltage and current alike, so that the power stays right.
-
+RATES = (10, 12, 15, 20, 24, 25, 30, 40, 50, 60, 100, 120, 200, 240)  # 1/s
+HALF_WINDOW = {"none": 0, "P": 1, "M": 3}  # cycles   half the length of the class's filter
+NOISE = Interval(ge=0, le=10)
 TURN = Interval(ge=-pi, le=pi)
 
 
@@ -65,11 +67,6 @@ class BadPmu:
 
     def __post_init__(self) -> None:
         guard(self)
-
-
-RATES = (10, 12, 15, 20, 24, 25, 30, 40, 50, 60, 100, 120, 200, 240)  # 1/s
-HALF_WINDOW = {"none": 0, "P": 1, "M": 3}  # cycles   half the length of the class's filter
-NOISE = Interval(ge=0, le=10)
 
 
 @dataclass(frozen=True)
@@ -212,9 +209,6 @@ class Pmu:
         return hypot(self.angle, self.magnitude)
 
 
-# The PMUs of all machines in operation: reports with noise and losses, the same for the same seed.
-
-
 class Frame(NamedTuple):
     """One report of every PMU, arrays (seeds, machines); `slip` is the truth, for the ideal estimator only."""
 
@@ -302,9 +296,6 @@ def window(half: int) -> np.ndarray:
     """Triangular weights over 2 half + 1 frames."""
     weights = np.bartlett(2 * half + 3)[1:-1]
     return weights / weights.sum()
-
-
-# Errors in the reports of bad PMUs.
 
 
 class BadReports:

@@ -1,7 +1,28 @@
 """Signals that controllers read behind an estimator: measured by PMUs, estimated, relative to centers of inertia.
 
-A lost report leaves the last one. Reports arrive at once where the controller belongs to the machine at that place, and
-with the latency of the PMUs otherwise.
+The speed of a machine relative to the center of inertia (COI) of the others comes from estimates of different ages:
+
+    w_i = s_i(own age) - sum_{j != i} H_j s_j(remote age) / sum_{j != i} H_j,   over the valid machines of its island
+
+Every speed is extrapolated to the present with its acceleration, s + a t, t its age but at most `REACH`. A machine
+without a report stays in both sums, with a growing variance. A speed that differs from most others by more than a swing
+does counts as unknown.
+
+Where the network was switched after the time stamp of an estimate, the acceleration has changed since then by an
+unknown share of |P|/2H, and the speed by this times the time since the switching: the whole of it for the own estimate
+and for machines without a PMU, `SHARED` of it for those of the others, which change together.
+
+Controllers read speeds and angles of rotors, relative to the centers of the machines in one island, as in
+`stabctl.simulation.center`:
+
+    y = rest + sum of own e(own) - sum of other e(remote),    e the slips, or the angles, extrapolated to the present
+
+A machine's own estimates are used for what its own controller reads of it; everything else is known as late as reports
+of other machines arrive.
+
+They also read magnitudes, angles, frequencies and powers from PMUs at buses, lines and terminals. A lost report leaves
+the last one. Reports arrive at once where the controller belongs to the machine at that place, and with the latency of
+the PMUs otherwise.
 """
 
 from collections import deque
@@ -21,217 +42,10 @@ from stabctl.simulation.simulation import Simulation
 from .estimators import Estimate
 from .pmu import Frame, Instrument, Pmu
 
+ROTOR_KINDS = ("speed", "deviation", "rest_speed", "coi_speed", "angle", "angle_deviation")
 OF_MACHINE = ("pe", "qe", "vt")
 PHASOR_KINDS = ("voltage", "bus_angle", "bus_frequency", "flow", "flow_q", *OF_MACHINE)
 STREAM = 3  # of the random numbers of a seed
-
-
-class _Report(NamedTuple):
-    """The last phasors and frequencies (seeds, signals), and the angle of the COI that was estimated then."""
-
-    V: np.ndarray
-    I: np.ndarray
-    frequency: np.ndarray
-    coi: np.ndarray
-
-
-class PhasorSignals:
-    """Signals from PMUs in simulations of one operating point, each with the errors of its seed.
-
-    Parameters
-    ----------
-    simulations : sequence of Simulation
-        The simulations.
-    signals : sequence of (Signal, bool)
-        The signals, and whether the controller that reads each belongs to the machine there.
-    pmu : Pmu
-        The PMUs.
-    seeds : sequence of int
-        Seeds of noise and losses.
-    """
-
-    def __init__(
-        self, simulations: Sequence[Simulation], signals: Sequence[tuple[Signal, bool]], pmu: Pmu, seeds: Sequence[int]
-    ) -> None:
-        point = simulations[0].point
-        hz, numbers = point.case.frequency_hz, [m.machine for m in point.case.machines]
-        self.simulations, self._point = simulations, point
-        self._signals = [s for s, _ in signals]
-        self._kinds = np.array([s.kind for s in self._signals])
-        self._late = np.array([not own for _, own in signals], bool)
-        self._row = np.array([numbers.index(s.number) if s.kind in OF_MACHINE else -1 for s in self._signals], int)
-        self._share = np.array([1.0 if i < 0 else point.case.base_mva / point.case.machines[i].base for i in self._row])
-        self._instrument = Instrument(pmu, [[seed, STREAM] for seed in seeds], len(signals), hz)
-        self._past: deque[_Report] = deque(maxlen=pmu.remote_frames(hz) - pmu.own_frames(hz) + 1)
-        self._ends: dict[Switching, tuple[np.ndarray, np.ndarray]] = {}
-
-    def frame(self, at: float, V: np.ndarray, machines: Frame, coi: np.ndarray) -> None:
-        """Reports at an instant (s) with bus voltages (seeds, buses), those of the machines, and COI angles (seeds)."""
-        true = [self._true(v, s.switching) for v, s in zip(V, self.simulations, strict=True)]
-        volts, currents = (np.array(columns) for columns in zip(*true, strict=True))
-        seen = self._instrument.report(at, volts, currents, np.zeros(volts.shape))
-        here = self._row >= 0
-        U, I, received = (
-            np.where(here, own[:, self._row], other)
-            for own, other in ((machines.V, seen.V), (machines.I, seen.I), (machines.received, seen.received))
-        )
-        new = _Report(U, I, seen.frequency, np.broadcast_to(coi[:, None], U.shape))
-        if self._past:
-            last = self._past[-1]
-            new = _Report(*(np.where(received, now, old) for now, old in zip(new, last, strict=True)))
-        self._past.append(new)
-
-    def __call__(self, k: int) -> np.ndarray:
-        """Values (signals) in simulation k."""
-        now, late = self._past[-1], self._past[0]
-        V, I, frequency, coi = (np.where(self._late, b[k], a[k]) for a, b in zip(now, late, strict=True))
-        power = V * I.conjugate() * self._share
-        turned = np.angle(V * np.exp(-1j * coi))
-        values = {
-            "voltage": np.abs(V), "vt": np.abs(V), "bus_angle": turned, "bus_frequency": 1 + frequency,
-            "flow": power.real, "pe": power.real, "flow_q": power.imag, "qe": power.imag,
-        }  # fmt: skip
-        return np.array([values[kind][i] for i, kind in enumerate(self._kinds)])
-
-    def _true(self, V: np.ndarray, switching: Switching) -> tuple[np.ndarray, np.ndarray]:
-        """Voltages and currents (signals) where the PMUs are."""
-        if switching not in self._ends:
-            self._ends[switching] = self._wiring(dict(switching.branches))
-        buses, Y = self._ends[switching]
-        ends = V[buses]
-        return ends[:, 0], (Y * ends).sum(axis=1)
-
-    def _wiring(self, states: dict) -> tuple[np.ndarray, np.ndarray]:
-        """Buses (signals, 2) whose voltages matter, and admittances (signals, 2) from these to the current."""
-        buses, Y = np.zeros((len(self._signals), 2), int), np.zeros((len(self._signals), 2), complex)
-        place = self._point.net.place
-        for i, signal in enumerate(self._signals):
-            if signal.kind in ("flow", "flow_q"):
-                row, _ = circuit(self._point.case, str(signal.place))
-                at, p = outputs.line(self._point, str(signal.place), states.get(row, INTACT))
-                buses[i], Y[i] = at[::2] // 2, (complex(p.g, p.b), complex(p.gm, p.bm))
-            elif signal.kind not in OF_MACHINE:
-                buses[i] = place[signal.number]
-        return buses, Y
-
-
-# Signals of controllers from the estimator: speeds and angles of rotors, relative to centers of inertia.
-#
-# y = rest + sum of own e(own) - sum of other e(remote),    e the slips, or the angles, extrapolated to the present
-#
-# The centers are those of the machines in one island, as in `stabctl.simulation.center`. A machine's own estimates are
-# used for what its own controller reads of it; everything else is known as late as reports of other machines arrive.
-
-ROTOR_KINDS = ("speed", "deviation", "rest_speed", "coi_speed", "angle", "angle_deviation")
-
-
-class Deviations(NamedTuple):
-    """Machines relative to the COI of the others, arrays (seeds, machines)."""
-
-    speed: np.ndarray  # pu
-    acceleration: np.ndarray  # pu/s
-    sigma: np.ndarray  # pu   standard deviation of the speed
-    usable: (
-        np.ndarray
-    )  # bool   the own estimate is valid, those of enough of the island too, and sigma is below `LIMIT`
-    own: Estimate  # as the machines know it, with slips and their variance extrapolated to the present
-    remote: Estimate  # as others know it, the same
-
-
-class RotorSignals:
-    """Signals of rotors from estimates.
-
-    Parameters
-    ----------
-    point : OperatingPoint
-        The operating point.
-    signals : sequence of (Signal, bool)
-        The signals, and whether the controller that reads each belongs to its machine.
-    inertia : (machines) array, s
-        H on one base, as the estimator knows it.
-    ages : pair of float, s
-        Ages of a machine's own estimate and of those of others.
-    """
-
-    def __init__(
-        self,
-        point: OperatingPoint,
-        signals: Sequence[tuple[Signal, bool]],
-        inertia: np.ndarray,
-        ages: tuple[float, float],
-    ) -> None:
-        numbers = [m.machine for m in point.case.machines]
-        self._kinds = [s.kind for s, _ in signals]
-        self._own = np.array([own for _, own in signals], bool)
-        self._angular = np.array([kind in ("angle", "angle_deviation") for kind in self._kinds], bool)
-        self._group = np.array([_members(s, numbers) for s, _ in signals], bool).reshape(len(signals), len(numbers))
-        self._H, self._wb = inertia, 2 * np.pi * point.case.frequency_hz
-        self._ages = tuple(min(age, REACH) for age in ages)
-        self._zero = np.array([float(kind in ("speed", "rest_speed", "coi_speed")) for kind in self._kinds])
-        self._weights: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
-
-    def __call__(self, k: int, estimates: Deviations, island: np.ndarray, rest: np.ndarray) -> np.ndarray:
-        """Values (signals) in simulation k, with the islands (machines) there; those at rest where nothing is known."""
-        key = island.tobytes()
-        if key not in self._weights:
-            self._weights[key] = self._shares(island)
-        first, second = self._weights[key]
-        near = first @ np.stack(self._states(k, estimates.own, self._ages[0]), 1)
-        far = first @ (remote := np.stack(self._states(k, estimates.remote, self._ages[1]), 1)), second @ remote
-        both = np.where(self._own[:, None], near, far[0]) - far[1]
-        y = self._zero + np.where(self._angular, both[:, 1], both[:, 0])
-        known = ~(self._group & ~estimates.usable[k]).any(axis=1)
-        return np.where(known, y, rest)
-
-    def _states(self, k: int, e: Estimate, age: float) -> tuple[np.ndarray, np.ndarray]:
-        """Slips and angles (machines) of simulation k at the present, of estimates with slips at the present."""
-        slip = e.slip[k]
-        if e.angle is None:
-            return slip, np.zeros(slip.shape)
-        return slip, e.angle[k] + self._wb * age * (slip - e.acceleration[k] * age / 2)
-
-    def _shares(self, island: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Weights (signals, machines) of what is added and of what is subtracted."""
-        first, second = np.zeros((2, *self._group.shape))
-        for i, (kind, group) in enumerate(zip(self._kinds, self._group, strict=True)):
-            here = island >= 0
-            if group.any():
-                here = here & (island == island[group][0])
-            own, others = _mean(self._H * (group & here)), _mean(self._H * (~group & here))
-            others = others if others.any() else own
-            whole = _mean(self._H * here)
-            first[i], second[i] = {
-                "speed": (own, 0 * own), "deviation": (own, others), "rest_speed": (others, 0 * own),
-                "coi_speed": (whole, 0 * own), "angle": (own, whole), "angle_deviation": (own, others),
-            }[kind]  # fmt: skip
-        return first, second
-
-
-def _members(signal: Signal, numbers: Sequence[int]) -> np.ndarray:
-    """The machines of a signal."""
-    of = machines(signal) if OUTPUTS[signal.kind].place in ("machine", "group") else ()
-    return np.isin(numbers, of)
-
-
-def _mean(H: np.ndarray) -> np.ndarray:
-    """Shares of the inertia; zero if there is none."""
-    total = H.sum()
-    return np.asarray(H / total if total > 0 else H)
-
-
-# Speed relative to the center of inertia (COI) of the other machines, from estimates of different ages.
-#
-# w_i = s_i(own age) - sum_{j != i} H_j s_j(remote age) / sum_{j != i} H_j,   over the valid machines of its island
-#
-# Every speed is extrapolated to the present with its acceleration, s + a t, t its age but at most `REACH`. A machine
-# without a report stays in both sums, with a growing variance. A speed that differs from most others by more than a
-# swing
-# does counts as unknown.
-#
-# Where the network was switched after the time stamp of an estimate, the acceleration has changed since then by an
-# unknown share of |P|/2H, and the speed by this times the time since the switching: the whole of it for the own
-# estimate
-# and for machines without a PMU, `SHARED` of it for those of the others, which change together.
 
 REACH = 0.1  # s   longest extrapolation
 COAST = 0.5  # s   time without a report after which the storage of a machine stays idle
@@ -241,6 +55,17 @@ LIMIT = 3e-3  # pu   standard deviation of a deviation, beyond which it is not u
 PLAUSIBLE = 0.05  # pu   difference of a speed from most others, beyond which its filter has lost the rotor
 LOST = 1.0  # pu^2   variance of such a speed
 LEAST = 3e-4  # pu   standard deviation of the speeds of machines about that of the COI, at least
+
+
+class Deviations(NamedTuple):
+    """Machines relative to the COI of the others, arrays (seeds, machines)."""
+
+    speed: np.ndarray  # pu
+    acceleration: np.ndarray  # pu/s
+    sigma: np.ndarray  # pu   standard deviation of the speed
+    usable: np.ndarray  # bool   own estimate valid, those of enough of the island too, and sigma below `LIMIT`
+    own: Estimate  # as the machines know it, with slips and their variance extrapolated to the present
+    remote: Estimate  # as others know it, the same
 
 
 class CoiReference:
@@ -340,3 +165,173 @@ def _others(weight: np.ndarray, island: np.ndarray, whole: bool) -> np.ndarray:
         return weight.sum(-1, keepdims=True) - weight
     same = (island[:, :, None] == island[:, None, :]) & (island >= 0)[:, None, :]
     return (same @ weight[..., None])[..., 0] - weight
+
+
+class RotorSignals:
+    """Signals of rotors from estimates.
+
+    Parameters
+    ----------
+    point : OperatingPoint
+        The operating point.
+    signals : sequence of (Signal, bool)
+        The signals, and whether the controller that reads each belongs to its machine.
+    inertia : (machines) array, s
+        H on one base, as the estimator knows it.
+    ages : pair of float, s
+        Ages of a machine's own estimate and of those of others.
+    """
+
+    def __init__(
+        self,
+        point: OperatingPoint,
+        signals: Sequence[tuple[Signal, bool]],
+        inertia: np.ndarray,
+        ages: tuple[float, float],
+    ) -> None:
+        numbers = [m.machine for m in point.case.machines]
+        self._kinds = [s.kind for s, _ in signals]
+        self._own = np.array([own for _, own in signals], bool)
+        self._angular = np.array([kind in ("angle", "angle_deviation") for kind in self._kinds], bool)
+        self._group = np.array([_members(s, numbers) for s, _ in signals], bool).reshape(len(signals), len(numbers))
+        self._H, self._wb = inertia, 2 * np.pi * point.case.frequency_hz
+        self._ages = tuple(min(age, REACH) for age in ages)
+        self._zero = np.array([float(kind in ("speed", "rest_speed", "coi_speed")) for kind in self._kinds])
+        self._weights: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+
+    def __call__(self, k: int, estimates: Deviations, island: np.ndarray, rest: np.ndarray) -> np.ndarray:
+        """Values (signals) in simulation k, with the islands (machines) there; those at rest where nothing is known."""
+        key = island.tobytes()
+        if key not in self._weights:
+            self._weights[key] = self._shares(island)
+        first, second = self._weights[key]
+        near = first @ np.stack(self._states(k, estimates.own, self._ages[0]), 1)
+        far = first @ (remote := np.stack(self._states(k, estimates.remote, self._ages[1]), 1)), second @ remote
+        both = np.where(self._own[:, None], near, far[0]) - far[1]
+        y = self._zero + np.where(self._angular, both[:, 1], both[:, 0])
+        known = ~(self._group & ~estimates.usable[k]).any(axis=1)
+        return np.where(known, y, rest)
+
+    def _states(self, k: int, e: Estimate, age: float) -> tuple[np.ndarray, np.ndarray]:
+        """Slips and angles (machines) of simulation k at the present, of estimates with slips at the present."""
+        slip = e.slip[k]
+        if e.angle is None:
+            return slip, np.zeros(slip.shape)
+        return slip, e.angle[k] + self._wb * age * (slip - e.acceleration[k] * age / 2)
+
+    def _shares(self, island: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Weights (signals, machines) of what is added and of what is subtracted."""
+        first, second = np.zeros((2, *self._group.shape))
+        for i, (kind, group) in enumerate(zip(self._kinds, self._group, strict=True)):
+            here = island >= 0
+            if group.any():
+                here = here & (island == island[group][0])
+            own, others = _mean(self._H * (group & here)), _mean(self._H * (~group & here))
+            others = others if others.any() else own
+            whole = _mean(self._H * here)
+            first[i], second[i] = {
+                "speed": (own, 0 * own), "deviation": (own, others), "rest_speed": (others, 0 * own),
+                "coi_speed": (whole, 0 * own), "angle": (own, whole), "angle_deviation": (own, others),
+            }[kind]  # fmt: skip
+        return first, second
+
+
+def _members(signal: Signal, numbers: Sequence[int]) -> np.ndarray:
+    """The machines of a signal."""
+    of = machines(signal) if OUTPUTS[signal.kind].place in ("machine", "group") else ()
+    return np.isin(numbers, of)
+
+
+def _mean(H: np.ndarray) -> np.ndarray:
+    """Shares of the inertia; zero if there is none."""
+    total = H.sum()
+    return np.asarray(H / total if total > 0 else H)
+
+
+class PhasorSignals:
+    """Signals from PMUs in simulations of one operating point, each with the errors of its seed.
+
+    Parameters
+    ----------
+    simulations : sequence of Simulation
+        The simulations.
+    signals : sequence of (Signal, bool)
+        The signals, and whether the controller that reads each belongs to the machine there.
+    pmu : Pmu
+        The PMUs.
+    seeds : sequence of int
+        Seeds of noise and losses.
+    """
+
+    def __init__(
+        self, simulations: Sequence[Simulation], signals: Sequence[tuple[Signal, bool]], pmu: Pmu, seeds: Sequence[int]
+    ) -> None:
+        point = simulations[0].point
+        hz, numbers = point.case.frequency_hz, [m.machine for m in point.case.machines]
+        self.simulations, self._point = simulations, point
+        self._signals = [s for s, _ in signals]
+        self._kinds = np.array([s.kind for s in self._signals])
+        self._late = np.array([not own for _, own in signals], bool)
+        self._row = np.array([numbers.index(s.number) if s.kind in OF_MACHINE else -1 for s in self._signals], int)
+        self._share = np.array([1.0 if i < 0 else point.case.base_mva / point.case.machines[i].base for i in self._row])
+        self._instrument = Instrument(pmu, [[seed, STREAM] for seed in seeds], len(signals), hz)
+        self._past: deque[_Report] = deque(maxlen=pmu.remote_frames(hz) - pmu.own_frames(hz) + 1)
+        self._ends: dict[Switching, tuple[np.ndarray, np.ndarray]] = {}
+
+    def frame(self, at: float, V: np.ndarray, machines: Frame, coi: np.ndarray) -> None:
+        """Reports at an instant (s) with bus voltages (seeds, buses), those of the machines, and COI angles (seeds)."""
+        true = [self._true(v, s.switching) for v, s in zip(V, self.simulations, strict=True)]
+        volts, currents = (np.array(columns) for columns in zip(*true, strict=True))
+        seen = self._instrument.report(at, volts, currents, np.zeros(volts.shape))
+        here = self._row >= 0
+        U, I, received = (
+            np.where(here, own[:, self._row], other)
+            for own, other in ((machines.V, seen.V), (machines.I, seen.I), (machines.received, seen.received))
+        )
+        new = _Report(U, I, seen.frequency, np.broadcast_to(coi[:, None], U.shape))
+        if self._past:
+            last = self._past[-1]
+            new = _Report(*(np.where(received, now, old) for now, old in zip(new, last, strict=True)))
+        self._past.append(new)
+
+    def __call__(self, k: int) -> np.ndarray:
+        """Values (signals) in simulation k."""
+        now, late = self._past[-1], self._past[0]
+        V, I, frequency, coi = (np.where(self._late, b[k], a[k]) for a, b in zip(now, late, strict=True))
+        power = V * I.conjugate() * self._share
+        turned = np.angle(V * np.exp(-1j * coi))
+        values = {
+            "voltage": np.abs(V), "vt": np.abs(V), "bus_angle": turned, "bus_frequency": 1 + frequency,
+            "flow": power.real, "pe": power.real, "flow_q": power.imag, "qe": power.imag,
+        }  # fmt: skip
+        return np.array([values[kind][i] for i, kind in enumerate(self._kinds)])
+
+    def _true(self, V: np.ndarray, switching: Switching) -> tuple[np.ndarray, np.ndarray]:
+        """Voltages and currents (signals) where the PMUs are."""
+        if switching not in self._ends:
+            self._ends[switching] = self._wiring(dict(switching.branches))
+        buses, Y = self._ends[switching]
+        ends = V[buses]
+        return ends[:, 0], (Y * ends).sum(axis=1)
+
+    def _wiring(self, states: dict) -> tuple[np.ndarray, np.ndarray]:
+        """Buses (signals, 2) whose voltages matter, and admittances (signals, 2) from these to the current."""
+        buses, Y = np.zeros((len(self._signals), 2), int), np.zeros((len(self._signals), 2), complex)
+        place = self._point.net.place
+        for i, signal in enumerate(self._signals):
+            if signal.kind in ("flow", "flow_q"):
+                row, _ = circuit(self._point.case, str(signal.place))
+                at, p = outputs.line(self._point, str(signal.place), states.get(row, INTACT))
+                buses[i], Y[i] = at[::2] // 2, (complex(p.g, p.b), complex(p.gm, p.bm))
+            elif signal.kind not in OF_MACHINE:
+                buses[i] = place[signal.number]
+        return buses, Y
+
+
+class _Report(NamedTuple):
+    """The last phasors and frequencies (seeds, signals), and the angle of the COI that was estimated then."""
+
+    V: np.ndarray
+    I: np.ndarray
+    frequency: np.ndarray
+    coi: np.ndarray

@@ -4,7 +4,8 @@ State of a machine: x = [delta (rad), s = omega - 1 (pu), Pm (pu machine), e, k 
 a governor adds g to Pm:
 
     d delta/dt = wb s,   2H omega ds/dt = Pm + g - P - D s,   dPm/dt = white noise of density q,
-    (e, k): the fluxes of `q_axis`, driven by the current I.
+    (e, k): the fluxes of `machine_model`, driven by the current I.
+
 A classical machine has no omega in its swing equation.
 
 Process noise over a frame T has five sources:
@@ -16,7 +17,38 @@ Process noise over a frame T has five sources:
            time that is left is uniform: delta has moved by -c m^2 u^2 dP, s by -d m u dP, e and k by u times their
            response to di. Means -dP c/3 and -dP d/2 (the same as of a ramp), covariance r r' times that of
            (u^2, u, 0, u, u): var u^2 = 4/45, var u = cov(u, u^2) = 1/12;
-    hidden what the power did between two reports beyond that jump (`missing_reports`).
+    hidden what the power did between two reports beyond that jump.
+
+A governor changes the mechanical power with the speed (`devices.governors.tgov`):
+
+    clip(Pref - K s, Pmin, Pmax) - Pref -> 1/(1+sTs) (1+sT3)/(1+sTc) (1+sT4)/(1+sT5) -> g
+
+Pref is what the filter knows as its state Pm; the power of the turbine is Pm + g.
+
+The noise of the phasors moves the measured angle, power and current of a machine. V and I have independent errors of
+standard deviation sa (rad) in angle and sm (relative) in magnitude. An error of E = V + Z I moves the measured rotor
+angle arg E - theta, sin theta = omega psi''q/|E|, by Im(dE/E) + t Re(dE/E), t = tan theta. Its variance is
+
+    R = sum over a = V/E, Z I/E of  sa^2 (Re a - t Im a)^2 + sm^2 (Im a + t Re a)^2,                (R)
+
+and with V conj(I) = P + jQ (the losses in Re Z are neglected), and I exp(-j delta) = iq - j id,
+
+    var P = 2 sm^2 P^2 + 2 sa^2 Q^2,   var iq = sm^2 iq^2 + sa^2 id^2.                              (P)
+
+A machine without a report coasts with the power it reported last. The error sigma of this power is unknown, but not
+small after a disturbance: it is taken to be the largest change at the machines that do report, and if the network was
+switched, at least the whole power of the machine, electrical or mechanical. A constant error sigma moves angle and
+speed by
+
+    r = [r_d, r_s],   dr_s/dt = sigma / 2H,   dr_d/dt = wb r_s,
+
+whose outer product r r', with the correlation of unknown instants (`UNKNOWN`), is added to the covariance while no
+report arrives. The next report tells the power at both ends of the gap, but not what it did in between: it may have
+jumped there and back if the gap is longer than `SHORTEST` and the network was switched, or have swung. Then this is
+process noise. Beyond `LINEAR` the angle is too uncertain for an extended filter, and the fluxes, which the current has
+moved, are not known: `UNSURE` is added to the covariance until they have decayed. A machine without a PMU that was not
+observable across a switching is treated like this however short the gap, and its filter starts anew then, and again
+when its fluxes have decayed.
 """
 
 from math import sqrt
@@ -105,7 +137,7 @@ def process_covariance(k, i, model, Q, jump, frames, power, flux, noise, hidden)
     flux, noise : (2) tuple, pu
         Response of e and k to the jump of iq, and to its standard deviation over the frame.
     hidden : (5) tuple, rad and pu
-        Standard deviations of the states from what the power did between reports (`missing_reports`).
+        Standard deviations of the states from what the power did between reports (`MissingReports`).
     """
     c, d, late, size = model.c[i], model.d[i], frames * jump, sqrt(power)
     moved = -c * late * frames, -d * late, 0.0, flux[0], flux[1]
@@ -117,12 +149,6 @@ def process_covariance(k, i, model, Q, jump, frames, power, flux, noise, hidden)
                 Q[k, i, a, b] += blurred[a] * blurred[b]
             Q[k, i, a, b] += UNKNOWN[a, b] * hidden[a] * hidden[b]
 
-
-# Turbine governors as the estimators know them: the change of mechanical power that follows from the speed.
-#
-# clip(Pref - K s, Pmin, Pmax) - Pref -> 1/(1+sTs) (1+sT3)/(1+sTc) (1+sT4)/(1+sT5) -> g   (`devices.governors.tgov`)
-#
-# Pref is what the filter knows as its state Pm; the power of the turbine is Pm + g.
 
 GOVERNOR = ("K", "Ts", "Tc", "T3", "T4", "T5", "Pmax", "Pmin")
 
@@ -179,19 +205,6 @@ def govern(slip, reference, at, droop, A, C, x, out):
             out[k, i] = g
 
 
-# Propagation of the noise of the phasors to the measured angle, power and current of a machine.
-#
-# V and I have independent errors of standard deviation sa (rad) in angle and sm (relative) in magnitude. An error of
-# E = V + Z I moves the measured rotor angle arg E - theta, sin theta = omega psi''q/|E|, by Im(dE/E) + t Re(dE/E),
-# t = tan theta. Its variance is
-#
-# R = sum over a = V/E, Z I/E of  sa^2 (Re a - t Im a)^2 + sm^2 (Im a + t Re a)^2,                (R)
-#
-# and with V conj(I) = P + jQ (the losses in Re Z are neglected), and I exp(-j delta) = iq - j id,
-#
-# var P = 2 sm^2 P^2 + 2 sa^2 Q^2,   var iq = sm^2 iq^2 + sa^2 id^2.                              (P)
-
-
 class Tuning(NamedTuple):
     """Assumptions beyond the noise of the phasors."""
 
@@ -243,25 +256,6 @@ def current_variance(I, angle, magnitude):
     """(P): variance of iq, the real part of a current in the frame of the rotor, in its units squared."""
     return magnitude**2 * I.real**2 + angle**2 * I.imag**2
 
-
-# What the power of a machine may have done between its reports, and what this did to its angle and speed.
-#
-# A machine without a report coasts with the power it reported last. The error sigma of this power is unknown, but not
-# small after a disturbance: it is taken to be the largest change at the machines that do report, and if the network was
-# switched, at least the whole power of the machine, electrical or mechanical. A constant error sigma moves angle and
-# speed by
-#
-# r = [r_d, r_s],   dr_s/dt = sigma / 2H,   dr_d/dt = wb r_s,
-#
-# whose outer product r r', with the correlation of unknown instants (`UNKNOWN`), is added to the covariance while no
-# report arrives. The next report tells the power at both ends of the gap, but not what it did in between: it may have
-# jumped there and back if the gap is longer than `SHORTEST` and the network was switched, or have swung. Then this is
-# process noise. Beyond `LINEAR` the angle is too uncertain for an extended filter, and the fluxes, which the current
-# has
-# moved, are not known: `UNSURE` is added to the covariance until they have decayed. A machine without a PMU that was
-# not
-# observable across a switching is treated like this however short the gap, and its filter starts anew then, and again
-# when its fluxes have decayed.
 
 SHORTEST = 0.05 - 1e-9  # s   no fault is cleared faster: two jumps are at least that far apart
 SWINGING = 0.1  # s   gap in which the power deviates from a ramp by as much as sigma, without a switching

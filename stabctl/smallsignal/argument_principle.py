@@ -1,5 +1,20 @@
 """How many eigenvalues lie in a sector of the s-plane, by the argument principle on fronts of the divided network.
 
+The states of the devices fall into units that share no equation, such as a machine with its controls. With the states
+eliminated, the currents of a unit are D(s) v, D(s) = -C (F - s)^-1 B, in terms of its voltages v. Around a point s0,
+with R = (F - s0)^-1,
+
+    D(s0 + h) = -C (R + h R^2 + h^2 R^3 + ...) B.
+
+A front is a matrix N(s): the nodal admittances of an area with its devices, or those of the separators with all areas
+eliminated. Its series around a point has only the blocks of the devices after the first term, except at the separators.
+Around s0, N(s0 + h) = N0 (1 + E(h)), E(h) = h E1 + h^2 E2 + ... While the Frobenius norm of E (after any scaling) is at
+most F < 1, N is regular, and
+
+    |log det(1 + E) - tr E| <= -log(1 - F) - F
+
+because the eigenvalues e of E satisfy sum |e|^2 <= F^2. This limits the phase of det N between points.
+
 The determinant of the pencil is the product of those of all units (F - s) and of all fronts N(s) of the network. Along
 the boundary the phase of each det N is followed from point to point. It is computed at each point from the factors, and
 between two points it is known from their series to less than half a turn, so no turn can be lost: there are as many
@@ -20,6 +35,13 @@ from scipy.sparse.csgraph import connected_components
 NEAR = 1e-6  # reach, relative to |s|, below which an eigenvalue lies on the boundary
 WHOLE = 1e-3  # turns   largest rounding error
 AHEAD = 0.75  # of the reach of a point, expected of the next one
+SLACK = 1.5  # rad   largest error of the predicted phase, below pi / 2
+HALVINGS = 8  # of the interval in which the reach is sought
+HUGE = 1e200  # in place of an infinite bound, so that it times 0 is 0
+WEAK = 1e-4  # coupling, relative to the largest, below which a front need not be balanced
+WORSE = 1.5  # norm, relative to that balanced in full, with which it need not be
+DOUBLINGS = 3
+TERMS = ROOT = 2**DOUBLINGS  # terms of a series after the first; power of R whose norm bounds what is left out
 Said = Callable[[float], None]  # called with the part of the work done, 0 to 1
 
 
@@ -50,6 +72,52 @@ class OnBoundaryError(Exception):
     """An eigenvalue lies on the boundary, as far as can be told."""
 
 
+class Units(NamedTuple):
+    """Units with the same numbers of states and voltages; x' = F x + B v, currents C x."""
+
+    F: np.ndarray  # (units, n, n)
+    B: np.ndarray  # (units, n, m)
+    C: np.ndarray  # (units, m, n)
+    at: np.ndarray  # (units, m) their voltages
+
+    def poles(self) -> np.ndarray:
+        """Eigenvalues of all F."""
+        return np.linalg.eigvals(self.F).ravel()
+
+
+class Member(NamedTuple):
+    """Units of a group that belong to a front and share no voltage."""
+
+    group: int
+    rows: np.ndarray
+    places: np.ndarray  # (units, m) of their voltages in the front
+
+
+class Area(NamedTuple):
+    """Constant admittances of an area and its connection to the separators."""
+
+    Y: np.ndarray
+    out: np.ndarray  # (area, edge)
+    into: np.ndarray  # (edge, area)
+    edge: np.ndarray  # places among the separators
+    members: list[Member]
+
+
+class Series(NamedTuple):
+    """Taylor coefficients of the admittances of some units, and what bounds the rest."""
+
+    terms: np.ndarray  # (TERMS + 1, units, m, m)
+    beyond: np.ndarray  # (ROOT, units)  bounds of the first terms left out
+    root: np.ndarray  # (units)  norm of R^ROOT
+
+    def rest(self, r: float) -> np.ndarray:
+        """Bounds (units) of the norm of all terms left out, |h| <= r; infinite where the series may diverge."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            ratio = r**ROOT * self.root
+            first = r ** np.arange(TERMS + 1, TERMS + 1 + ROOT) @ self.beyond
+            return np.where(ratio < 1, first / np.where(ratio < 1, 1 - ratio, 1), np.inf)
+
+
 class Front(NamedTuple):
     """One front at a point."""
 
@@ -67,25 +135,6 @@ class Through(NamedTuple):
     area: np.ndarray  # places among the fronts
     outer: np.ndarray  # (areas)
     inner: np.ndarray  # (areas, TERMS + 1)
-
-
-DOUBLINGS = 3
-TERMS = ROOT = 2**DOUBLINGS  # terms of a series after the first; power of R whose norm bounds what is left out
-
-
-class Series(NamedTuple):
-    """Taylor coefficients of the admittances of some units, and what bounds the rest."""
-
-    terms: np.ndarray  # (TERMS + 1, units, m, m)
-    beyond: np.ndarray  # (ROOT, units)  bounds of the first terms left out
-    root: np.ndarray  # (units)  norm of R^ROOT
-
-    def rest(self, r: float) -> np.ndarray:
-        """Bounds (units) of the norm of all terms left out, |h| <= r; infinite where the series may diverge."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            ratio = r**ROOT * self.root
-            first = r ** np.arange(TERMS + 1, TERMS + 1 + ROOT) @ self.beyond
-            return np.where(ratio < 1, first / np.where(ratio < 1, 1 - ratio, 1), np.inf)
 
 
 class Fronts:
@@ -142,50 +191,6 @@ class Fronts:
             r = (low + high) / 2
             low, high = (r, high) if self.slack(r).max() <= SLACK else (low, r)
         return low
-
-
-class Point(NamedTuple):
-    """The fronts at a point of the boundary."""
-
-    s: complex
-    fronts: Fronts
-    reach: float
-
-
-SLACK = 1.5  # rad   largest error of the predicted phase, below pi / 2
-HALVINGS = 8  # of the interval in which the reach is sought
-HUGE = 1e200  # in place of an infinite bound, so that it times 0 is 0
-
-
-class Member(NamedTuple):
-    """Units of a group that belong to a front and share no voltage."""
-
-    group: int
-    rows: np.ndarray
-    places: np.ndarray  # (units, m) of their voltages in the front
-
-
-class Area(NamedTuple):
-    """Constant admittances of an area and its connection to the separators."""
-
-    Y: np.ndarray
-    out: np.ndarray  # (area, edge)
-    into: np.ndarray  # (edge, area)
-    edge: np.ndarray  # places among the separators
-    members: list[Member]
-
-
-class Units(NamedTuple):
-    """Units with the same numbers of states and voltages; x' = F x + B v, currents C x."""
-
-    F: np.ndarray  # (units, n, n)
-    B: np.ndarray  # (units, n, m)
-    C: np.ndarray  # (units, m, n)
-    at: np.ndarray  # (units, m) their voltages
-
-    def poles(self) -> np.ndarray:
-        """Eigenvalues of all F."""
-        return np.linalg.eigvals(self.F).ravel()
 
 
 @dataclass(frozen=True)
@@ -247,6 +252,14 @@ def count(system: Network, sector: Sector, said: Said = lambda _: None) -> int:
     return round(turns) + int(sector.holds(poles).sum())
 
 
+class Point(NamedTuple):
+    """The fronts at a point of the boundary."""
+
+    s: complex
+    fronts: Fronts
+    reach: float
+
+
 def _point(system: Network, s: complex) -> Point:
     try:
         fronts = system.fronts(s)
@@ -266,14 +279,35 @@ def _turned(a: Point, b: Point) -> float:
     return float((expected + (turned - expected + np.pi) % (2 * np.pi) - np.pi).sum())
 
 
-# The network with its devices at a point of the s-plane, divided into fronts.
-#
-# A front is a matrix N(s): the nodal admittances of an area with its devices, or those of the separators with all areas
-# eliminated. Its series around a point has only the blocks of the devices after the first term, except at the
-# separators.
+def units(fx: sp.csc_matrix, fv: sp.csr_matrix, gx: sp.csc_matrix) -> list[Units]:
+    """The units of x' = fx x + fv v with currents gx x, balanced, in groups of equal size."""
+    _, label = connected_components(fx, directed=False)
+    order = np.argsort(label, kind="stable")
+    groups: dict[tuple[int, int], list[tuple[np.ndarray, ...]]] = {}
+    for x in np.split(order, np.cumsum(np.bincount(label))[:-1]):
+        v = np.union1d(gx[:, x].indices, fv[x].indices)
+        F, B, C = (M.toarray() for M in (fx[x][:, x], fv[x][:, v], gx[v][:, x]))
+        scale = np.diag(sl.matrix_balance(F, permute=False)[1])
+        groups.setdefault(B.shape, []).append((F * scale / scale[:, None], B / scale[:, None], C * scale, v))
+    return [Units(*(np.array(part) for part in zip(*group, strict=True))) for group in groups.values()]
 
-WEAK = 1e-4  # coupling, relative to the largest, below which a front need not be balanced
-WORSE = 1.5  # norm, relative to that balanced in full, with which it need not be
+
+def series(u: Units, s: complex) -> Series:
+    """The admittances of some units around a point s (1/s)."""
+    R, (count, n, m) = np.linalg.inv(u.F - s * np.eye(u.F.shape[1])), u.B.shape
+    X = R @ u.B
+    for _ in range(DOUBLINGS):  # R B, R^2 B, ..., side by side
+        X, R = np.concatenate([X, R @ X], axis=2), R @ R
+    later = R @ X
+    terms = -u.C @ np.concatenate([X, later[:, :, :m]], axis=2)
+    left_out = np.concatenate([later[:, :, m:], R @ later[:, :, :m]], axis=2)
+    beyond = (
+        np.linalg.norm(left_out.reshape(count, n, ROOT, m), axis=(1, 3)) * np.linalg.norm(u.C, axis=(1, 2))[:, None]
+    )
+    return Series(terms.reshape(count, m, TERMS + 1, m).transpose(2, 0, 1, 3), beyond.T, np.linalg.norm(R, axis=(1, 2)))
+
+
+# The fronts at one point.
 
 
 def _of_area(area: Area, seen: list[Series], blocks: list[np.ndarray]) -> Front:
@@ -359,41 +393,3 @@ def _through(edges: list[tuple[int, Area, Front, np.ndarray]], separators: Front
     outer = [np.linalg.norm(inverse[:, area.edge] @ (area.into * front.scale)) for _, area, front, _ in edges]
     inner = [np.sqrt(front.scale**-2 @ _squared(x) @ scale[area.edge] ** 2) for _, area, front, x in edges]
     return Through(np.array([k for k, *_ in edges], int), np.array(outer), np.array(inner).reshape(-1, TERMS + 1))
-
-
-# Devices seen from their terminals: units of coupled states, each with an admittance that is rational in s.
-#
-# The states fall into units that share no equation, such as a machine with its controls. With the states eliminated,
-# the
-# currents of a unit are D(s) v, D(s) = -C (F - s)^-1 B, in terms of its voltages v. Around a point s0, with
-# R = (F - s0)^-1,
-#
-# D(s0 + h) = -C (R + h R^2 + h^2 R^3 + ...) B.
-
-
-def units(fx: sp.csc_matrix, fv: sp.csr_matrix, gx: sp.csc_matrix) -> list[Units]:
-    """The units of x' = fx x + fv v with currents gx x, balanced, in groups of equal size."""
-    _, label = connected_components(fx, directed=False)
-    order = np.argsort(label, kind="stable")
-    groups: dict[tuple[int, int], list[tuple[np.ndarray, ...]]] = {}
-    for x in np.split(order, np.cumsum(np.bincount(label))[:-1]):
-        v = np.union1d(gx[:, x].indices, fv[x].indices)
-        F, B, C = (M.toarray() for M in (fx[x][:, x], fv[x][:, v], gx[v][:, x]))
-        scale = np.diag(sl.matrix_balance(F, permute=False)[1])
-        groups.setdefault(B.shape, []).append((F * scale / scale[:, None], B / scale[:, None], C * scale, v))
-    return [Units(*(np.array(part) for part in zip(*group, strict=True))) for group in groups.values()]
-
-
-def series(u: Units, s: complex) -> Series:
-    """The admittances of some units around a point s (1/s)."""
-    R, (count, n, m) = np.linalg.inv(u.F - s * np.eye(u.F.shape[1])), u.B.shape
-    X = R @ u.B
-    for _ in range(DOUBLINGS):  # R B, R^2 B, ..., side by side
-        X, R = np.concatenate([X, R @ X], axis=2), R @ R
-    later = R @ X
-    terms = -u.C @ np.concatenate([X, later[:, :, :m]], axis=2)
-    left_out = np.concatenate([later[:, :, m:], R @ later[:, :, :m]], axis=2)
-    beyond = (
-        np.linalg.norm(left_out.reshape(count, n, ROOT, m), axis=(1, 3)) * np.linalg.norm(u.C, axis=(1, 2))[:, None]
-    )
-    return Series(terms.reshape(count, m, TERMS + 1, m).transpose(2, 0, 1, 3), beyond.T, np.linalg.norm(R, axis=(1, 2)))

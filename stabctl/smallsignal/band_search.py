@@ -1,9 +1,9 @@
 """All modes of a band: found around shifts, and counted.
 
-The modes of the band are counted first (`count`). Then they are searched for around shifts, most where they are dense,
-each time without those known, until as many are known as were counted. If the shifts do not find them all,
-smaller and smaller parts of the band are counted and searched, with as many vectors as modes are missing. What is not
-complete even then is named.
+The modes of the band are counted first (`argument_principle`). Then they are searched for around shifts, most where
+they are dense, each time without those known, until as many are known as were counted. If the shifts do not find them
+all, smaller and smaller parts of the band are counted and searched, with as many vectors as modes are missing. What is
+not complete even then is named.
 
 In a large system modes are counted and searched for at the same time, in two threads; the result is the same.
 """
@@ -36,6 +36,7 @@ TOGETHER = 1e-6  # modes this close (relative) nearly coincide
 COUNTING = 0.5  # part of the work, for those who wait
 TWO_THREADS = 1000  # states from which modes are counted and searched for at the same time
 CUTS = np.linspace(0.35, 0.65, 13)  # where a part of the band may be divided
+Result = TypeVar("Result")
 
 
 class Found(NamedTuple):
@@ -103,18 +104,41 @@ def _at_once(d: Descriptor, system: Network, asked: Sector, said: Said) -> "tupl
     return search, sector, counted
 
 
-def _paired(known: Eigen) -> Eigen:
-    """Left vectors scaled to W^H V = 1 among modes that nearly coincide, which separate searches leave inexact."""
-    values = known.values
-    if len(values) < 2:
-        return known
-    near = np.abs(values[:, None] - values) <= TOGETHER * np.abs(values)
-    label = connected_components(near, directed=False)[1]
-    left = known.left.copy()
-    for group in (np.flatnonzero(label == k) for k in np.flatnonzero(np.bincount(label) > 1)):
-        V, W = known.right[:, group], left[:, group]
-        left[:, group] = W @ np.linalg.pinv(V.conj().T @ W)
-    return known._replace(left=left)
+class Background(AbstractContextManager["Background[Result]"], Generic[Result]):
+    """A computation in a thread. On leaving the context it ends the next time it tells how far it is.
+
+    Parameters
+    ----------
+    work : callable
+        Given a function that it calls with the part of the work done, from 0 to 1; what it raises, `result` raises.
+    """
+
+    def __init__(self, work: Callable[[Callable[[float], None]], Result]) -> None:
+        self.part = 0.0
+        self._left = Event()
+        self._pool = ThreadPoolExecutor(1)
+        self._result = self._pool.submit(work, self._said)
+
+    def __exit__(self, *_: object) -> None:
+        self._left.set()
+        self._pool.shutdown()
+
+    def ended(self) -> bool:
+        """Whether it has ended."""
+        return self._result.done()
+
+    def result(self) -> Result:
+        """What it returns; waits until it has ended."""
+        return self._result.result()
+
+    def _said(self, part: float) -> None:
+        if self._left.is_set():
+            raise LeftError
+        self.part = part
+
+
+class LeftError(Exception):
+    """The computation is no longer needed."""
 
 
 def _counted(system: Network, asked: Sector, said: Said) -> tuple[Sector, int]:
@@ -202,9 +226,6 @@ class _Search:
         self.incomplete.append(sector)
 
 
-# Rectangles of the s-plane, and the discs that cover them.
-
-
 class Round(Protocol):
     """A disc of the s-plane."""
 
@@ -258,43 +279,15 @@ class Box(NamedTuple):
         return self._replace(top=s.imag), self._replace(bottom=s.imag)
 
 
-# A computation in a second thread, which ends when it is no longer needed.
-
-Result = TypeVar("Result")
-
-
-class Background(AbstractContextManager["Background[Result]"], Generic[Result]):
-    """A computation in a thread. On leaving the context it ends the next time it tells how far it is.
-
-    Parameters
-    ----------
-    work : callable
-        Given a function that it calls with the part of the work done, from 0 to 1; what it raises, `result` raises.
-    """
-
-    def __init__(self, work: Callable[[Callable[[float], None]], Result]) -> None:
-        self.part = 0.0
-        self._left = Event()
-        self._pool = ThreadPoolExecutor(1)
-        self._result = self._pool.submit(work, self._said)
-
-    def __exit__(self, *_: object) -> None:
-        self._left.set()
-        self._pool.shutdown()
-
-    def ended(self) -> bool:
-        """Whether it has ended."""
-        return self._result.done()
-
-    def result(self) -> Result:
-        """What it returns; waits until it has ended."""
-        return self._result.result()
-
-    def _said(self, part: float) -> None:
-        if self._left.is_set():
-            raise LeftError
-        self.part = part
-
-
-class LeftError(Exception):
-    """The computation is no longer needed."""
+def _paired(known: Eigen) -> Eigen:
+    """Left vectors scaled to W^H V = 1 among modes that nearly coincide, which separate searches leave inexact."""
+    values = known.values
+    if len(values) < 2:
+        return known
+    near = np.abs(values[:, None] - values) <= TOGETHER * np.abs(values)
+    label = connected_components(near, directed=False)[1]
+    left = known.left.copy()
+    for group in (np.flatnonzero(label == k) for k in np.flatnonzero(np.bincount(label) > 1)):
+        V, W = known.right[:, group], left[:, group]
+        left[:, group] = W @ np.linalg.pinv(V.conj().T @ W)
+    return known._replace(left=left)

@@ -6,7 +6,8 @@ Its roots are the zeros of the entire function
     f(s) = det(s - A) det N(s),  N = 1 - E H,  E = diag(exp(-s tau)),
 
 where a row of N may be multiplied by exp(s tau_j), whose phase is known. Around a point s0, with
-N(s0 + h) = N0 (1 + M(h)), M = h M1 + ..., the Frobenius norm F of M limits the phase of the determinant, as in `reach`:
+N(s0 + h) = N0 (1 + M(h)), M = h M1 + ..., the Frobenius norm F of M limits the phase of the determinant, as in
+`argument_principle`:
 
     |log det(1 + M) - h tr M1| <= -log(1 - F) - F + sqrt(n) |M - h M1|.
 

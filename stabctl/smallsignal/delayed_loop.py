@@ -8,7 +8,7 @@ has the roots
 infinitely many, of which finitely many are inside a circle around 0 or right of the imaginary axis, if the direct path
 D is small enough. Starting values: every delay as a transport equation, discretized by Chebyshev collocation (D. Breda,
 S. Maset, R. Vermiglio, SIAM J. Sci. Comput. 27, 2005). All roots are counted and found as in `root_search`, and their
-vectors by inverse iteration on M.
+vectors by inverse iteration on M. The vectors of the modes are in the states of the linear model.
 """
 
 from collections.abc import Sequence
@@ -37,13 +37,8 @@ NODES = 12  # of a delay, and
 PER_RADIAN = 0.7  # nodes for each radian of phase that it turns at `FAST`
 NODES_AT_MOST = 1500
 EDGES = (0.0, -1e-3, -3e-3, -1e-2)  # 1/s   left edges of the region beyond the circle: the first without roots on it
-DECAYED = (
-    36.0,
-    30.0,
-    24.0,
-    18.0,
-    12.0,
-)  # exp(-size) in a delay: decay of the fastest roots counted, if rounding hides others
+# exp(-size) in a delay: decay of the fastest roots counted, if rounding hides others
+DECAYED = (36.0, 30.0, 24.0, 18.0, 12.0)
 ITERATIONS = 20
 CONVERGED = 1e-9  # last correction of a root, relative to 1 + |s|
 SAME = 1e-5  # distance of roots that count as one with several vectors, relative to 1 + |s|
@@ -255,11 +250,6 @@ class DelayedLoop:
         return M, slope
 
 
-def _nodes(tau: float, fast: float) -> int:
-    """Chebyshev nodes of a delay (s)."""
-    return NODES + int(np.ceil(PER_RADIAN * 2 * np.pi * fast * tau)) if tau else 0
-
-
 def _line(tau: float, fast: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """z' = A z + B w, v = C z of a delay (s): dz/dt = -dz/dx at Chebyshev nodes, z = w at the first, v at the last."""
     if tau == 0:
@@ -274,7 +264,9 @@ def _line(tau: float, fast: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return slopes[1:, 1:], slopes[1:, :1], last
 
 
-# Modes of a loop with continuous delays: its exact roots, with vectors in the states of the linear model.
+def _nodes(tau: float, fast: float) -> int:
+    """Chebyshev nodes of a delay (s)."""
+    return NODES + int(np.ceil(PER_RADIAN * 2 * np.pi * fast * tau)) if tau else 0
 
 
 @dataclass(frozen=True, repr=False)

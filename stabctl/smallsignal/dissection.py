@@ -1,4 +1,7 @@
-"""Nested dissection of a linearized system: areas of the network, and the separators between them."""
+"""Nested dissection of a linearized system: areas of the network, and the separators between them.
+
+An area is a group of buses that is connected to the others only through a few, the separators.
+"""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -82,36 +85,6 @@ def _divided(gv: sp.csr_matrix, groups: list[Units], device: np.ndarray, most: S
     return Parts(areas, np.flatnonzero(np.isin(label, parts.separator)))
 
 
-def _voltages(buses: np.ndarray) -> np.ndarray:
-    """Real and imaginary parts of the voltages of some buses, in order."""
-    return (2 * buses[:, None] + [0, 1]).ravel()
-
-
-def _members(groups: list[Units], voltages: np.ndarray) -> list[Member]:
-    found = []
-    for k, group in enumerate(groups):
-        rows = np.flatnonzero(np.isin(group.at, voltages).all(axis=1)) if group.at.shape[1] else np.zeros(0, int)
-        while len(rows):
-            apart = np.array(_apart(group.at[rows]))
-            found.append(Member(k, rows[apart], np.searchsorted(voltages, group.at[rows[apart]])))
-            rows = np.delete(rows, apart)
-    return found
-
-
-def _apart(places: np.ndarray) -> list[int]:
-    """The first unit, and each later one that shares no voltage with those before."""
-    taken: set[int] = set()
-    chosen = []
-    for k, own in enumerate(places.tolist()):
-        if taken.isdisjoint(own):
-            taken.update(own)
-            chosen.append(k)
-    return chosen
-
-
-# Areas of a network: groups of buses that are connected only through a few others, the separators.
-
-
 def partition(links: sp.csr_matrix, weight: np.ndarray, most: int) -> Parts:
     """Divide a graph into areas of at most `most` (sum of `weight`) by removing the nodes between them.
 
@@ -172,3 +145,30 @@ def _gathered(areas: list[np.ndarray], weight: np.ndarray, most: int) -> tuple[n
             bins[k].append(area)
             sums[k] += own
     return tuple(np.sort(np.concatenate(b)) for b in bins)
+
+
+def _voltages(buses: np.ndarray) -> np.ndarray:
+    """Real and imaginary parts of the voltages of some buses, in order."""
+    return (2 * buses[:, None] + [0, 1]).ravel()
+
+
+def _members(groups: list[Units], voltages: np.ndarray) -> list[Member]:
+    found = []
+    for k, group in enumerate(groups):
+        rows = np.flatnonzero(np.isin(group.at, voltages).all(axis=1)) if group.at.shape[1] else np.zeros(0, int)
+        while len(rows):
+            apart = np.array(_apart(group.at[rows]))
+            found.append(Member(k, rows[apart], np.searchsorted(voltages, group.at[rows[apart]])))
+            rows = np.delete(rows, apart)
+    return found
+
+
+def _apart(places: np.ndarray) -> list[int]:
+    """The first unit, and each later one that shares no voltage with those before."""
+    taken: set[int] = set()
+    chosen = []
+    for k, own in enumerate(places.tolist()):
+        if taken.isdisjoint(own):
+            taken.update(own)
+            chosen.append(k)
+    return chosen

@@ -1,9 +1,16 @@
 """Eigenvalues and eigenvectors: all of a dense model without its angle reference, or the nearest of a sparse model.
 
 Rotating all angles together changes nothing: A r = 0 with r = 1 at every angle (of rotors, and those that sensors
-track) and 0 elsewhere. In a basis that begins
-with r, A' = [0 a; 0 A22]. A second zero (nothing restores the frequency) would make A defective: rounding would split
-the double zero into a pair of about 1e-7, which looks unstable. In A22 it is a simple eigenvalue, as accurate as any.
+track) and 0 elsewhere. In a basis that begins with r, A' = [0 a; 0 A22]. A second zero (nothing restores the frequency)
+would make A defective: rounding would split the double zero into a pair of about 1e-7, which looks unstable. In A22 it
+is a simple eigenvalue, as accurate as any.
+
+The nearest to a shift s come from block Arnoldi iterations on the sparse descriptor equations: (A - s)^-1 b is the x of
+[fx - s, fv; gx, gv] [x; v] = [b; 0], which takes one sparse factorization per shift. The iterations find the
+eigenvalues nearest to the shift first; with blocks of vectors, also those that coincide.
+
+Sources: J. Rommes, N. Martins, IEEE Trans. Power Syst. 21 (2006); Y. Saad, Numerical Methods for Large Eigenvalue
+Problems, ch. 6.
 """
 
 from collections.abc import Callable
@@ -23,6 +30,14 @@ from .descriptor import Descriptor
 NEAR = 1e-9  # eigenvalues this close (relative) share one eigenspace
 ZERO = 1e-7  # 1/s   an eigenvalue this small is zero
 GROWING = 1e-6  # 1/s   real part of an eigenvalue from which a loop counts as unstable
+
+SEED = 0  # of the random start vectors
+PRECISE = 1e-10  # relative residual of a vector that is taken; the Rayleigh quotient squares it
+AGREE = 1e-7  # left and right eigenvalues this close, relative to their distance from the shift, are the same
+TRUE = 1e-6  # relative residual |A v - s v| of an eigenvector, at most
+SAME = 1e-6  # part of a mode along one that is known already, from which it is no other
+TINY = 1e-8  # eigenvalues of the operator this small, relative to the largest, are those of modes taken out
+Product = Callable[[np.ndarray], np.ndarray]  # of an operator and a block of vectors
 
 
 class Eigen(NamedTuple):
@@ -81,6 +96,19 @@ def _geev(A: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return re + 1j * im, *vectors
 
 
+def _paired(values: np.ndarray, Y: np.ndarray, Z: np.ndarray) -> np.ndarray:
+    """Left vectors scaled to W^H V = I, within groups of eigenvalues that coincide."""
+    Z = Z / np.einsum("ij,ij->j", Z.conj(), Y).conj()
+    upper = np.sort(values.real[values.imag >= 0])
+    if (np.diff(upper) <= NEAR * np.maximum(1, np.abs(values).max())).any():
+        near = np.abs(values[:, None] - values) <= NEAR * np.maximum(1, np.abs(values))
+        member = connected_components(near, directed=False)[1]
+        for group in (np.flatnonzero(member == g) for g in np.flatnonzero(np.bincount(member) > 1)):
+            raw = Z[:, group] / np.linalg.norm(Z[:, group], axis=0)
+            Z[:, group] = raw @ np.linalg.pinv(Y[:, group].conj().T @ raw)
+    return Z
+
+
 def values(A: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Eigenvalues alone (n - 1), without the zero of the angle reference; `rotation` as in `eigen`."""
     return np.linalg.eigvals(without(rotation, A, A[:, :0], A[:0])[0])
@@ -110,34 +138,7 @@ def _reflect(M: np.ndarray, u: np.ndarray) -> None:
     M[rows] -= 2 * u * (u.T @ M[rows])
 
 
-def _paired(values: np.ndarray, Y: np.ndarray, Z: np.ndarray) -> np.ndarray:
-    """Left vectors scaled to W^H V = I, within groups of eigenvalues that coincide."""
-    Z = Z / np.einsum("ij,ij->j", Z.conj(), Y).conj()
-    upper = np.sort(values.real[values.imag >= 0])
-    if (np.diff(upper) <= NEAR * np.maximum(1, np.abs(values).max())).any():
-        near = np.abs(values[:, None] - values) <= NEAR * np.maximum(1, np.abs(values))
-        member = connected_components(near, directed=False)[1]
-        for group in (np.flatnonzero(member == g) for g in np.flatnonzero(np.bincount(member) > 1)):
-            raw = Z[:, group] / np.linalg.norm(Z[:, group], axis=0)
-            Z[:, group] = raw @ np.linalg.pinv(Y[:, group].conj().T @ raw)
-    return Z
-
-
-# The modes nearest to a shift: block Arnoldi iterations on the sparse descriptor equations.
-#
-# (A - s)^-1 b is the x of [fx - s, fv; gx, gv] [x; v] = [b; 0], which takes one sparse factorization per shift s.
-# Arnoldi
-# iterations find the eigenvalues nearest to the shift first; with blocks of vectors, also those that coincide.
-# Sources: J. Rommes, N. Martins, IEEE Trans. Power Syst. 21 (2006); Y. Saad, Numerical Methods for Large Eigenvalue
-# Problems, ch. 6.
-
-SEED = 0  # of the random start vectors
-PRECISE = 1e-10  # relative residual of a vector that is taken; the Rayleigh quotient squares it
-AGREE = 1e-7  # left and right eigenvalues this close, relative to their distance from the shift, are the same
-TRUE = 1e-6  # relative residual |A v - s v| of an eigenvector, at most
-SAME = 1e-6  # part of a mode along one that is known already, from which it is no other
-TINY = 1e-8  # eigenvalues of the operator this small, relative to the largest, are those of modes taken out
-Product = Callable[[np.ndarray], np.ndarray]  # of an operator and a block of vectors
+# The modes nearest to a shift.
 
 
 class Near(NamedTuple):
@@ -172,15 +173,6 @@ def near(d: Descriptor, shift: complex, steps: tuple[int, int], known: Eigen) ->
     found = _checked(d, np.concatenate(V, axis=1), np.concatenate(W, axis=1))
     again = np.abs(known.left.conj().T @ found.right).max(axis=0, initial=0.0) > SAME
     return Near(shift, found.some(~again), radius)
-
-
-def _matched(right: np.ndarray, left: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Groups of eigenvalues that coincide, as places among the right and the left ones."""
-    both = np.r_[right, left]
-    alike = np.abs(both[:, None] - both) <= AGREE * np.abs(both)
-    label = connected_components(alike, directed=False)[1]
-    of_right, of_left = np.split(label, [len(right)])
-    return [(np.flatnonzero(of_right == g), np.flatnonzero(of_left == g)) for g in np.unique(of_right)]
 
 
 def _resolvent(d: Descriptor, shift: complex) -> tuple[Product, Product]:
@@ -252,6 +244,15 @@ def _ritz(Q: np.ndarray, P: np.ndarray, block: int) -> Ritz:
     V[:, near] = P @ Z[:, near] / mu[near]  # once more multiplied by the operator: small residuals also in terms of A
     miss[near] = np.linalg.norm(V[:, near] - Q @ Z[:, near], axis=0)
     return Ritz(mu, V, miss)
+
+
+def _matched(right: np.ndarray, left: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Groups of eigenvalues that coincide, as places among the right and the left ones."""
+    both = np.r_[right, left]
+    alike = np.abs(both[:, None] - both) <= AGREE * np.abs(both)
+    label = connected_components(alike, directed=False)[1]
+    of_right, of_left = np.split(label, [len(right)])
+    return [(np.flatnonzero(of_right == g), np.flatnonzero(of_left == g)) for g in np.unique(of_right)]
 
 
 def _checked(d: Descriptor, V: np.ndarray, W: np.ndarray) -> Eigen:

@@ -1,4 +1,7 @@
-"""A plant with its controllers: continuous loops closed, sampled ones mapped over their common period."""
+"""A plant with its controllers: continuous loops closed, sampled ones mapped over the common period of their frames.
+
+The map is exact: the inputs are held between two frames.
+"""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -16,6 +19,8 @@ from stabctl.errors import StudyError
 
 from .descriptor import descriptor
 from .model import Linear, eliminated
+
+LARGEST = 500  # frames in a common period
 
 
 @dataclass(frozen=True)
@@ -71,11 +76,6 @@ def plant_of(
     drives = list(dict.fromkeys([s for c in own for s in c.outputs] + list(inputs)))
     reads = list(dict.fromkeys([s for c in own for s in c.inputs] + list(outputs)))
     return Plant(eliminated(descriptor(point, drives, reads)), drives, reads)
-
-
-# The map of a system with sampled controllers over the common period of their frames, by exact discretization.
-
-LARGEST = 500  # frames in a common period
 
 
 def common_period(rates: Sequence[int]) -> Fraction:

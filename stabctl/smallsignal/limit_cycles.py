@@ -1,4 +1,10 @@
-"""Limit cycles of a closed loop with deadbands, limits or relays, by harmonic balance."""
+"""Limit cycles of a closed loop with deadbands, limits or relays, by harmonic balance.
+
+A swing of one frequency is sustained if u = G(jw) N(|u|) u for what the outputs are asked for, u (outputs), complex.
+One output: G(jw) is real and positive, and N(A) = 1/G gives its amplitude. Several: with equal gains, a characteristic
+locus of G(jw) crosses the positive real axis; from there Newton's method (MINPACK) finds the amplitude and phase of
+each.
+"""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -32,10 +38,17 @@ from .opened_loop import Nonlinearity, OpenedLoop, alone, nonlinearity
 if TYPE_CHECKING:
     import pandas as pd
 
-
-# Limit cycles as records: frequency, amplitudes, stability, and the Nyquist curves that show them.
-
+BAND = (0.1, 10.0)  # Hz
+FEWEST = 6  # frames in a cycle
+SPEEDS = ("speed", "coi_speed", "rest_speed", "deviation", "frequency", "bus_frequency")
 MOST = 3  # signals named in the sentence
+
+EXACT = 1e-8  # residual of a solution, relative to the largest amplitude
+SAME = 1e-4  # relative difference in frequency and amplitudes of one solution found twice
+NONE = 1e-9  # size of a characteristic value, relative to the largest entry of G, below which it is zero
+FAR = 20.0  # bound of the unknowns, logarithms and ratios
+CALLS = 300  # of the loop gain, in the search for one solution
+NUDGE = 1e-4  # relative change of the amplitude that shows whether the swing returns
 
 
 @dataclass(frozen=True)
@@ -145,11 +158,6 @@ class LimitCycles(Tabular):
         return "\n".join([text + (":" if self.cycles else ""), *(f"  {c}" for c in self.cycles)])
 
 
-BAND = (0.1, 10.0)  # Hz
-FEWEST = 6  # frames in a cycle
-SPEEDS = ("speed", "coi_speed", "rest_speed", "deviation", "frequency", "bus_frequency")
-
-
 def limit_cycles(
     base: Case | OperatingPoint,
     *controllers: Controller | Law,
@@ -159,12 +167,12 @@ def limit_cycles(
 ) -> LimitCycles:
     r"""Find steady oscillations that deadbands, limits or relays of controllers sustain.
 
-    Harmonic balance with the describing functions $N(A)$ of the outputs (`describing`), for a single output
+    Harmonic balance with the describing functions $N(A)$ of the outputs (`opened_loop`), for a single output
 
     $$ L(j\omega) = -\frac{1}{N(A)}; $$
 
     several swing at one frequency, each with its own amplitude. The loop gain is exact, with delays, and with the
-    outputs of sampled controllers held (`opened_loop`). Gates are taken as open.
+    outputs of sampled controllers held. Gates are taken as open.
 
     Parameters
     ----------
@@ -215,6 +223,12 @@ def limit_cycles(
     )
 
 
+def sampled(loop: OpenedLoop, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (Hz) between two, and G there (frequencies, outputs, outputs)."""
+    hz = grid(loop.poles, low, high)
+    return hz, np.array([loop(2j * np.pi * f)[0] for f in hz])
+
+
 @dataclass(frozen=True, eq=False)
 class Balance:
     """A swing that the loop sustains."""
@@ -227,64 +241,6 @@ class Balance:
     def largest(self) -> int:
         """The output that is asked for most."""
         return int(np.abs(self.wanted).argmax())
-
-
-def _cycle(
-    point: OperatingPoint, own: list[Named], loop: OpenedLoop, one: Balance, signals: tuple[Signal, ...]
-) -> LimitCycle:
-    """The record of a harmonic balance."""
-    s = 2j * np.pi * one.hz
-    given = one.gains * one.wanted
-    y = loop(s)[1] @ given
-    hertz = 1e3 * point.case.frequency_hz
-    scale = [(hertz, "mHz") if k.kind in SPEEDS else (1.0, k.unit) for k in signals]
-    shown = [
-        _component(f"{k.kind}:{k.place}" if k.place is not None else k.kind, c * value, unit)
-        for k, value, (c, unit) in zip(signals, y, scale, strict=True)
-    ]
-    wanted = [_component(name, value) for name, value in zip(loop.names, one.wanted, strict=True)]
-    swing = zip(loop.parts, np.abs(one.wanted), one.gains, strict=True)
-    thirds = np.array([part.third(A) if gain else 0.0 for part, A, gain in swing])
-    third = np.abs(loop(3 * s)[0] @ (thirds * given)).max() / np.abs(one.wanted).max()
-    stable = returns(loop, one) and not _others_grow(point, own, one)
-    return LimitCycle(one.hz, stable, tuple(wanted), tuple(shown), float(third), -1 / float(one.gains[one.largest]))
-
-
-def _component(name: str, value: complex, unit: str = "") -> Component:
-    return Component(name, float(abs(value)), float(np.angle(value, deg=True)), unit)
-
-
-def _others_grow(point: OperatingPoint, own: list[Named], one: Balance) -> bool:
-    """Whether a mode other than the cycle itself grows in the loop with the gains N(A)."""
-    left, linear = list(one.gains), []
-    for c in own:
-        bent = not nonlinearity(c).gentle
-        linear.append(replace(c, equivalent=tuple(left.pop(0) for _ in c.outputs)) if bent else c)
-    values = joined(plant_of(point, linear), linear).eigenvalues()
-    upper = values[values.imag >= 0]
-    others = np.delete(upper, np.abs(upper - 2j * np.pi * one.hz).argmin())
-    return bool(others.real.max() > GROWING)
-
-
-# Harmonic balance: swings of one frequency that a loop with nonlinear outputs sustains.
-#
-# u = G(jw) N(|u|) u for what the outputs are asked for, u (outputs), complex. One output: G(jw) is real and positive,
-# and
-# N(A) = 1/G gives its amplitude. Several: with equal gains, a characteristic locus of G(jw) crosses the positive real
-# axis; from there Newton's method (MINPACK) finds the amplitude and phase of each.
-
-EXACT = 1e-8  # residual of a solution, relative to the largest amplitude
-SAME = 1e-4  # relative difference in frequency and amplitudes of one solution found twice
-NONE = 1e-9  # size of a characteristic value, relative to the largest entry of G, below which it is zero
-FAR = 20.0  # bound of the unknowns, logarithms and ratios
-CALLS = 300  # of the loop gain, in the search for one solution
-NUDGE = 1e-4  # relative change of the amplitude that shows whether the swing returns
-
-
-def sampled(loop: OpenedLoop, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies (Hz) between two, and G there (frequencies, outputs, outputs)."""
-    hz = grid(loop.poles, low, high)
-    return hz, np.array([loop(2j * np.pi * f)[0] for f in hz])
 
 
 def balances(loop: OpenedLoop, hz: np.ndarray, G: np.ndarray) -> list[Balance]:
@@ -333,12 +289,6 @@ def _crossings(hz: np.ndarray, G: np.ndarray) -> list[tuple[float, float, np.nda
     return found
 
 
-def gains(loop: OpenedLoop, u: np.ndarray) -> np.ndarray:
-    """N(|u|) of every output."""
-    size = np.maximum(np.abs(u), 1e-12 * np.abs(u).max())
-    return np.array([float(part.gain(A)) for part, A in zip(loop.parts, size, strict=True)])
-
-
 def _solved(loop: OpenedLoop, hz: float, u: np.ndarray) -> Balance | None:
     """Newton's method from a frequency and a swing; the largest output keeps its phase."""
     r = int(np.abs(u).argmax())
@@ -359,9 +309,40 @@ def _solved(loop: OpenedLoop, hz: float, u: np.ndarray) -> Balance | None:
     return None if x is None else Balance(hz * float(np.exp(x[0])), swing(x), gains(loop, swing(x)))
 
 
+def gains(loop: OpenedLoop, u: np.ndarray) -> np.ndarray:
+    """N(|u|) of every output."""
+    size = np.maximum(np.abs(u), 1e-12 * np.abs(u).max())
+    return np.array([float(part.gain(A)) for part, A in zip(loop.parts, size, strict=True)])
+
+
 def _same(a: Balance, b: Balance) -> bool:
     far = np.abs(np.abs(a.wanted) - np.abs(b.wanted)).max() / np.abs(a.wanted).max()
     return bool(abs(a.hz / b.hz - 1) < SAME and far < SAME)
+
+
+def _cycle(
+    point: OperatingPoint, own: list[Named], loop: OpenedLoop, one: Balance, signals: tuple[Signal, ...]
+) -> LimitCycle:
+    """The record of a harmonic balance."""
+    s = 2j * np.pi * one.hz
+    given = one.gains * one.wanted
+    y = loop(s)[1] @ given
+    hertz = 1e3 * point.case.frequency_hz
+    scale = [(hertz, "mHz") if k.kind in SPEEDS else (1.0, k.unit) for k in signals]
+    shown = [
+        _component(f"{k.kind}:{k.place}" if k.place is not None else k.kind, c * value, unit)
+        for k, value, (c, unit) in zip(signals, y, scale, strict=True)
+    ]
+    wanted = [_component(name, value) for name, value in zip(loop.names, one.wanted, strict=True)]
+    swing = zip(loop.parts, np.abs(one.wanted), one.gains, strict=True)
+    thirds = np.array([part.third(A) if gain else 0.0 for part, A, gain in swing])
+    third = np.abs(loop(3 * s)[0] @ (thirds * given)).max() / np.abs(one.wanted).max()
+    stable = returns(loop, one) and not _others_grow(point, own, one)
+    return LimitCycle(one.hz, stable, tuple(wanted), tuple(shown), float(third), -1 / float(one.gains[one.largest]))
+
+
+def _component(name: str, value: complex, unit: str = "") -> Component:
+    return Component(name, float(abs(value)), float(np.angle(value, deg=True)), unit)
 
 
 def returns(loop: OpenedLoop, one: Balance) -> bool:
@@ -391,6 +372,18 @@ def _zero(missing: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> np.
     """A zero near a start; None if none was found."""
     x, information, *_ = fsolve(missing, start, full_output=True, xtol=1e-12, maxfev=CALLS)
     return x if np.abs(information["fvec"]).max() < EXACT else None
+
+
+def _others_grow(point: OperatingPoint, own: list[Named], one: Balance) -> bool:
+    """Whether a mode other than the cycle itself grows in the loop with the gains N(A)."""
+    left, linear = list(one.gains), []
+    for c in own:
+        bent = not nonlinearity(c).gentle
+        linear.append(replace(c, equivalent=tuple(left.pop(0) for _ in c.outputs)) if bent else c)
+    values = joined(plant_of(point, linear), linear).eigenvalues()
+    upper = values[values.imag >= 0]
+    others = np.delete(upper, np.abs(upper - 2j * np.pi * one.hz).argmin())
+    return bool(others.real.max() > GROWING)
 
 
 def curves(found: Sequence[Balance], G: np.ndarray) -> list[tuple[int, np.ndarray]]:

@@ -1,6 +1,18 @@
 """Margins of a closed loop: delay and gain of all controllers together, and classical margins of its single loops.
 
-All of them together, by the eigenvalues of the closed loop, and each output alone, by its loop gain (`loop_margins`).
+Those of all controllers together follow from the eigenvalues of the closed loop. Those of a single loop, with one
+output opened and all others closed, follow from its loop gain L(jw), sign of negative feedback. The loop is unstable
+where (1 + L) turns to zero:
+
+    gain margins     k = 1 / |L| where L < 0: the smallest above 1 and the largest below
+    phase margin     smallest angle of -L where |L| = 1
+    delay margin     smallest angle of -L, from 0 to 360 deg, over w where |L| = 1; 0 if |L| >= 1 for w = inf
+    disk margin      smallest 2 |1 + L| / |1 - L|: gain and phase may change together inside a disk
+
+The disk margin a is the symmetric one, 1 / max |S - T| / 2: gains from (2 - a)/(2 + a) to (2 + a)/(2 - a) or phases up
+to 2 atan(a/2) leave the loop stable.
+
+Source: P. Seiler, A. Packard, P. Gahinet, An introduction to disk margins, IEEE Control Systems Magazine 40, 2020.
 """
 
 from collections.abc import Callable, Sequence
@@ -34,6 +46,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+# all controllers together
 LATEST = 2.0  # s   largest delay that is tried
 GAINS = (1e-3, 1e3)  # smallest and largest factor of the gains that is tried
 STEPS = 2e-4, 0.02  # s   smallest and largest step of the delays that are tried
@@ -43,6 +56,15 @@ POINTS = 1500  # frequencies between which an eigenvalue of magnitude 1 is looke
 HALVINGS = 50  # of the distance between two of them
 TURNS = 20  # of the eigenvalue by a delay, at most
 LATER = 1.0  # s   added to all delays while a loop is taken apart, so that no output is without
+
+# single loops
+BAND = (1e-3, 100.0)  # Hz   sampled loops: to half of the rate
+FASTEST = 1e4  # Hz
+LARGEST = 1e3  # largest factor of a gain that is reported, and its inverse the smallest
+REST, FAST = 1e-4, 1e9  # 1/s   real s at which L stands for that at rest, and at infinite frequency
+AROUND = np.tan(np.linspace(-1.2, 1.2, 7))  # points around each resonance, in widths
+TURN = 0.3  # rad   largest turn of L or 1 + L between two frequencies
+ROUNDS = 12  # of halving the intervals that turn more
 
 
 @dataclass(frozen=True)
@@ -259,12 +281,6 @@ def _delay(f: Characteristic, bound: float, good: Callable[[float], bool]) -> fl
     return high
 
 
-def _delays(w: float, turn: float) -> list[float]:
-    """The delays (s) after which an eigenvalue at the frequency w (rad/s), of this angle (rad), is 1."""
-    first = turn % (2 * np.pi) / w
-    return [T for k in range(TURNS) if 0 < (T := first + 2 * np.pi * k / w) <= LATEST]
-
-
 def _crossings(f: Characteristic, bound: float) -> list[tuple[float, float]]:
     """Frequencies (rad/s) at which an eigenvalue of E H(j w) has magnitude 1, and its angle (rad)."""
     near = np.abs(f.poles.imag)[:, None] + np.abs(f.poles.real)[:, None] * np.linspace(-3, 3, 7)
@@ -290,28 +306,13 @@ def _loci(f: Characteristic, w: np.ndarray) -> np.ndarray:
     return np.concatenate(found)
 
 
-# Classical margins of the single loops of a closed loop: one output opened, all others closed.
-#
-# With the loop gain L(jw), sign of negative feedback, the loop is unstable where (1 + L) turns to zero:
-#
-# gain margins     k = 1 / |L| where L < 0: the smallest above 1 and the largest below
-# phase margin     smallest angle of -L where |L| = 1
-# delay margin     smallest angle of -L, from 0 to 360 deg, over w where |L| = 1; 0 if |L| >= 1 for w = inf
-# disk margin      smallest 2 |1 + L| / |1 - L|: gain and phase may change together inside a disk
-#
-# The disk margin a is the symmetric one, 1 / max |S - T| / 2: gains from (2 - a)/(2 + a) to (2 + a)/(2 - a) or phases
-# up
-# to 2 atan(a/2) leave the loop stable.
-#
-# Source: P. Seiler, A. Packard, P. Gahinet, An introduction to disk margins, IEEE Control Systems Magazine 40, 2020.
+def _delays(w: float, turn: float) -> list[float]:
+    """The delays (s) after which an eigenvalue at the frequency w (rad/s), of this angle (rad), is 1."""
+    first = turn % (2 * np.pi) / w
+    return [T for k in range(TURNS) if 0 < (T := first + 2 * np.pi * k / w) <= LATEST]
 
-BAND = (1e-3, 100.0)  # Hz   sampled loops: to half of the rate
-FASTEST = 1e4  # Hz
-LARGEST = 1e3  # largest factor of a gain that is reported, and its inverse the smallest
-REST, FAST = 1e-4, 1e9  # 1/s   real s at which L stands for that at rest, and at infinite frequency
-AROUND = np.tan(np.linspace(-1.2, 1.2, 7))  # points around each resonance, in widths
-TURN = 0.3  # rad   largest turn of L or 1 + L between two frequencies
-ROUNDS = 12  # of halving the intervals that turn more
+
+# The single loops.
 
 
 class Loops(NamedTuple):

@@ -8,6 +8,16 @@ x' = A x + B y + L (v - u), v = N u the output given for the output u wanted:
 Sampled, z = exp(s T) takes the place of s in R; P is the pulse transfer function of the system with v held for a frame.
 A frame reads the voltages of the outputs before it: y = C x + D v / z. Delays are exact in both. Of linear outputs,
 N = 1 and L = 0.
+
+For the input A sin(wt), the describing function N(A) is the fundamental of the output over A. With the limiter of
+slope 1 and limit d,
+
+    S(d, A) = 2/pi (asin(d/A) + d/A sqrt(1 - (d/A)^2)) for A > d, 1 below,
+
+N = S(d + M, A) - S(d, A) for a deadband d with limits +-M, and N = 4 M/(pi A) sqrt(1 - (d/A)^2) for a relay with the
+levels -M, 0, M that switches at +-d.
+
+Source: A. Gelb, W. Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design, 1968, chapter 2.
 """
 
 from collections.abc import Sequence
@@ -97,6 +107,25 @@ def _limiter(d: float, A: np.ndarray) -> np.ndarray:
     return 2 / np.pi * (np.arcsin(r) + r * np.sqrt(1 - r**2))
 
 
+LINEAR = Nonlinearity(0.0, np.inf, relay=False)
+
+
+def nonlinearity(c: Named) -> Nonlinearity:
+    """What acts on the outputs of a controller. Raises `StudyError` if it has no describing function of one input."""
+    what, (low, high) = c.controller, c.limits
+    if what.ramp:
+        raise StudyError(
+            f"{what.name} has a ramp limit, for which there is no describing function here; simulate it, or set ramp "
+            "to 0."
+        )
+    if -low != high and not (np.isinf(low) and np.isinf(high)):
+        raise StudyError(
+            f"{what.name} has the limits {low:g} and {high:g}; limit cycles are found for limits that are equal in "
+            "both directions, such as 0.1."
+        )
+    return Nonlinearity(what.deadband, high, what.relay)
+
+
 class OpenedLoop:
     """G(s), from all that the opened outputs give to all that they receive, and to some signals.
 
@@ -171,6 +200,18 @@ class OpenedLoop:
         return G[np.ix_(a, a)] + G[np.ix_(a, ~a)] @ through, Y[:, a] + Y[:, ~a] @ through
 
 
+def _rate(opened: Sequence[Named], own: Sequence[Named]) -> int:
+    """Frames per second of the opened controllers; 0 if continuous. Raises `StudyError` if rates differ."""
+    rates = {c.controller.rate or 0 for c in opened} | {c.controller.rate for c in own if c.controller.rate}
+    if len(rates) > 1:
+        named = " and ".join("continuous" if not r else f"{r}/s" for r in sorted(rates))
+        raise StudyError(
+            f"Limit cycles are found for controllers of one rate, not for {named}; give all sampled controllers one "
+            "rate, and those with deadband, limits or relay all the same."
+        )
+    return rates.pop()
+
+
 class _Part:
     """One controller in the frequency domain."""
 
@@ -213,45 +254,3 @@ def alone(G: np.ndarray, gains: np.ndarray, r: int) -> np.ndarray:
     through = np.linalg.solve(inner, G[:, rest, r][:, :, None])[:, :, 0]
     found: np.ndarray = G[:, r, r] + np.einsum("ki,ki->k", G[:, r][:, rest] * N, through)
     return found
-
-
-def _rate(opened: Sequence[Named], own: Sequence[Named]) -> int:
-    """Frames per second of the opened controllers; 0 if continuous. Raises `StudyError` if rates differ."""
-    rates = {c.controller.rate or 0 for c in opened} | {c.controller.rate for c in own if c.controller.rate}
-    if len(rates) > 1:
-        named = " and ".join("continuous" if not r else f"{r}/s" for r in sorted(rates))
-        raise StudyError(
-            f"Limit cycles are found for controllers of one rate, not for {named}; give all sampled controllers one "
-            "rate, and those with deadband, limits or relay all the same."
-        )
-    return rates.pop()
-
-
-# Describing functions of what acts on the outputs of a controller: deadband, limits, relay.
-#
-# For the input A sin(wt), N(A) is the fundamental of the output over A. With the limiter of slope 1 and limit d,
-#
-# S(d, A) = 2/pi (asin(d/A) + d/A sqrt(1 - (d/A)^2)) for A > d, 1 below,
-#
-# they are N = S(d + M, A) - S(d, A) for a deadband d with limits +-M, and N = 4 M/(pi A) sqrt(1 - (d/A)^2) for a relay
-# with the levels -M, 0, M that switches at +-d.
-#
-# Source: A. Gelb, W. Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design, 1968, chapter 2.
-
-LINEAR = Nonlinearity(0.0, np.inf, relay=False)
-
-
-def nonlinearity(c: Named) -> Nonlinearity:
-    """What acts on the outputs of a controller. Raises `StudyError` if it has no describing function of one input."""
-    what, (low, high) = c.controller, c.limits
-    if what.ramp:
-        raise StudyError(
-            f"{what.name} has a ramp limit, for which there is no describing function here; simulate it, or set ramp "
-            "to 0."
-        )
-    if -low != high and not (np.isinf(low) and np.isinf(high)):
-        raise StudyError(
-            f"{what.name} has the limits {low:g} and {high:g}; limit cycles are found for limits that are equal in "
-            "both directions, such as 0.1."
-        )
-    return Nonlinearity(what.deadband, high, what.relay)
