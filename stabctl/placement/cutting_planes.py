@@ -38,10 +38,9 @@ MORE = 1.0, 1.001, 1.002, 1.005, 1.01, 1.02, 1.05, 1.1  # multiples tried when r
 SLACK = 1e3  # rho, relative to the largest cost of a cap
 NOTHING = 1e-6  # of a cap
 WHOLE = 1e-6  # of a module
-
-
-class Unsolved(Exception):
-    """The solver found no solution; the message says why."""
+DECIMALS = 2  # of a MW, as sizes are printed; more in systems of a few MW
+LARGE = 10.0  # MW   a cap from which two decimals are enough
+SMALL = 1e-6  # of the last decimal that is printed: rounding of the computer
 
 
 class Cut(NamedTuple):
@@ -60,6 +59,10 @@ class Plan(NamedTuple):
     cost: float  # without slack
     slack: float  # largest violation of a cut, relative to the largest contribution of one device
     status: str = "optimal"  # of the solver; "optimal_inaccurate" if it missed its own tolerances
+
+
+class Unsolved(Exception):
+    """The solver found no solution; the message says why."""
 
 
 class Master:
@@ -379,13 +382,6 @@ class CuttingPlanes:
         found = next((mw for mw in map(self.trials.fleet, fleets) if self.trials.all_survived(mw)), self.best)
         self.energy = up(energies(self.trials, found), digits + 2)
         self.take(found, self.energy)
-
-
-# Sizes as they are printed: rounded to two decimals of a MW, or more in systems of a few MW.
-
-DECIMALS = 2
-LARGE = 10.0  # MW   a cap from which two decimals are enough
-SMALL = 1e-6  # of the last decimal, that is rounding of the computer
 
 
 def decimals(cap: np.ndarray) -> int:
