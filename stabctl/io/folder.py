@@ -1,7 +1,11 @@
 """A case as a folder of CSV tables and `case.toml`: read, laid over another case, and written.
 
 Tables: buses, branches, machines, loads, links, storage, and one for each device model, keyed by machine (load models:
-by bus). A folder whose case.toml says `extends = "other"` holds only what differs (`overlay`).
+by bus).
+
+A folder whose case.toml says `extends = "other"` is an overlay: it changes rows and columns of another case. A row of
+buses, machines or a device table replaces the columns given in the row of the other case with the same key; any other
+table replaces the whole table.
 """
 
 import tomllib
@@ -12,7 +16,6 @@ from typing import Any
 
 from stabctl._util import files
 from stabctl.errors import CaseError, StudyError, shown
-from stabctl.model import tables
 from stabctl.model.case import Case, as_case
 from stabctl.model.checks import RowError
 from stabctl.model.naming import Key
@@ -25,11 +28,6 @@ PACKAGED = Path(__file__).parent.parent / "model" / "cases"
 ABOUT = {"name": str, "title": str, "source": str, "base_mva": float, "frequency_hz": float, "extends": str}
 NEEDED = "buses", "branches", "machines"  # tables that every folder has
 OVERLAID = {"buses": "bus", "machines": "machine"}  # tables of which an overlay gives single rows, and their keys
-
-
-def packaged() -> list[str]:
-    """Names of the cases that come with the package."""
-    return sorted(p.parent.name for p in PACKAGED.glob("*/case.toml"))
 
 
 def load(name: str | Path) -> Case:
@@ -45,7 +43,6 @@ def load(name: str | Path) -> Case:
     CaseError
         For the first error, with file, row, column, value and what is allowed.
     """
-
     folder = find(name)
     about = read_about(folder)
     tables = read_tables(folder, about)
@@ -75,6 +72,11 @@ def find(name: str | Path) -> Path:
     if not found:
         raise CaseError(f"There is no case {text!r}: give a folder, or one of {', '.join(packaged())}.")
     return Path(name)
+
+
+def packaged() -> list[str]:
+    """Names of the cases that come with the package."""
+    return sorted(p.parent.name for p in PACKAGED.glob("*/case.toml"))
 
 
 def read_about(folder: Path) -> Row:
@@ -161,12 +163,6 @@ def located(parts: dict[str, Any], tables: Mapping[str, Table], folder: Path, ba
         raise CaseError(f"{folder}/{error}") from None
 
 
-# Overlays: a folder whose case.toml says `extends = "other"` changes rows and columns of another case.
-#
-# A row of buses, machines or a device table replaces the columns given in the row of the other case with the same key;
-# any other table replaces the whole table.
-
-
 def load_overlay(folder: Path, about: Row, tables: dict[str, Table]) -> Case:
     """The other case with the changes of this folder. Raises `CaseError` with the location of the error."""
     base = _base(folder, about["extends"])
@@ -235,9 +231,6 @@ def _changed(
     return Table(table.rows, list(line_of.values()))
 
 
-# Writing a case to a folder.
-
-
 def write(case: Case, folder: str | Path) -> Path:
     """Write a case to a folder that `load` can read.
 
@@ -269,7 +262,7 @@ def write(case: Case, folder: str | Path) -> Path:
         if rows[name] or name in NEEDED:
             texts[f"{name}.csv"] = text_from(fields(record), rows[name])
     for name, devices in case.devices.items():
-        columns = tables.device_columns(name)
+        columns = device_columns(name)
         names = list(columns)[1:]
         texts[f"{name}.csv"] = text_from(
             columns, [[key, *(getattr(par, c) for c in names)] for key, par in devices.items()]
