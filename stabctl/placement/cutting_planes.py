@@ -8,6 +8,16 @@ without the trust region, and its plan, whose cost is the bound, is visited in t
 
 The energy that a MW needs depends on the whole fleet. A fleet is compared at its own energies, and the master program
 takes the MWh per MW of the best fleet, or where it has no device of the uniform fleet.
+
+The master program is
+
+    min  c's + f'z + rho 1'xi
+    s.t. D s >= b - xi,  0 <= s <= cap z,  |s - best| <= radius,  xi >= 0
+         0 <= z <= 1 (a linear program, Clarabel), or z of 0 and 1 with at most K of them (HiGHS, by SciPy)
+         s_i = module_i n_i, n_i a whole number, where sizes are multiples of a module (HiGHS, by SciPy)
+
+Internally a size is a share of its cap, and a cut is divided by the largest contribution of one device, so that the
+program is well scaled.
 """
 
 import warnings
