@@ -1,4 +1,7 @@
-"""Evidence: clearing times of a fleet and its variants, and how far it uses its converters."""
+"""Evidence: clearing times of a fleet and its variants, and how far the contingencies use its converters.
+
+Clearing times are critical by the criterion of `clearing_time`.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
