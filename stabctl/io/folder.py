@@ -1,7 +1,7 @@
 """A case as a folder of CSV tables and `case.toml`: read, laid over another case, and written.
 
-Tables: buses, branches, machines, loads, links, storage, and one for each device model, keyed by machine (load models:
-by bus).
+A table has its units in the header. Tables: buses, branches, machines, loads, links, storage, and one for each device
+model, keyed by machine (load models: by bus).
 
 A folder whose case.toml says `extends = "other"` is an overlay: it changes rows and columns of another case. A row of
 buses, machines or a device table replaces the columns given in the row of the other case with the same key; any other

@@ -1,7 +1,8 @@
 """Names and keys of rows: bus 7, machine 30/1, circuit 7-8#2, storage 14@33; `#2` is the second with the same name.
 
-A circuit may also be given by its identifier: `7-8 ckt 2`. Devices are keyed by machine number, load models by bus
-number: the first of a model at machine 2 has the key 2 (int), the second "2#2" (str).
+Machine 30/1 is the one with identifier 1 at bus 30; a bus may have a name. A circuit may also be given by its
+identifier: `7-8 ckt 2`. Devices are keyed by machine number, load models by bus number: the first of a model at machine
+2 has the key 2 (int), the second "2#2" (str).
 """
 
 import difflib

@@ -1,4 +1,7 @@
-"""Short-circuit power of every bus, and short-circuit ratios: how strong the grid is at each converter."""
+"""Short-circuit power of every bus, and short-circuit ratios: how strong the grid is at each converter.
+
+The faults are three-phase and bolted, at 1 pu, fed by the synchronous machines.
+"""
 
 from dataclasses import dataclass
 from html import escape

@@ -1,7 +1,8 @@
 """A DYR file: its records, their constants as parameters, and rows of the device tables.
 
-The constants of a record become parameters of a device by the `DYR` data of the device modules. A record of a load
-model applies to one load, to those of an owner, of a zone or of an area, or to all.
+A record is a bus, a kind of model, an ID and constants, up to a slash. The constants of a record become parameters of a
+device by the `DYR` data of the device modules. A record of a load model applies to one load, to those of an owner, of a
+zone or of an area, or to all.
 """
 
 import re

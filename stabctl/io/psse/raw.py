@@ -1,4 +1,7 @@
-"""A RAW file as records: its sections in the order of every version, and the fields of their records."""
+"""A RAW file as records: its sections in the order of every version, and the fields of their records.
+
+Sections are recognized by their order, and by the records `0` that end them.
+"""
 
 import re
 from collections.abc import Callable, Iterator, Mapping
