@@ -1,7 +1,11 @@
 """A case as a folder of CSV tables and `case.toml`: read, laid over another case, and written.
 
-Tables: buses, branches, machines, loads, links, storage, and one for each device model, keyed by machine (load models:
-by bus). A folder whose case.toml says `extends = "other"` holds only what differs (`overlay`).
+A table has its units in the header. Tables: buses, branches, machines, loads, links, storage, and one for each device
+model, keyed by machine (load models: by bus).
+
+A folder whose case.toml says `extends = "other"` is an overlay: it changes rows and columns of another case. A row of
+buses, machines or a device table replaces the columns given in the row of the other case with the same key; any other
+table replaces the whole table.
 """
 
 import tomllib
@@ -16,7 +20,7 @@ from stabctl.model import tables
 from stabctl.model.case import Case, as_case
 from stabctl.model.checks import RowError
 from stabctl.model.naming import Key
-from stabctl.model.tables import TABLES, device_columns, key_field, models, parameters
+from stabctl.model.tables import TABLES
 from stabctl.schema import fields
 
 from .table import Row, Table, read, text_from, text_of
@@ -25,11 +29,6 @@ PACKAGED = Path(__file__).parent.parent / "model" / "cases"
 ABOUT = {"name": str, "title": str, "source": str, "base_mva": float, "frequency_hz": float, "extends": str}
 NEEDED = "buses", "branches", "machines"  # tables that every folder has
 OVERLAID = {"buses": "bus", "machines": "machine"}  # tables of which an overlay gives single rows, and their keys
-
-
-def packaged() -> list[str]:
-    """Names of the cases that come with the package."""
-    return sorted(p.parent.name for p in PACKAGED.glob("*/case.toml"))
 
 
 def load(name: str | Path) -> Case:
@@ -45,22 +44,21 @@ def load(name: str | Path) -> Case:
     CaseError
         For the first error, with file, row, column, value and what is allowed.
     """
-
     folder = find(name)
     about = read_about(folder)
-    tables = read_tables(folder, about)
+    found = read_tables(folder, about)
     if "extends" in about:
-        return load_overlay(folder, about, tables)
+        return load_overlay(folder, about, found)
     for table in NEEDED:
-        if table not in tables:
+        if table not in found:
             raise CaseError(f"{folder / table}.csv: the table is missing; a case folder needs one.")
-    rows = {name: tuple(TABLES[name](**row) for row in tables[name].rows) for name in TABLES if name in tables}
+    rows = {name: tuple(TABLES[name](**row) for row in found[name].rows) for name in TABLES if name in found}
     devices = {
-        model: dict(zip(device_keys(folder, model, tables[model]), _parameters(model, tables[model].rows), strict=True))
-        for model in tables
+        model: dict(zip(device_keys(folder, model, found[model]), _parameters(model, found[model].rows), strict=True))
+        for model in found
         if model not in TABLES
     }
-    return located({"name": folder.name} | about | rows | {"devices": devices}, tables, folder)
+    return located({"name": folder.name} | about | rows | {"devices": devices}, found, folder)
 
 
 def find(name: str | Path) -> Path:
@@ -75,6 +73,11 @@ def find(name: str | Path) -> Path:
     if not found:
         raise CaseError(f"There is no case {text!r}: give a folder, or one of {', '.join(packaged())}.")
     return Path(name)
+
+
+def packaged() -> list[str]:
+    """Names of the cases that come with the package."""
+    return sorted(p.parent.name for p in PACKAGED.glob("*/case.toml"))
 
 
 def read_about(folder: Path) -> Row:
@@ -95,25 +98,25 @@ def read_about(folder: Path) -> Row:
 
 def read_tables(folder: Path, about: Row) -> dict[str, Table]:
     """Every table in the folder; of an overlay with the columns given."""
-    tables: dict[str, Table] = {}
+    found: dict[str, Table] = {}
     try:
         paths = sorted(path for path in folder.iterdir() if path.suffix == ".csv")
     except OSError as error:
         raise CaseError(f"{folder}: the folder cannot be read ({error.strerror}).") from None
     for path in paths:
-        name, known = path.stem, [*TABLES, *models()]
+        name, known = path.stem, [*TABLES, *tables.models()]
         if name not in known:
             raise CaseError(
                 f"{path}: there is no table {name!r}; the tables are {', '.join(known)}; register your own device with "
                 "st.register or --device."
             )
         device = name not in TABLES
-        columns = device_columns(name) if device else fields(TABLES[name])
+        columns = tables.device_columns(name) if device else fields(TABLES[name])
         key = next(iter(columns)) if device or name in OVERLAID else None
-        tables[name] = read(path, columns, partial=key if "extends" in about else None, device=device)
+        found[name] = read(path, columns, partial=key if "extends" in about else None, device=device)
         if device or name == "loads":
-            _refuse_copies(path, tables[name], device)
-    return tables
+            _refuse_copies(path, found[name], device)
+    return found
 
 
 def _refuse_copies(path: Path, table: Table, device: bool) -> None:
@@ -128,7 +131,7 @@ def _refuse_copies(path: Path, table: Table, device: bool) -> None:
 
 def device_keys(folder: Path, model: str, table: Table) -> list[Key]:
     """Keys of the rows of a device table; the second row for machine 2 has the key 2#2, which may be implicit."""
-    column = key_field(model).name
+    column = tables.key_field(model).name
     found: dict[Key, int] = {}
     for row, line in zip(table.rows, table.lines, strict=True):
         key, count = row[column], 1
@@ -143,16 +146,16 @@ def device_keys(folder: Path, model: str, table: Table) -> list[Key]:
 
 
 def _parameters(model: str, rows: Iterable[Row]) -> list[Any]:
-    column = key_field(model).name
-    return [parameters(model, **{k: v for k, v in row.items() if k != column}) for row in rows]
+    column = tables.key_field(model).name
+    return [tables.parameters(model, **{k: v for k, v in row.items() if k != column}) for row in rows]
 
 
-def located(parts: dict[str, Any], tables: Mapping[str, Table], folder: Path, base: Path | None = None) -> Case:
+def located(parts: dict[str, Any], found: Mapping[str, Table], folder: Path, base: Path | None = None) -> Case:
     """The case; an error in it is reported with file and line (line 0 of a table: a row of the folder `base`)."""
     try:
         return Case(**parts)
     except RowError as error:
-        lines = tables[error.table].lines if error.table in tables else []
+        lines = found[error.table].lines if error.table in found else []
         own = error.row < len(lines) and lines[error.row] > 0
         path = (folder if own or base is None else base) / f"{error.table}.csv"
         sentence = error.located(path, lambda row: (lines[row] if row < len(lines) else 0) or row + 2)
@@ -161,13 +164,7 @@ def located(parts: dict[str, Any], tables: Mapping[str, Table], folder: Path, ba
         raise CaseError(f"{folder}/{error}") from None
 
 
-# Overlays: a folder whose case.toml says `extends = "other"` changes rows and columns of another case.
-#
-# A row of buses, machines or a device table replaces the columns given in the row of the other case with the same key;
-# any other table replaces the whole table.
-
-
-def load_overlay(folder: Path, about: Row, tables: dict[str, Table]) -> Case:
+def load_overlay(folder: Path, about: Row, found: dict[str, Table]) -> Case:
     """The other case with the changes of this folder. Raises `CaseError` with the location of the error."""
     base = _base(folder, about["extends"])
     case = load(base)
@@ -175,7 +172,7 @@ def load_overlay(folder: Path, about: Row, tables: dict[str, Table]) -> Case:
     parts |= {name: getattr(case, name) for name in TABLES}
     devices = {model: dict(rows) for model, rows in case.devices.items()}
     lines: dict[str, Table] = {}
-    for name, table in tables.items():
+    for name, table in found.items():
         if name in TABLES and name not in OVERLAID:
             parts[name], lines[name] = tuple(TABLES[name](**row) for row in table.rows), table
         elif name in TABLES:
@@ -185,7 +182,7 @@ def load_overlay(folder: Path, about: Row, tables: dict[str, Table]) -> Case:
         else:
             known = devices.setdefault(name, {})
             keys = device_keys(folder, name, table)
-            lines[name] = _changed(folder, name, key_field(name).name, table, known, keys, case)
+            lines[name] = _changed(folder, name, tables.key_field(name).name, table, known, keys, case)
     given = {key: value for key, value in about.items() if key != "extends"}
     return located(parts | {"devices": devices, "name": folder.name} | given, lines, folder, base)
 
@@ -233,9 +230,6 @@ def _changed(
         known[key] = known[key]._replace(**{k: v for k, v in row.items() if k != column})
         line_of[key] = line
     return Table(table.rows, list(line_of.values()))
-
-
-# Writing a case to a folder.
 
 
 def write(case: Case, folder: str | Path) -> Path:

@@ -17,97 +17,9 @@ from stabctl.simulation.criterion import Criterion
 from .psse import Import
 from .psse.dyr import OF_LOADS, LoadScopes, Record, kinds
 
-DRIFT_S = 2.0
+DRIFT_S = 2.0  # s   simulated without a fault
 KEEP_ON = Criterion(max_angle=np.inf, low_voltage_s=0.0, frequency_delay_s=0.0)
-
-
-class Stored(NamedTuple):
-    """The network at the voltages stored in its file, and its power flow compared with them.
-
-    Attributes
-    ----------
-    mw, mvar : float
-        Largest mismatch of active and of reactive power of a bus at the stored voltages.
-    bus : int
-        Bus with the largest mismatch of active power.
-    """
-
-    mw: float
-    mvar: float
-    bus: int
-
-
-class FlowDifference(NamedTuple):
-    """Largest difference of the power flow from the stored voltages: magnitude (pu), and angle (degrees)."""
-
-    dv: float
-    dangle: float
-
-
-class InitialState(NamedTuple):
-    """The initial state of the dynamic models at the power flow.
-
-    Attributes
-    ----------
-    rate : float, 1/s
-        Largest derivative of a state, limits enforced.
-    state : str
-        That state.
-    violations : tuple of Violation
-        The limits that the start exceeds.
-    drift : float, pu
-        Largest change of a voltage or a speed in 2 s without a fault.
-    """
-
-    rate: float
-    state: str
-    violations: tuple[Violation, ...]
-    drift: float
-
-
-def mismatch(case: Case) -> Stored:
-    """The power mismatch of every bus at the voltages in the bus table; returns the largest."""
-    net = network.build(case)
-    V = np.array([b.v for b in case.buses]) * np.exp(1j * np.deg2rad([b.angle for b in case.buses]))
-    S = V * (network.admittance(net) @ V).conj() + powerflow.demand(case)
-    np.add.at(S, net.machine_bus, -np.array([complex(m.p, m.q) for m in case.machines]) / case.base_mva)
-    worst = int(np.abs(S.real).argmax())
-    mw, mvar = np.abs(S.real).max() * case.base_mva, np.abs(S.imag).max() * case.base_mva
-    return Stored(float(mw), float(mvar), case.buses[worst].bus)
-
-
-def flow_difference(case: Case) -> FlowDifference:
-    """The power flow compared with the voltages in the bus table. Raises `PowerFlowError`."""
-    V = powerflow.solve(case).V
-    stored = np.exp(1j * np.deg2rad([b.angle for b in case.buses]))
-    dv = np.abs(np.abs(V) - [b.v for b in case.buses]).max()
-    return FlowDifference(float(dv), float(np.rad2deg(np.abs(np.angle(V / stored)).max())))
-
-
-def initial_state(case: Case) -> InitialState:
-    """The start of a case and what it does without a fault. Raises `PowerFlowError`, `EquilibriumError`."""
-    point = operating_point.unlimited(case)
-    found = tuple(violations.find(case, point.system, point.equations, point.s))
-    s = violations.within(point.system, point.s)
-    rates = np.abs(point.equations.entries(s.copy())[1][: point.layout.nx])
-    worst = int(rates.argmax()) if len(rates) else -1
-    state = point.layout.states[worst].label if len(rates) else ""
-    point = replace(point, s=s) if found else point
-    return InitialState(float(rates.max(initial=0.0)), state, found, _drift(point))
-
-
-def _drift(point: operating_point.OperatingPoint) -> float:
-    """Largest change of a voltage or a speed (pu) without a fault; infinite if the run ends before."""
-    run = simulation.run(point, None, DRIFT_S, criterion=KEEP_ON)
-    if run.time[-1] < DRIFT_S - 1e-6:
-        return np.inf
-    changes = (np.abs(x - x[0]).max(initial=0.0) for x in (np.abs(run.arrays.V), run.arrays.speed))
-    return float(max(changes))
-
-
-# Records of a DYR file by kind.
-
-NO_ROLE = "not modeled"
+NO_ROLE = "not modeled"  # of a kind of records
 
 
 class Kind(NamedTuple):
@@ -164,3 +76,87 @@ class _Ratings:
         if where in self._machines and role != "load" and not (role == NO_ROLE and record.kind.endswith(OF_LOADS)):
             return self._machines[where]
         return sum(self._loads.get(one, 0.0) for one in self._scopes.named(record))
+
+
+class Stored(NamedTuple):
+    """The network at the voltages stored in its file, and its power flow compared with them.
+
+    Attributes
+    ----------
+    mw, mvar : float
+        Largest mismatch of active and of reactive power of a bus at the stored voltages.
+    bus : int
+        Bus with the largest mismatch of active power.
+    """
+
+    mw: float
+    mvar: float
+    bus: int
+
+
+def mismatch(case: Case) -> Stored:
+    """The power mismatch of every bus at the voltages in the bus table; returns the largest."""
+    net = network.build(case)
+    V = np.array([b.v for b in case.buses]) * np.exp(1j * np.deg2rad([b.angle for b in case.buses]))
+    S = V * (network.admittance(net) @ V).conj() + powerflow.demand(case)
+    np.add.at(S, net.machine_bus, -np.array([complex(m.p, m.q) for m in case.machines]) / case.base_mva)
+    worst = int(np.abs(S.real).argmax())
+    mw, mvar = np.abs(S.real).max() * case.base_mva, np.abs(S.imag).max() * case.base_mva
+    return Stored(float(mw), float(mvar), case.buses[worst].bus)
+
+
+class FlowDifference(NamedTuple):
+    """Largest difference of the power flow from the stored voltages: magnitude (pu), and angle (degrees)."""
+
+    dv: float
+    dangle: float
+
+
+def flow_difference(case: Case) -> FlowDifference:
+    """The power flow compared with the voltages in the bus table. Raises `PowerFlowError`."""
+    V = powerflow.solve(case).V
+    stored = np.exp(1j * np.deg2rad([b.angle for b in case.buses]))
+    dv = np.abs(np.abs(V) - [b.v for b in case.buses]).max()
+    return FlowDifference(float(dv), float(np.rad2deg(np.abs(np.angle(V / stored)).max())))
+
+
+class InitialState(NamedTuple):
+    """The initial state of the dynamic models at the power flow.
+
+    Attributes
+    ----------
+    rate : float, 1/s
+        Largest derivative of a state, limits enforced.
+    state : str
+        That state.
+    violations : tuple of Violation
+        The limits that the start exceeds.
+    drift : float, pu
+        Largest change of a voltage or a speed in 2 s without a fault.
+    """
+
+    rate: float
+    state: str
+    violations: tuple[Violation, ...]
+    drift: float
+
+
+def initial_state(case: Case) -> InitialState:
+    """The start of a case and what it does without a fault. Raises `PowerFlowError`, `EquilibriumError`."""
+    point = operating_point.unlimited(case)
+    found = tuple(violations.find(case, point.system, point.equations, point.s))
+    s = violations.within(point.system, point.s)
+    rates = np.abs(point.equations.entries(s.copy())[1][: point.layout.nx])
+    worst = int(rates.argmax()) if len(rates) else -1
+    state = point.layout.states[worst].label if len(rates) else ""
+    point = replace(point, s=s) if found else point
+    return InitialState(float(rates.max(initial=0.0)), state, found, _drift(point))
+
+
+def _drift(point: operating_point.OperatingPoint) -> float:
+    """Largest change of a voltage or a speed (pu) without a fault; infinite if the run ends before."""
+    run = simulation.run(point, None, DRIFT_S, criterion=KEEP_ON)
+    if run.time[-1] < DRIFT_S - 1e-6:
+        return np.inf
+    changes = (np.abs(x - x[0]).max(initial=0.0) for x in (np.abs(run.arrays.V), run.arrays.speed))
+    return float(max(changes))

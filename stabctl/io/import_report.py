@@ -1,4 +1,4 @@
-"""The import report of a PSS/E or MATPOWER system, as a record and as text."""
+"""The import report of a PSS/E or MATPOWER system, as a record and as text to be pasted into a study."""
 
 import textwrap
 from collections import defaultdict
@@ -26,8 +26,9 @@ if TYPE_CHECKING:
     from stabctl.model.loads import Loads
 
 __all__ = ["ImportReport", "InitialState", "Kind", "Stored", "import_report"]
-
-
+HEAD = "kind", "role", "records", "supported", "MVA"  # of the table of kinds
+LONGEST = 100  # characters of a line
+WIDTH = 44  # characters of the first column of the checks
 _T = TypeVar("_T")
 
 
@@ -186,25 +187,18 @@ def _checked(report: ImportReport) -> ImportReport:
     return replace(report, stored=import_checks.mismatch(network), flow=flow, start=start, failures=tuple(failures))
 
 
-# An import report as text: tables and sentences to be pasted into a study.
-
-HEAD = "kind", "role", "records", "supported", "MVA"
-LONGEST = 100  # characters of a line
-WIDTH = 44  # characters of the first column of the checks
-
-
 def machine(case: Case, v: Violation) -> int | str | None:
     """What the machine of a limit is called; None for a device at a bus."""
     return case.machines[v.unit].called if v.unit >= 0 else None
 
 
-def page(report: "ImportReport") -> str:
+def page(report: ImportReport) -> str:
     """The report."""
     parts = [_head(report), _kinds(report), _complete(report), _unsupported(report), _corrections(report)]
     return "\n\n".join("\n".join(lines) for part in (*parts, _checks(report)) if (lines := list(part)))
 
 
-def _head(report: "ImportReport") -> Iterator[str]:
+def _head(report: ImportReport) -> Iterator[str]:
     case = report.case
     sizes = {"bus": case.buses, "branch": case.branches, "machine": case.machines, "load": case.loads}
     parts = ", ".join(counted(len(rows), noun) for noun, rows in sizes.items())
@@ -214,19 +208,27 @@ def _head(report: "ImportReport") -> Iterator[str]:
         yield case.title
 
 
-def _kinds(report: "ImportReport") -> Iterator[str]:
+def _kinds(report: ImportReport) -> Iterator[str]:
     if report.kinds:
         mva = [f"{k.mva:.0f}" if k.mva else "" for k in report.kinds]
         rows = [(k.kind, k.role, str(k.records), str(k.supported), m) for k, m in zip(report.kinds, mva, strict=True)]
         yield from table(HEAD, rows, left=2)
 
 
-def _complete(report: "ImportReport") -> Iterator[str]:
+def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int) -> Iterator[str]:
+    """Rows of cells in columns; the first `left` of them are aligned to the left."""
+    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
+    for row in (head, *rows):
+        cells = [f"{c:<{w}}" if i < left else f"{c:>{w}}" for i, (c, w) in enumerate(zip(row, widths, strict=True))]
+        yield "  ".join(cells).rstrip()
+
+
+def _complete(report: ImportReport) -> Iterator[str]:
     if report.kinds:
         yield f"{report.supported} of {counted(report.records, 'record')} supported."
     if len(report.files) == 1:
-        psse = report.files[0].suffix.lower() == ".raw"
-        yield f"There are no dynamic models, only power-flow data{': no DYR file was given or found' if psse else ''}."
+        missed = ": no DYR file was given or found" if report.files[0].suffix.lower() == ".raw" else ""
+        yield f"There are no dynamic models, only power-flow data{missed}."
     if report.complete:
         yield "The import is complete: all data of the files are represented."
     else:
@@ -236,7 +238,7 @@ def _complete(report: "ImportReport") -> Iterator[str]:
         yield "of controls without a model are constant."
 
 
-def _unsupported(report: "ImportReport") -> Iterator[str]:
+def _unsupported(report: ImportReport) -> Iterator[str]:
     alike: dict[tuple[str, str, Path], list[Unsupported]] = defaultdict(list)
     for u in report.unsupported:
         alike[u.kind, u.reason, u.place.path].append(u)
@@ -249,7 +251,7 @@ def _unsupported(report: "ImportReport") -> Iterator[str]:
         yield from _wrapped(f"{kind}: {reason} ({where}{f'; {owners}' if owners else ''})")
 
 
-def _corrections(report: "ImportReport") -> Iterator[str]:
+def _corrections(report: ImportReport) -> Iterator[str]:
     if report.corrections:
         yield "Corrections"
     for sentence in report.corrections:
@@ -262,7 +264,7 @@ def _wrapped(sentence: str) -> list[str]:
     return textwrap.wrap(sentence, LONGEST, initial_indent="  ", subsequent_indent="    ", break_long_words=False)
 
 
-def _checks(report: "ImportReport") -> Iterator[str]:
+def _checks(report: ImportReport) -> Iterator[str]:
     stored, flow, start = report.stored, report.flow, report.start
     if stored:
         value = f"{_number(stored.mw)} MW (bus {stored.bus}), {_number(stored.mvar)} Mvar"
@@ -294,11 +296,3 @@ def _row(what: str, value: str) -> str:
 def _number(value: float) -> str:
     """Two digits."""
     return "below 1e-9" if abs(value) < 1e-9 else f"{value:.2g}" if abs(value) < 10 else f"{value:.0f}"
-
-
-def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int) -> Iterator[str]:
-    """Rows of cells in columns; the first `left` of them are aligned to the left."""
-    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-    for row in (head, *rows):
-        cells = [f"{c:<{w}}" if i < left else f"{c:>{w}}" for i, (c, w) in enumerate(zip(row, widths, strict=True))]
-        yield "  ".join(cells).rstrip()

@@ -1,4 +1,7 @@
-"""Fields of a line of a PSS/E file: separated by commas or blanks, quoted if they hold either, up to a slash."""
+"""Lines of a text file with their places, and the fields of a line of a PSS/E file.
+
+Fields are separated by commas or blanks, quoted if they hold either, up to a slash.
+"""
 
 import re
 from pathlib import Path

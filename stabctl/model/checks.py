@@ -1,4 +1,8 @@
-"""Checks of the tables of a case: the first error is raised with its location."""
+"""Checks of the tables of a case: the first error is raised with its location.
+
+First come the values of every row, then the tables together: each row of a device table, for example, belongs to a
+machine or a bus, and is compatible with the other devices there.
+"""
 
 import math
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
@@ -17,7 +21,7 @@ from stabctl.schema import fields
 from . import naming, tables
 from .tables import Storage, Tables
 
-# An error in a case and where it is.
+LEAST_IMPEDANCE = 1e-9  # pu on 100 MVA
 
 
 class RowError(CaseError):
@@ -48,9 +52,6 @@ class RowError(CaseError):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return RowError, (self.table, self.row, self.column, self.text, self.first)
-
-
-LEAST_IMPEDANCE = 1e-9  # pu on 100 MVA
 
 
 def values(table: str, record: type, rows: Sequence[Any]) -> tuple[Any, ...]:
@@ -96,51 +97,6 @@ def check(case: Tables) -> Iterator[str]:
     yield from check_devices(case)
     storage(case)
     _connected(case)
-
-
-def storage(case: Tables) -> None:
-    """Raise the first storage device that repeats another, whose bus or machine does not exist, or with too few MVA."""
-    buses, machines = {b.bus for b in case.buses}, {m.machine for m in case.machines}
-    first: dict[Storage, int] = {}
-    for i, s in enumerate(case.storage):
-        if first.setdefault(s, i) != i:
-            text = f"the device of machine {s.machine} at bus {s.bus} is given twice ({{rows}}); remove one of them."
-            raise RowError("storage", i, "machine", text, first[s])
-        if s.bus not in buses:
-            raise RowError("storage", i, "bus", f"there is no bus {s.bus} in buses.csv.")
-        if s.machine not in machines:
-            raise RowError("storage", i, "machine", f"there is no machine {s.machine} in machines.csv.")
-        if 0 < s.mva < s.rating:
-            raise RowError("storage", i, "mva", f"{s.mva:g} MVA is less than its rating of {s.rating:g} MW; raise it.")
-        _converter(i, s)
-
-
-def _converter(i: int, s: Storage) -> None:
-    """Raise the first wrong parameter of a converter of storage, or what an ideal device or a converter has not."""
-    if s.storage_model == "ideal":
-        if s.converter:
-            text = f"{shown(s.converter)} applies only to devices behind a converter; set storage_model to regc."
-            raise RowError("storage", i, "converter", text)
-        return
-    if s.characteristic != "power":
-        text = (
-            f"{s.characteristic} applies only to ideal devices; a converter ({s.storage_model}) "
-            "keeps its power constant."
-        )
-        raise RowError("storage", i, "characteristic", text)
-    wrong = _setting(s.storage_model, s.converter)
-    if wrong:
-        raise RowError("storage", i, "converter", wrong)
-
-
-@cache
-def _setting(model: str, text: str) -> str:
-    """What is wrong with the parameters of a converter, as a sentence; empty if nothing is."""
-    try:
-        joined.parameters(devices.every()[TABLES[model]].kit, text)
-    except StudyError as error:
-        return str(error)
-    return ""
 
 
 def _about(case: Tables) -> None:
@@ -223,29 +179,6 @@ def _loads(case: Tables) -> None:
                 raise RowError("loads", i, f"{part}_current", text)
 
 
-def _connected(case: Tables) -> None:
-    """Check that there is one swing bus in every island of the network."""
-    from . import network
-
-    island = network.islands(network.build(case)).tolist()
-    swing: dict[int, int] = {}
-    for i, b in enumerate(case.buses):
-        if b.kind != "swing":
-            continue
-        if island[i] in swing:
-            first = swing[island[i]]
-            text = f"buses {case.buses[first].bus} and {b.bus} are both swing buses ({{rows}}); keep exactly one."
-            raise RowError("buses", i, "kind", text, first)
-        swing[island[i]] = i
-    for i, b in enumerate(case.buses):
-        if island[i] not in swing:
-            text = f"bus {b.bus} is not connected to the swing bus; add a branch or remove the bus."
-            raise RowError("buses", i, "bus", text)
-
-
-# Checks of the device tables: each row belongs to a machine or bus, and is compatible with the other devices there.
-
-
 def check_devices(case: Tables) -> Iterator[str]:
     """Raise the first error in the device tables; yield a warning for every unusual parameter."""
     _owners(case)
@@ -262,7 +195,7 @@ def _owners(case: Tables) -> None:
     machines, buses = {m.machine for m in case.machines}, {b.bus for b in case.buses}
     loads = set(naming.keys(case, "loads"))
     for model, rows in case.devices.items():
-        column = tables.key_field(model).name
+        column = key_column(model)
         for i, key in enumerate(rows):
             if not (isinstance(key, int) and not isinstance(key, bool)) and not naming.REPEATED.fullmatch(str(key)):
                 text = f"{key!r} is not allowed; it must be a {column} number, or 2#2 for the second device at 2."
@@ -295,11 +228,6 @@ def _one_of_a_kind(case: Tables) -> None:
                 raise RowError(model, i, place, text, row)
             text = f"{place} {owner} has two {noun}, in {other}.csv and {model}.csv; keep one."
             raise RowError(model, i, place, text)
-
-
-def key_column(model: str) -> str:
-    """Name of the column that keys a model's table."""
-    return tables.key_field(model).name
 
 
 def _every_unit_has_a_model(case: Tables) -> None:
@@ -351,3 +279,73 @@ def _parameters(model: str, i: int, key: naming.Key, par: Any) -> Iterator[str]:
         raise RowError(model, i, of[name].column, f"{name} = {getattr(par, name):g} of {owner} {text}.")
     for name, text in getattr(par, "warnings", tuple)():
         yield f"{model}.csv, {owner}: {name} = {getattr(par, name):g} {text}."
+
+
+def key_column(model: str) -> str:
+    """Name of the column that keys a model's table."""
+    return tables.key_field(model).name
+
+
+def storage(case: Tables) -> None:
+    """Raise the first storage device that repeats another, whose bus or machine does not exist, or with too few MVA."""
+    buses, machines = {b.bus for b in case.buses}, {m.machine for m in case.machines}
+    first: dict[Storage, int] = {}
+    for i, s in enumerate(case.storage):
+        if first.setdefault(s, i) != i:
+            text = f"the device of machine {s.machine} at bus {s.bus} is given twice ({{rows}}); remove one of them."
+            raise RowError("storage", i, "machine", text, first[s])
+        if s.bus not in buses:
+            raise RowError("storage", i, "bus", f"there is no bus {s.bus} in buses.csv.")
+        if s.machine not in machines:
+            raise RowError("storage", i, "machine", f"there is no machine {s.machine} in machines.csv.")
+        if 0 < s.mva < s.rating:
+            raise RowError("storage", i, "mva", f"{s.mva:g} MVA is less than its rating of {s.rating:g} MW; raise it.")
+        _converter(i, s)
+
+
+def _converter(i: int, s: Storage) -> None:
+    """Raise the first wrong parameter of a converter of storage, or what an ideal device or a converter has not."""
+    if s.storage_model == "ideal":
+        if s.converter:
+            text = f"{shown(s.converter)} applies only to devices behind a converter; set storage_model to regc."
+            raise RowError("storage", i, "converter", text)
+        return
+    if s.characteristic != "power":
+        text = (
+            f"{s.characteristic} applies only to ideal devices; a converter ({s.storage_model}) "
+            "keeps its power constant."
+        )
+        raise RowError("storage", i, "characteristic", text)
+    wrong = _setting(s.storage_model, s.converter)
+    if wrong:
+        raise RowError("storage", i, "converter", wrong)
+
+
+@cache
+def _setting(model: str, text: str) -> str:
+    """What is wrong with the parameters of a converter, as a sentence; empty if nothing is."""
+    try:
+        joined.parameters(devices.every()[TABLES[model]].kit, text)
+    except StudyError as error:
+        return str(error)
+    return ""
+
+
+def _connected(case: Tables) -> None:
+    """Check that there is one swing bus in every island of the network."""
+    from . import network
+
+    island = network.islands(network.build(case)).tolist()
+    swing: dict[int, int] = {}
+    for i, b in enumerate(case.buses):
+        if b.kind != "swing":
+            continue
+        if island[i] in swing:
+            first = swing[island[i]]
+            text = f"buses {case.buses[first].bus} and {b.bus} are both swing buses ({{rows}}); keep exactly one."
+            raise RowError("buses", i, "kind", text, first)
+        swing[island[i]] = i
+    for i, b in enumerate(case.buses):
+        if island[i] not in swing:
+            text = f"bus {b.bus} is not connected to the swing bus; add a branch or remove the bus."
+            raise RowError("buses", i, "bus", text)

@@ -1,4 +1,7 @@
-"""Edited cases: values by their path, devices added or removed, loads added, machines out of service."""
+"""Edited cases: values by their path, devices added or removed, loads added, machines out of service.
+
+Paths to values are `pss.1.K`, `machines.2.p`, `branches.7-8#2.x`, `frequency_hz`.
+"""
 
 import difflib
 from collections.abc import Iterable, Mapping
@@ -13,64 +16,7 @@ from . import fleet, naming, tables
 from .case import Case
 from .tables import TABLES, Load
 
-# Paths to the values of a case: `pss.1.K`, `machines.2.p`, `branches.7-8#2.x`, `frequency_hz`.
-
-ABOUT = {"name": "-", "title": "-", "source": "-", "base_mva": "MVA", "frequency_hz": "Hz"}  # entry -> unit
-
-
-def resolve(case: Case, path: object) -> tuple[str, str, Field]:
-    """Table, key and column of a path; a key (the name of a link) may hold dots, a column be a name or a header.
-
-    Raises `StudyError` for a table or column that the case does not have, or if it is not a path.
-    """
-    table, _, rest = path.partition(".") if isinstance(path, str) else ("", "", "")
-    key, _, column = (part.strip() for part in rest.rpartition("."))
-    if not (table and key and column):
-        raise not_a_path(path)
-    table = naming.known_table(case, table.strip())
-    known = fields(TABLES[table] if table in TABLES else tables.models()[table].Par)
-    for f in known.values():
-        if column in (f.name, f.column):
-            return table, key, f
-    raise StudyError(f"{table} has no column {column!r}; {_near(column, known)}")
-
-
-def _near(column: str, known: Mapping[str, Field]) -> str:
-    """End of a sentence: the columns written like this or with it in their meaning, else all."""
-    like = difflib.get_close_matches(column, list(known), 3, 0.6)
-    like += [name for name, f in known.items() if column.lower() in f.meaning.lower() and name not in like]
-    return f"did you mean {' or '.join(like)}?" if like else f"it has {', '.join(known)}."
-
-
-def not_a_path(path: object) -> StudyError:
-    """The error for text that is not a path."""
-    known = ", ".join(ABOUT)
-    return StudyError(
-        f"{shown(path)} is not a value of a case; write table.key.column, such as pss.1.K, or one of {known}."
-    )
-
-
-def about(name: str, given: Any) -> Any:
-    """A value of an entry of case.toml, text with a unit as a number."""
-    return _read(name, given, ABOUT[name]) if isinstance(given, str) and ABOUT[name] != "-" else given
-
-
-def value_at(case: Case, path: str, f: Field, given: Any, row: Any = None) -> Any:
-    """A value in the unit of its column; anything but a number is kept, to be rejected later with its location."""
-    if not isinstance(given, str) or f.kind is str:
-        return given
-    if f.kind is int:
-        return int(given) if given.strip().isascii() and given.strip().isdigit() and len(given) < 19 else given
-    if f.unit == "MW" and "%" in given and hasattr(row, "machine"):
-        return fleet.megawatts(case, case.machine(row.machine), given)
-    return _read(path, given, f.unit)
-
-
-def _read(path: str, text: str, unit: str) -> float:
-    try:
-        return quantity(text, unit)
-    except StudyError as error:
-        raise StudyError(f"{path}: {error}") from None
+ABOUT = {"name": "-", "title": "-", "source": "-", "base_mva": "MVA", "frequency_hz": "Hz"}  # of case.toml -> unit
 
 
 def set_value(case: Case, path: str | Mapping[str, Any], value: Any = None) -> Case:
@@ -120,6 +66,174 @@ def set_value(case: Case, path: str | Mapping[str, Any], value: Any = None) -> C
     except CaseError as error:
         given = [f"{where} = {new if isinstance(new, str) else shown(new)}" for where, new in values.items()]
         raise CaseError(f"{case.name} cannot have {', '.join(given)}: {error}") from None
+
+
+def not_a_path(path: object) -> StudyError:
+    """The error for text that is not a path."""
+    known = ", ".join(ABOUT)
+    return StudyError(
+        f"{shown(path)} is not a value of a case; write table.key.column, such as pss.1.K, or one of {known}."
+    )
+
+
+def about(name: str, given: Any) -> Any:
+    """A value of an entry of case.toml, text with a unit as a number."""
+    return _read(name, given, ABOUT[name]) if isinstance(given, str) and ABOUT[name] != "-" else given
+
+
+def resolve(case: Case, path: object) -> tuple[str, str, Field]:
+    """Table, key and column of a path; a key (the name of a link) may hold dots, a column be a name or a header.
+
+    Raises `StudyError` for a table or column that the case does not have, or if it is not a path.
+    """
+    table, _, rest = path.partition(".") if isinstance(path, str) else ("", "", "")
+    key, _, column = (part.strip() for part in rest.rpartition("."))
+    if not (table and key and column):
+        raise not_a_path(path)
+    table = naming.known_table(case, table.strip())
+    known = fields(TABLES[table] if table in TABLES else tables.models()[table].Par)
+    for f in known.values():
+        if column in (f.name, f.column):
+            return table, key, f
+    raise StudyError(f"{table} has no column {column!r}; {_near(column, known)}")
+
+
+def _near(column: str, known: Mapping[str, Field]) -> str:
+    """End of a sentence: the columns written like this or with it in their meaning, else all."""
+    like = difflib.get_close_matches(column, list(known), 3, 0.6)
+    like += [name for name, f in known.items() if column.lower() in f.meaning.lower() and name not in like]
+    return f"did you mean {' or '.join(like)}?" if like else f"it has {', '.join(known)}."
+
+
+def value_at(case: Case, path: str, f: Field, given: Any, row: Any = None) -> Any:
+    """A value in the unit of its column; anything but a number is kept, to be rejected later with its location."""
+    if not isinstance(given, str) or f.kind is str:
+        return given
+    if f.kind is int:
+        return int(given) if given.strip().isascii() and given.strip().isdigit() and len(given) < 19 else given
+    if f.unit == "MW" and "%" in given and hasattr(row, "machine"):
+        return fleet.megawatts(case, case.machine(row.machine), given)
+    return _read(path, given, f.unit)
+
+
+def _read(path: str, text: str, unit: str) -> float:
+    try:
+        return quantity(text, unit)
+    except StudyError as error:
+        raise StudyError(f"{path}: {error}") from None
+
+
+def with_device(case: Case, model: str, at: int | str | Iterable[int | str], **values: Any) -> Case:
+    """The case with a device added at a machine, or replaced.
+
+    A machine, converter, exciter or governor replaces the device with the same role; a stabilizer replaces only one of
+    the same model. A converter takes the place of a machine, and its exciter, governor and stabilizers go with it; a
+    machine takes the place of a converter with its controls.
+
+    Parameters
+    ----------
+    case : Case
+        The system.
+    model : str
+        Name of the model, as `stabctl models` lists them, or of a registered device: "pss", "exst3".
+    at : int, str or iterable
+        Machine number or, for load and shunt models, bus number, or "7#2" for the second load at bus 7; or several.
+    **values : float, int or str
+        Its parameters, in their units, or text with a unit: `K=20, Tw="10s"`. Those with a default may be left out.
+
+    Raises
+    ------
+    StudyError
+        If there is no such model or machine, or a parameter is missing or not known.
+    CaseError
+        If the case would not be valid with this device.
+
+    Examples
+    --------
+    >>> case.with_device("pss", 2, K=20, Tw="10s", T1=0.05, T2=0.02, T3=3.0, T4=5.4)
+    """
+    _known(model)
+    known, places = fields(tables.models()[model].Par), _places(case, model, at)
+    for name in values:
+        if name not in known:
+            raise StudyError(f"{model} has no parameter {name!r}; {naming.near(name, known)}")
+    missing = [name for name, f in known.items() if f.required and name not in values]
+    if missing:
+        raise StudyError(f"{model} needs {', '.join(missing)}; see stabctl models {model}.")
+    read = {name: value_at(case, f"{model}.{name}", known[name], given) for name, given in values.items()}
+    role = tables.role(model)
+    others: tuple[str, ...] = (model,)
+    if role in tables.UNIT_ROLES:
+        others = tuple(tables.of_role(*tables.UNIT_ROLES, *tables.LEFT_BY[role]))
+    elif role in (*tables.SINGLE_ROLES, "load"):
+        others = tuple(tables.of_role(role))
+    devices = _left(case, others, places)
+    rows = {**case.devices.get(model, {}), **dict.fromkeys(places, tables.parameters(model, **read))}
+    devices[model] = {key: par for key, par in rows.items() if key in places or key in devices.get(model, {})}
+    return _changed(case, devices, f"{model} at {', '.join(map(str, places))}")
+
+
+def without_device(case: Case, model: str, at: int | str | Iterable[int | str] | None = None) -> Case:
+    """The case without a device, or without all devices of a model.
+
+    Parameters
+    ----------
+    case : Case
+        The system.
+    model : str
+        Name of the model: "pss".
+    at : int, str or iterable, optional
+        Machine or bus number, or "7#2" for the second load at bus 7, or several; by default every one of the model.
+
+    Raises
+    ------
+    StudyError
+        If the case has no such device.
+    CaseError
+        If the case would not be valid without it.
+    """
+    _known(model)
+    naming.known_table(case, model)
+    places = [_place(model, key) for key in case.devices[model]] if at is None else _places(case, model, at)
+    for place in places:
+        naming.row(case, model, place)
+    return _changed(case, _left(case, (model,), places), f"no {model} at {', '.join(map(str, places))}")
+
+
+def _known(model: object) -> None:
+    if not isinstance(model, str) or model not in tables.models():
+        raise StudyError(f"There is no model {shown(model)}; choose one of {', '.join(tables.models())}.")
+
+
+def _places(case: Case, model: str, at: Any) -> list[naming.Key]:
+    """Keys of loads, or numbers of machines or buses, all of which the case has."""
+    places = list(at) if isinstance(at, Iterable) and not isinstance(at, str) else [at]
+    if tables.role(model) == "load":
+        known = naming.keys(case, "loads")
+        return [known[naming.row(case, "loads", place)] for place in places]
+    table = "buses" if tables.at_bus(model) else "machines"
+    return [getattr(case, table)[naming.row(case, table, place)][0] for place in places]
+
+
+def _left(case: Case, models: Iterable[str], places: list[naming.Key]) -> dict[str, dict[naming.Key, Any]]:
+    """The devices without those of some models at some loads, machines or buses."""
+    left = {
+        model: {k: par for k, par in rows.items() if model not in models or _place(model, k) not in places}
+        for model, rows in case.devices.items()
+    }
+    return {model: rows for model, rows in left.items() if rows}
+
+
+def _place(model: str, key: naming.Key) -> naming.Key:
+    """What a device stands at: a load by its key, a machine or bus by its number."""
+    return key if tables.role(model) == "load" else naming.number(key)
+
+
+def _changed(case: Case, devices: dict[str, dict[naming.Key, Any]], what: str) -> Case:
+    try:
+        return replace(case, devices=devices)
+    except CaseError as error:
+        raise CaseError(f"{case.name} cannot have {what}: {error}") from None
 
 
 def with_load(
@@ -231,119 +345,3 @@ def classical(case: Case) -> Case:
     }
     ordered: dict[naming.Key, Any] = {m.machine: machines[m.machine] for m in case.machines if m.machine in machines}
     return replace(case, devices=others | {"gencls": ordered}, title=f"{case.title}, classical machines")
-
-
-# Cases with a device added, replaced or removed.
-
-
-def with_device(case: Case, model: str, at: int | str | Iterable[int | str], **values: Any) -> Case:
-    """The case with a device added at a machine, or replaced.
-
-    A machine, converter, exciter or governor replaces the device with the same role; a stabilizer replaces only one of
-    the same model. A converter takes the place of a machine, and its exciter, governor and stabilizers go with it; a
-    machine takes the place of a converter with its controls.
-
-    Parameters
-    ----------
-    case : Case
-        The system.
-    model : str
-        Name of the model, as `stabctl models` lists them, or of a registered device: "pss", "exst3".
-    at : int, str or iterable
-        Machine number or, for load and shunt models, bus number, or "7#2" for the second load at bus 7; or several.
-    **values : float, int or str
-        Its parameters, in their units, or text with a unit: `K=20, Tw="10s"`. Those with a default may be left out.
-
-    Raises
-    ------
-    StudyError
-        If there is no such model or machine, or a parameter is missing or not known.
-    CaseError
-        If the case would not be valid with this device.
-
-    Examples
-    --------
-    >>> case.with_device("pss", 2, K=20, Tw="10s", T1=0.05, T2=0.02, T3=3.0, T4=5.4)
-    """
-    _known(model)
-    known, places = fields(tables.models()[model].Par), _places(case, model, at)
-    for name in values:
-        if name not in known:
-            raise StudyError(f"{model} has no parameter {name!r}; {naming.near(name, known)}")
-    missing = [name for name, f in known.items() if f.required and name not in values]
-    if missing:
-        raise StudyError(f"{model} needs {', '.join(missing)}; see stabctl models {model}.")
-    read = {name: value_at(case, f"{model}.{name}", known[name], given) for name, given in values.items()}
-    role = tables.role(model)
-    others: tuple[str, ...] = (model,)
-    if role in tables.UNIT_ROLES:
-        others = tuple(tables.of_role(*tables.UNIT_ROLES, *tables.LEFT_BY[role]))
-    elif role in (*tables.SINGLE_ROLES, "load"):
-        others = tuple(tables.of_role(role))
-    devices = _left(case, others, places)
-    rows = {**case.devices.get(model, {}), **dict.fromkeys(places, tables.parameters(model, **read))}
-    devices[model] = {key: par for key, par in rows.items() if key in places or key in devices.get(model, {})}
-    return _changed(case, devices, f"{model} at {', '.join(map(str, places))}")
-
-
-def without_device(case: Case, model: str, at: int | str | Iterable[int | str] | None = None) -> Case:
-    """The case without a device, or without all devices of a model.
-
-    Parameters
-    ----------
-    case : Case
-        The system.
-    model : str
-        Name of the model: "pss".
-    at : int, str or iterable, optional
-        Machine or bus number, or "7#2" for the second load at bus 7, or several; by default every one of the model.
-
-    Raises
-    ------
-    StudyError
-        If the case has no such device.
-    CaseError
-        If the case would not be valid without it.
-    """
-    _known(model)
-    naming.known_table(case, model)
-    places = [_place(model, key) for key in case.devices[model]] if at is None else _places(case, model, at)
-    for place in places:
-        naming.row(case, model, place)
-    return _changed(case, _left(case, (model,), places), f"no {model} at {', '.join(map(str, places))}")
-
-
-def _known(model: object) -> None:
-    if not isinstance(model, str) or model not in tables.models():
-        raise StudyError(f"There is no model {shown(model)}; choose one of {', '.join(tables.models())}.")
-
-
-def _places(case: Case, model: str, at: Any) -> list[naming.Key]:
-    """Keys of loads, or numbers of machines or buses, all of which the case has."""
-    places = list(at) if isinstance(at, Iterable) and not isinstance(at, str) else [at]
-    if tables.role(model) == "load":
-        known = naming.keys(case, "loads")
-        return [known[naming.row(case, "loads", place)] for place in places]
-    table = "buses" if tables.at_bus(model) else "machines"
-    return [getattr(case, table)[naming.row(case, table, place)][0] for place in places]
-
-
-def _place(model: str, key: naming.Key) -> naming.Key:
-    """What a device stands at: a load by its key, a machine or bus by its number."""
-    return key if tables.role(model) == "load" else naming.number(key)
-
-
-def _left(case: Case, models: Iterable[str], places: list[naming.Key]) -> dict[str, dict[naming.Key, Any]]:
-    """The devices without those of some models at some loads, machines or buses."""
-    left = {
-        model: {k: par for k, par in rows.items() if model not in models or _place(model, k) not in places}
-        for model, rows in case.devices.items()
-    }
-    return {model: rows for model, rows in left.items() if rows}
-
-
-def _changed(case: Case, devices: dict[str, dict[naming.Key, Any]], what: str) -> Case:
-    try:
-        return replace(case, devices=devices)
-    except CaseError as error:
-        raise CaseError(f"{case.name} cannot have {what}: {error}") from None

@@ -14,7 +14,11 @@ from .case import Case, as_case
 from .edit import with_device
 from .tables import Load
 
-HIGHEST = 10.0
+Loads = Literal["impedance", "current", "power"]
+HIGHEST = 10.0  # load level
+LOW: Mapping[str, float] = MappingProxyType({"impedance": 0.5, "current": 0.5, "power": 0.7})  # pu   v_low of a load
+_SHARES = MappingProxyType({"impedance": (0.0, 0.0), "current": (0.0, 1.0), "power": (1.0, 0.0)})
+MODEL = "cim"  # of the motors
 
 
 def with_load_level(case: Case, level: float) -> Case:
@@ -39,13 +43,6 @@ def with_load_level(case: Case, level: float) -> Case:
     loads = tuple(load._replace(p=level * load.p, q=level * load.q) for load in case.loads)
     machines = tuple(m._replace(p=level * m.p) for m in case.machines)
     return replace(case, loads=loads, machines=machines)
-
-
-# Cases whose loads have another voltage dependence.
-
-Loads = Literal["impedance", "current", "power"]
-LOW: Mapping[str, float] = MappingProxyType({"impedance": 0.5, "current": 0.5, "power": 0.7})  # pu   v_low of a load
-_SHARES = MappingProxyType({"impedance": (0.0, 0.0), "current": (0.0, 1.0), "power": (1.0, 0.0)})
 
 
 def with_loads(case: Case, kind: Loads) -> Case:
@@ -88,11 +85,6 @@ def with_loads(case: Case, kind: Loads) -> Case:
         )
 
     return replace(case, loads=tuple(changed(load) for load in case.loads))
-
-
-# Cases in which motors draw a share of the loads.
-
-MODEL = "cim"
 
 
 def with_motors(

@@ -1,4 +1,9 @@
-"""Names and keys of rows: bus 7, machine 30/1, circuit 7-8#2, storage 14@33; `#2` is the second with the same name."""
+"""Names and keys of rows: bus 7, machine 30/1, circuit 7-8#2, storage 14@33; `#2` is the second with the same name.
+
+Machine 30/1 is the one with identifier 1 at bus 30; a bus may have a name. A circuit may also be given by its
+identifier: `7-8 ckt 2`. Devices are keyed by machine number, load models by bus number: the first of a model at machine
+2 has the key 2 (int), the second "2#2" (str).
+"""
 
 import difflib
 import re
@@ -12,52 +17,15 @@ from . import tables
 from .tables import TABLES, Branch, Key, Tables
 
 STORAGE = "ESD "  # begins the names of storage devices in messages: ESD 1@2
-
-
-def machine_number(case: Tables, name: object) -> int | None:
-    """Number of the machine with this number or name; the bus before the slash of a name may be given by its own."""
-    text = _plain(name)
-    if text.isdecimal():
-        return next((m.machine for m in case.machines if str(m.machine) == text), None)
-    where, slash, id = text.rpartition("/")
-    bus = bus_number(case, where) if slash else None
-    wanted = text if bus is None else f"{bus}/{id.strip()}"
-    return next((m.machine for m in case.machines if m.name and _plain(m.name) == wanted), None)
-
-
-def bus_number(case: Tables, name: object) -> int | None:
-    """Number of the bus with this number, or with this name if only one has it; capitals do not matter."""
-    text = _plain(name)
-    if text.isdecimal():
-        return next((b.bus for b in case.buses if str(b.bus) == text), None)
-    found = [b.bus for b in case.buses if b.name and _plain(b.name) == text]
-    return found[0] if len(found) == 1 else None
-
-
-def bus(case: Tables, number: int) -> str:
-    """A bus in words: `bus 7`, or `bus 7 (NORTH)` if it has a name."""
-    name = next((b.name for b in case.buses if b.bus == number), "")
-    return f"bus {number} ({name})" if name else f"bus {number}"
-
-
-def unit(name: int | str) -> str:
-    """What lost synchronism in words: `machine 3`, or `storage device ESD 1@2`."""
-    return f"storage device {name}" if str(name).startswith(STORAGE) else f"machine {name}"
-
-
-def order(name: int | str) -> tuple[int, str]:
-    """Key for sorting names of machines: numbers by size."""
-    return len(str(name)), str(name)
-
-
-def _plain(name: object) -> str:
-    """A name in capitals, with single blanks; a number without leading zeros."""
-    text = " ".join(str(name).split()).upper()
-    return text.lstrip("0") or text if text.isdecimal() else text
-
-
-# Names of circuits: `7-8`, `7-8#2` for the second between two buses, `7-8 ckt 2` by its identifier.
-
+_NOUNS = {
+    "buses": "bus",
+    "branches": "branch",
+    "machines": "machine",
+    "loads": "load at bus",
+    "links": "HVDC link",
+    "storage": "storage device",
+}
+REPEATED = re.compile(r"([1-9][0-9]{0,17})#([2-9]|[1-9][0-9]{1,8})")
 _CIRCUIT = re.compile(r"(.+?)\s*(?:#\s*([0-9]{1,9})|(?<![^\s0-9])ckt\s*(\S+))?", re.IGNORECASE)
 _NUMBERS = re.compile(r"([0-9]{1,18})\s*-\s*([0-9]{1,18})")
 
@@ -69,6 +37,79 @@ class Circuit(NamedTuple):
     b: int
     place: int | None
     id: str | None
+
+
+def row(case: Tables, table: str, key: Key) -> int:
+    """Row of a table (from 0) with that key; a circuit may be named from either end, buses and machines by name.
+
+    Raises
+    ------
+    StudyError
+        If the case has no such table or row; it names similar ones.
+    """
+    known = {str(k): i for i, k in enumerate(keys(case, known_table(case, table)))}
+    wanted = key.strip() if isinstance(key, str) else shown(key)
+    if wanted in known:
+        return known[wanted]
+    if table == "branches" and (circuit := parse_circuit(case, wanted)) and (rows := circuit_rows(case, circuit)):
+        return rows[0]
+    at_bus = table in ("buses", "loads") or (table not in TABLES and tables.at_bus(table))
+    number = bus_number(case, wanted) if at_bus else machine_number(case, wanted)
+    if number is not None and str(number) in known:
+        return known[str(number)]
+    if table == "storage":
+        of_machine = [i for k, i in known.items() if k.partition("@")[0] == wanted]
+        if len(of_machine) == 1:
+            return of_machine[0]
+    name = wanted if len(wanted) <= 40 else f"{wanted[:36]}..."
+    what = f"{_NOUNS[table]} {name}" if table in _NOUNS else f"{table} at {name}"
+    raise StudyError(f"{case.name} has no {what}; {near(wanted, known)}")
+
+
+def known_table(case: Tables, name: str) -> str:
+    """The name of a table that has rows in the case. Raises `StudyError` if there is none, with similar names."""
+    known = [table for table in TABLES if getattr(case, table)] + list(case.devices)
+    if name in known:
+        return name
+    if name in TABLES or name in tables.models():
+        raise StudyError(f"{case.name} has no rows in {name}; it has {', '.join(known)}.")
+    raise StudyError(f"There is no table {name!r} in {case.name}; {near(name, known)}")
+
+
+def near(wanted: str, known: Iterable[str]) -> str:
+    """End of a sentence: the names most similar to the one wanted, or the first few."""
+    known = list(known)
+    if re.fullmatch(r"[0-9]{1,18}", wanted) and all(name.isdecimal() for name in known):
+        known.sort(key=lambda name: abs(int(name) - int(wanted)))
+        return f"the nearest numbers are {', '.join(sorted(known[:3], key=int))}."
+    similar = difflib.get_close_matches(wanted, known, 3, 0.5)
+    if similar:
+        return f"did you mean {' or '.join(similar)}?"
+    return f"it has {', '.join(known[:8])}" + (f" and {len(known) - 8} more." if len(known) > 8 else ".")
+
+
+def keys(case: Tables, table: str) -> list[Key]:
+    """Keys of the rows of a table of the case, in order."""
+    if table not in TABLES:
+        return list(case.devices[table])
+    rows = getattr(case, table)
+    match table:
+        case "branches":
+            return list(circuit_names(rows))
+        case "storage":
+            return numbered(f"{s.machine}@{s.bus}" for s in rows)
+        case _:
+            return numbered(row[0] for row in rows)
+
+
+def numbered(names: Iterable[Key]) -> list[Key]:
+    """The names made unique: the second of a name gets `#2`."""
+    seen: Counter[Key] = Counter()
+    found: list[Key] = []
+    for name in names:
+        seen[name] += 1
+        found.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
+    return found
 
 
 def circuit_names(branches: Iterable[Branch]) -> list[str]:
@@ -119,20 +160,30 @@ def circuit_rows(case: Tables, wanted: Circuit) -> list[int]:
     return between
 
 
-# Keys of table rows: bus 7, machine 2, circuit 7-8, storage device 14@33; `#2` is the second with the same name.
-#
-# Devices are keyed by machine number, load models by bus number: the first of a model at machine 2 has the key 2 (int),
-# the second "2#2" (str).
+def machine_number(case: Tables, name: object) -> int | None:
+    """Number of the machine with this number or name; the bus before the slash of a name may be given by its own."""
+    text = _plain(name)
+    if text.isdecimal():
+        return next((m.machine for m in case.machines if str(m.machine) == text), None)
+    where, slash, id = text.rpartition("/")
+    bus = bus_number(case, where) if slash else None
+    wanted = text if bus is None else f"{bus}/{id.strip()}"
+    return next((m.machine for m in case.machines if m.name and _plain(m.name) == wanted), None)
 
-_NOUNS = {
-    "buses": "bus",
-    "branches": "branch",
-    "machines": "machine",
-    "loads": "load at bus",
-    "links": "HVDC link",
-    "storage": "storage device",
-}
-REPEATED = re.compile(r"([1-9][0-9]{0,17})#([2-9]|[1-9][0-9]{1,8})")
+
+def bus_number(case: Tables, name: object) -> int | None:
+    """Number of the bus with this number, or with this name if only one has it; capitals do not matter."""
+    text = _plain(name)
+    if text.isdecimal():
+        return next((b.bus for b in case.buses if str(b.bus) == text), None)
+    found = [b.bus for b in case.buses if b.name and _plain(b.name) == text]
+    return found[0] if len(found) == 1 else None
+
+
+def _plain(name: object) -> str:
+    """A name in capitals, with single blanks; a number without leading zeros."""
+    text = " ".join(str(name).split()).upper()
+    return text.lstrip("0") or text if text.isdecimal() else text
 
 
 def number(key: Key) -> int:
@@ -146,74 +197,17 @@ def moved(key: Key, shift: int) -> Key:
     return f"{int(head) + shift}#{count}" if mark else int(head) + shift
 
 
-def numbered(names: Iterable[Key]) -> list[Key]:
-    """The names made unique: the second of a name gets `#2`."""
-    seen: Counter[Key] = Counter()
-    found: list[Key] = []
-    for name in names:
-        seen[name] += 1
-        found.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
-    return found
+def bus(case: Tables, number: int) -> str:
+    """A bus in words: `bus 7`, or `bus 7 (NORTH)` if it has a name."""
+    name = next((b.name for b in case.buses if b.bus == number), "")
+    return f"bus {number} ({name})" if name else f"bus {number}"
 
 
-def keys(case: Tables, table: str) -> list[Key]:
-    """Keys of the rows of a table of the case, in order."""
-    if table not in TABLES:
-        return list(case.devices[table])
-    rows = getattr(case, table)
-    match table:
-        case "branches":
-            return list(circuit_names(rows))
-        case "storage":
-            return numbered(f"{s.machine}@{s.bus}" for s in rows)
-        case _:
-            return numbered(row[0] for row in rows)
+def unit(name: int | str) -> str:
+    """What lost synchronism in words: `machine 3`, or `storage device ESD 1@2`."""
+    return f"storage device {name}" if str(name).startswith(STORAGE) else f"machine {name}"
 
 
-def row(case: Tables, table: str, key: Key) -> int:
-    """Row of a table (from 0) with that key; a circuit may be named from either end, buses and machines by name.
-
-    Raises
-    ------
-    StudyError
-        If the case has no such table or row; it names similar ones.
-    """
-    known = {str(k): i for i, k in enumerate(keys(case, known_table(case, table)))}
-    wanted = key.strip() if isinstance(key, str) else shown(key)
-    if wanted in known:
-        return known[wanted]
-    if table == "branches" and (circuit := parse_circuit(case, wanted)) and (rows := circuit_rows(case, circuit)):
-        return rows[0]
-    at_bus = table in ("buses", "loads") or (table not in TABLES and tables.at_bus(table))
-    number = bus_number(case, wanted) if at_bus else machine_number(case, wanted)
-    if number is not None and str(number) in known:
-        return known[str(number)]
-    if table == "storage":
-        of_machine = [i for k, i in known.items() if k.partition("@")[0] == wanted]
-        if len(of_machine) == 1:
-            return of_machine[0]
-    name = wanted if len(wanted) <= 40 else f"{wanted[:36]}..."
-    what = f"{_NOUNS[table]} {name}" if table in _NOUNS else f"{table} at {name}"
-    raise StudyError(f"{case.name} has no {what}; {near(wanted, known)}")
-
-
-def known_table(case: Tables, name: str) -> str:
-    """The name of a table that has rows in the case. Raises `StudyError` if there is none, with similar names."""
-    known = [table for table in TABLES if getattr(case, table)] + list(case.devices)
-    if name in known:
-        return name
-    if name in TABLES or name in tables.models():
-        raise StudyError(f"{case.name} has no rows in {name}; it has {', '.join(known)}.")
-    raise StudyError(f"There is no table {name!r} in {case.name}; {near(name, known)}")
-
-
-def near(wanted: str, known: Iterable[str]) -> str:
-    """End of a sentence: the names most similar to the one wanted, or the first few."""
-    known = list(known)
-    if re.fullmatch(r"[0-9]{1,18}", wanted) and all(name.isdecimal() for name in known):
-        known.sort(key=lambda name: abs(int(name) - int(wanted)))
-        return f"the nearest numbers are {', '.join(sorted(known[:3], key=int))}."
-    similar = difflib.get_close_matches(wanted, known, 3, 0.5)
-    if similar:
-        return f"did you mean {' or '.join(similar)}?"
-    return f"it has {', '.join(known[:8])}" + (f" and {len(known) - 8} more." if len(known) > 8 else ".")
+def order(name: int | str) -> tuple[int, str]:
+    """Key for sorting names of machines: numbers by size."""
+    return len(str(name)), str(name)

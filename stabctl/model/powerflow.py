@@ -19,6 +19,14 @@ from .case import Case, as_case
 if TYPE_CHECKING:
     import pandas as pd
 
+TOLERANCE = 1e-8  # MVA   largest power mismatch (1e-10 pu on 100 MVA)
+SYMMETRIC: dict[str, Any] = {  # of SuperLU: pivots on the diagonal if they are large enough, columns one by one
+    "diag_pivot_thresh": 0.01,
+    "relax": 1,
+    "panel_size": 1,
+    "options": {"SymmetricMode": True},
+}
+
 
 @dataclass(frozen=True, repr=False, eq=False)
 class PowerFlow:
@@ -104,37 +112,6 @@ class PowerFlow:
         return f"<p>{self}</p>{self.df.to_html(float_format='{:.4g}'.format)}"
 
 
-class Demand(NamedTuple):
-    """Power drawn at every bus (buses), complex, pu: s0 + s1 |V| + s2 |V|^2."""
-
-    s0: np.ndarray
-    s1: np.ndarray
-    s2: np.ndarray
-
-    def at(self, size: np.ndarray) -> np.ndarray:
-        """The power at these voltage magnitudes (buses), pu."""
-        return self.s0 + self.s1 * size + self.s2 * size**2
-
-
-def demands(case: Case) -> Demand:
-    """What loads and HVDC terminals draw; a load depends on the voltage if its row gives that of its p and q."""
-    place = {b.bus: i for i, b in enumerate(case.buses)}
-    S = Demand(*np.zeros((3, len(case.buses)), complex))
-    at = np.array([place[load.bus] for load in case.loads], int)
-    parts = np.fromiter(chain.from_iterable(map(zip_load.parts, case.loads)), complex) / case.base_mva
-    for order, part in zip(S, parts.reshape(-1, 3).T, strict=True):
-        np.add.at(order, at, part)
-    for link in case.links:
-        S.s0[place[link.from_bus]] += link.p / case.base_mva
-        S.s0[place[link.to_bus]] -= (link.p - link.loss) / case.base_mva
-    return S
-
-
-def demand(case: Case, size: np.ndarray | None = None) -> np.ndarray:
-    """Power (buses, complex, pu) drawn by loads and HVDC terminals at voltages of this size, or of the bus table."""
-    return demands(case).at(np.array([b.v for b in case.buses]) if size is None else size)
-
-
 def solve(case: Case, limit: int = 30) -> PowerFlow:
     """Solve the power flow of a case, starting from the voltages in its bus table or, if that fails, from a flat start.
 
@@ -195,15 +172,46 @@ def _shared(case: Case, machine_bus: np.ndarray, injected: np.ndarray) -> np.nda
     return S + rest[machine_bus] * base / whole[machine_bus]
 
 
-# The power flow equations in polar coordinates, and a sparse Newton method for them.
+class Demand(NamedTuple):
+    """Power drawn at every bus (buses), complex, pu: s0 + s1 |V| + s2 |V|^2."""
 
-TOLERANCE = 1e-8  # MVA   largest power mismatch (1e-10 pu on 100 MVA)
-SYMMETRIC: dict[str, Any] = {  # of SuperLU: pivots on the diagonal if they are large enough, columns one by one
-    "diag_pivot_thresh": 0.01,
-    "relax": 1,
-    "panel_size": 1,
-    "options": {"SymmetricMode": True},
-}
+    s0: np.ndarray
+    s1: np.ndarray
+    s2: np.ndarray
+
+    def at(self, size: np.ndarray) -> np.ndarray:
+        """The power at these voltage magnitudes (buses), pu."""
+        return self.s0 + self.s1 * size + self.s2 * size**2
+
+
+def demands(case: Case) -> Demand:
+    """What loads and HVDC terminals draw; a load depends on the voltage if its row gives that of its p and q."""
+    place = {b.bus: i for i, b in enumerate(case.buses)}
+    S = Demand(*np.zeros((3, len(case.buses)), complex))
+    at = np.array([place[load.bus] for load in case.loads], int)
+    parts = np.fromiter(chain.from_iterable(map(zip_load.parts, case.loads)), complex) / case.base_mva
+    for order, part in zip(S, parts.reshape(-1, 3).T, strict=True):
+        np.add.at(order, at, part)
+    for link in case.links:
+        S.s0[place[link.from_bus]] += link.p / case.base_mva
+        S.s0[place[link.to_bus]] -= (link.p - link.loss) / case.base_mva
+    return S
+
+
+def demand(case: Case, size: np.ndarray | None = None) -> np.ndarray:
+    """Power (buses, complex, pu) drawn by loads and HVDC terminals at voltages of this size, or of the bus table."""
+    return demands(case).at(np.array([b.v for b in case.buses]) if size is None else size)
+
+
+class Voltages(NamedTuple):
+    """Voltages (buses), and how far they are from a solution."""
+
+    size: np.ndarray  # pu
+    angle: np.ndarray  # rad
+    V: np.ndarray  # complex, pu
+    power: np.ndarray  # complex, pu   into the network
+    F: np.ndarray  # pu   mismatch of every equation
+    worst: float  # pu   the largest; infinite if a voltage is not physical
 
 
 class _Pattern(NamedTuple):
@@ -216,17 +224,6 @@ class _Pattern(NamedTuple):
     of_q: np.ndarray  # row of the equation of every reactive power, and column of the voltage of its bus
     taken: np.ndarray  # derivatives that are the entries of the Jacobian
     J: sp.csc_matrix  # set anew at every step
-
-
-class Voltages(NamedTuple):
-    """Voltages (buses), and how far they are from a solution."""
-
-    size: np.ndarray  # pu
-    angle: np.ndarray  # rad
-    V: np.ndarray  # complex, pu
-    power: np.ndarray  # complex, pu   into the network
-    F: np.ndarray  # pu   mismatch of every equation
-    worst: float  # pu   the largest; infinite if a voltage is not physical
 
 
 @dataclass(frozen=True)
@@ -249,7 +246,7 @@ class Equations:
         return Voltages(size, angle, V, power, F, float(np.abs(F).max(initial=0.0)) if good else np.inf)
 
     @cached_property
-    def _pattern(self) -> "_Pattern":
+    def _pattern(self) -> _Pattern:
         """Where the derivatives (in the order of `step`) stand in the Jacobian; buses in an order with little fill."""
         n, m = len(self.produced), len(self.p) + len(self.q)
         i, j = self.Y.indices, np.repeat(np.arange(n), np.diff(self.Y.indptr))

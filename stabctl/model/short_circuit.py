@@ -1,4 +1,7 @@
-"""Short-circuit power of every bus, and short-circuit ratios of converters."""
+"""Short-circuit power of every bus, and short-circuit ratios: how strong the grid is at each converter.
+
+The faults are three-phase and bolted, at 1 pu, fed by the synchronous machines.
+"""
 
 from dataclasses import dataclass
 from html import escape
@@ -17,7 +20,6 @@ from .location import circuit
 
 if TYPE_CHECKING:
     import pandas as pd
-
 
 BLOCK = 256  # columns of the impedance matrix at a time
 
@@ -99,67 +101,6 @@ def short_circuit(base: Any, *, trip: str | None = None) -> ShortCircuit:
     """
     case = as_case(base)
     return ShortCircuit(case, impedances(case, trip)[0])
-
-
-def impedances(case: Case, trip: str | None = None, buses: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Diagonal (buses) of the impedance matrix and its columns at some buses (buses, chosen), pu; see `short_circuit`.
-
-    Parameters
-    ----------
-    case
-        The case.
-    trip
-        Circuits that are open.
-    buses
-        Rows of the buses whose columns are wanted.
-    """
-    from scipy.sparse import diags
-    from scipy.sparse.linalg import splu
-
-    open_ = network.BranchState(from_closed=False, to_closed=False)
-    names = [name for name in (trip or "").split(",") if name.strip()]
-    net = network.build(case)
-    switching = network.Switching(branches=tuple((circuit(case, name)[0], open_) for name in names))
-    sources = source_admittances(case, net)
-    where = network.islands(net, switching)
-    fed = np.flatnonzero(np.isin(where, where[sources != 0]))
-    n, wanted = len(where), np.zeros(0, int) if buses is None else buses
-    own, columns = np.full(n, np.inf + 0j), np.zeros((n, len(wanted)), complex)
-    if len(fed):
-        factors = splu((network.admittance(net, switching) + diags(sources, format="csc"))[fed][:, fed].tocsc())
-        place = {int(bus): k for k, bus in enumerate(fed)}
-        for first in range(0, len(fed), BLOCK):
-            count = min(BLOCK, len(fed) - first)
-            unit = np.zeros((len(fed), count), complex)
-            unit[first + np.arange(count), np.arange(count)] = 1
-            own[fed[first : first + count]] = factors.solve(unit)[first + np.arange(count), np.arange(count)]
-        for k, bus in enumerate(wanted.tolist()):
-            if bus in place:
-                columns[fed, k] = factors.solve((np.arange(len(fed)) == place[bus]).astype(complex))
-    return own, columns
-
-
-def source_admittances(case: Case, net: network.Network) -> np.ndarray:
-    """Admittance (buses), complex pu on the system base, of the synchronous machines at every bus.
-
-    Raises `StudyError` if the case has no dynamic data.
-    """
-    if not case.devices:
-        raise StudyError(
-            f"{case.name} has no dynamic models, so the short-circuit impedances of its machines are not known; give "
-            "their dynamic data, --dyr or --machines typical."
-        )
-    found = np.zeros(len(case.buses), complex)
-    for m, bus in zip(case.machines, net.machine_bus, strict=True):
-        model = case.model(m.machine, "machine")
-        if model is not None:
-            device = devices.every()[model]
-            par = device.prepared(case.devices[model][m.machine]._replace(mva=m.base / case.base_mva))
-            found[bus] += device.admittances(np.array([par]))[0]
-    return found
-
-
-# Short-circuit ratios of converters: how strong the grid is at each, alone and with the others.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -281,3 +222,61 @@ def installed(case: Case) -> list[tuple[str, int, float]]:
         if device.role == "converter" and model != "csvgn1" and m.machine in case.devices.get(model, {})
     ]
     return found + [(f"ESD {s.machine}@{s.bus}", s.bus, s.mva or s.rating) for s in case.storage if s.rating > 0]
+
+
+def impedances(case: Case, trip: str | None = None, buses: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Diagonal (buses) of the impedance matrix and its columns at some buses (buses, chosen), pu; see `short_circuit`.
+
+    Parameters
+    ----------
+    case
+        The case.
+    trip
+        Circuits that are open.
+    buses
+        Rows of the buses whose columns are wanted.
+    """
+    from scipy.sparse import diags
+    from scipy.sparse.linalg import splu
+
+    open_ = network.BranchState(from_closed=False, to_closed=False)
+    names = [name for name in (trip or "").split(",") if name.strip()]
+    net = network.build(case)
+    switching = network.Switching(branches=tuple((circuit(case, name)[0], open_) for name in names))
+    sources = source_admittances(case, net)
+    where = network.islands(net, switching)
+    fed = np.flatnonzero(np.isin(where, where[sources != 0]))
+    n, wanted = len(where), np.zeros(0, int) if buses is None else buses
+    own, columns = np.full(n, np.inf + 0j), np.zeros((n, len(wanted)), complex)
+    if len(fed):
+        factors = splu((network.admittance(net, switching) + diags(sources, format="csc"))[fed][:, fed].tocsc())
+        place = {int(bus): k for k, bus in enumerate(fed)}
+        for first in range(0, len(fed), BLOCK):
+            count = min(BLOCK, len(fed) - first)
+            unit = np.zeros((len(fed), count), complex)
+            unit[first + np.arange(count), np.arange(count)] = 1
+            own[fed[first : first + count]] = factors.solve(unit)[first + np.arange(count), np.arange(count)]
+        for k, bus in enumerate(wanted.tolist()):
+            if bus in place:
+                columns[fed, k] = factors.solve((np.arange(len(fed)) == place[bus]).astype(complex))
+    return own, columns
+
+
+def source_admittances(case: Case, net: network.Network) -> np.ndarray:
+    """Admittance (buses), complex pu on the system base, of the synchronous machines at every bus.
+
+    Raises `StudyError` if the case has no dynamic data.
+    """
+    if not case.devices:
+        raise StudyError(
+            f"{case.name} has no dynamic models, so the short-circuit impedances of its machines are not known; give "
+            "their dynamic data, --dyr or --machines typical."
+        )
+    found = np.zeros(len(case.buses), complex)
+    for m, bus in zip(case.machines, net.machine_bus, strict=True):
+        model = case.model(m.machine, "machine")
+        if model is not None:
+            device = devices.every()[model]
+            par = device.prepared(case.devices[model][m.machine]._replace(mva=m.base / case.base_mva))
+            found[bus] += device.admittances(np.array([par]))[0]
+    return found

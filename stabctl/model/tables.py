@@ -1,4 +1,8 @@
-"""The tables of a case: a row is a record, a field is a column with its unit, meaning and allowed values."""
+"""The tables of a case: a row is a record, a field is a column with its unit, meaning and allowed values.
+
+A device model has a table of its own, `<model>.csv`. A load model is keyed by bus and gives dynamic parameters to a row
+of loads.csv. A shunt is also keyed by bus, and may be at any bus. Every other model is keyed by machine.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,9 +17,12 @@ from stabctl.devices.storage.models import StorageModel
 from stabctl.schema import NOT_NEGATIVE, POSITIVE, RATIO, SHARE, Field, fields
 
 Key = int | str
-
 LoadKind = Literal["load", "injection"]
 Characteristic = Literal["power", "current", "conductance"]
+LEFT_BY = {"converter": ("exciter", "governor", "stabilizer"), "machine": devices.OF_CONVERTER}  # role -> controls
+UNIT_ROLES = ("machine", "converter")  # every row of machines.csv has exactly one model with one of these
+SINGLE_ROLES = *UNIT_ROLES, "exciter", "governor", *devices.OF_CONVERTER  # a machine has at most one model with each
+_OWNERS = {"load": ("loads", "bus"), "shunt": ("buses", "bus")}  # role -> table and column of the key
 
 
 class Bus(NamedTuple):
@@ -125,67 +132,6 @@ TABLES: Mapping[str, type] = MappingProxyType(
 )
 
 
-# The device models that have a table of their own, `<model>.csv`, and the key of its rows.
-#
-# A load model is keyed by bus and gives dynamic parameters to a row of loads.csv. A shunt is also keyed by bus, and may
-# be at any bus. Every other model is keyed by machine.
-
-LEFT_BY = {"converter": ("exciter", "governor", "stabilizer"), "machine": devices.OF_CONVERTER}  # role -> controls
-UNIT_ROLES = ("machine", "converter")  # every row of machines.csv has exactly one model with one of these
-_OWNERS = {"load": ("loads", "bus"), "shunt": ("buses", "bus")}  # role -> table and column of the key
-SINGLE_ROLES = (
-    *UNIT_ROLES,
-    "exciter",
-    "governor",
-    *devices.OF_CONVERTER,
-)  # a machine has at most one model with each of these
-
-
-def models() -> Mapping[str, Device]:
-    """Device models by name, without those that use a table of the case."""
-    return {name: device for name, device in devices.models().items() if fields(device.Par)}
-
-
-def role(model: str) -> str:
-    """Role of a model: machine, converter, exciter, governor, stabilizer, load ..."""
-    return models()[model].role
-
-
-def of_role(*roles: str) -> list[str]:
-    """Names of the models with one of these roles."""
-    return [name for name, device in models().items() if device.role in roles]
-
-
-def key_field(model: str) -> Field:
-    """The column that says what a row of a model's table belongs to: `bus` or `machine`."""
-    table, column = _OWNERS.get(role(model), ("machines", "machine"))
-    return fields(TABLES[table])[column]
-
-
-def at_bus(model: str) -> bool:
-    """Whether the model is keyed by bus."""
-    return role(model) in _OWNERS
-
-
-def device_columns(model: str) -> dict[str, Field]:
-    """Every column of a model's table, its key first."""
-    key = key_field(model)
-    return {key.name: key, **fields(models()[model].Par)}
-
-
-def parameters(model: str, **values: Any) -> Any:
-    """Parameters of a model from the columns of a row; fields that are filled from the case are 0."""
-    record = models()[model].Par
-    unfilled = {name: 0.0 for name in record._fields if name not in fields(record)}
-    return record(**unfilled, **values)
-
-
-def takes(model: str, control: str) -> bool:
-    """Whether a unit of this model may have a control of that role: any, unless its CONTROLS lists some."""
-    allowed = models()[model].controls
-    return allowed is None or control in allowed
-
-
 @dataclass(frozen=True, repr=False)
 class Tables:
     """The tables of a system, not yet checked: what checks, names and the network read of a `Case`."""
@@ -221,3 +167,48 @@ class Tables:
             Name of the model, such as "genrou"; None if the machine has none.
         """
         return next((model for model in of_role(role) if number in self.devices.get(model, ())), None)
+
+
+def models() -> Mapping[str, Device]:
+    """Device models by name, without those that use a table of the case."""
+    return {name: device for name, device in devices.models().items() if fields(device.Par)}
+
+
+def role(model: str) -> str:
+    """Role of a model: machine, converter, exciter, governor, stabilizer, load ..."""
+    return models()[model].role
+
+
+def of_role(*roles: str) -> list[str]:
+    """Names of the models with one of these roles."""
+    return [name for name, device in models().items() if device.role in roles]
+
+
+def takes(model: str, control: str) -> bool:
+    """Whether a unit of this model may have a control of that role: any, unless its CONTROLS lists some."""
+    allowed = models()[model].controls
+    return allowed is None or control in allowed
+
+
+def parameters(model: str, **values: Any) -> Any:
+    """Parameters of a model from the columns of a row; fields that are filled from the case are 0."""
+    record = models()[model].Par
+    unfilled = {name: 0.0 for name in record._fields if name not in fields(record)}
+    return record(**unfilled, **values)
+
+
+def device_columns(model: str) -> dict[str, Field]:
+    """Every column of a model's table, its key first."""
+    key = key_field(model)
+    return {key.name: key, **fields(models()[model].Par)}
+
+
+def key_field(model: str) -> Field:
+    """The column that says what a row of a model's table belongs to: `bus` or `machine`."""
+    table, column = _OWNERS.get(role(model), ("machines", "machine"))
+    return fields(TABLES[table])[column]
+
+
+def at_bus(model: str) -> bool:
+    """Whether the model is keyed by bus."""
+    return role(model) in _OWNERS

@@ -1,5 +1,16 @@
 """The allocation of megawatts by Gramians of the electromechanical modes: two convex programs.
 
+The Gramian W_i tells how strongly a megawatt of storage at candidate i acts on the critical modes. An electromechanical
+mode s_k with left and right eigenvectors w, v, and c_k = w^H b_i, responds as z' = s_k z + c_k u. With the exponential
+weight e^(-a t) of decay rate a, two modes have in common
+
+    W_kl = integral of e^(-2 a t) (e^(s_k t) c_k)(e^(s_l t) c_l)* dt = c_k c_l* / (2 a - s_k - s_l*)
+
+so that |c_k|^2 / (2 a - 2 Re s_k) is the contribution of one mode alone. The real coordinates p = 2 Re z, q = -2 Im z
+of every mode (x = p Re v + q Im v) are scaled so that p^2 + q^2 is twice its mean kinetic energy in MW s.
+
+Sizes s (MW) are allocated by one of two programs, which cvxpy and Clarabel solve:
+
     maximize  lambda_min(W(s))   or   log det W(s),   W(s) = sum s_i W_i,   0 <= s <= cap,   sum s = budget
 
 The first improves the mode that storage controls worst, the second the volume that storage can reach. W is linear in s,
@@ -27,10 +38,14 @@ from .sensitivity import Candidate, checked
 if TYPE_CHECKING:
     import pandas as pd
 
-
-Caps = float | Sequence[float] | Mapping[tuple[int, int], float]
-GAP = 1e-3  # largest gap to the bound, relative (of a logarithm: absolute)
 Objective = Literal["min-eigenvalue", "log-det"]
+Caps = float | Sequence[float] | Mapping[tuple[int, int], float]
+MODES = 6  # number of modes considered
+DECAY = 0.5  # 1/s   e^(-2 a t) = 1/e after one second, so the first swings dominate
+EQUAL = 1e-6  # 1/s   decay rates this close count as equal
+GAP = 1e-3  # largest gap to the bound, relative (of a logarithm: absolute)
+NOTHING = 1e-6  # share of the budget that counts as zero
+TIGHT = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), 1e-10)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -86,10 +101,6 @@ class Allocation(Tabular):
         return "\n".join(head + rows)
 
 
-MODES = 6  # number of modes considered
-DECAY = 0.5  # 1/s   e^(-2 a t) = 1/e after one second, so the first swings dominate
-
-
 def by_gramian(
     point: OperatingPoint,
     candidates: Iterable[tuple[int, int]] | None = None,
@@ -141,107 +152,6 @@ class Gramians:
         return f"{self.case}: Gramians of {len(self.candidates)} candidates in the modes of {listed}"
 
     __repr__ = __str__
-
-
-def allocate(
-    g: Gramians, budget_mw: float, caps_mw: Caps = np.inf, objective: Objective = "min-eigenvalue"
-) -> Allocation:
-    """Allocate a budget among the candidates of some Gramians.
-
-    Parameters
-    ----------
-    g : Gramians
-        The Gramians.
-    budget_mw : float, MW
-        Sum of the sizes.
-    caps_mw : float, sequence or mapping, MW
-        Largest size of all candidates, or of each, in order or by (machine, bus).
-    objective : {"min-eigenvalue", "log-det"}
-        What is maximized.
-
-    Raises
-    ------
-    StudyError
-        For a budget that is not positive or exceeds the caps, for negative caps, and if the program has no accurate
-        solution.
-    """
-    if objective not in get_args(Objective):
-        raise StudyError(f"{objective!r} is not an objective; choose one of {', '.join(get_args(Objective))}.")
-    if not 0 < budget_mw < np.inf:
-        raise StudyError(f"The budget of {budget_mw:g} MW is not allowed; it must be more than 0.")
-    caps = _caps(g, caps_mw)
-    if not budget_mw <= caps.sum():
-        raise StudyError(
-            f"The budget of {budget_mw:g} MW exceeds the caps of the {len(caps)} candidates, {caps.sum():g} MW in "
-            "total; raise the caps, add candidates, or lower the budget."
-        )
-    try:
-        program = AllocationProgram(g.W, objective)
-        share = program.solve(np.minimum(caps / budget_mw, 1))
-    except np.linalg.LinAlgError:
-        share = None
-    if share is None or abs(share.sum() - 1) > GAP:
-        raise StudyError(_unsolved(g, objective))
-    sizes = budget_mw * share
-    whole = g.of(sizes)
-    least, n = float(np.linalg.eigvalsh(whole)[0]), len(whole)
-    if least <= 0:
-        raise StudyError(_unsolved(g, objective))
-    gain = np.tensordot(g.W, program.gradient(whole), 2)
-    best = _knapsack(gain, caps, budget_mw)
-    if objective == "log-det":
-        value, gap = float(np.linalg.slogdet(whole)[1]), best - n  # <inv(W), W> = n
-    else:
-        value, gap = least, best - least
-    if not gap <= GAP * (1.0 if objective == "log-det" else least):
-        raise StudyError(_unsolved(g, objective))
-    parts = (g.candidates, sizes, caps, value, value + max(gap, 0.0), gain, g.alone, g.modes, g.decay)
-    return Allocation(g.case, objective, float(budget_mw), *parts)
-
-
-def _caps(g: Gramians, given: Caps) -> np.ndarray:
-    """Caps (candidates) in MW."""
-    if isinstance(given, Mapping):
-        for c in g.candidates:
-            if c not in given:
-                raise StudyError(f"The candidate {c} has no cap; give one in MW for every candidate.")
-        given = [given[c] for c in g.candidates]
-    caps = np.asarray(given, float)
-    if caps.ndim and caps.shape != (len(g.candidates),):
-        count = len(g.candidates)
-        raise StudyError(f"There are {caps.size} caps for {count} candidates; give one for all or one for each.")
-    caps = np.broadcast_to(caps, len(g.candidates)).copy()
-    for c, cap in zip(g.candidates, caps, strict=True):
-        if not cap >= 0:
-            raise StudyError(f"The cap of {cap:g} MW for candidate {c} is not allowed; it must be 0 or more.")
-    return caps
-
-
-def _knapsack(gain: np.ndarray, caps: np.ndarray, budget: float) -> float:
-    """The maximum of gain @ s over sum s = budget, 0 <= s <= caps: the best candidates first."""
-    first = np.argsort(-gain)
-    filled = np.minimum(np.cumsum(caps[first]), budget)
-    return float(gain[first] @ np.diff(filled, prepend=0))
-
-
-def _unsolved(g: Gramians, objective: Objective) -> str:
-    return (
-        f"The {objective} program of {g.case} has no accurate solution: the candidates hardly control some of the "
-        f"{len(g.modes)} modes; use fewer modes or more candidates."
-    )
-
-
-# Modal controllability Gramians: how strongly a megawatt of storage at each candidate acts on the critical modes.
-#
-# An electromechanical mode s with left and right eigenvectors w, v, and c_i = w^H b_i for candidate i, responds as
-# z' = s z + c_i u. With the exponential weight e^(-a t) of decay rate a, two modes have in common
-#
-# W_kl = integral of e^(-2 a t) (e^(s_k t) c_k)(e^(s_l t) c_l)* dt = c_k c_l* / (2 a - s_k - s_l*)
-#
-# so that |c_k|^2 / (2 a - 2 Re s_k) is the contribution of one mode alone. The real coordinates p = 2 Re z, q = -2 Im z
-# of every mode (x = p Re v + q Im v) are scaled so that p^2 + q^2 is twice its mean kinetic energy in MW s.
-
-EQUAL = 1e-6  # 1/s   decay rates this close count as equal
 
 
 def gramians(
@@ -318,10 +228,78 @@ def _real(m: int) -> np.ndarray:
     return np.stack([np.c_[eye, eye], 1j * np.c_[eye, -eye]], axis=1).reshape(2 * m, 2 * m)
 
 
-# The convex programs of the allocation, with cvxpy and Clarabel.
+def allocate(
+    g: Gramians, budget_mw: float, caps_mw: Caps = np.inf, objective: Objective = "min-eigenvalue"
+) -> Allocation:
+    """Allocate a budget among the candidates of some Gramians.
 
-NOTHING = 1e-6  # share of the budget that counts as zero
-TIGHT = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), 1e-10)
+    Parameters
+    ----------
+    g : Gramians
+        The Gramians.
+    budget_mw : float, MW
+        Sum of the sizes.
+    caps_mw : float, sequence or mapping, MW
+        Largest size of all candidates, or of each, in order or by (machine, bus).
+    objective : {"min-eigenvalue", "log-det"}
+        What is maximized.
+
+    Raises
+    ------
+    StudyError
+        For a budget that is not positive or exceeds the caps, for negative caps, and if the program has no accurate
+        solution.
+    """
+    if objective not in get_args(Objective):
+        raise StudyError(f"{objective!r} is not an objective; choose one of {', '.join(get_args(Objective))}.")
+    if not 0 < budget_mw < np.inf:
+        raise StudyError(f"The budget of {budget_mw:g} MW is not allowed; it must be more than 0.")
+    caps = _caps(g, caps_mw)
+    if not budget_mw <= caps.sum():
+        raise StudyError(
+            f"The budget of {budget_mw:g} MW exceeds the caps of the {len(caps)} candidates, {caps.sum():g} MW in "
+            "total; raise the caps, add candidates, or lower the budget."
+        )
+    try:
+        program = AllocationProgram(g.W, objective)
+        share = program.solve(np.minimum(caps / budget_mw, 1))
+    except np.linalg.LinAlgError:
+        share = None
+    if share is None or abs(share.sum() - 1) > GAP:
+        raise StudyError(_unsolved(g, objective))
+    sizes = budget_mw * share
+    whole = g.of(sizes)
+    least, n = float(np.linalg.eigvalsh(whole)[0]), len(whole)
+    if least <= 0:
+        raise StudyError(_unsolved(g, objective))
+    gain = np.tensordot(g.W, program.gradient(whole), 2)
+    best = _knapsack(gain, caps, budget_mw)
+    if objective == "log-det":
+        value, gap = float(np.linalg.slogdet(whole)[1]), best - n  # <inv(W), W> = n
+    else:
+        value, gap = least, best - least
+    if not gap <= GAP * (1.0 if objective == "log-det" else least):
+        raise StudyError(_unsolved(g, objective))
+    parts = (g.candidates, sizes, caps, value, value + max(gap, 0.0), gain, g.alone, g.modes, g.decay)
+    return Allocation(g.case, objective, float(budget_mw), *parts)
+
+
+def _caps(g: Gramians, given: Caps) -> np.ndarray:
+    """Caps (candidates) in MW."""
+    if isinstance(given, Mapping):
+        for c in g.candidates:
+            if c not in given:
+                raise StudyError(f"The candidate {c} has no cap; give one in MW for every candidate.")
+        given = [given[c] for c in g.candidates]
+    caps = np.asarray(given, float)
+    if caps.ndim and caps.shape != (len(g.candidates),):
+        count = len(g.candidates)
+        raise StudyError(f"There are {caps.size} caps for {count} candidates; give one for all or one for each.")
+    caps = np.broadcast_to(caps, len(g.candidates)).copy()
+    for c, cap in zip(g.candidates, caps, strict=True):
+        if not cap >= 0:
+            raise StudyError(f"The cap of {cap:g} MW for candidate {c} is not allowed; it must be 0 or more.")
+    return caps
 
 
 class AllocationProgram:
@@ -377,3 +355,17 @@ class AllocationProgram:
         turned = self.whitening.T @ vectors
         Z = turned * np.maximum(values, 0) @ turned.T
         return Z / np.trace(Z)
+
+
+def _knapsack(gain: np.ndarray, caps: np.ndarray, budget: float) -> float:
+    """The maximum of gain @ s over sum s = budget, 0 <= s <= caps: the best candidates first."""
+    first = np.argsort(-gain)
+    filled = np.minimum(np.cumsum(caps[first]), budget)
+    return float(gain[first] @ np.diff(filled, prepend=0))
+
+
+def _unsolved(g: Gramians, objective: Objective) -> str:
+    return (
+        f"The {objective} program of {g.case} has no accurate solution: the candidates hardly control some of the "
+        f"{len(g.modes)} modes; use fewer modes or more candidates."
+    )

@@ -1,4 +1,7 @@
-"""The scenarios that a fleet must survive: contingencies from a list, a screen or a file, at operating points."""
+"""The scenarios that a fleet must survive: contingencies from a list, a screen or a file, at operating points.
+
+A scenario is a contingency at one operating point, with or without a storage device out of service.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -18,6 +21,8 @@ from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.events import Event
 from stabctl.units import seconds
 
+Base = Case | OperatingPoint
+Bases = Base | Iterable[Base] | Mapping[str, Base]
 Contingencies = Iterable[Contingency] | Contingency | Screen | str | Path
 COUNT, LONGER = 8, 1.2
 AT = 1.0  # s   instant of the fault of a contingency, by default
@@ -51,12 +56,6 @@ def contingencies(case: Case, given: Contingencies) -> tuple[Contingency, ...]:
     return checked(case, given)
 
 
-def packaged(case: str, classical: bool = False) -> Path | None:
-    """The contingency file of a packaged case; None if it has none."""
-    file = resources.files("stabctl") / "model" / "cases" / case / f"contingencies{'_classical' * classical}.toml"
-    return Path(str(file)) if file.is_file() else None
-
-
 def from_screen(found: Screen, hz: float, *, count: int = COUNT, longer: float = LONGER) -> tuple[Contingency, ...]:
     """The most critical contingencies of a screen, one for each machine that loses synchronism first.
 
@@ -78,6 +77,12 @@ def from_screen(found: Screen, hz: float, *, count: int = COUNT, longer: float =
     return tuple(chosen.values())[:count]
 
 
+def packaged(case: str, classical: bool = False) -> Path | None:
+    """The contingency file of a packaged case; None if it has none."""
+    file = resources.files("stabctl") / "model" / "cases" / case / f"contingencies{'_classical' * classical}.toml"
+    return Path(str(file)) if file.is_file() else None
+
+
 def read(path: str | Path, case: Case) -> tuple[Contingency, ...]:
     """The contingencies of a TOML file. Raises StudyError with file, row, key and value of the first error."""
     path = Path(path)
@@ -93,6 +98,62 @@ def read(path: str | Path, case: Case) -> tuple[Contingency, ...]:
     except StudyError as error:
         text = str(error)
         raise StudyError(text if text.startswith(str(path)) else f"{path}: {text}") from None
+
+
+def _contingency(where: str, row: object, case: Case) -> Contingency:
+    if not isinstance(row, dict):
+        raise StudyError(f"{where} is not a table; {EXAMPLE}.")
+    found = toml_file.validated(_Row, row, where)
+    trip = (found.trip,) if isinstance(found.trip, str) else tuple(found.trip)
+    if found.clear is None and found.fault is not None:
+        raise StudyError(f"{where}: clear is missing; it must be {_Row.model_fields['clear'].description}.")
+    if found.fault is None and (found.clear is not None or not (trip or found.trip_machine)):
+        raise StudyError(f"{where}: fault is missing; it must be {_Row.model_fields['fault'].description}.")
+    machines = (found.trip_machine,) if isinstance(found.trip_machine, str) else tuple(found.trip_machine)
+    try:
+        trips = tuple(_machine_trip(text, found.clear, case) for text in machines)
+        impedance = _impedance(found.impedance)
+        return Contingency(found.fault, found.clear, trip, impedance=impedance, events=trips, name=found.name)
+    except StudyError as error:
+        raise StudyError(f"{where}: {error}") from None
+
+
+def _bus(value: object) -> object:
+    """The number of a bus as text."""
+    return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+class _Row(BaseModel):
+    """A [[contingency]] of a file."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    fault: Annotated[str | None, BeforeValidator(_bus)] = Field(
+        None, description='a bus or a point on a circuit, such as "16"'
+    )
+    clear: str | None = Field(None, description='a clearing time, such as "8.2cyc" or "0.14s"')
+    impedance: str = Field("0,0", description='a fault impedance R,X in pu, such as "0.01,0.05"')
+    trip_machine: Annotated[str | list[str], BeforeValidator(_bus)] = Field(
+        [], description='a machine or a list of machines, such as "9" (when the fault is cleared) or "9@0.5s" after it'
+    )
+    trip: str | list[str] = Field([], description='a circuit or a list of circuits, such as "16-21"')
+    name: str | None = Field(None, description='text, such as "line 16-21"')
+
+
+def _impedance(text: str) -> complex:
+    """A fault impedance written as R,X (pu)."""
+    try:
+        r, x = map(float, text.split(","))
+    except ValueError:
+        raise StudyError(f"impedance = {text!r} is not allowed; write R,X in pu, such as '0.01,0.05'.") from None
+    return complex(r, x)
+
+
+def _machine_trip(text: str, clear: str | None, case: Case) -> Event:
+    """The trip of a machine: `9` when the fault is cleared, `9@0.5s` so long after the instant of the fault."""
+    number, _, after = text.partition("@")
+    delay = seconds(after or clear or 0.0, case.frequency_hz)
+    return notation.event(f"{number.strip()}@{AT + delay!r}s", case.frequency_hz)
 
 
 def checked(case: Case, given: Iterable[Contingency]) -> tuple[Contingency, ...]:
@@ -134,75 +195,12 @@ def target_cycles(one: Contingency, case: Case) -> float | None:
     return None if one.fault is None else clearing_s(one, case) * case.frequency_hz
 
 
-def _bus(value: object) -> object:
-    """The number of a bus as text."""
-    return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
-
-
-class _Row(BaseModel):
-    """A [[contingency]] of a file."""
-
-    model_config = ConfigDict(extra="forbid", strict=True)
-
-    fault: Annotated[str | None, BeforeValidator(_bus)] = Field(
-        None, description='a bus or a point on a circuit, such as "16"'
-    )
-    clear: str | None = Field(None, description='a clearing time, such as "8.2cyc" or "0.14s"')
-    impedance: str = Field("0,0", description='a fault impedance R,X in pu, such as "0.01,0.05"')
-    trip_machine: Annotated[str | list[str], BeforeValidator(_bus)] = Field(
-        [], description='a machine or a list of machines, such as "9" (when the fault is cleared) or "9@0.5s" after it'
-    )
-    trip: str | list[str] = Field([], description='a circuit or a list of circuits, such as "16-21"')
-    name: str | None = Field(None, description='text, such as "line 16-21"')
-
-
-def _impedance(text: str) -> complex:
-    """A fault impedance written as R,X (pu)."""
-    try:
-        r, x = map(float, text.split(","))
-    except ValueError:
-        raise StudyError(f"impedance = {text!r} is not allowed; write R,X in pu, such as '0.01,0.05'.") from None
-    return complex(r, x)
-
-
-def _machine_trip(text: str, clear: str | None, case: Case) -> Event:
-    """The trip of a machine: `9` when the fault is cleared, `9@0.5s` so long after the instant of the fault."""
-    number, _, after = text.partition("@")
-    delay = seconds(after or clear or 0.0, case.frequency_hz)
-    return notation.event(f"{number.strip()}@{AT + delay!r}s", case.frequency_hz)
-
-
-def _contingency(where: str, row: object, case: Case) -> Contingency:
-    if not isinstance(row, dict):
-        raise StudyError(f"{where} is not a table; {EXAMPLE}.")
-    found = toml_file.validated(_Row, row, where)
-    trip = (found.trip,) if isinstance(found.trip, str) else tuple(found.trip)
-    if found.clear is None and found.fault is not None:
-        raise StudyError(f"{where}: clear is missing; it must be {_Row.model_fields['clear'].description}.")
-    if found.fault is None and (found.clear is not None or not (trip or found.trip_machine)):
-        raise StudyError(f"{where}: fault is missing; it must be {_Row.model_fields['fault'].description}.")
-    machines = (found.trip_machine,) if isinstance(found.trip_machine, str) else tuple(found.trip_machine)
-    try:
-        trips = tuple(_machine_trip(text, found.clear, case) for text in machines)
-        impedance = _impedance(found.impedance)
-        return Contingency(found.fault, found.clear, trip, impedance=impedance, events=trips, name=found.name)
-    except StudyError as error:
-        raise StudyError(f"{where}: {error}") from None
-
-
-# Scenarios that a fleet must survive: a contingency at an operating point, with or without a device out of service.
-
-Base = Case | OperatingPoint
-Bases = Base | Iterable[Base] | Mapping[str, Base]
-
-
-class Scenario(NamedTuple):
-    """A contingency at one of the operating points."""
-
-    contingency: Contingency
-    point: int = 0  # number of the operating point
-    out: int | None = None  # row of the storage device out of service, the existing ones first
-    scaled: tuple[int, float] | None = None  # row of a storage device, and the multiple of its rating
+def without_fault(one: Contingency, case: Case) -> tuple[Contingency, float]:
+    """A contingency without a fault, its first event at 0, and the instant (s) of its last event."""
+    timed = one.timed(case)
+    first = min(event.at for event in timed)
+    moved = tuple(replace(event, at=event.at - first) for event in timed)
+    return Contingency(events=moved, name=one.name), max(event.at for event in moved)
 
 
 def operating_points(bases: Bases) -> dict[str, Case]:
@@ -242,6 +240,15 @@ _SAME = {
 }
 
 
+class Scenario(NamedTuple):
+    """A contingency at one of the operating points."""
+
+    contingency: Contingency
+    point: int = 0  # number of the operating point
+    out: int | None = None  # row of the storage device out of service, the existing ones first
+    scaled: tuple[int, float] | None = None  # row of a storage device, and the multiple of its rating
+
+
 def scenarios(contingencies: Sequence[Contingency], points: int, devices: int | None = None) -> tuple[Scenario, ...]:
     """Every contingency at every operating point, and, given the number of devices, without each of them."""
     out = (None,) if devices is None else (None, *range(devices))
@@ -251,11 +258,3 @@ def scenarios(contingencies: Sequence[Contingency], points: int, devices: int | 
 def scaled(scenarios: Iterable[Scenario], device: int, multiple: float) -> tuple[Scenario, ...]:
     """The scenarios with the rating of one device (its row, existing ones first) multiplied."""
     return tuple(one._replace(scaled=(device, multiple)) for one in scenarios)
-
-
-def without_fault(one: Contingency, case: Case) -> tuple[Contingency, float]:
-    """A contingency without a fault, its first event at 0, and the instant (s) of its last event."""
-    timed = one.timed(case)
-    first = min(event.at for event in timed)
-    moved = tuple(replace(event, at=event.at - first) for event in timed)
-    return Contingency(events=moved, name=one.name), max(event.at for event in moved)

@@ -8,6 +8,16 @@ without the trust region, and its plan, whose cost is the bound, is visited in t
 
 The energy that a MW needs depends on the whole fleet. A fleet is compared at its own energies, and the master program
 takes the MWh per MW of the best fleet, or where it has no device of the uniform fleet.
+
+The master program is
+
+    min  c's + f'z + rho 1'xi
+    s.t. D s >= b - xi,  0 <= s <= cap z,  |s - best| <= radius,  xi >= 0
+         0 <= z <= 1 (a linear program, Clarabel), or z of 0 and 1 with at most K of them (HiGHS, by SciPy)
+         s_i = module_i n_i, n_i a whole number, where sizes are multiples of a module (HiGHS, by SciPy)
+
+Internally a size is a share of its cap, and a cut is divided by the largest contribution of one device, so that the
+program is well scaled.
 """
 
 import warnings
@@ -38,10 +48,9 @@ MORE = 1.0, 1.001, 1.002, 1.005, 1.01, 1.02, 1.05, 1.1  # multiples tried when r
 SLACK = 1e3  # rho, relative to the largest cost of a cap
 NOTHING = 1e-6  # of a cap
 WHOLE = 1e-6  # of a module
-
-
-class Unsolved(Exception):
-    """The solver found no solution; the message says why."""
+DECIMALS = 2  # of a MW, as sizes are printed; more in systems of a few MW
+LARGE = 10.0  # MW   a cap from which two decimals are enough
+SMALL = 1e-6  # of the last decimal that is printed: rounding of the computer
 
 
 class Cut(NamedTuple):
@@ -60,6 +69,10 @@ class Plan(NamedTuple):
     cost: float  # without slack
     slack: float  # largest violation of a cut, relative to the largest contribution of one device
     status: str = "optimal"  # of the solver; "optimal_inaccurate" if it missed its own tolerances
+
+
+class Unsolved(Exception):
+    """The solver found no solution; the message says why."""
 
 
 class Master:
@@ -379,13 +392,6 @@ class CuttingPlanes:
         found = next((mw for mw in map(self.trials.fleet, fleets) if self.trials.all_survived(mw)), self.best)
         self.energy = up(energies(self.trials, found), digits + 2)
         self.take(found, self.energy)
-
-
-# Sizes as they are printed: rounded to two decimals of a MW, or more in systems of a few MW.
-
-DECIMALS = 2
-LARGE = 10.0  # MW   a cap from which two decimals are enough
-SMALL = 1e-6  # of the last decimal, that is rounding of the computer
 
 
 def decimals(cap: np.ndarray) -> int:

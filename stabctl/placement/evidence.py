@@ -1,4 +1,7 @@
-"""Evidence: clearing times of a fleet and its variants, and how far it uses its converters."""
+"""Evidence: clearing times of a fleet and its variants, and how far the contingencies use its converters.
+
+Clearing times are critical by the criterion of `clearing_time`.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -16,18 +19,8 @@ from .siting import Evidence
 from .siting_rows import label
 from .trials import Trials
 
-MARGINS = (
-    1.0,
-    1.02,
-    1.03,
-    1.05,
-    1.1,
-)  # multiples of the fleet tried in refined simulations and with other controllers
-
-
-def critical_times(trials: Trials, mw: np.ndarray, control: Control = None) -> list[CriticalTime]:
-    """The critical clearing time of every scenario with a fleet (candidates, MW)."""
-    return trials.each(lambda k: trials.critical_time(mw, k, control))
+MARGINS = 1.0, 1.02, 1.03, 1.05, 1.1  # multiples of the fleet tried in refined simulations and with other controllers
+DIGITS = 3  # of a current of a converter; those that agree to so many are the same
 
 
 def table(
@@ -72,6 +65,11 @@ def table(
     return tuple(rows)
 
 
+def critical_times(trials: Trials, mw: np.ndarray, control: Control = None) -> list[CriticalTime]:
+    """The critical clearing time of every scenario with a fleet (candidates, MW)."""
+    return trials.each(lambda k: trials.critical_time(mw, k, control))
+
+
 def _scaled(trials: Trials, mw: np.ndarray, i: int, multiple: float) -> Evidence:
     """The fleet (candidates, MW) with another size at candidate i, also above its cap, simulated at the targets."""
     changed = trials.among(scaled(trials.scenarios, len(trials.existing) + i, multiple))
@@ -86,13 +84,14 @@ def _row(mw: np.ndarray, found: Sequence[CriticalTime], **variant: Any) -> Evide
 
 def energies(trials: Trials, mw: np.ndarray) -> np.ndarray:
     """Energy capacity (candidates, MWh) that every device needs: the largest range of its charge in any contingency."""
-
     return np.max(trials.each(lambda k: trials.energy(mw, k)), axis=0)
 
 
-# How far the contingencies use the converters of a fleet, and what sets their MVA.
-
-DIGITS = 3  # of a current; those that agree to so many are the same
+def mva(trials: Trials, mw: np.ndarray) -> np.ndarray:
+    """MVA (candidates) of a fleet (candidates, MW): in the proportion to the MW that the devices were given."""
+    rows = trials.point.case.storage[len(trials.existing) :]
+    sized = (fleet.resized(row, float(size)) for row, size in zip(rows, mw, strict=True))
+    return np.array([row.mva or row.rating for row in sized])
 
 
 class Used(NamedTuple):
@@ -102,13 +101,6 @@ class Used(NamedTuple):
     limit: float  # pu on its MVA
     voltage: float  # pu   of its bus at that current, the lowest if several
     worst: str  # the contingency
-
-
-def mva(trials: Trials, mw: np.ndarray) -> np.ndarray:
-    """MVA (candidates) of a fleet (candidates, MW): in the proportion to the MW that the devices were given."""
-    rows = trials.point.case.storage[len(trials.existing) :]
-    sized = (fleet.resized(row, float(size)) for row, size in zip(rows, mw, strict=True))
-    return np.array([row.mva or row.rating for row in sized])
 
 
 def used(trials: Trials, mw: np.ndarray) -> list[Used | None]:

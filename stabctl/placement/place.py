@@ -1,4 +1,9 @@
-"""Where storage belongs and how large it must be: from contingencies and costs to a fleet with its evidence."""
+"""Where storage belongs and how large it must be: from contingencies and costs to a fleet with its evidence.
+
+With a tolerance, any one device alone may be a little smaller or larger. Survival is not monotone in the size of one
+device. Every scenario is therefore simulated with every device smaller and larger; those that are lost become scenarios
+of the search.
+"""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -37,6 +42,7 @@ from .trials import Trials
 
 UNIFORM = 0.05  # of machine MVA   the uniform fleet that is scaled
 LESS = 0.97  # of the fleet, at which a binding contingency is lost
+USUAL = 0.1  # tolerance of a size in the evidence of every fleet, if none is given
 BY_SCREEN = (
     f"The required clearing times were chosen by default: {100 * (LONGER - 1):.0f} % longer than the critical "
     "ones of a screen without storage."
@@ -213,20 +219,6 @@ def place(
     )
 
 
-def _devices(possible: Sites, largest: np.ndarray) -> list[Storage]:
-    """A device of the largest size at every candidate."""
-    return [Storage(c.machine, c.bus, float(mw)) for c, mw in zip(possible.candidates, largest, strict=True)]
-
-
-def _survived(trials: Trials, best: np.ndarray, times: list[CriticalTime]) -> tuple[Survived, ...]:
-    """A row for every scenario."""
-    lost_with_less = trials.lost(LESS * best)
-    return tuple(
-        Survived(one, trials.target(k), c.cycles, c.machine, c.stable, k in lost_with_less, *trials.named(k))
-        for k, (one, c) in enumerate(zip(trials.contingencies, times, strict=True))
-    )
-
-
 def _check(costs: Costs, sites: int | None) -> None:
     for name, value in costs._asdict().items():
         if not 0 <= value < np.inf:
@@ -236,15 +228,14 @@ def _check(costs: Costs, sites: int | None) -> None:
         raise StudyError(f"sites = {sites} is not allowed; it must be at least 1.")
 
 
-def _none_found(trials: Trials, sites: int | None) -> str:
-    few = f" with at most {counted(sites, 'site')}" if sites is not None else ""
-    return (
-        f"No fleet{few} within the caps was found that survives all {len(trials.scenarios)} contingencies of "
-        f"{trials.point.case.name}; raise the caps or the number of sites, or shorten the clearing times."
-    )
-
-
-# What controls storage and the system in the simulations of a siting.
+def share(tolerance: str | float | None) -> float | None:
+    """A tolerance of sizes as a share: "10%" or 0.1; None for none. Raises `StudyError`."""
+    if tolerance is None:
+        return None
+    value = units.quantity(tolerance, "-")
+    if not 0 < value < 1:
+        raise StudyError(f"The tolerance {shown(tolerance)} is not allowed; give a share of a size, such as 10%.")
+    return value
 
 
 def acting_in(control: Control) -> list[Law | Controller]:
@@ -266,31 +257,9 @@ def other_controllers(
     return {validate: EstimatorControl(acts, validate)}
 
 
-# Fleets whose sizes have a tolerance: any one device alone may be a little smaller or larger.
-#
-# Survival is not monotone in the size of one device. Every scenario is therefore simulated with every device smaller
-# and
-# larger; those that are lost become scenarios of the search.
-
-USUAL = 0.1  # of a size, in the evidence of every fleet
-
-
-def share(tolerance: str | float | None) -> float | None:
-    """A tolerance of sizes as a share: "10%" or 0.1; None for none. Raises `StudyError`."""
-    if tolerance is None:
-        return None
-    value = units.quantity(tolerance, "-")
-    if not 0 < value < 1:
-        raise StudyError(f"The tolerance {shown(tolerance)} is not allowed; give a share of a size, such as 10%.")
-    return value
-
-
-def lost(trials: Trials, mw: np.ndarray, tolerance: float) -> Trials:
-    """The scenarios with any one device of a fleet (candidates, MW) smaller or larger that it does not survive."""
-    built = [len(trials.existing) + int(i) for i in np.flatnonzero(mw)]
-    multiples = 1 - tolerance, 1 + tolerance
-    every = trials.among(one for row in built for a in multiples for one in scaled(trials.scenarios, row, a))
-    return every.only(every.lost(mw))
+def _devices(possible: Sites, largest: np.ndarray) -> list[Storage]:
+    """A device of the largest size at every candidate."""
+    return [Storage(c.machine, c.bus, float(mw)) for c, mw in zip(possible.candidates, largest, strict=True)]
 
 
 def hold(planes: CuttingPlanes, tolerance: float) -> None:
@@ -311,9 +280,34 @@ def hold(planes: CuttingPlanes, tolerance: float) -> None:
         )
 
 
+def lost(trials: Trials, mw: np.ndarray, tolerance: float) -> Trials:
+    """The scenarios with any one device of a fleet (candidates, MW) smaller or larger that it does not survive."""
+    built = [len(trials.existing) + int(i) for i in np.flatnonzero(mw)]
+    multiples = 1 - tolerance, 1 + tolerance
+    every = trials.among(one for row in built for a in multiples for one in scaled(trials.scenarios, row, a))
+    return every.only(every.lost(mw))
+
+
 def _named(trials: Trials, k: int) -> str:
     """Scenario k with the device that has another size."""
     one = trials.scenarios[k]
     row, multiple = one.scaled or (0, 1.0)
     size = f"{trials.site(row - len(trials.existing))} x{multiple:g}"
     return f"{label(one.contingency, *trials.named(k))} with {size}"
+
+
+def _none_found(trials: Trials, sites: int | None) -> str:
+    few = f" with at most {counted(sites, 'site')}" if sites is not None else ""
+    return (
+        f"No fleet{few} within the caps was found that survives all {len(trials.scenarios)} contingencies of "
+        f"{trials.point.case.name}; raise the caps or the number of sites, or shorten the clearing times."
+    )
+
+
+def _survived(trials: Trials, best: np.ndarray, times: list[CriticalTime]) -> tuple[Survived, ...]:
+    """A row for every scenario."""
+    lost_with_less = trials.lost(LESS * best)
+    return tuple(
+        Survived(one, trials.target(k), c.cycles, c.machine, c.stable, k in lost_with_less, *trials.named(k))
+        for k, (one, c) in enumerate(zip(trials.contingencies, times, strict=True))
+    )

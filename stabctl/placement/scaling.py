@@ -1,4 +1,8 @@
-"""Critical scalings of a fleet: the smallest multiple that survives, and the gradient of that boundary."""
+"""Critical scalings of a fleet: the smallest multiple that survives, and the gradient of that boundary.
+
+The gradient tells how much a megawatt at each candidate helps to survive a contingency. A gradient d (candidates, 1/MW)
+at a fleet s on the boundary is scaled to d . s = 1, so that its cut is d . s' >= 1.
+"""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -12,6 +16,11 @@ FINE = 2e-3  # relative width of the final bracket
 COARSE = 1e-2  # the same for contingencies that are not binding
 SMALL = 1e-3  # multiple below which the empty fleet is tried
 NEAR = 0.85  # of the scaling of a fleet: contingencies lost there are nearly binding
+INSIDE = (1.04, 1.08, 1.16, 1.02)  # multiples of the boundary fleet at which nearby fleets are simulated
+OUTSIDE = (2 * FINE, COARSE, 2 * COARSE)  # parts of the boundary fleet left out to see what is lost
+STEP = 0.03  # first change of one size, relative to the whole fleet
+HALVINGS = 8
+AFTER = 0.25  # s   simulated beyond the instant of the largest angle
 
 
 class Bracket(NamedTuple):
@@ -26,6 +35,73 @@ class Scaled(NamedTuple):
 
     scaling: float
     near: dict[int, float]  # contingencies that are binding or nearly so -> their own critical scalings
+
+
+def least_scaling(trials: Trials, mw: np.ndarray, fine: float = FINE) -> Scaled | None:
+    """The smallest multiple near 1 of a fleet (candidates, MW) that survives everything; None if none does.
+
+    Contingencies lost at 1 are scanned upward; if none is, all are scanned downward together.
+    """
+    most = largest_scaling(trials, mw)
+    if most == 0:
+        return None if trials.lost(mw) else Scaled(0.0, {})
+    high = low = min(1.0, most)
+    while not (lost := trials.lost(low * mw)):
+        if low == 0:
+            return Scaled(0.0, {})
+        high, low = low, low / SCAN if low > SMALL else 0.0
+
+    def above(k: int) -> Bracket | None:
+        """Where survival of contingency k begins, which is lost at `low`."""
+        survives = along(trials, mw, k)
+        if high > low and survives(high):
+            return Bracket(low, high)
+        return first_bracket(survives, most, low=low, near=low)
+
+    near: dict[int, float] = {}
+    while lost:
+        found = trials.each(above, lost)
+        brackets = {k: b for k, b in zip(lost, found, strict=True) if b is not None}
+        if len(brackets) < len(lost):
+            return None
+        near |= _narrowed(trials, mw, brackets, fine)
+        low = high = max(near.values())
+        lost = trials.lost(high * mw)
+    under = [k for k in trials.lost(NEAR * high * mw) if k not in near]
+    below = trials.each(lambda k: bisect(along(trials, mw, k), NEAR * high, high, max(fine, COARSE)), under)
+    return Scaled(high, near | dict(zip(under, below, strict=True)))
+
+
+def largest_scaling(trials: Trials, mw: np.ndarray) -> float:
+    """The multiple at which every device of a fleet has reached its cap."""
+    return float((trials.cap[mw > 0] / mw[mw > 0]).max(initial=0.0))
+
+
+def along(trials: Trials, mw: np.ndarray, k: int) -> Callable[[float], bool]:
+    """Whether a multiple of a fleet (candidates, MW) survives scenario k."""
+    return lambda a: trials.survives(a * mw, k)
+
+
+def _narrowed(trials: Trials, mw: np.ndarray, brackets: dict[int, Bracket], fine: float) -> dict[int, float]:
+    """The critical scalings of contingencies with a bracket each: of the binding ones, and of those nearly so.
+
+    The others are not worth more simulations.
+    """
+    while True:
+        top = max(b.low for b in brackets.values())
+        brackets = {k: b for k, b in brackets.items() if b.high >= NEAR * top}
+        wide = [
+            k for k, b in brackets.items() if b.high - b.low > (fine if b.high > top else max(fine, COARSE)) * b.high
+        ]
+        if not wide:
+            return {k: b.high for k, b in brackets.items()}
+        brackets |= _halved(trials, mw, {k: brackets[k] for k in wide})
+
+
+def _halved(trials: Trials, mw: np.ndarray, brackets: dict[int, Bracket]) -> dict[int, Bracket]:
+    """The halves of the brackets of some contingencies in which survival begins."""
+    halves = trials.each(lambda k: halved(along(trials, mw, k), brackets[k]), brackets)
+    return dict(zip(brackets, halves, strict=True))
 
 
 def critical_scaling(
@@ -80,84 +156,6 @@ def halved(survives: Callable[[float], bool], bracket: Bracket) -> Bracket:
     low, high = bracket
     middle = (low + high) / 2
     return Bracket(low, middle) if survives(middle) else Bracket(middle, high)
-
-
-def along(trials: Trials, mw: np.ndarray, k: int) -> Callable[[float], bool]:
-    """Whether a multiple of a fleet (candidates, MW) survives scenario k."""
-    return lambda a: trials.survives(a * mw, k)
-
-
-def largest_scaling(trials: Trials, mw: np.ndarray) -> float:
-    """The multiple at which every device of a fleet has reached its cap."""
-    return float((trials.cap[mw > 0] / mw[mw > 0]).max(initial=0.0))
-
-
-def least_scaling(trials: Trials, mw: np.ndarray, fine: float = FINE) -> Scaled | None:
-    """The smallest multiple near 1 of a fleet (candidates, MW) that survives everything; None if none does.
-
-    Contingencies lost at 1 are scanned upward; if none is, all are scanned downward together.
-    """
-    most = largest_scaling(trials, mw)
-    if most == 0:
-        return None if trials.lost(mw) else Scaled(0.0, {})
-    high = low = min(1.0, most)
-    while not (lost := trials.lost(low * mw)):
-        if low == 0:
-            return Scaled(0.0, {})
-        high, low = low, low / SCAN if low > SMALL else 0.0
-
-    def above(k: int) -> Bracket | None:
-        """Where survival of contingency k begins, which is lost at `low`."""
-        survives = along(trials, mw, k)
-        if high > low and survives(high):
-            return Bracket(low, high)
-        return first_bracket(survives, most, low=low, near=low)
-
-    near: dict[int, float] = {}
-    while lost:
-        found = trials.each(above, lost)
-        brackets = {k: b for k, b in zip(lost, found, strict=True) if b is not None}
-        if len(brackets) < len(lost):
-            return None
-        near |= _narrowed(trials, mw, brackets, fine)
-        low = high = max(near.values())
-        lost = trials.lost(high * mw)
-    under = [k for k in trials.lost(NEAR * high * mw) if k not in near]
-    below = trials.each(lambda k: bisect(along(trials, mw, k), NEAR * high, high, max(fine, COARSE)), under)
-    return Scaled(high, near | dict(zip(under, below, strict=True)))
-
-
-def _narrowed(trials: Trials, mw: np.ndarray, brackets: dict[int, Bracket], fine: float) -> dict[int, float]:
-    """The critical scalings of contingencies with a bracket each: of the binding ones, and of those nearly so.
-
-    The others are not worth more simulations.
-    """
-    while True:
-        top = max(b.low for b in brackets.values())
-        brackets = {k: b for k, b in brackets.items() if b.high >= NEAR * top}
-        wide = [
-            k for k, b in brackets.items() if b.high - b.low > (fine if b.high > top else max(fine, COARSE)) * b.high
-        ]
-        if not wide:
-            return {k: b.high for k, b in brackets.items()}
-        brackets |= _halved(trials, mw, {k: brackets[k] for k in wide})
-
-
-def _halved(trials: Trials, mw: np.ndarray, brackets: dict[int, Bracket]) -> dict[int, Bracket]:
-    """The halves of the brackets of some contingencies in which survival begins."""
-    halves = trials.each(lambda k: halved(along(trials, mw, k), brackets[k]), brackets)
-    return dict(zip(brackets, halves, strict=True))
-
-
-# Gradients of the boundary of survival: how much a megawatt at each candidate helps to survive a contingency.
-#
-# A gradient d (candidates, 1/MW) at a fleet s on the boundary is scaled to d . s = 1, so that its cut is d . s' >= 1.
-
-INSIDE = (1.04, 1.08, 1.16, 1.02)  # multiples of the boundary fleet at which nearby fleets are simulated
-OUTSIDE = (2 * FINE, COARSE, 2 * COARSE)  # parts of the boundary fleet left out to see what is lost
-STEP = 0.03  # first change of one size, relative to the whole fleet
-HALVINGS = 8
-AFTER = 0.25  # s   simulated beyond the instant of the largest angle
 
 
 def by_peak(trials: Trials, mw: np.ndarray, k: int) -> np.ndarray | None:

@@ -18,30 +18,6 @@ from stabctl.schema import NOT_NEGATIVE, POSITIVE, fields
 from .sensitivity import Candidate, all_candidates, checked, sensitivity
 from .siting_rows import Costs
 
-# What a fleet costs: its megawatts, the energy that they need, and its sites.
-
-
-class Prices(NamedTuple):
-    """Prices at every candidate (candidates), in any one currency."""
-
-    mw: np.ndarray  # per MW
-    mwh: np.ndarray  # per MWh
-    site: np.ndarray  # per site
-
-    def cost(self, mw: np.ndarray, mwh: np.ndarray) -> float:
-        """Cost of a fleet (candidates, MW) with its energy capacities (candidates, MWh)."""
-        return float(self.mw @ mw + self.mwh @ mwh + self.site @ (mw > 0))
-
-    def per_mw(self, hours: np.ndarray) -> np.ndarray:
-        """Price of a MW (candidates) that needs so many MWh per MW."""
-        return self.mw + self.mwh * hours
-
-    def affordable(self, mw: np.ndarray, cost: float) -> float:
-        """The largest multiple of a fleet (candidates, MW) that costs no more, without its energy."""
-        of_sizes, of_sites = float(self.mw @ mw), float(self.site @ (mw > 0))
-        return max(cost - of_sites, 0.0) / of_sizes if of_sizes > 0 else np.inf
-
-
 LARGEST = 1e6  # MW
 WHOLE = 1e-6  # of a module
 
@@ -61,6 +37,27 @@ class SiteOption(NamedTuple):
 SiteOptions = str | Path | Iterable[SiteOption | tuple[int, int] | int]
 
 
+class Prices(NamedTuple):
+    """Prices at every candidate (candidates), in any one currency: of megawatts, of the energy they need, of sites."""
+
+    mw: np.ndarray  # per MW
+    mwh: np.ndarray  # per MWh
+    site: np.ndarray  # per site
+
+    def cost(self, mw: np.ndarray, mwh: np.ndarray) -> float:
+        """Cost of a fleet (candidates, MW) with its energy capacities (candidates, MWh)."""
+        return float(self.mw @ mw + self.mwh @ mwh + self.site @ (mw > 0))
+
+    def per_mw(self, hours: np.ndarray) -> np.ndarray:
+        """Price of a MW (candidates) that needs so many MWh per MW."""
+        return self.mw + self.mwh * hours
+
+    def affordable(self, mw: np.ndarray, cost: float) -> float:
+        """The largest multiple of a fleet (candidates, MW) that costs no more, without its energy."""
+        of_sizes, of_sites = float(self.mw @ mw), float(self.site @ (mw > 0))
+        return max(cost - of_sites, 0.0) / of_sizes if of_sizes > 0 else np.inf
+
+
 class Sites(NamedTuple):
     """The candidates (candidates) with their largest sizes, modules and prices."""
 
@@ -69,18 +66,6 @@ class Sites(NamedTuple):
     cap: np.ndarray  # MW
     module: np.ndarray  # MW, 0: any size
     prices: Prices
-
-
-def read(path: str | Path) -> tuple[SiteOption, ...]:
-    """The rows of a CSV table of sites; errors name file, row, column and value."""
-    rows = table.read(Path(path), fields(SiteOption))
-    options = tuple(SiteOption(**row) for row in rows.rows)
-    for option, line in zip(options, rows.lines, strict=True):
-        if (wrong := _wrong(option)) is not None:
-            raise StudyError(f"{path} row {line}, {wrong}")
-    if not options:
-        raise StudyError(f"{path} has no sites; give a row for each bus where storage may be built.")
-    return options
 
 
 def sites(point: OperatingPoint, given: SiteOptions | None, cap: str, costs: Costs, flow: PowerFlow) -> Sites:
@@ -122,14 +107,6 @@ def sites(point: OperatingPoint, given: SiteOptions | None, cap: str, costs: Cos
     return Sites(found, np.array([case.machine(c.machine).base for c in found]), cap_mw, module, prices)
 
 
-def _own(value: float | None, default: float) -> float:
-    return float(default if value is None else value)
-
-
-def _cap(case: Case, option: SiteOption, candidate: Candidate, cap: str, flow: PowerFlow) -> float:
-    return option.cap or fleet.megawatts(case, case.machine(candidate.machine), cap, flow)
-
-
 def _options(case: Case, given: SiteOptions | None) -> tuple[SiteOption, ...]:
     if given is None:
         return tuple(SiteOption(c.bus, c.machine) for c in all_candidates(case))
@@ -139,6 +116,18 @@ def _options(case: Case, given: SiteOptions | None) -> tuple[SiteOption, ...]:
     for i, option in enumerate(options, start=1):
         if (wrong := _wrong(option)) is not None:
             raise StudyError(f"Candidate {i}, {wrong}")
+    return options
+
+
+def read(path: str | Path) -> tuple[SiteOption, ...]:
+    """The rows of a CSV table of sites; errors name file, row, column and value."""
+    rows = table.read(Path(path), fields(SiteOption))
+    options = tuple(SiteOption(**row) for row in rows.rows)
+    for option, line in zip(options, rows.lines, strict=True):
+        if (wrong := _wrong(option)) is not None:
+            raise StudyError(f"{path} row {line}, {wrong}")
+    if not options:
+        raise StudyError(f"{path} has no sites; give a row for each bus where storage may be built.")
     return options
 
 
@@ -178,3 +167,11 @@ def _followed(point: OperatingPoint, options: Sequence[SiteOption]) -> tuple[tup
         braked = found.acceleration.T.argmin(axis=1)
         nearest |= {c.bus: found.machines[j] for c, j in zip(found.candidates, braked, strict=True)}
     return tuple((nearest[o.bus] if o.machine is None else o.machine, o.bus) for o in options)
+
+
+def _cap(case: Case, option: SiteOption, candidate: Candidate, cap: str, flow: PowerFlow) -> float:
+    return option.cap or fleet.megawatts(case, case.machine(candidate.machine), cap, flow)
+
+
+def _own(value: float | None, default: float) -> float:
+    return float(default if value is None else value)

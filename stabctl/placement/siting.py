@@ -15,6 +15,8 @@ from .siting_rows import REFINED, CandidateSite, Costs, Evidence, Infeasible, It
 if TYPE_CHECKING:
     import pandas as pd
 
+SLACK = 1e-6  # largest violation of a cut that is rounding
+
 
 @dataclass(frozen=True, repr=False)
 class Siting(Tabular):
@@ -203,12 +205,17 @@ class Siting(Tabular):
         return "\n".join(self.remarks())
 
 
-# A siting result in sentences.
+def sites(siting: Siting) -> Iterator[str]:
+    """The rows of the table of sites, with MVA where there are converters."""
+    rated = bool(siting.converters) or any(s.mva not in (0.0, s.mw) for s in siting.sites)
+    heads = "      MVA " if rated else "", "  MVA set by" if siting.converters else ""
+    yield f"   bus machine        MW {heads[0]}      kWh{heads[1]}"
+    for s in siting.sites:
+        mva = f"{s.mva or s.mw:9.2f} " if rated else ""
+        yield f"{s.bus:6d} {s.machine:7d} {s.size:>9s} {mva}{1e3 * s.mwh:9.1f}{'  ' if s.set_by else ''}{s.set_by}"
 
-SLACK = 1e-6  # largest violation of a cut that is rounding
 
-
-def remarks(siting: "Siting") -> tuple[str, ...]:
+def remarks(siting: Siting) -> tuple[str, ...]:
     """The fleet, what it is compared with, and what is left open."""
     survived = counted(len(siting.contingencies), "contingency")
     rows: list[Survived | Infeasible] = [*siting.contingencies, *siting.infeasible]
@@ -237,17 +244,7 @@ def remarks(siting: "Siting") -> tuple[str, ...]:
     )
 
 
-def sites(siting: "Siting") -> Iterator[str]:
-    """The rows of the table of sites, with MVA where there are converters."""
-    rated = bool(siting.converters) or any(s.mva not in (0.0, s.mw) for s in siting.sites)
-    heads = "      MVA " if rated else "", "  MVA set by" if siting.converters else ""
-    yield f"   bus machine        MW {heads[0]}      kWh{heads[1]}"
-    for s in siting.sites:
-        mva = f"{s.mva or s.mw:9.2f} " if rated else ""
-        yield f"{s.bus:6d} {s.machine:7d} {s.size:>9s} {mva}{1e3 * s.mwh:9.1f}{'  ' if s.set_by else ''}{s.set_by}"
-
-
-def _converters(siting: "Siting") -> Iterator[str]:
+def _converters(siting: Siting) -> Iterator[str]:
     """The MVA of the converters, and how far the contingencies use them."""
     found = siting.converters
     if not found:
@@ -274,20 +271,20 @@ def _range(values: list[float], form: str) -> str:
     return " to ".join(ends)
 
 
-def _existing(siting: "Siting") -> Iterator[str]:
+def _existing(siting: Siting) -> Iterator[str]:
     if siting.existing:
         total = sum(s.rating for s in siting.existing)
         yield f"{counted(len(siting.existing), 'existing device')} with {total:.1f} MW in all are kept."
 
 
-def _controllers(siting: "Siting") -> Iterator[str]:
+def _controllers(siting: Siting) -> Iterator[str]:
     if siting.law and siting.law != str(BangBang()):
         yield f"The devices follow the law {siting.law}."
     if siting.controllers:
         yield f"In every simulation act {'; '.join(siting.controllers)}."
 
 
-def _comparisons(siting: "Siting") -> Iterator[str]:
+def _comparisons(siting: Siting) -> Iterator[str]:
     """The uniform fleet and the allocation by linear analysis."""
     if siting.uniform_mw == 0:
         yield f"The system survives every contingency even without {'further ' * bool(siting.existing)}storage."
@@ -306,7 +303,7 @@ def _comparisons(siting: "Siting") -> Iterator[str]:
         yield "The uniform fleet and the linear allocation are sized without the tolerance."
 
 
-def _bound(siting: "Siting") -> Iterator[str]:
+def _bound(siting: Siting) -> Iterator[str]:
     if not siting.cost:
         return
     if siting.lower_bound is None or siting.gap is None:
@@ -318,7 +315,7 @@ def _bound(siting: "Siting") -> Iterator[str]:
     )
 
 
-def reservations(siting: "Siting") -> tuple[str, ...]:
+def reservations(siting: Siting) -> tuple[str, ...]:
     """What the fleet does not survive, what the solver missed, and which smaller fleets are sufficient."""
     said = [*(f"Not survived: {one}" for one in siting.infeasible), *_solver(siting)]
     for row in siting.evidence:
@@ -337,30 +334,7 @@ def reservations(siting: "Siting") -> tuple[str, ...]:
     return tuple(said)
 
 
-def _other_sizes(siting: "Siting") -> Iterator[str]:
-    """What the fleet does not survive if one device alone is smaller or larger."""
-    rows = [row for row in siting.evidence if row.site]
-    if rows and not any(row.lost for row in rows):
-        changed = 100 * abs(rows[0].scale - 1)
-        yield f"The fleet survives every contingency also if any one site has {changed:g} % less or more."
-        return
-    for less in (False, True):
-        tried = [row for row in rows if (row.scale < 1) == less]
-        if lost := [row for row in tried if row.lost]:
-            changed, count = 100 * abs(lost[0].scale - 1), counted(len(tried), "site")
-            named = "; ".join(f"{row.site} loses {_lost(siting, row)}" for row in lost)
-            yield (
-                f"With {changed:g} % {'less' if less else 'more'} at one site alone, the fleet is not sufficient for "
-                f"{len(lost)} of {count}: {named}."
-            )
-
-
-def _lost(siting: "Siting", row: Evidence) -> str:
-    """The scenarios that a variant of the fleet does not survive."""
-    return ", ".join(c.label for c, ok in zip(siting.contingencies, row.stable, strict=True) if not ok)
-
-
-def _solver(siting: "Siting") -> Iterator[str]:
+def _solver(siting: Siting) -> Iterator[str]:
     """Programs that the solver did not solve accurately, could not solve, or solved with violated cuts."""
     count = counted(len(siting.history), "iteration")
     for i, row in enumerate(siting.history, start=1):
@@ -381,3 +355,26 @@ def _solver(siting: "Siting") -> Iterator[str]:
             f"In {len(slack)} of {count} no fleet within the caps, sites and trust region satisfied every cut (largest "
             f"violation {100 * max(slack):.3g} % of the contribution of one device)."
         )
+
+
+def _other_sizes(siting: Siting) -> Iterator[str]:
+    """What the fleet does not survive if one device alone is smaller or larger."""
+    rows = [row for row in siting.evidence if row.site]
+    if rows and not any(row.lost for row in rows):
+        changed = 100 * abs(rows[0].scale - 1)
+        yield f"The fleet survives every contingency also if any one site has {changed:g} % less or more."
+        return
+    for less in (False, True):
+        tried = [row for row in rows if (row.scale < 1) == less]
+        if lost := [row for row in tried if row.lost]:
+            changed, count = 100 * abs(lost[0].scale - 1), counted(len(tried), "site")
+            named = "; ".join(f"{row.site} loses {_lost(siting, row)}" for row in lost)
+            yield (
+                f"With {changed:g} % {'less' if less else 'more'} at one site alone, the fleet is not sufficient for "
+                f"{len(lost)} of {count}: {named}."
+            )
+
+
+def _lost(siting: Siting, row: Evidence) -> str:
+    """The scenarios that a variant of the fleet does not survive."""
+    return ", ".join(c.label for c, ok in zip(siting.contingencies, row.stable, strict=True) if not ok)

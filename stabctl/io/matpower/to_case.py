@@ -1,4 +1,4 @@
-"""A case from a MATPOWER file."""
+"""A case from a MATPOWER file: buses, loads, shunts, branches, DC lines and generators as rows of its tables."""
 
 import math
 from collections import Counter, defaultdict
@@ -19,6 +19,8 @@ from .mpc import Mpc
 
 FREQUENCY = 60.0  # Hz   the file does not hold it
 COSTS = ("gencost", "dclinecost", "areas", "gen_name", "branch_name")  # no part of the network
+AT_LIMIT = 0.01  # Mvar   distance from a reactive limit
+SAME_VOLTAGE = 1e-4  # pu   distance of the stored voltage from VG
 
 
 class Import(NamedTuple):
@@ -99,12 +101,6 @@ def read(path: str | Path, *, frequency: float | str = FREQUENCY) -> Import:
         notes=(*corrections, *map(str, unsupported)),
     )
     return Import(case, corrections, unsupported, unit_kind(net))
-
-
-# Buses, loads, shunts, branches, DC lines and generators of a MATPOWER file as rows of the tables of a case.
-
-AT_LIMIT = 0.01  # Mvar   distance from a reactive limit
-SAME_VOLTAGE = 1e-4  # pu   distance of the stored voltage from VG
 
 
 class Network(TableBuilder):
@@ -245,8 +241,7 @@ def _reference(net: Network) -> None:
         net.corrections.append(f"{place}: there is no reference bus with a generator; bus {bus.bus} becomes it.")
 
 
-# Kinds and ratings of generators, by the fuel and type that some files give (genfuels and gentypes of MATPOWER).
-
+# Kinds of generators by the fuel and type that some files give (genfuels and gentypes of MATPOWER).
 FUELS: dict[str, Kind] = {
     "nuclear": "nuclear",
     "hydro": "hydro",

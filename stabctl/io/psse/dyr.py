@@ -1,4 +1,9 @@
-"""A DYR file: its records, their constants as parameters, and rows of the device tables."""
+"""A DYR file: its records, their constants as parameters, and rows of the device tables.
+
+A record is a bus, a kind of model, an ID and constants, up to a slash. The constants of a record become parameters of a
+device by the `DYR` data of the device modules. A record of a load model applies to one load, to those of an owner, of a
+zone or of an area, or to all.
+"""
 
 import re
 from collections import defaultdict
@@ -22,6 +27,10 @@ from .raw import Raw
 USER = "USRMDL"  # a record of a user-written model: its name, six numbers that describe it, then its constants
 HEAD = 7
 _NEXT = re.compile(r"\s*\d+\s+['\"]\S*\s+\S")  # another record after a slash; anything else is a comment
+SCOPES = ("AL", "AR", "ZN", "OW", "BL")  # endings of the kinds of loads, from the widest to the narrowest
+OF_LOADS = "BL", "OW", "ZN", "AR"  # endings of the kinds of loads: at a bus, of an owner, of a zone, of an area
+ANY = "*"  # identifier for all loads of a scope
+REACTANCES = "x1d", "Xe"  # parameters that are the source reactance of a generator where no constant gives them
 
 
 class Record(NamedTuple):
@@ -72,10 +81,39 @@ def _record(place: Place, fields: list[str]) -> Record:
     return Record(place, whole(fields[0], place, "bus"), kind, fields[2] or "1", tuple(constants))
 
 
-# Which loads a record of a load model applies to: one load, those of an owner, of a zone or of an area, or all.
+class Unsupported(NamedTuple):
+    """A record without a model here."""
 
-SCOPES = ("AL", "AR", "ZN", "OW", "BL")  # endings of the kinds, from the widest to the narrowest
-ANY = "*"  # identifier for all loads of a scope
+    kind: str
+    place: Place
+    reason: str
+    owner: str = ""  # what it belongs to
+    machine: str = ""  # the machine in service whose control or model it is
+
+    def __str__(self) -> str:
+        """The sentence of a warning."""
+        what = f"{self.kind} ({self.owner})" if self.owner else self.kind
+        return f"{self.place}: {what} is left out: {self.reason}."
+
+
+class Dynamics:
+    """Rows of the device tables while they are collected, each with its place in the file."""
+
+    def __init__(self) -> None:
+        self.rows: dict[str, dict[naming.Key, Any]] = defaultdict(dict)
+        self.places: dict[str, list[Place]] = defaultdict(list)
+        self.corrections: list[str] = []
+        self.supported: list[Record] = []
+        self.unsupported: list[Unsupported] = []
+
+    def add(self, model: str, key: naming.Key, par: Any, place: Place) -> None:
+        """Add a device; the second of a model at machine 2 has the key 2#2."""
+        own, count = key, 1
+        while own in self.rows[model]:
+            count += 1
+            own = f"{key}#{count}"
+        self.rows[model][own] = par
+        self.places[model].append(place)
 
 
 class LoadScopes:
@@ -129,107 +167,6 @@ class LoadScopes:
         for key, (_, n) in chosen.items():
             found[n].append(key)
         return found
-
-
-# Constants of a DYR record as parameters of a device, by the `DYR` data of the device modules.
-
-REACTANCES = "x1d", "Xe"  # parameters that are the source reactance of a generator where no constant gives them
-
-
-@cache
-def kinds() -> Mapping[str, tuple[str, str]]:
-    """Kind of record -> name of the device model, and its constants in order."""
-    found = {kind: (name, order) for name, device in tables.models().items() for kind, order in device.dyr.items()}
-    return MappingProxyType(found)
-
-
-def parameters(record: Record, model: str, order: str, source: Source | None) -> tuple[Any, list[str]]:
-    """Parameters of a device and what was corrected in them; `ValueError` with a sentence for an unsupported code."""
-    device, names = tables.models()[model], order.split()
-    values: dict[str, Any] = {}
-    if len(record.constants) < len(names):
-        given = len(record.constants)
-        text = f"the record has {given} constants, {record.kind} of {record.bus}/{record.id} needs {len(names)}."
-        raise record.place.error(text)
-    for k, (name, text) in enumerate(zip(names, record.constants, strict=False), 1):
-        plain = name.lstrip("+_'")
-        if name.startswith("'"):
-            values[plain] = text.strip()
-            continue
-        value = (whole if name.startswith("+") else number)(
-            text or "0", record.place, f"constant {k} ({plain or 'unused'})"
-        )
-        if not name.startswith("_"):
-            values[plain] = value
-    sentences: list[str] = []
-    if device.from_record is not None:
-        made, sentences = device.from_record(record.kind, values)
-        values = made if isinstance(made, dict) else made._asdict()
-    allowed = fields(device.Par)
-    values = {name: value for name, value in values.items() if name in allowed}
-    if source is not None:
-        behind = next((name for name in REACTANCES if name in allowed and name not in names), None)
-        if behind and source.x == 0:
-            source = source._replace(x=NO_IMPEDANCE)
-            sentences = [*sentences, f"ZX = 0: the source reactance is {NO_IMPEDANCE:g} pu."]
-        for name, value in (("ra", source.ra), ("Re", source.ra), *((name, source.x) for name in REACTANCES)):
-            if name in allowed and name not in names:
-                values[name] = value
-    extra = len(record.constants) - len(names)
-    if extra > 0 and any(number(text or "0", record.place, "constant") for text in record.constants[len(names) :]):
-        sentences = [*sentences, f"{extra} further constants are not used."]
-    par = tables.parameters(model, **values)
-    return par, [*sentences, *_short_lags(par, tables.role(model))]
-
-
-def _short_lags(par: Any, role: str) -> Iterator[str]:
-    """A sentence for every time constant of a control that is too short to be simulated."""
-    if role in tables.UNIT_ROLES:
-        return
-    kind: type = type(par)
-    for name, of in fields(kind).items():
-        if of.unit == "s" and 0 < getattr(par, name) < SHORT:
-            yield f"{name} = {getattr(par, name):g} s is below {1e3 * SHORT:g} ms, where a lag is bypassed."
-
-
-# Records of a DYR file as rows of the device tables.
-
-OF_LOADS = "BL", "OW", "ZN", "AR"  # endings of the kinds of loads: at a bus, of an owner, of a zone, of an area
-
-
-class Unsupported(NamedTuple):
-    """A record without a model here."""
-
-    kind: str
-    place: Place
-    reason: str
-    owner: str = ""  # what it belongs to
-    machine: str = ""  # the machine in service whose control or model it is
-
-    def __str__(self) -> str:
-        """The sentence of a warning."""
-        what = f"{self.kind} ({self.owner})" if self.owner else self.kind
-        return f"{self.place}: {what} is left out: {self.reason}."
-
-
-class Dynamics:
-    """Rows of the device tables while they are collected, each with its place in the file."""
-
-    def __init__(self) -> None:
-        self.rows: dict[str, dict[naming.Key, Any]] = defaultdict(dict)
-        self.places: dict[str, list[Place]] = defaultdict(list)
-        self.corrections: list[str] = []
-        self.supported: list[Record] = []
-        self.unsupported: list[Unsupported] = []
-
-    def add(self, model: str, key: naming.Key, par: Any, place: Place) -> None:
-        """Add a device; the second of a model at machine 2 has the key 2#2."""
-        own, count = key, 1
-        while own in self.rows[model]:
-            count += 1
-            own = f"{key}#{count}"
-        self.rows[model][own] = par
-        self.places[model].append(place)
 
 
 def device_rows(
@@ -302,6 +239,62 @@ def _read(
     found.supported.append(record)
     for key in owners:
         found.add(model, key, par, record.place)
+
+
+@cache
+def kinds() -> Mapping[str, tuple[str, str]]:
+    """Kind of record -> name of the device model, and its constants in order."""
+    found = {kind: (name, order) for name, device in tables.models().items() for kind, order in device.dyr.items()}
+    return MappingProxyType(found)
+
+
+def parameters(record: Record, model: str, order: str, source: Source | None) -> tuple[Any, list[str]]:
+    """Parameters of a device and what was corrected in them; `ValueError` with a sentence for an unsupported code."""
+    device, names = tables.models()[model], order.split()
+    values: dict[str, Any] = {}
+    if len(record.constants) < len(names):
+        given = len(record.constants)
+        text = f"the record has {given} constants, {record.kind} of {record.bus}/{record.id} needs {len(names)}."
+        raise record.place.error(text)
+    for k, (name, text) in enumerate(zip(names, record.constants, strict=False), 1):
+        plain = name.lstrip("+_'")
+        if name.startswith("'"):
+            values[plain] = text.strip()
+            continue
+        value = (whole if name.startswith("+") else number)(
+            text or "0", record.place, f"constant {k} ({plain or 'unused'})"
+        )
+        if not name.startswith("_"):
+            values[plain] = value
+    sentences: list[str] = []
+    if device.from_record is not None:
+        made, sentences = device.from_record(record.kind, values)
+        values = made if isinstance(made, dict) else made._asdict()
+    allowed = fields(device.Par)
+    values = {name: value for name, value in values.items() if name in allowed}
+    if source is not None:
+        behind = next((name for name in REACTANCES if name in allowed and name not in names), None)
+        if behind and source.x == 0:
+            source = source._replace(x=NO_IMPEDANCE)
+            sentences = [*sentences, f"ZX = 0: the source reactance is {NO_IMPEDANCE:g} pu."]
+        for name, value in (("ra", source.ra), ("Re", source.ra), *((name, source.x) for name in REACTANCES)):
+            if name in allowed and name not in names:
+                values[name] = value
+    extra = len(record.constants) - len(names)
+    if extra > 0 and any(number(text or "0", record.place, "constant") for text in record.constants[len(names) :]):
+        sentences = [*sentences, f"{extra} further constants are not used."]
+    par = tables.parameters(model, **values)
+    return par, [*sentences, *_short_lags(par, tables.role(model))]
+
+
+def _short_lags(par: Any, role: str) -> Iterator[str]:
+    """A sentence for every time constant of a control that is too short to be simulated."""
+    if role in tables.UNIT_ROLES:
+        return
+    kind: type = type(par)
+    for name, of in fields(kind).items():
+        if of.unit == "s" and 0 < getattr(par, name) < SHORT:
+            yield f"{name} = {getattr(par, name):g} s is below {1e3 * SHORT:g} ms, where a lag is bypassed."
 
 
 def _without_model(

@@ -1,4 +1,13 @@
-"""The network of a RAW file as rows: buses, loads, shunts, lines, generators, transformers, DC lines."""
+"""The network of a RAW file as rows: buses, loads, shunts, lines, generators, transformers, DC lines.
+
+Generators become machines, at a terminal of their own behind a step-up transformer. Transformers become branches, with
+turns ratios and impedances from their codes CW, CZ and CM; one with three windings becomes a star. Two-terminal DC
+lines become injections of the power that their converters draw at the stored voltages. The voltage of a converter is
+
+    Vdc = N (1.35 E cos(angle) - 3/pi Xc I - 2 Rc I),   E = EBAS V TR / TAP,   1.35 short for 3 sqrt(2)/pi,
+
+and its power factor Vdc / (1.35 N E). Source: Kundur, Power System Stability and Control, section 10.2.
+"""
 
 import cmath
 import math
@@ -12,6 +21,11 @@ from ..lexer import Place
 from ..table_builder import ISOLATED, KINDS, POWER_LOW, TableBuilder
 from .raw import DcLineRecord, Raw, TransformerRecord
 from .records import Converter
+
+AT_LIMIT = 1e-3  # Mvar   distance from a reactive limit
+SAME_VOLTAGE = 1e-4  # pu   distance of the stored voltage from VS
+OUT = {0: (1, 2, 3), 1: (), 2: (2,), 3: (3,), 4: (1,)}  # STAT -> windings out of service
+BLOCKED, POWER, CURRENT = 0, 1, 2  # MDC: control mode of a DC line
 
 
 class Network(TableBuilder):
@@ -117,12 +131,6 @@ def _loads(load: Any) -> Sequence[Load]:
     return [row for row in rows if row.p or row.q]
 
 
-# Generators as machines, the kinds of their buses, and their step-up transformers.
-
-AT_LIMIT = 1e-3  # Mvar   distance from a reactive limit
-SAME_VOLTAGE = 1e-4  # pu
-
-
 class Source(NamedTuple):
     """What the records of dynamic models need of a generator: its machine and source impedance, pu on MBASE."""
 
@@ -207,11 +215,6 @@ def _terminal(net: Network, g: Any, base: float, place: Place) -> tuple[int, flo
     return number, S.real, S.imag
 
 
-# Transformers as branches: turns ratios and impedances from their codes CW, CZ and CM, the star of three windings.
-
-OUT = {0: (1, 2, 3), 1: (), 2: (2,), 3: (3,), 4: (1,)}  # STAT -> windings out of service
-
-
 def read_transformers(net: Network) -> None:
     """Add the transformers of a RAW file. Raises `CaseError` with line and field for the first mistake."""
     for t, place in net.raw.of("transformer"):
@@ -280,13 +283,6 @@ def _star_voltage(net: Network, branches: Sequence[Branch]) -> complex:
     return V if 0.01 <= abs(V) <= 100 else 1 + 0j
 
 
-def _base_kv(net: Network, bus: int, place: Place, why: str) -> float:
-    kv = net.bus(bus).rated
-    if not kv > 0:
-        raise place.error(f"bus {bus} has no base voltage (BASKV), which {why} needs.")
-    return kv
-
-
 def _ratio(net: Network, head: Any, w: Any, bus: int, place: Place) -> float:
     """Turns ratio of a winding, pu of the base voltage of its bus."""
     if head.CW == 1 or not w.WINDV:
@@ -332,13 +328,11 @@ def _magnetizing(net: Network, t: TransformerRecord, bus: int, place: Place) -> 
     return scale * complex(g, -math.sqrt(size * size - g * g))
 
 
-# Two-terminal DC lines as injections of the power that their converters draw at the stored voltages.
-#
-# Voltage of a converter: Vdc = N (1.35 E cos(angle) - 3/pi Xc I - 2 Rc I), with E = EBAS V TR / TAP, and 1.35 short for
-# 3 sqrt(2)/pi. Its power factor is Vdc / (1.35 N E).
-# Source: Kundur, Power System Stability and Control, section 10.2.
-
-BLOCKED, POWER, CURRENT = 0, 1, 2
+def _base_kv(net: Network, bus: int, place: Place, why: str) -> float:
+    kv = net.bus(bus).rated
+    if not kv > 0:
+        raise place.error(f"bus {bus} has no base voltage (BASKV), which {why} needs.")
+    return kv
 
 
 def read_dc_lines(net: Network) -> None:

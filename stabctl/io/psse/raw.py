@@ -1,4 +1,7 @@
-"""A RAW file as records: its sections in the order of every version, and the fields of their records."""
+"""A RAW file as records: its sections in the order of every version, and the fields of their records.
+
+Sections are recognized by their order, and by the records `0` that end them.
+"""
 
 import re
 from collections.abc import Callable, Iterator, Mapping
@@ -9,7 +12,6 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, get_type_hints
 
 from ..lexer import Line, Place, lines, number, split, whole
-from . import records
 from .records import (
     Branch,
     Bus,
@@ -25,8 +27,26 @@ from .records import (
     Winding,
 )
 
+NEWEST = 35  # version that is read
 _END = re.compile(r"""\s*(['"]?)0\1\s*(?:/|$|[A-Za-z])""")
 _QUIT = re.compile(r"\s*[Qq]\s*$")
+_FIRST = "bus load {}generator branch {}transformer area dc vsc "
+_LAST = "impedance_correction multiterminal_dc multisection_line zone transfer owner facts"
+
+
+# the first version with this order -> the sections in order
+SECTIONS: Mapping[int, tuple[str, ...]] = MappingProxyType(
+    {
+        version: tuple(text.split())
+        for version, text in {
+            29: _FIRST.format("", "") + "switched_shunt " + _LAST,
+            31: _FIRST.format("shunt ", "") + _LAST + " switched_shunt",
+            32: _FIRST.format("shunt ", "") + _LAST + " switched_shunt gne",
+            33: _FIRST.format("shunt ", "") + _LAST + " switched_shunt gne induction_machine",
+            34: "system " + _FIRST.format("shunt ", "switch ") + _LAST + " switched_shunt gne induction_machine",
+        }.items()
+    }
+)
 
 
 class Unmodeled(NamedTuple):
@@ -123,30 +143,30 @@ def _section(raw: Raw, section: str, texts: Iterator[tuple[Place, str]], before:
     return None
 
 
-# Sections of a RAW file: their order in every version, and the record that begins on a line of each.
+class TransformerRecord(NamedTuple):
+    """A transformer with two or three windings."""
 
-_FIRST = "bus load {}generator branch {}transformer area dc vsc "
-_LAST = "impedance_correction multiterminal_dc multisection_line zone transfer owner facts"
-SECTIONS: Mapping[int, tuple[str, ...]] = MappingProxyType(
-    {
-        version: tuple(text.split())
-        for version, text in {
-            29: _FIRST.format("", "") + "switched_shunt " + _LAST,
-            31: _FIRST.format("shunt ", "") + _LAST + " switched_shunt",
-            32: _FIRST.format("shunt ", "") + _LAST + " switched_shunt gne",
-            33: _FIRST.format("shunt ", "") + _LAST + " switched_shunt gne induction_machine",
-            34: "system " + _FIRST.format("shunt ", "switch ") + _LAST + " switched_shunt gne induction_machine",
-        }.items()
-    }
-)
+    head: Transformer
+    z: Impedances
+    windings: tuple[Winding, ...]
+
+
+class DcLineRecord(NamedTuple):
+    """A two-terminal DC line."""
+
+    head: DcLine
+    rectifier: Converter
+    inverter: Converter
+
+
 _ONE_LINE = {
-    "bus": records.Bus,
-    "load": records.Load,
-    "shunt": records.Shunt,
-    "generator": records.Generator,
-    "branch": records.Branch,
-    "switch": records.Switch,
-    "switched_shunt": records.SwitchedShunt,
+    "bus": Bus,
+    "load": Load,
+    "shunt": Shunt,
+    "generator": Generator,
+    "branch": Branch,
+    "switch": Switch,
+    "switched_shunt": SwitchedShunt,
 }
 NAMED = {
     "vsc": "VSC DC line",
@@ -155,22 +175,6 @@ NAMED = {
     "gne": "GNE device",
     "induction_machine": "induction machine",
 }
-
-
-class TransformerRecord(NamedTuple):
-    """A transformer with two or three windings."""
-
-    head: records.Transformer
-    z: records.Impedances
-    windings: tuple[records.Winding, ...]
-
-
-class DcLineRecord(NamedTuple):
-    """A two-terminal DC line."""
-
-    head: records.DcLine
-    rectifier: records.Converter
-    inverter: records.Converter
 
 
 def begin_record(section: str, version: int, line: Line, more: Callable[[], Line]) -> Any:
@@ -201,19 +205,66 @@ def begin_record(section: str, version: int, line: Line, more: Callable[[], Line
 
 
 def _transformer(version: int, line: Line, more: Callable[[], Line]) -> TransformerRecord:
-    head = read_fields(records.Transformer, line, version)
-    z = read_fields(records.Impedances, more(), version)
-    windings = tuple(read_fields(records.Winding, more(), version) for _ in range(3 if head.K else 2))
+    head = read_fields(Transformer, line, version)
+    z = read_fields(Impedances, more(), version)
+    windings = tuple(read_fields(Winding, more(), version) for _ in range(3 if head.K else 2))
     return TransformerRecord(head, z, windings)
 
 
 def _dc(version: int, line: Line, more: Callable[[], Line]) -> DcLineRecord:
-    ends = (read_fields(records.Converter, more(), version) for _ in range(2))
-    return DcLineRecord(read_fields(records.DcLine, line, version), *ends)
+    ends = (read_fields(Converter, more(), version) for _ in range(2))
+    return DcLineRecord(read_fields(DcLine, line, version), *ends)
+
+
+_SEVERAL_LINES: Mapping[str, Callable[..., Any]] = MappingProxyType({"transformer": _transformer, "dc": _dc})
+
+
+def _skip(version: int, section: str, line: Line, more: Callable[[], Line]) -> None:
+    """Pass over the further lines of a record that is not modeled."""
+    texts = line.fields + [""] * 20
+    if section == "vsc":
+        count = 2
+    elif section == "multiterminal_dc":
+        count = sum(whole(texts[i], line.place, name) for i, name in ((1, "NCONV"), (2, "NDCBS"), (3, "NDCLN")))
+    elif section == "gne":
+        terminals = whole(texts[2], line.place, "NTERM")
+        kinds = [texts[3 + max(terminals, 0) + i] for i in range(3)] if terminals < 10 else []
+        count = 1 + sum(-(-whole(text or "0", line.place, "NREAL") // 10) for text in kinds)
+    else:
+        count = 0
+    for _ in range(count):
+        more()
+
+
+def read_fields(record: type, line: Line, version: int) -> Any:
+    """The record on a line; a field that is left out has its default. Raises `CaseError`."""
+    given: dict[str, Any] = {}
+    for (name, kind), text in zip(_order(record, version), line.fields, strict=False):
+        if text and name:
+            given[name] = text if kind is str else _value(kind, text, line.place, name)
+    for name in record.__annotations__:
+        if name not in given and name not in record._field_defaults:  # type: ignore[attr-defined]
+            raise line.place.error("it is left out and has no default.", name)
+    return record(**given)
+
+
+@cache
+def _order(record: type, version: int) -> tuple[tuple[str, Any], ...]:
+    """Name and type of the fields in order; the name of a field that is not used is empty."""
+    kinds = get_type_hints(record)
+    known = ORDERS[record]
+    names = known[max(v for v in known if v <= version)].split()
+    return tuple(("", None) if name == "_" else (name, kinds[name]) for name in names)
+
+
+def _value(kind: type, text: str, place: Place, name: str) -> float:
+    return whole(text, place, name) if kind is int else number(text, place, name)
 
 
 _RATES = " ".join("_" * 12)
 _WINDING = "WINDV NOMV ANG _ _ _ _ _ _ _ _ _ _ TAB"
+
+
 # record -> the first version with this order -> the fields in order; `_` is read and not used
 ORDERS: Mapping[type, Mapping[int, str]] = MappingProxyType(
     {
@@ -245,53 +296,3 @@ ORDERS: Mapping[type, Mapping[int, str]] = MappingProxyType(
         Converter: {29: "IP NB ANMX ANMN RC XC EBAS TR TAP"},
     }
 )
-
-
-@cache
-def _order(record: type, version: int) -> tuple[tuple[str, Any], ...]:
-    """Name and type of the fields in order; the name of a field that is not used is empty."""
-    kinds = get_type_hints(record)
-    known = ORDERS[record]
-    names = known[max(v for v in known if v <= version)].split()
-    return tuple(("", None) if name == "_" else (name, kinds[name]) for name in names)
-
-
-def read_fields(record: type, line: Line, version: int) -> Any:
-    """The record on a line; a field that is left out has its default. Raises `CaseError`."""
-    given: dict[str, Any] = {}
-    for (name, kind), text in zip(_order(record, version), line.fields, strict=False):
-        if text and name:
-            given[name] = text if kind is str else _value(kind, text, line.place, name)
-    for name in record.__annotations__:
-        if name not in given and name not in record._field_defaults:  # type: ignore[attr-defined]
-            raise line.place.error("it is left out and has no default.", name)
-    return record(**given)
-
-
-def _value(kind: type, text: str, place: Place, name: str) -> float:
-    return whole(text, place, name) if kind is int else number(text, place, name)
-
-
-_SEVERAL_LINES: Mapping[str, Callable[..., Any]] = MappingProxyType({"transformer": _transformer, "dc": _dc})
-
-
-def _skip(version: int, section: str, line: Line, more: Callable[[], Line]) -> None:
-    """Pass over the further lines of a record that is not modeled."""
-    texts = line.fields + [""] * 20
-    if section == "vsc":
-        count = 2
-    elif section == "multiterminal_dc":
-        count = sum(whole(texts[i], line.place, name) for i, name in ((1, "NCONV"), (2, "NDCBS"), (3, "NDCLN")))
-    elif section == "gne":
-        terminals = whole(texts[2], line.place, "NTERM")
-        kinds = [texts[3 + max(terminals, 0) + i] for i in range(3)] if terminals < 10 else []
-        count = 1 + sum(-(-whole(text or "0", line.place, "NREAL") // 10) for text in kinds)
-    else:
-        count = 0
-    for _ in range(count):
-        more()
-
-
-# The order of the fields of the records of a RAW file, in every version.
-
-NEWEST = 35

@@ -1,4 +1,7 @@
-"""A case from a RAW and a DYR file."""
+"""A case from a RAW and a DYR file.
+
+Machines and controls without a model are refused, or on request become injections and constant controls.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,6 +22,8 @@ from .network import Network, Source
 Missing = Literal["refuse", "injection"]
 MissingControls = Literal["refuse", "fixed"]
 WITHOUT_RECORD = "generator"  # kind of a machine that no record models
+SHOWN = 8  # names in a list
+ACTS_ON = {"stabilizer": "exciter", "plant control": "electrical control"}  # role -> role of what it acts on
 
 
 @dataclass(frozen=True)
@@ -124,24 +129,18 @@ def read(
 
 
 def _unsupported(
-    file: raw.Raw, net: network.Network, dynamics: Dynamics, dyr_path: str | Path | None
+    file: raw.Raw, net: Network, dynamics: Dynamics, dyr_path: str | Path | None
 ) -> tuple[Unsupported, ...]:
     """What has no model: elements of the network, machines without any record, and records."""
     found = [Unsupported(u.kind, u.place, "it is read and not modeled", u.name) for u in file.unmodeled]
-    named = {u.machine for u in dynamics.unsupported}
+    tried = {u.machine for u in dynamics.unsupported}
     places = dict(zip(net.rows["machines"], net.places["machines"], strict=True))
     if dyr_path is not None:
         for m in without(net, dynamics):
-            if m.name not in named:
+            if m.name not in tried:
                 reason = f"{Path(dyr_path).name} has no model of it"
                 found.append(Unsupported(WITHOUT_RECORD, places[m], reason, f"machine {m.name}", m.name))
     return (*found, *dynamics.unsupported)
-
-
-# Machines and controls without a model: refused, or on request injections and constant controls.
-
-SHOWN = 8  # names in a list
-ACTS_ON = {"stabilizer": "exciter", "plant control": "electrical control"}
 
 
 def settle(
@@ -166,14 +165,6 @@ def settle(
     return said + _without_owner(dynamics, names)
 
 
-def without(net: Network, dynamics: Dynamics) -> list[Machine]:
-    """The machines that no record models."""
-    modeled = {
-        naming.number(key) for model in tables.of_role(*tables.UNIT_ROLES) for key in dynamics.rows.get(model, {})
-    }
-    return [m for m in net.rows["machines"] if m.machine not in modeled]
-
-
 def _refuse(
     dyr: str | Path | None, machines: Sequence[Machine], controls: Sequence[Unsupported], dynamics: Dynamics
 ) -> None:
@@ -190,6 +181,12 @@ def _refuse(
         remedies.append("--missing-controls fixed keeps what such records control constant")
     if parts:
         raise CaseError(f"{dyr}: no model for {' and for '.join(parts)}; {', '.join(remedies)}.")
+
+
+def _listed(names: Iterable[str]) -> str:
+    names = list(names)
+    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    return ", ".join(names[:SHOWN]) + more
 
 
 def _swings_without(net: Network, lacking: Sequence[Machine]) -> list[int]:
@@ -246,7 +243,9 @@ def _without_owner(dynamics: Dynamics, names: Mapping[int, str]) -> list[str]:
     return said
 
 
-def _listed(names: Iterable[str]) -> str:
-    names = list(names)
-    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-    return ", ".join(names[:SHOWN]) + more
+def without(net: Network, dynamics: Dynamics) -> list[Machine]:
+    """The machines that no record models."""
+    modeled = {
+        naming.number(key) for model in tables.of_role(*tables.UNIT_ROLES) for key in dynamics.rows.get(model, {})
+    }
+    return [m for m in net.rows["machines"] if m.machine not in modeled]
