@@ -3,9 +3,10 @@
 import sqlite3
 from contextlib import closing
 
+from stabctl.sweep.kind import SWEEP
+
 from stabctl.jobs import store
 from stabctl.jobs.store import Store, rows
-from stabctl.sweep.kind import SWEEP
 
 
 def test_a_file_that_is_created_while_it_is_read_is_empty_or_ours(tmp_path, monkeypatch):
