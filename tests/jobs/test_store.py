@@ -3,7 +3,7 @@
 import sqlite3
 from contextlib import closing
 
-from stabctl.sweep.kind import SWEEP
+from stabctl.sweep.job import SWEEP
 
 from stabctl.jobs import store
 from stabctl.jobs.store import Store, rows
