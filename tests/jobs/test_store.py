@@ -3,10 +3,9 @@
 import sqlite3
 from contextlib import closing
 
-from stabctl.sweep.job import SWEEP
-
 from stabctl.jobs import store
 from stabctl.jobs.store import Store, rows
+from stabctl.sweep.job import SWEEP
 
 
 def test_a_file_that_is_created_while_it_is_read_is_empty_or_ours(tmp_path, monkeypatch):
