@@ -126,8 +126,8 @@ def test_no_study_file(tmp_path, path):
 def test_keys_are_the_same_in_every_process(write):
     path = write(HEAD + 'storage = ["none", "5%mva", "1=50MW,2=20MW"]\nseed = [1, 2]')
     here = [t.key for t in tasks(study_file.read(path), path)]
-    code = "from stabctl.sweep import study_file, task; "
-    code += f"[print(t.key) for t in task.tasks(study_file.read({str(path)!r}), 'x')]"
+    code = "from stabctl.sweep import study_file, sweep; "
+    code += f"[print(t.key) for t in sweep.tasks(study_file.read({str(path)!r}), 'x')]"
     environment = os.environ | {"PYTHONHASHSEED": "7"}
     there = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)
     assert there.stdout.split() == here
