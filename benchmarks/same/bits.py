@@ -1,12 +1,9 @@
 """Hashes of the records, instants and outcomes of every run of `scenarios.py`: python bits.py OUT.json."""
 
 import hashlib
-import json
-import sys
-from pathlib import Path
 
 import numpy as np
-from scenarios import RUNS
+from scenarios import RUNS, write
 
 from stabctl.errors import StabctlError
 
@@ -21,14 +18,5 @@ def found(name: str) -> list[object]:
     return [hashlib.sha256(kept).hexdigest()[:16], *run.rows.shape, str(run.outcome)]
 
 
-def main() -> None:
-    """Run and write."""
-    out = {}
-    for name in RUNS:
-        out[name] = found(name)
-        print(name, *out[name], flush=True)
-    Path(sys.argv[1]).write_text(json.dumps(out, indent=1))
-
-
 if __name__ == "__main__":
-    main()
+    write((name, found(name)) for name in RUNS)

@@ -1,12 +1,9 @@
 """Some 200 clearing times with storage, laws and controllers: python clearings.py OUT.json."""
 
-import json
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
-from scenarios import MVA, damper, point
+from scenarios import MVA, damper, point, write
 
 import stabctl as st
 from stabctl.errors import StabctlError
@@ -40,17 +37,13 @@ def searches() -> Iterator[tuple[str, st.OperatingPoint, st.Contingency, Any]]:
                 yield f"{case}, {label}, {a} trip {a}-{b}", at, st.Contingency(str(a), trip=f"{a}-{b}"), control
 
 
-def main() -> None:
-    """Search and write."""
-    out = {}
-    for name, at, fault, control in searches():
-        try:
-            out[name] = str(at.clearing_time(fault, control=control))
-        except StabctlError as error:
-            out[name] = f"{type(error).__name__}: {error}"
-        print(len(out), name, flush=True)
-    Path(sys.argv[1]).write_text(json.dumps(out, indent=1))
+def found(at: st.OperatingPoint, fault: st.Contingency, control: Any) -> str:
+    """The clearing time in words, or the error."""
+    try:
+        return str(at.clearing_time(fault, control=control))
+    except StabctlError as error:
+        return f"{type(error).__name__}: {error}"
 
 
 if __name__ == "__main__":
-    main()
+    write((name, found(*search)) for name, *search in searches())

@@ -40,12 +40,9 @@ class Version:
     def compile(self) -> float:
         """Processor seconds of a first simulation, without machine code."""
         with tempfile.TemporaryDirectory() as folder:
-            command = (
-                "import stabctl as st; st.load('two_area').initialize(storage='50MW').simulate(control=st.BangBang())"
-            )
             before = cpu_of_children()
             environment = self.environment | {"XDG_CACHE_HOME": folder}
-            subprocess.run((sys.executable, "-c", command), check=True, env=environment, cwd=folder)
+            subprocess.run((sys.executable, "-c", FIRST), check=True, env=environment, cwd=folder)
             return cpu_of_children() - before
 
 

@@ -1,11 +1,9 @@
 """Least processor seconds of a run and of its compiled loop: python speed.py OUT.json [REPEATS]."""
 
-import json
 import sys
 import time
-from pathlib import Path
 
-from scenarios import RUNS, TIMED
+from scenarios import RUNS, TIMED, write
 
 
 def least(name: str, repeats: int) -> tuple[float, float]:
@@ -19,11 +17,6 @@ def least(name: str, repeats: int) -> tuple[float, float]:
     return whole, loop
 
 
-def main() -> None:
-    """Measure and write."""
-    repeats = int(sys.argv[2]) if len(sys.argv) > 2 else 15
-    Path(sys.argv[1]).write_text(json.dumps({name: least(name, repeats) for name in TIMED}, indent=1))
-
-
 if __name__ == "__main__":
-    main()
+    repeats = int(sys.argv[2]) if len(sys.argv) > 2 else 15
+    write((name, least(name, repeats)) for name in TIMED)

@@ -239,7 +239,7 @@ def _unknown_arguments(device: Device) -> Iterator[str]:
     for name, allowed in EQUATIONS.items():
         known = (*allowed, *device.fields("Input")) if "u" in allowed else allowed
         for argument in device.arguments(name) if allowed != ("*",) else ():
-            if argument.lstrip("_") not in known:
+            if argument not in known:
                 yield f"{name} has an unknown argument {argument!r}; it may take {', '.join(known)}"
 
 

@@ -62,6 +62,11 @@ MISTAKES = {
     "a value too many": ("u.V, x.slow))", "u.V, x.slow), 0.0)", "derivatives: State.__new__() takes 2 positional"),
     "no derivative": ("(p.T, u.V", "(p.T, abs(u.V)", "derivatives uses abs, which cannot be differentiated"),
     "an argument of no meaning": ("def output(x, u, p)", "def output(x, u, q)", "output has an unknown argument 'q'"),
+    "an argument that nothing gives": (
+        "def derivatives(x, u, p)",
+        "def derivatives(x, u, p, _y)",
+        "derivatives has an unknown argument '_y'; it may take x, i, u, v, v1, v2, y, p",
+    ),
     "a voltage as a starting value": (
         "@inline\ndef output",
         "def guess(V, J, p):\n    return State(V)\n\n\n@inline\ndef output",

@@ -40,9 +40,13 @@ def test_these_runs_have_what_could_be_lost_between_two_calls(runs, control):
     assert runs[f"{control} calls"] > 4 * STEPS + 10  # 448, 267
 
 
+@pytest.fixture(scope="module")
+def angles(tmp_path_factory):
+    return experiment("orders", tmp_path_factory.mktemp("orders"))
+
+
 @pytest.mark.parametrize(("method", "order"), [("rk4", 4), ("heun", 2)])
-def test_another_table_is_another_method_with_its_own_order(tmp_path, method, order):
+def test_another_table_is_another_method_with_its_own_order(angles, method, order):
     """Half the step leaves 2**-order of the error: 3.87 and 1.99, against steps of 1/1280 s."""
-    angles = experiment("orders", tmp_path)
     coarse, fine = (np.abs(angles[f"{method} {steps}"] - angles["rk4 1280"]).max() for steps in (80, 160))
     assert np.log2(coarse / fine) == pytest.approx(order, abs=0.2)
