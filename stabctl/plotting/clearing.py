@@ -7,7 +7,7 @@ from stabctl.clearing import ClearingTime, Screen
 
 from . import style
 from .palette import COLORS, GRAY, LABELS
-from .style import MARKERS, single, subplots
+from .style import MARKERS, ranked, single, subplots
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -127,10 +127,8 @@ def plot_screen(found: Screen, *, most: int = 25, ax: "Axes | None" = None) -> "
     for bar, p in zip(bars, shown, strict=True):
         style.name(bar, p.brief())
     ax.bar_label(bars, [_note(p) for p in shown], padding=4, fontsize="small")
-    ax.set_yticks(range(len(shown)), [f"bus {p.fault}, trip {', '.join(p.trip)}" for p in shown])
-    ax.set_ylim(len(shown) - 0.4, -0.6)
+    ranked(ax, [f"bus {p.fault}, trip {', '.join(p.trip)}" for p in shown])
     ax.set_xlim(0, 1.3 * max(cycles, default=0.0) or 1.0)
-    ax.grid(visible=False, axis="y")
     ax.set_xlabel(LABEL)
     ax.set_title(f"{found.case}: {len(shown)} of {found.screened} faults", fontsize="medium")
     return ax

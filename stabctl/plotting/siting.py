@@ -7,7 +7,7 @@ from stabctl.placement.siting import Siting
 
 from . import style
 from .palette import COLORS, GRAY
-from .style import single
+from .style import ranked, single
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,9 +39,7 @@ def plot(siting: Siting, *, ax: "Axes | None" = None) -> "Axes":
     if siting.uniform_mw is not None:
         even = [p.uniform_mw or 0.0 for p in places]
         _bars(ax, [k + 0.2 for k in rows], even, color=GRAY, alpha=0.5, label="uniform")
-    ax.set_yticks(list(rows), [f"machine {p.machine}, bus {p.bus}" for p in places])
-    ax.set_ylim(len(places) - 0.4, -0.6)
-    ax.grid(visible=False, axis="y")
+    ranked(ax, [f"machine {p.machine}, bus {p.bus}" for p in places])
     ax.set_xlabel("storage rating (MW)")
     ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, frameon=False)
     return ax

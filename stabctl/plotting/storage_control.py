@@ -10,7 +10,7 @@ from stabctl.design.optimum import Optimum
 from . import style
 from .clearing import LABEL
 from .palette import COLORS, GRAY
-from .style import single, subplots
+from .style import ranked, single, subplots
 from .trajectory import plot as signal
 
 if TYPE_CHECKING:
@@ -45,10 +45,8 @@ def plot_law_design(design: LawDesign, *, ax: "Axes | None" = None) -> "Axes":
     for k, (name, color, marker) in enumerate(marks):
         dots = ax.plot(reach[:, k], y, marker, color=color, label=name, markersize=5)[0]
         style.name(dots, [f"{named(c)}, {name}: {x:g} cycles" for c, x in zip(rows, reach[:, k], strict=True)])
-    ax.set_yticks(y, [named(c) for c in rows])
-    ax.set_ylim(len(rows) - 0.4, -0.6)
+    ranked(ax, [named(c) for c in rows])
     ax.set_xlim(left=0)
-    ax.grid(visible=False, axis="y")
     ax.set_xlabel(LABEL)
     ax.legend(loc="lower center", bbox_to_anchor=(0.4, 1), ncols=3, frameon=False, fontsize="small")
     return ax

@@ -56,6 +56,13 @@ def tidy(ax: "Axes") -> None:
     ax.set_prop_cycle(color=COLORS)
 
 
+def ranked(ax: "Axes", names: Sequence[str]) -> None:
+    """Name the rows of a ranking, at y = 0, 1 ..., the first on top."""
+    ax.set_yticks(range(len(names)), names)
+    ax.set_ylim(len(names) - 0.4, -0.6)
+    ax.grid(visible=False, axis="y")
+
+
 def legend_beside(ax: "Axes", labels: Sequence[str]) -> None:
     """Put a legend to the right of the axes, if there are few enough lines to tell apart."""
     if 0 < len(labels) <= len(COLORS) + 3:

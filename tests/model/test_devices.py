@@ -221,3 +221,16 @@ def test_an_overlay_changes_devices_by_their_keys(loads, tmp_path):
         match=r"exponential.csv row 2, column bus: small has no bus 1 in exponential.csv; an overlay can only change",
     ):
         io.load(overlay)
+
+
+@pytest.mark.parametrize(
+    ("model", "control", "may"),
+    [
+        ("gencls", "exciter", False),
+        ("gencls", "governor", True),
+        ("genrou", "exciter", True),
+        ("regc_a", "plant control", True),
+    ],
+)
+def test_a_unit_may_have_any_control_unless_its_model_lists_some(model, control, may):
+    assert tables.takes(model, control) is may
