@@ -17,10 +17,8 @@ if TYPE_CHECKING:
     from stabctl.clearing.screen import screen
     from stabctl.clearing.screen_result import Screen
     from stabctl.controllers import BangBang, Controller, Feedback, Gate, StorageLaw
-    from stabctl.controllers.file import load as load_controller
     from stabctl.devices import register
-    from stabctl.dynamics.coerce import initialize
-    from stabctl.dynamics.operating_point import OperatingPoint
+    from stabctl.dynamics.operating_point import OperatingPoint, initialize
     from stabctl.errors import StabctlError
     from stabctl.estimation.estimate import estimate
     from stabctl.estimation.estimates import Estimates
@@ -28,6 +26,7 @@ if TYPE_CHECKING:
     from stabctl.estimation.pmu import BadPmu, Pmu
     from stabctl.io import load, write
     from stabctl.io import packaged as cases
+    from stabctl.io.control_files import load as load_controller
     from stabctl.io.import_report import ImportReport, import_report
     from stabctl.io.matpower import read_matpower
     from stabctl.io.psse import read_psse
@@ -99,11 +98,11 @@ _WHERE = {
     "closed_loop": "smallsignal.closed_loop:closed_loop",
     "estimate": "estimation.estimate:estimate",
     "import_report": "io.import_report:import_report",
-    "initialize": "dynamics.coerce:initialize",
+    "initialize": "dynamics.operating_point:initialize",
     "limit_cycles": "smallsignal.limit_cycles:limit_cycles",
     "linearize": "smallsignal:linearize",
     "load": "io:load",
-    "load_controller": "controllers.file:load",
+    "load_controller": "io.control_files:load",
     "margins": "smallsignal.margins:margins",
     "modes": "smallsignal.analysis:modes",
     "place": "placement.place:place",

@@ -13,7 +13,7 @@ import stabctl as st
 from stabctl.controllers import BangBang
 from stabctl.design.law_measurement import duty
 from stabctl.dynamics import outputs, signals
-from stabctl.dynamics.signal_kinds import OUTPUTS
+from stabctl.dynamics.signals import OUTPUTS
 from stabctl.live import answers, page
 from stabctl.live.commands import Source
 from stabctl.live.state import Points, State

@@ -7,7 +7,7 @@ from stabctl.design.law_measurement import LAW as DESIGNED
 from stabctl.errors import StudyError
 from stabctl.jobs import Runner
 from stabctl.model.replicate import replicate
-from stabctl.simulation.notation import event
+from stabctl.simulation.events import event
 
 
 @pytest.fixture(scope="module")

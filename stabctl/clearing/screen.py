@@ -12,8 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from stabctl.dynamics.coerce import operating_point
-from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.dynamics.operating_point import OperatingPoint, operating_point
 from stabctl.errors import StudyError
 from stabctl.jobs import Found, Kind, Runner, Task
 from stabctl.jobs.task import Base, sha256, text

@@ -20,9 +20,8 @@ from stabctl.simulation.criterion import DEFAULT, Criterion, checked
 from stabctl.simulation.events import Event, Fault
 from stabctl.simulation.outcome import Kind
 from stabctl.simulation.recording import Recorded
-from stabctl.simulation.separation import ahead
 from stabctl.simulation.simulation import run
-from stabctl.simulation.swings import Swings
+from stabctl.simulation.swings import Swings, ahead
 from stabctl.simulation.trajectory import Trajectory
 from stabctl.units import cycles, seconds
 

@@ -71,7 +71,7 @@ class StorageOptions(NamedTuple):
 
     def initialize(self, case: "Case") -> "OperatingPoint":
         """The operating point of the case with these devices."""
-        from stabctl.dynamics.coerce import initialize
+        from stabctl.dynamics.operating_point import initialize
         from stabctl.errors import StudyError
 
         if self.storage is not None and self.storage_at is not None:

@@ -47,13 +47,13 @@ def events(
     case: "Case", opened: Iterable[str] | None, machines: Iterable[str] | None, loads: Iterable[str] | None
 ) -> "tuple[Event, ...]":
     """What --open, --trip-machine and --load-step describe."""
-    from stabctl.simulation import notation
+    from stabctl.simulation.events import load_step, machine_trip, opening
 
     hz = case.frequency_hz
     return (
-        *(notation.opening(text, hz) for text in opened or ()),
-        *(notation.machine_trip(text, hz) for text in machines or ()),
-        *(notation.load_step(text, hz) for text in loads or ()),
+        *(opening(text, hz) for text in opened or ()),
+        *(machine_trip(text, hz) for text in machines or ()),
+        *(load_step(text, hz) for text in loads or ()),
     )
 
 
@@ -92,9 +92,9 @@ def folder(path: Path | None) -> None:
 
 def controllers(names: list[str] | None) -> "list[Controller | Law]":
     """The controllers and laws in these files."""
-    from stabctl.controllers import file
+    from stabctl.io import control_files
 
-    found = [file.load(name) for name in names or ()]
+    found = [control_files.load(name) for name in names or ()]
     warn([sentence for one in found for sentence in getattr(one, "warnings", ())], True)
     return found
 

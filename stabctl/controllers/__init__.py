@@ -8,11 +8,11 @@ something reads its last output y, which begins as START of that file. A new law
 from .bang_bang import BangBang
 from .controller import Controller
 from .feedback import Feedback
-from .gate import Gate
 from .law import Law, SampledLaw, decided
 from .python_law import Seen
 from .signals import Input, StorageDevice
 from .storage_law import StorageLaw
+from .timing import Gate
 
 __all__ = [
     "BangBang",

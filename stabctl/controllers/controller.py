@@ -16,9 +16,8 @@ import numpy as np
 
 from stabctl.errors import StudyError, shown
 
-from .gate import Gate
-from .law import checked_frames, duration
 from .python_law import checked_law
+from .timing import Gate, checked_frames, duration
 
 if TYPE_CHECKING:
     import control
@@ -343,9 +342,9 @@ class Controller:
         StudyError
             If the controller is a Python function, or the file cannot be written.
         """
-        from .file import save
+        from stabctl.io.control_files import save_controller
 
-        return save(self, path)
+        return save_controller(self, path)
 
     def __str__(self) -> str:
         kind = f"{self.rate}/s" if self.rate else "continuous"

@@ -1,6 +1,5 @@
 """Base class of the control laws of storage devices, and sampled laws."""
 
-import math
 import sys
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
@@ -8,18 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from stabctl.devices.device import Device, of
 from stabctl.errors import StudyError, shown
-from stabctl.units import TIME, quantity
 
 from .signals import Input, StorageDevice
+from .timing import checked_frames, duration
 
 if TYPE_CHECKING:
     from stabctl.model.case import Case
 
     from .controller import Controller
-
-FASTEST = 10_000  # frames per second
-SHORTEST, LONGEST = 1e-6, 60.0  # s   of a delay
-MOST = 2000  # frames of a delay
 
 
 class Law(ABC):
@@ -92,9 +87,9 @@ class Law(ABC):
 
     def save(self, path: Any) -> Any:
         """Write the law to a TOML file, which `stabctl.load_controller` and `--controller` read."""
-        from .law_file import save
+        from stabctl.io.control_files import save_law
 
-        return save(self, path)
+        return save_law(self, path)
 
     def controllers(self, case: "Case") -> "tuple[Controller, ...]":
         """A `Controller` for every storage device of a case that acts as this law does.
@@ -144,33 +139,6 @@ class SampledLaw(Law):
     def par(self, device: StorageDevice) -> Any:
         """Parameters of the law."""
         return self.law.par(device)
-
-
-def duration(key: str, value: Any) -> float:
-    """A time in seconds, from a number or text with a unit. Raises `StudyError` if it is not one."""
-    found = quantity(value, "s", bare=False) if isinstance(value, str) else value
-    if isinstance(found, bool) or not isinstance(found, int | float) or not 0 <= found < math.inf:
-        raise StudyError(f"{key} = {shown(value)} is not a time; give {TIME.examples}.")
-    if key == "delay" and found > LONGEST:
-        raise StudyError(f"delay = {shown(value)} is too long; give at most {LONGEST:g} s.")
-    if 0 < found < SHORTEST:
-        raise StudyError(f"{key} = {shown(value)} is too short; give at least 1us.")
-    return float(found)
-
-
-def checked_frames(name: str, rate: Any, delay: float) -> int:
-    """Frames in a delay (s). Raises `StudyError` if the rate is not allowed, or it is not a whole number of frames."""
-    if isinstance(rate, bool) or not isinstance(rate, int) or not 1 <= rate <= FASTEST:
-        raise StudyError(f"{name}: the rate of {shown(rate)} frames per second is not allowed; give 1 to {FASTEST}.")
-    if delay * rate > MOST:
-        raise StudyError(f"{name}: a delay of {delay:g} s is {delay * rate:.0f} frames; give at most {MOST}.")
-    if abs(delay * rate - round(delay * rate)) > 1e-6:
-        below = math.floor(delay * rate)
-        raise StudyError(
-            f"{name}: a delay of {1e3 * delay:g} ms is not a whole number of frames at {rate}/s; give "
-            f"{1e3 * below / rate:.4g} or {1e3 * (below + 1) / rate:.4g} ms."
-        )
-    return round(delay * rate)
 
 
 def decided(law: Law, par: Any, signals: Input, voltage: float, before: Any = None) -> Any:

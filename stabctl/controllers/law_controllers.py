@@ -13,9 +13,9 @@ from stabctl.errors import StudyError, shown
 from .bang_bang import BangBang
 from .controller import Controller
 from .feedback import Feedback
-from .gate import Gate
 from .law import Law, SampledLaw
 from .storage_law import StorageLaw
+from .timing import Gate
 
 if TYPE_CHECKING:
     from stabctl.model.case import Case

@@ -18,8 +18,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+from stabctl.dynamics.family import Limits
 from stabctl.dynamics.jacobian import Equations
-from stabctl.dynamics.limits import Limits
 from stabctl.model.network import Entries
 from stabctl.simulation.method import RK4, STAGES
 from stabctl.simulation.stages import Stages, constants, stages

@@ -20,11 +20,9 @@ import numpy as np
 from scipy.linalg import expm
 
 from stabctl.controllers.controller import Controller
-from stabctl.controllers.law import checked_frames, duration
-from stabctl.dynamics.coerce import operating_point
-from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.signal_kinds import INPUTS, OUTPUTS
-from stabctl.dynamics.signals import Signal, chosen
+from stabctl.controllers.timing import checked_frames, duration
+from stabctl.dynamics.operating_point import OperatingPoint, operating_point
+from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
 from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet

@@ -16,10 +16,8 @@ import numpy as np
 import scipy.linalg as sl
 
 from stabctl.controllers.controller import Controller
-from stabctl.dynamics.coerce import operating_point
-from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.signal_kinds import OUTPUTS
-from stabctl.dynamics.signals import Signal, chosen
+from stabctl.dynamics.operating_point import OperatingPoint, operating_point
+from stabctl.dynamics.signals import OUTPUTS, Signal, chosen
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet

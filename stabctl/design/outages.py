@@ -4,8 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from stabctl.dynamics.coerce import operating_point
-from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.dynamics.operating_point import OperatingPoint, operating_point
 from stabctl.errors import StabctlError, StudyError
 from stabctl.model import naming, network
 from stabctl.model.case import Case

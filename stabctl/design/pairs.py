@@ -8,11 +8,9 @@ import numpy as np
 
 from stabctl._util.tabular import Tabular
 from stabctl._util.verbs import verb
-from stabctl.controllers.law import duration
-from stabctl.dynamics.coerce import operating_point
-from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.signal_kinds import INPUTS, OUTPUTS
-from stabctl.dynamics.signals import Signal, chosen
+from stabctl.controllers.timing import duration
+from stabctl.dynamics.operating_point import OperatingPoint, operating_point
+from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
 from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet

@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 
 from stabctl.controllers.controller import Controller
-from stabctl.controllers.law import checked_frames, duration
+from stabctl.controllers.timing import checked_frames, duration
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.signal_kinds import INPUTS, OUTPUTS
-from stabctl.dynamics.signals import chosen
+from stabctl.dynamics.signals import INPUTS, OUTPUTS, chosen
 from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet

@@ -13,9 +13,8 @@ from typing import Literal
 import numpy as np
 
 from stabctl.controllers.controller import Controller
-from stabctl.controllers.law import duration
-from stabctl.dynamics.coerce import operating_point
-from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.controllers.timing import duration
+from stabctl.dynamics.operating_point import OperatingPoint, operating_point
 from stabctl.errors import StudyError, shown
 from stabctl.model import naming, tables
 from stabctl.model.case import Case

@@ -34,8 +34,7 @@ import scipy.linalg as sl
 
 from stabctl.controllers.controller import Controller
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.signal_kinds import INPUTS, OUTPUTS
-from stabctl.dynamics.signals import Signal, chosen
+from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
 from stabctl.errors import StudyError, shown
 from stabctl.smallsignal.closed_loop import closed_loop
 from stabctl.smallsignal.model import Linear

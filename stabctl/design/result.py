@@ -11,8 +11,7 @@ from stabctl._util import files
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.controllers.controller import Controller
-from stabctl.dynamics.coerce import operating_point
-from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.dynamics.operating_point import OperatingPoint, operating_point
 from stabctl.errors import StudyError, shown
 from stabctl.model.fleet import Fleet
 from stabctl.smallsignal.closed_loop import closed_loop

@@ -1,16 +1,28 @@
-"""The devices of one model: inputs and outputs of their equations, and the columns of their table of places.
+"""The devices of one model as flat tables: inputs, outputs, places, and states with limits.
 
 A family is evaluated by one compiled loop, `family(op, n, w, k, s, f, on)`; see `loop_text`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
 from stabctl.devices.device import Device
 
-from .tables import Family
+# The devices of one model in a system, as flat tables.
+
+
+class Family(NamedTuple):
+    """The devices of one model in a system."""
+
+    name: str
+    device: Device
+    w: np.ndarray  # (devices, width) i64   places, see `family`
+    k: np.ndarray  # (devices, constants)
+    keys: tuple[str, ...]  # name of each, such as "machine 3"
+
 
 SOURCE, CURRENT, OUTPUT, RATES, BOTH, STEP, LOCAL, FRAME = range(8)
 STATE, BUS, BUS2, UNIT, INPUTS = range(5)  # columns of w; inputs follow, and the first output
@@ -96,3 +108,40 @@ def read(f: Family, op: int, rows: Sequence[int]) -> np.ndarray:
     names = [name for equation in equations(f.device)[op] for name in reads(f.device, equation)]
     at = [INPUTS + f.device.Input._fields.index(name) for name in dict.fromkeys(names)]
     return f.w[np.ix_(list(rows), at)].ravel()
+
+
+# States with non-windup limits.
+
+
+class Limits(NamedTuple):
+    """States with non-windup limits: low * scale <= state <= high * scale."""
+
+    state: np.ndarray  # places
+    low: np.ndarray
+    high: np.ndarray
+    scale: np.ndarray  # places of the signals that multiply the limits; the constant 1 if there is none
+    names: tuple[tuple[str | float, str | float], ...]  # parameters (low, high), or numbers
+    stops: np.ndarray  # which of them stop their device at once, so that its power jumps
+
+
+def limits(families: Iterable[Family], one: int) -> Limits:
+    """The states that models list in LIMITS, with those also in STOPS; `one` is the place of the constant 1."""
+    state, scale, stops = [], [], []
+    low: list[np.ndarray] = []
+    high: list[np.ndarray] = []
+    names: list[tuple[str | float, str | float]] = []
+    for f in families:
+        constants, states = f.device.Par._fields, f.device.State._fields
+        inputs = f.device.Input._fields
+        for name, (least, most, *per) in f.device.limits.items():
+            state.append(f.w[:, STATE] + states.index(name))
+            for values, limit in ((low, least), (high, most)):
+                values.append(np.full(len(f.w), limit) if isinstance(limit, float) else f.k[:, constants.index(limit)])
+            scale.append(f.w[:, INPUTS + inputs.index(per[0])] if per else np.full(len(f.w), one))
+            stops.append(np.full(len(f.w), name in f.device.stops))
+            names += [(least, most)] * len(f.w)
+    none = np.zeros(0, np.int64)
+    if not state:
+        return Limits(none, np.zeros(0), np.zeros(0), none, (), none)
+    places, lows, highs, scales = (np.concatenate(column) for column in (state, low, high, scale))
+    return Limits(places, lows, highs, scales, tuple(names), np.flatnonzero(np.concatenate(stops)))

@@ -1,4 +1,4 @@
-"""Exact derivatives of the system, from the blocks of its devices.
+"""Exact derivatives of the system, from the blocks of its devices, as a dense or sparse matrix.
 
 Every device is differentiated at its own terminals by complex step (h = 1e-30), one variable at a time. The blocks are
 assembled by the places of their signals, and the outputs, which never form a loop, are eliminated:
@@ -6,20 +6,22 @@ assembled by the places of their signals, and the outputs, which never form a lo
     y = E z + F y    ->    y = (1 + F + F^2 + ...) E z,    F nilpotent.
 """
 
-from typing import NamedTuple
+from collections.abc import Hashable, Sequence
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.linalg import splu
 
 from . import family
 from .assembly import System
-from .evaluate import evaluate
-from .limits import Limits
-from .matrix import Matrix, filled, matrix
-from .pattern import pattern
-from .program import Program
+from .family import Family, Limits
+from .layout import Layout
+from .perform import evaluate
+from .program import Program, local_program
 
 SMALL = 60_000  # equations times signals up to which the matrices are dense
+Matrix: TypeAlias = Any  # csr_matrix or csc_matrix, or an array if the system is small
 
 
 class Derivatives(NamedTuple):
@@ -121,3 +123,107 @@ class Equations:
         out = np.zeros(len(rates), bool)
         out[limits.state[stopped]] = True
         return out
+
+
+# Where the derivatives of all devices go: worked out once for all systems of one structure.
+#
+# Systems have one structure if they differ only in the parameters of their devices, as in a sweep or a design.
+
+MOST = 16  # structures kept
+_known: dict[Hashable, "Pattern"] = {}
+
+
+class Pattern:
+    """Rows and columns of the entries of the local blocks in [rates | outputs | injections] and the signals.
+
+    Attributes
+    ----------
+    program
+        Calls that make all outputs and all local derivatives; with the constants of the first system.
+    rows, columns
+        Row and column of every entry.
+    starts
+        Where the blocks of each family begin.
+    slopes, values
+        Places of the entries in the blocks; those of the rates, outputs and injections themselves.
+    answers
+        Rows of these values.
+    injections, injecting
+        Family -> its injections; places of the bus voltage of every injection.
+    total
+        Number of rows.
+    kept
+        What follows from the pattern, by name.
+    """
+
+    def __init__(self, families: Sequence[Family], layout: Layout) -> None:
+        self.program: Program = local_program(families)
+        self.kept: dict[str, Any] = {}
+        self.injections: dict[str, slice] = {}
+        rows, columns, places, injection, starts = [], [], [], 0, [0]
+        slopes, values, all_answers = [], [], []
+        first = layout.nx + layout.outputs
+        for f in families:
+            states, inputs, outputs, buses = family.shape(f.device)
+            n, j = len(f.w), np.arange(len(f.w))[:, None]
+            bus = f.w[:, [family.BUS, family.BUS2][:buses]]
+            voltages = (bus[:, :, None] + np.arange(2)).reshape(n, 2 * buses)
+            x = f.w[:, [family.STATE]] + np.arange(states)
+            variables = np.hstack([x, f.w[:, family.INPUTS : family.INPUTS + inputs], voltages])
+            y = f.w[:, [-1]] - layout.first_output + layout.nx + np.arange(outputs)
+            g = first + 2 * (injection + buses * j) + np.arange(2 * buses)
+            answers = np.hstack([x, y, g])
+            self.injections[f.name] = slice(injection, injection + buses * n)
+            injection += buses * n
+            places.append(bus.ravel())
+            shape = (n, variables.shape[1], answers.shape[1])
+            columns.append(np.broadcast_to(variables[:, :, None], shape).ravel())
+            rows.append(np.broadcast_to(answers[:, None, :], shape).ravel())
+            all_answers.append(answers.ravel())
+            blocks = starts[-1] + np.arange(n * (shape[1] + 1) * shape[2]).reshape(n, shape[1] + 1, shape[2])
+            slopes.append(blocks[:, :-1].ravel())
+            values.append(blocks[:, -1].ravel())
+            starts.append(starts[-1] + blocks.size)
+        self.rows, self.columns = np.concatenate(rows), np.concatenate(columns)
+        self.starts, self.answers = np.array(starts, np.int64), np.concatenate(all_answers)
+        self.slopes, self.values = np.concatenate(slopes), np.concatenate(values)
+        self.injecting = np.concatenate(places)
+        self.total = first + 2 * injection
+
+
+def pattern(families: Sequence[Family], layout: Layout) -> Pattern:
+    """The pattern of a system, shared by all systems of its structure."""
+    key = layout.size, *((f.name, f.device, len(f.w), f.w.tobytes()) for f in families)
+    found = _known.get(key)
+    if found is None:
+        found = Pattern(families, layout)
+        while len(_known) >= MOST:
+            _known.pop(next(iter(_known)), None)
+        _known[key] = found
+    return found
+
+
+# Matrices of a system: sparse, or dense arrays if it is small, because handling a few sparse entries takes longer.
+
+
+def matrix(entries: np.ndarray, at: tuple[np.ndarray, np.ndarray], shape: tuple[int, int], dense: bool) -> Matrix:
+    """The matrix with these entries at these rows and columns; those of one place are added up."""
+    if dense:
+        return np.bincount(at[0] * shape[1] + at[1], entries, shape[0] * shape[1]).reshape(shape)
+    live = entries != 0
+    return sp.csr_matrix((entries[live], (at[0][live], at[1][live])), shape=shape)
+
+
+def array(M: Matrix) -> np.ndarray:
+    """A matrix as a dense array."""
+    return M if isinstance(M, np.ndarray) else M.toarray()
+
+
+def filled(M: Matrix, axis: int) -> np.ndarray:
+    """Which columns (axis 0) or rows (axis 1) have an entry."""
+    return np.asarray(abs(M).sum(axis)).ravel() != 0
+
+
+def solved(M: Matrix, b: np.ndarray) -> np.ndarray:
+    """inv(M) b."""
+    return np.linalg.solve(M, b) if isinstance(M, np.ndarray) else splu(M.tocsc()).solve(b)

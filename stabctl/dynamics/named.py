@@ -11,10 +11,9 @@ from stabctl.controllers.realization import Matrices, realized
 from stabctl.errors import StudyError
 
 from . import outputs
-from .extended import extended
+from .extension import extended
 from .operating_point import OperatingPoint
-from .signal_kinds import INPUTS, OUTPUTS
-from .signals import Signal, chosen
+from .signals import INPUTS, OUTPUTS, Signal, chosen
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Operating points: a case, its power flow, and the signals in equilibrium."""
+"""Operating points: a case, its power flow, and the signals in equilibrium; what a study starts from."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -12,13 +12,14 @@ from stabctl import devices
 from stabctl._util.process import paused
 from stabctl._util.verbs import verb
 from stabctl._util.wording import listed, named
-from stabctl.errors import EquilibriumError, StudyError
+from stabctl.errors import EquilibriumError, StudyError, shown
 from stabctl.model import fleet, network, powerflow
 from stabctl.model.case import Case
+from stabctl.model.fleet import Fleet
 from stabctl.model.network import Network
 from stabctl.model.powerflow import PowerFlow
 
-from . import family, rating, storage, violations
+from . import family, storage, violations
 from .assembly import Rotors, System, system
 from .jacobian import Equations
 from .layout import Layout
@@ -259,8 +260,121 @@ def unlimited(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
     _formed(case, net, made)
     V = flow.V[net.machine_bus]
     current = (flow.S / V).conj()
-    rating.check(case, V, current, source_admittances(made))
+    check(case, V, current, source_admittances(made))
     found = start(case, made, Equations(made), flow.V, current)
     point = OperatingPoint(case, flow, net, found.system, found.s, found.iterations, found.fastest, found.stiffest)
     vars(point)["equations"] = found.equations
     return point
+
+
+# Power flows that no machine of the given rating can supply.
+
+MOST = 10.0  # times its rating
+DROP = 1.0  # pu of the voltage
+
+
+def check(case: Case, V: np.ndarray, current: np.ndarray, admittance: np.ndarray) -> None:
+    """Check that no machine supplies many times its rating.
+
+    Equivalents of other systems often have a nominal rating of 100 MVA, with a large inertia and a small reactance on
+    it. What shows a wrong rating or power is the voltage drop across the source impedance: it depends on no base.
+
+    Parameters
+    ----------
+    case
+        The case, for ratings and names.
+    V, current
+        Terminal voltages and currents of the units (units), complex, pu on the system base.
+    admittance
+        Of their sources (units), complex, pu on the system base; 0 for a unit that is no voltage source.
+
+    Raises
+    ------
+    EquilibriumError
+        If a unit supplies more than `MOST` times its rating with a drop of more than `DROP`; names the worst one.
+    """
+    S = V * current.conj() * case.base_mva
+    times = np.abs(S) / np.array([m.base for m in case.machines])
+    wrong = (times > MOST) & (np.abs(current) > DROP * np.abs(admittance))
+    if wrong.any():
+        k = int(np.where(wrong, times, 0).argmax())
+        m = case.machines[k]
+        raise EquilibriumError(
+            f"Machine {m.called} of {case.name} supplies {S[k].real:.4g} MW and {S[k].imag:.4g} Mvar, {times[k]:.0f} "
+            f"times its rating of {m.base:g} MVA; correct its power or its rating (base_mva)."
+        )
+
+
+# The operating point that a study starts from, given a case or an operating point, and other storage if wanted.
+
+
+def operating_point(base: Case | OperatingPoint, storage: Fleet | None = None) -> OperatingPoint:
+    """The operating point of a case, or the point itself, with other storage devices if given.
+
+    Parameters
+    ----------
+    base : Case or OperatingPoint
+    storage : str, mapping, or iterable of Storage, optional
+        Devices in place of the case's own: a rating at every machine ("50MW", "5%mva", "5%dispatch"), ratings at
+        some ("14=50MW,13@33=20MW" or {14: "50MW"}; numbers are MW), rows, or "none".
+
+    Raises
+    ------
+    StudyError
+        If `base` or `storage` is anything else.
+    """
+    if isinstance(base, Case):
+        flow = powerflow.solve(base)
+        return solve(base if storage is None else base.with_storage(storage, flow), flow)
+    if not isinstance(base, OperatingPoint):
+        raise StudyError(
+            f"{shown(base)} is not a system; give a Case, such as st.load('two_area'), or its OperatingPoint."
+        )
+    return base if storage is None else solve(base.case.with_storage(storage, base.flow), base.flow)
+
+
+def initialize(case: Case, storage: Fleet | None = None) -> OperatingPoint:
+    """The operating point of a case: its power flow, and the states at which all devices are in equilibrium.
+
+    Parameters
+    ----------
+    case : Case
+    storage : str, mapping, or iterable of Storage, optional
+        Storage devices in place of the case's own; see `operating_point`.
+
+    Returns
+    -------
+    OperatingPoint
+
+    Raises
+    ------
+    PowerFlowError, EquilibriumError
+        If the power flow has no solution, or a device has no equilibrium there.
+    """
+    if not isinstance(case, Case):
+        raise StudyError(f"{shown(case)} is not a case; give one, such as st.load('two_area').")
+    return operating_point(case, storage)
+
+
+# Control loops of converters, by which modes and fast states are named.
+
+
+def loops(point: OperatingPoint, table: str, unit: int) -> dict[str, str]:
+    """State -> name of its control loop, of a converter or a control of one; empty if its device names none.
+
+    Parameters
+    ----------
+    point
+        The operating point.
+    table
+        Device table.
+    unit
+        Row of the unit.
+    """
+    device = devices.every()[table]
+    if device.loops is None:
+        return {state: name for name, states in device.named_loops.items() for state in states}
+    units, constants = point.constants(table)
+    row = units.tolist().index(unit)
+    par = device.Par(*(constants[name][row] for name in device.Par._fields))
+    return {state: name for name, states in device.loops(par).items() for state in states}

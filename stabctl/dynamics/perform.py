@@ -2,21 +2,21 @@
 
 from typing import Any
 
-from stabctl._util.jit import disabled, inline
+from stabctl._util.jit import disabled, entry, inline
 
-from . import loop
+from . import codegen
 
 if disabled():
 
     def perform(calls: Any, w: Any, k: Any, s: Any, f: Any, on: Any) -> None:
         """Call families one after the other, as plain Python."""
         for address, op, n, i, j in calls:
-            loop.plain[address](op, n, w[i:], k[j:], s, f, on)
+            codegen.plain[address](op, n, w[i:], k[j:], s, f, on)
 
     def perform_local(calls: Any, starts: Any, w: Any, k: Any, s: Any, f: Any, on: Any) -> None:
         """Call families one after the other, each with its own part of f, as plain Python."""
         for (address, op, n, i, j), start in zip(calls, starts, strict=False):
-            loop.plain[address](op, n, w[i:], k[j:], s, f[start:], on)
+            codegen.plain[address](op, n, w[i:], k[j:], s, f[start:], on)
 
     def perform_due(calls: Any, bits: Any, due: int, w: Any, k: Any, s: Any, f: Any, on: Any) -> None:
         """Call the families whose bit is in `due`, as plain Python."""
@@ -52,3 +52,13 @@ else:
                 calls[c, 0], calls[c, 1], calls[c, 2], w.ctypes.data + 8 * calls[c, 3],
                 k.ctypes.data + 8 * calls[c, 4], s.ctypes.data, f.ctypes.data, on.ctypes.data,
             )  # fmt: skip
+
+
+# The compiled evaluation of the exact derivatives, in a separate file because it does not depend on any device.
+
+
+@entry
+def evaluate(p, starts, s, f, on):
+    """Update the outputs in s (complex) and write the derivative blocks of all devices to f."""
+    perform(p.sweep, p.w, p.k, s, f, on)
+    perform_local(p.step, starts, p.w, p.k, s, f, on)

@@ -1,17 +1,17 @@
-"""The calls of all devices of a system, for compiled code."""
+"""The order in which devices are called, and the calls of a system for compiled code."""
 
 from collections.abc import Iterable, Sequence
+from graphlib import CycleError, TopologicalSorter
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from stabctl._util import jit
+from stabctl.errors import EquilibriumError
 
-from . import loop
-from .family import CURRENT, FRAME, LOCAL, OUTPUT, RATES, SOURCE, STEP
-from .order import Node, all_of, ordered, read_by_currents, read_by_frames
-from .tables import Family
+from . import codegen, family
+from .family import BOTH, CURRENT, FRAME, INPUTS, LOCAL, OUTPUT, RATES, SOURCE, STEP, Family
 
 
 class Program(NamedTuple):
@@ -57,6 +57,9 @@ def local_program(families: Sequence[Family]) -> Program:
     return Program(*tables.constants, none, none, outputs, tables.calls(every), none, none, np.zeros(0, np.int64))
 
 
+Node = tuple[int, int, tuple[int, ...]]  # family, operation, rows
+
+
 def _outputs(sweep: Iterable[Node]) -> list[Node]:
     """The outputs of a sweep alone, as a complex program makes them."""
     return [(i, OUTPUT, rows) for i, op, rows in sweep if op != RATES]
@@ -86,13 +89,127 @@ class _Tables:
 
 def _addresses(families: Sequence[Family], scalar: type) -> list[int]:
     """Addresses of the families' loops, which are compiled if their machine code is not on disk."""
-    new = [f.device.name for f in families if len(f.w) and not loop.on_disk(f.name, f.device, scalar)]
+    new = [f.device.name for f in families if len(f.w) and not codegen.on_disk(f.name, f.device, scalar)]
     if new:
         jit.start("stabctl.simulation.stepper:advance", "stabctl.simulation.prepare")
     with jit.compiling(new) as done:
         out = []
         for f in families:
-            out.append(loop.address(f.name, f.device, scalar) if len(f.w) else 0)
+            out.append(codegen.address(f.name, f.device, scalar) if len(f.w) else 0)
             if f.device.name in new:
                 done()
+    return out
+
+
+# The order in which devices are called, so that every signal is computed before it is read.
+#
+# A call covers consecutive rows of one family. Families are ordered by the signals that they read and write; families
+# in
+# a cycle are split into rows. Only a cycle of rows is an algebraic loop.
+
+
+def ordered(families: Sequence[Family]) -> list[Node]:
+    """Calls for the outputs and derivatives of all devices, in an order in which every signal is computed before use.
+
+    Raises `EquilibriumError`, naming the devices, if they form an algebraic loop.
+    """
+    nodes: list[Node] = []
+    for i, one in enumerate(families):
+        ops = [op for op in family.operations(one) if op in (OUTPUT, BOTH, RATES)] if len(one.w) else []
+        nodes += [(i, op, tuple(range(len(one.w)))) for op in ops]
+    while True:
+        graph = _graph(families, nodes)
+        try:
+            sorter = TopologicalSorter(graph)
+            sorter.prepare()
+            out: list[Node] = []
+            while sorter.is_active():
+                batch = sorter.get_ready()
+                out += _merged(nodes[n] for n in batch)
+                sorter.done(*batch)
+            return out
+        except CycleError as error:
+            cycle = {nodes[n] for n in error.args[1]}
+            if all(len(rows) == 1 for _, _, rows in cycle):
+                names = [_called(families[nodes[n][0]], nodes[n][2][0]) for n in error.args[1]]
+                raise EquilibriumError(
+                    f"These devices form an algebraic loop: {' <- '.join(names)}; add a lag to one of them."
+                ) from None
+            single: list[Node] = [(i, op, (row,)) for i, op, rows in cycle for row in rows]
+            nodes = [n for n in nodes if n not in cycle] + single
+
+
+def _called(one: Family, row: int) -> str:
+    """What a device is called: `sexs of machine 1`, `controller pod`."""
+    return f"controller {one.keys[row]}" if one.device.role == "controller" else f"{one.name} of {one.keys[row]}"
+
+
+def _graph(families: Sequence[Family], nodes: Sequence[Node]) -> dict[int, set[int]]:
+    """For each node, the nodes whose outputs it reads, which may include itself."""
+    size = 1 + max((int(f.w.max(initial=0)) + family.size(f)[2] for f in families if len(f.w)), default=0)
+    maker = np.full(size, -1)
+    for n, (i, op, rows) in enumerate(nodes):
+        if op != RATES:
+            maker[_written(families[i], rows)] = n
+    return {n: set(maker[_read(families[i], op, rows)].tolist()) - {-1} for n, (i, op, rows) in enumerate(nodes)}
+
+
+def _written(one: Family, rows: Sequence[int]) -> np.ndarray:
+    outputs = family.size(one)[2]
+    return (one.w[list(rows), -1][:, None] + np.arange(outputs)).ravel()
+
+
+def _read(one: Family, op: int, rows: Sequence[int]) -> np.ndarray:
+    places = family.read(one, op, rows)
+    own = op == RATES and "y" in one.device.arguments("derivatives")
+    return np.r_[places, _written(one, rows)] if own else places
+
+
+def _merged(nodes: Iterable[Node]) -> list[Node]:
+    """The same with the rows of one family and operation together."""
+    found: dict[tuple[int, int], list[int]] = {}
+    for i, op, rows in nodes:
+        found.setdefault((i, op), []).extend(rows)
+    return [(i, op, tuple(sorted(rows))) for (i, op), rows in sorted(found.items())]
+
+
+def near(families: Sequence[Family]) -> np.ndarray:
+    """Places of the buses and inputs of the devices that are called at every iteration of the voltages."""
+    out = [np.zeros(0, np.int64)]
+    draws = all_of(families, CURRENT)
+    for i, _, rows in [*read_by_currents(families, ordered(families) if draws else ()), *draws]:
+        _, inputs, _, buses = family.size(families[i])
+        columns = [*(family.BUS, family.BUS2)[:buses], *range(INPUTS, INPUTS + inputs)]
+        out.append(families[i].w[np.ix_(list(rows), columns)].ravel())
+    return np.unique(np.concatenate(out))
+
+
+def read_by_currents(families: Sequence[Family], sweep: Sequence[Node]) -> list[Node]:
+    """The part of `sweep` whose outputs the currents read: they are made anew at every iteration of the voltages."""
+    return makers(families, sweep, all_of(families, CURRENT))
+
+
+def read_by_frames(families: Sequence[Family], sweep: Sequence[Node]) -> list[Node]:
+    """The part of `sweep` that sampled controllers and devices that decide at a step read."""
+    return makers(families, sweep, [*all_of(families, FRAME), *all_of(families, STEP)])
+
+
+def all_of(families: Sequence[Family], op: int) -> list[Node]:
+    """All devices that have an operation."""
+    return [(i, op, tuple(range(len(f.w)))) for i, f in enumerate(families) if len(f.w) and op in family.operations(f)]
+
+
+def makers(families: Sequence[Family], sweep: Sequence[Node], readers: Iterable[Node]) -> list[Node]:
+    """The part of `sweep` that makes what the readers read, directly or through others."""
+    wanted = np.concatenate([np.zeros(0, int), *(_read(families[i], op, rows) for i, op, rows in readers)])
+    out: list[Node] = []
+    for i, op, rows in reversed(sweep):
+        if op == RATES or not family.size(families[i])[2]:
+            continue
+        written = _written(families[i], rows).reshape(len(rows), -1)
+        keep = tuple(np.array(rows)[np.isin(written, wanted).any(axis=1)].tolist())
+        if keep:
+            out.insert(0, (i, op, keep))
+            needed = op if op in family.operations(families[i]) else BOTH
+            wanted = np.r_[wanted, _read(families[i], needed, keep)]
     return out

@@ -1,9 +1,10 @@
-"""Initialization: states and set-points at which every device is in equilibrium at its power-flow power.
+"""Initialization: states and set-points at which every device is in equilibrium at its power-flow power, checked.
 
 Newton's method is applied to the equations that are simulated. Devices are coupled only through the network, whose
 voltages are known here, so the Jacobian separates into one small block per unit.
 """
 
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,8 +12,9 @@ import numpy as np
 from stabctl.errors import EquilibriumError
 from stabctl.model.case import Case
 
-from . import automatic, family, start_checks
+from . import family
 from .assembly import System
+from .family import Family
 from .jacobian import Equations
 from .newton import Newton, Unsolved
 
@@ -55,12 +57,12 @@ def start(case: Case, system: System, equations: Equations, V: np.ndarray, curre
     _guess(system, V, current, s)
     _within_limits(system, equations, s)
     iterations, fastest, stiffest = _solve(case, system, equations, V, current, s)
-    completed = automatic.completed(system, s)
+    completed = with_automatic(system, s)
     if completed is not system:
         system, equations = completed, Equations(completed)
         more, fastest, stiffest = _solve(case, system, equations, V, current, s)
         iterations += more
-    start_checks.check(case, system, equations, s)
+    check(case, system, equations, s)
     return Start(system, equations, s, iterations, fastest, stiffest)
 
 
@@ -116,3 +118,93 @@ def _unsolved(case: Case, system: System, newton: Newton, row: int) -> tuple[str
         return what, "its data: the power flow does not include it"
     what = f"Machine {case.machines[unit].called} of {case.name} has no equilibrium at its power-flow power"
     return what, "its reactances, its saturation and its dispatch"
+
+
+# Checks of an initialization.
+
+LEAST = 1e-8  # pu on 100 MVA   current that counts
+
+
+def check(case: Case, system: System, equations: Equations, s: np.ndarray) -> None:
+    """Check that no rotor is reversed, and that devices outside the power flow draw no current.
+
+    Parameters
+    ----------
+    case
+        The case, for the names in messages.
+    system, equations
+        Its devices.
+    s
+        All signals (layout.size) of an equilibrium without limits.
+
+    Raises
+    ------
+    EquilibriumError
+        If a check fails; names device and machine.
+    """
+    _upright(case, system, s)
+    _no_current(system, equations, s, LEAST * 100 / case.base_mva)
+
+
+def _upright(case: Case, system: System, s: np.ndarray) -> None:
+    rotors, V = system.rotors, s[system.layout.voltages].view(complex)
+    angle = np.angle(V[system.unit_bus[rotors.unit]])
+    reversed_ = np.flatnonzero(np.cos(s[rotors.angle] - angle) < -0.5)
+    if len(reversed_):
+        number = case.machines[rotors.unit[reversed_[0]]].called
+        raise EquilibriumError(
+            f"Machine {number} of {case.name} initializes with a reversed rotor; check its reactances."
+        )
+
+
+def _no_current(system: System, equations: Equations, s: np.ndarray, least: float) -> None:
+    """Check that shunts and storage devices draw no current (pu) at the power flow, which does not include them."""
+    first, values = system.layout.nx + system.layout.outputs, equations.entries(s)[1]
+    for f in equations.families:
+        part = equations.injections[f.name]
+        if f.device.role not in ("shunt", "storage") or part.start == part.stop:
+            continue
+        drawn = values[first + 2 * part.start : first + 2 * part.stop].view(complex)
+        if f.device.admittance is not None:
+            drawn = drawn - f.device.admittances(f.k) * s[f.w[:, [family.BUS]] + np.arange(2)].view(complex)[:, 0]
+        size = np.abs(drawn)
+        if size.max() > least:
+            j = int(size.argmax())
+            raise EquilibriumError(
+                f"{f.device.name} of {f.keys[j]} draws {size[j]:.3g} pu of current at the power flow, which does not "
+                "include it; its current must be zero initially."
+            )
+
+
+# Parameters that depend on the starting point, which devices compute in `automatic`.
+
+
+def with_automatic(system: System, s: np.ndarray) -> System:
+    """The system with the parameters that depend on its starting point; the same object if there are none.
+
+    Parameters
+    ----------
+    system
+        The devices.
+    s
+        All signals (layout.size) of an equilibrium with the parameters as given.
+    """
+    for f in system.families:
+        if f.device.automatic is None:
+            continue
+        k = np.array([_row(f, j, s) for j in range(len(f.w))])
+        if not np.array_equal(k, f.k):
+            system = system.with_constants(f.name, k)
+    return system
+
+
+def _row(f: Family, j: int, s: np.ndarray) -> list[float]:
+    """Parameters of one device: its own computed from its inputs and output at the start."""
+    w, device = f.w[j], f.device
+    inputs, outputs = device.Input._fields, device.Output._fields
+    known = {
+        "p": device.Par(*f.k[j]),
+        "u": SimpleNamespace(**dict(zip(inputs, s[w[family.INPUTS : family.INPUTS + len(inputs)]], strict=True))),
+        "y": SimpleNamespace(**dict(zip(outputs, s[w[-1] : w[-1] + len(outputs)], strict=True))),
+    }
+    return list(device.evaluate("automatic", known))

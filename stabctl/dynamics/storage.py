@@ -12,7 +12,7 @@ from stabctl.model.tables import Storage
 
 from . import family
 from .assembly import System
-from .tables import Family
+from .family import Family
 
 
 class Places(NamedTuple):

@@ -9,8 +9,8 @@ from stabctl.model.case import Case
 
 from . import family
 from .assembly import System
+from .family import limits
 from .jacobian import Equations
-from .limits import limits
 from .newton import opened
 
 STILL = 1e-8  # 1/s   largest rate of an equilibrium

@@ -1,27 +1,26 @@
-"""Connections: the place of every signal, and the signals that every input reads.
+"""Connections: which devices provide each signal, what every input reads, sums and sensors in between.
 
 An input reads the signal with its name in its unit. A port reads the output that drives it, or its set-point if there
 is none; a summing port reads the sum of the outputs that drive it, or zero.
 """
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping
+from functools import cache
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 
 from stabctl import devices
+from stabctl.devices.device import Device, of
 from stabctl.devices.ports import At, Port
 from stabctl.errors import EquilibriumError
 from stabctl.model.case import Case
 from stabctl.model.network import Network
 
-from . import family
-from .givers import Givers
+from . import adder, family
+from .family import Family
 from .layout import WORDS, Layout, SetPoint, StatePlace
 from .rows import NO_UNIT, Row
-from .sensors import bus_of, inputs, with_sensors
-from .sums import Sums
-from .tables import Family
 
 
 class Wiring:
@@ -181,3 +180,134 @@ class Wiring:
             if point.unit != NO_UNIT:
                 signals.setdefault((point.unit, point.name), self.nx + 2 * self.buses + k)
         return signals
+
+
+# Which devices provide each signal of a unit.
+
+
+class Givers:
+    """Places of the signals that the devices of every unit provide; several devices may provide the same signal.
+
+    Parameters
+    ----------
+    units
+        Number of units.
+    """
+
+    def __init__(self, units: int) -> None:
+        self._units = units
+        self._layers: dict[str, list[np.ndarray]] = {}  # signal -> (units) places, -1: none; first giver, second giver
+
+    def add(self, signal: str, units: np.ndarray, places: np.ndarray) -> None:
+        """Add a signal that devices of these units provide at these places."""
+        layers = self._layers.setdefault(signal, [])
+        depth = 0
+        while len(units):
+            if depth == len(layers):
+                layers.append(np.full(self._units, -1))
+            rank, earliest = np.arange(len(units)), np.empty(self._units, np.int64)
+            earliest[units[::-1]] = rank[::-1]
+            first = (earliest[units] == rank) & (layers[depth][units] < 0)
+            layers[depth][units[first]] = places[first]
+            units, places = units[~first], places[~first]
+            depth += 1
+
+    def of(self, signal: str, units: np.ndarray) -> np.ndarray:
+        """Places (givers, units) of a signal of these units; -1 if there is no further device."""
+        return np.array([layer[units] for layer in self._layers.get(signal, ())], int).reshape(-1, len(units))
+
+    def __iter__(self) -> Iterator[tuple[str, np.ndarray]]:
+        """Every signal with its places (givers, units)."""
+        return ((signal, np.array(layers)) for signal, layers in self._layers.items())
+
+
+# Sums of the signals that drive one summing port.
+
+
+class Sums:
+    """Assigns a place to every sum, once.
+
+    Parameters
+    ----------
+    zero
+        Place of the constant 0, the sum of nothing.
+    end
+        Place of the next output.
+    """
+
+    def __init__(self, zero: int, end: int) -> None:
+        self._zero, self.end = zero, end
+        self.places: dict[tuple[int, ...], int] = {}  # places that are added up -> place of their sum
+
+    def of(self, places: list[int]) -> int:
+        """Place of the sum of the signals at these places."""
+        if len(places) < 2:
+            return places[0] if places else self._zero
+        if tuple(places) not in self.places:
+            self.places[tuple(places)] = self.end
+            self.end += 1
+        return self.places[tuple(places)]
+
+    def families(self) -> list[Family]:
+        """The devices that add, two signals at a time."""
+        rows = []
+        for places, out in self.places.items():
+            left = places[0]
+            for i, right in enumerate(places[1:]):
+                last = i == len(places) - 2
+                here = out if last else self.end
+                self.end += not last
+                rows.append([0, 0, 0, NO_UNIT, left, right, here])
+                left = here
+        if not rows:
+            return []
+        w = np.array(rows, np.int64)
+        return [Family("adder", of(adder), w, np.zeros((len(rows), 0)), ("a summing port",) * len(rows))]
+
+
+# The sensors of a system: one at every bus that a remote input reads.
+
+
+@cache
+def inputs(device: Device) -> dict[str, Any]:
+    """Inputs of a device, each with its marker (Port, At) or None."""
+    hints = get_type_hints(device.Input, include_extras=True)
+    return {
+        name: next((m for m in get_args(hints[name]) if isinstance(m, Port | At)), None)
+        for name in device.Input._fields
+    }
+
+
+def bus_of(case: Case, net: Network, at: At, row: Row) -> int:
+    """Row of the bus whose number is a device's parameter; its own bus if that is 0."""
+    number = int(getattr(row.par, at.place))
+    if number and number not in net.place:
+        raise EquilibriumError(
+            f"There is no bus {number} in {case.name}, the {at.place} of {row.label}; choose another."
+        )
+    return net.place[number] if number else row.bus
+
+
+def with_sensors(case: Case, tables: Mapping[str, list[Row]], net: Network) -> dict[str, list[Row]]:
+    """The devices of every table, and the sensors that they read."""
+    found = {name: list(rows) for name, rows in tables.items()}
+    for name, rows in tables.items():
+        for hint in inputs(devices.every()[name]).values():
+            if not (isinstance(hint, At) and _is_sensor(hint.signal)):
+                continue
+            sensors = found.setdefault(hint.signal, [])
+            for row in rows:
+                bus = bus_of(case, net, hint, row)
+                if bus not in [sensor.bus for sensor in sensors]:
+                    sensors.append(_sensor(case, hint.signal, bus))
+    return found
+
+
+def _is_sensor(name: str) -> bool:
+    return name in devices.every() and devices.every()[name].role == "sensor"
+
+
+def _sensor(case: Case, name: str, bus: int) -> Row:
+    device, number = devices.every()[name], case.buses[bus].bus
+    par = device.Par(2 * np.pi * case.frequency_hz) if device.Par._fields else ()
+    return Row(NO_UNIT, bus, bus, par, f"{device.name} {number}", f"bus {number}")

@@ -5,14 +5,12 @@ from dataclasses import replace
 from typing import Any
 
 from stabctl.controllers import BangBang
-from stabctl.dynamics.coerce import Fleet, operating_point
-from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.dynamics.operating_point import Fleet, OperatingPoint, operating_point
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.simulation.contingency import Disturbance, schedule
-from stabctl.simulation.control import Control
+from stabctl.simulation.control import Control, carry
 from stabctl.simulation.criterion import DEFAULT, Criterion, checked
-from stabctl.simulation.sampled import carry
 from stabctl.simulation.simulation import Simulation
 from stabctl.units import seconds
 

@@ -17,8 +17,7 @@ from stabctl.controllers import Input, Law, decided
 from stabctl.dynamics import outputs, storage
 from stabctl.dynamics.named import Named
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.signal_kinds import OUTPUTS
-from stabctl.dynamics.signals import Signal, chosen, machines
+from stabctl.dynamics.signals import OUTPUTS, Signal, chosen, machines
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.simulation.simulation import Simulation

@@ -33,8 +33,7 @@ import numpy as np
 
 from stabctl.dynamics import outputs
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.signal_kinds import OUTPUTS
-from stabctl.dynamics.signals import Signal, machines
+from stabctl.dynamics.signals import OUTPUTS, Signal, machines
 from stabctl.model.location import circuit
 from stabctl.model.network import INTACT, Switching
 from stabctl.simulation.simulation import Simulation

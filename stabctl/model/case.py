@@ -93,7 +93,7 @@ class Case(Tables):
     trip_machine = verb("stabctl.model.edit:trip_machine")
     classical = verb("stabctl.model.edit:classical")
 
-    initialize = verb("stabctl.dynamics.coerce:initialize")
+    initialize = verb("stabctl.dynamics.operating_point:initialize")
     power_flow = verb("stabctl.model.powerflow:solve")
     simulate = verb("stabctl.simulation.simulate:simulate")
     clearing_time = verb("stabctl.clearing:clearing_time")

@@ -19,7 +19,7 @@ from typing import Any, Literal, NamedTuple
 
 from stabctl._util.wording import counted
 from stabctl.devices.blocks import quadratic
-from stabctl.devices.machines.saturation import points
+from stabctl.devices.machines.stator import points
 from stabctl.errors import StudyError
 
 from . import powerflow, tables

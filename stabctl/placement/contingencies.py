@@ -16,7 +16,7 @@ from stabctl.clearing import Screen
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case, as_case
-from stabctl.simulation import notation
+from stabctl.simulation import events
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.events import Event
 from stabctl.units import seconds
@@ -153,7 +153,7 @@ def _machine_trip(text: str, clear: str | None, case: Case) -> Event:
     """The trip of a machine: `9` when the fault is cleared, `9@0.5s` so long after the instant of the fault."""
     number, _, after = text.partition("@")
     delay = seconds(after or clear or 0.0, case.frequency_hz)
-    return notation.event(f"{number.strip()}@{AT + delay!r}s", case.frequency_hz)
+    return events.event(f"{number.strip()}@{AT + delay!r}s", case.frequency_hz)
 
 
 def checked(case: Case, given: Iterable[Contingency]) -> tuple[Contingency, ...]:

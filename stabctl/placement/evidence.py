@@ -10,8 +10,7 @@ import numpy as np
 
 from stabctl.dynamics.storage import current_limits
 from stabctl.model import fleet
-from stabctl.simulation.control import Control
-from stabctl.simulation.sampled import Sampled
+from stabctl.simulation.control import Control, Sampled
 
 from .contingencies import scaled
 from .simulated import CriticalTime

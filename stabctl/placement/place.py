@@ -23,9 +23,8 @@ from stabctl.estimation.estimators import EstimatorName
 from stabctl.jobs import Runner
 from stabctl.model import fleet, powerflow
 from stabctl.model.tables import Storage
-from stabctl.simulation.control import Control, acting, with_law
+from stabctl.simulation.control import Control, Sampled, acting, with_law
 from stabctl.simulation.criterion import DEFAULT, Criterion
-from stabctl.simulation.sampled import Sampled
 
 from . import cutting_planes, evidence, initial_fleets
 from .contingencies import LONGER, Bases, Contingencies, operating_points, scaled, scenarios

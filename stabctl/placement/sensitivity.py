@@ -12,9 +12,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from stabctl.dynamics import inputs, signals
+from stabctl.dynamics import extension, signals
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.signal_kinds import INPUTS
+from stabctl.dynamics.signals import INPUTS
 from stabctl.errors import StudyError
 from stabctl.model import network
 from stabctl.model.case import Case
@@ -131,7 +131,7 @@ def sensitivity(
     gu = np.zeros((2 * len(V), len(found)))
     for k, c in enumerate(found):
         (signal,) = signals.chosen(case, [f"storage:{c.bus}"], INPUTS)
-        draw = inputs.draw(point, signal)
+        draw = extension.draw(point, signal)
         if served[draw.bus]:
             gu[2 * draw.bus : 2 * draw.bus + 2, k] = np.array([draw.current_of(complex(V[draw.bus]))]).view(float)
     rotors = point.rotors.real

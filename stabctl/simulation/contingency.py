@@ -11,8 +11,7 @@ from stabctl.model.case import Case
 from stabctl.model.location import faulted
 from stabctl.units import seconds
 
-from . import notation
-from .events import Clear, Event, Fault, Open, described
+from .events import NUMBERS, SHOWN, Clear, Event, Fault, Open, described, event
 from .timeline import timeline
 
 SHORTEST = 1e-6  # s   of a run after its last event
@@ -159,7 +158,7 @@ class Contingency:
         tuple of event
             With their instants in seconds.
         """
-        return tuple(notation.event(e, case.frequency_hz) for e in self.events)
+        return tuple(event(e, case.frequency_hz) for e in self.events)
 
     def timed(self, case: Case) -> tuple[Event, ...]:
         """Every event: the fault, its clearing, and the others.
@@ -267,7 +266,7 @@ def schedule(case: Case, what: Disturbance | None, until: float | None = None, s
         if isinstance(item, Contingency):
             events += item.timed(case)
         elif isinstance(item, str | Event):
-            events.append(notation.event(item, case.frequency_hz))
+            events.append(event(item, case.frequency_hz))
         else:
             raise _not_an_event(item)
     latest = max((event.at for event in events if math.isfinite(event.at)), default=start)
@@ -298,19 +297,19 @@ def _names(part: str) -> list[str]:
 def _events(events: Event | str | Iterable[Event | str]) -> tuple[Event | str, ...]:
     items = (events,) if isinstance(events, str | Event) else events
     if not isinstance(items, Iterable):
-        raise StudyError(f"events = {events!r} is not a list of events; write {notation.SHOWN}.")
+        raise StudyError(f"events = {events!r} is not a list of events; write {SHOWN}.")
     for item in (items := tuple(items)):
         if isinstance(item, str):
-            notation.event(item, 60.0)
+            event(item, 60.0)
         elif not isinstance(item, Event):
-            raise StudyError(f"{item!r} is not an event; write {notation.SHOWN}, or give a record such as LoadStep.")
+            raise StudyError(f"{item!r} is not an event; write {SHOWN}, or give a record such as LoadStep.")
     return items
 
 
 def _line(fault: str) -> tuple[str, ...]:
     """The circuit of a fault that is on one whatever the case: `7-8`, `7-8@0.4`."""
     name, at, _ = fault.rpartition("@")
-    return (name or fault,) if at or notation.NUMBERS.fullmatch(fault) else ()
+    return (name or fault,) if at or NUMBERS.fullmatch(fault) else ()
 
 
 def _said(time: str | float) -> str:

@@ -3,8 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from stabctl.dynamics.coerce import Fleet, operating_point
-from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.dynamics.operating_point import Fleet, OperatingPoint, operating_point
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.units import seconds

@@ -17,13 +17,11 @@ from . import closed, judgment, stepper, steps, swings
 from .attached import attached
 from .buffers import NOTE, buffers
 from .contingency import Disturbance, schedule
-from .control import Control, Frames, acting
+from .control import Control, Frames, Pilot, acting, carry
 from .criterion import DEFAULT, Criterion, for_system, frequency_range, numbers
 from .newton import NO_ROWS, Slopes, advance
-from .outcome import End, Outcome, outcome
+from .outcome import End, Outcome, outcome, stalled
 from .recording import Recorded, Recording
-from .sampled import Pilot, carry
-from .stall import stalled
 from .swings import Swings
 from .timeline import timeline
 from .topology import stage

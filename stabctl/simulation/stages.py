@@ -9,8 +9,7 @@ from stabctl.errors import StudyError
 from .buffers import Run, buffers
 from .method import STAGES
 from .newton import Slopes, of_wired
-from .replay import replay
-from .stepper import START
+from .stepper import START, replay
 from .topology import Stage, stage
 from .trajectory import Trajectory
 from .wired import Wired, wired

@@ -1,4 +1,4 @@
-"""The compiled loop over the steps on one network, from one event to the next.
+"""The compiled loop: RK4 at a fixed step; and the same over recorded steps.
 
 A step, or a part of one, goes from left to right:
 
@@ -29,9 +29,8 @@ from stabctl.dynamics.perform import perform
 from .buffers import NOTE
 from .judgment import DONE, NEWTON, count_reversals, judge, measure_excess
 from .method import RK4, STAGES, advance_states, clip_at_limits, freeze_disconnected, hold_at_limits
-from .orders import decide
 from .substitution import solve_apart
-from .switching import CHATTER, MOST, first_jump, jump
+from .switching import CHATTER, MOST, decide, first_jump, jump
 from .voltages import settle
 
 
@@ -230,3 +229,44 @@ def record(places, net, run, row):
         for k in range(len(run.f), len(row)):
             if places.owner[k] >= 0 and net.island[places.owner[k]] < 0:
                 row[k] = 0.0
+
+
+# The compiled loop over recorded Runge-Kutta steps, which makes their stages once more.
+
+
+@entry
+def replay(program, places, net, run, sizes, rows, at, signals, held, clipped):
+    """Make the stages of steps of the given sizes (s) that begin at recorded rows.
+
+    Returns where it is; if steps are left, it asks for the voltages of the stage there, to be called again.
+    """
+    while at.step < len(sizes):
+        h, step = sizes[at.step], at.step
+        for stage in range(at.stage, STAGES):
+            if not at.solved:
+                if stage == 0:
+                    for k in range(rows.shape[1]):
+                        run.s[k] = rows[step, k]
+                    copy(run.s, run.part.x)
+                copy(run.volt, run.solve.before)
+                if not settle(program, places, net, run):
+                    return at_stage(stage, True, True, at)
+            perform(program.sweep, program.w, program.k, run.s, run.f, net.island)
+            copy(run.s, signals[step, stage])
+            for k in range(len(places.limited)):
+                held[step, stage, k] = run.f[places.limited[k]]
+            hold_at_limits(run, places)
+            for k in range(len(places.limited)):
+                held[step, stage, k] = 1.0 if held[step, stage, k] != 0 and run.f[places.limited[k]] == 0 else 0.0
+            if not net.whole:
+                freeze_disconnected(places, net, run)
+            advance_states(stage, h, run)
+            for k in range(len(places.limited)):
+                clipped[step, stage, k] = run.s[places.limited[k]]
+            clip_at_limits(run.s, places)
+            for k in range(len(places.limited)):
+                free, kept = clipped[step, stage, k], run.s[places.limited[k]]
+                clipped[step, stage, k] = 1.0 if free > kept else -1.0 if free < kept else 0.0
+            at = at_stage(stage + 1, True, False, at)
+        at = Cursor(at.step + 1, 0, begin=0.0, end=1.0, row=-1, parts=1, decided=True, solved=False)
+    return at

@@ -8,10 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from stabctl.devices.blocks import SHORT
+from stabctl.dynamics.family import Family
 from stabctl.dynamics.layout import StatePlace
-from stabctl.dynamics.loops import loops
-from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.tables import Family
+from stabctl.dynamics.operating_point import OperatingPoint, loops
 from stabctl.errors import StudyError
 from stabctl.schema import hints
 

@@ -13,11 +13,11 @@ import numpy as np
 from stabctl.controllers import Law, StorageDevice, hold
 from stabctl.devices.device import of as device_of
 from stabctl.dynamics import storage
+from stabctl.dynamics.family import Family
 from stabctl.dynamics.layout import Layout
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.program import Program, program
 from stabctl.dynamics.rows import NO_UNIT
-from stabctl.dynamics.tables import Family
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
 

@@ -1,7 +1,6 @@
 """Linear models and modes: exact linearization with names, eigenvalues, participation, root loci, reduction."""
 
-from stabctl.dynamics.signal_kinds import INPUTS, OUTPUTS
-from stabctl.dynamics.signals import Signal
+from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal
 
 from .analysis import Selected, analyze
 from .areas import Areas, areas, opened

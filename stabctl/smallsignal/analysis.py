@@ -8,8 +8,7 @@ from scipy.sparse.linalg import splu
 
 from stabctl import units
 from stabctl._util.wording import counted
-from stabctl.dynamics.coerce import operating_point
-from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.dynamics.operating_point import OperatingPoint, operating_point
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet

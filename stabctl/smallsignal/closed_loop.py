@@ -14,12 +14,10 @@ import numpy as np
 
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.law import Law
-from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.layout import StatePlace, unique
 from stabctl.dynamics.named import Named, all_named
-from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.signal_kinds import INPUTS, OUTPUTS
-from stabctl.dynamics.signals import Signal, chosen
+from stabctl.dynamics.operating_point import OperatingPoint, operating_point
+from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 

@@ -14,14 +14,12 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from stabctl.dynamics import inputs as ins
+from stabctl.dynamics import extension as ins
 from stabctl.dynamics import layout, outputs, storage
-from stabctl.dynamics.extended import extended
-from stabctl.dynamics.jacobian import Derivatives
-from stabctl.dynamics.matrix import Matrix, array, filled, matrix
+from stabctl.dynamics.extension import extended
+from stabctl.dynamics.jacobian import Derivatives, Matrix, array, filled, matrix
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.signal_kinds import INPUTS, OUTPUTS
-from stabctl.dynamics.signals import Signal, chosen
+from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
 from stabctl.model.network import UNSWITCHED, Switching
 
 from . import linearization_checks

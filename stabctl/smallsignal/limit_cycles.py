@@ -20,11 +20,9 @@ from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.law import Law
-from stabctl.dynamics.coerce import operating_point
 from stabctl.dynamics.named import Named, all_named
-from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.signal_kinds import OUTPUTS
-from stabctl.dynamics.signals import Signal, chosen
+from stabctl.dynamics.operating_point import OperatingPoint, operating_point
+from stabctl.dynamics.signals import OUTPUTS, Signal, chosen
 from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet

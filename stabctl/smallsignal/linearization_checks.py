@@ -6,13 +6,11 @@ from functools import lru_cache
 import numpy as np
 
 from stabctl.dynamics import family, outputs, storage
-from stabctl.dynamics.jacobian import Derivatives
-from stabctl.dynamics.limits import Limits, limits
-from stabctl.dynamics.matrix import Matrix
+from stabctl.dynamics.family import Family, Limits, limits
+from stabctl.dynamics.jacobian import Derivatives, Matrix
 from stabctl.dynamics.newton import FAR
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import Signal
-from stabctl.dynamics.tables import Family
 from stabctl.errors import LinearizationError
 
 STILL = 1e-8  # 1/s and pu on 100 MVA   largest state derivative and current mismatch of an equilibrium

@@ -18,9 +18,8 @@ from stabctl._util import files
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.dynamics import layout
-from stabctl.dynamics.coerce import operating_point
-from stabctl.dynamics.matrix import array, solved
-from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.dynamics.jacobian import array, solved
+from stabctl.dynamics.operating_point import OperatingPoint, operating_point
 from stabctl.dynamics.signals import Signal
 from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case

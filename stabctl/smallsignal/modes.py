@@ -18,7 +18,7 @@ from stabctl import devices
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.dynamics.assembly import INFINITE
-from stabctl.dynamics.loops import loops
+from stabctl.dynamics.operating_point import loops
 from stabctl.errors import StudyError, shown
 
 from .descriptor import Descriptor

@@ -12,12 +12,11 @@ from stabctl import io
 from stabctl._util import process
 from stabctl._util.wording import counted
 from stabctl.clearing.trial import AUTO
-from stabctl.controllers import file
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.law import Law
-from stabctl.dynamics.signal_kinds import INPUTS, OUTPUTS
-from stabctl.dynamics.signals import chosen
+from stabctl.dynamics.signals import INPUTS, OUTPUTS, chosen
 from stabctl.errors import StabctlError, StudyError
+from stabctl.io import control_files
 from stabctl.jobs import Row, Task
 from stabctl.jobs.cluster import Cluster
 from stabctl.jobs.store import Store
@@ -214,7 +213,7 @@ def _case(path: Path, name: str) -> Case:
 def _controllers(path: Path, names: str) -> tuple[Controller | Law, ...]:
     """The controllers and laws in the files of a job."""
     try:
-        return tuple(file.load(path.parent / name.strip()) for name in names.split(",") if name.strip())
+        return tuple(control_files.load(path.parent / name.strip()) for name in names.split(",") if name.strip())
     except StabctlError as error:
         raise StudyError(f"{path}, controller = {names!r}: {error}") from None
 

@@ -8,7 +8,7 @@ import pytest
 from stabctl import io
 from stabctl.clearing import Search, Trial, clearing_time
 from stabctl.controllers import BangBang, Controller
-from stabctl.dynamics.coerce import initialize
+from stabctl.dynamics.operating_point import initialize
 from stabctl.errors import StudyError
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.model import fleet, powerflow

@@ -7,7 +7,7 @@ from stabctl.clearing import Run, Search, Trial, clearing_time, screen
 from stabctl.clearing.critical_time import last_stable
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
-from stabctl.dynamics.coerce import initialize
+from stabctl.dynamics.operating_point import initialize
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.outcome import Kind
 from stabctl.simulation.swings import Swings

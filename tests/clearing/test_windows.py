@@ -7,7 +7,7 @@ import pytest
 from stabctl import io
 from stabctl.clearing import Run, Search, clearing_time
 from stabctl.clearing.critical_time import critical
-from stabctl.dynamics.coerce import initialize
+from stabctl.dynamics.operating_point import initialize
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.outcome import Kind
 

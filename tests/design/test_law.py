@@ -7,11 +7,11 @@ import pytest
 
 from stabctl.clearing import screen
 from stabctl.controllers import BangBang, StorageLaw
-from stabctl.controllers.file import load
 from stabctl.design import LawLimits, law
 from stabctl.design.law import no_stable_limit_cycle, spread, training_contingencies
 from stabctl.design.law_result import parameters
 from stabctl.errors import StudyError
+from stabctl.io.control_files import load
 from stabctl.simulation.contingency import Contingency
 
 FAULT = Contingency("7-8@0.4")

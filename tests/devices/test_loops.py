@@ -7,7 +7,7 @@ import pytest
 from systems import EXDC2, KINDS, ROUND, doubled, registered, small
 
 from stabctl.dynamics import operating_point
-from stabctl.dynamics.matrix import array
+from stabctl.dynamics.jacobian import array
 from stabctl.errors import EquilibriumError
 from stabctl.simulation.events import LoadStep
 from stabctl.simulation.simulation import run
@@ -20,7 +20,7 @@ class TestLoop:
     EXCITER = '''
 from typing import Annotated, NamedTuple
 from stabctl._util.jit import inline
-from stabctl.devices.exciters.signals import Input, Output
+from stabctl.devices.exciters.shared import Input, Output
 
 NAME = "direct"
 ROLE = "exciter"

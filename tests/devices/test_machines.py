@@ -5,7 +5,7 @@ import pytest
 from records import genroe, genrou, gensae, gensal, gentpj1, two_axis
 from systems import CLASSICAL, POLES, ROUND, SALIENT, SATURATED, TWO_AXES, TYPE_J, small
 
-from stabctl.devices.machines import saliency
+from stabctl.devices.machines import stator
 from stabctl.dynamics import operating_point
 from stabctl.simulation import simulation
 from stabctl.simulation.events import Clear, Fault
@@ -139,7 +139,7 @@ def test_the_saturation_of_gentpj1_has_the_exact_derivative():
 
 
 def test_saliency_vanishes_with_equal_reactances():
-    assert saliency.mean(0.01, 0.3, 0.3) == pytest.approx(((1 / 0.09010000 * 0.01), -0.3 / 0.0901), rel=1e-12)
+    assert stator.mean(0.01, 0.3, 0.3) == pytest.approx(((1 / 0.09010000 * 0.01), -0.3 / 0.0901), rel=1e-12)
     assert np.abs(evaluated(two_axis, states(two_axis.State, 6), TWO_AXES._replace(x1q=0.3))[2]) > 0.1
 
 

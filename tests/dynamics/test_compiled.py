@@ -11,7 +11,7 @@ import pytest
 import stabctl
 from stabctl import io
 from stabctl.controllers import BangBang, Feedback
-from stabctl.dynamics import evaluate, operating_point
+from stabctl.dynamics import operating_point, perform
 from stabctl.model.network import UNSWITCHED
 from stabctl.model.tables import Storage
 from stabctl.simulation import simulation, stepper, voltages
@@ -37,7 +37,7 @@ def test_every_case_and_option_runs_on_one_compilation():
         everything(io.load(name))
         everything(io.load(name).classical())
     assert len(stepper.advance.signatures()) == 1
-    assert len(evaluate.evaluate.signatures()) == 1
+    assert len(perform.evaluate.signatures()) == 1
     assert len(voltages.newton_from.signatures()) <= 1
 
 

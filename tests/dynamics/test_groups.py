@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stabctl.dynamics.groups import Groups
+from stabctl.dynamics.newton import Groups
 
 
 def shuffled(blocks, seed=0):

@@ -16,7 +16,7 @@ import stabctl
 from stabctl import devices
 from stabctl.devices import blocks
 from stabctl.dynamics import adder, family, operating_point
-from stabctl.dynamics.matrix import array
+from stabctl.dynamics.jacobian import array
 from stabctl.model.tables import Link, Storage
 
 SOURCES = sorted((Path(stabctl.__file__).parent / "devices").rglob("*.py"))

@@ -15,7 +15,7 @@ import pytest
 from stabctl import devices
 from stabctl._util import files, jit
 from stabctl.diagram.layout import cached_layout
-from stabctl.dynamics import loop
+from stabctl.dynamics import codegen
 
 SOURCE = """
 from stabctl._util import jit
@@ -82,9 +82,9 @@ def test_a_damaged_file_is_made_again(compiled, folder, damage):
 
 def test_a_family_whose_file_is_damaged_is_made_again(folder, monkeypatch):
     for turn in range(3):
-        monkeypatch.setattr(loop, "_compiled", {})
+        monkeypatch.setattr(codegen, "_compiled", {})
         before = contents(folder)
-        assert loop.address("zip_load", devices.every()["zip_load"], float)
+        assert codegen.address("zip_load", devices.every()["zip_load"], float)
         assert (contents(folder) == before) is (turn == 1)
         for file in contents(folder) if turn == 1 else ():
             file.write_bytes(DAMAGE["cut"](file.read_bytes()))

@@ -16,7 +16,7 @@ from systems import ROUND, registered, small
 import stabctl
 from stabctl import devices
 from stabctl._util import jit
-from stabctl.dynamics import evaluate, operating_point
+from stabctl.dynamics import operating_point, perform
 from stabctl.simulation import stepper, voltages
 
 PACKAGE = Path(stabctl.__file__).parent
@@ -156,7 +156,7 @@ def test_an_edited_device_of_the_user_is_compiled_anew(tmp_path):
         sys.modules.pop("my_signals", None)
 
 
-MODULES = [*(device.module for device in devices.every().values()), stepper, voltages, evaluate]
+MODULES = [*(device.module for device in devices.every().values()), stepper, voltages, perform]
 
 
 @pytest.mark.parametrize("module", MODULES, ids=lambda m: m.__name__)

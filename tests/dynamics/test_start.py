@@ -22,7 +22,7 @@ from systems import (
 
 from stabctl import devices, io
 from stabctl.dynamics import newton, operating_point, start
-from stabctl.dynamics.matrix import array
+from stabctl.dynamics.jacobian import array
 from stabctl.errors import EquilibriumError
 from stabctl.simulation import simulation
 

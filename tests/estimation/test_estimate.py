@@ -13,7 +13,7 @@ from stabctl.estimation.estimate import estimate
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.pmu import Pmu
 from stabctl.simulation.contingency import Contingency
-from stabctl.simulation.sampled import Sampled
+from stabctl.simulation.control import Sampled
 from stabctl.simulation.simulation import run
 
 FAST = EstimatorControl(engine="batched")

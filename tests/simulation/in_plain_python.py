@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 import stabctl as st
-from stabctl.simulation import buffers, method, newton, replay, stepper, voltages
+from stabctl.simulation import buffers, method, newton, stepper, voltages
 from stabctl.simulation.method import Method
 from stabctl.simulation.simulation import Simulation
 
@@ -56,7 +56,7 @@ def orders() -> dict[str, np.ndarray]:
     point = replace(case, loads=loads).initialize()  # nothing has a kink, every voltage is exact
     found = {}
     for name, table in (("rk4", method.RK4), ("heun", HEUN)):
-        for module in (buffers, method, replay, stepper):
+        for module in (buffers, method, stepper, stepper):
             for constant, value in (("RK4", table), ("STAGES", len(table.reach_divisor))):
                 if hasattr(module, constant):
                     setattr(module, constant, value)

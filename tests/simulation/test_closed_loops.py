@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import stabctl as st
-from stabctl.dynamics.coerce import initialize
+from stabctl.dynamics.operating_point import initialize
 from stabctl.errors import StudyError
 from stabctl.simulation import closed
 from stabctl.simulation.control import acting

@@ -9,7 +9,7 @@ from systems import REGC_C, small
 
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
-from stabctl.dynamics.coerce import initialize
+from stabctl.dynamics.operating_point import initialize
 from stabctl.errors import StudyError
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.simulation import steps

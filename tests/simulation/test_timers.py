@@ -9,7 +9,7 @@ import pytest
 from stabctl.clearing import Search, Trial, clearing_time
 from stabctl.clearing.critical_time import last_stable
 from stabctl.controllers import BangBang
-from stabctl.dynamics.coerce import initialize
+from stabctl.dynamics.operating_point import initialize
 from stabctl.simulation import newton
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import Criterion

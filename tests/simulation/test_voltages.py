@@ -8,7 +8,7 @@ from systems import with_shares
 
 from stabctl.controllers import Feedback
 from stabctl.devices import of
-from stabctl.dynamics import family, loop, operating_point
+from stabctl.dynamics import codegen, family, operating_point
 from stabctl.dynamics.program import program
 from stabctl.model.network import UNSWITCHED
 from stabctl.simulation import center, frame, line, lti, newton, voltages
@@ -94,7 +94,7 @@ class TestNewtonFallback:
 
     @pytest.mark.parametrize("device", [center, frame, line, lti])
     def test_families_with_a_loop_of_their_own_exist_for_complex_numbers(self, device):
-        assert loop.address(device.__name__.rpartition(".")[2], of(device), complex) is not None
+        assert codegen.address(device.__name__.rpartition(".")[2], of(device), complex) is not None
 
     def test_factors_of_an_earlier_instant_give_the_same_voltages(self, cases):
         """Kept while the sources change; near the kinks, where they do not help, present ones are made."""

@@ -11,9 +11,9 @@ from systems import doubled, each, kind, small
 
 from stabctl import io
 from stabctl.dynamics import operating_point
-from stabctl.dynamics.evaluate import evaluate
 from stabctl.dynamics.family import TINY
-from stabctl.dynamics.matrix import array
+from stabctl.dynamics.jacobian import array
+from stabctl.dynamics.perform import evaluate
 from stabctl.errors import LinearizationError, StudyError
 from stabctl.model.tables import Storage
 from stabctl.smallsignal import INPUTS, OUTPUTS, descriptor, linearize

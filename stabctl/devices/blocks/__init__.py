@@ -5,25 +5,57 @@ part. A limit is returned as it is, never as `lo + 0*x` (which is nan at x = inf
 functions: its output and the derivative of its state, such as `lag` and `lag_rate`.
 """
 
-from .curves import line, lookup, polyline, power, quadratic, through
-from .delays import delay1, delay1_rate, delay2, delay2_rates
-from .lags import SHORT, circuit_rate, derivative, lag, lag_rate, lead_lag, second_order, second_order_rates, washout
+from .curves import (
+    angle,
+    compound,
+    copy,
+    crowbar,
+    field_demand,
+    line,
+    lookup,
+    magnitude,
+    polyline,
+    power,
+    quadratic,
+    rectified,
+    regulation,
+    shortened,
+    through,
+)
+from .lags import (
+    SHORT,
+    circuit_rate,
+    delay1,
+    delay1_rate,
+    delay2,
+    delay2_rates,
+    derivative,
+    lag,
+    lag_rate,
+    lead_lag,
+    second_order,
+    second_order_rates,
+    washout,
+)
 from .limits import (
     at_least,
     at_most,
     available,
+    beyond,
+    beyond_rate,
     clip,
     deadband,
     growth_limit,
     high_value,
+    integral,
     low_value,
+    non_windup,
+    pi,
+    pi_rate,
     rate_limit,
     two_slopes,
     while_within,
 )
-from .phasors import angle, copy, magnitude, shortened
-from .rectifiers import compound, crowbar, field_demand, rectified, regulation
-from .regulators import beyond, beyond_rate, integral, non_windup, pi, pi_rate
 
 __all__ = [
     "SHORT",

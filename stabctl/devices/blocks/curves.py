@@ -1,4 +1,4 @@
-"""Curves: saturation, a straight segment, piecewise linear tables, a power."""
+"""Curves and phasors: saturation, tables, rectifiers and the sources of an exciter."""
 
 import numpy as np
 
@@ -60,3 +60,90 @@ def power(x, n):
     if x.real <= 0:
         return 0 * x
     return np.exp(n * np.log(x))
+
+
+# Rectifier of an excitation system, the source that supplies it, and the field it demands of its exciter.
+#
+# Source: IEEE Std 421.5, annex D (rectifier regulation), annex C (saturation), types AC and ST.
+
+
+@inline
+def regulation(IN):
+    """FEX(IN): mean voltage of a three-phase bridge over its no-load voltage, at the normalized load current IN."""
+    if IN.real <= 0:
+        return 1.0 + 0 * IN
+    if IN.real > 1:
+        return 0 * IN
+    if IN.real >= 0.75:
+        return 1.732 * (1.0 - IN)
+    if IN.real > 0.433:
+        return np.sqrt(0.75 - IN * IN)
+    return 1.0 - 0.577 * IN
+
+
+@inline
+def rectified(ve, KC, Ifd):
+    """Mean voltage VE FEX(KC Ifd/VE) of a rectifier supplied with VE; 0 where VE is not positive."""
+    if ve.real <= 0:
+        return 0 * ve
+    return ve * regulation(KC * Ifd / ve)
+
+
+@inline
+def compound(v, u, KP, angle, KI, XL):
+    """VE = |KP VT + j (KI + KP XL) IT|, KP at `angle` degrees: the voltage of a source fed by voltage and current.
+
+    `v` is the terminal voltage (re, im); delta, id and iq in `u` give the current out of the machine.
+    """
+    ar, ai = KP * np.cos(np.pi / 180 * angle), KP * np.sin(np.pi / 180 * angle)
+    zr, zi = KI + ar * XL, ai * XL
+    sin, cos = np.sin(u.delta), np.cos(u.delta)
+    ir, ii = u.iq * cos + u.id * sin, u.iq * sin - u.id * cos
+    return magnitude(ar * v[0] - ai * v[1] - zi * ir - zr * ii, ai * v[0] + ar * v[1] + zr * ir - zi * ii)
+
+
+@inline
+def field_demand(ve, KE, SA, SB):
+    """VFE = (KE + SE(VE)) VE: what an exciter at the voltage VE needs at its field, SE(VE) VE = SB (VE - SA)^2."""
+    return KE * ve + quadratic(ve, SA, SB)
+
+
+@inline
+def crowbar(efd, Ifd, ratio):
+    """Efd of a rectifier with a field resistor: -ratio Ifd while the field current is negative; ratio = 0: none."""
+    if ratio > 0 and Ifd.real < 0:
+        return -ratio * Ifd
+    return efd
+
+
+# Phasors as pairs of real and imaginary part, and a copy of a vector.
+
+
+@inline
+def copy(source, target):
+    """target[:] = source for vectors (a slice assignment costs seconds of compile time)."""
+    for k in range(len(target)):
+        target[k] = source[k]
+
+
+@inline
+def magnitude(re, im):
+    """Magnitude of the phasor re + j im."""
+    return np.sqrt(re * re + im * im)
+
+
+@inline
+def shortened(re, im, most):
+    """The phasor re + j im, where it is longer than `most` that of this length in the same direction."""
+    square = re * re + im * im
+    if square.real > most * most:
+        k = most / np.sqrt(square)
+        return k * re, k * im
+    return re, im
+
+
+@inline
+def angle(re, im):
+    """Angle (rad) of the phasor re + j im, within half a turn: twice the arctangent of half of it; 0 of no phasor."""
+    along = magnitude(re, im) + re
+    return 0 * im if along.real <= 0 else 2 * np.arctan(im / along)

@@ -47,8 +47,19 @@ from stabctl.devices.blocks import (
 )
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
-from .forming import Input, Output, admittance, correction, limited, short_circuit, terminals
-from .steady_current import leads, reductions, voltage_limits, widest
+from .forming import (
+    Input,
+    Output,
+    admittance,
+    correction,
+    leads,
+    limited,
+    reductions,
+    short_circuit,
+    terminals,
+    voltage_limits,
+    widest,
+)
 
 __all__ = ["Input", "admittance"]
 

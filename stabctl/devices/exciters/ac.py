@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 from stabctl._util.jit import inline
 from stabctl.devices.blocks import derivative, field_demand, lag, lag_rate, lead_lag, rectified
 
-from .signals import Output
+from .shared import Output
 
 
 class State(NamedTuple):

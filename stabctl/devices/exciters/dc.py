@@ -8,8 +8,8 @@ from typing import Annotated, Any, NamedTuple
 from stabctl._util.jit import inline
 from stabctl.devices.blocks import clip, derivative, field_demand, lag, lag_rate, lead_lag, quadratic
 
-from . import saturation
-from .signals import Output
+from . import shared
+from .shared import Output
 
 
 class State(NamedTuple):
@@ -55,7 +55,7 @@ def computed(values: dict[str, float]) -> tuple[dict[str, float], list[str]]:
 
     VRMAX = 0 becomes the regulator output (SE(E2) + KE) E2 that holds the field voltage E2.
     """
-    values, said = saturation.ordered(values)
+    values, said = shared.ordered(values)
     if values["VRmax"] == 0:
         ceiling = (values["SE2"] + max(values["KE"], 0.0)) * values["E2"]
         if ceiling <= 0:

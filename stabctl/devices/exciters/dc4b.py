@@ -21,10 +21,9 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import clip, derivative, field_demand, integral, lag, lag_rate, pi_rate
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
-from . import dc, saturation
+from . import dc, shared
 from .dc import automatic, output
-from .saturation import prepare
-from .signals import Input, Output
+from .shared import Input, Output, prepare
 
 NAME = "DC4B"
 ROLE = "exciter"
@@ -64,7 +63,7 @@ class Par(NamedTuple):
         """Field and message for each parameter that the equations do not allow."""
         if self.KP == 0 and self.KI == 0:
             yield "KP", "must be above 0 where KI = 0"
-        yield from saturation.errors(self)
+        yield from shared.errors(self)
 
 
 class State(NamedTuple):

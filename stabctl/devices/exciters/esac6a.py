@@ -21,11 +21,10 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import at_least, at_most, clip, lag, lag_rate, lead_lag
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
-from . import saturation
+from . import shared
 from .ac import load, output
-from .saturation import prepare
-from .signals import LoadedInput as Input
-from .signals import Output
+from .shared import LoadedInput as Input
+from .shared import Output, prepare
 
 NAME = "ESAC6A"
 ROLE = "exciter"
@@ -68,7 +67,7 @@ class Par(NamedTuple):
 
     def errors(self) -> Iterator[tuple[str, str]]:
         """Field and message for each parameter that the equations do not allow."""
-        yield from saturation.errors(self)
+        yield from shared.errors(self)
 
 
 class State(NamedTuple):
@@ -106,5 +105,5 @@ def guess(V, I, p):
 
 def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:
     """Parameters of a PSS/E record, and what was corrected."""
-    values, said = saturation.ordered(values)
+    values, said = shared.ordered(values)
     return Par(**values), said

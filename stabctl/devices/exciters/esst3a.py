@@ -16,8 +16,8 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import SHORT, at_most, clip, compound, lag, lag_rate, lead_lag, rectified
 from stabctl.schema import NOT_NEGATIVE, POSITIVE
 
-from .signals import CompoundInput as Input
-from .signals import Output
+from .shared import CompoundInput as Input
+from .shared import Output
 
 NAME = "ESST3A"
 ROLE = "exciter"

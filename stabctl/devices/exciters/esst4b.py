@@ -15,8 +15,8 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import at_most, clip, compound, integral, lag, lag_rate, pi, pi_rate, rectified
 from stabctl.schema import NOT_NEGATIVE, POSITIVE
 
-from .signals import CompoundInput as Input
-from .signals import Output
+from .shared import CompoundInput as Input
+from .shared import Output
 
 NAME = "ESST4B"
 ROLE = "exciter"

@@ -22,11 +22,10 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import clip, lag, low_value
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
-from . import saturation
+from . import shared
 from .ac import State, demand, guess, load, output, rates
-from .saturation import prepare
-from .signals import LoadedInput as Input
-from .signals import Output
+from .shared import LoadedInput as Input
+from .shared import Output, prepare
 
 NAME = "EXAC2"
 ROLE = "exciter"
@@ -69,7 +68,7 @@ class Par(NamedTuple):
 
     def errors(self) -> Iterator[tuple[str, str]]:
         """Field and message for each parameter that the equations do not allow."""
-        yield from saturation.errors(self)
+        yield from shared.errors(self)
 
 
 @inline
@@ -84,5 +83,5 @@ def derivatives(x, u, p):
 
 def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:
     """Parameters of a PSS/E record, and what was corrected."""
-    values, said = saturation.ordered(values)
+    values, said = shared.ordered(values)
     return Par(**values), said

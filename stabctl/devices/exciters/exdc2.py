@@ -19,10 +19,9 @@ from annotated_types import Ge
 from stabctl._util.jit import inline
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
-from . import dc, saturation
+from . import dc, shared
 from .dc import State, automatic, output, rates
-from .saturation import prepare
-from .signals import Input, Output
+from .shared import Input, Output, prepare
 
 NAME = "EXDC2"
 ROLE = "exciter"
@@ -57,7 +56,7 @@ class Par(NamedTuple):
 
     def errors(self) -> Iterator[tuple[str, str]]:
         """Field and message for each parameter that the equations do not allow."""
-        yield from saturation.errors(self)
+        yield from shared.errors(self)
 
 
 @inline

@@ -30,10 +30,9 @@ from stabctl.devices.blocks import (
 )
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
-from . import saturation
-from .saturation import prepare
-from .signals import CompoundInput as Input
-from .signals import Output
+from . import shared
+from .shared import CompoundInput as Input
+from .shared import Output, prepare
 
 NAME = "EXPIC1"
 ROLE = "exciter"
@@ -79,7 +78,7 @@ class Par(NamedTuple):
         """Field and message for each parameter that the equations do not allow."""
         if self.KF > 0 and self.TF1 >= SHORT > max(self.TE, self.TF2):
             yield "TF2", f"must be at least {SHORT:g} s with a feedback KF = {self.KF:g} of a static exciter"
-        yield from saturation.errors(self)
+        yield from shared.errors(self)
 
 
 class State(NamedTuple):
@@ -147,5 +146,5 @@ def derivatives(x, u, v, y, p):
 
 def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:
     """Parameters of a PSS/E record, and what was corrected."""
-    values, said = saturation.ordered(values)
+    values, said = shared.ordered(values)
     return Par(**values), said

@@ -18,7 +18,7 @@ from stabctl.devices.blocks import SHORT, clip, compound, lag, lag_rate, lead_la
 from stabctl.devices.ports import PORT, SUM
 from stabctl.schema import NOT_NEGATIVE, POSITIVE
 
-from .signals import Output
+from .shared import Output
 
 NAME = "EXST3"
 ROLE = "exciter"

@@ -20,10 +20,9 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import clip, derivative, field_demand, lag, lag_rate
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
-from . import dc, saturation
+from . import dc, shared
 from .dc import automatic, output
-from .saturation import prepare
-from .signals import Input, Output
+from .shared import Input, Output, prepare
 
 NAME = "IEEET1"
 ROLE = "exciter"
@@ -56,7 +55,7 @@ class Par(NamedTuple):
 
     def errors(self) -> Iterator[tuple[str, str]]:
         """Field and message for each parameter that the equations do not allow."""
-        yield from saturation.errors(self)
+        yield from shared.errors(self)
 
 
 class State(NamedTuple):

@@ -19,10 +19,9 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import SHORT, clip, derivative, field_demand, lag, lag_rate
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
-from . import dc, saturation
+from . import dc, shared
 from .dc import automatic, output
-from .saturation import prepare
-from .signals import Input, Output
+from .shared import Input, Output, prepare
 
 NAME = "IEEET2"
 ROLE = "exciter"
@@ -58,7 +57,7 @@ class Par(NamedTuple):
         """Field and message for each parameter that the equations do not allow."""
         if self.KF > 0 and self.TA < SHORT:
             yield "TA", f"must be at least {SHORT:g} s with a feedback KF = {self.KF:g}"
-        yield from saturation.errors(self)
+        yield from shared.errors(self)
 
 
 class State(NamedTuple):

@@ -15,8 +15,8 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import clip, crowbar, lag, lag_rate, lead_lag
 from stabctl.schema import NOT_NEGATIVE, POSITIVE
 
-from .signals import LoadedInput as Input
-from .signals import Output
+from .shared import LoadedInput as Input
+from .shared import Output
 
 NAME = "SCRX"
 ROLE = "exciter"

@@ -13,7 +13,7 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import clip, lag, lag_rate, lead_lag
 from stabctl.schema import NOT_NEGATIVE, POSITIVE
 
-from .signals import Input, Output
+from .shared import Input, Output
 
 NAME = "SEXS"
 ROLE = "exciter"

@@ -18,8 +18,8 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import at_least, clip, derivative, integral, lag, lag_rate, low_value, pi, pi_rate
 from stabctl.schema import NOT_NEGATIVE
 
-from .signals import LoadedInput as Input
-from .signals import Output
+from .shared import LoadedInput as Input
+from .shared import Output
 
 NAME = "ST6B"
 ROLE = "exciter"

@@ -31,8 +31,8 @@ from stabctl.devices.blocks import (
 )
 from stabctl.schema import NOT_NEGATIVE, POSITIVE
 
-from .signals import CompoundInput as Input
-from .signals import Output
+from .shared import CompoundInput as Input
+from .shared import Output
 
 NAME = "ST8C"
 ROLE = "exciter"

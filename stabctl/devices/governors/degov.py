@@ -14,7 +14,7 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import clip, delay2, delay2_rates, second_order, second_order_rates
 from stabctl.schema import NOT_NEGATIVE, POSITIVE
 
-from .signals import Output
+from .shared import Output
 
 NAME = "DEGOV"
 ROLE = "governor"

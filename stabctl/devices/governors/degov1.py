@@ -16,8 +16,8 @@ from stabctl.devices.blocks import clip, lag, lag_rate, second_order_rates
 from stabctl.schema import NOT_NEGATIVE, POSITIVE
 
 from .degov import actuator, delay_rates, delayed
-from .signals import Metered as Input
-from .signals import Output
+from .shared import Metered as Input
+from .shared import Output
 
 NAME = "DEGOV1"
 ROLE = "governor"

@@ -16,7 +16,7 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import clip, lag, lag_rate, low_value
 from stabctl.schema import NOT_NEGATIVE, POSITIVE
 
-from .signals import Input, Output
+from .shared import Input, Output
 
 NAME = "GAST"
 ROLE = "governor"

@@ -38,8 +38,8 @@ from stabctl.devices.blocks import (
 )
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
-from .signals import Metered as Input
-from .signals import Output
+from .shared import Metered as Input
+from .shared import Output
 
 NAME = "GGOV1"
 ROLE = "governor"

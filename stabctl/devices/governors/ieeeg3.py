@@ -15,7 +15,7 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import clip, lag, lag_rate, lead_lag, washout
 from stabctl.schema import NOT_NEGATIVE, POSITIVE
 
-from .signals import Input, Output
+from .shared import Input, Output
 
 NAME = "IEEEG3"
 ROLE = "governor"

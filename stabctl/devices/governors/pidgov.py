@@ -20,9 +20,8 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import clip, lag, lag_rate, lead_lag, polyline, washout
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE
 
-from .gate import ascending, opening
-from .signals import Metered as Input
-from .signals import Output
+from .shared import Metered as Input
+from .shared import Output, ascending, opening
 
 NAME = "PIDGOV"
 ROLE = "governor"

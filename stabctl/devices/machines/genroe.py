@@ -9,8 +9,7 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import magnitude, power
 
 from .genrou import CLOSED, CONTINUATION, Par, State, currents, derivatives, guess, internal
-from .saturation import along, exponent
-from .stator import Input, Internal, Output, admittance, source
+from .stator import Input, Internal, Output, admittance, along, exponent, source
 
 NAME = "GENROE"
 ROLE = "machine"

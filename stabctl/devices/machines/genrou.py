@@ -25,8 +25,7 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import circuit_rate, magnitude, quadratic
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
-from .saturation import along, mistakes, points
-from .stator import Input, Internal, Output, admittance, source, stator
+from .stator import Input, Internal, Output, admittance, along, mistakes, points, source, stator
 
 NAME = "GENROU"
 ROLE = "machine"

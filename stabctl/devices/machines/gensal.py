@@ -22,8 +22,7 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import circuit_rate, quadratic
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
-from .saturation import mistakes, points
-from .stator import Input, Internal, Output, admittance, source, stator
+from .stator import Input, Internal, Output, admittance, mistakes, points, source, stator
 
 NAME = "GENSAL"
 ROLE = "machine"

@@ -22,9 +22,7 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import at_least, circuit_rate, magnitude
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
-from . import saliency
-from .saturation import mistakes, points
-from .stator import Input, Internal, Output
+from .stator import Input, Internal, Output, mean, mistakes, norton, points, rest, solved, terminal
 
 NAME = "GENTPJ1"
 ROLE = "machine"
@@ -106,14 +104,14 @@ def internal(x, p):
 @inline
 def admittance(p):
     """Norton admittance 1/(ra + j x'') (pu system), real and imaginary part."""
-    g, b = saliency.mean(p.ra, p.x2d, p.x2q)
+    g, b = mean(p.ra, p.x2d, p.x2q)
     return p.mva * g, p.mva * b
 
 
 @inline
 def source(i, p):
     """Short-circuit current of the source psi'' (pu system), real and imaginary part."""
-    return saliency.norton(i, p, p.x2d, p.x2q)
+    return norton(i, p, p.x2d, p.x2q)
 
 
 @inline
@@ -123,28 +121,28 @@ def stator(i, vr, vi, p):
     for _ in range(STEPS if p.SB > 0 else 0):
         Sd, Sq = 1 + S, 1 + ratio * S
         xd, xq = p.xl + (p.x2d - p.xl) / Sd, p.xl + (p.x2q - p.xl) / Sq
-        iq, id_ = saliency.solved(er, ei, p.ra, xd, xq)
+        iq, id_ = solved(er, ei, p.ra, xd, xq)
         size = magnitude(iq, id_) + 1e-12
         fr, fi = vr + p.ra * iq + p.xl * id_, vi + p.xl * iq - p.ra * id_
         flux = magnitude(fr, fi)
         m = flux + p.Kis * size
         over = at_least(m - p.SA, 0.0)
         rise = (p.x2d - p.xl) / (Sd * Sd) * id_, ratio * (p.x2q - p.xl) / (Sq * Sq) * iq
-        diq, did = saliency.solved(rise[0], rise[1], p.ra, xd, xq)
+        diq, did = solved(rise[0], rise[1], p.ra, xd, xq)
         dm = (fr * (p.ra * diq + p.xl * did) + fi * (p.xl * diq - p.ra * did)) / flux
         dm = dm + p.Kis * (iq * diq + id_ * did) / size
         S = S - (S - p.SB * over * over / m) / (1 - p.SB * over * (m + p.SA) / (m * m) * dm)
     xd, xq = p.xl + (p.x2d - p.xl) / (1 + S), p.xl + (p.x2q - p.xl) / (1 + ratio * S)
-    iq, id_ = saliency.solved(er, ei, p.ra, xd, xq)
+    iq, id_ = solved(er, ei, p.ra, xd, xq)
     return S, iq, id_
 
 
 @inline
 def current(i, v, p):
     """What saliency and saturation add to the current of the source (pu system), real and imaginary part."""
-    vr, vi = saliency.terminal(i, v)
+    vr, vi = terminal(i, v)
     S, iq, id_ = stator(i, vr, vi, p)
-    return saliency.rest(i, v, p, (iq, id_), p.x2d, p.x2q)
+    return rest(i, v, p, (iq, id_), p.x2d, p.x2q)
 
 
 @inline
@@ -156,7 +154,7 @@ def rotor(S, eq, k, x, x1, x2):
 @inline
 def output(x, i, v, p):
     """Stator quantities, field current and q-axis rotor current (pu machine)."""
-    vr, vi = saliency.terminal(i, v)
+    vr, vi = terminal(i, v)
     S, iq, id_ = stator(i, vr, vi, p)
     P, vt = vr * iq - vi * id_, magnitude(vr, vi)
     Ifd = rotor(S, x.eq, x.kd, p.xd, p.x1d, p.x2d)
@@ -167,7 +165,7 @@ def output(x, i, v, p):
 @inline
 def derivatives(x, u, i, v, y, p):
     """State derivatives (1/s); y is this machine's own output."""
-    vr, vi = saliency.terminal(i, v)
+    vr, vi = terminal(i, v)
     S, iq, id_ = stator(i, vr, vi, p)
     return State(
         p.wb * (x.omega - 1),

@@ -22,7 +22,7 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import circuit_rate, magnitude
 from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
-from . import saliency
+from . import stator
 from .stator import Input, Internal, Output
 
 NAME = "two-axis machine"
@@ -74,29 +74,29 @@ def internal(x, p):
 @inline
 def admittance(p):
     """Norton admittance 1/(ra + j x') (pu system), real and imaginary part."""
-    g, b = saliency.mean(p.ra, p.x1d, p.x1q)
+    g, b = stator.mean(p.ra, p.x1d, p.x1q)
     return p.mva * g, p.mva * b
 
 
 @inline
 def source(i, p):
     """Short-circuit current of the source E' (pu system), real and imaginary part."""
-    return saliency.norton(i, p, p.x1d, p.x1q)
+    return stator.norton(i, p, p.x1d, p.x1q)
 
 
 @inline
 def current(i, v, p):
     """What the saliency adds to the current of the source (pu system), real and imaginary part."""
-    vr, vi = saliency.terminal(i, v)
-    flow = saliency.solved(i.psid - vr, i.psiq - vi, p.ra, p.x1d, p.x1q)
-    return saliency.rest(i, v, p, flow, p.x1d, p.x1q)
+    vr, vi = stator.terminal(i, v)
+    flow = stator.solved(i.psid - vr, i.psiq - vi, p.ra, p.x1d, p.x1q)
+    return stator.rest(i, v, p, flow, p.x1d, p.x1q)
 
 
 @inline
 def output(i, v, p):
     """Stator quantities, field current and q-axis rotor current (pu machine)."""
-    vr, vi = saliency.terminal(i, v)
-    iq, id_ = saliency.solved(i.psid - vr, i.psiq - vi, p.ra, p.x1d, p.x1q)
+    vr, vi = stator.terminal(i, v)
+    iq, id_ = stator.solved(i.psid - vr, i.psiq - vi, p.ra, p.x1d, p.x1q)
     Te = i.psid * iq - i.psiq * id_ + (p.x1q - p.x1d) * id_ * iq
     vt = magnitude(vr, vi)
     Ifd, Ilq = i.psid + (p.xd - p.x1d) * id_, i.psiq + (p.xq - p.x1q) * iq

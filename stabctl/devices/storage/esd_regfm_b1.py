@@ -19,8 +19,8 @@ from stabctl.devices.blocks import at_least, available
 from stabctl.devices.converters import regfm_b1
 from stabctl.devices.converters.forming import correction, short_circuit, terminals
 from stabctl.devices.converters.regfm_b1 import admittance, angle, between, emf
-from stabctl.devices.converters.steady_current import leads, widest
 
+from ..converters.forming import leads, widest
 from . import esd, joined
 from .esd import derivatives as store_rates
 from .esd_regfm import Vref, references

@@ -1,4 +1,4 @@
-"""Controllers as TOML files.
+"""Controllers and storage laws as TOML files.
 
 name = "pod"
 inputs = ["deviation:1"]        signals that it reads
@@ -14,28 +14,31 @@ C = [[3.0]]
 D = [[0.0]]
 """
 
+import dataclasses
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from stabctl._util import files, toml_file
-from stabctl.errors import StudyError
-
-from .controller import Controller
-from .gate import Gate
-from .law import Law
-from .law_file import from_content
+from stabctl.controllers.bang_bang import BangBang
+from stabctl.controllers.controller import Controller
+from stabctl.controllers.feedback import Feedback
+from stabctl.controllers.law import Law, SampledLaw
+from stabctl.controllers.storage_law import StorageLaw
+from stabctl.controllers.timing import Gate
+from stabctl.errors import StudyError, shown
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
+
 MOST = 1000  # states, inputs or outputs
 
 
-def save(controller: Controller, path: str | Path) -> Path:
+def save_controller(controller: Controller, path: str | Path) -> Path:
     """Write a controller to a file ending in .toml, and return its path. Raises `StudyError` for a Python function."""
     path = toml_file.target(path)
     if controller.law is not None:
@@ -74,7 +77,7 @@ def load(path: str | Path) -> Controller | Law:
     Parameters
     ----------
     path : str or Path
-        The file; `stabctl.controllers.file` and `law_file` describe its keys.
+        The file; `stabctl.io.control_files` and `law_file` describe its keys.
 
     Returns
     -------
@@ -138,3 +141,51 @@ def _model() -> "type[BaseModel]":
         D: list[list[float]] = Field(max_length=MOST, description="rows of numbers")
 
     return File
+
+
+# Laws of storage devices as TOML files.
+#
+# law = "storage law"             or "bang-bang", "feedback"
+# groups = ["13+14"]              coherent groups
+# angle_gain = 1.0                and the other fields of the law, numbers or text with a unit: deadband = "100mHz"
+# rate = 60                       if it acts at frames
+# delay = "50ms"
+
+KINDS: dict[str, type[Law]] = {"storage law": StorageLaw, "bang-bang": BangBang, "feedback": Feedback}
+
+
+def save_law(law: Law, path: str | Path) -> Path:
+    """Write a law to a file ending in .toml, and return its path."""
+    path = toml_file.target(path)
+    inner = law.law if isinstance(law, SampledLaw) else law
+    kind = next((name for name, kind in KINDS.items() if type(inner) is kind), None)
+    if kind is None:
+        raise StudyError(f"A law of the type {type(inner).__name__} cannot be written to a file; keep its script.")
+    values: dict[str, Any] = {"law": kind}
+    values |= {f.name: getattr(inner, f.name) for f in dataclasses.fields(inner)}  # type: ignore[arg-type]
+    if "groups" in values:
+        values["groups"] = ["+".join(map(str, group)) for group in values["groups"]]
+    if isinstance(law, SampledLaw):
+        values |= {"rate": law.rate, "delay": law.delay}
+    files.replace(path, "".join(f"{key} = {toml_file.as_text(value)}\n" for key, value in values.items()))
+    return path
+
+
+def from_content(content: Mapping[str, Any], path: Path) -> Law:
+    """The law that a file contains. Raises `StudyError` that names the file, the key and the value."""
+    values = dict(content)
+    name, rate, delay = values.pop("law"), values.pop("rate", None), values.pop("delay", 0.0)
+    if name not in tuple(KINDS):
+        raise StudyError(f"{path}, law = {shown(name)}: it must be one of {', '.join(KINDS)}.")
+    if rate is None and "delay" in content:
+        raise StudyError(f"{path}: a delay needs a sampling rate; give one, such as rate = 60, or leave out the delay.")
+    kind = KINDS[name]
+    known = [f.name for f in dataclasses.fields(kind)]  # type: ignore[arg-type]
+    for key in values:
+        if key not in known:
+            raise StudyError(f"{path}: {toml_file.unknown(key, ['law', *known, 'rate', 'delay'])}")
+    try:
+        law = kind(**values)
+        return law if rate is None else law.sampled(rate, delay)
+    except StudyError as error:
+        raise StudyError(f"{path}: {error}") from None
