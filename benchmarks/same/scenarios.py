@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 import stabctl as st
-from stabctl.controllers.schedule import Schedule
+from stabctl.simulation.schedule import Schedule
 
 st.register(Path(__file__).parents[2] / "tests" / "devices" / "wide_area.py")
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stabctl._util.verbs import verb
 from stabctl.errors import StudyError, shown
 
 from .python_law import checked_law
@@ -324,27 +325,7 @@ class Controller:
         dt, name = 1 / self.rate if self.rate else 0, self.name.replace(".", " ")
         return control.ss(self.A, self.B, self.C, self.D, dt, name=name, **labels)
 
-    def save(self, path: Any) -> Any:
-        """Write the controller to a TOML file, which `stabctl.load_controller` and `--controller` read.
-
-        Parameters
-        ----------
-        path : str or Path
-            File to write, ending in .toml.
-
-        Returns
-        -------
-        Path
-            The file.
-
-        Raises
-        ------
-        StudyError
-            If the controller is a Python function, or the file cannot be written.
-        """
-        from stabctl.io.control_files import save_controller
-
-        return save_controller(self, path)
+    save = verb("stabctl.io.control_files:save_controller")
 
     def __str__(self) -> str:
         kind = f"{self.rate}/s" if self.rate else "continuous"

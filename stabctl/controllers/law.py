@@ -3,18 +3,14 @@
 import sys
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from stabctl._util.verbs import verb
 from stabctl.devices.device import Device, of
 from stabctl.errors import StudyError, shown
 
 from .signals import Input, StorageDevice
 from .timing import checked_frames, duration
-
-if TYPE_CHECKING:
-    from stabctl.model.case import Case
-
-    from .controller import Controller
 
 
 class Law(ABC):
@@ -85,23 +81,8 @@ class Law(ABC):
         """
         return SampledLaw(self, rate, delay)  # type: ignore[arg-type]
 
-    def save(self, path: Any) -> Any:
-        """Write the law to a TOML file, which `stabctl.load_controller` and `--controller` read."""
-        from stabctl.io.control_files import save_law
-
-        return save_law(self, path)
-
-    def controllers(self, case: "Case") -> "tuple[Controller, ...]":
-        """A `Controller` for every storage device of a case that acts as this law does.
-
-        Raises
-        ------
-        StudyError
-            If a part of the law has no counterpart in a controller; it is named.
-        """
-        from .law_controllers import controllers
-
-        return controllers(self, case)
+    save = verb("stabctl.io.control_files:save_law")
+    controllers = verb("stabctl.controllers.law_controllers:controllers")
 
 
 @dataclass(frozen=True)

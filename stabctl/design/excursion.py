@@ -18,7 +18,7 @@ import numpy as np
 
 from stabctl.clearing.trial import Run, Trial
 from stabctl.controllers import BangBang
-from stabctl.controllers.schedule import Schedule
+from stabctl.simulation.schedule import Schedule
 from stabctl.simulation.trajectory import Trajectory
 
 from .adjoint import Shown, gradients

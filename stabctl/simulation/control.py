@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -13,16 +13,36 @@ from stabctl.errors import StudyError, shown
 
 from .attached import Called
 from .lti import shape
-
-if TYPE_CHECKING:
-    from .simulation import Simulation
+from .outcome import Outcome
 
 __all__ = ["Acting", "Control", "Frames", "acting", "ordered", "with_law"]
 
 
-# Controllers outside the compiled loop: they are called at a fixed rate and their orders are held in between.
+Pilot = tuple[float, Callable[[], None]]  # a rate (1/s), and what is called at its frames
 
-Pilot = tuple[float, Callable[[], None]]
+
+class Running(Protocol):
+    """What is used here of a `Simulation` that is under way."""
+
+    time: float
+    outcome: Outcome | None
+
+    @property
+    def island(self) -> np.ndarray:
+        """Island numbers (units) now."""
+        ...
+
+    def at_frame(self) -> np.ndarray:
+        """Every signal now."""
+        ...
+
+    def affordable(self, until: float) -> None:
+        """Refuse what would take too many steps."""
+        ...
+
+    def advance(self, until: float) -> bool:
+        """Advance to an instant, s."""
+        ...
 
 
 @runtime_checkable
@@ -35,21 +55,21 @@ class Sampled(Protocol):
         ...
 
     @property
-    def law(self) -> "Law | None":
+    def law(self) -> Law | None:
         """The storage law whose orders it sets, if any."""
         ...
 
     @property
-    def controllers(self) -> "tuple[Controller, ...]":
+    def controllers(self) -> tuple[Controller, ...]:
         """Controllers whose inputs it sets."""
         ...
 
-    def pilot(self, simulations: "Sequence[Simulation]") -> Callable[[], None]:
+    def pilot(self, simulations: Sequence[Any]) -> Callable[[], None]:
         """The function called at every frame, including the first, to set the orders of these simulations."""
         ...
 
 
-def carry(simulations: "Sequence[Simulation]", pilots: "Sequence[Pilot]", ends: Iterable[float]) -> None:
+def carry(simulations: Sequence[Running], pilots: Sequence[Pilot], ends: Iterable[float]) -> None:
     """Advance simulations at the same instant to each of `ends` (s), from frame to frame, while any is running.
 
     Each pilot is a rate (1/s) and the function called at its frames, which begin at the present instant.
@@ -140,7 +160,7 @@ def with_law(several: Sequence[Law | Controller], law: Law) -> list[Law | Contro
 class Frames:
     """The frames of a Python function in one simulation: it reads, and its outputs are held."""
 
-    def __init__(self, called: Called, simulation: "Simulation") -> None:
+    def __init__(self, called: Called, simulation: Running) -> None:
         what = called.named.controller
         self._called, self._what, self._simulation = called, what, simulation
         self._law: Callable[..., Any] = what.law() if isinstance(what.law, type) else what.law  # type: ignore[assignment]

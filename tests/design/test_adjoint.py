@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from systems import EXDC2, ROUND, small
 
-from stabctl.controllers.schedule import Schedule
 from stabctl.design.adjoint import Shown, gradients
 from stabctl.errors import StudyError
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.schedule import Schedule
 from stabctl.simulation.simulation import run
 from stabctl.simulation.stages import stages
 

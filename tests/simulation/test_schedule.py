@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from stabctl.controllers import BangBang
-from stabctl.controllers.schedule import Schedule
 from stabctl.errors import StudyError
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.schedule import Schedule
 from stabctl.simulation.simulate import simulate
 
 FAULT = Contingency("7-8@0.4", clear="12cyc", at=0.5)

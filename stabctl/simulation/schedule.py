@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from stabctl.controllers import BangBang, Controller
 from stabctl.errors import StudyError
-
-from . import BangBang, Controller
 
 if TYPE_CHECKING:
     from stabctl.dynamics.operating_point import OperatingPoint
     from stabctl.model.tables import Storage
-    from stabctl.simulation.simulation import Simulation
+
+    from .simulation import Simulation
 
 
 @dataclass(frozen=True, eq=False)
