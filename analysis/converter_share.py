@@ -8,7 +8,7 @@ import numpy as np
 
 import stabctl as st
 from reproduction.study import Picture, Study, Table, draw, present
-from stabctl.errors import EquilibriumError
+from stabctl._util.errors import EquilibriumError
 from stabctl.plotting import style
 from stabctl.plotting.palette import COLORS, GRAY
 from stabctl.smallsignal import Modes

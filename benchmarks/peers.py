@@ -42,7 +42,7 @@ from rich.console import Console
 from rich.table import Table
 
 from stabctl import load, read_matpower
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.model.replicate import replicate
 

@@ -13,13 +13,13 @@ from importlib import import_module
 TYPE_CHECKING = False  # importing typing takes longer than the rest, and Ctrl-C is not yet handled here
 if TYPE_CHECKING:
     from stabctl import design
+    from stabctl._util.errors import StabctlError
     from stabctl.clearing.critical_time import ClearingTime, clearing_time
     from stabctl.clearing.screen import screen
     from stabctl.clearing.screen_result import Screen
     from stabctl.controllers import BangBang, Controller, Feedback, Gate, StorageLaw
     from stabctl.devices import register
     from stabctl.dynamics.operating_point import OperatingPoint, initialize
-    from stabctl.errors import StabctlError
     from stabctl.estimation.estimate import estimate
     from stabctl.estimation.estimates import Estimates
     from stabctl.estimation.estimator_control import EstimatorControl

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from stabctl import io
-from stabctl.errors import CaseError
+from stabctl._util.errors import CaseError
 from stabctl.io.folder import PACKAGED
 
 

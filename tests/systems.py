@@ -49,9 +49,9 @@ from records import (
 )
 
 from stabctl import devices
+from stabctl._util.schema import fields
 from stabctl.model.case import Case
 from stabctl.model.tables import Branch, Bus, Load, Machine
-from stabctl.schema import fields
 
 OWN = Path(__file__).parent / "devices"  # devices as a user would write them
 

@@ -109,7 +109,7 @@ def test_the_measured_frequency_of_a_bus_is_its_filtered_frequency():
 REACTOR = '''
 from typing import Annotated, NamedTuple
 from stabctl._util.jit import inline
-from stabctl.schema import FROM_CASE
+from stabctl._util.schema import FROM_CASE
 
 NAME = "reactor"
 ROLE = "shunt"

@@ -3,8 +3,8 @@
 import pytest
 
 import stabctl as st
+from stabctl._util.errors import StudyError
 from stabctl.design.law_measurement import LAW as DESIGNED
-from stabctl.errors import StudyError
 from stabctl.jobs import Runner
 from stabctl.model.replicate import replicate
 from stabctl.simulation.events import event

@@ -9,8 +9,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import stabctl as st
+from stabctl._util.errors import CaseError
 from stabctl._util.wording import counted
-from stabctl.errors import CaseError
 
 ROOT = Path(__file__).parent.parent
 COLLECTION = ROOT.parent / "shared" / "reference" / "import"

@@ -18,7 +18,7 @@ from pathlib import Path
 from reproduction import study
 from reproduction.page import About, Ran, page
 from stabctl._util import files
-from stabctl.errors import StabctlError
+from stabctl._util.errors import StabctlError
 
 TOOLS = Path(__file__).resolve().parent
 ROOT = TOOLS.parent

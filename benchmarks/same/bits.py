@@ -5,7 +5,7 @@ import hashlib
 import numpy as np
 from scenarios import RUNS, write
 
-from stabctl.errors import StabctlError
+from stabctl._util.errors import StabctlError
 
 
 def found(name: str) -> list[object]:

@@ -6,7 +6,7 @@ from typing import Any
 from scenarios import MVA, damper, point, write
 
 import stabctl as st
-from stabctl.errors import StabctlError
+from stabctl._util.errors import StabctlError
 
 PLAIN = {"storage": "50MW"}
 CONTROLS: dict[str, tuple[dict[str, Any], Any]] = {

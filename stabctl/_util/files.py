@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from stabctl.errors import StudyError, shown
+from .errors import StudyError, shown
 
 
 def path_of(given: object) -> Path:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
-from stabctl.errors import StudyError
+from .errors import StudyError
 
 
 def available() -> int:

@@ -5,9 +5,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stabctl.errors import StudyError
-
 from . import files
+from .errors import StudyError
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,9 +8,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from stabctl.errors import StudyError, shown
-
 from . import files
+from .errors import StudyError, shown
 
 if TYPE_CHECKING:
     from pydantic import BaseModel, ValidationError

@@ -8,9 +8,9 @@ from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
-from stabctl.errors import StudyError, shown
-from stabctl.schema import Field, fields, hints
-from stabctl.units import NUMBER, kind_of, quantity
+from .errors import StudyError, shown
+from .schema import Field, fields, hints
+from .units import NUMBER, kind_of, quantity
 
 if TYPE_CHECKING:
     from pydantic_core import SchemaValidator

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
+from stabctl._util.errors import StudyError, shown
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
-from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 from stabctl.simulation.contingency import Contingency

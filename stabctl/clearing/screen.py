@@ -12,8 +12,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from stabctl._util.errors import StudyError
+from stabctl._util.units import cycles
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
-from stabctl.errors import StudyError
 from stabctl.jobs import Found, Kind, Runner, Task
 from stabctl.jobs.task import Base, sha256, text
 from stabctl.model import naming
@@ -25,7 +26,6 @@ from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.outcome import Kind as OutcomeKind
 from stabctl.simulation.simulate import checked_control
 from stabctl.simulation.swings import Swings
-from stabctl.units import cycles
 
 from .critical_time import LONGEST, critical, first_try
 from .result import ClearingTime

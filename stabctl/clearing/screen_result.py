@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from stabctl._util import files
+from stabctl._util.errors import StudyError
 from stabctl._util.tabular import inert, machine_column
+from stabctl._util.units import cycles
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
-from stabctl.errors import StudyError
 from stabctl.model import naming, network
 from stabctl.model.case import Case
 from stabctl.model.network import Switching
 from stabctl.model.tables import Branch
-from stabctl.units import cycles
 
 from .result import ClearingTime, watched
 from .trial import Search

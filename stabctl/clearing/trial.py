@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from stabctl._util.errors import StudyError
+from stabctl._util.units import cycles, seconds
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control, acting
@@ -23,7 +24,6 @@ from stabctl.simulation.recording import Recorded
 from stabctl.simulation.simulation import run
 from stabctl.simulation.swings import Swings, ahead
 from stabctl.simulation.trajectory import Trajectory
-from stabctl.units import cycles, seconds
 
 LONGEST_SCAN = 600.0  # cycles
 AUTO = "auto"  # a scan of `BELOW`, as the swings of the answer demand, and of `ABOVE`

@@ -9,7 +9,7 @@ from typing import Annotated, Any, TextIO
 
 import typer
 
-from stabctl.errors import StabctlError, one_line, sentence
+from stabctl._util.errors import StabctlError, one_line, sentence
 
 from . import clearing, design, estimate, importing, linear, listings, live, place, powerflow, simulate, sweep, swing
 

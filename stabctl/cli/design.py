@@ -45,7 +45,7 @@ class Files(NamedTuple):
 
     def check(self) -> None:
         """Raise `StudyError` if the files cannot be written, before anything is computed."""
-        from stabctl.errors import StudyError
+        from stabctl._util.errors import StudyError
 
         shared.file(self.out, ".toml")
         shared.folder(self.report)

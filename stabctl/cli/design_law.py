@@ -140,8 +140,8 @@ def _faults(
     point: "OperatingPoint", fault: str | None, trip: list[str] | None, file: Path | None, count: int | None
 ) -> "tuple[Contingency, ...]":
     """The contingencies of --fault, of the file, or of a screen."""
+    from stabctl._util.errors import StudyError
     from stabctl.design.law import spread
-    from stabctl.errors import StudyError
     from stabctl.placement.contingencies import read
     from stabctl.simulation.contingency import Contingency
 

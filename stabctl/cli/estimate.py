@@ -46,11 +46,11 @@ def estimate(
     as_json: options.Json = False,
 ) -> None:
     """Estimate rotor speeds from PMU reports during a fault, and compare them with the true speeds."""
-    from stabctl.errors import StudyError
+    from stabctl._util.errors import StudyError
+    from stabctl._util.units import seconds
     from stabctl.estimation.estimate import estimate as simulate
     from stabctl.estimation.estimator_control import EstimatorControl
     from stabctl.simulation.contingency import Contingency
-    from stabctl.units import seconds
 
     shared.file(plot, ".png", ".svg")
     loaded = case.load()

@@ -33,7 +33,7 @@ class CaseOptions(NamedTuple):
     def load(self) -> "Case":
         """The case with its settings (`pss.1.K=10`) applied; its warnings go to stderr."""
         from stabctl import io
-        from stabctl.errors import StudyError
+        from stabctl._util.errors import StudyError
 
         case = io.load(
             self.case,
@@ -71,8 +71,8 @@ class StorageOptions(NamedTuple):
 
     def initialize(self, case: "Case") -> "OperatingPoint":
         """The operating point of the case with these devices."""
+        from stabctl._util.errors import StudyError
         from stabctl.dynamics.operating_point import initialize
-        from stabctl.errors import StudyError
 
         if self.storage is not None and self.storage_at is not None:
             raise StudyError("--storage and --storage-at cannot be used together; give one of them.")
@@ -115,8 +115,8 @@ class LawOptions(NamedTuple):
         The law is that of a file, or bang-bang if the case has storage devices that no controller orders, unless
         --control says otherwise.
         """
+        from stabctl._util.errors import StudyError
         from stabctl.controllers import Law
-        from stabctl.errors import StudyError
         from stabctl.simulation.control import ordered
 
         laws, controllers = [c for c in files if isinstance(c, Law)], [c for c in files if not isinstance(c, Law)]
@@ -150,9 +150,9 @@ class StabilityOptions(NamedTuple):
 
     def criterion(self, case: "Case") -> "Criterion":
         """The criterion, its frequencies in pu of the case's."""
-        from stabctl.errors import StudyError
+        from stabctl._util.errors import StudyError
+        from stabctl._util.units import seconds
         from stabctl.simulation.criterion import DEFAULT
-        from stabctl.units import seconds
 
         if not self.max_angle > 0:
             raise StudyError(f"--max-angle {self.max_angle:g} rad is not allowed; it must be more than 0.")
@@ -188,7 +188,7 @@ class PmuOptions(NamedTuple):
         behind: list[Any] = [*([law] if law else []), *controllers]
         if estimator == "ideal":
             return behind
-        from stabctl.errors import StudyError
+        from stabctl._util.errors import StudyError
         from stabctl.estimation.estimator_control import EstimatorControl
 
         if not behind:

@@ -32,7 +32,7 @@ def importing(
     as_json: options.Json = False,
 ) -> None:
     """Import a PSS/E or MATPOWER system and report what is represented; the exit code is 0 only if everything is."""
-    from stabctl.errors import StudyError
+    from stabctl._util.errors import StudyError
     from stabctl.io.import_report import import_report
 
     if dyr_file is not None and dyr is not None:

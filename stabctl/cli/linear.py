@@ -74,8 +74,8 @@ def modes(
     as_json: options.Json = False,
 ) -> None:
     """Compute the modes at the operating point of a case: frequency, damping, mode shapes and coherent areas."""
-    from stabctl import units
-    from stabctl.errors import StudyError
+    from stabctl._util import units
+    from stabctl._util.errors import StudyError
     from stabctl.report import modes_page
     from stabctl.smallsignal import analyze, areas, descriptor, linearize, opened
     from stabctl.smallsignal.analysis import LARGE
@@ -179,7 +179,7 @@ def weak_grid(
 
 def _numbers(text: str | None, option: str) -> tuple[float, ...]:
     """Numbers separated by commas."""
-    from stabctl.errors import StudyError
+    from stabctl._util.errors import StudyError
 
     try:
         return tuple(float(part) for part in text.split(",")) if text else ()

@@ -55,9 +55,9 @@ TableName = Annotated[
 def tables(name: TableName = None, device: Device = None, as_json: Json = False) -> None:
     """List the columns of a case's tables with their meaning, allowed values and default."""
     from stabctl import io
-    from stabctl.errors import StudyError
+    from stabctl._util.errors import StudyError
+    from stabctl._util.schema import fields
     from stabctl.model.tables import TABLES, device_columns, models
-    from stabctl.schema import fields
 
     known = {table: list(fields(record).values()) for table, record in TABLES.items()}
     known |= {model: list(device_columns(model).values()) for model in models()}

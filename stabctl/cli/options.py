@@ -11,8 +11,8 @@ def in_unit(unit: str) -> Callable[[str | float], float]:
     """The parser of a quantity in a unit."""
 
     def read(text: str | float) -> float:
-        from stabctl.errors import StudyError
-        from stabctl.units import quantity
+        from stabctl._util.errors import StudyError
+        from stabctl._util.units import quantity
 
         try:
             return quantity(text, unit)
@@ -24,8 +24,8 @@ def in_unit(unit: str) -> Callable[[str | float], float]:
 
 def time(text: str | float) -> str | float:
     """Read a time: seconds, or text in cycles of the case's frequency."""
-    from stabctl.errors import StudyError
-    from stabctl.units import quantity, seconds
+    from stabctl._util.errors import StudyError
+    from stabctl._util.units import quantity, seconds
 
     try:
         seconds(text, 60.0)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 def warn(sentences: Sequence[str], verbose: bool) -> None:
     """Print the first warning and the number of the others on stderr, or all of them."""
-    from stabctl.errors import one_line
+    from stabctl._util.errors import one_line
 
     with suppress(OSError):  # nobody reads it
         for sentence in sentences if verbose else sentences[:1]:
@@ -34,8 +34,8 @@ def warn(sentences: Sequence[str], verbose: bool) -> None:
 
 def lag(time: str | float, case: "Case") -> float:
     """The lag (s) of the devices, checked."""
-    from stabctl.errors import StudyError
-    from stabctl.units import seconds
+    from stabctl._util.errors import StudyError
+    from stabctl._util.units import seconds
 
     found = seconds(time, case.frequency_hz)
     if found < 0:
@@ -60,7 +60,7 @@ def events(
 def file(path: Path | None, *endings: str) -> None:
     """Reject a file that cannot be written, before any work is done."""
     from stabctl._util import files
-    from stabctl.errors import StudyError
+    from stabctl._util.errors import StudyError
 
     if path is None:
         return
@@ -77,7 +77,7 @@ def file(path: Path | None, *endings: str) -> None:
 
 def folder(path: Path | None) -> None:
     """Reject a folder that cannot be created or written to, before any work is done."""
-    from stabctl.errors import StudyError
+    from stabctl._util.errors import StudyError
 
     if path is None:
         return
@@ -101,7 +101,7 @@ def controllers(names: list[str] | None) -> "list[Controller | Law]":
 
 def impedance(text: str) -> complex:
     """A fault impedance written as R,X (pu)."""
-    from stabctl.errors import StudyError
+    from stabctl._util.errors import StudyError
 
     try:
         r, x = (float(part) for part in text.split(","))

@@ -64,10 +64,10 @@ def simulate(
     as_json: options.Json = False,
 ) -> None:
     """Simulate a fault and its clearing, or other events, and report whether the system remains stable."""
-    from stabctl.errors import StudyError
+    from stabctl._util.errors import StudyError
+    from stabctl._util.units import seconds
     from stabctl.simulation.contingency import Contingency
     from stabctl.simulation.simulate import simulate
-    from stabctl.units import seconds
 
     if fault and not clear:
         raise StudyError("--fault needs --clear; give a clearing time such as 6cyc.")

@@ -38,7 +38,7 @@ def run_command(
     verbose: options.Verbose = False,
 ) -> int:
     """Run the jobs of a study. The exit code is 1 if a job ended in an error, 130 after Ctrl-C."""
-    from stabctl.errors import StudyError
+    from stabctl._util.errors import StudyError
     from stabctl.sweep.sweep import run_sweep
 
     if workers is not None and scheduler is not None:

@@ -150,7 +150,7 @@ def minimum_time_command(
     plot: Plot = None,
 ) -> None:
     """Find the minimum-time control of two machines; the figure shows states, co-states and absorbed power."""
-    from stabctl.errors import StudyError
+    from stabctl._util.errors import StudyError
     from stabctl.theory.minimum_time import by_collocation, by_shooting
     from stabctl.theory.two_machine import Equivalent
 

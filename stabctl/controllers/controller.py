@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stabctl._util.errors import StudyError, shown
 from stabctl._util.verbs import verb
-from stabctl.errors import StudyError, shown
 
 from .python_law import checked_law
 from .timing import Gate, checked_frames, duration

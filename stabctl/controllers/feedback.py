@@ -9,9 +9,9 @@ from math import pi
 from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import NOT_NEGATIVE
 from stabctl._util.validation import guard
 from stabctl.devices.blocks import magnitude
-from stabctl.schema import NOT_NEGATIVE
 
 from .law import Law
 from .signals import Input, Output, StorageDevice

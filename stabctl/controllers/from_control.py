@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from stabctl.errors import StudyError, shown
+from stabctl._util.errors import StudyError, shown
 
 
 def parts(

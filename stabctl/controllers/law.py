@@ -5,9 +5,9 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
 from typing import Any
 
+from stabctl._util.errors import StudyError, shown
 from stabctl._util.verbs import verb
 from stabctl.devices.device import Device, of
-from stabctl.errors import StudyError, shown
 
 from .signals import Input, StorageDevice
 from .timing import checked_frames, duration

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stabctl.errors import StudyError, shown
+from stabctl._util.errors import StudyError, shown
 
 from .bang_bang import BangBang
 from .controller import Controller

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from stabctl.errors import StudyError, shown
+from stabctl._util.errors import StudyError, shown
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from math import pi
 from typing import Annotated, Any, NamedTuple
 
+from stabctl._util.errors import StudyError, shown
 from stabctl._util.jit import inline
+from stabctl._util.schema import NOT_NEGATIVE, POSITIVE, SHARE
 from stabctl._util.validation import guard
 from stabctl.devices.blocks import magnitude
-from stabctl.errors import StudyError, shown
-from stabctl.schema import NOT_NEGATIVE, POSITIVE, SHARE
 
 from .law import Law
 from .signals import Input, StorageDevice

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from stabctl.errors import StudyError, shown
-from stabctl.units import TIME, quantity
+from stabctl._util.errors import StudyError, shown
+from stabctl._util.units import TIME, quantity
 
 
 @dataclass(frozen=True)

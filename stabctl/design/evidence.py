@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stabctl._util.errors import StudyError, shown
 from stabctl._util.wording import counted
 from stabctl.clearing import ClearingTime, clearing_time
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.from_control import tustin
 from stabctl.dynamics.named import named
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.errors import StudyError, shown
 from stabctl.simulation.contingency import Contingency
 from stabctl.smallsignal.closed_loop import closed_loop
 from stabctl.smallsignal.interconnection import held

@@ -17,12 +17,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from stabctl._util.errors import StudyError, shown
 from stabctl.clearing import Screen
 from stabctl.clearing.critical_time import LONGEST
 from stabctl.clearing.trial import Search, Trial
 from stabctl.controllers import BangBang, Law, SampledLaw, StorageLaw
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
-from stabctl.errors import StudyError, shown
 from stabctl.jobs import Runner
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet

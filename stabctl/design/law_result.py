@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 
+from stabctl._util.schema import NOT_NEGATIVE, POSITIVE
 from stabctl._util.validation import guard
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted, listed
 from stabctl.controllers import Law, SampledLaw, StorageLaw
-from stabctl.schema import NOT_NEGATIVE, POSITIVE
 from stabctl.simulation.contingency import Contingency
 
 from .critical_machines import Group

@@ -19,17 +19,17 @@ from typing import Any
 import numpy as np
 from scipy.linalg import expm
 
+from stabctl._util.errors import StudyError, shown
+from stabctl._util.units import megawatts
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.timing import checked_frames, duration
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
-from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 from stabctl.smallsignal.closed_loop import closed_loop
 from stabctl.smallsignal.interconnection import held
 from stabctl.smallsignal.reduce import Reduced, balanced
-from stabctl.units import megawatts
 
 from .lqr import stable
 from .pairs import written

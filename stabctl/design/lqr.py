@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import scipy.linalg as sl
 
+from stabctl._util.errors import StudyError
 from stabctl.controllers.controller import Controller
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
 from stabctl.dynamics.signals import OUTPUTS, Signal, chosen
-from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 from stabctl.smallsignal.closed_loop import closed_loop

@@ -14,21 +14,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stabctl._util.errors import StudyError, shown
 from stabctl._util.tabular import Tabular
+from stabctl._util.units import megawatt_hours, seconds
 from stabctl._util.verbs import verb
 from stabctl.clearing.critical_time import critical
 from stabctl.clearing.result import ClearingTime, watched
 from stabctl.clearing.trial import Run, Search, Trial
 from stabctl.controllers import BangBang
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
-from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.schedule import Schedule
 from stabctl.simulation.trajectory import Trajectory
-from stabctl.units import megawatt_hours, seconds
 
 from .excursion import Scheduled
 from .schedule_search import Bounds, Iteration, ScheduleSearch

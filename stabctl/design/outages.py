@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from stabctl._util.errors import StabctlError, StudyError
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
-from stabctl.errors import StabctlError, StudyError
 from stabctl.model import naming, network
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stabctl._util.errors import StudyError, shown
 from stabctl._util.tabular import Tabular
+from stabctl._util.units import hertz
 from stabctl._util.verbs import verb
 from stabctl.controllers.timing import duration
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
-from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 from stabctl.smallsignal.closed_loop import closed_loop
-from stabctl.units import hertz
 
 from .phase_compensation import UNSEEN, meant
 

@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stabctl._util.errors import StudyError
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.from_control import tustin
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.errors import StudyError
 from stabctl.smallsignal.closed_loop import closed_loop
 from stabctl.smallsignal.modes import Modes
 

@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
+from stabctl._util.errors import StudyError, shown
+from stabctl._util.units import hertz, quantity
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.timing import checked_frames, duration
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, chosen
-from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 from stabctl.smallsignal.closed_loop import closed_loop
-from stabctl.units import hertz, quantity
 
 from . import phase_compensation
 from .outages import Outages

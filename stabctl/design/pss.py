@@ -12,10 +12,10 @@ from typing import Literal
 
 import numpy as np
 
+from stabctl._util.errors import StudyError, shown
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.timing import duration
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
-from stabctl.errors import StudyError, shown
 from stabctl.model import naming, tables
 from stabctl.model.case import Case
 from stabctl.smallsignal.closed_loop import closed_loop

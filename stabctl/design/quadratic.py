@@ -32,14 +32,14 @@ from typing import Any, Self
 import numpy as np
 import scipy.linalg as sl
 
+from stabctl._util.errors import StudyError, shown
+from stabctl._util.units import hertz, radians
 from stabctl.controllers.controller import Controller
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
-from stabctl.errors import StudyError, shown
 from stabctl.smallsignal.closed_loop import closed_loop
 from stabctl.smallsignal.model import Linear
 from stabctl.smallsignal.modes import Modes
-from stabctl.units import hertz, radians
 
 from .result import Design, least, least_ratio
 

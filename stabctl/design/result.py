@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stabctl._util import files
+from stabctl._util.errors import StudyError, shown
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.controllers.controller import Controller
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
-from stabctl.errors import StudyError, shown
 from stabctl.model.fleet import Fleet
 from stabctl.smallsignal.closed_loop import closed_loop
 from stabctl.smallsignal.modes import Modes

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.simulation.trajectory import Trajectory
 
 from .excursion import SHARE, Plan, Scheduled, Slopes, Window, slopes, window

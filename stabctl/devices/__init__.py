@@ -14,7 +14,7 @@ from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any
 
-from stabctl.errors import StudyError, shown
+from stabctl._util.errors import StudyError, shown
 
 from .device import ROLES, Device, misspelt, of
 

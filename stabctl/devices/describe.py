@@ -3,11 +3,11 @@
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple, get_args, get_type_hints
 
+from stabctl._util.errors import StudyError
+from stabctl._util.schema import hints
 from stabctl.devices import ROLES, every
 from stabctl.devices.device import Device
 from stabctl.devices.ports import At, Port
-from stabctl.errors import StudyError
-from stabctl.schema import hints
 
 
 class Signal(NamedTuple):

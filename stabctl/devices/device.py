@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 
 ROLES: Mapping[str, str] = MappingProxyType(
     {

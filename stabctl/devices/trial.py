@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from stabctl.schema import hints
+from stabctl._util.schema import hints
 
 from .device import RECORDS, Device, Empty
 

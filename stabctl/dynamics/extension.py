@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stabctl._util.errors import StudyError
 from stabctl.devices.device import of
 from stabctl.devices.loads import zip_load
 from stabctl.devices.sensors import bus_frequency, rocof
-from stabctl.errors import StudyError
 
 from . import adder, drawn, family, storage
 from .assembly import System

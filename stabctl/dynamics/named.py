@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stabctl._util.errors import StudyError
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.law import Law
 from stabctl.controllers.realization import Matrices, realized
-from stabctl.errors import StudyError
 
 from . import outputs
 from .extension import extended

@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from stabctl.errors import EquilibriumError
+from stabctl._util.errors import EquilibriumError
 
 from . import family
 from .assembly import System

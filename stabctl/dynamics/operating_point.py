@@ -9,10 +9,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from stabctl import devices
+from stabctl._util.errors import EquilibriumError, StudyError, shown
 from stabctl._util.process import paused
 from stabctl._util.verbs import verb
 from stabctl._util.wording import listed, named
-from stabctl.errors import EquilibriumError, StudyError, shown
 from stabctl.model import fleet, network, powerflow
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet

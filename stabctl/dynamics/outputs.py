@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stabctl._util.errors import StudyError, shown
 from stabctl.devices.sensors import line_power
-from stabctl.errors import StudyError, shown
 from stabctl.model import network
 from stabctl.model.location import circuit
 

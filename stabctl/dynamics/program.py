@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stabctl._util import jit
-from stabctl.errors import EquilibriumError
+from stabctl._util.errors import EquilibriumError
 
 from . import codegen, family
 from .family import BOTH, CURRENT, FRAME, INPUTS, LOCAL, OUTPUT, RATES, SOURCE, STEP, Family

@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stabctl import devices
+from stabctl._util.errors import EquilibriumError
 from stabctl.devices.device import Device
 from stabctl.devices.loads import zip_load
 from stabctl.devices.storage import models as storage
-from stabctl.errors import EquilibriumError
 from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.model.network import Network

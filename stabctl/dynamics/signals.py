@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from stabctl import devices
-from stabctl.errors import StudyError, shown
+from stabctl._util.errors import StudyError, shown
 from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.model.location import circuit

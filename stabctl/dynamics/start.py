@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stabctl.errors import EquilibriumError
+from stabctl._util.errors import EquilibriumError
 from stabctl.model.case import Case
 
 from . import family

@@ -11,9 +11,9 @@ from typing import Any, get_args, get_type_hints
 import numpy as np
 
 from stabctl import devices
+from stabctl._util.errors import EquilibriumError
 from stabctl.devices.device import Device, of
 from stabctl.devices.ports import At, Port
-from stabctl.errors import EquilibriumError
 from stabctl.model.case import Case
 from stabctl.model.network import Network
 

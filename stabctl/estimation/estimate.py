@@ -4,15 +4,15 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
+from stabctl._util.errors import StudyError
+from stabctl._util.units import seconds
 from stabctl.controllers import BangBang
 from stabctl.dynamics.operating_point import Fleet, OperatingPoint, operating_point
-from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.simulation.contingency import Disturbance, schedule
 from stabctl.simulation.control import Control, carry
 from stabctl.simulation.criterion import DEFAULT, Criterion, checked
 from stabctl.simulation.simulation import Simulation
-from stabctl.units import seconds
 
 from .estimates import Estimates
 from .estimator_control import EstimatorControl

@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from stabctl._util.errors import StudyError
 from stabctl._util.tabular import Tabular
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.controllers import BangBang
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.errors import StudyError
 from stabctl.simulation.trajectory import Trajectory
 
 from .bad_data import Alarm

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from typing import get_args
 
+from stabctl._util.errors import StudyError, shown
 from stabctl._util.verbs import verb
 from stabctl.controllers import BangBang, Law, SampledLaw
 from stabctl.controllers.controller import Controller
-from stabctl.errors import StudyError, shown
 
 from .estimators import Engine, EstimatorName
 from .pmu import Pmu

@@ -13,12 +13,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from stabctl._util.errors import StudyError
 from stabctl.controllers import Input, Law, decided
 from stabctl.dynamics import outputs, storage
 from stabctl.dynamics.named import Named
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import OUTPUTS, Signal, chosen, machines
-from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.simulation.simulation import Simulation
 from stabctl.simulation.wired import storage_devices

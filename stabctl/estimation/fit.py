@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stabctl._util.errors import StudyError
 from stabctl._util.tabular import Tabular, machine_column
-from stabctl.errors import StudyError
 
 from .estimators import Filtered
 from .filter_bank import GATE, Batched

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stabctl._util.errors import StudyError
 from stabctl.dynamics.operating_point import source_admittances
-from stabctl.errors import StudyError
 from stabctl.model.network import Switching
 from stabctl.simulation.simulation import Simulation
 

@@ -19,9 +19,9 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from annotated_types import Ge, Interval
 
+from stabctl._util.errors import StudyError
+from stabctl._util.units import quantity
 from stabctl._util.validation import guard
-from stabctl.errors import StudyError
-from stabctl.units import quantity
 
 RATES = (10, 12, 15, 20, 24, 25, 30, 40, 50, 60, 100, 120, 200, 240)  # 1/s
 HALF_WINDOW = {"none": 0, "P": 1, "M": 3}  # cycles   half the length of the class's filter

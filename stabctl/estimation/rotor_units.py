@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stabctl._util.errors import StudyError, shown
 from stabctl.dynamics import family
 from stabctl.dynamics.assembly import INFINITE
 from stabctl.dynamics.operating_point import OperatingPoint, source_admittances
-from stabctl.errors import StudyError, shown
 from stabctl.simulation.simulation import Simulation
 
 from .swing import GOVERNOR

@@ -23,13 +23,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stabctl._util import files, toml_file
+from stabctl._util.errors import StudyError, shown
 from stabctl.controllers.bang_bang import BangBang
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.feedback import Feedback
 from stabctl.controllers.law import Law, SampledLaw
 from stabctl.controllers.storage_law import StorageLaw
 from stabctl.controllers.timing import Gate
-from stabctl.errors import StudyError, shown
 
 if TYPE_CHECKING:
     from pydantic import BaseModel

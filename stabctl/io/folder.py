@@ -15,13 +15,13 @@ from pathlib import Path
 from typing import Any
 
 from stabctl._util import files
-from stabctl.errors import CaseError, StudyError, shown
+from stabctl._util.errors import CaseError, StudyError, shown
+from stabctl._util.schema import fields
 from stabctl.model import tables
 from stabctl.model.case import Case, as_case
 from stabctl.model.checks import RowError
 from stabctl.model.naming import Key
 from stabctl.model.tables import TABLES
-from stabctl.schema import fields
 
 from .table import Row, Table, read, text_from, text_of
 

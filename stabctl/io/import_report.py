@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from stabctl._util.errors import StabctlError, StudyError
 from stabctl._util.tabular import Tabular
 from stabctl._util.wording import counted, named
 from stabctl.dynamics.violations import Violation
-from stabctl.errors import StabctlError, StudyError
 from stabctl.model.case import Case
 
 from . import import_checks, matpower, psse

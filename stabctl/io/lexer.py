@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from stabctl.errors import CaseError, shown
+from stabctl._util.errors import CaseError, shown
 
 from .table import LARGEST_FILE
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from stabctl.errors import StudyError, shown
+from stabctl._util.errors import StudyError, shown
 from stabctl.model.case import Case
 
 from . import folder

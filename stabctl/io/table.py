@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from stabctl._util.errors import CaseError, shown
+from stabctl._util.schema import Field
 from stabctl._util.tabular import inert, plain
-from stabctl.errors import CaseError, shown
 from stabctl.model.naming import REPEATED
-from stabctl.schema import Field
 
 Row = dict[str, Any]
 

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from stabctl.errors import CaseError
+from stabctl._util.errors import CaseError
 from stabctl.model.case import Case
 from stabctl.model.checks import RowError
 from stabctl.model.tables import Branch, Bus

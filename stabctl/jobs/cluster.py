@@ -13,7 +13,7 @@ from threading import Lock
 from typing import Any
 
 from stabctl import devices
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 
 from .task import Row, Task, row, run_received
 

@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import Any
 
 from stabctl._util import files, process
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 
 from .cluster import Cluster
 from .store import Store

@@ -12,7 +12,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 
 from .task import Kind, Row
 

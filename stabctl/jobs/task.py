@@ -19,12 +19,12 @@ from typing import Annotated, Any, Literal, NamedTuple, Protocol
 import numpy as np
 
 from stabctl import devices
+from stabctl._util.errors import StabctlError, StudyError, bug
+from stabctl._util.schema import fields
 from stabctl.dynamics import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.errors import StabctlError, StudyError, bug
 from stabctl.model.case import Case
 from stabctl.model.tables import TABLES
-from stabctl.schema import fields
 
 Status = Literal["ok", "error", "bug"]
 

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from stabctl._util.errors import StudyError
+from stabctl._util.schema import fields
 from stabctl.clearing import ClearingTime, clearing_time, screen
 from stabctl.clearing.trial import Run
 from stabctl.dynamics import operating_point
-from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.model.tables import models, of_role
-from stabctl.schema import fields
 from stabctl.simulation.simulate import simulate
 from stabctl.simulation.trajectory import Trajectory
 from stabctl.smallsignal import areas

@@ -7,7 +7,7 @@ from queue import SimpleQueue
 from threading import BoundedSemaphore, Event, Thread
 from typing import TYPE_CHECKING, Any
 
-from stabctl.errors import StabctlError, bug, sentence
+from stabctl._util.errors import StabctlError, bug, sentence
 
 from . import answers, commands, page
 from .answers import Tell, pack

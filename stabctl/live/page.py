@@ -8,9 +8,9 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
+from stabctl._util.errors import StudyError
 from stabctl.clearing.screen_result import lines
 from stabctl.diagram import OneLine, one_line, storage
-from stabctl.errors import StudyError
 from stabctl.plotting.palette import AREAS, CLEARING, COLORS, LABELS, VOLTAGES, css
 
 from . import answers

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.simulation.simulate import simulate
 

@@ -6,10 +6,10 @@ from functools import lru_cache
 from threading import RLock
 from typing import Any
 
+from stabctl._util.errors import StudyError, shown
 from stabctl.controllers import BangBang, Feedback, Law
 from stabctl.dynamics import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case
 from stabctl.simulation.contingency import Contingency
 

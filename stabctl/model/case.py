@@ -6,8 +6,8 @@ Per-unit values of the network are on the case's `base_mva`, those of machines a
 from dataclasses import dataclass, fields
 from typing import Any
 
+from stabctl._util.errors import StudyError, shown
 from stabctl._util.verbs import verb
-from stabctl.errors import StudyError, shown
 
 from . import checks, naming
 from .tables import TABLES, Machine, Tables

@@ -12,11 +12,11 @@ from types import MappingProxyType
 from typing import Any
 
 from stabctl import devices
+from stabctl._util.errors import CaseError, StudyError, shown
+from stabctl._util.schema import fields
 from stabctl._util.validation import Invalid, checked
 from stabctl.devices.storage import joined
 from stabctl.devices.storage.models import TABLES
-from stabctl.errors import CaseError, StudyError, shown
-from stabctl.schema import fields
 
 from . import naming, tables
 from .tables import Storage, Tables

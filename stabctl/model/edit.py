@@ -8,9 +8,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from stabctl.errors import CaseError, StudyError, shown
-from stabctl.schema import Field, fields
-from stabctl.units import megavars, megawatts, quantity
+from stabctl._util.errors import CaseError, StudyError, shown
+from stabctl._util.schema import Field, fields
+from stabctl._util.units import megavars, megawatts, quantity
 
 from . import fleet, naming, tables
 from .case import Case

@@ -5,12 +5,12 @@ from collections.abc import Iterable, Mapping
 from numbers import Real
 from typing import Any, NamedTuple
 
+from stabctl._util.errors import StudyError, shown
+from stabctl._util.schema import fields
+from stabctl._util.units import quantity, rating
 from stabctl.devices import every
 from stabctl.devices.storage import joined
 from stabctl.devices.storage.models import TABLES
-from stabctl.errors import StudyError, shown
-from stabctl.schema import fields
-from stabctl.units import quantity, rating
 
 from . import checks, naming, powerflow
 from .case import Case

@@ -5,9 +5,9 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, Literal
 
+from stabctl._util.errors import StudyError, shown
+from stabctl._util.units import quantity
 from stabctl.devices.loads import zip_load
-from stabctl.errors import StudyError, shown
-from stabctl.units import quantity
 
 from . import naming, powerflow, tables
 from .case import Case, as_case

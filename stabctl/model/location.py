@@ -3,7 +3,7 @@
 import re
 from typing import NamedTuple
 
-from stabctl.errors import StudyError, shown
+from stabctl._util.errors import StudyError, shown
 
 from . import naming
 from .case import Case

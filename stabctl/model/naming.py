@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from stabctl.errors import StudyError, shown
+from stabctl._util.errors import StudyError, shown
 
 from . import tables
 from .tables import TABLES, Branch, Key, Tables

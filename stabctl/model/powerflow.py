@@ -9,9 +9,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+from stabctl._util.errors import PowerFlowError
 from stabctl._util.wording import counted
 from stabctl.devices.loads import zip_load
-from stabctl.errors import PowerFlowError
 
 from . import naming, network
 from .case import Case, as_case

@@ -7,8 +7,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from stabctl._util.errors import StudyError, shown
 from stabctl._util.process import paused
-from stabctl.errors import StudyError, shown
 
 from . import naming, powerflow, tables
 from .case import Case, as_case

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stabctl import devices
+from stabctl._util.errors import StudyError
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
-from stabctl.errors import StudyError
 
 from . import network
 from .case import Case, as_case

@@ -12,9 +12,9 @@ from typing import Annotated, Any, Literal, NamedTuple
 from annotated_types import Ge, Interval
 
 from stabctl import devices
+from stabctl._util.schema import NOT_NEGATIVE, POSITIVE, RATIO, SHARE, Field, fields
 from stabctl.devices.device import Device
 from stabctl.devices.storage.models import StorageModel
-from stabctl.schema import NOT_NEGATIVE, POSITIVE, RATIO, SHARE, Field, fields
 
 Key = int | str
 LoadKind = Literal["load", "injection"]

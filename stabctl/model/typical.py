@@ -17,10 +17,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
+from stabctl._util.errors import StudyError
 from stabctl._util.wording import counted
 from stabctl.devices.blocks import quadratic
 from stabctl.devices.machines.stator import points
-from stabctl.errors import StudyError
 
 from . import powerflow, tables
 from .case import Case, as_case

@@ -27,9 +27,9 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
+from stabctl._util.errors import StudyError
 from stabctl._util.tabular import Tabular
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.errors import StudyError
 from stabctl.model.tables import Storage
 from stabctl.smallsignal import Mode, Modes, analyze, linearize
 

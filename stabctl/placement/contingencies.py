@@ -12,14 +12,14 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from stabctl._util import toml_file
+from stabctl._util.errors import StudyError, shown
+from stabctl._util.units import seconds
 from stabctl.clearing import Screen
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case, as_case
 from stabctl.simulation import events
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.events import Event
-from stabctl.units import seconds
 
 Base = Case | OperatingPoint
 Bases = Base | Iterable[Base] | Mapping[str, Base]

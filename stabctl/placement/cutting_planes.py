@@ -28,7 +28,7 @@ from typing import NamedTuple
 import cvxpy as cp
 import numpy as np
 
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 
 from . import scaling
 from .contingencies import Scenario

@@ -5,7 +5,7 @@ from typing import NamedTuple, get_args
 
 import numpy as np
 
-from stabctl.errors import LinearizationError, StudyError
+from stabctl._util.errors import LinearizationError, StudyError
 
 from .allocation import Objective, allocate, gramians
 from .cutting_planes import CuttingPlanes

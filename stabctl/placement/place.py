@@ -12,12 +12,12 @@ from typing import Any, get_args
 
 import numpy as np
 
-from stabctl import units
+from stabctl._util import units
+from stabctl._util.errors import StudyError, shown
 from stabctl._util.wording import counted
 from stabctl.clearing import Screen, Search
 from stabctl.controllers import BangBang, Controller, Law
 from stabctl.dynamics import operating_point
-from stabctl.errors import StudyError, shown
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.estimators import EstimatorName
 from stabctl.jobs import Runner

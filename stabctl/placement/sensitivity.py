@@ -12,10 +12,10 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+from stabctl._util.errors import StudyError
 from stabctl.dynamics import extension, signals
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import INPUTS
-from stabctl.errors import StudyError
 from stabctl.model import network
 from stabctl.model.case import Case
 from stabctl.model.network import UNSWITCHED, Switching

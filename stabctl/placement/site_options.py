@@ -7,13 +7,13 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from stabctl._util import validation
+from stabctl._util.errors import StudyError, shown
+from stabctl._util.schema import NOT_NEGATIVE, POSITIVE, fields
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.errors import StudyError, shown
 from stabctl.io import table
 from stabctl.model import fleet
 from stabctl.model.case import Case
 from stabctl.model.powerflow import PowerFlow
-from stabctl.schema import NOT_NEGATIVE, POSITIVE, fields
 
 from .sensitivity import Candidate, all_candidates, checked, sensitivity
 from .siting_rows import Costs

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.smallsignal.margins import LoopMargins, Margins
 from stabctl.smallsignal.model import Model
 

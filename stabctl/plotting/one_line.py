@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from stabctl._util.errors import StudyError, shown
 from stabctl.clearing import Screen
 from stabctl.diagram import OneLine, one_line
-from stabctl.errors import StudyError, shown
 from stabctl.placement.siting import Siting
 from stabctl.smallsignal import Areas, Mode
 

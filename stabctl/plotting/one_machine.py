@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.theory.equal_area import EqualArea
 from stabctl.theory.feedback_laws import FeedbackComparison
 from stabctl.theory.minimum_time import MinimumTime

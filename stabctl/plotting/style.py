@@ -13,7 +13,7 @@ from matplotlib.font_manager import fontManager
 from matplotlib.text import Text
 
 from stabctl._util import files
-from stabctl.errors import StudyError, shown
+from stabctl._util.errors import StudyError, shown
 
 from .palette import COLORS, FONTS
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.simulation.trajectory import Trajectory
 
 from .palette import COLORS, GRAY, LABELS, MANY

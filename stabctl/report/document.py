@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from xml.etree import ElementTree
 
 from stabctl._util import files
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.plotting import style
 from stabctl.plotting.palette import COLORS, GRAY, INK, css
 from stabctl.plotting.style import whole

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from stabctl._util.errors import StudyError
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.realization import Matrices, anti_windup
 from stabctl.devices.sensors import bus_angle, bus_voltage, line_current, line_power
@@ -16,7 +17,6 @@ from stabctl.dynamics.layout import SetPoint, StatePlace
 from stabctl.dynamics.named import Named, named
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen, machines
-from stabctl.errors import StudyError
 
 from . import center, frame, lti
 from . import gate as gates

@@ -6,10 +6,10 @@ from dataclasses import KW_ONLY, dataclass, replace
 from numbers import Complex
 from typing import TYPE_CHECKING
 
-from stabctl.errors import StudyError, shown
+from stabctl._util.errors import StudyError, shown
+from stabctl._util.units import seconds
 from stabctl.model.case import Case
 from stabctl.model.location import faulted
-from stabctl.units import seconds
 
 from .events import NUMBERS, SHOWN, Clear, Event, Fault, Open, described, event
 from .timeline import timeline

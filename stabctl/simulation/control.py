@@ -6,10 +6,10 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from stabctl._util.errors import StudyError, shown
 from stabctl.controllers import Law
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.python_law import Seen, answer
-from stabctl.errors import StudyError, shown
 
 from .attached import Called
 from .lti import shape

@@ -6,9 +6,9 @@ Every study uses the same one.
 from numbers import Real
 from typing import Any, Literal, NamedTuple, get_args
 
+from stabctl._util.errors import StudyError, shown
+from stabctl._util.units import hertz, quantity
 from stabctl.dynamics.assembly import System
-from stabctl.errors import StudyError, shown
-from stabctl.units import hertz, quantity
 
 Coi = Literal["all", "machines"]
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from numbers import Real
 from typing import Literal
 
-from stabctl.errors import StudyError
-from stabctl.units import megavars, megawatts, seconds
+from stabctl._util.errors import StudyError
+from stabctl._util.units import megavars, megawatts, seconds
 
 
 class _Timed:

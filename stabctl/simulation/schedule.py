@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from stabctl._util.errors import StudyError
 from stabctl.controllers import BangBang, Controller
-from stabctl.errors import StudyError
 
 if TYPE_CHECKING:
     from stabctl.dynamics.operating_point import OperatingPoint

@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from typing import Any
 
+from stabctl._util.errors import StudyError
+from stabctl._util.units import seconds
 from stabctl.dynamics.operating_point import Fleet, OperatingPoint, operating_point
-from stabctl.errors import StudyError
 from stabctl.model.case import Case
-from stabctl.units import seconds
 
 from .contingency import Disturbance
 from .control import Control, acting

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from stabctl._util.errors import StudyError
 from stabctl.controllers import Law
 from stabctl.controllers.controller import Controller
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.errors import StudyError
 from stabctl.model import naming
 from stabctl.model.network import Switching
 

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 
 from .buffers import Run, buffers
 from .method import STAGES

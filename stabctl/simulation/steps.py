@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stabctl._util.errors import StudyError
+from stabctl._util.schema import hints
 from stabctl.devices.blocks import SHORT
 from stabctl.dynamics.family import Family
 from stabctl.dynamics.layout import StatePlace
 from stabctl.dynamics.operating_point import OperatingPoint, loops
-from stabctl.errors import StudyError
-from stabctl.schema import hints
 
 STEP = 1 / 120  # s   default
 SHORTEST = 1e-4  # s   default step for a closed loop

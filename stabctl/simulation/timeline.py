@@ -4,7 +4,7 @@ import cmath
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.model.location import circuit, locate
 from stabctl.model.network import BOLTED, BranchState, Switching

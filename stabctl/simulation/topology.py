@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from stabctl._util.errors import StudyError
 from stabctl.devices.loads import zip_load
 from stabctl.dynamics import family, outputs
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.rows import load_rows
-from stabctl.errors import StudyError
 from stabctl.model import naming, network
 from stabctl.model.location import circuit
 from stabctl.model.network import Switching

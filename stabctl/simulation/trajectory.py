@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from stabctl._util import files
+from stabctl._util.errors import StudyError
 from stabctl._util.tabular import csv_text
 from stabctl._util.verbs import verb
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.storage import Places, currents, places
-from stabctl.errors import StudyError
 
 from .outcome import Outcome
 from .swings import group

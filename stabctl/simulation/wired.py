@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from stabctl._util.errors import StudyError
 from stabctl.controllers import Law, StorageDevice, hold
 from stabctl.devices.device import of as device_of
 from stabctl.dynamics import storage
@@ -18,7 +19,6 @@ from stabctl.dynamics.layout import Layout
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.program import Program, program
 from stabctl.dynamics.rows import NO_UNIT
-from stabctl.errors import StudyError
 from stabctl.model.case import Case
 
 from . import line

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse.linalg import splu
 
-from stabctl import units
+from stabctl._util import units
+from stabctl._util.errors import StudyError
 from stabctl._util.wording import counted
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
-from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stabctl._util.errors import CaseError, StudyError
 from stabctl._util.wording import counted
-from stabctl.errors import CaseError, StudyError
 from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.model.location import circuit

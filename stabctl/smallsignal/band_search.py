@@ -19,7 +19,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from stabctl._util import process
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 
 from . import eigen
 from .argument_principle import Network, OnBoundaryError, Said, Sector, count

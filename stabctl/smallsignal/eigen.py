@@ -23,7 +23,7 @@ from scipy.linalg.lapack import dgeev, dgeev_lwork
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 
 from .descriptor import Descriptor
 

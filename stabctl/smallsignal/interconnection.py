@@ -11,11 +11,11 @@ from math import gcd
 import numpy as np
 from scipy.linalg import expm
 
+from stabctl._util.errors import StudyError
 from stabctl.dynamics.layout import StatePlace, unique
 from stabctl.dynamics.named import Named
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import Signal
-from stabctl.errors import StudyError
 
 from .descriptor import descriptor
 from .model import Linear, eliminated

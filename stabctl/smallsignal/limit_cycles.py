@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import brentq, fsolve, linear_sum_assignment
 
-from stabctl import units
-from stabctl._util import process
+from stabctl._util import process, units
+from stabctl._util.errors import StudyError
 from stabctl._util.tabular import Tabular
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
@@ -23,7 +23,6 @@ from stabctl.controllers.law import Law
 from stabctl.dynamics.named import Named, all_named
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
 from stabctl.dynamics.signals import OUTPUTS, Signal, chosen
-from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 

@@ -5,13 +5,13 @@ from functools import lru_cache
 
 import numpy as np
 
+from stabctl._util.errors import LinearizationError
 from stabctl.dynamics import family, outputs, storage
 from stabctl.dynamics.family import Family, Limits, limits
 from stabctl.dynamics.jacobian import Derivatives, Matrix
 from stabctl.dynamics.newton import FAR
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import Signal
-from stabctl.errors import LinearizationError
 
 STILL = 1e-8  # 1/s and pu on 100 MVA   largest state derivative and current mismatch of an equilibrium
 NUDGE = 1e-8  # perturbation of every signal, which moves a value off a limit

@@ -23,13 +23,13 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from stabctl._util import process
+from stabctl._util.errors import StudyError
 from stabctl._util.tabular import Tabular
 from stabctl._util.verbs import verb
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.law import Law
 from stabctl.dynamics.named import Named, all_named
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
-from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 

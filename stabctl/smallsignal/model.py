@@ -15,13 +15,13 @@ import scipy.linalg as sl
 
 from stabctl import devices
 from stabctl._util import files
+from stabctl._util.errors import StudyError, shown
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.dynamics import layout
 from stabctl.dynamics.jacobian import array, solved
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
 from stabctl.dynamics.signals import Signal
-from stabctl.errors import StudyError, shown
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 

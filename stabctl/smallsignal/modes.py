@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stabctl import devices
+from stabctl._util.errors import StudyError, shown
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.dynamics.assembly import INFINITE
 from stabctl.dynamics.operating_point import loops
-from stabctl.errors import StudyError, shown
 
 from .descriptor import Descriptor
 from .eigen import ZERO

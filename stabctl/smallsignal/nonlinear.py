@@ -7,12 +7,12 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+from stabctl._util.errors import StudyError
 from stabctl.dynamics import extension as ins
 from stabctl.dynamics import outputs
 from stabctl.dynamics.jacobian import Derivatives
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import Signal
-from stabctl.errors import StudyError
 
 from .descriptor import Descriptor, admittance, descriptor
 from .model import eliminated

@@ -26,11 +26,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
+from stabctl._util.errors import StudyError
 from stabctl.controllers.realization import anti_windup
 from stabctl.dynamics.named import Named
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import Signal
-from stabctl.errors import StudyError
 
 from .closed_loop import joined
 from .interconnection import held, plant_of

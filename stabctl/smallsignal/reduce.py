@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as sl
 
+from stabctl._util.errors import StudyError
 from stabctl._util.wording import counted
 from stabctl.dynamics.layout import unique
-from stabctl.errors import StudyError
 
 from .analysis import analyze
 from .model import Linear, Model

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stabctl._util.errors import StudyError
 from stabctl.devices import models
 from stabctl.dynamics import operating_point
-from stabctl.errors import StudyError
 from stabctl.model.case import Case
 
 from . import modes

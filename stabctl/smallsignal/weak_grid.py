@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stabctl import devices
+from stabctl._util.errors import EquilibriumError, PowerFlowError, StudyError, shown
 from stabctl._util.verbs import verb
 from stabctl.devices.machines import gencls
 from stabctl.dynamics import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.errors import EquilibriumError, PowerFlowError, StudyError, shown
 from stabctl.model.case import Case, as_case
 from stabctl.model.naming import number
 from stabctl.model.powerflow import PowerFlow

@@ -10,11 +10,12 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from annotated_types import Gt, Interval
 
+from stabctl._util.errors import StudyError
+from stabctl._util.schema import NOT_NEGATIVE, POSITIVE, SHARE, Field, fields
 from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang, Controller, Law
 from stabctl.dynamics import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.errors import StudyError
 from stabctl.estimation.estimate import estimate
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.estimators import EstimatorName
@@ -23,7 +24,6 @@ from stabctl.jobs import Found, Kind, Task
 from stabctl.model import naming, powerflow
 from stabctl.model.case import Case
 from stabctl.model.tables import Characteristic, StorageModel
-from stabctl.schema import NOT_NEGATIVE, POSITIVE, SHARE, Field, fields
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control, with_law
 from stabctl.simulation.criterion import DEFAULT, Coi, Criterion

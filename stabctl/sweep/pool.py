@@ -19,7 +19,7 @@ from multiprocessing import connection
 from typing import Any
 
 from stabctl import devices
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.jobs.task import Row, Task, row, run_task
 
 TRIES = 3  # of a job whose worker dies, and to start a worker

@@ -8,11 +8,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stabctl._util.errors import StudyError
+from stabctl._util.schema import fields
 from stabctl._util.tabular import Tabular
-from stabctl.errors import StudyError
 from stabctl.jobs import store
 from stabctl.jobs.task import COMPUTED
-from stabctl.schema import fields
 
 from .job import JOB, SWEEP, Job
 

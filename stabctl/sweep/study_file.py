@@ -16,9 +16,8 @@ from typing import Annotated, Any, Literal, NoReturn, get_args
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
 from pydantic_core import PydanticCustomError
 
-from stabctl import schema, units
-from stabctl._util import toml_file
-from stabctl.errors import StudyError
+from stabctl._util import schema, toml_file, units
+from stabctl._util.errors import StudyError
 
 from .job import Job, JobKind, changed, columns
 

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from stabctl import io
 from stabctl._util import process
+from stabctl._util.errors import StabctlError, StudyError
+from stabctl._util.units import seconds
 from stabctl._util.wording import counted
 from stabctl.clearing.trial import AUTO
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.law import Law
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, chosen
-from stabctl.errors import StabctlError, StudyError
 from stabctl.io import control_files
 from stabctl.jobs import Row, Task
 from stabctl.jobs.cluster import Cluster
@@ -24,7 +25,6 @@ from stabctl.jobs.task import fingerprint, sha256, text
 from stabctl.model import fleet
 from stabctl.model.case import Case
 from stabctl.simulation.contingency import Contingency
-from stabctl.units import seconds
 
 from . import pool, results, study_file
 from .job import FORMAT, SWEEP, Job

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.optimize import bisect, brentq
 
+from stabctl._util.errors import StudyError
 from stabctl._util.tabular import Tabular
 from stabctl._util.verbs import verb
-from stabctl.errors import StudyError
 
 from .omib import OMIB, against_speed, swing_curve
 

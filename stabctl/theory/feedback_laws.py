@@ -11,9 +11,9 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+from stabctl._util.errors import StudyError
 from stabctl._util.tabular import Tabular
 from stabctl._util.verbs import verb
-from stabctl.errors import StudyError
 
 from .omib import OMIB, PowerLaw, SwingCurve, swing_curve
 from .phase_plane import Separatrix, separatrix

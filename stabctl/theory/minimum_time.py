@@ -27,11 +27,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_bvp, solve_ivp
 from scipy.optimize import brentq
 
+from stabctl._util.errors import StudyError
+from stabctl._util.schema import POSITIVE
 from stabctl._util.tabular import Tabular
 from stabctl._util.validation import guard
 from stabctl._util.verbs import verb
-from stabctl.errors import StudyError
-from stabctl.schema import POSITIVE
 
 from .omib import stops
 

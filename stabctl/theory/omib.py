@@ -17,10 +17,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import OptimizeResult
 
+from stabctl._util.errors import StudyError
 from stabctl._util.tabular import Tabular
 from stabctl._util.validation import guard
 from stabctl._util.verbs import verb
-from stabctl.errors import StudyError
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,11 +10,11 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from stabctl._util.errors import StudyError
+from stabctl._util.schema import POSITIVE
 from stabctl._util.validation import guard
-from stabctl.errors import StudyError
 from stabctl.model import network, powerflow
 from stabctl.model.case import Case
-from stabctl.schema import POSITIVE
 
 from .equal_area import CriticalClearing, EqualArea, critical_clearing, equal_area
 from .minimum_time import MinimumTimeProblem

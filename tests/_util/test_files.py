@@ -11,8 +11,8 @@ import pytest
 
 import stabctl as st
 from stabctl._util import files, tabular
+from stabctl._util.errors import StudyError, sentence
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.errors import StudyError, sentence
 from stabctl.plotting import style
 from stabctl.report import modes_page
 from stabctl.theory.equal_area import equal_area

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from stabctl import io
+from stabctl._util.errors import StudyError
 from stabctl.clearing import Search, Trial, clearing_time
 from stabctl.controllers import BangBang, Controller
 from stabctl.dynamics.operating_point import initialize
-from stabctl.errors import StudyError
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.model import fleet, powerflow
 from stabctl.simulation.contingency import Contingency

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import stabctl as st
+from stabctl._util.errors import StudyError
 from stabctl.clearing import Run, Trial, clearing_time, lines, screen
 from stabctl.clearing.critical_time import last_stable
 from stabctl.clearing.trial import Margin, Scan
 from stabctl.controllers import BangBang
 from stabctl.design.law import spread
 from stabctl.dynamics import operating_point
-from stabctl.errors import StudyError
 from stabctl.live import answers
 from stabctl.live.state import Points, State
 from stabctl.model.fleet import everywhere

@@ -4,11 +4,11 @@ import sqlite3
 
 import pytest
 
+from stabctl._util.errors import StudyError
 from stabctl.clearing import screen
 from stabctl.clearing.screen import BUS, as_plain, from_plain
 from stabctl.controllers import BangBang, Controller
 from stabctl.dynamics import operating_point
-from stabctl.errors import StudyError
 from stabctl.jobs.store import rows
 
 

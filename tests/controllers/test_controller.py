@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import stabctl as st
+from stabctl._util.errors import EquilibriumError, StudyError
 from stabctl.controllers.realization import anti_windup
-from stabctl.errors import EquilibriumError, StudyError
 
 S = control.tf("s")
 LAG = control.ss(100 / (1 + 0.1 * S))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import stabctl as st
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 
 PAGE = Path(__file__).parents[2] / "docs" / "limit-cycles.md"
 LAG = control.ss(1 / (1 + 0.1 * control.tf("s")))

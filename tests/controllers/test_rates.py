@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import stabctl as st
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,8 @@ import pytest
 from systems import KINDS, LIBRARY, REGC, small
 
 import stabctl as st
+from stabctl._util.errors import LinearizationError, StudyError
 from stabctl.dynamics import operating_point
-from stabctl.errors import LinearizationError, StudyError
 
 STEP = 1 / 480  # s   of the simulations
 AT = 0.1  # s   when the driven input steps

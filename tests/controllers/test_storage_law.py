@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as some
 
 import stabctl as st
+from stabctl._util.errors import StudyError
 from stabctl.controllers import Input, SampledLaw, StorageDevice, decided, hold, storage_law
-from stabctl.errors import StudyError
 
 DEVICE = StorageDevice(45.0, 830.0, 50.0, 137.0, 7.0)
 FAULT = st.Contingency("7-8@0.4", clear="20cyc")

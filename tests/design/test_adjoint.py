@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from systems import EXDC2, ROUND, small
 
+from stabctl._util.errors import StudyError
 from stabctl.design.adjoint import Shown, gradients
-from stabctl.errors import StudyError
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.schedule import Schedule
 from stabctl.simulation.simulation import run

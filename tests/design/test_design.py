@@ -8,9 +8,9 @@ import pytest
 from ringdown import errors, ringdown
 
 import stabctl as st
+from stabctl._util.errors import StudyError
 from stabctl.design import gep, lqr, pod, pss
 from stabctl.design.phase_compensation import compensator
-from stabctl.errors import StudyError
 
 
 @pytest.fixture(scope="module")

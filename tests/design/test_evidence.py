@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import stabctl as st
+from stabctl._util.errors import StudyError
 from stabctl.design import pod, pss
 from stabctl.design.evidence import evidence
-from stabctl.errors import StudyError
 
 
 @pytest.fixture(scope="module")

@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pytest
 
+from stabctl._util.errors import StudyError
 from stabctl.clearing import screen
 from stabctl.controllers import BangBang, StorageLaw
 from stabctl.design import LawLimits, law
 from stabctl.design.law import no_stable_limit_cycle, spread, training_contingencies
 from stabctl.design.law_result import parameters
-from stabctl.errors import StudyError
 from stabctl.io.control_files import load
 from stabctl.simulation.contingency import Contingency
 

@@ -2,9 +2,9 @@
 
 import pytest
 
+from stabctl._util.errors import StudyError
 from stabctl.design.law_measurement import Duty, Later, Measured
 from stabctl.design.law_result import MEAN, SHORT, LawLimits
-from stabctl.errors import StudyError
 
 
 def reached(cycles, *, energy=0.0, switchings=0, coi=0.0, voltage=1.0, later=None):

@@ -12,9 +12,9 @@ import pytest
 from records import gencls
 from scipy.optimize import brentq
 
+from stabctl._util.errors import StudyError
 from stabctl.controllers import BangBang
 from stabctl.design import optimum
-from stabctl.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.model.network import BOLTED
 from stabctl.model.tables import Branch, Bus, Machine

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from labels import crowded
 
+from stabctl._util.errors import StudyError
 from stabctl.design import pairs, pod
-from stabctl.errors import StudyError
 
 
 @pytest.fixture(scope="module")

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from stabctl._util.errors import StudyError
 from stabctl.design import pod
-from stabctl.errors import StudyError
 
 INPUTS = "deviation:1, deviation:1+2, deviation:3"
 

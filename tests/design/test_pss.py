@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stabctl._util.errors import StudyError
 from stabctl.design import gep, outages, pss
 from stabctl.design.phase_compensation import fitted
-from stabctl.errors import StudyError
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,8 @@ import scipy.linalg as sl
 from ringdown import errors, ringdown
 
 import stabctl as st
+from stabctl._util.errors import StudyError
 from stabctl.design import lqg, lqr, quadratic
-from stabctl.errors import StudyError
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,9 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE, POSITIVE
 from stabctl.devices.blocks import magnitude
 from stabctl.devices.ports import PORT
-from stabctl.schema import FROM_CASE, POSITIVE
 
 NAME = "source behind a loop"
 ROLE = "converter"

@@ -7,7 +7,7 @@ import pytest
 from systems import registered
 
 import stabctl as st
-from stabctl.errors import EquilibriumError, StudyError
+from stabctl._util.errors import EquilibriumError, StudyError
 
 FAULT = st.Contingency("7-8@0.4", clear="6cyc")
 

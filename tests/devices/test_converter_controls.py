@@ -6,8 +6,8 @@ from block_diagram import distance, evaluate, feedback, motion, one, opened, res
 from records import csvgn1, dera1, reec_b, reec_c, repc_a, wtdt_a
 
 from stabctl import devices
+from stabctl._util.schema import fields
 from stabctl.devices.blocks import lookup
-from stabctl.schema import fields
 
 P, Q = 0.7, 0.2
 AT = {"vt": 1.0, "V": 1.0, "f": 1.0, "P": P, "Q": Q, "fset": 1.0, "wg": 1.0}

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from systems import kind, small
 
+from stabctl._util.errors import EquilibriumError
 from stabctl.dynamics import family, operating_point
-from stabctl.errors import EquilibriumError
 from stabctl.model.tables import Branch, Bus
 from stabctl.simulation.events import LoadStep, Open
 from stabctl.simulation.simulation import run

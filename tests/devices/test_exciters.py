@@ -7,7 +7,7 @@ import pytest
 from block_diagram import distance, evaluate, feedback, motion, one, opened, response, rest, s
 
 from stabctl import devices
-from stabctl.schema import fields
+from stabctl._util.schema import fields
 
 EFD = 2.0
 IFD = 1.3

@@ -7,7 +7,7 @@ from block_diagram import W, motion, opened, response, rest
 from records import degov, degov1, gast, ggov1, hygov, ieeeg1, ieeeg3, ieesgo, pidgov, tgov1, wpidhy
 from systems import GAS, GOVERNORS, one_of
 
-from stabctl.schema import fields
+from stabctl._util.schema import fields
 
 S = 1j * W
 GATE = {"G0": (0.05, 0.15), "G1": (0.4, 0.5), "P1": (0.2, 0.25), "G2": (0.7, 0.8), "P2": (0.5, 0.55), "P3": (1.0, 1.2)}

@@ -10,8 +10,8 @@ from records import regfm_a1
 from systems import FORMING, small
 
 import stabctl as st
+from stabctl._util.errors import EquilibriumError
 from stabctl.dynamics import operating_point
-from stabctl.errors import EquilibriumError
 from stabctl.model import network
 from stabctl.simulation import simulation
 from stabctl.simulation.events import Clear, Fault, LoadStep, Open

@@ -8,9 +8,9 @@ from records import gensal, regc_a
 from systems import CLASSICAL, EXDC2, EXPONENTIAL, IEEET1, POLES, REGC, ROUND, SEXS, small, with_shares
 
 import stabctl as st
+from stabctl._util.errors import EquilibriumError, StudyError
 from stabctl.devices.blocks import through
 from stabctl.dynamics import operating_point
-from stabctl.errors import EquilibriumError, StudyError
 from stabctl.simulation import simulation
 from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.events import Clear, Fault, Open

@@ -5,7 +5,7 @@ import pytest
 from block_diagram import W, slopes
 from records import cim, ieel, zip_load
 
-from stabctl.errors import EquilibriumError
+from stabctl._util.errors import EquilibriumError
 
 LOAD = ieel.Par(2.0, 0.8, 1.03, 0.5, 377.0, 0.4, 0.2, 0.4, 0.5, 0.25, 0.25, 2.0, -1.5, 1.8, 1.0, 0.0, 2.0, 1.0, 0.0)
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from systems import EXDC2, KINDS, ROUND, doubled, registered, small
 
+from stabctl._util.errors import EquilibriumError
 from stabctl.dynamics import operating_point
 from stabctl.dynamics.jacobian import array
-from stabctl.errors import EquilibriumError
 from stabctl.simulation.events import LoadStep
 from stabctl.simulation.simulation import run
 

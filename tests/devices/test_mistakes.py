@@ -4,8 +4,8 @@ import pytest
 from systems import OWN, registered
 
 from stabctl import devices
+from stabctl._util.errors import StudyError
 from stabctl.devices import trial
-from stabctl.errors import StudyError
 
 GOOD = (OWN / "wide_area.py").read_text()
 MISTAKES = {

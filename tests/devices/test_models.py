@@ -7,9 +7,9 @@ from systems import OWN, registered
 from typer.testing import CliRunner
 
 from stabctl import devices, io
+from stabctl._util.errors import StudyError
 from stabctl.cli import app
 from stabctl.devices.describe import describe
-from stabctl.errors import StudyError
 from stabctl.sweep import pool, sweep
 from stabctl.sweep.job import Job
 from tools import models_page

@@ -10,7 +10,7 @@ from systems import registered
 
 import stabctl as st
 from stabctl import devices
-from stabctl.errors import CaseError
+from stabctl._util.errors import CaseError
 
 FAULT = st.Contingency("7-8@0.4", clear="6cyc")
 

@@ -9,8 +9,8 @@ from records import esst1a, ieeest, ieeet1, pss, pss2b, scrx, sexs, st2cut
 from systems import ROUND, small
 
 from stabctl import devices
+from stabctl._util.schema import hints
 from stabctl.dynamics import operating_point
-from stabctl.schema import hints
 
 RECORDS = [(name, kind) for name, m in devices.every().items() for kind in m.dyr]
 

@@ -9,8 +9,8 @@ from systems import OWN, ROUND, SEXS, registered, small
 
 from stabctl import devices
 from stabctl._util import jit
+from stabctl._util.errors import StudyError
 from stabctl.dynamics import operating_point
-from stabctl.errors import StudyError
 
 ECHO = '''"""ECHO: a stabilizer that reads its own output."""
 

@@ -8,10 +8,10 @@ from records import esd_regc, reec_c, regc_a, regc_b, regc_c, regfm_a1, regfm_b1
 from systems import KINDS, one_of, small
 
 from stabctl import devices
+from stabctl._util.errors import CaseError, StudyError
 from stabctl.controllers import BangBang
 from stabctl.devices.storage import joined
 from stabctl.dynamics import family, operating_point, storage
-from stabctl.errors import CaseError, StudyError
 from stabctl.model.tables import Machine, Storage
 from stabctl.simulation import steps
 from stabctl.simulation.criterion import Criterion

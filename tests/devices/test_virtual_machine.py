@@ -10,8 +10,8 @@ from records import regfm_b1
 from systems import VIRTUAL, small
 
 import stabctl as st
+from stabctl._util.errors import EquilibriumError
 from stabctl.dynamics import operating_point
-from stabctl.errors import EquilibriumError
 from stabctl.simulation import simulation
 from stabctl.simulation.events import Clear, Fault, LoadStep
 

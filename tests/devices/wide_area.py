@@ -6,9 +6,9 @@ Vs = Kv (V - slow) + Kf (f - 1) + Kw (own speed - far speed), slow' = (V - slow)
 from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import NOT_NEGATIVE
 from stabctl.devices.blocks import clip, lag_rate
 from stabctl.devices.ports import At
-from stabctl.schema import NOT_NEGATIVE
 
 NAME = "wide-area stabilizer"
 ROLE = "stabilizer"

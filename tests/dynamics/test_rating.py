@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from systems import KINDS, small
 
+from stabctl._util.errors import EquilibriumError
 from stabctl.dynamics import operating_point
-from stabctl.errors import EquilibriumError
 
 
 def rebased(case, number, base):

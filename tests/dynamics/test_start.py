@@ -21,9 +21,9 @@ from systems import (
 )
 
 from stabctl import devices, io
+from stabctl._util.errors import EquilibriumError
 from stabctl.dynamics import newton, operating_point, start
 from stabctl.dynamics.jacobian import array
-from stabctl.errors import EquilibriumError
 from stabctl.simulation import simulation
 
 

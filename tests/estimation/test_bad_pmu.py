@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stabctl import io
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.estimation.bad_data import PmuCheck
 from stabctl.estimation.estimate import estimate
 from stabctl.estimation.estimator_control import EstimatorControl

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from systems import one_of
 
+from stabctl._util.errors import StudyError
 from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang, Feedback
-from stabctl.errors import StudyError
 from stabctl.estimation.estimate import estimate
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.pmu import Pmu

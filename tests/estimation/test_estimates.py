@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.estimation.estimate import estimate
 
 

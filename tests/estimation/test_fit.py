@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.estimation.estimate import estimate
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.fit import paraboloid

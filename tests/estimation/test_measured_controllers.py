@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import stabctl as st
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 
 FAULT = st.Contingency("7-8@0.4", clear="6cyc", at="0.5s")
 NONE = np.zeros((0, 0))

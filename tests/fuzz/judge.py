@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from stabctl import cli
-from stabctl.errors import StabctlError
+from stabctl._util.errors import StabctlError
 from stabctl.jobs.task import run_task
 from stabctl.sweep import study_file, sweep
 

@@ -8,7 +8,7 @@ import pytest
 from psse_replay import DATA
 
 import stabctl as st
-from stabctl.errors import CaseError
+from stabctl._util.errors import CaseError
 from stabctl.io import import_checks, psse
 from stabctl.model import network
 

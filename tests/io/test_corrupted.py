@@ -8,8 +8,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from stabctl import io
+from stabctl._util.errors import CaseError, StabctlError
 from stabctl.dynamics import operating_point
-from stabctl.errors import CaseError, StabctlError
 from stabctl.io.folder import PACKAGED
 
 NUMBERS = st.one_of(

@@ -7,7 +7,7 @@ from case_folder import cells, complaint, put, spoil
 from systems import KINDS, LIBRARY
 
 from stabctl import devices, io
-from stabctl.errors import CaseError
+from stabctl._util.errors import CaseError
 from stabctl.io.folder import PACKAGED
 from stabctl.model.tables import TABLES, Link, Storage
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import stabctl as st
-from stabctl.errors import CaseError, StudyError
+from stabctl._util.errors import CaseError, StudyError
 from stabctl.io.matpower import mpc
 from stabctl.model import network, powerflow
 

@@ -7,7 +7,7 @@ import pytest
 from psse_replay import DATA
 
 import stabctl as st
-from stabctl.errors import CaseError, StudyError
+from stabctl._util.errors import CaseError, StudyError
 from stabctl.io import lexer, psse
 from stabctl.io.psse import dyr
 from stabctl.model import location, naming, network, powerflow

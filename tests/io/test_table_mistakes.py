@@ -4,8 +4,8 @@ import pytest
 from case_folder import cells, complaint, put, spoil
 
 from stabctl import devices, io
+from stabctl._util.errors import StabctlError
 from stabctl.dynamics import operating_point
-from stabctl.errors import StabctlError
 
 # table, row, column, value put there, what the sentence must hold besides the place
 MISTAKES = [

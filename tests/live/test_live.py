@@ -10,9 +10,9 @@ from asgi import ask
 from packed import unpacked
 
 import stabctl as st
+from stabctl._util.errors import StudyError
 from stabctl.cli.groups import CaseOptions
 from stabctl.cli.live import source
-from stabctl.errors import StudyError
 from stabctl.live import answers, commands, page
 from stabctl.live.answers import critical, landscape, pack
 from stabctl.live.app import app

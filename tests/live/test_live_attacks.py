@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.live import answers, app, commands
 from stabctl.live.serve import HOST, server
 from stabctl.live.state import Points

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from stabctl import io
+from stabctl._util.errors import CaseError, StabctlError, StudyError
 from stabctl.dynamics import operating_point
-from stabctl.errors import CaseError, StabctlError, StudyError
 from stabctl.model import powerflow
 
 PACKAGED = ("ieee39", "two_area", "wnaps", "wnaps_paper")

@@ -8,12 +8,12 @@ import pytest
 from systems import CLASSICAL, PSS, ROUND, SEXS, small
 
 from stabctl import io
+from stabctl._util.errors import CaseError, StudyError
+from stabctl._util.schema import FROM_CASE, POSITIVE
 from stabctl.devices.device import Device
-from stabctl.errors import CaseError, StudyError
 from stabctl.model import naming, tables
 from stabctl.model.replicate import replicate
 from stabctl.model.tables import Load
-from stabctl.schema import FROM_CASE, POSITIVE
 
 PACKAGED_MODELS = tables.models
 

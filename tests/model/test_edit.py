@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from systems import CLASSICAL, doubled, small
 
 from stabctl import io
+from stabctl._util.errors import CaseError, StabctlError, StudyError
+from stabctl._util.schema import fields
 from stabctl.dynamics import operating_point
-from stabctl.errors import CaseError, StabctlError, StudyError
 from stabctl.model import naming, powerflow, tables
 from stabctl.model.case import Case
 from stabctl.model.tables import TABLES, Link, Load, Storage
-from stabctl.schema import fields
 
 
 @pytest.fixture(scope="module")

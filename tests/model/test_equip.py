@@ -3,7 +3,7 @@
 import pytest
 
 from stabctl import io
-from stabctl.errors import CaseError, StudyError
+from stabctl._util.errors import CaseError, StudyError
 
 PSS = {"K": 20, "Tw": "10s", "T1": 0.05, "T2": "20ms", "T3": 3.0, "T4": 5.4}
 

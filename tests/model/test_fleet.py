@@ -3,7 +3,7 @@
 import pytest
 
 from stabctl import io
-from stabctl.errors import StabctlError, StudyError
+from stabctl._util.errors import StabctlError, StudyError
 from stabctl.model import fleet, powerflow
 from stabctl.model.tables import Storage
 

@@ -7,7 +7,7 @@ import pytest
 from systems import CLASSICAL, doubled, rebased, small
 
 from stabctl import io
-from stabctl.errors import PowerFlowError
+from stabctl._util.errors import PowerFlowError
 from stabctl.model import network, powerflow
 from stabctl.model.case import Case
 from stabctl.model.tables import Branch, Bus, Link, Load, Machine

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from stabctl import io
+from stabctl._util.errors import StudyError
 from stabctl.dynamics import operating_point
-from stabctl.errors import StudyError
 from stabctl.model import fleet, powerflow
 from stabctl.model.replicate import replicate
 from stabctl.model.tables import Link

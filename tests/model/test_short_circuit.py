@@ -8,7 +8,7 @@ from records import gencls
 from systems import CLASSICAL, REGC, small
 
 import stabctl as st
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.model import network
 from stabctl.model.tables import Branch, Bus, Machine
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import stabctl as st
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.model import typical
 from stabctl.model.case import Case
 from stabctl.model.tables import Branch, Bus, Load, Machine

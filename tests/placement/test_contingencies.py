@@ -2,8 +2,8 @@
 
 import pytest
 
+from stabctl._util.errors import StudyError
 from stabctl.clearing import ClearingTime, Lines, Screen, Search
-from stabctl.errors import StudyError
 from stabctl.placement.contingencies import clearing_s, contingencies, from_screen, packaged
 from stabctl.simulation.contingency import Contingency
 

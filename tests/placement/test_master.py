@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.placement.cutting_planes import Cut, Master
 
 CAP = np.array([30.0, 40.0, 50.0, 60.0])

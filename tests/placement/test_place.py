@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stabctl._util.errors import StudyError
 from stabctl.controllers import BangBang
-from stabctl.errors import StudyError
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.pmu import Pmu
 from stabctl.placement.place import place

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import stabctl as st
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.placement.place import acting_in
 from stabctl.placement.trials import Trials
 

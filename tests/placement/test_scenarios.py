@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import stabctl as st
+from stabctl._util.errors import CaseError, StudyError
 from stabctl.controllers import BangBang
-from stabctl.errors import CaseError, StudyError
 from stabctl.model.loads import with_load_level
 from stabctl.placement.contingencies import Scenario, operating_points, scenarios
 from stabctl.placement.place import place

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from systems import CLASSICAL, doubled, small, with_shares
 
+from stabctl._util.errors import StudyError
 from stabctl.dynamics import operating_point
-from stabctl.errors import StudyError
 from stabctl.model.tables import Storage
 from stabctl.placement.sensitivity import sensitivity
 from stabctl.simulation.events import Fault, LoadStep, Open, TripMachine

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import pytest
 
+from stabctl._util.errors import StudyError
 from stabctl.controllers import BangBang
-from stabctl.errors import StudyError
 from stabctl.placement.contingencies import Scenario, scaled
 from stabctl.placement.place import place
 from stabctl.simulation.contingency import Contingency

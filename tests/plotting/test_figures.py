@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from labels import crowded
 
+from stabctl._util.errors import StudyError
 from stabctl.clearing import clearing_time as critical
 from stabctl.clearing import screen as screened
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
-from stabctl.errors import StudyError
 from stabctl.estimation.estimate import estimate
 from stabctl.model import fleet
 from stabctl.plotting import clearing, estimates, modes, style, trajectory

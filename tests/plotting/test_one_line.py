@@ -12,9 +12,9 @@ from matplotlib.quiver import Quiver
 from scipy.spatial import cKDTree
 
 import stabctl as st
+from stabctl._util.errors import StudyError
 from stabctl.diagram import layout, one_line
 from stabctl.diagram.layout import backbone, graph, node_positions, stress_majorization
-from stabctl.errors import StudyError
 from stabctl.placement.siting import Costs, Site, Siting
 from stabctl.smallsignal import areas
 

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from stabctl._util import process
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 
 
 def test_workers_are_those_asked_for_or_one_per_core() -> None:

@@ -9,9 +9,9 @@ import pytest
 from labels import crowded
 
 import stabctl as st
+from stabctl._util.errors import StudyError
 from stabctl.design import outages, pss
 from stabctl.design.evidence import evidence
-from stabctl.errors import StudyError
 from stabctl.plotting import design as figures
 from stabctl.report import design_page
 

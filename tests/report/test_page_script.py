@@ -5,7 +5,7 @@ import pytest
 from live_page import browser, page_of
 
 import stabctl as st
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.plotting import modes as eigenvalue_map
 from stabctl.plotting import one_line, style
 from stabctl.report import document, modes_page

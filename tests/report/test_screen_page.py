@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 import stabctl as st
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.report import screen_page
 
 

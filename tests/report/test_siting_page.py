@@ -8,7 +8,7 @@ from html import unescape
 import pytest
 from labels import crowded
 
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.placement.siting import CandidateSite, Costs, Evidence, Infeasible, Iteration, Site, Siting, Survived
 from stabctl.plotting import siting as figures
 from stabctl.report import siting_page

@@ -15,7 +15,7 @@ if __name__ == "__main__":
     present(lambda reports: [Study("Study {n}", text=("Words of {n}.",)), Study("Another of {n}")])
 """
 MISTAKE = """
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from reproduction.study import present
 
 def study(reports):
@@ -27,7 +27,7 @@ LONG = """
 from reproduction.study import present
 from reproduction.study import Kept
 from reproduction.study import Study
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 
 def study(reports):
     kept = Kept(__file__, reports)

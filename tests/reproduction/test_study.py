@@ -5,7 +5,7 @@ import pytest
 from reproduction import paper, study
 from reproduction.comparison import Printed, Verdict
 from reproduction.study import Picture, Study, Table
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 
 NUMBER = Printed("Table 9", "angle", "0.6519", "rad")
 RECORD = Study(

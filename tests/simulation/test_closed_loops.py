@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import stabctl as st
+from stabctl._util.errors import StudyError
 from stabctl.dynamics.operating_point import initialize
-from stabctl.errors import StudyError
 from stabctl.simulation import closed
 from stabctl.simulation.control import acting
 from stabctl.simulation.simulation import Simulation

@@ -2,7 +2,7 @@
 
 import pytest
 
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.simulation.contingency import Contingency, schedule
 from stabctl.simulation.criterion import DEFAULT, Criterion, checked
 from stabctl.simulation.events import Clear, Fault, LoadStep, Open, TripMachine, event, load_step, machine_trip, opening

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from stabctl import io
+from stabctl._util.errors import EquilibriumError, StudyError
 from stabctl.controllers import BangBang, Feedback
 from stabctl.dynamics import operating_point
-from stabctl.errors import EquilibriumError, StudyError
 from stabctl.model import fleet, powerflow
 from stabctl.model.tables import Branch, Bus, Storage
 from stabctl.simulation import stepper

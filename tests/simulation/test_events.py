@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from systems import KINDS, ROUND, small, with_shares
 
+from stabctl._util.errors import StudyError
 from stabctl.dynamics import operating_point
-from stabctl.errors import StudyError
 from stabctl.model import network
 from stabctl.model.location import locate
 from stabctl.model.network import Switching, two_port

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stabctl._util.errors import StudyError
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
-from stabctl.errors import StudyError
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.events import LoadStep, Open

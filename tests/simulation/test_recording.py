@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.simulation import recording, swings
 from stabctl.simulation.contingency import Contingency
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from stabctl._util.errors import StudyError
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
-from stabctl.errors import StudyError
 from stabctl.model.tables import Storage
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run

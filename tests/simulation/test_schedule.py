@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from stabctl._util.errors import StudyError
 from stabctl.controllers import BangBang
-from stabctl.errors import StudyError
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.schedule import Schedule
 from stabctl.simulation.simulate import simulate

@@ -7,10 +7,10 @@ import pytest
 from comparison import KEEP_ON
 from systems import REGC_C, small
 
+from stabctl._util.errors import StudyError
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.dynamics.operating_point import initialize
-from stabctl.errors import StudyError
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.simulation import steps
 from stabctl.simulation.contingency import Contingency

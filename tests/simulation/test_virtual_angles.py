@@ -8,7 +8,7 @@ import pytest
 from systems import FORMING, REGC, registered, small
 
 import stabctl as st
-from stabctl.errors import EquilibriumError
+from stabctl._util.errors import EquilibriumError
 from stabctl.simulation.events import Clear, Fault, Open
 from stabctl.simulation.simulate import simulate
 

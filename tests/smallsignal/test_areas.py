@@ -2,8 +2,8 @@
 
 import pytest
 
+from stabctl._util.errors import StudyError
 from stabctl.dynamics import operating_point
-from stabctl.errors import StudyError
 from stabctl.smallsignal import analyze, areas, linearize, opened
 
 

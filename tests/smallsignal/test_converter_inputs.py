@@ -5,8 +5,8 @@ import pytest
 from systems import REGC, small
 
 from stabctl import io
+from stabctl._util.errors import StudyError
 from stabctl.dynamics import operating_point
-from stabctl.errors import StudyError
 from stabctl.smallsignal import linearize
 
 

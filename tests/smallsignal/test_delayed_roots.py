@@ -5,7 +5,7 @@ import pytest
 from scipy.special import lambertw
 
 import stabctl as st
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.smallsignal.characteristic import growing
 from stabctl.smallsignal.delayed_loop import DelayedLoop
 

@@ -10,11 +10,11 @@ from scipy.sparse.linalg import splu
 from systems import doubled, each, kind, small
 
 from stabctl import io
+from stabctl._util.errors import LinearizationError, StudyError
 from stabctl.dynamics import operating_point
 from stabctl.dynamics.family import TINY
 from stabctl.dynamics.jacobian import array
 from stabctl.dynamics.perform import evaluate
-from stabctl.errors import LinearizationError, StudyError
 from stabctl.model.tables import Storage
 from stabctl.smallsignal import INPUTS, OUTPUTS, descriptor, linearize
 

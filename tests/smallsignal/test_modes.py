@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from stabctl._util.errors import StudyError
 from stabctl.dynamics import operating_point
-from stabctl.errors import StudyError
 from stabctl.smallsignal import analyze, linearize
 from stabctl.smallsignal.eigen import eigen
 

@@ -10,9 +10,9 @@ import typer
 from systems import one_of
 from typer.testing import CliRunner
 
+from stabctl._util.errors import StabctlError
 from stabctl.cli.linear import linearize
 from stabctl.cli.linear import modes as modes_command
-from stabctl.errors import StabctlError
 from stabctl.report import modes_page
 from stabctl.smallsignal import areas
 

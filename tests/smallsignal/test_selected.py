@@ -5,8 +5,8 @@ import pytest
 from systems import KINDS, small
 
 from stabctl import io
+from stabctl._util.errors import StudyError
 from stabctl.dynamics import operating_point
-from stabctl.errors import StudyError
 from stabctl.model.replicate import replicate
 from stabctl.smallsignal import Selected, analyze, areas, descriptor, linearize, modal
 from stabctl.smallsignal.band_search import Box

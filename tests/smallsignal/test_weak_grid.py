@@ -7,7 +7,7 @@ import pytest
 from systems import PLANT, REEC, REGC, REGC_C, small
 
 import stabctl as st
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.simulation import simulation
 from stabctl.simulation.events import LoadStep
 from stabctl.smallsignal import weak_grid

@@ -7,7 +7,7 @@ from concurrent.futures import CancelledError, Future
 
 import pytest
 
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.jobs import cluster
 from stabctl.sweep import study_file
 from stabctl.sweep.results import rows

@@ -4,7 +4,7 @@ import control
 import pytest
 
 import stabctl as st
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.sweep import study_file
 from stabctl.sweep.job import run_job
 from stabctl.sweep.sweep import run_sweep, tasks

@@ -4,7 +4,7 @@ import sqlite3
 
 import pytest
 
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.jobs import Row, store
 from stabctl.jobs.task import About
 from stabctl.sweep.job import SWEEP, Job

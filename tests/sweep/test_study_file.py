@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 from stabctl import io
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
+from stabctl._util.schema import fields
 from stabctl.jobs.task import fingerprint
 from stabctl.model.tables import TABLES, Link
-from stabctl.schema import fields
 from stabctl.sweep import study_file
 from stabctl.sweep.job import JOB, Job, columns
 from stabctl.sweep.sweep import key_of, tasks

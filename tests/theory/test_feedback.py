@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.theory.feedback_laws import (
     FeedbackLaw,
     acceleration_magnitude,

@@ -6,10 +6,10 @@ from records import gencls
 
 from reproduction import paper
 from stabctl import io
+from stabctl._util.errors import StudyError
 from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang, Feedback
 from stabctl.dynamics import operating_point
-from stabctl.errors import StudyError
 from stabctl.model import fleet
 from stabctl.model.case import Case
 from stabctl.model.tables import Branch, Bus, Machine

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad, solve_ivp
 
 from reproduction import paper
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.theory.convex_program import SpeedProgram, by_convex_program
 from stabctl.theory.equal_area import simulated_critical_time
 from stabctl.theory.minimum_time import by_collocation, by_shooting, stop_angle

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from reproduction import paper
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.theory.equal_area import critical_clearing, equal_area, simulated_critical_time
 from stabctl.theory.omib import OMIB, against_speed, bolted_fault, during_fault, swing_curve, table1
 from stabctl.theory.phase_plane import energy, inside, portrait, potential, separatrix

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from labels import crowded
 
-from stabctl.errors import StudyError
+from stabctl._util.errors import StudyError
 from stabctl.theory.equal_area import equal_area
 from stabctl.theory.feedback_laws import compare
 from stabctl.theory.minimum_time import by_shooting

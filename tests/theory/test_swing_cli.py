@@ -5,8 +5,8 @@ import sys
 import pytest
 from typer.testing import CliRunner
 
+from stabctl._util.errors import StudyError
 from stabctl.cli.swing import app
-from stabctl.errors import StudyError
 
 COMMANDS = ("table1", "equal-area", "feedback", "minimum-time")
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from annotated_types import Interval, Lt
 
+from stabctl._util.errors import StudyError
+from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE, fields
 from stabctl._util.validation import Invalid, checked, fault, guard
-from stabctl.errors import StudyError
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE, fields
 
 
 class Row(NamedTuple):

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stabctl import units
-from stabctl.errors import StudyError
+from stabctl._util import units
+from stabctl._util.errors import StudyError
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Self
 import stabctl
 from reproduction.comparison import Comparison, Printed
 from stabctl._util import files
-from stabctl.errors import StabctlError, StudyError, sentence
+from stabctl._util.errors import StabctlError, StudyError, sentence
 from stabctl.plotting import style
 
 if TYPE_CHECKING:

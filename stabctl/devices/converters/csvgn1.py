@@ -11,9 +11,9 @@ Source: PSS/E Model Library, CSVGN1; NREL-Sienna/PowerSimulationsDynamics.jl, CS
 from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import clip, lag_rate, lead_lag, magnitude, non_windup
 from stabctl.devices.ports import PORT
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 NAME = "CSVGN1"
 ROLE = "converter"

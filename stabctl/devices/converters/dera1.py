@@ -19,6 +19,7 @@ import numpy as np
 from annotated_types import Interval
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import (
     SHORT,
     at_least,
@@ -35,7 +36,6 @@ from stabctl.devices.blocks import (
     two_slopes,
 )
 from stabctl.devices.ports import PORT, At
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 from .electrical import FLAG, root, within
 

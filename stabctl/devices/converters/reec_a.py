@@ -17,8 +17,8 @@ Model Library, REECA1.
 from typing import Annotated, Any, NamedTuple
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.ports import PORT, fixed
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 from .electrical import FLAG, LOOPS, Output, State, limited, local, rates, rising, table_p, table_q
 

@@ -15,7 +15,7 @@ Model Library, REECB1; NREL-Sienna/PowerSimulationsDynamics.jl, RECurrentControl
 from typing import Annotated, Any, NamedTuple
 
 from stabctl._util.jit import inline
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
+from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 from .electrical import FLAG, LOOPS, Input, Output, State, limited, local, rates
 

@@ -18,8 +18,8 @@ Model Library, REECC1.
 from typing import Annotated, Any, NamedTuple
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE, SHARE
 from stabctl.devices.blocks import available
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE, SHARE
 
 from .electrical import FLAG, LOOPS, Input, Output, limited, local, rates, rising, table_p, table_q
 

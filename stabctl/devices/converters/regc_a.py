@@ -24,6 +24,7 @@ import numpy as np
 from annotated_types import Interval
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import (
     SHORT,
     at_least,
@@ -37,7 +38,6 @@ from stabctl.devices.blocks import (
     rate_limit,
 )
 from stabctl.devices.ports import PORT
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 NAME = "REGC_A"
 ROLE = "converter"

@@ -18,8 +18,8 @@ import numpy as np
 from annotated_types import Interval
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import SHORT, at_least, lag_rate, magnitude
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 from .behind_impedance import FILTER, Input, admittance, allowed, drop, reference_rates, references, through
 

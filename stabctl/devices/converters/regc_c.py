@@ -21,8 +21,8 @@ import numpy as np
 from annotated_types import Interval
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import SHORT, lag_rate, magnitude, pi, pi_rate
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 from .behind_impedance import FILTER, Input, admittance, allowed, drop, reference_rates, references, through
 from .electrical import root

@@ -25,8 +25,8 @@ import numpy as np
 from annotated_types import Interval
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import SHORT, beyond, beyond_rate, clip, pi, pi_rate
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 from .forming import Input, Output, admittance, correction, short_circuit, terminals
 

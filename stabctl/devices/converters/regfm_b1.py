@@ -35,6 +35,7 @@ import numpy as np
 from annotated_types import Interval
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import (
     SHORT,
     at_least,
@@ -45,7 +46,6 @@ from stabctl.devices.blocks import (
     pi_rate,
     while_within,
 )
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 from .forming import (
     Input,

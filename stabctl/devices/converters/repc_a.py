@@ -15,6 +15,7 @@ Model Library, REPCA1; NREL-Sienna/PowerSimulationsDynamics.jl, renewable contro
 from typing import Annotated, Any, NamedTuple
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import NOT_NEGATIVE
 from stabctl.devices.blocks import (
     at_least,
     clip,
@@ -30,7 +31,6 @@ from stabctl.devices.blocks import (
     while_within,
 )
 from stabctl.devices.ports import PORT, At, fixed
-from stabctl.schema import NOT_NEGATIVE
 
 from .electrical import FLAG
 

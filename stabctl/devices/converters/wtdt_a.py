@@ -19,7 +19,7 @@ import numpy as np
 from annotated_types import Interval
 
 from stabctl._util.jit import inline
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
+from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 NAME = "WTDT_A"
 ROLE = "drive train"

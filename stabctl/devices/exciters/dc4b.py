@@ -18,8 +18,8 @@ import numpy as np
 from annotated_types import Ge
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import clip, derivative, field_demand, integral, lag, lag_rate, pi_rate
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 from . import dc, shared
 from .dc import automatic, output

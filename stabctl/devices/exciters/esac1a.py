@@ -18,8 +18,8 @@ import numpy as np
 from annotated_types import Ge
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import clip, lag
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 from . import shared
 from .ac import State, demand, guess, load, output, rates

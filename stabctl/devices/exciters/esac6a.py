@@ -18,8 +18,8 @@ import numpy as np
 from annotated_types import Ge
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import at_least, at_most, clip, lag, lag_rate, lead_lag
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 from . import shared
 from .ac import load, output

@@ -15,7 +15,7 @@ import numpy as np
 from annotated_types import Ge
 
 from stabctl._util.jit import inline
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
+from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 from . import dc, shared
 from .dc import State, automatic, output, rates

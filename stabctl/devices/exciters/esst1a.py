@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import SHORT, at_least, at_most, clip, derivative, lag, lag_rate, lead_lag
-from stabctl.schema import NOT_NEGATIVE, POSITIVE
 
 from .shared import LoadedInput as Input
 from .shared import Output

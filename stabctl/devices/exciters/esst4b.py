@@ -12,8 +12,8 @@ Source: IEEE Std 421.5, type ST4B; PSS/E Model Library, ESST4B.
 from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import at_most, clip, compound, integral, lag, lag_rate, pi, pi_rate, rectified
-from stabctl.schema import NOT_NEGATIVE, POSITIVE
 
 from .shared import CompoundInput as Input
 from .shared import Output

@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import (
     SHORT,
     clip,
@@ -28,7 +29,6 @@ from stabctl.devices.blocks import (
     pi_rate,
     rectified,
 )
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 from . import shared
 from .shared import CompoundInput as Input

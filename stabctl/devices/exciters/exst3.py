@@ -14,9 +14,9 @@ from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import SHORT, clip, compound, lag, lag_rate, lead_lag, rectified
 from stabctl.devices.ports import PORT, SUM
-from stabctl.schema import NOT_NEGATIVE, POSITIVE
 
 from .shared import Output
 

@@ -17,8 +17,8 @@ from typing import Annotated, NamedTuple
 from annotated_types import Ge
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import clip, derivative, field_demand, lag, lag_rate
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 from . import dc, shared
 from .dc import automatic, output

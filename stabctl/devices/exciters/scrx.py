@@ -12,8 +12,8 @@ from typing import Annotated, NamedTuple
 from annotated_types import Interval
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import clip, crowbar, lag, lag_rate, lead_lag
-from stabctl.schema import NOT_NEGATIVE, POSITIVE
 
 from .shared import LoadedInput as Input
 from .shared import Output

@@ -10,8 +10,8 @@ also the SEXS of PSS/E, whose TA, TB, K, TE are TC, TB, KA, TA here.
 from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import clip, lag, lag_rate, lead_lag
-from stabctl.schema import NOT_NEGATIVE, POSITIVE
 
 from .shared import Input, Output
 

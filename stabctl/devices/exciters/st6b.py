@@ -15,8 +15,8 @@ from typing import Annotated, NamedTuple
 from annotated_types import Ge
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import NOT_NEGATIVE
 from stabctl.devices.blocks import at_least, clip, derivative, integral, lag, lag_rate, low_value, pi, pi_rate
-from stabctl.schema import NOT_NEGATIVE
 
 from .shared import LoadedInput as Input
 from .shared import Output

@@ -17,6 +17,7 @@ from typing import Annotated, Any, NamedTuple
 from annotated_types import Interval
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import (
     at_most,
     clip,
@@ -29,7 +30,6 @@ from stabctl.devices.blocks import (
     pi_rate,
     rectified,
 )
-from stabctl.schema import NOT_NEGATIVE, POSITIVE
 
 from .shared import CompoundInput as Input
 from .shared import Output

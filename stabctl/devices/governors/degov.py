@@ -11,8 +11,8 @@ Source: PSS/E Model Library, DEGOV.
 from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import clip, delay2, delay2_rates, second_order, second_order_rates
-from stabctl.schema import NOT_NEGATIVE, POSITIVE
 
 from .shared import Output
 

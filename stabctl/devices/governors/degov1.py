@@ -12,8 +12,8 @@ from typing import Annotated, NamedTuple
 from annotated_types import Interval
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import clip, lag, lag_rate, second_order_rates
-from stabctl.schema import NOT_NEGATIVE, POSITIVE
 
 from .degov import actuator, delay_rates, delayed
 from .shared import Metered as Input

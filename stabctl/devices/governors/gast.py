@@ -13,8 +13,8 @@ from typing import Annotated, NamedTuple
 from annotated_types import Ge
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import clip, lag, lag_rate, low_value
-from stabctl.schema import NOT_NEGATIVE, POSITIVE
 
 from .shared import Input, Output
 

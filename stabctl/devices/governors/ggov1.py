@@ -22,6 +22,7 @@ import numpy as np
 from annotated_types import Ge, Interval
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import (
     clip,
     deadband,
@@ -36,7 +37,6 @@ from stabctl.devices.blocks import (
     power,
     rate_limit,
 )
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 from .shared import Metered as Input
 from .shared import Output

@@ -10,8 +10,8 @@ Source: PSS/E Model Library, IEESGO; IEEE Committee Report, IEEE Trans. PAS-92 (
 from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import NOT_NEGATIVE
 from stabctl.devices.blocks import clip, lag, lag_rate, lead_lag
-from stabctl.schema import NOT_NEGATIVE
 
 from .shared import Input, Output
 

@@ -17,8 +17,8 @@ import numpy as np
 from annotated_types import Ge, Interval
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE
 from stabctl.devices.blocks import clip, lag, lag_rate, lead_lag, polyline, washout
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE
 
 from .shared import Metered as Input
 from .shared import Output, ascending, opening

@@ -11,8 +11,8 @@ Source: J. Chow, K. Cheung, IEEE Trans. Power Syst. 7 (1992), turbine governor o
 from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import NOT_NEGATIVE
 from stabctl.devices.blocks import clip, lag, lag_rate, lead_lag
-from stabctl.schema import NOT_NEGATIVE
 
 from .shared import Input, Output
 

@@ -21,10 +21,10 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from annotated_types import Interval
 
+from stabctl._util.errors import EquilibriumError
 from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import power
-from stabctl.errors import EquilibriumError
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 NAME = "CIM"
 ROLE = "load"

@@ -9,8 +9,8 @@ Source: Kundur, Power System Stability and Control, section 7.1.1, eq. (7.1); ty
 from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE
 from stabctl.devices.blocks import at_least, magnitude
-from stabctl.schema import FROM_CASE
 
 NAME = "exponential load"
 ROLE = "load"

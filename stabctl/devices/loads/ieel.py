@@ -15,8 +15,8 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE
 from stabctl.devices.blocks import angle, at_least, magnitude, power
-from stabctl.schema import FROM_CASE
 
 NAME = "IEEL"
 ROLE = "load"

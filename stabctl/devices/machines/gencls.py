@@ -15,8 +15,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import circuit_rate, magnitude
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 from .stator import Input, Output
 

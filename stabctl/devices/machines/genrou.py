@@ -22,8 +22,8 @@ import numpy as np
 from annotated_types import Ge, Interval
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import circuit_rate, magnitude, quadratic
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 from .stator import Input, Internal, Output, admittance, along, mistakes, points, source, stator
 

@@ -19,8 +19,8 @@ import numpy as np
 from annotated_types import Ge
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import at_least, circuit_rate, magnitude
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
 from .stator import Input, Internal, Output, mean, mistakes, norton, points, rest, solved, terminal
 

@@ -12,8 +12,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE
 from stabctl.devices.blocks import angle
-from stabctl.schema import FROM_CASE
 
 NAME = "bus frequency"
 ROLE = "sensor"

@@ -7,7 +7,7 @@ f -> (+) -> [1/T] -> rate        rate = s f / (1 + sT), in Hz/s
 from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
-from stabctl.schema import FROM_CASE
+from stabctl._util.schema import FROM_CASE
 
 NAME = "rocof"
 ROLE = "sensor"

@@ -14,8 +14,8 @@ from typing import Annotated, NamedTuple
 from annotated_types import Interval
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import NOT_NEGATIVE
 from stabctl.devices.blocks import SHORT, clip, lag_rate, lead_lag, second_order, second_order_rates, while_within
-from stabctl.schema import NOT_NEGATIVE
 
 from .signals import Input, Output, measured, supported
 

@@ -10,8 +10,8 @@ PSS/E Model Library, STAB1.
 from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import NOT_NEGATIVE
 from stabctl.devices.blocks import SHORT, clip, lag_rate, lead_lag
-from stabctl.schema import NOT_NEGATIVE
 
 NAME = "PSS"
 ROLE = "stabilizer"

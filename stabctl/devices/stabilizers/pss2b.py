@@ -16,8 +16,8 @@ from typing import Annotated, Any, NamedTuple
 from annotated_types import Interval
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import NOT_NEGATIVE
 from stabctl.devices.blocks import clip, lag, lag_rate, lead_lag, washout
-from stabctl.schema import NOT_NEGATIVE
 
 from .signals import Input, Output, measured, supported
 

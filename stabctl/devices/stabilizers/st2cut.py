@@ -13,8 +13,8 @@ from typing import Annotated, Any, NamedTuple
 from annotated_types import Interval
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE
 from stabctl.devices.blocks import clip, derivative, lag, lag_rate, lead_lag, while_within
-from stabctl.schema import FROM_CASE, NOT_NEGATIVE
 
 from .signals import Input, Output, measured, supported
 

@@ -11,8 +11,8 @@ from typing import Annotated, NamedTuple
 from annotated_types import Ge
 
 from stabctl._util.jit import inline
+from stabctl._util.schema import NOT_NEGATIVE
 from stabctl.devices.blocks import clip, lag, lag_rate, washout
-from stabctl.schema import NOT_NEGATIVE
 
 from .signals import Output
 

@@ -7,10 +7,10 @@ from typing import Annotated, Any, NamedTuple, get_type_hints
 
 import numpy as np
 
+from stabctl._util.errors import StudyError, shown
+from stabctl._util.schema import fields
 from stabctl._util.validation import Invalid, checked
 from stabctl.devices.ports import fixed
-from stabctl.errors import StudyError, shown
-from stabctl.schema import fields
 
 _SETTING = re.compile(r"([A-Za-z][A-Za-z0-9_]*)\s*=\s*([^\s,;=]+)")
 

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from matpowercaseframes import reader
 from matpowercaseframes.constants import COLUMNS
 
-from stabctl.errors import CaseError, shown
+from stabctl._util.errors import CaseError, shown
 
 from ..lexer import Place, lines
 

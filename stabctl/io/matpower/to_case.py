@@ -5,11 +5,11 @@ from collections import Counter, defaultdict
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from stabctl.errors import CaseError, StudyError, shown
+from stabctl._util.errors import CaseError, StudyError, shown
+from stabctl._util.units import quantity
 from stabctl.model.case import Case
 from stabctl.model.tables import Branch, Bus, Load, Machine
 from stabctl.model.typical import POWER_FACTOR, Kind, Known, with_typical_machines
-from stabctl.units import quantity
 
 from ..lexer import Place
 from ..psse.dyr import Unsupported

@@ -13,11 +13,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+from stabctl._util.errors import CaseError
+from stabctl._util.schema import fields
 from stabctl.devices.blocks.lags import SHORT
-from stabctl.errors import CaseError
 from stabctl.model import naming, tables
 from stabctl.model.tables import Load
-from stabctl.schema import fields
 
 from ..lexer import NUMBER, Place, lines, number, split, whole
 from ..table_builder import NO_IMPEDANCE

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+from stabctl._util.errors import CaseError, StudyError, shown
 from stabctl._util.wording import named
-from stabctl.errors import CaseError, StudyError, shown
 from stabctl.model import naming, tables
 from stabctl.model.case import Case
 from stabctl.model.tables import Load, Machine

@@ -21,7 +21,6 @@ NOT_NEGATIVE = Ge(0)
 SHARE = Interval(ge=0, le=1)
 RATIO = Interval(ge=0.01, le=100)
 FROM_CASE = "filled from the case, not a column"
-
 _SUFFIX = {"-": "", "MW/s": "_mw_per_s", "pu/s": "_pu_per_s"}
 _NOUNS: dict[type, str] = {int: "a whole number", float: "a number", str: "text"}
 _WORDS = {"ge": "of at least {:g}", "gt": "above {:g}", "le": "of at most {:g}", "lt": "below {:g}"}

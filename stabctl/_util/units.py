@@ -40,7 +40,6 @@ ANGLE = Kind("angle", "120deg or 3.5rad", {"rad": 1, "mrad": 1e3, "deg": 180 / m
 CHANGE = Kind("rate of frequency", "2Hz/s or 500mHz/s", {"Hz/s": 1, "mHz/s": 1e3})
 NUMBER = Kind("number", "0.05 or 5%", {"-": 1, "%": 100})
 KINDS = (TIME, FREQUENCY, POWER, REACTIVE, APPARENT, ENERGY, RAMP, VOLTAGE, ANGLE, CHANGE, NUMBER)
-
 LOWEST, HIGHEST = 1e-6, 1e6  # Hz   of a band
 _CYCLES = ("cyc", "cycles")
 _SIZE = ("storage size", "50MW, 5%mva or 5%dispatch")
