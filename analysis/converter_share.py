@@ -9,9 +9,9 @@ import numpy as np
 import stabctl as st
 from reproduction.study import Picture, Study, Table, draw, present
 from stabctl._util.errors import EquilibriumError
-from stabctl.plotting import style
-from stabctl.plotting.palette import COLORS, GRAY
 from stabctl.smallsignal import Modes
+from stabctl.view.figures import style
+from stabctl.view.figures.palette import COLORS, GRAY
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import stabctl as st
 from reproduction.study import Study, Table, present
-from stabctl.report import modes_page
-from stabctl.report.modes_page import number
 from stabctl.smallsignal import Modes, areas
+from stabctl.view.pages import modes_page
+from stabctl.view.pages.modes_page import number
 
 BAND = 0.1, 2.5  # Hz
 HEADS = (

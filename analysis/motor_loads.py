@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import stabctl as st
 from reproduction.study import Picture, Study, Table, draw, present
-from stabctl.plotting import style
-from stabctl.plotting.palette import COLORS
+from stabctl.view.figures import style
+from stabctl.view.figures.palette import COLORS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

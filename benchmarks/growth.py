@@ -23,10 +23,10 @@ from stabctl.dynamics import operating_point
 from stabctl.model import powerflow
 from stabctl.model.case import Case
 from stabctl.model.replicate import replicate
-from stabctl.plotting import style
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import Simulation
 from stabctl.smallsignal import analyze, descriptor
+from stabctl.view.figures import style
 
 COPIES = (1, 3, 10, 30, 100, 300, 820)
 LARGE = 100  # copies, beyond which no modes are calculated

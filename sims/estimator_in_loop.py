@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import stabctl as st
 from reproduction.study import Study, Table, draw, present
-from stabctl.plotting import estimates
+from stabctl.view.figures import estimates
 
 CONTROL, ESTIMATORS, SEEDS = st.EstimatorControl(), ("frequency", "kinematic", "kalman"), range(1, 6)
 HEADS = (

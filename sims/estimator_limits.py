@@ -5,7 +5,7 @@ from pathlib import Path
 
 import stabctl as st
 from reproduction.study import Study, draw, present
-from stabctl.plotting import clearing
+from stabctl.view.figures import clearing
 
 FULL = True
 SYSTEMS = {

@@ -4,9 +4,9 @@ from pathlib import Path
 
 from reproduction import paper
 from reproduction.study import Study, Table, draw, present
-from stabctl.plotting import one_machine
 from stabctl.theory.feedback_laws import FeedbackResponse, compare
 from stabctl.theory.omib import OMIB
+from stabctl.view.figures import one_machine
 
 TEXT = "The 15-cycle fault of section 2, with a device that absorbs P_C after clearing, according to one of four laws."
 HEADS = "law", "angle (rad)", "speed (rad/s)", "damping ratio"

@@ -6,10 +6,10 @@ from pathlib import Path
 from reproduction import paper
 from reproduction.comparison import Comparison
 from reproduction.study import Picture, Study, Table, draw, present
-from stabctl.plotting import one_machine
 from stabctl.theory.convex_program import by_convex_program
 from stabctl.theory.minimum_time import MinimumTime, MinimumTimeProblem, by_collocation, by_shooting
 from stabctl.theory.two_machine import Equivalent
+from stabctl.view.figures import one_machine
 
 POWERS = 0.0, 0.1, 0.2, 0.3, 0.4, 0.5  # pu
 HEADS = "P_C (pu)", "critical clearing time (s)", "(cycles)"

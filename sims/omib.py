@@ -7,11 +7,11 @@ from pathlib import Path
 from reproduction import paper
 from reproduction.comparison import Comparison
 from reproduction.study import Picture, Study, draw, present
-from stabctl.plotting import one_machine
-from stabctl.plotting import one_machine as areas
 from stabctl.theory.equal_area import EqualArea, critical_clearing, equal_area, simulated_critical_time
 from stabctl.theory.omib import OMIB, during_fault, swing_curve, table1
 from stabctl.theory.phase_plane import PhasePortrait, portrait
+from stabctl.view.figures import one_machine
+from stabctl.view.figures import one_machine as areas
 
 REACTANCE = "The printed angle and speeds need 0.95 pu: the lines and 0.20 pu more, which the text does not mention."
 SPEED = "Ours is the closed form, speed wb Pm t/(2H). The paper's speeds are 0.14 % lower, its angles accordingly."

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 import stabctl as st
 from reproduction.study import Picture, Study, Table, draw, present
-from stabctl.plotting import clearing
+from stabctl.view.figures import clearing
 
 FULL = True
 PERCENT = 5, 10, 15, 20, 25, 30

@@ -9,7 +9,7 @@ import stabctl as st
 from reproduction import paper
 from reproduction.comparison import Comparison
 from reproduction.study import Picture, Study, Table, draw, present
-from stabctl.plotting import clearing, trajectory
+from stabctl.view.figures import clearing, trajectory
 
 LINE, LOCATION, CYCLES = "7-8", 0.4, paper.CASE_1_CYCLES
 LOCATIONS = 0.0, 0.1, 0.2, 0.25, 0.3, 0.35, 0.4, 0.42, 0.45, 0.5  # fraction from bus 7

@@ -10,7 +10,7 @@ import stabctl as st
 from reproduction import paper
 from reproduction.comparison import Comparison
 from reproduction.study import Study, draw, present
-from stabctl.plotting import trajectory
+from stabctl.view.figures import trajectory
 
 FAULT = st.Contingency("83", clear=f"{paper.CASE_2_CYCLES}cyc", trip="83-33")
 SHOWN = 1, 8, 13, 14, 16, 27, 34  # machines

@@ -5,7 +5,7 @@ from pathlib import Path
 import stabctl as st
 from reproduction import paper
 from reproduction.study import Study, Table, draw, present
-from stabctl.plotting import clearing
+from stabctl.view.figures import clearing
 
 FAULT = st.Contingency("83", trip="83-33")
 RESOLUTIONS = {"whole cycles": "1cyc", "1/8 cycle": "0.125cyc"}

@@ -14,11 +14,11 @@ from stabctl.controllers import BangBang
 from stabctl.design.law_measurement import duty
 from stabctl.dynamics import outputs, signals
 from stabctl.dynamics.signals import OUTPUTS
-from stabctl.live import answers, page
-from stabctl.live.commands import Source
-from stabctl.live.state import Points, State
 from stabctl.model import naming, powerflow
 from stabctl.theory.two_machine import equivalent, reduced_network
+from stabctl.view.live import answers, page
+from stabctl.view.live.commands import Source
+from stabctl.view.live.state import Points, State
 
 CASE = uneven()
 ROW = {b.bus: i for i, b in enumerate(CASE.buses)}

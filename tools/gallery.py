@@ -14,7 +14,7 @@ def draw(script: Path, folder: Path) -> Path:
     """The picture of one script in a folder."""
     import matplotlib.pyplot as plt
 
-    from stabctl.plotting import style
+    from stabctl.view.figures import style
 
     plt.close("all")
     runpy.run_path(str(script), run_name="__main__")

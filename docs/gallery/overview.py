@@ -1,7 +1,7 @@
 """Speeds, angles, voltages and powers of one run."""
 
 import stabctl as st
-from stabctl.plotting import trajectory
+from stabctl.view.figures import trajectory
 
 base = st.load("two_area").initialize(storage="50MW")
 run = base.simulate(st.Contingency("7-8@0.4", clear="21cyc"), control=st.BangBang())

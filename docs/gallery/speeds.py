@@ -1,7 +1,7 @@
 """Speeds after a fault, without and with storage at every machine."""
 
 import stabctl as st
-from stabctl.plotting import style
+from stabctl.view.figures import style
 
 base = st.load("two_area").initialize()
 fault = st.Contingency("7-8@0.4", clear="21cyc")

@@ -75,7 +75,7 @@ class Tabular:
         path = files.path_of(path)
         ending, plot = path.suffix.lower(), getattr(self, "plot", None)
         if ending in IMAGES and plot:
-            return import_module("stabctl.plotting.style").save(plot(), path)
+            return import_module("stabctl.view.figures.style").save(plot(), path)
         if ending != ".csv":
             allowed = ", ".join((".csv", *IMAGES)) if plot else ".csv"
             raise StudyError(f"The file {path.name!r} must end in {allowed}.")

@@ -60,7 +60,7 @@ class ClearingTime:
     runs: tuple[Run, ...]
     wall_s: float
 
-    plot = verb("stabctl.plotting.clearing:plot_clearing_time")
+    plot = verb("stabctl.view.figures.clearing:plot_clearing_time")
 
     @property
     def fault(self) -> str:

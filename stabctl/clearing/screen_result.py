@@ -69,8 +69,8 @@ class Screen:
     simulations: int
     wall_s: float
 
-    plot = verb("stabctl.plotting.clearing:plot_screen")
-    report = verb("stabctl.report.screen_page:write")
+    plot = verb("stabctl.view.figures.clearing:plot_screen")
+    report = verb("stabctl.view.pages.screen_page:write")
 
     def below(self, longest: str | float) -> "Screen":
         """The pairs with a shorter clearing time, and those that are always unstable.

@@ -165,7 +165,7 @@ def _faults(
 def _show(found: "LawDesign") -> None:
     from rich.table import Table
 
-    from stabctl.plotting.storage_control import named
+    from stabctl.view.figures.storage_control import named
 
     heads = ("fault", "none", "paper's law", "designed", "gain", "kWh", "switchings", "COI, Hz", "machines")
     table = Table(*heads, title="Critical clearing times, cycles", title_justify="left")

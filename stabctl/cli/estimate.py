@@ -73,7 +73,7 @@ def estimate(
         record=False,
     )
     if plot:
-        from stabctl.plotting import estimates, style
+        from stabctl.view.figures import estimates, style
 
         style.save(estimates.plot(found), plot)
     _show(found, found.accuracy, as_json, plot)

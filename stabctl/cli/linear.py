@@ -76,10 +76,10 @@ def modes(
     """Compute the modes at the operating point of a case: frequency, damping, mode shapes and coherent areas."""
     from stabctl._util import units
     from stabctl._util.errors import StudyError
-    from stabctl.report import modes_page
     from stabctl.smallsignal import analyze, areas, descriptor, linearize, opened
     from stabctl.smallsignal.analysis import LARGE
     from stabctl.smallsignal.closed_loop import closed_loop
+    from stabctl.view.pages import modes_page
 
     shared.folder(report)
     units.band(band)
@@ -107,7 +107,7 @@ def modes(
 
 
 def _show(found: "Modes", band: tuple[float, float], groups: "Areas | None") -> None:
-    from stabctl.report import modes_page
+    from stabctl.view.pages import modes_page
 
     out = shared.console()
     out.print(modes_page.table(found, found.within(*band)))
@@ -156,7 +156,7 @@ def weak_grid(
         x_over_r=x_over_r,
     )
     if plot:
-        from stabctl.plotting import style
+        from stabctl.view.figures import style
 
         style.save(found.plot().figure, plot)
     rows = found.df.astype(object).where(found.df.notna(), None).to_dict("records")

@@ -9,7 +9,7 @@ from . import groups, shared
 from .shared import grouped
 
 if TYPE_CHECKING:
-    from stabctl.live.commands import Source
+    from stabctl.view.live.commands import Source
 
 Port = Annotated[int, typer.Option("--port", min=0, max=65535, help="Port of the page (0: any free port).")]
 Browser = Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the default browser.")]
@@ -19,7 +19,7 @@ READ = "dyr", "loads", "machines", "frequency", "missing", "missing_controls"  #
 @grouped
 def live(*, port: Port = 0, browser: Browser = True, case: groups.CaseOptions) -> None:
     """Open a page that simulates while you move the fault, its clearing time, the storage and its control."""
-    from stabctl.live.serve import serve
+    from stabctl.view.live.serve import serve
 
     def said(address: str) -> None:
         shared.console().print(f"{address}\nCtrl-C ends it.", soft_wrap=True)
@@ -29,7 +29,7 @@ def live(*, port: Port = 0, browser: Browser = True, case: groups.CaseOptions) -
 
 def source(case: groups.CaseOptions) -> "Source":
     """How the case is loaded, for the lines that the page gives to copy."""
-    from stabctl.live.commands import Source
+    from stabctl.view.live.commands import Source
 
     default = groups.CaseOptions(case.case)
     given = {name: getattr(case, name) for name in READ if getattr(case, name) != getattr(default, name)}

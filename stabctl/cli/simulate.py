@@ -101,7 +101,7 @@ def simulate(
     if out:
         result.save(out, angle_reference=angle_reference)
     if plot:
-        from stabctl.plotting import style, trajectory
+        from stabctl.view.figures import style, trajectory
 
         style.save(trajectory.overview(result), plot)
     _show(result, as_json, [p for p in (out, plot) if p])

@@ -40,7 +40,7 @@ def table1_command(
     m, lengths = OMIB(H, Pm, X), tuple(cycles or (6.0, 12.0, 15.0))
     rows = table1(m, lengths)
     if plot:
-        from stabctl.plotting import style
+        from stabctl.view.figures import style
 
         style.save(portrait(m, lengths).plot(), plot)
     if as_json:
@@ -69,7 +69,7 @@ def equal_area_command(
     found = critical_clearing(m, Pc)
     area = equal_area(m, found.angle if cycles is None else during_fault(m, m.seconds(cycles))[0], Pc)
     if plot:
-        from stabctl.plotting import style
+        from stabctl.view.figures import style
 
         style.save(area.plot(), plot)
     if as_json:
@@ -106,7 +106,7 @@ def feedback_command(
     file(plot, ".png", ".svg", ".pdf")
     found = compare(OMIB(H, Pm, X), cycles, paper_laws(Kv, Ka, Ka_size))
     if plot:
-        from stabctl.plotting import style
+        from stabctl.view.figures import style
 
         style.save(found.plot(), plot)
     if as_json:
@@ -158,7 +158,7 @@ def minimum_time_command(
     problem = Equivalent(H1, HCOI, X=X, Pm1=Pm).minimum_time_problem(cycles, -Pc if Pc_min is None else Pc_min, Pc)
     found = by_shooting(problem)
     if plot:
-        from stabctl.plotting import style
+        from stabctl.view.figures import style
 
         style.save(found.plot(), plot)
     if as_json:

@@ -203,8 +203,8 @@ class LawDesign:
     wall_s: float
     no_limit_cycle: bool
 
-    plot = verb("stabctl.plotting.storage_control:plot_law_design")
-    report = verb("stabctl.report.law_page:write")
+    plot = verb("stabctl.view.figures.storage_control:plot_law_design")
+    report = verb("stabctl.view.pages.law_page:write")
 
     @property
     def training(self) -> tuple[Judged, ...]:

@@ -93,7 +93,7 @@ class Optimum(Tabular):
     simulations: int
     wall_s: float
 
-    plot = verb("stabctl.plotting.storage_control:plot_optimum")
+    plot = verb("stabctl.view.figures.storage_control:plot_optimum")
 
     @property
     def time(self) -> np.ndarray:

@@ -57,7 +57,7 @@ class Pairs(Tabular):
     weights: np.ndarray
     scores: np.ndarray
 
-    plot = verb("stabctl.plotting.design:plot_pairs")
+    plot = verb("stabctl.view.figures.design:plot_pairs")
 
     @property
     def best(self) -> tuple[str, str]:

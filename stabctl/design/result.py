@@ -58,8 +58,8 @@ class Design:
     remarks: tuple[str, ...] = ()
     replaced: tuple[Modes, ...] = ()
 
-    plot = verb("stabctl.plotting.design:plot_design")
-    report = verb("stabctl.report.design_page:write")
+    plot = verb("stabctl.view.figures.design:plot_design")
+    report = verb("stabctl.view.pages.design_page:write")
 
     @classmethod
     def of(

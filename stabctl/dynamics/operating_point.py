@@ -72,8 +72,8 @@ class OperatingPoint:
     power_flow = verb("stabctl.model.powerflow:solve")
     short_circuit = verb("stabctl.model.short_circuit:short_circuit")
     short_circuit_ratio = verb("stabctl.model.short_circuit:short_circuit_ratio")
-    one_line = verb("stabctl.diagram:one_line")
-    plot = verb("stabctl.plotting.one_line:plot")
+    one_line = verb("stabctl.view.diagram:one_line")
+    plot = verb("stabctl.view.figures.one_line:plot")
 
     @property
     def layout(self) -> Layout:

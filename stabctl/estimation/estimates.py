@@ -107,7 +107,7 @@ class Estimates(Tabular):
     alarms: tuple[Alarm, ...] = ()
     frames: tuple[Frame, ...] = ()
 
-    plot = verb("stabctl.plotting.estimates:plot")
+    plot = verb("stabctl.view.figures.estimates:plot")
     fit = verb("stabctl.estimation.fit:fit")
 
     @property

@@ -108,8 +108,8 @@ class Case(Tables):
     place = verb("stabctl.placement.place:place")
     short_circuit = verb("stabctl.model.short_circuit:short_circuit")
     short_circuit_ratio = verb("stabctl.model.short_circuit:short_circuit_ratio")
-    one_line = verb("stabctl.diagram:one_line")
-    plot = verb("stabctl.plotting.one_line:plot")
+    one_line = verb("stabctl.view.diagram:one_line")
+    plot = verb("stabctl.view.figures.one_line:plot")
 
     def __str__(self) -> str:
         shape = f"{len(self.machines)} machines, {len(self.buses)} buses, {len(self.branches)} branches"

@@ -87,8 +87,8 @@ class Siting(Tabular):
     targets: str = ""
     tolerance: float | None = None
 
-    plot = verb("stabctl.plotting.siting:plot")
-    report = verb("stabctl.report.siting_page:write")
+    plot = verb("stabctl.view.figures.siting:plot")
+    report = verb("stabctl.view.pages.siting_page:write")
 
     @property
     def total_mw(self) -> float:

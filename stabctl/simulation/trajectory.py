@@ -156,7 +156,7 @@ class Trajectory:
     steps: int
     wall_s: float
 
-    plot = verb("stabctl.plotting.trajectory:plot")
+    plot = verb("stabctl.view.figures.trajectory:plot")
 
     @cached_property
     def arrays(self) -> Arrays:

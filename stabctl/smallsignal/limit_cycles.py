@@ -131,7 +131,7 @@ class LimitCycles(Tabular):
     cycles: tuple[LimitCycle, ...]
     curves: tuple[Nyquist, ...]
 
-    plot = verb("stabctl.plotting.limit_cycles:plot")
+    plot = verb("stabctl.view.figures.limit_cycles:plot")
 
     @property
     def df(self) -> "pd.DataFrame":

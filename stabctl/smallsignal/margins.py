@@ -150,7 +150,7 @@ class Margins(Tabular):
     hz: np.ndarray = field(default_factory=lambda: np.empty(0), compare=False)
     gain: np.ndarray = field(default_factory=lambda: np.empty((0, 0), complex), compare=False)
 
-    plot = verb("stabctl.plotting.bode:plot_margins")
+    plot = verb("stabctl.view.figures.bode:plot_margins")
 
     @property
     def df(self) -> "pd.DataFrame":

@@ -52,7 +52,7 @@ class Model:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
 
-    plot = verb("stabctl.plotting.bode:plot_frequency_response")
+    plot = verb("stabctl.view.figures.bode:plot_frequency_response")
 
     def to_control(self) -> "control.StateSpace":
         """The model as a python-control system with the same labels.

@@ -67,7 +67,7 @@ class Mode:
     participation: tuple[Share, ...]  # the ten largest
     shape: tuple[Part, ...]
 
-    plot = verb("stabctl.plotting.modes:plot_mode_shape")
+    plot = verb("stabctl.view.figures.modes:plot_mode_shape")
 
     @property
     def frequency_hz(self) -> float:
@@ -97,7 +97,7 @@ class Modes:
     left: np.ndarray  # (states, modes) W
     band: tuple[float, float] | None = None  # Hz   of the table; None: all modes
 
-    plot = verb("stabctl.plotting.modes:plot_modes")
+    plot = verb("stabctl.view.figures.modes:plot_modes")
 
     def __len__(self) -> int:
         return len(self.eigenvalues)

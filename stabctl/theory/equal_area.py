@@ -57,7 +57,7 @@ class EqualArea(Tabular):
     Pe_fault: NDArray[np.float64]  # pu
     Pe: NDArray[np.float64]  # pu, after clearing
 
-    plot = verb("stabctl.plotting.one_machine:plot_equal_area")
+    plot = verb("stabctl.view.figures.one_machine:plot_equal_area")
 
     @property
     def df(self) -> "pd.DataFrame":

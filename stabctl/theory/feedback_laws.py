@@ -71,7 +71,7 @@ class FeedbackComparison(Tabular):
     separatrix: Separatrix
     responses: tuple[FeedbackResponse, ...]
 
-    plot = verb("stabctl.plotting.one_machine:feedback")
+    plot = verb("stabctl.view.figures.one_machine:feedback")
 
     @property
     def df(self) -> "pd.DataFrame":

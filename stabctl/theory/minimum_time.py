@@ -104,7 +104,7 @@ class MinimumTime(Tabular):
     Pc: Array  # pu
     hamiltonian: Array  # (32)
 
-    plot = verb("stabctl.plotting.one_machine:plot")
+    plot = verb("stabctl.view.figures.one_machine:plot")
 
     @property
     def df(self) -> "pd.DataFrame":

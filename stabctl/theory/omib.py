@@ -188,7 +188,7 @@ class SwingCurve(Tabular):
     lost: float  # s   when an unstable equilibrium is passed, in either direction; inf if never
     rests: tuple[tuple[float, float], ...]  # (s, rad) at which the speed is zero after clearing
 
-    plot = verb("stabctl.plotting.one_machine:plot_swing_curve")
+    plot = verb("stabctl.view.figures.one_machine:plot_swing_curve")
 
     @property
     def df(self) -> "pd.DataFrame":

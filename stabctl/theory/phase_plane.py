@@ -45,7 +45,7 @@ class PhasePortrait(Tabular):
     cleared: tuple[ClearingState, ...]
     curves: tuple[SwingCurve, ...]
 
-    plot = verb("stabctl.plotting.one_machine:plot_phase_plane")
+    plot = verb("stabctl.view.figures.one_machine:plot_phase_plane")
 
     @property
     def df(self) -> "pd.DataFrame":

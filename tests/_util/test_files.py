@@ -13,10 +13,10 @@ import stabctl as st
 from stabctl._util import files, tabular
 from stabctl._util.errors import StudyError, sentence
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.plotting import style
-from stabctl.report import modes_page
 from stabctl.theory.equal_area import equal_area
 from stabctl.theory.omib import OMIB
+from stabctl.view.figures import style
+from stabctl.view.pages import modes_page
 
 
 def test_a_full_disk_leaves_the_old_file_and_a_sentence_says_so(

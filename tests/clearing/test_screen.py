@@ -16,11 +16,11 @@ from stabctl.clearing.trial import Margin, Scan
 from stabctl.controllers import BangBang
 from stabctl.design.law import spread
 from stabctl.dynamics import operating_point
-from stabctl.live import answers
-from stabctl.live.state import Points, State
 from stabctl.model.fleet import everywhere
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.outcome import Kind
+from stabctl.view.live import answers
+from stabctl.view.live.state import Points, State
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 HALF = Scan(4, 1)  # one fault half a cycle shorter, on a grid of an eighth

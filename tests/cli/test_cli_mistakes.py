@@ -105,7 +105,7 @@ def test_a_report_folder_that_is_a_file_is_told_before_the_work(stabctl, tmp_pat
     ("words", "writes"),
     [
         (("screen", "two_area", "--classical", "--below", "8cyc", "--out", "x.csv"), "stabctl.clearing.Screen.save"),
-        (("modes", "two_area", "--report", "."), "stabctl.report.modes_page.write"),
+        (("modes", "two_area", "--report", "."), "stabctl.view.pages.modes_page.write"),
     ],
 )
 def test_what_was_found_is_printed_though_it_cannot_be_written(stabctl, tmp_path, monkeypatch, words, writes):

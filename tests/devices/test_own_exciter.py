@@ -26,7 +26,7 @@ def as_own(case):
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
     """SEXS under another name, as a user would write it."""
-    text = Path(sexs.file).read_text().replace("from .signals", "from stabctl.devices.exciters.shared")
+    text = Path(sexs.file).read_text().replace("from .shared", "from stabctl.devices.exciters.shared")
     path = tmp_path_factory.mktemp("mine") / "my_exciter.py"
     path.write_text(text.replace('NAME = "SEXS"', 'NAME = "MINE"'))
     return path

@@ -14,8 +14,8 @@ import pytest
 
 from stabctl import devices
 from stabctl._util import files, jit
-from stabctl.diagram.layout import cached_layout
 from stabctl.dynamics import codegen
+from stabctl.view.diagram.layout import cached_layout
 
 SOURCE = """
 from stabctl._util import jit

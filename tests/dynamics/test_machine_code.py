@@ -33,14 +33,14 @@ def names():
     from stabctl import devices
     from stabctl.controllers import BangBang, Feedback, hold
     from stabctl.devices import of
-    from stabctl.dynamics import adder, evaluate, loop
+    from stabctl.dynamics import adder, codegen, perform
     from stabctl.simulation import stepper, voltages
 
     laws = {"hold": of(hold), "bang_bang": BangBang().device, "feedback": Feedback().device}
     modules = {**devices.every(), **laws, "adder": of(adder)}
-    entries = stepper.advance, voltages.newton_from, evaluate.evaluate
+    entries = stepper.advance, voltages.newton_from, perform.evaluate
     return {
-        name: [loop._module(name, device, scalar).__module__ for scalar in (float, complex)]
+        name: [codegen._module(name, device, scalar).__module__ for scalar in (float, complex)]
         for name, device in modules.items()
     } | {entry.name: entry._stem() for entry in entries}
 
@@ -65,7 +65,6 @@ EDITS = {
     "controllers/signals.py": {"bang_bang", "feedback"},
     "controllers/hold.py": {"hold"},
     "dynamics/adder.py": {"adder"},
-    "dynamics/evaluate.py": {"evaluate"},
     "dynamics/perform.py": ENTRIES,
     "dynamics/call.py": ENTRIES,
     "simulation/stepper.py": {"advance"},
@@ -78,7 +77,7 @@ SHARED = tuple(
     f"devices/{name}.py"
     for name in (
         "machines/stator",
-        "exciters/signals",
+        "exciters/shared",
         "blocks/limits",
         "blocks/lags",
         "blocks/curves",
@@ -131,9 +130,9 @@ def test_an_edit_of_how_loops_are_written_reaches_every_device(changed):
 
 def test_an_edited_device_of_the_user_is_compiled_anew(tmp_path):
     """Registered a second time, in the same process, and with a file beside it that has changed."""
-    source = (PACKAGE / "devices" / "exciters" / "sexs.py").read_text().replace("from .signals", "from my_signals")
-    assert "from my_signals" in source
-    (tmp_path / "my_signals.py").write_text((PACKAGE / "devices" / "exciters" / "signals.py").read_text())
+    source = (PACKAGE / "devices" / "exciters" / "sexs.py").read_text().replace("from .shared", "from my_shared")
+    assert "from my_shared" in source
+    (tmp_path / "my_shared.py").write_text((PACKAGE / "devices" / "exciters" / "shared.py").read_text())
     path, found = tmp_path / "my_exciter.py", []
     sys.path.insert(0, str(tmp_path))
     try:
@@ -147,8 +146,8 @@ def test_an_edited_device_of_the_user_is_compiled_anew(tmp_path):
         assert found == pytest.approx([1.0, 2.0])
         with registered(path) as (device,):
             before = jit.sources(device.module)
-        sys.modules.pop("my_signals")
-        (tmp_path / "my_signals.py").write_text((tmp_path / "my_signals.py").read_text() + "\n# edited\n")
+        sys.modules.pop("my_shared")
+        (tmp_path / "my_shared.py").write_text((tmp_path / "my_shared.py").read_text() + "\n# edited\n")
         with registered(path) as (device,):
             assert jit.sources(device.module) != before
     finally:

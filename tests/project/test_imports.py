@@ -17,7 +17,7 @@ def test_importing_the_core_imports_nothing_slow():
 
 
 def test_the_interactive_page_is_loaded_by_its_command_only():
-    modules = "starlette", "uvicorn", "anyio", "stabctl.live", "stabctl.diagram"
+    modules = "starlette", "uvicorn", "anyio", "stabctl.view.live", "stabctl.view.diagram"
     assert loaded("import stabctl as st, stabctl.cli; st.load('two_area')", *modules) == "[]"
 
 

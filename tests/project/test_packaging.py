@@ -30,7 +30,7 @@ def installed(tmp_path_factory):
 def test_the_wheel_holds_templates_and_not_the_reproduction(installed):
     (wheel,) = installed.parents[2].glob("*.whl")
     names = zipfile.ZipFile(wheel).namelist()
-    assert {f"stabctl/report/templates/{name}" for name in ("base.html", "modes.html", "style.css")} <= set(names)
+    assert {f"stabctl/view/pages/templates/{name}" for name in ("base.html", "modes.html", "style.css")} <= set(names)
     assert {name.split("/")[0] for name in names if "dist-info" not in name} == {"stabctl"}
     assert not [name for name in names if "reproduction" in name]
 

@@ -7,8 +7,8 @@ from reproduction.comparison import Printed
 from reproduction.page import About, Ran, page
 from reproduction.paper import RESULTS
 from reproduction.study import Picture, Study, Table, draw
-from stabctl.plotting.style import subplots
-from stabctl.report import document
+from stabctl.view.figures.style import subplots
+from stabctl.view.pages import document
 
 ABOUT = About("2026-01-01", "one processor", 12.3, ("sims/long.py",))
 

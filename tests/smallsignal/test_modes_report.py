@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 from stabctl._util.errors import StabctlError
 from stabctl.cli.linear import linearize
 from stabctl.cli.linear import modes as modes_command
-from stabctl.report import modes_page
 from stabctl.smallsignal import areas
+from stabctl.view.pages import modes_page
 
 app = typer.Typer()
 app.command("modes")(modes_command)

@@ -17,7 +17,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tools")]
 
 import models_page  # noqa: E402
 from docs_site import interface, notebooks  # noqa: E402
-from stabctl.plotting.palette import FONTS, LOOK, variables  # noqa: E402
+from stabctl.view.figures.palette import FONTS, LOOK, variables  # noqa: E402
 
 PAGES = {"CHANGELOG.md": "changelog.md", "CONTRIBUTING.md": "contributing.md", "README.md": "index.md"}
 OUTSIDE = re.compile(r"\]\(\.\./([^)#]+)")  # a link to a file of the repository that is not in docs

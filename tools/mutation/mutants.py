@@ -39,7 +39,7 @@ PAIRS = ("min", "max"), ("any", "all"), ("sin", "cos"), ("argmin", "argmax"), ("
 NAMES = {a: b for pair in PAIRS for a, b in (pair, pair[::-1])}
 DROPPED = ast.Expr, ast.AugAssign, ast.Raise, ast.Continue, ast.Break
 TOLERANCE = 1e-5  # numbers below are tolerances: half or twice as much is as good
-FIGURES = "stabctl/plotting/"  # their numbers, unless something is computed from them, are only layout
+FIGURES = "stabctl/view/figures/"  # their numbers, unless something is computed from them, are only layout
 Change = Callable[[], object]
 
 

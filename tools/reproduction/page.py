@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from reproduction.comparison import Comparison, Verdict
 from reproduction.paper import RESULTS
 from reproduction.study import Picture, Study
-from stabctl.report import document
+from stabctl.view.pages import document
 
 MARKS = {Verdict.AS_PRINTED: "=", Verdict.CLOSE: "≈", Verdict.DIFFERS: "≠", Verdict.GIVEN: "·"}
 TYPES = {".png": "image/png", ".svg": "image/svg+xml"}

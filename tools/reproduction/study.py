@@ -16,7 +16,7 @@ import stabctl
 from reproduction.comparison import Comparison, Printed
 from stabctl._util import files
 from stabctl._util.errors import StabctlError, StudyError, sentence
-from stabctl.plotting import style
+from stabctl.view.figures import style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

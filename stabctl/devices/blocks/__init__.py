@@ -6,20 +6,16 @@ functions: its output and the derivative of its state, such as `lag` and `lag_ra
 """
 
 from .curves import (
-    angle,
     compound,
-    copy,
     crowbar,
     field_demand,
     line,
     lookup,
-    magnitude,
     polyline,
     power,
     quadratic,
     rectified,
     regulation,
-    shortened,
     through,
 )
 from .lags import (
@@ -56,6 +52,7 @@ from .limits import (
     two_slopes,
     while_within,
 )
+from .phasors import angle, copy, magnitude, shortened
 
 __all__ = [
     "SHORT",

@@ -1,10 +1,11 @@
-"""Curves and phasors: saturation, tables, rectifiers and the sources of an exciter."""
+"""Curves: saturation, tables, rectifiers and the sources of an exciter."""
 
 import numpy as np
 
 from stabctl._util.jit import inline
 
 from .limits import at_least
+from .phasors import magnitude
 
 
 def through(x1, s1, x2, s2):
@@ -114,36 +115,3 @@ def crowbar(efd, Ifd, ratio):
     if ratio > 0 and Ifd.real < 0:
         return -ratio * Ifd
     return efd
-
-
-# Phasors as pairs of real and imaginary part, and a copy of a vector.
-
-
-@inline
-def copy(source, target):
-    """target[:] = source for vectors (a slice assignment costs seconds of compile time)."""
-    for k in range(len(target)):
-        target[k] = source[k]
-
-
-@inline
-def magnitude(re, im):
-    """Magnitude of the phasor re + j im."""
-    return np.sqrt(re * re + im * im)
-
-
-@inline
-def shortened(re, im, most):
-    """The phasor re + j im, where it is longer than `most` that of this length in the same direction."""
-    square = re * re + im * im
-    if square.real > most * most:
-        k = most / np.sqrt(square)
-        return k * re, k * im
-    return re, im
-
-
-@inline
-def angle(re, im):
-    """Angle (rad) of the phasor re + j im, within half a turn: twice the arctangent of half of it; 0 of no phasor."""
-    along = magnitude(re, im) + re
-    return 0 * im if along.real <= 0 else 2 * np.arctan(im / along)

@@ -1,0 +1,1 @@
+"""What is looked at: figures, pages, the one-line diagram, and the interactive page."""

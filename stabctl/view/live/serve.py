@@ -1,0 +1,96 @@
+"""The server of the page: this machine only, a token in its address, warm before the page opens."""
+
+import secrets
+import socket
+import sys
+import webbrowser
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+from stabctl._util.errors import StudyError
+from stabctl.model.case import Case
+from stabctl.simulation.simulate import simulate
+
+from . import page
+from .commands import Source
+from .state import AT, Points, State
+
+if TYPE_CHECKING:
+    import uvicorn
+
+
+HOST = "127.0.0.1"
+
+
+def serve(
+    case: Case, load: Source, *, port: int = 0, browser: bool = True, said: Callable[[str], None] = print
+) -> None:
+    """Serve the page of a case until Ctrl-C.
+
+    Parameters
+    ----------
+    case : Case
+        The system.
+    load : Source
+        How it was loaded, for the lines that can be copied.
+    port : int
+        Port of the server; 0 is any that is free.
+    browser : bool
+        Open the page in the default browser.
+    said : callable
+        Called with the address.
+
+    Raises
+    ------
+    StudyError
+        If the optional packages are not installed, the port is in use, or the case has no operating point.
+    """
+    try:
+        import starlette  # noqa: F401
+        import uvicorn  # noqa: F401
+    except ImportError:
+        raise StudyError("The page needs starlette and uvicorn; install them: pip install 'stabctl[live]'.") from None
+
+    token = secrets.token_urlsafe(18)
+    with socket.socket() as listening:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, int(sys.platform != "win32"))
+        try:
+            listening.bind((HOST, port))
+        except (OSError, OverflowError) as error:
+            reason = getattr(error, "strerror", None) or "it is not a port"
+            raise StudyError(f"Port {port} cannot be used: {reason}; choose another with --port.") from None
+        port = listening.getsockname()[1]
+        running = server(warm(case), load, token, port)
+        address = f"http://{HOST}:{port}/{token}/"
+        listening.listen()  # a browser that is quicker than the server waits for it
+        with suppress(KeyboardInterrupt):
+            said(address)
+            if browser:
+                webbrowser.open(address)
+            running.run([listening])
+
+
+def server(points: "Points", load: Source, token: str, port: int) -> "uvicorn.Server":
+    """The server of a page, to be run with a socket."""
+    import uvicorn
+
+    from .app import app
+
+    options: Any = {"log_level": "critical", "lifespan": "off", "server_header": False}
+    return uvicorn.Server(
+        uvicorn.Config(app(points, load, token, port), timeout_graceful_shutdown=1, ws="none", **options)
+    )
+
+
+# What is done before the page opens: everything compiled, the diagram laid out, errors of the case found.
+ENDS = AT + 0.5  # s   of the first simulations
+
+
+def warm(case: Case) -> Points:
+    """The operating points of a case after its first simulations. `StudyError` if it cannot be simulated."""
+    points = Points(case)
+    fault = page.about(points)["fault"]
+    for state in (State(fault), State(fault, percent=1.0), State(fault, percent=1.0, law="feedback")):
+        simulate(points.of(state), state.contingency, ENDS, control=state.control(case.frequency_hz))
+    return points

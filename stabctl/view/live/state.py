@@ -1,0 +1,145 @@
+"""What a page asks for, checked when it arrives, and the operating point that it needs."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from functools import lru_cache
+from threading import RLock
+from typing import Any
+
+from stabctl._util.errors import StudyError, shown
+from stabctl.controllers import BangBang, Feedback, Law
+from stabctl.dynamics import operating_point
+from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.model.case import Case
+from stabctl.simulation.contingency import Contingency
+
+AT, UNTIL = 1.0, 10.0  # s   of the fault, and the end of a run
+LAWS = "bang-bang", "feedback", "idle"
+
+
+@dataclass(frozen=True)
+class State:
+    """The settings of a page; quantities in the units of its sliders."""
+
+    fault: str = ""  # 83, or 7-8@0.4
+    trip: str = ""  # circuit opened to clear a fault at a bus; empty: none
+    clear: float = 6.0  # cycles
+    percent: float = 0.0  # MVA   of every machine's rating, of its storage device
+    megawatts: Mapping[int, float] = field(default_factory=dict)  # MW, of machines with a rating of their own
+    law: str = LAWS[0]
+    deadband: float = 100.0  # mHz
+    gain: float = 0.1  # pu/(rad/s)   of the feedback
+    delay: float = 0.0  # cycles   of the signals of the law, which then come once per cycle; 0: it acts at every step
+    level: float = 100.0  # %   of the load
+    compare: bool = False  # with a run without storage
+    signals: tuple[str, ...] = ("speed",)
+
+    @property
+    def stored(self) -> bool:
+        """Whether there is storage."""
+        return self.percent > 0 or any(self.megawatts.values())
+
+    @property
+    def plain(self) -> BangBang | Feedback | None:
+        """The law of the storage devices without the delay."""
+        if not self.stored or self.law == "idle":
+            return None
+        if self.law == "feedback":
+            return Feedback(self.gain, deadband=self.deadband / 1e3)
+        return BangBang(self.deadband / 1e3)
+
+    def control(self, hz: float) -> Law | None:
+        """The law of the storage devices in a system of rated frequency `hz`."""
+        law, rate = self.plain, round(hz)
+        return law.sampled(rate, self.delay / rate) if law and self.delay else law
+
+    @property
+    def contingency(self) -> Contingency:
+        """The fault and its clearing."""
+        return Contingency(self.fault, f"{self.clear:g}cyc", self.trip or (), at=AT)
+
+
+def read(given: Any) -> State:
+    """The state in a message. `StudyError` if it has a field or value that is not allowed."""
+    if not isinstance(given, dict):
+        raise StudyError(f"{shown(given)} is not a state of the page.")
+    known = {f.name: getattr(State(), f.name) for f in fields(State)}
+    found: dict[str, Any] = {}
+    for name, value in given.items():
+        if name not in known:
+            raise StudyError(f"The page has no setting {name!r}.")
+        found[name] = _value(name, value, known[name])
+    state = State(**found)
+    if state.law not in LAWS:
+        raise StudyError(f"There is no law {state.law!r}; choose one of {', '.join(LAWS)}.")
+    if not state.level > 0 or min(state.clear, state.percent, state.delay, *state.megawatts.values(), 0) < 0:
+        raise StudyError("Times, ratings and the load level cannot be negative.")
+    if state.delay != round(state.delay):
+        raise StudyError(f"A delay of {state.delay:g} cycles is not allowed; give a whole number.")
+    return state
+
+
+class Wrong(Exception):
+    """A message that no page sends."""
+
+
+def number(message: dict[str, Any], name: str, default: float | None = None, most: float = 1e6) -> float:
+    """A number of a message, from 0 to `most`. Raises Wrong if it is none."""
+    value = message.get(name, default)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= most:
+        raise Wrong
+    return float(value)
+
+
+def _value(name: str, value: Any, example: Any) -> Any:
+    """A value of the kind of the example."""
+    try:
+        if isinstance(example, bool | str):
+            if type(value) is type(example):
+                return value
+        elif isinstance(example, float):
+            if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e6:
+                return float(value)
+        elif isinstance(example, tuple):
+            if isinstance(value, list) and all(isinstance(v, str) for v in value):
+                return tuple(value)
+        elif isinstance(value, dict):
+            return {int(k): _value(name, v, 0.0) for k, v in value.items()}
+    except ValueError:
+        pass
+    raise StudyError(f"{name} = {shown(value)} is not a setting of the page.")
+
+
+# The operating points of a case that the pages use: solved when they are first needed, the last ones kept.
+KEPT = 24
+
+
+class Points:
+    """Operating points of a case by load level, with and without storage devices."""
+
+    def __init__(self, case: Case) -> None:
+        self.case, self._lock = case, RLock()
+        self._bare = lru_cache(KEPT)(self._solve)
+        self._equipped = lru_cache(KEPT)(self._equip)
+
+    def bare(self, state: State) -> OperatingPoint:
+        """The case as it is, at the load level."""
+        with self._lock:
+            return self._bare(state.level)
+
+    def of(self, state: State) -> OperatingPoint:
+        """With the storage devices of the state; without any, `bare`."""
+        if not state.stored:
+            return self.bare(state)
+        with self._lock:
+            point = self._equipped(state.level)
+        base = {m.machine: m.base for m in self.case.machines}
+        share = state.percent / 100
+        return point.resized(state.megawatts.get(s.machine, share * base[s.machine]) for s in point.case.storage)
+
+    def _solve(self, level: float) -> OperatingPoint:
+        return operating_point.solve(self.case if level == 100 else self.case.with_load_level(level / 100))
+
+    def _equip(self, level: float) -> OperatingPoint:
+        bare = self._bare(level)
+        return operating_point.solve(bare.case.with_storage("1%mva"), bare.flow)

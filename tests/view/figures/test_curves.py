@@ -1,0 +1,285 @@
+"""Curves, bars and arrows read back from the figures: they are the numbers of the record."""
+
+import re
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+from stabctl.clearing import clearing_time as critical
+from stabctl.clearing import screen as screened
+from stabctl.controllers import BangBang
+from stabctl.estimation.estimate import estimate
+from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.simulate import simulate
+from stabctl.smallsignal import analyze, linearize
+from stabctl.theory.feedback_laws import compare
+from stabctl.theory.minimum_time import by_shooting
+from stabctl.theory.omib import OMIB
+from stabctl.theory.phase_plane import portrait
+from stabctl.theory.two_machine import Equivalent
+from stabctl.view.figures import clearing, estimates, one_machine, style, trajectory
+from stabctl.view.figures.palette import COLORS, GRAY
+
+FAULT = Contingency("7-8@0.4", "6cyc", at=0.1)
+
+
+@pytest.fixture(autouse=True)
+def closed():
+    yield
+    plt.close("all")
+
+
+@pytest.fixture(scope="module")
+def held(cases):
+    """Half a second of a fault, with storage of different sizes."""
+    return simulate(cases("two_area"), FAULT, 0.5, storage="1=50MW,3=20MW", control=BangBang())
+
+
+def data(line):
+    return np.array(line.get_data())
+
+
+def assert_curves(lines, x, columns, **tolerance):
+    """The lines are the columns against x."""
+    assert len(lines) == len(columns.T)
+    for line, column in zip(lines, columns.T, strict=True):
+        assert data(line)[0] == pytest.approx(x, **tolerance)
+        assert data(line)[1] == pytest.approx(column, **tolerance)
+
+
+def labeled(drawn):
+    """Every axis says what it shows and in which unit, the lowest ones also against what."""
+    axes = style.whole(drawn).axes
+    low = min(ax.get_position().y0 for ax in axes)
+    for ax in axes:
+        assert ax.get_ylabel() or ax.get_title() or ax.get_title(loc="left")
+        assert re.search(r"\(.+\)", ax.get_xlabel()) or ax.get_position().y0 > low + 0.05
+    return True
+
+
+def vertical(ax):
+    """Places of the vertical lines."""
+    return sorted({float(x[0]) for x, y in map(data, ax.lines) if len(x) == 2 and x[0] == x[1] and list(y) == [0, 1]})
+
+
+def test_signals_of_a_run_have_their_units(held):
+    a, case = held.arrays, held.point.case
+    H = held.point.inertia
+    coi = (a.angle @ H / H.sum())[:, None]
+    expected = {"speed": 60 * a.speed, "angle": np.degrees(a.angle - coi), "storage": a.storage}
+    for signal, values in expected.items():
+        ax = trajectory.plot(held, signal)
+        assert labeled(ax)
+        assert_curves(ax.lines[: values.shape[1]], held.time, values)
+        assert vertical(ax) == [pytest.approx(0.2)]  # clearing
+        (fault,) = ax.patches
+        box = fault.get_extents().transformed(ax.transData.inverted())
+        assert (box.x0, box.x1) == pytest.approx((0.1, 0.2))
+    assert np.abs(a.storage).max(0) == pytest.approx([50, 20])
+    buses = [[b.bus for b in case.buses].index(m.storage_bus) for m in case.machines]
+    for signal, values in {"voltage": np.abs(a.V[:, buses]), "power": a.P}.items():
+        for line, column in zip(trajectory.plot(held, signal).lines, values.T, strict=False):
+            x, y = data(line)
+            assert np.interp(held.time[::7] + 1e-6, x, y) == pytest.approx(
+                np.interp(held.time[::7] + 1e-6, held.time, column), rel=1e-3
+            )
+            assert len(x) == len(held.time) + 2  # the values before two events are held up to them
+
+
+def test_the_power_of_storage_stands_device_by_device(held):
+    figure = trajectory.storage(held, machines=[3])
+    (ax,) = figure.axes
+    assert labeled(figure)
+    assert_curves(ax.lines, held.time, held.arrays.storage[:, [1]])
+    assert ax.get_title(loc="left") == f"storage of machine 3 at bus {held.point.case.machine(3).storage_bus}"
+    assert len(trajectory.storage(held).axes) == 2
+    assert len(trajectory.overview(held).axes) == 4
+    assert len(trajectory.overview(simulate(held.point.case.with_storage(()), None, 0.1)).axes) == 3
+
+
+def test_a_signal_that_hardly_moves_is_not_blown_up(cases):
+    still = simulate(cases("two_area"), None, 0.1)
+    for signal, least in trajectory.LEAST.items():
+        if signal != "storage":
+            low, high = trajectory.plot(still, signal).get_ylim()
+            assert high - low > 0.999 * least
+    low, high = trajectory.plot(still).get_ylim()
+    assert (low + high) / 2 == pytest.approx(60, abs=1e-3)
+
+
+def test_colors_mark_the_machines_that_are_lost():
+    names, few = [f"machine {n}" for n in range(20)], list("abcd")
+    assert trajectory._colors(few, [1, 2, 3, 4], [2]) == list(COLORS[:4])
+    one = trajectory._colors(names, range(20), [3, 5])
+    assert [k for k, color in enumerate(one) if color != GRAY] == [3, 5]
+    assert len({*one}) == 3
+    assert set(trajectory._colors(names, range(20), [])) == {trajectory.MANY}
+    most = trajectory._colors(names, range(20), range(12))
+    assert most == [COLORS[1]] * 12 + [trajectory.MANY] * 8
+
+
+def test_estimates_and_commands(cases):
+    found = estimate(cases("two_area"), FAULT, 0.6, storage="50MW", seeds=(3, 5))
+    figure = estimates.plot(found, machines=[2, 4], seed=1)
+    assert len(figure.axes) == 2
+    assert labeled(figure)
+    for ax, i in zip(figure.axes, (1, 3), strict=True):
+        seen, true = ax.lines
+        assert data(true)[1] == pytest.approx(60e3 * found.deviation[:, 1, i])
+        assert data(seen)[1] == pytest.approx(60e3 * found.deviation_estimated[:, 1, i])
+        (band,) = ax.collections
+        low, high = band.get_paths()[0].vertices[:, 1].min(), band.get_paths()[0].vertices[:, 1].max()
+        mid, sigma = found.deviation_estimated[:, 1, i], found.sigma[:, 1, i]
+        assert (low, high) == pytest.approx((60e3 * (mid - 3 * sigma).min(), 60e3 * (mid + 3 * sigma).max()))
+    assert "seed 5" in figure.get_suptitle()
+    assert [ax.get_title(loc="left") for ax in figure.axes] == ["machine 2", "machine 4"]
+    drawn = estimates.commands(found, seed=0).axes
+    assert labeled(drawn[0])
+    assert len(drawn) == 4
+    for i, ax in enumerate(drawn):
+        assert_curves(ax.lines[:1], found.time, found.true_commands[:, 0, [i]])
+        assert_curves(ax.lines[1:], found.time, found.estimated_commands[:, 0, [i]])
+
+
+def test_runs_of_a_search_and_bars_of_a_screen(points):
+    found = critical(points("two_area"), "7-8@0.1", scan=0, resolution="1cyc")
+    ax = clearing.plot_clearing_time(found)
+    assert labeled(ax)
+    for line, stable in zip(ax.lines, (True, False), strict=False):
+        runs = [r for r in found.runs if r.stable is stable]
+        assert data(line).T == pytest.approx(np.array([(r.cycles, r.time_s) for r in runs]))
+    assert vertical(ax) == [found.cycles]
+    assert ax.get_ylim()[0] == 0
+    whole = screened(points("two_area"), limit="9cyc", resolution="1cyc")
+    ax = clearing.plot_screen(whole, most=3)
+    assert labeled(ax)
+    assert [bar.get_width() for bar in ax.patches] == [p.cycles or 9.0 for p in whole.pairs[:3]]
+    colors = ["gray" if p.status == "stable_at_limit" else "blue" for p in whole.pairs[:3]]
+    assert [bar.get_facecolor()[0] > 0.3 for bar in ax.patches] == [color == "gray" for color in colors]
+    notes = [text.get_text() for text in ax.texts]
+    assert notes == [f"machine {p.machine}" if p.cycles else "stable at the search limit" for p in whole.pairs[:3]]
+    assert ax.get_title() == f"two_area: 3 of {whole.screened} faults"
+
+
+def test_eigenvalues_and_lines_of_constant_damping(points):
+    modes = analyze(linearize(points("two_area_thyristor")))
+    ax = modes.plot()
+    assert labeled(ax)
+    marked = {line.get_label(): data(line) for line in ax.lines if not line.get_label().startswith("_")}
+    s = modes.eigenvalues[modes.eigenvalues.imag > 0]
+    drawn = np.concatenate([xy.T for xy in marked.values()])
+    assert sorted(map(tuple, drawn)) == sorted(zip(s.real, s.imag / (2 * np.pi), strict=True))
+    x, y = marked["unstable"]
+    assert (x > 0).all()
+    assert len(x) == (s.real > 0).sum() == 1
+    swings = modes.eigenvalues[modes.swings()]
+    stable = swings[swings.real < 0]
+    assert sorted(marked["electromechanical mode"][0]) == sorted(stable.real)
+    left, right = ax.get_xlim()
+    assert left < stable.real.min()
+    assert right > s.real.max()
+    assert ax.get_ylim() == (0, pytest.approx(1.2 * swings.imag.max() / (2 * np.pi)))
+    rays = [data(line) for line in ax.lines if line.get_linestyle() == "--"]
+    for (x, y), text in zip(rays, ax.texts, strict=True):
+        ratio = -x[1] / np.hypot(x[1], 2 * np.pi * y[1])
+        assert float(text.get_text().removesuffix(" %")) == pytest.approx(100 * ratio)
+
+
+def test_a_frequency_response(points):
+    model = linearize(points("two_area"), "vref:2, vref:3", "speed:2, voltage:7")
+    magnitude, phase = model.plot(band=(0.1, 2.0)).axes[:2]
+    assert labeled(phase)
+    hz = data(magnitude.lines[0])[0]
+    assert (hz[0], hz[-1]) == pytest.approx((0.1, 2.0))
+    response = model.response(hz)
+    pairs = [(i, j) for i in range(2) for j in range(2)]
+    for (i, j), size, angle in zip(pairs, magnitude.lines, phase.lines, strict=True):
+        assert data(size)[1] == pytest.approx(np.abs(response[:, i, j]))
+        turned = np.deg2rad(data(angle)[1])
+        assert np.exp(1j * turned) == pytest.approx(response[:, i, j] / np.abs(response[:, i, j]))
+        assert np.abs(np.diff(turned)).max() < 1
+        assert size.get_label() == f"{model.inputs[j]} to {model.outputs[i]}"
+
+
+def test_arrows_of_a_mode_shape(points):
+    modes = analyze(linearize(points("ieee39")))
+    mode = modes.mode(modes.swings()[0])
+    ax = mode.plot()
+    tips = sorted((float(x[0]), float(y[0])) for x, y in map(data, ax.lines) if len(x) == 1)
+    parts = [p for p in mode.shape if p.magnitude >= 0.02]
+    expected = sorted((np.deg2rad(p.angle_deg), p.magnitude) for p in parts)
+    assert np.array(tips) == pytest.approx(np.array(expected))
+    assert max(size for _, size in tips) == 1
+    named = {int(text.get_text()) for text in ax.texts}
+    lead = max(parts, key=lambda p: p.magnitude)
+    assert lead.machine in named
+    for sign in (1, -1):
+        side = [p for p in parts if sign * np.cos(np.deg2rad(p.angle_deg - lead.angle_deg)) >= 0 and p.magnitude >= 0.1]
+        largest = sorted(side, key=lambda p: -p.magnitude)[:4]
+        assert {p.machine for p in largest} <= named
+
+
+def test_one_machine():
+    m = OMIB()
+    found = portrait(m)
+    ax = one_machine.plot_phase_plane(found)
+    assert labeled(ax)
+    boundary = [data(line) for line in ax.lines if line.get_linestyle() == ":"]
+    assert boundary[0][1] == pytest.approx(found.separatrix.speed)
+    assert boundary[1][1] == pytest.approx(-found.separatrix.speed)
+    dots = [tuple(data(line)[:, 0]) for line in ax.lines if line.get_marker() == "o"]
+    assert dots == [*((c.angle, c.speed) for c in found.cleared), (found.start, 0)]
+    assert [text.get_text() for text in ax.texts] == ["B", "C", "D", "A"]
+    curve = found.curves[0]
+    whole = [data(line) for line in ax.lines if line.get_linestyle() == "-" and line.get_marker() == "None"][:2]
+    after, during = whole
+    assert len(after[0]) + len(during[0]) == len(curve.t)
+    assert during[0] == pytest.approx(curve.angle[curve.t <= curve.clearing])
+    swing = curve.plot()
+    assert labeled(swing)
+    for ax, values in zip(swing.axes, (curve.angle, curve.speed, curve.power), strict=True):
+        assert_curves(ax.lines[:1], curve.t, values[:, None])
+        assert vertical(ax) == [curve.clearing]
+    laws = compare(m)
+    for ax, response in zip(one_machine.feedback(laws).axes, laws.responses, strict=True):
+        assert data(ax.lines[2])[1] == pytest.approx(response.curve.speed)
+        assert ax.get_title() == f"{response.name}: peak {response.peak_angle:.3f} rad"
+
+
+@pytest.mark.parametrize("absorbed", [0.0, 0.5])
+def test_areas_are_between_the_curves(absorbed):
+    area = Equivalent().equal_area(8, absorbed)
+    ax = one_machine.plot_equal_area(area)
+    assert labeled(ax)
+    lines = {line.get_label(): data(line) for line in ax.lines}
+    assert lines["$P_e$"] == pytest.approx(np.array([area.angle, area.Pe]))
+    assert ("$P_e + P_C$" in lines) == (absorbed > 0)
+    if absorbed:
+        assert lines["$P_e + P_C$"][1] == pytest.approx(area.Pe + 6 / 7 * absorbed)  # the share that acts on the angle
+    assert lines["$P_m$"][1] == pytest.approx([area.Pm] * 2)
+    assert vertical(ax) == pytest.approx(sorted((area.start, area.clearing, area.stop)))
+    for filled, size in zip(ax.collections, (area.A1, area.A2), strict=True):
+        x, y = filled.get_paths()[0].vertices.T
+        shoelace = abs(np.sum(x * np.roll(y, 1) - y * np.roll(x, 1))) / 2
+        assert shoelace == pytest.approx(size, rel=2e-3)
+    assert f"= {area.A1:.4f}" in ax.get_title(loc="left")
+
+
+def test_areas_side_by_side_share_an_axis_that_holds_them_all():
+    areas = {"without": Equivalent().equal_area(8), "with": Equivalent().equal_area(8, 0.5)}
+    figure = one_machine.compare(areas)
+    highest = max((area.Pe + area.absorbed).max() for area in areas.values())
+    assert [ax.get_ylim() for ax in figure.axes] == [(0, pytest.approx(1.1 * highest))] * 2
+    assert [ax.get_title(loc="left").split("$")[0] for ax in figure.axes] == list(areas)
+
+
+def test_minimum_time():
+    control = by_shooting(Equivalent().minimum_time_problem(6))
+    figure = one_machine.plot(control)
+    assert labeled(figure)
+    rows = control.x1, control.x2, control.lambda1, control.lambda2
+    for ax, values in zip(figure.axes[:4], rows, strict=True):
+        assert_curves(ax.lines[:1], 1e3 * control.t, values[:, None])
+        assert vertical(ax) == pytest.approx([1e3 * t for t in control.switches])
+    assert_curves(figure.axes[4].lines[:1], 1e3 * control.t, control.Pc[:, None])
