@@ -20,7 +20,7 @@ from typing import Any, Literal, NamedTuple
 from stabctl._util.errors import StudyError
 from stabctl._util.wording import counted
 from stabctl.devices.blocks import quadratic
-from stabctl.devices.machines.stator import points
+from stabctl.devices.machines.saturation import points
 
 from . import powerflow, tables
 from .case import Case, as_case

@@ -6,7 +6,9 @@ Vref + mq (Qref - qf), with VdrpFlag = 1 Vref - mq iqf -> Vcmd;   E = [kpv + kiv
 Vq -> [kpPLL + kiPLL/s], dwPLLmin..dwPLLmax -> wpll - 1 -> [wb/s] -> theta_pll, held while vt < VPLLfrz
 P, Q, vt -> [1/(1+sTPf)], [1/(1+sTQf)], [1/(1+sTVf)] -> pf, qf, vm
 Id, Iq in the frame of theta_pll -> [1/(1+sTIf)] -> idf, iqf
-dmin, dmax, Emin, Emax: see `steady_current`
+Idmax = kf ImaxSS, Iqmax = sqrt(ImaxSS^2 - idf^2) with PQFlag = 1;  Idmax = sqrt(ImaxSS^2 - iqf^2), Iqmax = kf ImaxSS
+kI (Idmax - idf) -> [1/s], 0..asin(XL ImaxSS) -> dmax;   kI (-Ke Idmax - idf) -> [1/s], -asin(XL ImaxSS)..0 -> dmin
+Emax, Emin = sqrt((vm +/- Iqmax XL)^2 + (idf XL)^2)
 I = (E exp(j delta) - V)/(RL + jXL), reduced to the magnitude ImaxF where it is larger, at the same angle
 
 H is the weight of the virtual rotor in a center of inertia. A steady change dP of the load changes the frequency by
@@ -40,25 +42,24 @@ from stabctl.devices.blocks import (
     SHORT,
     at_least,
     at_most,
+    beyond_rate,
     lag,
     lag_rate,
+    magnitude,
     pi,
     pi_rate,
     while_within,
 )
 
+from .electrical import root
 from .forming import (
     Input,
     Output,
     admittance,
     correction,
-    leads,
     limited,
-    reductions,
     short_circuit,
     terminals,
-    voltage_limits,
-    widest,
 )
 
 __all__ = ["Input", "admittance"]
@@ -153,8 +154,9 @@ class State(NamedTuple):
 
 
 def prepare(p: Par) -> Par:
-    """With the largest angles that ImaxSS allows."""
-    return widest(p)
+    """The parameters, with the largest angles that ImaxSS allows."""
+    widest = float(np.arcsin(min(p.XL * p.ImaxSS, 1.0)))
+    return p._replace(deltamax=widest, deltamin=-widest if p.ESFlag > 0.5 else 0.0)
 
 
 def inertia(p: Par) -> float:
@@ -250,3 +252,33 @@ def guess(V: complex, I: complex, p: Par) -> State:
     local = I * np.exp(-1j * theta)
     filters = S.real, S.imag, abs(V), float(local.real), -float(local.imag)
     return State(float(np.angle(E)), 0.0, 0.0, 0.0, *filters, abs(E), 0.0, 0.0, theta, 0.0)
+
+
+@inline
+def most(x, p):
+    """Limits of the active and the reactive current in steady state (pu)."""
+    if p.PQFlag > 0.5:
+        return p.kf * p.ImaxSS, root(p.ImaxSS, x.idf)
+    return root(p.ImaxSS, x.iqf), p.kf * p.ImaxSS
+
+
+@inline
+def voltage_limits(x, p):
+    """Emin and Emax (pu), at which the reactive current is at its limit."""
+    _, iq = most(x, p)
+    ahead = x.idf * p.XL
+    return magnitude(at_least(x.vm - iq * p.XL, 0.0), ahead), magnitude(x.vm + iq * p.XL, ahead)
+
+
+@inline
+def leads(x, p):
+    """Least and largest angle (rad) of the internal voltage ahead of the phase-locked loop."""
+    return p.deltamin + x.under, p.deltamax - x.over
+
+
+@inline
+def reductions(x, p):
+    """State derivatives (rad/s) of the reductions of both angles, while the active current is beyond its limit."""
+    idmax, _ = most(x, p)
+    taking = p.kI if p.ESFlag > 0.5 else 0.0
+    return beyond_rate(p.kI, x.idf - idmax, x.over), beyond_rate(taking, -p.Ke * idmax - x.idf, x.under)

@@ -9,7 +9,8 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import magnitude, power
 
 from .genrou import CLOSED, CONTINUATION, Par, State, currents, derivatives, guess, internal
-from .stator import Input, Internal, Output, admittance, along, exponent, source
+from .saturation import along, exponent
+from .stator import Input, Internal, Output, admittance, source
 
 NAME = "GENROE"
 ROLE = "machine"

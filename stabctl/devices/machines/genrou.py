@@ -25,7 +25,8 @@ from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import circuit_rate, magnitude, quadratic
 
-from .stator import Input, Internal, Output, admittance, along, mistakes, points, source, stator
+from .saturation import along, mistakes, points
+from .stator import Input, Internal, Output, admittance, source, stator
 
 NAME = "GENROU"
 ROLE = "machine"

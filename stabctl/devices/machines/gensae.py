@@ -13,7 +13,8 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import magnitude, power
 
 from .gensal import CLOSED, CONTINUATION, Par, State, currents, guess, internal, rates
-from .stator import Input, Internal, Output, admittance, along, exponent, source
+from .saturation import along, exponent
+from .stator import Input, Internal, Output, admittance, source
 
 NAME = "GENSAE"
 ROLE = "machine"

@@ -22,7 +22,8 @@ from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import circuit_rate, quadratic
 
-from .stator import Input, Internal, Output, admittance, mistakes, points, source, stator
+from .saturation import mistakes, points
+from .stator import Input, Internal, Output, admittance, source, stator
 
 NAME = "GENSAL"
 ROLE = "machine"

@@ -22,7 +22,8 @@ from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import at_least, circuit_rate, magnitude
 
-from .stator import Input, Internal, Output, mean, mistakes, norton, points, rest, solved, terminal
+from .saturation import mistakes, points
+from .stator import Input, Internal, Output, mean, norton, rest, solved, terminal
 
 NAME = "GENTPJ1"
 ROLE = "machine"

@@ -1,18 +1,15 @@
-"""Stator of every machine: inputs and outputs, saliency, saturation from S10 and S12.
+"""Stator of every machine, with its inputs and outputs.
 
 (ra + j x'')(iq - j id) = w psi'' - V exp(-j delta) with psi'' = psi''d + j psi''q, in the rotor frame.
 Per unit on the machine base. As in PSS/E, w is 1: the effect of the speed on the stator voltage and that of neglected
 stator transients nearly cancel (Kundur, section 5.1). With the speed factor of GENROU it is the speed.
 """
 
-from collections.abc import Iterator
-from typing import Annotated, Any, NamedTuple
-
-import numpy as np
+from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
 
-from ..blocks import magnitude, through
+from ..blocks import magnitude
 from ..ports import PORT
 
 
@@ -81,7 +78,7 @@ def admittance(p):
     return k * p.ra, -k * p.x2
 
 
-# Stator of a machine whose source has another reactance on the d than on the q axis.
+# Transient saliency: the source has another reactance on the d than on the q axis.
 #
 # vq = psid - ra iq - xd id,    vd = -psiq - ra id + xq iq
 #
@@ -126,31 +123,3 @@ def rest(i, v, p, flow, xd, xq):
     er, ei = i.psid - vr, i.psiq - vi
     re, im = flow[0] - (g * er - b * ei), -flow[1] - (g * ei + b * er)
     return p.mva * (i.cos * re - i.sin * im), p.mva * (i.sin * re + i.cos * im)
-
-
-# Saturation of machines from S10 and S12: the extra excitation over the flux, at 1.0 and 1.2 pu; one of them 0: none.
-#
-# Quadratic, S(E) = B (E - A)^2 / E, or exponential, S(E) = S10 E^n.
-# Source: PSS/E Model Library, GENROU and GENROE.
-
-
-def points(S10, S12):
-    """A and B of the quadratic saturation; 0, 0 if there is none."""
-    return through(1.0, S10, 1.2, S12) if S10 > 0 else (0.0, 0.0)
-
-
-def exponent(S10, S12):
-    """n and S10 of the exponential saturation; 0, 0 if there is none."""
-    return (float(np.log(S12 / S10) / np.log(1.2)), S10) if S10 > 0 and S12 > 0 else (0.0, 0.0)
-
-
-def mistakes(p: Any) -> Iterator[tuple[str, str]]:
-    """Field and sentence if no curve passes through the two points."""
-    if 0 < p.S12 <= p.S10:
-        yield "S12", f"must be more than S10 = {p.S10:g}, or 0 for no saturation"
-
-
-@inline
-def along(i, S, p):
-    """Extra excitation of the d and q axis, S times the flux; the q axis scaled by its air gap."""
-    return S * i.psid, S * i.psiq * (p.xq - p.xl) / (p.xd - p.xl)

@@ -18,9 +18,8 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import at_least, available
 from stabctl.devices.converters import regfm_b1
 from stabctl.devices.converters.forming import correction, short_circuit, terminals
-from stabctl.devices.converters.regfm_b1 import admittance, angle, between, emf
+from stabctl.devices.converters.regfm_b1 import admittance, angle, between, emf, leads, prepare
 
-from ..converters.forming import leads, widest
 from . import esd, joined
 from .esd import derivatives as store_rates
 from .esd_regfm import Vref, references
@@ -34,7 +33,7 @@ UPPER = regfm_b1.UPPER
 ANGLES = regfm_b1.ANGLES
 CURRENT_LIMIT = "ImaxF"
 Par: Any = joined.joined(joined.Store, regfm_b1.Par, Vref)
-__all__ = ["Input", "admittance"]
+__all__ = ["Input", "admittance", "prepare"]
 
 
 State: Any = joined.joined(esd.State, regfm_b1.State)
@@ -65,11 +64,6 @@ KIT = joined.Kit("REGFM_B1 of storage", (regfm_b1.Par,), {}, (), errors)
 def from_case(device: Any, base_mva: float) -> Any:
     """Parameters from a row of storage.csv; V0 and wb are filled from the case."""
     return joined.from_row(KIT, Par, device, base_mva, wb=0.0, deltamax=0.0, deltamin=0.0)
-
-
-def prepare(p: Any) -> Any:
-    """With the largest angles that ImaxSS allows."""
-    return widest(p)
 
 
 def guess(V: complex, p: Any) -> Any:
