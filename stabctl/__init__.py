@@ -84,7 +84,7 @@ _WHERE = {
     "ShortCircuit": "model.short_circuit:ShortCircuit",
     "ShortCircuitRatio": "model.short_circuit:ShortCircuitRatio",
     "SweepResults": "sweep.results:Results",
-    "StabctlError": "errors:StabctlError",
+    "StabctlError": "_util.errors:StabctlError",
     "SiteOption": "placement.site_options:SiteOption",
     "Siting": "placement.siting:Siting",
     "Storage": "model.tables:Storage",

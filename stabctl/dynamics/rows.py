@@ -7,9 +7,9 @@ import numpy as np
 
 from stabctl import devices
 from stabctl._util.errors import EquilibriumError
+from stabctl.devices import storage
 from stabctl.devices.device import Device
 from stabctl.devices.loads import zip_load
-from stabctl.devices.storage import models as storage
 from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.model.network import Network

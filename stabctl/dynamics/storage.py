@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stabctl import devices
-from stabctl.devices.storage.models import TABLES
+from stabctl.devices.storage import TABLES
 from stabctl.model.case import Case
 from stabctl.model.tables import Storage
 

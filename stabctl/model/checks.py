@@ -15,8 +15,7 @@ from stabctl import devices
 from stabctl._util.errors import CaseError, StudyError, shown
 from stabctl._util.schema import fields
 from stabctl._util.validation import Invalid, checked
-from stabctl.devices.storage import joined
-from stabctl.devices.storage.models import TABLES
+from stabctl.devices.storage import TABLES, joined
 
 from . import naming, tables
 from .tables import Storage, Tables

@@ -9,8 +9,7 @@ from stabctl._util.errors import StudyError, shown
 from stabctl._util.schema import fields
 from stabctl._util.units import quantity, rating
 from stabctl.devices import every
-from stabctl.devices.storage import joined
-from stabctl.devices.storage.models import TABLES
+from stabctl.devices.storage import TABLES, joined
 
 from . import checks, naming, powerflow
 from .case import Case

@@ -14,7 +14,7 @@ from annotated_types import Ge, Interval
 from stabctl import devices
 from stabctl._util.schema import NOT_NEGATIVE, POSITIVE, RATIO, SHARE, Field, fields
 from stabctl.devices.device import Device
-from stabctl.devices.storage.models import StorageModel
+from stabctl.devices.storage import StorageModel
 
 Key = int | str
 LoadKind = Literal["load", "injection"]
