@@ -87,6 +87,7 @@ def tustin(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, rate: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """A continuous system sampled with the trapezoidal rule."""
-    n, T = len(A), 1 / rate
-    L = np.linalg.inv(np.eye(n) - A * T / 2)
-    return L @ (np.eye(n) + A * T / 2), L @ B * T, C @ L, D + C @ L @ B * T / 2
+    from scipy.signal import cont2discrete
+
+    sampled: Any = cont2discrete((A, B, C, D), 1 / rate, method="bilinear")
+    return sampled[:4]

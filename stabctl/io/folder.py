@@ -17,6 +17,7 @@ from typing import Any
 from stabctl._util import files
 from stabctl._util.errors import CaseError, StudyError, shown
 from stabctl._util.schema import fields
+from stabctl._util.toml_file import as_text
 from stabctl.model import tables
 from stabctl.model.case import Case, as_case
 from stabctl.model.checks import RowError
@@ -280,14 +281,5 @@ def write(case: Case, folder: str | Path) -> Path:
     for name, text in texts.items():
         files.replace(folder / name, text)
     about = {key: getattr(case, key) for key in ABOUT if key != "extends"}
-    files.replace(folder / "case.toml", "".join(f"{key} = {_toml(value)}\n" for key, value in about.items()))
+    files.replace(folder / "case.toml", "".join(f"{key} = {as_text(value)}\n" for key, value in about.items()))
     return folder
-
-
-def _toml(value: str | float) -> str:
-    """A value as TOML."""
-    if not isinstance(value, str):
-        return repr(float(value))
-    for plain, escaped in (("\\", "\\\\"), ('"', '\\"'), ("\n", "\\n")):
-        value = value.replace(plain, escaped)
-    return f'"{value}"'

@@ -17,7 +17,7 @@ import numpy as np
 from stabctl import devices
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.verbs import verb
-from stabctl._util.wording import counted
+from stabctl._util.wording import counted, listed
 from stabctl.dynamics.assembly import INFINITE
 from stabctl.dynamics.operating_point import loops
 
@@ -287,7 +287,7 @@ def against(shape: np.ndarray, weight: np.ndarray, names: Sequence[int | str], v
     """Which machines swing against which: "machine 34 against the rest", "1, 2 against 3, converter 4"."""
     both = sorted((side for side in sides(shape, weight) if len(side)), key=min)
     called = [f"converter {name}" if is_virtual else name for name, is_virtual in zip(names, virtual, strict=True)]
-    front, *back = (_listed(side, called) for side in both)
+    front, *back = (listed([str(called[i]) for i in (*sorted(side[:MOST]), *side[MOST:])], MOST) for side in both)
     if back:
         return f"{front} against {back[0]}"
     return f"machine {front} against the rest" if front == str(names[both[0][0]]) else f"{front} against the rest"
@@ -299,11 +299,6 @@ def sides(shape: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray
     strong = strong[weight[strong] >= NAMED * weight.max()]
     ahead = (shape[strong] * shape[strong[0]].conjugate()).real >= 0
     return strong[ahead], strong[~ahead]
-
-
-def _listed(side: np.ndarray, names: Sequence[int | str]) -> str:
-    named = ", ".join(str(names[i]) for i in sorted(side[:MOST]))
-    return named + (f" and {len(side) - MOST} more" if len(side) > MOST else "")
 
 
 def leader(linear: Linear, share: np.ndarray, speeds: np.ndarray, H: np.ndarray, oscillates: bool) -> str:

@@ -3,13 +3,13 @@
 Machines and controls without a model are refused, or on request become injections and constant controls.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 from stabctl._util.errors import CaseError, StudyError, shown
-from stabctl._util.wording import named
+from stabctl._util.wording import listed, named
 from stabctl.model import naming, tables
 from stabctl.model.case import Case
 from stabctl.model.tables import Load, Machine
@@ -22,7 +22,6 @@ from .network import Network, Source
 Missing = Literal["refuse", "injection"]
 MissingControls = Literal["refuse", "fixed"]
 WITHOUT_RECORD = "generator"  # kind of a machine that no record models
-SHOWN = 8  # names in a list
 ACTS_ON = {"stabilizer": "exciter", "plant control": "electrical control"}  # role -> role of what it acts on
 
 
@@ -172,21 +171,15 @@ def _refuse(
     tried = {u.machine: f" ({u.kind}, line {u.place.line}: {u.reason})" for u in reversed(dynamics.unsupported)}
     parts, remedies = [], []
     if machines:
-        listed = _listed(f"{m.name}{tried.get(m.name, '')}" for m in machines)
-        parts.append(f"{named(len(machines), 'machine')} {listed}")
+        names = listed([f"{m.name}{tried.get(m.name, '')}" for m in machines])
+        parts.append(f"{named(len(machines), 'machine')} {names}")
         become = "it an injection" if len(machines) == 1 else "them injections"
         remedies.append(f"--missing injection makes {become} of constant power")
     if controls:
-        parts.append(_listed(f"{u.kind} of {u.machine} (line {u.place.line}: {u.reason})" for u in controls))
+        parts.append(listed([f"{u.kind} of {u.machine} (line {u.place.line}: {u.reason})" for u in controls]))
         remedies.append("--missing-controls fixed keeps what such records control constant")
     if parts:
         raise CaseError(f"{dyr}: no model for {' and for '.join(parts)}; {', '.join(remedies)}.")
-
-
-def _listed(names: Iterable[str]) -> str:
-    names = list(names)
-    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-    return ", ".join(names[:SHOWN]) + more
 
 
 def _swings_without(net: Network, lacking: Sequence[Machine]) -> list[int]:
