@@ -7,8 +7,9 @@ of the search.
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from stabctl._util.wording import counted
 from stabctl.clearing import Screen, Search
 from stabctl.controllers import BangBang, Controller, Law
 from stabctl.dynamics import operating_point
+from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.estimators import EstimatorName
 from stabctl.jobs import Runner
@@ -27,7 +29,7 @@ from stabctl.simulation.control import Control, Sampled, acting, with_law
 from stabctl.simulation.criterion import DEFAULT, Criterion
 
 from . import cutting_planes, evidence, initial_fleets
-from .contingencies import LONGER, Bases, Contingencies, operating_points, scaled, scenarios
+from .contingencies import LONGER, Bases, Contingencies, Scenario, operating_points, scaled, scenarios
 from .contingencies import contingencies as as_contingencies
 from .cutting_planes import CuttingPlanes, Master
 from .evidence import critical_times, energies, table
@@ -35,7 +37,7 @@ from .sensitivity import sensitivity
 from .simulated import FLEET, CriticalTime
 from .site_options import SiteOptions, Sites
 from .site_options import sites as as_sites
-from .siting import CandidateSite, Costs, Site, Siting, Survived
+from .siting import CandidateSite, Costs, Infeasible, Site, Siting, Survived
 from .siting_rows import label
 from .trials import Trials
 
@@ -135,7 +137,6 @@ def place(
     cases = operating_points(base)
     case = next(iter(cases.values()))
     _check(costs, sites)
-    required = share(tolerance)
     acts = acting_in(control)
     others = other_controllers(validate, acts)
     search = Search.of(
@@ -144,77 +145,118 @@ def place(
     wanted = as_contingencies(case, contingencies)
     flow = powerflow.solve(case)
     possible = as_sites(operating_point.solve(case, flow), candidates, cap, costs, flow)
-    largest = np.where(
-        possible.module > 0, possible.cap, cutting_planes.down(possible.cap, cutting_planes.decimals(possible.cap))
-    )
+    most = possible.cap
+    largest = np.where(possible.module > 0, most, cutting_planes.down(most, cutting_planes.decimals(most)))
     places = fleet.devices(case, _devices(possible, largest), options=device)
     points = [operating_point.solve(fleet.extended(one, (*one.storage, *places))) for one in cases.values()]
+    every = scenarios(wanted, len(points), len(case.storage) + len(places) if outages else None)
+    study = _Study(points, tuple(cases), every, possible, largest, sites, share(tolerance), acts, search)
+    with Runner(FLEET, store=store, workers=workers, scheduler=scheduler) as runner:
+        found = _searched(study, runner, progress)
+        result = _siting(study, found, others)
+    targets = BY_SCREEN if isinstance(contingencies, Screen) else ""
+    return replace(result, costs=costs, targets=targets, wall_s=time.perf_counter() - began)
 
+
+class _Study(NamedTuple):
+    """What is asked."""
+
+    points: list[OperatingPoint]  # with a device at every candidate
+    names: tuple[str, ...]  # of the points
+    scenarios: tuple[Scenario, ...]
+    possible: Sites
+    largest: np.ndarray  # (candidates) MW
+    sites: int | None  # at most
+    tolerance: float | None  # of the size of any one device
+    acts: list[Law | Controller]
+    search: Search
+
+
+class _Found(NamedTuple):
+    """What the search found."""
+
+    planes: CuttingPlanes  # with the best fleet
+    trials: Trials  # of the scenarios that are asked for; those of `planes` have more, within the tolerance
+    best: np.ndarray  # (candidates) MW
+    energy: np.ndarray  # (candidates) MWh
+    even: np.ndarray | None  # the smallest uniform fleet
+    linear: np.ndarray | None  # the cheapest linear allocation, scaled
+    infeasible: tuple[Infeasible, ...]
+
+
+def _searched(study: _Study, runner: Runner, progress: Callable[[int, float], None] | None) -> _Found:
+    """The cheapest fleet found: initial fleets, cutting planes, and again with what is lost within the tolerance."""
     planes: CuttingPlanes | None = None
 
     def tell(runs: int) -> None:
         if progress:
             progress(runs, planes.cost if planes else np.inf)
 
-    every = scenarios(wanted, len(points), len(case.storage) + len(places) if outages else None)
-    with Runner(FLEET, store=store, workers=workers, scheduler=scheduler) as runner:
-        trials = Trials(points, every, largest, acts, names=tuple(cases), search=search, runner=runner, progress=tell)
-        uniform = UNIFORM * possible.mva
-        trials, boundary, infeasible = initial_fleets.feasible(trials, uniform)
-        tried, prices = trials.fleet(uniform), possible.prices
-        count = len(uniform)
-        hours = energies(trials, tried) / np.where(tried > 0, tried, np.inf) if prices.mwh.any() else np.zeros(count)
-        master = Master(largest, prices.per_mw(hours), prices.site, sites, module=possible.module)
-        J = tuple(sensitivity(point, possible.candidates).J for point in points)
-        planes = CuttingPlanes(trials, master, J, prices, hours)
-        even = initial_fleets.uniform_fleet(planes, uniform, boundary)
-        linear = initial_fleets.linear_fleet(planes, uniform)
-        for start in (even, linear):
-            if start is not None and (whole := planes.buildable(start)) is not None:
-                planes.accept(whole)
-        planes.run()
-        if planes.best is None or planes.energy is None:
-            raise StudyError(_none_found(trials, sites))
-        if required is not None:
-            hold(planes, required)
-        best, bound, trials = planes.best, planes.bound, trials.of(planes.best)
-        times = critical_times(trials, best)
-        rows = table(trials, best, times, others, required or USUAL)
-        survived = _survived(trials, best, times)
-        mva, uses = evidence.mva(trials, best), evidence.used(trials, best)
-    order = [int(i) for i in np.argsort(-best) if best[i] > 0]
-    found = possible.candidates
-    built = [
-        Site(found[i].bus, found[i].machine, float(best[i]), float(planes.energy[i]), float(mva[i])) for i in order
-    ]
+    points, possible, largest = study.points, study.possible, study.largest
+    trials = Trials(
+        points, study.scenarios, largest, study.acts,
+        names=study.names, search=study.search, runner=runner, progress=tell,
+    )  # fmt: skip
+    uniform = UNIFORM * possible.mva
+    trials, boundary, infeasible = initial_fleets.feasible(trials, uniform)
+    tried, prices = trials.fleet(uniform), possible.prices
+    hours = np.zeros(len(uniform))
+    if prices.mwh.any():
+        hours = energies(trials, tried) / np.where(tried > 0, tried, np.inf)
+    master = Master(largest, prices.per_mw(hours), prices.site, study.sites, module=possible.module)
+    J = tuple(sensitivity(point, possible.candidates).J for point in points)
+    planes = CuttingPlanes(trials, master, J, prices, hours)
+    even = initial_fleets.uniform_fleet(planes, uniform, boundary)
+    linear = initial_fleets.linear_fleet(planes, uniform)
+    for start in (even, linear):
+        if start is not None and (whole := planes.buildable(start)) is not None:
+            planes.accept(whole)
+    planes.run()
+    if study.tolerance is not None:
+        hold(planes, study.tolerance)
+    if planes.best is None or planes.energy is None:
+        raise StudyError(_none_found(trials, study.sites))
+    return _Found(planes, trials, planes.best, planes.energy, even, linear, infeasible)
+
+
+def _siting(study: _Study, found: _Found, others: Mapping[str, Sampled]) -> Siting:
+    """The result with its evidence, which is simulated here; costs and computing time are not filled in yet."""
+    planes, best, even, case = found.planes, found.best, found.even, study.points[0].case
+    trials = found.trials.of(best)
+    times = critical_times(trials, best)
+    rows = table(trials, best, times, others, study.tolerance or USUAL)
+    survived = _survived(trials, best, times)
+    mva, uses = evidence.mva(trials, best), evidence.used(trials, best)
+    places = study.possible.candidates
+    built = []
+    for i in (int(i) for i in np.argsort(-best) if best[i] > 0):
+        site = Site(places[i].bus, places[i].machine, float(best[i]), float(found.energy[i]), float(mva[i]))
+        built.append(site if (use := uses[i]) is None else site._replace(**use._asdict()))
     return Siting(
         case=case.name,
-        sites=tuple(
-            s if (u := uses[i]) is None else s._replace(**u._asdict()) for i, s in zip(order, built, strict=True)
-        ),
-        costs=costs,
+        sites=tuple(built),
+        costs=Costs(),
         cost=planes.cost,
-        lower_bound=bound,
+        lower_bound=planes.bound,
         uniform_mw=None if even is None else float(even.sum()),
-        uniform_percent=None if even is None else float(100 * (even / possible.mva).max()),
-        linear_mw=None if linear is None else float(linear.sum()),
+        uniform_percent=None if even is None else float(100 * (even / study.possible.mva).max()),
+        linear_mw=None if found.linear is None else float(found.linear.sum()),
         contingencies=survived,
-        infeasible=infeasible,
+        infeasible=found.infeasible,
         evidence=rows,
         history=tuple(planes.history),
-        observed_s=search.observed_s,
+        observed_s=study.search.observed_s,
         simulations=trials.simulations,
-        wall_s=time.perf_counter() - began,
+        wall_s=0.0,
         candidates=tuple(
-            CandidateSite(c.bus, c.machine, float(largest[i]), None if even is None else float(even[i]))
-            for i, c in enumerate(found)
+            CandidateSite(c.bus, c.machine, float(study.largest[i]), None if even is None else float(even[i]))
+            for i, c in enumerate(places)
         ),
         title=case.title,
-        existing=case.storage,
-        controllers=tuple(str(c) for c in acts if isinstance(c, Controller)),
-        law=next((str(law) for law in acts if isinstance(law, Law)), ""),
-        targets=BY_SCREEN if isinstance(contingencies, Screen) else "",
-        tolerance=required,
+        existing=case.storage[: len(case.storage) - len(places)],
+        controllers=tuple(str(c) for c in study.acts if isinstance(c, Controller)),
+        law=next((str(law) for law in study.acts if isinstance(law, Law)), ""),
+        tolerance=study.tolerance,
     )
 
 

@@ -8,9 +8,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from stabctl._util.jit import inline
-
-from ..blocks import magnitude, shortened
-from ..ports import PORT, fixed
+from stabctl.devices.blocks import magnitude, shortened
+from stabctl.devices.ports import PORT, fixed
 
 
 class Input(NamedTuple):

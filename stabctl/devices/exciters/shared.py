@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from typing import Annotated, Any, NamedTuple
 
-from ..blocks import through
-from ..ports import PORT, SUM
+from stabctl.devices.blocks import through
+from stabctl.devices.ports import PORT, SUM
 
 
 class Input(NamedTuple):

@@ -5,7 +5,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from ..ports import PORT
+from stabctl.devices.ports import PORT
 
 
 class Input(NamedTuple):

@@ -8,9 +8,8 @@ stator transients nearly cancel (Kundur, section 5.1). With the speed factor of 
 from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
-
-from ..blocks import magnitude
-from ..ports import PORT
+from stabctl.devices.blocks import magnitude
+from stabctl.devices.ports import PORT
 
 
 class Input(NamedTuple):
