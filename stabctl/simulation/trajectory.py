@@ -239,9 +239,8 @@ class Trajectory:
 
     def __str__(self) -> str:
         return (
-            f"{self.point.case.name}: {self.outcome} Largest change of angle "
-            f"{self.max_angle_from_coi_deg:.1f} degrees; "
-            f"{self.steps} steps of {1e3 * self.step:.3g} ms in {self.wall_s:.3f} s."
+            f"{self.point.case.name}: {self.outcome} Largest change of angle {self.max_angle_from_coi_deg:.1f} "
+            f"degrees; {self.steps} steps of {1e3 * self.step:.3g} ms in {self.wall_s:.3f} s."
         )
 
     __repr__ = __str__
