@@ -1,4 +1,4 @@
-"""When a controller acts: its rate and delay, and the gate of signals and time."""
+"""When a controller acts: while its gate of signals and time is open, and with which delay after a frame."""
 
 import math
 from dataclasses import dataclass
@@ -6,6 +6,10 @@ from typing import Any
 
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.units import TIME, quantity
+
+FASTEST = 10_000  # frames per second
+SHORTEST, LONGEST = 1e-6, 60.0  # s   the shortest time other than 0, and the longest delay
+MOST = 2000  # frames of a delay
 
 
 @dataclass(frozen=True)
@@ -44,11 +48,6 @@ class Gate:
                 raise StudyError(f"gate: {key} = {shown(value)} is not a number.")
         if not self.low < self.high or not self.start < self.end:
             raise StudyError("gate: the gate is never open; give low < high and start < end.")
-
-
-FASTEST = 10_000  # frames per second
-SHORTEST, LONGEST = 1e-6, 60.0  # s   of a delay
-MOST = 2000  # frames of a delay
 
 
 def duration(key: str, value: Any) -> float:

@@ -1,4 +1,4 @@
-"""Assembly of the system from a case and its power flow: all devices and their connections."""
+"""The system of a case at its power flow: all devices, their connections, and the angles that a simulation judges."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -15,7 +15,7 @@ from . import family, rows
 from .family import Family, Limits, limits
 from .layout import Layout
 from .program import near
-from .rows import Row
+from .rows import NO_UNIT, Row
 from .wiring import Wiring
 
 INFINITE = 1e9  # s   inertia constant in place of that of an infinite bus
@@ -42,7 +42,10 @@ class Rotors(NamedTuple):
 
 
 class Angle(NamedTuple):
-    """An angle that is judged as that of a rotor."""
+    """An angle that is judged as that of a rotor, without weight in a center of inertia.
+
+    That of a phase-locked loop, or of the virtual rotor of a grid-forming storage device.
+    """
 
     unit: int  # row of the unit, -1 of a storage device
     bus: int  # row of the bus
@@ -55,7 +58,7 @@ class Angle(NamedTuple):
 
 
 class Unweighted(NamedTuple):
-    """All of them, as columns."""
+    """All angles without weight in a center of inertia, as columns."""
 
     rows: tuple[Angle, ...]
 
@@ -93,8 +96,8 @@ class System:
 
     @property
     def unweighted(self) -> Unweighted:
-        """The angles that are judged without weight in a center of inertia; those of devices with a rating above 0."""
-        return unweighted(self.families, self.layout.nx)
+        """The angles without weight in a center of inertia, of devices with a rating above 0."""
+        return Unweighted(tuple(sorted(row for f in self.families for row in _angles(f, self.layout.nx))))
 
     @property
     def near_bus(self) -> np.ndarray:
@@ -114,18 +117,35 @@ class System:
         return self.__dict__ | {"kept": {}}
 
 
+def _angles(f: Family, nx: int) -> Iterator[Angle]:
+    """The angles of the devices of a family; the voltages begin at nx."""
+    storage = f.device.role == "storage"
+    name = f.device.pll or ("delta" if storage and f.device.source else None)
+    if name is None:
+        return
+    states, outputs, constants = (f.device.fields(record) for record in ("State", "Output", "Par"))
+    for w, k, key in zip(f.w, f.k, f.keys, strict=True):
+        p = dict(zip(constants, k, strict=True))
+        frequency = int(w[-1]) + outputs.index("wpll") if "wpll" in outputs else -1
+        range_ = (1 + p[limit] / p["wb"] if limit in p else inf for limit, inf in (("wmin", -np.inf), ("wmax", np.inf)))
+        unit = NO_UNIT if storage else int(w[family.UNIT])
+        if not storage or p["mva"] > 0:
+            bus, place = (int(w[family.BUS]) - nx) // 2, int(w[family.STATE]) + states.index(name)
+            yield Angle(unit, bus, place, not f.device.pll, key, frequency, *range_)
+
+
 def system(case: Case, flow: PowerFlow, net: Network) -> System:
     """Connect all devices of a case. Raises `EquilibriumError` if a device reads a signal that its unit lacks."""
     tables, fixed = rows.tables(case, flow, net)
     wired = Wiring(case, tables, len(case.buses), net)
     families, layout = wired.families(), wired.layout()
     draws = [f for f in families if family.CURRENT in family.equations(f.device)]
-    unit = {name: [row.unit for row in rows] for name, rows in tables.items()}
+    unit = {name: [row.unit for row in found] for name, found in tables.items()}
     forming = np.zeros(len(case.machines), bool)
     for f in families:
         if f.device.source is not None and f.device.role in devices.UNIT_ROLES:
             forming[unit[f.name]] = True
-    watched = [(b, low) for name, rows in tables.items() for row in rows for b, low in _watched(name, row)]
+    watched = [(b, low) for name, found in tables.items() for row in found for b, low in _watched(name, row)]
     buses = [f.w[:, [family.BUS, family.BUS2]].ravel() for f in draws]
     draw_bus = (np.unique(np.concatenate(buses)) - wired.nx) // 2 if buses else np.zeros(0, np.int64)
     return System(
@@ -143,6 +163,7 @@ def system(case: Case, flow: PowerFlow, net: Network) -> System:
 
 
 def _watched(name: str, row: Row) -> Iterator[tuple[int, float]]:
+    """Rows of the buses at which a load or link counts as lost below a voltage (pu), and this voltage."""
     device = devices.every()[name]
     if device.role in ("load", "link") and "vlow" in device.Par._fields:
         for bus in dict.fromkeys((row.bus, row.bus2)):
@@ -175,29 +196,3 @@ def _inertia(f: Family) -> np.ndarray | None:
         return None
     H = f.k[:, constants.index("H")]
     return np.where(H > 0, H, INFINITE) * f.k[:, constants.index("mva")]
-
-
-# Angles without weight in a center of inertia: phase-locked loops, and the virtual rotors of grid-forming storage.
-
-NONE = -1
-
-
-def unweighted(families: Iterable[Family], nx: int) -> Unweighted:
-    """The angles of the devices of some families; the voltages begin at nx."""
-    return Unweighted(tuple(sorted(row for f in families for row in _angles(f, nx))))
-
-
-def _angles(f: Family, nx: int) -> Iterator[Angle]:
-    storage = f.device.role == "storage"
-    name = f.device.pll or ("delta" if storage and f.device.source else None)
-    if name is None:
-        return
-    states, outputs, constants = (f.device.fields(record) for record in ("State", "Output", "Par"))
-    for w, k, key in zip(f.w, f.k, f.keys, strict=True):
-        p = dict(zip(constants, k, strict=True))
-        frequency = int(w[-1]) + outputs.index("wpll") if "wpll" in outputs else NONE
-        range_ = (1 + p[limit] / p["wb"] if limit in p else inf for limit, inf in (("wmin", -np.inf), ("wmax", np.inf)))
-        unit = NONE if storage else int(w[family.UNIT])
-        if not storage or p["mva"] > 0:
-            bus, place = (int(w[family.BUS]) - nx) // 2, int(w[family.STATE]) + states.index(name)
-            yield Angle(unit, bus, place, not f.device.pll, key, frequency, *range_)

@@ -1,6 +1,6 @@
 """The compiled loop of every model: its source text, the function made of it, its address in this process.
 
-    family(op, n, w, k, s, f, on)   op       which of the equations (below)
+    family(op, n, w, k, s, f, on)   op       which of the equations, see `family`
                                     n        devices
                                     w (i64)  a row of places per device: state, bus, second bus, unit, inputs, output
                                     k (f64)  a row of parameters per device, in the order of Par
@@ -25,6 +25,61 @@ from stabctl.devices.device import Device
 
 from .family import BUS, BUS2, CURRENT, INPUTS, LOCAL, OUTPUT, SOURCE, STATE, TINY, UNIT, equations, fused, shape, width
 
+plain: list[Any] = []  # with NUMBA_DISABLE_JIT=1 an "address" is a row of this list
+_compiled: dict[tuple[Device, type], Any] = {}
+
+
+def address(name: str, device: Device, scalar: type) -> int:
+    """Address of the compiled loop in this process."""
+    key = device, scalar
+    with jit.lock:
+        if key not in _compiled:
+            function = _module(name, device, scalar)
+            if jit.disabled():
+                plain.append(function)
+                _compiled[key] = len(plain) - 1
+            else:
+                _compiled[key] = _compile(function, scalar)
+    found = _compiled[key]
+    return found if isinstance(found, int) else found.address
+
+
+def _compile(function: Callable[..., None], scalar: type) -> Any:
+    from numba import types
+
+    from stabctl._util import machine_code
+
+    jit.ready()
+    number = types.complex128 if scalar is complex else types.float64
+    pointer = types.CPointer
+    signature = types.void(
+        types.int64, types.int64, pointer(types.int64), pointer(types.float64), pointer(number), pointer(number),
+        pointer(types.int64),
+    )  # fmt: skip
+    return machine_code.callback(function, signature, jit.folder() / function.__module__)
+
+
+def on_disk(name: str, device: Device, scalar: type) -> bool:
+    """Whether the machine code of a family is on disk, loaded, or not needed."""
+    if jit.disabled() or (device, scalar) in _compiled:
+        return True
+    return jit.kept(_module(name, device, scalar).__module__)
+
+
+@cache
+def _module(name: str, device: Device, scalar: type) -> Callable[..., None]:
+    """The loop as a Python function of a module that is named after its source text."""
+    kind = scalar.__name__
+    inside = device.module.__package__
+    text = f"import {device.module.__name__} as device\n" if inside else "import sys\n"
+    if not inside:
+        text += f"device = sys.modules[{device.module.__name__!r}]\n"
+    text += f"\n\n{write(device, name, scalar)}"
+    stem = f"{name}_{kind}_{jit.digest(text, inspect.getsource(_compile), jit.sources(device.module))}"
+    module = sys.modules[stem] = ModuleType(stem)
+    exec(compile(text, f"<{stem}>", "exec"), vars(module))  # text generated above
+    return getattr(module, name)  # type: ignore[no-any-return]
+
 
 def write(device: Device, name: str, scalar: type) -> str:
     """Source text of the family's loop, for float or complex."""
@@ -44,55 +99,10 @@ def write(device: Device, name: str, scalar: type) -> str:
     return "\n".join([*text, ""])
 
 
-def _head(device: Device, step: str = "") -> dict[str, tuple[str, ...]]:
-    """Lines that read each kind of argument; `step` is added to every variable that may be differentiated."""
-    par, state, inputs, shown = (device.fields(record) for record in ("Par", "State", "Input", "Output"))
-    columns = width(device)
-    at = {n: INPUTS + i for i, n in enumerate(inputs)}
-    count = iter(range(10**6))
-
-    def perturbed(text: str) -> str:
-        return f"{text} + ({step} if c == {next(count)} else 0)" if step else text
-
-    x = ", ".join(perturbed(f"s[first + {i}]") for i in range(len(state)))
-    u = ", ".join(perturbed(f"s[w[{columns} * j + {at[n]}]]") for n in inputs)
-    v = [f"({perturbed(f's[{b}]')}, {perturbed(f's[{b} + 1]')})" for b in ("b", "b2")]
-    buses = f"b, b2 = w[{columns} * j + {BUS}], w[{columns} * j + {BUS2}]"
-    return {
-        "p": (f"p = device.Par({', '.join(f'k[{len(par)} * j + {i}]' for i in range(len(par)))})",),
-        "x": (f"first = w[{columns} * j + {STATE}]", f"x = device.State({x})"),
-        "u": (f"u = device.Input({u})",),
-        "v": (buses, f"v = {v[0]}"),
-        "v1": (buses, f"v1 = {v[0]}"),
-        "v2": (f"v2 = {v[1]}",),
-        "y": (
-            f"o = w[{columns} * j + {columns - 1}]",
-            f"y = device.Output({', '.join(f's[o + {i}]' for i in range(len(shown)))})",
-        ),
-        **{n: (f"{n} = u.{n}",) if step else (f"{n} = s[w[{columns} * j + {at[n]}]]",) for n in inputs},
-    }
-
-
-def _internal(device: Device, anew: bool) -> dict[str, tuple[str, ...]]:
-    """Lines that compute the internal quantities, or read those that SOURCE has stored after the outputs."""
-    outputs, names = len(device.Output._fields), device.Internal._fields
-    if anew:
-        return {"i": ("i = device.internal(x, p)",)}
-    kept = ", ".join(f"s[o + {outputs + k}]" for k in range(len(names)))
-    return {"i": (f"o = w[{width(device)} * j + {width(device) - 1}]", f"i = device.Internal({kept})")}
-
-
-def _needed(device: Device, equation: str, anew: bool) -> tuple[str, ...]:
-    """Arguments of an equation, in an order in which they can be computed."""
-    names = device.arguments(equation)
-    return ("x", "p", *(n for n in names if n not in ("x", "p"))) if anew and "i" in names else names
-
-
 def _body(device: Device, op: int, names: tuple[str, ...], anew: bool) -> list[str]:
     """Lines that evaluate equations of one device and store the results."""
-    head, columns, links = _head(device) | _internal(device, anew), width(device), shape(device)[3] == 2
-    place, row = f"o = w[{columns} * j + {columns - 1}]", f"first = w[{columns} * j + {STATE}]"
-    bus = f"b, b2 = w[{columns} * j + {BUS}], w[{columns} * j + {BUS2}]"
+    head, (row, bus, place) = _head(device) | _internal(device, anew), _places(device)
+    links, outputs = shape(device)[3] == 2, len(device.Output._fields)
     inject = [bus, "f[b] += g[0]", "f[b + 1] += g[1]", *(("f[b2] += g[2]", "f[b2 + 1] += g[3]") if links else ())]
     shown = [place, *(f"s[o + {i}] = y.{n}" for i, n in enumerate(device.Output._fields))]
     rates = [row, *(f"f[first + {i}] = d.{n}" for i, n in enumerate(device.State._fields))]
@@ -101,9 +111,8 @@ def _body(device: Device, op: int, names: tuple[str, ...], anew: bool) -> list[s
     store = {"source": inject, "current": inject, "output": shown, "derivatives": rates}
     store["step"] = [*(memory if memory[1:] else ()), *shown]
     of_unit = op in (SOURCE, CURRENT) and device.role in ("machine", "converter")
-    lines = [f"if on[w[{columns} * j + {UNIT}]] < 0:", "    continue"] if of_unit else []
-    first = len(device.Output._fields)
-    keep = [place, *(f"s[o + {first + k}] = i.{n}" for k, n in enumerate(device.Internal._fields))]
+    lines = [f"if on[w[{width(device)} * j + {UNIT}]] < 0:", "    continue"] if of_unit else []
+    keep = [place, *(f"s[o + {outputs + k}] = i.{n}" for k, n in enumerate(device.Internal._fields))]
     if not names:
         return [*lines, *(line for a in ("x", "p", "i") for line in head[a]), *keep]
     known: set[str] = set()
@@ -115,6 +124,21 @@ def _body(device: Device, op: int, names: tuple[str, ...], anew: bool) -> list[s
         known |= {*needed, result[name]}
         lines += [f"{result[name]} = device.{name}({', '.join(device.arguments(name))})", *store[name]]
     return lines
+
+
+def _needed(device: Device, equation: str, anew: bool) -> tuple[str, ...]:
+    """Arguments of an equation, in an order in which they can be computed."""
+    names = device.arguments(equation)
+    return ("x", "p", *(n for n in names if n not in ("x", "p"))) if anew and "i" in names else names
+
+
+def _internal(device: Device, anew: bool) -> dict[str, tuple[str, ...]]:
+    """Lines that compute the internal quantities, or read those that SOURCE has stored after the outputs."""
+    outputs, names = len(device.Output._fields), device.Internal._fields
+    if anew:
+        return {"i": ("i = device.internal(x, p)",)}
+    kept = ", ".join(f"s[o + {outputs + k}]" for k in range(len(names)))
+    return {"i": (_places(device)[2], f"i = device.Internal({kept})")}
 
 
 def _local(device: Device) -> list[str]:
@@ -153,60 +177,32 @@ def _local(device: Device) -> list[str]:
     return ["a = 0", "for j in range(n):", f"    for c in range({rows + 1}):", *inner]
 
 
-# The compiled loop of every model: a function made from its source text, and its address in this process.
+def _head(device: Device, step: str = "") -> dict[str, tuple[str, ...]]:
+    """Lines that read each kind of argument; `step` is added to every variable that may be differentiated."""
+    par, state, inputs, shown = (device.fields(record) for record in ("Par", "State", "Input", "Output"))
+    (row, bus, place), columns = _places(device), width(device)
+    at = {n: INPUTS + i for i, n in enumerate(inputs)}
+    count = iter(range(10**6))
+
+    def perturbed(text: str) -> str:
+        return f"{text} + ({step} if c == {next(count)} else 0)" if step else text
+
+    x = ", ".join(perturbed(f"s[first + {i}]") for i in range(len(state)))
+    u = ", ".join(perturbed(f"s[w[{columns} * j + {at[n]}]]") for n in inputs)
+    v = [f"({perturbed(f's[{b}]')}, {perturbed(f's[{b} + 1]')})" for b in ("b", "b2")]
+    return {
+        "p": (f"p = device.Par({', '.join(f'k[{len(par)} * j + {i}]' for i in range(len(par)))})",),
+        "x": (row, f"x = device.State({x})"),
+        "u": (f"u = device.Input({u})",),
+        "v": (bus, f"v = {v[0]}"),
+        "v1": (bus, f"v1 = {v[0]}"),
+        "v2": (f"v2 = {v[1]}",),
+        "y": (place, f"y = device.Output({', '.join(f's[o + {i}]' for i in range(len(shown)))})"),
+        **{n: (f"{n} = u.{n}",) if step else (f"{n} = s[w[{columns} * j + {at[n]}]]",) for n in inputs},
+    }
 
 
-@cache
-def _module(name: str, device: Device, scalar: type) -> Callable[..., None]:
-    """The loop as a Python function of a module that is named after its source text."""
-    kind = scalar.__name__
-    inside = device.module.__package__
-    text = f"import {device.module.__name__} as device\n" if inside else "import sys\n"
-    if not inside:
-        text += f"device = sys.modules[{device.module.__name__!r}]\n"
-    text += f"\n\n{write(device, name, scalar)}"
-    stem = f"{name}_{kind}_{jit.digest(text, inspect.getsource(_compile), jit.sources(device.module))}"
-    module = sys.modules[stem] = ModuleType(stem)
-    exec(compile(text, f"<{stem}>", "exec"), vars(module))  # text generated above
-    return getattr(module, name)  # type: ignore[no-any-return]
-
-
-def on_disk(name: str, device: Device, scalar: type) -> bool:
-    """Whether the machine code of a family is on disk, loaded, or not needed."""
-    if jit.disabled() or (device, scalar) in _compiled:
-        return True
-    return jit.kept(_module(name, device, scalar).__module__)
-
-
-_compiled: dict[tuple[Device, type], Any] = {}
-plain: list[Any] = []  # with NUMBA_DISABLE_JIT=1 an "address" is a row of this list
-
-
-def address(name: str, device: Device, scalar: type) -> int:
-    """Address of the compiled loop in this process."""
-    key = device, scalar
-    with jit.lock:
-        if key not in _compiled:
-            function = _module(name, device, scalar)
-            if jit.disabled():
-                plain.append(function)
-                _compiled[key] = len(plain) - 1
-            else:
-                _compiled[key] = _compile(function, scalar)
-    found = _compiled[key]
-    return found if isinstance(found, int) else found.address
-
-
-def _compile(function: Callable[..., None], scalar: type) -> Any:
-    from numba import types
-
-    from stabctl._util import machine_code
-
-    jit.ready()
-    number = types.complex128 if scalar is complex else types.float64
-    pointer = types.CPointer
-    signature = types.void(
-        types.int64, types.int64, pointer(types.int64), pointer(types.float64), pointer(number), pointer(number),
-        pointer(types.int64),
-    )  # fmt: skip
-    return machine_code.callback(function, signature, jit.folder() / function.__module__)
+def _places(device: Device) -> tuple[str, str, str]:
+    """Lines that read where the states, the buses and the outputs of a device are."""
+    row = f"w[{width(device)} * j + "
+    return f"first = {row}{STATE}]", f"b, b2 = {row}{BUS}], {row}{BUS2}]", f"o = {row}{width(device) - 1}]"

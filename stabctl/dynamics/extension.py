@@ -1,7 +1,9 @@
-"""Devices added to an operating point that do not move it: sensors, summing inputs, controllers.
+"""Devices added to an operating point that do not move it: sensors, summing inputs, drawn powers, controllers.
 
 New states, set-points, outputs and memory get their places behind the existing ones of the same kind, so all places
 change. While an extension is being built, new places are counted from virtual origins.
+
+`extended` adds what the signals of linear models and controllers need. Each of their inputs is then a set-point.
 """
 
 from collections.abc import Iterable, Sequence
@@ -19,12 +21,22 @@ from stabctl.devices.sensors import bus_frequency, rocof
 from . import adder, drawn, family, storage
 from .assembly import System
 from .family import CURRENT, Family, limits
-from .layout import SetPoint, StatePlace
+from .layout import Layout, SetPoint, StatePlace
 from .operating_point import OperatingPoint
 from .rows import NO_UNIT
 from .signals import OF_CONVERTER, OF_STORAGE, Signal, port
 
-STATES, SETPOINTS, OUTPUTS, MEMORY = (k << 40 for k in range(1, 5))
+STATES, SETPOINTS, OUTPUTS, MEMORY = (k << 40 for k in range(1, 5))  # virtual origins
+PORTS = {
+    "vs": "added Vs",
+    "vref": "Vref",
+    "pref": "Pref",
+    "field": "Efd",
+    "power": "Pm",
+    "ipcmd": "Ipcmd",
+    "iqcmd": "Iqcmd",
+}  # input -> the port whose set-point it is
+DRAWN = ("storage", "load_p", "load_q")  # inputs that are powers drawn from a bus, each added with its device
 
 
 class Extension:
@@ -109,10 +121,6 @@ class Extension:
         kind, index = place >> 40, place & ((1 << 40) - 1)
         return float(self._values[kind << 40][index] if kind else self.point.s[place])
 
-    def place(self, given: int) -> int:
-        """Place after `build` of a place of `point.s` or of one given here."""
-        return int(self._places()(np.array([given]))[0])
-
     def build(self) -> OperatingPoint:
         """The operating point with the new devices."""
         point, old = self.point, self.point.layout
@@ -141,23 +149,24 @@ class Extension:
         old, added = self.point.system, families[len(self.point.system.families) :]
         new = [f.w[:, family.BUS] for f in added if CURRENT in family.operations(f)]
         first = self.point.layout.nx + len(self._states)
-        draw = np.union1d(old.draw_bus, (np.concatenate(new) - first) // 2) if new else old.draw_bus
-        return replace(old, families=families, limits=limits(families, one), draw_bus=draw, kept={})
+        buses = np.union1d(old.draw_bus, (np.concatenate(new) - first) // 2) if new else old.draw_bus
+        return replace(old, families=families, limits=limits(families, one), draw_bus=buses, kept={})
+
+    def place(self, given: int) -> int:
+        """Place after `build` of a place of `point.s` or of one given here."""
+        return int(self._places()(np.array([given]))[0])
 
     def _places(self) -> "_Places":
-        old = self.point.layout
-        return _Places(
-            old.nx, old.step, len(self._states), len(self._setpoints), old.first_memory, len(self._owners)
-        )  # fmt: skip
+        return _Places(self.point.layout, len(self._states), len(self._setpoints), len(self._owners))
 
 
 class _Places:
     """New places from old and virtual ones."""
 
-    def __init__(self, nx: int, step: int, states: int, setpoints: int, end: int, outputs: int) -> None:
-        self._nx, self._step, self._states, self._setpoints = nx, step, states, setpoints
-        last = end + states + setpoints
-        self._origin = np.array([0, nx, step + states, last, last + outputs])
+    def __init__(self, old: Layout, states: int, setpoints: int, outputs: int) -> None:
+        self._nx, self._step, self._states, self._setpoints = old.nx, old.step, states, setpoints
+        last = old.first_memory + states + setpoints
+        self._origin = np.array([0, old.nx, old.step + states, last, last + outputs])
 
     def __call__(self, at: np.ndarray) -> np.ndarray:
         kind, index = at >> 40, at & ((1 << 40) - 1)
@@ -166,12 +175,10 @@ class _Places:
 
 
 def _moved(w: np.ndarray, places: _Places) -> np.ndarray:
+    """A table of places with the new ones; units keep their rows."""
     out = places(w)
     out[:, family.UNIT] = w[:, family.UNIT]
     return out
-
-
-# What linear models and controllers need at an operating point beyond its devices: sensors, inputs, drawn powers.
 
 
 def extended(point: OperatingPoint, inputs: Iterable[Signal], outputs: Iterable[Signal]) -> OperatingPoint:
@@ -180,15 +187,15 @@ def extended(point: OperatingPoint, inputs: Iterable[Signal], outputs: Iterable[
     An input at every stabilizer port named, a device that draws every power named, and sensors of the frequency, and of
     its rate, at every bus named.
     """
-    ports = [s for s in dict.fromkeys(inputs) if s.kind == "vs" and _missing(point, _unit(point, s), "added Vs")]
+    added = [s for s in dict.fromkeys(inputs) if s.kind == "vs" and _missing(point, _unit(point, s), "added Vs")]
     powers = [s for s in dict.fromkeys(inputs) if s.kind in DRAWN and _missing(point, NO_UNIT, s.label)]
     rates = [s.number for s in dict.fromkeys(outputs) if s.kind == "rocof" and not _measured(point, "rocof", s.number)]
     at = dict.fromkeys([*rates, *(s.number for s in outputs if s.kind == "bus_frequency")])
     buses = [bus for bus in at if not _measured(point, "bus_frequency", bus)]
-    if not (ports or powers or buses or rates):
+    if not (added or powers or buses or rates):
         return point
     more = Extension(point)
-    for signal in ports:
+    for signal in added:
         _add_input(more, signal)
     for signal in powers:
         _add_draw(more, signal)
@@ -198,23 +205,19 @@ def extended(point: OperatingPoint, inputs: Iterable[Signal], outputs: Iterable[
     return more.build()
 
 
-def sensor(point: OperatingPoint, table: str, bus: int) -> int:
-    """Place of the output of a sensor at a bus."""
-    f = point.system.family(table)
-    at = point.layout.nx + 2 * point.net.place[bus]
-    return int(f.w[f.w[:, family.BUS] == at][0, -1])
-
-
 def _missing(point: OperatingPoint, unit: int, name: str) -> bool:
+    """Whether there is no set-point of this name."""
     return point.layout.setpoint(unit, name) is None
 
 
 def _measured(point: OperatingPoint, table: str, bus: int) -> bool:
+    """Whether there is a sensor at a bus."""
     at = point.layout.nx + 2 * point.net.place[bus]
     return point.system.has(table) and at in point.system.family(table).w[:, family.BUS]
 
 
 def _unit(point: OperatingPoint, signal: Signal) -> int:
+    """Row of the unit of a signal."""
     return [m.machine for m in point.case.machines].index(signal.number)
 
 
@@ -237,16 +240,6 @@ def _add_draw(more: Extension, signal: Signal) -> None:
     more.add("drawn", drawn, [0, at, at, NO_UNIT, setpoint, at], par, f"bus {signal.number}")
 
 
-def _add_rate(more: Extension, bus: int, frequency: int | None) -> None:
-    """A sensor of the rate of a measured frequency."""
-    point = more.point
-    where = StatePlace("rocof", 0, NO_UNIT, "f", f"f rocof {bus}")
-    par, state = rocof.Par(point.case.frequency_hz), more.states([where], [1.0])
-    at = point.layout.nx + 2 * point.net.place[bus]
-    read = sensor(point, "bus_frequency", bus) if frequency is None else frequency
-    more.add("rocof", rocof, [state, at, at, NO_UNIT, read, more.outputs([0.0])], par, f"bus {bus}")
-
-
 def _add_sensor(more: Extension, bus: int) -> int:
     """A sensor of the frequency of a bus; place of its output."""
     point = more.point
@@ -259,18 +252,46 @@ def _add_sensor(more: Extension, bus: int) -> int:
     return out
 
 
-# Inputs: each is a set-point; those of drawn powers are added with the device that draws them.
+def _add_rate(more: Extension, bus: int, frequency: int | None) -> None:
+    """A sensor of the rate of a measured frequency."""
+    point = more.point
+    where = StatePlace("rocof", 0, NO_UNIT, "f", f"f rocof {bus}")
+    par, state = rocof.Par(point.case.frequency_hz), more.states([where], [1.0])
+    at = point.layout.nx + 2 * point.net.place[bus]
+    read = sensor(point, "bus_frequency", bus) if frequency is None else frequency
+    more.add("rocof", rocof, [state, at, at, NO_UNIT, read, more.outputs([0.0])], par, f"bus {bus}")
 
-PORTS = {
-    "vs": "added Vs",
-    "vref": "Vref",
-    "pref": "Pref",
-    "field": "Efd",
-    "power": "Pm",
-    "ipcmd": "Ipcmd",
-    "iqcmd": "Iqcmd",
-}
-DRAWN = ("storage", "load_p", "load_q")
+
+def sensor(point: OperatingPoint, table: str, bus: int) -> int:
+    """Place of the output of a sensor at a bus."""
+    f = point.system.family(table)
+    at = point.layout.nx + 2 * point.net.place[bus]
+    return int(f.w[f.w[:, family.BUS] == at][0, -1])
+
+
+def place(point: OperatingPoint, signal: Signal) -> int:
+    """Place in s of an input, in a point that `extended` has prepared for it. Raises `StudyError` if it is driven."""
+    case = point.case
+    if signal.kind in OF_STORAGE:
+        row = [f"{s.machine}@{s.bus}" for s in case.storage].index(str(signal.place))
+        at = int(getattr(storage.places(point.system, case), signal.kind)[row])
+        if at < 0:
+            raise StudyError(
+                f"The storage device {signal.place} of {case.name} has no voltage reference, so order_v has no effect "
+                "on it; make it grid-forming, or grid-following with QFlag=1 VFlag=0."
+            )
+        return at
+    found: int | None
+    if signal.kind in DRAWN:
+        found = point.layout.setpoint(NO_UNIT, signal.label)
+    else:
+        name = PORTS.get(signal.kind) or port(case, signal.number, signal.kind)
+        found = point.layout.setpoint(_unit(point, signal), str(name))
+    if found is None and signal.kind in OF_CONVERTER:
+        raise StudyError(f"A control of converter {signal.number} sets {PORTS[signal.kind]}, so it is not an input.")
+    if found is None:
+        raise StudyError(f"{signal.label} of {case.name} is set by another device, so it is not an input.")
+    return found
 
 
 class Draw(NamedTuple):
@@ -292,32 +313,6 @@ class Shares(NamedTuple):
     p_current: float = 0.0
     q_current: float = 0.0
     v_low: float = 0.5
-
-
-def place(point: OperatingPoint, signal: Signal) -> int:
-    """Place in s of an input, in a point that `extended` has prepared for it. Raises `StudyError` if it is driven."""
-    case = point.case
-    if signal.kind in OF_STORAGE:
-        row = [f"{s.machine}@{s.bus}" for s in case.storage].index(str(signal.place))
-        at = int(getattr(storage.places(point.system, case), signal.kind)[row])
-        if at < 0:
-            raise StudyError(
-                f"The storage device {signal.place} of {case.name} has no voltage reference, so order_v has no effect "
-                "on it; make it grid-forming, or grid-following with QFlag=1 VFlag=0."
-            )
-        return at
-    found: int | None
-    if signal.kind in DRAWN:
-        found = point.layout.setpoint(NO_UNIT, signal.label)
-    else:
-        unit = [m.machine for m in case.machines].index(signal.number)
-        name = PORTS.get(signal.kind) or port(case, signal.number, signal.kind)
-        found = point.layout.setpoint(unit, str(name))
-    if found is None and signal.kind in OF_CONVERTER:
-        raise StudyError(f"A control of converter {signal.number} sets {PORTS[signal.kind]}, so it is not an input.")
-    if found is None:
-        raise StudyError(f"{signal.label} of {case.name} is set by another device, so it is not an input.")
-    return found
 
 
 def draw(point: OperatingPoint, signal: Signal) -> Draw:

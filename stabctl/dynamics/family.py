@@ -1,6 +1,6 @@
-"""The devices of one model as flat tables: inputs, outputs, places, and states with limits.
+"""Families: the devices of one model in a system as flat tables of places and parameters, their operations and limits.
 
-A family is evaluated by one compiled loop, `family(op, n, w, k, s, f, on)`; see `loop_text`.
+A family is evaluated by one compiled loop, `family(op, n, w, k, s, f, on)`; see `codegen`.
 """
 
 from collections.abc import Iterable, Sequence
@@ -11,7 +11,10 @@ import numpy as np
 
 from stabctl.devices.device import Device
 
-# The devices of one model in a system, as flat tables.
+SOURCE, CURRENT, OUTPUT, RATES, BOTH, STEP, LOCAL, FRAME = range(8)  # operations
+STATE, BUS, BUS2, UNIT, INPUTS = range(5)  # columns of w; inputs follow, and the first output
+EQUATIONS = {SOURCE: "source", CURRENT: "current", OUTPUT: "output", RATES: "derivatives"}
+TINY = 1e-30  # complex step
 
 
 class Family(NamedTuple):
@@ -19,54 +22,9 @@ class Family(NamedTuple):
 
     name: str
     device: Device
-    w: np.ndarray  # (devices, width) i64   places, see `family`
+    w: np.ndarray  # (devices, width) i64   places of the columns above
     k: np.ndarray  # (devices, constants)
     keys: tuple[str, ...]  # name of each, such as "machine 3"
-
-
-SOURCE, CURRENT, OUTPUT, RATES, BOTH, STEP, LOCAL, FRAME = range(8)
-STATE, BUS, BUS2, UNIT, INPUTS = range(5)  # columns of w; inputs follow, and the first output
-EQUATIONS: dict[int, tuple[str, ...]] = {
-    SOURCE: ("source",),
-    CURRENT: ("current",),
-    OUTPUT: ("output",),
-    RATES: ("derivatives",),
-}
-TINY = 1e-30
-
-
-@cache
-def reads(device: Device, equation: str) -> tuple[str, ...]:
-    """Inputs that an equation of the device reads."""
-    names = device.arguments(equation)
-    return device.Input._fields if "u" in names else tuple(n for n in device.Input._fields if n in names)
-
-
-@cache
-def fused(device: Device) -> bool:
-    """Whether the output is computed together with the derivatives, because it needs all inputs."""
-    return device.derivatives is not None and "u" in device.arguments("output")
-
-
-@cache
-def equations(device: Device) -> dict[int, tuple[str, ...]]:
-    """Operations of the device in a simulation, each with its equations."""
-    if device.step is not None:
-        return {STEP: ("step",)}
-    found = {op: names for op, names in EQUATIONS.items() if device.has(names[0])}
-    if device.internal is not None:
-        found.setdefault(SOURCE, ())  # computed there once, before the voltages are iterated
-    if fused(device):
-        del found[OUTPUT], found[RATES]
-        found[BOTH] = ("output", "derivatives")
-    return found
-
-
-def side(device: Device, name: str) -> int:
-    """1 for a parameter that is an upper limit (...max, or listed in UPPER), -1 for a lower limit (...min), else 0."""
-    if name.endswith("max") or name in device.upper:
-        return 1
-    return -1 if name.endswith("min") else 0
 
 
 def width(device: Device) -> int:
@@ -79,6 +37,14 @@ def stride(device: Device) -> int:
     return len(device.Output._fields) + len(device.Internal._fields)
 
 
+def size(f: Family) -> tuple[int, int, int, int]:
+    """Numbers of states, inputs and outputs of each device of a family, and of its buses.
+
+    A device without the records State, Input and Output tells the numbers itself, from the constants.
+    """
+    return f.device.sizes(f.k[0]) if f.device.sizes is not None else shape(f.device)
+
+
 @cache
 def shape(device: Device) -> tuple[int, int, int, int]:
     """Numbers of states, inputs and outputs of a device, and of its buses."""
@@ -88,17 +54,29 @@ def shape(device: Device) -> tuple[int, int, int, int]:
     return states, inputs, outputs, buses
 
 
-def size(f: Family) -> tuple[int, int, int, int]:
-    """Numbers of states, inputs and outputs of each device of a family, and of its buses.
-
-    A device without the records State, Input and Output tells the numbers itself, from the constants.
-    """
-    return f.device.sizes(f.k[0]) if f.device.sizes is not None else shape(f.device)
-
-
 def operations(f: Family) -> dict[int, tuple[str, ...]]:
     """Operations of the devices of a family in a simulation, each with its equations."""
     return f.device.operations(f.k[0]) if f.device.operations is not None else equations(f.device)
+
+
+@cache
+def equations(device: Device) -> dict[int, tuple[str, ...]]:
+    """Operations of the device in a simulation, each with its equations."""
+    if device.step is not None:
+        return {STEP: ("step",)}
+    found: dict[int, tuple[str, ...]] = {op: (name,) for op, name in EQUATIONS.items() if device.has(name)}
+    if device.internal is not None:
+        found.setdefault(SOURCE, ())  # computed there once, before the voltages are iterated
+    if fused(device):
+        del found[OUTPUT], found[RATES]
+        found[BOTH] = ("output", "derivatives")
+    return found
+
+
+@cache
+def fused(device: Device) -> bool:
+    """Whether the output is computed together with the derivatives, because it needs all inputs."""
+    return device.derivatives is not None and "u" in device.arguments("output")
 
 
 def read(f: Family, op: int, rows: Sequence[int]) -> np.ndarray:
@@ -110,7 +88,18 @@ def read(f: Family, op: int, rows: Sequence[int]) -> np.ndarray:
     return f.w[np.ix_(list(rows), at)].ravel()
 
 
-# States with non-windup limits.
+@cache
+def reads(device: Device, equation: str) -> tuple[str, ...]:
+    """Inputs that an equation of the device reads."""
+    names = device.arguments(equation)
+    return device.Input._fields if "u" in names else tuple(n for n in device.Input._fields if n in names)
+
+
+def side(device: Device, name: str) -> int:
+    """1 for a parameter that is an upper limit (...max, or listed in UPPER), -1 for a lower limit (...min), else 0."""
+    if name.endswith("max") or name in device.upper:
+        return 1
+    return -1 if name.endswith("min") else 0
 
 
 class Limits(NamedTuple):

@@ -1,9 +1,13 @@
-"""Exact derivatives of the system, from the blocks of its devices, as a dense or sparse matrix.
+"""Exact derivatives of the system, from the blocks of its devices.
 
 Every device is differentiated at its own terminals by complex step (h = 1e-30), one variable at a time. The blocks are
 assembled by the places of their signals, and the outputs, which never form a loop, are eliminated:
 
     y = E z + F y    ->    y = (1 + F + F^2 + ...) E z,    F nilpotent.
+
+Where the entries go is worked out once for all systems of one structure, which differ only in the parameters of their
+devices, as in a sweep or a design. The matrices are sparse, but dense arrays if the system is small, because handling a
+few sparse entries takes longer.
 """
 
 from collections.abc import Hashable, Sequence
@@ -21,7 +25,9 @@ from .perform import evaluate
 from .program import Program, local_program
 
 SMALL = 60_000  # equations times signals up to which the matrices are dense
+MOST = 16  # structures kept
 Matrix: TypeAlias = Any  # csr_matrix or csc_matrix, or an array if the system is small
+_known: dict[Hashable, "Pattern"] = {}
 
 
 class Derivatives(NamedTuple):
@@ -43,24 +49,13 @@ class Equations:
     def __init__(self, system: System) -> None:
         self.system = system
         self.families = [f for f in system.families if len(f.w) and f.device.step is None]
-        self.pattern = pattern(self.families, system.layout)
+        self.pattern = _pattern(self.families, system.layout)
         k = np.concatenate([np.zeros(0), *(f.k.ravel() for f in self.families)])
         self.program: Program = self.pattern.program._replace(k=k)
         self.rows, self.columns = self.pattern.rows, self.pattern.columns
         self.injections, self.injecting = self.pattern.injections, self.pattern.injecting
         self.small = self.pattern.total * system.layout.size <= SMALL
         self._on = np.zeros(max(len(system.unit_bus), 1), np.int64)
-
-    @property
-    def _gather(self) -> sp.csr_matrix:
-        """Sums the injections of every bus, real and imaginary part."""
-        kept = self.pattern.kept
-        if "gather" not in kept:
-            bus = self.injecting - self.system.layout.nx
-            at = np.stack([bus, bus + 1], 1).ravel()
-            shape = 2 * self.system.layout.buses, len(at)
-            kept["gather"] = sp.csr_matrix((np.ones(len(at)), (at, np.arange(len(at)))), shape=shape)
-        return kept["gather"]
 
     def at(self, s: np.ndarray, k: np.ndarray | None = None) -> Derivatives:
         """Values and derivatives at s (real; its outputs are brought up to date).
@@ -96,6 +91,23 @@ class Equations:
             injections.view(complex),
         )
 
+    @property
+    def _gather(self) -> sp.csr_matrix:
+        """Sums the injections of every bus, real and imaginary part."""
+        kept = self.pattern.kept
+        if "gather" not in kept:
+            bus = self.injecting - self.system.layout.nx
+            at = np.stack([bus, bus + 1], 1).ravel()
+            shape = 2 * self.system.layout.buses, len(at)
+            kept["gather"] = sp.csr_matrix((np.ones(len(at)), (at, np.arange(len(at)))), shape=shape)
+        return kept["gather"]
+
+    def _matrix(self, s: np.ndarray, k: np.ndarray | None) -> tuple[Matrix, np.ndarray]:
+        """The derivatives of `entries` as a matrix, and the values."""
+        entries, values = self.entries(s, k)
+        shape = self.pattern.total, self.system.layout.size
+        return matrix(entries, (self.rows, self.columns), shape, self.small), values
+
     def entries(self, s: np.ndarray, k: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Derivatives with respect to the variables of each device, one per entry of the pattern, and the values.
 
@@ -110,12 +122,6 @@ class Equations:
         values[pattern.answers] = f.real[pattern.values]
         return f.imag[pattern.slopes] / family.TINY, values
 
-    def _matrix(self, s: np.ndarray, k: np.ndarray | None) -> tuple[Matrix, np.ndarray]:
-        """The same as a matrix."""
-        entries, values = self.entries(s, k)
-        shape = self.pattern.total, self.system.layout.size
-        return matrix(entries, (self.rows, self.columns), shape, self.small), values
-
     def held(self, s: np.ndarray, rates: np.ndarray, limits: Limits) -> np.ndarray:
         """States (mask) that are at a limit and driven beyond it."""
         x, f, per = s[limits.state], rates[limits.state], s[limits.scale]
@@ -125,12 +131,16 @@ class Equations:
         return out
 
 
-# Where the derivatives of all devices go: worked out once for all systems of one structure.
-#
-# Systems have one structure if they differ only in the parameters of their devices, as in a sweep or a design.
-
-MOST = 16  # structures kept
-_known: dict[Hashable, "Pattern"] = {}
+def _pattern(families: Sequence[Family], layout: Layout) -> "Pattern":
+    """The pattern of a system, shared by all systems of its structure."""
+    key = layout.size, *((f.name, f.device, len(f.w), f.w.tobytes()) for f in families)
+    found = _known.get(key)
+    if found is None:
+        found = Pattern(families, layout)
+        while len(_known) >= MOST:
+            _known.pop(next(iter(_known)), None)
+        _known[key] = found
+    return found
 
 
 class Pattern:
@@ -191,32 +201,12 @@ class Pattern:
         self.total = first + 2 * injection
 
 
-def pattern(families: Sequence[Family], layout: Layout) -> Pattern:
-    """The pattern of a system, shared by all systems of its structure."""
-    key = layout.size, *((f.name, f.device, len(f.w), f.w.tobytes()) for f in families)
-    found = _known.get(key)
-    if found is None:
-        found = Pattern(families, layout)
-        while len(_known) >= MOST:
-            _known.pop(next(iter(_known)), None)
-        _known[key] = found
-    return found
-
-
-# Matrices of a system: sparse, or dense arrays if it is small, because handling a few sparse entries takes longer.
-
-
 def matrix(entries: np.ndarray, at: tuple[np.ndarray, np.ndarray], shape: tuple[int, int], dense: bool) -> Matrix:
     """The matrix with these entries at these rows and columns; those of one place are added up."""
     if dense:
         return np.bincount(at[0] * shape[1] + at[1], entries, shape[0] * shape[1]).reshape(shape)
     live = entries != 0
     return sp.csr_matrix((entries[live], (at[0][live], at[1][live])), shape=shape)
-
-
-def array(M: Matrix) -> np.ndarray:
-    """A matrix as a dense array."""
-    return M if isinstance(M, np.ndarray) else M.toarray()
 
 
 def filled(M: Matrix, axis: int) -> np.ndarray:
@@ -227,3 +217,8 @@ def filled(M: Matrix, axis: int) -> np.ndarray:
 def solved(M: Matrix, b: np.ndarray) -> np.ndarray:
     """inv(M) b."""
     return np.linalg.solve(M, b) if isinstance(M, np.ndarray) else splu(M.tocsc()).solve(b)
+
+
+def array(M: Matrix) -> np.ndarray:
+    """A matrix as a dense array."""
+    return M if isinstance(M, np.ndarray) else M.toarray()

@@ -19,11 +19,15 @@ from stabctl.model.fleet import Fleet
 from stabctl.model.network import Network
 from stabctl.model.powerflow import PowerFlow
 
-from . import family, storage, violations
+from . import family, violations
 from .assembly import Rotors, System, system
 from .jacobian import Equations
 from .layout import Layout
 from .start import start
+from .storage import in_network, with_ratings
+
+MOST = 10.0  # times its rating, that a unit supplies
+DROP = 1.0  # pu   voltage drop across its source impedance
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -172,9 +176,8 @@ class OperatingPoint:
         """
         pairs = zip(self.case.storage, ratings, strict=True)
         case = fleet.extended(self.case, (fleet.resized(s, float(rating)) for s, rating in pairs))
-        system = storage.with_ratings(self.system, self.case, case.storage)
-        stages = {} if storage.in_network(case) else self.stages
-        return replace(self, case=case, system=system, stages=stages)
+        stages = {} if in_network(case) else self.stages
+        return replace(self, case=case, system=with_ratings(self.system, self.case, case.storage), stages=stages)
 
     def __getstate__(self) -> dict[str, Any]:
         return {k: v for k, v in self.__dict__.items() if k != "equations"} | {"stages": {}}
@@ -184,128 +187,6 @@ class OperatingPoint:
         return f"operating point of {self.case.name}: {states}"
 
     __repr__ = __str__
-
-
-def source_admittances(of: System) -> np.ndarray:
-    """Norton admittance (units, complex, pu system) of every unit; 0 if it has none."""
-    out = np.zeros(len(of.unit_bus), complex)
-    for f in of.families:
-        if f.device.role in devices.UNIT_ROLES and f.device.admittance is not None:
-            out[f.w[:, family.UNIT]] = f.device.admittances(f.k)
-    return out
-
-
-def storage_admittances(of: System) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of the buses of storage devices behind an impedance, and their Norton admittances (complex, pu system)."""
-    bus, found = [np.zeros(0, np.int64)], [np.zeros(0, complex)]
-    for f in of.families:
-        if f.device.role == "storage" and f.device.admittance is not None:
-            bus.append((f.w[:, family.BUS] - of.layout.nx) // 2)
-            found.append(f.device.admittances(f.k))
-    return np.concatenate(bus), np.concatenate(found)
-
-
-def solve(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
-    """The operating point of a case at its power flow.
-
-    Parameters
-    ----------
-    case
-        The case.
-    flow
-        Its power flow, solved here unless given.
-
-    Raises
-    ------
-    PowerFlowError, EquilibriumError
-        If there is no operating point; names the bus with the largest mismatch, or the device, machine and limit.
-    """
-    point = unlimited(case, flow)
-    exceeded = next(violations.find(case, point.system, point.equations, point.s), None)
-    if exceeded:
-        raise EquilibriumError(exceeded.sentence(case))
-    return point
-
-
-def _formed(case: Case, net: Network, made: System) -> None:
-    """Raise `EquilibriumError` if an island has no voltage source: current sources alone have no common frequency."""
-    where = network.islands(net)
-    of_unit = where[made.unit_bus]
-    for k in np.setdiff1d(of_unit, of_unit[made.forming]):
-        names = [str(m.called) for m, island in zip(case.machines, of_unit, strict=True) if island == k]
-        buses = [str(b.bus) for b, island in zip(case.buses, where, strict=True) if island == k]
-        island = f"The island of {named(len(buses), 'bus')} {listed(buses)} in {case.name}"
-        units = f"its units {listed(names)} are" if len(names) > 1 else f"its only unit, {names[0]}, is"
-        raise EquilibriumError(
-            f"{island if where.any() else case.name} cannot be initialized: nothing sets its voltage and frequency, "
-            f"because {units} grid-following; add a machine or a grid-forming converter, such as regfm_a1."
-        )
-
-
-@paused()
-def unlimited(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
-    """The operating point without limits, which is an equilibrium unless it exceeds some: see `violations.find`.
-
-    Parameters and errors are those of `solve`, but for limits.
-    """
-    if not any(devices.every()[model].role in devices.UNIT_ROLES for model in case.devices):
-        names = f"{named(len(case.machines), 'machine')} {listed([str(m.called) for m in case.machines])}"
-        raise StudyError(
-            f"{case.name} has no dynamic models, only a power flow: no model for {names}; give their dynamic data, "
-            "--dyr or --machines typical."
-        )
-    flow = flow or powerflow.solve(case)
-    net = network.build(case)
-    made = system(case, flow, net)
-    _formed(case, net, made)
-    V = flow.V[net.machine_bus]
-    current = (flow.S / V).conj()
-    check(case, V, current, source_admittances(made))
-    found = start(case, made, Equations(made), flow.V, current)
-    point = OperatingPoint(case, flow, net, found.system, found.s, found.iterations, found.fastest, found.stiffest)
-    vars(point)["equations"] = found.equations
-    return point
-
-
-# Power flows that no machine of the given rating can supply.
-
-MOST = 10.0  # times its rating
-DROP = 1.0  # pu of the voltage
-
-
-def check(case: Case, V: np.ndarray, current: np.ndarray, admittance: np.ndarray) -> None:
-    """Check that no machine supplies many times its rating.
-
-    Equivalents of other systems often have a nominal rating of 100 MVA, with a large inertia and a small reactance on
-    it. What shows a wrong rating or power is the voltage drop across the source impedance: it depends on no base.
-
-    Parameters
-    ----------
-    case
-        The case, for ratings and names.
-    V, current
-        Terminal voltages and currents of the units (units), complex, pu on the system base.
-    admittance
-        Of their sources (units), complex, pu on the system base; 0 for a unit that is no voltage source.
-
-    Raises
-    ------
-    EquilibriumError
-        If a unit supplies more than `MOST` times its rating with a drop of more than `DROP`; names the worst one.
-    """
-    S = V * current.conj() * case.base_mva
-    times = np.abs(S) / np.array([m.base for m in case.machines])
-    wrong = (times > MOST) & (np.abs(current) > DROP * np.abs(admittance))
-    if wrong.any():
-        k = int(np.where(wrong, times, 0).argmax())
-        m = case.machines[k]
-        raise EquilibriumError(
-            f"Machine {m.called} of {case.name} supplies {S[k].real:.4g} MW and {S[k].imag:.4g} Mvar, {times[k]:.0f} "
-            f"times its rating of {m.base:g} MVA; correct its power or its rating (base_mva)."
-        )
-
-
-# The operating point that a study starts from, given a case or an operating point, and other storage if wanted.
 
 
 def operating_point(base: Case | OperatingPoint, storage: Fleet | None = None) -> OperatingPoint:
@@ -356,7 +237,104 @@ def initialize(case: Case, storage: Fleet | None = None) -> OperatingPoint:
     return operating_point(case, storage)
 
 
-# Control loops of converters, by which modes and fast states are named.
+def solve(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
+    """The operating point of a case at its power flow.
+
+    Parameters
+    ----------
+    case
+        The case.
+    flow
+        Its power flow, solved here unless given.
+
+    Raises
+    ------
+    PowerFlowError, EquilibriumError
+        If there is no operating point; names the bus with the largest mismatch, or the device, machine and limit.
+    """
+    point = unlimited(case, flow)
+    exceeded = next(violations.find(case, point.system, point.equations, point.s), None)
+    if exceeded:
+        raise EquilibriumError(exceeded.sentence(case))
+    return point
+
+
+@paused()
+def unlimited(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
+    """The operating point without limits, which is an equilibrium unless it exceeds some: see `violations.find`.
+
+    Parameters and errors are those of `solve`, but for limits.
+    """
+    if not any(devices.every()[model].role in devices.UNIT_ROLES for model in case.devices):
+        names = f"{named(len(case.machines), 'machine')} {listed([str(m.called) for m in case.machines])}"
+        raise StudyError(
+            f"{case.name} has no dynamic models, only a power flow: no model for {names}; give their dynamic data, "
+            "--dyr or --machines typical."
+        )
+    flow = flow or powerflow.solve(case)
+    net = network.build(case)
+    made = system(case, flow, net)
+    _check_islands(case, net, made)
+    V = flow.V[net.machine_bus]
+    current = (flow.S / V).conj()
+    _check_ratings(case, V, current, source_admittances(made))
+    found = start(case, made, Equations(made), flow.V, current)
+    point = OperatingPoint(case, flow, net, found.system, found.s, found.iterations, found.fastest, found.stiffest)
+    vars(point)["equations"] = found.equations
+    return point
+
+
+def _check_islands(case: Case, net: Network, made: System) -> None:
+    """Check that every island has a voltage source: current sources alone have no common frequency."""
+    where = network.islands(net)
+    of_unit = where[made.unit_bus]
+    for k in np.setdiff1d(of_unit, of_unit[made.forming]):
+        names = [str(m.called) for m, island in zip(case.machines, of_unit, strict=True) if island == k]
+        buses = [str(b.bus) for b, island in zip(case.buses, where, strict=True) if island == k]
+        island = f"The island of {named(len(buses), 'bus')} {listed(buses)} in {case.name}"
+        units = f"its units {listed(names)} are" if len(names) > 1 else f"its only unit, {names[0]}, is"
+        raise EquilibriumError(
+            f"{island if where.any() else case.name} cannot be initialized: nothing sets its voltage and frequency, "
+            f"because {units} grid-following; add a machine or a grid-forming converter, such as regfm_a1."
+        )
+
+
+def _check_ratings(case: Case, V: np.ndarray, current: np.ndarray, admittance: np.ndarray) -> None:
+    """Check that no machine supplies more than `MOST` times its rating with a drop of more than `DROP`.
+
+    Equivalents of other systems often have a nominal rating of 100 MVA, with a large inertia and a small reactance on
+    it. What shows a wrong rating or power is the voltage drop across the source impedance: it depends on no base.
+    Voltages, currents and source admittances (0: no voltage source) of the units are complex, in pu on the system base.
+    """
+    S = V * current.conj() * case.base_mva
+    times = np.abs(S) / np.array([m.base for m in case.machines])
+    wrong = (times > MOST) & (np.abs(current) > DROP * np.abs(admittance))
+    if wrong.any():
+        k = int(np.where(wrong, times, 0).argmax())
+        m = case.machines[k]
+        raise EquilibriumError(
+            f"Machine {m.called} of {case.name} supplies {S[k].real:.4g} MW and {S[k].imag:.4g} Mvar, {times[k]:.0f} "
+            f"times its rating of {m.base:g} MVA; correct its power or its rating (base_mva)."
+        )
+
+
+def source_admittances(of: System) -> np.ndarray:
+    """Norton admittance (units, complex, pu system) of every unit; 0 if it has none."""
+    out = np.zeros(len(of.unit_bus), complex)
+    for f in of.families:
+        if f.device.role in devices.UNIT_ROLES and f.device.admittance is not None:
+            out[f.w[:, family.UNIT]] = f.device.admittances(f.k)
+    return out
+
+
+def storage_admittances(of: System) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of the buses of storage devices behind an impedance, and their Norton admittances (complex, pu system)."""
+    bus, found = [np.zeros(0, np.int64)], [np.zeros(0, complex)]
+    for f in of.families:
+        if f.device.role == "storage" and f.device.admittance is not None:
+            bus.append((f.w[:, family.BUS] - of.layout.nx) // 2)
+            found.append(f.device.admittances(f.k))
+    return np.concatenate(bus), np.concatenate(found)
 
 
 def loops(point: OperatingPoint, table: str, unit: int) -> dict[str, str]:

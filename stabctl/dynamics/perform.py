@@ -1,4 +1,7 @@
-"""The calls of a program, made from compiled code."""
+"""The calls of a program, made from compiled code, and the evaluation of the exact derivatives with them.
+
+A family is called through its address, so that the machine code of the caller does not depend on it.
+"""
 
 from typing import Any
 
@@ -23,17 +26,31 @@ if disabled():
         perform(calls[(bits & due) != 0], w, k, s, f, on)
 
 else:
-    from .call import call
+    from llvmlite import ir
+    from numba import types
+    from numba.extending import intrinsic
+
+    @intrinsic
+    def call(typingctx: Any, address: Any, op: Any, n: Any, w: Any, k: Any, s: Any, f: Any, on: Any) -> Any:
+        """void (*address)(op, n, w, k, s, f, on); pointers are given as integers (array.ctypes.data)."""
+
+        def build(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            word, byte = ir.IntType(64), ir.IntType(8).as_pointer()
+            kind = ir.FunctionType(ir.VoidType(), [word, word, byte, byte, byte, byte, byte])
+            function = builder.inttoptr(args[0], kind.as_pointer())
+            builder.call(function, [*args[1:3], *(builder.inttoptr(a, byte) for a in args[3:])])
+            return context.get_dummy_value()
+
+        return types.void(*[types.int64] * 8), build
 
     @inline
-    def perform_due(calls, bits, due, w, k, s, f, on):  # type: ignore[misc]
-        """Call the families whose bit is in `due`."""
+    def perform(calls, w, k, s, f, on):  # type: ignore[misc]
+        """Call families one after the other."""
         for c in range(len(calls)):
-            if bits[c] & due:
-                call(
-                    calls[c, 0], calls[c, 1], calls[c, 2], w.ctypes.data + 8 * calls[c, 3],
-                    k.ctypes.data + 8 * calls[c, 4], s.ctypes.data, f.ctypes.data, on.ctypes.data,
-                )  # fmt: skip
+            call(
+                calls[c, 0], calls[c, 1], calls[c, 2], w.ctypes.data + 8 * calls[c, 3],
+                k.ctypes.data + 8 * calls[c, 4], s.ctypes.data, f.ctypes.data, on.ctypes.data,
+            )  # fmt: skip
 
     @inline
     def perform_local(calls, starts, w, k, s, f, on):  # type: ignore[misc]
@@ -45,16 +62,14 @@ else:
             )  # fmt: skip
 
     @inline
-    def perform(calls, w, k, s, f, on):  # type: ignore[misc]
-        """Call families one after the other."""
+    def perform_due(calls, bits, due, w, k, s, f, on):  # type: ignore[misc]
+        """Call the families whose bit is in `due`."""
         for c in range(len(calls)):
-            call(
-                calls[c, 0], calls[c, 1], calls[c, 2], w.ctypes.data + 8 * calls[c, 3],
-                k.ctypes.data + 8 * calls[c, 4], s.ctypes.data, f.ctypes.data, on.ctypes.data,
-            )  # fmt: skip
-
-
-# The compiled evaluation of the exact derivatives, in a separate file because it does not depend on any device.
+            if bits[c] & due:
+                call(
+                    calls[c, 0], calls[c, 1], calls[c, 2], w.ctypes.data + 8 * calls[c, 3],
+                    k.ctypes.data + 8 * calls[c, 4], s.ctypes.data, f.ctypes.data, on.ctypes.data,
+                )  # fmt: skip
 
 
 @entry

@@ -1,4 +1,8 @@
-"""The order in which devices are called, and the calls of a system for compiled code."""
+"""The calls of all devices of a system for compiled code, in an order in which each signal is computed before use.
+
+A call covers consecutive rows of one family. Families are ordered by the signals that they read and write; families in
+a cycle are split into rows. Only a cycle of rows is an algebraic loop.
+"""
 
 from collections.abc import Iterable, Sequence
 from graphlib import CycleError, TopologicalSorter
@@ -13,6 +17,8 @@ from stabctl._util.errors import EquilibriumError
 from . import codegen, family
 from .family import BOTH, CURRENT, FRAME, INPUTS, LOCAL, OUTPUT, RATES, SOURCE, STEP, Family
 
+Node = tuple[int, int, tuple[int, ...]]  # family, operation, rows
+
 
 class Program(NamedTuple):
     """What compiled code needs to call all devices. The type is the same for every system."""
@@ -23,7 +29,7 @@ class Program(NamedTuple):
     current: np.ndarray  # at every iteration of the voltages
     sweep: np.ndarray  # all outputs and rates
     step: np.ndarray  # devices that decide at every step
-    sense: np.ndarray  # the outputs that sampled controllers read
+    sense: np.ndarray  # the outputs that sampled controllers and devices that decide at every step read
     frame: np.ndarray  # sampled controllers
     bits: np.ndarray  # (frame) the bit of the rate of each
 
@@ -33,17 +39,17 @@ def program(families: Sequence[Family], scalar: type = float) -> Program:
 
     A complex program has no rates: it serves the voltages, which are solved with derivatives.
     """
-    tables, sweep = _Tables(families, scalar), ordered(families)
+    tables, sweep = _Tables(families, scalar), _ordered(families)
     if scalar is complex:
         sweep = _outputs(sweep)
-    frames = all_of(families, FRAME)
+    frames, steps = _all_of(families, FRAME), _all_of(families, STEP)
     return Program(
         *tables.constants,
-        source=tables.calls(all_of(families, SOURCE)),
-        current=tables.calls([*read_by_currents(families, sweep), *all_of(families, CURRENT)]),
+        source=tables.calls(_all_of(families, SOURCE)),
+        current=tables.calls([*_read_by_currents(families, sweep), *_all_of(families, CURRENT)]),
         sweep=tables.calls(sweep),
-        step=tables.calls(all_of(families, STEP)),
-        sense=tables.calls(read_by_frames(families, sweep)),
+        step=tables.calls(steps),
+        sense=tables.calls(_makers(families, sweep, [*frames, *steps])),
         frame=tables.calls(frames),
         bits=np.array([1 << int(families[i].k[0, -1]) for i, _, _ in frames], np.int64),
     )
@@ -53,16 +59,19 @@ def local_program(families: Sequence[Family]) -> Program:
     """The same for derivatives: `sweep` makes all outputs, `step` all local derivatives."""
     tables, none = _Tables(families, complex), np.zeros((0, 5), np.int64)
     every = [(i, LOCAL, tuple(range(len(f.w)))) for i, f in enumerate(families)]
-    outputs = tables.calls(_outputs(ordered(families)))
+    outputs = tables.calls(_outputs(_ordered(families)))
     return Program(*tables.constants, none, none, outputs, tables.calls(every), none, none, np.zeros(0, np.int64))
 
 
-Node = tuple[int, int, tuple[int, ...]]  # family, operation, rows
-
-
-def _outputs(sweep: Iterable[Node]) -> list[Node]:
-    """The outputs of a sweep alone, as a complex program makes them."""
-    return [(i, OUTPUT, rows) for i, op, rows in sweep if op != RATES]
+def near(families: Sequence[Family]) -> np.ndarray:
+    """Places of the buses and inputs of the devices that are called at every iteration of the voltages."""
+    out = [np.zeros(0, np.int64)]
+    draws = _all_of(families, CURRENT)
+    for i, _, rows in [*_read_by_currents(families, _ordered(families) if draws else ()), *draws]:
+        _, inputs, _, buses = family.size(families[i])
+        columns = [*(family.BUS, family.BUS2)[:buses], *range(INPUTS, INPUTS + inputs)]
+        out.append(families[i].w[np.ix_(list(rows), columns)].ravel())
+    return np.unique(np.concatenate(out))
 
 
 class _Tables:
@@ -101,14 +110,12 @@ def _addresses(families: Sequence[Family], scalar: type) -> list[int]:
     return out
 
 
-# The order in which devices are called, so that every signal is computed before it is read.
-#
-# A call covers consecutive rows of one family. Families are ordered by the signals that they read and write; families
-# in
-# a cycle are split into rows. Only a cycle of rows is an algebraic loop.
+def _outputs(sweep: Iterable[Node]) -> list[Node]:
+    """The outputs of a sweep alone, as a complex program makes them."""
+    return [(i, OUTPUT, rows) for i, op, rows in sweep if op != RATES]
 
 
-def ordered(families: Sequence[Family]) -> list[Node]:
+def _ordered(families: Sequence[Family]) -> list[Node]:
     """Calls for the outputs and derivatives of all devices, in an order in which every signal is computed before use.
 
     Raises `EquilibriumError`, naming the devices, if they form an algebraic loop.
@@ -139,6 +146,14 @@ def ordered(families: Sequence[Family]) -> list[Node]:
             nodes = [n for n in nodes if n not in cycle] + single
 
 
+def _merged(nodes: Iterable[Node]) -> list[Node]:
+    """The same with the rows of one family and operation together."""
+    found: dict[tuple[int, int], list[int]] = {}
+    for i, op, rows in nodes:
+        found.setdefault((i, op), []).extend(rows)
+    return [(i, op, tuple(sorted(rows))) for (i, op), rows in sorted(found.items())]
+
+
 def _called(one: Family, row: int) -> str:
     """What a device is called: `sexs of machine 1`, `controller pod`."""
     return f"controller {one.keys[row]}" if one.device.role == "controller" else f"{one.name} of {one.keys[row]}"
@@ -154,52 +169,12 @@ def _graph(families: Sequence[Family], nodes: Sequence[Node]) -> dict[int, set[i
     return {n: set(maker[_read(families[i], op, rows)].tolist()) - {-1} for n, (i, op, rows) in enumerate(nodes)}
 
 
-def _written(one: Family, rows: Sequence[int]) -> np.ndarray:
-    outputs = family.size(one)[2]
-    return (one.w[list(rows), -1][:, None] + np.arange(outputs)).ravel()
-
-
-def _read(one: Family, op: int, rows: Sequence[int]) -> np.ndarray:
-    places = family.read(one, op, rows)
-    own = op == RATES and "y" in one.device.arguments("derivatives")
-    return np.r_[places, _written(one, rows)] if own else places
-
-
-def _merged(nodes: Iterable[Node]) -> list[Node]:
-    """The same with the rows of one family and operation together."""
-    found: dict[tuple[int, int], list[int]] = {}
-    for i, op, rows in nodes:
-        found.setdefault((i, op), []).extend(rows)
-    return [(i, op, tuple(sorted(rows))) for (i, op), rows in sorted(found.items())]
-
-
-def near(families: Sequence[Family]) -> np.ndarray:
-    """Places of the buses and inputs of the devices that are called at every iteration of the voltages."""
-    out = [np.zeros(0, np.int64)]
-    draws = all_of(families, CURRENT)
-    for i, _, rows in [*read_by_currents(families, ordered(families) if draws else ()), *draws]:
-        _, inputs, _, buses = family.size(families[i])
-        columns = [*(family.BUS, family.BUS2)[:buses], *range(INPUTS, INPUTS + inputs)]
-        out.append(families[i].w[np.ix_(list(rows), columns)].ravel())
-    return np.unique(np.concatenate(out))
-
-
-def read_by_currents(families: Sequence[Family], sweep: Sequence[Node]) -> list[Node]:
+def _read_by_currents(families: Sequence[Family], sweep: Sequence[Node]) -> list[Node]:
     """The part of `sweep` whose outputs the currents read: they are made anew at every iteration of the voltages."""
-    return makers(families, sweep, all_of(families, CURRENT))
+    return _makers(families, sweep, _all_of(families, CURRENT))
 
 
-def read_by_frames(families: Sequence[Family], sweep: Sequence[Node]) -> list[Node]:
-    """The part of `sweep` that sampled controllers and devices that decide at a step read."""
-    return makers(families, sweep, [*all_of(families, FRAME), *all_of(families, STEP)])
-
-
-def all_of(families: Sequence[Family], op: int) -> list[Node]:
-    """All devices that have an operation."""
-    return [(i, op, tuple(range(len(f.w)))) for i, f in enumerate(families) if len(f.w) and op in family.operations(f)]
-
-
-def makers(families: Sequence[Family], sweep: Sequence[Node], readers: Iterable[Node]) -> list[Node]:
+def _makers(families: Sequence[Family], sweep: Sequence[Node], readers: Iterable[Node]) -> list[Node]:
     """The part of `sweep` that makes what the readers read, directly or through others."""
     wanted = np.concatenate([np.zeros(0, int), *(_read(families[i], op, rows) for i, op, rows in readers)])
     out: list[Node] = []
@@ -213,3 +188,21 @@ def makers(families: Sequence[Family], sweep: Sequence[Node], readers: Iterable[
             needed = op if op in family.operations(families[i]) else BOTH
             wanted = np.r_[wanted, _read(families[i], needed, keep)]
     return out
+
+
+def _all_of(families: Sequence[Family], op: int) -> list[Node]:
+    """All devices that have an operation."""
+    return [(i, op, tuple(range(len(f.w)))) for i, f in enumerate(families) if len(f.w) and op in family.operations(f)]
+
+
+def _written(one: Family, rows: Sequence[int]) -> np.ndarray:
+    """Places of the outputs of these devices."""
+    outputs = family.size(one)[2]
+    return (one.w[list(rows), -1][:, None] + np.arange(outputs)).ravel()
+
+
+def _read(one: Family, op: int, rows: Sequence[int]) -> np.ndarray:
+    """Places that an operation of these devices reads; rates may read the outputs of their own device."""
+    places = family.read(one, op, rows)
+    own = op == RATES and "y" in one.device.arguments("derivatives")
+    return np.r_[places, _written(one, rows)] if own else places

@@ -16,13 +16,11 @@ from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.model.location import circuit
 
-# The kinds of signals that can be inputs and outputs of linear models and controllers.
-
 
 class Kind(NamedTuple):
-    """A kind of signal: what it belongs to, its label, unit and meaning."""
+    """A kind of signal that can be an input or output of linear models and controllers."""
 
-    place: str  # "machine", "group", "bus", "line", "device", "state" or ""
+    place: str  # what it belongs to: "machine", "group", "bus", "line", "device", "state" or ""
     label: str
     unit: str
     meaning: str
@@ -211,11 +209,11 @@ def _everywhere(case: Case, name: str, kind: Kind) -> Sequence[int | str | None]
         return [None]
     numbers = [m.machine for m in case.machines]
     if name in REFERENCES:
-        return [n for n in numbers if _model(case, n, REFERENCES[name])]
+        return [n for n in numbers if case.model(n, REFERENCES[name])]
     if name in ("field", "power"):
-        return [n for n in numbers if not _model(case, n, "exciter" if name == "field" else "governor")]
+        return [n for n in numbers if not case.model(n, "exciter" if name == "field" else "governor")]
     if name in OF_CONVERTER:
-        return [n for n in numbers if _model(case, n, "converter")]
+        return [n for n in numbers if case.model(n, "converter")]
     if name in SET_POINTS:
         return [n for n in numbers if port(case, n, name)]
     if kind.place == "state":
@@ -226,6 +224,7 @@ def _everywhere(case: Case, name: str, kind: Kind) -> Sequence[int | str | None]
 
 
 def _signal(case: Case, name: str, kind: Kind, place: int | str | None) -> Signal:
+    """The signal of one machine, bus, circuit or device, checked."""
     if kind.place in ("machine", "bus"):
         by_name = naming.machine_number if kind.place == "machine" else naming.bus_number
         if not re.fullmatch(r"[0-9]{1,18}", str(place)):
@@ -253,26 +252,10 @@ def _signal(case: Case, name: str, kind: Kind, place: int | str | None) -> Signa
     words = {
         "machine" if role == "converter" else role: devices.models()[model].name
         for role in ("machine", "converter", "exciter", "governor")
-        if isinstance(place, int) and (model := _model(case, place, role))
+        if isinstance(place, int) and (model := case.model(place, role))
     }
     called = case.machine(number).called if kind.place == "machine" else place
     return Signal(name, place, kind.label.format(place=called, **words), kind.unit)
-
-
-def port(case: Case, number: int, kind: str) -> str | None:
-    """The port of a converter's outermost control that a set-point belongs to; None if there is none."""
-    for role in CONTROLS:
-        model = _model(case, number, role)
-        fields = devices.models()[model].Input._fields if model else ()
-        found = next((name for name in SET_POINTS[kind] if name in fields), None)
-        if found:
-            return found
-    return None
-
-
-def machines(signal: Signal) -> tuple[int, ...]:
-    """Numbers of the machines of a signal of a machine or group."""
-    return tuple(map(int, str(signal.place).split("+")))
 
 
 def _group(case: Case, name: str, text: str) -> int | str:
@@ -288,30 +271,8 @@ def _group(case: Case, name: str, text: str) -> int | str:
     return "+".join(map(str, sorted(found))) if len(found) > 1 else found.pop()
 
 
-def _belongs(case: Case, name: str, number: int) -> None:
-    """Check that the machine has the control that the reference belongs to, or lacks the one that would override it."""
-    if name in (*OF_ROTOR, *OF_MACHINE) and not _has_rotor(case, number, name in OF_ROTOR):
-        raise StudyError(
-            f"Unit {number} of {case.name} is a converter without a rotor, so it has no signal {name}; choose another."
-        )
-    if name in OF_CONVERTER and not _model(case, number, "converter"):
-        raise StudyError(
-            f"Unit {number} of {case.name} is not a converter, so it has no signal {name}; choose another."
-        )
-    if name in SET_POINTS and not port(case, number, name):
-        raise StudyError(
-            f"Unit {number} of {case.name} has no converter control with a set-point {name}; choose another."
-        )
-    if name in REFERENCES and not _model(case, number, REFERENCES[name]):
-        instead = "power" if name == "pref" else "field"
-        raise StudyError(f"Machine {number} of {case.name} has no {REFERENCES[name]}; use {instead}:{number}.")
-    if name in ("field", "power"):
-        reference, control = ("vref", "an exciter") if name == "field" else ("pref", "a governor")
-        if _model(case, number, REFERENCES[reference]):
-            raise StudyError(f"Machine {number} of {case.name} has {control}; use {reference}:{number}.")
-
-
 def _device(case: Case, text: str) -> str:
+    """A storage device, machine@bus; the machine alone is enough if it has only one."""
     names = [f"{s.machine}@{s.bus}" for s in case.storage]
     matching = [n for n in names if n == text or n.partition("@")[0] == text]
     if not names:
@@ -322,12 +283,47 @@ def _device(case: Case, text: str) -> str:
     return matching[0]
 
 
+def _belongs(case: Case, name: str, number: int) -> None:
+    """Check that the machine has the control that the reference belongs to, or lacks the one that would override it."""
+    if name in (*OF_ROTOR, *OF_MACHINE) and not _has_rotor(case, number, name in OF_ROTOR):
+        raise StudyError(
+            f"Unit {number} of {case.name} is a converter without a rotor, so it has no signal {name}; choose another."
+        )
+    if name in OF_CONVERTER and not case.model(number, "converter"):
+        raise StudyError(
+            f"Unit {number} of {case.name} is not a converter, so it has no signal {name}; choose another."
+        )
+    if name in SET_POINTS and not port(case, number, name):
+        raise StudyError(
+            f"Unit {number} of {case.name} has no converter control with a set-point {name}; choose another."
+        )
+    if name in REFERENCES and not case.model(number, REFERENCES[name]):
+        instead = "power" if name == "pref" else "field"
+        raise StudyError(f"Machine {number} of {case.name} has no {REFERENCES[name]}; use {instead}:{number}.")
+    if name in ("field", "power"):
+        reference, control = ("vref", "an exciter") if name == "field" else ("pref", "a governor")
+        if case.model(number, REFERENCES[reference]):
+            raise StudyError(f"Machine {number} of {case.name} has {control}; use {reference}:{number}.")
+
+
 def _has_rotor(case: Case, number: int, virtual: bool) -> bool:
     """Whether a unit is a synchronous machine or, if `virtual` rotors count, a converter with one."""
-    converter = _model(case, number, "converter") if virtual else None
+    converter = case.model(number, "converter") if virtual else None
     with_inertia = converter is not None and devices.models()[converter].has("inertia")
-    return _model(case, number, "machine") is not None or with_inertia
+    return case.model(number, "machine") is not None or with_inertia
 
 
-def _model(case: Case, number: int, role: str) -> str | None:
-    return case.model(number, role)
+def port(case: Case, number: int, kind: str) -> str | None:
+    """The port of a converter's outermost control that a set-point belongs to; None if there is none."""
+    for role in CONTROLS:
+        model = case.model(number, role)
+        fields = devices.models()[model].Input._fields if model else ()
+        found = next((name for name in SET_POINTS[kind] if name in fields), None)
+        if found:
+            return found
+    return None
+
+
+def machines(signal: Signal) -> tuple[int, ...]:
+    """Numbers of the machines of a signal of a machine or group."""
+    return tuple(map(int, str(signal.place).split("+")))

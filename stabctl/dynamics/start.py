@@ -1,7 +1,7 @@
-"""Initialization: states and set-points at which every device is in equilibrium at its power-flow power, checked.
+"""Initialization: states and set-points at which every device is in equilibrium at its power-flow power.
 
-Newton's method is applied to the equations that are simulated. Devices are coupled only through the network, whose
-voltages are known here, so the Jacobian separates into one small block per unit.
+Newton's method solves the equations that are simulated, at the known voltages of the power flow; see `newton`. If
+devices have parameters that depend on the starting point, they are solved again with these.
 """
 
 from types import SimpleNamespace
@@ -17,6 +17,8 @@ from .assembly import System
 from .family import Family
 from .jacobian import Equations
 from .newton import Newton, Unsolved
+
+LEAST = 1e-8  # pu on 100 MVA   current that counts
 
 
 class Start(NamedTuple):
@@ -47,7 +49,8 @@ def start(case: Case, system: System, equations: Equations, V: np.ndarray, curre
     Raises
     ------
     EquilibriumError
-        If there is none; names device and machine.
+        If there is none, a rotor is reversed there, or a device outside the power flow draws current; names device and
+        machine.
     """
     layout = system.layout
     s = np.zeros(layout.size)
@@ -57,25 +60,14 @@ def start(case: Case, system: System, equations: Equations, V: np.ndarray, curre
     _guess(system, V, current, s)
     _within_limits(system, equations, s)
     iterations, fastest, stiffest = _solve(case, system, equations, V, current, s)
-    completed = with_automatic(system, s)
+    completed = _with_automatic(system, s)
     if completed is not system:
         system, equations = completed, Equations(completed)
         more, fastest, stiffest = _solve(case, system, equations, V, current, s)
         iterations += more
-    check(case, system, equations, s)
+    _upright(case, system, s)
+    _no_current(system, equations, s, LEAST * 100 / case.base_mva)
     return Start(system, equations, s, iterations, fastest, stiffest)
-
-
-def _solve(
-    case: Case, system: System, equations: Equations, V: np.ndarray, current: np.ndarray, s: np.ndarray
-) -> tuple[int, float, int]:
-    """Solve for the equilibrium, from and to `s`: Newton steps, the largest eigenvalue, and its main state."""
-    newton = Newton(system, equations, V, current, case.base_mva)
-    try:
-        return newton.solve(s)
-    except Unsolved as error:
-        what, check = _unsolved(case, system, newton, error.row)
-        raise EquilibriumError(f"{what} after {error}; check {check}.") from None
 
 
 def _guess(system: System, V: np.ndarray, current: np.ndarray, s: np.ndarray) -> None:
@@ -106,6 +98,18 @@ def _within_limits(system: System, equations: Equations, s: np.ndarray) -> None:
         s[lim.state[moving]] = np.clip(1.0, lim.low[moving], lim.high[moving]) * per
 
 
+def _solve(
+    case: Case, system: System, equations: Equations, V: np.ndarray, current: np.ndarray, s: np.ndarray
+) -> tuple[int, float, int]:
+    """Solve for the equilibrium, from and to `s`: Newton steps, the largest eigenvalue, and its main state."""
+    newton = Newton(system, equations, V, current, case.base_mva)
+    try:
+        return newton.solve(s)
+    except Unsolved as error:
+        what, data = _unsolved(case, system, newton, error.row)
+        raise EquilibriumError(f"{what} after {error}; check {data}.") from None
+
+
 def _unsolved(case: Case, system: System, newton: Newton, row: int) -> tuple[str, str]:
     """The device that an equation belongs to, and what to check there."""
     layout = system.layout
@@ -120,33 +124,34 @@ def _unsolved(case: Case, system: System, newton: Newton, row: int) -> tuple[str
     return what, "its reactances, its saturation and its dispatch"
 
 
-# Checks of an initialization.
+def _with_automatic(system: System, s: np.ndarray) -> System:
+    """The system with the parameters that devices compute from its starting point; the same object if there are none.
 
-LEAST = 1e-8  # pu on 100 MVA   current that counts
-
-
-def check(case: Case, system: System, equations: Equations, s: np.ndarray) -> None:
-    """Check that no rotor is reversed, and that devices outside the power flow draw no current.
-
-    Parameters
-    ----------
-    case
-        The case, for the names in messages.
-    system, equations
-        Its devices.
-    s
-        All signals (layout.size) of an equilibrium without limits.
-
-    Raises
-    ------
-    EquilibriumError
-        If a check fails; names device and machine.
+    The signals `s` are those of an equilibrium with the parameters as given.
     """
-    _upright(case, system, s)
-    _no_current(system, equations, s, LEAST * 100 / case.base_mva)
+    for f in system.families:
+        if f.device.automatic is None:
+            continue
+        k = np.array([_automatic(f, j, s) for j in range(len(f.w))])
+        if not np.array_equal(k, f.k):
+            system = system.with_constants(f.name, k)
+    return system
+
+
+def _automatic(f: Family, j: int, s: np.ndarray) -> list[float]:
+    """Parameters of one device, with those computed from its inputs and output at the starting point."""
+    w, device = f.w[j], f.device
+    inputs, outputs = device.Input._fields, device.Output._fields
+    known = {
+        "p": device.Par(*f.k[j]),
+        "u": SimpleNamespace(**dict(zip(inputs, s[w[family.INPUTS : family.INPUTS + len(inputs)]], strict=True))),
+        "y": SimpleNamespace(**dict(zip(outputs, s[w[-1] : w[-1] + len(outputs)], strict=True))),
+    }
+    return list(device.evaluate("automatic", known))
 
 
 def _upright(case: Case, system: System, s: np.ndarray) -> None:
+    """Check that no rotor is reversed."""
     rotors, V = system.rotors, s[system.layout.voltages].view(complex)
     angle = np.angle(V[system.unit_bus[rotors.unit]])
     reversed_ = np.flatnonzero(np.cos(s[rotors.angle] - angle) < -0.5)
@@ -174,37 +179,3 @@ def _no_current(system: System, equations: Equations, s: np.ndarray, least: floa
                 f"{f.device.name} of {f.keys[j]} draws {size[j]:.3g} pu of current at the power flow, which does not "
                 "include it; its current must be zero initially."
             )
-
-
-# Parameters that depend on the starting point, which devices compute in `automatic`.
-
-
-def with_automatic(system: System, s: np.ndarray) -> System:
-    """The system with the parameters that depend on its starting point; the same object if there are none.
-
-    Parameters
-    ----------
-    system
-        The devices.
-    s
-        All signals (layout.size) of an equilibrium with the parameters as given.
-    """
-    for f in system.families:
-        if f.device.automatic is None:
-            continue
-        k = np.array([_row(f, j, s) for j in range(len(f.w))])
-        if not np.array_equal(k, f.k):
-            system = system.with_constants(f.name, k)
-    return system
-
-
-def _row(f: Family, j: int, s: np.ndarray) -> list[float]:
-    """Parameters of one device: its own computed from its inputs and output at the start."""
-    w, device = f.w[j], f.device
-    inputs, outputs = device.Input._fields, device.Output._fields
-    known = {
-        "p": device.Par(*f.k[j]),
-        "u": SimpleNamespace(**dict(zip(inputs, s[w[family.INPUTS : family.INPUTS + len(inputs)]], strict=True))),
-        "y": SimpleNamespace(**dict(zip(outputs, s[w[-1] : w[-1] + len(outputs)], strict=True))),
-    }
-    return list(device.evaluate("automatic", known))

@@ -1,7 +1,8 @@
 """Connections: which devices provide each signal, what every input reads, sums and sensors in between.
 
 An input reads the signal with its name in its unit. A port reads the output that drives it, or its set-point if there
-is none; a summing port reads the sum of the outputs that drive it, or zero.
+is none; a summing port reads the sum of the outputs that drive it, or zero. A remote input reads a signal of another
+machine, or a sensor, of which there is one at every bus that such an input names.
 """
 
 from collections.abc import Iterator, Mapping
@@ -27,23 +28,25 @@ class Wiring:
     """Assigns a place to every signal."""
 
     def __init__(self, case: Case, tables: Mapping[str, list[Row]], buses: int, net: Network) -> None:
-        self.case, self.tables, self.buses, self.net = case, with_sensors(case, tables, net), buses, net
+        self.case, self.tables, self.buses, self.net = case, _with_sensors(case, tables, net), buses, net
+        self.devices = {name: devices.every()[name] for name in self.tables}
         self.units = {name: np.array([row.unit for row in rows]) for name, rows in self.tables.items()}
-        self.givers = Givers(len(case.machines))
+        self.providers = _Providers(len(case.machines))
         self.states: list[StatePlace] = []
         self.first_state: dict[str, int] = {}
         for name, rows in self.tables.items():
             self._states(name, rows)
         self.nx = len(self.states)
+        self.first_setpoint = self.nx + 2 * buses
         self._ports()
-        self.step = self.nx + 2 * buses + len(self.setpoints)
+        self.step = self.first_setpoint + len(self.setpoints)
         self._outputs()
 
     def _states(self, name: str, rows: list[Row]) -> None:
-        device = devices.every()[name]
+        device = self.devices[name]
         states, first = device.State._fields, len(self.states)
         self.first_state[name] = first
-        words, in_unit = [(state, WORDS.get(state, state)) for state in states], device.role in devices.UNIT_ROLES
+        words, in_unit = [(state, WORDS.get(state, state)) for state in states], self._in_unit(name)
         self.states += [
             StatePlace(name, j, row.unit if in_unit else NO_UNIT, state, f"{word} {row.label}")
             for j, row in enumerate(rows)
@@ -51,21 +54,25 @@ class Wiring:
         ]
         if device.role in ("machine", "converter"):
             for i, state in enumerate(states):
-                self.givers.add(state, self.units[name], first + i + len(states) * np.arange(len(rows)))
+                self.providers.add(state, self.units[name], first + i + len(states) * np.arange(len(rows)))
+
+    def _in_unit(self, name: str) -> bool:
+        """Whether the devices of a table belong to units."""
+        return self.devices[name].role in devices.UNIT_ROLES
 
     def _ports(self) -> None:
         """Add the set-points of the ports that no device drives."""
-        in_unit = {name for name in self.tables if devices.every()[name].role in devices.UNIT_ROLES}
+        in_unit = {name for name in self.tables if self._in_unit(name)}
         filled = {
             (unit, output)
             for name in in_unit
-            for output in devices.every()[name].Output._fields
+            for output in self.devices[name].Output._fields
             for unit in self.units[name].tolist()
         }
         self.setpoints: list[SetPoint] = []
         self.setpoint_of: dict[tuple[Any, str], int] = {}
         for name, rows in self.tables.items():
-            for signal, port in inputs(devices.every()[name]).items():
+            for signal, port in _markers(self.devices[name]).items():
                 if not isinstance(port, Port) or port.summing:
                     continue
                 for j, row in enumerate(rows):
@@ -79,21 +86,40 @@ class Wiring:
         at = self.step + 3
         self.first_output: dict[str, int] = {}
         for name, rows in self.tables.items():
-            device = devices.every()[name]
+            device = self.devices[name]
             self.first_output[name], stride = at, family.stride(device)
-            if device.role in devices.UNIT_ROLES:
+            if self._in_unit(name):
                 for i, output in enumerate(device.Output._fields):
-                    self.givers.add(output, self.units[name], at + i + stride * np.arange(len(rows)))
+                    self.providers.add(output, self.units[name], at + i + stride * np.arange(len(rows)))
             at += len(rows) * stride
-        self.sums = Sums(self.step + 1, at)
+        self.sums = _Sums(self.step + 1, at)
+
+    def families(self) -> tuple[Family, ...]:
+        """The tables of places and parameters."""
+        made = []
+        for name, rows in self.tables.items():
+            device = self.devices[name]
+            states, outputs = len(device.State._fields), family.stride(device)
+            w = np.empty((len(rows), family.width(device)), np.int64)
+            j = np.arange(len(rows))
+            w[:, family.STATE] = self.first_state[name] + states * j
+            w[:, family.BUS] = self.nx + 2 * np.array([row.bus for row in rows])
+            w[:, family.BUS2] = self.nx + 2 * np.array([row.bus2 for row in rows])
+            w[:, family.UNIT] = self.units[name]
+            for c, (signal, hint) in enumerate(_markers(device).items()):
+                w[:, family.INPUTS + c] = self._inputs(name, signal, hint)
+            w[:, -1] = self.first_output[name] + outputs * j
+            k = np.array([row.par for row in rows], float).reshape(len(rows), -1)
+            made.append(Family(name, device, w, k, tuple(row.key for row in rows)))
+        return (*made, *self.sums.families())
 
     def _inputs(self, name: str, signal: str, hint: Any) -> np.ndarray:
         """Places of the signals that an input of the devices of a table reads."""
         rows, units = self.tables[name], self.units[name]
         if isinstance(hint, At):
             return np.array([self._elsewhere(hint, row) for row in rows])
-        in_unit = devices.every()[name].role in devices.UNIT_ROLES
-        found = self.givers.of(signal, units) if in_unit else np.zeros((0, len(rows)), int)
+        in_unit = self._in_unit(name)
+        found = self.providers.of(signal, units) if in_unit else np.zeros((0, len(rows)), int)
         count = (found >= 0).sum(axis=0)
         if isinstance(hint, Port) and hint.summing:
             return np.array([self.sums.of(found[:n, j].tolist()) for j, n in enumerate(count)])
@@ -102,16 +128,33 @@ class Wiring:
             key = int(units[j]) if in_unit else (name, int(j))
             if count[j] or not isinstance(hint, Port):
                 raise EquilibriumError(self._unclear(name, rows[j], signal, found[: count[j], j]))
-            out[j] = self.nx + 2 * self.buses + self.setpoint_of[key, signal]
+            out[j] = self.first_setpoint + self.setpoint_of[key, signal]
         return out
+
+    def _elsewhere(self, at: At, row: Row) -> int:
+        """Place of the signal that a remote input of a device reads: that of a sensor, or of another machine."""
+        if at.signal in self.tables:
+            buses = [s.bus for s in self.tables[at.signal]]
+            stride = family.stride(self.devices[at.signal])
+            return self.first_output[at.signal] + stride * buses.index(_bus_of(self.case, self.net, at, row))
+        number = int(getattr(row.par, at.place))
+        units = {m.machine: i for i, m in enumerate(self.case.machines)}
+        unit = units.get(number, NO_UNIT) if number else row.unit
+        found = self.providers.of(at.signal, np.array([unit]))
+        if unit == NO_UNIT or not (found >= 0).any():
+            raise EquilibriumError(
+                f"Machine {number} of {self.case.name} has no signal {at.signal}, which {row.label} reads; choose "
+                "another machine."
+            )
+        return int(found[0, 0])
 
     def _unclear(self, name: str, row: Row, signal: str, places: np.ndarray) -> str:
         """The error for an input that no device, or more than one device, drives."""
         if len(places):
-            names = " and ".join(devices.every()[self._table(place)].name for place in places)
+            names = " and ".join(self.devices[self._table(place)].name for place in places)
             return f"{names} both provide {signal} of {row.key} in {self.case.name}; keep one of them."
         return (
-            f"{devices.every()[name].name} of {row.key} in {self.case.name} reads {signal}, which no device of its "
+            f"{self.devices[name].name} of {row.key} in {self.case.name} reads {signal}, which no device of its "
             "unit provides; use another model."
         )
 
@@ -121,49 +164,14 @@ class Wiring:
             return self.states[place].table
         return max((first, name) for name, first in self.first_output.items() if first <= place)[1]
 
-    def _elsewhere(self, at: At, row: Row) -> int:
-        if at.signal in self.tables:
-            buses = [s.bus for s in self.tables[at.signal]]
-            stride = family.stride(devices.every()[at.signal])
-            return self.first_output[at.signal] + stride * buses.index(bus_of(self.case, self.net, at, row))
-        number = int(getattr(row.par, at.place))
-        units = {m.machine: i for i, m in enumerate(self.case.machines)}
-        unit = units.get(number, NO_UNIT) if number else row.unit
-        found = self.givers.of(at.signal, np.array([unit]))
-        if unit == NO_UNIT or not (found >= 0).any():
-            raise EquilibriumError(
-                f"Machine {number} of {self.case.name} has no signal {at.signal}, which {row.label} reads; choose "
-                "another machine."
-            )
-        return int(found[0, 0])
-
-    def families(self) -> tuple[Family, ...]:
-        """The tables of places and parameters."""
-        made = []
-        for name, rows in self.tables.items():
-            device = devices.every()[name]
-            states, outputs = len(device.State._fields), family.stride(device)
-            w = np.empty((len(rows), family.width(device)), np.int64)
-            j = np.arange(len(rows))
-            w[:, family.STATE] = self.first_state[name] + states * j
-            w[:, family.BUS] = self.nx + 2 * np.array([row.bus for row in rows])
-            w[:, family.BUS2] = self.nx + 2 * np.array([row.bus2 for row in rows])
-            w[:, family.UNIT] = self.units[name]
-            for c, (signal, hint) in enumerate(inputs(device).items()):
-                w[:, family.INPUTS + c] = self._inputs(name, signal, hint)
-            w[:, -1] = self.first_output[name] + outputs * j
-            k = np.array([row.par for row in rows], float).reshape(len(rows), -1)
-            made.append(Family(name, device, w, k, tuple(row.key for row in rows)))
-        return (*made, *self.sums.families())
-
     def layout(self) -> Layout:
         """Places in s, after `families`."""
         owner = np.full(self.sums.end, NO_UNIT, np.int64)
         owner[: self.nx] = [place.unit for place in self.states]
-        owner[self.nx + 2 * self.buses : self.step] = [point.unit for point in self.setpoints]
+        owner[self.first_setpoint : self.step] = [point.unit for point in self.setpoints]
         for name, units in self.units.items():
-            device = devices.every()[name]
-            if device.role in devices.UNIT_ROLES:
+            device = self.devices[name]
+            if self._in_unit(name):
                 first, n = self.first_output[name], family.stride(device)
                 owner[first : first + n * len(units)] = np.repeat(units, n)
         outputs = self.sums.end - self.step - 3
@@ -172,31 +180,63 @@ class Wiring:
     def _signals(self) -> dict[tuple[int, str], int]:
         """Unit and name of every signal -> its place; that of the sum where several devices give it."""
         signals: dict[tuple[int, str], int] = {}
-        for signal, layers in self.givers:
+        for signal, layers in self.providers:
             signals |= {(unit, signal): place for unit, place in enumerate(layers[0].tolist()) if place >= 0}
         for places, out in self.sums.places.items():
             signals |= {key: out for key, place in signals.items() if place == places[0]}
         for k, point in enumerate(self.setpoints):
             if point.unit != NO_UNIT:
-                signals.setdefault((point.unit, point.name), self.nx + 2 * self.buses + k)
+                signals.setdefault((point.unit, point.name), self.first_setpoint + k)
         return signals
 
 
-# Which devices provide each signal of a unit.
+def _with_sensors(case: Case, tables: Mapping[str, list[Row]], net: Network) -> dict[str, list[Row]]:
+    """The devices of every table, and the sensors that they read."""
+    found, every = {name: list(rows) for name, rows in tables.items()}, devices.every()
+    for name, rows in tables.items():
+        for hint in _markers(every[name]).values():
+            if not (isinstance(hint, At) and hint.signal in every and every[hint.signal].role == "sensor"):
+                continue
+            sensors = found.setdefault(hint.signal, [])
+            for row in rows:
+                bus = _bus_of(case, net, hint, row)
+                if bus not in [sensor.bus for sensor in sensors]:
+                    sensors.append(_sensor(case, hint.signal, bus))
+    return found
 
 
-class Givers:
-    """Places of the signals that the devices of every unit provide; several devices may provide the same signal.
+def _sensor(case: Case, name: str, bus: int) -> Row:
+    device, number = devices.every()[name], case.buses[bus].bus
+    par = device.Par(2 * np.pi * case.frequency_hz) if device.Par._fields else ()
+    return Row(NO_UNIT, bus, bus, par, f"{device.name} {number}", f"bus {number}")
 
-    Parameters
-    ----------
-    units
-        Number of units.
-    """
+
+def _bus_of(case: Case, net: Network, at: At, row: Row) -> int:
+    """Row of the bus whose number is a device's parameter; its own bus if that is 0."""
+    number = int(getattr(row.par, at.place))
+    if number and number not in net.place:
+        raise EquilibriumError(
+            f"There is no bus {number} in {case.name}, the {at.place} of {row.label}; choose another."
+        )
+    return net.place[number] if number else row.bus
+
+
+@cache
+def _markers(device: Device) -> dict[str, Any]:
+    """Inputs of a device, each with its marker (Port, At) or None."""
+    hints = get_type_hints(device.Input, include_extras=True)
+    return {
+        name: next((m for m in get_args(hints[name]) if isinstance(m, Port | At)), None)
+        for name in device.Input._fields
+    }
+
+
+class _Providers:
+    """Places of the signals that the devices of every unit provide; several devices may provide the same signal."""
 
     def __init__(self, units: int) -> None:
         self._units = units
-        self._layers: dict[str, list[np.ndarray]] = {}  # signal -> (units) places, -1: none; first giver, second giver
+        self._layers: dict[str, list[np.ndarray]] = {}  # signal -> (units) places of each provider, -1: none
 
     def add(self, signal: str, units: np.ndarray, places: np.ndarray) -> None:
         """Add a signal that devices of these units provide at these places."""
@@ -213,30 +253,19 @@ class Givers:
             depth += 1
 
     def of(self, signal: str, units: np.ndarray) -> np.ndarray:
-        """Places (givers, units) of a signal of these units; -1 if there is no further device."""
+        """Places (providers, units) of a signal of these units; -1 if there is no further device."""
         return np.array([layer[units] for layer in self._layers.get(signal, ())], int).reshape(-1, len(units))
 
     def __iter__(self) -> Iterator[tuple[str, np.ndarray]]:
-        """Every signal with its places (givers, units)."""
+        """Every signal with its places (providers, units)."""
         return ((signal, np.array(layers)) for signal, layers in self._layers.items())
 
 
-# Sums of the signals that drive one summing port.
-
-
-class Sums:
-    """Assigns a place to every sum, once.
-
-    Parameters
-    ----------
-    zero
-        Place of the constant 0, the sum of nothing.
-    end
-        Place of the next output.
-    """
+class _Sums:
+    """Assigns a place to every sum of signals that drive a summing port, once."""
 
     def __init__(self, zero: int, end: int) -> None:
-        self._zero, self.end = zero, end
+        self._zero, self.end = zero, end  # places of the constant 0, the sum of nothing, and of the next output
         self.places: dict[tuple[int, ...], int] = {}  # places that are added up -> place of their sum
 
     def of(self, places: list[int]) -> int:
@@ -263,51 +292,3 @@ class Sums:
             return []
         w = np.array(rows, np.int64)
         return [Family("adder", of(adder), w, np.zeros((len(rows), 0)), ("a summing port",) * len(rows))]
-
-
-# The sensors of a system: one at every bus that a remote input reads.
-
-
-@cache
-def inputs(device: Device) -> dict[str, Any]:
-    """Inputs of a device, each with its marker (Port, At) or None."""
-    hints = get_type_hints(device.Input, include_extras=True)
-    return {
-        name: next((m for m in get_args(hints[name]) if isinstance(m, Port | At)), None)
-        for name in device.Input._fields
-    }
-
-
-def bus_of(case: Case, net: Network, at: At, row: Row) -> int:
-    """Row of the bus whose number is a device's parameter; its own bus if that is 0."""
-    number = int(getattr(row.par, at.place))
-    if number and number not in net.place:
-        raise EquilibriumError(
-            f"There is no bus {number} in {case.name}, the {at.place} of {row.label}; choose another."
-        )
-    return net.place[number] if number else row.bus
-
-
-def with_sensors(case: Case, tables: Mapping[str, list[Row]], net: Network) -> dict[str, list[Row]]:
-    """The devices of every table, and the sensors that they read."""
-    found = {name: list(rows) for name, rows in tables.items()}
-    for name, rows in tables.items():
-        for hint in inputs(devices.every()[name]).values():
-            if not (isinstance(hint, At) and _is_sensor(hint.signal)):
-                continue
-            sensors = found.setdefault(hint.signal, [])
-            for row in rows:
-                bus = bus_of(case, net, hint, row)
-                if bus not in [sensor.bus for sensor in sensors]:
-                    sensors.append(_sensor(case, hint.signal, bus))
-    return found
-
-
-def _is_sensor(name: str) -> bool:
-    return name in devices.every() and devices.every()[name].role == "sensor"
-
-
-def _sensor(case: Case, name: str, bus: int) -> Row:
-    device, number = devices.every()[name], case.buses[bus].bus
-    par = device.Par(2 * np.pi * case.frequency_hz) if device.Par._fields else ()
-    return Row(NO_UNIT, bus, bus, par, f"{device.name} {number}", f"bus {number}")

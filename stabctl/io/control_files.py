@@ -1,4 +1,4 @@
-"""Controllers and storage laws as TOML files.
+"""Controllers and laws of storage devices as TOML files. A controller:
 
 name = "pod"
 inputs = ["deviation:1"]        signals that it reads
@@ -12,6 +12,14 @@ A = [[0.98]]                    x+ = A x + B y (x' if continuous), u = C x + D y
 B = [[1.0]]
 C = [[3.0]]
 D = [[0.0]]
+
+A law of the storage devices:
+
+law = "storage law"             or "bang-bang", "feedback"
+groups = ["13+14"]              coherent groups
+angle_gain = 1.0                and the other fields of the law, numbers or text with a unit: deadband = "100mHz"
+rate = 60                       if it acts at frames
+delay = "50ms"
 """
 
 import dataclasses
@@ -34,41 +42,8 @@ from stabctl.controllers.timing import Gate
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-
 MOST = 1000  # states, inputs or outputs
-
-
-def save_controller(controller: Controller, path: str | Path) -> Path:
-    """Write a controller to a file ending in .toml, and return its path. Raises `StudyError` for a Python function."""
-    path = toml_file.target(path)
-    if controller.law is not None:
-        raise StudyError(f"{controller.name} is a Python function, which cannot be saved to a file; keep its script.")
-    lines = [f"{key} = {value}" for key, value in _values(controller)]
-    if controller.gate is not None:
-        lines += [
-            "",
-            "[gate]",
-            *(f"{k} = {toml_file.as_text(v)}" for k, v in vars(controller.gate).items() if v is not None),
-        ]
-    files.replace(path, "\n".join([*lines, ""]))
-    return path
-
-
-def _values(c: Controller) -> Iterable[tuple[str, str]]:
-    yield "name", toml_file.as_text(c.name)
-    yield "inputs", toml_file.as_text(list(c.inputs))
-    yield "outputs", toml_file.as_text(list(c.outputs))
-    for key in ("rate", "delay", "limits", "deadband", "relay", "ramp", "tracking"):
-        value = getattr(c, key)
-        if value not in (None, 0, False, (-math.inf, math.inf)):
-            yield key, toml_file.as_text(list(value) if isinstance(value, tuple) else value)
-    for key in "ABCD":
-        yield key, _rows(getattr(c, key))
-
-
-def _rows(M: np.ndarray) -> str:
-    rows = [toml_file.as_text(row) for row in M.tolist()]
-    return f"[{', '.join(rows)}]" if M.size < 8 else "[\n" + "".join(f"    {row},\n" for row in rows) + "]"
+KINDS: dict[str, type[Law]] = {"storage law": StorageLaw, "bang-bang": BangBang, "feedback": Feedback}
 
 
 def load(path: str | Path) -> Controller | Law:
@@ -77,7 +52,7 @@ def load(path: str | Path) -> Controller | Law:
     Parameters
     ----------
     path : str or Path
-        The file; `stabctl.io.control_files` and `law_file` describe its keys.
+        The file; `stabctl.io.control_files` describes its keys.
 
     Returns
     -------
@@ -90,20 +65,24 @@ def load(path: str | Path) -> Controller | Law:
     """
     path = files.path_of(path)
     content = toml_file.read(path, "controller file")
-    if "law" in content:
-        return from_content(content, path)
-    found = toml_file.validated(_model(), content, str(path))
+    return _law(content, path) if "law" in content else _controller(content, path)
+
+
+def _controller(content: Mapping[str, Any], path: Path) -> Controller:
+    """The controller that a file contains."""
+    found: Any = toml_file.validated(_model(), content, str(path))
     values = {key: getattr(found, key) for key in found.model_fields_set}
     gate = values.pop("gate", None)
     for key in gate or ():
         if key not in Gate.__dataclass_fields__:
             raise StudyError(f"{path}, gate: {toml_file.unknown(key, Gate.__dataclass_fields__)}")
-    n = len(found.A)  # type: ignore[attr-defined]
-    shapes = {"A": (n, n), "B": (n, -1), "C": (-1, n), "D": (len(found.D), -1)}  # type: ignore[attr-defined]
+    n, m, p = len(found.A), len(found.inputs), len(found.outputs)
+    shapes = {"A": (n, n), "B": (n, -1), "C": (-1, n), "D": (len(found.D), -1)}
+    empty = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
     try:
         for key, shape in shapes.items():
             values[key] = np.array(values[key], float)
-            values[key] = values[key].reshape(shape) if values[key].size else _empty(key, found)
+            values[key] = values[key].reshape(shape) if values[key].size else np.zeros(empty[key])
         values["limits"] = tuple(values.get("limits", (-math.inf, math.inf)))
         values["inputs"], values["outputs"] = tuple(values["inputs"]), tuple(values["outputs"])
         return Controller(**values, gate=Gate(**gate) if gate is not None else None)
@@ -113,13 +92,8 @@ def load(path: str | Path) -> Controller | Law:
         raise StudyError(f"{path}: {error}") from None
 
 
-def _empty(key: str, found: Any) -> np.ndarray:
-    n, m, p = len(found.A), len(found.inputs), len(found.outputs)
-    return np.zeros({"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}[key])
-
-
 def _model() -> "type[BaseModel]":
-    """What a file may contain."""
+    """What a file of a controller may contain."""
     from pydantic import BaseModel, ConfigDict, Field
 
     class File(BaseModel):
@@ -143,36 +117,8 @@ def _model() -> "type[BaseModel]":
     return File
 
 
-# Laws of storage devices as TOML files.
-#
-# law = "storage law"             or "bang-bang", "feedback"
-# groups = ["13+14"]              coherent groups
-# angle_gain = 1.0                and the other fields of the law, numbers or text with a unit: deadband = "100mHz"
-# rate = 60                       if it acts at frames
-# delay = "50ms"
-
-KINDS: dict[str, type[Law]] = {"storage law": StorageLaw, "bang-bang": BangBang, "feedback": Feedback}
-
-
-def save_law(law: Law, path: str | Path) -> Path:
-    """Write a law to a file ending in .toml, and return its path."""
-    path = toml_file.target(path)
-    inner = law.law if isinstance(law, SampledLaw) else law
-    kind = next((name for name, kind in KINDS.items() if type(inner) is kind), None)
-    if kind is None:
-        raise StudyError(f"A law of the type {type(inner).__name__} cannot be written to a file; keep its script.")
-    values: dict[str, Any] = {"law": kind}
-    values |= {f.name: getattr(inner, f.name) for f in dataclasses.fields(inner)}  # type: ignore[arg-type]
-    if "groups" in values:
-        values["groups"] = ["+".join(map(str, group)) for group in values["groups"]]
-    if isinstance(law, SampledLaw):
-        values |= {"rate": law.rate, "delay": law.delay}
-    files.replace(path, "".join(f"{key} = {toml_file.as_text(value)}\n" for key, value in values.items()))
-    return path
-
-
-def from_content(content: Mapping[str, Any], path: Path) -> Law:
-    """The law that a file contains. Raises `StudyError` that names the file, the key and the value."""
+def _law(content: Mapping[str, Any], path: Path) -> Law:
+    """The law that a file contains."""
     values = dict(content)
     name, rate, delay = values.pop("law"), values.pop("rate", None), values.pop("delay", 0.0)
     if name not in tuple(KINDS):
@@ -189,3 +135,50 @@ def from_content(content: Mapping[str, Any], path: Path) -> Law:
         return law if rate is None else law.sampled(rate, delay)
     except StudyError as error:
         raise StudyError(f"{path}: {error}") from None
+
+
+def save_controller(controller: Controller, path: str | Path) -> Path:
+    """Write a controller to a file ending in .toml, and return its path. Raises `StudyError` for a Python function."""
+    path = toml_file.target(path)
+    if controller.law is not None:
+        raise StudyError(f"{controller.name} is a Python function, which cannot be saved to a file; keep its script.")
+    lines = [f"{key} = {value}" for key, value in _values(controller)]
+    if controller.gate is not None:
+        gate = (f"{k} = {toml_file.as_text(v)}" for k, v in vars(controller.gate).items() if v is not None)
+        lines += ["", "[gate]", *gate]
+    files.replace(path, "\n".join([*lines, ""]))
+    return path
+
+
+def _values(c: Controller) -> Iterable[tuple[str, str]]:
+    yield "name", toml_file.as_text(c.name)
+    yield "inputs", toml_file.as_text(list(c.inputs))
+    yield "outputs", toml_file.as_text(list(c.outputs))
+    for key in ("rate", "delay", "limits", "deadband", "relay", "ramp", "tracking"):
+        value = getattr(c, key)
+        if value not in (None, 0, False, (-math.inf, math.inf)):
+            yield key, toml_file.as_text(list(value) if isinstance(value, tuple) else value)
+    for key in "ABCD":
+        yield key, _rows(getattr(c, key))
+
+
+def _rows(M: np.ndarray) -> str:
+    rows = [toml_file.as_text(row) for row in M.tolist()]
+    return f"[{', '.join(rows)}]" if M.size < 8 else "[\n" + "".join(f"    {row},\n" for row in rows) + "]"
+
+
+def save_law(law: Law, path: str | Path) -> Path:
+    """Write a law to a file ending in .toml, and return its path. Raises `StudyError` for a law of another file."""
+    path = toml_file.target(path)
+    inner = law.law if isinstance(law, SampledLaw) else law
+    kind = next((name for name, kind in KINDS.items() if type(inner) is kind), None)
+    if kind is None:
+        raise StudyError(f"A law of the type {type(inner).__name__} cannot be written to a file; keep its script.")
+    values: dict[str, Any] = {"law": kind}
+    values |= {f.name: getattr(inner, f.name) for f in dataclasses.fields(inner)}  # type: ignore[arg-type]
+    if "groups" in values:
+        values["groups"] = ["+".join(map(str, group)) for group in values["groups"]]
+    if isinstance(law, SampledLaw):
+        values |= {"rate": law.rate, "delay": law.delay}
+    files.replace(path, "".join(f"{key} = {toml_file.as_text(value)}\n" for key, value in values.items()))
+    return path

@@ -1,4 +1,4 @@
-"""An operating point with controllers: the places of all that they read and drive."""
+"""An operating point with controllers: the places of all that they read and drive, and the sensors that they need."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -25,6 +25,19 @@ NONE = np.zeros((0, 0))
 BOUND = 1e300  # in place of an infinite limit, which must not be multiplied by zero
 
 
+@dataclass(frozen=True, eq=False)
+class Attached:
+    """An operating point with controllers."""
+
+    point: OperatingPoint
+    named: tuple[Named, ...] = ()
+    rates: tuple[int, ...] = ()  # 1/s, of the sampled controllers that are compiled; place k is bit k
+    called: tuple["Called", ...] = ()
+    windows: tuple[tuple[int, float, float], ...] = ()  # place of a flag, its start and end, s
+    measured: tuple["Measured", ...] = ()
+    gates: tuple[int, ...] = ()  # places of the flags of gates
+
+
 @dataclass(frozen=True)
 class Called:
     """A Python function: where it reads, and where its held outputs are."""
@@ -41,19 +54,6 @@ class Measured:
 
     named: Named
     reads: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class Attached:
-    """An operating point with controllers."""
-
-    point: OperatingPoint
-    named: tuple[Named, ...] = ()
-    rates: tuple[int, ...] = ()  # 1/s, of the sampled controllers that are compiled; place k is bit k
-    called: tuple[Called, ...] = ()
-    windows: tuple[tuple[int, float, float], ...] = ()  # place of a flag, its start and end, s
-    measured: tuple[Measured, ...] = ()
-    gates: tuple[int, ...] = ()  # places of the flags of gates
 
 
 def attached(point: OperatingPoint, controllers: Sequence[Controller], measured: Sequence[Controller] = ()) -> Attached:
@@ -98,7 +98,8 @@ class _Attachment:
 
     def __init__(self, point: OperatingPoint, true: Sequence[Named], behind: Sequence[Named]) -> None:
         controllers = [*true, *behind]
-        opening = [chosen(point.case, [g], OUTPUTS)[0] if (g := _gate(c)) else None for c in controllers]
+        gates_of = [c.controller.gate for c in controllers]
+        opening = [chosen(point.case, [g.signal], OUTPUTS)[0] if g and g.signal else None for g in gates_of]
         read = [s for c in true for s in c.inputs] + [g for g in opening if g is not None]
         drawn = [s for c in controllers for s in c.outputs if s.kind in ins.DRAWN]
         self.base = extended(point, drawn, read)
@@ -106,7 +107,7 @@ class _Attachment:
         self.controllers, self.opening, self.behind = controllers, opening, {id(c) for c in behind}
         rates = {c.controller.rate for c in controllers if c.controller.law is None}
         self.rates = tuple(sorted(r for r in rates if r))
-        self.sensors = Sensors(self.base, self.more)
+        self.sensors = _Sensors(self.base, self.more)
         self.ports: dict[Signal, list[tuple[int, int, int]]] = {}
         self.called: list[tuple[Named, list[int], int]] = []
         self.windows: list[tuple[int, float, float]] = []
@@ -115,6 +116,16 @@ class _Attachment:
         self.unit = {m.machine: i for i, m in enumerate(point.case.machines)}
         for signal in dict.fromkeys(s for c in controllers for s in c.outputs):
             self.ports[signal] = self._ports(signal)
+
+    def _ports(self, signal: Signal) -> list[tuple[int, int, int]]:
+        """The inputs of devices that a signal drives."""
+        if signal.kind == "vs":
+            found = self.more.ports(self.unit[signal.number], "Vs")
+        else:
+            found = self.more.readers(ins.place(self.base, signal))
+        if not found:
+            raise StudyError(f"No device of {self.base.case.name} reads {signal.label}, so it cannot be driven.")
+        return found
 
     def done(self) -> Attached:
         """The operating point with all of them."""
@@ -131,16 +142,6 @@ class _Attachment:
         measured = tuple(Measured(c, np.array([final(r) for r in reads], int)) for c, reads in self.measured)
         flags = tuple(final(at) for at in self.flags)
         return Attached(point, tuple(self.controllers), self.rates, tuple(called), windows, measured, flags)
-
-    def _ports(self, signal: Signal) -> list[tuple[int, int, int]]:
-        """The inputs of devices that a signal drives."""
-        if signal.kind == "vs":
-            found = self.more.ports(self.unit[signal.number], "Vs")
-        else:
-            found = self.more.readers(ins.place(self.base, signal))
-        if not found:
-            raise StudyError(f"No device of {self.base.case.name} reads {signal.label}, so it cannot be driven.")
-        return found
 
     def _add(self, c: Named, opening: Signal | None) -> None:
         what, more, m, p = c.controller, self.more, len(c.inputs), len(c.outputs)
@@ -173,6 +174,18 @@ class _Attachment:
         tail = [what.frames, what.ramp / what.rate, self.rates.index(what.rate)]
         more.add("frame", frame, [0, 0, 0, owner, *reads, *base, opens, window, memory, out], [*k, *tail], what.name)
 
+    def _estimated(self, c: Named) -> list[int]:
+        """A set-point for each input of a controller behind an estimator, at the value at rest."""
+        points = (SetPoint(-1, "measured", f"measured {s.label}", None) for s in c.inputs)
+        reads = [self.more.setpoint(one, float(rest)) for one, rest in zip(points, c.rest, strict=True)]
+        self.measured.append((c, reads))
+        return reads
+
+    def _owner(self, c: Named) -> int:
+        """The unit of a controller that drives one machine only: it is frozen when the machine is off."""
+        driven = {self.unit[s.number] if INPUTS[s.kind].place == "machine" else -1 for s in c.outputs}
+        return driven.pop() if len(driven) == 1 else -1
+
     def _flag(self, c: Named, opening: Signal) -> int:
         """Place of a flag, 1 while the gate of a controller is open."""
         bounds, flag = c.controller.gate, self.more.memory(1)
@@ -196,44 +209,16 @@ class _Attachment:
         of_unit = [OUTPUTS[s.kind].place in ("machine", "group") for s in c.inputs]
         return [self.unit[machines(s)[0]] if own else -1 for s, own in zip(c.inputs, of_unit, strict=True)]
 
-    def _owner(self, c: Named) -> int:
-        """The unit of a controller that drives one machine only: it is frozen when the machine is off."""
-        driven = {self.unit[s.number] if INPUTS[s.kind].place == "machine" else -1 for s in c.outputs}
-        return driven.pop() if len(driven) == 1 else -1
 
-    def _estimated(self, c: Named) -> list[int]:
-        """A set-point for each input of a controller behind an estimator, at the value at rest."""
-        points = (SetPoint(-1, "measured", f"measured {s.label}", None) for s in c.inputs)
-        reads = [self.more.setpoint(one, float(rest)) for one, rest in zip(points, c.rest, strict=True)]
-        self.measured.append((c, reads))
-        return reads
-
-
-def _gate(c: Named) -> str | None:
-    """Name of the signal that opens the gate of a controller."""
-    return c.controller.gate.signal if c.controller.gate else None
-
-
-# The sensors that controllers add to an operating point, for signals that no device gives.
-
-
-class Sensors:
-    """Places of signals in an extension of an operating point; each signal gets one sensor at most.
-
-    Parameters
-    ----------
-    base : OperatingPoint
-        The operating point.
-    more : Extension
-        Its extension, to which sensors are added.
-    """
+class _Sensors:
+    """Places of signals; each that no device gives gets one sensor, which is added to the extension of the point."""
 
     def __init__(self, base: OperatingPoint, more: Extension) -> None:
         self._base, self._more = base, more
         self._found: dict[Signal, int] = {}
 
     def place(self, signal: Signal) -> int:
-        """Place of a signal; a sensor is added where no device gives it."""
+        """Place of a signal."""
         if signal not in self._found:
             self._found[signal] = self._sensor(signal)
         return self._found[signal]

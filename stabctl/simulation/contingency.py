@@ -245,7 +245,7 @@ def schedule(case: Case, what: Disturbance | None, until: float | None = None, s
     case : Case
         The system, for its frequency.
     what : Contingency, event, str, iterable of them, or None
-        What happens; a text is an event as in `notation`.
+        What happens; a text is an event as in `events`.
     until, start : float, s
         End and start of the run; without an end it is not checked.
 

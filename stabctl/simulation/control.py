@@ -1,4 +1,8 @@
-"""What acts on a simulation: a storage law, controllers, and what is called from outside at frames."""
+"""What acts on a simulation: a storage law, controllers, and what is called from outside at frames.
+
+Laws, and controllers with matrices, are compiled. A Python function, or a controller that uses PMU signals, is called
+between steps at a fixed rate, and what it gives is held until its next frame.
+"""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -14,35 +18,6 @@ from stabctl.controllers.python_law import Seen, answer
 from .attached import Called
 from .lti import shape
 from .outcome import Outcome
-
-__all__ = ["Acting", "Control", "Frames", "acting", "ordered", "with_law"]
-
-
-Pilot = tuple[float, Callable[[], None]]  # a rate (1/s), and what is called at its frames
-
-
-class Running(Protocol):
-    """What is used here of a `Simulation` that is under way."""
-
-    time: float
-    outcome: Outcome | None
-
-    @property
-    def island(self) -> np.ndarray:
-        """Island numbers (units) now."""
-        ...
-
-    def at_frame(self) -> np.ndarray:
-        """Every signal now."""
-        ...
-
-    def affordable(self, until: float) -> None:
-        """Refuse what would take too many steps."""
-        ...
-
-    def advance(self, until: float) -> bool:
-        """Advance to an instant, s."""
-        ...
 
 
 @runtime_checkable
@@ -67,26 +42,6 @@ class Sampled(Protocol):
     def pilot(self, simulations: Sequence[Any]) -> Callable[[], None]:
         """The function called at every frame, including the first, to set the orders of these simulations."""
         ...
-
-
-def carry(simulations: Sequence[Running], pilots: Sequence[Pilot], ends: Iterable[float]) -> None:
-    """Advance simulations at the same instant to each of `ends` (s), from frame to frame, while any is running.
-
-    Each pilot is a rate (1/s) and the function called at its frames, which begin at the present instant.
-    """
-    start, now = simulations[0].time, simulations[0].time
-    counts = [0] * len(pilots)
-    for until in ends:
-        for simulation in simulations:
-            simulation.affordable(until)
-        while now < until - 1e-9 and any(s.outcome is None for s in simulations):
-            for k, (rate, frame) in enumerate(pilots):
-                if start + counts[k] / rate <= now + 1e-9:
-                    frame()
-                    counts[k] += 1
-            now = min([until, *(start + n / rate for n, (rate, _) in zip(counts, pilots, strict=True))])
-            for simulation in simulations:
-                simulation.advance(now)
 
 
 Control = Law | Sampled | Controller | Sequence[Law | Sampled | Controller] | None
@@ -146,15 +101,62 @@ def acting(control: Any, storage: bool = True) -> Acting:
     return Acting(laws[0] if laws else None, tuple(pilots), tuple(controllers), measured)
 
 
+def with_law(several: Sequence[Law | Controller], law: Law) -> list[Law | Controller]:
+    """The controllers, with a law beside them unless one of them is a law or gives orders."""
+    own = [c for c in several if isinstance(c, Controller)]
+    return [*several] if len(own) < len(several) or ordered(own) else [law, *several]
+
+
 def ordered(controllers: Sequence[Controller]) -> bool:
     """Whether controllers give orders to storage devices, which then need no law."""
     return any(name.partition(":")[0] == "order" for c in controllers for name in c.outputs)
 
 
-def with_law(several: Sequence[Law | Controller], law: Law) -> list[Law | Controller]:
-    """The controllers, with a law beside them unless one of them is a law or gives orders."""
-    own = [c for c in several if isinstance(c, Controller)]
-    return [*several] if len(own) < len(several) or ordered(own) else [law, *several]
+class Running(Protocol):
+    """A `Simulation` that is under way, as far as frames use it."""
+
+    time: float
+    outcome: Outcome | None
+
+    @property
+    def island(self) -> np.ndarray:
+        """Island numbers (units) now."""
+        ...
+
+    def at_frame(self) -> np.ndarray:
+        """Every signal now."""
+        ...
+
+    def affordable(self, until: float) -> None:
+        """Raise `StudyError` if a run to an instant (s) takes too many steps."""
+        ...
+
+    def advance(self, until: float) -> bool:
+        """Advance to an instant (s); returns whether the run continues."""
+        ...
+
+
+Pilot = tuple[float, Callable[[], None]]  # a rate (1/s), and what is called at its frames
+
+
+def carry(simulations: Sequence[Running], pilots: Sequence[Pilot], ends: Iterable[float]) -> None:
+    """Advance simulations at the same instant to each of `ends` (s), from frame to frame, while any is running.
+
+    Frames begin at the present instant.
+    """
+    start, now = simulations[0].time, simulations[0].time
+    counts = [0] * len(pilots)
+    for until in ends:
+        for simulation in simulations:
+            simulation.affordable(until)
+        while now < until - 1e-9 and any(s.outcome is None for s in simulations):
+            for k, (rate, frame) in enumerate(pilots):
+                if start + counts[k] / rate <= now + 1e-9:
+                    frame()
+                    counts[k] += 1
+            now = min([until, *(start + n / rate for n, (rate, _) in zip(counts, pilots, strict=True))])
+            for simulation in simulations:
+                simulation.advance(now)
 
 
 class Frames:

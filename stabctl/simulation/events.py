@@ -1,4 +1,7 @@
-"""Events in the network: faults, openings, trips, steps. Their locations are written as in `model.location`."""
+"""Events in the network: faults, openings, trips, steps. Their locations are written as in `model.location`.
+
+As text, `7-8@1s` opens a circuit, `14@2s` trips a machine, and `7:+50MW@1s` adds to a load.
+"""
 
 import re
 from dataclasses import dataclass, replace
@@ -7,6 +10,12 @@ from typing import Literal
 
 from stabctl._util.errors import StudyError
 from stabctl._util.units import megavars, megawatts, seconds
+
+SHOWN = "7-8@1s (a line opens), 14@2s (a machine trips) or 7:+50MW@1s (a load changes)"
+NUMBERS = re.compile(r"\d{1,18}-\d{1,18}(?:#\d{1,18})?", re.ASCII)  # a circuit by the numbers of its buses
+_MACHINE = re.compile(r"\d{1,18}|[^:]+/[^:/]+", re.ASCII)
+_POWER = r"[+-]\d+(?:\.\d*)?(?:[eE][+-]?\d+)?"
+_LOAD = re.compile(rf"([^:]+):(?:({_POWER})\s*MW)?\s*(?:({_POWER})\s*Mvar)?", re.ASCII | re.IGNORECASE)
 
 
 class _Timed:
@@ -164,29 +173,15 @@ def described(event: Event) -> str:
             return f"shunt switching at bus {bus}"
 
 
-# Events written as text: `7-8@1s` opens a circuit, `14@2s` trips a machine, `7:+50MW@1s` adds to a load.
-
-SHOWN = "7-8@1s (a line opens), 14@2s (a machine trips) or 7:+50MW@1s (a load changes)"
-NUMBERS = re.compile(r"\d{1,18}-\d{1,18}(?:#\d{1,18})?", re.ASCII)
-_MACHINE = re.compile(r"\d{1,18}|[^:]+/[^:/]+", re.ASCII)
-_POWER = r"[+-]\d+(?:\.\d*)?(?:[eE][+-]?\d+)?"
-_LOAD = re.compile(rf"([^:]+):(?:({_POWER})\s*MW)?\s*(?:({_POWER})\s*Mvar)?", re.ASCII | re.IGNORECASE)
-
-
-def opening(text: str, frequency_hz: float) -> Open:
-    """The opening of a circuit at both ends: `7-8@1s`, `7-8#2@60cyc`, `7-8 ckt 2@1s`."""
-    what, at = _split(text, frequency_hz)
-    if _circuit(what):
-        return Open(what, at)
-    raise StudyError(f"{text!r} is not a line trip; write it as 7-8@1s, or 7-8#2@1s for the second circuit.")
-
-
-def machine_trip(text: str, frequency_hz: float) -> TripMachine:
-    """The trip of a machine: `14@2s`, `30/1@2s`."""
-    what, at = _split(text, frequency_hz)
-    if _MACHINE.fullmatch(what):
-        return TripMachine(int(what) if what.isdecimal() else what, at)
-    raise StudyError(f"{text!r} is not a machine trip; write it as 14@2s.")
+def event(text: str | Event, frequency_hz: float) -> Event:
+    """The event that a text describes, or a record with its instant in seconds. `StudyError` if it is not one."""
+    if not isinstance(text, str):
+        return replace(text, at=seconds(text.at, frequency_hz)) if isinstance(text.at, str) else text
+    what, _ = _split(text, frequency_hz)
+    for is_one, read in ((_LOAD.fullmatch, load_step), (_MACHINE.fullmatch, machine_trip), (_circuit, opening)):
+        if is_one(what):
+            return read(text, frequency_hz)
+    raise StudyError(f"{text!r} is not an event; write {SHOWN}.")
 
 
 def load_step(text: str, frequency_hz: float) -> LoadStep:
@@ -201,20 +196,25 @@ def load_step(text: str, frequency_hz: float) -> LoadStep:
     )
 
 
+def machine_trip(text: str, frequency_hz: float) -> TripMachine:
+    """The trip of a machine: `14@2s`, `30/1@2s`."""
+    what, at = _split(text, frequency_hz)
+    if _MACHINE.fullmatch(what):
+        return TripMachine(int(what) if what.isdecimal() else what, at)
+    raise StudyError(f"{text!r} is not a machine trip; write it as 14@2s.")
+
+
+def opening(text: str, frequency_hz: float) -> Open:
+    """The opening of a circuit at both ends: `7-8@1s`, `7-8#2@60cyc`, `7-8 ckt 2@1s`."""
+    what, at = _split(text, frequency_hz)
+    if _circuit(what):
+        return Open(what, at)
+    raise StudyError(f"{text!r} is not a line trip; write it as 7-8@1s, or 7-8#2@1s for the second circuit.")
+
+
 def _circuit(what: str) -> bool:
     """Whether it has the form of a circuit: two numbers, or the names of two buses; or an identifier."""
     return bool(NUMBERS.fullmatch(what)) or ("-" in what and any(c.isalpha() for c in what))
-
-
-def event(text: str | Event, frequency_hz: float) -> Event:
-    """The event that a text describes, or a record with its instant in seconds. `StudyError` if it is not one."""
-    if not isinstance(text, str):
-        return replace(text, at=seconds(text.at, frequency_hz)) if isinstance(text.at, str) else text
-    what, _ = _split(text, frequency_hz)
-    for is_one, read in ((_LOAD.fullmatch, load_step), (_MACHINE.fullmatch, machine_trip), (_circuit, opening)):
-        if is_one(what):
-            return read(text, frequency_hz)
-    raise StudyError(f"{text!r} is not an event; write {SHOWN}.")
 
 
 def _split(text: str, frequency_hz: float) -> tuple[str, float]:

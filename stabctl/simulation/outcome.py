@@ -1,4 +1,4 @@
-"""How a run ended, with a sentence that explains it; motors that have stalled."""
+"""How a run ended: one of five kinds, with sentences that explain it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -39,9 +39,7 @@ class Outcome:
     kind: Kind
     message: str
     time_s: float  # s   when it ended
-    machine: int | str | None = (
-        None  # name or number of the machine that lost synchronism first, or "ESD 1@2" of storage
-    )
+    machine: int | str | None = None  # that lost synchronism first: its name or number, or "ESD 1@2" of storage
     bus: int | None = None  # number of the bus whose voltage collapsed
     swings: Swings | None = None  # the last ones of a run that reached its end; None if they are not judged
     stalled: tuple[int, ...] = ()  # numbers of the buses whose motor loads have stalled at the end
@@ -54,23 +52,6 @@ class Outcome:
 
     def __str__(self) -> str:
         return self.message
-
-
-class Stalled(NamedTuple):
-    """Stalled motor loads at the end of a run."""
-
-    buses: tuple[int, ...]  # bus numbers
-    slip: tuple[float, ...]  # pu
-
-    def __str__(self) -> str:
-        """A sentence; empty if there are none."""
-        if not self.buses:
-            return ""
-        low, high = (f"{100 * one:.0f}" for one in (min(self.slip), max(self.slip)))
-        slips = f"{low} %" if low == high else f"{low} to {high} %"
-        loads, have = ("load", "has") if len(self.buses) == 1 else ("loads", "have")
-        where = f"{named(len(self.buses), 'bus')} {listed([str(bus) for bus in self.buses])}"
-        return f"The motor {loads} at {where} {have} stalled, with a slip of {slips}."
 
 
 class End(NamedTuple):
@@ -87,7 +68,7 @@ class End(NamedTuple):
     taken_off: tuple[str, ...]  # sentences on machines that ran away alone in their island
     swings: Swings | None  # if it reached its end
     frequency: float  # pu   of the critical phase-locked loop
-    stalled: Stalled  # motor loads
+    stalled: "Stalled"  # motor loads
     cycling: dict[str, float]  # 1/s   storage devices in a limit cycle, and how often they reverse
     too_fast: tuple[float, float] | None  # 1/s, s   fastest eigenvalue of a closed loop that the step is too long for
 
@@ -143,29 +124,6 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
     return Outcome(kind, message, t, machine, blamed, end.swings, end.stalled.buses, tuple(end.cycling))
 
 
-def _too_fast(end: End) -> str:
-    """A sentence on a closed loop that the step is too long for; empty if there is none."""
-    if end.too_fast is None:
-        return ""
-    loop, step = end.too_fast
-    return (
-        f"The control closes a loop with an eigenvalue near {loop:.3g} 1/s, too fast for the step of {1e3 * step:.3g} "
-        "ms: its orders may chatter, and the run cannot be trusted; reduce its gain, or give a shorter step."
-    )
-
-
-def _cycling(end: End) -> str:
-    """A sentence on storage devices in a limit cycle; empty if there are none."""
-    if not end.cycling:
-        return ""
-    what = _listed("storage device", list(end.cycling))
-    verb, rate = "reverses" if len(end.cycling) == 1 else "reverse", max(end.cycling.values())
-    return (
-        f"{what[0].upper()}{what[1:]} still {verb} between full charging and full discharging, up to {rate:.0f} times "
-        "per second: a limit cycle of the control; reduce its gain or delay, or widen its deadband."
-    )
-
-
 def _critical(point: OperatingPoint, end: End) -> tuple[int | str | None, str]:
     """The critical unit: its name or number, and what it is called in a sentence."""
     rotors, other = point.rotors, _unweighted(point, end)
@@ -180,17 +138,38 @@ def _critical(point: OperatingPoint, end: End) -> tuple[int | str | None, str]:
     return machine.called, f"converter {machine.called} ({devices.models()[str(model)].name})"
 
 
+def _unweighted(point: OperatingPoint, end: End) -> Angle | None:
+    """The critical angle, if it has no weight in a center of inertia."""
+    return point.system.unweighted.rows[end.machine] if end.verdict == judgment.UNLOCKED else None
+
+
+def _cut_off(point: OperatingPoint, now: Stage) -> str:
+    """What the switching has separated from the island with the largest inertia; empty if nothing."""
+    where = now.island_of_bus
+    if where.max() == 0:
+        return ""
+    on = now.net.island >= 0
+    rotors = point.rotors
+    weight = np.bincount(
+        where[point.system.unit_bus[rotors.unit]], rotors.inertia * on[rotors.unit], minlength=where.max() + 1
+    )
+    main = int(weight.argmax())
+    parts = []
+    for k in (k for k in range(where.max() + 1) if k != main):
+        buses = [b.bus for b, island in zip(point.case.buses, where, strict=True) if island == k]
+        places = zip(point.case.machines, point.net.machine_bus, on, strict=True)
+        machines = [m.called for m, at, runs in places if where[at] == k and runs]
+        rest = f"with {_listed('machine', machines)}" if machines else f"without {SOURCE}: blacked out, its load lost"
+        parts.append(f"{_listed('bus', buses)} {rest}")
+    return f"The switching cut off {'; and '.join(parts)}."
+
+
 def _angle(point: OperatingPoint, end: End) -> str:
     """Which angle of the critical unit moved."""
     other = _unweighted(point, end)
     if other is not None and not other.virtual:
         return "the angle of its phase-locked loop"
     return "its virtual angle" if other is not None or point.rotors.virtual[end.machine] else "its angle"
-
-
-def _unweighted(point: OperatingPoint, end: End) -> Angle | None:
-    """The critical angle, if it has no weight in a center of inertia."""
-    return point.system.unweighted.rows[end.machine] if end.verdict == judgment.UNLOCKED else None
 
 
 def _at_limit(point: OperatingPoint, end: End) -> str:
@@ -235,25 +214,27 @@ def _frequencies(point: OperatingPoint, end: End) -> str:
     return f"; final {'frequencies' if len(found) > 1 else 'frequency'} {shown} Hz"
 
 
-def _cut_off(point: OperatingPoint, now: Stage) -> str:
-    """What the switching has separated from the island with the largest inertia; empty if nothing."""
-    where = now.island_of_bus
-    if where.max() == 0:
+def _cycling(end: End) -> str:
+    """A sentence on storage devices in a limit cycle; empty if there are none."""
+    if not end.cycling:
         return ""
-    on = now.net.island >= 0
-    rotors = point.rotors
-    weight = np.bincount(
-        where[point.system.unit_bus[rotors.unit]], rotors.inertia * on[rotors.unit], minlength=where.max() + 1
+    what = _listed("storage device", list(end.cycling))
+    verb, rate = "reverses" if len(end.cycling) == 1 else "reverse", max(end.cycling.values())
+    return (
+        f"{what[0].upper()}{what[1:]} still {verb} between full charging and full discharging, up to {rate:.0f} times "
+        "per second: a limit cycle of the control; reduce its gain or delay, or widen its deadband."
     )
-    main = int(weight.argmax())
-    parts = []
-    for k in (k for k in range(where.max() + 1) if k != main):
-        buses = [b.bus for b, island in zip(point.case.buses, where, strict=True) if island == k]
-        places = zip(point.case.machines, point.net.machine_bus, on, strict=True)
-        machines = [m.called for m, at, runs in places if where[at] == k and runs]
-        rest = f"with {_listed('machine', machines)}" if machines else f"without {SOURCE}: blacked out, its load lost"
-        parts.append(f"{_listed('bus', buses)} {rest}")
-    return f"The switching cut off {'; and '.join(parts)}."
+
+
+def _too_fast(end: End) -> str:
+    """A sentence on a closed loop that the step is too long for; empty if there is none."""
+    if end.too_fast is None:
+        return ""
+    loop, step = end.too_fast
+    return (
+        f"The control closes a loop with an eigenvalue near {loop:.3g} 1/s, too fast for the step of {1e3 * step:.3g} "
+        "ms: its orders may chatter, and the run cannot be trusted; reduce its gain, or give a shorter step."
+    )
 
 
 def _listed(noun: str, numbers: Sequence[int | str]) -> str:
@@ -261,7 +242,21 @@ def _listed(noun: str, numbers: Sequence[int | str]) -> str:
     return f"{named(len(numbers), noun)} {shown}"
 
 
-# Motor loads that have stalled: beyond the slip of their largest torque, they draw several times their current.
+class Stalled(NamedTuple):
+    """Motor loads beyond the slip of their largest torque, where they draw several times their current."""
+
+    buses: tuple[int, ...]  # bus numbers
+    slip: tuple[float, ...]  # pu
+
+    def __str__(self) -> str:
+        """A sentence; empty if there are none."""
+        if not self.buses:
+            return ""
+        low, high = (f"{100 * one:.0f}" for one in (min(self.slip), max(self.slip)))
+        slips = f"{low} %" if low == high else f"{low} to {high} %"
+        loads, have = ("load", "has") if len(self.buses) == 1 else ("loads", "have")
+        where = f"{named(len(self.buses), 'bus')} {listed([str(bus) for bus in self.buses])}"
+        return f"The motor {loads} at {where} {have} stalled, with a slip of {slips}."
 
 
 def stalled(point: OperatingPoint, s: np.ndarray, alive: np.ndarray) -> Stalled:

@@ -22,6 +22,7 @@ from .criterion import DEFAULT, Criterion, for_system, frequency_range, numbers
 from .newton import NO_ROWS, Slopes, advance
 from .outcome import End, Outcome, outcome, stalled
 from .recording import Recorded, Recording
+from .stages import constants
 from .swings import Swings
 from .timeline import timeline
 from .topology import stage
@@ -235,10 +236,7 @@ class Simulation:
         if self.criterion.coi == "machines":
             self._places = self._places._replace(weight=self.point.rotors.of_machines(self._stage.net.island))
         if self._stage.constants:
-            k = self._program.k.copy()
-            for table, row, par in self._stage.constants:
-                at = self.wired.constants_at(table) + row * len(par)
-                k[at : at + len(par)] = par
+            k = constants(self.wired, self._stage, self._program.k)
             self._program = self._program._replace(k=k)
 
     def _windows(self) -> None:

@@ -1,4 +1,4 @@
-"""The compiled loop: RK4 at a fixed step; and the same over recorded steps.
+"""The compiled loop over the steps on one network, from one event to the next; and the same over recorded steps.
 
 A step, or a part of one, goes from left to right:
 
@@ -30,8 +30,11 @@ from .buffers import NOTE
 from .judgment import DONE, NEWTON, count_reversals, judge, measure_excess
 from .method import RK4, STAGES, advance_states, clip_at_limits, freeze_disconnected, hold_at_limits
 from .substitution import solve_apart
-from .switching import CHATTER, MOST, decide, first_jump, jump
+from .switching import decide, first_jump, jump
 from .voltages import settle
+
+MOST = 4  # jumps found in one step; what switches later in it does so at its end
+CHATTER = 8  # divided steps in a row; the next ones are not divided, until one has nothing to switch at its start
 
 
 class Plan(NamedTuple):
@@ -130,9 +133,53 @@ def advance(program, places, net, run, rules, plan, at, history):
 
 
 @inline
-def at_stage(stage, decided, solved, at):
-    """The cursor at another stage of the same part."""
-    return Cursor(at.step, stage, at.begin, at.end, at.row, at.parts, decided, solved)
+def clear_dead_buses(net, run):
+    """Set the voltages of islands without a source to zero."""
+    for i in range(len(run.volt)):
+        if not net.alive[i]:
+            run.volt[i] = 0
+
+
+@inline
+def predict(stage, undivided, program, places, net, run):
+    """Predict the iterated voltages of a stage: those of the stage before and, in an undivided step, a change.
+
+    The change is extrapolated from the changes at the same stage of the last two steps, 2 d1 - d2. The end of a step
+    (stage `STAGES`) is the start of the next one, so it is predicted as stage 0. Orders that follow the signals do so
+    with these voltages.
+    """
+    as_stage = stage % STAGES
+    if as_stage == 0 and load_voltage_low(places, net, run):
+        start_from_no_load(program, places, net, run)
+    for i in range(len(places.near_bus)):
+        b = places.near_bus[i]
+        run.solve.before[b] = run.volt[b]
+        if undivided:
+            run.volt[b] += 2 * run.solve.moves[0, as_stage, i] - run.solve.moves[1, as_stage, i]
+    if places.follows and stage > 0:
+        decide(program, places, net, run, 0)
+
+
+@noinline
+def load_voltage_low(places, net, run):
+    """Whether a load is near or below its voltage threshold while no fault is on."""
+    if net.faulted:
+        return False
+    for j in range(len(places.watch_bus)):
+        v, edge = run.volt[places.watch_bus[j]], 1.1 * places.watch_low[j]
+        if v.real * v.real + v.imag * v.imag < edge * edge and net.alive[places.watch_bus[j]]:
+            return True
+    return False
+
+
+@noinline
+def start_from_no_load(program, places, net, run):
+    """Start the iteration from the voltages without load: of several solutions, the highest is the operable one."""
+    for i in range(len(run.current)):
+        run.current[i] = 0
+    perform(program.source, program.w, program.k, run.s, run.f, net.island)
+    solve_apart(net.factors, run.current, run.solve.work, run.volt)
+    clear_dead_buses(net, run)
 
 
 @inline
@@ -170,56 +217,6 @@ def evaluate(stage, undivided, may_jump, program, places, net, run):
         copy(run.volt, run.part.volts[1])
 
 
-@inline
-def clear_dead_buses(net, run):
-    """Set the voltages of islands without a source to zero."""
-    for i in range(len(run.volt)):
-        if not net.alive[i]:
-            run.volt[i] = 0
-
-
-@inline
-def predict(stage, undivided, program, places, net, run):
-    """Predict the iterated voltages of a stage: those of the stage before and, in an undivided step, a change.
-
-    The change is extrapolated from the changes at the same stage of the last two steps, 2 d1 - d2. The end of a step
-    (stage `STAGES`) is the start of the next one, so it is predicted as stage 0. Orders that follow the signals do so
-    with these voltages.
-    """
-    as_stage = stage % STAGES
-    if as_stage == 0 and load_voltage_low(places, net, run):
-        start_from_no_load(program, places, net, run)
-    for i in range(len(places.near_bus)):
-        b = places.near_bus[i]
-        run.solve.before[b] = run.volt[b]
-        if undivided:
-            run.volt[b] += 2 * run.solve.moves[0, as_stage, i] - run.solve.moves[1, as_stage, i]
-    if places.follows and stage > 0:
-        decide(program, places, net, run, 0)
-
-
-@noinline
-def start_from_no_load(program, places, net, run):
-    """Start the iteration from the voltages without load: of several solutions, the highest is the operable one."""
-    for i in range(len(run.current)):
-        run.current[i] = 0
-    perform(program.source, program.w, program.k, run.s, run.f, net.island)
-    solve_apart(net.factors, run.current, run.solve.work, run.volt)
-    clear_dead_buses(net, run)
-
-
-@noinline
-def load_voltage_low(places, net, run):
-    """Whether a load is near or below its voltage threshold while no fault is on."""
-    if net.faulted:
-        return False
-    for j in range(len(places.watch_bus)):
-        v, edge = run.volt[places.watch_bus[j]], 1.1 * places.watch_low[j]
-        if v.real * v.real + v.imag * v.imag < edge * edge and net.alive[places.watch_bus[j]]:
-            return True
-    return False
-
-
 @noinline
 def record(places, net, run, row):
     """Record every signal; set-points and outputs of disconnected units are 0."""
@@ -231,12 +228,15 @@ def record(places, net, run, row):
                 row[k] = 0.0
 
 
-# The compiled loop over recorded Runge-Kutta steps, which makes their stages once more.
+@inline
+def at_stage(stage, decided, solved, at):
+    """The cursor at another stage of the same part of a step."""
+    return Cursor(at.step, stage, at.begin, at.end, at.row, at.parts, decided, solved)
 
 
 @entry
 def replay(program, places, net, run, sizes, rows, at, signals, held, clipped):
-    """Make the stages of steps of the given sizes (s) that begin at recorded rows.
+    """Make the stages of recorded steps once more: of the given sizes (s), each beginning at its row.
 
     Returns where it is; if steps are left, it asks for the voltages of the stage there, to be called again.
     """

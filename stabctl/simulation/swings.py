@@ -1,4 +1,7 @@
-"""The last swings of a run: whether they decay, and which machines lose synchronism together."""
+"""The last swings of a run: whether they decay, which tells what comes after its end.
+
+If synchronism was lost, the machines on one side of the widest gap between the rotor angles have lost it together.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -122,26 +125,6 @@ def judged(
     return Swings(names[on[one]], *of_one, float(last.max()), float(before.max()), half_s, limit)
 
 
-# Which machines lose synchronism together: those on one side of the widest gap between the rotor angles.
-
-
-def ahead(moved: np.ndarray) -> np.ndarray:
-    """Which rotors are ahead of the widest gap.
-
-    Parameters
-    ----------
-    moved : (rotors,) array, rad
-        Changes of their angles; at least two.
-
-    Returns
-    -------
-    (rotors,) array of bool
-    """
-    order, found = np.argsort(moved), np.zeros(len(moved), bool)
-    found[order[np.argmax(np.diff(moved[order])) + 1 :]] = True
-    return found
-
-
 def group(moved: np.ndarray, lost: int, together: np.ndarray) -> np.ndarray:
     """The rotors on the same side as one that has lost synchronism, among those of its island.
 
@@ -164,4 +147,21 @@ def group(moved: np.ndarray, lost: int, together: np.ndarray) -> np.ndarray:
         return found
     side = ahead(moved[rows])
     found[rows] = side == side[rows == lost][0]
+    return found
+
+
+def ahead(moved: np.ndarray) -> np.ndarray:
+    """Which rotors are ahead of the widest gap.
+
+    Parameters
+    ----------
+    moved : (rotors,) array, rad
+        Changes of their angles; at least two.
+
+    Returns
+    -------
+    (rotors,) array of bool
+    """
+    order, found = np.argsort(moved), np.zeros(len(moved), bool)
+    found[order[np.argmax(np.diff(moved[order])) + 1 :]] = True
     return found

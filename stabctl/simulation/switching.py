@@ -1,4 +1,9 @@
-"""Orders of sampled devices, and the instants within a step at which the power of storage jumps."""
+"""What gates, laws and sampled controllers decide, and the instants within a step at which the power of storage jumps.
+
+Laws read speeds, accelerations and angles against the center of inertia of the other machines in the island. Power
+jumps when an order switches between fixed values, and when a device is full or empty. The instant of a switching is
+found by bisection, with states and voltages interpolated over the step.
+"""
 
 from stabctl._util.jit import inline, noinline
 from stabctl.devices.blocks import copy
@@ -6,13 +11,50 @@ from stabctl.dynamics.perform import perform, perform_due
 
 from .voltages import settle
 
-# The orders of sampled devices, and the signals that they read: speeds and accelerations against the others' COI.
+FINE = 1e-6  # of a step; a jump nearer to one of its ends does not divide it
+NEAR = 0.02  # of a step; nearer to its ends the interpolated voltages are exact enough
 
 
-@inline
-def acceleration(i, places, run):
-    """Acceleration of a rotor: the rate of a state as last evaluated, or that of an output in the last step."""
-    return run.f[places.speed[i]] if places.speed[i] < len(run.part.x) else run.watch.turned[1, i]
+@noinline
+def decide(program, places, net, run, due):
+    """Let gates, laws, and the controllers whose frame is due act; returns whether outputs may have changed.
+
+    `due` has a bit for every frame rate. The signals that laws see are those of `Relative`.
+    """
+    if due or places.gated:
+        perform(program.sense, program.w, program.k, run.s, run.f, net.island)
+    changed = due != 0
+    if len(places.held):
+        changed |= act(program, places, net, run, due)
+    if due:
+        perform_due(program.frame, program.bits, due, program.w, program.k, run.s, run.f, net.island)
+    return changed
+
+
+@noinline
+def act(program, places, net, run, due):
+    """Let gates and laws act, with their signals; returns whether a gate or an order has changed."""
+    coi(places.inertia, places, net, run)
+    accelerate(places, net, run)
+    s, sums, island, seen = run.s, run.watch.coi, net.island, places.seen
+    for i in range(len(island)):
+        s[seen.online + i] = 1.0 if island[i] >= 0 else 0.0
+    s[seen.time + 1] = due  # the place `Relative.due`; compiled code does not know properties
+    for i in range(len(places.rotor)):
+        k = island[places.unit[i]]
+        s[seen.speed + i] = s[seen.acceleration + i] = s[seen.angle + i] = 0.0
+        own, speed, rate, angle = group(i, k, places, run, s, island)
+        if k >= 0 and sums[0, k] > own:
+            rest = sums[0, k] - own
+            s[seen.speed + i] = speed - (sums[1, k] - own * speed) / rest
+            s[seen.acceleration + i] = rate - (sums[3, k] - own * rate) / rest
+            s[seen.angle + i] = angle - (sums[2, k] - own * angle) / rest
+    store_orders(0, places, run)
+    perform(program.step, program.w, program.k, run.s, run.f, net.island)
+    changed = False
+    for j in range(len(places.held)):
+        changed |= run.orders[0, j] != run.s[places.held[j]]
+    return changed
 
 
 @noinline
@@ -41,10 +83,10 @@ def accelerate(places, net, run):
             run.watch.coi[3, k] += places.inertia[i] * acceleration(i, places, run)
 
 
-@noinline
-def due_frames(calls, bits, due, program, s, f, on):
-    """Call the sampled controllers whose frame is due."""
-    perform_due(calls, bits, due, program.w, program.k, s, f, on)
+@inline
+def acceleration(i, places, run):
+    """Acceleration of a rotor: the rate of a state as last evaluated, or that of an output in the last step."""
+    return run.f[places.speed[i]] if places.speed[i] < len(run.part.x) else run.watch.turned[1, i]
 
 
 @inline
@@ -67,75 +109,18 @@ def group(i, island_of, places, run, s, island):
 
 
 @noinline
-def act(program, places, net, run, due):
-    """Let gates and laws act, with their signals; returns whether a gate or an order has changed."""
-    coi(places.inertia, places, net, run)
-    accelerate(places, net, run)
-    s, sums, island, seen = run.s, run.watch.coi, net.island, places.seen
-    for i in range(len(island)):
-        s[seen.online + i] = 1.0 if island[i] >= 0 else 0.0
-    s[seen.time + 1] = due  # the place `Relative.due`; compiled code does not know properties
-    for i in range(len(places.rotor)):
-        k = island[places.unit[i]]
-        s[seen.speed + i] = s[seen.acceleration + i] = s[seen.angle + i] = 0.0
-        own, speed, rate, angle = group(i, k, places, run, s, island)
-        if k >= 0 and sums[0, k] > own:
-            rest = sums[0, k] - own
-            s[seen.speed + i] = speed - (sums[1, k] - own * speed) / rest
-            s[seen.acceleration + i] = rate - (sums[3, k] - own * rate) / rest
-            s[seen.angle + i] = angle - (sums[2, k] - own * angle) / rest
-    for j in range(len(places.held)):
-        run.orders[0, j] = run.s[places.held[j]]
-    perform(program.step, program.w, program.k, run.s, run.f, net.island)
-    changed = False
-    for j in range(len(places.held)):
-        changed |= run.orders[0, j] != run.s[places.held[j]]
-    return changed
+def first_jump(h, program, places, net, run):
+    """Fraction of the last h seconds at which a power jumps, 1 if none, and the row of `limited` if a device stops.
 
-
-@noinline
-def decide(program, places, net, run, due):
-    """Let gates, laws, and the controllers whose frame is due act; returns whether outputs may have changed.
-
-    `due` has a bit for every frame rate. The signals that laws see are those of `Relative`.
+    The orders from then on are in orders[1].
     """
-    if due or places.gated:
-        perform(program.sense, program.w, program.k, run.s, run.f, net.island)
-    changed = due != 0
-    if len(places.held):
-        changed |= act(program, places, net, run, due)
-    if due:
-        due_frames(program.frame, program.bits, due, program, run.s, run.f, net.island)
-    return changed
-
-
-MOST = 4  # jumps found in one step; what switches later in it does so at its end
-CHATTER = 8  # divided steps in a row; the next ones are not divided, until one has nothing to switch at its start
-FINE = 1e-6  # of a step; a jump nearer to one of its ends does not divide it
-NEAR = 0.02  # of a step; nearer to its ends the interpolated voltages are exact enough
-
-
-@inline
-def set_orders(row, places, run):
-    """Set the orders to a row of those stored."""
-    for j in range(len(places.held)):
-        run.s[places.held[j]] = run.orders[row, j]
-
-
-@noinline
-def interpolate(t, m, h, run):
-    """Set states and voltages to those at the fraction t of the last h seconds.
-
-    A cubic of the states and rates at both ends, a parabola of the voltages at the ends and at the fraction m.
-    """
-    for k in range(len(run.part.x)):
-        change = run.part.end[k] - run.part.x[k]
-        bend = (1 - t) * (h * run.part.rate[k] - change) - t * (h * run.f[k] - change)
-        run.s[k] = run.part.x[k] + t * (change + (1 - t) * bend)
-    volts = run.part.volts
-    first, middle, last = (1 - t) * (m - t) / m, t * (1 - t) / (m * (1 - m)), t * (t - m) / (1 - m)
-    for i in range(len(run.volt)):
-        run.volt[i] = first * volts[0, i] + middle * volts[1, i] + last * volts[2, i]
+    t, row = first_stop(h, places, run)
+    first = first_switch(h, program, places, net, run) if places.relay else 1.0
+    if first <= t:
+        t, row = first, -1
+    else:
+        store_orders(1, places, run)
+    return t if FINE < t < 1 - FINE else 1.0, row
 
 
 @noinline
@@ -154,31 +139,6 @@ def first_stop(h, places, run):
 
 
 @noinline
-def changed(t, m, h, program, places, net, run):
-    """Whether an order has switched at the fraction t of the last h seconds; if so, stores the orders then."""
-    set_orders(0, places, run)
-    interpolate(t, m, h, run)
-    if not decide(program, places, net, run, 0):
-        return False
-    for j in range(len(places.held)):
-        run.orders[1, j] = run.s[places.held[j]]
-    return True
-
-
-@noinline
-def bisect(m, h, program, places, net, run):
-    """Fractions of the last h seconds between which an order first switched; stores the orders from then on."""
-    low, high = 0.0, 1.0
-    while high - low > FINE:
-        t = (low + high) / 2
-        if changed(t, m, h, program, places, net, run):
-            high = t
-        else:
-            low = t
-    return low, high
-
-
-@noinline
 def first_switch(h, program, places, net, run):
     """Fraction of the last h seconds at which an order first switched, 1 if none; stores the orders from then on.
 
@@ -188,8 +148,7 @@ def first_switch(h, program, places, net, run):
         return 1.0
     copy(run.s, run.part.end)
     copy(run.volt, run.part.volts[2])
-    for j in range(len(places.held)):
-        run.orders[1, j] = run.s[places.held[j]]
+    store_orders(1, places, run)
     low, high = bisect(0.5, h, program, places, net, run)
     set_orders(0, places, run)
     if NEAR < high < 1 - NEAR:
@@ -197,7 +156,7 @@ def first_switch(h, program, places, net, run):
         if settle(program, places, net, run):
             copy(run.volt, run.part.volts[1])
             m = high
-            if changed(low, m, h, program, places, net, run) or not changed(high, m, h, program, places, net, run):
+            if switched(low, m, h, program, places, net, run) or not switched(high, m, h, program, places, net, run):
                 low, high = bisect(m, h, program, places, net, run)
             set_orders(0, places, run)
     for k in range(len(run.part.x)):
@@ -207,19 +166,57 @@ def first_switch(h, program, places, net, run):
 
 
 @noinline
-def first_jump(h, program, places, net, run):
-    """Fraction of the last h seconds at which a power jumps, 1 if none, and the row of `limited` if a device stops.
+def bisect(m, h, program, places, net, run):
+    """Fractions of the last h seconds between which an order first switched; stores the orders from then on."""
+    low, high = 0.0, 1.0
+    while high - low > FINE:
+        t = (low + high) / 2
+        if switched(t, m, h, program, places, net, run):
+            high = t
+        else:
+            low = t
+    return low, high
 
-    The orders from then on are in orders[1].
+
+@noinline
+def switched(t, m, h, program, places, net, run):
+    """Whether an order has switched at the fraction t of the last h seconds; if so, stores the orders then."""
+    set_orders(0, places, run)
+    interpolate(t, m, h, run)
+    if not decide(program, places, net, run, 0):
+        return False
+    store_orders(1, places, run)
+    return True
+
+
+@inline
+def store_orders(row, places, run):
+    """Store the orders in a row."""
+    for j in range(len(places.held)):
+        run.orders[row, j] = run.s[places.held[j]]
+
+
+@inline
+def set_orders(row, places, run):
+    """Set the orders to those of a row."""
+    for j in range(len(places.held)):
+        run.s[places.held[j]] = run.orders[row, j]
+
+
+@noinline
+def interpolate(t, m, h, run):
+    """Set states and voltages to those at the fraction t of the last h seconds.
+
+    A cubic of the states and rates at both ends, a parabola of the voltages at the ends and at the fraction m.
     """
-    t, row = first_stop(h, places, run)
-    first = first_switch(h, program, places, net, run) if places.relay else 1.0
-    if first <= t:
-        t, row = first, -1
-    else:
-        for j in range(len(places.held)):
-            run.orders[1, j] = run.s[places.held[j]]
-    return t if FINE < t < 1 - FINE else 1.0, row
+    for k in range(len(run.part.x)):
+        change = run.part.end[k] - run.part.x[k]
+        bend = (1 - t) * (h * run.part.rate[k] - change) - t * (h * run.f[k] - change)
+        run.s[k] = run.part.x[k] + t * (change + (1 - t) * bend)
+    volts = run.part.volts
+    first, middle, last = (1 - t) * (m - t) / m, t * (1 - t) / (m * (1 - m)), t * (t - m) / (1 - m)
+    for i in range(len(run.volt)):
+        run.volt[i] = first * volts[0, i] + middle * volts[1, i] + last * volts[2, i]
 
 
 @noinline

@@ -66,7 +66,6 @@ EDITS = {
     "controllers/hold.py": {"hold"},
     "dynamics/adder.py": {"adder"},
     "dynamics/perform.py": ENTRIES,
-    "dynamics/call.py": ENTRIES,
     "simulation/stepper.py": {"advance"},
     "simulation/voltages.py": STEPPER,
     "simulation/substitution.py": STEPPER,
