@@ -2,8 +2,9 @@
 
 `inline` marks a device equation or a part of one: plain Python when called from Python, inlined when called from
 compiled code. `noinline` does the same for code that is called rarely: it is compiled once per caller. `entry` marks an
-entry point, compiled at its first call. Numba is imported only when something is compiled, so that data can be read
-without it. With NUMBA_DISABLE_JIT=1 everything runs as plain Python.
+entry point, compiled at its first call; `start` compiles one in a second process, while this one compiles other
+functions. Numba is imported only when something is compiled, so that data can be read without it. With
+NUMBA_DISABLE_JIT=1 everything runs as plain Python.
 """
 
 import atexit
@@ -30,6 +31,9 @@ from .process import available
 _PACKAGE = Path(__file__).parent.parent
 _pending: list[tuple[Callable[..., Any], bool]] = []
 lock = RLock()  # one thread compiles at a time
+awaited: dict[str, Callable[[], object]] = {}  # module of an entry that another process compiles -> waits for it
+_told: list[bool] = []
+_running: dict[str, subprocess.Popen[bytes]] = {}
 
 
 def inline(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -43,6 +47,66 @@ def noinline(function: Callable[..., Any]) -> Callable[..., Any]:
     """Mark `function` to be compiled once per caller, not inlined."""
     _pending.append((function, False))
     return function
+
+
+class Entry:
+    """An entry point: compiled, or loaded from disk, at its first call."""
+
+    def __init__(self, function: Callable[..., Any], allocates: bool) -> None:
+        self.function, self.name, self.allocates = function, function.__name__, allocates
+        self._compiled: Callable[..., Any] | None = None
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the compiled function."""
+        if self._compiled is not None:
+            return self._compiled(*arguments)
+        with lock, compiling([] if self.on_disk() else [self.name]) as done:
+            awaited.pop(self.function.__module__, bool)()
+            found = self._compiled or self._compile(arguments)
+            done()
+        self._compiled = found
+        return found(*arguments)
+
+    def signatures(self) -> list[Any]:
+        """Types that it has been compiled for."""
+        return list(getattr(self._compiled, "signatures", ()))
+
+    def _stem(self) -> str:
+        module = self.function.__module__
+        return f"{module.rpartition('.')[2]}.{self.name}-{digest(sources(sys.modules[module]))}"
+
+    def on_disk(self) -> bool:
+        """Whether its machine code is on disk, or not needed."""
+        return disabled() or self._compiled is not None or kept(self._stem())
+
+    def _compile(self, arguments: Sequence[Any]) -> Callable[..., Any]:
+        """The function, compiled for the types of the arguments."""
+        if disabled():
+            return self.function
+        from . import machine_code
+
+        ready()
+        found = machine_code.function(self.function, folder() / self._stem(), self.allocates)
+        found.compile(tuple(map(found.typeof_pyval, arguments)))
+        return found  # type: ignore[no-any-return]
+
+
+def entry(function: Callable[..., Any]) -> Entry:
+    """Make `function` an entry point, which runs without the interpreter lock; its machine code is kept on disk.
+
+    It must not allocate memory; this makes calls faster.
+    """
+    return Entry(function, allocates=False)
+
+
+def allocating_entry(function: Callable[..., Any]) -> Entry:
+    """The same for a function that allocates memory."""
+    return Entry(function, allocates=True)
+
+
+def kept(stem: str) -> bool:
+    """Whether machine code of this name is on disk."""
+    return any(name.startswith(f"{stem}-") and name.endswith(".nbc") for name in os.listdir(folder()))
 
 
 def disabled() -> bool:
@@ -60,77 +124,6 @@ def ready() -> None:
             register_jitable(
                 forceinline=inlined, error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True, _nrt=False
             )(function)
-
-
-@cache
-def sources(module: ModuleType) -> str:
-    """Source text and constants of a module and of all modules that it takes functions from."""
-    seen: dict[str, str] = {}
-    todo, beside = [module], Path(module.__file__ or "").parent
-    while todo:
-        found = todo.pop()
-        file = getattr(found, "__file__", None) or ""
-        inside = Path(file).is_relative_to(_PACKAGE) or Path(file).parent == beside
-        if not file or found.__name__ in seen or not inside:
-            continue
-        constants = {k: v for k, v in vars(found).items() if isinstance(v, int | float | complex)}
-        seen[found.__name__] = f"{Path(file).read_text(encoding='utf-8')}{constants}"
-        for value in vars(found).values():
-            if inspect.ismodule(value) and hasattr(found, "__path__"):
-                continue  # a submodule, which is present only if something has imported it
-            owner = value if inspect.ismodule(value) else sys.modules.get(getattr(value, "__module__", None) or "")
-            if owner is not None:
-                todo.append(owner)
-    return "".join(seen[name] for name in sorted(seen))
-
-
-@cache
-def _numba() -> str:
-    """Version of numba, found without importing it."""
-    return version("numba")
-
-
-def digest(*texts: str) -> str:
-    """Name of machine code: a hash of the numba version and the source texts it is made from."""
-    found = hashlib.sha256(_numba().encode())
-    for text in texts:
-        found.update(text.encode())
-    return found.hexdigest()[:16]
-
-
-@cache
-def folder() -> Path:
-    """Folder of the machine code: in the user's cache, or the temporary folder, or a folder for this run only."""
-    import platformdirs
-
-    user = os.getuid() if hasattr(os, "getuid") else "user"
-    for path in (Path(platformdirs.user_cache_dir("stabctl")), Path(tempfile.gettempdir()) / f"stabctl-{user}"):
-        if _made(path) and _ours(path):
-            return path
-    path = Path(tempfile.mkdtemp(prefix="stabctl-"))
-    atexit.register(shutil.rmtree, path, ignore_errors=True)
-    return path
-
-
-def _made(path: Path) -> bool:
-    """Whether the folder exists, or can be created, and is writable."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.mkdir(mode=0o700, exist_ok=True)
-        return os.access(path, os.W_OK | os.X_OK)
-    except OSError:
-        return False
-
-
-def _ours(path: Path) -> bool:
-    """Whether nobody else can write there; another user could plant machine code."""
-    found = path.lstat()
-    mine = not hasattr(os, "getuid") or found.st_uid == os.getuid()
-    return mine and stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o022
-
-
-_told: list[bool] = []
-awaited: dict[str, Callable[[], object]] = {}  # module of an entry that another process compiles -> waits for it
 
 
 @contextmanager
@@ -176,69 +169,71 @@ def compiling(labels: Sequence[str]) -> Iterator[Callable[[], None]]:
         bar.stop()
 
 
-class Entry:
-    """An entry point: compiled, or loaded from disk, at its first call."""
-
-    def __init__(self, function: Callable[..., Any], allocates: bool) -> None:
-        self.function, self.name, self.allocates = function, function.__name__, allocates
-        self._compiled: Callable[..., Any] | None = None
-
-    def __call__(self, *arguments: Any) -> Any:
-        """Call the compiled function."""
-        if self._compiled is not None:
-            return self._compiled(*arguments)
-        with lock, compiling([] if self.on_disk() else [self.name]) as done:
-            awaited.pop(self.function.__module__, bool)()
-            found = self._compiled or self._compile(arguments)
-            done()
-        self._compiled = found
-        return found(*arguments)
-
-    def signatures(self) -> list[Any]:
-        """Types that it has been compiled for."""
-        return list(getattr(self._compiled, "signatures", ()))
-
-    def _stem(self) -> str:
-        module = self.function.__module__
-        return f"{module.rpartition('.')[2]}.{self.name}-{digest(sources(sys.modules[module]))}"
-
-    def on_disk(self) -> bool:
-        """Whether its machine code is on disk, or not needed."""
-        return disabled() or self._compiled is not None or kept(self._stem())
-
-    def _compile(self, arguments: Sequence[Any]) -> Callable[..., Any]:
-        """The function, compiled for the types of the arguments."""
-        if disabled():
-            return self.function
-        from . import machine_code
-
-        ready()
-        found = machine_code.function(self.function, folder() / self._stem(), self.allocates)
-        found.compile(tuple(map(found.typeof_pyval, arguments)))
-        return found  # type: ignore[no-any-return]
+def digest(*texts: str) -> str:
+    """Name of machine code: a hash of the numba version and the source texts it is made from."""
+    found = hashlib.sha256(_numba().encode())
+    for text in texts:
+        found.update(text.encode())
+    return found.hexdigest()[:16]
 
 
-def kept(stem: str) -> bool:
-    """Whether machine code of this name is on disk."""
-    return any(name.startswith(f"{stem}-") and name.endswith(".nbc") for name in os.listdir(folder()))
+@cache
+def _numba() -> str:
+    """Version of numba, found without importing it."""
+    return version("numba")
 
 
-def entry(function: Callable[..., Any]) -> Entry:
-    """Make `function` an entry point, which runs without the interpreter lock; its machine code is kept on disk.
+@cache
+def sources(module: ModuleType) -> str:
+    """Source text and constants of a module and of all modules that it takes functions from."""
+    seen: dict[str, str] = {}
+    todo, beside = [module], Path(module.__file__ or "").parent
+    while todo:
+        found = todo.pop()
+        file = getattr(found, "__file__", None) or ""
+        inside = Path(file).is_relative_to(_PACKAGE) or Path(file).parent == beside
+        if not file or found.__name__ in seen or not inside:
+            continue
+        constants = {k: v for k, v in vars(found).items() if isinstance(v, int | float | complex)}
+        seen[found.__name__] = f"{Path(file).read_text(encoding='utf-8')}{constants}"
+        for value in vars(found).values():
+            if inspect.ismodule(value) and hasattr(found, "__path__"):
+                continue  # a submodule, which is present only if something has imported it
+            owner = value if inspect.ismodule(value) else sys.modules.get(getattr(value, "__module__", None) or "")
+            if owner is not None:
+                todo.append(owner)
+    return "".join(seen[name] for name in sorted(seen))
 
-    It must not allocate memory; this makes calls faster.
-    """
-    return Entry(function, allocates=False)
+
+@cache
+def folder() -> Path:
+    """Folder of the machine code: in the user's cache, or the temporary folder, or a folder for this run only."""
+    import platformdirs
+
+    user = os.getuid() if hasattr(os, "getuid") else "user"
+    for path in (Path(platformdirs.user_cache_dir("stabctl")), Path(tempfile.gettempdir()) / f"stabctl-{user}"):
+        if _made(path) and _ours(path):
+            return path
+    path = Path(tempfile.mkdtemp(prefix="stabctl-"))
+    atexit.register(shutil.rmtree, path, ignore_errors=True)
+    return path
 
 
-def allocating_entry(function: Callable[..., Any]) -> Entry:
-    """The same for a function that allocates memory."""
-    return Entry(function, allocates=True)
+def _made(path: Path) -> bool:
+    """Whether the folder exists, or can be created, and is writable."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.mkdir(mode=0o700, exist_ok=True)
+        return os.access(path, os.W_OK | os.X_OK)
+    except OSError:
+        return False
 
 
-# Compilation of an entry point in a second process, while this one compiles other functions.
-
-_running: dict[str, subprocess.Popen[bytes]] = {}
+def _ours(path: Path) -> bool:
+    """Whether nobody else can write there; another user could plant machine code."""
+    found = path.lstat()
+    mine = not hasattr(os, "getuid") or found.st_uid == os.getuid()
+    return mine and stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o022
 
 
 def start(where: str, script: str) -> None:

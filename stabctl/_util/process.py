@@ -1,4 +1,4 @@
-"""The process: cores that a study uses, and garbage collection paused while many objects are created."""
+"""The process: cores that a study uses, and garbage collection paused while many objects are created to be kept."""
 
 import gc
 import os
@@ -30,12 +30,9 @@ def used(workers: int | None) -> int:
     return workers
 
 
-# Python's cyclic garbage collection, paused while many objects are created that are all kept.
-
-
 @contextmanager
 def paused() -> Iterator[None]:
-    """Pause the search, whose time grows faster than the number of objects; also a decorator."""
+    """Pause the cyclic garbage collection, whose time grows faster than the number of objects; also a decorator."""
     running = gc.isenabled()
     gc.disable()
     try:

@@ -1,12 +1,12 @@
 """Base class of results: they print themselves, convert to tables, and are saved to files."""
 
 from html import escape
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from . import files
 from .errors import StudyError
+from .verbs import verb
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,6 +53,8 @@ def csv_text(frame: "pd.DataFrame") -> str:
 class Tabular:
     """A result with a table (`df`), a summary (`__str__`) and usually a figure (`plot`)."""
 
+    _save_figure = verb("stabctl.view.figures.style:save")
+
     @property
     def df(self) -> "pd.DataFrame":
         """The result as a table."""
@@ -75,7 +77,7 @@ class Tabular:
         path = files.path_of(path)
         ending, plot = path.suffix.lower(), getattr(self, "plot", None)
         if ending in IMAGES and plot:
-            return import_module("stabctl.view.figures.style").save(plot(), path)
+            return Tabular._save_figure(plot(), path)
         if ending != ".csv":
             allowed = ", ".join((".csv", *IMAGES)) if plot else ".csv"
             raise StudyError(f"The file {path.name!r} must end in {allowed}.")

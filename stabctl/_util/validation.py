@@ -1,7 +1,8 @@
 """Values checked against the fields of their record, by the validators of pydantic's core.
 
-Checks are strict: no text or bool for a number, numbers finite and of at most `LARGEST` in size. The core alone is
-loaded, with the first check, in 0.03 s; pydantic's own classes around it would take 0.15 s.
+`checked` checks the rows of a table, `guard` a frozen dataclass. Checks are strict: no text or bool for a number,
+numbers finite and of at most `LARGEST` in size. The core alone is loaded, with the first check, in 0.03 s; pydantic's
+own classes around it would take 0.15 s.
 """
 
 from collections.abc import Iterable, Mapping
@@ -45,6 +46,40 @@ def checked(record: type[Record], rows: Iterable[Record]) -> tuple[Record, ...]:
         row, place = first["loc"][:2]
         f = fields(record)[record._fields[place]]
         raise Invalid(row, f, first["input"], _expected(f, first)) from None
+
+
+def guard(record: Any, *, omitted: bool = True) -> None:
+    """Check the fields of a frozen dataclass (`name: Annotated[float, unit, ...]`), called from its `__post_init__`.
+
+    A field that is None was omitted, where this is allowed. Text with a unit ("100mHz") becomes a number in the unit of
+    the field.
+
+    Raises
+    ------
+    StudyError
+        For the first value that is not allowed; it names the field, the value and what it must be.
+    """
+    kind: type = type(record)
+    for name, f in fields(kind).items():
+        value = getattr(record, name)
+        if value is None and omitted:
+            continue
+        if isinstance(value, str) and f.kind is float and kind_of(f.unit) not in (None, NUMBER):
+            value = _number(name, value, f.unit)
+            object.__setattr__(record, name, value)
+        expected = fault(f, value)
+        if expected:
+            unit = "" if f.unit == "-" or isinstance(value, str) else f" {f.unit}"
+            given = f"{value:g}" if isinstance(value, float) else shown(value)
+            raise StudyError(f"{name} = {given}{unit} ({f.meaning}) must be {expected}.")
+
+
+def _number(name: str, text: str, unit: str) -> float:
+    """The number that a text with a unit holds."""
+    try:
+        return quantity(text, unit, bare=False)
+    except StudyError as error:
+        raise StudyError(f"{name}: {error}") from None
 
 
 def fault(field: Field, value: object) -> str | None:
@@ -113,40 +148,3 @@ def _expected(f: Field, first: Mapping[str, Any]) -> str:
     if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) > LARGEST:
         return f"{f.expected()}, and at most {LARGEST:g} in size"
     return f.expected() if f.kind is not str or f.choices else "one line of text"
-
-
-# Check of a frozen dataclass whose fields are written `name: Annotated[float, unit, meaning, constraint]`.
-
-
-def guard(record: Any, *, omitted: bool = True) -> None:
-    """Check the annotated fields of a frozen dataclass, called from its `__post_init__`.
-
-    A field that is None was omitted, where this is allowed. Text with a unit ("100mHz") becomes a number in the unit of
-    the field.
-
-    Raises
-    ------
-    StudyError
-        For the first value that is not allowed; it names the field, the value and what it must be.
-    """
-    kind: type = type(record)
-    for name, f in fields(kind).items():
-        value = getattr(record, name)
-        if value is None and omitted:
-            continue
-        if isinstance(value, str) and f.kind is float and kind_of(f.unit) not in (None, NUMBER):
-            value = _number(name, value, f.unit)
-            object.__setattr__(record, name, value)
-        expected = fault(f, value)
-        if expected:
-            unit = "" if f.unit == "-" or isinstance(value, str) else f" {f.unit}"
-            given = f"{value:g}" if isinstance(value, float) else shown(value)
-            raise StudyError(f"{name} = {given}{unit} ({f.meaning}) must be {expected}.")
-
-
-def _number(name: str, text: str, unit: str) -> float:
-    """The number that a text with a unit holds."""
-    try:
-        return quantity(text, unit, bare=False)
-    except StudyError as error:
-        raise StudyError(f"{name}: {error}") from None

@@ -27,12 +27,7 @@ def clearing_time(
     opened: Open = None,
     tripped: TripMachine = None,
     stepped: LoadStep = None,
-    resolution: options.Resolution = "0.125cyc",
-    limit: options.Limit = "60cyc",
-    observe: options.Observe = "5s",
-    longest: options.Longest = "20s",
-    scan: options.Scan = "auto",
-    step: options.Step = None,
+    search: groups.SearchOptions,
     control: options.Control = None,
     controller: options.Controllers = None,
     storage: groups.StorageOptions,
@@ -52,28 +47,17 @@ def clearing_time(
     events = shared.events(loaded, opened, tripped, stepped)
     through = shared.impedance(fault_impedance)
     point = storage.initialize(loaded)
-    chosen, own = law.chosen(point.case, control, shared.controllers(controller))
-    steering = pmu.steering(chosen, own, estimator)
+    steering = pmu.steering(*law.chosen(point.case, control, shared.controllers(controller)), estimator)
     with shared.progress("searching", None) as tell:
         found = clearing_time(
             point,
             Contingency(fault, trip=trip or (), at=0.0, impedance=through, events=events),
             control=steering,
-            resolution=resolution,
-            limit=limit,
-            observe=observe,
-            longest=longest,
-            scan=scan,
-            step=step,
+            **search._asdict(),
             criterion=stability.criterion(loaded),
             progress=lambda _run: tell(None),
         )
     _show_clearing_time(found, as_json)
-
-
-def _span(values: list[float], form: str) -> str:
-    """The least and the largest of some values: `5 to 9`, or `9`."""
-    return " to ".join(dict.fromkeys(f"{v:{form}}" for v in (min(values), max(values))))
 
 
 def _show_clearing_time(found: "ClearingTime", as_json: bool) -> None:
@@ -124,7 +108,10 @@ def _show_clearing_time(found: "ClearingTime", as_json: bool) -> None:
     shared.console().print(str(found))
 
 
-# stabctl screen: the line faults with the shortest critical clearing times.
+def _span(values: list[float], form: str) -> str:
+    """The least and the largest of some values: `5 to 9`, or `9`."""
+    return " to ".join(dict.fromkeys(f"{v:{form}}" for v in (min(values), max(values))))
+
 
 Below = Annotated[
     str | None,
@@ -132,7 +119,6 @@ Below = Annotated[
         "--below", metavar="TIME", parser=options.time, help="List only pairs with shorter clearing times, s or 8cyc."
     ),
 ]
-Report = Annotated[Path | None, typer.Option("--report", help="Write a page with figures to this folder.")]
 Out = Annotated[Path | None, typer.Option("--out", help="Write the pairs to FILE.csv.")]
 
 
@@ -140,12 +126,7 @@ Out = Annotated[Path | None, typer.Option("--out", help="Write the pairs to FILE
 def screen(
     *,
     below: Below = None,
-    resolution: options.Resolution = "0.125cyc",
-    limit: options.Limit = "60cyc",
-    observe: options.Observe = "5s",
-    longest: options.Longest = "20s",
-    scan: options.Scan = "auto",
-    step: options.Step = None,
+    search: groups.SearchOptions,
     control: options.Control = None,
     controller: options.Controllers = None,
     storage: groups.StorageOptions,
@@ -157,7 +138,7 @@ def screen(
     store: options.Store = None,
     scheduler: options.Scheduler = None,
     out: Out = None,
-    report: Report = None,
+    report: options.Report = None,
     case: groups.CaseOptions,
     as_json: options.Json = False,
 ) -> None:
@@ -168,19 +149,13 @@ def screen(
     shared.folder(report)
     loaded = case.load()
     point = storage.initialize(loaded)
-    chosen, own = law.chosen(point.case, control, shared.controllers(controller))
-    steering = pmu.steering(chosen, own, estimator)
+    steering = pmu.steering(*law.chosen(point.case, control, shared.controllers(controller)), estimator)
     with shared.progress("screening", 1.0) as tell:
         found = screen(
             point,
             below,
             control=steering,
-            resolution=resolution,
-            limit=limit,
-            observe=observe,
-            longest=longest,
-            scan=scan,
-            step=step,
+            **search._asdict(),
             criterion=stability.criterion(loaded),
             workers=workers,
             store=store,

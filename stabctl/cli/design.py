@@ -15,9 +15,13 @@ if TYPE_CHECKING:
     from stabctl.design import Design, Outages, Pairs
 
 
-# Common parts of the commands of `stabctl design`: options, and the output of a design.
-
 SHOWN = 8  # modes in the table without and with the controllers: those with the least damping
+ROWS = 20  # pairs in the table
+app = typer.Typer(
+    no_args_is_help=True, help="Design controllers: stabilizers, oscillation dampers, regulators, storage laws."
+)
+app.command("optimum")(optimum)
+app.command("law")(law)
 Out = Annotated[
     Path | None,
     typer.Option(
@@ -27,9 +31,9 @@ Out = Annotated[
 ]
 Report = Annotated[Path | None, typer.Option("--report", help="Write an HTML page on the design to this folder.")]
 Faults = Annotated[
-    list[str] | None,
-    typer.Option("--fault", help="Fault for the clearing times in the report: 7-8@0.4. Repeatable."),
+    list[str] | None, typer.Option("--fault", help="Fault for the clearing times in the report: 7-8@0.4. Repeatable.")
 ]
+Damping = Annotated[float, typer.Option("--damping", min=0.0, max=0.9, help="Damping ratio to reach.")]
 Delay = Annotated[
     str,
     typer.Option("--delay", metavar="TIME", parser=options.in_unit("s"), help="Time from measurement to output, s."),
@@ -56,6 +60,214 @@ class Files(NamedTuple):
         """Write them, and return their paths."""
         written = found.save(self.out) if self.out else ()
         return (*written, found.report(self.report, self.fault or ())) if self.report else written
+
+
+Machine = Annotated[list[int] | None, typer.Option("--machine", help="Machine that gets a stabilizer. Repeatable.")]
+MaxGain = Annotated[
+    float,
+    typer.Option("--max-gain", help="Largest gain of a stabilizer at any frequency, pu of voltage per pu of speed."),
+]
+NoiseFilter = Annotated[
+    str,
+    typer.Option(
+        "--noise-filter",
+        metavar="TIME",
+        parser=options.in_unit("s"),
+        help="Time constant of the lag that filters the speed, s; 0: none.",
+    ),
+]
+OutagesOption = Annotated[bool, typer.Option("--n-1", help="Also design for the outage of each branch.")]
+
+
+@app.command("pss")
+@grouped
+def pss(
+    *,
+    machine: Machine = None,
+    damping: Damping = 0.1,
+    max_gain: MaxGain = 200.0,
+    noise_filter: NoiseFilter = "20ms",
+    outages: OutagesOption = False,
+    files: Files,
+    storage: groups.StorageOptions,
+    case: groups.CaseOptions,
+    as_json: options.Json = False,
+) -> None:
+    """Design power system stabilizers by phase compensation, in place of those of the case."""
+    from stabctl import design
+
+    files.check()
+    point = storage.initialize(case.load())
+    points = design.outages(point) if outages else point
+    found = design.pss(points, machine or None, damping=damping, max_gain=max_gain, noise_filter=float(noise_filter))
+    show(found, files, as_json, points if isinstance(points, design.Outages) else None)
+
+
+Input = Annotated[
+    str | None,
+    typer.Option("--input", help="Signals that the damper reads: deviation:1, flow:7-8 (default: the best one)."),
+]
+Output = Annotated[
+    str | None,
+    typer.Option(
+        "--output", help="Input of the system that the damper drives: order:1@5, vs:2 (default: the best one)."
+    ),
+]
+Rank = Annotated[bool, typer.Option("--rank", help="Only rank the pairs of a signal and an input.")]
+Spread = Annotated[
+    float,
+    typer.Option(
+        "--spread",
+        metavar="SHARE",
+        parser=options.in_unit("-"),
+        help="Gain variation for which the damping is also reached: 50%.",
+    ),
+]
+Mode = Annotated[
+    float | None,
+    typer.Option(
+        "--mode",
+        metavar="FREQUENCY",
+        parser=options.in_unit("Hz"),
+        help="Frequency of the mode to damp, Hz (default: the least damped).",
+    ),
+]
+Order = Annotated[int | None, typer.Option("--order", min=1, max=8, help="Lags in the tuned filter of every input.")]
+Rate = Annotated[int | None, typer.Option("--rate", min=1, help="Frames per second (default: continuous).")]
+
+
+@app.command("pod")
+@grouped
+def pod(
+    *,
+    read: Input = None,
+    driven: Output = None,
+    rank: Rank = False,
+    damping: Damping = 0.1,
+    spread: Spread = 0.0,
+    mode: Mode = None,
+    order: Order = None,
+    rate: Rate = None,
+    delay: Delay = "0",
+    files: Files,
+    storage: groups.StorageOptions,
+    case: groups.CaseOptions,
+    as_json: options.Json = False,
+) -> None:
+    """Design a power-oscillation damper by the residue method, or with tuned filters of several inputs."""
+    from stabctl.design import pairs, pod
+    from stabctl.design.pairs import SIGNALS
+
+    files.check()
+    point = storage.initialize(case.load())
+    if rank:
+        _rank(pairs(point, read or SIGNALS, driven, mode=mode, delay=float(delay)), as_json)
+        return
+    found = pod(
+        point, read, driven, damping=damping, spread=spread, mode=mode, order=order, rate=rate, delay=float(delay)
+    )
+    show(found, files, as_json)
+
+
+def _rank(found: "Pairs", as_json: bool) -> None:
+    if as_json:
+        shared.print_json({"case": found.case, "mode_hz": found.mode_hz, "pairs": found.df.to_dict("records")})
+        return
+    from rich.table import Table
+
+    table = Table("input", "output", "residue", "angle (deg)", "score (1/s)")
+    for read, driven, residue, angle, _, score in found.df.head(ROWS).to_numpy().tolist():
+        table.add_row(read, driven, f"{residue:.4g}", f"{angle:.1f}", f"{score:.4g}")
+    out = shared.console()
+    out.print(table)
+    out.print(str(found))
+
+
+Speed = Annotated[
+    float,
+    typer.Option(
+        "--speed",
+        metavar="FREQUENCY",
+        parser=options.in_unit("Hz"),
+        help="Speed deviation that weighs as much as one --effort.",
+    ),
+]
+Effort = Annotated[float, typer.Option("--effort", help="Size of an output, in the unit of the input that it drives.")]
+Angle = Annotated[
+    float | None,
+    typer.Option(
+        "--angle",
+        metavar="ANGLE",
+        parser=options.in_unit("rad"),
+        help="Angle relative to the COI that weighs as much as one --effort.",
+    ),
+]
+Reads = Annotated[
+    str | None, typer.Option("--input", help="Signals that the regulator reads: 'angle, speed' (LQR: all states).")
+]
+Driven = Annotated[str, typer.Option("--output", help="Inputs of the system that the regulator drives: order, vref.")]
+
+
+@app.command("lqr")
+@grouped
+def lqr(
+    *,
+    driven: Driven = "order",
+    read: Reads = None,
+    speed: Speed = 0.1,
+    angle: Angle = None,
+    effort: Effort = 1.0,
+    files: Files,
+    storage: groups.StorageOptions,
+    case: groups.CaseOptions,
+    as_json: options.Json = False,
+) -> None:
+    """Design a linear-quadratic regulator, which reads all states or the given signals."""
+    from stabctl.design import lqr
+
+    files.check()
+    point = storage.initialize(case.load())
+    show(lqr(point, driven, read, speed=speed, angle=angle, effort=effort), files, as_json)
+
+
+FrameRate = Annotated[int, typer.Option("--rate", min=1, help="Frames per second.")]
+Disturbance = Annotated[
+    float,
+    typer.Option(
+        "--disturbance", metavar="POWER", parser=options.in_unit("MW"), help="Load change within one second, MW."
+    ),
+]
+Noise = Annotated[float, typer.Option("--noise", min=1e-6, help="Noise of the measurements, of 5 mHz and 2 mrad.")]
+States = Annotated[int | None, typer.Option("--order", min=1, help="Number of states of the reduced plant model.")]
+
+
+@app.command("lqg")
+@grouped
+def lqg(
+    *,
+    driven: Driven = "order",
+    read: Reads = "deviation",
+    rate: FrameRate = 60,
+    delay: Delay = "0",
+    speed: Speed = 0.1,
+    angle: Angle = None,
+    effort: Effort = 1.0,
+    disturbance: Disturbance = 10.0,
+    noise: Noise = 1.0,
+    order: States = None,
+    files: Files,
+    storage: groups.StorageOptions,
+    case: groups.CaseOptions,
+    as_json: options.Json = False,
+) -> None:
+    """Design a linear-quadratic-Gaussian regulator, which estimates the states from measurements."""
+    from stabctl.design import lqg
+
+    files.check()
+    point, reads = storage.initialize(case.load()), read or "deviation"
+    given: dict[str, Any] = {"rate": rate, "delay": float(delay), "speed": speed, "angle": angle, "effort": effort}
+    found = lqg(point, driven, reads, disturbance=disturbance, noise=noise, order=order, **given)
+    show(found, files, as_json)
 
 
 def show(found: "Design", files: Files, as_json: bool, points: "Outages | None" = None) -> None:
@@ -115,218 +327,3 @@ def _margins(found: "Design") -> dict[str, Any]:
     if not isinstance(found, Regulator) or found.full is None or found.own is None:
         return {}
     return {"margins": asdict(found.own), "margins_all_states": asdict(found.full)}
-
-
-ROWS = 20  # pairs in the table
-app = typer.Typer(
-    no_args_is_help=True, help="Design controllers: stabilizers, oscillation dampers, regulators, storage laws."
-)
-app.command("optimum")(optimum)
-app.command("law")(law)
-Damping = Annotated[float, typer.Option("--damping", min=0.0, max=0.9, help="Damping ratio to reach.")]
-Machine = Annotated[list[int] | None, typer.Option("--machine", help="Machine that gets a stabilizer. Repeatable.")]
-Spread = Annotated[
-    float,
-    typer.Option(
-        "--spread",
-        metavar="SHARE",
-        parser=options.in_unit("-"),
-        help="Gain variation for which the damping is also reached: 50%.",
-    ),
-]
-Order = Annotated[int | None, typer.Option("--order", min=1, max=8, help="Lags in the tuned filter of every input.")]
-MaxGain = Annotated[
-    float,
-    typer.Option("--max-gain", help="Largest gain of a stabilizer at any frequency, pu of voltage per pu of speed."),
-]
-NoiseFilter = Annotated[
-    str,
-    typer.Option(
-        "--noise-filter",
-        metavar="TIME",
-        parser=options.in_unit("s"),
-        help="Time constant of the lag that filters the speed, s; 0: none.",
-    ),
-]
-OutagesOption = Annotated[bool, typer.Option("--n-1", help="Also design for the outage of each branch.")]
-Input = Annotated[
-    str | None,
-    typer.Option("--input", help="Signals that the damper reads: deviation:1, flow:7-8 (default: the best one)."),
-]
-Output = Annotated[
-    str | None,
-    typer.Option(
-        "--output", help="Input of the system that the damper drives: order:1@5, vs:2 (default: the best one)."
-    ),
-]
-Rank = Annotated[bool, typer.Option("--rank", help="Only rank the pairs of a signal and an input.")]
-Rate = Annotated[int | None, typer.Option("--rate", min=1, help="Frames per second (default: continuous).")]
-Mode = Annotated[
-    float | None,
-    typer.Option(
-        "--mode",
-        metavar="FREQUENCY",
-        parser=options.in_unit("Hz"),
-        help="Frequency of the mode to damp, Hz (default: the least damped).",
-    ),
-]
-
-
-@app.command("pss")
-@grouped
-def pss(
-    *,
-    machine: Machine = None,
-    damping: Damping = 0.1,
-    max_gain: MaxGain = 200.0,
-    noise_filter: NoiseFilter = "20ms",
-    outages: OutagesOption = False,
-    files: Files,
-    storage: groups.StorageOptions,
-    case: groups.CaseOptions,
-    as_json: options.Json = False,
-) -> None:
-    """Design power system stabilizers by phase compensation, in place of those of the case."""
-    from stabctl import design
-
-    files.check()
-    point = storage.initialize(case.load())
-    points = design.outages(point) if outages else point
-    found = design.pss(points, machine or None, damping=damping, max_gain=max_gain, noise_filter=float(noise_filter))
-    show(found, files, as_json, points if isinstance(points, design.Outages) else None)
-
-
-@app.command("pod")
-@grouped
-def pod(
-    *,
-    read: Input = None,
-    driven: Output = None,
-    rank: Rank = False,
-    damping: Damping = 0.1,
-    spread: Spread = 0.0,
-    mode: Mode = None,
-    order: Order = None,
-    rate: Rate = None,
-    delay: Delay = "0",
-    files: Files,
-    storage: groups.StorageOptions,
-    case: groups.CaseOptions,
-    as_json: options.Json = False,
-) -> None:
-    """Design a power-oscillation damper by the residue method, or with tuned filters of several inputs."""
-    from stabctl.design import pairs, pod
-    from stabctl.design.pairs import SIGNALS
-
-    files.check()
-    point = storage.initialize(case.load())
-    if rank:
-        _rank(pairs(point, read or SIGNALS, driven, mode=mode, delay=float(delay)), as_json)
-        return
-    found = pod(
-        point, read, driven, damping=damping, spread=spread, mode=mode, order=order, rate=rate, delay=float(delay)
-    )
-    show(found, files, as_json)
-
-
-Speed = Annotated[
-    float,
-    typer.Option(
-        "--speed",
-        metavar="FREQUENCY",
-        parser=options.in_unit("Hz"),
-        help="Speed deviation that weighs as much as one --effort.",
-    ),
-]
-Effort = Annotated[float, typer.Option("--effort", help="Size of an output, in the unit of the input that it drives.")]
-Angle = Annotated[
-    float | None,
-    typer.Option(
-        "--angle",
-        metavar="ANGLE",
-        parser=options.in_unit("rad"),
-        help="Angle relative to the COI that weighs as much as one --effort.",
-    ),
-]
-Reads = Annotated[
-    str | None, typer.Option("--input", help="Signals that the regulator reads: 'angle, speed' (LQR: all states).")
-]
-Driven = Annotated[str, typer.Option("--output", help="Inputs of the system that the regulator drives: order, vref.")]
-
-
-@grouped
-def lqr(
-    *,
-    driven: Driven = "order",
-    read: Reads = None,
-    speed: Speed = 0.1,
-    angle: Angle = None,
-    effort: Effort = 1.0,
-    files: Files,
-    storage: groups.StorageOptions,
-    case: groups.CaseOptions,
-    as_json: options.Json = False,
-) -> None:
-    """Design a linear-quadratic regulator, which reads all states or the given signals."""
-    from stabctl.design import lqr
-
-    files.check()
-    point = storage.initialize(case.load())
-    show(lqr(point, driven, read, speed=speed, angle=angle, effort=effort), files, as_json)
-
-
-app.command("lqr")(lqr)
-FrameRate = Annotated[int, typer.Option("--rate", min=1, help="Frames per second.")]
-Disturbance = Annotated[
-    float,
-    typer.Option(
-        "--disturbance", metavar="POWER", parser=options.in_unit("MW"), help="Load change within one second, MW."
-    ),
-]
-Noise = Annotated[float, typer.Option("--noise", min=1e-6, help="Noise of the measurements, of 5 mHz and 2 mrad.")]
-States = Annotated[int | None, typer.Option("--order", min=1, help="Number of states of the reduced plant model.")]
-
-
-@grouped
-def lqg(
-    *,
-    driven: Driven = "order",
-    read: Reads = "deviation",
-    rate: FrameRate = 60,
-    delay: Delay = "0",
-    speed: Speed = 0.1,
-    angle: Angle = None,
-    effort: Effort = 1.0,
-    disturbance: Disturbance = 10.0,
-    noise: Noise = 1.0,
-    order: States = None,
-    files: Files,
-    storage: groups.StorageOptions,
-    case: groups.CaseOptions,
-    as_json: options.Json = False,
-) -> None:
-    """Design a linear-quadratic-Gaussian regulator, which estimates the states from measurements."""
-    from stabctl.design import lqg
-
-    files.check()
-    point, reads = storage.initialize(case.load()), read or "deviation"
-    given: dict[str, Any] = {"rate": rate, "delay": float(delay), "speed": speed, "angle": angle, "effort": effort}
-    found = lqg(point, driven, reads, disturbance=disturbance, noise=noise, order=order, **given)
-    show(found, files, as_json)
-
-
-app.command("lqg")(lqg)
-
-
-def _rank(found: "Pairs", as_json: bool) -> None:
-    if as_json:
-        shared.print_json({"case": found.case, "mode_hz": found.mode_hz, "pairs": found.df.to_dict("records")})
-        return
-    from rich.table import Table
-
-    table = Table("input", "output", "residue", "angle (deg)", "score (1/s)")
-    for read, driven, residue, angle, _, score in found.df.head(ROWS).to_numpy().tolist():
-        table.add_row(read, driven, f"{residue:.4g}", f"{angle:.1f}", f"{score:.4g}")
-    out = shared.console()
-    out.print(table)
-    out.print(str(found))

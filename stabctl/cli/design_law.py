@@ -48,8 +48,10 @@ Delay = Annotated[
 ]
 Training = Annotated[float, Option("--training", help="Share of the contingencies used for tuning.")]
 Seed = Annotated[int, Option("--seed", min=0, help="Seed of this selection.")]
-Report = Annotated[Path | None, Option("--report", help="Write a page with figures to this folder.")]
 Out = Annotated[Path | None, Option("--out", help="Write the law to FILE.toml, for --controller.")]
+
+
+SEARCH = groups.SearchOptions(observe="10s")
 
 
 class LimitOptions(NamedTuple):
@@ -83,17 +85,12 @@ def law(
     delay: Delay = 0.0,
     training: Training = 0.5,
     seed: Seed = 1,
-    resolution: options.Resolution = "0.125cyc",
-    limit: options.Limit = "60cyc",
-    observe: options.Observe = "10s",
-    longest: options.Longest = "20s",
-    scan: options.Scan = "auto",
-    step: options.Step = None,
+    search: groups.SearchOptions = SEARCH,
     stability: groups.StabilityOptions,
     workers: options.Workers = None,
     store: options.Store = None,
     scheduler: options.Scheduler = None,
-    report: Report = None,
+    report: options.Report = None,
     out: Out = None,
     case: groups.CaseOptions,
     as_json: options.Json = False,
@@ -114,12 +111,7 @@ def law(
             delay=delay,
             training=training,
             seed=seed,
-            resolution=resolution,
-            limit=limit,
-            observe=observe,
-            longest=longest,
-            scan=scan,
-            step=step,
+            **search._asdict(),
             criterion=stability.criterion(point.case),
             workers=workers,
             store=store,

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 Clear = Annotated[
     str, typer.Option("--clear", metavar="TIME", parser=options.time, help="Duration of the fault, s or 6cyc.")
 ]
-At = Annotated[str, typer.Option("--at", metavar="TIME", parser=options.time, help="Time of the fault, s or 60cyc.")]
 EngineOption = Annotated[
     Literal["batched", "filterpy"],
     typer.Option(
@@ -30,7 +29,7 @@ def estimate(
     fault: options.Fault,
     clear: Clear,
     trip: options.Trip = None,
-    at: At = "1s",
+    at: options.At = "1s",
     observe: options.Observe = "5s",
     step: options.Step = None,
     controller: options.Controllers = None,
@@ -73,9 +72,7 @@ def estimate(
         record=False,
     )
     if plot:
-        from stabctl.view.figures import estimates, style
-
-        style.save(estimates.plot(found), plot)
+        found.save(plot)
     _show(found, found.accuracy, as_json, plot)
 
 

@@ -162,6 +162,17 @@ class StabilityOptions(NamedTuple):
         return DEFAULT._replace(max_angle=self.max_angle, frequency_delay_s=delay, coi=self.coi, **limits)
 
 
+class SearchOptions(NamedTuple):
+    """The search for a critical clearing time."""
+
+    resolution: options.Resolution = "0.125cyc"
+    limit: options.Limit = "60cyc"
+    observe: options.Observe = "5s"
+    longest: options.Longest = "20s"
+    scan: options.Scan = "auto"
+    step: options.Step = None
+
+
 class PmuOptions(NamedTuple):
     """The PMUs."""
 
@@ -178,10 +189,7 @@ class PmuOptions(NamedTuple):
         return Pmu.noisy(self.pmu_rate, self.pmu_noise_mrad, self.latency_ms, self.loss)
 
     def steering(
-        self,
-        law: "Law | None",
-        controllers: "Sequence[Controller]",
-        estimator: options.Estimator,
+        self, law: "Law | None", controllers: "Sequence[Controller]", estimator: options.Estimator
     ) -> "list[Law | Controller | EstimatorControl]":
         """Law and controllers: themselves with the ideal estimator, otherwise behind PMUs and an estimator."""
         pmu = self.pmu()

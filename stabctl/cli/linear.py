@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from . import groups, options, shared
-from .groups import CaseOptions
-from .options import Json
 from .shared import grouped
 
 if TYPE_CHECKING:
@@ -42,8 +40,6 @@ def linearize(
         return
     shared.console().print(f"{model}; written to {path}")
 
-
-# stabctl modes: eigenvalues, damping, mode shapes.
 
 Band = Annotated[
     tuple[float, float], typer.Option("--band", metavar="LOW HIGH", help="Frequency range of the table, Hz.")
@@ -119,8 +115,6 @@ def _show(found: "Modes", band: tuple[float, float], groups: "Areas | None") -> 
         out.print(f"{groups}.")
 
 
-# stabctl weak-grid: stability of a converter against short-circuit ratio and gain of its phase-locked loop.
-
 Converter = Annotated[str, typer.Option("--converter", help="Number or name of the unit with the converter.")]
 Ratios = Annotated[
     str | None, typer.Option("--scr", help="Short-circuit ratios of the map: 1.5,2,3 (default: 1.05 to 6).")
@@ -141,8 +135,8 @@ def weak_grid(
     gain: Gains = None,
     x_over_r: Ratio = 10.0,
     plot: Plot = None,
-    case: CaseOptions,
-    as_json: Json = False,
+    case: groups.CaseOptions,
+    as_json: options.Json = False,
 ) -> None:
     """Map the stability of a converter over short-circuit ratio and gain of its phase-locked loop."""
     from stabctl.smallsignal import weak_grid
@@ -158,7 +152,7 @@ def weak_grid(
     if plot:
         from stabctl.view.figures import style
 
-        style.save(found.plot().figure, plot)
+        style.save(found.plot(), plot)
     rows = found.df.astype(object).where(found.df.notna(), None).to_dict("records")
     boundary = [None if s != s else s for s in found.boundary.tolist()]  # NaN
     if as_json:

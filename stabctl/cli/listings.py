@@ -6,14 +6,19 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from . import options, shared
-from .options import Device, Json
-from .shared import console, print_json
 
 if TYPE_CHECKING:
     from stabctl.devices.describe import Description
 
 
-def cases(as_json: Json = False) -> None:
+TableName = Annotated[
+    str | None,
+    typer.Argument(metavar="[TABLE|CASE]", help="Only this table, such as buses or genrou, or those of a case."),
+]
+ModelName = Annotated[str | None, typer.Argument(metavar="[NAME]", help="Only this model, in full, such as genrou.")]
+
+
+def cases(as_json: options.Json = False) -> None:
     """List the packaged cases."""
     from stabctl import io
 
@@ -32,7 +37,7 @@ def cases(as_json: Json = False) -> None:
             }
             for c in found
         ]
-        print_json({"cases": rows})
+        shared.print_json({"cases": rows})
         return
     from rich.table import Table
 
@@ -41,18 +46,10 @@ def cases(as_json: Json = False) -> None:
     for c in found:
         sizes = (len(part) for part in (c.machines, c.buses, c.branches, c.loads, c.links))
         table.add_row(c.name, *map(str, sizes), c.title)
-    console().print(table)
+    shared.console().print(table)
 
 
-# stabctl tables: the columns of a case's tables.
-
-TableName = Annotated[
-    str | None,
-    typer.Argument(metavar="[TABLE|CASE]", help="Only this table, such as buses or genrou, or those of a case."),
-]
-
-
-def tables(name: TableName = None, device: Device = None, as_json: Json = False) -> None:
+def tables(name: TableName = None, device: options.Device = None, as_json: options.Json = False) -> None:
     """List the columns of a case's tables with their meaning, allowed values and default."""
     from stabctl import io
     from stabctl._util.errors import StudyError
@@ -81,7 +78,7 @@ def tables(name: TableName = None, device: Device = None, as_json: Json = False)
             ]
             for table, columns in shown.items()
         }
-        print_json({"tables": rows})
+        shared.print_json({"tables": rows})
         return
     from rich.table import Table
 
@@ -90,12 +87,7 @@ def tables(name: TableName = None, device: Device = None, as_json: Json = False)
         out.columns[0].no_wrap = True
         for f in columns:
             out.add_row(f.column, f.meaning, f.expected(), "required" if f.required else str(f.default))
-        console().print(out)
-
-
-# stabctl models: the device models, with their parameters, states, inputs and outputs.
-
-ModelName = Annotated[str | None, typer.Argument(metavar="[NAME]", help="Only this model, in full, such as genrou.")]
+        shared.console().print(out)
 
 
 def models(name: ModelName = None, device: options.Device = None, as_json: options.Json = False) -> None:

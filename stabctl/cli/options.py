@@ -99,6 +99,7 @@ Device = Annotated[
     ),
 ]
 Verbose = Annotated[bool, typer.Option("--verbose", help="Print every warning, not only the first.")]
+Report = Annotated[Path | None, typer.Option("--report", help="Write a page with figures to this folder.")]
 Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Threads (default: one per core).")]
 Store = Annotated[
     Path | None,
@@ -120,6 +121,7 @@ TripAtClearing = Annotated[
     list[str] | None, typer.Option("--trip", help="Line opened at clearing: 83-33, 7-8#2. Repeatable.")
 ]
 FaultImpedance = Annotated[str, typer.Option("--fault-impedance", help="R,X of the fault, pu (0,0: bolted).")]
+At = Annotated[str, typer.Option("--at", metavar="TIME", parser=time, help="Time of the fault, s or 60cyc.")]
 Open = Annotated[list[str] | None, typer.Option("--open", help="Line trip without a fault: 7-8@1s. Repeatable.")]
 TripMachine = Annotated[list[str] | None, typer.Option("--trip-machine", help="Machine trip: 14@2s. Repeatable.")]
 LoadStep = Annotated[list[str] | None, typer.Option("--load-step", help="Load step at a bus: 7:+50MW@1s. Repeatable.")]
@@ -163,8 +165,7 @@ Control = Annotated[
     ),
 ]
 Controllers = Annotated[
-    list[str] | None,
-    typer.Option("--controller", metavar="FILE", help="A saved controller (TOML). Repeatable."),
+    list[str] | None, typer.Option("--controller", metavar="FILE", help="A saved controller (TOML). Repeatable.")
 ]
 Deadband = Annotated[
     float,

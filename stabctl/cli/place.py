@@ -55,7 +55,6 @@ Existing = Annotated[
 CostMw = Annotated[float, typer.Option("--cost-mw", help="Cost per MW.")]
 CostSite = Annotated[float, typer.Option("--cost-site", help="Cost per site.")]
 CostMwh = Annotated[float, typer.Option("--cost-mwh", help="Cost per MWh.")]
-Report = Annotated[Path | None, typer.Option("--report", help="Write a page with figures to this folder.")]
 Validate = Annotated[
     Literal["frequency", "kinematic", "kalman"] | None,
     typer.Option("--validate", help="Also simulate the fleet with estimated speeds."),
@@ -93,7 +92,7 @@ def place(
     workers: options.Workers = None,
     store: options.Store = None,
     scheduler: options.Scheduler = None,
-    report: Report = None,
+    report: options.Report = None,
     case: groups.CaseOptions,
     as_json: options.Json = False,
 ) -> None:

@@ -12,15 +12,11 @@ from .shared import console, grouped, print_json
 
 MOST = 1000  # rows of a table on the screen
 Branches = Annotated[bool, typer.Option("--branches", help="Also print the branch flows.")]
+Trip = Annotated[str | None, typer.Option("--trip", help="Circuits out of service, such as 7-8 or '7-8#2, 8-9'.")]
 
 
 @grouped
-def powerflow(
-    *,
-    branches: Branches = False,
-    case: CaseOptions,
-    as_json: Json = False,
-) -> None:
+def powerflow(*, branches: Branches = False, case: CaseOptions, as_json: Json = False) -> None:
     """Solve the power flow."""
     from stabctl.model import powerflow
 
@@ -69,12 +65,6 @@ def powerflow(
     console().print(str(flow))
 
 
-def _rest(count: int, what: str) -> None:
-    """How many rows a table does not show."""
-    if count > MOST:
-        console().print(f"and {count - MOST} more {what}; --json prints all of them.")
-
-
 def _print_branches(lines: list[dict[str, Any]]) -> None:
     from rich.table import Table
 
@@ -99,18 +89,14 @@ def _print_branches(lines: list[dict[str, Any]]) -> None:
     console().print(f"branch losses: {lost:.1f} MW")
 
 
-# stabctl scr: short-circuit power and short-circuit ratios.
-
-Trip = Annotated[str | None, typer.Option("--trip", help="Circuits out of service, such as 7-8 or '7-8#2, 8-9'.")]
+def _rest(count: int, what: str) -> None:
+    """How many rows a table does not show."""
+    if count > MOST:
+        console().print(f"and {count - MOST} more {what}; --json prints all of them.")
 
 
 @grouped
-def scr(
-    *,
-    trip: Trip = None,
-    case: CaseOptions,
-    as_json: Json = False,
-) -> None:
+def scr(*, trip: Trip = None, case: CaseOptions, as_json: Json = False) -> None:
     """Compute the short-circuit power of every bus, and the short-circuit ratios of converters."""
     from stabctl.model.short_circuit import installed, short_circuit, short_circuit_ratio
 

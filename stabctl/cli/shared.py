@@ -159,16 +159,14 @@ def progress(text: str, total: float | None) -> Iterator[Any]:
         yield lambda done, said="": bar.update(task, completed=done, description=f"{text} {said}".rstrip())
 
 
-# Commands with options grouped in records.
-
-
 def grouped(command: Callable[..., None]) -> Callable[..., None]:
     """The command for typer: a parameter that is a record of options becomes one option per field of the record.
 
     Parameters
     ----------
     command
-        A function; a record is a NamedTuple whose fields are `Annotated` with their `typer.Option`.
+        A function; a record is a NamedTuple whose fields are `Annotated` with their `typer.Option`. Their defaults are
+        those of the record, or of the record that is the default of the parameter.
     """
     hints, records, parameters = get_type_hints(command, include_extras=True), {}, []
     for name, parameter in inspect.signature(command).parameters.items():
@@ -176,8 +174,9 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
             parameters.append(parameter.replace(kind=parameter.KEYWORD_ONLY, annotation=hints[name]))
             continue
         record = records[name] = hints[name]
+        defaults = record._field_defaults if parameter.default is parameter.empty else parameter.default._asdict()
         for field, hint in get_type_hints(record, include_extras=True).items():
-            default = record._field_defaults.get(field, parameter.empty)
+            default = defaults.get(field, parameter.empty)
             parameters.append(inspect.Parameter(field, parameter.KEYWORD_ONLY, default=default, annotation=hint))
 
     @functools.wraps(command)

@@ -13,10 +13,8 @@ if TYPE_CHECKING:
 
 FaultOrNone = Annotated[str | None, typer.Option("--fault", help=options.FAULT)]
 Clear = Annotated[
-    str | None,
-    typer.Option("--clear", metavar="TIME", parser=options.time, help="Duration of the fault, s or 6cyc."),
+    str | None, typer.Option("--clear", metavar="TIME", parser=options.time, help="Duration of the fault, s or 6cyc.")
 ]
-At = Annotated[str, typer.Option("--at", metavar="TIME", parser=options.time, help="Time of the fault, s or 60cyc.")]
 Until = Annotated[
     str, typer.Option("--until", metavar="TIME", parser=options.time, help="End of the simulation, s or 500ms.")
 ]
@@ -42,7 +40,7 @@ def simulate(
     fault: FaultOrNone = None,
     clear: Clear = None,
     trip: options.Trip = None,
-    at: At = "1s",
+    at: options.At = "1s",
     until: Until = "10s",
     opened: options.Open = None,
     tripped: options.TripMachine = None,
@@ -84,8 +82,7 @@ def simulate(
     events = shared.events(loaded, opened, tripped, stepped)
     contingency = Contingency(fault, clear, trip or (), at=at, impedance=through, events=events)
     point = storage.initialize(loaded)
-    chosen, own = law.chosen(point.case, control, shared.controllers(controller))
-    steering = pmu.steering(chosen, own, estimator)
+    steering = pmu.steering(*law.chosen(point.case, control, shared.controllers(controller)), estimator)
     with shared.progress("simulating", seconds(until, loaded.frequency_hz)) as tell:
         result = simulate(
             point,

@@ -40,9 +40,7 @@ def table1_command(
     m, lengths = OMIB(H, Pm, X), tuple(cycles or (6.0, 12.0, 15.0))
     rows = table1(m, lengths)
     if plot:
-        from stabctl.view.figures import style
-
-        style.save(portrait(m, lengths).plot(), plot)
+        portrait(m, lengths).save(plot)
     if as_json:
         print_json({"rows": [{"cycles": r.cycles, "angle_rad": r.angle, "speed_rad_s": r.speed} for r in rows]})
         return
@@ -69,9 +67,7 @@ def equal_area_command(
     found = critical_clearing(m, Pc)
     area = equal_area(m, found.angle if cycles is None else during_fault(m, m.seconds(cycles))[0], Pc)
     if plot:
-        from stabctl.view.figures import style
-
-        style.save(area.plot(), plot)
+        area.save(plot)
     if as_json:
         print_json({"critical_angle_rad": found.angle, "critical_time_s": found.time, "critical_cycles": found.cycles})
         return
@@ -106,9 +102,7 @@ def feedback_command(
     file(plot, ".png", ".svg", ".pdf")
     found = compare(OMIB(H, Pm, X), cycles, paper_laws(Kv, Ka, Ka_size))
     if plot:
-        from stabctl.view.figures import style
-
-        style.save(found.plot(), plot)
+        found.save(plot)
     if as_json:
         laws = [
             {
@@ -158,9 +152,7 @@ def minimum_time_command(
     problem = Equivalent(H1, HCOI, X=X, Pm1=Pm).minimum_time_problem(cycles, -Pc if Pc_min is None else Pc_min, Pc)
     found = by_shooting(problem)
     if plot:
-        from stabctl.view.figures import style
-
-        style.save(found.plot(), plot)
+        found.save(plot)
     if as_json:
         record: dict[str, Any] = dict.fromkeys(
             ("duration_s", "lambda1_start", "lambda2_start", "angle_end_rad", "switches")

@@ -1,4 +1,8 @@
-"""A task: one job of a study with its key, ready for any process; and how it is run to a row."""
+"""A task: one job of a study, ready for any process; how it is run to a row, and the key that determines the row.
+
+A key is the SHA-256 of everything that determines a row. An operating point (`Base`) is sent as its case, and solved
+once by every process that receives it.
+"""
 
 import dataclasses
 import hashlib
@@ -26,6 +30,9 @@ from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.model.case import Case
 from stabctl.model.tables import TABLES
 
+COMPUTED = ("wall_s", "worker", "finished", "version")  # columns about the computation, not the system
+POINTS_KEPT = 16  # operating points that a process keeps
+SHARED_KEPT = 8  # shared data that a worker of a cluster keeps
 Status = Literal["ok", "error", "bug"]
 
 
@@ -80,9 +87,6 @@ class About(NamedTuple):
     version: Annotated[str | None, "-", "of stabctl"] = None
 
 
-COMPUTED = ("wall_s", "worker", "finished", "version")  # columns about the computation, not the system
-
-
 class Row(NamedTuple):
     """A job that has ended."""
 
@@ -98,6 +102,28 @@ class Row(NamedTuple):
         return {"key": self.key, **self.given, **self.found, **about}
 
 
+def run_task(task: Task) -> Row:
+    """Run the job of a task; any error is recorded in its row."""
+    began = time.perf_counter()
+    try:
+        return completed(task)
+    except StabctlError as error:
+        return row(task, {}, "error", " ".join(str(error).split()), **_here(began))
+    except Exception as error:
+        return row(task, {}, "bug", bug(error), **_here(began))
+
+
+def completed(task: Task) -> Row:
+    """Run the job of a task; raises what the job raises."""
+    began = time.perf_counter()
+    found = task.kind.run(task)
+    return row(task, found.values, "ok", found.message, **_here(began))
+
+
+def _here(began: float) -> dict[str, Any]:
+    return {"wall": time.perf_counter() - began, "worker": f"{platform.node()}:{os.getpid()}"}
+
+
 def row(task: Task, found: Mapping[str, Any], status: Status, message: str | None, **about: Any) -> Row:
     """The row of a task, with its time of completion and the version of the package."""
     finished = datetime.now(UTC).isoformat(timespec="milliseconds")
@@ -110,7 +136,29 @@ def _version() -> str:
     return version("stabctl")
 
 
-# The key of a job: the SHA-256 of everything that determines its row.
+def run_received(files: tuple[str, ...], task: bytes, shared: bytes) -> Row:
+    """Register the user's devices in `files`, which unpickling the case may need, and run a pickled task."""
+    devices.register_missing(files)
+    return run_task(pickle.loads(task)._replace(shared=_unpacked(shared)))  # from the process that made the study
+
+
+@lru_cache(SHARED_KEPT)
+def _unpacked(shared: bytes) -> Any:
+    return pickle.loads(shared)
+
+
+def fingerprint(case: Case) -> str:
+    """SHA-256 of the content of a case, wherever it was read from, and of the user's own devices in it."""
+    content: dict[str, Any] = {name: [row._asdict() for row in getattr(case, name)] for name in TABLES}
+    content |= {name: getattr(case, name) for name in ("name", "base_mva", "frequency_hz")}
+    content["devices"] = {
+        model: [[number, par._asdict()] for number, par in rows.items()] for model, rows in case.devices.items()
+    }
+    files = {model: Path(devices.every()[model].file) for model in case.devices}
+    known = devices.registered()
+    own = {model: file.read_text(encoding="utf-8") for model, file in files.items() if str(file) in known}
+    content |= {"device_files": own} if own else {}
+    return sha256(content)
 
 
 def sha256(content: object) -> str:
@@ -153,23 +201,6 @@ def _plain(value: Any) -> Any:
     )
 
 
-def fingerprint(case: Case) -> str:
-    """SHA-256 of the content of a case, wherever it was read from, and of the user's own devices in it."""
-    content: dict[str, Any] = {name: [row._asdict() for row in getattr(case, name)] for name in TABLES}
-    content |= {name: getattr(case, name) for name in ("name", "base_mva", "frequency_hz")}
-    content["devices"] = {
-        model: [[number, par._asdict()] for number, par in rows.items()] for model, rows in case.devices.items()
-    }
-    files = {model: Path(devices.every()[model].file) for model in case.devices}
-    known = devices.registered()
-    own = {model: file.read_text(encoding="utf-8") for model, file in files.items() if str(file) in known}
-    content |= {"device_files": own} if own else {}
-    return sha256(content)
-
-
-# An operating point that is sent as its case, and solved once by every process that receives it.
-
-POINTS_KEPT = 16  # operating points that a process keeps
 _known: OrderedDict[str, OperatingPoint] = OrderedDict()
 _lock = Lock()
 
@@ -202,41 +233,3 @@ def _received(key: str, case: bytes) -> Base:
                 _known.popitem(last=False)
         _known.move_to_end(key)
         return Base(_known[key])
-
-
-# A task is run; any error is recorded in its row.
-
-SHARED_KEPT = 8  # shared data that a worker of a cluster keeps
-
-
-def run_task(task: Task) -> Row:
-    """Run the job of a task; an error becomes its row."""
-    began = time.perf_counter()
-    try:
-        return completed(task)
-    except StabctlError as error:
-        return row(task, {}, "error", " ".join(str(error).split()), **_here(began))
-    except Exception as error:
-        return row(task, {}, "bug", bug(error), **_here(began))
-
-
-def completed(task: Task) -> Row:
-    """Run the job of a task; raises what the job raises."""
-    began = time.perf_counter()
-    found = task.kind.run(task)
-    return row(task, found.values, "ok", found.message, **_here(began))
-
-
-def _here(began: float) -> dict[str, Any]:
-    return {"wall": time.perf_counter() - began, "worker": f"{platform.node()}:{os.getpid()}"}
-
-
-def run_received(files: tuple[str, ...], task: bytes, shared: bytes) -> Row:
-    """Register the user's devices in `files`, which unpickling the case may need, and run a pickled task."""
-    devices.register_missing(files)
-    return run_task(pickle.loads(task)._replace(shared=_unpacked(shared)))  # from the process that made the study
-
-
-@lru_cache(SHARED_KEPT)
-def _unpacked(shared: bytes) -> Any:
-    return pickle.loads(shared)

@@ -1,6 +1,7 @@
-"""A job of a sweep: its fields are the keys of a study file; what it finds, and how.
+"""A job of a sweep: one clearing time or one simulation, as plain values; what it finds, and how.
 
-The columns of a job carry their units, as those of a case do: `until_s`, `deadband_hz`, `step_s`.
+The fields of a job are the keys of a study file, those of a result the columns of the results file. Columns carry their
+units, as those of a case do: `until_s`, `deadband_hz`, `step_s`.
 """
 
 import json
@@ -143,11 +144,8 @@ def changed(values: Mapping[str, Any]) -> str:
     return json.dumps(dict(values), sort_keys=True) if values else ""
 
 
-# What a job of a sweep finds: columns of the results file.
-
-
 class Result(NamedTuple):
-    """What was found; None if not applicable."""
+    """What a job finds; None if not applicable."""
 
     outcome: Annotated[str | None, "-", "how the simulation or the search ended"] = None
     cycles: Annotated[float | None, "-", "critical clearing time in cycles"] = None
@@ -164,9 +162,6 @@ class Result(NamedTuple):
     delay: Annotated[float | None, "ms", "of the estimates"] = None
     wrong_command_share: Annotated[float | None, "-", "of machine-frames"] = None
     opposite_command_share: Annotated[float | None, "-", "of machine-frames"] = None
-
-
-# What a job of a sweep finds.
 
 
 def run_job(task: Task) -> Found:
@@ -248,11 +243,6 @@ def _simulate(job: Job, point: OperatingPoint, control: Control) -> tuple[Result
     return result, text
 
 
-def _number(machine: int | str | None, case: Case) -> int | None:
-    """Number of the machine called so; None for a storage device."""
-    return None if machine is None or str(machine).startswith(naming.STORAGE) else case.machine(machine).machine
-
-
 def _ended(run: Trajectory, record: bool) -> Result:
     end = run.outcome
     return Result(
@@ -265,7 +255,10 @@ def _ended(run: Trajectory, record: bool) -> Result:
     )
 
 
-# The table of a sweep, and what runs its jobs.
+def _number(machine: int | str | None, case: Case) -> int | None:
+    """Number of the machine called so; None for a storage device."""
+    return None if machine is None or str(machine).startswith(naming.STORAGE) else case.machine(machine).machine
+
 
 JOB = {f.column: f.kind for f in fields(Job).values()}
 RESULT = {f.column: f.kind for f in fields(Result).values()}

@@ -1,8 +1,9 @@
 """A study file (TOML) and its jobs.
 
-A key with a list, or with a grid { from, to, count | step, text }, is combined with every other one. The table `set`
-changes the case: set."pss.1.K" = [5, 10, 20]. Each [[job]] is a group of keys that replaces or adds to those above it,
-for values that belong together; the study is the union of its groups.
+A key with a list, or with a grid, is combined with every other one. A grid gives equally spaced numbers:
+{ from = 0.0, to = 0.4, count = 5 } or { from = 1, to = 20, step = 1 }; with text = "7-8@{}" each number takes the place
+of {}. The table `set` changes the case: set."pss.1.K" = [5, 10, 20]. Each [[job]] is a group of keys that replaces or
+adds to those above it, for values that belong together; the study is the union of its groups.
 """
 
 import math
@@ -21,10 +22,10 @@ from stabctl._util.errors import StudyError
 
 from .job import Job, JobKind, changed, columns
 
-MOST_NUMBERS = 1_000_000  # numbers of a grid
-MOST = MOST_NUMBERS  # jobs of a study
+MOST = 1_000_000  # jobs of a study, and numbers of a grid
 NEEDED: dict[JobKind, tuple[str, ...]] = {"clearing-time": ("case", "fault"), "simulate": ("case", "clear")}
 STRICT = ConfigDict(extra="forbid", strict=True)
+SHOWN = "a grid has from, to, and either count (at least 2) or step, and text for keys that are text"
 
 
 def read(path: str | Path) -> tuple[Job, ...]:
@@ -130,34 +131,6 @@ def _changes(given: object) -> dict[str, list[Any]]:
     return found
 
 
-def _too_many(where: str) -> NoReturn:
-    raise StudyError(f"{where}: the study has more than {MOST} jobs; split it into several files.")
-
-
-# Equally spaced numbers in a study file: { from = 0.0, to = 0.4, count = 5 }, { from = 1, to = 20, step = 1 }.
-#
-# In `text = "7-8@{}"` each number takes the place of {}.
-
-SHOWN = "a grid has from, to, and either count (at least 2) or step, and text for keys that are text"
-
-
-class Grid(BaseModel):
-    """Equally spaced numbers from `from` to `to`: `count` of them, or `step` apart."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
-
-    start: float = Field(alias="from")
-    to: float
-    count: int | None = Field(None, ge=2)
-    step: float | None = None
-    text: str | None = None
-
-
-def is_grid(value: object) -> bool:
-    """Whether a table is meant as a grid."""
-    return isinstance(value, dict) and {"from", "to"} <= set(value)
-
-
 def expanded(value: object, *, text: bool = True) -> list[Any]:
     """The alternatives of a key: those of a list and of the grids in it, those of a grid, or the one value.
 
@@ -179,6 +152,11 @@ def expanded(value: object, *, text: bool = True) -> list[Any]:
     return found
 
 
+def is_grid(value: object) -> bool:
+    """Whether a table is meant as a grid."""
+    return isinstance(value, dict) and {"from", "to"} <= set(value)
+
+
 def _numbers(table: dict[str, Any], text: bool) -> list[Any]:
     try:
         grid = Grid.model_validate(table)
@@ -196,11 +174,27 @@ def _numbers(table: dict[str, Any], text: bool) -> list[Any]:
     else:
         intervals = (grid.count or 2) - 1
         step = (high - low) / intervals
-    if intervals >= MOST_NUMBERS:
-        raise _wrong(f"the grid has more than {MOST_NUMBERS} values")
+    if intervals >= MOST:
+        raise _wrong(f"the grid has more than {MOST} values")
     points = [float(f"{low + k * step:.12g}") + 0.0 for k in range(int(intervals) + 1)]
     return points if grid.text is None else [grid.text.replace("{}", f"{x:.12g}") for x in points]
 
 
+class Grid(BaseModel):
+    """Equally spaced numbers from `from` to `to`: `count` of them, or `step` apart."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+    start: float = Field(alias="from")
+    to: float
+    count: int | None = Field(None, ge=2)
+    step: float | None = None
+    text: str | None = None
+
+
 def _wrong(text: str) -> PydanticCustomError:
     return PydanticCustomError("custom", text)
+
+
+def _too_many(where: str) -> NoReturn:
+    raise StudyError(f"{where}: the study has more than {MOST} jobs; split it into several files.")

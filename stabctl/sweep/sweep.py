@@ -1,4 +1,7 @@
-"""A sweep: the tasks of a study that the results file does not have, run and stored one by one."""
+"""A sweep: the tasks of a study that the results file does not have, run and stored one by one.
+
+A task is a job of the study with its case, its controllers and the key of its result.
+"""
 
 import time
 from collections.abc import Callable, Generator, Iterable, Sequence
@@ -139,12 +142,6 @@ def run_sweep(
     )
 
 
-def _warnings(wanted: Iterable[Task]) -> tuple[str, ...]:
-    """The warnings about the cases, each once, without those of packaged cases as they are."""
-    known = cache(lambda name: io.load(name).warnings if name in io.packaged() else ())
-    return tuple(dict.fromkeys(s for t in wanted for s in t.shared.case.warnings if s not in known(t.job.case)))
-
-
 def _rows(missing: list[Task], workers: int, scheduler: str | None) -> Generator[Row, None, None]:
     if missing and scheduler is None:
         yield from pool.rows(missing, workers)
@@ -153,7 +150,10 @@ def _rows(missing: list[Task], workers: int, scheduler: str | None) -> Generator
             yield from cluster.rows(missing)
 
 
-# The tasks of a study: its jobs, each with its case and the key of its result.
+def _warnings(wanted: Iterable[Task]) -> tuple[str, ...]:
+    """The warnings about the cases, each once, without those of packaged cases as they are."""
+    known = cache(lambda name: io.load(name).warnings if name in io.packaged() else ())
+    return tuple(dict.fromkeys(s for t in wanted for s in t.shared.case.warnings if s not in known(t.job.case)))
 
 
 class Shared(NamedTuple):
@@ -218,18 +218,6 @@ def _controllers(path: Path, names: str) -> tuple[Controller | Law, ...]:
         raise StudyError(f"{path}, controller = {names!r}: {error}") from None
 
 
-def _signals(path: Path, job: Job, case: Case, controllers: Sequence[Controller | Law]) -> None:
-    """Reject controllers of signals that the case does not have with the storage of the job."""
-    if controllers and job.storage:
-        case = case.with_storage(job.storage.replace("%dispatch", "%mva"))
-    try:
-        for one in (c for c in controllers if isinstance(c, Controller)):
-            chosen(case, one.inputs, OUTPUTS)
-            chosen(case, one.outputs, INPUTS)
-    except StudyError as error:
-        raise StudyError(f"{path}, controller = {job.controller!r}: {error}") from None
-
-
 def _changed(path: Path, case: Case, job: Job) -> Case:
     """The case with the changes of a job."""
     if not job.changes:
@@ -274,3 +262,15 @@ def _check(path: Path, job: Job, case: Case, checked: set[tuple[str, ...]]) -> N
         _ = job.pmu
     except StudyError as error:
         raise StudyError(f"{path}: {error}") from None
+
+
+def _signals(path: Path, job: Job, case: Case, controllers: Sequence[Controller | Law]) -> None:
+    """Reject controllers of signals that the case does not have with the storage of the job."""
+    if controllers and job.storage:
+        case = case.with_storage(job.storage.replace("%dispatch", "%mva"))
+    try:
+        for one in (c for c in controllers if isinstance(c, Controller)):
+            chosen(case, one.inputs, OUTPUTS)
+            chosen(case, one.outputs, INPUTS)
+    except StudyError as error:
+        raise StudyError(f"{path}, controller = {job.controller!r}: {error}") from None

@@ -1,4 +1,4 @@
-"""Minimum-time control of the two-machine equivalent (29)-(39), by shooting and by collocation.
+"""Minimum-time control of the two-machine equivalent (29)-(39): bring the speed to zero as early as possible.
 
     x1' = x2                                            lambda1' = lambda2 (Pmax/M) cos x1
     x2' = (Pm - Pmax sin x1)/M - P_C/M1                 lambda2' = -lambda1
@@ -13,7 +13,7 @@ x2 > 0, lambda2 only crosses zero upwards. There is at most one switch, from inj
 The machine must stop before the unstable equilibrium pi - asin(Pm/Pmax), so that it swings back when the device
 switches off. A solution that reaches this limit ends there with lambda1 >= 0 instead of lambda1 = 0.
 
-The same problem is solved by three methods: shooting.py, collocation.py and convex_program.py.
+The problem is solved here by shooting and by collocation; convex_program.py solves it without co-states.
 """
 
 import math
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Arcs = list[tuple[Array, Array, float]]  # times (n,), (x1, x2, lambda1, lambda2) (4, n), P_C
 TIGHT: dict[str, Any] = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
+TOL = 1e-8  # relative residual of the collocation
 SMALLEST = 1e-6  # rad/s   a lower speed counts as rest
 DEVICE = Interval(ge=-1e3, le=1e3)  # pu, wide enough for every device
 
@@ -127,74 +128,13 @@ class MinimumTime(Tabular):
         return replace(self, x1=-self.x1, x2=-self.x2, lambda1=-self.lambda1, lambda2=-self.lambda2, Pc=-self.Pc)
 
 
-def rates(p: MinimumTimeProblem, y: Array, Pc: float) -> Array:
-    """(27), (28), (33), (34) for y = (x1, x2, lambda1, lambda2), shape (4,) or (4, n), with P_C given."""
-    x1, x2, lambda1, lambda2 = y
-    return np.array([x2, p.acceleration(x1, Pc), lambda2 * p.Pmax / p.M * np.cos(x1), -lambda1])
-
-
-def hamiltonian(p: MinimumTimeProblem, y: Array, Pc: ArrayLike) -> Array:
-    """(32) for y of shape (4,) or (4, n) and P_C (pu)."""
-    return 1 + y[2] * y[1] + y[3] * p.acceleration(y[0], Pc)
-
-
-def stop_angle(p: MinimumTimeProblem) -> float:
-    """Angle (rad) where the machine stops if the device absorbs its largest power; NaN if it does not stop in time.
-
-    No control makes it stop at a smaller angle, so NaN means that there is no control at all.
-    """
-    if p.x2 < 0:
-        return -stop_angle(p.mirrored())
-    decelerate = p.Pm - p.Pc_max * p.M / p.M1
-
-    def energy(x1: float) -> float:  # x2^2 M/2 by (24)
-        return p.M * p.x2**2 / 2 + decelerate * (x1 - p.x1) + p.Pmax * (math.cos(x1) - math.cos(p.x1))
-
-    if p.x1 >= p.limit:
-        return math.nan
-    grid = np.linspace(p.x1, p.limit, 2001)
-    below = next((i for i, x1 in enumerate(grid) if energy(x1) <= 0), None)
-    return math.nan if below is None else brentq(energy, grid[below - 1], grid[below], xtol=1e-15)
-
-
-def infeasible(p: MinimumTimeProblem) -> MinimumTime:
-    """The result if not even the largest absorbed power brings the speed to zero in time."""
-    which, power = ("largest", p.Pc_max) if p.x2 > 0 else ("smallest", p.Pc_min)
-    outcome = (
-        f"The speed cannot be brought to zero before the unstable equilibrium at {p.limit:.4f} rad: the {which} "
-        f"absorbed power, {power:g} pu, is too small for {p.x2:.4f} rad/s at {p.x1:.4f} rad."
-    )
-    return MinimumTime(outcome, math.nan, (), *(np.empty(0) for _ in range(7)))
-
-
-def solution(p: MinimumTimeProblem, arcs: Arcs) -> MinimumTime:
-    """The result of arcs in order of time, with the co-states scaled so that H = 0."""
-    t = np.concatenate([t for t, _, _ in arcs])
-    y = np.hstack([y for _, y, _ in arcs])
-    Pc = np.concatenate([np.full(t.size, Pc) for t, _, Pc in arcs])
-    y[2:] *= -1 / (hamiltonian(p, y[:, 0], Pc[0]) - 1)
-    switches = tuple(float(t[0]) for t, _, _ in arcs[1:])
-    how = (
-        f"with one switch from {arcs[0][2]:g} to {arcs[1][2]:g} pu at {switches[0]:.6f} s"
-        if switches
-        else "without a switch"
-    )
-    outcome = f"The speed is zero {t[-1]:.6f} s after clearing, at {y[0, -1]:.6f} rad, {how}."
-    x1, x2, lambda1, lambda2 = y
-    return MinimumTime(outcome, float(t[-1]), switches, t, x1, x2, lambda1, lambda2, Pc, hamiltonian(p, y, Pc))
-
-
-# Minimum time by shooting backwards from the end.
-#
-# The end angle alone determines the end state (x2 = lambda1 = 0, and H = 0 scales the co-states), so the extremals form
-# a
-# one-parameter family; the method finds the one that passes through the state at clearing. If an extremal would end
-# beyond the limit angle, the family continues with lambda1 >= 0 at the limit. Of several extremals the shortest is
-# taken.
-
-
 def by_shooting(p: MinimumTimeProblem) -> MinimumTime:
-    """Minimum time by shooting.
+    """Minimum time by shooting backwards from the end.
+
+    The end angle alone determines the end state (x2 = lambda1 = 0, and H = 0 scales the co-states), so the extremals
+    form a one-parameter family; the method finds the one that passes through the state at clearing. If an extremal
+    would end beyond the limit angle, the family continues with lambda1 >= 0 at the limit. Of several extremals the
+    shortest is taken.
 
     Raises StudyError if no extremal is found although a control exists, which only rounding at the limit can cause.
     """
@@ -260,13 +200,8 @@ def _backward(p: MinimumTimeProblem, end: Array, step: float = math.inf) -> Arcs
     return arcs
 
 
-# Minimum time as a boundary-value problem with free durations, solved by `scipy.integrate.solve_bvp`.
-
-TOL = 1e-8  # relative residual of the collocation
-
-
 def by_collocation(p: MinimumTimeProblem, guess: tuple[float, float] | None = None) -> MinimumTime:
-    """Minimum time by collocation.
+    """Minimum time by collocation: a boundary-value problem with free durations, solved by `scipy.integrate.solve_bvp`.
 
     Starts from a device that absorbs throughout. If that solution has lambda2 < 0 somewhere, an injecting arc is added
     at the beginning, and its power is changed from Pc_max to Pc_min in steps. If there are several extremals, the
@@ -348,3 +283,60 @@ def _collocate(
         raise StudyError(f"The collocation did not converge ({found.message.rstrip('.')}); use shooting.")
     begins = np.concatenate([[0.0], np.cumsum(lengths)])
     return [(begins[k] + lengths[k] * found.x, found.y[4 * k : 4 * k + 4], Pc) for k, Pc in enumerate(powers)]
+
+
+def stop_angle(p: MinimumTimeProblem) -> float:
+    """Angle (rad) where the machine stops if the device absorbs its largest power; NaN if it does not stop in time.
+
+    No control makes it stop at a smaller angle, so NaN means that there is no control at all.
+    """
+    if p.x2 < 0:
+        return -stop_angle(p.mirrored())
+    decelerate = p.Pm - p.Pc_max * p.M / p.M1
+
+    def energy(x1: float) -> float:  # x2^2 M/2 by (24)
+        return p.M * p.x2**2 / 2 + decelerate * (x1 - p.x1) + p.Pmax * (math.cos(x1) - math.cos(p.x1))
+
+    if p.x1 >= p.limit:
+        return math.nan
+    grid = np.linspace(p.x1, p.limit, 2001)
+    below = next((i for i, x1 in enumerate(grid) if energy(x1) <= 0), None)
+    return math.nan if below is None else brentq(energy, grid[below - 1], grid[below], xtol=1e-15)
+
+
+def infeasible(p: MinimumTimeProblem) -> MinimumTime:
+    """The result if not even the largest absorbed power brings the speed to zero in time."""
+    which, power = ("largest", p.Pc_max) if p.x2 > 0 else ("smallest", p.Pc_min)
+    outcome = (
+        f"The speed cannot be brought to zero before the unstable equilibrium at {p.limit:.4f} rad: the {which} "
+        f"absorbed power, {power:g} pu, is too small for {p.x2:.4f} rad/s at {p.x1:.4f} rad."
+    )
+    return MinimumTime(outcome, math.nan, (), *(np.empty(0) for _ in range(7)))
+
+
+def solution(p: MinimumTimeProblem, arcs: Arcs) -> MinimumTime:
+    """The result of arcs in order of time, with the co-states scaled so that H = 0."""
+    t = np.concatenate([t for t, _, _ in arcs])
+    y = np.hstack([y for _, y, _ in arcs])
+    Pc = np.concatenate([np.full(t.size, Pc) for t, _, Pc in arcs])
+    y[2:] *= -1 / (hamiltonian(p, y[:, 0], Pc[0]) - 1)
+    switches = tuple(float(t[0]) for t, _, _ in arcs[1:])
+    how = (
+        f"with one switch from {arcs[0][2]:g} to {arcs[1][2]:g} pu at {switches[0]:.6f} s"
+        if switches
+        else "without a switch"
+    )
+    outcome = f"The speed is zero {t[-1]:.6f} s after clearing, at {y[0, -1]:.6f} rad, {how}."
+    x1, x2, lambda1, lambda2 = y
+    return MinimumTime(outcome, float(t[-1]), switches, t, x1, x2, lambda1, lambda2, Pc, hamiltonian(p, y, Pc))
+
+
+def rates(p: MinimumTimeProblem, y: Array, Pc: float) -> Array:
+    """(27), (28), (33), (34) for y = (x1, x2, lambda1, lambda2), shape (4,) or (4, n), with P_C given."""
+    x1, x2, lambda1, lambda2 = y
+    return np.array([x2, p.acceleration(x1, Pc), lambda2 * p.Pmax / p.M * np.cos(x1), -lambda1])
+
+
+def hamiltonian(p: MinimumTimeProblem, y: Array, Pc: ArrayLike) -> Array:
+    """(32) for y of shape (4,) or (4, n) and P_C (pu)."""
+    return 1 + y[2] * y[1] + y[3] * p.acceleration(y[0], Pc)

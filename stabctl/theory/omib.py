@@ -1,9 +1,10 @@
 """One machine on an infinite bus: the swing equation (1)-(4), a fault (Table 1), and the swing curve after it (12).
 
     V1 ---- X (pre-fault), Xfault, Xpost ---- V0 = infinite bus        Pe = Pmax sin(delta)
-    2H/wb delta'' = Pm - Pe
+    2H/wb delta'' = Pm - Pe - P_C
 
-delta is the rotor angle in rad, omega its rate in rad/s; powers are in pu on one base.
+delta is the rotor angle in rad, omega its rate in rad/s; powers are in pu on one base. P_C is the power that a device
+absorbs after clearing.
 """
 
 import math
@@ -34,6 +35,7 @@ VOLTAGE = Interval(ge=0.1, le=2.0)
 FREQUENCY = Interval(ge=1.0, le=1e3)
 LONGEST = 60.0  # s   longest fault
 TIGHT: dict[str, Any] = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-12}
+EXTREME, REST, LIMIT = 0, 1, 2  # solve_ivp events: zero acceleration, zero speed, unstable equilibrium
 
 
 @dataclass(frozen=True)
@@ -130,9 +132,12 @@ class ClearingState:
         return f"{self.cycles:g} cycles: {self.angle:.4f} rad, {self.speed:.4f} rad/s"
 
 
-def bolted_fault(m: OMIB, t: float) -> tuple[float, float]:
-    """Angle (rad) and speed (rad/s) after a bolted fault of t seconds: constant acceleration Pm/M."""
-    return m.start + m.Pm / m.M * t * t / 2, m.Pm / m.M * t
+def table1(m: OMIB, cycles: tuple[float, ...] = (6, 12, 15)) -> tuple[ClearingState, ...]:
+    """Table 1: angle and speed at the clearing of faults of so many cycles.
+
+    The paper's speeds are 0.14 % below wb Pm/(2H) t, the exact speed of a bolted fault.
+    """
+    return tuple(ClearingState(n, *during_fault(m, m.seconds(n))) for n in cycles)
 
 
 def during_fault(m: OMIB, t: float) -> tuple[float, float]:
@@ -147,32 +152,16 @@ def during_fault(m: OMIB, t: float) -> tuple[float, float]:
     return float(y[0, -1]), float(y[1, -1])
 
 
-def table1(m: OMIB, cycles: tuple[float, ...] = (6, 12, 15)) -> tuple[ClearingState, ...]:
-    """Table 1: angle and speed at the clearing of faults of so many cycles.
-
-    The paper's speeds are 0.14 % below wb Pm/(2H) t, the exact speed of a bolted fault.
-    """
-    return tuple(ClearingState(n, *during_fault(m, m.seconds(n))) for n in cycles)
+def bolted_fault(m: OMIB, t: float) -> tuple[float, float]:
+    """Angle (rad) and speed (rad/s) after a bolted fault of t seconds: constant acceleration Pm/M."""
+    return m.start + m.Pm / m.M * t * t / 2, m.Pm / m.M * t
 
 
-# The swing curve of a fault: the machine of omib.py with a device that absorbs P_C after clearing (12).
-
-EXTREME, REST, LIMIT = 0, 1, 2  # solve_ivp events: zero acceleration, zero speed, unstable equilibrium
 PowerLaw = Callable[[float, int, float], float]
 """P_C (pu) as a function of the speed (rad/s), its sign (+1 or -1), and Pm - Pe (pu).
 
 The sign is a separate argument because a law may jump at zero speed.
 """
-
-
-def idle(_speed: float, _sign: int, _Pa: float) -> float:
-    """No device: P_C = 0."""
-    return 0.0
-
-
-def against_speed(power: float) -> PowerLaw:
-    """Bang-bang without deadband (39): absorb `power` (pu) while the machine is fast, inject it while it is slow."""
-    return lambda _speed, sign, _Pa: sign * power
 
 
 @dataclass(frozen=True, repr=False)
@@ -208,6 +197,16 @@ class SwingCurve(Tabular):
         return (
             f"Fault cleared at {self.clearing:.4f} s: the machine {result}; largest angle {self.angle.max():.4f} rad."
         )
+
+
+def idle(_speed: float, _sign: int, _Pa: float) -> float:
+    """No device: P_C = 0."""
+    return 0.0
+
+
+def against_speed(power: float) -> PowerLaw:
+    """Bang-bang without deadband (39): absorb `power` (pu) while the machine is fast, inject it while it is slow."""
+    return lambda _speed, sign, _Pa: sign * power
 
 
 def swing_curve(
@@ -313,9 +312,6 @@ class _Arc:
             speed[-1] = run.y[1, -1] = 0.0
         acceleration, power = np.transpose([self.acceleration(*y) for y in zip(angle, speed, strict=True)])
         return np.vstack([t, angle, speed, acceleration, power]), run
-
-
-# Events that end an integration.
 
 
 def stops(event: Any, direction: float = 0.0, *, when: bool = True) -> None:

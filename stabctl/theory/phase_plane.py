@@ -1,4 +1,10 @@
-"""The phase plane: energy function, and the separatrix through the unstable equilibrium."""
+"""The phase plane after clearing: the energy function (10), and the stability region inside the separatrix (Figure 3).
+
+    U = M omega^2 / 2  -  Pm (delta - delta_s)  -  Pmax (cos delta - cos delta_s)
+
+with M, Pm, Pmax as in omib.py and the stable equilibrium delta_s. The paper's (8) and (9) omit the constant of
+integration that (10) has. On the separatrix, U is that of the unstable equilibrium.
+"""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -62,6 +68,12 @@ class PhasePortrait(Tabular):
         return "\n".join((str(self.separatrix), *verdicts))
 
 
+def portrait(m: OMIB, cycles: tuple[float, ...] = (6, 12, 15), after: float = 1.5) -> PhasePortrait:
+    """Figure 3: faults of so many cycles, simulated to `after` (s) after clearing."""
+    curves = tuple(swing_curve(m, m.seconds(n), until=m.seconds(n) + after) for n in cycles)
+    return PhasePortrait(m.start, separatrix(m), table1(m, cycles), curves)
+
+
 def separatrix(m: OMIB, n: int = 401) -> Separatrix:
     """The curve of energy (10) equal to that at the unstable equilibrium, `n` points."""
     top = critical_energy(m)
@@ -80,27 +92,14 @@ def inside(m: OMIB, angle: ArrayLike, speed: ArrayLike) -> NDArray[np.bool_]:
     return between & (energy(m, angle, speed) < critical_energy(m))
 
 
-def portrait(m: OMIB, cycles: tuple[float, ...] = (6, 12, 15), after: float = 1.5) -> PhasePortrait:
-    """Figure 3: faults of so many cycles, simulated to `after` (s) after clearing."""
-    curves = tuple(swing_curve(m, m.seconds(n), until=m.seconds(n) + after) for n in cycles)
-    return PhasePortrait(m.start, separatrix(m), table1(m, cycles), curves)
-
-
-# The energy function (10) of the network after clearing; M, Pm, Pmax as in omib.py.
-#
-# U = M omega^2 / 2  -  Pm (delta - delta_s)  -  Pmax (cos delta - cos delta_s)
-#
-# The paper's (8) and (9) omit the constant of integration that (10) has.
+def energy(m: OMIB, angle: ArrayLike, speed: ArrayLike) -> NDArray[np.float64]:
+    """Energy (10), pu rad; `angle` in rad and `speed` in rad/s, broadcast against each other."""
+    return m.M / 2 * np.square(speed) + potential(m, angle)
 
 
 def potential(m: OMIB, angle: ArrayLike) -> NDArray[np.float64]:
     """Potential energy (6) relative to the stable equilibrium, pu rad; `angle` in rad, any shape."""
     return -m.Pm * (np.asarray(angle) - m.stable) - m.Pmax_post * (np.cos(angle) - np.cos(m.stable))
-
-
-def energy(m: OMIB, angle: ArrayLike, speed: ArrayLike) -> NDArray[np.float64]:
-    """Energy (10), pu rad; `angle` in rad and `speed` in rad/s, broadcast against each other."""
-    return m.M / 2 * np.square(speed) + potential(m, angle)
 
 
 def critical_energy(m: OMIB) -> float:

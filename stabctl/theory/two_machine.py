@@ -1,7 +1,14 @@
-"""The two-machine equivalent (15)-(28), also of a machine of a case and the others.
+"""The two-machine equivalent (15)-(28): one machine and the center of inertia of the others (Table 2).
 
 Its relative angle delta = delta1 - deltaCOI moves like one machine on an infinite bus with H = H1 HCOI/(H1 + HCOI).
 A device at machine 1 acts on that machine alone: of its P_C the share M/M1 = HCOI/(H1 + HCOI) acts on delta.
+
+`equivalent` finds it for a machine of a case with classical machines, and loads as constant impedances. If the other
+machines move together, every power is a constant plus a sinusoid of delta, and the relative motion (21) is
+
+    M delta'' = Pm - Pmax sin delta',  M = M1 MCOI/(M1 + MCOI),  delta' = delta - gamma
+
+The constant part of the power is included in Pm, and the phase gamma in the angle.
 """
 
 import math
@@ -86,43 +93,6 @@ class Equivalent:
         return equal_area(m, during_fault(m, m.seconds(cycles))[0], self.share * Pc)
 
 
-# The two-machine equivalent of one machine of a case and the center of inertia of the others.
-#
-# Classical machines, loads as constant impedances. If the other machines move together, every power is a constant plus
-# a
-# sinusoid of delta = delta1 - deltaCOI, and the relative motion (21) is that of two machines:
-#
-# M delta'' = Pm - Pmax sin delta',  M = M1 MCOI/(M1 + MCOI),  delta' = delta - gamma
-#
-# The constant part of the power is included in Pm, and the phase gamma in the angle.
-
-
-class ReducedNetwork(NamedTuple):
-    """The network between the internal voltages of the machines, in table order and pu on the system base."""
-
-    Y: np.ndarray  # (machines, machines) complex admittance; all other buses are eliminated
-    E: np.ndarray  # (machines) complex internal voltage
-    H: np.ndarray  # (machines) s   inertia constant
-
-
-def reduced_network(case: Case) -> ReducedNetwork:
-    """The network of a case at its power flow, reduced to the internal voltages of its machines (Kron reduction)."""
-    case = case.classical()
-    flow, net = powerflow.solve(case), network.build(case)
-    rows = [case.devices["gencls"][m.machine] for m in case.machines]
-    base = np.array([m.base for m in case.machines]) / case.base_mva
-    y = base / np.array([p.ra + 1j * p.x1d for p in rows])
-    V = flow.V[net.machine_bus]
-    E = V + (flow.S / V).conj() / y
-    at, n = net.machine_bus, len(flow.V)
-    shunt = powerflow.demand(case, np.abs(flow.V)).conj() / np.abs(flow.V) ** 2
-    np.add.at(shunt, at, y)
-    sources = np.zeros((n, len(y)), complex)
-    sources[at, np.arange(len(y))] = y
-    buses = network.admittance(net).toarray() + np.diag(shunt)
-    return ReducedNetwork(np.diag(y) - sources.T @ np.linalg.solve(buses, sources), E, base * [p.H for p in rows])
-
-
 def equivalent(case: Case, machine: int) -> Equivalent:
     """The equivalent of one machine of a case and the COI of the others.
 
@@ -179,10 +149,31 @@ def equivalent(case: Case, machine: int) -> Equivalent:
             "equivalent; choose another machine."
         )
     return Equivalent(
-        float(H[first]),
-        float(H[rest].sum()),
-        X=1 / Pmax,
-        Pm1=driving,
-        base=case.base_mva,
-        fb=case.frequency_hz,
+        float(H[first]), float(H[rest].sum()), X=1 / Pmax, Pm1=driving, base=case.base_mva, fb=case.frequency_hz
     )
+
+
+class ReducedNetwork(NamedTuple):
+    """The network between the internal voltages of the machines, in table order and pu on the system base."""
+
+    Y: np.ndarray  # (machines, machines) complex admittance; all other buses are eliminated
+    E: np.ndarray  # (machines) complex internal voltage
+    H: np.ndarray  # (machines) s   inertia constant
+
+
+def reduced_network(case: Case) -> ReducedNetwork:
+    """The network of a case at its power flow, reduced to the internal voltages of its machines (Kron reduction)."""
+    case = case.classical()
+    flow, net = powerflow.solve(case), network.build(case)
+    rows = [case.devices["gencls"][m.machine] for m in case.machines]
+    base = np.array([m.base for m in case.machines]) / case.base_mva
+    y = base / np.array([p.ra + 1j * p.x1d for p in rows])
+    V = flow.V[net.machine_bus]
+    E = V + (flow.S / V).conj() / y
+    at, n = net.machine_bus, len(flow.V)
+    shunt = powerflow.demand(case, np.abs(flow.V)).conj() / np.abs(flow.V) ** 2
+    np.add.at(shunt, at, y)
+    sources = np.zeros((n, len(y)), complex)
+    sources[at, np.arange(len(y))] = y
+    buses = network.admittance(net).toarray() + np.diag(shunt)
+    return ReducedNetwork(np.diag(y) - sources.T @ np.linalg.solve(buses, sources), E, base * [p.H for p in rows])

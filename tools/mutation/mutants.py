@@ -1,4 +1,7 @@
-"""One-place faults of a source file: an operator, a number, a condition, a call or a statement is changed."""
+"""Faults at one place of a source file, put into a copy of the tree.
+
+An operator, a number, a condition, a call or a statement is changed.
+"""
 
 import ast
 import hashlib
@@ -202,11 +205,8 @@ def _drop(body: list[ast.stmt], i: int) -> str:
     return "dropped"
 
 
-# A copy of the tree, in which one file at a time has a fault.
-
-
 class Scratch:
-    """The copy, in `folder/tree`, and its machine code, in `folder/cache`."""
+    """A copy of the tree, in which one file at a time has a fault: `folder/tree`; its machine code: `folder/cache`."""
 
     def __init__(self, root: Path, folder: Path) -> None:
         self.root, self.folder, self.tree, self.cache = root, folder, folder / "tree", folder / "cache"

@@ -3,11 +3,8 @@
 import json
 from collections.abc import Iterator
 
-from mutation.mutants import Scratch, digest
-from mutation.runner import function_at
-
-from .mutants import Mutant
-from .runner import Runner
+from .mutants import Mutant, Scratch, digest
+from .runner import Runner, function_at
 
 KERNELS = ("devices", "dynamics", "simulation", "reference", "smallsignal", "clearing")  # test folders of compiled code
 LEFT_OUT = "tests/project/", "tests/reproduction/"  # about the repository, and about the studies

@@ -1,4 +1,7 @@
-"""Runs tests of a copy of the tree in a process of their own, forked from one that has imported the libraries."""
+"""Runs tests of a copy of the tree in a process of their own, forked from one that has imported the libraries.
+
+Seen of a run are its first failure, the times of the tests, and the functions that every test executes.
+"""
 
 import ast
 import json
@@ -87,16 +90,11 @@ def _run(
     os.dup2(out, 1)
     os.dup2(out, 2)
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
-    import pytest
-
     plugin = Observer(last, order)
     words = [*files, "-q", "-n", "0", "-p", "no:cacheprovider", *(["-x"] if order is not None else [])]
     with Watched(tree, measured, plugin):
         code = int(pytest.main(words, plugins=[plugin]))
     os._exit(0 if code == pytest.ExitCode.NO_TESTS_COLLECTED else code)
-
-
-# What is seen of a run of tests: order, first failure, times, and the functions that every test executes.
 
 
 class Observer:

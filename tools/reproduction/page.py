@@ -53,16 +53,6 @@ def page(ran: Sequence[Ran], folder: Path, about: About) -> str:
     )
 
 
-def order(study: Study) -> tuple[bool, list[int], str]:
-    """Sort key: sections of the paper in its order, then studies beyond it."""
-    return not study.section, [int(n) for n in re.findall(r"\d+", study.section)], study.title
-
-
-def anchor(text: str) -> str:
-    """Return the id of an element of the page."""
-    return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")
-
-
 def _section(study: Study, r: Ran, folder: Path) -> dict[str, Any]:
     """A study with its surroundings on the page."""
     return {
@@ -87,15 +77,14 @@ def _picture(p: Picture, folder: Path) -> dict[str, Any]:
     return about | {"source": f"data:{TYPES[file.suffix]};base64,{base64.b64encode(data).decode()}", "size": size}
 
 
-# The top of the page: how many results agree, which ones differ, and where each table and figure is.
+def order(study: Study) -> tuple[bool, list[int], str]:
+    """Sort key: sections of the paper in its order, then studies beyond it."""
+    return not study.section, [int(n) for n in re.findall(r"\d+", study.section)], study.title
 
 
-class Entry(NamedTuple):
-    """A table or figure of the paper, and the study that reproduces it."""
-
-    name: str
-    shows: str
-    study: Study | None
+def anchor(text: str) -> str:
+    """Return the id of an element of the page."""
+    return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")
 
 
 class Found(NamedTuple):
@@ -127,6 +116,14 @@ def agreement(study: Study) -> str:
     results = [c.verdict for c in study.comparisons if c.verdict is not Verdict.GIVEN]
     agree = len(results) - results.count(Verdict.DIFFERS)
     return f"{agree} of {len(results)} agree" if results else ""
+
+
+class Entry(NamedTuple):
+    """A table or figure of the paper, and the study that reproduces it."""
+
+    name: str
+    shows: str
+    study: Study | None
 
 
 def entries(studies: Sequence[Study]) -> list[Entry]:

@@ -1,4 +1,8 @@
-"""What a study found: numbers beside the paper's, tables, pictures, further pages, text."""
+"""What a study found: numbers beside the paper's, tables, pictures, further pages, text.
+
+A script runs its study with `present`, which keeps the records in a JSON file. The answers of a long study are `Kept`
+until the code changes, so that an interrupted study continues where it ended.
+"""
 
 import hashlib
 import json
@@ -24,6 +28,10 @@ if TYPE_CHECKING:
 
 
 DPI = 130
+PREFIX = "kept-"
+PROGRESS = "progress: "  # begins the lines on stderr that are not errors
+BETWEEN = 30.0  # s   between two messages on one answer
+Tell = Callable[[object], None]  # says how far something is
 
 
 @dataclass(frozen=True)
@@ -88,7 +96,50 @@ def draw(drawn: "Figure | Axes", path: Path, title: str, *, alt: str, caption: s
     )
 
 
-# The records of studies in JSON files.
+def present(study: Callable[[Path], Study | Iterable[Study]]) -> None:
+    """Run the study of the current script.
+
+    The folder of the reports is the first argument of the script; default: reports/. An error is one line on stderr and
+    exit code 2.
+    """
+    os.environ.setdefault("MPLBACKEND", "agg")
+    script, folder = Path(sys.argv[0]), Path(sys.argv[1] if len(sys.argv) > 1 else "reports")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        found = study(folder)
+        studies = (found,) if isinstance(found, Study) else tuple(found)
+        write(path_for(script, folder), studies)
+    except (StabctlError, OSError) as error:
+        print("stabctl:", sentence(error), file=sys.stderr)
+        sys.exit(2)
+    for record in studies:
+        show(record, folder)
+
+
+def show(study: Study, folder: Path) -> None:
+    """Print a study."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 120)
+    console.print(study.title, style="bold")
+    for paragraph in study.text:
+        console.print(paragraph)
+    if study.comparisons:
+        table = Table("in the paper", "quantity", "paper", "ours", "unit", "", "note")
+        for c in study.comparisons:
+            p, note = c.printed, str(study.notes.index(c.remark) + 1) if c.remark else ""
+            table.add_row(p.where, p.what, p.text, c.shown, p.unit, str(c.verdict), note)
+        console.print(table)
+    for number, note in enumerate(study.notes, 1):
+        console.print(f"{number}: {note}")
+    for given in study.tables:
+        table = Table(*given.heads, title=given.title, title_justify="left")
+        for row in given.rows:
+            table.add_row(*row)
+        console.print(table)
+    for file in (*(p.file for p in study.pictures), *study.pages.values()):
+        console.print(f"wrote {folder / file}")
 
 
 def path_for(script: Path, folder: Path) -> Path:
@@ -108,14 +159,6 @@ def read(path: Path) -> tuple[Study, ...]:
         return tuple(map(Study.from_dict, json.loads(path.read_text(encoding="utf-8"))))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise StudyError(f"{path.name} does not contain records of a study ({error}). Run its script again.") from None
-
-
-# Answers of a long study, kept until the code changes, so that an interrupted study continues where it ended.
-
-PREFIX = "kept-"
-PROGRESS = "progress: "  # begins the lines on stderr that are not errors
-Tell = Callable[[object], None]  # says how far something is
-BETWEEN = 30.0  # s   between two messages on one answer
 
 
 class Kept:
@@ -187,52 +230,3 @@ def _digest(*texts: bytes) -> str:
     for text in texts:
         found.update(len(text).to_bytes(8, "big") + text)
     return found.hexdigest()[:12]
-
-
-# Run a study from its script: print the results and write pictures and records to the folder of the reports.
-
-
-def present(study: Callable[[Path], Study | Iterable[Study]]) -> None:
-    """Run the study of the current script.
-
-    The folder of the reports is the first argument of the script; default: reports/. An error is one line on stderr and
-    exit code 2.
-    """
-    os.environ.setdefault("MPLBACKEND", "agg")
-    script, folder = Path(sys.argv[0]), Path(sys.argv[1] if len(sys.argv) > 1 else "reports")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        found = study(folder)
-        studies = (found,) if isinstance(found, Study) else tuple(found)
-        write(path_for(script, folder), studies)
-    except (StabctlError, OSError) as error:
-        print("stabctl:", sentence(error), file=sys.stderr)
-        sys.exit(2)
-    for record in studies:
-        show(record, folder)
-
-
-def show(study: Study, folder: Path) -> None:
-    """Print a study."""
-    from rich.console import Console
-    from rich.table import Table
-
-    console = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 120)
-    console.print(study.title, style="bold")
-    for paragraph in study.text:
-        console.print(paragraph)
-    if study.comparisons:
-        table = Table("in the paper", "quantity", "paper", "ours", "unit", "", "note")
-        for c in study.comparisons:
-            p, note = c.printed, str(study.notes.index(c.remark) + 1) if c.remark else ""
-            table.add_row(p.where, p.what, p.text, c.shown, p.unit, str(c.verdict), note)
-        console.print(table)
-    for number, note in enumerate(study.notes, 1):
-        console.print(f"{number}: {note}")
-    for given in study.tables:
-        table = Table(*given.heads, title=given.title, title_justify="left")
-        for row in given.rows:
-            table.add_row(*row)
-        console.print(table)
-    for file in (*(p.file for p in study.pictures), *study.pages.values()):
-        console.print(f"wrote {folder / file}")

@@ -1,12 +1,14 @@
-"""Layout of a diagram: the backbone of the graph by stress majorization, stubs at the widest free angles, kept on disk.
+"""Layout of a diagram, calculated once and kept in the user's cache folder under a hash of the data it depends on.
 
-Coordinates given in `buses.csv` are kept; a bus without is put between its neighbors.
+The graph has a node for every bus, then one for every machine, next to its terminal bus. Its backbone is placed by
+stress majorization, then the other nodes, each in the widest free angle. Coordinates given in `buses.csv` are kept; a
+bus without is put between its neighbors.
 """
 
 import hashlib
 import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,8 +22,15 @@ from stabctl._util import files, jit
 from stabctl.model import network
 from stabctl.model.case import Case
 
+LEAST = 0.42  # distance between nodes, of the median length of a branch
+PASSES = 200
+POWER = 0.1  # of |z| in the length of a branch: an electrically long line is drawn longer, but not in proportion
+STUB = 0.7  # length of the stub of a machine, of that of a branch
+STEPS = 200
+TOLERANCE = 3e-4  # relative decrease of the stress in a step, below which it ends
+PRECISE = 1e-2  # relative residual of each solution
 
-# Layouts of diagrams, stored in the user's cache folder under a hash of the data they depend on.
+
 def cached_layout(case: Case) -> np.ndarray:
     """The layout of a case (buses and machines, 2), calculated once."""
     path, shape = jit.folder() / f"diagram-{_name(case)}", (len(case.buses) + len(case.machines), 2)
@@ -40,10 +49,6 @@ def _name(case: Case) -> str:
     parts.update(repr([(k.from_bus, k.to_bus, k.r, k.x) for k in case.branches]).encode())
     parts.update(repr([(m.machine, m.bus) for m in case.machines]).encode())
     return parts.hexdigest()[:24]
-
-
-LEAST = 0.42  # distance between nodes, of the median length of a branch
-PASSES = 200
 
 
 def node_positions(case: Case) -> np.ndarray:
@@ -92,6 +97,89 @@ class Graph(NamedTuple):
         D = shortest_path(self.lengths()[chosen][:, chosen], directed=False)
         finite = np.isfinite(D)
         return np.where(finite, D, 1.3 * D[finite].max(initial=1.0))
+
+
+def graph(case: Case) -> Graph:
+    """The graph of a case."""
+    net, buses = network.build(case), len(case.buses)
+    length = np.maximum(np.abs(net.z), 1e-6) ** POWER
+    length /= np.median(length) if len(length) else 1.0
+    machines = np.stack([net.machine_bus, buses + np.arange(len(case.machines))], axis=1)
+    ends = np.vstack([np.stack([net.frm, net.to], axis=1), machines]).astype(int)
+    return Graph(buses + len(machines), ends, np.r_[np.clip(length, 0.4, 2.5), np.full(len(machines), STUB)])
+
+
+def backbone(near: list[list[int]], rounds: int = 3) -> np.ndarray:
+    """Nodes (ascending) left after leaves have been removed several times, as long as three are left."""
+    left, degree = set(range(len(near))), [len(n) for n in near]
+    for _ in range(rounds):
+        leaves = {n for n in left if degree[n] <= 1}
+        if not leaves or len(left) - len(leaves) < 3:
+            break
+        for n in leaves:
+            for m in near[n]:
+                degree[m] -= 1
+        left -= leaves
+    return np.array(sorted(left), int)
+
+
+def stress_majorization(D: np.ndarray) -> np.ndarray:
+    """Points (n, 2) whose distances are close to D (n, n), weighted by 1/D^2; the longest axis is horizontal.
+
+    Each step solves V X' = B(X) X, with the Laplacian V of the weights and B_ij = -w_ij d_ij / |x_i - x_j|; the stress
+    sum w_ij (|x_i - x_j| - d_ij)^2 never increases.
+    Source: E. Gansner, Y. Koren, S. North, Graph Drawing by Stress Majorization, 2004, eqs. (2), (6) to (8).
+    """
+    n = len(D)
+    if n < 3:
+        return np.c_[np.arange(n, dtype=float), np.zeros(n)]
+    D = np.maximum(D, 1e-9) * (1 - np.eye(n))
+    w = np.divide(1.0, D**2, out=np.zeros_like(D), where=D > 0)
+    wd, total = w * D, w.sum(axis=1)
+    solve, X, before = _laplace(w, total), _scaling(D), np.inf
+    for _ in range(STEPS):
+        r = cdist(X, X)
+        now = float(n * (n - 1) - 2 * np.vdot(wd, r) + 2 * (total @ (X**2).sum(axis=1) - np.vdot(X, w @ X)))
+        if before - now < TOLERANCE * now:
+            break
+        before = now
+        np.fill_diagonal(r, 1.0)
+        B = np.divide(wd, np.maximum(r, 1e-9, out=r), out=r)
+        X = solve(B.sum(axis=1)[:, None] * X - B @ X, X)
+    return principal(X)
+
+
+def _laplace(w: np.ndarray, total: np.ndarray) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """Solver of V X' = right from a first guess, by conjugate gradients; V has its rows' sums `total` on its diagonal.
+
+    V is singular by a shift of all points, which does not matter: right has no sum.
+    """
+
+    def solve(right: np.ndarray, X: np.ndarray) -> np.ndarray:
+        V: Any = LinearOperator(w.shape, matvec=lambda x: total * x - w @ x)
+        M: Any = LinearOperator(w.shape, matvec=lambda x: x / total)
+        X = X - X.mean(axis=0)
+        return np.stack([cg(V, right[:, k], X[:, k], rtol=PRECISE, M=M)[0] for k in range(2)], axis=1)
+
+    return solve
+
+
+def _scaling(D: np.ndarray) -> np.ndarray:
+    """Classical scaling: the two largest eigenvectors of the centered squares, from which the steps begin."""
+    S = D**2
+    S = -0.5 * (S - S.mean(axis=0) - S.mean(axis=1)[:, None] + S.mean())
+    n = len(D)
+    start = np.cos(np.arange(n))  # the same on every machine
+    value, vector = eigsh(S, k=2, v0=start) if n > 10 else tuple(part[..., -2:] for part in np.linalg.eigh(S))
+    X = vector[:, ::-1] * np.sqrt(np.maximum(value[::-1], 1e-6))
+    return X + 1e-3 * np.c_[np.cos(7.0 * np.arange(n)), np.sin(7.0 * np.arange(n))]  # no two points alike
+
+
+def principal(X: np.ndarray) -> np.ndarray:
+    """The points about their mean, turned so that the longest axis is horizontal; the first is left and above."""
+    X = X - X.mean(axis=0)
+    X = X @ np.linalg.eigh(X.T @ X)[1][:, ::-1]
+    return X * np.where(X[0] * [1, -1] > 0, -1.0, 1.0)
 
 
 def _between(given: np.ndarray, g: Graph) -> np.ndarray:
@@ -155,101 +243,3 @@ def _apart(X: np.ndarray, g: Graph, firm: np.ndarray, held: float) -> np.ndarray
         if np.abs(step).max() < 1e-3:
             break
     return X
-
-
-# The graph of a diagram: a node for every bus, then one for every machine, next to its terminal bus.
-POWER = 0.1  # of |z| in the length of a branch: an electrically long line is drawn longer, but not in proportion
-STUB = 0.7  # length of the stub of a machine, of that of a branch
-
-
-def graph(case: Case) -> Graph:
-    """The graph of a case."""
-    net, buses = network.build(case), len(case.buses)
-    length = np.maximum(np.abs(net.z), 1e-6) ** POWER
-    length /= np.median(length) if len(length) else 1.0
-    machines = np.stack([net.machine_bus, buses + np.arange(len(case.machines))], axis=1)
-    ends = np.vstack([np.stack([net.frm, net.to], axis=1), machines]).astype(int)
-    return Graph(buses + len(machines), ends, np.r_[np.clip(length, 0.4, 2.5), np.full(len(machines), STUB)])
-
-
-def backbone(near: list[list[int]], rounds: int = 3) -> np.ndarray:
-    """Nodes (ascending) left after leaves have been removed several times, as long as three are left."""
-    left, degree = set(range(len(near))), [len(n) for n in near]
-    for leaves in _leaves(near, left, degree, rounds):
-        left -= leaves
-    return np.array(sorted(left), int)
-
-
-def _leaves(near: list[list[int]], left: set[int], degree: list[int], rounds: int) -> Iterator[set[int]]:
-    for _ in range(rounds):
-        leaves = {n for n in left if degree[n] <= 1}
-        if not leaves or len(left) - len(leaves) < 3:
-            return
-        for n in leaves:
-            for m in near[n]:
-                degree[m] -= 1
-        yield leaves
-
-
-# Stress majorization: points whose distances are close to given ones, d_ij, weighted by 1/d_ij^2.
-#
-# Each step solves V X' = B(X) X, with the Laplacian V of the weights and B_ij = -w_ij d_ij / |x_i - x_j|; the stress
-# sum w_ij (|x_i - x_j| - d_ij)^2 never increases.
-# Source: E. Gansner, Y. Koren, S. North, Graph Drawing by Stress Majorization, 2004, eqs. (2), (6) to (8).
-STEPS = 200
-TOLERANCE = 3e-4  # relative decrease of the stress in a step, below which it ends
-PRECISE = 1e-2  # relative residual of each solution
-
-
-def stress_majorization(D: np.ndarray) -> np.ndarray:
-    """Points (n, 2) whose distances are close to D (n, n); the longest axis is horizontal."""
-    n = len(D)
-    if n < 3:
-        return np.c_[np.arange(n, dtype=float), np.zeros(n)]
-    D = np.maximum(D, 1e-9) * (1 - np.eye(n))
-    w = np.divide(1.0, D**2, out=np.zeros_like(D), where=D > 0)
-    wd, total = w * D, w.sum(axis=1)
-    solve, X, before = _laplace(w, total), _scaling(D), np.inf
-    for _ in range(STEPS):
-        r = cdist(X, X)
-        now = float(n * (n - 1) - 2 * np.vdot(wd, r) + 2 * (total @ (X**2).sum(axis=1) - np.vdot(X, w @ X)))
-        if before - now < TOLERANCE * now:
-            break
-        before = now
-        np.fill_diagonal(r, 1.0)
-        B = np.divide(wd, np.maximum(r, 1e-9, out=r), out=r)
-        X = solve(B.sum(axis=1)[:, None] * X - B @ X, X)
-    return principal(X)
-
-
-def _laplace(w: np.ndarray, total: np.ndarray) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    """Solver of V X' = right from a first guess, by conjugate gradients; V has its rows' sums `total` on its diagonal.
-
-    V is singular by a shift of all points, which does not matter: right has no sum.
-    """
-
-    def solve(right: np.ndarray, X: np.ndarray) -> np.ndarray:
-        V: Any = LinearOperator(w.shape, matvec=lambda x: total * x - w @ x)
-        M: Any = LinearOperator(w.shape, matvec=lambda x: x / total)
-        X = X - X.mean(axis=0)
-        return np.stack([cg(V, right[:, k], X[:, k], rtol=PRECISE, M=M)[0] for k in range(2)], axis=1)
-
-    return solve
-
-
-def principal(X: np.ndarray) -> np.ndarray:
-    """The points about their mean, turned so that the longest axis is horizontal; the first is left and above."""
-    X = X - X.mean(axis=0)
-    X = X @ np.linalg.eigh(X.T @ X)[1][:, ::-1]
-    return X * np.where(X[0] * [1, -1] > 0, -1.0, 1.0)
-
-
-def _scaling(D: np.ndarray) -> np.ndarray:
-    """Classical scaling: the two largest eigenvectors of the centered squares, from which the steps begin."""
-    S = D**2
-    S = -0.5 * (S - S.mean(axis=0) - S.mean(axis=1)[:, None] + S.mean())
-    n = len(D)
-    start = np.cos(np.arange(n))  # the same on every machine
-    value, vector = eigsh(S, k=2, v0=start) if n > 10 else tuple(part[..., -2:] for part in np.linalg.eigh(S))
-    X = vector[:, ::-1] * np.sqrt(np.maximum(value[::-1], 1e-6))
-    return X + 1e-3 * np.c_[np.cos(7.0 * np.arange(n)), np.sin(7.0 * np.arange(n))]  # no two points alike

@@ -1,4 +1,4 @@
-"""Bode figures: the frequency response of a linear model, loop gains with their margins."""
+"""Bode figures: the frequency response of a linear model, and loop gains with their gain and phase margins."""
 
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 
 BAND = (0.05, 5.0)  # Hz
 POINTS = 400
+SIZE = 7.0, 5.4  # inches, of the figure of margins
+MOST = 4  # loops that are shown
+SEEN = 1e-3  # of the largest loop gain; frequencies at which all are smaller are left out
+FLOOR = -60.0  # dB   loop gains below it are not shown
 
 
 def plot_frequency_response(model: Model, *, band: tuple[float, float] = BAND) -> "Figure":
@@ -60,13 +64,6 @@ def plot_frequency_response(model: Model, *, band: tuple[float, float] = BAND) -
     return figure
 
 
-# Bode figure of the loop gains of controllers, with their gain and phase margins.
-SIZE = 7.0, 5.4  # inches
-MOST = 4  # loops that are shown
-SEEN = 1e-3  # of the largest loop gain; frequencies at which all are smaller are left out
-FLOOR = -60.0  # dB   loop gains below it are not shown
-
-
 def plot_margins(found: Margins) -> "Figure":
     """Plot the loop gain of each output, all others closed: size and phase over frequency.
 
@@ -105,7 +102,7 @@ def plot_margins(found: Margins) -> "Figure":
     size.axhline(0, color=GRAY, linewidth=0.8, zorder=1)
     phase.axhline(-180, color=GRAY, linewidth=0.8, zorder=1)
     size.set(xscale="log", ylabel="loop gain (dB)")
-    phase.set(xlabel="frequency (Hz)", ylabel="phase (deg)", yticks=range(-360, 1, 90), ylim=(-370, 10))
+    phase.set(xlabel=LABELS["frequency"], ylabel="phase (deg)", yticks=range(-360, 1, 90), ylim=(-370, 10))
     few = f"{len(order)} of {len(found.loops)} loops, those with the smallest disk margins"
     title = few if len(found.loops) > len(order) else None
     size.legend(loc="lower center", bbox_to_anchor=(0.5, 1), ncols=2, frameon=False, fontsize="small", title=title)

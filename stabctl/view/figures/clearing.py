@@ -99,7 +99,6 @@ def panels(
     return figure
 
 
-# Figure of a screen: the most critical faults and their clearing times.
 def plot_screen(found: Screen, *, most: int = 25, ax: "Axes | None" = None) -> "Axes":
     """Plot the critical clearing times of a screen as bars, the shortest on top.
 

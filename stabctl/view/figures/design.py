@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 SIZE, TALL, LOW = (5.2, 4.2), (5.6, 5.0), (5.6, 3.2)  # inches; letters stay readable on a phone
 WIDE = 50  # letters in a row of a legend
+MOST = 20  # pairs shown
 
 
 def plot_design(design: Design, *, ax: "Axes | None" = None) -> "Axes":
@@ -106,6 +107,31 @@ def own_steps(found: Evidence) -> "Axes":
     return ax
 
 
+def plot_pairs(pairs: Pairs, *, ax: "Axes | None" = None) -> "Axes":
+    """Plot the scores of the best pairs.
+
+    Parameters
+    ----------
+    pairs
+        The ranked pairs.
+    ax
+        Axes to draw on. Default: a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        One bar for each of the 20 best pairs.
+    """
+    first = pairs.df.head(MOST)
+    ax = single(ax, 6.4, 1.2 + 0.24 * len(first))
+    at = np.arange(len(first))
+    ax.barh(at, first["score"], height=0.6, color=COLORS[0])
+    ax.set_yticks(at, [f"{row.input} to {row.output}" for row in first.itertuples()], fontsize="small")
+    ax.set(xlabel=f"score (1/s), mode at {pairs.mode_hz:.3f} Hz", ylim=(len(first) - 0.5, -0.5))
+    ax.grid(visible=False, axis="y")
+    return ax
+
+
 def _above(ax: "Axes") -> None:
     """A legend above the axes, if there are few enough lines to tell apart."""
     labels = ax.get_legend_handles_labels()[1]
@@ -130,32 +156,3 @@ def _plane(ax: "Axes", several: "Sequence[Modes]") -> None:
     ax.axvline(0, color=GRAY, linewidth=1)
     for ratio in RATIOS:
         ray(ax, ratio, left, top)
-
-
-# Figure of pairs of signals and inputs: their scores for damping a mode.
-MOST = 20  # pairs shown
-
-
-def plot_pairs(pairs: Pairs, *, ax: "Axes | None" = None) -> "Axes":
-    """Plot the scores of the best pairs.
-
-    Parameters
-    ----------
-    pairs
-        The ranked pairs.
-    ax
-        Axes to draw on. Default: a new figure.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        One bar for each of the 20 best pairs.
-    """
-    first = pairs.df.head(MOST)
-    ax = single(ax, 6.4, 1.2 + 0.24 * len(first))
-    at = np.arange(len(first))
-    ax.barh(at, first["score"], height=0.6, color=COLORS[0])
-    ax.set_yticks(at, [f"{row.input} to {row.output}" for row in first.itertuples()], fontsize="small")
-    ax.set(xlabel=f"score (1/s), mode at {pairs.mode_hz:.3f} Hz", ylim=(len(first) - 0.5, -0.5))
-    ax.grid(visible=False, axis="y")
-    return ax

@@ -22,6 +22,9 @@ KINDS = {  # marker, fill color, edge color
     "other oscillatory mode": ("o", "none", GRAY),
     "unstable": ("X", COLORS[1], COLORS[1]),
 }
+NAMED = 4  # arrows with a number, on each side
+SMALLEST_NAMED, SMALLEST_DRAWN = 0.1, 0.02
+GAP = 17.0  # deg between numbers
 
 
 def plot_modes(modes: Modes, *, ax: "Axes | None" = None) -> "Axes":
@@ -80,12 +83,6 @@ def ray(ax: "Axes", ratio: float, left: float, top: float) -> None:
     ax.text(*at, f"{100 * ratio:g} %", ha="center", va="center", fontsize="small", bbox=paper, zorder=2.5)
 
 
-# Figure of a mode shape: the speeds of the machines as arrows.
-NAMED = 4  # arrows with a number, on each side
-SMALLEST_NAMED, SMALLEST_DRAWN = 0.1, 0.02
-GAP = 17.0  # deg between numbers
-
-
 def plot_mode_shape(mode: Mode, *, ax: "PolarAxes | None" = None) -> "PolarAxes":
     """Plot a mode shape as arrows, the largest of length 1, colored by the side of the swing.
 
@@ -123,6 +120,23 @@ def plot_mode_shape(mode: Mode, *, ax: "PolarAxes | None" = None) -> "PolarAxes"
     return ax
 
 
+def _new() -> "PolarAxes":
+    """Polar axes with room for the numbers around the rim."""
+    import matplotlib.pyplot as plt
+
+    axes: Any = plt.figure(figsize=(3, 3)).add_axes((0.12, 0.12, 0.76, 0.76), projection="polar")
+    return axes
+
+
+def _color(p: Part, lead: float) -> str:
+    return COLORS[0] if _with(p, lead) else COLORS[1]
+
+
+def _with(p: Part, lead: float) -> bool:
+    """Whether the machine moves with the largest arrow."""
+    return math.cos(math.radians(p.angle_deg - lead)) >= 0
+
+
 def spread(angles: list[float], gap: float) -> list[float]:
     """Move angles (deg) apart around the circle until they are at least `gap` apart, each group about its middle."""
     order = sorted(range(len(angles)), key=lambda i: angles[i] % 360)
@@ -141,20 +155,3 @@ def spread(angles: list[float], gap: float) -> list[float]:
             groups[-2:] = [(middle - gap * (m + n - 1) / 2, m + n)]
     placed = [first + gap * k for first, count in groups for k in range(count)]
     return [at for _, at in sorted(zip(order, placed, strict=True))]
-
-
-def _new() -> "PolarAxes":
-    """Polar axes with room for the numbers around the rim."""
-    import matplotlib.pyplot as plt
-
-    axes: Any = plt.figure(figsize=(3, 3)).add_axes((0.12, 0.12, 0.76, 0.76), projection="polar")
-    return axes
-
-
-def _with(p: Part, lead: float) -> bool:
-    """Whether the machine moves with the largest arrow."""
-    return math.cos(math.radians(p.angle_deg - lead)) >= 0
-
-
-def _color(p: Part, lead: float) -> str:
-    return COLORS[0] if _with(p, lead) else COLORS[1]

@@ -1,4 +1,7 @@
-"""Figure of a one-line diagram: voltages, loading, labels where there is space, and results drawn on it."""
+"""Figure of a one-line diagram: voltages, loading, results drawn on it, and labels where there is space.
+
+The labels are placed in the same way every time; one that would lie over something else is left out.
+"""
 
 from collections import defaultdict
 from collections.abc import Callable, Mapping
@@ -27,7 +30,17 @@ if TYPE_CHECKING:
 INCHES = 0.62  # of a median branch
 SMALLEST, LARGEST = 4.5, 15.0  # inches, of the longer side
 THINNEST, THICKEST = 0.014, 0.09  # of a median branch
-POINTS = 72
+POINTS = 72  # per inch
+ARROW = 0.9  # length of the largest arrow of a mode shape
+SMALLEST_ARROW = 0.03  # relative size of an arrow that is drawn
+STORAGE = 0.2, 0.55  # sides of the smallest and the largest storage symbol
+NAMED = 6  # most critical lines, which get a label
+LETTERS, SMALLEST_LABEL = 7.0, 5.0  # points; smaller where there is less room, and only notes below the smallest
+WIDE, HIGH = 0.62, 1.15  # of a letter, of its size
+BUS, MACHINE = 0.075, 0.14  # radius of a symbol
+GRAIN, CELL = 0.04, 1.0  # of the map of lines, of the map of boxes
+DIRECTIONS = tuple((float(np.cos(t)), float(np.sin(t))) for t in np.deg2rad([45, 135, -45, -135, 0, 180, 90, -90]))
+Box = tuple[float, float, float, float]  # left, bottom, right, top
 
 
 def plot(base: "Case | OperatingPoint", *results: Any, ax: "Axes | None" = None) -> "Axes":
@@ -67,9 +80,8 @@ def draw(line: OneLine, *results: Any, ax: "Axes | None" = None) -> "Axes":
     ax = single(ax, *_inches(size))
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     ax.axis("off")
-    screened = any(colors_lines(r) for r in results)
     point = _points(ax, size)
-    if not screened:
+    if not any(isinstance(r, Screen) for r in results):  # it gives the lines their colors
         _branches(ax, line, point)
     _transformers(ax, line, point)
     notes = [note for r in results for note in KINDS[type(r)](ax, line, r, point)]
@@ -130,23 +142,13 @@ def _symbols(ax: "Axes", line: OneLine, point: float, *, bare: bool) -> None:
     """Buses, machines and storage devices."""
     from matplotlib.collections import LineCollection
 
-    place = {b.bus: i for i, b in enumerate(line.case.buses)}
-    stubs = [(line.buses[place[m.bus]], at) for m, at in zip(line.case.machines, line.machines, strict=True)]
-    ax.add_collection(LineCollection(stubs, colors=INK, linewidths=0.7, zorder=0.9))
-    kinds = voltage_colors(), VOLTAGES[0][0], VOLTAGES[-1][0]
-    dots = ax.scatter(
-        line.buses[:, 0],
-        line.buses[:, 1],
-        s=(0.15 * point) ** 2,
-        c=line.voltage,
-        zorder=3,
-        linewidths=0.4,
-        edgecolors=INK,
-    )
+    ax.add_collection(LineCollection(_stubs(line), colors=INK, linewidths=0.7, zorder=0.9))
+    x, y = line.buses.T
+    dots = ax.scatter(x, y, s=(0.15 * point) ** 2, c=line.voltage, zorder=3, linewidths=0.4, edgecolors=INK)
     buses = zip(line.case.buses, line.voltage, strict=True)
     style.name(dots, [f"{f'bus {b.bus} {b.name}'.rstrip()}: {v:.3f} pu" for b, v in buses])
-    dots.set_cmap(kinds[0])
-    dots.set_clim(*kinds[1:])
+    dots.set_cmap(voltage_colors())
+    dots.set_clim(VOLTAGES[0][0], VOLTAGES[-1][0])
     look: Any = {"edgecolors": INK, "linewidths": 0.8, "zorder": 2}
     disks = ax.scatter(line.machines[:, 0], line.machines[:, 1], s=(0.28 * point) ** 2, facecolors="white", **look)
     style.name(disks, [f"machine {m.called} at bus {m.bus}: {m.base:g} MVA" for m in line.case.machines])
@@ -157,11 +159,10 @@ def _symbols(ax: "Axes", line: OneLine, point: float, *, bare: bool) -> None:
         ax.figure.colorbar(dots, ax=ax, label="voltage (pu)", shrink=0.6, pad=0.01, aspect=25)
 
 
-# Results drawn on a one-line diagram: mode shapes, coherent areas, screens, placements.
-ARROW = 0.9  # length of the largest arrow of a mode shape
-SMALLEST_STORAGE = 0.03  # relative size of an arrow that is drawn
-STORAGE = 0.2, 0.55  # sides of the smallest and the largest storage symbol
-NAMED = 6  # storage ratings with a label, and critical lines
+def _stubs(line: OneLine) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Both ends of the line from every machine to its bus."""
+    place = {b.bus: i for i, b in enumerate(line.case.buses)}
+    return [(line.buses[place[m.bus]], at) for m, at in zip(line.case.machines, line.machines, strict=True)]
 
 
 class Label(NamedTuple):
@@ -179,7 +180,7 @@ def mode(ax: "Axes", line: OneLine, found: Mode, point: float) -> list[Label]:
     row = _machines(line, [p.machine for p in found.shape])
     shape = np.array([p.magnitude * np.exp(1j * np.deg2rad(p.angle_deg)) for p in found.shape])
     lead = shape[np.abs(shape).argmax()] if len(shape) else 1.0
-    drawn = np.flatnonzero(np.abs(shape) >= SMALLEST_STORAGE)
+    drawn = np.flatnonzero(np.abs(shape) >= SMALLEST_ARROW)
     turned = shape[drawn] / lead * ARROW
     color = [COLORS[0] if s.real >= 0 else COLORS[1] for s in turned]
     at = line.machines[row[drawn]]
@@ -239,27 +240,14 @@ def siting(ax: "Axes", line: OneLine, found: Siting, point: float) -> list[Label
     mw = np.array([s.mw for s in found.sites])
     side = STORAGE[0] + (STORAGE[1] - STORAGE[0]) * np.sqrt(mw / mw.max(initial=1e-9))
     at = line.machines[row]
-    squares = ax.scatter(
-        at[:, 0],
-        at[:, 1],
-        s=(side * point) ** 2,
-        marker="s",
-        facecolors=COLORS[2],
-        edgecolors=INK,
-        linewidths=0.8,
-        zorder=4,
-    )
+    look: Any = {"marker": "s", "facecolors": COLORS[2], "edgecolors": INK, "linewidths": 0.8, "zorder": 4}
+    squares = ax.scatter(at[:, 0], at[:, 1], s=(side * point) ** 2, **look)
     style.name(squares, [f"storage of machine {s.machine} at bus {s.bus}: {s.size} MW" for s in found.sites])
     pairs = zip(found.sites, at, side, strict=True)
     return [Label(f"{s.size}", x, 0.5 * r, COLORS[2], bold=True) for s, x, r in pairs]
 
 
-def colors_lines(result: object) -> bool:
-    """Whether a result gives the lines their colors."""
-    return isinstance(result, Screen)
-
-
-def _machines(line: OneLine, names: "Any") -> np.ndarray:
+def _machines(line: OneLine, names: Any) -> np.ndarray:
     """Rows of machines by their names or numbers."""
     row = {m.called: i for i, m in enumerate(line.case.machines)}
     for name in names:
@@ -274,50 +262,6 @@ KINDS: Mapping[type, Callable[["Axes", OneLine, Any, float], list[Label]]] = {
     Screen: screen,
     Siting: siting,
 }
-# Labels of a one-line diagram: placed where there is space, or left out; deterministic.
-LETTERS, SMALLEST_LABEL = 7.0, 5.0  # points; smaller where there is less room, and only notes below the smallest
-WIDE, HIGH = 0.62, 1.15  # of a letter, of its size
-BUS, MACHINE = 0.075, 0.14  # radius of a symbol
-GRAIN, CELL = 0.04, 1.0  # of the map of lines, of the map of boxes
-DIRECTIONS = tuple((float(np.cos(t)), float(np.sin(t))) for t in np.deg2rad([45, 135, -45, -135, 0, 180, 90, -90]))
-Box = tuple[float, float, float, float]  # left, bottom, right, top
-
-
-class Room:
-    """What is taken: boxes of symbols and labels, and how many points of lines lie in a box."""
-
-    def __init__(self, line: OneLine) -> None:
-        self.cells: defaultdict[tuple[int, int], list[Box]] = defaultdict(list)
-        for at, radius in ((line.buses, BUS), (line.machines, MACHINE), (line.storage, MACHINE)):
-            for x, y in at.tolist():
-                self.take((x - radius, y - radius, x + radius, y + radius))
-        place = {b.bus: i for i, b in enumerate(line.case.buses)}
-        stubs = [(line.buses[place[m.bus]], at) for m, at in zip(line.case.machines, line.machines, strict=True)]
-        lines = np.concatenate([line.ends, np.array(stubs).reshape(-1, 2, 2)])
-        points = np.vstack([lines[:, 0] * (1 - f) + lines[:, 1] * f for f in np.linspace(0.02, 0.98, 25)])
-        self.corner = points.min(axis=0) - 3.0
-        shape = np.ceil((points.max(axis=0) + 3.0 - self.corner) / GRAIN).astype(int)
-        there = np.zeros(shape + 1)
-        np.add.at(there, tuple(((points - self.corner) / GRAIN).astype(int).T + 1), 1)
-        self.sums = there.cumsum(axis=0).cumsum(axis=1)
-
-    def take(self, box: Box) -> None:
-        """Mark a box as taken."""
-        for cell in _cells(box):
-            self.cells[cell].append(box)
-
-    def free(self, box: Box) -> bool:
-        """Whether nothing taken is under a box."""
-        a, b, c, d = box
-        return not any(
-            p < c and a < r and q < d and b < s for cell in _cells(box) for p, q, r, s in self.cells.get(cell, ())
-        )
-
-    def crossed(self, box: Box) -> float:
-        """How much of lines is under a box."""
-        low, high = ((np.reshape(box, (2, 2)) - self.corner) / GRAIN).astype(int)
-        (a, b), (c, d) = np.clip([low, high + 1], 0, np.array(self.sums.shape) - 1).tolist()
-        return float(self.sums[c, d] - self.sums[a, d] - self.sums[c, b] + self.sums[a, b])
 
 
 def draw_labels(ax: "Axes", line: OneLine, notes: list[Label], point: float) -> None:
@@ -359,6 +303,41 @@ def _places(label: Label, letter: float) -> list[Box]:
         bottom = label.at[1] + y * (label.radius + 0.02) + (round(y) - 1) * height / 2
         found.append((float(left), float(bottom), float(left + width), float(bottom + height)))
     return found
+
+
+class Room:
+    """What is taken: boxes of symbols and labels, and how many points of lines lie in a box."""
+
+    def __init__(self, line: OneLine) -> None:
+        self.cells: defaultdict[tuple[int, int], list[Box]] = defaultdict(list)
+        for at, radius in ((line.buses, BUS), (line.machines, MACHINE), (line.storage, MACHINE)):
+            for x, y in at.tolist():
+                self.take((x - radius, y - radius, x + radius, y + radius))
+        lines = np.concatenate([line.ends, np.array(_stubs(line)).reshape(-1, 2, 2)])
+        points = np.vstack([lines[:, 0] * (1 - f) + lines[:, 1] * f for f in np.linspace(0.02, 0.98, 25)])
+        self.corner = points.min(axis=0) - 3.0
+        shape = np.ceil((points.max(axis=0) + 3.0 - self.corner) / GRAIN).astype(int)
+        there = np.zeros(shape + 1)
+        np.add.at(there, tuple(((points - self.corner) / GRAIN).astype(int).T + 1), 1)
+        self.sums = there.cumsum(axis=0).cumsum(axis=1)
+
+    def take(self, box: Box) -> None:
+        """Mark a box as taken."""
+        for cell in _cells(box):
+            self.cells[cell].append(box)
+
+    def free(self, box: Box) -> bool:
+        """Whether nothing taken is under a box."""
+        a, b, c, d = box
+        return not any(
+            p < c and a < r and q < d and b < s for cell in _cells(box) for p, q, r, s in self.cells.get(cell, ())
+        )
+
+    def crossed(self, box: Box) -> float:
+        """How much of lines is under a box."""
+        low, high = ((np.reshape(box, (2, 2)) - self.corner) / GRAIN).astype(int)
+        (a, b), (c, d) = np.clip([low, high + 1], 0, np.array(self.sums.shape) - 1).tolist()
+        return float(self.sums[c, d] - self.sums[a, d] - self.sums[c, b] + self.sums[a, b])
 
 
 def _cells(box: Box) -> list[tuple[int, int]]:

@@ -1,4 +1,4 @@
-"""Figures of one machine: phase plane, equal areas, swing curves, minimum time (the paper's Figures 3 to 11)."""
+"""Figures of one machine: phase plane (the paper's Figures 3 and 7), equal areas (4, 5, 9), minimum time (10, 11)."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 
 ANGLE, SPEED = "angle $\\delta$ (rad)", "speed $\\dot\\delta$ (rad/s)"
+STATES = "$x_1$ (rad)", "$x_2$ (rad/s)", "$\\lambda_1$ (s/rad)", "$\\lambda_2$ (s$^2$/rad)"
+TIME = "time after clearing (ms)"
 
 
 def plot_phase_plane(portrait: PhasePortrait, *, ax: "Axes | None" = None) -> "Axes":
@@ -82,7 +84,6 @@ def _limits(ax: "Axes", separatrix: Separatrix, margin: float) -> None:
     ax.set(xlim=(left - 0.3, right + 0.6), ylim=(-top, top))
 
 
-# Figures of the equal-area criterion (the paper's Figures 4, 5 and 9).
 def plot_equal_area(area: EqualArea, *, title: str = "", ax: "Axes | None" = None) -> "Axes":
     """Plot the power-angle curve with the accelerating area A1 and the decelerating area A2.
 
@@ -164,7 +165,6 @@ def compare(areas: Mapping[str, EqualArea]) -> "Figure":
     return figure
 
 
-# Figures of swing curves: one machine in time.
 def plot_swing_curve(curve: SwingCurve) -> "Figure":
     """Plot angle, speed and absorbed power against time; the clearing of the fault is dotted."""
     figure, axes = subplots(7, 6, 3, sharex=True)
@@ -176,11 +176,6 @@ def plot_swing_curve(curve: SwingCurve) -> "Figure":
     axes[-1, 0].set_xlabel(LABELS["time"])
     figure.align_ylabels(axes)
     return figure
-
-
-# Figures of the minimum-time control (the paper's Figures 10 and 11).
-STATES = "$x_1$ (rad)", "$x_2$ (rad/s)", "$\\lambda_1$ (s/rad)", "$\\lambda_2$ (s$^2$/rad)"
-TIME = "time after clearing (ms)"
 
 
 def plot(control: MinimumTime) -> "Figure":
@@ -213,13 +208,6 @@ def plot(control: MinimumTime) -> "Figure":
     return figure
 
 
-def states(control: MinimumTime) -> "Figure":
-    """Plot states and co-states from clearing to rest."""
-    figure, axes = subplots(9, 6, 2, 2, sharex=True)
-    _states(axes, control)
-    return figure
-
-
 def power(control: MinimumTime, *, ax: "Axes | None" = None) -> "Axes":
     """Plot the absorbed power from clearing to rest."""
     ax = single(ax, 7, 3.5)
@@ -229,6 +217,13 @@ def power(control: MinimumTime, *, ax: "Axes | None" = None) -> "Axes":
     ax.margins(y=0.3)
     ax.set(xlabel=TIME, ylabel="absorbed power $P_C$ (pu)")
     return ax
+
+
+def states(control: MinimumTime) -> "Figure":
+    """Plot states and co-states from clearing to rest."""
+    figure, axes = subplots(9, 6, 2, 2, sharex=True)
+    _states(axes, control)
+    return figure
 
 
 def _states(axes: np.ndarray, control: MinimumTime) -> None:

@@ -58,7 +58,6 @@ def named(c: Judged) -> str:
     return f"{c.contingency.fault}{trip}{' (training)' if c.training else ''}"
 
 
-# The figure of an optimal schedule: the remaining swings, and the power of the devices.
 def plot_optimum(found: Optimum) -> "Figure":
     """Plot angles from the center of inertia and storage powers of the run with the schedule.
 

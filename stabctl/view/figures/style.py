@@ -1,4 +1,8 @@
-"""Style of all figures: their axes and fonts, names of their parts for tooltips, and how they are saved."""
+"""Style of all figures: their axes and fonts, names of their parts for tooltips, and how they are saved.
+
+The fonts are set when a figure is drawn, without changing the settings of matplotlib. The names of parts are kept
+beside the artists; a page shows them under the pointer.
+"""
 
 import io
 from collections.abc import Iterable, Sequence
@@ -8,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 from matplotlib import rcParams
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.font_manager import fontManager
 from matplotlib.text import Text
 
@@ -26,6 +30,7 @@ if TYPE_CHECKING:
 
 MARKERS = "os^Dv"
 DPI = 150
+_texts: "WeakKeyDictionary[Artist, tuple[str, ...]]" = WeakKeyDictionary()
 
 
 def subplots(
@@ -41,11 +46,27 @@ def subplots(
     return figure, axes
 
 
-def single(ax: "Axes | None", width: float, height: float) -> "Axes":
-    """Return the axes given, or those of a new figure of this size in inches."""
-    if ax is not None and not callable(getattr(ax, "plot", None)):
-        raise StudyError(f"ax = {shown(ax)} is not a pair of axes to draw on; give matplotlib Axes, or leave it out.")
-    return subplots(width, height)[1][0, 0] if ax is None else ax
+class StyledFigure(Figure):
+    """A figure whose texts have our fonts when it is drawn, unless they were given others."""
+
+    def draw(self, renderer: "RendererBase") -> None:
+        """Draw the figure, as matplotlib does."""
+        for text in self.findobj(Text):
+            _letter(text)
+        super().draw(renderer)
+
+
+def _letter(text: Any) -> None:
+    if text.get_fontfamily() == rcParams["font.family"]:
+        text.set_fontfamily(_installed())
+        text.set_math_fontfamily("stixsans")
+
+
+@cache
+def _installed() -> tuple[str, ...]:
+    """Those of our fonts that this machine has; matplotlib warns of all others."""
+    known = {font.name for font in fontManager.ttflist}
+    return tuple(name for name in FONTS if name in known)
 
 
 def tidy(ax: "Axes") -> None:
@@ -54,6 +75,13 @@ def tidy(ax: "Axes") -> None:
     ax.set_axisbelow(True)
     ax.spines[["top", "right"]].set_visible(False)
     ax.set_prop_cycle(color=COLORS)
+
+
+def single(ax: "Axes | None", width: float, height: float) -> "Axes":
+    """Return the axes given, or those of a new figure of this size in inches."""
+    if ax is not None and not callable(getattr(ax, "plot", None)):
+        raise StudyError(f"ax = {shown(ax)} is not a pair of axes to draw on; give matplotlib Axes, or leave it out.")
+    return subplots(width, height)[1][0, 0] if ax is None else ax
 
 
 def ranked(ax: "Axes", names: Sequence[str]) -> None:
@@ -69,14 +97,14 @@ def legend_beside(ax: "Axes", labels: Sequence[str]) -> None:
         ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize="small")
 
 
-def whole(drawn: "Figure | Axes") -> "Figure":
-    """The figure itself, or the one that axes are on."""
-    from matplotlib.figure import SubFigure
+def name(artist: "Artist", texts: str | Iterable[str]) -> None:
+    """Name an artist, or each of its last markers, lines or segments in the order in which it draws them."""
+    _texts[artist] = (texts,) if isinstance(texts, str) else tuple(texts)
 
-    figure = drawn.figure
-    while isinstance(figure, SubFigure):
-        figure = figure.figure
-    return figure
+
+def named(artists: "Iterable[Artist]") -> "list[tuple[Artist, tuple[str, ...]]]":
+    """Those of the artists that have names, with these."""
+    return [(a, _texts[a]) for a in artists if a in _texts]
 
 
 def save(drawn: "Figure | Axes", path: str | Path, dpi: int = DPI) -> Path:
@@ -116,39 +144,9 @@ def save(drawn: "Figure | Axes", path: str | Path, dpi: int = DPI) -> Path:
     return path
 
 
-# Figures in the fonts of the style, without changing the settings of matplotlib.
-class StyledFigure(Figure):
-    """A figure whose texts have our fonts when it is drawn, unless they were given others."""
-
-    def draw(self, renderer: "RendererBase") -> None:
-        """Draw the figure, as matplotlib does."""
-        for text in self.findobj(Text):
-            _letter(text)
-        super().draw(renderer)
-
-
-def _letter(text: Any) -> None:
-    if text.get_fontfamily() == rcParams["font.family"]:
-        text.set_fontfamily(_installed())
-        text.set_math_fontfamily("stixsans")
-
-
-@cache
-def _installed() -> tuple[str, ...]:
-    """Those of our fonts that this machine has; matplotlib warns of all others."""
-    known = {font.name for font in fontManager.ttflist}
-    return tuple(name for name in FONTS if name in known)
-
-
-# Tooltips: names of the parts of a figure, which a page shows under the pointer.
-_texts: "WeakKeyDictionary[Artist, tuple[str, ...]]" = WeakKeyDictionary()
-
-
-def name(artist: "Artist", texts: str | Iterable[str]) -> None:
-    """Name an artist, or each of its last markers, lines or segments in the order in which it draws them."""
-    _texts[artist] = (texts,) if isinstance(texts, str) else tuple(texts)
-
-
-def named(artists: "Iterable[Artist]") -> "list[tuple[Artist, tuple[str, ...]]]":
-    """Those of the artists that have names, with these."""
-    return [(a, _texts[a]) for a in artists if a in _texts]
+def whole(drawn: "Figure | Axes") -> "Figure":
+    """The figure itself, or the one that axes are on."""
+    figure = drawn.figure
+    while isinstance(figure, SubFigure):
+        figure = figure.figure
+    return figure

@@ -1,4 +1,7 @@
-"""What the page is answered: curves and frames of a run, modes, searches, equal areas."""
+"""What the page is answered: curves and frames of a run, modes, searches, equal areas.
+
+Searches take longer than a moment: what they find is told as it is found.
+"""
 
 import json
 import math
@@ -31,7 +34,12 @@ from . import commands
 from .state import AT, UNTIL, Points, State
 
 FRAMES = 20.0  # a second, of voltages and angles for the diagram
+NONE, MOST = -32768, 32000  # of the numbers sent: no value, the largest
+ROLES = "stabilizer", "exciter", "governor"
+FINE = "0.015625cyc"  # resolution of the second search
+LONGEST = 3.0  # s   of the motion in the phase plane
 Arrays = dict[str, np.ndarray]
+Tell = Callable[[dict[str, Any]], None]
 
 
 def run_answer(points: Points, state: State, load: commands.Source) -> bytes:
@@ -87,14 +95,12 @@ def _arrays(run: Trajectory, signals: tuple[str, ...]) -> Arrays:
     return found | {"frame": run.time[frames], "frame.angle": angle[frames], "frame.voltage": size[frames]}
 
 
-# Arrays as bytes: a header in JSON with their names and sizes, then the numbers, column by column.
-#
-# A table of curves is sent as whole numbers of 16 bits, value = middle + step * number; the lowest number is no value.
-NONE, MOST = -32768, 32000
-
-
 def pack(head: dict[str, Any], arrays: dict[str, np.ndarray]) -> bytes:
-    """A header, then vectors (rows) and tables (rows, columns)."""
+    """Arrays as bytes: a header in JSON with their names and sizes, then the numbers, column by column.
+
+    A vector (rows) is sent as it is. A table (rows, columns) is sent as whole numbers of 16 bits, value = middle +
+    step * number; the lowest number is no value.
+    """
     parts, listed = [], []
     for name, values in arrays.items():
         if values.ndim == 1:
@@ -113,29 +119,8 @@ def pack(head: dict[str, Any], arrays: dict[str, np.ndarray]) -> bytes:
     return struct.pack("<I", len(text)) + text + b"".join(parts)
 
 
-# Modes for the page, with one kind of parameter of all machines multiplied by a factor.
-ROLES = "stabilizer", "exciter", "governor"
-
-
-def gains(case: Case) -> list[str]:
-    """Gains of the controls of a case, as `pss.K`: parameters whose names begin with K."""
-    tables = [model for model in of_role(*ROLES) if case.devices.get(model)]
-    return [f"{model}.{name}" for model in tables for name in fields(models()[model].Par) if name[0] == "K"]
-
-
-def scaled(case: Case, gain: str, factor: float) -> Case:
-    """The case with a gain of all machines multiplied."""
-    if factor == 1 or not gain:
-        return case
-    if gain not in gains(case):
-        raise StudyError(f"{case.name} has no gain {gain!r}; choose one of {', '.join(gains(case))}.")
-    model, name = gain.split(".")
-    rows = {k: par._replace(**{name: factor * getattr(par, name)}) for k, par in case.devices[model].items()}
-    return replace(case, devices={**case.devices, model: rows})
-
-
 def modes_answer(case: Case, gain: str, factor: float) -> dict[str, Any]:
-    """Eigenvalues of the upper half plane, with name, damping, participation and mode shape."""
+    """Eigenvalues of the upper half plane with name, damping, participation, mode shape; one gain is multiplied."""
     found = modes(operating_point.solve(scaled(case, gain, factor)))
     upper = [int(k) for k in np.flatnonzero(found.eigenvalues.imag >= 0)]
     swings = found.swings()
@@ -157,9 +142,21 @@ def modes_answer(case: Case, gain: str, factor: float) -> dict[str, Any]:
     }
 
 
-# What takes longer than a moment, told as it is found: a critical clearing time, and that of every line.
-Tell = Callable[[dict[str, Any]], None]
-FINE = "0.015625cyc"  # of the second search
+def scaled(case: Case, gain: str, factor: float) -> Case:
+    """The case with a gain of all machines multiplied."""
+    if factor == 1 or not gain:
+        return case
+    if gain not in gains(case):
+        raise StudyError(f"{case.name} has no gain {gain!r}; choose one of {', '.join(gains(case))}.")
+    model, name = gain.split(".")
+    rows = {k: par._replace(**{name: factor * getattr(par, name)}) for k, par in case.devices[model].items()}
+    return replace(case, devices={**case.devices, model: rows})
+
+
+def gains(case: Case) -> list[str]:
+    """Gains of the controls of a case, as `pss.K`: parameters whose names begin with K."""
+    tables = [model for model in of_role(*ROLES) if case.devices.get(model)]
+    return [f"{model}.{name}" for model in tables for name in fields(models()[model].Par) if name[0] == "K"]
 
 
 def critical(points: Points, state: State, tell: Tell) -> None:
@@ -205,12 +202,11 @@ def landscape(points: Points, state: State, tell: Tell) -> None:
     tell({"remarks": found.remarks()})
 
 
-# One machine of a case and the center of inertia of the others: equal areas and phase plane of a bolted fault.
-LONGEST = 3.0  # s   of the motion in the phase plane
-
-
 def equal_area_answer(case: Case, machine: int | None, cycles: float) -> dict[str, Any]:
-    """The curves of a fault of so many cycles at the terminal of a machine; without one, of the first that has any."""
+    """Equal areas and phase plane of a bolted fault of so many cycles at a machine, by default the first that has them.
+
+    The machine moves against the center of inertia of the others.
+    """
     machine, pair = _first(case) if machine is None else (machine, equivalent(case, machine))
     m, edge = pair.omib, separatrix(pair.omib, 121)
     critical = critical_clearing(m)
@@ -236,11 +232,6 @@ def equal_area_answer(case: Case, machine: int | None, cycles: float) -> dict[st
     }
 
 
-def _shown(angle: np.ndarray, speed: np.ndarray) -> list[list[float]]:
-    """Angles (rad) in degrees, and speed deviations (rad/s) in Hz."""
-    return [np.rad2deg(angle).tolist(), (speed / (2 * np.pi)).tolist()]
-
-
 def _first(case: Case) -> tuple[int, Equivalent]:
     """The first machine with an equivalent, and this; raises `StudyError` as for the first machine if none has one."""
     for m in case.machines:
@@ -248,3 +239,8 @@ def _first(case: Case) -> tuple[int, Equivalent]:
             return m.machine, equivalent(case, m.machine)
     first = case.machines[0].machine
     return first, equivalent(case, first)
+
+
+def _shown(angle: np.ndarray, speed: np.ndarray) -> list[list[float]]:
+    """Angles (rad) in degrees, and speed deviations (rad/s) in Hz."""
+    return [np.rad2deg(angle).tolist(), (speed / (2 * np.pi)).tolist()]

@@ -12,7 +12,6 @@ from stabctl._util.errors import StabctlError, bug, sentence
 from . import answers, commands, page
 from .answers import Tell, pack
 from .commands import Source
-from .page import recording
 from .state import Points, Wrong, number, read
 
 if TYPE_CHECKING:
@@ -21,6 +20,19 @@ if TYPE_CHECKING:
 
 LARGEST = 20_000_000  # bytes of a request: a page to be saved
 LONGEST = 3600.0  # cycles   of a fault in the phase plane
+MOST = 8  # searches at a time, those included that end after their present simulation because the page has left
+BINARY, LINES = "application/octet-stream", "application/x-ndjson"
+FULL = json.dumps({"error": "Many searches are running for other pages; wait until some of them end."}) + "\n"
+HEADERS = {
+    "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+    "img-src data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "cross-origin-resource-policy": "same-origin",
+    "cross-origin-opener-policy": "same-origin",
+    "x-content-type-options": "nosniff",
+    "x-frame-options": "DENY",
+    "referrer-policy": "no-referrer",
+    "cache-control": "no-store",
+}
 
 
 class Pages:
@@ -55,7 +67,7 @@ class Pages:
     def save(self, message: dict[str, Any]) -> bytes:
         """The page as a file that works offline."""
         state = read(message.get("state"))
-        return page.saved(recording(self.points, state, self.load, message.get("results"))).encode()
+        return page.saved(page.recording(self.points, state, self.load, message.get("results"))).encode()
 
 
 class Guard:
@@ -189,35 +201,18 @@ def _refused(name: str) -> float:
     raise ValueError(name)
 
 
-FULL = json.dumps({"error": "Many searches are running for other pages; wait until some of them end."}) + "\n"
-BINARY, LINES = "application/octet-stream", "application/x-ndjson"
-# Who may talk to the server: only pages that it has served itself, which know its token.
-HEADERS = {
-    "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
-    "img-src data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
-    "cross-origin-resource-policy": "same-origin",
-    "cross-origin-opener-policy": "same-origin",
-    "x-content-type-options": "nosniff",
-    "x-frame-options": "DENY",
-    "referrer-policy": "no-referrer",
-    "cache-control": "no-store",
-}
-# Answers that come in parts: a line of JSON for each, until the work ends or the page no longer listens.
-MOST = 8  # searches at a time, those included that end after their present simulation because the page has left
-
-
 class Left(Exception):
     """The page no longer listens."""
 
 
 class Searches:
-    """Searches in threads, a few at a time."""
+    """Searches in threads, a few at a time; a line of JSON for each part of the answer, until the page leaves."""
 
     def __init__(self) -> None:
         self._room = BoundedSemaphore(MOST)
 
     def start(self, work: Callable[[Tell], None]) -> AsyncIterator[bytes] | None:
-        """Run `work(tell)` in a thread; what it tells, in lines. None if too many are running."""
+        """Run `work(tell)` in a thread; what it tells. None if too many are running."""
         if not self._room.acquire(blocking=False):
             return None
         told: SimpleQueue[dict[str, Any] | None] = SimpleQueue()

@@ -14,7 +14,6 @@ from stabctl.clearing.screen_result import lines
 from ..diagram import OneLine, one_line, storage
 from ..figures.palette import AREAS, CLEARING, COLORS, LABELS, VOLTAGES, css
 from . import answers
-from .answers import gains
 from .commands import Source
 from .state import LAWS, Points, State
 
@@ -25,6 +24,8 @@ SCRIPTS = (
 )  # fmt: skip
 SHEETS = "style.css", "uPlot.min.css", "page.css"  # the first is made from that of all figures
 KINDS = {".js": "text/javascript", ".css": "text/css"}
+FRAMES = 17  # clearing times recorded in a saved page
+SPREAD = 8.0  # cycles   over which they are spread
 
 
 @cache
@@ -32,7 +33,7 @@ def html() -> str:
     """The page as it is served: its scripts and styles beside it."""
     links = "".join(f'<link rel="stylesheet" href="{name}">' for name in SHEETS)
     scripts = "".join(f'<script src="{name}"></script>\n' for name in SCRIPTS)
-    return _template().replace("<!-- styles -->", links).replace("<!-- scripts -->", scripts)
+    return _text("page.html").replace("<!-- styles -->", links).replace("<!-- scripts -->", scripts)
 
 
 def saved(recorded: Mapping[str, Any]) -> str:
@@ -41,12 +42,18 @@ def saved(recorded: Mapping[str, Any]) -> str:
     data = json.dumps(recorded).replace("<", "\\u003c")
     scripts = f"<script>window.RECORDED = {data};</script>\n"
     scripts += "".join(f"<script>{_text(name)}</script>\n" for name in SCRIPTS)  # none has a closing tag in its text
-    return _template().replace("<!-- styles -->", css).replace("<!-- scripts -->", scripts)
+    return _text("page.html").replace("<!-- styles -->", css).replace("<!-- scripts -->", scripts)
 
 
-def encoded(answer: bytes) -> str:
-    """An answer as text in a page."""
-    return base64.b64encode(answer).decode()
+def file(name: str) -> tuple[bytes, str]:
+    """A script or style sheet, and its kind. `StudyError` if there is none of this name."""
+    if name not in (*SCRIPTS, *SHEETS):
+        raise StudyError(f"The page has no file {name!r}.")
+    return _text(name).encode(), KINDS[Path(name).suffix]
+
+
+def _text(name: str) -> str:
+    return css() if name == SHEETS[0] else (STATIC / name).read_text(encoding="utf-8")
 
 
 @lru_cache(2)
@@ -71,16 +78,10 @@ def about(points: Points) -> dict[str, Any]:
         "rotors": [unit[number] for number in start.rotor_numbers],
         "lines": found.screened,
         "states": start.layout.nx,
-        "gains": gains(case),
+        "gains": answers.gains(case),
         "laws": LAWS,
         "fault": fault,
-        "style": {
-            "colors": COLORS,
-            "areas": AREAS,
-            "voltages": VOLTAGES,
-            "clearing": CLEARING,
-            "labels": LABELS,
-        },
+        "style": {"colors": COLORS, "areas": AREAS, "voltages": VOLTAGES, "clearing": CLEARING, "labels": LABELS},
     }
 
 
@@ -97,26 +98,6 @@ def _diagram(drawn: OneLine) -> dict[str, Any]:
     }
 
 
-def file(name: str) -> tuple[bytes, str]:
-    """A script or style sheet, and its kind. `StudyError` if there is none of this name."""
-    if name not in (*SCRIPTS, *SHEETS):
-        raise StudyError(f"The page has no file {name!r}.")
-    return _text(name).encode(), KINDS[Path(name).suffix]
-
-
-def _text(name: str) -> str:
-    return css() if name == SHEETS[0] else (STATIC / name).read_text(encoding="utf-8")
-
-
-def _template() -> str:
-    return _text("page.html")
-
-
-# A page that is saved: its answers at clearing times around the present one, recorded.
-FRAMES = 17  # recorded clearing times
-SPREAD = 8.0  # cycles   over which they are spread
-
-
 def recording(points: Points, state: State, load: Source, results: Any) -> dict[str, Any]:
     """What a saved page knows: the case, the state, recorded runs, and the results that the page has."""
     first = max(0.0, state.clear - SPREAD / 2)
@@ -126,6 +107,6 @@ def recording(points: Points, state: State, load: Source, results: Any) -> dict[
         "case": about(points),
         "clear": state.clear,
         "state": {f.name: getattr(state, f.name) for f in fields(state)} | {"megawatts": dict(state.megawatts)},
-        "runs": [[clear, encoded(answer)] for clear, answer in taken],
+        "runs": [[clear, base64.b64encode(answer).decode()] for clear, answer in taken],
         "results": results,
     }

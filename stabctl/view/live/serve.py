@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 
 HOST = "127.0.0.1"
+ENDS = AT + 0.5  # s   of the first simulations
 
 
 def serve(
@@ -71,7 +72,19 @@ def serve(
             running.run([listening])
 
 
-def server(points: "Points", load: Source, token: str, port: int) -> "uvicorn.Server":
+def warm(case: Case) -> Points:
+    """The operating points of a case after its first simulations, which compile everything the page needs.
+
+    Raises `StudyError` if the case cannot be simulated.
+    """
+    points = Points(case)
+    fault = page.about(points)["fault"]
+    for state in (State(fault), State(fault, percent=1.0), State(fault, percent=1.0, law="feedback")):
+        simulate(points.of(state), state.contingency, ENDS, control=state.control(case.frequency_hz))
+    return points
+
+
+def server(points: Points, load: Source, token: str, port: int) -> "uvicorn.Server":
     """The server of a page, to be run with a socket."""
     import uvicorn
 
@@ -81,16 +94,3 @@ def server(points: "Points", load: Source, token: str, port: int) -> "uvicorn.Se
     return uvicorn.Server(
         uvicorn.Config(app(points, load, token, port), timeout_graceful_shutdown=1, ws="none", **options)
     )
-
-
-# What is done before the page opens: everything compiled, the diagram laid out, errors of the case found.
-ENDS = AT + 0.5  # s   of the first simulations
-
-
-def warm(case: Case) -> Points:
-    """The operating points of a case after its first simulations. `StudyError` if it cannot be simulated."""
-    points = Points(case)
-    fault = page.about(points)["fault"]
-    for state in (State(fault), State(fault, percent=1.0), State(fault, percent=1.0, law="feedback")):
-        simulate(points.of(state), state.contingency, ENDS, control=state.control(case.frequency_hz))
-    return points

@@ -15,6 +15,7 @@ from stabctl.simulation.contingency import Contingency
 
 AT, UNTIL = 1.0, 10.0  # s   of the fault, and the end of a run
 LAWS = "bang-bang", "feedback", "idle"
+KEPT = 24  # operating points
 
 
 @dataclass(frozen=True)
@@ -79,18 +80,6 @@ def read(given: Any) -> State:
     return state
 
 
-class Wrong(Exception):
-    """A message that no page sends."""
-
-
-def number(message: dict[str, Any], name: str, default: float | None = None, most: float = 1e6) -> float:
-    """A number of a message, from 0 to `most`. Raises Wrong if it is none."""
-    value = message.get(name, default)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= most:
-        raise Wrong
-    return float(value)
-
-
 def _value(name: str, value: Any, example: Any) -> Any:
     """A value of the kind of the example."""
     try:
@@ -110,12 +99,20 @@ def _value(name: str, value: Any, example: Any) -> Any:
     raise StudyError(f"{name} = {shown(value)} is not a setting of the page.")
 
 
-# The operating points of a case that the pages use: solved when they are first needed, the last ones kept.
-KEPT = 24
+class Wrong(Exception):
+    """A message that no page sends."""
+
+
+def number(message: dict[str, Any], name: str, default: float | None = None, most: float = 1e6) -> float:
+    """A number of a message, from 0 to `most`. Raises Wrong if it is none."""
+    value = message.get(name, default)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= most:
+        raise Wrong
+    return float(value)
 
 
 class Points:
-    """Operating points of a case by load level, with and without storage devices."""
+    """Operating points of a case by load level, with and without storage devices: solved once, the last ones kept."""
 
     def __init__(self, case: Case) -> None:
         self.case, self._lock = case, RLock()

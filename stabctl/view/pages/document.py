@@ -1,7 +1,8 @@
 """Pages: one self-contained HTML file each, from Jinja2 templates, with its figures as SVG.
 
-They read well on a phone, in light and dark mode, and on paper. The one script of a page sorts its tables, enlarges its
-figures and names their parts; the browser runs no other (Content-Security-Policy).
+They read well on a phone, in light and dark mode, and on paper. The figures have the colors of the page, and the names
+of their parts. The one script of a page sorts its tables, enlarges its figures and shows these names; the browser runs
+no other (Content-Security-Policy).
 """
 
 import base64
@@ -28,6 +29,20 @@ if TYPE_CHECKING:
 
 
 TEMPLATES = Path(__file__).parent / "templates"
+VARIABLES = {  # color of the figure -> variable of the page, which has another value in dark mode
+    "#000000": "ink",
+    INK: "ink",
+    "#ffffff": "paper",
+    GRAY: "soft",
+    COLORS[0]: "a",
+    COLORS[1]: "b",
+    COLORS[2]: "c",
+    COLORS[4]: "d",
+    COLORS[5]: "e",
+}
+OPTIONS: Any = {"svg.fonttype": "none", "svg.hashsalt": "stabctl"}
+NO_METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+SPACE, LINK = "http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"
 
 
 @cache
@@ -56,58 +71,6 @@ def _script() -> Script:
     text = "\n" + (TEMPLATES / "page.js").read_text(encoding="utf-8")
     found = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
     return Script(Markup(text), f"sha256-{found}")
-
-
-def write(folder: str | Path, stem: str, html: str) -> Path:
-    """Write a page into a folder, which is created if it is missing.
-
-    Parameters
-    ----------
-    folder
-        Folder of the page.
-    stem
-        Name of the file without suffix. Characters that do not belong in a file name become underscores, so that the
-        page stays in its folder.
-    html
-        The page. An existing page is replaced only when the new one is complete.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    StudyError
-        If the folder cannot be created or written to.
-    """
-    folder = Path(folder)
-    path = folder / f"{files.safe_name(stem)}.html"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        files.replace(path, html)
-    except OSError as error:
-        raise StudyError(
-            f"The report {path.name} cannot be written to {folder}: {error.strerror or error}. Give another folder."
-        ) from None
-    return path
-
-
-# Figures as SVG inside a page, in the colors of the page, with the names of their parts.
-VARIABLES = {  # color of the figure -> variable of the page, which has another value in dark mode
-    "#000000": "ink",
-    INK: "ink",
-    "#ffffff": "paper",
-    GRAY: "soft",
-    COLORS[0]: "a",
-    COLORS[1]: "b",
-    COLORS[2]: "c",
-    COLORS[4]: "d",
-    COLORS[5]: "e",
-}
-OPTIONS: Any = {"svg.fonttype": "none", "svg.hashsalt": "stabctl"}
-NO_METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))
-SPACE, LINK = "http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"
 
 
 def svg(drawn: "Figure | Axes", label: str) -> "Markup":
@@ -167,3 +130,38 @@ def _drawn(group: ElementTree.Element) -> list[ElementTree.Element]:
         elif child.tag != f"{{{SPACE}}}defs":
             found += _drawn(child)
     return found
+
+
+def write(folder: str | Path, stem: str, html: str) -> Path:
+    """Write a page into a folder, which is created if it is missing.
+
+    Parameters
+    ----------
+    folder
+        Folder of the page.
+    stem
+        Name of the file without suffix. Characters that do not belong in a file name become underscores, so that the
+        page stays in its folder.
+    html
+        The page. An existing page is replaced only when the new one is complete.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    StudyError
+        If the folder cannot be created or written to.
+    """
+    folder = Path(folder)
+    path = folder / f"{files.safe_name(stem)}.html"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        files.replace(path, html)
+    except OSError as error:
+        raise StudyError(
+            f"The report {path.name} cannot be written to {folder}: {error.strerror or error}. Give another folder."
+        ) from None
+    return path

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 from stabctl.smallsignal import Areas, Mode, Modes, Selected
 from stabctl.smallsignal.eigen import ZERO
 
-from ..figures import modes, one_line
-from ..figures import modes as eigenvalue_map
+from ..figures import modes as figures
+from ..figures import one_line
 from . import document
 from .document import svg
 
@@ -42,7 +42,7 @@ def page(modes: Modes, areas: Areas | None, band: tuple[float, float]) -> str:
             title=f"Modes of {case.name}",
             case=case,
             summary=str(modes),
-            eigenvalues=svg(eigenvalue_map.plot_modes(modes), "Eigenvalues in the complex plane"),
+            eigenvalues=svg(figures.plot_modes(modes), "Eigenvalues in the complex plane"),
             diagram=svg(one_line.plot(modes.linear.point, *drawn), "One-line diagram") if drawn else None,
             least=least,
             zeros=[modes.mode(k) for k in range(len(modes)) if modes.eigenvalues[k] == 0],
@@ -74,7 +74,7 @@ def _swing(m: Mode) -> dict[str, Any]:
         "mode": m,
         "frequency": number(m.frequency_hz, 3),
         "damping": number(100 * m.damping_ratio, 2),
-        "shape": svg(modes.plot_mode_shape(m), f"Mode shape: {m.label}"),
+        "shape": svg(figures.plot_mode_shape(m), f"Mode shape: {m.label}"),
         "bars": [
             {"state": p.state, "width": f"{100 * p.share / largest:.1f}", "percent": f"{100 * p.share:.1f}"}
             for p in m.participation[:BARS]
@@ -91,7 +91,6 @@ def _areas(areas: Areas) -> dict[str, Any]:
     }
 
 
-# Modes as a table for the terminal and as the record that `--json` prints.
 def record(modes: Modes) -> dict[str, Any]:
     """Return the eigenvalues with frequency, damping, label, ten largest participation factors and mode shape."""
     rows = []
