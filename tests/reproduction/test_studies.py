@@ -76,7 +76,7 @@ def test_numbers_of_the_estimation_page_are_those_of_its_study(rows, given):
     """Its tables of wrong data and of a filter from the literature; that of NEES and NIS is tested with its bands."""
     page = (ROOT / "docs" / "estimation.md").read_text(encoding="utf-8")
     shown = [[float(x) for x in re.findall(r"(?<=\| )[\d.]+(?= \|)", line)] for line in page.splitlines()]
-    module = script("estimator_consistency", ROOT / "analysis")
+    module = script("estimator_consistency", ROOT / "sims")
     for row in getattr(module, rows)(*given):
         cells = row[-8:]
         assert any(len(n) == 8 and matches(cells, n) for n in shown), row
