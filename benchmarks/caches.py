@@ -22,9 +22,9 @@ from stabctl import io
 from stabctl.dynamics import operating_point
 from stabctl.model.replicate import replicate
 from stabctl.simulation import stepper
+from stabctl.simulation._substitution import Factors
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import Simulation
-from stabctl.simulation.substitution import Factors
 
 COPIES, SYSTEMS = 10, 82
 STEP = 1 / 120  # s

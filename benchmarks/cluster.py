@@ -28,9 +28,9 @@ from stabctl.dynamics import operating_point
 from stabctl.jobs import Kind, store
 from stabctl.jobs.cluster import Cluster
 from stabctl.jobs.task import Base
+from stabctl.placement._simulated import FLEET
 from stabctl.placement.contingencies import packaged, read
 from stabctl.placement.place import place
-from stabctl.placement.simulated import FLEET
 
 MILLION = 1_000_000
 

@@ -14,10 +14,10 @@ from rich.table import Table
 
 from stabctl import io
 from stabctl.dynamics import operating_point
+from stabctl.estimation._signals import CoiReference
 from stabctl.estimation.estimators import Engine, Estimator, estimator
 from stabctl.estimation.pmu import Frame, Instrument, Pmu
 from stabctl.estimation.rotor_units import Terminals, rotor_units
-from stabctl.estimation.signals import CoiReference
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import Simulation
 

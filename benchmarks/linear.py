@@ -20,8 +20,8 @@ from stabctl.dynamics import operating_point
 from stabctl.model.case import Case
 from stabctl.model.replicate import replicate
 from stabctl.smallsignal import Selected, analyze, descriptor, linearize
+from stabctl.smallsignal._linearization_checks import limited
 from stabctl.smallsignal.eigen import eigen
-from stabctl.smallsignal.linearization_checks import limited
 from stabctl.smallsignal.model import eliminated
 
 RUNS = 15

@@ -9,7 +9,7 @@ from stabctl.clearing.trial import Search, Trial
 from stabctl.design import law_measurement
 from stabctl.design.evidence import step_responses
 from stabctl.dynamics import operating_point
-from stabctl.placement.allocation import gramians
+from stabctl.placement._allocation import gramians
 from stabctl.placement.sensitivity import sensitivity
 from stabctl.theory.two_machine import equivalent
 

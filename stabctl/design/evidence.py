@@ -21,8 +21,8 @@ from stabctl.smallsignal.interconnection import held
 from stabctl.smallsignal.margins import Margins, margins
 from stabctl.smallsignal.opened_loop import alone, linear_loop
 
+from ._tuning import Loop
 from .result import Design
-from .tuning import Loop
 
 FACTORS = np.linspace(0.0, 2.0, 41)  # of the gains, along the root locus
 HZ = np.geomspace(0.05, 10.0, 240)  # of the loop gains

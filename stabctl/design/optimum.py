@@ -30,8 +30,8 @@ from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.schedule import Schedule
 from stabctl.simulation.trajectory import Trajectory
 
-from .excursion import Scheduled
-from .schedule_search import Bounds, Iteration, ScheduleSearch
+from ._excursion import Scheduled
+from ._schedule_search import Bounds, Iteration, ScheduleSearch
 
 if TYPE_CHECKING:
     import pandas as pd

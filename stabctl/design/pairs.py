@@ -17,7 +17,7 @@ from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 from stabctl.smallsignal.closed_loop import closed_loop
 
-from .phase_compensation import UNSEEN, meant
+from ._phase_compensation import UNSEEN, meant
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -20,11 +20,11 @@ from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 from stabctl.smallsignal.closed_loop import closed_loop
 
-from . import phase_compensation
+from . import _phase_compensation
+from ._tuning import Loop, Make, Scenario, common, separate, worst
 from .outages import Outages
 from .pairs import SIGNALS, pairs, written
 from .result import Design, Requirement, operating_points
-from .tuning import Loop, Make, Scenario, common, separate, worst
 
 TAPS, MOST = 3, 8  # lags in the filter of an input: by default at most, and at most
 GAINS = np.geomspace(0.01, 3.0, 40)  # gains that are tried, relative to that which moves the mode by its own size
@@ -110,14 +110,14 @@ def pod(
     if order is None and len(reads) == 1:
         return _one(
             points,
-            phase_compensation.residue_damper(points[0], reads[0], output, hz, slow, more),
+            _phase_compensation.residue_damper(points[0], reads[0], output, hz, slow, more),
             damping,
             factors,
         )
     corner = 2 * np.pi * _middle(points[0])
     found: Design | None = None
     for n in range(1, TAPS + 1) if order is None else [order]:
-        make, count = phase_compensation.lag_chain_damper(reads, output, n, corner=corner, washout=slow, **more)
+        make, count = _phase_compensation.lag_chain_damper(reads, output, n, corner=corner, washout=slow, **more)
         new = _several(points, make, count, damping, factors)
         found = new if found is None or new.short < found.short else found
         if found.reached:
@@ -174,6 +174,6 @@ def _several(
 def _middle(point: OperatingPoint) -> float:
     """Middle (Hz) of the frequencies of the electromechanical modes."""
     modes = closed_loop(point).modes()
-    phase_compensation.meant(modes, None)
+    _phase_compensation.meant(modes, None)
     hz = modes.frequency_hz[modes.swings()]
     return float(np.sqrt(hz.min() * hz.max()))

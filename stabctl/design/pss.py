@@ -21,10 +21,10 @@ from stabctl.model.case import Case
 from stabctl.smallsignal.closed_loop import closed_loop
 from stabctl.smallsignal.model import Linear, Model, linearize
 
+from ._phase_compensation import fitted
+from ._tuning import Loop, Scenario, common, separate, worst
 from .outages import Outages
-from .phase_compensation import fitted
 from .result import Design, Requirement, largest_gain, operating_points
-from .tuning import Loop, Scenario, common, separate, worst
 
 BAND = (0.2, 2.5)  # Hz   in which the phase is compensated
 BOUND = 0.99  # of the largest gain allowed, from which it decides

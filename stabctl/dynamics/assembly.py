@@ -12,11 +12,11 @@ from stabctl.model.network import Network
 from stabctl.model.powerflow import PowerFlow
 
 from . import family, rows
+from ._wiring import Wiring
 from .family import Family, Limits, limits
 from .layout import Layout
 from .program import near
 from .rows import NO_UNIT, Row
-from .wiring import Wiring
 
 INFINITE = 1e9  # s   inertia constant in place of that of an infinite bus
 

@@ -7,19 +7,19 @@ from typing import Any
 
 from stabctl._util.jit import disabled, entry, inline
 
-from . import codegen
+from . import _codegen
 
 if disabled():
 
     def perform(calls: Any, w: Any, k: Any, s: Any, f: Any, on: Any) -> None:
         """Call families one after the other, as plain Python."""
         for address, op, n, i, j in calls:
-            codegen.plain[address](op, n, w[i:], k[j:], s, f, on)
+            _codegen.plain[address](op, n, w[i:], k[j:], s, f, on)
 
     def perform_local(calls: Any, starts: Any, w: Any, k: Any, s: Any, f: Any, on: Any) -> None:
         """Call families one after the other, each with its own part of f, as plain Python."""
         for (address, op, n, i, j), start in zip(calls, starts, strict=False):
-            codegen.plain[address](op, n, w[i:], k[j:], s, f[start:], on)
+            _codegen.plain[address](op, n, w[i:], k[j:], s, f[start:], on)
 
     def perform_due(calls: Any, bits: Any, due: int, w: Any, k: Any, s: Any, f: Any, on: Any) -> None:
         """Call the families whose bit is in `due`, as plain Python."""

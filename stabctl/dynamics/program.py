@@ -14,7 +14,7 @@ import numpy as np
 from stabctl._util import jit
 from stabctl._util.errors import EquilibriumError
 
-from . import codegen, family
+from . import _codegen, family
 from .family import BOTH, CURRENT, FRAME, INPUTS, LOCAL, OUTPUT, RATES, SOURCE, STEP, Family
 
 Node = tuple[int, int, tuple[int, ...]]  # family, operation, rows
@@ -98,13 +98,13 @@ class _Tables:
 
 def _addresses(families: Sequence[Family], scalar: type) -> list[int]:
     """Addresses of the families' loops, which are compiled if their machine code is not on disk."""
-    new = [f.device.name for f in families if len(f.w) and not codegen.on_disk(f.name, f.device, scalar)]
+    new = [f.device.name for f in families if len(f.w) and not _codegen.on_disk(f.name, f.device, scalar)]
     if new:
         jit.start("stabctl.simulation.stepper:advance", "stabctl.simulation.prepare")
     with jit.compiling(new) as done:
         out = []
         for f in families:
-            out.append(codegen.address(f.name, f.device, scalar) if len(f.w) else 0)
+            out.append(_codegen.address(f.name, f.device, scalar) if len(f.w) else 0)
             if f.device.name in new:
                 done()
     return out

@@ -13,7 +13,7 @@ from stabctl.controllers import BangBang
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.simulation.trajectory import Trajectory
 
-from .bad_data import Alarm
+from ._bad_data import Alarm
 from .pmu import Frame
 
 if TYPE_CHECKING:

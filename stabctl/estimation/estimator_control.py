@@ -9,9 +9,9 @@ from stabctl._util.verbs import verb
 from stabctl.controllers import BangBang, Law, SampledLaw
 from stabctl.controllers.controller import Controller
 
+from ._swing import TUNING, Tuning
 from .estimators import Engine, EstimatorName
 from .pmu import Pmu
-from .swing import TUNING, Tuning
 
 
 @dataclass(frozen=True)

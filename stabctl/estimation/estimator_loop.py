@@ -23,15 +23,15 @@ from stabctl.model.case import Case
 from stabctl.simulation.simulation import Simulation
 from stabctl.simulation.wired import storage_devices
 
-from . import signals
+from . import _signals
+from ._filter_bank import wrapped
+from ._observation import Observation, Truth
+from ._signals import CoiReference, Deviations, PhasorSignals, RotorSignals
 from .estimates import Estimates
 from .estimator_control import EstimatorControl
 from .estimators import Estimate, EstimatorName, Filtered, estimator
-from .filter_bank import wrapped
-from .observation import Observation, Truth
 from .pmu import Frame, Pmu
 from .rotor_units import rotor_units
-from .signals import CoiReference, Deviations, PhasorSignals, RotorSignals
 
 WARM_UP = 1.0  # s   of the system at rest before the first frame
 ANGLES = ("angle", "angle_deviation", "bus_angle")  # that need the angles of the rotors
@@ -248,7 +248,7 @@ class ControlInputs:
         kinds = np.array([s.kind for s, _ in given], str)
         ages = pmu.own_frames(point.case.frequency_hz) / pmu.rate, pmu.remote_frames(point.case.frequency_hz) / pmu.rate
         parts = []
-        for of in (signals.ROTOR_KINDS, signals.PHASOR_KINDS):
+        for of in (_signals.ROTOR_KINDS, _signals.PHASOR_KINDS):
             rows = np.flatnonzero(np.isin(kinds, of))
             parts.append(([given[i] for i in rows], places[rows], rest[rows]))
         (turning, *self._of_rotors), (electric, *self._of_phasors) = parts
@@ -276,7 +276,7 @@ class ControlInputs:
 def _check(c: Named, signal: Signal, estimator: EstimatorName) -> None:
     """Raise `StudyError` if no PMU measures a signal."""
     name = signal.kind if signal.place is None else f"{signal.kind}:{signal.place}"
-    kinds = (*signals.ROTOR_KINDS, *signals.PHASOR_KINDS)
+    kinds = (*_signals.ROTOR_KINDS, *_signals.PHASOR_KINDS)
     if signal.kind not in kinds:
         raise StudyError(
             f"{c.controller.name} reads {name}, which no PMU measures; behind an estimator a controller can read "

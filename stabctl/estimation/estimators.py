@@ -25,12 +25,12 @@ from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
-from .filter_bank import ENGINES, FilterBank, Seen, wrapped
-from .kernels import Constants, Kept
-from .machine_model import MachineModel, Measured
+from ._filter_bank import ENGINES, FilterBank, Seen, wrapped
+from ._kernels import Constants, Kept
+from ._machine_model import MachineModel, Measured
+from ._swing import TUNING, Tuning, rejections
 from .pmu import Frame, Parts, Pmu
 from .rotor_units import RotorUnits
-from .swing import TUNING, Tuning, rejections
 
 EstimatorName = Literal["ideal", "frequency", "kinematic", "kalman"]
 Engine = Literal["filterpy", "batched"]

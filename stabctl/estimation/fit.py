@@ -20,11 +20,11 @@ import numpy as np
 from stabctl._util.errors import StudyError
 from stabctl._util.tabular import Tabular, machine_column
 
+from ._filter_bank import GATE, Batched
+from ._swing import Tuning
 from .estimators import Filtered
-from .filter_bank import GATE, Batched
 from .pmu import Frame, Pmu
 from .rotor_units import RotorUnits, rotor_units
-from .swing import Tuning
 
 if TYPE_CHECKING:
     import pandas as pd

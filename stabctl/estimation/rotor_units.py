@@ -11,7 +11,7 @@ from stabctl.dynamics.assembly import INFINITE
 from stabctl.dynamics.operating_point import OperatingPoint, source_admittances
 from stabctl.simulation.simulation import Simulation
 
-from .swing import GOVERNOR
+from ._swing import GOVERNOR
 
 Factor = float | tuple[float, ...]
 REACTANCES = ("x2", "x1d")  # behind which the internal voltage is formed: x'' where the machine has one, else x'd

@@ -15,8 +15,8 @@ from stabctl._util.wording import counted, named
 from stabctl.dynamics.violations import Violation
 from stabctl.model.case import Case
 
-from . import import_checks, matpower, psse
-from .import_checks import DRIFT_S, FlowDifference, InitialState, Kind, Stored, by_kind
+from . import _import_checks, matpower, psse
+from ._import_checks import DRIFT_S, FlowDifference, InitialState, Kind, Stored, by_kind
 from .load_case import matching_dyr
 from .psse.dyr import Unsupported
 
@@ -182,9 +182,9 @@ def _checked(report: ImportReport) -> ImportReport:
             return None
 
     network = psse.read(report.files[0]).case if len(report.files) > 1 else report.case
-    flow = tried(import_checks.flow_difference, network)
-    start = tried(import_checks.initial_state, report.case) if flow and report.case.devices else None
-    return replace(report, stored=import_checks.mismatch(network), flow=flow, start=start, failures=tuple(failures))
+    flow = tried(_import_checks.flow_difference, network)
+    start = tried(_import_checks.initial_state, report.case) if flow and report.case.devices else None
+    return replace(report, stored=_import_checks.mismatch(network), flow=flow, start=start, failures=tuple(failures))
 
 
 def machine(case: Case, v: Violation) -> int | str | None:

@@ -12,8 +12,8 @@ from stabctl.dynamics.storage import current_limits
 from stabctl.model import fleet
 from stabctl.simulation.control import Control, Sampled
 
+from ._simulated import CriticalTime
 from .contingencies import scaled
-from .simulated import CriticalTime
 from .siting import Evidence
 from .siting_rows import label
 from .trials import Trials

@@ -28,13 +28,13 @@ from stabctl.model.tables import Storage
 from stabctl.simulation.control import Control, Sampled, acting, with_law
 from stabctl.simulation.criterion import DEFAULT, Criterion
 
-from . import cutting_planes, evidence, initial_fleets
+from . import _cutting_planes, _initial_fleets, evidence
+from ._cutting_planes import CuttingPlanes, Master
+from ._simulated import FLEET, CriticalTime
 from .contingencies import LONGER, Bases, Contingencies, Scenario, operating_points, scaled, scenarios
 from .contingencies import contingencies as as_contingencies
-from .cutting_planes import CuttingPlanes, Master
 from .evidence import critical_times, energies, table
 from .sensitivity import sensitivity
-from .simulated import FLEET, CriticalTime
 from .site_options import SiteOptions, Sites
 from .site_options import sites as as_sites
 from .siting import CandidateSite, Costs, Infeasible, Site, Siting, Survived
@@ -146,7 +146,7 @@ def place(
     flow = powerflow.solve(case)
     possible = as_sites(operating_point.solve(case, flow), candidates, cap, costs, flow)
     most = possible.cap
-    largest = np.where(possible.module > 0, most, cutting_planes.down(most, cutting_planes.decimals(most)))
+    largest = np.where(possible.module > 0, most, _cutting_planes.down(most, _cutting_planes.decimals(most)))
     places = fleet.devices(case, _devices(possible, largest), options=device)
     points = [operating_point.solve(fleet.extended(one, (*one.storage, *places))) for one in cases.values()]
     every = scenarios(wanted, len(points), len(case.storage) + len(places) if outages else None)
@@ -198,7 +198,7 @@ def _searched(study: _Study, runner: Runner, progress: Callable[[int, float], No
         names=study.names, search=study.search, runner=runner, progress=tell,
     )  # fmt: skip
     uniform = UNIFORM * possible.mva
-    trials, boundary, infeasible = initial_fleets.feasible(trials, uniform)
+    trials, boundary, infeasible = _initial_fleets.feasible(trials, uniform)
     tried, prices = trials.fleet(uniform), possible.prices
     hours = np.zeros(len(uniform))
     if prices.mwh.any():
@@ -206,8 +206,8 @@ def _searched(study: _Study, runner: Runner, progress: Callable[[int, float], No
     master = Master(largest, prices.per_mw(hours), prices.site, study.sites, module=possible.module)
     J = tuple(sensitivity(point, possible.candidates).J for point in points)
     planes = CuttingPlanes(trials, master, J, prices, hours)
-    even = initial_fleets.uniform_fleet(planes, uniform, boundary)
-    linear = initial_fleets.linear_fleet(planes, uniform)
+    even = _initial_fleets.uniform_fleet(planes, uniform, boundary)
+    linear = _initial_fleets.linear_fleet(planes, uniform)
     for start in (even, linear):
         if start is not None and (whole := planes.buildable(start)) is not None:
             planes.accept(whole)

@@ -22,8 +22,8 @@ from stabctl.simulation.control import Control, acting
 from stabctl.simulation.simulation import Simulation
 from stabctl.simulation.trajectory import Trajectory
 
+from ._simulated import FLEET, CriticalTime, Outcome, Peaks, Shared, Simulated, What, simulate, task, trial
 from .contingencies import Scenario, target_cycles, without_fault
-from .simulated import FLEET, CriticalTime, Outcome, Peaks, Shared, Simulated, What, simulate, task, trial
 
 FEW = 2  # scenarios simulated before all others
 DIGITS = 9  # of a size over its cap; fleets that agree to so many are the same

@@ -20,7 +20,7 @@ HEAD = 4
 
 @inline
 def family(op, count, w, k, s, f, on):
-    """The calls of the stepper; see `stabctl.dynamics.codegen`."""
+    """The calls of the stepper; see `stabctl.dynamics._codegen`."""
     m = int(k[0])
     width = m + 5
     for j in range(count):

@@ -17,9 +17,9 @@ from stabctl.dynamics import storage
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.model.network import UNSWITCHED
 
-from . import lti, newton
+from . import _newton, lti
+from ._buffers import buffers
 from .attached import BOUND, Attached
-from .buffers import buffers
 from .criterion import DEFAULT, numbers
 from .stepper import NOTHING
 from .topology import stage
@@ -98,7 +98,7 @@ class Rates:
         run = buffers(self._rest, self.wired.layout, self._places)
         run.s[: self.nx] += x
         run.s[self.orders] += u
-        newton.advance(self.wired, self._program, self._places, self._net, run, RULES, NOTHING._replace(last=True))
+        _newton.advance(self.wired, self._program, self._places, self._net, run, RULES, NOTHING._replace(last=True))
         return run.s, run.f[: self.nx]
 
 

@@ -21,7 +21,7 @@ SINGLE = True
 
 @inline
 def family(op, count, w, k, s, f, on):
-    """The calls of the stepper; see `stabctl.dynamics.codegen`."""
+    """The calls of the stepper; see `stabctl.dynamics._codegen`."""
     n, m, p = int(k[0]), int(k[1]), int(k[2])
     levels = HEAD + n * n + n * m + p * n + p * m + 2 * m
     tail = levels + 4 + n * p

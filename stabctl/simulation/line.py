@@ -17,7 +17,7 @@ ROLE = "controller"
 
 @inline
 def family(op, count, w, k, s, f, on):
-    """The calls of the stepper; see `stabctl.dynamics.codegen`."""
+    """The calls of the stepper; see `stabctl.dynamics._codegen`."""
     for j in range(count):
         wanted, due, line, out = w[8 * j + 4], w[8 * j + 5], w[8 * j + 6], w[8 * j + 7]
         d, bit = int(k[2 * j]), int(k[2 * j + 1])

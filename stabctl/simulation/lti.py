@@ -81,7 +81,7 @@ def active(w, k, s, on):
 
 @inline
 def family(op, count, w, k, s, f, on):
-    """The calls of the stepper; see `stabctl.dynamics.codegen`."""
+    """The calls of the stepper; see `stabctl.dynamics._codegen`."""
     n, m, p = int(k[0]), int(k[1]), int(k[2])
     x, out = w[0], w[6 + m + p]
     levels = HEAD + n * n + n * m + p * n + p * m + 2 * m

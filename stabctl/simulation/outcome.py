@@ -13,7 +13,7 @@ from stabctl.dynamics import family
 from stabctl.dynamics.assembly import Angle
 from stabctl.dynamics.operating_point import OperatingPoint
 
-from . import judgment
+from . import _judgment
 from .criterion import Criterion, frequency_range
 from .swings import Swings
 from .topology import Stage
@@ -86,25 +86,25 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
         )
     kind, machine, blamed = Kind.ISLANDED if cut else Kind.STABLE, None, None
     match end.verdict:
-        case judgment.SLIPPED | judgment.UNLOCKED:
+        case _judgment.SLIPPED | _judgment.UNLOCKED:
             kind, machine, where = Kind.LOST_SYNCHRONISM, number, " of its island" if cut else ""
             text = (
                 f"{called[0].upper()}{called[1:]} lost synchronism at {t:.3f} s: {_angle(point, end)} moved "
                 f"{np.rad2deg(criterion.max_angle):.0f} degrees relative to the center of inertia{where}"
                 f"{_at_limit(point, end)}."
             )
-        case judgment.RUNAWAY:
+        case _judgment.RUNAWAY:
             kind, machine = Kind.LOST_SYNCHRONISM, number
             text = (
                 f"The speed of {called} left the range {criterion.slowest:g} to {criterion.fastest:g} pu at {t:.3f} s."
             )
-        case judgment.FREQUENCY:
+        case _judgment.FREQUENCY:
             kind = Kind.FREQUENCY_INSTABILITY
             text = _off_frequency(point, end, criterion)
-        case judgment.NO_VOLTAGE:
+        case _judgment.NO_VOLTAGE:
             kind, blamed = Kind.VOLTAGE_COLLAPSE, bus
             text = f"Voltage collapse at bus {bus} at {t:.3f} s: the network equations have no solution."
-        case judgment.LOW_VOLTAGE:
+        case _judgment.LOW_VOLTAGE:
             kind, blamed = Kind.VOLTAGE_COLLAPSE, bus
             text = (
                 f"Voltage collapse at bus {bus} at {t:.3f} s: its voltage stayed below the limit of its load "
@@ -119,7 +119,7 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
             converters = point.rotors.virtual.any() or len(point.system.unweighted.rows)
             everything = "All machines and converters" if converters else "All machines"
             text = f"{everything} stayed in synchronism until {t:.3f} s{_within(point, end, criterion)}."
-    sentences = (cut, text, str(end.swings or "")) if end.verdict == judgment.DONE else (text, cut)
+    sentences = (cut, text, str(end.swings or "")) if end.verdict == _judgment.DONE else (text, cut)
     message = " ".join(s for s in (*sentences, str(end.stalled), _cycling(end), _too_fast(end)) if s)
     return Outcome(kind, message, t, machine, blamed, end.swings, end.stalled.buses, tuple(end.cycling))
 
@@ -140,7 +140,7 @@ def _critical(point: OperatingPoint, end: End) -> tuple[int | str | None, str]:
 
 def _unweighted(point: OperatingPoint, end: End) -> Angle | None:
     """The critical angle, if it has no weight in a center of inertia."""
-    return point.system.unweighted.rows[end.machine] if end.verdict == judgment.UNLOCKED else None
+    return point.system.unweighted.rows[end.machine] if end.verdict == _judgment.UNLOCKED else None
 
 
 def _cut_off(point: OperatingPoint, now: Stage) -> str:

@@ -8,11 +8,11 @@ import scipy.sparse as sp
 from stabctl.dynamics.layout import Layout
 from stabctl.dynamics.program import Program
 
-from .buffers import buffers
+from ._buffers import buffers
+from ._places import Net, Places, Relative
+from ._substitution import factor
 from .criterion import DEFAULT, numbers
-from .places import Net, Places, Relative
 from .stepper import NOTHING, START, advance
-from .substitution import factor
 
 
 def prepare() -> None:

@@ -13,13 +13,13 @@ from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.model import naming
 from stabctl.model.network import Switching
 
-from . import closed, judgment, stepper, steps, swings
+from . import _judgment, closed, stepper, steps, swings
+from ._buffers import NOTE, buffers
+from ._newton import NO_ROWS, Slopes, advance
 from .attached import attached
-from .buffers import NOTE, buffers
 from .contingency import Disturbance, schedule
 from .control import Control, Frames, Pilot, acting, carry
 from .criterion import DEFAULT, Criterion, for_system, frequency_range, numbers
-from .newton import NO_ROWS, Slopes, advance
 from .outcome import End, Outcome, outcome, stalled
 from .recording import Recorded, Recording
 from .stages import constants
@@ -31,7 +31,7 @@ from .wired import wired
 
 FURTHER = 5.0  # s   by which a run is continued while its swings may grow
 REVERSALS = 5.0  # 1/s   of full power, from which on a storage device is in a limit cycle; swings make up to 4
-TIMED = judgment.LOW_VOLTAGE, judgment.FREQUENCY  # verdicts whose instant lies within a step
+TIMED = _judgment.LOW_VOLTAGE, _judgment.FREQUENCY  # verdicts whose instant lies within a step
 
 
 class Simulation:
@@ -91,7 +91,7 @@ class Simulation:
         self.time, self.wall_s, self.steps = start, 0.0, 0
         self.outcome: Outcome | None = None
         self._taken_off: list[str] = []
-        self._verdict, self._slopes = judgment.DONE, Slopes()
+        self._verdict, self._slopes = _judgment.DONE, Slopes()
         self._finished: Trajectory | None = None
         self._swings: tuple[float, Swings | None] | None = None  # instant and last swings then
         self._at, self._since = 0, start
@@ -197,8 +197,8 @@ class Simulation:
         if self._finished is not None:
             return self._finished
         if self.outcome is None:
-            self.outcome = self._end(judgment.DONE)
-        if self._record.recording and self._verdict != judgment.NO_VOLTAGE:
+            self.outcome = self._end(_judgment.DONE)
+        if self._record.recording and self._verdict != _judgment.NO_VOLTAGE:
             self._record.event()
             self._call(steps.NONE, True)
         times, rows = self._record.kept(self.wired.layout.first_memory)
@@ -257,9 +257,9 @@ class Simulation:
             done += made
             self.time = target if done == count else float(all_steps.starts[done])
             self.steps += made
-            if verdict in (judgment.RUNAWAY, judgment.FREQUENCY) and self._alone():
+            if verdict in (_judgment.RUNAWAY, _judgment.FREQUENCY) and self._alone():
                 self._take_off(verdict)
-            elif verdict != judgment.DONE:
+            elif verdict != _judgment.DONE:
                 self.outcome = self._end(verdict)
             if self.progress:
                 self.progress(self.time)
@@ -269,7 +269,7 @@ class Simulation:
         instant = self.time - (float(self._run.late[0]) if verdict in TIMED else 0.0)
         bus, rotor = int(self._run.notes[NOTE.bus]), int(self._run.notes[NOTE.rotor])
         outside = self._run.watch.off[1].max(initial=0.0)
-        last = self.swings() if verdict == judgment.DONE else None
+        last = self.swings() if verdict == _judgment.DONE else None
         end = End(
             verdict, instant, self._stage, self.speed, self._places.weight, rotor, bus, outside,
             tuple(self._taken_off), last, self._loop_frequency(verdict, rotor),
@@ -280,14 +280,14 @@ class Simulation:
 
     def _cycling(self) -> dict[str, float]:
         """Storage devices whose orders reverse at full power faster than machines swing: name -> times per second."""
-        if self._verdict != judgment.DONE:
+        if self._verdict != _judgment.DONE:
             return {}
         turns, names = self._run.watch.turns[1], naming.keys(self.point.case, "storage")
         return {str(name): float(rate) for name, rate in zip(names, turns, strict=True) if rate > REVERSALS}
 
     def _loop_frequency(self, verdict: int, row: int) -> float:
         """The frequency of the phase-locked loop that lost synchronism, pu; 1 if none did."""
-        found = self.point.system.unweighted.rows[row].frequency if verdict == judgment.UNLOCKED else -1
+        found = self.point.system.unweighted.rows[row].frequency if verdict == _judgment.UNLOCKED else -1
         return float(self._run.s[found]) if found >= 0 else 1.0
 
     def _alone(self) -> bool:
@@ -305,7 +305,7 @@ class Simulation:
         self._run.watch.off[:2, self._run.notes[NOTE.rotor]] = 0.0
         rules, hz = self.criterion, self.point.case.frequency_hz
         left = f"left the speed range {rules.slowest:g} to {rules.fastest:g} pu at {self.time:.3f} s"
-        if verdict == judgment.FREQUENCY:
+        if verdict == _judgment.FREQUENCY:
             left = f"was outside {frequency_range(rules, hz)} for {rules.frequency_delay_s:g} s at {self.time:.3f} s"
         noun = "Converter" if self.point.rotors.virtual[self._run.notes[NOTE.rotor]] else "Machine"
         number = self.point.case.machines[row].machine
@@ -319,9 +319,9 @@ class Simulation:
         if not np.isfinite(self.orders).all():
             raise StudyError(f"The storage orders {self.orders} are not finite numbers; set them between -1 and 1.")
         verdict, made = self._advance(now, last or settle, history)
-        if settle and verdict == judgment.NO_VOLTAGE and made == len(now.sizes):
-            verdict, settle = judgment.DONE, False  # at this instant, which an event or the frame may change
-        self._known = settle and verdict == judgment.DONE
+        if settle and verdict == _judgment.NO_VOLTAGE and made == len(now.sizes):
+            verdict, settle = _judgment.DONE, False  # at this instant, which an event or the frame may change
+        self._known = settle and verdict == _judgment.DONE
         self.wall_s += time.perf_counter() - before
         self._record.add(np.append(now.starts[:made], self.time) if last else now.starts[:made], history[: made + last])
         return verdict, made

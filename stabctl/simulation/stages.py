@@ -6,9 +6,9 @@ import numpy as np
 
 from stabctl._util.errors import StudyError
 
-from .buffers import Run, buffers
+from ._buffers import Run, buffers
+from ._newton import Slopes, of_wired
 from .method import STAGES
-from .newton import Slopes, of_wired
 from .stepper import START, replay
 from .topology import Stage, stage
 from .trajectory import Trajectory

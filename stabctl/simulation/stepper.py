@@ -26,12 +26,12 @@ from stabctl._util.jit import entry, inline, noinline
 from stabctl.devices.blocks import copy
 from stabctl.dynamics.perform import perform
 
-from .buffers import NOTE
-from .judgment import DONE, NEWTON, count_reversals, judge, measure_excess
+from ._buffers import NOTE
+from ._judgment import DONE, NEWTON, count_reversals, judge, measure_excess
+from ._substitution import solve_apart
+from ._switching import decide, first_jump, jump
+from ._voltages import settle
 from .method import RK4, STAGES, advance_states, clip_at_limits, freeze_disconnected, hold_at_limits
-from .substitution import solve_apart
-from .switching import decide, first_jump, jump
-from .voltages import settle
 
 MOST = 4  # jumps found in one step; what switches later in it does so at its end
 CHATTER = 8  # divided steps in a row; the next ones are not divided, until one has nothing to switch at its start

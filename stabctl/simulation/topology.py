@@ -16,8 +16,8 @@ from stabctl.model import naming, network
 from stabctl.model.location import circuit
 from stabctl.model.network import Switching
 
-from .places import Net
-from .substitution import factor
+from ._places import Net
+from ._substitution import factor
 
 MOST = 200  # networks kept for each operating point
 

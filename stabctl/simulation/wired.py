@@ -22,7 +22,7 @@ from stabctl.dynamics.rows import NO_UNIT
 from stabctl.model.case import Case
 
 from . import line
-from .places import Places, Relative, places, with_ratings
+from ._places import Places, Relative, places, with_ratings
 
 
 @dataclass(frozen=True, eq=False)

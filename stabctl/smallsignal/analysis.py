@@ -13,8 +13,8 @@ from stabctl.dynamics.operating_point import OperatingPoint, operating_point
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 
-from . import band_search
-from .argument_principle import Sector
+from . import _band_search
+from ._argument_principle import Sector
 from .descriptor import Descriptor, descriptor
 from .eigen import Eigen, eigen
 from .model import Linear, eliminated
@@ -100,7 +100,7 @@ def analyze(
     if isinstance(model, Descriptor):
         if band is not None or len(model.rows) > LARGE:
             band = BAND if band is None else band
-            found = band_search.band(model, *band, damping, said)
+            found = _band_search.band(model, *band, damping, said)
             return Selected(model, *_fixed(found.modes), band, damping, found.counted, found.incomplete)
         model = eliminated(model)
     elif band is not None:

@@ -24,13 +24,13 @@ from stabctl._util.wording import counted
 from stabctl.controllers.realization import pade
 from stabctl.dynamics.named import Named
 
-from .argument_principle import OnBoundaryError
-from .characteristic import Characteristic, growing
+from ._argument_principle import OnBoundaryError
+from ._characteristic import Characteristic, growing
+from ._root_search import Region, count, find
 from .eigen import GROWING, ZERO, eigen, values, without
 from .interconnection import Plant
 from .model import Linear
 from .modes import Modes
-from .root_search import Region, count, find
 
 FAST = 10.0  # Hz   radius of the circle, in frequency
 NODES = 12  # of a delay, and

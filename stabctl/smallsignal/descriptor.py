@@ -22,7 +22,7 @@ from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
 from stabctl.model.network import UNSWITCHED, Switching
 
-from . import linearization_checks
+from . import _linearization_checks
 
 
 class Parts(NamedTuple):
@@ -118,11 +118,11 @@ def descriptor(
     lay = point.layout
     d = point.equations.at(point.s.copy())
     Y = admittance(point)
-    linearization_checks.moving(point, d, Y)
-    linearization_checks.limited(point)
+    _linearization_checks.moving(point, d, Y)
+    _linearization_checks.limited(point)
     nx, nv = lay.nx, lay.first_setpoint
     live = filled(d.of_rates, 1) | filled(d.of_rates[:, :nx], 0) | filled(d.of_currents[:, :nx], 0)
-    read = linearization_checks.energies(point, y)
+    read = _linearization_checks.energies(point, y)
     energy = [k for k, p in enumerate(lay.states) if storage.is_energy(p.table, p.name) and k not in read]
     live[energy] = False
     rows = np.flatnonzero(live)

@@ -33,7 +33,7 @@ from stabctl.dynamics.operating_point import OperatingPoint, operating_point
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 
-from .characteristic import Characteristic, growing
+from ._characteristic import Characteristic, growing
 from .closed_loop import joined
 from .delayed_loop import DelayedLoop
 from .eigen import GROWING

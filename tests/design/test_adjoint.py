@@ -5,7 +5,7 @@ import pytest
 from systems import EXDC2, ROUND, small
 
 from stabctl._util.errors import StudyError
-from stabctl.design.adjoint import Shown, gradients
+from stabctl.design._adjoint import Shown, gradients
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.schedule import Schedule
 from stabctl.simulation.simulation import run

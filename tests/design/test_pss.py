@@ -7,7 +7,7 @@ import pytest
 
 from stabctl._util.errors import StudyError
 from stabctl.design import gep, outages, pss
-from stabctl.design.phase_compensation import fitted
+from stabctl.design._phase_compensation import fitted
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,8 @@ import pytest
 
 from stabctl import devices
 from stabctl._util import files, jit
-from stabctl.dynamics import codegen
-from stabctl.view.diagram.layout import cached_layout
+from stabctl.dynamics import _codegen
+from stabctl.view.diagram._layout import cached_layout
 
 SOURCE = """
 from stabctl._util import jit
@@ -82,9 +82,9 @@ def test_a_damaged_file_is_made_again(compiled, folder, damage):
 
 def test_a_family_whose_file_is_damaged_is_made_again(folder, monkeypatch):
     for turn in range(3):
-        monkeypatch.setattr(codegen, "_compiled", {})
+        monkeypatch.setattr(_codegen, "_compiled", {})
         before = contents(folder)
-        assert codegen.address("zip_load", devices.every()["zip_load"], float)
+        assert _codegen.address("zip_load", devices.every()["zip_load"], float)
         assert (contents(folder) == before) is (turn == 1)
         for file in contents(folder) if turn == 1 else ():
             file.write_bytes(DAMAGE["cut"](file.read_bytes()))

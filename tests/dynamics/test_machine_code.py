@@ -17,7 +17,7 @@ import stabctl
 from stabctl import devices
 from stabctl._util import jit
 from stabctl.dynamics import operating_point, perform
-from stabctl.simulation import stepper, voltages
+from stabctl.simulation import _voltages, stepper
 
 PACKAGE = Path(stabctl.__file__).parent
 NAMES = """
@@ -33,14 +33,14 @@ def names():
     from stabctl import devices
     from stabctl.controllers import BangBang, Feedback, hold
     from stabctl.devices import of
-    from stabctl.dynamics import adder, codegen, perform
-    from stabctl.simulation import stepper, voltages
+    from stabctl.dynamics import _codegen, adder, perform
+    from stabctl.simulation import _voltages, stepper
 
     laws = {"hold": of(hold), "bang_bang": BangBang().device, "feedback": Feedback().device}
     modules = {**devices.every(), **laws, "adder": of(adder)}
-    entries = stepper.advance, voltages.newton_from, perform.evaluate
+    entries = stepper.advance, _voltages.newton_from, perform.evaluate
     return {
-        name: [codegen._module(name, device, scalar).__module__ for scalar in (float, complex)]
+        name: [_codegen._module(name, device, scalar).__module__ for scalar in (float, complex)]
         for name, device in modules.items()
     } | {entry.name: entry._stem() for entry in entries}
 
@@ -67,8 +67,8 @@ EDITS = {
     "dynamics/adder.py": {"adder"},
     "dynamics/perform.py": ENTRIES,
     "simulation/stepper.py": {"advance"},
-    "simulation/voltages.py": STEPPER,
-    "simulation/substitution.py": STEPPER,
+    "simulation/_voltages.py": STEPPER,
+    "simulation/_substitution.py": STEPPER,
     "model/powerflow.py": set(),
     "dynamics/newton.py": set(),
 }
@@ -154,7 +154,7 @@ def test_an_edited_device_of_the_user_is_compiled_anew(tmp_path):
         sys.modules.pop("my_signals", None)
 
 
-MODULES = [*(device.module for device in devices.every().values()), stepper, voltages, perform]
+MODULES = [*(device.module for device in devices.every().values()), stepper, _voltages, perform]
 
 
 @pytest.mark.parametrize("module", MODULES, ids=lambda m: m.__name__)

@@ -8,8 +8,8 @@ import pytest
 
 from stabctl import io
 from stabctl.dynamics import operating_point
-from stabctl.estimation.filter_bank import wrapped
-from stabctl.estimation.machine_model import QAxis, turn
+from stabctl.estimation._filter_bank import wrapped
+from stabctl.estimation._machine_model import QAxis, turn
 from stabctl.estimation.rotor_units import Terminals, rotor_units
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import Simulation

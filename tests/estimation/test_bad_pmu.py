@@ -5,10 +5,10 @@ import pytest
 
 from stabctl import io
 from stabctl._util.errors import StudyError
-from stabctl.estimation.bad_data import PmuCheck
+from stabctl.estimation._bad_data import PmuCheck
+from stabctl.estimation._network_model import NetworkModel
 from stabctl.estimation.estimate import estimate
 from stabctl.estimation.estimator_control import EstimatorControl
-from stabctl.estimation.network_model import NetworkModel
 from stabctl.estimation.pmu import BadPmu, Instrument, Pmu
 from stabctl.estimation.rotor_units import Terminals
 from stabctl.simulation.contingency import Contingency

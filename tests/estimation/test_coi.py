@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from stabctl.estimation._signals import COAST, LIMIT, CoiReference
 from stabctl.estimation.estimators import Estimate
-from stabctl.estimation.signals import COAST, LIMIT, CoiReference
 
 H = np.array([3.0, 2.0, 5.0, 10.0])
 S = np.array([[0.01, -0.002, 0.004, 0.0]])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from stabctl.estimation.filter_bank import ENGINES, GATE, Seen, wrapped
-from stabctl.estimation.swing import STATES, rejections, swing
+from stabctl.estimation._filter_bank import ENGINES, GATE, Seen, wrapped
+from stabctl.estimation._swing import STATES, rejections, swing
 
 T, R = 1 / 60, 4e-6
 REJECTED = rejections(T)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from stabctl.dynamics import operating_point
+from stabctl.estimation._machine_model import MachineModel
+from stabctl.estimation._swing import Governors, Tuning
 from stabctl.estimation.estimators import Filtered
-from stabctl.estimation.machine_model import MachineModel
 from stabctl.estimation.pmu import Frame, Pmu
 from stabctl.estimation.rotor_units import Terminals, rotor_units
-from stabctl.estimation.swing import Governors, Tuning
 from stabctl.simulation.simulation import Simulation
 
 PMU, TUNING = Pmu(angle=3e-3, magnitude=2e-3), Tuning(walk=0.005, share=0.02)

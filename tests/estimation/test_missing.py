@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from stabctl._util.errors import StudyError
+from stabctl.estimation._network_model import NetworkModel
 from stabctl.estimation.estimate import estimate
 from stabctl.estimation.estimator_control import EstimatorControl
-from stabctl.estimation.network_model import NetworkModel
 from stabctl.estimation.pmu import Pmu
 from stabctl.estimation.rotor_units import Terminals
 from stabctl.simulation.contingency import Contingency

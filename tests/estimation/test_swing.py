@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from stabctl.estimation.swing import JUMP, process_covariance, rejections, swing
+from stabctl.estimation._swing import JUMP, process_covariance, rejections, swing
 
 H, D, HZ, T = np.array([2.0, 6.5]), np.array([0.0, 1.0]), 60.0, 1 / 60
 SWING = swing(H, D, hz=HZ, T=T, walk=0.05, flux=np.array([0.0, 1.0]))

@@ -9,7 +9,7 @@ from psse_replay import DATA
 
 import stabctl as st
 from stabctl._util.errors import CaseError
-from stabctl.io import import_checks, psse
+from stabctl.io import _import_checks, psse
 from stabctl.model import network
 
 GIVEN = Path(os.environ.get("STABCTL_IMPORT_DATA", Path(__file__).parents[3] / "shared" / "reference" / "import"))
@@ -74,12 +74,12 @@ def test_stored_voltages_are_our_power_flow(name, path):
             psse.read_psse(path)
         return
     case = psse.read_psse(path)
-    stored = import_checks.mismatch(case)
+    stored = _import_checks.mismatch(case)
     if name in EDITED:
         assert stored.mw == pytest.approx(EDITED[name][0], rel=0.01)
         return
     assert stored.mw <= 0.1  # 0.0387 (TVC), the last digit of the voltages
-    found = import_checks.flow_difference(case)
+    found = _import_checks.flow_difference(case)
     assert found.dv < 1e-4  # 8.8e-6 (DERA)
     assert found.dangle < 0.01  # 0.0043 (STAB1)
 

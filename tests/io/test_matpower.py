@@ -207,7 +207,7 @@ def test_a_damaged_file_is_named_with_its_line(tmp_path, old, new, says):
 
 
 def test_a_file_that_is_too_large_or_not_there(tmp_path, monkeypatch):
-    monkeypatch.setattr("stabctl.io.lexer.LARGEST_FILE", 100)
+    monkeypatch.setattr("stabctl.io._lexer.LARGEST_FILE", 100)
     with pytest.raises(CaseError, match="MB, the largest that is read"):
         st.load(small(tmp_path))
     with pytest.raises(CaseError, match="there is no such file"):

@@ -8,7 +8,7 @@ from psse_replay import DATA
 
 import stabctl as st
 from stabctl._util.errors import CaseError, StudyError
-from stabctl.io import lexer, psse
+from stabctl.io import _lexer, psse
 from stabctl.io.psse import dyr
 from stabctl.model import location, naming, network, powerflow
 from stabctl.simulation.events import Clear, Fault, Open
@@ -117,7 +117,7 @@ def test_a_comment_in_a_dyr_file_changes_nothing(tmp_path, comment):
     ],
 )
 def test_quoted_fields(text, fields):
-    assert lexer.split(text, lexer.Place(THREE, 1)).fields == fields
+    assert _lexer.split(text, _lexer.Place(THREE, 1)).fields == fields
 
 
 def test_records_of_one_line_are_read_in_one_pass(tmp_path, monkeypatch):
@@ -125,7 +125,7 @@ def test_records_of_one_line_are_read_in_one_pass(tmp_path, monkeypatch):
     searched = []
 
     def split(text, place, commas=True, start=0):
-        line = lexer.split(text, place, commas, start)
+        line = _lexer.split(text, place, commas, start)
         searched.append((line.end or len(text)) - start)
         return line
 

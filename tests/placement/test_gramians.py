@@ -10,7 +10,7 @@ from systems import CLASSICAL, doubled, small, with_shares
 
 from stabctl._util.errors import StudyError
 from stabctl.dynamics import operating_point
-from stabctl.placement.allocation import AllocationProgram, allocate, by_gramian, critical_modes, gramians
+from stabctl.placement._allocation import AllocationProgram, allocate, by_gramian, critical_modes, gramians
 from stabctl.placement.sensitivity import sensitivity
 from stabctl.smallsignal import analyze, linearize, modal
 

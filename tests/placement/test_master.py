@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import linprog
 
 from stabctl._util.errors import StudyError
-from stabctl.placement.cutting_planes import Cut, Master
+from stabctl.placement._cutting_planes import Cut, Master
 
 CAP = np.array([30.0, 40.0, 50.0, 60.0])
 

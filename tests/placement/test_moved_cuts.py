@@ -6,9 +6,9 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from stabctl.placement import cutting_planes, scaling
+from stabctl.placement import _cutting_planes, _scaling
+from stabctl.placement._cutting_planes import Cut, CuttingPlanes, Master, Unsolved
 from stabctl.placement.contingencies import Scenario
-from stabctl.placement.cutting_planes import Cut, CuttingPlanes, Master, Unsolved
 from stabctl.placement.site_options import Prices
 from stabctl.simulation.contingency import Contingency
 
@@ -93,8 +93,8 @@ class Curved:
 @pytest.fixture
 def curved(monkeypatch):
     """Cutting planes with exact gradients, at a fleet that costs little more than the cheapest one."""
-    monkeypatch.setattr(scaling, "by_peak", lambda trials, mw, k: 0.5 / mw)  # of s1 s2, scaled to d . s = 1
-    monkeypatch.setattr(cutting_planes, "energies", lambda trials, mw: 0 * mw)
+    monkeypatch.setattr(_scaling, "by_peak", lambda trials, mw, k: 0.5 / mw)  # of s1 s2, scaled to d . s = 1
+    monkeypatch.setattr(_cutting_planes, "energies", lambda trials, mw: 0 * mw)
     made = planes((14.5, 100 / 14.5), cuts=())
     made.trials = Curved()
     made.cut(np.array([30.0, 100 / 30]), 0)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stabctl.placement.scaling import FINE, SCAN, bisect, critical_scaling, largest_scaling, least_scaling
+from stabctl.placement._scaling import FINE, SCAN, bisect, critical_scaling, largest_scaling, least_scaling
 
 
 def _between(*gaps):

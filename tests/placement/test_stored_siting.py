@@ -8,8 +8,8 @@ from stabctl.controllers import BangBang
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.jobs.store import rows
 from stabctl.jobs.task import text
+from stabctl.placement._simulated import FLEET
 from stabctl.placement.place import place
-from stabctl.placement.simulated import FLEET
 from stabctl.placement.siting import Costs
 from stabctl.simulation.contingency import Contingency
 

@@ -60,6 +60,19 @@ def test_packages_stand_on_ten_floors():
     assert max(map(floor, rooms.keys() - {"__init__", "__main__"})) == 10
 
 
+def test_private_files_are_imported_within_their_package_only():
+    """Files whose name begins with an underscore; `_util` is everybody's."""
+    private = {name for name in FILES if name.rpartition(".")[2].startswith("_") and not name.endswith("__")}
+    wrong = [
+        f"{name} imports {other}"
+        for name in FILES
+        for other in private.intersection(imports(name))
+        if not name.startswith(other.rpartition(".")[0] + ".")
+    ]
+    assert len(private) > 30
+    assert wrong == []
+
+
 def test_no_file_is_long():
     lines = {name: len(path.read_text(encoding="utf-8").splitlines()) for name, path in FILES.items()}
     assert {name: n for name, n in lines.items() if n > MOST_LINES} == {}

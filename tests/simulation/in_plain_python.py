@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 import stabctl as st
-from stabctl.simulation import buffers, method, newton, stepper, voltages
+from stabctl.simulation import _buffers, _newton, _voltages, method, stepper
 from stabctl.simulation.method import Method
 from stabctl.simulation.simulation import Simulation
 
@@ -29,13 +29,13 @@ CONTROLS = {
 
 def interrupted() -> dict[str, np.ndarray]:
     """Runs in which the loop asks for Newton's method at every stage, and gets what it would have found itself."""
-    settle, calls = voltages.settle, []
+    settle, calls = _voltages.settle, []
 
     def by_newton(wired: object, *of: object) -> bool:
         calls.append(wired)
         return settle(*of[:-1])
 
-    newton.of_wired = by_newton
+    _newton.of_wired = by_newton
     point = st.load("two_area").with_storage("50MW", energy=0.01).initialize()  # MWh: the devices fill
     found = {}
     for name, control in CONTROLS.items():
@@ -56,7 +56,7 @@ def orders() -> dict[str, np.ndarray]:
     point = replace(case, loads=loads).initialize()  # nothing has a kink, every voltage is exact
     found = {}
     for name, table in (("rk4", method.RK4), ("heun", HEUN)):
-        for module in (buffers, method, stepper, stepper):
+        for module in (_buffers, method, stepper, stepper):
             for constant, value in (("RK4", table), ("STAGES", len(table.reach_divisor))):
                 if hasattr(module, constant):
                     setattr(module, constant, value)

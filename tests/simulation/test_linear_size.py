@@ -9,7 +9,7 @@ from stabctl.dynamics import operating_point
 from stabctl.model import fleet
 from stabctl.model.network import UNSWITCHED
 from stabctl.model.replicate import replicate
-from stabctl.simulation.buffers import buffers
+from stabctl.simulation._buffers import buffers
 from stabctl.simulation.topology import stage
 from stabctl.simulation.wired import wired
 

@@ -11,7 +11,7 @@ from systems import CLASSICAL, MOTOR, small
 import stabctl as st
 from stabctl._util.errors import StabctlError
 from stabctl.dynamics.rows import load_rows
-from stabctl.estimation.network_model import NetworkModel
+from stabctl.estimation._network_model import NetworkModel
 from stabctl.model.tables import Load
 from stabctl.simulation.timeline import timeline
 from stabctl.simulation.topology import stage

@@ -10,10 +10,10 @@ from stabctl.clearing import Search, Trial, clearing_time
 from stabctl.clearing.critical_time import last_stable
 from stabctl.controllers import BangBang
 from stabctl.dynamics.operating_point import initialize
-from stabctl.simulation import newton
+from stabctl.simulation import _newton
+from stabctl.simulation._judgment import time_beyond
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import Criterion
-from stabctl.simulation.judgment import time_beyond
 from stabctl.simulation.simulation import Simulation, run
 
 
@@ -59,13 +59,13 @@ def test_the_solution_beyond_a_kink_is_found(wscc9):
 
 def test_without_the_start_from_no_load_newtons_method_stalls(wscc9, monkeypatch):
     """What the run above needs: from the present voltages alone there is no way past the kink."""
-    whole, attempts = newton.voltages.newton_from, []
+    whole, attempts = _newton.voltages.newton_from, []
 
     def counted(*arguments):
         attempts.append(whole(*arguments))
         return attempts[-1]
 
-    monkeypatch.setattr(newton.voltages, "newton_from", counted)
+    monkeypatch.setattr(_newton.voltages, "newton_from", counted)
     run(wscc9, Contingency("8", clear="6.3cyc", trip="8-9"), 3.0, step=1 / 2000)
     assert (False, True) in pairwise(attempts)  # the first start fails, the second finds the solution
 

@@ -8,11 +8,11 @@ from systems import with_shares
 
 from stabctl.controllers import Feedback
 from stabctl.devices import of
-from stabctl.dynamics import codegen, family, operating_point
+from stabctl.dynamics import _codegen, family, operating_point
 from stabctl.dynamics.program import program
 from stabctl.model.network import UNSWITCHED
-from stabctl.simulation import center, frame, line, lti, newton, voltages
-from stabctl.simulation.buffers import NOTE, buffers, newton_space
+from stabctl.simulation import _newton, _voltages, center, frame, line, lti
+from stabctl.simulation._buffers import NOTE, buffers, newton_space
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run
 from stabctl.simulation.timeline import timeline
@@ -94,20 +94,20 @@ class TestNewtonFallback:
 
     @pytest.mark.parametrize("device", [center, frame, line, lti])
     def test_families_with_a_loop_of_their_own_exist_for_complex_numbers(self, device):
-        assert codegen.address(device.__name__.rpartition(".")[2], of(device), complex) is not None
+        assert _codegen.address(device.__name__.rpartition(".")[2], of(device), complex) is not None
 
     def test_factors_of_an_earlier_instant_give_the_same_voltages(self, cases):
         """Kept while the sources change; near the kinks, where they do not help, present ones are made."""
         point = operating_point.solve(self.heavy(cases))
         made, p = wired(point, None), program(wired(point, None).families, complex)
         net, own = stage(point, UNSWITCHED).net, self.sources(point)(point.s)
-        kept, made_again = newton.Slopes().of(net), 0
+        kept, made_again = _newton.Slopes().of(net), 0
         for scale in (1.0, 0.995, 0.99, 0.97, 0.96, 0.9, 0.8, 1.0):
             found = []
-            for slopes in (kept, newton.Slopes().of(net)):
+            for slopes in (kept, _newton.Slopes().of(net)):
                 q, before = buffers(made.start, made.layout, made.places), slopes.factors
                 q.solve.source[:] = scale * own
-                if newton.sparse(p.current, p, made.places, net, q, newton_space(q), False, slopes):
+                if _newton.sparse(p.current, p, made.places, net, q, newton_space(q), False, slopes):
                     found.append(q.volt)
                 made_again += slopes is kept and slopes.factors is not before
             assert len(found) in (0, 2)
@@ -134,12 +134,12 @@ class TestNewtonFallback:
         q = buffers(made.start, made.layout, made.places)
         q.solve.source[:] = source
         p, net = program(made.families, complex), stage(point, UNSWITCHED).net
-        found = voltages.newton_from(p.current, p, made.places, net, q, newton_space(q), slow)
+        found = _voltages.newton_from(p.current, p, made.places, net, q, newton_space(q), slow)
         assert found or not slow
         other = buffers(made.start, made.layout, made.places)
         other.solve.source[:] = source
-        kept = newton.Slopes().of(net)
-        assert newton.sparse(p.current, p, made.places, net, other, newton_space(other), slow, kept) == found
+        kept = _newton.Slopes().of(net)
+        assert _newton.sparse(p.current, p, made.places, net, other, newton_space(other), slow, kept) == found
         assert np.abs(other.volt - q.volt).max() < 3e-7  # 1.8e-7: the dense method ends at a residual of 1e-7
         if found and not slow:
             assert np.abs(miss(other.volt.view(float))).max() < 2e-9

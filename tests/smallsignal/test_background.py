@@ -6,13 +6,13 @@ import time
 import numpy as np
 import pytest
 
-from stabctl.smallsignal import analyze, band_search, descriptor, eigen
-from stabctl.smallsignal.band_search import Background
+from stabctl.smallsignal import _band_search, analyze, descriptor, eigen
+from stabctl.smallsignal._band_search import Background
 
 
 @pytest.fixture
 def two_threads(monkeypatch):
-    monkeypatch.setattr(band_search, "TWO_THREADS", 1)
+    monkeypatch.setattr(_band_search, "TWO_THREADS", 1)
     monkeypatch.setattr("stabctl._util.process.available", lambda: 2)
 
 
@@ -24,9 +24,9 @@ def alike(one, two):
 def test_two_threads_find_the_same_modes_as_one(point, monkeypatch, two_threads, first):
     """To the last bit, also if the count ends long before or after the search."""
     with monkeypatch.context() as patch:
-        patch.setattr(band_search, "TWO_THREADS", 10**9)
+        patch.setattr(_band_search, "TWO_THREADS", 10**9)
         one = analyze(descriptor(point("ieee39")), (0.1, 2.5))
-    slow = (band_search, "_counted") if first == "search" else (eigen, "near")
+    slow = (_band_search, "_counted") if first == "search" else (eigen, "near")
     monkeypatch.setattr(*slow, delayed(getattr(*slow)))
     two = analyze(descriptor(point("ieee39")), (0.1, 2.5))
     assert one.certified
@@ -48,7 +48,7 @@ def test_two_threads_with_a_mode_on_the_edge(point, modes, monkeypatch, two_thre
     k = every.swings()[3]
     band = (float(every.frequency_hz[k]) * (1 - 1e-9), 2.5)
     two = analyze(descriptor(point("ieee39")), band)
-    monkeypatch.setattr(band_search, "TWO_THREADS", 10**9)
+    monkeypatch.setattr(_band_search, "TWO_THREADS", 10**9)
     assert two.certified
     assert alike(analyze(descriptor(point("ieee39")), band), two)
 
@@ -79,7 +79,7 @@ def test_an_error_of_the_count_is_raised(point, monkeypatch, two_threads):
     def count(*_):
         raise ValueError("count")
 
-    monkeypatch.setattr(band_search, "count", count)
+    monkeypatch.setattr(_band_search, "count", count)
     with pytest.raises(ValueError, match="count"):
         analyze(descriptor(point("ieee39")), (0.1, 2.5))
     assert threading.active_count() == before

@@ -14,7 +14,7 @@ from stabctl.cli.linear import modes as command
 from stabctl.dynamics import operating_point
 from stabctl.model.replicate import replicate
 from stabctl.smallsignal import analyze, descriptor, eigen, linearize
-from stabctl.smallsignal.argument_principle import (
+from stabctl.smallsignal._argument_principle import (
     TERMS,
     Area,
     Member,
@@ -26,7 +26,7 @@ from stabctl.smallsignal.argument_principle import (
     count,
     series,
 )
-from stabctl.smallsignal.dissection import network
+from stabctl.smallsignal._dissection import network
 
 app = typer.Typer()
 app.command("modes")(command)
@@ -202,8 +202,8 @@ def test_a_mode_withheld_is_noticed(point, modes, monkeypatch, always):
 def test_a_mode_found_again_is_not_another_one(point, modes, monkeypatch):
     """If rounding leads back to modes known already, they do not make up the number counted."""
     monkeypatch.setattr(eigen, "_without", lambda *_: lambda x: x)
-    monkeypatch.setattr("stabctl.smallsignal.band_search.BLOCK", 3)
-    monkeypatch.setattr("stabctl.smallsignal.band_search.VECTORS", 18)
+    monkeypatch.setattr("stabctl.smallsignal._band_search.BLOCK", 3)
+    monkeypatch.setattr("stabctl.smallsignal._band_search.VECTORS", 18)
     check(point("ieee39"), modes("ieee39").eigenvalues, (0.1, 2.5), (-0.1, 0.3))
 
 

@@ -6,7 +6,7 @@ from scipy.special import lambertw
 
 import stabctl as st
 from stabctl._util.errors import StudyError
-from stabctl.smallsignal.characteristic import growing
+from stabctl.smallsignal._characteristic import growing
 from stabctl.smallsignal.delayed_loop import DelayedLoop
 
 BRANCHES = np.arange(-150, 151)

@@ -9,7 +9,7 @@ from stabctl._util.errors import StudyError
 from stabctl.dynamics import operating_point
 from stabctl.model.replicate import replicate
 from stabctl.smallsignal import Selected, analyze, areas, descriptor, linearize, modal
-from stabctl.smallsignal.band_search import Box
+from stabctl.smallsignal._band_search import Box
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ from matpowercaseframes.constants import COLUMNS
 
 from stabctl._util.errors import CaseError, shown
 
-from ..lexer import Place, lines
+from .._lexer import Place, lines
 
 LEAST = {"bus": 13, "gen": 10, "branch": 11, "dcline": 17}  # columns of a table
 _LABELED = {"bus_name": "bus", "genfuel": "gen", "gentype": "gen"}

@@ -11,9 +11,9 @@ from stabctl.model.case import Case
 from stabctl.model.tables import Branch, Bus, Load, Machine
 from stabctl.model.typical import POWER_FACTOR, Kind, Known, with_typical_machines
 
-from ..lexer import Place
+from .._lexer import Place
+from .._table_builder import ISOLATED, KINDS, POWER_LOW, TableBuilder
 from ..psse.dyr import Unsupported
-from ..table_builder import ISOLATED, KINDS, POWER_LOW, TableBuilder
 from . import mpc
 from .mpc import Mpc
 

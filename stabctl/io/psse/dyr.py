@@ -19,8 +19,8 @@ from stabctl.devices.blocks.lags import SHORT
 from stabctl.model import naming, tables
 from stabctl.model.tables import Load
 
-from ..lexer import NUMBER, Place, lines, number, split, whole
-from ..table_builder import NO_IMPEDANCE
+from .._lexer import NUMBER, Place, lines, number, split, whole
+from .._table_builder import NO_IMPEDANCE
 from .network import Source
 from .raw import Raw
 

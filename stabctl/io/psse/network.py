@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 
 from stabctl.model.tables import Branch, Bus, Load, Machine
 
-from ..lexer import Place
-from ..table_builder import ISOLATED, KINDS, POWER_LOW, TableBuilder
+from .._lexer import Place
+from .._table_builder import ISOLATED, KINDS, POWER_LOW, TableBuilder
 from .raw import DcLineRecord, Raw, TransformerRecord
 from .records import Converter
 

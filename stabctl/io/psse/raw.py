@@ -11,7 +11,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple, get_type_hints
 
-from ..lexer import Line, Place, lines, number, split, whole
+from .._lexer import Line, Place, lines, number, split, whole
 from .records import (
     Branch,
     Bus,

@@ -14,7 +14,7 @@ from stabctl.model import naming, tables
 from stabctl.model.case import Case
 from stabctl.model.tables import Load, Machine
 
-from ..table_builder import POWER_LOW
+from .._table_builder import POWER_LOW
 from . import dyr, network, raw
 from .dyr import Dynamics, LoadScopes, Unsupported
 from .network import Network, Source

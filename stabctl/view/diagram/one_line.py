@@ -12,7 +12,7 @@ from stabctl.model import naming, network, powerflow
 from stabctl.model.case import Case
 from stabctl.model.powerflow import PowerFlow
 
-from .layout import cached_layout
+from ._layout import cached_layout
 
 if TYPE_CHECKING:
     import pandas as pd

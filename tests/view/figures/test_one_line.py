@@ -15,8 +15,8 @@ import stabctl as st
 from stabctl._util.errors import StudyError
 from stabctl.placement.siting import Costs, Site, Siting
 from stabctl.smallsignal import areas
-from stabctl.view.diagram import layout, one_line
-from stabctl.view.diagram.layout import backbone, graph, node_positions, stress_majorization
+from stabctl.view.diagram import _layout, one_line
+from stabctl.view.diagram._layout import backbone, graph, node_positions, stress_majorization
 
 CASES = "ieee39", "two_area", "wnaps", "wscc9"
 
@@ -141,11 +141,11 @@ def test_coordinates_survive_a_case_folder(tmp_path, cases):
 
 def test_the_layout_is_calculated_once(cases, own_cache, monkeypatch):
     case = cases("ieee39")
-    first = layout.cached_layout(case)
-    monkeypatch.setattr(layout, "node_positions", lambda case: pytest.fail("calculated again"))
+    first = _layout.cached_layout(case)
+    monkeypatch.setattr(_layout, "node_positions", lambda case: pytest.fail("calculated again"))
     (file,) = own_cache.iterdir()
-    monkeypatch.setattr(layout, "_name", lambda case: file.name.removeprefix("diagram-"))
-    assert (layout.cached_layout(case) == first).all()
+    monkeypatch.setattr(_layout, "_name", lambda case: file.name.removeprefix("diagram-"))
+    assert (_layout.cached_layout(case) == first).all()
 
 
 def test_islands_and_small_systems_have_a_layout(cases):

@@ -21,7 +21,7 @@ from stabctl.controllers import BangBang
 from stabctl.simulation.schedule import Schedule
 from stabctl.simulation.trajectory import Trajectory
 
-from .adjoint import Shown, gradients
+from ._adjoint import Shown, gradients
 
 SHARE = 0.1  # 1/rad
 NEAR = 0.6  # of the largest angle; smaller ones are not followed

@@ -22,7 +22,7 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg as sl
 
-from .argument_principle import SLACK, WHOLE, OnBoundaryError
+from ._argument_principle import SLACK, WHOLE, OnBoundaryError
 from .eigen import GROWING
 
 TERMS = 4  # of the series of H around a point that are computed; the rest is bounded

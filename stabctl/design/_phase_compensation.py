@@ -29,6 +29,7 @@ from stabctl.smallsignal.modes import Modes
 if TYPE_CHECKING:
     import control
 
+
 MOST = np.deg2rad(60)  # phase of one stage
 SHORTEST, LONGEST = 0.01, 10.0  # s   time constants of a fitted stage
 UNSEEN = 1e-9  # residue of a mode that a feedback cannot move

@@ -19,7 +19,7 @@ import numpy as np
 from stabctl._util.errors import StudyError
 from stabctl.simulation.trajectory import Trajectory
 
-from .excursion import SHARE, Plan, Scheduled, Slopes, Window, slopes, window
+from ._excursion import SHARE, Plan, Scheduled, Slopes, Window, slopes, window
 
 GOOD, POOR = 0.6, 0.25  # of the predicted fall of the excursion: the trust region grows, and shrinks
 WIDEST, LEAST = 2.0, 1e-3  # ratings, radius of the trust region

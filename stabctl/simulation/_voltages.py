@@ -11,8 +11,8 @@ from stabctl._util.jit import allocating_entry, entry, inline, noinline
 from stabctl.devices.blocks import copy
 from stabctl.dynamics.perform import perform
 
-from .buffers import NOTE
-from .substitution import backward, forward, middle, solve_apart
+from ._buffers import NOTE
+from ._substitution import backward, forward, middle, solve_apart
 
 TOLERANCE = 1e-7  # pu   voltage error at which the iteration ends
 LIMIT = 30  # -    in place of this fixed-point iteration Newton's method is called

@@ -22,9 +22,9 @@ from stabctl._util import process
 from stabctl._util.errors import StudyError
 
 from . import eigen
-from .argument_principle import Network, OnBoundaryError, Said, Sector, count
+from ._argument_principle import Network, OnBoundaryError, Said, Sector, count
+from ._dissection import network
 from .descriptor import Descriptor
-from .dissection import network
 from .eigen import Eigen
 
 BLOCK, VECTORS = 4, 160  # vectors in a block, and in all, of the first search around a shift

@@ -27,7 +27,7 @@ import numpy as np
 
 from stabctl.model.network import Switching
 
-from .network_model import AMPLIFIED, NetworkModel
+from ._network_model import AMPLIFIED, NetworkModel
 from .pmu import Frame, Pmu
 
 LIMIT = 40.0  # T of one PMU; the probability of more is exp(-20)

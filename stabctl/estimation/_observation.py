@@ -12,8 +12,8 @@ from stabctl.dynamics.operating_point import source_admittances
 from stabctl.model.network import Switching
 from stabctl.simulation.simulation import Simulation
 
-from .bad_data import RETURN, Alarm, PmuCheck
-from .network_model import NetworkModel, sharp
+from ._bad_data import RETURN, Alarm, PmuCheck
+from ._network_model import NetworkModel, sharp
 from .pmu import BadReports, Frame, Instrument, Parts, Pmu
 from .rotor_units import Terminals
 

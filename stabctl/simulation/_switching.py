@@ -9,7 +9,7 @@ from stabctl._util.jit import inline, noinline
 from stabctl.devices.blocks import copy
 from stabctl.dynamics.perform import perform, perform_due
 
-from .voltages import settle
+from ._voltages import settle
 
 FINE = 1e-6  # of a step; a jump nearer to one of its ends does not divide it
 NEAR = 0.02  # of a step; nearer to its ends the interpolated voltages are exact enough

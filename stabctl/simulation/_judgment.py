@@ -3,8 +3,8 @@
 from stabctl._util.jit import inline, noinline
 from stabctl.devices.blocks import magnitude
 
-from .buffers import NOTE
-from .switching import coi
+from ._buffers import NOTE
+from ._switching import coi
 
 FULL = 0.9  # of the rating: orders beyond it count as full
 DONE, SLIPPED, NO_VOLTAGE, LOW_VOLTAGE, RUNAWAY, FREQUENCY, UNLOCKED, NEWTON = range(8)

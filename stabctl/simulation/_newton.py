@@ -15,15 +15,14 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spl
 
-from . import judgment, stepper, voltages
-from .buffers import NOTE, newton_space
+from . import _judgment, _voltages, stepper
+from ._buffers import NOTE, newton_space
+from ._substitution import OPTIONS, matrix
+from ._voltages import HALVINGS, STEPS, TINY, TOLERANCE, currents, solved
 from .stepper import Plan
-from .substitution import OPTIONS, matrix
-from .voltages import HALVINGS, STEPS, TINY, TOLERANCE, currents, solved
 from .wired import Wired
 
 NO_ROWS = np.empty((0, 0))
-
 QUICKLY = 0.4  # of the residual, at most left after a step with factors of an earlier instant
 CLOSE = 1e-2  # of the tolerance: with kept factors the last step gains less than with Newton's
 MANY = 200  # buses with voltage-dependent currents, from which on the sparse method is faster
@@ -57,10 +56,10 @@ def advance(
     at, kept = stepper.START, kept or Slopes()
     while True:
         verdict, at = stepper.advance(program, places, net, run, rules, plan, at, history)
-        if verdict != judgment.NEWTON:
+        if verdict != _judgment.NEWTON:
             return verdict, at.step
         if not of_wired(wired, program, places, net, run, kept):
-            return judgment.NO_VOLTAGE, at.step
+            return _judgment.NO_VOLTAGE, at.step
 
 
 def of_wired(wired: Wired, program: Any, places: Any, net: Any, run: Any, kept: Slopes) -> bool:
@@ -96,7 +95,7 @@ def newton(calls: Any, program: Any, places: Any, net: Any, run: Any, z: Any, *,
         if len(places.draw_bus) > MANY:
             found = sparse(calls, program, places, net, run, z, slow, kept.of(net))
         else:
-            found = voltages.newton_from(calls, program, places, net, run, z, slow)
+            found = _voltages.newton_from(calls, program, places, net, run, z, slow)
         if found:
             return True
     run.volt[:] = before

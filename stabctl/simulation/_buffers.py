@@ -9,10 +9,10 @@ import numpy as np
 
 from .method import STAGES
 
-if TYPE_CHECKING:  # the stepper is compiled again when something that this file imports changes
+if TYPE_CHECKING:
     from stabctl.dynamics.layout import Layout
 
-    from .places import Places
+    from ._places import Places
 
 
 class Note(NamedTuple):

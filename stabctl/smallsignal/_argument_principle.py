@@ -308,8 +308,6 @@ def series(u: Units, s: complex) -> Series:
 
 
 # The fronts at one point.
-
-
 def _of_area(area: Area, seen: list[Series], blocks: list[np.ndarray]) -> Front:
     """The front of an area, whose terms E_j = N0^-1 D_j have only the blocks of its units in D_j."""
     N = area.Y.astype(complex)

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from .argument_principle import OnBoundaryError
-from .characteristic import Characteristic, Path, whole
+from ._argument_principle import OnBoundaryError
+from ._characteristic import Characteristic, Path, whole
 
 ITERATIONS = 40
 CONVERGED, LOOSE = 1e-9, 1e-5  # last correction of a simple root, and of one of several that meet, relative to 1 + |s|

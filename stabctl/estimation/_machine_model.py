@@ -32,11 +32,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
-from .filter_bank import Seen
-from .kernels import Constants, Kept, expect, keep, move, see, spread
-from .pmu import Frame, Pmu, window
-from .rotor_units import RotorUnits
-from .swing import (
+from ._filter_bank import Seen
+from ._kernels import Constants, Kept, expect, keep, move, see, spread
+from ._swing import (
     STATES,
     UNKNOWN,
     UNSURE,
@@ -48,6 +46,8 @@ from .swing import (
     computed_power_variance,
     swing,
 )
+from .pmu import Frame, Pmu, window
+from .rotor_units import RotorUnits
 
 FORGOTTEN = 0.5  # s   without a report, after which a filter starts anew with the next one
 UNSETTLED = 0.05  # pu   standard deviation of a flux that may not be at rest

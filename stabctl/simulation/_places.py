@@ -11,7 +11,7 @@ import numpy as np
 from stabctl.dynamics.assembly import System
 from stabctl.dynamics.layout import Layout
 
-from .substitution import Factors
+from ._substitution import Factors
 
 
 class Net(NamedTuple):

@@ -11,7 +11,7 @@ import numpy as np
 
 from stabctl._util.jit import entry, inline
 
-from .swing import angle_variance, current_variance, power_variance, process_covariance
+from ._swing import angle_variance, current_variance, power_variance, process_covariance
 
 
 class Constants(NamedTuple):

@@ -30,10 +30,10 @@ import numpy as np
 
 from stabctl._util.errors import StudyError
 
-from . import scaling
+from . import _scaling
+from ._scaling import Scaled, along, critical_scaling, largest_scaling, least_scaling
 from .contingencies import Scenario
 from .evidence import energies
-from .scaling import Scaled, along, critical_scaling, largest_scaling, least_scaling
 from .site_options import Prices
 from .siting import Iteration
 from .trials import Trials
@@ -241,11 +241,11 @@ class CuttingPlanes:
         if any(cut.contingency == k and np.abs(cut.at - mw).max() < near for cut in self.cuts):
             return
         self.boundary.append((k, mw))
-        d = scaling.by_peak(self.trials, mw, k)
+        d = _scaling.by_peak(self.trials, mw, k)
         if d is None:
-            d = scaling.by_scaling(self.trials, mw, k)
+            d = _scaling.by_scaling(self.trials, mw, k)
         if d is None:
-            d = scaling.by_swept_angle(self.trials, mw, k, self.J[self.trials.scenarios[k].point])
+            d = _scaling.by_swept_angle(self.trials, mw, k, self.J[self.trials.scenarios[k].point])
         if d is not None:
             self.cuts.append(Cut(k, d, 1.0, mw))
 

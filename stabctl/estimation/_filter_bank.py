@@ -13,8 +13,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from scipy.special import chdtri
 
-from .kernels import correct, propagate
-from .swing import STATES
+from ._kernels import correct, propagate
+from ._swing import STATES
 
 GATE = float(chdtri(1, 0.001))  # 0.999 quantile of chi-square with one degree of freedom
 

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import breadth_first_order, connected_components, maximum_flow, shortest_path
 from scipy.sparse.linalg import splu
 
-from .argument_principle import Area, Member, Network, Units, units
+from ._argument_principle import Area, Member, Network, Units, units
 from .descriptor import Descriptor
 
 PORTS = (40, 80)  # voltages of devices in an area, at most, if the network can be divided

@@ -7,9 +7,9 @@ import numpy as np
 
 from stabctl._util.errors import LinearizationError, StudyError
 
-from .allocation import Objective, allocate, gramians
-from .cutting_planes import CuttingPlanes
-from .scaling import along, critical_scaling, largest_scaling, least_scaling
+from ._allocation import Objective, allocate, gramians
+from ._cutting_planes import CuttingPlanes
+from ._scaling import along, critical_scaling, largest_scaling, least_scaling
 from .siting import Infeasible
 from .trials import Trials
 

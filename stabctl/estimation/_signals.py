@@ -45,7 +45,6 @@ ROTOR_KINDS = ("speed", "deviation", "rest_speed", "coi_speed", "angle", "angle_
 OF_MACHINE = ("pe", "qe", "vt")
 PHASOR_KINDS = ("voltage", "bus_angle", "bus_frequency", "flow", "flow_q", *OF_MACHINE)
 STREAM = 3  # of the random numbers of a seed
-
 REACH = 0.1  # s   longest extrapolation
 COAST = 0.5  # s   time without a report after which the storage of a machine stays idle
 ENOUGH = 0.7  # -   share of the island's inertia that must have reported by then, otherwise the storage stays idle

@@ -38,6 +38,7 @@ from .sensitivity import Candidate, checked
 if TYPE_CHECKING:
     import pandas as pd
 
+
 Objective = Literal["min-eigenvalue", "log-det"]
 Caps = float | Sequence[float] | Mapping[tuple[int, int], float]
 MODES = 6  # number of modes considered
