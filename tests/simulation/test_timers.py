@@ -59,13 +59,13 @@ def test_the_solution_beyond_a_kink_is_found(wscc9):
 
 def test_without_the_start_from_no_load_newtons_method_stalls(wscc9, monkeypatch):
     """What the run above needs: from the present voltages alone there is no way past the kink."""
-    whole, attempts = _newton.voltages.newton_from, []
+    whole, attempts = _newton._voltages.newton_from, []
 
     def counted(*arguments):
         attempts.append(whole(*arguments))
         return attempts[-1]
 
-    monkeypatch.setattr(_newton.voltages, "newton_from", counted)
+    monkeypatch.setattr(_newton._voltages, "newton_from", counted)
     run(wscc9, Contingency("8", clear="6.3cyc", trip="8-9"), 3.0, step=1 / 2000)
     assert (False, True) in pairwise(attempts)  # the first start fails, the second finds the solution
 

@@ -60,7 +60,7 @@ def test_the_verdict_flips_at_the_critical_clearing_time(page):
     row = page.evaluate("live.case.branches.findIndex(b => b[0] === '7-8')")
     ends = page.evaluate(f"live.case.diagram.ends[{row}]")
     click_on(page, [a + 0.4 * (b - a) for a, b in zip(*ends, strict=True)])
-    fault = page.evaluate("view.live.state.fault")
+    fault = page.evaluate("live.state.fault")
     assert re.fullmatch(r"7-8@0\.(39|40|41)", fault)
     found = st.clearing_time(st.load("two_area"), fault).cycles
     for cycles, kind in ((found, "good"), (found + FINE, "bad"), (found - FINE, "good")):
@@ -96,7 +96,7 @@ def test_the_delay_slider_gives_the_answer_of_clearing_time(page):
 def test_a_click_on_a_bus_places_the_fault_and_offers_its_lines(page):
     bus = page.evaluate("live.case.buses.findIndex(b => b[0] === 9)")
     click_on(page, page.evaluate(f"live.case.diagram.buses[{bus}]"))
-    assert page.evaluate("view.live.state.fault") == "9"
+    assert page.evaluate("live.state.fault") == "9"
     assert "9-10" in page.locator("#trip option").all_inner_texts()
     page.select_option("#trip", "9-10")
     settled(page)
@@ -242,7 +242,7 @@ def test_a_system_of_two_thousand_buses(chromium):
         row = page.evaluate(middle)
         (a, b), (c, d) = page.evaluate(f"live.case.diagram.ends[{row}]")
         click_on(page, [(a + c) / 2, (b + d) / 2])
-        assert page.evaluate("view.live.state.fault").startswith(page.evaluate(f"live.case.branches[{row}][0]") + "@0.")
+        assert page.evaluate("live.state.fault").startswith(page.evaluate(f"live.case.branches[{row}][0]") + "@0.")
         settled(page)
         until(page, "!!critical.answer", 200)
         assert re.search("critical: .* leaves first|stable up to 60", page.locator("#note-clear").inner_text())
