@@ -76,11 +76,14 @@ def recorded(replay):
 def with_unit(case, name):
     """The case with the device that the DYR file of a row lacks."""
     if name.startswith("DERA"):
-        par = dera1.Par(0, 0, 0, 0, FreqFlag=int(name[-1]), Kqv=5.0, Imax=1.2)
-        return replace(case, devices={"gencls": {101: gencls.Par(0, 0, 0.0, 0.0, 0.0, 1e-5)}, "dera1": {102: par}})
+        par = dera1.Par(mva=0, V0=0, bus=0, running=0, FreqFlag=int(name[-1]), Kqv=5.0, Imax=1.2)
+        return replace(
+            case,
+            devices={"gencls": {101: gencls.Par(mva=0, wb=0, H=0.0, D=0.0, ra=0.0, x1d=1e-5)}, "dera1": {102: par}},
+        )
     if name != "CSVGN1":
         return case
-    par = csvgn1.Par(0, 0, 0, 20.0, 0.0, 1.0, 0.154833, 1.0, 0.005167, Cbase=60.0)
+    par = csvgn1.Par(mva=0, base=0, ymin=0, K=20.0, T1=0.0, T2=1.0, T3=0.154833, T4=1.0, T5=0.005167, Cbase=60.0)
     buses = tuple(b._replace(kind="pv") if b.bus == 3 else b for b in case.buses)
     unit = Machine(3, 3, 500.0, 0.0, 3)
     return replace(case, buses=buses, machines=(*case.machines, unit), devices={**case.devices, "csvgn1": {3: par}})

@@ -55,22 +55,38 @@ from stabctl.model.tables import Branch, Bus, Load, Machine
 
 OWN = Path(__file__).parent / "devices"  # devices as a user would write them
 
-ROUND = genrou.Par(0, 0, 4.0, 0.5, 0.003, 0.15, 1.8, 0.3, 0.22, 7.0, 0.03, 1.7, 0.5, 0.4, 0.05)
+ROUND = genrou.Par(
+    mva=0, wb=0, H=4.0, D=0.5, ra=0.003, xl=0.15, xd=1.8, x1d=0.3, x2=0.22, T1d=7.0, T2d=0.03, xq=1.7, x1q=0.5,
+    T1q=0.4, T2q=0.05,
+)  # fmt: skip
 SATURATED = ROUND._replace(S10=0.1, S12=0.4)
 SALIENT = ROUND._replace(xd=1.1, xq=0.7, x1q=0.7, T1q=0.5)
-POLES = gensal.Par(0, 0, 4.0, 0.5, 0.003, 0.15, 1.1, 0.3, 0.22, 6.0, 0.04, 0.7, 0.08, 0.1, 0.4)
-TWO_AXES = two_axis.Par(0, 0, 4.0, 0.5, 0.003, 1.1, 0.3, 6.0, 0.9, 0.5, 0.5)
-TYPE_J = gentpj1.Par(0, 0, 4.0, 0.5, 0.003, 0.15, 1.8, 0.3, 0.22, 7.0, 0.03, 1.7, 0.5, 0.25, 0.4, 0.05, 0.1, 0.4, 0.1)
-CLASSICAL = gencls.Par(0, 0, 4.0, 1.0, 0.002, 0.3)
+POLES = gensal.Par(
+    mva=0, wb=0, H=4.0, D=0.5, ra=0.003, xl=0.15, xd=1.1, x1d=0.3, x2=0.22, T1d=6.0, T2d=0.04, xq=0.7, T2q=0.08,
+    S10=0.1, S12=0.4,
+)  # fmt: skip
+TWO_AXES = two_axis.Par(mva=0, wb=0, H=4.0, D=0.5, ra=0.003, xd=1.1, x1d=0.3, T1d=6.0, xq=0.9, x1q=0.5, T1q=0.5)
+TYPE_J = gentpj1.Par(
+    mva=0, wb=0, H=4.0, D=0.5, ra=0.003, xl=0.15, xd=1.8, x1d=0.3, x2d=0.22, T1d=7.0, T2d=0.03, xq=1.7, x1q=0.5,
+    x2q=0.25, T1q=0.4, T2q=0.05, S10=0.1, S12=0.4, Kis=0.1,
+)  # fmt: skip
+CLASSICAL = gencls.Par(mva=0, wb=0, H=4.0, D=1.0, ra=0.002, x1d=0.3)
 SEXS = sexs.Par(0.01, 200.0, 0.05)
-EXST3 = exst3.Par(0.01, 200.0, 0.02, 10.0, 1.0, 5.0, -5.0, 0.1, -0.1, KP=1.2)
-EXDC2 = exdc2.Par(0.02, 40.0, 0.05, 1.0, 0.5, 6.0, -6.0, 1.0, 0.5, 0.05, TF=1.0, E1=1.2, SE1=0.05, E2=2.4, SE2=0.3)
-IEEET1 = ieeet1.Par(0.02, 40.0, 0.05, 6.0, -6.0, 1.0, 0.5, 0.05, TF=1.0, E1=1.2, SE1=0.05, E2=2.4, SE2=0.3)
-PSS = pss.Par(5.0, 10.0, 0.05, 0.02, 0.1, 0.03)
-EXPONENTIAL = exponential.Par(0, 0, 1.0, 0.7, 1.3, 3.0)
-VARIED = ieel.Par(0, 0, 0, 0, 0, 0.4, 0.2, 0.4, 0.5, 0.25, 0.25, a7=2.0, a8=-1.5, n1=1.8)
+EXST3 = exst3.Par(TR=0.01, KA=200.0, TA=0.02, TB=10.0, TC=1.0, VRmax=5.0, VRmin=-5.0, VImax=0.1, VImin=-0.1, KP=1.2)
+EXDC2 = exdc2.Par(
+    TR=0.02, KA=40.0, TA=0.05, TB=1.0, TC=0.5, VRmax=6.0, VRmin=-6.0, KE=1.0, TE=0.5, KF=0.05, TF=1.0, E1=1.2,
+    SE1=0.05, E2=2.4, SE2=0.3,
+)  # fmt: skip
+IEEET1 = ieeet1.Par(
+    TR=0.02, KA=40.0, TA=0.05, VRmax=6.0, VRmin=-6.0, KE=1.0, TE=0.5, KF=0.05, TF=1.0, E1=1.2, SE1=0.05, E2=2.4, SE2=0.3
+)
+PSS = pss.Par(K=5.0, Tw=10.0, T1=0.05, T2=0.02, T3=0.1, T4=0.03)
+EXPONENTIAL = exponential.Par(P0=0, Q0=0, V0=1.0, vlow=0.7, a=1.3, b=3.0)
+VARIED = ieel.Par(
+    P0=0, Q0=0, V0=0, vlow=0, wb=0, a1=0.4, a2=0.2, a3=0.4, a4=0.5, a5=0.25, a6=0.25, a7=2.0, a8=-1.5, n1=1.8
+)
 MOTOR = cim.Par(*(0,) * 10, 0.01, 0.09, 4.2, 0.035, 0.09)
-DER = dera1.Par(0, 0, 0, 0, Ddn=20.0, Dup=20.0, fdbd1=0.0, fdbd2=0.0)
+DER = dera1.Par(mva=0, V0=0, bus=0, running=0, Ddn=20.0, Dup=20.0, fdbd1=0.0, fdbd2=0.0)
 REGC = regc_a.Par(0, 0.02)
 REGC_B = regc_b.Par(0)
 REGC_C = regc_c.Par(0, 0)
@@ -78,26 +94,33 @@ FORMING = regfm_a1.Par(0, 0)
 VIRTUAL = regfm_b1.Par(0, 0)
 REEC = reec_b.Par(0, Kqv=2.0, Imax=1.5)
 PLANT = repc_a.Par(RefFlag=1, FFlag=1, Kp=2.0, Ki=1.0, Ddn=20.0, Dup=20.0)
-STEAM = tgov.Par(20.0, 0.1, 0.5, 0.0, 1.25, 5.0)
+STEAM = tgov.Par(K=20.0, Ts=0.1, Tc=0.5, T3=0.0, T4=1.25, T5=5.0)
 GAS = ggov1.Par()
-HYDRO = tgov.Par(20.0, 0.5, 5.0, 1.0, -1.0, 0.5)
+HYDRO = tgov.Par(K=20.0, Ts=0.5, Tc=5.0, T3=1.0, T4=-1.0, T5=0.5)
 
 GOVERNORS = {  # of machines at 0.3 to 0.85 pu, whose limits a large step of the speed reaches
-    tgov1: tgov1.Par(0.05, 0.3, 1.0, 5.0, 0.0, 0.9, 0.3),
-    gast: gast.Par(0.05, 0.4, 0.1, 3.0, 1.0, 2.0, 0.9, 0.3),
-    ieeeg1: ieeeg1.Par(20.0, 0.2, 0.0, 0.1, 0.3, 0.3, T5=5.0, K3=0.7, Pmax=0.9, Pmin=0.3),
-    hygov: hygov.Par(0.05, 0.3, 5.0, 0.05, 0.2, 1.0, VELM=0.1, Gmax=0.85, Gmin=0.3),
-    ieesgo: ieesgo.Par(0.1, 0.0, 0.2, 0.1, 0.4, 0.2, 20.0, 0.7, 0.2, 0.9, 0.3),
-    ieeeg3: ieeeg3.Par(0.2, 0.05, 0.05, 0.3, 5.0, 1.0, Umax=0.15, Umin=-0.15, Pmax=0.9, Pmin=0.3),
-    degov: degov.Par(0.02, 0.01, 0.1, 10.0, 0.5, 0.1, 0.05, 0.1, 0.9, 0.3),
-    degov1: degov1.Par(0, 0.02, 0.01, 0.1, 10.0, 0.5, 0.1, 0.05, 0.1, 0.05, 0.1, 0.9, 0.3),
+    tgov1: tgov1.Par(R=0.05, T1=0.3, T2=1.0, T3=5.0, Dt=0.0, Vmax=0.9, Vmin=0.3),
+    gast: gast.Par(R=0.05, T1=0.4, T2=0.1, T3=3.0, AT=1.0, KT=2.0, Vmax=0.9, Vmin=0.3),
+    ieeeg1: ieeeg1.Par(K=20.0, T1=0.2, T2=0.0, T3=0.1, T4=0.3, K1=0.3, T5=5.0, K3=0.7, Pmax=0.9, Pmin=0.3),
+    hygov: hygov.Par(R=0.05, r=0.3, Tr=5.0, Tf=0.05, Tg=0.2, Tw=1.0, VELM=0.1, Gmax=0.85, Gmin=0.3),
+    ieesgo: ieesgo.Par(T1=0.1, T2=0.0, T3=0.2, T4=0.1, T5=0.4, T6=0.2, K1=20.0, K2=0.7, K3=0.2, Pmax=0.9, Pmin=0.3),
+    ieeeg3: ieeeg3.Par(
+        TG=0.2, TP=0.05, sigma=0.05, delta=0.3, TR=5.0, TW=1.0, Umax=0.15, Umin=-0.15, Pmax=0.9, Pmin=0.3,
+    ),
+    degov: degov.Par(T1=0.02, T2=0.01, T3=0.1, K=10.0, T4=0.5, T5=0.1, T6=0.05, TD=0.1, Tmax=0.9, Tmin=0.3),
+    degov1: degov1.Par(
+        M=0, T1=0.02, T2=0.01, T3=0.1, K=10.0, T4=0.5, T5=0.1, T6=0.05, TD=0.1, DROOP=0.05, TE=0.1, Tmax=0.9,
+        Tmin=0.3,
+    ),
     pidgov: pidgov.Par(
-        1, 0.05, 0.05, 4.0, 1.0, 0.2, 0.1, 0.3, 0.0, 0.1, 0.5, 0.3, 0.75, 0.55, 1.0, 1.0, 1.0, 0.9, 0.3, 0.1, -0.1
+        feedback=1, Rperm=0.05, Treg=0.05, Kp=4.0, Ki=1.0, Kd=0.2, Ta=0.1, Tb=0.3, Dturb=0.0, G0=0.1, G1=0.5, P1=0.3,
+        G2=0.75, P2=0.55, P3=1.0, Atw=1.0, Tw=1.0, Gmax=0.9, Gmin=0.3, Velmax=0.1, Velmin=-0.1,
     ),
     wpidhy: wpidhy.Par(
-        0.05, -0.05, 2.0, 0.05, 1.0, 0.05, 0.05, 1.0, 0.0, 0.1, 0.5, 0.3, 0.75, 0.55, 1.0, 0.1, -0.1, 0.9, 0.3
+        Treg=0.05, Reg=-0.05, Kp=2.0, Ki=0.05, Kd=1.0, Ta=0.05, Tb=0.05, Tw=1.0, D=0.0, G0=0.1, G1=0.5, P1=0.3,
+        G2=0.75, P2=0.55, P3=1.0, Velmax=0.1, Velmin=-0.1, Gatmax=0.9, Gatmin=0.3,
     ),
-}
+}  # fmt: skip
 KINDS = {  # name -> devices of machine 1 and load 2; between them every model, and every branch of its equations
     "classical": {"gencls": CLASSICAL},
     "classical with governor": {"gencls": CLASSICAL, "tgov": STEAM},
@@ -207,7 +230,7 @@ def each(names=ALL_KINDS):
 def small(models, p=300.0, load=None, base=400.0, v=1.02, links=()):
     """Machine 1 with these devices, `p` MW, against the large classical machine 2; a load model stands at bus 2."""
     tables = {k: {2 if devices.every()[k].role == "load" else 1: par} for k, par in models.items()}
-    tables["gencls"] = tables.get("gencls", {}) | {2: gencls.Par(0, 0, 5.0, 2.0, 0.0, 0.2)}
+    tables["gencls"] = tables.get("gencls", {}) | {2: gencls.Par(mva=0, wb=0, H=5.0, D=2.0, ra=0.0, x1d=0.2)}
     return Case(
         name="small",
         buses=(Bus(1, "pv", v), Bus(2, "pq"), Bus(3, "swing", 1.0)),

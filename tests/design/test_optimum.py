@@ -32,7 +32,10 @@ OPTIONS = {"law": LATE, "window": "0.5s", "rate": 30, "observe": "1.2s", "longes
 
 def _case(own=3e-3):
     x = own * EQ.X
-    rows = {1: gencls.Par(0, 0, 4.0, 0.0, 0.0, x), 2: gencls.Par(0, 0, 4.0, 0.0, 0.0, LARGE * x)}
+    rows = {
+        1: gencls.Par(mva=0, wb=0, H=4.0, D=0.0, ra=0.0, x1d=x),
+        2: gencls.Par(mva=0, wb=0, H=4.0, D=0.0, ra=0.0, x1d=LARGE * x),
+    }
     machines = Machine(1, 1, BASE, 0.8 * BASE, 1), Machine(2, 2, BASE * LARGE, 0.0, 2)
     buses, line = (Bus(1, "pv", 1.0), Bus(2, "swing", 1.0)), Branch(1, 2, 0.0, EQ.X * (1 - 2 * own))
     case = Case("two_machines", buses, (line,), machines, {"gencls": rows}, (), base_mva=BASE, frequency_hz=60.0)

@@ -276,7 +276,7 @@ def test_records_of_what_is_not_modeled_are_refused_or_told():
     ],
 )
 def test_a_limit_of_distributed_generation_is_reached_and_left(given, signal, change, state, high, low):
-    p = dera1.Par(1.0, 1.0, 0.0, 0.0, dPmax=9.0, dPmin=-9.0)._replace(**given)
+    p = dera1.Par(mva=1.0, V0=1.0, bus=0.0, running=0.0, dPmax=9.0, dPmin=-9.0)._replace(**given)
     x, u = rest(dera1, opened(dera1, p), {"f": 1.0}, {"P": P, "Q": Q})
     p = dera1.automatic(p)
     rates, _ = evaluate(dera1, p, x, u)

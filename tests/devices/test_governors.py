@@ -230,7 +230,7 @@ def test_the_gate_moves_no_faster_than_its_limits(device, state, rates):
 
 def test_the_temperature_limit_of_gast_takes_over_from_the_speed():
     """A small demand of speed above AT: the power ends where AT + KT (AT - power) = power, at AT."""
-    par = gast.Par(0.05, 0.4, 0.1, 3.0, 0.8, 2.0, 1.0, 0.0)
+    par = gast.Par(R=0.05, T1=0.4, T2=0.1, T3=3.0, AT=0.8, KT=2.0, Vmax=1.0, Vmin=0.0)
     x, u = still(gast, par)
     out = motion(gast, par, x, lambda t: u | {"omega": 0.985}, 40.0)
     assert out[:, -1].max() > 0.85

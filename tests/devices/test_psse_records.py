@@ -42,7 +42,7 @@ def test_ratios_of_time_constants():
     assert par == sexs.Par(TR=0.0, KA=20.0, TA=1.0, TB=5.0, TC=2.0, Efdmax=50.0, Efdmin=-50.0)
     assert said == []
     par, _ = scrx.from_record("SCRX", values(scrx, "SCRX", "0.4 5 20 1 -50 50 1 0.5"))
-    assert par == scrx.Par(20.0, 1.0, 5.0, 2.0, 50.0, -50.0, 1, 0.5)
+    assert par == scrx.Par(K=20.0, TE=1.0, TB=5.0, TC=2.0, Emax=50.0, Emin=-50.0, switch=1, resistor=0.5)
     par, _ = pss.from_record("STAB1", values(pss, "STAB1", "6 1.5 13.3 0.0447 13.3 0.0447 0.2"))
     assert par == pytest.approx((6.0, 1.5, 13.3 * 0.0447, 0.0447, 13.3 * 0.0447, 0.0447, 0.2, -0.2))
 
@@ -93,7 +93,10 @@ def test_an_exciter_constant_of_zero_starts_the_regulator_at_a_tenth_of_its_ceil
 
 
 def test_the_cutoff_of_st2cut_is_measured_from_the_voltage_at_the_start():
-    par = st2cut.Par(5.0, 0.0, 0.0, 0.0, 3.0, 3.0, 0.1, 0.03, 0.1, 0.03, 0.0, 0.0, VCU=0.05, VCL=-0.05)
+    par = st2cut.Par(
+        K1=5.0, K2=0.0, T1=0.0, T2=0.0, T3=3.0, T4=3.0, T5=0.1, T6=0.03, T7=0.1, T8=0.03, T9=0.0, T10=0.0, VCU=0.05,
+        VCL=-0.05,
+    )  # fmt: skip
     par = st2cut.automatic(par, SimpleNamespace(vt=1.03))
     u = {"omega": 1.01, "P": 0.0}
     outputs = [evaluate(st2cut, par, [0.0] * 6, u | {"vt": vt})[1][0] for vt in (1.03, 1.075, 1.085, 0.985, 0.975)]

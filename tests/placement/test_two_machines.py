@@ -33,7 +33,10 @@ LAW = BangBang(deadband=0.0, min_voltage=0.0)
 
 def _case(own=2e-4):
     x = own * X
-    rows = {1: gencls.Par(0, 0, H, 0.0, 0.0, x), 2: gencls.Par(0, 0, H, 0.0, 0.0, LARGE * x)}
+    rows = {
+        1: gencls.Par(mva=0, wb=0, H=H, D=0.0, ra=0.0, x1d=x),
+        2: gencls.Par(mva=0, wb=0, H=H, D=0.0, ra=0.0, x1d=LARGE * x),
+    }
     return Case(
         name="two_machines",
         buses=(Bus(1, "pv", 1.0), Bus(2, "swing", 1.0)),

@@ -13,7 +13,10 @@ from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.simulation import Simulation
 
 KEEP_ON = Criterion(max_angle=np.inf)
-IDLE = esd.Par(0.0, 0.0, 0.0, 0.5, 0.0, 0.0, -np.inf, np.inf, 0.0, 1.0, 1.0)
+IDLE = esd.Par(
+    Pp=0.0, Pc=0.0, Pg=0.0, vlow=0.5, Tlag=0.0, ramp=0.0, floor=-np.inf, capacity=np.inf, stored=0.0, efficiency=1.0,
+    Smax=1.0,
+)  # fmt: skip
 ROLES = {"power": ("Pp", 0), "current": ("Pc", 1), "conductance": ("Pg", 2)}
 EMPTY = esd.State(0.0, 0.0, 0.0)
 
@@ -58,7 +61,7 @@ def test_current_and_voltage_give_the_power_and_no_reactive_power(size, order, a
 
 @given(size=st.floats(0, 1.5), angle=st.floats(-3, 3))
 def test_a_load_draws_what_its_shares_say_and_is_continuous_at_its_threshold(size, angle):
-    par = zip_load.Par(0.5, 0.2, 0.3, 0.1, 0.4, 0.6, 0.5)
+    par = zip_load.Par(Pp=0.5, Qp=0.2, Pc=0.3, Qc=0.1, Pz=0.4, Qz=0.6, vlow=0.5)
     v = size * np.exp(1j * angle)
     S = -v * complex(*zip_load.current((v.real, v.imag), par)).conjugate()
     m = max(size, 0.5)

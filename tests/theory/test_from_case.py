@@ -24,7 +24,10 @@ def two():
     buses = (Bus(1, "pv", 1.0), Bus(2, "swing", 1.0))
     branches = (Branch(1, 2, 0.0, 1.0), Branch(1, 2, 0.0, 1.0))
     machines = (Machine(1, 1, 100, 50, 1), Machine(2, 2, 100, -50, 2))
-    rows = {1: gencls.Par(0, 0, 1.0, 0, 0, 0.25), 2: gencls.Par(0, 0, 6.0, 0, 0, 0.25)}
+    rows = {
+        1: gencls.Par(mva=0, wb=0, H=1.0, D=0, ra=0, x1d=0.25),
+        2: gencls.Par(mva=0, wb=0, H=6.0, D=0, ra=0, x1d=0.25),
+    }
     return Case("two", buses, branches, machines, {"gencls": rows})
 
 
