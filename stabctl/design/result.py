@@ -3,12 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from annotated_types import Interval
 
 from stabctl._util import files
-from stabctl._util.errors import StudyError, shown
+from stabctl._util.errors import StudyError
+from stabctl._util.validation import guard
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.controllers.controller import Controller
@@ -210,15 +212,11 @@ class Requirement:
         Frequency (Hz) and damping ratio of the modes that need not reach it, but must not fall.
     """
 
-    damping: float
+    damping: Annotated[float, "-", "damping ratio", Interval(ge=0, lt=1)]
     floors: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
-        given = self.damping
-        if isinstance(given, bool) or not isinstance(given, int | float) or not 0 <= given < 1:
-            raise StudyError(
-                f"damping = {shown(given)} is not a damping ratio; give a number of at least 0 and below 1."
-            )
+        guard(self, omitted=False)
 
     def spare(self, s: np.ndarray) -> np.ndarray:
         """What the damping ratio of every eigenvalue s (1/s) has beyond what it must reach; inf if nothing is asked."""

@@ -14,7 +14,7 @@ from stabctl._util.process import paused
 from stabctl._util.verbs import verb
 from stabctl._util.wording import listed, named
 from stabctl.model import fleet, network, powerflow
-from stabctl.model.case import Case
+from stabctl.model.case import Case, not_a_system
 from stabctl.model.fleet import Fleet
 from stabctl.model.network import Network
 from stabctl.model.powerflow import PowerFlow
@@ -208,9 +208,7 @@ def operating_point(base: Case | OperatingPoint, storage: Fleet | None = None) -
         flow = powerflow.solve(base)
         return solve(base if storage is None else base.with_storage(storage, flow), flow)
     if not isinstance(base, OperatingPoint):
-        raise StudyError(
-            f"{shown(base)} is not a system; give a Case, such as st.load('two_area'), or its OperatingPoint."
-        )
+        raise not_a_system(base)
     return base if storage is None else solve(base.case.with_storage(storage, base.flow), base.flow)
 
 

@@ -122,10 +122,15 @@ def as_case(base: Any) -> Case:
     """The case, or that of an operating point. Raises `StudyError` for anything else."""
     found = base if isinstance(base, Case) else getattr(base, "case", None)
     if not isinstance(found, Case):
-        raise StudyError(
-            f"{shown(base)} is not a system; give a Case, such as st.load('two_area'), or its OperatingPoint."
-        )
+        raise not_a_system(base)
     return found
+
+
+def not_a_system(given: object) -> StudyError:
+    """The error where something else was given than a system."""
+    return StudyError(
+        f"{shown(given)} is not a system; give a Case, such as st.load('two_area'), or its OperatingPoint."
+    )
 
 
 def _made(parts: dict[str, Any]) -> Case:
