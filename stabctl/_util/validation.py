@@ -1,8 +1,8 @@
 """Values checked against the fields of their record, by the validators of pydantic's core.
 
 `checked` checks the rows of a table, `guard` a frozen dataclass. Checks are strict: no text or bool for a number,
-numbers finite and of at most `LARGEST` in size. The core alone is loaded, with the first check, in 0.03 s; pydantic's
-own classes around it would take 0.15 s.
+numbers finite and of at most `LARGEST` in size. The core alone is loaded, with the first check; pydantic's own classes
+around it would take several times as long.
 """
 
 from collections.abc import Iterable, Mapping
@@ -49,10 +49,10 @@ def checked(record: type[Record], rows: Iterable[Record]) -> tuple[Record, ...]:
 
 
 def guard(record: Any, *, omitted: bool = True) -> None:
-    """Check the fields of a frozen dataclass (`name: Annotated[float, unit, ...]`), called from its `__post_init__`.
+    """Check the fields of a frozen dataclass and convert text with a unit; called from its `__post_init__`.
 
-    A field that is None was omitted, where this is allowed. Text with a unit ("100mHz") becomes a number in the unit of
-    the field.
+    The fields are written `name: Annotated[float, unit, ...]`. One that is None was omitted, where this is allowed.
+    Text with a unit ("100mHz") becomes a number in the unit of the field.
 
     Raises
     ------

@@ -1,6 +1,7 @@
 """Controllers that act as a storage law does, one for each storage device.
 
-u = (w + k d) / slope, or the surface itself with a relay, deadband and limits -1 to 1, idle at low voltage
+u = (w + k d) / slope, or the surface w + k d itself if a relay follows. Outputs are limited to -1 to 1, and a device is
+idle at low voltage.
 """
 
 from math import pi
@@ -20,7 +21,7 @@ from .timing import Gate
 if TYPE_CHECKING:
     from stabctl.model.case import Case
 
-ONLY = {"max_acceleration": 0.0, "arm_at": 0.0, "return_time": 0.0}  # parts without a counterpart
+WITHOUT_COUNTERPART = ("max_acceleration", "arm_at", "return_time")
 
 
 def controllers(law: Law, case: "Case") -> tuple[Controller, ...]:
@@ -36,7 +37,7 @@ def controllers(law: Law, case: "Case") -> tuple[Controller, ...]:
         of = "+".join(map(str, group))
         inputs, gains, deadband = [f"deviation:{of}"], [1.0], 0.0
         if isinstance(inner, StorageLaw):
-            _representable(inner)
+            _check_counterpart(inner)
             scale = hz / inner.slope if inner.slope else 1.0
             gains, deadband = [scale], scale * inner.deadband / hz
             if inner.angle_gain:
@@ -48,19 +49,26 @@ def controllers(law: Law, case: "Case") -> tuple[Controller, ...]:
                     "Feedback with an acceleration gain, braking or a deadband has no counterpart in a controller; "
                     "set them to 0."
                 )
-            gains = [inner.speed_gain * 2 * pi * hz * case.machine(device.machine).base / device.rating]
+            full = device.rating / case.machine(device.machine).base
+            gains = [inner.speed_gain * 2 * pi * hz / full if full else 0.0]
         else:
             raise StudyError(f"{type(inner).__name__} has no counterpart in a controller; use it as a law.")
         gate = Gate(f"voltage:{device.bus}", low=inner.min_voltage) if inner.min_voltage else None
         outputs, D, n = (f"order:{device.machine}@{device.bus}",), np.array([gains]), len(inputs)
-        none = np.zeros((0, 0)), np.zeros((0, n)), np.zeros((1, 0))
-        how: dict[str, Any] = {"rate": rate, "delay": delay, "deadband": deadband, "relay": inner.relay, "gate": gate}
+        no_states = np.zeros((0, 0)), np.zeros((0, n)), np.zeros((1, 0))
+        options: dict[str, Any] = {
+            "rate": rate,
+            "delay": delay,
+            "deadband": deadband,
+            "relay": inner.relay,
+            "gate": gate,
+        }
         name = f"law {device.machine}@{device.bus}"
-        made.append(Controller(tuple(inputs), outputs, *none, D, name=name, limits=(-1.0, 1.0), **how))
+        made.append(Controller(tuple(inputs), outputs, *no_states, D, name=name, limits=(-1.0, 1.0), **options))
     return tuple(made)
 
 
-def _representable(law: StorageLaw) -> None:
-    for name, value in ONLY.items():
-        if getattr(law, name) != value:
-            raise StudyError(f"{name} of a storage law has no counterpart in a controller; set it to {value:g}.")
+def _check_counterpart(law: StorageLaw) -> None:
+    for name in WITHOUT_COUNTERPART:
+        if getattr(law, name):
+            raise StudyError(f"{name} of a storage law has no counterpart in a controller; set it to 0.")

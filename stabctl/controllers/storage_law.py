@@ -30,7 +30,7 @@ __all__ = ["NAME", "ROLE", "START", "Input", "Output", "Par", "StorageLaw", "ste
 class Par(NamedTuple):
     """Parameters for one device."""
 
-    angle_gain: Annotated[float, "pu/rad", "k: angle in the surface"]
+    angle_gain: Annotated[float, "pu/rad", "k: weight of the angle in the surface"]
     slope: Annotated[float, "pu", "surface beyond the deadband at which the power is full (0: at once)"]
     deadband: Annotated[float, "pu", "surface without action"]
     gate: Annotated[float, "pu", "voltage below which the device idles"]
@@ -43,7 +43,7 @@ class Par(NamedTuple):
 
 
 class Output(NamedTuple):
-    """What the law gives, and how long it stays armed."""
+    """What the law gives, and when it is disarmed."""
 
     wanted: Annotated[float, "-", "order in ratings, positive to absorb"]
     until: Annotated[float, "s", "time at which it is disarmed"]
@@ -103,8 +103,8 @@ class StorageLaw(Law):
     """
 
     groups: Any = ()
-    angle_gain: Annotated[float, "1/s", "angle in the surface"] = 0.0
-    slope: Annotated[float, "Hz", "surface at which the power is full", NOT_NEGATIVE] = 0.0
+    angle_gain: Annotated[float, "1/s", "weight of the angle in the surface"] = 0.0
+    slope: Annotated[float, "Hz", "surface beyond the deadband at which the power is full", NOT_NEGATIVE] = 0.0
     deadband: Annotated[float, "Hz", "surface without action", NOT_NEGATIVE] = 0.1
     min_voltage: Annotated[float, "pu", "voltage below which the device idles", NOT_NEGATIVE] = 0.8
     max_acceleration: Annotated[float, "Hz/s", "rate above which the device idles", NOT_NEGATIVE] = 0.0

@@ -32,7 +32,6 @@ from stabctl.smallsignal.interconnection import held
 from stabctl.smallsignal.reduce import Reduced, balanced
 
 from .lqr import stable
-from .pairs import written
 from .quadratic import Regulator, Weights, discrete_riccati, driven, plant, quadratic, robustness, weighed
 from .result import least
 
@@ -122,7 +121,7 @@ def lqg(
     bounds: Any = (-np.inf, np.inf) if limits is None else limits
     matrices = compensator(small, len(drives), len(reads), rate, frames, name)
     bare = Controller(
-        tuple(map(written, reads)), tuple(map(written, drives)), *matrices,
+        tuple(s.name for s in reads), tuple(s.name for s in drives), *matrices,
         name=name, rate=rate, delay=late, limits=bounds,
     )  # fmt: skip
     one = replace(bare, B=bare.B / scales.noise, C=effort * bare.C, D=effort * bare.D / scales.noise)

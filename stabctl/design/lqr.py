@@ -24,7 +24,6 @@ from stabctl.model.fleet import Fleet
 from stabctl.smallsignal.closed_loop import closed_loop
 from stabctl.smallsignal.modes import Modes
 
-from .pairs import written
 from .quadratic import Quadratic, Regulator, Weights, driven, plant, quadratic, robustness
 from .result import GROWING, least
 
@@ -83,7 +82,7 @@ def lqr(
         after = stable(point, one)
         return Regulator.of_cost(cost, one, after)
     K_y = _projected(cost, K)
-    one = _static(list(map(written, reads)), drives, K_y, limits, name)
+    one = _static([s.name for s in reads], drives, K_y, limits, name)
     after, seen = stable(point, one), plant(cost.modes, cost.C, cost.D)
     own = robustness(lambda w: -K_y @ seen(w), least(after)[0])
     return Regulator.of_cost(cost, one, after, full=cost.robustness(K), own=own)
@@ -103,7 +102,7 @@ def _static(inputs: Sequence[str], drives: Sequence[Signal], K: np.ndarray, limi
     p, m = K.shape
     bounds = (-np.inf, np.inf) if limits is None else limits
     none = np.zeros((0, 0)), np.zeros((0, m)), np.zeros((p, 0))
-    return Controller(tuple(inputs), tuple(map(written, drives)), *none, K, name=name, limits=bounds)
+    return Controller(tuple(inputs), tuple(s.name for s in drives), *none, K, name=name, limits=bounds)
 
 
 def stable(point: OperatingPoint, one: Controller) -> Modes:

@@ -175,18 +175,13 @@ def pairs(
     scores = np.round(scores, DIGITS)
     at = float(modes.frequency_hz[k]), modes.label(k)
     return Pairs(
-        point.case.name, *at, tuple(map(written, reads)), tuple(map(written, drives)), residues, weights, scores
+        point.case.name, *at, tuple(s.name for s in reads), tuple(s.name for s in drives), residues, weights, scores
     )
-
-
-def written(signal: Signal) -> str:
-    """How a signal is written in a controller."""
-    return signal.kind if signal.place is None else f"{signal.kind}:{signal.place}"
 
 
 def _of(given: Mapping[str, float] | None, signal: Signal, otherwise: float) -> float:
     """A value given for a signal or its kind."""
-    for key in (written(signal), signal.kind):
+    for key in (signal.name, signal.kind):
         if given and key in given:
             value = given[key]
             if not (isinstance(value, int | float) and 0 <= value < np.inf):

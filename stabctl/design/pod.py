@@ -23,7 +23,7 @@ from stabctl.smallsignal.closed_loop import closed_loop
 from . import _phase_compensation
 from ._tuning import Loop, Make, Scenario, common, separate, worst
 from .outages import Outages
-from .pairs import SIGNALS, pairs, written
+from .pairs import SIGNALS, pairs
 from .result import Design, Requirement, operating_points
 
 TAPS, MOST = 3, 8  # lags in the filter of an input: by default at most, and at most
@@ -131,7 +131,7 @@ def _signals(point: OperatingPoint, input: str | Sequence[str], output: str) -> 
     reads, drives = chosen(point.case, input, OUTPUTS), chosen(point.case, output, INPUTS)
     if not reads or len(drives) != 1:
         raise StudyError(f"A damper has one output; give a single one, such as order:1@5, not {shown(output)}.")
-    return tuple(written(s) for s in reads)
+    return tuple(s.name for s in reads)
 
 
 def _one(

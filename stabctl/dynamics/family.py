@@ -1,6 +1,6 @@
 """Families: the devices of one model in a system as flat tables of places and parameters, their operations and limits.
 
-A family is evaluated by one compiled loop, `family(op, n, w, k, s, f, on)`; see `codegen`.
+A family is evaluated by one compiled loop, `family(op, n, w, k, s, f, on)`; see `_codegen`.
 """
 
 from collections.abc import Iterable, Sequence

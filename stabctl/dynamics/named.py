@@ -11,7 +11,7 @@ from stabctl.controllers.law import Law
 from stabctl.controllers.realization import Matrices, realized
 
 from . import outputs
-from .extension import extended
+from .inputs import extended
 from .operating_point import OperatingPoint
 from .signals import INPUTS, OUTPUTS, Signal, chosen
 
@@ -74,7 +74,7 @@ def named(point: OperatingPoint, c: Controller) -> Named:
         )
     seen = extended(point, (), reads)
     rest = np.array([0.0 if s.kind == "frequency" else outputs.value(seen, s)(seen.s) for s in reads])
-    names = tuple(s.kind if s.place is None else f"{s.kind}:{s.place}" for s in reads)
+    names = tuple(s.name for s in reads)
     return Named(c, reads, drives, names, rest)
 
 

@@ -12,7 +12,7 @@ from stabctl.model import network
 from stabctl.model.location import circuit
 
 from . import storage
-from .extension import sensor
+from .inputs import sensor
 from .layout import unique
 from .operating_point import OperatingPoint
 from .signals import Signal, machines

@@ -153,6 +153,11 @@ class Signal(NamedTuple):
     unit: str
 
     @property
+    def name(self) -> str:
+        """As it is written in a controller: speed:2."""
+        return self.kind if self.place is None else f"{self.kind}:{self.place}"
+
+    @property
     def number(self) -> int:
         """Number of its machine or bus."""
         if not isinstance(self.place, int):

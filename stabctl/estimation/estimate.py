@@ -9,7 +9,7 @@ from stabctl._util.units import seconds
 from stabctl.controllers import BangBang
 from stabctl.dynamics.operating_point import Fleet, OperatingPoint, operating_point
 from stabctl.model.case import Case
-from stabctl.simulation.contingency import Disturbance, schedule
+from stabctl.simulation.contingency import Disturbance, timed_events
 from stabctl.simulation.control import Control, carry
 from stabctl.simulation.criterion import DEFAULT, Criterion, checked
 from stabctl.simulation.simulation import Simulation
@@ -75,7 +75,7 @@ def estimate(
     point = operating_point(base, storage)
     hz = point.case.frequency_hz
     end = None if until is None else seconds(until, hz)
-    events = schedule(point.case, contingency, end)
+    events = timed_events(point.case, contingency, end)
     last = max((event.at for event in events), default=0.0)
     chosen = _control(control, estimator, pmu)
     seeds = (seeds,) if isinstance(seeds, int) else tuple(seeds)

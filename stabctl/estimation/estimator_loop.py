@@ -275,16 +275,15 @@ class ControlInputs:
 
 def _check(c: Named, signal: Signal, estimator: EstimatorName) -> None:
     """Raise `StudyError` if no PMU measures a signal."""
-    name = signal.kind if signal.place is None else f"{signal.kind}:{signal.place}"
     kinds = (*_signals.ROTOR_KINDS, *_signals.PHASOR_KINDS)
     if signal.kind not in kinds:
         raise StudyError(
-            f"{c.controller.name} reads {name}, which no PMU measures; behind an estimator a controller can read "
-            f"{', '.join(kinds)}."
+            f"{c.controller.name} reads {signal.name}, which no PMU measures; behind an estimator a controller can "
+            f"read {', '.join(kinds)}."
         )
     if signal.kind in ANGLES and estimator == "frequency":
         raise StudyError(
-            f"{c.controller.name} reads {name}, but the estimator 'frequency' does not estimate rotor angles; "
+            f"{c.controller.name} reads {signal.name}, but the estimator 'frequency' does not estimate rotor angles; "
             "choose 'kalman'."
         )
 

@@ -39,7 +39,7 @@ class ShortCircuit:
     case: Case
     impedance: np.ndarray
 
-    plot = verb("stabctl.view.figures.short_circuit:plot_short_circuit")
+    plot = verb("stabctl.view.figures.grid_strength:plot_short_circuit")
 
     @property
     def mva(self) -> np.ndarray:
@@ -130,7 +130,7 @@ class ShortCircuitRatio:
     short_circuit_mva: np.ndarray
     equivalent: np.ndarray
 
-    plot = verb("stabctl.view.figures.short_circuit:plot_short_circuit_ratio")
+    plot = verb("stabctl.view.figures.grid_strength:plot_short_circuit_ratio")
 
     @property
     def ratio(self) -> np.ndarray:

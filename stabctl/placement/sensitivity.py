@@ -13,7 +13,8 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from stabctl._util.errors import StudyError
-from stabctl.dynamics import extension, signals
+from stabctl.dynamics import signals
+from stabctl.dynamics.inputs import draw
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import INPUTS
 from stabctl.model import network
@@ -131,9 +132,9 @@ def sensitivity(
     gu = np.zeros((2 * len(V), len(found)))
     for k, c in enumerate(found):
         (signal,) = signals.chosen(case, [f"storage:{c.bus}"], INPUTS)
-        draw = extension.draw(point, signal)
-        if served[draw.bus]:
-            gu[2 * draw.bus : 2 * draw.bus + 2, k] = np.array([draw.current_of(complex(V[draw.bus]))]).view(float)
+        drawn = draw(point, signal)
+        if served[drawn.bus]:
+            gu[2 * drawn.bus : 2 * drawn.bus + 2, k] = np.array([drawn.current_of(complex(V[drawn.bus]))]).view(float)
     rotors = point.rotors.real
     J = 2 * rotors.inertia[:, None] * (fv @ splu(gv).solve(gu))
     numbers = tuple(case.machines[i].machine for i in rotors.unit)

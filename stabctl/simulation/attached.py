@@ -10,9 +10,9 @@ from stabctl._util.errors import StudyError
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.realization import Matrices, anti_windup
 from stabctl.devices.sensors import bus_angle, bus_voltage, line_current, line_power
-from stabctl.dynamics import extension as ins
 from stabctl.dynamics import outputs
-from stabctl.dynamics.extension import Extension, extended
+from stabctl.dynamics.extension import Extension
+from stabctl.dynamics.inputs import DRAWN, extended, place
 from stabctl.dynamics.layout import SetPoint, StatePlace
 from stabctl.dynamics.named import Named, named
 from stabctl.dynamics.operating_point import OperatingPoint
@@ -101,7 +101,7 @@ class _Attachment:
         gates_of = [c.controller.gate for c in controllers]
         opening = [chosen(point.case, [g.signal], OUTPUTS)[0] if g and g.signal else None for g in gates_of]
         read = [s for c in true for s in c.inputs] + [g for g in opening if g is not None]
-        drawn = [s for c in controllers for s in c.outputs if s.kind in ins.DRAWN]
+        drawn = [s for c in controllers for s in c.outputs if s.kind in DRAWN]
         self.base = extended(point, drawn, read)
         self.more = Extension(self.base)
         self.controllers, self.opening, self.behind = controllers, opening, {id(c) for c in behind}
@@ -122,7 +122,7 @@ class _Attachment:
         if signal.kind == "vs":
             found = self.more.ports(self.unit[signal.number], "Vs")
         else:
-            found = self.more.readers(ins.place(self.base, signal))
+            found = self.more.readers(place(self.base, signal))
         if not found:
             raise StudyError(f"No device of {self.base.case.name} reads {signal.label}, so it cannot be driven.")
         return found

@@ -198,7 +198,7 @@ class Contingency:
         StudyError
             If a bus, circuit or machine does not exist, or an event is later than `until`.
         """
-        timeline(case, schedule(case, self, until))
+        timeline(case, timed_events(case, self, until))
 
     def with_clear(self, clear: str | float, at: str | float | None = None) -> "Contingency":
         """The same contingency with another clearing time.
@@ -237,7 +237,9 @@ class Contingency:
 Disturbance = Contingency | Event | str | Iterable[Contingency | Event | str]
 
 
-def schedule(case: Case, what: Disturbance | None, until: float | None = None, start: float = 0.0) -> tuple[Event, ...]:
+def timed_events(
+    case: Case, what: Disturbance | None, until: float | None = None, start: float = 0.0
+) -> tuple[Event, ...]:
     """The events of a run, with their instants in seconds.
 
     Parameters

@@ -17,7 +17,7 @@ from . import _judgment, closed, stepper, steps, swings
 from ._buffers import NOTE, buffers
 from ._newton import NO_ROWS, Slopes, advance
 from .attached import attached
-from .contingency import Disturbance, schedule
+from .contingency import Disturbance, timed_events
 from .control import Control, Frames, Pilot, acting, carry
 from .criterion import DEFAULT, Criterion, for_system, frequency_range, numbers
 from .outcome import End, Outcome, outcome, stalled
@@ -87,7 +87,7 @@ class Simulation:
         self.attached = attached(point, controllers, measured)
         point = self.attached.point
         self.point, self.criterion = point, for_system(criterion, point.system)
-        self.changes = timeline(point.case, schedule(point.case, events))
+        self.changes = timeline(point.case, timed_events(point.case, events))
         self.time, self.wall_s, self.steps = start, 0.0, 0
         self.outcome: Outcome | None = None
         self._taken_off: list[str] = []
@@ -351,7 +351,7 @@ def run(
     Laws and controllers run inside the compiled loop, Python functions and estimators between intervals of their rate.
     A run whose swings have not settled is continued, to `longest` (s) at most.
     """
-    events, parts = schedule(point.case, contingency, until, start), acting(control)
+    events, parts = timed_events(point.case, contingency, until, start), acting(control)
     simulation = Simulation(
         point, events, parts.law, parts.controllers,
         measured=parts.measured, step=step, criterion=criterion, record=record, every=every, start=start,

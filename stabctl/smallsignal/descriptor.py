@@ -14,9 +14,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from stabctl.dynamics import extension as ins
 from stabctl.dynamics import layout, outputs, storage
-from stabctl.dynamics.extension import extended
+from stabctl.dynamics.inputs import extended, place
 from stabctl.dynamics.jacobian import Derivatives, Matrix, array, filled, matrix
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
@@ -126,7 +125,7 @@ def descriptor(
     energy = [k for k, p in enumerate(lay.states) if storage.is_energy(p.table, p.name) and k not in read]
     live[energy] = False
     rows = np.flatnonzero(live)
-    given = np.array([ins.place(point, signal) for signal in u], int)
+    given = np.array([place(point, signal) for signal in u], int)
     rates, currents, v = d.of_rates[rows], d.of_currents, slice(nx, nv)
     fx, fv, fu = rates[:, rows], rates[:, v], rates[:, given]
     gx, gv, gu = currents[:, rows], currents[:, v] - Y, currents[:, given]

@@ -8,8 +8,8 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from stabctl._util.errors import StudyError
-from stabctl.dynamics import extension as ins
 from stabctl.dynamics import outputs
+from stabctl.dynamics.inputs import place
 from stabctl.dynamics.jacobian import Derivatives
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import Signal
@@ -68,7 +68,7 @@ class Motion:
         self._Y = point.admittance()
         self._real = admittance(point)
         self._factor = splu(d.gv)
-        self._places = [ins.place(point, s) for s in d.inputs]
+        self._places = [place(point, s) for s in d.inputs]
         self._readings = [None if s.kind == "frequency" else outputs.value(point, s) for s in d.outputs]
         self._start = np.array([0.0 if r is None else r(point.s) for r in self._readings])
 

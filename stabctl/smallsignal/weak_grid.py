@@ -56,7 +56,7 @@ class WeakGrid:
     labels: np.ndarray
     growth: np.ndarray
 
-    plot = verb("stabctl.view.figures.weak_grid:plot")
+    plot = verb("stabctl.view.figures.grid_strength:plot_weak_grid")
 
     @property
     def damping_ratio(self) -> np.ndarray:

@@ -220,3 +220,11 @@ def test_a_law_on_the_command_line(stabctl, tmp_path):
 def test_a_law_changes_nothing_at_rest(base):
     law = replace(st.StorageLaw(angle_gain=2.0), deadband=0.0, slope=0.1)
     assert np.abs(base.simulate(None, 1, control=law).arrays.speed - 1).max() < 1e-9
+
+
+def test_a_device_without_power_has_a_controller_without_gain(cases):
+    """As a screen of sizes asks for it: 0 MW at one machine."""
+    case = cases("two_area").with_storage("2=0MW,3=50MW")
+    none, some = st.Feedback(0.5).controllers(case)
+    assert none.D == 0
+    assert some.D[0, 0] == pytest.approx(0.5 * 2 * np.pi * 60 * 900 / 50, rel=1e-12)

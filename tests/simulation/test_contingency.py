@@ -3,7 +3,7 @@
 import pytest
 
 from stabctl._util.errors import StudyError
-from stabctl.simulation.contingency import Contingency, schedule
+from stabctl.simulation.contingency import Contingency, timed_events
 from stabctl.simulation.criterion import DEFAULT, Criterion, checked
 from stabctl.simulation.events import Clear, Fault, LoadStep, Open, TripMachine, event, load_step, machine_trip, opening
 
@@ -129,12 +129,17 @@ def test_a_contingency_is_checked_in_one_place(two_area):
 
 def test_a_schedule_takes_one_or_many(two_area):
     one, other = Contingency("7", "6cyc"), Open("8-9", 1.5)
-    assert schedule(two_area, None) == ()
-    assert schedule(two_area, other) == schedule(two_area, [other]) == schedule(two_area, "8-9@1.5s") == (other,)
-    assert schedule(two_area, [one, other]) == (*one.timed(two_area), other)
+    assert timed_events(two_area, None) == ()
+    assert (
+        timed_events(two_area, other)
+        == timed_events(two_area, [other])
+        == timed_events(two_area, "8-9@1.5s")
+        == (other,)
+    )
+    assert timed_events(two_area, [one, other]) == (*one.timed(two_area), other)
     for wrong in (3, [3], Contingency, "7"):
         with pytest.raises(StudyError):
-            schedule(two_area, wrong)
+            timed_events(two_area, wrong)
 
 
 def test_what_is_no_criterion():

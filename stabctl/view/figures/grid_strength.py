@@ -1,4 +1,4 @@
-"""Figures of short-circuit power, and of short-circuit ratios of converters alone and with the others."""
+"""Figures of grid strength: short-circuit power and ratios, and the limits of weak-grid operation."""
 
 from typing import TYPE_CHECKING
 
@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from stabctl.model.short_circuit import ShortCircuit, ShortCircuitRatio
+    from stabctl.smallsignal.weak_grid import WeakGrid
 
 
 WEAK = 3.0  # short-circuit ratio below which a grid is called weak (IEEE Std 1204-1997)
@@ -74,4 +75,52 @@ def plot_short_circuit_ratio(found: "ShortCircuitRatio", *, most: int = 25, ax: 
     ax.set_xlabel("short-circuit ratio")
     ax.set_title(f"{found.case.name}: weighted ratio {found.weighted:.2f}", fontsize="medium")
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.08), ncols=2, frameon=False, fontsize="small")
+    return ax
+
+
+# Figure of weak-grid operation: least damping ratio over short-circuit ratio and loop gain, and the boundary.
+
+LEVELS = 0.3  # damping ratio at both ends of the colors
+
+
+def plot_weak_grid(found: "WeakGrid", *, ax: "Axes | None" = None) -> "Axes":
+    """Plot the least damping ratio in colors, with the boundary of stability as a line.
+
+    Parameters
+    ----------
+    found
+        The map.
+    ax
+        Axes to draw on. Default: a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        Red: a mode grows. Gray: no operating point.
+    """
+    ax = single(ax, 6.4, 4.2)
+    ax.set_facecolor("0.85")
+    colors = ax.pcolormesh(
+        found.gain,
+        found.scr,
+        np.ma.masked_invalid(found.damping_ratio),
+        cmap="RdBu",
+        vmin=-LEVELS,
+        vmax=LEVELS,
+        shading="nearest" if min(found.damping_ratio.shape) < 2 else "gouraud",
+    )
+    bar = ax.figure.colorbar(colors, ax=ax, extend="both")
+    bar.set_label("least damping ratio")
+    boundary = np.where(found.boundary > 0, found.boundary, np.nan)
+    if np.isfinite(boundary).any():
+        ax.plot(found.gain, boundary, color="black", linewidth=2, label="boundary of stability")
+        ax.legend(loc="upper left", fontsize="small")
+    if len(found.gain) > 1:
+        ax.set_xscale("log")
+    ax.set_xlim(found.gain[0], found.gain[-1])
+    ax.set_ylim(found.scr[0], found.scr[-1])
+    ax.grid(visible=False)
+    ax.set_xlabel("gain of the phase-locked loop (rad/s per pu)")
+    ax.set_ylabel("short-circuit ratio")
+    ax.set_title(f"{found.name} at an infinite bus", fontsize="medium")
     return ax
