@@ -5,14 +5,14 @@ import hashlib
 import numpy as np
 from scenarios import RUNS, write
 
-from stabctl._util.errors import StabctlError
+import stabctl as st
 
 
 def found(name: str) -> list[object]:
     """Hash, shape and outcome of a run, or the error."""
     try:
         run = RUNS[name]()
-    except StabctlError as error:
+    except st.StabctlError as error:
         return ["error", str(error)]
     kept = b"".join(np.ascontiguousarray(array).tobytes() for array in (run.rows, run.time, run.peak))
     return [hashlib.sha256(kept).hexdigest()[:16], *run.rows.shape, str(run.outcome)]

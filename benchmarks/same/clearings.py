@@ -6,7 +6,6 @@ from typing import Any
 from scenarios import MVA, damper, point, write
 
 import stabctl as st
-from stabctl._util.errors import StabctlError
 
 PLAIN = {"storage": "50MW"}
 CONTROLS: dict[str, tuple[dict[str, Any], Any]] = {
@@ -41,7 +40,7 @@ def found(at: st.OperatingPoint, fault: st.Contingency, control: Any) -> str:
     """The clearing time in words, or the error."""
     try:
         return str(at.clearing_time(fault, control=control))
-    except StabctlError as error:
+    except st.StabctlError as error:
         return f"{type(error).__name__}: {error}"
 
 

@@ -18,7 +18,7 @@ import numpy as np
 import stabctl as st
 from stabctl.simulation.schedule import Schedule
 
-st.register(Path(__file__).parents[2] / "tests" / "devices" / "wide_area.py")
+st.register(Path(st.__file__).parents[1] / "tests" / "devices" / "wide_area.py")  # as written for this version
 
 CASES = "wnaps", "wnaps_paper", "two_area", "ieee39"
 FAULT = {
