@@ -16,9 +16,9 @@ from .table import LARGEST_FILE
 
 
 def _pattern(quoted: str, end: str, word: str) -> re.Pattern[str]:
-    """Blanks, a field in single or double quotes Q, comma, slash, a field without quotes, or what is none of them."""
+    """A field without quotes, in single or in double quotes Q, a comma, a slash, or what is none of them; no blanks."""
     fields = " | ".join(f"{q}({quoted.replace('Q', q)}){q}(?={end})" for q in "'\"")
-    return re.compile(rf"\s+ | {fields} | (,) | (/) | ({word}) | (\S)", re.VERBOSE)
+    return re.compile(rf"({word}) | {fields} | (,) | (/) | (\S)", re.VERBOSE)
 
 
 _FREE = _pattern(r"[^Q]*(?:(?<![\s,])Q[^Q/]*)*?", r"[\s,/]|$", r"""[^\s,/'"](?:[^\s,/]*[^\s,/'"])?(?=[\s,/]|$)""")
@@ -87,7 +87,7 @@ def _split(pattern: re.Pattern[str], text: str, place: Place, start: int, filled
     commas = word = False  # whether there are commas; whether the field before has no quotes and no comma follows it
     end = None
     for match in pattern.finditer(text, start):
-        single, double, comma, slash, plain, other = match.groups()
+        plain, single, double, comma, slash, other = match.groups()
         if slash:
             end = match.end()
             break
@@ -98,9 +98,10 @@ def _split(pattern: re.Pattern[str], text: str, place: Place, start: int, filled
             if not filled:
                 fields.append("")
             commas, filled, word = True, False, False
-        elif (value := next((v for v in (single, double, plain) if v is not None), None)) is not None:
+        else:
             if word and plain:
                 joined.append(len(fields) - 1)
+            value = plain or single or double or ""
             fields.append("".join(c if c.isprintable() else "?" for c in value).strip())
             filled, word = True, plain is not None
     return Line(place, fields, end, filled, frozenset(joined if commas else ()))
