@@ -1,9 +1,12 @@
 """Lines of a text file with their places, and the fields of a line of a PSS/E file.
 
-Fields are separated by commas or blanks, quoted if they hold either, up to a slash.
+Fields are separated by commas or blanks, and the two may mix. Blanks around a comma belong to it; between two commas
+with nothing else is an empty field. A field in quotes may hold commas, blanks and slashes. A slash outside quotes ends
+the record.
 """
 
 import re
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,10 +14,16 @@ from stabctl._util.errors import CaseError, shown
 
 from .table import LARGEST_FILE
 
-_PARTS = r"""\s+ | '([^']*(?:'[^'/]*)*?)'(?={end}) | "([^"]*(?:"[^"/]*)*?)"(?={end})
-    | (,) | (/) | ([^\s,/'"][^\s,/]*) | (['"])"""  # a slash after a quote within a quoted field ends the record
-_COMMAS = re.compile(_PARTS.format(end=r"\s*[,/]|\s*$"), re.VERBOSE)
-_BLANKS = re.compile(_PARTS.format(end=r"[\s,/]|$"), re.VERBOSE)
+
+def _pattern(quoted: str, end: str, word: str) -> re.Pattern[str]:
+    """A field without quotes, in single or in double quotes Q, a comma, a slash, or what is none of them; no blanks."""
+    fields = " | ".join(f"{q}({quoted.replace('Q', q)}){q}(?={end})" for q in "'\"")
+    return re.compile(rf"({word}) | {fields} | (,) | (/) | (\S)", re.VERBOSE)
+
+
+_FREE = _pattern(r"[^Q]*(?:(?<![\s,])Q[^Q/]*)*?", r"[\s,/]|$", r"""[^\s,/'"](?:[^\s,/]*[^\s,/'"])?(?=[\s,/]|$)""")
+# with an apostrophe before a blank, '26' Drop ', a quoted field has no comma or slash in it, and one must follow
+_APOSTROPHES = _pattern(r"[^Q]*|[^Q,/]*(?:Q[^Q,/]*)*?", r"\s*[,/]|\s*$", r"""[^\s,/'"][^\s,/]*""")
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?", re.ASCII)
 
 
@@ -33,11 +42,20 @@ class Place(NamedTuple):
 
 
 class Line(NamedTuple):
-    """The fields of a line, empty where a value is left out, and the position after the slash that ends them."""
+    """The fields of a line, empty where a value is left out."""
 
     place: Place
     fields: list[str]
-    end: int | None
+    end: int | None  # the position after the slash that ends them
+    filled: bool = False  # whether the last is followed by no comma
+    joined: frozenset[int] = frozenset()  # unquoted with only blanks before the next unquoted, on a line with commas
+
+    def check_text(self, i: int, field: str) -> None:
+        """Raise `CaseError` if a field that may be text and the next may be one, a name without quotes."""
+        pair = self.fields[i : i + 2]
+        if i in self.joined and not all(map(NUMBER.fullmatch, pair)):
+            text = f"{shown(' '.join(pair))} may be one field or two; put quotes around texts, or a comma between them."
+            raise self.place.error(text, field)
 
 
 def lines(path: Path) -> list[str]:
@@ -53,34 +71,40 @@ def lines(path: Path) -> list[str]:
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
-def split(text: str, place: Place, commas: bool = True, start: int = 0) -> Line:
-    """The fields of a line from a position; with `commas`, one must follow a quoted field if they are separated by any.
+def split(text: str, place: Place, start: int = 0, filled: bool = False) -> Line:
+    """The fields of a line from a position; `filled` if a field is before it that no comma follows.
 
-    What follows the slash is a comment and changes nothing. Raises `CaseError` for a quote that is not closed.
+    What follows the slash changes nothing. Raises `CaseError` for a quote that is not closed.
     """
+    with suppress(CaseError):
+        return _split(_FREE, text, place, start, filled)
+    return _split(_APOSTROPHES, text, place, start, filled)
+
+
+def _split(pattern: re.Pattern[str], text: str, place: Place, start: int, filled: bool) -> Line:
     fields: list[str] = []
-    filled = False  # whether the field before the next comma has a value
-    for match in (_COMMAS if commas and _separated(text) else _BLANKS).finditer(text, start):
-        single, double, comma, slash, plain, quote = match.groups()
+    joined: list[int] = []
+    commas = word = False  # whether there are commas; whether the field before has no quotes and no comma follows it
+    end = None
+    for match in pattern.finditer(text, start):
+        plain, single, double, comma, slash, other = match.groups()
         if slash:
-            return Line(place, fields, match.end())
-        if quote:
-            raise place.error(f"the quote in {shown(text[match.start() :])} is not closed, or no comma follows it.")
+            end = match.end()
+            break
+        if other:
+            part = text[match.start() : match.start() + 50]
+            raise place.error(f"the quote in {shown(part)} is not closed, or no comma follows it.")
         if comma:
             if not filled:
                 fields.append("")
-            filled = False
-        elif (value := next((v for v in (single, double, plain) if v is not None), None)) is not None:
+            commas, filled, word = True, False, False
+        else:
+            if word and plain:
+                joined.append(len(fields) - 1)
+            value = plain or single or double or ""
             fields.append("".join(c if c.isprintable() else "?" for c in value).strip())
-            filled = True
-    return Line(place, fields, None)
-
-
-def _separated(text: str) -> bool:
-    """Whether commas separate the fields before the slash."""
-    ends = (m for m in _BLANKS.finditer(text) if m[3] or m[4] or m[6]) if "," in text else iter(())
-    first = next(ends, None)
-    return first is not None and first[3] is not None
+            filled, word = True, plain is not None
+    return Line(place, fields, end, filled, frozenset(joined if commas else ()))
 
 
 def number(text: str, place: Place, field: str) -> float:

@@ -120,17 +120,19 @@ def test_quoted_fields(text, fields):
     assert _lexer.split(text, _lexer.Place(THREE, 1)).fields == fields
 
 
-def test_records_of_one_line_are_read_in_one_pass(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    "record", ["101 'GENCLS' 1 5.5 0.25 / ", "101,GENCLS 1,5.5 0.25/", "101,'GENCLS','1',5.5,0.25/"]
+)
+def test_records_of_one_line_are_read_in_one_pass(tmp_path, monkeypatch, record):
     """Twice as many records on a line are searched for twice as many fields, each once."""
     searched = []
 
-    def split(text, place, commas=True, start=0):
-        line = _lexer.split(text, place, commas, start)
+    def split(text, place, start=0, filled=False):
+        line = _lexer.split(text, place, start, filled)
         searched.append((line.end or len(text)) - start)
         return line
 
     monkeypatch.setattr(dyr, "split", split)
-    record = "101 'GENCLS' 1 5.5 0.25 / "
     for count in (10, 1000):
         searched.clear()
         (tmp_path / "x.dyr").write_text(record * count)

@@ -26,7 +26,12 @@ from .raw import Raw
 
 USER = "USRMDL"  # a record of a user-written model: its name, six numbers that describe it, then its constants
 HEAD = 7
-_NEXT = re.compile(r"\s*\d+\s+['\"]\S*\s+\S")  # another record after a slash; anything else is a comment
+_QUOTED = r"""(?:'[^'/]*'|"[^"/]*")"""
+_NEXT = re.compile(  # another record after a slash
+    rf"""[\s,]*+(?=\d+[\s,]+['"][^\s,]*+[\s,]+\S
+    | (?:\d+|{_QUOTED})[\s,]+(?:{_QUOTED}|[A-Z][A-Z0-9_]{{2,}})(?:[\s,]++[^\s,/]++){{2}}[^/]*/)""",
+    re.VERBOSE,
+)
 SCOPES = ("AL", "AR", "ZN", "OW", "BL")  # endings of the kinds of loads, from the widest to the narrowest
 OF_LOADS = "BL", "OW", "ZN", "AR"  # endings of the kinds of loads: at a bus, of an owner, of a zone, of an area
 ANY = "*"  # identifier for all loads of a scope
@@ -44,25 +49,34 @@ class Record(NamedTuple):
 
 
 def read(path: Path) -> list[Record]:
-    """The records of a DYR file. Raises `CaseError` with the line for the first that cannot be read."""
+    """The records of a DYR file. Raises `CaseError` with the line for the first that cannot be read.
+
+    A slash ends a record; the rest of the line is a comment, or begins with another record. It does if it begins with a
+    bus number, a kind in quotes and an ID, or if a slash ends it, it has four words or more, and begins with a bus
+    number or a name in quotes and a kind in quotes or capitals.
+    """
     found: list[Record] = []
     fields: list[str] = []
     start: Place | None = None
+    filled = False  # whether no comma follows the last field
     for i, text in enumerate(lines(path), 1):
         if not text.strip() or (not fields and text.lstrip().startswith(("@!", "//"))):
             continue
         place, at = Place(path, i), 0
         while True:
-            line = split(text, place, commas=False, start=at)
+            line = split(text, place, at, filled)
             start = start if fields else place
             fields += line.fields
+            filled = line.filled
             if line.end is None:
                 break
             if fields and start:
                 found.append(_record(start, fields))
-            fields, at = [], line.end
-            if not _NEXT.match(text, at):
+            fields, filled = [], False
+            further = _NEXT.match(text, line.end)
+            if further is None:
                 break
+            at = further.end()
     if fields and start:
         raise start.error("the record has no slash at its end.")
     return found

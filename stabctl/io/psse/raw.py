@@ -222,6 +222,9 @@ _SEVERAL_LINES: Mapping[str, Callable[..., Any]] = MappingProxyType({"transforme
 def _skip(version: int, section: str, line: Line, more: Callable[[], Line]) -> None:
     """Pass over the further lines of a record that is not modeled."""
     texts = line.fields + [""] * 20
+    if section in ("multiterminal_dc", "gne"):
+        line.check_text(0, "NAME")
+        line.check_text(1, "MODEL")
     if section == "vsc":
         count = 2
     elif section == "multiterminal_dc":
@@ -239,7 +242,9 @@ def _skip(version: int, section: str, line: Line, more: Callable[[], Line]) -> N
 def read_fields(record: type, line: Line, version: int) -> Any:
     """The record on a line; a field that is left out has its default. Raises `CaseError`."""
     given: dict[str, Any] = {}
-    for (name, kind), text in zip(_order(record, version), line.fields, strict=False):
+    for i, ((name, kind), text) in enumerate(zip(_order(record, version), line.fields, strict=False)):
+        if kind in (None, str):
+            line.check_text(i, name or str(i + 1))
         if text and name:
             given[name] = text if kind is str else _value(kind, text, line.place, name)
     for name in record.__annotations__:
