@@ -102,15 +102,9 @@ class Characteristic:
         samples = np.exp(1j * np.linspace(0.3, 2.8, 5)) * 10.0 ** np.arange(-0.5, 2.0, 0.5)
         H = np.array([self.D + (self.c / (s - self.poles)) @ self.b for s in samples])
         H = np.concatenate(H.transpose(0, 2, 1) if columns else H, axis=1)
-        whole, tau, left_out = independent(np.hstack([H.real, H.imag]), self.delays)
-        return replace(
-            self,
-            b=self.b @ whole,
-            c=whole.T @ self.c,
-            D=whole.T @ self.D @ whole,
-            delays=tau,
-            neglected=max(self.neglected, left_out),
-        )
+        U, tau, left_out = independent(np.hstack([H.real, H.imag]), self.delays)
+        left_out = max(left_out, self.neglected)
+        return replace(self, b=self.b @ U, c=U.T @ self.c, D=U.T @ self.D @ U, delays=tau, neglected=left_out)
 
     def scaled(self, gain: float) -> "Characteristic":
         """With H multiplied by a gain."""
@@ -261,11 +255,11 @@ class Characteristic:
 
 
 def independent(rows: np.ndarray, delays: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Orthonormal combinations (channels, independent) of the rows of each delay that span them, their delays.
+    """Orthonormal combinations (channels, independent) that span the rows of each delay, with their delays.
 
-    Also the size of what is left out.
+    The last is the size of the rows' part that is left out.
     """
-    whole, late, left_out = [], [], 0.0
+    whole, late, left_out = [np.zeros((len(delays), 0))], [np.zeros(0)], 0.0
     for tau in np.unique(delays):
         own = delays == tau
         U, sizes, _ = np.linalg.svd(rows[own], full_matrices=False)

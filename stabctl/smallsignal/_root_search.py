@@ -194,8 +194,10 @@ def _searched(f: Characteristic, region: Region, found: np.ndarray) -> np.ndarra
         for s in starts:
             more, _ = newton(f, np.array([s]), both(found))
             if len(more) and region.holds(more)[0]:
-                found = np.r_[found, _folded(more)]
-        missing -= int(box.holds(both(found)).sum()) - int(box.holds(known).sum())
+                # the last one that is missing close to the real axis is no pair
+                last = missing == 1 and abs(more[0].imag) <= LOOSE * (1 + abs(more[0]))
+                more = more.real + 0j if last else _folded(more)
+                found, missing = np.r_[found, more], missing - int(box.holds(both(more)).sum())
         if missing > 0 and abs(size) > SMALLEST * (1 + abs(box.low)):
             waiting += box.cut(next((c for c in CUTS if _clear(f, box, c)), CUTS[0]))
     return found

@@ -234,11 +234,11 @@ class DelayedLoop:
             # small eigenvalue problem of the corrections of all its values
             small = np.linalg.pinv(w.conj().T @ slope @ v) @ (w.conj().T @ M @ v)
             before, (steps, Q) = steps, np.linalg.eig(small.real if real else small)
-            v = v @ Q
             change = steps if times == 1 else np.sort_complex(steps) - np.sort_complex(before)
             s = s - complex(steps[0]) if times == 1 else s
             if k and not np.abs(change).max() >= CONVERGED * (1 + abs(s)):
                 break
+        v = v @ Q
         w = w @ np.linalg.pinv(w.conj().T @ slope @ v).conj().T
         every = np.array([s]) if times == 1 else s - steps
         if not np.abs(every - given.mean()).max() < 2 * SAME * (1 + abs(s)):
