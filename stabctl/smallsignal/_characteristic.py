@@ -102,23 +102,9 @@ class Characteristic:
         samples = np.exp(1j * np.linspace(0.3, 2.8, 5)) * 10.0 ** np.arange(-0.5, 2.0, 0.5)
         H = np.array([self.D + (self.c / (s - self.poles)) @ self.b for s in samples])
         H = np.concatenate(H.transpose(0, 2, 1) if columns else H, axis=1)
-        H = np.hstack([H.real, H.imag])
-        bases, left_out = [], self.neglected
-        for tau in np.unique(self.delays):
-            own = np.flatnonzero(self.delays == tau)
-            U, sizes, _ = np.linalg.svd(H[own], full_matrices=False)
-            kept = sizes > DEPENDENT * sizes[0]
-            left_out = max(left_out, float(sizes[~kept].max(initial=0.0)))
-            bases.append((own, U[:, : kept.sum()]))
-        whole = np.zeros((len(self.delays), sum(U.shape[1] for _, U in bases)))
-        at = 0
-        for own, U in bases:
-            whole[own, at : at + U.shape[1]] = U
-            at += U.shape[1]
-        tau = np.concatenate([np.full(U.shape[1], self.delays[own[0]]) for own, U in bases])
-        return replace(
-            self, b=self.b @ whole, c=whole.T @ self.c, D=whole.T @ self.D @ whole, delays=tau, neglected=left_out
-        )
+        U, tau, left_out = independent(np.hstack([H.real, H.imag]), self.delays)
+        left_out = max(left_out, self.neglected)
+        return replace(self, b=self.b @ U, c=U.T @ self.c, D=U.T @ self.D @ U, delays=tau, neglected=left_out)
 
     def scaled(self, gain: float) -> "Characteristic":
         """With H multiplied by a gain."""
@@ -266,6 +252,23 @@ class Characteristic:
         away = s - self.poles
         H = self.D + (self.c / away) @ self.b
         return float(np.angle(1 - np.linalg.eigvals(np.exp(-s * self.delays)[:, None] * H)).sum())
+
+
+def independent(rows: np.ndarray, delays: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Orthonormal combinations (channels, independent) that span the rows of each delay, with their delays.
+
+    The last is the size of the rows' part that is left out.
+    """
+    whole, late, left_out = [np.zeros((len(delays), 0))], [np.zeros(0)], 0.0
+    for tau in np.unique(delays):
+        own = delays == tau
+        U, sizes, _ = np.linalg.svd(rows[own], full_matrices=False)
+        kept = sizes > DEPENDENT * sizes[0]
+        left_out = max(left_out, float(sizes[~kept].max(initial=0.0)))
+        whole.append(np.zeros((len(delays), kept.sum())))
+        whole[-1][own] = U[:, kept]
+        late.append(np.full(kept.sum(), tau))
+    return np.hstack(whole), np.concatenate(late), left_out
 
 
 def growing(f: Characteristic) -> int | None:

@@ -100,7 +100,7 @@ def find(f: Characteristic, region: Region, counted: int, seeds: np.ndarray) -> 
     """Roots in a region with Im s >= 0, each as often as it counts; `seeds` are starting values (1/s)."""
     hits, sure = newton(f, seeds[seeds.imag >= -ASIDE])
     found = _distinct(f, _folded(hits), sure)
-    missing = counted - int(region.holds(_both(found)).sum())
+    missing = counted - int(region.holds(both(found)).sum())
     if missing > 0:
         found = _searched(f, region, found)
     inside = found[region.holds(found)]
@@ -133,8 +133,8 @@ def _folded(s: np.ndarray) -> np.ndarray:
     return np.where(np.abs(s.imag) <= 1e-9 * (1 + np.abs(s)), s.real + 0j, s.real + 1j * np.abs(s.imag))
 
 
-def _both(s: np.ndarray) -> np.ndarray:
-    """With the complex conjugates."""
+def both(s: np.ndarray) -> np.ndarray:
+    """Roots in the upper half-plane with their complex conjugates."""
     return np.r_[s, s[s.imag > 0].conj()]
 
 
@@ -147,7 +147,7 @@ def _distinct(f: Characteristic, hits: np.ndarray, sure: np.ndarray) -> np.ndarr
     label = connected_components(near, directed=False)[1]
     groups = [hits[label == k] for k in range(label.max() + 1)]
     middles = np.array([group.mean() for group in groups])
-    everything = _both(middles)
+    everything = both(middles)
     found: list[complex] = []
     for k, (group, middle) in enumerate(zip(groups, middles, strict=True)):
         if len(group) == 1 and sure[label == k].all():
@@ -183,7 +183,7 @@ def _searched(f: Characteristic, region: Region, found: np.ndarray) -> np.ndarra
         box = waiting.pop()
         if box.high.real <= region.edge and abs(box.low.imag) > region.radius:
             continue
-        known = _both(found)
+        known = both(found)
         missing = _inside(f, box) - int(box.holds(known).sum())
         if missing <= 0:
             continue
@@ -192,10 +192,12 @@ def _searched(f: Characteristic, region: Region, found: np.ndarray) -> np.ndarra
             [complex(x * size.real, y * size.imag) for x in (0.2, 0.5, 0.8) for y in (0.3, 0.7)]
         )
         for s in starts:
-            more, _ = newton(f, np.array([s]), _both(found))
+            more, _ = newton(f, np.array([s]), both(found))
             if len(more) and region.holds(more)[0]:
-                found = np.r_[found, _folded(more)]
-        missing -= int(box.holds(_both(found)).sum()) - int(box.holds(known).sum())
+                # the last one that is missing close to the real axis is no pair
+                last = missing == 1 and abs(more[0].imag) <= LOOSE * (1 + abs(more[0]))
+                more = more.real + 0j if last else _folded(more)
+                found, missing = np.r_[found, more], missing - int(box.holds(both(more)).sum())
         if missing > 0 and abs(size) > SMALLEST * (1 + abs(box.low)):
             waiting += box.cut(next((c for c in CUTS if _clear(f, box, c)), CUTS[0]))
     return found

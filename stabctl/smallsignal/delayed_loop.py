@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as sl
+from scipy.linalg.lapack import zgetrf, zgetrs
 
 from stabctl._util import process
 from stabctl._util.wording import counted
@@ -25,8 +26,8 @@ from stabctl.controllers.realization import pade
 from stabctl.dynamics.named import Named
 
 from ._argument_principle import OnBoundaryError
-from ._characteristic import Characteristic, growing
-from ._root_search import Region, count, find
+from ._characteristic import Characteristic, growing, independent
+from ._root_search import Region, both, count, find
 from .eigen import GROWING, ZERO, eigen, values, without
 from .interconnection import Plant
 from .model import Linear
@@ -40,9 +41,9 @@ EDGES = (0.0, -1e-3, -3e-3, -1e-2)  # 1/s   left edges of the region beyond the 
 # exp(-size) in a delay: decay of the fastest roots counted, if rounding hides others
 DECAYED = (36.0, 30.0, 24.0, 18.0, 12.0)
 ITERATIONS = 20
+EPS = float(np.finfo(float).eps)  # smallest pivot, relative to the largest element
 CONVERGED = 1e-9  # last correction of a root, relative to 1 + |s|
 SAME = 1e-5  # distance of roots that count as one with several vectors, relative to 1 + |s|
-AWAY = 1e-13  # relative to 1 + |s|, so that no matrix is exactly singular
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +161,7 @@ class DelayedLoop:
             return np.r_[s, np.inf]
         region, counted = self.counted(f)
         exact = find(f, region, counted or 0, self.starts(region))
-        exact = np.r_[exact, exact[exact.imag > 0].conj()]
+        exact = both(exact)
         return exact if unstable == (exact.real > GROWING).sum() else np.r_[exact, np.inf]
 
     def radius(self) -> float:
@@ -199,11 +200,13 @@ class DelayedLoop:
         """All roots of the region that can be counted, except 0 itself and the angle reference; as in `eigen`."""
         f = self.characteristic(rotation)
         region, counted = self.counted(f)
-        left = find(f, region, counted or 0, self.starts(region))
+        left = both(find(f, region, counted or 0, self.starts(region)))
         found: list[Root] = []
         while len(left):
-            same = np.abs(left - left[0]) <= SAME * (1 + np.abs(left[0]))
-            if abs(left[0]) > ZERO:
+            s, near = left[0], SAME * (1 + np.abs(left[0]))
+            # pairs close to the real axis are one cluster with their real neighbors
+            same = np.abs(left - (s if abs(s.imag) > near else s.real)) <= near
+            if abs(s) > ZERO and s.imag >= 0:
                 found += self.corrected(left[same])
             left = left[~same]
         return Roots(found, region, counted, growing(f))
@@ -211,31 +214,48 @@ class DelayedLoop:
     def corrected(self, given: np.ndarray) -> list[Root]:
         """The vectors of a root, and its value improved; of one that counts several times all its values are given.
 
-        Inverse iteration on the whole matrix M(s), with as many vectors as the root counts.
+        Inverse iteration on the whole matrix M(s), with as many vectors as the root counts. Values close to the real
+        axis are given with their conjugates: the small eigenvalue problem of their corrections is then real, so real
+        roots and pairs may turn into each other, but none is lost. Of pairs that with positive imaginary part is
+        returned.
         """
         n, s, times = len(self.A), complex(given.mean()), len(given)
-        far = np.exp(-s.real * self.delays) > 1  # rows multiplied by exp(s tau)
+        real = bool((given.imag <= 0).any())
+        s = complex(s.real) if real else s
+        loop, steps = self._independent, np.full(times, np.inf)
+        far = np.exp(-s.real * loop.delays) > 1  # rows multiplied by exp(s tau)
         v = w = np.random.default_rng(0).normal(size=(n + len(far), times)) + 0j
         for k in range(ITERATIONS):
-            M, slope = self._whole(s, far)
-            lu = sl.lu_factor(self._whole(s + AWAY * (1 + abs(s)), far)[0], check_finite=False)
-            v = np.linalg.qr(sl.lu_solve(lu, slope @ v, check_finite=False))[0]
-            w = np.linalg.qr(sl.lu_solve(lu, slope.conj().T @ w, trans=2, check_finite=False))[0]
+            M, slope = loop._whole(s, far)
+            lu, swapped, _ = zgetrf(M)
+            np.fill_diagonal(lu, np.where(np.diag(lu) == 0, EPS * np.abs(M).max(), np.diag(lu)))
+            v = np.linalg.qr(zgetrs(lu, swapped, slope @ v)[0])[0]
+            w = np.linalg.qr(zgetrs(lu, swapped, slope.conj().T @ w, trans=2)[0])[0]
             # small eigenvalue problem of the corrections of all its values
-            steps, Q = np.linalg.eig(np.linalg.pinv(w.conj().T @ slope @ v) @ (w.conj().T @ M @ v))
-            v = v @ Q
-            if times > 1 and k:
+            small = np.linalg.pinv(w.conj().T @ slope @ v) @ (w.conj().T @ M @ v)
+            before, (steps, Q) = steps, np.linalg.eig(small.real if real else small)
+            change = steps if times == 1 else np.sort_complex(steps) - np.sort_complex(before)
+            s = s - complex(steps[0]) if times == 1 else s
+            if k and not np.abs(change).max() >= CONVERGED * (1 + abs(s)):
                 break
-            step = complex(steps.mean())
-            s = s - step if np.isfinite(step) and times == 1 else s
-            if k and abs(step) < CONVERGED * (1 + abs(s)):
-                break
+        v = v @ Q
         w = w @ np.linalg.pinv(w.conj().T @ slope @ v).conj().T
         every = np.array([s]) if times == 1 else s - steps
-        if not np.abs(every - given.mean()).max() < SAME * (1 + abs(s)):
+        if not np.abs(every - given.mean()).max() < 2 * SAME * (1 + abs(s)):
             every = given
-        every = np.where(given.imag == 0, every.real, every)
-        return [Root(complex(one), v[:n, k], w[:n, k]) for k, one in enumerate(every)]
+        return [Root(complex(one), v[:n, k], w[:n, k]) for k, one in enumerate(every) if not real or one.imag >= 0]
+
+    @cached_property
+    def _independent(self) -> "DelayedLoop":
+        """With the same roots and states, without combinations of outputs or inputs of one delay that are always zero.
+
+        Where roots decay fast, exp(s tau) in their rows is below rounding, and M(s) is singular whether s is a root or
+        not: the deviations of all machines add up to zero, for example.
+        """
+        U, delays, _ = independent(np.hstack([self.C, self.D]), self.delays)
+        B, C, D = self.B @ U, U.T @ self.C, U.T @ self.D @ U
+        U, delays, _ = independent(np.hstack([B.T, D.T]), delays)
+        return DelayedLoop(self.A, B @ U, U.T @ C, U.T @ D @ U, delays)
 
     def _whole(self, s: complex, far: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """[s - A, -B; -E C, 1 - E D] and its derivative; the rows chosen are multiplied by exp(s tau)."""
