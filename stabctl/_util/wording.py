@@ -1,6 +1,6 @@
 """Numbers, nouns and lists in sentences."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 PLURALS = {"branch": "branches", "bus": "buses", "contingency": "contingencies"}
 
@@ -19,3 +19,9 @@ def listed(names: Sequence[str], most: int = 8) -> str:
     """The first names, and the number of the others."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
+
+
+def enumerated(noun: str, names: Iterable[object]) -> str:
+    """The noun with the first names: bus 7, buses 7, 8."""
+    given = list(map(str, names))
+    return f"{named(len(given), noun)} {listed(given)}"

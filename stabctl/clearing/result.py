@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 
 from stabctl._util.tabular import machine_column
 from stabctl._util.verbs import verb
-from stabctl._util.wording import counted, listed, named
+from stabctl._util.wording import counted, enumerated
 from stabctl.model import naming
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.swings import Swings
@@ -144,7 +144,7 @@ class ClearingTime:
 
     def stall(self) -> str:
         """A sentence on motor loads that have stalled in the longest stable run; empty if there are none."""
-        where = f"{named(len(self.stalled), 'bus')} {listed([str(bus) for bus in self.stalled])}"
+        where = enumerated("bus", self.stalled)
         return f"In the longest stable run, motor loads at {where} have stalled." if self.stalled else ""
 
     def remark(self) -> str:

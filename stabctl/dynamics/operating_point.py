@@ -12,7 +12,7 @@ from stabctl import devices
 from stabctl._util.errors import EquilibriumError, StudyError, shown
 from stabctl._util.process import paused
 from stabctl._util.verbs import verb
-from stabctl._util.wording import listed, named
+from stabctl._util.wording import enumerated, listed
 from stabctl.model import fleet, network, powerflow
 from stabctl.model.case import Case, not_a_system
 from stabctl.model.fleet import Fleet
@@ -264,7 +264,7 @@ def unlimited(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
     Parameters and errors are those of `solve`, but for limits.
     """
     if not any(devices.every()[model].role in devices.UNIT_ROLES for model in case.devices):
-        names = f"{named(len(case.machines), 'machine')} {listed([str(m.called) for m in case.machines])}"
+        names = enumerated("machine", (m.called for m in case.machines))
         raise StudyError(
             f"{case.name} has no dynamic models, only a power flow: no model for {names}; give their dynamic data, "
             "--dyr or --machines typical."
@@ -289,7 +289,7 @@ def _check_islands(case: Case, net: Network, made: System) -> None:
     for k in np.setdiff1d(of_unit, of_unit[made.forming]):
         names = [str(m.called) for m, island in zip(case.machines, of_unit, strict=True) if island == k]
         buses = [str(b.bus) for b, island in zip(case.buses, where, strict=True) if island == k]
-        island = f"The island of {named(len(buses), 'bus')} {listed(buses)} in {case.name}"
+        island = f"The island of {enumerated('bus', buses)} in {case.name}"
         units = f"its units {listed(names)} are" if len(names) > 1 else f"its only unit, {names[0]}, is"
         raise EquilibriumError(
             f"{island if where.any() else case.name} cannot be initialized: nothing sets its voltage and frequency, "

@@ -1,6 +1,5 @@
 """How a run ended: one of five kinds, with sentences that explain it."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
@@ -8,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stabctl import devices
-from stabctl._util.wording import listed, named
+from stabctl._util.wording import enumerated
 from stabctl.dynamics import family
 from stabctl.dynamics.assembly import Angle
 from stabctl.dynamics.operating_point import OperatingPoint
@@ -159,8 +158,10 @@ def _cut_off(point: OperatingPoint, now: Stage) -> str:
         buses = [b.bus for b, island in zip(point.case.buses, where, strict=True) if island == k]
         places = zip(point.case.machines, point.net.machine_bus, on, strict=True)
         machines = [m.called for m, at, runs in places if where[at] == k and runs]
-        rest = f"with {_listed('machine', machines)}" if machines else f"without {SOURCE}: blacked out, its load lost"
-        parts.append(f"{_listed('bus', buses)} {rest}")
+        rest = (
+            f"with {enumerated('machine', machines)}" if machines else f"without {SOURCE}: blacked out, its load lost"
+        )
+        parts.append(f"{enumerated('bus', buses)} {rest}")
     return f"The switching cut off {'; and '.join(parts)}."
 
 
@@ -190,7 +191,7 @@ def _off_frequency(point: OperatingPoint, end: End, criterion: Criterion) -> str
     island = "The frequency"
     if len(np.unique(where[unit][where[unit] >= 0])) > 1:
         members = [number for number, is_mine in zip(point.rotor_names, mine, strict=True) if is_mine]
-        island += f" of the island of {_listed('machine', members)}"
+        island += f" of the island of {enumerated('machine', members)}"
     return (
         f"{island} was outside {frequency_range(criterion, hz)} for {criterion.frequency_delay_s:g} s at "
         f"{end.time:.3f} s: it is {hz * end.speed @ H / H.sum():.2f} Hz."
@@ -218,7 +219,7 @@ def _cycling(end: End) -> str:
     """A sentence on storage devices in a limit cycle; empty if there are none."""
     if not end.cycling:
         return ""
-    what = _listed("storage device", list(end.cycling))
+    what = enumerated("storage device", end.cycling)
     verb, rate = "reverses" if len(end.cycling) == 1 else "reverse", max(end.cycling.values())
     return (
         f"{what[0].upper()}{what[1:]} still {verb} between full charging and full discharging, up to {rate:.0f} times "
@@ -237,11 +238,6 @@ def _too_fast(end: End) -> str:
     )
 
 
-def _listed(noun: str, numbers: Sequence[int | str]) -> str:
-    shown = ", ".join(map(str, numbers[:8])) + (f" and {len(numbers) - 8} more" if len(numbers) > 8 else "")
-    return f"{named(len(numbers), noun)} {shown}"
-
-
 class Stalled(NamedTuple):
     """Motor loads beyond the slip of their largest torque, where they draw several times their current."""
 
@@ -255,7 +251,7 @@ class Stalled(NamedTuple):
         low, high = (f"{100 * one:.0f}" for one in (min(self.slip), max(self.slip)))
         slips = f"{low} %" if low == high else f"{low} to {high} %"
         loads, have = ("load", "has") if len(self.buses) == 1 else ("loads", "have")
-        where = f"{named(len(self.buses), 'bus')} {listed([str(bus) for bus in self.buses])}"
+        where = f"{enumerated('bus', self.buses)}"
         return f"The motor {loads} at {where} {have} stalled, with a slip of {slips}."
 
 

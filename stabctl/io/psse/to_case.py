@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from stabctl._util.errors import CaseError, StudyError, shown
-from stabctl._util.wording import listed, named
+from stabctl._util.wording import enumerated, listed
 from stabctl.model import naming, tables
 from stabctl.model.case import Case
 from stabctl.model.tables import Load, Machine
@@ -171,8 +171,7 @@ def _refuse(
     tried = {u.machine: f" ({u.kind}, line {u.place.line}: {u.reason})" for u in reversed(dynamics.unsupported)}
     parts, remedies = [], []
     if machines:
-        names = listed([f"{m.name}{tried.get(m.name, '')}" for m in machines])
-        parts.append(f"{named(len(machines), 'machine')} {names}")
+        parts.append(enumerated("machine", (f"{m.name}{tried.get(m.name, '')}" for m in machines)))
         become = "it an injection" if len(machines) == 1 else "them injections"
         remedies.append(f"--missing injection makes {become} of constant power")
     if controls:
