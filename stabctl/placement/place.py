@@ -7,7 +7,6 @@ of the search.
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
@@ -150,22 +149,25 @@ def place(
     places = fleet.devices(case, _devices(possible, largest), options=device)
     points = [operating_point.solve(fleet.extended(one, (*one.storage, *places))) for one in cases.values()]
     every = scenarios(wanted, len(points), len(case.storage) + len(places) if outages else None)
-    study = _Study(points, tuple(cases), every, possible, largest, sites, share(tolerance), acts, search)
-    with Runner(FLEET, store=store, workers=workers, scheduler=scheduler) as runner:
-        found = _searched(study, runner, progress)
-        result = _siting(study, found, others)
     targets = BY_SCREEN if isinstance(contingencies, Screen) else ""
-    return replace(result, costs=costs, targets=targets, wall_s=time.perf_counter() - began)
+    study = _Study(
+        began, points, tuple(cases), every, targets, possible, largest, costs, sites, share(tolerance), acts, search
+    )
+    with Runner(FLEET, store=store, workers=workers, scheduler=scheduler) as runner:
+        return _siting(study, _searched(study, runner, progress), others)
 
 
 class _Study(NamedTuple):
     """What is asked."""
 
+    began: float  # s   instant, of `time.perf_counter`
     points: list[OperatingPoint]  # with a device at every candidate
     names: tuple[str, ...]  # of the points
     scenarios: tuple[Scenario, ...]
+    targets: str  # how the clearing times were chosen, if not by the user
     possible: Sites
     largest: np.ndarray  # (candidates) MW
+    costs: Costs
     sites: int | None  # at most
     tolerance: float | None  # of the size of any one device
     acts: list[Law | Controller]
@@ -220,7 +222,7 @@ def _searched(study: _Study, runner: Runner, progress: Callable[[int, float], No
 
 
 def _siting(study: _Study, found: _Found, others: Mapping[str, Sampled]) -> Siting:
-    """The result with its evidence, which is simulated here; costs and computing time are not filled in yet."""
+    """The result with its evidence, which is simulated here."""
     planes, best, even, case = found.planes, found.best, found.even, study.points[0].case
     trials = found.trials.of(best)
     times = critical_times(trials, best)
@@ -235,7 +237,7 @@ def _siting(study: _Study, found: _Found, others: Mapping[str, Sampled]) -> Siti
     return Siting(
         case=case.name,
         sites=tuple(built),
-        costs=Costs(),
+        costs=study.costs,
         cost=planes.cost,
         lower_bound=planes.bound,
         uniform_mw=None if even is None else float(even.sum()),
@@ -247,7 +249,7 @@ def _siting(study: _Study, found: _Found, others: Mapping[str, Sampled]) -> Siti
         history=tuple(planes.history),
         observed_s=study.search.observed_s,
         simulations=trials.simulations,
-        wall_s=0.0,
+        wall_s=time.perf_counter() - study.began,
         candidates=tuple(
             CandidateSite(c.bus, c.machine, float(study.largest[i]), None if even is None else float(even[i]))
             for i, c in enumerate(places)
@@ -256,6 +258,7 @@ def _siting(study: _Study, found: _Found, others: Mapping[str, Sampled]) -> Siti
         existing=case.storage[: len(case.storage) - len(places)],
         controllers=tuple(str(c) for c in study.acts if isinstance(c, Controller)),
         law=next((str(law) for law in study.acts if isinstance(law, Law)), ""),
+        targets=study.targets,
         tolerance=study.tolerance,
     )
 

@@ -251,8 +251,7 @@ class Stalled(NamedTuple):
         low, high = (f"{100 * one:.0f}" for one in (min(self.slip), max(self.slip)))
         slips = f"{low} %" if low == high else f"{low} to {high} %"
         loads, have = ("load", "has") if len(self.buses) == 1 else ("loads", "have")
-        where = f"{enumerated('bus', self.buses)}"
-        return f"The motor {loads} at {where} {have} stalled, with a slip of {slips}."
+        return f"The motor {loads} at {enumerated('bus', self.buses)} {have} stalled, with a slip of {slips}."
 
 
 def stalled(point: OperatingPoint, s: np.ndarray, alive: np.ndarray) -> Stalled:

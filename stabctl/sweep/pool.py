@@ -1,8 +1,8 @@
 """Worker processes on this machine: each runs one job at a time, and none outlives the process that started it.
 
 If the operating system has a fork server, it loads the machine code once and the workers are forked from it; otherwise
-the first worker compiles the code before the others start. If a worker dies, its job is run again; the executors of
-`concurrent.futures` and loky are then broken as a whole.
+the first worker compiles the code before the others start. If a worker dies, its job is run again; one dead worker
+breaks the executors of `concurrent.futures` and loky as a whole.
 """
 
 import importlib

@@ -10,7 +10,6 @@ The first word behind ``` is the language, the next says what the block is:
 `...` in what a page shows stands for anything, a computing time or a rounding error for any other.
 """
 
-import ast
 import contextlib
 import doctest
 import io
@@ -154,38 +153,6 @@ def test_files_that_a_page_names_exist(page):
 
 def test_the_readme_is_short():
     assert len((ROOT / "README.md").read_text("utf-8").splitlines()) <= 150
-
-
-def imported(path):
-    """Modules that a file imports when it runs."""
-    package, todo = path.relative_to(ROOT).parts[:-1], [ast.parse(path.read_text("utf-8"))]
-    while todo:
-        node = todo.pop()
-        if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING":
-            continue
-        if isinstance(node, ast.Import):
-            yield from (name.name for name in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            base = package[: len(package) - node.level + 1] if node.level else ()
-            yield from (".".join((*base, *filter(None, [node.module]), name.name)) for name in node.names)
-        todo += ast.iter_child_nodes(node)
-
-
-def rooms():
-    """Room of the package -> the rooms that it imports."""
-    found = {}
-    for path in (ROOT / "stabctl").rglob("*.py"):
-        room = path.relative_to(ROOT / "stabctl").with_suffix("").parts[0]
-        if not room.startswith("__"):
-            names = {name.split(".")[1] for name in imported(path) if name.startswith("stabctl.")}
-            found[room] = found.get(room, set()) | names - {room}
-    return found
-
-
-def test_the_table_of_rooms_is_that_of_the_code():
-    text = (ROOT / "docs" / "architecture.md").read_text("utf-8")
-    rows = re.findall(r"^\| `(\w+)` \| .* \| ([\w, ]+|-) \|$", text, re.MULTILINE)
-    assert {room: set(names.split(", ")) - {"-"} for room, names in rows} == rooms()
 
 
 def records():

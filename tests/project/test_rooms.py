@@ -1,7 +1,9 @@
 """The files of the package: how many, how long, and which import each other in a circle."""
 
 import ast
+import re
 from collections import defaultdict
+from functools import cache
 from importlib.util import resolve_name
 from pathlib import Path
 
@@ -25,26 +27,40 @@ SMALL = {  # shorter files, each a thing of its own; devices are, too
 }  # fmt: skip
 
 
-def imports(name):
-    """Files that a file imports, also for type checking only."""
-    package = name if FILES[name].stem == "__init__" else name.rpartition(".")[0]
-    package = package.removesuffix(".__init__")
-    for node in ast.walk(ast.parse(FILES[name].read_text(encoding="utf-8"))):
+@cache
+def imports(name, typing=True):
+    """Modules and names that a file imports, with those for type checking only or without."""
+    package = name.rpartition(".")[0]
+    found, todo = set(), [ast.parse(FILES[name].read_text(encoding="utf-8"))]
+    while todo:
+        node = todo.pop()
+        if not typing and isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING":
+            continue
         if isinstance(node, ast.Import):
-            found = [alias.name for alias in node.names]
+            found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             home = resolve_name("." * node.level + (node.module or ""), package)
-            found = [f"{home}.{alias.name}" for alias in node.names] + [home]
-        else:
-            continue
-        yield from (one for one in found if one in FILES and one != name)
+            found |= {home, *(f"{home}.{alias.name}" for alias in node.names)}
+        todo += ast.iter_child_nodes(node)
+    return frozenset(found)
+
+
+def rooms(typing=True):
+    """Package -> the packages that it imports."""
+    found = defaultdict(set)
+    for name in FILES:
+        room = name.split(".")[1]
+        if not room.startswith("__"):
+            names = {other.split(".")[1] for other in imports(name, typing) if other.startswith("stabctl.")}
+            found[room] |= names - {room}
+    return found
 
 
 def circles():
     """Files that lead to each other by their imports, group by group."""
     names = [name for name in FILES if not name.endswith("__init__")]
     place = {name: k for k, name in enumerate(names)}
-    arrows = [(place[name], place[other]) for name in names for other in imports(name)]
+    arrows = [(place[name], place[other]) for name in names for other in imports(name) & place.keys() - {name}]
     graph = sp.csr_matrix((np.ones(len(arrows)), np.array(arrows).T), shape=(len(names),) * 2)
     groups = defaultdict(list)
     for name, group in zip(names, connected_components(graph, connection="strong")[1], strict=True):
@@ -58,15 +74,18 @@ def test_files_import_each_other_in_no_circle():
 
 def test_packages_stand_on_ten_floors():
     """The floor of a package is one above the highest of those that it imports, for type checking only or not."""
-    rooms = defaultdict(set)
-    for name in FILES:
-        room = name.split(".")[1]
-        rooms[room] |= {other.split(".")[1] for other in imports(name)} - {room, "__init__"}
+    found = rooms()
 
     def floor(room):
-        return 1 + max(map(floor, rooms[room]), default=0)
+        return 1 + max(map(floor, found[room]), default=0)
 
-    assert max(map(floor, rooms.keys() - {"__init__", "__main__"})) == 10
+    assert max(map(floor, found)) == 10
+
+
+def test_the_table_of_rooms_is_that_of_the_code():
+    text = (ROOT / "docs" / "architecture.md").read_text("utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| .* \| ([\w, ]+|-) \|$", text, re.MULTILINE)
+    assert {room: set(names.split(", ")) - {"-"} for room, names in rows} == rooms(typing=False)
 
 
 def test_private_files_are_imported_within_their_package_only():

@@ -3,13 +3,10 @@
 import control
 import numpy as np
 import pytest
+from filters import PSS, WASHOUT
 from ringdown import errors, modal_pole, ringdown
 
 import stabctl as st
-
-S = control.tf("s")
-WASHOUT = 3 * S / (1 + 3 * S) / (1 + 0.05 * S)
-PSS = 20 * (10 * S / (1 + 10 * S)) * (1 + 0.05 * S) / (1 + 0.02 * S) * (1 + 3 * S) / (1 + 5.4 * S)
 
 
 @pytest.fixture(scope="module")

@@ -3,11 +3,10 @@
 import control
 import numpy as np
 import pytest
+from filters import WASHOUT
 
 import stabctl as st
 
-S = control.tf("s")
-WASHOUT = 3 * S / (1 + 3 * S) / (1 + 0.05 * S)
 SIGNALS = {"inputs": "vref:2, order:3@11", "outputs": "speed:2, flow:7-8"}
 
 

@@ -2,16 +2,12 @@
 
 from dataclasses import replace
 
-import control
 import numpy as np
 import pytest
+from filters import PSS, WASHOUT
 
 import stabctl as st
 from stabctl._util.errors import StudyError
-
-S = control.tf("s")
-WASHOUT = 3 * S / (1 + 3 * S) / (1 + 0.05 * S)
-PSS = 20 * (10 * S / (1 + 10 * S)) * (1 + 0.05 * S) / (1 + 0.02 * S) * (1 + 3 * S) / (1 + 5.4 * S)
 
 
 @pytest.fixture(scope="module")
