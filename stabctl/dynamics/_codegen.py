@@ -85,7 +85,10 @@ def write(device: Device, name: str, scalar: type) -> str:
     """Source text of the family's loop, for float or complex."""
     text = [f"def {name}(op, n, w, k, s, f, on):"]
     if device.family is not None:
-        return "\n".join([*text, "    device.family(op, n, w, k, s, f, on)", ""])
+        text += ["    device.family(op, n, w, k, s, f, on)"]
+        if scalar is complex and device.differentiated is not None:
+            text += [f"    if op == {LOCAL}:", "        device.differentiated(n, w, k, s, f, on)"]
+        return "\n".join([*text, ""])
     ops = equations(device)
     if scalar is complex:
         if fused(device):

@@ -133,7 +133,7 @@ class Equations:
 
 def _pattern(families: Sequence[Family], layout: Layout) -> "Pattern":
     """The pattern of a system, shared by all systems of its structure."""
-    key = layout.size, *((f.name, f.device, len(f.w), f.w.tobytes()) for f in families)
+    key = layout.size, *((f.name, f.device, family.size(f), f.w.tobytes()) for f in families)
     found = _known.get(key)
     if found is None:
         found = Pattern(families, layout)
@@ -174,7 +174,7 @@ class Pattern:
         slopes, values, all_answers = [], [], []
         first = layout.nx + layout.outputs
         for f in families:
-            states, inputs, outputs, buses = family.shape(f.device)
+            states, inputs, outputs, buses = family.size(f)
             n, j = len(f.w), np.arange(len(f.w))[:, None]
             bus = f.w[:, [family.BUS, family.BUS2][:buses]]
             voltages = (bus[:, :, None] + np.arange(2)).reshape(n, 2 * buses)

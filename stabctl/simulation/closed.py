@@ -1,35 +1,33 @@
 """The fastest eigenvalue of a system whose loops are closed by continuous controllers and a storage law.
 
-With x' = A x + B u of the system, and orders u = K x + L x' of a law that reads speeds, angles and accelerations,
+With x' = A x + B u and accelerations a = A_w x + L u of the linearized system, and orders u = K x + G a of a law,
 
-    x' = A x + B inv(1 - L B) (K + L A) x
+    x' = (A + B inv(1 - G L) (K + G A_w)) x
 
-The products A x and B u are differences of the simulated rates, near enough to choose a step by. Deadbands and limits
-of controllers are left out: this is how fast the loop is where it acts. Relays and sampled controllers close no loop
-here, because what they give is constant between two instants.
+A and B are those of `closed_loop`: the exact derivatives of the devices, with the voltages eliminated. Deadbands and
+limits of controllers are left out: this is how fast the loop is where it acts. Relays and sampled controllers close no
+loop here, because what they give is constant between two instants.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
-from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, splu
 
 from stabctl.controllers import Law
 from stabctl.dynamics import storage
+from stabctl.dynamics.jacobian import array, matrix
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.model.network import UNSWITCHED
 
-from . import _newton, lti
-from ._buffers import buffers
+from . import lti
 from .attached import BOUND, Attached
-from .criterion import DEFAULT, numbers
-from .stepper import NOTHING
-from .topology import stage
 from .wired import Wired, orders_of, storage_devices
 
 DENSE = 100  # states up to which all eigenvalues are found
 ACCURACY = 1e-2  # of the fastest eigenvalue otherwise
-SMALL = 1e-4  # length of a change of the states
-RULES = numbers(DEFAULT)
-ORDER = 0.05  # largest change of what a controller gives, and of a storage order
+DRIVEN = 1e-6  # 1/s   rate with which a state is held at its limit
 
 
 def fastest(what: Attached, law: Law | None, wired: Wired) -> float:
@@ -51,86 +49,92 @@ def fastest(what: Attached, law: Law | None, wired: Wired) -> float:
         return 0.0
     kept = vars(what.point).setdefault("closed", {})
     if law not in kept:
-        kept[law] = _fastest(Rates(what, wired), gains)
+        kept[law] = _fastest(what, wired, gains)
     return kept[law]
 
 
-class Rates:
-    """The rates of the states of a system at rest as linear functions of the states and of the storage orders."""
+def _fastest(what: Attached, wired: Wired, gains: np.ndarray) -> float:
+    point, rotors, nx = what.point, what.point.rotors, wired.layout.nx
+    moved, speeds = _linear(what)
+    states = rotors.speed < nx
+    speed = np.where(states, rotors.speed, 0)
 
-    def __init__(self, what: Attached, wired: Wired) -> None:
-        self.point, self.wired, layout = what.point, wired, wired.layout
-        self.nx, self.orders = layout.nx, orders_of(layout, what.point.case)
-        self._net = stage(what.point, UNSWITCHED).net
-        none = np.zeros(0, np.int64)
-        self._places = wired.places._replace(held=none, gated=False, relay=False, follows=False)
-        self._program = wired.program._replace(k=wired.program.k.copy(), step=np.zeros((0, 5), np.int64))
-        self._rest = wired.start.copy()
-        self._rest[[*what.gates, *(place for place, _, _ in what.windows)]] = 1.0
-        given, at = [none], 0
-        for f in wired.families:
-            if f.device.module is lti:
-                for row, k in enumerate(f.k):
-                    levels = at + f.k.shape[1] * row + lti.levels(k)
-                    relay = k[lti.levels(k) + 3] > 0
-                    self._program.k[levels : levels + 3] = -BOUND, BOUND, BOUND if relay else 0.0
-                given += [out + np.arange(int(k[2])) for out, k in zip(f.w[:, -1], f.k, strict=True)]
-            at += f.k.size
-        self._given = np.concatenate(given)
+    def wanted(rates: np.ndarray, x: np.ndarray, of_speed: np.ndarray) -> np.ndarray:
+        """Orders for rates of the states, states and speeds (columns); a speed that is no state has no acceleration."""
+        acceleration = np.where(states[:, None], rates[speed], 0.0)
+        parts = zip(gains.T, (of_speed, acceleration, x[rotors.angle]), strict=True)
+        return sum(gain[:, None] * (seen @ part) for gain, part in parts)  # type: ignore[return-value]
 
-    def moved(self, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rates of the states (1/s) and changes of the rotors' signals (speeds, angles), for changes of both."""
-        size = max(float(np.abs(u).max(initial=0.0)) / ORDER, float(np.linalg.norm(x)) / SMALL)
-        if not size:
-            return np.zeros(self.nx), np.zeros((2, len(self.point.rotors.unit)))
-        s, f = self._at(x / size, u / size)
-        given = float(np.abs(s - self._rest)[self._given].max(initial=0.0)) / ORDER
-        if given > 1:
-            size *= given
-            s, f = self._at(x / size, u / size)
-        back, b = self._at(-x / size, -u / size)
-        rotors = self.point.rotors
-        change = size / 2 * (s - back)
-        return size / 2 * (f - b), change[np.array([rotors.speed, rotors.angle])]
+    if gains.any():
+        seen, n = _seen(point, wired), len(gains)
+        orders = np.zeros((wired.layout.size, n))
+        orders[orders_of(wired.layout, point.case), np.arange(n)] = 1.0
+        none = np.zeros((nx, n))
+        B, of_orders = moved(none, orders), speeds(none, orders)
+        loop = np.linalg.inv(np.eye(n) - wanted(B, none, of_orders))
 
-    def _at(self, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """All signals and the rates, with the states and orders changed from rest."""
-        run = buffers(self._rest, self.wired.layout, self._places)
-        run.s[: self.nx] += x
-        run.s[self.orders] += u
-        _newton.advance(self.wired, self._program, self._places, self._net, run, RULES, NOTHING._replace(last=True))
-        return run.s, run.f[: self.nx]
+    def closed(x: np.ndarray) -> np.ndarray:
+        """Rates of the states (columns) in the closed loop."""
+        x = x.reshape(nx, -1)
+        rates = moved(x, None)
+        return rates + B @ (loop @ wanted(rates, x, speeds(x, None))) if gains.any() else rates
 
-
-def _fastest(plant: Rates, gains: np.ndarray) -> float:
-    orders, no_orders = np.eye(len(plant.orders)), np.zeros(len(plant.orders))
-    seen = _seen(plant.point, plant.wired) if len(gains) else np.zeros((0, len(plant.point.rotors.unit)))
-    speed = plant.point.rotors.speed
-    states = speed < plant.nx
-
-    def wanted(rate: np.ndarray, signals: np.ndarray) -> np.ndarray:
-        """Orders of the law for rates of the states and signals of the rotors; virtual ones have no acceleration."""
-        if not len(gains):
-            return no_orders
-        acceleration = np.where(states, rate[np.where(states, speed, 0)], 0.0)
-        return sum(gains[:, k] * (seen @ of) for k, of in enumerate((signals[0], acceleration, signals[1])))
-
-    by_orders = [plant.moved(np.zeros(plant.nx), u) for u in orders] if len(gains) else []
-    loop = np.linalg.inv(orders - np.array([wanted(*one) for one in by_orders]).T) if by_orders else None
-    B = np.array([rate for rate, _ in by_orders]).T
-
-    def moved(x: np.ndarray) -> np.ndarray:
-        """Rates of the states in the closed loop."""
-        rate, signals = plant.moved(x, no_orders)
-        return rate if loop is None else rate + B @ (loop @ wanted(rate, signals))
-
-    if plant.nx > DENSE:
-        operator = LinearOperator((plant.nx, plant.nx), matvec=moved, dtype=float)
+    if nx > DENSE:
+        operator = LinearOperator((nx, nx), matvec=closed, dtype=float)
         try:
-            return float(abs(eigs(operator, 1, tol=ACCURACY, v0=np.ones(plant.nx), return_eigenvectors=False)[0]))
+            return float(abs(eigs(operator, 1, tol=ACCURACY, v0=np.ones(nx), return_eigenvectors=False)[0]))
         except ArpackError:
             pass
-    return float(np.abs(np.linalg.eigvals(np.array([moved(x) for x in np.eye(plant.nx)]).T)).max(initial=0.0))
+    return float(np.abs(np.linalg.eigvals(closed(np.eye(nx)))).max(initial=0.0))
+
+
+Linear = Callable[[np.ndarray, "np.ndarray | None"], np.ndarray]
+
+
+def _linear(what: Attached) -> tuple[Linear, Linear]:
+    """Rates of the states, and speeds of the rotors, as linear functions of the states and of all signals (columns)."""
+    point = what.point
+    layout, k, s = point.layout, _without_limits(what), point.s.copy()
+    s[[*what.gates, *(place for place, _, _ in what.windows)]] = 1.0
+    d = point.equations.at(s, k)
+    nx, first = layout.nx, layout.first_setpoint
+    driven = np.where(np.abs(d.rates) > DRIVEN, d.rates, 0.0)
+    free = ~point.equations.held(s, driven, point.system.limits)
+    values, *at = point.admittances(UNSWITCHED).real()
+    Y = matrix(values, (at[0], at[1]), (2 * len(point.V),) * 2, point.equations.small)
+    gv = d.of_currents[:, nx:first] - Y
+    solve = (lambda b: np.linalg.solve(gv, b)) if isinstance(gv, np.ndarray) else splu(gv.tocsc()).solve
+    rotors = point.rotors.speed
+    made = rotors >= layout.first_output  # those of virtual rotors
+
+    def of(rows: Any) -> Linear:
+        def function(x: np.ndarray, u: np.ndarray | None) -> np.ndarray:
+            z = np.zeros((d.of_rates.shape[1], x.shape[1])) if u is None else u[: d.of_rates.shape[1]].copy()
+            z[:nx] = x
+            z[nx:first] = -solve(np.asarray(d.of_currents @ z))
+            return np.asarray(rows(z))
+
+        return function
+
+    def speeds(z: np.ndarray) -> np.ndarray:
+        out = z[np.where(made, 0, rotors)]
+        out[made] = array(d.of_outputs)[rotors[made] - layout.first_output] @ z
+        return out
+
+    return of(lambda z: (d.of_rates @ z) * free[:, None]), of(speeds)
+
+
+def _without_limits(what: Attached) -> np.ndarray:
+    """The constants of all devices; controllers have neither limits nor deadbands, and relays give nothing."""
+    parts = []
+    for f in what.point.equations.families:
+        k = f.k.copy()
+        if f.device.module is lti:
+            for row in k:
+                at = lti.levels(row)
+                row[at : at + 3] = -BOUND, BOUND, BOUND if row[at + 3] > 0 else 0.0
+        parts.append(k.ravel())
+    return np.concatenate([np.zeros(0), *parts])
 
 
 def _seen(point: OperatingPoint, wired: Wired) -> np.ndarray:

@@ -10,7 +10,7 @@ are made outside, which then sets the u held.
 import numpy as np
 
 from stabctl._util.jit import inline
-from stabctl.dynamics.family import FRAME, OUTPUT
+from stabctl.dynamics.family import FRAME, OUTPUT, TINY
 
 from .lti import HEAD, active, moved, shape, wanted
 
@@ -61,6 +61,15 @@ def family(op, count, w, k, s, f, on):
         if d > 0:
             for i in range(p):
                 s[held - p + i] = s[new + i]
+
+
+@inline
+def differentiated(count, w, k, s, f, on):
+    """Outputs with each variable changed in turn: they move with what they are added to (`_codegen`)."""
+    m, p = int(k[1]), int(k[2])
+    for c in range(m + p + 4):
+        for i in range(p):
+            f[p * c + i] = s[w[7 + m + p] + i] + (1j * TINY if c == m + i else 0)
 
 
 def sizes(k: np.ndarray) -> tuple[int, int, int, int]:

@@ -11,7 +11,7 @@ While its gate is closed or its unit is off, the outputs are zero and the states
 import numpy as np
 
 from stabctl._util.jit import inline
-from stabctl.dynamics.family import OUTPUT, RATES
+from stabctl.dynamics.family import OUTPUT, RATES, TINY
 
 NAME = "controller"
 ROLE = "controller"
@@ -80,26 +80,62 @@ def active(w, k, s, on):
 
 
 @inline
+def given(i, w, k, s, on):
+    """Output i, with what it is added to."""
+    n, m, p = int(k[0]), int(k[1]), int(k[2])
+    levels = HEAD + n * n + n * m + p * n + p * m + 2 * m
+    y = s[w[4 + m + i]]
+    if active(w, k, s, on):
+        u = wanted(i, w[0], w, k, s, on)
+        y += shape(u, k[levels], k[levels + 1], k[levels + 2], k[levels + 3])
+    return y
+
+
+@inline
+def rate(i, w, k, s, on):
+    """Rate of state i, which a limit that acts changes."""
+    n, m, p = int(k[0]), int(k[1]), int(k[2])
+    levels = HEAD + n * n + n * m + p * n + p * m + 2 * m
+    if not active(w, k, s, on):
+        return -s[w[0] + i] / RESET
+    f = moved(i, w[0], w, k, s, on)
+    for j in range(p):
+        L = k[levels + 4 + i * p + j]
+        if L != 0:
+            u = wanted(j, w[0], w, k, s, on)
+            f += L * (shape(u, k[levels], k[levels + 1], k[levels + 2], k[levels + 3]) - u)
+    return f
+
+
+@inline
 def family(op, count, w, k, s, f, on):
     """The calls of the stepper; see `stabctl.dynamics._codegen`."""
     n, m, p = int(k[0]), int(k[1]), int(k[2])
-    x, out = w[0], w[6 + m + p]
-    levels = HEAD + n * n + n * m + p * n + p * m + 2 * m
-    acts = active(w, k, s, on)
     if op == OUTPUT:
         for i in range(p):
-            s[out + i] = s[w[4 + m + i]]
-            if acts:
-                u = wanted(i, x, w, k, s, on)
-                s[out + i] += shape(u, k[levels], k[levels + 1], k[levels + 2], k[levels + 3])
+            s[w[6 + m + p] + i] = given(i, w, k, s, on)
     if op == RATES:
         for i in range(n):
-            f[x + i] = moved(i, x, w, k, s, on) if acts else -s[x + i] / RESET
-            for j in range(p):
-                L = k[levels + 4 + i * p + j]
-                if L != 0 and acts:
-                    u = wanted(j, x, w, k, s, on)
-                    f[x + i] += L * (shape(u, k[levels], k[levels + 1], k[levels + 2], k[levels + 3]) - u)
+            f[w[0] + i] = rate(i, w, k, s, on)
+
+
+@inline
+def differentiated(count, w, k, s, f, on):
+    """Rates and outputs with each variable changed in turn; see `stabctl.dynamics._codegen`."""
+    n, m, p = int(k[0]), int(k[1]), int(k[2])
+    last = n + m + p + 2
+    for c in range(last + 1):
+        at = w[0] + c if c < n else w[4 + c - n]
+        kept, again = s[at], c == last
+        for q in range(4, 4 + min(c, last) - n):
+            again = again or w[q] == at
+        if not again:
+            s[at] = kept + 1j * TINY
+        for i in range(n):
+            f[(n + p) * c + i] = rate(i, w, k, s, on)
+        for i in range(p):
+            f[(n + p) * c + n + i] = given(i, w, k, s, on)
+        s[at] = kept
 
 
 def levels(k: np.ndarray) -> int:

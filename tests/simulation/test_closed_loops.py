@@ -43,7 +43,7 @@ def test_the_fastest_eigenvalue_is_that_of_the_closed_loop(points, name, seed):
     point = stored(points, name, "70MW")
     machines = rng.permutation([m.machine for m in point.case.machines])
     controllers = [lead(m, 10 ** rng.uniform(1, 3.3), rng.uniform(0.004, 0.03)) for m in machines[:2]]
-    assert loop_of(point, *controllers) == pytest.approx(fastest(point, *controllers), rel=2e-3)  # 4e-5
+    assert loop_of(point, *controllers) == pytest.approx(fastest(point, *controllers), rel=1e-9)  # 2e-12
 
 
 @pytest.mark.parametrize("name", ["wscc9", "two_area"])
@@ -53,13 +53,13 @@ def test_the_fastest_eigenvalue_is_that_of_the_closed_loop(points, name, seed):
 def test_so_it_is_of_a_law(points, name, law):
     point = stored(points, name, "70MW")
     laws = law.controllers(point.case)
-    assert loop_of(point, law) == pytest.approx(fastest(point, *laws), rel=2e-3)  # 2e-5
+    assert loop_of(point, law) == pytest.approx(fastest(point, *laws), rel=1e-9)  # 1e-13
 
 
 def test_a_group_counts_as_one_machine(points):
     point = stored(points, "two_area", "70MW")
     law = st.StorageLaw(groups=("1+2",), slope=0.002, deadband=0.0)
-    assert loop_of(point, law) == pytest.approx(fastest(point, *law.controllers(point.case)), rel=2e-3)  # 2e-5
+    assert loop_of(point, law) == pytest.approx(fastest(point, *law.controllers(point.case)), rel=1e-9)  # 1e-13
 
 
 def test_what_does_not_act_continuously_closes_no_loop(points):
