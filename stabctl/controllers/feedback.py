@@ -1,7 +1,6 @@
 """Continuous laws on speed and acceleration (the paper, section 3, eq. (13) and (14)), as orders of storage devices.
 
-In the one-machine theory the power depends on the acceleration that it causes. Here an order reads the acceleration of
-the stage of the integration before, which gives the same result within a few steps while |Ka| stays below 2H/wb.
+The power depends on the acceleration that it causes: the simulation solves for both at once, at every stage of a step.
 """
 
 from dataclasses import dataclass
@@ -74,6 +73,11 @@ class Feedback(Law):
 
     def __post_init__(self) -> None:
         guard(self, omitted=False)
+
+    @property
+    def inertial(self) -> bool:  # type: ignore[override]
+        """Whether its orders follow the acceleration."""
+        return self.acceleration_gain != 0
 
     def par(self, device: StorageDevice) -> Par:
         """Parameters, with gains in orders per pu of speed."""

@@ -22,6 +22,8 @@ class Law(ABC):
         Whether its orders switch between fixed values; the simulation then finds the instants within a step.
     angular
         Whether it reads the angle.
+    inertial
+        Whether its orders follow the acceleration that they cause; the simulation then solves for both at once.
     groups
         Machines that are seen as one: the deviation of each of them is that of the group.
     rate, frames
@@ -30,6 +32,7 @@ class Law(ABC):
 
     relay: bool = False
     angular: bool = False
+    inertial: bool = False
     groups: tuple[tuple[int, ...], ...] = ()
     rate: int | None = None
     frames: int = 0

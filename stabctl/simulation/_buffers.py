@@ -21,6 +21,7 @@ class Note(NamedTuple):
     bus: int = 0  # row of the bus that a verdict names
     rotor: int = 1  # row of the rotor unit, or of the angle without weight, that it names
     divided: int = 2  # how many steps in a row were divided, at most `CHATTER`
+    open: int = 3  # stages at which orders and the accelerations they cause did not agree
 
 
 NOTE = Note()  # a record: its file is then part of the key of machine code on disk; that of a mere number is not
@@ -58,6 +59,15 @@ class Watch(NamedTuple):
     coi: np.ndarray  # (4, nb)   sums of H, H speed, H angle and, in laws, H acceleration, over each island
 
 
+class Loop(NamedTuple):
+    """Work space of orders that follow the accelerations they cause; n storage devices, none without such orders."""
+
+    response: np.ndarray  # (n, n), pu/s   accelerations that each sees, per order of each
+    matrix: np.ndarray  # (n, n + 1)   equations of a change of the orders
+    order: np.ndarray  # (2, n)   orders tried, and accelerations seen with them
+    known: np.ndarray  # (1), int   whether `response` is that of the present network
+
+
 class Run(NamedTuple):
     """Everything that changes in a run. The same for every system, so that compiled code has one signature."""
 
@@ -68,9 +78,10 @@ class Run(NamedTuple):
     solve: Iteration
     part: Part
     watch: Watch
+    loop: Loop
     orders: np.ndarray  # (2, held)   values of `Places.held` before a decision, and from the next jump on
     late: np.ndarray  # (1), s   from a timed verdict to the end of its step; -1 until the first step after an event
-    notes: np.ndarray  # (3), int   see `Note`
+    notes: np.ndarray  # (4), int   see `Note`
 
 
 class NewtonSpace(NamedTuple):
@@ -92,9 +103,11 @@ def buffers(s: np.ndarray, layout: "Layout", places: "Places") -> Run:
     angles[0], turned[0] = s[places.rotor], s[places.speed]
     low, turns = zeros((2, len(places.watch_bus))), zeros((2, len(places.order)))
     watch = Watch(angles, turned, s[places.other], zeros((3, m)), low, turns, zeros((4, nb)))
-    late, notes = np.full(1, -1.0), zeros(3, np.int64)
+    n = len(places.order) if places.inertial else 0
+    loop = Loop(zeros((n, n)), zeros((n, n + 1)), zeros((2, n)), np.zeros(1, np.int64))
+    late, notes = np.full(1, -1.0), zeros(len(NOTE), np.int64)
     volt, current = s[layout.voltages].view(complex), f[layout.voltages].view(complex)
-    return Run(s, f, volt, current, solve, part, watch, zeros((2, len(places.held))), late, notes)
+    return Run(s, f, volt, current, solve, part, watch, loop, zeros((2, len(places.held))), late, notes)
 
 
 def newton_space(run: Run) -> NewtonSpace:

@@ -49,7 +49,7 @@ class Places(NamedTuple):
     """Places and constants that the stepper itself reads. The type is the same for every system."""
 
     voltages: int  # the first voltage
-    span: int  # the length of the step, or of its part that is being made
+    elapsed: int  # the time over which orders have moved, s
     seen: Relative  # signals that laws read
     rotor: np.ndarray  # (rotor units) the angles
     speed: np.ndarray  # (rotor units) the speeds: states, or outputs of virtual rotors
@@ -72,10 +72,13 @@ class Places(NamedTuple):
     watch_low: np.ndarray  # (loads) pu   voltages below which they count as lost
     held: np.ndarray  # (held) what laws and gates write: orders, then whether a gate is open; constant over a part
     order: np.ndarray  # (storage devices) what they read their orders from, in the order of the case's table
+    begun: int  # the first order at the beginning of the step, or of its part that is being made
+    own: np.ndarray  # (storage devices) rotor units whose signals their orders follow, -1: none
     stops: np.ndarray  # (stops) rows of `limited` at whose limits a power jumps
     gated: bool  # some of `held` are gates, which read outputs
     relay: bool  # the orders switch between fixed values, at instants to be found within a step
     follows: bool  # the orders follow the signals at every stage of a step; otherwise they are held over a step
+    inertial: bool  # they follow the accelerations that they cause
 
 
 def places(
@@ -85,10 +88,13 @@ def places(
     held: np.ndarray,
     order: np.ndarray,
     *,
+    begun: int,
+    own: np.ndarray,
     groups: Sequence[np.ndarray],
     gated: bool,
     relay: bool,
     follows: bool,
+    inertial: bool,
 ) -> Places:
     """The places that the stepper reads in a system.
 
@@ -104,6 +110,10 @@ def places(
         Places that laws and gates write.
     order
         Places that the storage devices read their orders from.
+    begun
+        First place of the orders at the beginning of a step.
+    own
+        Rotor unit of each storage device, -1: none.
     groups
         Rotor units of the group of each rotor unit.
     gated
@@ -112,6 +122,8 @@ def places(
         Whether they switch between fixed values.
     follows
         Whether they follow the signals at every stage of a step.
+    inertial
+        Whether they follow the accelerations that they cause.
     """
     rotors, limits, others = system.rotors, system.limits, system.unweighted
     first = np.cumsum([0, *(len(group) for group in groups)], dtype=np.int64)
@@ -124,14 +136,17 @@ def places(
         others.column("place"), others.column("unit"), others.column("bus"), first, member, owner,
         limits.state, limits.low, limits.high, limits.scale,
         system.draw_bus, system.near_bus, system.watch_bus, system.watch_low, held.astype(np.int64), order,
-        limits.stops, gated, relay, follows,
+        begun, own.astype(np.int64), limits.stops, gated, relay, follows, inertial,
     )  # fmt: skip
 
 
-def with_ratings(made: Places, system: System, relay: bool, follows: bool) -> Places:
-    """The places for a system with other ratings, and thus other limits; without a rating no angle is judged."""
+def with_ratings(made: Places, system: System, **how: bool) -> Places:
+    """The places for a system with other ratings, and thus other limits; without a rating no angle is judged.
+
+    `how` is `relay`, `follows` and `inertial`.
+    """
     limits, others = system.limits, system.unweighted
     place, unit, bus = (others.column(name) for name in ("place", "unit", "bus"))
     return made._replace(
-        low=limits.low, high=limits.high, relay=relay, follows=follows, other=place, other_unit=unit, other_bus=bus
-    )  # fmt: skip
+        low=limits.low, high=limits.high, other=place, other_unit=unit, other_bus=bus, **how
+    )

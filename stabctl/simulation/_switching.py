@@ -34,6 +34,18 @@ def decide(program, places, net, run, due):
 @noinline
 def act(program, places, net, run, due):
     """Let gates and laws act, with their signals; returns whether a gate or an order has changed."""
+    see(places, net, run, due)
+    store_orders(0, places, run)
+    perform(program.step, program.w, program.k, run.s, run.f, net.island)
+    changed = False
+    for j in range(len(places.held)):
+        changed |= run.orders[0, j] != run.s[places.held[j]]
+    return changed
+
+
+@noinline
+def see(places, net, run, due):
+    """Set the signals that laws see."""
     coi(places.inertia, places, net, run)
     accelerate(places, net, run)
     s, sums, island, seen = run.s, run.watch.coi, net.island, places.seen
@@ -49,12 +61,6 @@ def act(program, places, net, run, due):
             s[seen.speed + i] = speed - (sums[1, k] - own * speed) / rest
             s[seen.acceleration + i] = rate - (sums[3, k] - own * rate) / rest
             s[seen.angle + i] = angle - (sums[2, k] - own * angle) / rest
-    store_orders(0, places, run)
-    perform(program.step, program.w, program.k, run.s, run.f, net.island)
-    changed = False
-    for j in range(len(places.held)):
-        changed |= run.orders[0, j] != run.s[places.held[j]]
-    return changed
 
 
 @noinline

@@ -1,20 +1,21 @@
-"""The fastest eigenvalue of a system whose loops are closed by continuous controllers and a storage law.
+"""The eigenvalues of a system whose loops are closed by continuous controllers and a storage law.
 
 With x' = A x + B u and accelerations a = A_w x + L u of the linearized system, and orders u = K x + G a of a law,
 
     x' = (A + B inv(1 - G L) (K + G A_w)) x
 
 A and B are those of `closed_loop`: the exact derivatives of the devices, with the voltages eliminated. Deadbands and
-limits of controllers are left out: this is how fast the loop is where it acts. Relays and sampled controllers close no
+limits of controllers are left out: so the loop is where it acts. Relays and sampled controllers close no
 loop here, because what they give is constant between two instants.
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, splu
 
+from stabctl._util.errors import StudyError
 from stabctl.controllers import Law
 from stabctl.dynamics import storage
 from stabctl.dynamics.jacobian import array, matrix
@@ -25,13 +26,21 @@ from . import lti
 from .attached import BOUND, Attached
 from .wired import Wired, orders_of, storage_devices
 
-DENSE = 100  # states up to which all eigenvalues are found
+DENSE = 300  # states up to which all eigenvalues are found
 ACCURACY = 1e-2  # of the fastest eigenvalue otherwise
+GROWING = 0.01  # 1/s   real part of an eigenvalue that is named
 DRIVEN = 1e-6  # 1/s   rate with which a state is held at its limit
 
 
-def fastest(what: Attached, law: Law | None, wired: Wired) -> float:
-    """Largest magnitude (1/s) of an eigenvalue of the closed loop; 0 if no loop is closed continuously.
+class ClosedLoop(NamedTuple):
+    """What a run asks of a closed loop."""
+
+    fastest: float = 0.0  # 1/s   largest magnitude of an eigenvalue; 0 if no loop is closed continuously
+    growing: complex | None = None  # 1/s   the eigenvalue with the largest real part, if it is known and grows
+
+
+def closed_loop(what: Attached, law: Law | None, wired: Wired) -> ClosedLoop:
+    """The closed loop at rest; raises `StudyError` if its orders cause more acceleration than they are given for.
 
     Parameters
     ----------
@@ -46,14 +55,14 @@ def fastest(what: Attached, law: Law | None, wired: Wired) -> float:
     if law is not None and wired.places.follows:
         gains = np.array([law.gains(device) for device in storage_devices(what.point.case)]).reshape(-1, 3)
     if not gains.any() and not any(f.device.module is lti for f in wired.families):
-        return 0.0
+        return ClosedLoop()
     kept = vars(what.point).setdefault("closed", {})
     if law not in kept:
-        kept[law] = _fastest(what, wired, gains)
+        kept[law] = _closed_loop(what, wired, gains)
     return kept[law]
 
 
-def _fastest(what: Attached, wired: Wired, gains: np.ndarray) -> float:
+def _closed_loop(what: Attached, wired: Wired, gains: np.ndarray) -> ClosedLoop:
     point, rotors, nx = what.point, what.point.rotors, wired.layout.nx
     moved, speeds = _linear(what)
     states = rotors.speed < nx
@@ -71,7 +80,9 @@ def _fastest(what: Attached, wired: Wired, gains: np.ndarray) -> float:
         orders[orders_of(wired.layout, point.case), np.arange(n)] = 1.0
         none = np.zeros((nx, n))
         B, of_orders = moved(none, orders), speeds(none, orders)
-        loop = np.linalg.inv(np.eye(n) - wanted(B, none, of_orders))
+        direct = np.eye(n) - wanted(B, none, of_orders)
+        _check_inertia(direct, point)
+        loop = np.linalg.inv(direct)
 
     def closed(x: np.ndarray) -> np.ndarray:
         """Rates of the states (columns) in the closed loop."""
@@ -82,10 +93,21 @@ def _fastest(what: Attached, wired: Wired, gains: np.ndarray) -> float:
     if nx > DENSE:
         operator = LinearOperator((nx, nx), matvec=closed, dtype=float)
         try:
-            return float(abs(eigs(operator, 1, tol=ACCURACY, v0=np.ones(nx), return_eigenvectors=False)[0]))
+            return ClosedLoop(float(abs(eigs(operator, 1, tol=ACCURACY, v0=np.ones(nx), return_eigenvectors=False)[0])))
         except ArpackError:
             pass
-    return float(np.abs(np.linalg.eigvals(closed(np.eye(nx)))).max(initial=0.0))
+    found = np.linalg.eigvals(closed(np.eye(nx)))
+    last = complex(found[np.argmax(found.real)]) if nx else 0j
+    return ClosedLoop(float(np.abs(found).max(initial=0.0)), last if last.real > GROWING else None)
+
+
+def _check_inertia(direct: np.ndarray, point: OperatingPoint) -> None:
+    """Check 1 - G L: where it has no positive eigenvalue, the orders take away more inertia than there is."""
+    if np.linalg.eigvals(direct).real.min() <= 0:
+        raise StudyError(
+            f"The acceleration gain of the law takes away more inertia than the machines of {point.case.name} with "
+            "storage have; give one that is larger (nearer to zero, or positive)."
+        )
 
 
 Linear = Callable[[np.ndarray, "np.ndarray | None"], np.ndarray]

@@ -27,8 +27,8 @@ def prepare() -> None:
         "high": none,
         "watch_low": none,
     }
-    flags: dict[str, Any] = dict.fromkeys(("gated", "relay", "follows"), False)
-    numbers_: dict[str, Any] = {"voltages": 0, "span": 0, "seen": Relative(0, 0, 0, 0, 0)} | flags
+    flags: dict[str, Any] = dict.fromkeys(("gated", "relay", "follows", "inertial"), False)
+    numbers_: dict[str, Any] = {"voltages": 0, "elapsed": 0, "begun": 0, "seen": Relative(0, 0, 0, 0, 0)} | flags
     arrays: dict[str, Any] = {name: kinds.get(name, places) for name in Places._fields if name not in numbers_}
     read = Places(**arrays, **numbers_)
     net = Net(factor(sp.identity(1, complex, "csc")), places, places, np.ones(1, bool), False, True)

@@ -99,7 +99,8 @@ class Simulation:
         while self._at + 1 < len(self.changes) and self.changes[self._at + 1].at <= start + 1e-9:
             self._at += 1
         self.wired = wired(point, control, self.attached.rates, self.attached.gates)
-        self.loop = closed.fastest(self.attached, control, self.wired)
+        self._closed = closed.closed_loop(self.attached, control, self.wired)
+        self.loop = self._closed.fastest
         self.step = steps.checked(point, step, self.loop)
         signals = self.wired.layout.first_memory
         self._record = Recording(point, record, signals, every=every, span=swings.SPAN)
@@ -227,7 +228,7 @@ class Simulation:
 
     def _enter(self) -> None:
         self._since, self._known = self.time, False
-        self._run.solve.moves[:], self._run.late[0] = 0, -1.0
+        self._run.solve.moves[:], self._run.late[0], self._run.loop.known[0] = 0, -1.0, 0
         self._record.event()
         self._stage = stage(self.point, self.changes[self._at].switching)
         self._off[(self._stage.net.island < 0) & np.isinf(self._off)] = self.time

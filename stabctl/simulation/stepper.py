@@ -27,6 +27,7 @@ from stabctl.devices.blocks import copy
 from stabctl.dynamics.perform import perform
 
 from ._buffers import NOTE
+from ._inertial import close, rates
 from ._judgment import DONE, NEWTON, count_reversals, judge, measure_excess
 from ._substitution import solve_apart
 from ._switching import decide, first_jump, jump
@@ -75,23 +76,24 @@ def advance(program, places, net, run, rules, plan, at, history):
     while at.step < steps + plan.last:
         h = plan.sizes[at.step] if at.step < steps else 0.0
         span = (at.end - at.begin) * h
-        run.s[places.span] = span
         undivided = at.begin == 0 and at.end == 1
         due = plan.due[at.step] if at.step < len(plan.due) else 0
         # With relays, the voltages at the end of a whole step are solved for too: they tell whether one has switched.
         stages = STAGES + 1 if places.relay and at.end == 1 else STAGES
         for stage in range(at.stage, stages):
             if not at.solved:
-                predict(stage, undivided, program, places, net, run)
+                predict(stage, undivided, span, program, places, net, run)
             while True:
                 if not (at.solved or settle(program, places, net, run)):
                     return NEWTON, at_stage(stage, at.decided, True, at)  # the caller solves for them, and calls again
-                changed = not at.decided and start(due, program, places, net, run)
+                changed = not at.decided and start(due, span, program, places, net, run)
                 at = at_stage(stage, True, not changed, at)
                 if not changed:
                     break
             if stage == STAGES:
                 break
+            if places.inertial and not close(program, places, net, run):
+                run.notes[NOTE.open] += 1
             evaluate(stage, undivided, may_jump, program, places, net, run)
             if stage == 0:
                 if run.late[0] < 0:  # the first step after an event
@@ -107,6 +109,7 @@ def advance(program, places, net, run, rules, plan, at, history):
         if at.end < 1:
             jump(at.row, h, places, run)
             copy(run.s, run.part.x)
+            begin(0.0, places, run)
             at = Cursor(at.step, 0, begin=at.end, end=1.0, row=-1, parts=at.parts, decided=True, solved=False)
             continue
         # Where does the first jump within this part lie? If there is one, make the part again, up to it. Orders that
@@ -117,6 +120,8 @@ def advance(program, places, net, run, rules, plan, at, history):
                 for k in range(len(run.part.x)):
                     run.s[k] = run.part.x[k]
                 copy(run.part.volts[0], run.volt)
+                if places.follows:
+                    again(places, run)
                 cut = at.begin + t * (at.end - at.begin)
                 at = Cursor(at.step, 0, at.begin, cut, row, at.parts + 1, decided=True, solved=False)
                 continue
@@ -141,7 +146,7 @@ def clear_dead_buses(net, run):
 
 
 @inline
-def predict(stage, undivided, program, places, net, run):
+def predict(stage, undivided, span, program, places, net, run):
     """Predict the iterated voltages of a stage: those of the stage before and, in an undivided step, a change.
 
     The change is extrapolated from the changes at the same stage of the last two steps, 2 d1 - d2. The end of a step
@@ -157,6 +162,7 @@ def predict(stage, undivided, program, places, net, run):
         if undivided:
             run.volt[b] += 2 * run.solve.moves[0, as_stage, i] - run.solve.moves[1, as_stage, i]
     if places.follows and stage > 0:
+        run.s[places.elapsed] = span / RK4.reach_divisor[stage - 1]
         decide(program, places, net, run, 0)
 
 
@@ -183,14 +189,35 @@ def start_from_no_load(program, places, net, run):
 
 
 @inline
-def start(due, program, places, net, run):
+def start(due, span, program, places, net, run):
     """Let the frames, gates and laws act that are due at the start of a step; returns whether outputs have changed."""
     copy(run.s, run.part.x)  # only the states, with which s begins
-    if (len(places.held) > 0 or due != 0) and decide(program, places, net, run, due):
+    if not places.follows:  # orders move now by what they may until the end
+        begin(span, places, run)
+    changed = (len(places.held) > 0 or due != 0) and decide(program, places, net, run, due)
+    if places.follows:  # they have moved over the step before
+        begin(0.0, places, run)
+    if changed:
         return True
     if run.notes[NOTE.divided] == CHATTER:
         run.notes[NOTE.divided] = 0  # the chatter is over
     return False
+
+
+@inline
+def begin(elapsed, places, run):
+    """Let orders move from what they are now, over a time (s)."""
+    for j in range(len(places.order)):
+        run.s[places.begun + j] = run.s[places.held[j]]
+    run.s[places.elapsed] = elapsed
+
+
+@inline
+def again(places, run):
+    """Set the orders to those at the beginning of the part."""
+    for j in range(len(places.order)):
+        run.s[places.held[j]] = run.s[places.begun + j]
+    run.s[places.elapsed] = 0.0
 
 
 @inline
@@ -206,10 +233,7 @@ def evaluate(stage, undivided, may_jump, program, places, net, run):
             b = places.near_bus[i]
             moves[1, stage, i] = moves[0, stage, i]
             moves[0, stage, i] = run.volt[b] - run.solve.before[b]
-    perform(program.sweep, program.w, program.k, run.s, run.f, net.island)
-    hold_at_limits(run, places)
-    if not net.whole:
-        freeze_disconnected(places, net, run)
+    rates(program, places, net, run)
     if may_jump and stage == 0:
         copy(run.f, run.part.rate)
         copy(run.volt, run.part.volts[0])

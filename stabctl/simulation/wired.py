@@ -60,6 +60,7 @@ class Memory(NamedTuple):
     orders: slice  # that the law, or the user, wants
     lines: int  # of the delay lines of a sampled law
     acting: int  # orders after these lines
+    begun: int  # orders at the beginning of a step
     relative: Relative
     end: int
 
@@ -99,9 +100,10 @@ def _wired(point: OperatingPoint, control: Law | None, rates: tuple[int, ...], g
     for i, value in enumerate(control.device.start if control else ()):
         start[memory.orders.start + i : memory.lines : memory.orders.step] = value
     held = np.r_[orders_of(layout, point.case), np.array(gates, np.int64)]
-    relay, follows = _switches(families, control)
-    how: dict[str, Any] = {"groups": _groups(point, control), "gated": bool(gates), "relay": relay, "follows": follows}
-    made = places(point.system, layout, memory.relative, held, storage.places(point.system, point.case).order, **how)
+    esd = storage.places(point.system, point.case)
+    how: dict[str, Any] = {"begun": memory.begun, "own": _own(point), "groups": _groups(point, control)}
+    how |= {"gated": bool(gates), **_switches(families, control)}
+    made = places(point.system, layout, memory.relative, held, esd.order, **how)
     return Wired(program(families), families, layout, made, memory.orders, rates, start, point.system.kept)
 
 
@@ -113,7 +115,7 @@ def _with_constants(system: Wired, point: OperatingPoint, control: Law | None) -
     k = np.concatenate([np.zeros(0), *(f.k.ravel() for f in families)])
     start = system.start.copy()
     start[: system.layout.first_memory] = point.s[: system.layout.first_memory]
-    made = with_ratings(system.places, point.system, *_switches(families, control))
+    made = with_ratings(system.places, point.system, **_switches(families, control))
     return replace(system, program=system.program._replace(k=k), families=families, places=made, start=start)
 
 
@@ -132,21 +134,30 @@ def _memory(point: OperatingPoint, control: Law | None) -> Memory:
     lines = first + n * stride
     sampled = control is not None and control.rate is not None
     acting = lines + n * control.frames if sampled and control is not None else first
-    speed = acting + n if sampled else lines
+    begun = acting + n if sampled else lines
+    speed = begun + n
     relative = Relative(speed, speed + m, speed + 2 * m, speed + 3 * m, speed + 3 * m + len(point.case.machines))
-    return Memory(slice(first, lines, stride), lines, acting, relative, relative.end)
+    return Memory(slice(first, lines, stride), lines, acting, begun, relative, relative.end)
 
 
-def _switches(families: tuple[Family, ...], control: Law | None) -> tuple[bool, bool]:
-    """Whether the orders switch between fixed values, and whether they follow the signals continuously.
+def _switches(families: tuple[Family, ...], control: Law | None) -> dict[str, bool]:
+    """Whether the orders switch between fixed values, follow the signals, and follow the accelerations they cause.
 
-    Neither is so with a ramp limit or another device with a memory; the orders of a sampled law are held, too.
+    An order that switches behind a ramp limit, or beside another device with a memory, is held over a step instead.
     """
     others = any(f.device.step is not None for f in families if f.name not in ("law", "hold"))
     ramped = any(f.name == "hold" and (f.k > 0).any() for f in families)
-    if control is None or ramped or others:
-        return False, False
-    return control.relay, not control.relay and control.rate is None
+    relay = control is not None and control.relay
+    follows = control is not None and not control.relay and control.rate is None
+    inertial = follows and control is not None and control.inertial
+    return {"relay": relay and not (ramped or others), "follows": follows, "inertial": inertial}
+
+
+def _own(point: OperatingPoint) -> np.ndarray:
+    """The rotor unit of each storage device, -1: none."""
+    rotor = np.full(len(point.case.machines), -1)
+    rotor[point.rotors.unit] = np.arange(len(point.rotors.unit))
+    return rotor[storage.places(point.system, point.case).unit]
 
 
 def _families(
@@ -162,19 +173,17 @@ def _families(
     order, wanted = orders_of(layout, case), np.r_[memory.orders]
     sampled = control is not None and control.rate is not None
     acting = memory.acting + j if sampled else wanted
-    columns = [*common, acting, of.online + unit, np.full(n, layout.step), order]
+    columns = [*common, acting, of.online + unit, memory.begun + j, np.full(n, layout.step), order]
     holds = Family("hold", device_of(hold), np.stack(columns, 1), storage.ramps(system, case)[:, None], esd.keys)
     if control is None:
         return (holds,)
-    rotor = np.full(len(case.machines), -1)
-    rotor[system.rotors.unit] = np.arange(len(system.rotors.unit))
-    if (rotor[unit] < 0).any():
-        number = case.machines[unit[rotor[unit] < 0][0]].machine
+    own = _own(point)
+    if (own < 0).any():
+        number = case.machines[unit[own < 0][0]].machine
         raise StudyError(
             f"The storage of machine {number} of {case.name} cannot be controlled by its speed, because it is a "
             "grid-following converter without a rotor; assign the storage to a machine or grid-forming converter."
         )
-    own = rotor[unit]
     reads = [of.speed + own, of.acceleration + own, of.angle + own, esd.energy, np.full(n, of.time)]
     places_of = np.stack([*common, *reads, wanted], 1)
     law = Family("law", control.device, places_of, _parameters(control, case), esd.keys)

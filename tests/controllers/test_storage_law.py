@@ -86,10 +86,9 @@ def test_constants_are_on_the_bases_of_the_device():
 
 @pytest.mark.parametrize("ramp", [0.0, 2.0])
 def test_an_order_is_held_within_its_limits_and_ramp_and_is_zero_without_its_machine(ramp):
-    before = hold.Output(0.3)
     reach = 2.0 * 0.05 if ramp else np.inf
     for wanted, online, goal in ((1.7, 1.0, 1.0), (-1.4, 1.0, -1.0), (0.35, 1.0, 0.35), (0.9, 0.0, 0.0)):
-        found = hold.step(hold.Input(wanted, online, 0.05), before, hold.Par(ramp)).order
+        found = hold.step(hold.Input(wanted, online, before=0.3, elapsed=0.05), hold.Par(ramp)).order
         assert found == pytest.approx(0.3 + np.clip(goal - 0.3, -reach, reach))
 
 
