@@ -14,6 +14,7 @@ from stabctl.dynamics.operating_point import OperatingPoint
 
 from . import _judgment
 from .criterion import Criterion, frequency_range
+from .recording import Extremes
 from .swings import Swings
 from .topology import Stage
 
@@ -70,6 +71,7 @@ class End(NamedTuple):
     stalled: "Stalled"  # motor loads
     cycling: dict[str, float]  # 1/s   storage devices in a limit cycle, and how often they reverse
     too_fast: tuple[float, float] | None  # 1/s, s   fastest eigenvalue of a closed loop that the step is too long for
+    seen: Extremes | None  # of speeds and voltages; None if the signals were not recorded
 
 
 def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
@@ -112,12 +114,13 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
         case _ if not len(end.speed):
             text = f"Every island kept its voltage until {t:.3f} s; without a rotor, synchronism is not judged."
         case _ if cut:
-            within = _within(point, end, criterion)
-            text = f"Every island stayed in synchronism until {t:.3f} s{within}{_frequencies(point, end)}."
+            said = f"{_outside(point, end, criterion)}{_seen(point, end.seen)}{_frequencies(point, end)}"
+            text = f"Every island stayed in synchronism until {t:.3f} s{said}."
         case _:
             converters = point.rotors.virtual.any() or len(point.system.unweighted.rows)
             everything = "All machines and converters" if converters else "All machines"
-            text = f"{everything} stayed in synchronism until {t:.3f} s{_within(point, end, criterion)}."
+            said = f"{_outside(point, end, criterion)}{_seen(point, end.seen)}"
+            text = f"{everything} stayed in synchronism until {t:.3f} s{said}."
     sentences = (cut, text, str(end.swings or "")) if end.verdict == _judgment.DONE else (text, cut)
     message = " ".join(s for s in (*sentences, str(end.stalled), _cycling(end), _too_fast(end)) if s)
     return Outcome(kind, message, t, machine, blamed, end.swings, end.stalled.buses, tuple(end.cycling))
@@ -198,12 +201,28 @@ def _off_frequency(point: OperatingPoint, end: End, criterion: Criterion) -> str
     )
 
 
-def _within(point: OperatingPoint, end: End, criterion: Criterion) -> str:
-    """Whether the frequency range was kept, in words."""
-    if not criterion.frequency_delay_s or not len(end.speed):
+def _outside(point: OperatingPoint, end: End, criterion: Criterion) -> str:
+    """How long the frequency of an island was outside its range, in words; empty if it was not."""
+    if not criterion.frequency_delay_s or not end.outside_s:
         return ""
-    limits = frequency_range(criterion, point.case.frequency_hz)
-    return f", outside {limits} for {end.outside_s:.2g} s at most" if end.outside_s else f", within {limits}"
+    return f", outside {frequency_range(criterion, point.case.frequency_hz)} for {end.outside_s:.2g} s at most"
+
+
+def _seen(point: OperatingPoint, seen: Extremes | None) -> str:
+    """The least and greatest frequency of a rotor and the lowest voltage, in words; empty if they were not recorded."""
+    if seen is None or np.isnan(seen.slowest).all():
+        return ""
+    low, high = int(np.nanargmin(seen.slowest)), int(np.nanargmax(seen.fastest))
+    ends = [f"{speed * point.case.frequency_hz:.2f}" for speed in (seen.slowest[low], seen.fastest[high])]
+    nouns = ("converter" if point.rotors.virtual[i] else "machine" for i in (low, high))
+    named = [f"{noun} {point.rotor_names[i]}" for noun, i in zip(nouns, (low, high), strict=True)]
+    frequency = f"{ends[0]} ({named[0]}) to {ends[1]} Hz ({named[1]})" if ends[0] != ends[1] else f"{ends[0]} Hz"
+    if np.isnan(seen.lowest).all():
+        return f"; frequency {frequency}"
+    row, after = int(np.nanargmin(seen.lowest)), " after clearing" if seen.cleared else ""
+    return (
+        f"; frequency {frequency}, lowest voltage{after} {seen.lowest[row]:.2f} pu at bus {point.case.buses[row].bus}"
+    )
 
 
 def _frequencies(point: OperatingPoint, end: End) -> str:
