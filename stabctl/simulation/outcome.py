@@ -11,6 +11,8 @@ from stabctl._util.wording import enumerated
 from stabctl.dynamics import family
 from stabctl.dynamics.assembly import Angle
 from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.model import naming
+from stabctl.model.network import Switching
 
 from . import _judgment
 from .criterion import Criterion, frequency_range
@@ -72,6 +74,7 @@ class End(NamedTuple):
     cycling: dict[str, float]  # 1/s   storage devices in a limit cycle, and how often they reverse
     too_fast: tuple[float, float] | None  # 1/s, s   fastest eigenvalue of a closed loop that the step is too long for
     seen: Extremes | None  # of speeds and voltages; None if the signals were not recorded
+    switching: Switching  # what is open, faulted or tripped
 
 
 def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
@@ -122,7 +125,9 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
             said = f"{_outside(point, end, criterion)}{_seen(point, end.seen)}"
             text = f"{everything} stayed in synchronism until {t:.3f} s{said}."
     sentences = (cut, text, str(end.swings or "")) if end.verdict == _judgment.DONE else (text, cut)
-    message = " ".join(s for s in (*sentences, str(end.stalled), _cycling(end), _too_fast(end)) if s)
+    message = " ".join(
+        s for s in (*sentences, _still_faulted(point, end), str(end.stalled), _cycling(end), _too_fast(end)) if s
+    )
     return Outcome(kind, message, t, machine, blamed, end.swings, end.stalled.buses, tuple(end.cycling))
 
 
@@ -232,6 +237,18 @@ def _frequencies(point: OperatingPoint, end: End) -> str:
     found = [end.speed[island == k] @ H[island == k] / H[island == k].sum() for k in numbers]
     shown = ", ".join(f"{f * point.case.frequency_hz:.2f}" for f in sorted(found)[:8])
     return f"; final {'frequencies' if len(found) > 1 else 'frequency'} {shown} Hz"
+
+
+def _still_faulted(point: OperatingPoint, end: End) -> str:
+    """A sentence on faults that are still on; empty if there are none."""
+    if not end.switching.faulted:
+        return ""
+    names, buses = naming.circuit_names(point.case.branches), point.case.buses
+    places = [f"at bus {buses[row].bus}" for row, _ in end.switching.faults]
+    places += [f"on circuit {names[row]}" for row, state in end.switching.branches if state.faulted]
+    one = len(places) == 1
+    faults, rest = ("fault", "is still on: it is") if one else ("faults", "are still on: they are")
+    return f"The {faults} {' and '.join(places)} {rest} not cleared before the end of the run."
 
 
 def _cycling(end: End) -> str:

@@ -277,6 +277,7 @@ class Simulation:
             tuple(self._taken_off), last, self._loop_frequency(verdict, rotor),
             stalled(self.point, self._run.s, self._stage.net.alive), self._cycling(),
             None if steps.trusted(self.step, self.loop) else (self.loop, self.step), self._record.extremes,
+            self.switching,
         )  # fmt: skip
         return outcome(self.point, end, self.criterion)
 

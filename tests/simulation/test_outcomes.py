@@ -99,6 +99,21 @@ class TestExtremes:
         assert f"lowest voltage {V[V > 0].min():.2f} pu" in traced.outcome.message
 
 
+class TestFaultsLeftOn:
+    """A run that ends during a fault says so, whether the system is still stable or not."""
+
+    @pytest.mark.parametrize("until", [1.1, 5.0])
+    def test_a_fault_at_the_end_is_said(self, two_area, until):
+        outcome = run(two_area, [Fault("7", 1.0)], until).outcome
+        assert outcome.stable is (until < 2)
+        assert outcome.message.endswith("The fault at bus 7 is still on: it is not cleared before the end of the run.")
+
+    def test_several_are_named_and_a_cleared_one_is_not(self, two_area):
+        both = run(two_area, [Fault("7-8@0.4", 1.0), Fault("3", 1.0)], 1.05).outcome
+        assert "The faults at bus 3 and on circuit 7-8 are still on" in both.message
+        assert "still on" not in run(two_area, Contingency("7", "6cyc"), 1.2).outcome.message
+
+
 class TestIslands:
     def test_a_bridge_that_opens_cuts_off_what_lies_behind_it(self, cases, points):
         """Bus 83 of wnaps hangs on 83-33 and its neighbors; 1-5 of two_area is the only way out of machine 1."""
