@@ -60,7 +60,7 @@ def test_the_session_runs_as_written(tmp_path):
     assert run.speed.dims == ("time", "machine")
     law = st.BangBang(deadband="100mHz")
     assert base.clearing_time(fault, storage="50MW", control=law).cycles == 26.0
-    assert list(base.screen(below="12cyc").df.columns) == ["fault", "trip", "cycles", "status", "machine"]
+    assert list(base.screen(below="12cyc").df.columns) == ["fault", "trip", "cycles", "status", "machine", "limited_by"]
     modes = base.modes(band="0.1..2Hz")
     assert modes.df.frequency_hz.between(0.1, 2).all()
     assert modes.df.swing.sum() == 3

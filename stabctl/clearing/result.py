@@ -9,6 +9,7 @@ from stabctl._util.verbs import verb
 from stabctl._util.wording import counted, enumerated
 from stabctl.model import naming
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.outcome import Kind
 from stabctl.simulation.swings import Swings
 
 from .trial import Run, Search
@@ -23,6 +24,11 @@ def watched(search: Search, longest: float) -> str:
     return f"{least} to {longest:g} s" if longest > search.observed_s + 1e-6 else f"{least} s"
 
 
+LIMITS = {
+    Kind.LOST_SYNCHRONISM: "synchronism",
+    Kind.FREQUENCY_INSTABILITY: "frequency",
+    Kind.VOLTAGE_COLLAPSE: "voltage",
+}  # what an unstable run has lost
 Status = Literal["found", "unstable_at_zero", "stable_at_limit"]
 
 
@@ -78,6 +84,16 @@ class ClearingTime:
         return min((r.cycles for r in self.runs if not r.stable), default=None)
 
     @property
+    def limited_by(self) -> str | None:
+        """What the lowest unstable run lost first: "synchronism", "frequency" or "voltage"; None if there is none."""
+        return next((LIMITS[r.outcome] for r in self.runs if not r.stable), None)
+
+    @property
+    def limit(self) -> str:
+        """What limits the clearing time, in a few words: `synchronism of machine 4`; empty if nothing does."""
+        return (self.limited_by or "") + (f" of {naming.unit(self.machine)}" if self.machine is not None else "")
+
+    @property
     def stable_above(self) -> tuple[float, ...]:
         """Clearing times (cycles) above the lowest unstable one that were found stable again."""
         least = self.lowest_unstable
@@ -128,13 +144,18 @@ class ClearingTime:
 
     def brief(self) -> str:
         """The answer, without case and search."""
-        first = f"; {naming.unit(self.machine)} loses synchronism first" if self.machine is not None else ""
-        what = f"fault {self.fault}" + (f", trip {', '.join(self.trip)}" if self.trip else "")
+        first, what = self._first(), f"fault {self.fault}" + (f", trip {', '.join(self.trip)}" if self.trip else "")
         if self.status == "unstable_at_zero":
             return f"{what}: unstable even if cleared immediately{first}"
         if self.status == "stable_at_limit":
             return f"{what}: stable up to the limit"
         return f"{what}: {self.cycles:g} cycles{first}"
+
+    def _first(self) -> str:
+        """What fails first just beyond, as the end of a sentence; empty if nothing does."""
+        if self.limited_by in ("frequency", "voltage"):
+            return f"; limited by {self.limited_by}, not by loss of synchronism"
+        return f"; {naming.unit(self.machine)} loses synchronism first" if self.machine is not None else ""
 
     def window(self) -> str:
         """A sentence on the stable clearing times above the lowest unstable one; empty if there are none."""
@@ -158,7 +179,7 @@ class ClearingTime:
     def __str__(self) -> str:
         observed = f"observed {watched(self.search, self.observed_s)} after clearing, {counted(len(self.runs), 'run')}"
         what = f"{self.case}, fault {self.fault}" + (f", trip {', '.join(self.trip)}" if self.trip else "")
-        first = f"; {naming.unit(self.machine)} loses synchronism first" if self.machine is not None else ""
+        first = self._first()
         if self.status == "unstable_at_zero":
             return f"{what}: unstable even if cleared immediately{first} ({observed})."
         if self.status == "stable_at_limit":

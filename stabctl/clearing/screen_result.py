@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 OPEN = network.BranchState(from_closed=False, to_closed=False)
-COLUMNS = "fault", "trip", "cycles", "status", "machine"  # of a table
+COLUMNS = "fault", "trip", "cycles", "status", "machine", "limited_by"  # of a table
 
 
 class Lines(NamedTuple):
@@ -100,13 +100,16 @@ class Screen:
         """Longest time (s) that a stable run was watched after clearing."""
         return max((p.observed_s for p in self.pairs), default=self.search.observed_s)
 
-    def rows(self) -> list[tuple[str, str, float | None, str, int | str | None]]:
+    def rows(self) -> list[tuple[str, str, float | None, str, int | str | None, str | None]]:
         """A row of `COLUMNS` for every pair."""
-        return [(p.fault, " ".join(p.trip), p.cycles, p.status, p.machine) for p in self.pairs]
+        return [(p.fault, " ".join(p.trip), p.cycles, p.status, p.machine, p.limited_by) for p in self.pairs]
 
     @property
     def df(self) -> "pd.DataFrame":
-        """The pairs, a row each; `machine` loses synchronism first just beyond the clearing time."""
+        """The pairs, a row each; `machine` loses synchronism first just beyond the clearing time.
+
+        `limited_by` is what is lost there: "synchronism", "frequency" or "voltage".
+        """
         import pandas as pd
 
         return machine_column(pd.DataFrame(self.rows(), columns=COLUMNS).astype({"cycles": float}))

@@ -82,6 +82,7 @@ def _show_clearing_time(found: "ClearingTime", as_json: bool) -> None:
                 "seconds": found.seconds,
                 "status": found.status,
                 "machine": found.machine,
+                "limited_by": found.limited_by,
                 "monotone": found.monotone,
                 "lowest_unstable_cycles": found.lowest_unstable,
                 "stable_above_cycles": found.stable_above,
@@ -195,15 +196,12 @@ def _show_screen(found: "Screen", as_json: bool) -> None:
         return
     from rich.table import Table
 
-    from stabctl.model import naming
-
-    table = Table("fault at bus", "trip", "critical clearing time, cycles", "loses synchronism first")
+    table = Table("fault at bus", "trip", "critical clearing time, cycles", "limited by")
     for p in found.pairs:
         longest = f"{found.search.limit_cycles:g} or more"
         shown = {"unstable_at_zero": "unstable at any", "stable_at_limit": longest}
-        first = "" if p.machine is None else naming.unit(p.machine)
         cycles = shown.get(p.status) or f"{p.cycles:g}"
-        table.add_row(p.fault, " ".join(p.trip), cycles, first)
+        table.add_row(p.fault, " ".join(p.trip), cycles, p.limit)
     if found.pairs:
         shared.console().print(table)
     for sentence in found.remarks():

@@ -147,6 +147,8 @@ def place(
             shared.console().print(f"The contingencies and their clearing times {chosen_by} {source}.")
     if report:
         print(found.report(report, base=next(iter(points.values()))), file=sys.stderr if as_json else sys.stdout)
+    if found.infeasible:
+        raise typer.Exit(1)
 
 
 def _operating_points(cases: "list[Case]", levels: list[float] | None) -> "dict[str, Case]":

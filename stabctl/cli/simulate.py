@@ -91,8 +91,7 @@ def simulate(
             control=steering,
             step=step,
             criterion=stability.criterion(loaded),
-            record=out is not None or plot is not None,
-            every=every,
+            every=every if out or plot else until,  # without a file the extremes are enough
             progress=tell,
         )
     if out:

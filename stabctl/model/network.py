@@ -64,6 +64,11 @@ class BranchState(NamedTuple):
     from_closed: bool = True
     to_closed: bool = True
 
+    @property
+    def faulted(self) -> bool:
+        """Whether a fault on it is connected."""
+        return self.fault_at is not None and (self.from_closed or self.to_closed)
+
 
 INTACT = BranchState()
 
@@ -80,9 +85,7 @@ class Switching(NamedTuple):
     @property
     def faulted(self) -> bool:
         """Whether a fault is on."""
-        return bool(self.faults) or any(
-            s.fault_at is not None and (s.from_closed or s.to_closed) for _, s in self.branches
-        )
+        return bool(self.faults) or any(state.faulted for _, state in self.branches)
 
 
 UNSWITCHED = Switching()

@@ -28,7 +28,7 @@ def table(
     """The fleet, 0.9 of it, with each site removed, smaller or larger, refined, and under other controllers.
 
     If the fleet does not survive refined simulations or another controller, the first of `MARGINS` that does is shown
-    too, or the last one if none does.
+    too, or the last one if none does. Where caps lessen it, its scale is the multiple of the MW that is left.
 
     Parameters
     ----------
@@ -51,12 +51,14 @@ def table(
     rows += [_scaled(trials, mw, i, multiple) for i in built for multiple in (1 - tolerance, 1 + tolerance)]
     refined = trials.refined()
     enough = next((m for m in MARGINS if refined.all_survived(m * mw)), MARGINS[-1])
-    times = critical_times(refined, enough * mw)
-    rows.append(_row(trials.fleet(enough * mw), times, scale=enough, refined=True))
+    if enough != 1:
+        rows.append(_at_targets(refined, mw, refined=True))
+    fleet = trials.fleet(enough * mw)
+    rows.append(_row(fleet, critical_times(refined, fleet), scale=_multiple(fleet, mw, enough), refined=True))
     for name, control in controls.items():
         for margin in MARGINS:
             fleet = trials.fleet(margin * mw)
-            row = _row(fleet, critical_times(trials, fleet, control), scale=margin, control=name)
+            row = _row(fleet, critical_times(trials, fleet, control), scale=_multiple(fleet, mw, margin), control=name)
             if margin == 1 or margin == MARGINS[-1] or not row.lost:
                 rows.append(row)
             if not row.lost:
@@ -72,9 +74,19 @@ def critical_times(trials: Trials, mw: np.ndarray, control: Control = None) -> l
 def _scaled(trials: Trials, mw: np.ndarray, i: int, multiple: float) -> Evidence:
     """The fleet (candidates, MW) with another size at candidate i, also above its cap, simulated at the targets."""
     changed = trials.among(scaled(trials.scenarios, len(trials.existing) + i, multiple))
-    lost = changed.lost(mw)
-    stable = tuple(k not in lost for k in range(len(changed.scenarios)))
-    return Evidence(float(mw.sum() + (multiple - 1) * mw[i]), (), stable, scale=multiple, site=trials.site(i))
+    found = _at_targets(changed, mw, scale=multiple, site=trials.site(i))
+    return found._replace(mw=float(mw.sum() + (multiple - 1) * mw[i]))
+
+
+def _at_targets(trials: Trials, mw: np.ndarray, **variant: Any) -> Evidence:
+    """A fleet (candidates, MW) simulated at the targets only."""
+    lost = trials.lost(mw)
+    return Evidence(float(mw.sum()), (), tuple(k not in lost for k in range(len(trials.scenarios))), **variant)
+
+
+def _multiple(fleet: np.ndarray, mw: np.ndarray, asked: float) -> float:
+    """How many times the MW of a fleet another one has that is a multiple of it within the caps."""
+    return float(fleet.sum() / mw.sum()) if (fleet < asked * mw).any() else asked
 
 
 def _row(mw: np.ndarray, found: Sequence[CriticalTime], **variant: Any) -> Evidence:

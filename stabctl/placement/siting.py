@@ -165,13 +165,17 @@ class Siting(Tabular):
 
     @property
     def clearing_times(self) -> "pd.DataFrame":
-        """The contingencies, a row each: target, critical clearing time and margin with the fleet (cycles)."""
+        """The contingencies, a row each: target, critical clearing time and margin with the fleet (cycles).
+
+        Those that no fleet survives are the last rows, without times and not stable.
+        """
         import pandas as pd
 
-        rows = [
+        rows: list[tuple[object, ...]] = [
             (c.label, c.target_cycles, c.critical_cycles, c.margin_cycles, c.stable, c.binding, c.machine)
             for c in self.contingencies
         ]
+        rows += [(lost.label, lost.target_cycles, None, None, False, False, None) for lost in self.infeasible]
         columns = ["contingency", "target_cycles", "critical_cycles", "margin_cycles", "stable", "binding", "machine"]
         numbers = dict.fromkeys(("target_cycles", "critical_cycles", "margin_cycles"), float)
         return machine_column(pd.DataFrame(rows, columns=columns).astype(numbers))
@@ -191,7 +195,8 @@ class Siting(Tabular):
 
     def __str__(self) -> str:
         lines = [self.remarks()[0], *sites(self)]
-        width = max([26, *(len(c.label) for c in self.contingencies)])
+        labels = [*(c.label for c in self.contingencies), *(lost.label for lost in self.infeasible)]
+        width = max(26, *map(len, labels))
         lines.append(f"{'contingency':{width}s}  target  critical, cycles")
         for c in self.contingencies:
             target = "-" if c.target_cycles is None else f"{c.target_cycles:.3f}"
@@ -199,6 +204,9 @@ class Siting(Tabular):
             found = "-" if c.target_cycles is None else found
             binding = "  binding" if c.binding else ""
             lines.append(f"{c.label:{width}s} {target:>7s} {found:>9s}{binding}")
+        for lost in self.infeasible:
+            target = "-" if lost.target_cycles is None else f"{lost.target_cycles:.3f}"
+            lines.append(f"{lost.label:{width}s} {target:>7s} {'lost':>9s}  with every fleet tried")
         return "\n".join([*lines, *self.remarks()[1:]])
 
     def _head(self) -> str:
@@ -320,7 +328,7 @@ def reservations(siting: Siting) -> tuple[str, ...]:
     said = [*(f"Not survived: {one}" for one in siting.infeasible), *_solver(siting)]
     for row in siting.evidence:
         if row.refined:
-            fleet = "this fleet" if row.scale == 1 else f"{row.scale:g} times this fleet"
+            fleet = "this fleet" if row.scale == 1 else f"this fleet, enlarged to {row.scale:.4g} times its MW,"
             fleet = fleet if siting.sites else "the system without storage"
             lost = _lost(siting, row)
             said.append(

@@ -82,8 +82,10 @@ class Survived(NamedTuple):
 
     @property
     def margin_cycles(self) -> float | None:
-        """Critical clearing time minus target, cycles; None without a fault."""
-        return None if self.target_cycles is None else (self.critical_cycles or 0.0) - self.target_cycles
+        """Critical clearing time minus target, cycles; None if there is none: no fault, or always unstable."""
+        if self.target_cycles is None or self.critical_cycles is None:
+            return None
+        return self.critical_cycles - self.target_cycles
 
 
 class Infeasible(NamedTuple):
@@ -131,9 +133,9 @@ class Evidence(NamedTuple):
         if self.without:
             return f"without {self.without}"
         if self.site:
-            return f"{self.site} x{self.scale:g}"
+            return f"{self.site} x{self.scale:.4g}"
         also = [self.control] if self.control else [REFINED] if self.refined else []
-        return ", ".join(also if self.control and self.scale == 1 else [f"x{self.scale:g}", *also])
+        return ", ".join(also if self.control and self.scale == 1 else [f"x{self.scale:.4g}", *also])
 
     @property
     def smaller(self) -> bool:

@@ -112,6 +112,13 @@ def ordered(controllers: Sequence[Controller]) -> bool:
     return any(name.partition(":")[0] == "order" for c in controllers for name in c.outputs)
 
 
+def commanded(control: Control) -> bool:
+    """Whether a control gives orders to storage devices."""
+    parts = acting(control)
+    laws = parts.law, *(pilot.law for pilot in parts.pilots)
+    return any(law is not None for law in laws) or ordered((*parts.controllers, *parts.measured))
+
+
 class Running(Protocol):
     """A `Simulation` that is under way, as far as frames use it."""
 

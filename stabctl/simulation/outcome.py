@@ -11,9 +11,12 @@ from stabctl._util.wording import enumerated
 from stabctl.dynamics import family
 from stabctl.dynamics.assembly import Angle
 from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.model import naming
+from stabctl.model.network import Switching
 
 from . import _judgment
 from .criterion import Criterion, frequency_range
+from .recording import Extremes
 from .swings import Swings
 from .topology import Stage
 
@@ -70,6 +73,8 @@ class End(NamedTuple):
     stalled: "Stalled"  # motor loads
     cycling: dict[str, float]  # 1/s   storage devices in a limit cycle, and how often they reverse
     too_fast: tuple[float, float] | None  # 1/s, s   fastest eigenvalue of a closed loop that the step is too long for
+    seen: Extremes | None  # of speeds and voltages; None if the signals were not recorded
+    switching: Switching  # what is open, faulted or tripped
 
 
 def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
@@ -112,14 +117,17 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
         case _ if not len(end.speed):
             text = f"Every island kept its voltage until {t:.3f} s; without a rotor, synchronism is not judged."
         case _ if cut:
-            within = _within(point, end, criterion)
-            text = f"Every island stayed in synchronism until {t:.3f} s{within}{_frequencies(point, end)}."
+            said = f"{_outside(point, end, criterion)}{_seen(point, end.seen)}{_frequencies(point, end)}"
+            text = f"Every island stayed in synchronism until {t:.3f} s{said}."
         case _:
             converters = point.rotors.virtual.any() or len(point.system.unweighted.rows)
             everything = "All machines and converters" if converters else "All machines"
-            text = f"{everything} stayed in synchronism until {t:.3f} s{_within(point, end, criterion)}."
+            said = f"{_outside(point, end, criterion)}{_seen(point, end.seen)}"
+            text = f"{everything} stayed in synchronism until {t:.3f} s{said}."
     sentences = (cut, text, str(end.swings or "")) if end.verdict == _judgment.DONE else (text, cut)
-    message = " ".join(s for s in (*sentences, str(end.stalled), _cycling(end), _too_fast(end)) if s)
+    message = " ".join(
+        s for s in (*sentences, _still_faulted(point, end), str(end.stalled), _cycling(end), _too_fast(end)) if s
+    )
     return Outcome(kind, message, t, machine, blamed, end.swings, end.stalled.buses, tuple(end.cycling))
 
 
@@ -198,12 +206,28 @@ def _off_frequency(point: OperatingPoint, end: End, criterion: Criterion) -> str
     )
 
 
-def _within(point: OperatingPoint, end: End, criterion: Criterion) -> str:
-    """Whether the frequency range was kept, in words."""
-    if not criterion.frequency_delay_s or not len(end.speed):
+def _outside(point: OperatingPoint, end: End, criterion: Criterion) -> str:
+    """How long the frequency of an island was outside its range, in words; empty if it was not."""
+    if not criterion.frequency_delay_s or not end.outside_s:
         return ""
-    limits = frequency_range(criterion, point.case.frequency_hz)
-    return f", outside {limits} for {end.outside_s:.2g} s at most" if end.outside_s else f", within {limits}"
+    return f", outside {frequency_range(criterion, point.case.frequency_hz)} for {end.outside_s:.2g} s at most"
+
+
+def _seen(point: OperatingPoint, seen: Extremes | None) -> str:
+    """The least and greatest frequency of a rotor and the lowest voltage, in words; empty if they were not recorded."""
+    if seen is None or np.isnan(seen.slowest).all():
+        return ""
+    low, high = int(np.nanargmin(seen.slowest)), int(np.nanargmax(seen.fastest))
+    ends = [f"{speed * point.case.frequency_hz:.2f}" for speed in (seen.slowest[low], seen.fastest[high])]
+    nouns = ("converter" if point.rotors.virtual[i] else "machine" for i in (low, high))
+    named = [f"{noun} {point.rotor_names[i]}" for noun, i in zip(nouns, (low, high), strict=True)]
+    frequency = f"{ends[0]} ({named[0]}) to {ends[1]} Hz ({named[1]})" if ends[0] != ends[1] else f"{ends[0]} Hz"
+    if np.isnan(seen.lowest).all():
+        return f"; frequency {frequency}"
+    row, after = int(np.nanargmin(seen.lowest)), " after clearing" if seen.cleared else ""
+    return (
+        f"; frequency {frequency}, lowest voltage{after} {seen.lowest[row]:.2f} pu at bus {point.case.buses[row].bus}"
+    )
 
 
 def _frequencies(point: OperatingPoint, end: End) -> str:
@@ -213,6 +237,18 @@ def _frequencies(point: OperatingPoint, end: End) -> str:
     found = [end.speed[island == k] @ H[island == k] / H[island == k].sum() for k in numbers]
     shown = ", ".join(f"{f * point.case.frequency_hz:.2f}" for f in sorted(found)[:8])
     return f"; final {'frequencies' if len(found) > 1 else 'frequency'} {shown} Hz"
+
+
+def _still_faulted(point: OperatingPoint, end: End) -> str:
+    """A sentence on faults that are still on; empty if there are none."""
+    if not end.switching.faulted:
+        return ""
+    names, buses = naming.circuit_names(point.case.branches), point.case.buses
+    places = [f"at bus {buses[row].bus}" for row, _ in end.switching.faults]
+    places += [f"on circuit {names[row]}" for row, state in end.switching.branches if state.faulted]
+    one = len(places) == 1
+    faults, rest = ("fault", "is still on: it is") if one else ("faults", "are still on: they are")
+    return f"The {faults} {' and '.join(places)} {rest} not cleared before the end of the run."
 
 
 def _cycling(end: End) -> str:

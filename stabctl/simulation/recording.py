@@ -1,4 +1,7 @@
-"""What is kept of a run: rows of signals, all or some of them, and the last angles, by which its swings are judged."""
+"""What is kept of a run: rows of signals, all or some of them, and the last angles, by which its swings are judged.
+
+If every signal is recorded, also the extremes of speeds and voltages, of every step and not only of the rows kept.
+"""
 
 from collections import deque
 from typing import Literal
@@ -7,9 +10,41 @@ import numpy as np
 
 from stabctl.dynamics.operating_point import OperatingPoint
 
+from ._places import Net
+
 Recorded = bool | Literal["rotors"]
 BUFFER = 256e6  # bytes   of the rows that one call of the compiled loop may fill
 AT_ONCE = 1200  # steps of one call; Ctrl-C and progress are handled in between
+
+
+class Extremes:
+    """The least and greatest speed of every rotor while it is on, and the lowest voltage of every bus after the faults.
+
+    NaN of a rotor that was never on, and of a bus that has had no voltage since.
+    """
+
+    def __init__(self, point: OperatingPoint) -> None:
+        self._rotors, self._voltages = point.rotors, point.layout.voltages
+        self.slowest = np.full(len(point.rotors.unit), np.nan)  # pu
+        self.fastest = self.slowest.copy()  # pu
+        self.lowest = np.full(point.layout.buses, np.nan)  # pu
+        self.cleared = False  # whether there was a fault
+
+    def enter(self, net: Net) -> None:
+        """Go on with the network after an event."""
+        self._on, self._alive, self._faulted = net.island[self._rotors.unit] >= 0, net.alive, net.faulted
+        if net.faulted:
+            self.cleared, self.lowest[:] = True, np.nan
+
+    def add(self, rows: np.ndarray) -> None:
+        """Take rows of all signals on this network."""
+        speed = rows[:, self._rotors.speed]
+        np.fmin(self.slowest, speed.min(axis=0), out=self.slowest, where=self._on)
+        np.fmax(self.fastest, speed.max(axis=0), out=self.fastest, where=self._on)
+        if not self._faulted:
+            parts = rows[:, self._voltages] ** 2
+            size = np.sqrt((parts[:, ::2] + parts[:, 1::2]).min(axis=0))
+            np.fmin(self.lowest, size, out=self.lowest, where=self._alive)
 
 
 class Recording:
@@ -34,6 +69,7 @@ class Recording:
         last = int(np.r_[point.rotors.angle, point.rotors.speed].max(initial=-1))
         self.width = signals if what is True else last + 1  # of a row
         self.at_once = int(min(AT_ONCE, max(1, BUFFER // (8 * max(self.width, 1)))))
+        self.extremes = Extremes(point) if what is True else None
         self._next = -np.inf
         self._times: list[np.ndarray] = []
         self._rows: list[np.ndarray] = []
@@ -48,6 +84,12 @@ class Recording:
         """Keep the next row."""
         self._next = -np.inf
 
+    def enter(self, net: Net) -> None:
+        """Go on with the network after an event."""
+        self.event()
+        if self.extremes:
+            self.extremes.enter(net)
+
     def add(self, times: np.ndarray, rows: np.ndarray) -> None:
         """Take the rows (times, width) at consecutive instants (s)."""
         if not len(times):
@@ -59,6 +101,8 @@ class Recording:
             self._angles.popleft()
         if not self.recording:
             return
+        if self.extremes:
+            self.extremes.add(rows)
         if self._every:
             kept = self._due(times)
             times, rows = times[kept], rows[kept]

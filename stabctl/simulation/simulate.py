@@ -1,6 +1,7 @@
 """The simulation of a contingency, from a case or an operating point, in one call."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from stabctl._util.errors import StudyError
@@ -9,7 +10,7 @@ from stabctl.dynamics.operating_point import Fleet, OperatingPoint, operating_po
 from stabctl.model.case import Case
 
 from .contingency import Disturbance
-from .control import Control, acting
+from .control import Control, acting, commanded
 from .criterion import DEFAULT, Criterion, checked
 from .simulation import run
 from .trajectory import Trajectory
@@ -43,7 +44,7 @@ def simulate(
         Storage devices in place of the case's own: "50MW" at every machine, "14=50MW,13=20MW", {14: "50MW"}, rows.
     control : control law, Controller, or list of them, optional
         A law of the storage devices, `BangBang()` or `Feedback(...)`, and controllers of anything; without a law or
-        controller storage devices stay idle.
+        controller storage devices stay idle, and the run says so when it is printed.
     step : str or float, optional
         Time step: "2ms", or seconds; by default 1/120 s, or what the fastest eigenvalue allows.
     criterion : Criterion
@@ -73,7 +74,9 @@ def simulate(
     rules, apart = checked(criterion, hz), seconds(every, hz)
     if not 0 <= apart < float("inf"):
         raise StudyError(f"every = {apart:g} s is not allowed; it must be at least 0.")
-    return run(point, contingency, end, law, step=h, criterion=rules, record=record, every=apart, progress=progress)
+    options: Any = {"step": h, "criterion": rules, "record": record, "every": apart, "progress": progress}
+    idle = any(s.rating for s in point.case.storage) and not commanded(law)
+    return replace(run(point, contingency, end, law, **options), idle=idle)
 
 
 def checked_control(control: Any, case: Case) -> Control:

@@ -198,10 +198,12 @@ class Simulation:
         if self._finished is not None:
             return self._finished
         if self.outcome is None:
-            self.outcome = self._end(_judgment.DONE)
+            self.swings()  # up to the last step; the row at its end comes after
         if self._record.recording and self._verdict != _judgment.NO_VOLTAGE:
             self._record.event()
             self._call(steps.NONE, True)
+        if self.outcome is None:
+            self.outcome = self._end(_judgment.DONE)
         times, rows = self._record.kept(self.wired.layout.first_memory)
         peak = self._run.watch.angles[1].copy()
         for array in (rows, times, peak):
@@ -229,8 +231,8 @@ class Simulation:
     def _enter(self) -> None:
         self._since, self._known = self.time, False
         self._run.solve.moves[:], self._run.late[0], self._run.loop.known[0] = 0, -1.0, 0
-        self._record.event()
         self._stage = stage(self.point, self.changes[self._at].switching)
+        self._record.enter(self._stage.net)
         self._off[(self._stage.net.island < 0) & np.isinf(self._off)] = self.time
         self._program = self.wired.program
         self._places = self.wired.places
@@ -275,7 +277,8 @@ class Simulation:
             verdict, instant, self._stage, self.speed, self._places.weight, rotor, bus, outside,
             tuple(self._taken_off), last, self._loop_frequency(verdict, rotor),
             stalled(self.point, self._run.s, self._stage.net.alive), self._cycling(),
-            None if steps.trusted(self.step, self.loop) else (self.loop, self.step),
+            None if steps.trusted(self.step, self.loop) else (self.loop, self.step), self._record.extremes,
+            self.switching,
         )  # fmt: skip
         return outcome(self.point, end, self.criterion)
 

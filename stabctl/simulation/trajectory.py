@@ -43,6 +43,8 @@ class Trajectory:
         The events, and which units they tripped.
     step, steps, wall_s
         Time step (s), number of steps, and computing time (s).
+    idle
+        Whether there are storage devices that nothing gives orders to.
     """
 
     point: OperatingPoint
@@ -54,6 +56,7 @@ class Trajectory:
     step: float
     steps: int
     wall_s: float
+    idle: bool = False
 
     plot = verb("stabctl.view.figures.trajectory:plot")
 
@@ -238,9 +241,10 @@ class Trajectory:
         return path
 
     def __str__(self) -> str:
+        idle = " No orders are given to the storage: give control=BangBang(), for example." if self.idle else ""
         return (
             f"{self.point.case.name}: {self.outcome} Largest change of angle {self.max_angle_from_coi_deg:.1f} "
-            f"degrees; {self.steps} steps of {1e3 * self.step:.3g} ms in {self.wall_s:.3f} s."
+            f"degrees; {self.steps} steps of {1e3 * self.step:.3g} ms in {self.wall_s:.3f} s.{idle}"
         )
 
     __repr__ = __str__

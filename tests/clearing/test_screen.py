@@ -18,6 +18,7 @@ from stabctl.design.law import spread
 from stabctl.dynamics import operating_point
 from stabctl.model.fleet import everywhere
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.outcome import Kind
 from stabctl.view.live import answers
 from stabctl.view.live.state import Points, State
@@ -232,7 +233,8 @@ def test_command(stabctl, tmp_path):
     assert keys <= set(record)
     assert record["bridges"] == ["16-19"]
     first = record["pairs"][0]
-    assert first == {"fault": "29", "trip": "28-29", "cycles": 3.125, "status": "found", "machine": 9}
+    found = {"fault": "29", "trip": "28-29", "cycles": 3.125, "status": "found", "machine": 9}
+    assert first == found | {"limited_by": "synchronism"}
     rows = list(csv.DictReader(path.open()))
     assert [r["fault"] for r in rows] == [p["fault"] for p in record["pairs"]]
     assert [p.name for p in tmp_path.iterdir()] == ["screen.csv"]
@@ -259,3 +261,25 @@ def test_a_mistake_is_one_line(stabctl, tmp_path, monkeypatch, words, said):
     assert (code, out) == (2, "")
     assert said in err.splitlines()[-1]
     assert len(err.splitlines()) == 1
+
+
+def test_a_clearing_time_that_frequency_limits_says_so_everywhere(stabctl, points, tmp_path):
+    """The frequency of two_area leaves a range up to 60.5 Hz before synchronism is lost."""
+    narrow, base = Criterion(max_frequency="60.5Hz", frequency_delay_s=0.1), points("two_area")
+    alone = base.clearing_time("7", criterion=narrow, resolution="1cyc")
+    assert (alone.machine, alone.limited_by) == (None, "frequency")
+    assert " cycles (0.1833 s); limited by frequency, not by loss of synchronism (" in str(alone)
+    assert base.clearing_time("7", resolution="1cyc").limited_by == "synchronism"
+    found = base.screen(criterion=narrow, resolution="1cyc", buses=[7])
+    assert set(found.df.limited_by) == {"frequency"}
+    assert "cycles; limited by frequency, not by loss of synchronism" in str(found)
+    page = found.report(tmp_path / "page").read_text()
+    assert '<td class="text">frequency</td>' in page
+    options = "--max-frequency", "60.5Hz", "--frequency-delay", "0.1s", "--resolution", "1cyc"
+    path = tmp_path / "screen.csv"
+    screened = "screen", "two_area", *options
+    assert " frequency " in stabctl(*screened, "--out", path)[1]
+    assert {row["limited_by"] for row in csv.DictReader(path.open())} == {"frequency"}
+    for command in (screened, ("clearing-time", "two_area", "--fault", "7", *options)):
+        record = json.loads(stabctl(*command, "--json")[1])
+        assert record.get("pairs", [record])[0]["limited_by"] == "frequency"

@@ -196,7 +196,7 @@ def test_a_screen_is_that_of_python(screened, printed, told, tmp_path):
     for row, (fault, trip, cycles, status, machine) in zip(rows, wanted, strict=True):
         assert row[:2] == [fault, trip]
         assert status != "found" or float(row[2]) == cycles
-        assert machine is None or row[3] == f"machine {machine}"
+        assert machine is None or row[3] == f"synchronism of machine {machine}"
     with (tmp_path / "pairs.csv").open() as file:
         head, *lines = csv.reader(file)
     numbers = [line[head.index("cycles")] for line in lines]

@@ -83,9 +83,13 @@ def _check_evidence(found):
     assert all(rows[name].lost for name in lessened)
     assert not found.smaller
     finer = [row for row in found.evidence if row.refined]
-    assert len(finer) == 1
-    assert finer[0].lost == 0
-    assert finer[0].mw <= 1.05 * found.total_mw + 1e-9
+    assert finer[-1].lost == 0
+    assert finer[-1].mw <= 1.05 * found.total_mw + 1e-9
+    assert all(row.mw == pytest.approx(row.scale * found.total_mw) for row in finer)
+    own = finer[0]
+    assert own.scale == 1
+    assert (own.lost == 0) is (len(finer) == 1)
+    assert any("this fleet does not survive" in one for one in found.reservations()) is (own.lost > 0)
 
 
 def _check_records(found):

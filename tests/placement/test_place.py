@@ -10,8 +10,9 @@ from stabctl._util.errors import StudyError
 from stabctl.controllers import BangBang
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.pmu import Pmu
+from stabctl.placement import evidence
 from stabctl.placement.place import place
-from stabctl.placement.siting import Costs
+from stabctl.placement.siting import Costs, Evidence
 from stabctl.simulation.contingency import Contingency
 
 CANDIDATES = ((1, 39), (6, 22), (9, 29))
@@ -72,6 +73,40 @@ def test_what_no_fleet_cures_is_left_out_and_said(case):
     assert out.alone_cycles == pytest.approx(4.25, abs=0.2)
     assert out.tried > 20
     assert "Not survived: 29 trip 26-29 at 30.00 cycles: none of" in str(found)
+    assert "29 trip 26-29               30.000      lost  with every fleet tried" in str(found)
+    assert found.clearing_times.stable.tolist() == [True, False]
+    assert found.clearing_times.target_cycles.tolist() == pytest.approx([4.75, 30.0])
+
+
+def test_a_command_that_leaves_one_out_ends_with_1(stabctl, tmp_path):
+    file = tmp_path / "two.toml"
+    rows = (f'[[contingency]]\nfault = "29"\ntrip = "26-29"\nclear = "{t}"\n' for t in ("3cyc", "30cyc"))
+    file.write_text("".join(rows))
+    code, out, err = stabctl("place", "ieee39", "--classical", "--contingencies", file, "--observe", 2)
+    assert (code, err) == (1, "")
+    assert "survive 1 contingency of 2" in out
+    assert "lost  with every fleet tried" in out
+
+
+def test_a_fleet_lessened_by_caps_has_its_true_multiple():
+    """Of 1.1 times 180 and 20 MW, 180 and 22 MW are left under a cap of 180 MW: 1.01 times 200 MW."""
+    mw = np.array([180.0, 20.0])
+    assert evidence._multiple(np.minimum(1.1 * mw, 180.0), mw, 1.1) == pytest.approx(1.01)
+    assert evidence._multiple(1.1 * mw, mw, 1.1) == 1.1
+
+
+def test_a_fleet_that_is_lost_with_half_the_step_says_so(both):
+    """Also where a larger fleet survives."""
+    rows = (Evidence(1.0, (), (True, False), refined=True), Evidence(1.1, (), (True, True), scale=1.0526, refined=True))
+    own, larger, *_ = replace(both, evidence=rows, history=()).reservations()
+    assert "observation window, this fleet does not survive 22 trip 21-22;" in own
+    assert "observation window, this fleet, enlarged to 1.053 times its MW, survives every contingency." in larger
+
+
+def test_a_contingency_that_is_always_unstable_has_no_margin(both):
+    lost = both.contingencies[0]._replace(critical_cycles=None, stable=False)
+    assert lost.margin_cycles is None
+    assert replace(both, contingencies=(lost,)).clearing_times.margin_cycles.isna().all()
 
 
 def test_where_nothing_is_curable(case):

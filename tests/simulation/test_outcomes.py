@@ -67,6 +67,53 @@ class TestPaperCase:
         assert acted == {13, 14}
 
 
+class TestExtremes:
+    """The sentence of a stable run gives what was observed: extremes of the rotor speeds, lowest voltage at the end."""
+
+    FAULT = Contingency("7-8@0.4", 6 / 60)
+
+    def test_they_are_those_of_the_record(self, two_area):
+        traced = run(two_area, self.FAULT, 3.0)
+        hz, after = 60 * traced.arrays.speed, traced.time >= 1.1 - 1e-9
+        V = np.abs(traced.arrays.V[after])
+        slow, fast = (one.argmin() % hz.shape[1] + 1 for one in (hz, -hz))
+        bus = two_area.case.buses[V.argmin() % V.shape[1]].bus
+        assert np.abs(traced.arrays.V[~after]).min() < V.min() - 0.1  # the voltages during the fault are no part of it
+        assert traced.outcome.message == (
+            f"All machines stayed in synchronism until 3.000 s; frequency {hz.min():.2f} (machine {slow}) to "
+            f"{hz.max():.2f} Hz (machine {fast}), lowest voltage after clearing {V.min():.2f} pu at bus {bus}."
+        )
+
+    def test_they_do_not_depend_on_the_rows_kept_and_an_unrecorded_run_says_nothing_of_them(self, two_area):
+        whole, few = (run(two_area, self.FAULT, 3.0, every=apart).outcome.message for apart in (0.0, 0.5))
+        assert few == whole
+        for record in (False, "rotors"):
+            message = run(two_area, self.FAULT, 3.0, record=record).outcome.message
+            assert message == "All machines stayed in synchronism until 3.000 s."
+
+    def test_a_machine_that_is_off_and_a_dead_bus_are_no_part_of_them(self, two_area):
+        traced = run(two_area, [Open("1-5", 0.5), TripMachine(1, 0.6)], 1.0)
+        on = traced.on
+        assert f"to {60 * traced.arrays.speed[on].max():.2f} Hz (machine 1)" in traced.outcome.message
+        V = np.abs(traced.arrays.V)
+        assert f"lowest voltage {V[V > 0].min():.2f} pu" in traced.outcome.message
+
+
+class TestFaultsLeftOn:
+    """A run that ends during a fault says so, whether the system is still stable or not."""
+
+    @pytest.mark.parametrize("until", [1.1, 5.0])
+    def test_a_fault_at_the_end_is_said(self, two_area, until):
+        outcome = run(two_area, [Fault("7", 1.0)], until).outcome
+        assert outcome.stable is (until < 2)
+        assert outcome.message.endswith("The fault at bus 7 is still on: it is not cleared before the end of the run.")
+
+    def test_several_are_named_and_a_cleared_one_is_not(self, two_area):
+        both = run(two_area, [Fault("7-8@0.4", 1.0), Fault("3", 1.0)], 1.05).outcome
+        assert "The faults at bus 3 and on circuit 7-8 are still on" in both.message
+        assert "still on" not in run(two_area, Contingency("7", "6cyc"), 1.2).outcome.message
+
+
 class TestIslands:
     def test_a_bridge_that_opens_cuts_off_what_lies_behind_it(self, cases, points):
         """Bus 83 of wnaps hangs on 83-33 and its neighbors; 1-5 of two_area is the only way out of machine 1."""
@@ -107,7 +154,8 @@ class TestIslands:
         assert traced.outcome.kind == "islanded"
         assert traced.outcome.message == (
             "The switching cut off bus 20 without a machine or grid-forming converter: blacked out, its load lost. "
-            "Every island stayed in synchronism until 2.000 s, within 57 to 62 Hz; final frequency 60.07 Hz."
+            "Every island stayed in synchronism until 2.000 s; frequency 60.00 (machine 1) to 60.07 Hz (machine 1), "
+            "lowest voltage 0.94 pu at bus 20; final frequency 60.07 Hz."
         )
         after = traced.time >= 0.5
         assert np.abs(traced.arrays.V[after, -1]).max() == 0

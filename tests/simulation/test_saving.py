@@ -51,5 +51,5 @@ class TestTrajectory:
             traced.save(tmp_path / "run.mat")
 
     def test_prints_itself_in_a_sentence(self, traced):
-        assert str(traced).startswith("two_area: All machines stayed in synchronism until 0.500 s, within 57 to 62 Hz.")
+        assert str(traced).startswith("two_area: All machines stayed in synchronism until 0.500 s; frequency 60.00 ")
         assert traced._repr_html_() == f"<p>{traced}</p>"

@@ -14,6 +14,7 @@ from stabctl.model.tables import Storage
 from stabctl.simulation import simulation
 from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.events import Clear, Fault, Open, TripMachine
+from stabctl.simulation.simulate import simulate
 
 KEEP_ON = Criterion(max_angle=np.inf)
 
@@ -156,3 +157,15 @@ def test_a_law_in_python_sees_the_rotors_of_a_system_with_a_converter():
     assert np.ptp(deviation) > 1e-3
     assert shown[-1]["deviation"][0] == 0  # alone in its island
     assert run.arrays.storage[-1, 0] == pytest.approx(20.0)
+
+
+def test_a_run_whose_storage_gets_no_orders_says_so_when_it_is_printed(points):
+    """Once, and not where a law or a controller gives them, or there is nothing to order."""
+    point, said = points("two_area"), "No orders are given to the storage: give control=BangBang(), for example."
+    assert str(simulate(point, None, 0.1, storage="50MW")).count(said) == 1
+    orders = Controller(("deviation:1",), ("order:1",), *(np.zeros(one) for one in ((0, 0), (0, 1), (1, 0))), [[9.0]])
+    for storage, control in (("50MW", BangBang()), ("50MW", orders), ("0MW", None), (None, None)):
+        assert said not in str(simulate(point, None, 0.1, storage=storage, control=control))
+    by_hand = simulation.Simulation(operating_point.solve(point.case.with_storage("50MW")))
+    by_hand.advance(0.1)
+    assert said not in str(by_hand.finish())

@@ -53,7 +53,8 @@ def test_a_growing_oscillation_is_said(points):
         outcome = run(point, Contingency("7", "1cyc"), 10.0, record=record).outcome
         assert outcome.stable
         assert outcome.swings.growing
-        assert "stayed in synchronism until 10.000 s. The swings grow: the largest is " in outcome.message
+        assert ("until 10.000 s; frequency " in outcome.message) is record
+        assert ". The swings grow: the largest is " in outcome.message
     assert outcome.swings.last / outcome.swings.before == pytest.approx(np.exp(2.5 * 0.0331), rel=0.02)
     assert run(point, Contingency("7", "1cyc"), 10.0, criterion=Criterion(decay=0)).outcome.swings is None
 
@@ -61,11 +62,11 @@ def test_a_growing_oscillation_is_said(points):
 def test_an_undamped_system_is_said_to_be_one_and_a_damped_one_is_not(cases, points):
     undamped = run(operating_point.solve(cases("two_area").classical()), AT_7.with_clear("2cyc"), 11.0).outcome
     assert not undamped.swings.decaying
-    assert f"until 11.000 s. {undamped.swings}" in undamped.message
+    assert undamped.message.endswith(f". {undamped.swings}")
     assert str(undamped.swings).startswith("The swings do not decay: machine ")
     damped = run(points("two_area"), AT_7, 11.0).outcome
     assert damped.swings.decaying
-    assert damped.message.endswith("57 to 62 Hz.")
+    assert "swings" not in damped.message
 
 
 def test_nothing_is_said_soon_after_the_last_event_or_of_unstable_runs(points):

@@ -114,7 +114,7 @@ def plot_screen(found: Screen, *, most: int = 25, ax: "Axes | None" = None) -> "
     Returns
     -------
     matplotlib.axes.Axes
-        Each bar is labeled with the machine that loses synchronism just beyond the clearing time.
+        Each bar is labeled with what limits it: the machine that loses synchronism just beyond it, frequency, voltage.
     """
     shown = found.pairs[:most]
     ax = single(ax, 7, 1.2 + 0.25 * max(len(shown), 1))
@@ -140,5 +140,5 @@ def _note(pair: ClearingTime) -> str:
     """Label of a bar."""
     if pair.status == "stable_at_limit":
         return "stable at the search limit"
-    machine = "" if pair.machine is None else f"machine {pair.machine}"
-    return f"unstable without a fault {machine}".rstrip() if pair.status == "unstable_at_zero" else machine
+    first = pair.limited_by or "" if pair.machine is None else f"machine {pair.machine}"
+    return f"unstable without a fault {first}".rstrip() if pair.status == "unstable_at_zero" else first

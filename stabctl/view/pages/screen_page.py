@@ -64,4 +64,4 @@ def _row(p: ClearingTime, limit: float) -> tuple[str, ...]:
     """A pair in the table."""
     cycles = {"unstable_at_zero": "0", "stable_at_limit": f"{limit:g} or more"}.get(p.status) or f"{p.cycles:g}"
     swings = "grow" if p.remark() and p.swings and p.swings.growing else "do not decay" if p.remark() else "decay"
-    return cycles, f"bus {p.fault}", ", ".join(p.trip), "" if p.machine is None else str(p.machine), swings
+    return cycles, f"bus {p.fault}", ", ".join(p.trip), p.limit, swings

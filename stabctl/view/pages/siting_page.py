@@ -88,6 +88,9 @@ def _contingencies(siting: Siting) -> Iterator[tuple[str, ...]]:
             "yes" if c.binding else "",
             "" if c.machine is None else str(c.machine),
         )
+    for one in siting.infeasible:
+        required = "" if one.target_cycles is None else f"{one.target_cycles:.3f}"
+        yield one.label, required, "", "lost with every fleet tried", "", ""
 
 
 def _variation(siting: Siting, row: Evidence) -> dict[str, Any]:
