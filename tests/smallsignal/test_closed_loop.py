@@ -103,9 +103,11 @@ def test_a_band_selects_the_modes_as_it_does_without_controllers(thyristor, late
     one = {"continuous": damper(), "delayed": damper().delayed("100ms"), "sampled": damper().sampled(60, "100ms")}
     loop = thyristor.closed_loop(one[late])
     whole, part = loop.modes(), loop.modes("0.1..0.9Hz")
-    assert type(part) is type(whole) and np.array_equal(part.eigenvalues, whole.eigenvalues)
+    assert type(part) is type(whole)
+    assert np.array_equal(part.eigenvalues, whole.eigenvalues)
     inside = whole.df[whole.df.frequency_hz.between(0.1, 0.9)].reset_index(drop=True)
-    assert 0 < len(inside) < len(whole.df) and part.df.equals(inside)
+    assert 0 < len(inside) < len(whole.df)
+    assert part.df.equals(inside)
     assert loop.modes(band=(0.1, 0.9)).band == part.band == thyristor.modes("0.1..0.9Hz").band == (0.1, 0.9)
     for wrong in (3, "2..1Hz", "0.1..x"):
         with pytest.raises(StudyError) as told:
