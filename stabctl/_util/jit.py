@@ -173,7 +173,7 @@ def compiling(labels: Sequence[str]) -> Iterator[Callable[[], None]]:
             bar = None
     elif not _told:
         with suppress(OSError):  # nobody reads it
-            print("stabctl: compiling the equations (once on this computer) ...", file=sys.stderr, flush=True)
+            print("stabctl: compiling the equations (once for each set of models) ...", file=sys.stderr, flush=True)
     _told.append(True)
     if bar is None:
         yield lambda: None
