@@ -3,8 +3,10 @@
 import os
 import signal
 import sys
+import threading
 from types import FrameType
 
+INTERRUPTED = 130  # exit code; what a shell reports for a program ended by Ctrl-C
 LATER = 0.002  # s   after which Ctrl-C in an import is tried again
 
 
@@ -25,7 +27,11 @@ def main() -> None:
             raise KeyboardInterrupt
     except KeyboardInterrupt:
         os.write(2, b"stabctl: interrupted.\n")
-        sys.exit(130)
+        sys.exit(INTERRUPTED)
+    except SystemExit as end:
+        if end.code == INTERRUPTED and any(not one.daemon for one in threading.enumerate()[1:]):
+            os._exit(INTERRUPTED)  # jobs under way in threads, which Python would wait for
+        raise
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is ending
         _pending()

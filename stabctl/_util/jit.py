@@ -12,6 +12,7 @@ import hashlib
 import inspect
 import os
 import shutil
+import signal
 import stat
 import subprocess
 import sys
@@ -22,8 +23,8 @@ from functools import cache
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
-from threading import RLock
-from types import ModuleType
+from threading import RLock, get_ident, main_thread
+from types import FrameType, ModuleType
 from typing import Any
 
 from .process import available
@@ -59,13 +60,13 @@ class Entry:
     def __call__(self, *arguments: Any) -> Any:
         """Call the compiled function."""
         if self._compiled is not None:
-            return self._compiled(*arguments)
+            return _uninterrupted(self._compiled, arguments)
         with lock, compiling([] if self.on_disk() else [self.name]) as done:
             awaited.pop(self.function.__module__, bool)()
             found = self._compiled or self._compile(arguments)
             done()
         self._compiled = found
-        return found(*arguments)
+        return _uninterrupted(found, arguments)
 
     def signatures(self) -> list[Any]:
         """Types that it has been compiled for."""
@@ -89,6 +90,21 @@ class Entry:
         found = machine_code.function(self.function, folder() / self._stem(), self.allocates)
         found.compile(tuple(map(found.typeof_pyval, arguments)))
         return found  # type: ignore[no-any-return]
+
+
+def _uninterrupted(compiled: Callable[..., Any], arguments: Sequence[Any]) -> Any:
+    """Call compiled code. Ctrl-C acts once it has returned: numba crashes if it is raised while a result is boxed."""
+    act = signal.getsignal(signal.SIGINT)
+    if not callable(act) or get_ident() != main_thread().ident:
+        return compiled(*arguments)
+    came: list[tuple[int, FrameType | None]] = []
+    signal.signal(signal.SIGINT, lambda number, frame: came.append((number, frame)))
+    try:
+        return compiled(*arguments)
+    finally:
+        signal.signal(signal.SIGINT, act)
+        if came:
+            act(*came[0])
 
 
 def entry(function: Callable[..., Any]) -> Entry:
@@ -157,7 +173,7 @@ def compiling(labels: Sequence[str]) -> Iterator[Callable[[], None]]:
             bar = None
     elif not _told:
         with suppress(OSError):  # nobody reads it
-            print("stabctl: compiling the equations (once on this computer) ...", file=sys.stderr, flush=True)
+            print("stabctl: compiling the equations (once for each set of models) ...", file=sys.stderr, flush=True)
     _told.append(True)
     if bar is None:
         yield lambda: None

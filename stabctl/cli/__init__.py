@@ -95,8 +95,8 @@ def _run(words: list[str]) -> int:
         if error.filename:
             return _complain(f"{sentence(error)}; choose another file or folder.")
         return _complain(f"The output cannot be written: {error.strerror or error}.")
-    except KeyboardInterrupt:
-        return _complain("interrupted.", 130)
+    except KeyboardInterrupt as error:
+        return _complain(" ".join(["interrupted.", *getattr(error, "__notes__", ())]), 130)
     except typer.Exit as end:
         return end.exit_code
     except Exception as error:

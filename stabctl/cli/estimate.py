@@ -73,10 +73,11 @@ def estimate(
     )
     if plot:
         found.save(plot)
-    _show(found, found.accuracy, as_json, plot)
+    said = contingency.described(loaded) if isinstance(clear, float) else ""
+    _show(found, found.accuracy, as_json, plot, said)
 
 
-def _show(found: "Estimates", accuracy: "Accuracy", as_json: bool, plot: Path | None) -> None:
+def _show(found: "Estimates", accuracy: "Accuracy", as_json: bool, plot: Path | None, said: str) -> None:
     end = found.runs[0].outcome
     if as_json:
         name = found.point.case.name
@@ -86,6 +87,8 @@ def _show(found: "Estimates", accuracy: "Accuracy", as_json: bool, plot: Path | 
     from rich.table import Table
 
     table = Table("", str(found))
+    if said:
+        table.add_row("contingency", said)
     table.add_row("outcome", end.message)
     table.add_row("error, rms", f"{accuracy.rmse_mhz:.1f} mHz")
     table.add_row("error, 99th percentile", f"{accuracy.p99_mhz:.1f} mHz")

@@ -7,8 +7,10 @@ import math
 import os
 import sys
 import tempfile
+import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_type_hints
 
@@ -18,6 +20,10 @@ if TYPE_CHECKING:
     from stabctl.controllers import Controller, Law
     from stabctl.model.case import Case
     from stabctl.simulation.events import Event
+
+EVERY = 30.0  # s   between two lines of progress
+LONG = 60.0  # s   left, from which that is said as soon as it is known
+SETTLED = 1.0  # s   after which the pace is measured; what a store has comes before
 
 
 def warn(sentences: Sequence[str], verbose: bool) -> None:
@@ -139,11 +145,64 @@ def console(stderr: bool = False) -> "Console":
     return Open(stderr=stderr, highlight=False, markup=False)
 
 
+class Lines(AbstractContextManager["Lines"]):
+    """Progress as lines on stderr: every half minute, and once, after the first runs, if much time is left."""
+
+    def __init__(self, text: str, total: float | None) -> None:
+        self.text, self.total = text, total
+        self.began = time.monotonic()
+        self.done, self.remark, self.said = 0.0, "", False
+        self.first = self.began, 0.0  # instant and amount done then, after which the pace is measured
+        self._ended = threading.Event()
+        threading.Thread(target=self._repeat, daemon=True).start()
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+
+    def __call__(self, done: float | None, remark: str = "") -> None:
+        """So much is done."""
+        self.done, self.remark, now = done or 0.0, remark, time.monotonic()
+        if now - self.began < SETTLED:
+            self.first = now, self.done
+        elif not self.said and self.left() > LONG:
+            self.say()
+
+    def left(self) -> float:
+        """Time left at the pace so far, s; 0 if it is not known."""
+        since, before = self.first
+        if self.total is None or self.done <= before:
+            return 0.0
+        return (self.total - self.done) * (time.monotonic() - since) / (self.done - before)
+
+    def say(self) -> None:
+        """Print a line."""
+        self.said, left = True, self.left()
+        share = "" if self.total is None else f" {100 * self.done / self.total:.0f} %"
+        more = f", about {duration(left)} left" if left else ""
+        with suppress(OSError):  # nobody reads it
+            remark = f" {self.remark}" if self.remark else ""
+            print(
+                f"stabctl: {self.text}{remark}:{share} after {duration(time.monotonic() - self.began)}{more}",
+                file=sys.stderr,
+                flush=True,
+            )
+
+    def _repeat(self) -> None:
+        while not self._ended.wait(EVERY):
+            self.say()
+
+
+def duration(s: float) -> str:
+    """A duration in words: 50 s, 4 min, 2.5 h."""
+    return f"{s:.0f} s" if s < 120 else f"{s / 60:.0f} min" if s < 7200 else f"{s / 3600:.1f} h"
+
+
 @contextmanager
 def progress(text: str, total: float | None) -> Iterator[Any]:
-    """A progress bar on stderr if it is a terminal; yields a function of (amount done, remark)."""
+    """A progress bar on stderr if it is a terminal, lines if not; yields a function of (amount done, remark)."""
     if not sys.stderr.isatty():
-        yield lambda _done, _said="": None
+        with Lines(text, total) as lines:
+            yield lines
         return
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 

@@ -100,10 +100,11 @@ def simulate(
         from stabctl.view.figures import style, trajectory
 
         style.save(trajectory.overview(result), plot)
-    _show(result, as_json, [p for p in (out, plot) if p])
+    said = contingency.described(loaded) if isinstance(clear, float) else ""
+    _show(result, as_json, [p for p in (out, plot) if p], said)
 
 
-def _show(result: "Trajectory", as_json: bool, written: list[Path]) -> None:
+def _show(result: "Trajectory", as_json: bool, written: list[Path], said: str) -> None:
     end = result.outcome
     record = {
         "case": result.point.case.name,
@@ -123,6 +124,8 @@ def _show(result: "Trajectory", as_json: bool, written: list[Path]) -> None:
     from stabctl.simulation import steps
 
     table = Table("", result.point.case.name, show_header=True)
+    if said:
+        table.add_row("contingency", said)
     table.add_row("outcome", end.kind.value.replace("_", " "))
     table.add_row("", end.message)
     table.add_row("largest change of angle from the COI", f"{result.max_angle_from_coi_deg:.1f} degrees")

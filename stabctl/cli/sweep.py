@@ -55,9 +55,10 @@ def run_command(
 
 @contextmanager
 def _progress() -> Iterator[Callable[[int, int], None]]:
-    """A progress bar with rate and time left on a terminal's stderr; yields what updates it."""
+    """A progress bar with rate and time left on a terminal's stderr, lines elsewhere; yields what updates it."""
     if not sys.stderr.isatty():
-        yield lambda _done, _total: None
+        with shared.progress("jobs", 1.0) as tell_share:
+            yield lambda done, total: tell_share(done / total if total else 1.0)
         return
     from rich.progress import (
         BarColumn,

@@ -319,7 +319,10 @@ class LawSearch:
 
 def _neighbors(law: StorageLaw, name: str, values: Sequence[Any], reach: int) -> list[StorageLaw]:
     """The law with the next values of a parameter, so many on each side; a deadband raises the arming level to it."""
-    at = values.index(getattr(law, name))
+    own = getattr(law, name)
+    if own not in values:  # a level that a deadband has raised
+        values = sorted([*values, own])
+    at = values.index(own)
     found = []
     for value in values[max(at - reach, 0) : at + reach + 1]:
         deadband, arm_at = (value if name == key else getattr(law, key) for key in ("deadband", "arm_at"))

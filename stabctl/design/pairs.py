@@ -10,6 +10,7 @@ from stabctl._util.errors import StudyError, shown
 from stabctl._util.tabular import Tabular
 from stabctl._util.units import hertz
 from stabctl._util.verbs import verb
+from stabctl._util.wording import listed
 from stabctl.controllers.timing import duration
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
@@ -163,6 +164,11 @@ def pairs(
     for key, given in (("availability", availability), ("ranges", ranges)):
         if given is not None and not isinstance(given, Mapping):
             raise StudyError(f"{key} = {shown(given)} is not a dict of signals; give {{'flow': 0.9}}, for example.")
+        signals = drives if key == "ranges" else (*reads, *drives)
+        known = list(dict.fromkeys([*(s.kind for s in signals), *(s.name for s in signals)]))
+        for name in given or ():
+            if name not in known:
+                raise StudyError(f"{key} names {shown(name)}, which is not among the signals: {listed(known, 8)}.")
     late = {} if not isinstance(delay, Mapping) else {name: duration("delay", value) for name, value in delay.items()}
     each = duration("delay", delay) if not isinstance(delay, Mapping) else 0.0
     T = np.array([_of(late, s, each) for s in reads])

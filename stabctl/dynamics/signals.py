@@ -1,5 +1,7 @@
 """Inputs and outputs by name: `storage:33` is the power of a storage device at bus 33, `speed` means all speeds.
 
+The label that results show, such as `speed GENROU 2`, names the same signal.
+
 Every signal is a deviation from the operating point. Powers are in pu on the system base unless stated otherwise,
 angles in rad, everything else in pu.
 """
@@ -7,6 +9,7 @@ angles in rad, everything else in pu.
 import difflib
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -168,7 +171,7 @@ class Signal(NamedTuple):
 def chosen(case: Case, wanted: str | Iterable[str | Signal], kinds: Mapping[str, Kind]) -> tuple[Signal, ...]:
     """The signals named in a list, or in one text separated by commas; a kind alone means all signals of that kind.
 
-    Raises `StudyError` if a name is not a signal of the case.
+    A signal may also be named by its label. Raises `StudyError` if a name is not a signal of the case.
     """
     found: list[Signal] = []
     names = [part for part in wanted.split(",") if part.strip()] if isinstance(wanted, str) else wanted
@@ -179,6 +182,9 @@ def chosen(case: Case, wanted: str | Iterable[str | Signal], kinds: Mapping[str,
             found.append(text)
             continue
         name, _, place = str(text).strip().partition(":")
+        if name not in kinds and (signal := _labelled(case, str(text).strip(), kinds)):
+            found.append(signal)
+            continue
         if name not in kinds:
             what, example = ("input", "vref:2") if kinds is INPUTS else ("output", "speed:14")
             similar = difflib.get_close_matches(name, kinds, 3, 0.7)
@@ -196,6 +202,20 @@ def chosen(case: Case, wanted: str | Iterable[str | Signal], kinds: Mapping[str,
         if labels.count(label) > 1:
             raise StudyError(f"The signal {label!r} appears twice; give each signal once.")
     return tuple(found)
+
+
+def _labelled(case: Case, label: str, kinds: Mapping[str, Kind]) -> Signal | None:
+    """The signal of the case that has this label, such as `speed GENROU 2`."""
+    models = "|".join(re.escape(device.name) for device in devices.models().values())
+    for name, kind in kinds.items():
+        form = re.sub(r"{(\w+)}", lambda part: "(?P<place>.+)" if part[1] == "place" else f"(?:{models})", kind.label)
+        if kind.place == "state" or not (match := re.fullmatch(form, label)):
+            continue
+        with suppress(StudyError):  # the label of another kind: P ESD 1@5 is not the power of a machine
+            signal = _signal(case, name, kind, match.groupdict().get("place"))
+            if signal.label == label:
+                return signal
+    return None
 
 
 def _everywhere(case: Case, name: str, kind: Kind) -> Sequence[int | str | None]:

@@ -53,6 +53,12 @@ class Runner(AbstractContextManager["Runner"]):
             self.cluster.close()
         if self.store:
             self.store.__exit__()
+        if isinstance(error, KeyboardInterrupt):
+            error.add_note(
+                f"The jobs done are kept in {self.store.path}; the same command continues."
+                if self.store
+                else "Nothing is kept; with --store FOLDER the same command continues an interrupted study."
+            )
 
     @property
     def threads(self) -> int:
@@ -109,11 +115,15 @@ class Runner(AbstractContextManager["Runner"]):
             return
         pool = ThreadPoolExecutor(self.workers)
         with process.one_thread():
+            waits = True
             try:
                 for done in as_completed([pool.submit(completed, task) for task in tasks]):
                     yield done.result()
+            except (KeyboardInterrupt, GeneratorExit):
+                waits = False  # a job may take a minute
+                raise
             finally:
-                pool.shutdown(cancel_futures=True)
+                pool.shutdown(wait=waits, cancel_futures=True)
 
 
 def _folder(path: str | Path) -> Path:

@@ -216,14 +216,31 @@ class Contingency:
         """
         return replace(self, clear=clear, at=self.at if at is None else at)
 
+    def described(self, case: Case) -> str:
+        """In words; a clearing time without a unit is in seconds, and is given in cycles, too.
+
+        Parameters
+        ----------
+        case : Case
+            The system, whose frequency converts cycles.
+
+        Returns
+        -------
+        str
+        """
+        return self._in_words(case.frequency_hz)
+
     def __str__(self) -> str:
+        return self._in_words()
+
+    def _in_words(self, frequency_hz: float | None = None) -> str:
         parts = []
         if self.fault is not None:
             parts.append(f"fault {self.fault}" + (f" through {self.impedance} pu" if self.impedance else ""))
         names = dict.fromkeys((*_line(self.fault or ""), *self.trip))
         opened = f"opening {', '.join(names)}" if names else ""
         if self.clear is not None and self.fault is not None:
-            parts.append(f"cleared after {_said(self.clear)}" + (f" by {opened}" if opened else ""))
+            parts.append(f"cleared after {_said(self.clear, frequency_hz)}" + (f" by {opened}" if opened else ""))
         elif opened:
             parts.append(opened if self.fault is None else f"to be cleared by {opened}")
         parts += [
@@ -314,5 +331,7 @@ def _line(fault: str) -> tuple[str, ...]:
     return (name or fault,) if at or NUMBERS.fullmatch(fault) else ()
 
 
-def _said(time: str | float) -> str:
-    return time if isinstance(time, str) else f"{time:g} s"
+def _said(time: str | float, frequency_hz: float | None = None) -> str:
+    if isinstance(time, str):
+        return time
+    return f"{time:g} s" + (f" ({time * frequency_hz:.6g} cycles)" if frequency_hz else "")

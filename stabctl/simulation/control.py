@@ -109,7 +109,7 @@ def with_law(several: Sequence[Law | Controller], law: Law) -> list[Law | Contro
 
 def ordered(controllers: Sequence[Controller]) -> bool:
     """Whether controllers give orders to storage devices, which then need no law."""
-    return any(name.partition(":")[0] == "order" for c in controllers for name in c.outputs)
+    return any(name.startswith(("order:", "order ")) or name == "order" for c in controllers for name in c.outputs)
 
 
 def commanded(control: Control) -> bool:

@@ -119,9 +119,9 @@ class Background(AbstractContextManager["Background[Result]"], Generic[Result]):
         self._pool = ThreadPoolExecutor(1)
         self._result = self._pool.submit(work, self._said)
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         self._left.set()
-        self._pool.shutdown()
+        self._pool.shutdown(wait=kind is not KeyboardInterrupt)
 
     def ended(self) -> bool:
         """Whether it has ended."""

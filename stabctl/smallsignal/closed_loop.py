@@ -8,10 +8,12 @@ unique below half of the slowest rate.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stabctl._util import units
+from stabctl._util.errors import StudyError
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.law import Law
 from stabctl.dynamics.layout import StatePlace, unique
@@ -21,7 +23,7 @@ from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 
-from .delayed_loop import DelayedLoop, delayed_modes
+from .delayed_loop import FAST, DelayedLoop, delayed_modes
 from .eigen import Eigen, eigen, values
 from .interconnection import Plant, common_period, over_a_period, plant_of
 from .model import Linear
@@ -73,11 +75,34 @@ class ClosedLoop(Linear):
         z = 1 + self.period * s
         return np.log(z[np.abs(z) > EMPTY**self.frames]) / self.period
 
-    def modes(self) -> Modes:
+    def modes(self, band: str | Sequence[str | float] | None = None) -> Modes:
         """The modes of the closed loop; those of emptying delay lines are left out.
 
         With continuous delays they are the exact roots below 10 Hz, and all that grow (`delayed_loop`): `DelayedModes`.
+
+        Parameters
+        ----------
+        band : str or pair, optional
+            Frequencies of the modes in `df`: "0.1..2Hz", or two numbers in Hz. All modes are computed.
+
+        Returns
+        -------
+        Modes
+
+        Raises
+        ------
+        StudyError
+            If the band is not a band of frequencies, or with continuous delays is above 10 Hz.
         """
+        selected = None if band is None else units.band(band)
+        if self.opened is not None and selected and selected[1] > FAST:
+            raise StudyError(
+                f"With continuous delays the modes below {FAST:g} Hz are found; give a band that ends there, not at "
+                f"{selected[1]:g} Hz."
+            )
+        return replace(self._modes(), band=selected)
+
+    def _modes(self) -> Modes:
         if self.opened is not None:
             return delayed_modes(self, self.opened)
         found = eigen(self.A, self.rotation())

@@ -6,11 +6,12 @@ converters that takes part most ("PLL of REGC_C 5"), or by its dominant state.
 
 from collections import defaultdict
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 from numbers import Integral
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from stabctl._util.verbs import verb
 from stabctl._util.wording import counted, listed
 from stabctl.dynamics.assembly import INFINITE
 from stabctl.dynamics.operating_point import loops
+from stabctl.dynamics.signals import INPUTS, OUTPUTS, chosen
 
 from .descriptor import Descriptor
 from .eigen import ZERO
@@ -202,12 +204,12 @@ class Modes:
         return self.linear.C @ self.right
 
     def residues(self, output: str | int = 0, input: str | int = 0) -> np.ndarray:
-        """Residues (modes) of the transfer function from an input to an output (labels or indices).
+        """Residues (modes) of the transfer function from an input to an output (names, labels or indices).
 
         They are also the derivatives of the eigenvalues with respect to the gain k of the feedback u = k y, at k = 0.
         """
-        i = index(self.linear.outputs, output, "output")
-        j = index(self.linear.inputs, input, "input")
+        i = index(self.linear, output, "output")
+        j = index(self.linear, input, "input")
         return self.observability()[i] * self.controllability()[:, j]
 
     @property
@@ -338,10 +340,16 @@ def converter_loop(linear: Linear, share: np.ndarray) -> str | None:
     return f"{name} of {device_name} {called}{more}"
 
 
-def index(labels: tuple[str, ...], wanted: str | int, what: str) -> int:
-    """Place of an input or output, given by its label or as a number."""
+def index(linear: Linear, wanted: str | int, what: Literal["input", "output"]) -> int:
+    """Place of an input or output of a model, given by its name, its label or as a number."""
+    labels, kinds = (linear.inputs, INPUTS) if what == "input" else (linear.outputs, OUTPUTS)
     if isinstance(wanted, int) and 0 <= wanted < len(labels):
         return wanted
-    if wanted not in labels:
+    label = wanted
+    if isinstance(wanted, str) and wanted not in labels:
+        with suppress(StudyError):  # not a signal of any model
+            found = [s.label for s in chosen(linear.point.case, wanted, kinds)]
+            label = found[0] if len(found) == 1 else wanted
+    if label not in labels:
         raise StudyError(f"{wanted!r} is not an {what} of the model; its {what}s are {', '.join(labels) or 'none'}.")
-    return labels.index(wanted)
+    return labels.index(label)

@@ -56,7 +56,7 @@ def feedback_locus(linear: Linear, output: str | int, input: str | int, gains: I
     linear : Linear
         The open-loop model.
     output, input : str or int
-        Labels or indices of the signals.
+        Names (speed:1), labels or indices of the signals.
     gains : iterable of float
         Values of k.
 
@@ -69,8 +69,8 @@ def feedback_locus(linear: Linear, output: str | int, input: str | int, gains: I
     StudyError
         If the model has no such signal, there are fewer than two finite gains, or a gain makes an algebraic loop.
     """
-    i = modes.index(linear.outputs, output, "output")
-    j = modes.index(linear.inputs, input, "input")
+    i = modes.index(linear, output, "output")
+    j = modes.index(linear, input, "input")
     b, c, d = linear.B[:, j], linear.C[i], linear.D[i, j]
     values = _values(gains)
     for k in values:

@@ -36,6 +36,13 @@ def test_a_time_without_a_unit_is_in_seconds(stabctl, command, option, bare, nam
     assert plain(json.loads(found[0][1])) == plain(json.loads(found[1][1]))
 
 
+@pytest.mark.parametrize("command", ["simulate", "estimate"])
+def test_a_clearing_time_without_a_unit_is_said_back_in_seconds_and_cycles(stabctl, command):
+    _, said, _ = stabctl(command, *FAULT, "--clear", "0.1")
+    assert "cleared after 0.1 s (6 cycles)" in re.sub(r"[\s│]+", " ", said)
+    assert "cleared after" not in stabctl(command, *FAULT, "--clear", "6cyc")[1]
+
+
 def options():
     """Every option of every command, with the command."""
 

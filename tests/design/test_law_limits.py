@@ -3,6 +3,8 @@
 import pytest
 
 from stabctl._util.errors import StudyError
+from stabctl.controllers import StorageLaw
+from stabctl.design.law import AXES, _neighbors
 from stabctl.design.law_measurement import Duty, Later, Measured
 from stabctl.design.law_result import MEAN, SHORT, LawLimits
 
@@ -54,3 +56,10 @@ def test_what_is_exceeded_is_relative_to_the_limit(limits, found, by):
 def test_wrong_limits(wrong):
     with pytest.raises(StudyError, match=next(iter(wrong))):
         LawLimits(**wrong)
+
+
+@pytest.mark.parametrize("deadband", [0.15, 0.17])
+def test_a_smallest_deadband_between_the_levels_has_neighbors(deadband):
+    start = StorageLaw(deadband=deadband, arm_at=deadband)
+    levels = [one.arm_at for one in _neighbors(start, "arm_at", AXES["arm_at"], 1)]
+    assert levels == [0.2]  # the next one above; that below would be smaller than the deadband

@@ -3,7 +3,7 @@
 from itertools import pairwise
 from types import SimpleNamespace
 
-from stabctl.io.psse.dyr import LoadScopes, Record
+from stabctl.io.psse.dyr import LoadScopes, Record, _without_model
 from stabctl.model.tables import Load
 
 BUSES = [SimpleNamespace(I=i, AREA=i, ZONE=1, OWNER=5) for i in (1, 2, 3)]
@@ -59,3 +59,9 @@ def test_every_scope_is_narrower_than_the_one_before():
         for records in ([record(*wide), record(*narrow)], [record(*narrow), record(*wide)]):
             (holding,) = (n for n, keys in scopes().owners(records).items() if 1 in keys)
             assert records[holding].kind == narrow[1]
+
+
+def test_a_record_of_all_loads_does_not_name_the_machine_of_the_same_bus_and_id():
+    for kind in ("CLODBL", "CLODAR", "CLODAL"):
+        record = Record(SimpleNamespace(file="x.dyr", line=1), 1, kind, "1", ())
+        assert _without_model(record, "no model", {(1, "1"): None}, {}).owner == "1/1"

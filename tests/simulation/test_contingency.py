@@ -26,6 +26,7 @@ def test_a_fault_at_a_bus_goes_out_when_its_circuits_open(two_area):
     assert one.timed(two_area) == (Fault("7", 1.0, 0.01j), Clear("7", 1.1), *opened)
     assert one.label == "7 trip 7-8, 8-9#2"
     assert str(one) == "fault 7 through 0.01j pu, cleared after 0.1 s by opening 7-8, 8-9#2"
+    assert one.described(two_area) == str(one).replace("0.1 s", "0.1 s (6 cycles)")
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """One controller in simulation and linear model: the ring-down is the eigenvalue of the closed loop."""
 
+import re
+
 import control
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ from filters import PSS, WASHOUT
 from ringdown import errors, modal_pole, ringdown
 
 import stabctl as st
+from stabctl._util.errors import StudyError
 
 
 @pytest.fixture(scope="module")
@@ -93,6 +96,27 @@ def test_a_damper_on_wnaps(cases):
     wanted, found = modal_pole(base, one, bus=83)
     assert abs(found.imag / wanted.imag - 1) < 2e-6  # 3.7e-7
     assert abs(found.real / wanted.real - 1) < 1e-5  # 1.7e-6
+
+
+@pytest.mark.parametrize("late", ["continuous", "delayed", "sampled"])
+def test_a_band_selects_the_modes_as_it_does_without_controllers(thyristor, late):
+    one = {"continuous": damper(), "delayed": damper().delayed("100ms"), "sampled": damper().sampled(60, "100ms")}
+    loop = thyristor.closed_loop(one[late])
+    whole, part = loop.modes(), loop.modes("0.1..0.9Hz")
+    assert type(part) is type(whole)
+    assert np.array_equal(part.eigenvalues, whole.eigenvalues)
+    inside = whole.df[whole.df.frequency_hz.between(0.1, 0.9)].reset_index(drop=True)
+    assert 0 < len(inside) < len(whole.df)
+    assert part.df.equals(inside)
+    assert loop.modes(band=(0.1, 0.9)).band == part.band == thyristor.modes("0.1..0.9Hz").band == (0.1, 0.9)
+    for wrong in (3, "2..1Hz", "0.1..x"):
+        with pytest.raises(StudyError) as told:
+            thyristor.modes(wrong)
+        with pytest.raises(StudyError, match=re.escape(str(told.value))):
+            loop.modes(wrong)
+    if late == "delayed":
+        with pytest.raises(StudyError, match="ends there, not at 12 Hz"):
+            loop.modes("0.1..12Hz")
 
 
 def test_the_closed_loop_of_continuous_controllers_is_that_of_python_control(thyristor):

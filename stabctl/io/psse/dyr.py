@@ -33,7 +33,7 @@ _NEXT = re.compile(  # another record after a slash
     re.VERBOSE,
 )
 SCOPES = ("AL", "AR", "ZN", "OW", "BL")  # endings of the kinds of loads, from the widest to the narrowest
-OF_LOADS = "BL", "OW", "ZN", "AR"  # endings of the kinds of loads: at a bus, of an owner, of a zone, of an area
+OF_LOADS = "BL", "OW", "ZN", "AR", "AL"  # endings of the kinds of loads: at a bus, of an owner, a zone, an area, all
 ANY = "*"  # identifier for all loads of a scope
 REACTANCES = "x1d", "Xe"  # parameters that are the source reactance of a generator where no constant gives them
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from stabctl._util.errors import StudyError
+from stabctl._util.errors import StudyError, shown
 from stabctl._util.schema import fields
 from stabctl.clearing import ClearingTime, clearing_time, screen
 from stabctl.clearing.trial import Run
@@ -90,6 +90,8 @@ def _arrays(run: Trajectory, signals: tuple[str, ...]) -> Arrays:
             found[name] = size[:, [row[m.storage_bus] for m in case.machines]]
         elif name == "storage":
             found[name] = a.storage
+        else:
+            raise StudyError(f"{shown(name)} is not a curve of the page; give speed, angle, voltage or storage.")
     frames = np.unique(np.searchsorted(run.time, np.arange(0, run.time[-1] + 1e-9, 1 / FRAMES)).clip(0, len(a.V) - 1))
     frames = np.unique(np.r_[frames, len(run.time) - 1])
     return found | {"frame": run.time[frames], "frame.angle": angle[frames], "frame.voltage": size[frames]}

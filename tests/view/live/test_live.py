@@ -36,6 +36,12 @@ def pages(cases):
     return app(Points(cases("two_area")), LOAD, TOKEN, 8000)
 
 
+def test_a_curve_that_the_page_does_not_have_is_named():
+    run = st.load("two_area").simulate("7-8@1s", "1.5s")
+    with pytest.raises(StudyError, match="'voltag' is not a curve of the page"):
+        answers._arrays(run, ("speed", "voltag"))
+
+
 def test_packed_curves_are_read_back():
     rng = np.random.default_rng(7)
     curves = rng.normal(60, 0.1, (101, 5))
