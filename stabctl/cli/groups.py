@@ -1,5 +1,6 @@
 """Groups of options, as records that create the objects they describe."""
 
+import shlex
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -11,6 +12,7 @@ if TYPE_CHECKING:
     from stabctl.estimation.estimator_control import EstimatorControl
     from stabctl.estimation.pmu import Pmu
     from stabctl.model.case import Case
+    from stabctl.model.unusual import UnusualData
     from stabctl.simulation.criterion import Criterion
 
 
@@ -31,7 +33,32 @@ class CaseOptions(NamedTuple):
     motor_share: options.MotorShare = None
 
     def load(self) -> "Case":
-        """The case with its settings (`pss.1.K=10`) applied; its warnings go to stderr."""
+        """The case with its settings (`pss.1.K=10`) applied; what is noted or unusual goes to stderr."""
+        case = self.read()
+        shared.warn(case.notes, self.verbose)
+        shared.tell(self.check(case), self.words, self.verbose)
+        return case
+
+    def check(self, case: "Case") -> "UnusualData":
+        """Its unusual data; loads or a dispatch that were set do not balance at the stored voltages."""
+        return case.check(balance=not (self.settings or self.motor_share))
+
+    @property
+    def words(self) -> str:
+        """The case and its options as on the command line."""
+        found = [self.case]
+        for name, value in self._asdict().items():
+            option = "--set" if name == "settings" else f"--{name.replace('_', '-')}"
+            if value is True and name != "verbose":
+                found.append(option)
+            elif name in self._field_defaults and name != "verbose" and value != self._field_defaults[name]:
+                found += (
+                    word for one in (value if isinstance(value, list) else [value]) for word in (option, str(one))
+                )
+        return shlex.join(found)
+
+    def read(self) -> "Case":
+        """The case with its settings applied."""
         from stabctl import io
         from stabctl._util.errors import StudyError
 
@@ -45,7 +72,6 @@ class CaseOptions(NamedTuple):
             missing_controls=self.missing_controls,
         )
         values = {}
-        known = case.warnings if self.case in io.packaged() and not self.verbose else ()
         for text in self.settings or ():
             path, given, value = text.partition("=")
             if not given:
@@ -53,9 +79,7 @@ class CaseOptions(NamedTuple):
             values[path.strip()] = value.strip()
         case = case if self.motor_share is None else case.with_motors(self.motor_share)
         case = case.set(values) if values else case
-        case = case.classical() if self.classical else case
-        shared.warn([sentence for sentence in case.warnings if sentence not in known], self.verbose)
-        return case
+        return case.classical() if self.classical else case
 
 
 class StorageOptions(NamedTuple):

@@ -14,6 +14,7 @@ from stabctl._util.tabular import Tabular
 from stabctl._util.wording import counted, named
 from stabctl.dynamics.violations import Violation
 from stabctl.model.case import Case
+from stabctl.model.unusual import UnusualData
 
 from . import _import_checks, matpower, psse
 from ._import_checks import DRIFT_S, FlowDifference, InitialState, Kind, Stored, by_kind
@@ -54,6 +55,8 @@ class ImportReport(Tabular):
         The power flow compared with the stored one; None if it has no solution.
     start : InitialState or None
         The start of the dynamic models; None without a DYR file, or if there is none.
+    unusual : UnusualData
+        Data outside the usual ranges.
     failures : tuple of str
         Why a check has no result, one sentence each.
     """
@@ -63,6 +66,7 @@ class ImportReport(Tabular):
     kinds: tuple[Kind, ...]
     unsupported: tuple[Unsupported, ...]
     corrections: tuple[str, ...]
+    unusual: UnusualData
     stored: Stored | None = None
     flow: FlowDifference | None = None
     start: InitialState | None = None
@@ -103,6 +107,7 @@ class ImportReport(Tabular):
                 for u in self.unsupported
             ],
             "corrections": list(self.corrections),
+            "unusual": self.unusual.plain()["unusual"],
             "mismatch_mw": stored and stored.mw,
             "mismatch_mvar": stored and stored.mvar,
             "mismatch_bus": stored and stored.bus,
@@ -166,7 +171,7 @@ def import_report(
         kinds = by_kind(read)
     case = read.case.with_loads(loads) if loads is not None else read.case
     files = tuple(Path(path) for path in (raw, dyr) if path is not None)
-    report = ImportReport(case, files, kinds, read.unsupported, read.corrections)
+    report = ImportReport(case, files, kinds, read.unsupported, read.corrections, case.check())
     return _checked(report) if check else report
 
 
@@ -194,7 +199,14 @@ def machine(case: Case, v: Violation) -> int | str | None:
 
 def page(report: ImportReport) -> str:
     """The report."""
-    parts = [_head(report), _kinds(report), _complete(report), _unsupported(report), _corrections(report)]
+    parts = [
+        _head(report),
+        _unusual(report),
+        _kinds(report),
+        _complete(report),
+        _unsupported(report),
+        _corrections(report),
+    ]
     return "\n\n".join("\n".join(lines) for part in (*parts, _checks(report)) if (lines := list(part)))
 
 
@@ -206,6 +218,13 @@ def _head(report: ImportReport) -> Iterator[str]:
     yield f"{parts}; {case.frequency_hz:g} Hz, {case.base_mva:g} MVA"
     if case.title:
         yield case.title
+
+
+def _unusual(report: ImportReport) -> Iterator[str]:
+    if report.unusual.findings:
+        yield "Unusual data"
+    for sentence in report.unusual.sentences():
+        yield from _wrapped(sentence)
 
 
 def _kinds(report: ImportReport) -> Iterator[str]:

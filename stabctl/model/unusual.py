@@ -152,6 +152,10 @@ class UnusualData(Tabular):
         """As a dictionary of numbers, texts and lists, as `stabctl check --json` prints it."""
         return {"case": self.name, "unusual": [found._asdict() for found in self.findings]}
 
+    def told(self, case: str) -> str:
+        """The line about them in other commands; empty if there are none."""
+        return f"{counted(len(self), 'unusual value')}: stabctl check {case}" if self.findings else ""
+
     def sentences(self) -> list[str]:
         """One sentence for the values of all objects with the same quantity, range and likely mistake."""
         alike: dict[tuple[Any, ...], list[Finding]] = defaultdict(list)
@@ -268,7 +272,9 @@ def _network(case: Case) -> dict[str, Rows]:
 
 def _units(case: Case) -> Iterator[dict[str, float]]:
     """Loading of every machine with a model, and the reactance of its transformer; a base of the system is no rating."""
-    modeled = {naming.number(key) for model in tables.of_role(*tables.UNIT_ROLES) for key in case.devices.get(model, {})}
+    modeled = {
+        naming.number(key) for model in tables.of_role(*tables.UNIT_ROLES) for key in case.devices.get(model, {})
+    }
     infinite, at = _infinite(case), defaultdict(list)
     for k in case.branches:
         at[k.from_bus].append(k)
