@@ -1,4 +1,4 @@
-"""stabctl check, powerflow and scr: unusual data, the power flow of a case, short-circuit power and ratios."""
+"""stabctl powerflow and scr: the power flow of a case, short-circuit power and ratios."""
 
 import cmath
 import math
@@ -13,16 +13,6 @@ from .shared import console, grouped, print_json
 MOST = 1000  # rows of a table on the screen
 Branches = Annotated[bool, typer.Option("--branches", help="Also print the branch flows.")]
 Trip = Annotated[str | None, typer.Option("--trip", help="Circuits out of service, such as 7-8 or '7-8#2, 8-9'.")]
-
-
-@grouped
-def check(*, case: CaseOptions, as_json: Json = False) -> None:
-    """List unusual data: values that may be in another unit or on another base."""
-    found = case.check(case.read())
-    if as_json:
-        print_json(found.plain())
-    else:
-        print(found)
 
 
 @grouped

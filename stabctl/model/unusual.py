@@ -32,7 +32,6 @@ LIKE = ("exciter", "governor", "stabilizer")  # roles whose devices are compared
 ALONE = 6.0  # factor between a value and the nearest of the other values of the same parameter
 SURGE = 2.2  # the same for surge impedances of lines of one rated voltage
 FEWEST_ALIKE = 3  # values that are compared
-UNUSED = 90.0  # limits, gains and time constants from here on mean "none" or "open" and are not compared
 NOUNS = {"buses": "bus", "branches": "branch", "loads": "load"}  # of other tables: machine
 IDEAL = 1e-4  # pu   transient reactance up to which a machine is an ideal voltage source
 UNBALANCED = 0.05  # of the power that passes through a bus; of the base below 1 pu
@@ -271,10 +270,9 @@ def _network(case: Case) -> dict[str, Rows]:
 
 
 def _units(case: Case) -> Iterator[dict[str, float]]:
-    """Loading of every machine with a model, and the reactance of its transformer; a base of the system is no rating."""
-    modeled = {
-        naming.number(key) for model in tables.of_role(*tables.UNIT_ROLES) for key in case.devices.get(model, {})
-    }
+    """Loading of every machine with a model, and x of its transformer; a base that is that of the system is no rating."""
+    models = tables.of_role(*tables.UNIT_ROLES)
+    modeled = {naming.number(key) for model in models for key in case.devices.get(model, {})}
     infinite, at = _infinite(case), defaultdict(list)
     for k in case.branches:
         at[k.from_bus].append(k)
@@ -297,7 +295,7 @@ def _outside(table: str, rows: Rows) -> Iterator[Finding]:
         named: set[str] = set()
         for rule in sorted(rules, key=lambda rule: len(rule.parts)):
             value = rule.value(row)
-            if value is None or rule.low <= value <= rule.high or abs(value) in rule.but or named & rule.parts:
+            if value is None or rule.low <= value <= rule.high or value in rule.but or named & rule.parts:
                 continue
             named |= rule.parts
             yield Finding(table, object, rule.quantity, value, rule.unit, rule.low, rule.high, rule.likely)
@@ -328,8 +326,7 @@ def _surge(case: Case) -> Iterator[Finding]:
 
 def _alone(table: str, quantity: str, unit: str, values: Mapping[str, float], factor: float) -> Iterator[Finding]:
     """The largest and the smallest of at least three values, if it is that far from the nearest other one."""
-    order = sorted((v, o) for o, v in values.items() if 0 < abs(v) < UNUSED * 100)
-    order = [(v, o) for v, o in order if v > 0]
+    order = sorted((v, o) for o, v in values.items() if v > 0)
     if len(order) < FEWEST_ALIKE:
         return
     for (value, object), nearest, farthest in ((order[-1], order[-2], order[0]), (order[0], order[1], order[-1])):

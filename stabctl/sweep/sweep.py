@@ -25,9 +25,8 @@ from stabctl.jobs import Row, Task
 from stabctl.jobs.cluster import Cluster
 from stabctl.jobs.store import Store
 from stabctl.jobs.task import fingerprint, sha256, text
-from stabctl.model import fleet
+from stabctl.model import fleet, unusual
 from stabctl.model.case import Case
-from stabctl.model.unusual import check
 from stabctl.simulation.contingency import Contingency
 
 from . import pool, results, study_file
@@ -155,7 +154,7 @@ def _warnings(wanted: Iterable[Task]) -> tuple[str, ...]:
     """What the readers of the cases noted, and how many unusual values each has, each once."""
     cases = {t.job.case: t.shared.case for t in wanted}
     notes = dict.fromkeys(note for t in wanted for note in t.shared.case.notes)
-    told = (check(case, balance=False).told(str(name)) for name, case in cases.items())
+    told = (unusual.check(case, balance=False).told(str(name)) for name, case in cases.items())
     return *notes, *filter(None, told)
 
 
