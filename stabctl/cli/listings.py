@@ -1,4 +1,4 @@
-"""stabctl cases, tables, models, import, check: what is packaged, columns, parameters, what files hold, unusual data."""
+"""stabctl cases, tables, models, import, check: what is packaged, columns, parameters, what a file holds, odd values."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated

@@ -1,14 +1,15 @@
 """Unusual data: values outside the ranges of `usual_values.csv`, and values that do not fit the others of their case.
 
 They are legal and used as given. A wrong unit or base is a factor of 10 to 1000, which leaves the range of the value
-itself, of a ratio that no base changes (x1d/xd, H*x1d), of the values of the same parameter in the same case, or of the
-power flow. Where the file holds a solved power flow, a wrong branch, load or dispatch leaves power at its buses.
+itself, of a ratio that no base changes (x1d/xd, H*x1d), of the same parameter of the other devices, or of the power flow.
+If the voltages of the bus table are a solved power flow, a wrong branch, load or dispatch leaves power at its buses.
 """
 
 import csv
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -32,30 +33,16 @@ LIKE = ("exciter", "governor", "stabilizer")  # roles whose devices are compared
 ALONE = 6.0  # factor between a value and the nearest of the other values of the same parameter
 SURGE = 2.2  # the same for surge impedances of lines of one rated voltage
 FEWEST_ALIKE = 3  # values that are compared
-NOUNS = {"buses": "bus", "branches": "branch", "loads": "load"}  # of other tables: machine
 IDEAL = 1e-4  # pu   transient reactance up to which a machine is an ideal voltage source
-UNBALANCED = 0.05  # of the power that passes through a bus; of the base below 1 pu
+UNBALANCED = 0.05  # of the power that passes through a bus; at least LEAST
+LEAST = 0.01  # pu
 MOST_UNBALANCED, FEWEST_BUSES = 3, 6  # more buses out of balance, or fewer buses: the voltages are no solution
+NEAR_BUS = "is r or x of a branch there, a load or a dispatch in another unit?"
+Rows = dict[str, dict[str, float]]  # object, such as machine 30/1 -> quantities
 
 
 class Usual(NamedTuple):
-    """One row of `usual_values.csv`: what is usual for a quantity.
-
-    Attributes
-    ----------
-    of : str
-        A table, a device model, or a role of device models.
-    quantity : str
-        A column, a product or ratio of two columns, or a quantity that is computed.
-    low, high : float
-        The usual range.
-    unit : str
-        Unit of the quantity, empty if it has none.
-    but : tuple of float
-        Values outside that have a meaning of their own, such as 0 for an open circuit.
-    likely : str
-        The likely mistake.
-    """
+    """What is usual for a quantity: a row of `usual_values.csv`, which says what its columns are."""
 
     of: str
     quantity: str
@@ -65,34 +52,29 @@ class Usual(NamedTuple):
     but: tuple[float, ...]
     likely: str
 
-    def value(self, row: Mapping[str, float]) -> float | None:
-        """The quantity of a row; None if the row does not have it."""
-        over, _, under = self.quantity.partition("/")
-        names = (*over.split("*"), *((under,) if under else ()))
-        if any(name not in row for name in names) or (under and not row[under]):
-            return None
-        return math.prod(row[name] for name in over.split("*")) / (row[under] if under else 1.0)
-
     @property
-    def parts(self) -> frozenset[str]:
-        """The columns of which it consists."""
-        return frozenset(self.quantity.replace("*", "/").split("/"))
+    def columns(self) -> list[str]:
+        """The columns of which it consists, the divisor last."""
+        return self.quantity.replace("*", "/").split("/")
+
+    def value(self, row: Mapping[str, float]) -> float:
+        """The quantity of a row; NaN if the row does not have it."""
+        parts = [row.get(name, math.nan) for name in self.columns]
+        if "/" in self.quantity:
+            return parts[0] / parts[1] if parts[1] else math.nan
+        return math.prod(parts)
 
 
 @cache
 def usual() -> tuple[Usual, ...]:
-    """The rows of `usual_values.csv`, one for each quantity."""
+    """The rows of `usual_values.csv`, one for each quantity; those of one column first."""
+    found = []
     with TABLE.open(newline="") as file:
-        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
-    computed = (*NOUNS, "machines")
-    return tuple(
-        Usual(
-            row["of"], quantity, float(row["low"]), float(row["high"]), row["unit"],
-            tuple(map(float, row["but"].split())), row["likely"],
-        )
-        for row in rows
-        for quantity in ([row["quantities"]] if row["of"] in computed else row["quantities"].split())
-    )  # fmt: skip
+        for row in csv.DictReader(line for line in file if not line.startswith("#")):
+            but = tuple(map(float, row["but"].split()))
+            rest = float(row["low"]), float(row["high"]), row["unit"], but, row["likely"]
+            found += [Usual(row["of"], name, *rest) for name in row["quantities"].split("; ")]
+    return tuple(sorted(found, key=lambda one: len(one.columns)))
 
 
 class Finding(NamedTuple):
@@ -100,12 +82,10 @@ class Finding(NamedTuple):
 
     Attributes
     ----------
-    table : str
-        Table of the case.
-    object : str
-        What it belongs to: machine 30/1, branch 7-8, bus 7.
+    table, object : str
+        Table of the case, and what the value belongs to: machine 30/1, branch 7-8, bus 7.
     quantity, unit : str
-        Its column, or how it is computed from columns, and its unit.
+        Its column, or how it is computed, and its unit.
     value, low, high : float
         The value and the usual range.
     likely : str
@@ -131,14 +111,11 @@ class UnusualData(Tabular):
     name : str
         Name of the case.
     findings : tuple of Finding
-        The unusual values; none if everything is usual.
+        The unusual values.
     """
 
     name: str
     findings: tuple[Finding, ...]
-
-    def __len__(self) -> int:
-        return len(self.findings)
 
     @property
     def df(self) -> "pd.DataFrame":
@@ -153,34 +130,31 @@ class UnusualData(Tabular):
 
     def told(self, case: str) -> str:
         """The line about them in other commands; empty if there are none."""
-        return f"{counted(len(self), 'unusual value')}: stabctl check {case}" if self.findings else ""
+        return f"{counted(len(self.findings), 'unusual value')}: stabctl check {case}" if self.findings else ""
 
     def sentences(self) -> list[str]:
         """One sentence for the values of all objects with the same quantity, range and likely mistake."""
         alike: dict[tuple[Any, ...], list[Finding]] = defaultdict(list)
         for found in self.findings:
-            alike[found.table, found.quantity, found.low, found.high, found.likely].append(found)
+            alike[found._replace(object="", value=0.0)].append(found)
         return [_sentence(together) for together in alike.values()]
 
     def __str__(self) -> str:
         if not self.findings:
             return f"{self.name}: no unusual values."
-        return "\n".join((f"{self.name}: {counted(len(self), 'unusual value')}.", *self.sentences()))
+        return "\n".join((f"{self.name}: {counted(len(self.findings), 'unusual value')}.", *self.sentences()))
 
 
 def _sentence(alike: list[Finding]) -> str:
-    first, values = alike[0], sorted(found.value for found in alike)
-    size = f"{values[0]:.4g}" if values[0] == values[-1] else f"{values[0]:.4g} to {values[-1]:.4g}"
+    first, values = alike[0], [found.value for found in alike]
     unit = f" {first.unit}" if first.unit else ""
-    noun = first.object.partition(" ")[0]
-    owners = enumerated(noun, (found.object.partition(" ")[2] for found in alike))
-    return f"{first.table}, {owners}: {first.quantity} = {size}{unit}, usually {_range(first)}{unit}; {first.likely}"
+    owners = enumerated(first.object.partition(" ")[0], (found.object.partition(" ")[2] for found in alike))
+    size, usually = _range(min(values), max(values)), _range(first.low, first.high)
+    return f"{first.table}, {owners}: {first.quantity} = {size}{unit}, usually {usually}{unit}; {first.likely}"
 
 
-def _range(found: Finding) -> str:
-    if found.low == found.high:
-        return f"{found.low:.4g}"
-    return f"{found.low:.4g} to {found.high:.4g}"
+def _range(low: float, high: float) -> str:
+    return " to ".join(dict.fromkeys((f"{low:.4g}", f"{high:.4g}")))
 
 
 def check(base: Any, *, balance: bool = True) -> UnusualData:
@@ -203,88 +177,11 @@ def check(base: Any, *, balance: bool = True) -> UnusualData:
     >>> st.load("two_area").set("genrou.1.H", 1500).check()
     """
     case = as_case(base)
-    found = [f for table, rows in _rows(case).items() for f in _outside(table, rows)]
-    found += [f for alone in (_unlike(case), _surge(case)) for f in alone if _new(f, found)]
-    found += _unbalanced(case) if balance else ()
-    return UnusualData(case.name, tuple(found))
-
-
-def _new(finding: Finding, known: Iterable[Finding]) -> bool:
-    return all((finding.object, finding.quantity) != (one.object, one.quantity) for one in known)
-
-
-Rows = dict[str, dict[str, float]]  # object -> quantities
-
-
-def _rows(case: Case) -> dict[str, Rows]:
-    """Table -> rows with what can be compared; infinite machines are left out."""
-    found: dict[str, Rows] = {model: _devices(case, model) for model in case.devices}
-    return found | _network(case)
-
-
-def _devices(case: Case, model: str) -> Rows:
-    noun = {"load": "load", "shunt": "bus"}.get(tables.role(model), "machine")
-    rows = case.devices[model].items()
-    infinite = _infinite(case)
-    return {
-        f"{noun} {key if noun != 'machine' else case.machine(naming.number(key)).called}": par._asdict()
-        for key, par in rows
-        if noun != "machine" or naming.number(key) not in infinite
-    }
-
-
-def _infinite(case: Case) -> frozenset[int]:
-    """Machines that stand for an infinite bus: no inertia constant, or next to no reactance."""
-    rows = (row for model in tables.of_role("machine") for row in case.devices.get(model, {}).items())
-    return frozenset(naming.number(key) for key, par in rows if par.H == 0 or par.x1d <= IDEAL)
-
-
-def _network(case: Case) -> dict[str, Rows]:
-    """Rows of buses, branches, machines and loads, with what the power flow says if it has a solution."""
-    buses = {f"bus {b.bus}": {"v": b.v} for b in case.buses}
-    star = {b.bus for b in case.buses if b.name.startswith("star ")}
-    names = naming.circuit_names(case.branches)
-    branches: Rows = {}
-    for name, k in zip(names, case.branches, strict=True):
-        row = {"r": k.r, "x": abs(k.x), "b": k.b, "tap": k.tap}
-        branches[f"branch {name}"] = {"tap": k.tap} if {k.from_bus, k.to_bus} & star else row
-    machines = {f"machine {m.called}": row for m, row in zip(case.machines, _units(case), strict=True)}
-    ratings = sum(m.base for m in case.machines)
-    rated = bool(case.devices) and not _infinite(case) and any(m.base != case.base_mva for m in case.machines)
-    loads = zip(naming.keys(case, "loads"), case.loads, strict=True)
-    shares = {f"load {key}": {"share of all ratings": load.p / ratings} for key, load in loads if rated}
-    try:
-        flow = powerflow.solve(case)
-    except PowerFlowError:
-        return {"buses": buses, "branches": branches, "machines": machines, "loads": shares}
-    net = network.build(case)
-    for row, V in zip(buses.values(), flow.V, strict=True):
-        row["solved voltage"] = float(abs(V))
-    across = np.abs(np.angle(flow.V[net.frm] / net.ratio / flow.V[net.to], deg=True))
-    for row, angle in zip(branches.values(), across, strict=True):
-        row["angle across it"] = float(angle)
-    for row, S, m in zip(machines.values(), flow.S, case.machines, strict=True):
-        if "loading" in row:
-            row["loading"] = float(abs(S)) * case.base_mva / m.base
-    return {"buses": buses, "branches": branches, "machines": machines, "loads": shares}
-
-
-def _units(case: Case) -> Iterator[dict[str, float]]:
-    """Loading of every machine with a model, and x of its transformer; a base that is that of the system is no rating."""
-    models = tables.of_role(*tables.UNIT_ROLES)
-    modeled = {naming.number(key) for model in models for key in case.devices.get(model, {})}
-    infinite, at = _infinite(case), defaultdict(list)
-    for k in case.branches:
-        at[k.from_bus].append(k)
-        at[k.to_bus].append(k)
-    for m in case.machines:
-        row: dict[str, float] = {}
-        if m.machine in modeled - infinite:
-            if m.base != case.base_mva:
-                row["loading"] = abs(m.p) / m.base
-            if len(at[m.bus]) == 1:
-                row["x of its transformer"] = at[m.bus][0].x * m.base / case.base_mva
-        yield row
+    rows = {model: _devices(case, model) for model in case.devices} | _network(case)
+    found = [f for table, of in rows.items() for f in _outside(table, of)]
+    known = {(f.object, f.quantity) for f in found}
+    found += [f for f in _unlike(case) if (f.object, f.quantity) not in known]
+    return UnusualData(case.name, (*found, *(_unbalanced(case) if balance else ())))
 
 
 def _outside(table: str, rows: Rows) -> Iterator[Finding]:
@@ -293,73 +190,107 @@ def _outside(table: str, rows: Rows) -> Iterator[Finding]:
     rules = [rule for rule in usual() if rule.of in (table, role)]
     for object, row in rows.items():
         named: set[str] = set()
-        for rule in sorted(rules, key=lambda rule: len(rule.parts)):
+        for rule in rules:
             value = rule.value(row)
-            if value is None or rule.low <= value <= rule.high or value in rule.but or named & rule.parts:
-                continue
-            named |= rule.parts
-            yield Finding(table, object, rule.quantity, value, rule.unit, rule.low, rule.high, rule.likely)
+            outside = value < rule.low or value > rule.high
+            if outside and value not in rule.but and not named & {*rule.columns}:
+                named |= {*rule.columns}
+                yield Finding(table, object, rule.quantity, value, rule.unit, rule.low, rule.high, rule.likely)
+
+
+def _devices(case: Case, model: str) -> Rows:
+    """Parameters of the devices of a model; machines that stand for infinite buses are left out."""
+    noun, left = {"load": "load", "shunt": "bus"}.get(tables.role(model), "machine"), _infinite(case)
+    if noun != "machine":
+        return {f"{noun} {key}": par._asdict() for key, par in case.devices[model].items()}
+    rows = ((naming.number(key), par) for key, par in case.devices[model].items())
+    return {f"machine {case.machine(number).called}": par._asdict() for number, par in rows if number not in left}
+
+
+def _infinite(case: Case) -> frozenset[int]:
+    """Machines that stand for an infinite bus: no inertia constant, or next to no reactance."""
+    rows = (row for model in tables.of_role("machine") for row in case.devices.get(model, {}).items())
+    return frozenset(naming.number(key) for key, par in rows if not par.H or par.x1d <= IDEAL)
+
+
+def _network(case: Case) -> dict[str, Rows]:
+    """Rows of buses, branches, machines with a model, and loads, with what the power flow says if it has a solution."""
+    V, S = np.full(len(case.buses), np.nan, complex), np.array([m.p for m in case.machines]) / case.base_mva
+    with suppress(PowerFlowError):
+        flow = powerflow.solve(case)
+        V, S = flow.V, flow.S
+    net, star = network.build(case), {b.bus for b in case.buses if b.name.startswith("star ")}
+    voltages = zip(case.buses, np.abs(V).tolist(), strict=True)
+    found: dict[str, Rows] = {"buses": {f"bus {b.bus}": {"v": b.v, "solved voltage": v} for b, v in voltages}}
+    across = np.abs(np.angle(V[net.frm] / net.ratio * V[net.to].conj(), deg=True)).tolist()
+    found["branches"], at = {}, defaultdict(list)
+    for name, k, angle in zip(naming.circuit_names(case.branches), case.branches, across, strict=True):
+        of_star = {"r": math.nan, "x": math.nan} if {k.from_bus, k.to_bus} & star else {}
+        row = {"r": k.r, "x": abs(k.x), "b": k.b, "tap": k.tap, "angle across it": angle} | of_star
+        found["branches"][f"branch {name}"] = row
+        at[k.from_bus].append(k)
+        at[k.to_bus].append(k)
+    models, infinite = tables.of_role(*tables.UNIT_ROLES), _infinite(case)
+    modeled = {naming.number(key) for model in models for key in case.devices.get(model, {})} - infinite
+    units = [(m, s) for m, s in zip(case.machines, np.abs(S).tolist(), strict=True) if m.machine in modeled]
+    found["machines"] = {f"machine {m.called}": {} for m, _ in units}
+    for (m, s), row in zip(units, found["machines"].values(), strict=True):
+        if m.base != case.base_mva:  # otherwise it is no rating
+            row["loading"] = s * case.base_mva / m.base
+        if len(at[m.bus]) == 1:
+            row["x of its transformer"] = at[m.bus][0].x * m.base / case.base_mva
+    rated = sum(m.base for m in case.machines) if units and not infinite else math.inf
+    shares = (
+        load.p / (math.inf if {m.base for m in case.machines} == {case.base_mva} else rated) for load in case.loads
+    )
+    names = naming.keys(case, "loads")
+    return found | {"loads": {f"load {k}": {"share of all ratings": s} for k, s in zip(names, shares, strict=True)}}
 
 
 def _unlike(case: Case) -> Iterator[Finding]:
-    """Values of a parameter far from those of all other devices of the same model."""
-    for model in case.devices:
-        if tables.role(model) not in LIKE:
-            continue
+    """Parameters far from those of all other devices of their model, lines from the others of their rated voltage."""
+    for model in (model for model in case.devices if tables.role(model) in LIKE):
         rows = _devices(case, model)
         for f in fields(tables.models()[model].Par).values():
             if f.kind is float:
-                unit = "" if f.unit == "-" else f.unit
-                yield from _alone(model, f.name, unit, {o: row[f.name] for o, row in rows.items()}, ALONE)
-
-
-def _surge(case: Case) -> Iterator[Finding]:
-    """Lines whose surge impedance is far from that of all others of their rated voltage."""
+                yield from _alone(model, f.name, f.unit, {object: row[f.name] for object, row in rows.items()}, ALONE)
     rated = {b.bus: b.rated for b in case.buses}
-    groups: dict[float, dict[str, float]] = defaultdict(dict)
+    lines: dict[float, dict[str, float]] = defaultdict(dict)
     for name, k in zip(naming.circuit_names(case.branches), case.branches, strict=True):
         if k.x > 0 and k.b > 0 and rated[k.from_bus] == rated[k.to_bus]:
-            groups[rated[k.from_bus]][f"branch {name}"] = math.sqrt(k.x / k.b)
-    for values in groups.values():
+            lines[rated[k.from_bus]][f"branch {name}"] = math.sqrt(k.x / k.b)
+    for values in lines.values():
         yield from _alone("branches", "surge impedance sqrt(x/b)", "pu", values, SURGE)
 
 
 def _alone(table: str, quantity: str, unit: str, values: Mapping[str, float], factor: float) -> Iterator[Finding]:
     """The largest and the smallest of at least three values, if it is that far from the nearest other one."""
-    order = sorted((v, o) for o, v in values.items() if v > 0)
+    order = sorted((value, object) for object, value in values.items() if value > 0)
     if len(order) < FEWEST_ALIKE:
         return
-    for (value, object), nearest, farthest in ((order[-1], order[-2], order[0]), (order[0], order[1], order[-1])):
-        ratio = value / nearest[0]
-        if max(ratio, 1 / ratio) >= factor:
-            low, high = sorted((nearest[0], farthest[0]))
-            likely = f"the others of this case have {low:.4g}" + (f" to {high:.4g}" if high > low else "")
-            yield Finding(table, object, quantity, value, unit, low, high, likely)
+    for (value, object), near, far in ((order[-1], order[-2], order[0]), (order[0], order[1], order[-1])):
+        if max(value / near[0], near[0] / value) >= factor:
+            low, high = sorted((near[0], far[0]))
+            likely = f"the others of this case have {_range(low, high)}"
+            yield Finding(table, object, quantity, value, "" if unit == "-" else unit, low, high, likely)
 
 
 def _unbalanced(case: Case) -> Iterator[Finding]:
     """Buses with a mismatch of active power where the voltages of all others are a solved power flow."""
-    n = len(case.buses)
-    angles = np.deg2rad([b.angle for b in case.buses])
-    if n < FEWEST_BUSES or np.ptp(angles) == 0:
+    if len(case.buses) < FEWEST_BUSES or len({b.angle for b in case.buses}) == 1:
         return
-    net = network.build(case)
-    V = np.array([b.v for b in case.buses]) * np.exp(1j * angles)
-    Y = network.admittance(net)
-    drawn = powerflow.demand(case).real
-    made = np.zeros(n)
-    np.add.at(made, net.machine_bus, np.array([m.p for m in case.machines]) / case.base_mva)
-    mismatch = (V * (Y @ V).conj()).real + drawn - made
+    V, mismatch = powerflow.at_stored_voltages(case)
     flow = powerflow.PowerFlow(case, V, np.zeros(len(case.machines)), 0).branch_power.real
-    passing = np.abs(drawn) + np.abs(made)
-    for k, end in enumerate((net.frm, net.to)):
-        np.add.at(passing, end, np.abs(flow[:, k]))
-    limit = np.maximum(UNBALANCED * passing / 2, 0.01)
+    net, through = network.build(case), np.abs(powerflow.demand(case).real)
+    for end, power in (
+        (net.frm, flow[:, 0]),
+        (net.to, flow[:, 1]),
+        (net.machine_bus, np.array([m.p for m in case.machines]) / case.base_mva),
+    ):
+        np.add.at(through, end, np.abs(power))
+    limit = np.maximum(UNBALANCED * through / 2, LEAST)
     limit[[b.kind == "swing" for b in case.buses]] = np.inf
-    out = np.flatnonzero(np.abs(mismatch) > limit)
-    if len(out) > MOST_UNBALANCED:
-        return
-    for i in out.tolist():
-        size = float(mismatch[i]) * case.base_mva
-        likely = "is r or x of a branch there, a load or a dispatch in another unit?"
-        yield Finding("buses", f"bus {case.buses[i].bus}", "mismatch at stored voltages", size, "MW", 0.0, 0.0, likely)
+    out = np.flatnonzero(np.abs(mismatch.real) > limit).tolist()
+    for i in out if len(out) <= MOST_UNBALANCED else ():
+        MW = float(mismatch[i].real) * case.base_mva
+        yield Finding("buses", f"bus {case.buses[i].bus}", "mismatch at stored voltages", MW, "MW", 0.0, 0.0, NEAR_BUS)
