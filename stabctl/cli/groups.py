@@ -46,31 +46,23 @@ class CaseOptions(NamedTuple):
     @property
     def words(self) -> str:
         """The case and its options as on the command line."""
-        found = [self.case]
-        for name, value in self._asdict().items():
-            option = "--set" if name == "settings" else f"--{name.replace('_', '-')}"
-            if value is True and name != "verbose":
-                found.append(option)
-            elif name in self._field_defaults and name != "verbose" and value != self._field_defaults[name]:
-                found += (
-                    word for one in (value if isinstance(value, list) else [value]) for word in (option, str(one))
-                )
-        return shlex.join(found)
+        found, changed = (
+            [self.case],
+            [name for name, value in self._field_defaults.items() if getattr(self, name) != value],
+        )
+        for name in changed:
+            option, value = f"--{name.replace('_', '-')}", getattr(self, name)
+            for one in value if isinstance(value, list) else [value]:
+                found += [option] if one is True else [option.replace("settings", "set"), str(one)]
+        return shlex.join(word for word in found if word != "--verbose")
 
     def read(self) -> "Case":
         """The case with its settings applied."""
         from stabctl import io
         from stabctl._util.errors import StudyError
 
-        case = io.load(
-            self.case,
-            dyr=self.dyr,
-            loads=self.loads,
-            machines=self.machines,
-            frequency=self.frequency,
-            missing=self.missing,
-            missing_controls=self.missing_controls,
-        )
+        names = ("dyr", "loads", "machines", "frequency", "missing", "missing_controls")
+        case = io.load(self.case, **{name: getattr(self, name) for name in names})
         values = {}
         for text in self.settings or ():
             path, given, value = text.partition("=")

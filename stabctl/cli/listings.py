@@ -1,4 +1,4 @@
-"""stabctl cases, tables, models, import, check: what is packaged, columns, parameters, what a file holds, odd values."""
+"""stabctl cases, tables, models, import, check: cases, columns, parameters, what a file holds, unusual data."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,7 +10,6 @@ from .groups import CaseOptions
 
 if TYPE_CHECKING:
     from stabctl.devices.describe import Description
-
 
 TableName = Annotated[
     str | None,
@@ -34,29 +33,19 @@ def cases(as_json: options.Json = False) -> None:
     from stabctl import io
 
     found = [io.load(name) for name in io.packaged()]
+    sizes = [
+        {part: len(getattr(c, part)) for part in ("machines", "buses", "branches", "loads", "links")} for c in found
+    ]
     if as_json:
-        rows = [
-            {
-                "name": c.name,
-                "title": c.title,
-                "machines": len(c.machines),
-                "buses": len(c.buses),
-                "branches": len(c.branches),
-                "loads": len(c.loads),
-                "links": len(c.links),
-                "source": c.source,
-            }
-            for c in found
-        ]
-        shared.print_json({"cases": rows})
+        both = zip(found, sizes, strict=True)
+        shared.print_json({"cases": [{"name": c.name, "title": c.title, **n, "source": c.source} for c, n in both]})
         return
     from rich.table import Table
 
     table = Table("case", "machines", "buses", "branches", "loads", "HVDC", "description")
     table.columns[0].no_wrap = True
-    for c in found:
-        sizes = (len(part) for part in (c.machines, c.buses, c.branches, c.loads, c.links))
-        table.add_row(c.name, *map(str, sizes), c.title)
+    for c, size in zip(found, sizes, strict=True):
+        table.add_row(c.name, *map(str, size.values()), c.title)
     shared.console().print(table)
 
 

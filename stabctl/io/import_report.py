@@ -199,14 +199,8 @@ def machine(case: Case, v: Violation) -> int | str | None:
 
 def page(report: ImportReport) -> str:
     """The report."""
-    parts = [
-        _head(report),
-        _unusual(report),
-        _kinds(report),
-        _complete(report),
-        _unsupported(report),
-        _corrections(report),
-    ]
+    unusual = _section("Unusual data", report.unusual.sentences())
+    parts = [_head(report), unusual, _kinds(report), _complete(report), _unsupported(report), _corrections(report)]
     return "\n\n".join("\n".join(lines) for part in (*parts, _checks(report)) if (lines := list(part)))
 
 
@@ -218,13 +212,6 @@ def _head(report: ImportReport) -> Iterator[str]:
     yield f"{parts}; {case.frequency_hz:g} Hz, {case.base_mva:g} MVA"
     if case.title:
         yield case.title
-
-
-def _unusual(report: ImportReport) -> Iterator[str]:
-    if report.unusual.findings:
-        yield "Unusual data"
-    for sentence in report.unusual.sentences():
-        yield from _wrapped(sentence)
 
 
 def _kinds(report: ImportReport) -> Iterator[str]:
@@ -271,12 +258,16 @@ def _unsupported(report: ImportReport) -> Iterator[str]:
 
 
 def _corrections(report: ImportReport) -> Iterator[str]:
-    if report.corrections:
-        yield "Corrections"
-    for sentence in report.corrections:
-        for path in report.files:
-            sentence = sentence.replace(str(path), path.name)
-        yield from _wrapped(sentence)
+    sentences = list(report.corrections)
+    for path in report.files:
+        sentences = [sentence.replace(str(path), path.name) for sentence in sentences]
+    return _section("Corrections", sentences)
+
+
+def _section(title: str, sentences: Sequence[str]) -> Iterator[str]:
+    if sentences:
+        yield title
+    yield from (line for sentence in sentences for line in _wrapped(sentence))
 
 
 def _wrapped(sentence: str) -> list[str]:

@@ -1,8 +1,8 @@
 """Unusual data: values outside the ranges of `usual_values.csv`, and values that do not fit the others of their case.
 
-They are legal and used as given. A wrong unit or base is a factor of 10 to 1000, which leaves the range of the value
-itself, of a ratio that no base changes (x1d/xd, H*x1d), of the same parameter of the other devices, or of the power flow.
-If the voltages of the bus table are a solved power flow, a wrong branch, load or dispatch leaves power at its buses.
+They are legal and used as given. A wrong unit or base leaves the range of the value itself, of a ratio that no base
+changes (x1d/xd, H*x1d), of the same parameter of the other devices, or of the power flow. If the voltages of the bus
+table are a solved power flow, a wrong branch, load or dispatch leaves power at its buses.
 """
 
 import csv
@@ -34,15 +34,14 @@ ALONE = 6.0  # factor between a value and the nearest of the other values of the
 SURGE = 2.2  # the same for surge impedances of lines of one rated voltage
 FEWEST_ALIKE = 3  # values that are compared
 IDEAL = 1e-4  # pu   transient reactance up to which a machine is an ideal voltage source
-UNBALANCED = 0.05  # of the power that passes through a bus; at least LEAST
-LEAST = 0.01  # pu
+UNBALANCED, LEAST = 0.05, 0.01  # mismatch: of the power that passes through a bus; pu
 MOST_UNBALANCED, FEWEST_BUSES = 3, 6  # more buses out of balance, or fewer buses: the voltages are no solution
 NEAR_BUS = "is r or x of a branch there, a load or a dispatch in another unit?"
 Rows = dict[str, dict[str, float]]  # object, such as machine 30/1 -> quantities
 
 
 class Usual(NamedTuple):
-    """What is usual for a quantity: a row of `usual_values.csv`, which says what its columns are."""
+    """What is usual for a quantity: a row of `usual_values.csv`, with its columns."""
 
     of: str
     quantity: str
@@ -140,9 +139,8 @@ class UnusualData(Tabular):
         return [_sentence(together) for together in alike.values()]
 
     def __str__(self) -> str:
-        if not self.findings:
-            return f"{self.name}: no unusual values."
-        return "\n".join((f"{self.name}: {counted(len(self.findings), 'unusual value')}.", *self.sentences()))
+        head = counted(len(self.findings), "unusual value") if self.findings else "no unusual values"
+        return "\n".join((f"{self.name}: {head}.", *self.sentences()))
 
 
 def _sentence(alike: list[Finding]) -> str:
@@ -232,19 +230,15 @@ def _network(case: Case) -> dict[str, Rows]:
         at[k.to_bus].append(k)
     models, infinite = tables.of_role(*tables.UNIT_ROLES), _infinite(case)
     modeled = {naming.number(key) for model in models for key in case.devices.get(model, {})} - infinite
-    units = [(m, s) for m, s in zip(case.machines, np.abs(S).tolist(), strict=True) if m.machine in modeled]
-    found["machines"] = {f"machine {m.called}": {} for m, _ in units}
-    for (m, s), row in zip(units, found["machines"].values(), strict=True):
-        if m.base != case.base_mva:  # otherwise it is no rating
-            row["loading"] = s * case.base_mva / m.base
-        if len(at[m.bus]) == 1:
-            row["x of its transformer"] = at[m.bus][0].x * m.base / case.base_mva
-    rated = sum(m.base for m in case.machines) if units and not infinite else math.inf
-    shares = (
-        load.p / (math.inf if {m.base for m in case.machines} == {case.base_mva} else rated) for load in case.loads
-    )
-    names = naming.keys(case, "loads")
-    return found | {"loads": {f"load {k}": {"share of all ratings": s} for k, s in zip(names, shares, strict=True)}}
+    found["machines"], total = {}, sum(m.base for m in case.machines)
+    for m, s in zip(case.machines, np.abs(S).tolist(), strict=True):
+        rated = {"loading": s * case.base_mva / m.base} if m.base != case.base_mva else {}
+        step_up = {"x of its transformer": at[m.bus][0].x * m.base / case.base_mva} if len(at[m.bus]) == 1 else {}
+        found["machines"] |= {f"machine {m.called}": rated | step_up} if m.machine in modeled else {}
+    known = modeled and not infinite and any(m.base != case.base_mva for m in case.machines)
+    loads = zip(naming.keys(case, "loads"), case.loads, strict=True)
+    found["loads"] = {f"load {key}": {"share of all ratings": load.p / total} for key, load in loads if known}
+    return found
 
 
 def _unlike(case: Case) -> Iterator[Finding]:
@@ -280,13 +274,10 @@ def _unbalanced(case: Case) -> Iterator[Finding]:
     if len(case.buses) < FEWEST_BUSES or len({b.angle for b in case.buses}) == 1:
         return
     V, mismatch = powerflow.at_stored_voltages(case)
-    flow = powerflow.PowerFlow(case, V, np.zeros(len(case.machines)), 0).branch_power.real
+    made = np.array([m.p for m in case.machines]) / case.base_mva
+    flow = powerflow.PowerFlow(case, V, made, 0).branch_power.real
     net, through = network.build(case), np.abs(powerflow.demand(case).real)
-    for end, power in (
-        (net.frm, flow[:, 0]),
-        (net.to, flow[:, 1]),
-        (net.machine_bus, np.array([m.p for m in case.machines]) / case.base_mva),
-    ):
+    for end, power in ((net.frm, flow[:, 0]), (net.to, flow[:, 1]), (net.machine_bus, made)):
         np.add.at(through, end, np.abs(power))
     limit = np.maximum(UNBALANCED * through / 2, LEAST)
     limit[[b.kind == "swing" for b in case.buses]] = np.inf
