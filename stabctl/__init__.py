@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from stabctl.model.replicate import replicate
     from stabctl.model.short_circuit import ShortCircuit, ShortCircuitRatio, short_circuit, short_circuit_ratio
     from stabctl.model.tables import Storage
+    from stabctl.model.unusual import UnusualData, check
     from stabctl.placement.place import place
     from stabctl.placement.site_options import SiteOption
     from stabctl.placement.siting import Costs, Siting
@@ -92,8 +93,10 @@ _WHERE = {
     "SwitchShunt": "simulation.events:SwitchShunt",
     "Trajectory": "simulation.trajectory:Trajectory",
     "TripMachine": "simulation.events:TripMachine",
+    "UnusualData": "model.unusual:UnusualData",
     "WeakGrid": "smallsignal.weak_grid:WeakGrid",
     "cases": "io:packaged",
+    "check": "model.unusual:check",
     "clearing_time": "clearing:clearing_time",
     "closed_loop": "smallsignal.closed_loop:closed_loop",
     "estimate": "estimation.estimate:estimate",

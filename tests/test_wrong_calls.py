@@ -114,11 +114,6 @@ def test_instants_and_powers_of_records_are_text_too(base):
     assert st.Contingency("7", "3cyc", events=[text]).others(base.case) == (number,)
 
 
-def test_a_branch_without_reactance_is_a_warning():
-    case = st.load("two_area").set("branches.7-8.x", 0)
-    assert [text for text in case.warnings if "7-8: x = 0 is unusual" in text]
-
-
 @pytest.mark.parametrize(
     ("words", "says"),
     [

@@ -11,7 +11,7 @@ import typer
 
 from stabctl._util.errors import StabctlError, one_line, sentence
 
-from . import clearing, design, estimate, importing, linear, listings, live, place, powerflow, simulate, sweep, swing
+from . import clearing, design, estimate, linear, listings, live, place, powerflow, simulate, sweep, swing
 
 CLOSED_PIPE = 141  # exit code; what a shell reports for a program ended by SIGPIPE
 
@@ -26,7 +26,8 @@ app = typer.Typer(
 app.command("cases")(listings.cases)
 app.command("tables")(listings.tables)
 app.command("models")(listings.models)
-app.command("import")(importing.importing)
+app.command("import")(listings.importing)
+app.command("check")(listings.check)
 app.command("powerflow")(powerflow.powerflow)
 app.command("scr")(powerflow.scr)
 app.command("simulate")(simulate.simulate)

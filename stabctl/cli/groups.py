@@ -1,5 +1,6 @@
 """Groups of options, as records that create the objects they describe."""
 
+import shlex
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -11,6 +12,7 @@ if TYPE_CHECKING:
     from stabctl.estimation.estimator_control import EstimatorControl
     from stabctl.estimation.pmu import Pmu
     from stabctl.model.case import Case
+    from stabctl.model.unusual import UnusualData
     from stabctl.simulation.criterion import Criterion
 
 
@@ -31,21 +33,37 @@ class CaseOptions(NamedTuple):
     motor_share: options.MotorShare = None
 
     def load(self) -> "Case":
-        """The case with its settings (`pss.1.K=10`) applied; its warnings go to stderr."""
+        """The case with its settings (`pss.1.K=10`) applied; what is noted or unusual goes to stderr."""
+        case = self.read()
+        shared.warn(case.notes, self.verbose)
+        shared.tell(self.check(case), self.words, self.verbose)
+        return case
+
+    def check(self, case: "Case") -> "UnusualData":
+        """Its unusual data; loads or a dispatch that were set do not balance at the stored voltages."""
+        return case.check(balance=not (self.settings or self.motor_share))
+
+    @property
+    def words(self) -> str:
+        """The case and its options as on the command line."""
+        found, changed = (
+            [self.case],
+            [name for name, value in self._field_defaults.items() if getattr(self, name) != value],
+        )
+        for name in changed:
+            option, value = f"--{name.replace('_', '-')}", getattr(self, name)
+            for one in value if isinstance(value, list) else [value]:
+                found += [option] if one is True else [option.replace("settings", "set"), str(one)]
+        return shlex.join(word for word in found if word != "--verbose")
+
+    def read(self) -> "Case":
+        """The case with its settings applied."""
         from stabctl import io
         from stabctl._util.errors import StudyError
 
-        case = io.load(
-            self.case,
-            dyr=self.dyr,
-            loads=self.loads,
-            machines=self.machines,
-            frequency=self.frequency,
-            missing=self.missing,
-            missing_controls=self.missing_controls,
-        )
+        names = ("dyr", "loads", "machines", "frequency", "missing", "missing_controls")
+        case = io.load(self.case, **{name: getattr(self, name) for name in names})
         values = {}
-        known = case.warnings if self.case in io.packaged() and not self.verbose else ()
         for text in self.settings or ():
             path, given, value = text.partition("=")
             if not given:
@@ -53,9 +71,7 @@ class CaseOptions(NamedTuple):
             values[path.strip()] = value.strip()
         case = case if self.motor_share is None else case.with_motors(self.motor_share)
         case = case.set(values) if values else case
-        case = case.classical() if self.classical else case
-        shared.warn([sentence for sentence in case.warnings if sentence not in known], self.verbose)
-        return case
+        return case.classical() if self.classical else case
 
 
 class StorageOptions(NamedTuple):

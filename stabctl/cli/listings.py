@@ -1,4 +1,4 @@
-"""stabctl cases, tables, models: what is packaged, columns of a table, parameters of a model."""
+"""stabctl cases, tables, models, import, check: cases, columns, parameters, what a file holds, unusual data."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -6,16 +6,26 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from . import options, shared
+from .groups import CaseOptions
 
 if TYPE_CHECKING:
     from stabctl.devices.describe import Description
-
 
 TableName = Annotated[
     str | None,
     typer.Argument(metavar="[TABLE|CASE]", help="Only this table, such as buses or genrou, or those of a case."),
 ]
 ModelName = Annotated[str | None, typer.Argument(metavar="[NAME]", help="Only this model, in full, such as genrou.")]
+Raw = Annotated[str, typer.Argument(metavar="X.raw", help="PSS/E RAW file, version 30 to 35, or MATPOWER file x.m.")]
+DyrFile = Annotated[
+    Path | None,
+    typer.Argument(metavar="X.dyr", help="DYR file (default: the one with the same name in the same folder)."),
+]
+Out = Annotated[Path | None, typer.Option("--out", help="Write the case to a folder, which every command accepts.")]
+Check = Annotated[
+    bool, typer.Option("--check/--no-check", help="Compare with the stored voltages, start, and simulate 2 s.")
+]
+INCOMPLETE = 1  # exit code
 
 
 def cases(as_json: options.Json = False) -> None:
@@ -23,29 +33,19 @@ def cases(as_json: options.Json = False) -> None:
     from stabctl import io
 
     found = [io.load(name) for name in io.packaged()]
+    sizes = [
+        {part: len(getattr(c, part)) for part in ("machines", "buses", "branches", "loads", "links")} for c in found
+    ]
     if as_json:
-        rows = [
-            {
-                "name": c.name,
-                "title": c.title,
-                "machines": len(c.machines),
-                "buses": len(c.buses),
-                "branches": len(c.branches),
-                "loads": len(c.loads),
-                "links": len(c.links),
-                "source": c.source,
-            }
-            for c in found
-        ]
-        shared.print_json({"cases": rows})
+        both = zip(found, sizes, strict=True)
+        shared.print_json({"cases": [{"name": c.name, "title": c.title, **n, "source": c.source} for c, n in both]})
         return
     from rich.table import Table
 
     table = Table("case", "machines", "buses", "branches", "loads", "HVDC", "description")
     table.columns[0].no_wrap = True
-    for c in found:
-        sizes = (len(part) for part in (c.machines, c.buses, c.branches, c.loads, c.links))
-        table.add_row(c.name, *map(str, sizes), c.title)
+    for c, size in zip(found, sizes, strict=True):
+        table.add_row(c.name, *map(str, size.values()), c.title)
     shared.console().print(table)
 
 
@@ -108,6 +108,53 @@ def models(name: ModelName = None, device: options.Device = None, as_json: optio
         shared.print_json({"model": {**found._asdict(), **rows}})
         return
     _shown(found)
+
+
+def importing(
+    raw: Raw,
+    dyr_file: DyrFile = None,
+    *,
+    out: Out = None,
+    check: Check = True,
+    dyr: options.Dyr = None,
+    loads: options.Loads = None,
+    missing: options.Missing = "refuse",
+    missing_controls: options.MissingControls = "refuse",
+    as_json: options.Json = False,
+) -> None:
+    """Import a PSS/E or MATPOWER system and report what is represented; the exit code is 0 only if everything is."""
+    from stabctl._util.errors import StudyError
+    from stabctl.io.import_report import import_report
+
+    if dyr_file is not None and dyr is not None:
+        raise StudyError("The DYR file is given twice, with and without --dyr; give it once.")
+    shared.folder(out)
+    report = import_report(raw, dyr_file or dyr, check=check, loads=loads)
+    if as_json:
+        shared.print_json(report.plain())
+        shared.warn(report.failures, verbose=True)
+    else:
+        print(report)
+    if out is not None:
+        from stabctl import io
+
+        dyr_path = report.files[1] if len(report.files) > 1 else None
+        case = io.load(raw, dyr=dyr_path, loads=loads, missing=missing, missing_controls=missing_controls)
+        io.write(case, out)
+        if not as_json:
+            print(f"\nwritten: {out}")
+    if not report.complete:
+        raise typer.Exit(INCOMPLETE)
+
+
+@shared.grouped
+def check(*, case: CaseOptions, as_json: options.Json = False) -> None:
+    """List unusual data: values that may be in another unit or on another base."""
+    found = case.check(case.read())
+    if as_json:
+        shared.print_json(found.plain())
+    else:
+        print(found)
 
 
 def _listed(found: "list[Description]", as_json: bool) -> None:

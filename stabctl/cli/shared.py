@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from stabctl.controllers import Controller, Law
     from stabctl.model.case import Case
+    from stabctl.model.unusual import UnusualData
     from stabctl.simulation.events import Event
 
 EVERY = 30.0  # s   between two lines of progress
@@ -36,6 +37,15 @@ def warn(sentences: Sequence[str], verbose: bool) -> None:
         if len(sentences) > 1 and not verbose:
             more = "another warning" if len(sentences) == 2 else f"{len(sentences) - 1} more warnings"
             print(f"stabctl: {more}; --verbose prints all {len(sentences)}.", file=sys.stderr)
+
+
+def tell(found: "UnusualData", case: str, verbose: bool) -> None:
+    """Print on stderr how many values of a case are unusual and how to see them, or all of them."""
+    from stabctl._util.errors import one_line
+
+    with suppress(OSError):  # nobody reads it
+        for sentence in found.sentences() if verbose else filter(None, [found.told(case)]):
+            print("stabctl:", one_line(sentence), file=sys.stderr)
 
 
 def lag(time: str | float, case: "Case") -> float:

@@ -94,7 +94,9 @@ class Device:
     from_case: Equation = _equation("*", "Par, from a row of loads.csv, storage.csv or links.csv")
     from_record: Equation = _equation("*", "Par and corrections, from the constants of a PSS/E record")
     family: Equation = _equation("op count w k s f on", "a loop written by hand, for devices of any size")
-    differentiated: Equation = _equation("count w k s f on", "the local derivatives of such a device, as `_codegen` lays them out")
+    differentiated: Equation = _equation(
+        "count w k s f on", "the local derivatives of such a device, as `_codegen` lays them out"
+    )
     sizes: Equation = _equation("k", "numbers of states, inputs, outputs and buses of such a device")
     operations: Equation = _equation("k", "operations of such a device, each with its equations")
     read: Equation = _equation("op w k", "places that an operation of such a device reads")

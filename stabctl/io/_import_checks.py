@@ -9,7 +9,7 @@ import numpy as np
 from stabctl import devices
 from stabctl.dynamics import operating_point, violations
 from stabctl.dynamics.violations import Violation
-from stabctl.model import network, powerflow, tables
+from stabctl.model import powerflow, tables
 from stabctl.model.case import Case
 from stabctl.simulation import simulation
 from stabctl.simulation.criterion import Criterion
@@ -96,10 +96,7 @@ class Stored(NamedTuple):
 
 def mismatch(case: Case) -> Stored:
     """The power mismatch of every bus at the voltages in the bus table; returns the largest."""
-    net = network.build(case)
-    V = np.array([b.v for b in case.buses]) * np.exp(1j * np.deg2rad([b.angle for b in case.buses]))
-    S = V * (network.admittance(net) @ V).conj() + powerflow.demand(case)
-    np.add.at(S, net.machine_bus, -np.array([complex(m.p, m.q) for m in case.machines]) / case.base_mva)
+    S = powerflow.at_stored_voltages(case)[1]
     worst = int(np.abs(S.real).argmax())
     mw, mvar = np.abs(S.real).max() * case.base_mva, np.abs(S.imag).max() * case.base_mva
     return Stored(float(mw), float(mvar), case.buses[worst].bus)

@@ -14,6 +14,7 @@ from stabctl._util.tabular import Tabular
 from stabctl._util.wording import counted, named
 from stabctl.dynamics.violations import Violation
 from stabctl.model.case import Case
+from stabctl.model.unusual import UnusualData
 
 from . import _import_checks, matpower, psse
 from ._import_checks import DRIFT_S, FlowDifference, InitialState, Kind, Stored, by_kind
@@ -54,6 +55,8 @@ class ImportReport(Tabular):
         The power flow compared with the stored one; None if it has no solution.
     start : InitialState or None
         The start of the dynamic models; None without a DYR file, or if there is none.
+    unusual : UnusualData
+        Data outside the usual ranges.
     failures : tuple of str
         Why a check has no result, one sentence each.
     """
@@ -63,6 +66,7 @@ class ImportReport(Tabular):
     kinds: tuple[Kind, ...]
     unsupported: tuple[Unsupported, ...]
     corrections: tuple[str, ...]
+    unusual: UnusualData
     stored: Stored | None = None
     flow: FlowDifference | None = None
     start: InitialState | None = None
@@ -103,6 +107,7 @@ class ImportReport(Tabular):
                 for u in self.unsupported
             ],
             "corrections": list(self.corrections),
+            "unusual": self.unusual.plain()["unusual"],
             "mismatch_mw": stored and stored.mw,
             "mismatch_mvar": stored and stored.mvar,
             "mismatch_bus": stored and stored.bus,
@@ -166,7 +171,7 @@ def import_report(
         kinds = by_kind(read)
     case = read.case.with_loads(loads) if loads is not None else read.case
     files = tuple(Path(path) for path in (raw, dyr) if path is not None)
-    report = ImportReport(case, files, kinds, read.unsupported, read.corrections)
+    report = ImportReport(case, files, kinds, read.unsupported, read.corrections, case.check())
     return _checked(report) if check else report
 
 
@@ -194,7 +199,8 @@ def machine(case: Case, v: Violation) -> int | str | None:
 
 def page(report: ImportReport) -> str:
     """The report."""
-    parts = [_head(report), _kinds(report), _complete(report), _unsupported(report), _corrections(report)]
+    unusual = _section("Unusual data", report.unusual.sentences())
+    parts = [_head(report), unusual, _kinds(report), _complete(report), _unsupported(report), _corrections(report)]
     return "\n\n".join("\n".join(lines) for part in (*parts, _checks(report)) if (lines := list(part)))
 
 
@@ -252,12 +258,16 @@ def _unsupported(report: ImportReport) -> Iterator[str]:
 
 
 def _corrections(report: ImportReport) -> Iterator[str]:
-    if report.corrections:
-        yield "Corrections"
-    for sentence in report.corrections:
-        for path in report.files:
-            sentence = sentence.replace(str(path), path.name)
-        yield from _wrapped(sentence)
+    sentences = list(report.corrections)
+    for path in report.files:
+        sentences = [sentence.replace(str(path), path.name) for sentence in sentences]
+    return _section("Corrections", sentences)
+
+
+def _section(title: str, sentences: Sequence[str]) -> Iterator[str]:
+    if sentences:
+        yield title
+    yield from (line for sentence in sentences for line in _wrapped(sentence))
 
 
 def _wrapped(sentence: str) -> list[str]:

@@ -35,11 +35,6 @@ class Case(Tables):
     notes : tuple of str
         What the reader of its files corrected or left out, one sentence each.
 
-    Attributes
-    ----------
-    warnings : tuple of str
-        The notes, then unusual but usable data, one sentence each.
-
     Raises
     ------
     CaseError
@@ -50,10 +45,10 @@ class Case(Tables):
         for table, record in TABLES.items():
             object.__setattr__(self, table, checks.values(table, record, getattr(self, table)))
         object.__setattr__(self, "devices", checks.device_values(self.devices))
-        object.__setattr__(self, "warnings", (*self.notes, *checks.check(self)))
+        checks.check(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        plain = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "warnings"}
+        plain = {f.name: getattr(self, f.name) for f in fields(self)}
         return _made, (plain | {"devices": {model: dict(rows) for model, rows in self.devices.items()}},)
 
     def machine(self, number: int | str) -> Machine:
@@ -81,6 +76,7 @@ class Case(Tables):
         wanted = number.strip() if isinstance(number, str) else shown(number)
         raise StudyError(f"There is no machine {wanted} in {self.name}; its machines are {numbers}.")
 
+    check = verb("stabctl.model.unusual:check")
     set = verb("stabctl.model.edit:set_value")
     with_load = verb("stabctl.model.edit:with_load")
     with_load_level = verb("stabctl.model.loads:with_load_level")

@@ -5,7 +5,7 @@ machine or a bus, and is compatible with the other devices there.
 """
 
 import math
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
@@ -79,8 +79,8 @@ def device_values(devices: Mapping[str, Mapping[Any, Any]]) -> Mapping[str, Mapp
     return MappingProxyType(found)
 
 
-def check(case: Tables) -> Iterator[str]:
-    """Raise the first inconsistency between the tables of a case; yield a warning for everything unusual."""
+def check(case: Tables) -> None:
+    """Raise the first inconsistency between the tables of a case."""
     _about(case)
     for table in ("buses", "machines"):
         if not getattr(case, table):
@@ -91,9 +91,9 @@ def check(case: Tables) -> Iterator[str]:
     _unique("links", "link", [k.link for k in case.links])
     _references(case)
     _kinds(case)
-    yield from _branches(case)
+    _branches(case)
     _loads(case)
-    yield from check_devices(case)
+    check_devices(case)
     storage(case)
     _connected(case)
 
@@ -155,8 +155,8 @@ def _kinds(case: Tables) -> None:
             raise RowError("buses", i, "kind", text)
 
 
-def _branches(case: Tables) -> Iterator[str]:
-    """Raise the first branch without impedance or to itself; yield a warning for each without reactance."""
+def _branches(case: Tables) -> None:
+    """Raise the first branch without impedance or to itself."""
     least = LEAST_IMPEDANCE * case.base_mva / 100
     for i, k in enumerate(case.branches):
         if math.hypot(k.r, k.x) < least:
@@ -165,8 +165,6 @@ def _branches(case: Tables) -> Iterator[str]:
         if k.from_bus == k.to_bus:
             text = f"branch {k.from_bus}-{k.to_bus} connects a bus to itself; give two different buses."
             raise RowError("branches", i, "to_bus", text)
-        if k.x == 0:
-            yield f"branches.csv, branch {k.from_bus}-{k.to_bus}: x = 0 is unusual for a line or a transformer."
 
 
 def _loads(case: Tables) -> None:
@@ -178,15 +176,15 @@ def _loads(case: Tables) -> None:
                 raise RowError("loads", i, f"{part}_current", text)
 
 
-def check_devices(case: Tables) -> Iterator[str]:
-    """Raise the first error in the device tables; yield a warning for every unusual parameter."""
+def check_devices(case: Tables) -> None:
+    """Raise the first error in the device tables."""
     _owners(case)
     _one_of_a_kind(case)
     _every_unit_has_a_model(case)
     _controls(case)
     for model, rows in case.devices.items():
         for i, (key, par) in enumerate(rows.items()):
-            yield from _parameters(model, i, key, par)
+            _parameters(model, i, key, par)
 
 
 def _owners(case: Tables) -> None:
@@ -264,8 +262,8 @@ def _controls(case: Tables) -> None:
                 raise RowError(model, i, "machine", text)
 
 
-def _parameters(model: str, i: int, key: naming.Key, par: Any) -> Iterator[str]:
-    """Raise the first invalid combination of parameters; yield a warning for every unusual one."""
+def _parameters(model: str, i: int, key: naming.Key, par: Any) -> None:
+    """Raise the first invalid combination of parameters."""
     kind: type = type(par)
     of = fields(kind)
     owner = f"{key_column(model)} {key}"
@@ -276,8 +274,6 @@ def _parameters(model: str, i: int, key: naming.Key, par: Any) -> Iterator[str]:
             raise RowError(model, i, f.column, text)
     for name, text in getattr(par, "errors", tuple)():
         raise RowError(model, i, of[name].column, f"{name} = {getattr(par, name):g} of {owner} {text}.")
-    for name, text in getattr(par, "warnings", tuple)():
-        yield f"{model}.csv, {owner}: {name} = {getattr(par, name):g} {text}."
 
 
 def key_column(model: str) -> str:

@@ -203,6 +203,15 @@ def demand(case: Case, size: np.ndarray | None = None) -> np.ndarray:
     return demands(case).at(np.array([b.v for b in case.buses]) if size is None else size)
 
 
+def at_stored_voltages(case: Case) -> tuple[np.ndarray, np.ndarray]:
+    """Voltages of the bus table, and the power (pu) that flows from each bus beyond what its machines produce."""
+    net = network.build(case)
+    V = np.array([b.v for b in case.buses]) * np.exp(1j * np.deg2rad([b.angle for b in case.buses]))
+    S = V * (network.admittance(net) @ V).conj() + demand(case)
+    np.add.at(S, net.machine_bus, -np.array([complex(m.p, m.q) for m in case.machines]) / case.base_mva)
+    return V, S
+
+
 class Voltages(NamedTuple):
     """Voltages (buses), and how far they are from a solution."""
 

@@ -149,7 +149,6 @@ class Tables:
     title: str = ""
     source: str = ""
     notes: tuple[str, ...] = field(default=(), compare=False)
-    warnings: tuple[str, ...] = field(default=(), compare=False)
 
     def model(self, number: int, role: str) -> str | None:
         """Name of the first model with a role that a machine has.

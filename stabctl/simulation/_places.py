@@ -147,6 +147,4 @@ def with_ratings(made: Places, system: System, **how: bool) -> Places:
     """
     limits, others = system.limits, system.unweighted
     place, unit, bus = (others.column(name) for name in ("place", "unit", "bus"))
-    return made._replace(
-        low=limits.low, high=limits.high, other=place, other_unit=unit, other_bus=bus, **how
-    )
+    return made._replace(low=limits.low, high=limits.high, other=place, other_unit=unit, other_bus=bus, **how)

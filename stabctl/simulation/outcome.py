@@ -72,7 +72,7 @@ class End(NamedTuple):
     frequency: float  # pu   of the critical phase-locked loop
     stalled: "Stalled"  # motor loads
     cycling: dict[str, float]  # 1/s   storage devices in a limit cycle, and how often they reverse
-    too_fast: tuple[float, float] | None  # 1/s, s   fastest eigenvalue of a closed loop that the step is too long for
+    loop: "Loop"  # that the control closes
     seen: Extremes | None  # of speeds and voltages; None if the signals were not recorded
     switching: Switching  # what is open, faulted or tripped
 
@@ -126,7 +126,7 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
             text = f"{everything} stayed in synchronism until {t:.3f} s{said}."
     sentences = (cut, text, str(end.swings or "")) if end.verdict == _judgment.DONE else (text, cut)
     message = " ".join(
-        s for s in (*sentences, _still_faulted(point, end), str(end.stalled), _cycling(end), _too_fast(end)) if s
+        s for s in (*sentences, _still_faulted(point, end), str(end.stalled), _cycling(end), str(end.loop)) if s
     )
     return Outcome(kind, message, t, machine, blamed, end.swings, end.stalled.buses, tuple(end.cycling))
 
@@ -263,15 +263,37 @@ def _cycling(end: End) -> str:
     )
 
 
-def _too_fast(end: End) -> str:
-    """A sentence on a closed loop that the step is too long for; empty if there is none."""
-    if end.too_fast is None:
-        return ""
-    loop, step = end.too_fast
-    return (
-        f"The control closes a loop with an eigenvalue near {loop:.3g} 1/s, too fast for the step of {1e3 * step:.3g} "
-        "ms: its orders may chatter, and the run cannot be trusted; reduce its gain, or give a shorter step."
-    )
+class Loop(NamedTuple):
+    """The loop that the control closes, and the step of the run."""
+
+    fastest: float  # 1/s   of its eigenvalues
+    growing: complex | None  # 1/s   the one that grows
+    step: float  # s
+    trusted: bool  # whether the step is short enough
+    apart: bool  # orders and the accelerations they cause did not agree somewhere
+
+    def __str__(self) -> str:
+        """Sentences on what makes the run doubtful; empty if nothing does."""
+        said = []
+        if self.growing is not None:
+            rate, hz = self.growing.real, abs(self.growing.imag) / (2 * np.pi)
+            what = f"an oscillation at {hz:.2g} Hz" if hz else "a deviation"
+            said.append(
+                f"Where the control acts, the closed loop is unstable at rest: {what} grows by {rate:.2g} 1/s; reduce "
+                "the gain."
+            )
+        if not self.trusted:
+            said.append(
+                f"The control closes a loop with an eigenvalue near {self.fastest:.3g} 1/s, too fast for the step of "
+                f"{1e3 * self.step:.3g} ms: its orders may chatter, and the run cannot be trusted; reduce its gain, or "
+                "give a shorter step."
+            )
+        if self.apart:
+            said.append(
+                "The orders did not agree with the accelerations that they cause, and the run cannot be trusted; "
+                "reduce the acceleration gain."
+            )
+        return " ".join(said)
 
 
 class Stalled(NamedTuple):

@@ -20,7 +20,7 @@ from .attached import attached
 from .contingency import Disturbance, timed_events
 from .control import Control, Frames, Pilot, acting, carry
 from .criterion import DEFAULT, Criterion, for_system, frequency_range, numbers
-from .outcome import End, Outcome, outcome, stalled
+from .outcome import End, Loop, Outcome, outcome, stalled
 from .recording import Recorded, Recording
 from .stages import constants
 from .swings import Swings

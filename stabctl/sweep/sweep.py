@@ -25,7 +25,7 @@ from stabctl.jobs import Row, Task
 from stabctl.jobs.cluster import Cluster
 from stabctl.jobs.store import Store
 from stabctl.jobs.task import fingerprint, sha256, text
-from stabctl.model import fleet
+from stabctl.model import fleet, unusual
 from stabctl.model.case import Case
 from stabctl.simulation.contingency import Contingency
 
@@ -151,9 +151,11 @@ def _rows(missing: list[Task], workers: int, scheduler: str | None) -> Generator
 
 
 def _warnings(wanted: Iterable[Task]) -> tuple[str, ...]:
-    """The warnings about the cases, each once, without those of packaged cases as they are."""
-    known = cache(lambda name: io.load(name).warnings if name in io.packaged() else ())
-    return tuple(dict.fromkeys(s for t in wanted for s in t.shared.case.warnings if s not in known(t.job.case)))
+    """What the readers of the cases noted, and how many unusual values each has, each once."""
+    cases = {t.job.case: t.shared.case for t in wanted}
+    notes = dict.fromkeys(note for t in wanted for note in t.shared.case.notes)
+    told = (unusual.check(case, balance=False).told(str(name)) for name, case in cases.items())
+    return *notes, *filter(None, told)
 
 
 class Shared(NamedTuple):

@@ -167,22 +167,29 @@ def test_other_events_of_a_clearing_time_count_from_the_fault(stabctl):
     assert found["cycles"] == 4.375
 
 
-def test_warnings_are_of_the_machines_that_are_used(stabctl):
-    said = stabctl("powerflow", "ieee39", "--verbose")[2]
-    assert said.count("stabctl: warning: ") == said.count(" is usually not less than ") == 6
-    assert not stabctl("powerflow", "ieee39", "--classical", "--verbose")[2]
+def test_unusual_values_are_one_line_that_says_how_to_see_them(stabctl, tmp_path):
+    """Packaged cases are silent; machines that are replaced have no unusual values."""
+    assert stabctl("powerflow", "ieee39", "--verbose")[2] == ""
+    words = "two_area", "--set", "genrou.1.H=1500", "--set", "genrou.2.T1d=7000", "--loads", "power"
+    line = stabctl("powerflow", *words)[2]
+    assert line == f"stabctl: 2 unusual values: stabctl check {' '.join(words)}\n"
+    found = stabctl(*line.split("stabctl ")[1].split())[1].splitlines()
+    assert found[0] == "two_area: 2 unusual values."
+    every = stabctl("powerflow", *words, "--verbose")[2].splitlines()
+    assert every == [f"stabctl: {sentence}" for sentence in found[1:]]
+    assert stabctl("powerflow", *words[:3], "--classical")[2].count("genrou") == 1  # in the command only
+    write(load("two_area").set("genrou.1.H", 1500), tmp_path / "mine")
+    assert (
+        stabctl("powerflow", tmp_path / "mine")[2] == f"stabctl: 1 unusual value: stabctl check {tmp_path / 'mine'}\n"
+    )
 
 
-def test_packaged_cases_are_silent_and_of_several_warnings_the_first_is_printed(stabctl, tmp_path):
-    assert stabctl("powerflow", "ieee39")[2] == ""
-    changed = stabctl("powerflow", "ieee39", "--set", "genrou.1.xl=0.16")[2]
-    assert changed.startswith("stabctl: warning: genrou.csv, machine 1: ")
-    assert changed.count("\n") == 1
-    write(load("ieee39"), tmp_path / "mine")
-    first, number = stabctl("powerflow", tmp_path / "mine")[2].splitlines()
-    assert first.startswith("stabctl: warning: genrou.csv, machine 2: x2 = 0.1952")
-    assert number == "stabctl: 5 more warnings; --verbose prints all 6."
-    assert stabctl("powerflow", tmp_path / "mine", "--verbose")[2].count("stabctl: warning: ") == 6
+def test_unusual_values_as_json(stabctl):
+    code, out, err = stabctl("check", "two_area", "--set", "genrou.1.H=1500", "--json")
+    (found,) = json.loads(out)["unusual"]
+    assert (code, err) == (0, "")
+    assert (found["table"], found["object"], found["quantity"], found["value"]) == ("genrou", "machine 1", "H", 1500)
+    assert json.loads(stabctl("check", "two_area", "--json")[1]) == {"case": "two_area", "unusual": []}
 
 
 def test_classical_machines_everywhere(stabctl):

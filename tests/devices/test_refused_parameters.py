@@ -1,11 +1,9 @@
-"""Combinations of parameters that a model refuses or warns of, each beside the nearest one that it takes."""
-
-from itertools import pairwise
+"""Combinations of parameters that a model refuses, each beside the nearest one that it takes."""
 
 import pytest
 from library import EXCITERS, POINTS, STABILIZERS
 from records import pidgov, wpidhy
-from systems import CLASSICAL, EXDC2, EXST3, GOVERNORS, IEEET1, POLES, REGC, ROUND, SATURATED, TWO_AXES, TYPE_J
+from systems import CLASSICAL, EXDC2, EXST3, GOVERNORS, IEEET1, POLES, REGC, ROUND, SATURATED, TYPE_J
 
 from stabctl.devices.blocks import SHORT
 
@@ -66,15 +64,3 @@ def test_a_combination_is_refused_and_the_nearest_possible_one_is_not(par, chang
     wrong = par._replace(**changes)
     assert dict(wrong.errors()).keys() == {field}
     assert not dict(wrong._replace(**taken).errors())
-
-
-@pytest.mark.parametrize("par", [ROUND, POLES, TWO_AXES, TYPE_J], ids=lambda par: type(par).__module__)
-def test_reactances_in_an_unusual_order_are_a_warning(par):
-    """Each in its turn is brought below the next smaller one of its axis; equal ones are usual."""
-    assert not dict(par.warnings())
-    for axis in "dq":
-        names = [n for n in ("xl", "x2", f"x2{axis}", f"x1{axis}", f"x{axis}") if n in par._fields]
-        for low, high in pairwise(names):
-            least = getattr(par, low)
-            assert high in dict(par._replace(**{high: 0.99 * least}).warnings())
-            assert high not in dict(par._replace(**{high: least}).warnings())

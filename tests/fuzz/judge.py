@@ -98,7 +98,11 @@ def _command(attempt: Attempt) -> str | None:
 
 def _wrong(code: object, out: str, err: str, as_json: bool) -> str | None:
     said = [line for line in err.split("\n") if line and not line.startswith("stabctl: compiling")]
-    alone = [line for line in said if not re.match("stabctl: (warning: |[0-9a-z]+ more warning|another warning)", line)]
+    alone = [
+        line
+        for line in said
+        if not re.match("stabctl: (warning: |[0-9a-z]+ more warning|another warning|[0-9]+ unusual values?: )", line)
+    ]
     if code not in ALLOWED:
         return f"the exit code is {code!r}: {err}"
     if not all(line.startswith("stabctl: ") for line in said) or "Traceback" in out + err:

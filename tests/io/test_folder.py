@@ -17,7 +17,7 @@ def test_a_case_written_and_read_is_the_same(cases, name, tmp_path):
     case = cases(name).with_storage([Storage(1, cases(name).machines[0].bus, 50.0, "current", lag=0.05)])
     again = io.load(io.write(case, tmp_path / name))
     assert again == case
-    assert again.warnings == tuple(case.warnings)
+    assert again.notes == case.notes
 
 
 def test_text_survives_the_round_trip(cases, tmp_path):

@@ -14,6 +14,7 @@ KEYS = [
     "complete",
     "unsupported",
     "corrections",
+    "unusual",
     "mismatch_mw",
     "mismatch_mvar",
     "mismatch_bus",
@@ -79,7 +80,7 @@ def test_what_is_not_supported_is_named_once_with_file_and_line(files, stabctl):
         st.load(raw)
     case = st.load(raw, missing_controls="fixed")
     for what in ("FACTS device", "UFLSBL", "WTRLY0"):
-        assert sum(what in sentence for sentence in case.warnings) == 1
+        assert sum(what in sentence for sentence in case.notes) == 1
     assert case.simulate(until=0.5).outcome.stable
 
 

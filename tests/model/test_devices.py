@@ -30,11 +30,6 @@ class Exponential(NamedTuple):
         if self.a == self.b:
             yield "b", f"must differ from a = {self.a:g}"
 
-    def warnings(self):
-        """What is unusual."""
-        if self.b > 4:
-            yield "b", "is usually at most 4"
-
 
 class Converter(NamedTuple):
     """A converter in place of a machine."""
@@ -151,11 +146,6 @@ def test_devices_that_fit_nothing_are_told(loads, tables, says):
     with pytest.raises(CaseError) as caught:
         with_devices(loads, **tables)
     assert says in str(caught.value)
-
-
-def test_an_unusual_parameter_is_a_warning(loads):
-    case = with_devices(loads, exponential={"2#2": A._replace(b=5.0)})
-    assert case.warnings == ("exponential.csv, bus 2#2: b = 5 is usually at most 4.",)
 
 
 def test_several_stabilizers_at_one_machine(tmp_path):

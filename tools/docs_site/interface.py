@@ -5,7 +5,8 @@ import stabctl
 PAGES = {
     "systems": (
         "Systems and operating points",
-        "load cases Case Storage write read_psse read_matpower import_report ImportReport replicate register "
+        "load cases Case Storage write read_psse read_matpower import_report ImportReport check UnusualData "
+        "replicate register "
         "power_flow PowerFlow short_circuit ShortCircuit short_circuit_ratio ShortCircuitRatio "
         "initialize OperatingPoint StabctlError",
     ),

@@ -74,12 +74,6 @@ class Par(NamedTuple):
                 yield T, f"{text}; a machine without subtransient circuits is a two_axis"
         yield from mistakes(self)
 
-    def warnings(self) -> Iterator[tuple[str, str]]:
-        """Field and sentence of everything unusual but usable."""
-        for low, high in (("xl", "x2"), ("x2", "x1d"), ("x1d", "xd"), ("x2", "x1q"), ("x1q", "xq")):
-            if getattr(self, low) > getattr(self, high):
-                yield high, f"is usually not less than {low} = {getattr(self, low):g}"
-
 
 class State(NamedTuple):
     """Rotor angle and speed, field and damper fluxes."""

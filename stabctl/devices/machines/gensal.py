@@ -63,12 +63,6 @@ class Par(NamedTuple):
             yield "x1d", f"must differ from the leakage reactance xl = {self.xl:g}"
         yield from mistakes(self)
 
-    def warnings(self) -> Iterator[tuple[str, str]]:
-        """Field and sentence of everything unusual but usable."""
-        for low, high in (("xl", "x2"), ("x2", "x1d"), ("x1d", "xd"), ("x2", "xq")):
-            if getattr(self, low) > getattr(self, high):
-                yield high, f"is usually not less than {low} = {getattr(self, low):g}"
-
 
 class State(NamedTuple):
     """Rotor angle and speed, field and damper fluxes."""

@@ -72,12 +72,6 @@ class Par(NamedTuple):
                 yield name, f"must differ from {low} = {getattr(self, low):g}"
         yield from mistakes(self)
 
-    def warnings(self) -> Iterator[tuple[str, str]]:
-        """Field and sentence of everything unusual but usable."""
-        for low, high in (("xl", "x2d"), ("x2d", "x1d"), ("x1d", "xd"), ("xl", "x2q"), ("x2q", "x1q"), ("x1q", "xq")):
-            if getattr(self, low) > getattr(self, high):
-                yield high, f"is usually not less than {low} = {getattr(self, low):g}"
-
 
 class State(NamedTuple):
     """Rotor angle and speed, transient and subtransient fluxes."""

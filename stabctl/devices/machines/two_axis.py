@@ -12,7 +12,6 @@ speed. Unsaturated. Per unit on the machine's own MVA; `mva` converts currents t
 Source: Sauer, Pai, Power System Dynamics and Stability, sections 5.4 and 7.6.
 """
 
-from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -48,12 +47,6 @@ class Par(NamedTuple):
     xq: Annotated[float, "pu", "synchronous reactance, q axis", POSITIVE]
     x1q: Annotated[float, "pu", "transient reactance, q axis", POSITIVE]
     T1q: Annotated[float, "s", "transient open-circuit time constant, q axis (0: circuit open)", NOT_NEGATIVE]
-
-    def warnings(self) -> Iterator[tuple[str, str]]:
-        """Field and sentence of everything unusual but usable."""
-        for low, high in (("x1d", "xd"), ("x1q", "xq")):
-            if getattr(self, low) > getattr(self, high):
-                yield high, f"is usually not less than {low} = {getattr(self, low):g}"
 
 
 class State(NamedTuple):

@@ -63,7 +63,7 @@ def read_matpower(
     -------
     Case
         With the bus numbers and names of the file; generators are named 30/1, circuits 7-8 ckt 2. Demands are
-        constant-power loads. What was corrected or left out is in its `warnings`.
+        constant-power loads. What was corrected or left out is in its `notes`.
 
     Raises
     ------

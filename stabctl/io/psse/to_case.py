@@ -73,7 +73,7 @@ def read_psse(
     Returns
     -------
     Case
-        With the numbers, names and identifiers of the files. What was corrected or left out is in its `warnings`.
+        With the numbers, names and identifiers of the files. What was corrected or left out is in its `notes`.
 
     Raises
     ------
