@@ -4,7 +4,7 @@ The stepper works on places only; it knows no device and no control law.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -140,7 +140,7 @@ def places(
     )  # fmt: skip
 
 
-def with_ratings(made: Places, system: System, **how: bool) -> Places:
+def with_ratings(made: Places, system: System, **how: Any) -> Places:
     """The places for a system with other ratings, and thus other limits; without a rating no angle is judged.
 
     `how` is `relay`, `follows` and `inertial`.

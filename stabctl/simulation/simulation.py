@@ -277,10 +277,15 @@ class Simulation:
             verdict, instant, self._stage, self.speed, self._places.weight, rotor, bus, outside,
             tuple(self._taken_off), last, self._loop_frequency(verdict, rotor),
             stalled(self.point, self._run.s, self._stage.net.alive), self._cycling(),
-            None if steps.trusted(self.step, self.loop) else (self.loop, self.step), self._record.extremes,
+            self._loop(), self._record.extremes,
             self.switching,
         )  # fmt: skip
         return outcome(self.point, end, self.criterion)
+
+    def _loop(self) -> Loop:
+        """The loop that the control closes."""
+        apart = bool(self._run.notes[NOTE.open])
+        return Loop(*self._closed, self.step, steps.trusted(self.step, self.loop), apart)
 
     def _cycling(self) -> dict[str, float]:
         """Storage devices whose orders reverse at full power faster than machines swing: name -> times per second."""

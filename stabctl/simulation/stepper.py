@@ -27,10 +27,9 @@ from stabctl.devices.blocks import copy
 from stabctl.dynamics.perform import perform
 
 from ._buffers import NOTE
-from ._inertial import close, rates
 from ._judgment import DONE, NEWTON, count_reversals, judge, measure_excess
 from ._substitution import solve_apart
-from ._switching import decide, first_jump, jump
+from ._switching import close, decide, first_jump, jump, rates
 from ._voltages import settle
 from .method import RK4, STAGES, advance_states, clip_at_limits, freeze_disconnected, hold_at_limits
 
