@@ -22,7 +22,7 @@ from .method import freeze_disconnected, hold_at_limits
 
 FINE = 1e-6  # of a step; a jump nearer to one of its ends does not divide it
 TRIALS = 12  # steps of Newton's method
-AGREED = 1e-8  # of the rating: orders that agree
+AGREED = 1e-6  # of the rating: change of the orders with which they agree
 CHANGE = 1e-3  # of an order, for the response
 SLIGHT = 1e-6  # pu/s   change of an acceleration, for the slope of a law
 NEAR = 0.02  # of a step; nearer to its ends the interpolated voltages are exact enough
@@ -269,13 +269,8 @@ def close(program, places, net, run):
             tried[0, j] = run.s[held[j]]
         rates(program, places, net, run)
         decide(program, places, net, run, 0)
-        miss = 0.0
         for j in range(n):
             run.loop.matrix[j, n] = run.s[held[j]] - tried[0, j]
-            miss = max(miss, abs(run.loop.matrix[j, n]))
-        if miss < AGREED:
-            restore(places, run)
-            return True
         slopes(program, places, net, run)
         if run.loop.known[0] == 0:
             restore(places, run)
@@ -285,10 +280,14 @@ def close(program, places, net, run):
             for j in range(n):
                 run.loop.matrix[i, j] = (1.0 if i == j else 0.0) - run.loop.matrix[i, j] * run.loop.response[i, j]
         eliminate(run.loop.matrix)
+        change = 0.0
         for j in range(n):
             run.s[held[j]] = min(max(tried[0, j] + run.loop.matrix[j, n], -1.0), 1.0)
+            change = max(change, abs(run.s[held[j]] - tried[0, j]))
         if not settled(program, places, net, run):
             break
+        if change < AGREED:
+            return True
     restore(places, run)
     settled(program, places, net, run)
     return False

@@ -2,6 +2,7 @@
 
 import threading
 import time
+import time
 
 import numpy as np
 import pytest
@@ -70,6 +71,9 @@ def test_an_interrupt_ends_the_other_thread(point, monkeypatch, two_threads, err
     monkeypatch.setattr(eigen, "near", near)
     with pytest.raises(error):
         analyze(descriptor(point("ieee39")), (0.1, 2.5))
+    until = time.monotonic() + (20 if error is KeyboardInterrupt else 0)  # Ctrl-C does not wait for it
+    while threading.active_count() > before and time.monotonic() < until:
+        time.sleep(0.05)
     assert threading.active_count() == before
 
 
