@@ -10,7 +10,8 @@ devices, as in a sweep or a design. The matrices are sparse, but dense arrays if
 few sparse entries takes longer.
 """
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
+from functools import partial
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -214,9 +215,14 @@ def filled(M: Matrix, axis: int) -> np.ndarray:
     return np.asarray(abs(M).sum(axis)).ravel() != 0
 
 
+def solver(M: Matrix) -> Callable[[np.ndarray], np.ndarray]:
+    """The function b -> inv(M) b."""
+    return partial(np.linalg.solve, M) if isinstance(M, np.ndarray) else splu(M.tocsc()).solve
+
+
 def solved(M: Matrix, b: np.ndarray) -> np.ndarray:
     """inv(M) b."""
-    return np.linalg.solve(M, b) if isinstance(M, np.ndarray) else splu(M.tocsc()).solve(b)
+    return solver(M)(b)
 
 
 def array(M: Matrix) -> np.ndarray:

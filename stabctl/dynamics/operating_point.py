@@ -21,7 +21,7 @@ from stabctl.model.powerflow import PowerFlow
 
 from . import family, violations
 from .assembly import Rotors, System, system
-from .jacobian import Equations
+from .jacobian import Equations, Matrix, matrix
 from .layout import Layout
 from .start import start
 from .storage import in_network, with_ratings
@@ -161,6 +161,11 @@ class OperatingPoint:
         bus, more = storage_admittances(self.system)
         at = np.concatenate([np.arange(len(self.V)), self.system.unit_bus, bus])
         return network.entries(self.net, switching).joined(np.concatenate([self.system.fixed, own, more]), at)
+
+    def real_admittance(self, switching: network.Switching = network.UNSWITCHED) -> Matrix:
+        """The same in real form (2n, 2n), real and imaginary parts interleaved; dense if the system is small."""
+        values, *at = self.admittances(switching).real()
+        return matrix(values, (at[0], at[1]), (2 * len(self.V),) * 2, self.equations.small)
 
     def resized(self, ratings: Iterable[float]) -> "OperatingPoint":
         """The same operating point with other storage ratings, which change nothing else in equilibrium.

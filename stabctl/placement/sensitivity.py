@@ -20,7 +20,6 @@ from stabctl.dynamics.signals import INPUTS
 from stabctl.model import network
 from stabctl.model.case import Case
 from stabctl.model.network import UNSWITCHED, Switching
-from stabctl.smallsignal.descriptor import admittance
 
 TOLERANCE = 1e-10  # pu   largest current mismatch of a bus
 LIMIT = 30  # Newton steps
@@ -147,7 +146,7 @@ def _settled(
 ) -> tuple[np.ndarray, sp.csc_matrix, sp.csc_matrix]:
     """Voltages of the switched network, and the slopes there: of the machines' w' and of the currents."""
     s, places = point.s.copy(), point.layout.voltages
-    v, Y = s[places], admittance(point, switching)
+    v, Y = s[places], point.real_admittance(switching)
     live = sp.diags(np.repeat(served, 2).astype(float), format="csc")
     for _ in range(LIMIT):
         d = point.equations.at(s)

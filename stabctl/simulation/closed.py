@@ -13,14 +13,13 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, splu
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
 from stabctl._util.errors import StudyError
 from stabctl.controllers import Law
 from stabctl.dynamics import storage
-from stabctl.dynamics.jacobian import array, matrix
+from stabctl.dynamics.jacobian import array, solver
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.model.network import UNSWITCHED
 
 from . import lti
 from .attached import BOUND, Attached
@@ -32,15 +31,15 @@ GROWING = 0.01  # 1/s   real part of an eigenvalue that is named
 DRIVEN = 1e-6  # 1/s   rate with which a state is held at its limit
 
 
-class ClosedLoop(NamedTuple):
-    """What a run asks of a closed loop."""
+class Eigenvalues(NamedTuple):
+    """What a run needs to know of the eigenvalues of a closed loop."""
 
     fastest: float = 0.0  # 1/s   largest magnitude of an eigenvalue; 0 if no loop is closed continuously
     growing: complex | None = None  # 1/s   the eigenvalue with the largest real part, if it is known and grows
 
 
-def closed_loop(what: Attached, law: Law | None, wired: Wired) -> ClosedLoop:
-    """The closed loop at rest; raises `StudyError` if its orders cause more acceleration than they are given for.
+def eigenvalues(what: Attached, law: Law | None, wired: Wired) -> Eigenvalues:
+    """The eigenvalues at rest. Raises `StudyError` if the orders take away more inertia than there is.
 
     Parameters
     ----------
@@ -55,14 +54,14 @@ def closed_loop(what: Attached, law: Law | None, wired: Wired) -> ClosedLoop:
     if law is not None and wired.places.follows:
         gains = np.array([law.gains(device) for device in storage_devices(what.point.case)]).reshape(-1, 3)
     if not gains.any() and not any(f.device.module is lti for f in wired.families):
-        return ClosedLoop()
+        return Eigenvalues()
     kept = vars(what.point).setdefault("closed", {})
     if law not in kept:
-        kept[law] = _closed_loop(what, wired, gains)
+        kept[law] = _eigenvalues(what, wired, gains)
     return kept[law]
 
 
-def _closed_loop(what: Attached, wired: Wired, gains: np.ndarray) -> ClosedLoop:
+def _eigenvalues(what: Attached, wired: Wired, gains: np.ndarray) -> Eigenvalues:
     point, rotors, nx = what.point, what.point.rotors, wired.layout.nx
     moved, speeds = _linear(what)
     states = rotors.speed < nx
@@ -93,12 +92,14 @@ def _closed_loop(what: Attached, wired: Wired, gains: np.ndarray) -> ClosedLoop:
     if nx > DENSE:
         operator = LinearOperator((nx, nx), matvec=closed, dtype=float)
         try:
-            return ClosedLoop(float(abs(eigs(operator, 1, tol=ACCURACY, v0=np.ones(nx), return_eigenvectors=False)[0])))
+            return Eigenvalues(
+                float(abs(eigs(operator, 1, tol=ACCURACY, v0=np.ones(nx), return_eigenvectors=False)[0]))
+            )
         except ArpackError:
             pass
     found = np.linalg.eigvals(closed(np.eye(nx)))
     last = complex(found[np.argmax(found.real)]) if nx else 0j
-    return ClosedLoop(float(np.abs(found).max(initial=0.0)), last if last.real > GROWING else None)
+    return Eigenvalues(float(np.abs(found).max(initial=0.0)), last if last.real > GROWING else None)
 
 
 def _check_inertia(direct: np.ndarray, point: OperatingPoint) -> None:
@@ -122,10 +123,7 @@ def _linear(what: Attached) -> tuple[Linear, Linear]:
     nx, first = layout.nx, layout.first_setpoint
     driven = np.where(np.abs(d.rates) > DRIVEN, d.rates, 0.0)
     free = ~point.equations.held(s, driven, point.system.limits)
-    values, *at = point.admittances(UNSWITCHED).real()
-    Y = matrix(values, (at[0], at[1]), (2 * len(point.V),) * 2, point.equations.small)
-    gv = d.of_currents[:, nx:first] - Y
-    solve = (lambda b: np.linalg.solve(gv, b)) if isinstance(gv, np.ndarray) else splu(gv.tocsc()).solve
+    solve = solver(d.of_currents[:, nx:first] - point.real_admittance())
     rotors = point.rotors.speed
     made = rotors >= layout.first_output  # those of virtual rotors
 

@@ -72,7 +72,7 @@ class End(NamedTuple):
     frequency: float  # pu   of the critical phase-locked loop
     stalled: "Stalled"  # motor loads
     cycling: dict[str, float]  # 1/s   storage devices in a limit cycle, and how often they reverse
-    loop: "Loop"  # that the control closes
+    loop: "ControlLoop"  # that the control closes
     seen: Extremes | None  # of speeds and voltages; None if the signals were not recorded
     switching: Switching  # what is open, faulted or tripped
 
@@ -263,7 +263,7 @@ def _cycling(end: End) -> str:
     )
 
 
-class Loop(NamedTuple):
+class ControlLoop(NamedTuple):
     """The loop that the control closes, and the step of the run."""
 
     fastest: float  # 1/s   of its eigenvalues

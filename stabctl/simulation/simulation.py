@@ -20,7 +20,7 @@ from .attached import attached
 from .contingency import Disturbance, timed_events
 from .control import Control, Frames, Pilot, acting, carry
 from .criterion import DEFAULT, Criterion, for_system, frequency_range, numbers
-from .outcome import End, Loop, Outcome, outcome, stalled
+from .outcome import ControlLoop, End, Outcome, outcome, stalled
 from .recording import Recorded, Recording
 from .stages import constants
 from .swings import Swings
@@ -99,7 +99,7 @@ class Simulation:
         while self._at + 1 < len(self.changes) and self.changes[self._at + 1].at <= start + 1e-9:
             self._at += 1
         self.wired = wired(point, control, self.attached.rates, self.attached.gates)
-        self._closed = closed.closed_loop(self.attached, control, self.wired)
+        self._closed = closed.eigenvalues(self.attached, control, self.wired)
         self.loop = self._closed.fastest
         self.step = steps.checked(point, step, self.loop)
         signals = self.wired.layout.first_memory
@@ -282,10 +282,10 @@ class Simulation:
         )  # fmt: skip
         return outcome(self.point, end, self.criterion)
 
-    def _loop(self) -> Loop:
+    def _loop(self) -> ControlLoop:
         """The loop that the control closes."""
         apart = bool(self._run.notes[NOTE.open])
-        return Loop(*self._closed, self.step, steps.trusted(self.step, self.loop), apart)
+        return ControlLoop(*self._closed, self.step, steps.trusted(self.step, self.loop), apart)
 
     def _cycling(self) -> dict[str, float]:
         """Storage devices whose orders reverse at full power faster than machines swing: name -> times per second."""

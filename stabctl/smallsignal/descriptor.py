@@ -16,10 +16,9 @@ from scipy.sparse.linalg import splu
 
 from stabctl.dynamics import layout, outputs, storage
 from stabctl.dynamics.inputs import extended, place
-from stabctl.dynamics.jacobian import Derivatives, Matrix, array, filled, matrix
+from stabctl.dynamics.jacobian import Derivatives, Matrix, array, filled
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
-from stabctl.model.network import UNSWITCHED, Switching
 
 from . import _linearization_checks
 
@@ -116,7 +115,7 @@ def descriptor(
     point = extended(point, u, y)
     lay = point.layout
     d = point.equations.at(point.s.copy())
-    Y = admittance(point)
+    Y = point.real_admittance()
     _linearization_checks.moving(point, d, Y)
     _linearization_checks.limited(point)
     nx, nv = lay.nx, lay.first_setpoint
@@ -131,12 +130,6 @@ def descriptor(
     gx, gv, gu = currents[:, rows], currents[:, v] - Y, currents[:, given]
     found = _outputs(point, d, (fx, fv, gx, gv, fu), rows, given, y)
     return Descriptor(point, Parts(fx, fv, gx, gv, fu, gu, *found), tuple(lay.states[k] for k in rows), rows, u, y)
-
-
-def admittance(point: OperatingPoint, switching: Switching = UNSWITCHED) -> Matrix:
-    """Real form (2n, 2n) of the network admittance, real and imaginary parts interleaved, pu."""
-    values, *at = point.admittances(switching).real()
-    return matrix(values, (at[0], at[1]), (2 * len(point.V),) * 2, point.equations.small)
 
 
 def _outputs(

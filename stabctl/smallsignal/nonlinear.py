@@ -14,7 +14,7 @@ from stabctl.dynamics.jacobian import Derivatives
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import Signal
 
-from .descriptor import Descriptor, admittance, descriptor
+from .descriptor import Descriptor, descriptor
 from .model import eliminated
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class Motion:
         point = d.point
         self._d, self._point, self._equations, self._layout = d, point, point.equations, point.layout
         self._Y = point.admittance()
-        self._real = admittance(point)
+        self._real = point.real_admittance()
         self._factor = splu(d.gv)
         self._places = [place(point, s) for s in d.inputs]
         self._readings = [None if s.kind == "frequency" else outputs.value(point, s) for s in d.outputs]
