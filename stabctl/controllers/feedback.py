@@ -39,7 +39,7 @@ def step(u, v, p):
     if p.braking > 0:
         size = p.acceleration_gain * abs(u.acceleration)
         wanted = size if u.deviation > 0 else -size
-    return Output(min(max(wanted, -1.0), 1.0))
+    return Output(wanted)
 
 
 @dataclass(frozen=True)
@@ -78,6 +78,16 @@ class Feedback(Law):
     def inertial(self) -> bool:  # type: ignore[override]
         """Whether its orders follow the acceleration."""
         return self.acceleration_gain != 0
+
+    @property
+    def abrupt(self) -> bool:  # type: ignore[override]
+        """Whether its orders jump, at the edges of the deadband or with the sign of the speed."""
+        return self.braking or self.deadband > 0
+
+    @property
+    def step(self) -> float:  # type: ignore[override]
+        """Longest default step, s: with (14) the orders jump at every change of sign, and after it all depends on it."""
+        return 1 / 960 if self.braking else super().step
 
     def par(self, device: StorageDevice) -> Par:
         """Parameters, with gains in orders per pu of speed."""

@@ -24,6 +24,10 @@ class Law(ABC):
         Whether it reads the angle.
     inertial
         Whether its orders follow the acceleration that they cause; the simulation then solves for both at once.
+    abrupt
+        Whether its orders may jump, although they follow the signals; the simulation then makes shorter steps there.
+    step
+        Longest default step of a run with it, s.
     groups
         Machines that are seen as one: the deviation of each of them is that of the group.
     rate, frames
@@ -33,6 +37,8 @@ class Law(ABC):
     relay: bool = False
     angular: bool = False
     inertial: bool = False
+    abrupt: bool = False
+    step: float = 1 / 120
     groups: tuple[tuple[int, ...], ...] = ()
     rate: int | None = None
     frames: int = 0

@@ -61,7 +61,7 @@ def step(u, v, y, p):
     wanted = 0.0
     if magnitude(v[0], v[1]) >= p.gate and abs(u.acceleration) <= p.fastest:
         if beyond > 0 and (p.level == 0 or u.time < until):
-            wanted = beyond / p.slope if beyond < p.slope else 1.0
+            wanted = beyond / p.slope if p.slope > 0 else 1.0
             wanted = wanted if surface > 0 else -wanted
         elif p.return_power > 0:
             wanted = min(max(p.per_energy * (p.stored - u.energy), -p.return_power), p.return_power)

@@ -22,6 +22,7 @@ class Note(NamedTuple):
     rotor: int = 1  # row of the rotor unit, or of the angle without weight, that it names
     divided: int = 2  # how many steps in a row were divided, at most `CHATTER`
     open: int = 3  # stages at which orders and the accelerations they cause did not agree
+    chatter: int = 4  # steps not divided because an order of a continuous law jumps in step after step
 
 
 NOTE = Note()  # a record: its file is then part of the key of machine code on disk; that of a mere number is not
@@ -81,7 +82,7 @@ class Run(NamedTuple):
     loop: Loop
     orders: np.ndarray  # (2, held)   values of `Places.held` before a decision, and from the next jump on
     late: np.ndarray  # (1), s   from a timed verdict to the end of its step; -1 until the first step after an event
-    notes: np.ndarray  # (4), int   see `Note`
+    notes: np.ndarray  # (5), int   see `Note`
 
 
 class NewtonSpace(NamedTuple):

@@ -72,13 +72,15 @@ class Places(NamedTuple):
     watch_low: np.ndarray  # (loads) pu   voltages below which they count as lost
     held: np.ndarray  # (held) what laws and gates write: orders, then whether a gate is open; constant over a part
     order: np.ndarray  # (storage devices) what they read their orders from, in the order of the case's table
-    begun: int  # the first order at the beginning of the step, or of its part that is being made
+    begun: int  # the first order at the beginning of the step, or of its part that is being made; then those wanted there
+    wanted: np.ndarray  # (storage devices) orders that the law wants
     own: np.ndarray  # (storage devices) rotor units whose signals their orders follow, -1: none
     stops: np.ndarray  # (stops) rows of `limited` at whose limits a power jumps
     gated: bool  # some of `held` are gates, which read outputs
     relay: bool  # the orders switch between fixed values, at instants to be found within a step
     follows: bool  # the orders follow the signals at every stage of a step; otherwise they are held over a step
     inertial: bool  # they follow the accelerations that they cause
+    abrupt: bool  # they may jump while they follow the signals
 
 
 def places(
@@ -89,12 +91,14 @@ def places(
     order: np.ndarray,
     *,
     begun: int,
+    wanted: np.ndarray,
     own: np.ndarray,
     groups: Sequence[np.ndarray],
     gated: bool,
     relay: bool,
     follows: bool,
     inertial: bool,
+    abrupt: bool,
 ) -> Places:
     """The places that the stepper reads in a system.
 
@@ -111,7 +115,9 @@ def places(
     order
         Places that the storage devices read their orders from.
     begun
-        First place of the orders at the beginning of a step.
+        First place of the orders at the beginning of a step, and of those wanted there.
+    wanted
+        Places of the orders that the law wants.
     own
         Rotor unit of each storage device, -1: none.
     groups
@@ -124,6 +130,8 @@ def places(
         Whether they follow the signals at every stage of a step.
     inertial
         Whether they follow the accelerations that they cause.
+    abrupt
+        Whether they may jump while they follow the signals.
     """
     rotors, limits, others = system.rotors, system.limits, system.unweighted
     first = np.cumsum([0, *(len(group) for group in groups)], dtype=np.int64)
@@ -136,14 +144,14 @@ def places(
         others.column("place"), others.column("unit"), others.column("bus"), first, member, owner,
         limits.state, limits.low, limits.high, limits.scale,
         system.draw_bus, system.near_bus, system.watch_bus, system.watch_low, held.astype(np.int64), order,
-        begun, own.astype(np.int64), limits.stops, gated, relay, follows, inertial,
+        begun, wanted, own.astype(np.int64), limits.stops, gated, relay, follows, inertial, abrupt,
     )  # fmt: skip
 
 
 def with_ratings(made: Places, system: System, **how: Any) -> Places:
     """The places for a system with other ratings, and thus other limits; without a rating no angle is judged.
 
-    `how` is `relay`, `follows` and `inertial`.
+    `how` is `relay`, `follows`, `inertial` and `abrupt`.
     """
     limits, others = system.limits, system.unweighted
     place, unit, bus = (others.column(name) for name in ("place", "unit", "bus"))

@@ -25,6 +25,7 @@ TRIALS = 12  # steps of Newton's method
 AGREED = 1e-6  # of the rating: change of the orders with which they agree
 CHANGE = 1e-3  # of an order, for the response
 SLIGHT = 1e-6  # pu/s   change of an acceleration, for the slope of a law
+JUMP = 0.02  # of the rating; change of an order through or to zero
 NEAR = 0.02  # of a step; nearer to its ends the interpolated voltages are exact enough
 
 
@@ -143,6 +144,17 @@ def first_jump(h, program, places, net, run):
 
 
 @noinline
+def jumped(places, run):
+    """Whether the order that a continuous law wants of a device has jumped in the last part of a step."""
+    n = len(places.order)
+    for j in range(n):
+        before, now = run.s[places.begun + n + j], run.s[places.wanted[j]]
+        if before * now <= 0 and abs(now - before) > JUMP:
+            return True
+    return False
+
+
+@noinline
 def first_stop(h, places, run):
     """Fraction of the last h seconds just before a device reached a limit that stops it, 1 if none; and its row."""
     first, row = 1.0, -1
@@ -241,7 +253,8 @@ def interpolate(t, m, h, run):
 @noinline
 def jump(row, h, places, run):
     """Switch the orders at the instant found; devices that fill or empty there are exactly at their limits."""
-    set_orders(1, places, run)
+    if not places.follows:
+        set_orders(1, places, run)
     for k in range(len(places.stops)):
         j = places.stops[k]
         i, per = places.limited[j], run.s[places.scale[j]]

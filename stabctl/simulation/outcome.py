@@ -258,8 +258,9 @@ def _cycling(end: End) -> str:
     what = enumerated("storage device", end.cycling)
     verb, rate = "reverses" if len(end.cycling) == 1 else "reverse", max(end.cycling.values())
     return (
-        f"{what[0].upper()}{what[1:]} still {verb} between full charging and full discharging, up to {rate:.0f} times "
-        "per second: a limit cycle of the control; reduce its gain or delay, or widen its deadband."
+        f"{what[0].upper()}{what[1:]} still {verb} between full charging and full discharging, or from ramp limit to "
+        f"ramp limit, up to {rate:.2g} times per second: a limit cycle of the control; reduce its gain or delay, or "
+        "widen its deadband."
     )
 
 
@@ -271,6 +272,7 @@ class ControlLoop(NamedTuple):
     step: float  # s
     trusted: bool  # whether the step is short enough
     apart: bool  # orders and the accelerations they cause did not agree somewhere
+    chatter: bool  # orders jumped in step after step
 
     def __str__(self) -> str:
         """Sentences on what makes the run doubtful; empty if nothing does."""
@@ -292,6 +294,11 @@ class ControlLoop(NamedTuple):
             said.append(
                 "The orders did not agree with the accelerations that they cause, and the run cannot be trusted; "
                 "reduce the acceleration gain."
+            )
+        if self.chatter:
+            said.append(
+                "The orders jumped from one step to the next without end, and the run cannot be trusted; widen the "
+                "deadband of the law, or reduce its gain."
             )
         return " ".join(said)
 

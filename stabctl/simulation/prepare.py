@@ -27,7 +27,7 @@ def prepare() -> None:
         "high": none,
         "watch_low": none,
     }
-    flags: dict[str, Any] = dict.fromkeys(("gated", "relay", "follows", "inertial"), False)
+    flags: dict[str, Any] = dict.fromkeys(("gated", "relay", "follows", "inertial", "abrupt"), False)
     numbers_: dict[str, Any] = {"voltages": 0, "elapsed": 0, "begun": 0, "seen": Relative(0, 0, 0, 0, 0)} | flags
     arrays: dict[str, Any] = {name: kinds.get(name, places) for name in Places._fields if name not in numbers_}
     read = Places(**arrays, **numbers_)

@@ -31,6 +31,7 @@ from .wired import wired
 
 FURTHER = 5.0  # s   by which a run is continued while its swings may grow
 REVERSALS = 5.0  # 1/s   of full power, from which on a storage device is in a limit cycle; swings make up to 4
+SLOW = 0.3  # 1/s   the same if the swings do not decay
 TIMED = _judgment.LOW_VOLTAGE, _judgment.FREQUENCY  # verdicts whose instant lies within a step
 
 
@@ -101,7 +102,7 @@ class Simulation:
         self.wired = wired(point, control, self.attached.rates, self.attached.gates)
         self._closed = closed.eigenvalues(self.attached, control, self.wired)
         self.loop = self._closed.fastest
-        self.step = steps.checked(point, step, self.loop)
+        self.step = steps.checked(point, step, self.loop, control.step if control else steps.STEP)
         signals = self.wired.layout.first_memory
         self._record = Recording(point, record, signals, every=every, span=swings.SPAN)
         self._rules = numbers(self.criterion)
@@ -284,15 +285,16 @@ class Simulation:
 
     def _loop(self) -> ControlLoop:
         """The loop that the control closes."""
-        apart = bool(self._run.notes[NOTE.open])
-        return ControlLoop(*self._closed, self.step, steps.trusted(self.step, self.loop), apart)
+        apart, chatter = (bool(self._run.notes[note]) for note in (NOTE.open, NOTE.chatter))
+        return ControlLoop(*self._closed, self.step, steps.trusted(self.step, self.loop), apart, chatter)
 
     def _cycling(self) -> dict[str, float]:
-        """Storage devices whose orders reverse at full power faster than machines swing: name -> times per second."""
+        """Storage devices whose orders reverse at full power faster than machines swing, or without end: name -> times per second."""
         if self._verdict != _judgment.DONE:
             return {}
-        turns, names = self._run.watch.turns[1], naming.keys(self.point.case, "storage")
-        return {str(name): float(rate) for name, rate in zip(names, turns, strict=True) if rate > REVERSALS}
+        turns, names, last = self._run.watch.turns[1], naming.keys(self.point.case, "storage"), self.swings()
+        least = SLOW if last is not None and not last.decaying else REVERSALS
+        return {str(name): float(rate) for name, rate in zip(names, turns, strict=True) if rate > least}
 
     def _loop_frequency(self, verdict: int, row: int) -> float:
         """The frequency of the phase-locked loop that lost synchronism, pu; 1 if none did."""

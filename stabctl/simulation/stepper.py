@@ -29,12 +29,13 @@ from stabctl.dynamics.perform import perform
 from ._buffers import NOTE
 from ._judgment import DONE, NEWTON, count_reversals, judge, measure_excess
 from ._substitution import solve_apart
-from ._switching import close, decide, first_jump, jump, rates
+from ._switching import close, decide, first_jump, jump, jumped, rates
 from ._voltages import settle
 from .method import RK4, STAGES, advance_states, clip_at_limits, freeze_disconnected, hold_at_limits
 
 MOST = 4  # jumps found in one step; what switches later in it does so at its end
 CHATTER = 8  # divided steps in a row; the next ones are not divided, until one has nothing to switch at its start
+SHORTEST = 1 / 64  # of a step; a part that is halved because an order of a continuous law jumps in it
 
 
 class Plan(NamedTuple):
@@ -69,14 +70,14 @@ def advance(program, places, net, run, rules, plan, at, history):
     Row k of `history` (steps, or one more; signals) is the record at the start of step k; it has no rows if nothing is
     kept. The verdict NEWTON asks the caller to solve for the voltages at the cursor and to call again with it.
     """
-    steps, may_jump = len(plan.sizes), places.relay or len(places.stops) > 0
+    steps, may_jump = len(plan.sizes), places.relay or places.abrupt or len(places.stops) > 0
     if not at.solved:
         clear_dead_buses(net, run)
     while at.step < steps + plan.last:
         h = plan.sizes[at.step] if at.step < steps else 0.0
         span = (at.end - at.begin) * h
         undivided = at.begin == 0 and at.end == 1
-        due = plan.due[at.step] if at.step < len(plan.due) else 0
+        due = plan.due[at.step] if at.step < len(plan.due) and at.begin == 0 else 0
         # With relays, the voltages at the end of a whole step are solved for too: they tell whether one has switched.
         stages = STAGES + 1 if places.relay and at.end == 1 else STAGES
         for stage in range(at.stage, stages):
@@ -91,8 +92,11 @@ def advance(program, places, net, run, rules, plan, at, history):
                     break
             if stage == STAGES:
                 break
-            if places.inertial and not close(program, places, net, run):
-                run.notes[NOTE.open] += 1
+            if places.inertial:
+                if not close(program, places, net, run):
+                    run.notes[NOTE.open] += 1
+                if stage == 0:
+                    begin(0.0, places, run)
             evaluate(stage, undivided, may_jump, program, places, net, run)
             if stage == 0:
                 if run.late[0] < 0:  # the first step after an event
@@ -109,12 +113,14 @@ def advance(program, places, net, run, rules, plan, at, history):
             jump(at.row, h, places, run)
             copy(run.s, run.part.x)
             begin(0.0, places, run)
-            at = Cursor(at.step, 0, begin=at.end, end=1.0, row=-1, parts=at.parts, decided=True, solved=False)
+            at = Cursor(at.step, 0, at.end, end=1.0, row=-1, parts=at.parts, decided=not places.follows, solved=False)
             continue
         # Where does the first jump within this part lie? If there is one, make the part again, up to it. Orders that
         # chatter jump in every step, without end: after `CHATTER` such steps they act at the ends of steps only.
-        if may_jump and at.parts <= MOST and run.notes[NOTE.divided] < CHATTER:
-            t, row = first_jump(span, program, places, net, run)
+        abrupt = places.abrupt and jumped(places, run)
+        halved = abrupt and at.end - at.begin > SHORTEST
+        if may_jump and (halved or at.parts <= MOST) and run.notes[NOTE.divided] < CHATTER:
+            t, row = (0.5, -1) if halved else first_jump(span, program, places, net, run)
             if t < 1:
                 for k in range(len(run.part.x)):
                     run.s[k] = run.part.x[k]
@@ -126,6 +132,10 @@ def advance(program, places, net, run, rules, plan, at, history):
                 continue
         if run.notes[NOTE.divided] < CHATTER:
             run.notes[NOTE.divided] = run.notes[NOTE.divided] + 1 if at.parts > 1 else 0
+        elif abrupt:
+            run.notes[NOTE.chatter] += 1
+        elif places.abrupt:
+            run.notes[NOTE.divided] = 0
         verdict = judge(places, net, run, rules, h)
         count_reversals(places, run, h)
         run.s[places.seen.time] += h
@@ -208,6 +218,8 @@ def begin(elapsed, places, run):
     """Let orders move from what they are now, over a time (s)."""
     for j in range(len(places.order)):
         run.s[places.begun + j] = run.s[places.held[j]]
+        if places.follows:
+            run.s[places.begun + len(places.order) + j] = run.s[places.wanted[j]]
     run.s[places.elapsed] = elapsed
 
 

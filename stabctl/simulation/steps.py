@@ -24,8 +24,8 @@ FASTER = 1.1  # than all open loops: an eigenvalue that the control makes
 NEAR = 3.0  # between the inverse of a time constant and the eigenvalue that it explains
 
 
-def checked(point: OperatingPoint, step: float | None, loop: float = 0.0) -> float:
-    """The step given, or the default one (s); `loop` is the fastest eigenvalue of closed loops (1/s).
+def checked(point: OperatingPoint, step: float | None, loop: float = 0.0, most: float = STEP) -> float:
+    """The step given, or the default one, `most` at most (s); `loop` is the fastest eigenvalue of closed loops (1/s).
 
     A loop that needs a default step of less than `SHORTEST` is not followed (`trusted`).
     Raises `StudyError` if the step is not stable, or far too short.
@@ -34,7 +34,7 @@ def checked(point: OperatingPoint, step: float | None, loop: float = 0.0) -> flo
     longest = REACH / fastest if fastest else math.inf  # infinite buses alone do not move
     if step is None:
         shortest = min(SHORTEST, checked(point, None)) if loop else 0.0
-        return max(min(STEP, longest, REACH / moving / 2 if moving else math.inf), shortest)
+        return max(min(most, longest, REACH / moving / 2 if moving else math.inf), shortest)
     if not LEAST_STEP <= step < np.inf:
         raise StudyError(f"The step {step:g} s is not allowed; it must be at least {LEAST_STEP:g} s.")
     if step > longest:

@@ -60,7 +60,7 @@ class Memory(NamedTuple):
     orders: slice  # that the law, or the user, wants
     lines: int  # of the delay lines of a sampled law
     acting: int  # orders after these lines
-    begun: int  # orders at the beginning of a step
+    begun: int  # orders at the beginning of a step, and those wanted there
     relative: Relative
     end: int
 
@@ -101,7 +101,7 @@ def _wired(point: OperatingPoint, control: Law | None, rates: tuple[int, ...], g
         start[memory.orders.start + i : memory.lines : memory.orders.step] = value
     held = np.r_[orders_of(layout, point.case), np.array(gates, np.int64)]
     esd = storage.places(point.system, point.case)
-    how: dict[str, Any] = {"begun": memory.begun, "own": _own(point), "groups": _groups(point, control)}
+    how: dict[str, Any] = {"begun": memory.begun, "wanted": np.r_[memory.orders], "own": _own(point), "groups": _groups(point, control)}
     how |= {"gated": bool(gates), **_switches(families, control)}
     made = places(point.system, layout, memory.relative, held, esd.order, **how)
     return Wired(program(families), families, layout, made, memory.orders, rates, start, point.system.kept)
@@ -135,13 +135,13 @@ def _memory(point: OperatingPoint, control: Law | None) -> Memory:
     sampled = control is not None and control.rate is not None
     acting = lines + n * control.frames if sampled and control is not None else first
     begun = acting + n if sampled else lines
-    speed = begun + n
+    speed = begun + 2 * n
     relative = Relative(speed, speed + m, speed + 2 * m, speed + 3 * m, speed + 3 * m + len(point.case.machines))
     return Memory(slice(first, lines, stride), lines, acting, begun, relative, relative.end)
 
 
 def _switches(families: tuple[Family, ...], control: Law | None) -> dict[str, bool]:
-    """Whether the orders switch between fixed values, follow the signals, and follow the accelerations they cause.
+    """Whether the orders switch between fixed values, follow the signals and the accelerations they cause, may jump.
 
     An order that switches behind a ramp limit, or beside another device with a memory, is held over a step instead.
     """
@@ -149,8 +149,8 @@ def _switches(families: tuple[Family, ...], control: Law | None) -> dict[str, bo
     ramped = any(f.name == "hold" and (f.k > 0).any() for f in families)
     relay = control is not None and control.relay
     follows = control is not None and not control.relay and control.rate is None
-    inertial = follows and control is not None and control.inertial
-    return {"relay": relay and not (ramped or others), "follows": follows, "inertial": inertial}
+    more = {name: follows and getattr(control, name) for name in ("inertial", "abrupt")}
+    return {"relay": relay and not (ramped or others), "follows": follows, **more}
 
 
 def _own(point: OperatingPoint) -> np.ndarray:
@@ -173,7 +173,8 @@ def _families(
     order, wanted = orders_of(layout, case), np.r_[memory.orders]
     sampled = control is not None and control.rate is not None
     acting = memory.acting + j if sampled else wanted
-    columns = [*common, acting, of.online + unit, memory.begun + j, np.full(n, layout.step), order]
+    aim = memory.begun + n + j if control is not None and not control.relay and not sampled else acting
+    columns = [*common, acting, of.online + unit, memory.begun + j, aim, np.full(n, layout.step), order]
     holds = Family("hold", device_of(hold), np.stack(columns, 1), storage.ramps(system, case)[:, None], esd.keys)
     if control is None:
         return (holds,)
