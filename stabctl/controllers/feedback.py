@@ -86,7 +86,7 @@ class Feedback(Law):
 
     @property
     def step(self) -> float:  # type: ignore[override]
-        """Longest default step, s: with (14) the orders jump at every change of sign, and after it all depends on it."""
+        """Longest default step, s: with (14) all that follows depends on when the orders jump."""
         return 1 / 960 if self.braking else super().step
 
     def par(self, device: StorageDevice) -> Par:

@@ -289,7 +289,10 @@ class Simulation:
         return ControlLoop(*self._closed, self.step, steps.trusted(self.step, self.loop), apart, chatter)
 
     def _cycling(self) -> dict[str, float]:
-        """Storage devices whose orders reverse at full power faster than machines swing, or without end: name -> times per second."""
+        """Storage devices whose orders reverse without end, or faster than machines swing.
+
+        By name; the values are times per second.
+        """
         if self._verdict != _judgment.DONE:
             return {}
         turns, names, last = self._run.watch.turns[1], naming.keys(self.point.case, "storage"), self.swings()

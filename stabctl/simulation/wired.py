@@ -101,7 +101,12 @@ def _wired(point: OperatingPoint, control: Law | None, rates: tuple[int, ...], g
         start[memory.orders.start + i : memory.lines : memory.orders.step] = value
     held = np.r_[orders_of(layout, point.case), np.array(gates, np.int64)]
     esd = storage.places(point.system, point.case)
-    how: dict[str, Any] = {"begun": memory.begun, "wanted": np.r_[memory.orders], "own": _own(point), "groups": _groups(point, control)}
+    how: dict[str, Any] = {
+        "begun": memory.begun,
+        "wanted": np.r_[memory.orders],
+        "own": _own(point),
+        "groups": _groups(point, control),
+    }
     how |= {"gated": bool(gates), **_switches(families, control)}
     made = places(point.system, layout, memory.relative, held, esd.order, **how)
     return Wired(program(families), families, layout, made, memory.orders, rates, start, point.system.kept)
