@@ -297,7 +297,7 @@ class ControlLoop(NamedTuple):
             )
         if self.chatter:
             said.append(
-                "The orders jumped from one step to the next without end, and the run cannot be trusted; widen the "
+                "The orders jumped in step after step, and when they jump depends on the step of the run; widen the "
                 "deadband of the law, or reduce its gain."
             )
         return " ".join(said)

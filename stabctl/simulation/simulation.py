@@ -31,7 +31,7 @@ from .wired import wired
 
 FURTHER = 5.0  # s   by which a run is continued while its swings may grow
 REVERSALS = 5.0  # 1/s   of full power, from which on a storage device is in a limit cycle; swings make up to 4
-SLOW = 0.3  # 1/s   the same if the swings do not decay
+SLOW = 0.3  # 1/s   the same if the swings neither decay nor grow
 TIMED = _judgment.LOW_VOLTAGE, _judgment.FREQUENCY  # verdicts whose instant lies within a step
 
 
@@ -296,7 +296,7 @@ class Simulation:
         if self._verdict != _judgment.DONE:
             return {}
         turns, names, last = self._run.watch.turns[1], naming.keys(self.point.case, "storage"), self.swings()
-        least = SLOW if last is not None and not last.decaying else REVERSALS
+        least = SLOW if last is not None and not (last.decaying or last.growing) else REVERSALS
         return {str(name): float(rate) for name, rate in zip(names, turns, strict=True) if rate > least}
 
     def _loop_frequency(self, verdict: int, row: int) -> float:

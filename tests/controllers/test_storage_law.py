@@ -43,10 +43,11 @@ def test_the_order_has_the_sign_of_the_surface_outside_deadband_and_gate(deviati
 
 
 @given(some.floats(-2, 2))
-def test_a_slope_gives_power_in_proportion_up_to_the_rating(deviation):
+def test_a_slope_gives_power_in_proportion(deviation):
+    """What is beyond the rating is left to the hold: behind a ramp limit, it tells how soon the order turns back."""
     law = st.StorageLaw(slope="500mHz", deadband="100mHz")
     beyond = max(abs(deviation) - 0.1, 0) / 0.5
-    assert order(law, deviation).wanted == pytest.approx(np.sign(deviation) * min(beyond, 1), abs=1e-12)
+    assert order(law, deviation).wanted == pytest.approx(np.sign(deviation) * beyond, abs=1e-12)
 
 
 def test_it_idles_while_the_deviation_changes_quickly():
@@ -88,8 +89,20 @@ def test_constants_are_on_the_bases_of_the_device():
 def test_an_order_is_held_within_its_limits_and_ramp_and_is_zero_without_its_machine(ramp):
     reach = 2.0 * 0.05 if ramp else np.inf
     for wanted, online, goal in ((1.7, 1.0, 1.0), (-1.4, 1.0, -1.0), (0.35, 1.0, 0.35), (0.9, 0.0, 0.0)):
-        found = hold.step(hold.Input(wanted, online, before=0.3, elapsed=0.05), hold.Par(ramp)).order
+        found = hold.step(hold.Input(wanted, online, before=0.3, aim=wanted, elapsed=0.05), hold.Par(ramp)).order
         assert found == pytest.approx(0.3 + np.clip(goal - 0.3, -reach, reach))
+
+
+@given(some.floats(-1, 1), some.floats(-4, 4), some.floats(-4, 4), some.floats(0, 1.5))
+def test_a_limited_order_follows_an_order_wanted_that_changes_linearly(before, aim, wanted, reach):
+    """Against the same limits applied in 4,000 short steps."""
+    found = hold.step(hold.Input(wanted, 1.0, before, aim, elapsed=reach / 20), hold.Par(20.0)).order
+    kept, n = before, 4000
+    for goal in np.clip(aim + (wanted - aim) * np.arange(1, n + 1) / n, -1, 1):
+        kept += min(max(goal - kept, -reach / n), reach / n)
+    assert abs(found) <= 1
+    # In the steps, a kink and the end are found to within a step: 8 / 4,000 of the order wanted.
+    assert found == pytest.approx(kept, abs=4e-3)
 
 
 def test_without_an_angle_it_is_the_bang_bang_law(base):
