@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import stabctl as st
-from stabctl._util.errors import StabctlError
 
 FAULT = st.Contingency("7-8@0.4", clear="6cyc")
 WORDS = re.compile("cannot be trusted|unstable at rest|depends on the step|limit cycle")
@@ -63,7 +62,7 @@ def test_an_order_behind_a_ramp_limit_turns_back_where_it_meets_the_one_wanted()
 
 
 def test_orders_that_jump_without_end_are_said():
-    """Where the gain is so high that the orders cross the deadband in a swing of their own, they slide along its edge."""
+    """With a high gain they slide along the edge of the deadband."""
     ran = stored("two_area", 50.0).simulate(FAULT, "5s", control=st.Feedback(5.0, deadband=0.02, min_voltage=0.0))
     assert "The orders jumped in step after step, and when they jump depends on the step of the run; widen" in str(ran)
 
@@ -124,15 +123,11 @@ def test_what_depends_on_the_step_has_a_word(kind):
     rng, silent, said = np.random.default_rng(4600), [], 0
     for _ in range(50):
         point, law, event = combination(rng, kind)
-        try:
-            ran = point.simulate(event, "1.7s", control=law)
-        except StabctlError as error:
-            assert "reduce" in str(error) or "inertia" in str(error)
-            continue
+        ran = point.simulate(event, "1.7s", control=law)
         fine = point.simulate(event, "1.7s", control=law, step=min(1 / 4000, ran.step))
         word, apart = bool(WORDS.search(str(ran))), difference(ran, fine)[0]
         said += word
         if apart > 0.01 and not word:
             silent.append((round(apart, 3), point.case.name, str(law), event))
     assert not silent
-    assert said <= 25
+    assert said <= 15  # 9, 12, 7, 2
