@@ -126,7 +126,7 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
             text = f"{everything} stayed in synchronism until {t:.3f} s{said}."
     sentences = (cut, text, str(end.swings or "")) if end.verdict == _judgment.DONE else (text, cut)
     message = " ".join(
-        s for s in (*sentences, _still_faulted(point, end), str(end.stalled), _cycling(end), str(end.loop)) if s
+        s for s in (*sentences, _still_faulted(point, end), str(end.stalled), _cycling(point, end), str(end.loop)) if s
     )
     return Outcome(kind, message, t, machine, blamed, end.swings, end.stalled.buses, tuple(end.cycling))
 
@@ -251,16 +251,16 @@ def _still_faulted(point: OperatingPoint, end: End) -> str:
     return f"The {faults} {' and '.join(places)} {rest} not cleared before the end of the run."
 
 
-def _cycling(end: End) -> str:
+def _cycling(point: OperatingPoint, end: End) -> str:
     """A sentence on storage devices in a limit cycle; empty if there are none."""
     if not end.cycling:
         return ""
     what = enumerated("storage device", end.cycling)
     verb, rate = "reverses" if len(end.cycling) == 1 else "reverse", max(end.cycling.values())
+    limits = ", or from ramp limit to ramp limit" if any(s.ramp for s in point.case.storage) else ""
     return (
-        f"{what[0].upper()}{what[1:]} still {verb} between full charging and full discharging, or from ramp limit to "
-        f"ramp limit, up to {rate:.2g} times per second: a limit cycle of the control; reduce its gain or delay, or "
-        "widen its deadband."
+        f"{what[0].upper()}{what[1:]} still {verb} between full charging and full discharging{limits}, up to {rate:.2g} "
+        "times per second: a limit cycle of the control; reduce its gain or delay, or widen its deadband."
     )
 
 
