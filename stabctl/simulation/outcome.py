@@ -259,8 +259,8 @@ def _cycling(point: OperatingPoint, end: End) -> str:
     verb, rate = "reverses" if len(end.cycling) == 1 else "reverse", max(end.cycling.values())
     limits = ", or from ramp limit to ramp limit" if any(s.ramp for s in point.case.storage) else ""
     return (
-        f"{what[0].upper()}{what[1:]} still {verb} between full charging and full discharging{limits}, up to {rate:.2g} "
-        "times per second: a limit cycle of the control; reduce its gain or delay, or widen its deadband."
+        f"{what[0].upper()}{what[1:]} still {verb} between full charging and full discharging{limits}, up to "
+        f"{rate:.2g} times per second: a limit cycle of the control; reduce its gain or delay, or widen its deadband."
     )
 
 
