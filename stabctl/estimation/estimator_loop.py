@@ -114,7 +114,7 @@ class EstimatorLoop:
             for j, i in enumerate(self._machine):
                 if row.usable[k, i]:
                     given = decided(law.law, law.par[j], signals[j], size[j], self._given[k][j])
-                    orders[j], self._given[k][j] = given.wanted, given
+                    orders[j], self._given[k][j] = min(max(given.wanted, -1.0), 1.0), given
             simulation.orders[:] = orders
         return orders
 
