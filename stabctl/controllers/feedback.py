@@ -33,12 +33,12 @@ class Par(NamedTuple):
 @inline
 def step(u, v, p):
     """Order in ratings: Kv deviation + Ka acceleration (13), or Ka |acceleration| sgn(deviation) (14)."""
-    if magnitude(v[0], v[1]) < p.gate or -p.deadband <= u.deviation <= p.deadband:
+    if magnitude(v[0], v[1]) < p.gate or -p.deadband < u.deviation < p.deadband:
         return Output(0.0)
     wanted = p.speed_gain * u.deviation + p.acceleration_gain * u.acceleration
     if p.braking > 0:
         size = p.acceleration_gain * abs(u.acceleration)
-        wanted = size if u.deviation > 0 else -size
+        wanted = size if u.deviation > 0 else -size if u.deviation < 0 else 0.0
     return Output(wanted)
 
 

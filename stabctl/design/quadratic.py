@@ -217,7 +217,8 @@ def quadratic(
     swings, scale = weighed(point, weights)
     seen = tuple(dict.fromkeys([*reads, *swings]))
     model = closed_loop(point, inputs=drives, outputs=seen)
-    basis = sl.qr(model.rotation()[:, None])[0][:, 1:]  # orthogonal to the rotation of all angles
+    rotation = model.rotation()
+    basis = sl.qr(rotation)[0][:, rotation.shape[1] :]  # orthogonal to the rotations of all angles
     Z = model.C[[seen.index(s) for s in swings]] @ basis / scale[:, None]
     Q = Z.T @ Z
     Q = Q + FLOOR * np.trace(Q) / len(Q) * np.eye(len(Q))

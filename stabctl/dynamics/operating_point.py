@@ -89,6 +89,11 @@ class OperatingPoint:
         """The units with a rotor: rows of the units, places of their angles, inertias."""
         return self.system.rotors
 
+    @cached_property
+    def island(self) -> np.ndarray:
+        """Island of every bus (buses), before any switching."""
+        return network.islands(self.net)
+
     @property
     def V(self) -> np.ndarray:
         """Bus voltages (buses), complex, pu."""

@@ -15,7 +15,7 @@ from . import storage
 from .inputs import sensor
 from .layout import unique
 from .operating_point import OperatingPoint
-from .signals import Signal, machines
+from .signals import OF_ROTOR, Signal, machines
 
 STEP = 1e-30
 
@@ -74,14 +74,12 @@ def reading(point: OperatingPoint, signal: Signal) -> Reading | None:
     if given(signal.kind):
         at = place(point, signal)
         return None if at >= point.layout.first_output else _weighted(np.array([at]), np.ones(1))
-    angles, speeds, inertia, nx = point.rotors.angle, point.rotors.speed, point.inertia, point.layout.nx
+    angles, speeds, nx = point.rotors.angle, point.rotors.speed, point.layout.nx
+    inertia = _inertia(point, signal)
     weights = inertia / inertia.sum()
     if signal.kind in ("deviation", "angle_deviation"):
-        group = np.isin(point.rotor_numbers, machines(signal))
-        rest = np.where(group, 0.0, inertia)
-        own = np.where(group, inertia, 0.0) / inertia[group].sum()
         places = speeds if signal.kind == "deviation" else angles
-        return _weighted(places, own - rest / rest.sum() if rest.any() else 0 * own)
+        return _weighted(places, against_rest(point, np.isin(point.rotor_numbers, machines(signal))))
     if signal.kind == "state":
         return _weighted(np.array([state(point, signal)]), np.ones(1))
     if signal.kind in ("speed", "angle", "rest_speed"):
@@ -98,6 +96,29 @@ def reading(point: OperatingPoint, signal: Signal) -> Reading | None:
     if signal.kind == "voltage":
         return Reading(v, lambda q: np.sqrt(q[0] * q[0] + q[1] * q[1]))
     return Reading(np.r_[v, angles], lambda q: _angle(q, weights))
+
+
+def against_rest(point: OperatingPoint, group: np.ndarray) -> np.ndarray:
+    """Weights (rotor units) of a mean over a group (mask) less that of the others in its island; 0 without others."""
+    inertia = _of_island(point, point.rotors.unit[group][0])
+    own, rest = np.where(group, inertia, 0.0), np.where(group, 0.0, inertia)
+    return own / own.sum() - rest / rest.sum() if rest.any() else 0 * own
+
+
+def _inertia(point: OperatingPoint, signal: Signal) -> np.ndarray:
+    """Inertia (rotor units, s), 0 outside the island of the machine or bus that a signal is of."""
+    if signal.kind == "bus_angle":
+        return _of_island(point, bus=point.net.place[signal.number])
+    if signal.kind in OF_ROTOR:
+        return _of_island(point, point.rotors.unit[np.isin(point.rotor_numbers, machines(signal))][0])
+    return point.inertia
+
+
+def _of_island(point: OperatingPoint, unit: int = -1, bus: int = -1) -> np.ndarray:
+    """Inertia (rotor units, s), 0 outside the island of a unit or bus (rows)."""
+    of_unit = point.island[point.system.unit_bus]
+    own = of_unit[unit] if unit >= 0 else point.island[bus]
+    return np.where(of_unit[point.rotors.unit] == own, point.inertia, 0.0)
 
 
 def angle_rate(point: OperatingPoint, bus: int) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:

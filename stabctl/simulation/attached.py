@@ -252,12 +252,13 @@ class _Sensors:
         if kind == "voltage":
             self._more.add("bus_voltage", bus_voltage, [0, at, at, -1, out], [], f"bus {signal.place}")
         else:
-            mean = self._center(Signal("coi_angle", None, "", ""), 0.0)
+            island = base.island[base.system.unit_bus[base.rotors.unit]] == base.island[base.net.place[signal.number]]
+            mean = self._center(Signal("coi_angle", None, "", ""), 0.0, int(base.rotors.unit[island.argmax()]))
             self._more.add("bus_angle", bus_angle, [0, at, at, -1, mean, out], [], f"bus {signal.place}")
         return out
 
-    def _center(self, signal: Signal, rest: float) -> int:
-        """A mean of angles or speeds; see `center`."""
+    def _center(self, signal: Signal, rest: float, unit: int = -1) -> int:
+        """A mean of angles or speeds; see `center`. `unit` is one of the island meant, if the signal has no machine."""
         rotors, kind = self._base.rotors, signal.kind
         group: np.ndarray = np.zeros(len(rotors.unit))
         if signal.place is not None:
@@ -267,7 +268,7 @@ class _Sensors:
             "rest_speed": (0.0, 1.0, 1),
             "coi_speed": (0.0, 1.0, 0), "coi_angle": (0.0, 1.0, 0),
         }[kind]  # fmt: skip
-        unit = int(rotors.unit[np.flatnonzero(group)[0]]) if group.any() else -1
+        unit = int(rotors.unit[np.flatnonzero(group)[0]]) if group.any() else unit
         places = rotors.angle if kind in ("angle", "angle_deviation", "coi_angle") else rotors.speed
         out = self._more.outputs([rest])
         k = [len(group), own, mean, others, *group, *rotors.inertia, *rotors.unit]

@@ -17,7 +17,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
 from stabctl._util.errors import StudyError
 from stabctl.controllers import Law
-from stabctl.dynamics import storage
+from stabctl.dynamics import outputs, storage
 from stabctl.dynamics.jacobian import array, solver
 from stabctl.dynamics.operating_point import OperatingPoint
 
@@ -166,6 +166,5 @@ def _seen(point: OperatingPoint, wired: Wired) -> np.ndarray:
         i = int(np.flatnonzero(rotors.unit == own)[0])
         group = np.zeros(len(rotors.unit), bool)
         group[a.member[a.first[i] : a.first[i + 1]]] = True
-        rest = np.where(group, 0.0, rotors.inertia)
-        out[j] = np.where(group, rotors.inertia, 0.0) / rotors.inertia[group].sum() - rest / (rest.sum() or 1.0)
+        out[j] = outputs.against_rest(point, group)
     return out

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stabctl import devices
-from stabctl._util.wording import enumerated
+from stabctl._util.wording import enumerated, listed
 from stabctl.dynamics import family
 from stabctl.dynamics.assembly import Angle
 from stabctl.dynamics.operating_point import OperatingPoint
@@ -89,9 +89,10 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
             t,
         )
     kind, machine, blamed = Kind.ISLANDED if cut else Kind.STABLE, None, None
+    several = end.stage.net.island.max() > 0
     match end.verdict:
         case _judgment.SLIPPED | _judgment.UNLOCKED:
-            kind, machine, where = Kind.LOST_SYNCHRONISM, number, " of its island" if cut else ""
+            kind, machine, where = Kind.LOST_SYNCHRONISM, number, " of its island" if cut or several else ""
             text = (
                 f"{called[0].upper()}{called[1:]} lost synchronism at {t:.3f} s: {_angle(point, end)} moved "
                 f"{np.rad2deg(criterion.max_angle):.0f} degrees relative to the center of inertia{where}"
@@ -123,6 +124,7 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
             converters = point.rotors.virtual.any() or len(point.system.unweighted.rows)
             everything = "All machines and converters" if converters else "All machines"
             said = f"{_outside(point, end, criterion)}{_seen(point, end.seen)}"
+            said += _frequencies(point, end) if several else ""
             text = f"{everything} stayed in synchronism until {t:.3f} s{said}."
     sentences = (cut, text, str(end.swings or "")) if end.verdict == _judgment.DONE else (text, cut)
     message = " ".join(
@@ -151,18 +153,20 @@ def _unweighted(point: OperatingPoint, end: End) -> Angle | None:
 
 
 def _cut_off(point: OperatingPoint, now: Stage) -> str:
-    """What the switching has separated from the island with the largest inertia; empty if nothing."""
-    where = now.island_of_bus
+    """What the switching has separated from the rest of an island, or left without a source; empty if nothing.
+
+    The rest is the part with the largest inertia. The islands that the network had before are no event.
+    """
+    where, before, on = now.island_of_bus, point.island, now.net.island >= 0
     if where.max() == 0:
         return ""
-    on = now.net.island >= 0
     rotors = point.rotors
     weight = np.bincount(
         where[point.system.unit_bus[rotors.unit]], rotors.inertia * on[rotors.unit], minlength=where.max() + 1
     )
-    main = int(weight.argmax())
+    largest = {int(max(np.unique(where[before == own]), key=lambda k: weight[k])) for own in np.unique(before)}
     parts = []
-    for k in (k for k in range(where.max() + 1) if k != main):
+    for k in (k for k in range(where.max() + 1) if k not in largest or not now.net.alive[where == k].any()):
         buses = [b.bus for b, island in zip(point.case.buses, where, strict=True) if island == k]
         places = zip(point.case.machines, point.net.machine_bus, on, strict=True)
         machines = [m.called for m, at, runs in places if where[at] == k and runs]
@@ -170,7 +174,7 @@ def _cut_off(point: OperatingPoint, now: Stage) -> str:
             f"with {enumerated('machine', machines)}" if machines else f"without {SOURCE}: blacked out, its load lost"
         )
         parts.append(f"{enumerated('bus', buses)} {rest}")
-    return f"The switching cut off {'; and '.join(parts)}."
+    return f"The switching cut off {'; and '.join(parts)}." if parts else ""
 
 
 def _angle(point: OperatingPoint, end: End) -> str:
@@ -219,8 +223,7 @@ def _seen(point: OperatingPoint, seen: Extremes | None) -> str:
         return ""
     low, high = int(np.nanargmin(seen.slowest)), int(np.nanargmax(seen.fastest))
     ends = [f"{speed * point.case.frequency_hz:.2f}" for speed in (seen.slowest[low], seen.fastest[high])]
-    nouns = ("converter" if point.rotors.virtual[i] else "machine" for i in (low, high))
-    named = [f"{noun} {point.rotor_names[i]}" for noun, i in zip(nouns, (low, high), strict=True)]
+    named = [_rotor(point, i) for i in (low, high)]
     frequency = f"{ends[0]} ({named[0]}) to {ends[1]} Hz ({named[1]})" if ends[0] != ends[1] else f"{ends[0]} Hz"
     if np.isnan(seen.lowest).all():
         return f"; frequency {frequency}"
@@ -230,13 +233,21 @@ def _seen(point: OperatingPoint, seen: Extremes | None) -> str:
     )
 
 
+def _rotor(point: OperatingPoint, i: int) -> str:
+    """What a rotor unit is called in a sentence."""
+    return f"{'converter' if point.rotors.virtual[i] else 'machine'} {point.rotor_names[i]}"
+
+
 def _frequencies(point: OperatingPoint, end: End) -> str:
     """The frequency of every island at the end, in words."""
     island, H = end.stage.net.island[point.rotors.unit], end.weight
-    numbers = [k for k in np.unique(island) if k >= 0]
-    found = [end.speed[island == k] @ H[island == k] / H[island == k].sum() for k in numbers]
-    shown = ", ".join(f"{f * point.case.frequency_hz:.2f}" for f in sorted(found)[:8])
-    return f"; final {'frequencies' if len(found) > 1 else 'frequency'} {shown} Hz"
+    groups = [island == k for k in np.unique(island) if k >= 0]
+    found = [f"{end.speed[own] @ H[own] / H[own].sum() * point.case.frequency_hz:.2f} Hz" for own in groups]
+    if len(found) == 1:
+        return f"; final frequency {found[0]}"
+    first = [_rotor(point, int(np.flatnonzero(own)[0])) for own in groups]
+    shown = [f"{f} in the island of {called}" for f, called in zip(found, first, strict=True)]
+    return f"; final frequencies {listed(shown, 8)}"
 
 
 def _still_faulted(point: OperatingPoint, end: End) -> str:

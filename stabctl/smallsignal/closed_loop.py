@@ -113,7 +113,8 @@ class ClosedLoop(Linear):
             s = np.where(found.values == 0, 0, np.log(np.where(z == 0, 1e-300, z)) / self.period)
         kept = np.abs(z) > EMPTY**self.frames
         order = np.flatnonzero(kept)[np.lexsort((-s[kept].imag, s[kept].real, np.abs(s[kept].imag)))]
-        order = np.r_[0, order[order != 0]]
+        references = self.rotation().shape[1]
+        order = np.r_[np.arange(references), order[order >= references]]
         parts = Eigen(s[order], found.right[:, order], found.left[:, order])
         for part in parts:
             part.setflags(write=False)

@@ -133,7 +133,7 @@ class DelayedLoop:
     def characteristic(self, rotation: np.ndarray | None = None, later: float = 0.0) -> Characteristic:
         """The characteristic function with delays that are longer (s); `rotation` as in `eigen`.
 
-        The root of the angle reference is left out.
+        The roots of the angle references are left out.
         """
         A, B, C = self.A, self.B, self.C
         if rotation is not None:
@@ -146,13 +146,13 @@ class DelayedLoop:
         return np.linalg.eigvals(self.discretized())
 
     def eigenvalues(self, rotation: np.ndarray) -> np.ndarray:
-        """Roots below `FAST`, and all that grow, without that of the angle reference; `rotation` as in `eigen`.
+        """Roots below `FAST`, and all that grow, without those of the angle references; `rotation` as in `eigen`.
 
         Those of the discretization, if as many of them grow as are counted.
         """
         A, f = self.discretized(), self.characteristic(rotation)
         turned = rotation[self.places]
-        s = values(A, np.r_[turned, np.zeros(len(A) - len(turned))])
+        s = values(A, np.vstack([turned, np.zeros((len(A) - len(turned), turned.shape[1]))]))
         s = s[np.abs(s) < 2 * np.pi * FAST]
         unstable = growing(f)
         if unstable == (s.real > GROWING).sum():
@@ -197,7 +197,7 @@ class DelayedLoop:
         return seeds[(np.abs(seeds) < 1.2 * region.radius) | (seeds.real > region.edge - 1)]
 
     def roots(self, rotation: np.ndarray | None = None) -> Roots:
-        """All roots of the region that can be counted, except 0 itself and the angle reference; as in `eigen`."""
+        """All roots of the region that can be counted, except 0 itself and the angle references; as in `eigen`."""
         f = self.characteristic(rotation)
         region, counted = self.counted(f)
         left = both(find(f, region, counted or 0, self.starts(region)))
@@ -373,7 +373,7 @@ def delayed_modes(loop: Linear, opened: DelayedLoop) -> DelayedModes:
         *parts,
         radius=roots.region.radius,
         decay=roots.region.left,
-        counted=None if roots.counted is None else roots.counted + 1,  # with the angle reference
+        counted=None if roots.counted is None else roots.counted + rotation.shape[1],  # with the angle references
         growing=roots.growing,
         correction=float(max(moved, default=0.0)),
     )

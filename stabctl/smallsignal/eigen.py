@@ -1,9 +1,9 @@
-"""Eigenvalues and eigenvectors: all of a dense model without its angle reference, or the nearest of a sparse model.
+"""Eigenvalues and eigenvectors: all of a dense model without its angle references, or the nearest of a sparse model.
 
-Rotating all angles together changes nothing: A r = 0 with r = 1 at every angle (of rotors, and those that sensors
-track) and 0 elsewhere. In a basis that begins with r, A' = [0 a; 0 A22]. A second zero (nothing restores the frequency)
-would make A defective: rounding would split the double zero into a pair of about 1e-7, which looks unstable. In A22 it
-is a simple eigenvalue, as accurate as any.
+Rotating all angles of an island together changes nothing: A R = 0, where R has a column for every island, with 1 at its
+angles (of rotors, and those that sensors track) and 0 elsewhere. In a basis that begins with R, A' = [0 a; 0 A22]. A
+second zero (nothing restores the frequency) would make A defective: rounding would split the double zero into a pair of
+about 1e-7, which looks unstable. In A22 it is a simple eigenvalue, as accurate as any.
 
 The nearest to a shift s come from block Arnoldi iterations on the sparse descriptor equations: (A - s)^-1 b is the x of
 [fx - s, fv; gx, gv] [x; v] = [b; 0], which takes one sparse factorization per shift. The iterations find the
@@ -13,7 +13,7 @@ Sources: J. Rommes, N. Martins, IEEE Trans. Power Syst. 21 (2006); Y. Saad, Nume
 Problems, ch. 6.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -57,26 +57,28 @@ class Eigen(NamedTuple):
 
 
 def eigen(A: np.ndarray, rotation: np.ndarray) -> Eigen:
-    """Eigenvalues with left and right eigenvectors; `rotation` is the vector r (n) above.
+    """Eigenvalues with left and right eigenvectors; `rotation` is the matrix R (n, islands) above.
 
-    The right vector of a defective zero is a generalized one: A v is a rotation of all angles, not zero.
+    The first ones are the zeros of the angle references. The right vector of a defective zero is a generalized one: A v
+    is a rotation of all angles, not zero.
     """
-    turned, u = A.copy(order="F"), _normal(rotation)
-    _reflect(turned, u)
-    _reflect(turned.T, u)
-    values, Z, Y = _geev(turned[1:, 1:])
+    turned, mirrors = A.copy(order="F"), _mirrors(rotation)
+    _reflect(turned, mirrors)
+    _reflect(turned.T, mirrors)
+    m = len(mirrors)
+    values, Z, Y = _geev(turned[m:, m:])
     order = np.lexsort((-values.imag, values.real, np.abs(values.imag)))
     values, Z, Y = np.where(np.abs(values) < ZERO, 0, values)[order], Z[:, order], Y[:, order]
     Z = _paired(values, Y, Z)
-    a = turned[0, 1:] @ Y
-    coupling = np.divide(a, values, out=np.zeros(len(a), complex), where=values != 0)
+    a = turned[:m, m:] @ Y
+    coupling = np.divide(a, values, out=np.zeros(a.shape, complex), where=values != 0)
     both = np.zeros((2 * len(A), len(A)), complex).T
     V, W = both[:, : len(A)], both[:, len(A) :]
-    V[0, 0] = W[0, 0] = 1
-    V[0, 1:], V[1:, 1:] = coupling, Y
-    W[1:, 1:], W[1:, 0] = Z, -(Z @ coupling.conj())
-    _reflect(both, u)
-    return Eigen(np.r_[0j, values], V, W)
+    V[:m, :m] = W[:m, :m] = np.eye(m)
+    V[:m, m:], V[m:, m:] = coupling, Y
+    W[m:, m:], W[m:, :m] = Z, -(Z @ coupling.conj().T)
+    _reflect(both, mirrors[::-1])
+    return Eigen(np.r_[np.zeros(m, complex), values], V, W)
 
 
 def _geev(A: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -110,32 +112,41 @@ def _paired(values: np.ndarray, Y: np.ndarray, Z: np.ndarray) -> np.ndarray:
 
 
 def values(A: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """Eigenvalues alone (n - 1), without the zero of the angle reference; `rotation` as in `eigen`."""
+    """Eigenvalues alone, without the zeros of the angle references; `rotation` as in `eigen`."""
     return np.linalg.eigvals(without(rotation, A, A[:, :0], A[:0])[0])
 
 
 def without(
     rotation: np.ndarray, A: np.ndarray, B: np.ndarray, C: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A, B and C without the angle reference, which no output sees; `rotation` as in `eigen`."""
-    A, B, C, u = A.copy(order="F"), B.copy(), C.copy(), _normal(rotation)
+    """A, B and C without the angle references, which no output sees; `rotation` as in `eigen`."""
+    A, B, C, mirrors = A.copy(order="F"), B.copy(), C.copy(), _mirrors(rotation)
     for rows in (A, A.T, B, C.T):
-        _reflect(rows, u)
-    return A[1:, 1:], B[1:], C[:, 1:]
+        _reflect(rows, mirrors)
+    m = len(mirrors)
+    return A[m:, m:], B[m:], C[:, m:]
 
 
-def _normal(rotation: np.ndarray) -> np.ndarray:
-    """Unit normal of the mirror that maps the first axis to the direction of r; 0 if that is the first axis."""
-    u = -rotation / np.linalg.norm(rotation)
-    u[0] += 1
-    return u / (np.linalg.norm(u) or 1.0)
+def _mirrors(rotation: np.ndarray) -> list[np.ndarray]:
+    """Unit normals of mirrors that, one after the other, map the columns of R to the directions of the first axes.
+
+    A normal is 0 if its column has that direction already; columns of zeros are left out.
+    """
+    found: list[np.ndarray] = []
+    for column in rotation[:, rotation.any(axis=0)].T:
+        u, i = -column / np.linalg.norm(column), len(found)
+        _reflect(u[:, None], found)
+        u[i] += 1
+        found.append(u / (np.linalg.norm(u) or 1.0))
+    return found
 
 
-def _reflect(M: np.ndarray, u: np.ndarray) -> None:
-    """M := H M, where H = 1 - 2 u u^T."""
-    rows = np.flatnonzero(u)
-    u = u[rows, None]
-    M[rows] -= 2 * u * (u.T @ M[rows])
+def _reflect(M: np.ndarray, mirrors: Iterable[np.ndarray]) -> None:
+    """M := H M, where H are the reflections 1 - 2 u u^T, one after the other."""
+    for normal in mirrors:
+        rows = np.flatnonzero(normal)
+        u = normal[rows, None]
+        M[rows] -= 2 * u * (u.T @ M[rows])
 
 
 # The modes nearest to a shift.

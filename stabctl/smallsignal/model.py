@@ -18,7 +18,7 @@ from stabctl._util import files
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
-from stabctl.dynamics import layout
+from stabctl.dynamics import family, layout
 from stabctl.dynamics.jacobian import array, solved
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
 from stabctl.dynamics.signals import Signal
@@ -151,20 +151,35 @@ class Linear(Model):
         return np.array([found[unit] for unit in rotors.unit[rotors.speed < layout.nx]], int)
 
     def rotation(self) -> np.ndarray:
-        """The change of the states (states) when all angles are rotated by 1 rad, which changes nothing else."""
+        """The change of the states (states, islands) when all angles of an island are rotated by 1 rad.
+
+        Nothing else changes then.
+        """
         every = {p.table: devices.every().get(p.table) for p in self.places}
         angles = {table: device.angles if device else ("delta",) for table, device in every.items()}
         r = np.array([p.name in angles[p.table] for p in self.places], float)
         phasors = {t: d.phasors for t, d in every.items() if d is not None and d.phasors}
-        if not phasors:
-            return r
-        layout = self.point.layout
-        value = {(p.table, p.row, p.name): float(self.point.s[k]) for k, p in enumerate(layout.states)}
+        at = {(p.table, p.row, p.name): k for k, p in enumerate(self.point.layout.states)}
         for k, p in enumerate(self.places):
             for re, im in phasors.get(p.table, ()):  # j times the phasor
                 if p.name in (re, im):
-                    r[k] = -value[p.table, p.row, im] if p.name == re else value[p.table, p.row, re]
-        return r
+                    r[k] = self.point.s[at[p.table, p.row, im if p.name == re else re]] * (-1 if p.name == re else 1)
+        turned, islands = np.flatnonzero(r), self._islands()
+        own = [islands[at[p.table, p.row, p.name]] for p in (self.places[k] for k in turned)]
+        found = np.zeros((len(r), max(own, default=0) + 1))
+        found[turned, own] = r[turned]
+        return found[:, found.any(axis=0)]
+
+    def _islands(self) -> np.ndarray:
+        """Island of the bus of every state of the system (states); that of a device without a bus is not meant."""
+        places, islands = self.point.layout, self.point.island
+        found = np.zeros(places.nx, int)
+        for f in self.point.system.families:
+            states, _, _, buses = family.size(f) if len(f.w) else (0, 0, 0, 0)
+            if buses:
+                bus = (f.w[:, family.BUS] - places.voltages.start) // 2
+                found[f.w[:, [family.STATE]] + np.arange(states)] = islands[bus, None]
+        return found
 
     def angles(self) -> np.ndarray:
         """Indices (rotor units) of the angles among the states."""

@@ -116,6 +116,11 @@ class Modes:
         return np.divide(-self.eigenvalues.real, size, out=np.ones(len(self)), where=size > 0)
 
     @cached_property
+    def references(self) -> int:
+        """How many angle references there are, one per island: the first modes."""
+        return self.linear.rotation().shape[1]
+
+    @cached_property
     def participation(self) -> np.ndarray:
         """Participation factors p_ki = conj(w_ki) v_ki (states, modes), complex; each column sums to 1."""
         return self.left.conj() * self.right
@@ -157,7 +162,7 @@ class Modes:
         """Name of mode k: the machines and converters that swing against each other, or the dominant state."""
         linear, H = self.linear, self.linear.point.inertia
         if self.eigenvalues[k] == 0:
-            return zero(linear, self.right[:, k], self.left[:, k], k == 0)
+            return zero(linear, self.right[:, k], self.left[:, k], k if k < self.references else None)
         if self.electromechanical[k]:
             rotors, weight = linear.point.rotors, self.shares[linear.angles(), k]
             weight[rotors.speed < linear.point.layout.nx] = self.shares[linear.speeds(), k]
@@ -270,10 +275,13 @@ def _together(speeds: np.ndarray, H: np.ndarray) -> np.ndarray:
     return np.divide(np.abs(H @ speeds), whole, out=np.zeros(speeds.shape[1]), where=whole > 0)
 
 
-def zero(linear: Linear, right: np.ndarray, left: np.ndarray, first: bool) -> str:
-    """Why an eigenvalue is zero; none of these is an instability."""
-    if first:
-        return "angle reference (rotating all angles together changes nothing)"
+def zero(linear: Linear, right: np.ndarray, left: np.ndarray, reference: int | None) -> str:
+    """Why an eigenvalue is zero; none of these is an instability. `reference` is the number of an angle reference."""
+    if reference is not None:
+        own = np.flatnonzero(linear.rotation()[:, reference])
+        if linear.rotation().shape[1] == 1:
+            return "angle reference (rotating all angles together changes nothing)"
+        return f"angle reference (rotating {linear.states[own[0]]} and all other angles of its island changes nothing)"
     fixed = [k for k in range(len(left)) if not linear.A[k].any() and abs(left[k]) > 0.5 * np.abs(left).max()]
     if fixed:
         return f"constant state {linear.states[fixed[0]]} (open circuit)"

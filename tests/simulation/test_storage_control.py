@@ -54,7 +54,7 @@ class TestFeedbackLaw:
         order = decided(law, law.par(self.DEVICE), Input(slip, rate), size).wanted
         wb = 2 * np.pi * 60
         want = 900 * (0.02 * wb * slip + 0.01 * wb * rate)
-        assert 50 * order == pytest.approx(want if size >= 0.8 and slip else 0, abs=1e-9)
+        assert 50 * order == pytest.approx(want if size >= 0.8 else 0, abs=1e-9)
 
     @given(st.floats(-0.05, 0.05), st.floats(-0.1, 0.1))
     def test_braking_never_feeds_the_swing(self, slip, rate):
@@ -169,3 +169,11 @@ def test_a_run_whose_storage_gets_no_orders_says_so_when_it_is_printed(points):
     by_hand = simulation.Simulation(operating_point.solve(point.case.with_storage("50MW")))
     by_hand.advance(0.1)
     assert said not in str(by_hand.finish())
+
+
+def test_at_rest_an_order_follows_the_acceleration():
+    """A fault begins at a deviation of exactly 0: the order is that of the acceleration, as just beside it."""
+    law = Feedback(speed_gain=0.02, acceleration_gain=0.01)
+    at = [decided(law, law.par(TestFeedbackLaw.DEVICE), Input(slip, 0.001), 1.0).wanted for slip in (0.0, 1e-15)]
+    assert at[0] == pytest.approx(at[1])
+    assert at[0] > 0
