@@ -48,10 +48,10 @@ def locate(case: Case, text: str) -> Location:
     StudyError
         If the case has no such bus or circuit, or the text is not a location.
     """
-    text = str(text).strip()
+    text = str(text)
     if (number := naming.bus_number(case, text)) is not None:
         return Location(next(i for i, bus in enumerate(case.buses) if bus.bus == number))
-    if _NUMBER.fullmatch(text):
+    if _NUMBER.fullmatch(text.strip()):
         raise StudyError(_no_bus(case, int(text)))
     name, position = _parts(case, text)
     wanted = naming.parse_circuit(case, name)
@@ -78,13 +78,16 @@ def locate(case: Case, text: str) -> Location:
 def _parts(case: Case, text: str) -> tuple[str, str | None]:
     """The circuit and the position along it; the identifier of a circuit may itself begin with `@`."""
     wanted = naming.parse_circuit(case, text)
-    point = None if wanted and naming.circuit_rows(case, wanted) else _POINT.fullmatch(text)
+    point = None if wanted and naming.circuit_rows(case, wanted) else _POINT.fullmatch(text.rstrip())
     return (point[1], point[2]) if point else (text, None)
 
 
 def faulted(case: Case, text: str) -> str | None:
     """Name of the circuit of a location, without the position along it; None if it is a bus."""
-    return None if locate(case, text).branch is None else _parts(case, str(text).strip())[0]
+    if locate(case, text).branch is None:
+        return None
+    name, _ = _parts(case, str(text))
+    return name if name in naming.circuit_names(case.branches) else name.strip()
 
 
 def _circuit_row(case: Case, wanted: naming.Circuit) -> int:

@@ -48,7 +48,7 @@ def row(case: Tables, table: str, key: Key) -> int:
         If the case has no such table or row; it names similar ones.
     """
     known = {str(k): i for i, k in enumerate(keys(case, known_table(case, table)))}
-    wanted = key.strip() if isinstance(key, str) else shown(key)
+    wanted = key if key in known else key.strip() if isinstance(key, str) else shown(key)
     if wanted in known:
         return known[wanted]
     if table == "branches" and (circuit := parse_circuit(case, wanted)) and (rows := circuit_rows(case, circuit)):
@@ -131,7 +131,15 @@ def circuit_names(branches: Iterable[Branch]) -> list[str]:
 
 
 def parse_circuit(case: Tables, text: str) -> Circuit | None:
-    """The circuit that a text names, whether or not the case has it; None if the text is not of that form."""
+    """The circuit that a text names, whether or not the case has it; None if the text is not of that form.
+
+    What `circuit_names` calls a circuit names that one, whatever its identifier holds.
+    """
+    if " ckt " in text and text in (names := circuit_names(case.branches)):
+        row = names.index(text)
+        own = case.branches[row]
+        between = [i for i, k in enumerate(case.branches) if {k.from_bus, k.to_bus} == {own.from_bus, own.to_bus}]
+        return Circuit(own.from_bus, own.to_bus, between.index(row) + 1, None)
     match = _CIRCUIT.fullmatch(text.strip())
     if match is None:
         return None

@@ -228,16 +228,16 @@ class Contingency:
         -------
         str
         """
-        return self._in_words(case.frequency_hz)
+        return self._in_words(case)
 
     def __str__(self) -> str:
         return self._in_words()
 
-    def _in_words(self, frequency_hz: float | None = None) -> str:
-        parts = []
+    def _in_words(self, case: Case | None = None) -> str:
+        parts, frequency_hz = [], case.frequency_hz if case else None
         if self.fault is not None:
             parts.append(f"fault {self.fault}" + (f" through {self.impedance} pu" if self.impedance else ""))
-        names = dict.fromkeys((*_line(self.fault or ""), *self.trip))
+        names = dict.fromkeys((*_line(self.fault or ""), *self.trip)) if case is None else self.opened(case)
         opened = f"opening {', '.join(names)}" if names else ""
         if self.clear is not None and self.fault is not None:
             parts.append(f"cleared after {_said(self.clear, frequency_hz)}" + (f" by {opened}" if opened else ""))
