@@ -161,17 +161,19 @@ def pairs(
     residues = np.outer(seen[:, k], modes.controllability()[k])
     swings = modes.swings()
     size = np.sqrt((np.abs(seen[:, swings] / speed[swings]) ** 2).sum(axis=1))
-    for key, given in (("availability", availability), ("ranges", ranges)):
+    late = delay if isinstance(delay, Mapping) else None
+    for key, given in (("availability", availability), ("ranges", ranges), ("delay", late)):
         if given is not None and not isinstance(given, Mapping):
             raise StudyError(f"{key} = {shown(given)} is not a dict of signals; give {{'flow': 0.9}}, for example.")
-        signals = drives if key == "ranges" else (*reads, *drives)
+        signals = {"ranges": drives, "delay": reads}.get(key, (*reads, *drives))
         known = list(dict.fromkeys([*(s.kind for s in signals), *(s.name for s in signals)]))
         for name in given or ():
             if name not in known:
                 raise StudyError(f"{key} names {shown(name)}, which is not among the signals: {listed(known, 8)}.")
-    late = {} if not isinstance(delay, Mapping) else {name: duration("delay", value) for name, value in delay.items()}
     each = duration("delay", delay) if not isinstance(delay, Mapping) else 0.0
-    T = np.array([_of(late, s, each) for s in reads])
+    T = np.array(
+        [_of({name: duration("delay", value) for name, value in (late or {}).items()}, s, each) for s in reads]
+    )
     weight = np.array([_of(availability, s, 1.0) for s in reads]) * np.maximum(
         np.cos(modes.eigenvalues[k].imag * T), 0.0
     )

@@ -143,8 +143,8 @@ class Wiring:
         found = self.providers.of(at.signal, np.array([unit]))
         if unit == NO_UNIT or not (found >= 0).any():
             raise EquilibriumError(
-                f"Machine {number} of {self.case.name} has no signal {at.signal}, which {row.label} reads; choose "
-                "another machine."
+                f"Machine {number or self.case.machines[unit].called} of {self.case.name} has no signal {at.signal}, "
+                f"which {row.label} reads; choose another machine."
             )
         return int(found[0, 0])
 

@@ -162,6 +162,11 @@ class Estimates(Tabular):
         StudyError
             If no machine was in synchronism between these instants.
         """
+        if since > until:
+            raise StudyError(
+                f"The run of {self.point.case.name} ends at {until:g} s, but its estimates are judged from {since:g} s "
+                "on; clear the fault earlier (6 is 6 s, 6cyc are cycles), or add storage."
+            )
         rows = (self.time >= since - 1e-9) & (self.time <= until + 1e-9)
         on = self.on[rows]
         if not on.any():

@@ -180,6 +180,15 @@ def test_below_gives_the_same_pairs_in_fewer_runs(screens, points):
     assert cut.simulations < whole.simulations / 2  # 0.36
 
 
+@pytest.mark.parametrize("apart", [-0.01, 0.0, 0.01, 0.06, 0.124])
+def test_below_cuts_between_points_of_the_grid_too(points, apart):
+    """A pair whose clearing time is just below the limit is listed, one at the limit is not."""
+    whole = screen(points("two_area"))
+    limit = f"{min(p.cycles for p in whole.pairs) + apart}cyc"
+    assert screen(points("two_area"), below=limit).rows() == whole.below(limit).rows()
+    assert bool(whole.below(limit).pairs) == (apart > 0)
+
+
 def test_nothing_below_is_said(cases):
     point = operating_point.solve(cases("two_area").classical())
     short = screen(point, below="3cyc")

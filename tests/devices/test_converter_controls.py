@@ -1,5 +1,7 @@
 """Controls of converters: block diagrams by frequency response, limits reached and left, stationary start."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from block_diagram import distance, evaluate, feedback, motion, one, opened, response, rest, s
@@ -8,6 +10,7 @@ from records import csvgn1, dera1, reec_b, reec_c, repc_a, wtdt_a
 from stabctl import devices
 from stabctl._util.schema import fields
 from stabctl.devices.blocks import lookup
+from stabctl.devices.converters.electrical import NO_LIMIT, rising
 
 P, Q = 0.7, 0.2
 AT = {"vt": 1.0, "V": 1.0, "f": 1.0, "P": P, "Q": Q, "fset": 1.0, "wg": 1.0}
@@ -291,3 +294,28 @@ def test_a_limit_of_distributed_generation_is_reached_and_left(given, signal, ch
 def test_trips_of_distributed_generation_are_refused():
     with pytest.raises(ValueError, match="VtripFlag = 1"):
         dera1.from_record("DERA1", {"VtripFlag": 1, "FtripFlag": 0})
+
+
+@pytest.mark.parametrize("last", [1, 2, 3, 4])
+def test_a_point_of_a_curve_with_a_voltage_and_no_current_is_one(last):
+    """Only points 0, 0 at its end are unused."""
+
+    class Par(SimpleNamespace):
+        def _replace(self, **new):
+            return Par(**vars(self) | new)
+
+    volts, limits = [0.2 * k for k in range(1, 5)], [1.0, 0.8, 0.6, 0.4]
+    limits[last - 1] = 0.0
+    given = {
+        f"{n}{k}": (volts if n[0] == "V" else limits)[k - 1] if k <= last else 0.0
+        for n in ("Vq", "Iq", "Vp", "Ip")
+        for k in range(1, 5)
+    }
+    found = rising(Par(**given))
+    if last == 1:
+        assert found.Iq1 == NO_LIMIT
+    else:
+        assert [found.Vq1, getattr(found, f"Vq{last}")] == [0.2, volts[last - 1]]
+        assert getattr(found, f"Iq{last}") == 0.0
+        assert all(getattr(found, f"Ip{k}") == 0.0 for k in range(last, 5))
+        assert all(getattr(found, f"Vp{k}") < getattr(found, f"Vp{k + 1}") for k in range(1, 4))

@@ -176,3 +176,19 @@ def test_a_raw_file_in_any_free_format_has_the_same_records_or_is_refused(tmp_pa
     default = raw.Bus(I=0)
     assert [(b.I, b.NAME) for b in found] == [(i, name or default.NAME) for i, (_, name) in enumerate(names, 1)]
     assert {(b.BASKV, b.IDE, b.AREA, b.ZONE, b.OWNER, b.VM, b.VA) for b in found} == {(138.0, 2, 3, 4, 5, 1.02, -3.5)}
+
+
+@pytest.mark.parametrize("end", ["0 /", "0", "0,", "0 0 0", "'0' / END", "0,0,0 / END OF BUS DATA", " 0 , 'x'"])
+def test_a_section_ends_with_a_record_of_zero(tmp_path, end):
+    """Whatever follows the zero: no bus, area or owner has this number."""
+    path = tmp_path / "x.raw"
+    path.write_text(f"{HEAD}{BUS}\n{end}\n5,'1',1,1,1,100.0,50.0,0,0,0,0,1,1\n{end}\nQ\n")
+    found = raw.read(path)
+    assert len(list(found.of("bus"))) == 1
+    assert len(list(found.of("load"))) == 1
+
+
+@pytest.mark.parametrize("next_", ["2,'GENCLS',1,4.0,0.0/", '2 "GENCLS" 1 4.0 0.0 /', "  2 , 'GENCLS ' , 1 , 4.0 /"])
+def test_a_record_without_a_slash_does_not_take_the_next_one(tmp_path, next_):
+    with pytest.raises(CaseError, match="dyr line 1: the record has no slash at its end; line 2 begins another"):
+        records(tmp_path, f"1,'GENCLS',1,3.0,0.0\n{next_}\n")

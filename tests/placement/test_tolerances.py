@@ -1,8 +1,10 @@
 """Sizes with a tolerance: a fleet that survives need not survive with another size at one site."""
 
 import json
+import sys
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from stabctl._util.errors import StudyError
@@ -15,6 +17,8 @@ AT_25 = Contingency("25", 8.25 / 60, "2-25")
 AT_16 = Contingency("16", 10.625 / 60, "16-21")
 NEAR_9 = Contingency("29", 4.75 / 60, "26-29")
 SITES = ((1, 39), (6, 22))
+
+placing = sys.modules["stabctl.placement.place"]  # the package has a function of this name
 
 
 @pytest.fixture(scope="module")
@@ -68,6 +72,28 @@ def test_with_the_tolerance_required_every_changed_fleet_survives(case, given, h
     assert held.smaller == ()
     assert [c.contingency for c in held.contingencies] == [c.contingency for c in given.contingencies]
     assert held.df[["lost_if_smaller", "lost_if_larger"]].to_numpy().sum() == 0
+
+
+def test_what_is_lost_is_looked_for_on_both_sides(monkeypatch):
+    """With devices of 60 and 20 MW: each smaller and each larger, all scenarios."""
+    tried = []
+
+    class Known:
+        existing, scenarios = (), ("one", "other")
+
+        def among(self, scenarios):
+            tried.extend(scenarios)
+            return self
+
+        def lost(self, mw):
+            return [True]
+
+        def only(self, rows):
+            return self
+
+    monkeypatch.setattr(placing, "scaled", lambda scenarios, row, multiple: [(s, row, multiple) for s in scenarios])
+    placing.lost(Known(), np.array([60.0, 0.0, 20.0]), 0.1)
+    assert sorted(tried) == sorted((s, row, a) for s in ("one", "other") for row in (0, 2) for a in (0.9, 1.1))
 
 
 def test_a_tolerance_that_nothing_holds_is_an_error_not_a_claim(case):

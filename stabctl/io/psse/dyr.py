@@ -32,6 +32,7 @@ _NEXT = re.compile(  # another record after a slash
     | (?:\d+|{_QUOTED})[\s,]+(?:{_QUOTED}|[A-Z][A-Z0-9_]{{2,}})(?:[\s,]++[^\s,/]++){{2}}[^/]*/)""",
     re.VERBOSE,
 )
+_BEGIN = re.compile(r"""\s*\d+[\s,]+(['"])[A-Z][A-Z0-9_]{2,}\s*\1[\s,]+\S""")  # a record at the beginning of a line
 SCOPES = ("AL", "AR", "ZN", "OW", "BL")  # endings of the kinds of loads, from the widest to the narrowest
 OF_LOADS = "BL", "OW", "ZN", "AR", "AL"  # endings of the kinds of loads: at a bus, of an owner, a zone, an area, all
 ANY = "*"  # identifier for all loads of a scope
@@ -63,6 +64,8 @@ def read(path: Path) -> list[Record]:
         if not text.strip() or (not fields and text.lstrip().startswith(("@!", "//"))):
             continue
         place, at = Place(path, i), 0
+        if fields and start and _BEGIN.match(text):
+            raise start.error(f"the record has no slash at its end; line {i} begins another one.")
         while True:
             line = split(text, place, at, filled)
             start = start if fields else place

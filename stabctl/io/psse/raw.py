@@ -29,6 +29,7 @@ from .records import (
 
 NEWEST = 35  # version that is read
 _END = re.compile(r"""\s*(['"]?)0\1\s*(?:/|$|[A-Za-z])""")
+_ZERO = re.compile(r"""\s*(['"]?)0\1(?:[\s,/]|$|[A-Za-z])""")  # no record of a section begins with it
 _QUIT = re.compile(r"\s*[Qq]\s*$")
 _FIRST = "bus load {}generator branch {}transformer area dc vsc "
 _LAST = "impedance_correction multiterminal_dc multisection_line zone transfer owner facts"
@@ -121,7 +122,7 @@ def _section(raw: Raw, section: str, texts: Iterator[tuple[Place, str]], before:
     """
     found = raw.sections.setdefault(section, [])
     for place, text in texts:
-        if _END.match(text):
+        if _ZERO.match(text):
             if text.strip() == before and "END" in before.upper():
                 continue
             return text.strip()
