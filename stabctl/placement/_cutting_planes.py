@@ -218,9 +218,10 @@ class CuttingPlanes:
             return np.inf
         energy = self.energies(mw)
         cost = self.prices.cost(mw, energy)
-        self.survivors.append(mw)
         if cost < self.cost:
             self.take(mw, energy)
+        else:
+            self.survivors.append(mw)
         return cost
 
     def take(self, mw: np.ndarray, energy: np.ndarray) -> None:

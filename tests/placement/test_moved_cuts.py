@@ -158,3 +158,13 @@ def test_what_the_solver_says_is_in_the_plan(monkeypatch, sites):
     monkeypatch.setattr(cp.Problem, "solve", stuck)
     with pytest.raises(Unsolved, match="failed"):
         master.solve([AT_LEAST_20])
+
+
+def test_a_fleet_that_survives_is_kept_once():
+    found = planes((30.0, 5.0))
+    found.trials.fleet = lambda mw: mw
+    for mw, best in (((20.0, 5.0), (20.0, 5.0)), ((40.0, 5.0), (20.0, 5.0)), ((10.0, 6.0), (10.0, 6.0))):
+        count = len(found.survivors)
+        found.accept(np.array(mw))
+        assert len(found.survivors) == count + 1
+        assert found.best.tolist() == list(best)
