@@ -142,8 +142,18 @@ class Estimates(Tabular):
 
     @property
     def accuracy(self) -> Accuracy:
-        """Accuracy from `SETTLED` after clearing to the end. Raises `StudyError` as `accuracy_between`."""
-        return self.accuracy_between(self.cleared_s + SETTLED, self.time[-1] if len(self.time) else 0.0)
+        """Accuracy from `SETTLED` after clearing to the end.
+
+        Raises `StudyError` if the run ends before, and as `accuracy_between`.
+        """
+        since, end = self.cleared_s + SETTLED, self.time[-1] if len(self.time) else 0.0
+        if len(self.time) and end < since - 1e-9:
+            case, last = self.point.case, self.cleared_s
+            raise StudyError(
+                f"The estimates of {case.name} end at {end:.3f} s, but they are judged after the last event, at "
+                f"{last:g} s ({last * case.frequency_hz:.6g} cycles); clear the fault earlier or add storage."
+            )
+        return self.accuracy_between(since, end)
 
     def accuracy_between(self, since: float, until: float) -> Accuracy:
         """Accuracy of the estimates in a part of the run.
