@@ -81,7 +81,7 @@ def test_a_line_of_zeros_within_a_record_belongs_to_it(tmp_path):
 @pytest.mark.parametrize("second", ["2,'GENCLS',1,4.0,0.0/", "  2 gencls 1 4.0 0.0 /"])
 def test_a_record_without_a_slash_does_not_swallow_the_next(tmp_path, second):
     first = "1,'GENCLS',1,\n3.0,0.0"
-    says = r"x\.dyr line 2: the record has no slash at its end, and line {{line}} begins another\."
+    says = r"x\.dyr line 2: the record has no slash at its end, and line {line} begins another\."
     with pytest.raises(CaseError, match=says.format(line=4)):
         records(tmp_path, f"/ a comment\n{first}\n{second}")
     assert len(records(tmp_path, f"{first} /\n{second}")) == 2
