@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from stabctl import io
-from stabctl.clearing import Run, Search, clearing_time
+from stabctl.clearing import ClearingTime, Run, Search, clearing_time
 from stabctl.clearing.critical_time import critical
 from stabctl.dynamics.operating_point import initialize
 from stabctl.simulation.contingency import Contingency
@@ -78,3 +78,14 @@ def test_grids_in_seconds_and_in_cycles_agree_within_their_resolution(fault):
     fine = clearing_time(base, fault, resolution="0.01cyc").cycles
     for resolution, cycles in (("0.001s", 0.06), ("0.125cyc", 0.125)):
         assert 0 <= fine + 0.01 - clearing_time(base, fault, resolution=resolution).cycles <= cycles + 0.01
+
+
+def test_the_longest_stable_run_is_below_every_unstable_one():
+    """A longer fault that is stable again says nothing about the answer."""
+    runs = tuple(
+        Run(k, stable, Kind.STABLE if stable else Kind.LOST_SYNCHRONISM, None, 5.0, stalled=(k,))
+        for k, stable in ((1, True), (2, True), (3, False), (4, True), (5, False))
+    )
+    found = ClearingTime("x", Contingency("1"), "found", 2.0, 2 / 60, None, Search(), runs, 0.0)
+    assert (found.longest_stable.cycles, found.stalled) == (2, (2,))
+    assert (found.lowest_unstable, found.stable_above) == (3, (4,))
