@@ -194,3 +194,12 @@ def test_a_voltage_that_limits_has_a_bus():
     assert lowest.bus is not None
     assert found.limit == f"voltage at bus {lowest.bus}"
     assert f"limited by voltage at bus {lowest.bus}, not by loss of synchronism" in str(found)
+
+
+def test_a_stable_run_is_observed_after_its_last_event(two_area):
+    """Also where that is after clearing."""
+    later = Contingency("7", trip="7-8", events="7:+1MW@1.5s")
+    run = Trial(two_area, later, search=Search(observed_s=0.8)).attempt(24)
+    assert run.stable
+    assert run.observed_s == pytest.approx(0.8, abs=0.01)
+    assert run.time_s == pytest.approx(0.5 + 0.8, abs=0.01)  # the fault begins at 1 s
