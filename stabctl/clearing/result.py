@@ -86,12 +86,18 @@ class ClearingTime:
     @property
     def limited_by(self) -> str | None:
         """What the lowest unstable run lost first: "synchronism", "frequency" or "voltage"; None if there is none."""
-        return next((LIMITS[r.outcome] for r in self.runs if not r.stable), None)
+        return LIMITS[self._lost.outcome] if self._lost else None
+
+    @property
+    def _lost(self) -> Run | None:
+        """The lowest unstable run; None if there is none."""
+        return next((r for r in self.runs if not r.stable), None)
 
     @property
     def limit(self) -> str:
-        """What limits the clearing time, in a few words: `synchronism of machine 4`; empty if nothing does."""
-        return (self.limited_by or "") + (f" of {naming.unit(self.machine)}" if self.machine is not None else "")
+        """What limits the clearing time, in a few words: `synchronism of machine 4`, `voltage at bus 8`, or nothing."""
+        place = f" at bus {self._lost.bus}" if self._lost and self._lost.bus is not None else ""
+        return (self.limited_by or "") + (f" of {naming.unit(self.machine)}" if self.machine is not None else place)
 
     @property
     def stable_above(self) -> tuple[float, ...]:
@@ -154,7 +160,7 @@ class ClearingTime:
     def _first(self) -> str:
         """What fails first just beyond, as the end of a sentence; empty if nothing does."""
         if self.limited_by in ("frequency", "voltage"):
-            return f"; limited by {self.limited_by}, not by loss of synchronism"
+            return f"; limited by {self.limit}, not by loss of synchronism"
         return f"; {naming.unit(self.machine)} loses synchronism first" if self.machine is not None else ""
 
     def window(self) -> str:

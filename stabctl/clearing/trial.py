@@ -142,6 +142,7 @@ class Run(NamedTuple):
     swings: Swings | None = None  # the last ones of a stable run
     observed_s: float = 0.0  # s   simulated after the last event
     stalled: tuple[int, ...] = ()  # buses whose motor loads have stalled at the end
+    bus: int | None = None  # whose voltage collapsed
 
 
 @dataclass(frozen=True)
@@ -208,7 +209,7 @@ class Trial:
         end, cycles = ran.outcome, k * self.search.resolution_cycles
         beyond, observed = None if end.stable else margin(ran, self.cleared(k)), end.time_s - self.last_event(k)
         start = Run(cycles, end.stable, end.kind, end.machine, end.time_s - self.at)
-        return start._replace(margin=beyond, swings=end.swings, observed_s=observed, stalled=end.stalled)
+        return start._replace(margin=beyond, swings=end.swings, observed_s=observed, stalled=end.stalled, bus=end.bus)
 
     def guess(self) -> int:
         """Point of the grid near the answer: a share of the time to loss of synchronism, fault uncleared."""

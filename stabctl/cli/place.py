@@ -209,7 +209,7 @@ def _record(found: "Siting") -> dict[str, Any]:
             }
             for c in found.contingencies
         ],
-        "infeasible": [
+        "lost": [
             {
                 "fault": c.contingency.fault,
                 "trip": list(c.contingency.trip),

@@ -202,7 +202,8 @@ def _designed(
     found = zip(faults, none, pairs[::2], pairs[1::2], groups, strict=True)
     rows = tuple(Judged(c, c in chosen, n, r, d, group) for c, n, r, d, group in found)
     kept = limits.kept([row.designed for row in rows if row.training])
-    work = len(tuning.tried), bench.simulations, 0.0
+    leaving = sum(m.status != "stable_at_limit" for m in none)  # simulations of `_leaving`
+    work = len(tuning.tried), bench.simulations + leaving, 0.0
     return LawDesign(point.case.name, best, reference, rows, limits, kept, *work, silent)
 
 

@@ -191,7 +191,8 @@ def run_measurement(task: Task) -> Found:
     watched = Trial(point, job.contingency, job.law, replace(search, observed_s=WATCHED, longest_s=0.0))
     use = duty(watched.simulate(k, record=True))
     after = later(watched, k, job.within_s) if job.within_s and _returns(job.law) else None
-    values = {"reach_cycles": reach, "outcome": found.status, "runs": len(found.runs)}
+    runs = len(found.runs) + (start is None) + 1 + (after is not None)  # of the search, its first guess, and the duty
+    values = {"reach_cycles": reach, "outcome": found.status, "runs": runs}
     return Found(values | {"rest": json.dumps([found.machine, use, after])})
 
 

@@ -10,12 +10,12 @@ from stabctl._util.errors import StudyError, shown
 from stabctl._util.tabular import Tabular
 from stabctl._util.units import hertz
 from stabctl._util.verbs import verb
-from stabctl._util.wording import listed
 from stabctl.controllers.timing import duration
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
+from stabctl.model.naming import near
 from stabctl.smallsignal.closed_loop import closed_loop
 
 from ._phase_compensation import UNSEEN, meant
@@ -161,19 +161,12 @@ def pairs(
     residues = np.outer(seen[:, k], modes.controllability()[k])
     swings = modes.swings()
     size = np.sqrt((np.abs(seen[:, swings] / speed[swings]) ** 2).sum(axis=1))
-    late = delay if isinstance(delay, Mapping) else None
-    for key, given in (("availability", availability), ("ranges", ranges), ("delay", late)):
-        if given is not None and not isinstance(given, Mapping):
-            raise StudyError(f"{key} = {shown(given)} is not a dict of signals; give {{'flow': 0.9}}, for example.")
-        signals = {"ranges": drives, "delay": reads}.get(key, (*reads, *drives))
-        known = list(dict.fromkeys([*(s.kind for s in signals), *(s.name for s in signals)]))
-        for name in given or ():
-            if name not in known:
-                raise StudyError(f"{key} names {shown(name)}, which is not among the signals: {listed(known, 8)}.")
-    each = duration("delay", delay) if not isinstance(delay, Mapping) else 0.0
-    T = np.array(
-        [_of({name: duration("delay", value) for name, value in (late or {}).items()}, s, each) for s in reads]
-    )
+    _known("availability", availability, (*reads, *drives))
+    _known("ranges", ranges, drives)
+    _known("delay", delay if isinstance(delay, Mapping) else None, reads)
+    late = {name: duration("delay", value) for name, value in delay.items()} if isinstance(delay, Mapping) else {}
+    each = 0.0 if isinstance(delay, Mapping) else duration("delay", delay)
+    T = np.array([_of(late, s, each) for s in reads])
     weight = np.array([_of(availability, s, 1.0) for s in reads]) * np.maximum(
         np.cos(modes.eigenvalues[k].imag * T), 0.0
     )
@@ -185,6 +178,16 @@ def pairs(
     return Pairs(
         point.case.name, *at, tuple(s.name for s in reads), tuple(s.name for s in drives), residues, weights, scores
     )
+
+
+def _known(key: str, given: object, signals: Sequence[Signal]) -> None:
+    """Raise `StudyError` unless values are given for some of these signals or their kinds."""
+    if given is not None and not isinstance(given, Mapping):
+        raise StudyError(f"{key} = {shown(given)} is not a dict of signals; give {{'flow': 0.9}}, for example.")
+    known = list(dict.fromkeys([*(s.kind for s in signals), *(s.name for s in signals)]))
+    for name in given or ():
+        if name not in known:
+            raise StudyError(f"{key} names {shown(name)}, which is not among the signals; {near(str(name), known)}")
 
 
 def _of(given: Mapping[str, float] | None, signal: Signal, otherwise: float) -> float:

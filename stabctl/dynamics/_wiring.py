@@ -142,9 +142,10 @@ class Wiring:
         unit = units.get(number, NO_UNIT) if number else row.unit
         found = self.providers.of(at.signal, np.array([unit]))
         if unit == NO_UNIT or not (found >= 0).any():
+            called = number if unit == NO_UNIT else self.case.machines[unit].called
             raise EquilibriumError(
-                f"Machine {number or self.case.machines[unit].called} of {self.case.name} has no signal {at.signal}, "
-                f"which {row.label} reads; choose another machine."
+                f"Machine {called} of {self.case.name} has no signal {at.signal}, which {row.label} reads; choose "
+                "another machine."
             )
         return int(found[0, 0])
 

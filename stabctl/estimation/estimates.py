@@ -142,8 +142,18 @@ class Estimates(Tabular):
 
     @property
     def accuracy(self) -> Accuracy:
-        """Accuracy from `SETTLED` after clearing to the end. Raises `StudyError` as `accuracy_between`."""
-        return self.accuracy_between(self.cleared_s + SETTLED, self.time[-1] if len(self.time) else 0.0)
+        """Accuracy from `SETTLED` after clearing to the end.
+
+        Raises `StudyError` if the run ends before, and as `accuracy_between`.
+        """
+        since, end = self.cleared_s + SETTLED, self.time[-1] if len(self.time) else 0.0
+        if len(self.time) and end < since - 1e-9:
+            case, last = self.point.case, self.cleared_s
+            raise StudyError(
+                f"The estimates of {case.name} end at {end:.3f} s, but they are judged after the last event, at "
+                f"{last:g} s ({last * case.frequency_hz:.6g} cycles); clear the fault earlier or add storage."
+            )
+        return self.accuracy_between(since, end)
 
     def accuracy_between(self, since: float, until: float) -> Accuracy:
         """Accuracy of the estimates in a part of the run.
@@ -162,11 +172,6 @@ class Estimates(Tabular):
         StudyError
             If no machine was in synchronism between these instants.
         """
-        if since > until:
-            raise StudyError(
-                f"The run of {self.point.case.name} ends at {until:g} s, but its estimates are judged from {since:g} s "
-                "on; clear the fault earlier (6 is 6 s, 6cyc are cycles), or add storage."
-            )
         rows = (self.time >= since - 1e-9) & (self.time <= until + 1e-9)
         on = self.on[rows]
         if not on.any():

@@ -28,7 +28,8 @@ def table(
     """The fleet, 0.9 of it, with each site removed, smaller or larger, refined, and under other controllers.
 
     If the fleet does not survive refined simulations or another controller, the first of `MARGINS` that does is shown
-    too, or the last one if none does. Where caps lessen it, its scale is the multiple of the MW that is left.
+    too, or the last one if none does. Where caps lessen it, its scale is the multiple of the MW that is left; where
+    they leave the fleet itself, there is none.
 
     Parameters
     ----------
@@ -49,17 +50,16 @@ def table(
         rest = np.where(np.arange(len(mw)) == i, 0.0, mw)
         rows.append(_row(rest, critical_times(trials, rest), without=trials.site(i)))
     rows += [_scaled(trials, mw, i, multiple) for i in built for multiple in (1 - tolerance, 1 + tolerance)]
-    refined = trials.refined()
-    enough = next((m for m in MARGINS if refined.all_survived(m * mw)), MARGINS[-1])
+    larger = {_multiple(sized, mw, m): sized for m in MARGINS for sized in (trials.fleet(m * mw),)}
+    refined, last = trials.refined(), max(larger)
+    enough = next((scale for scale, sized in larger.items() if refined.all_survived(sized)), last)
     if enough != 1:
         rows.append(_at_targets(refined, mw, refined=True))
-    fleet = trials.fleet(enough * mw)
-    rows.append(_row(fleet, critical_times(refined, fleet), scale=_multiple(fleet, mw, enough), refined=True))
+    rows.append(_row(larger[enough], critical_times(refined, larger[enough]), scale=enough, refined=True))
     for name, control in controls.items():
-        for margin in MARGINS:
-            fleet = trials.fleet(margin * mw)
-            row = _row(fleet, critical_times(trials, fleet, control), scale=_multiple(fleet, mw, margin), control=name)
-            if margin == 1 or margin == MARGINS[-1] or not row.lost:
+        for scale, sized in larger.items():
+            row = _row(sized, critical_times(trials, sized, control), scale=scale, control=name)
+            if scale in (1, last) or not row.lost:
                 rows.append(row)
             if not row.lost:
                 break
@@ -86,6 +86,8 @@ def _at_targets(trials: Trials, mw: np.ndarray, **variant: Any) -> Evidence:
 
 def _multiple(fleet: np.ndarray, mw: np.ndarray, asked: float) -> float:
     """How many times the MW of a fleet another one has that is a multiple of it within the caps."""
+    if not (fleet > mw).any():
+        return 1.0
     return float(fleet.sum() / mw.sum()) if (fleet < asked * mw).any() else asked
 
 

@@ -8,6 +8,7 @@ these currents, the step x of their voltages, whose residual is F, is that of th
 The factors of Y - D are kept from one instant to the next and used as long as the residual falls quickly with them.
 """
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -92,12 +93,13 @@ def newton(calls: Any, program: Any, places: Any, net: Any, run: Any, z: Any, *,
     solved(net.factors, run.solve.source, run.solve.work, open_)
     for begin, slow in ((before, False), (open_, False), (before, True), (0.0, True)):
         run.volt[:] = begin
-        if len(places.draw_bus) > MANY:
-            found = sparse(calls, program, places, net, run, z, slow, kept.of(net))
-        else:
-            found = _voltages.newton_from(calls, program, places, net, run, z, slow)
-        if found:
-            return True
+        with suppress(np.linalg.LinAlgError):  # singular slopes
+            if len(places.draw_bus) > MANY:
+                found = sparse(calls, program, places, net, run, z, slow, kept.of(net))
+            else:
+                found = _voltages.newton_from(calls, program, places, net, run, z, slow)
+            if found:
+                return True
     run.volt[:] = before
     return False
 

@@ -99,6 +99,7 @@ def newton_from(calls, program, places, net, run, z, slow):
             if now < before or slow:
                 break
             scale *= 0.5
+        run.notes[NOTE.bus] = bus[worst]
         if not now < (np.inf if slow else before):
             break
         if before < np.inf:
@@ -123,7 +124,6 @@ def newton_from(calls, program, places, net, run, z, slow):
         for i in range(2 * n if slow else 0):
             J[i, i] += 1 / pace
         F = np.linalg.solve(J, F)
-    run.notes[NOTE.bus] = bus[worst]
     return False
 
 

@@ -262,7 +262,7 @@ class Simulation:
             self.time = target if done == count else float(all_steps.starts[done])
             self.steps += made
             if verdict in (_judgment.RUNAWAY, _judgment.FREQUENCY) and self._alone():
-                self._take_off(verdict)
+                self._trip(verdict)
             elif verdict != _judgment.DONE:
                 self.outcome = self._end(verdict)
             if self.progress:
@@ -309,7 +309,7 @@ class Simulation:
         island = self._stage.net.island[self.point.rotors.unit]
         return (island == island[self._run.notes[NOTE.rotor]]).sum() == 1 and (island >= 0).sum() > 1
 
-    def _take_off(self, verdict: int) -> None:
+    def _trip(self, verdict: int) -> None:
         """Trip the machine that ran away or left the frequency range, as its protection would."""
         row = int(self.point.rotors.unit[self._run.notes[NOTE.rotor]])
         gone = [c.switching._replace(tripped=c.switching.tripped | {row}) for c in self.changes[self._at :]]

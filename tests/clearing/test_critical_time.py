@@ -182,3 +182,24 @@ def test_what_makes_no_sense_is_refused(two_area, options, says):
 def test_impossible_contingencies_are_refused(two_area, what, says):
     with pytest.raises(StudyError, match=says):
         clearing_time(two_area, what)
+
+
+def test_a_voltage_that_limits_has_a_bus():
+    """That of the lowest unstable run, as a run of its own says."""
+    point = initialize(io.load("wscc9").with_motors("30%", at=5, H=0.8))
+    found = clearing_time(point, AT_7, resolution="0.5cyc")
+    lowest = next(run for run in found.runs if not run.stable)
+    alone = point.simulate(replace(AT_7, clear=f"{lowest.cycles}cyc"), until="4s").outcome
+    assert (found.limited_by, found.machine, alone.bus) == ("voltage", None, lowest.bus)
+    assert lowest.bus is not None
+    assert found.limit == f"voltage at bus {lowest.bus}"
+    assert f"limited by voltage at bus {lowest.bus}, not by loss of synchronism" in str(found)
+
+
+def test_a_stable_run_is_observed_after_its_last_event(two_area):
+    """Also where that is after clearing."""
+    later = Contingency("7", trip="7-8", events="7:+1MW@1.5s")
+    run = Trial(two_area, later, search=Search(observed_s=0.8)).attempt(24)
+    assert run.stable
+    assert run.observed_s == pytest.approx(0.8, abs=0.01)
+    assert run.time_s == pytest.approx(0.5 + 0.8, abs=0.01)  # the fault begins at 1 s

@@ -169,6 +169,9 @@ def test_pairs_are_ranked_and_cut(screens):
     assert len(found.pairs) == found.screened == 66
     cut = found.below("8cyc")
     assert cut.pairs == tuple(p for p in found.pairs if p.cycles is not None and p.cycles < 8)
+    for time in {p.cycles for p in found.pairs if p.cycles}:  # a pair of that time is not below it
+        assert max((p.cycles for p in found.below(f"{time}cyc").pairs if p.cycles), default=0) < time
+        assert time in {p.cycles for p in found.below(f"{time + 0.01}cyc").pairs}
     assert "66 fault and trip pairs" in str(found)
     assert "16-19" in str(found)
     assert str(cut).count("machine 9 loses synchronism first") == 9

@@ -5,11 +5,12 @@ from types import SimpleNamespace
 import pytest
 
 from stabctl import io
-from stabctl.clearing import Run, Search, clearing_time
+from stabctl.clearing import ClearingTime, Run, Search, clearing_time
 from stabctl.clearing.critical_time import critical
 from stabctl.dynamics.operating_point import initialize
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.outcome import Kind
+from stabctl.simulation.swings import Swings
 
 
 def trial(stable, resolution, guess=10.0, limit=60.0, scan=4.0):
@@ -78,3 +79,36 @@ def test_grids_in_seconds_and_in_cycles_agree_within_their_resolution(fault):
     fine = clearing_time(base, fault, resolution="0.01cyc").cycles
     for resolution, cycles in (("0.001s", 0.06), ("0.125cyc", 0.125)):
         assert 0 <= fine + 0.01 - clearing_time(base, fault, resolution=resolution).cycles <= cycles + 0.01
+
+
+def answer(*runs):
+    return ClearingTime("x", Contingency("1"), "found", 2.0, 2 / 60, None, Search(), runs, 0.0)
+
+
+def test_the_longest_stable_run_is_below_every_unstable_one():
+    """A longer fault that is stable again says nothing about the answer."""
+    runs = tuple(
+        Run(k, stable, Kind.STABLE if stable else Kind.LOST_SYNCHRONISM, None, 5.0, stalled=(k,))
+        for k, stable in ((1, True), (2, True), (3, False), (4, True), (5, False))
+    )
+    found = answer(*runs)
+    assert (found.longest_stable.cycles, found.stalled) == (2, (2,))
+    assert (found.lowest_unstable, found.stable_above) == (3, (4,))
+
+
+def test_the_longest_observation_of_a_stable_run_is_said():
+    stable = [Run(k, True, Kind.STABLE, None, k, observed_s=seconds) for k, seconds in ((0, 5.0), (1, 12.5), (2, 9.0))]
+    found = answer(*stable, Run(3, False, Kind.LOST_SYNCHRONISM, 1, 1.0, observed_s=19.0))
+    assert found.observed_s == 12.5
+    assert "(observed 5 to 12.5 s after clearing, 4 runs)" in str(found)
+    assert answer(stable[0]).observed_s == 5.0
+    assert answer().observed_s == Search().observed_s
+
+
+@pytest.mark.parametrize(("last", "before", "how"), [(0.3, 0.3, ""), (2.0, 2.0, "do not decay"), (2.0, 0.5, "grow")])
+def test_large_swings_that_last_are_said_and_small_ones_are_not(last, before, how):
+    swings = Swings(1, last, before, last, before, 2.5, 0.9)
+    found = answer(Run(2, True, Kind.STABLE, None, 5.0, swings=swings, observed_s=5.0))
+    assert swings.settled == (not how)
+    assert swings.lasting or swings.growing
+    assert found.remark().partition(" within")[0] == (f"Its swings {how}" if how else "")

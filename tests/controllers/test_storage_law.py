@@ -240,3 +240,19 @@ def test_a_device_without_power_has_a_controller_without_gain(cases):
     none, some = st.Feedback(0.5).controllers(case)
     assert none.D == 0
     assert some.D[0, 0] == pytest.approx(0.5 * 2 * np.pi * 60 * 900 / 50, rel=1e-12)
+
+
+@pytest.mark.parametrize(("slope", "deadband"), [(0.1, 0.05), (0.04, 0.0), (0.0, 0.03)])
+def test_the_controller_of_a_law_has_its_deadband(base, slope, deadband):
+    """In ratings beyond a slope, and in pu of speed before a relay; its gain is that of the law."""
+    case = base.case
+    one = st.StorageLaw(slope=slope, deadband=deadband).controllers(case)[0]
+    assert one.deadband == pytest.approx(deadband / slope if slope else deadband / 60)
+    assert one.relay == (slope == 0)
+    assert one.D[0, 0] == pytest.approx(60 / slope if slope else 1.0)
+
+
+def test_a_delay_has_so_many_frames_at_most():
+    assert st.BangBang().sampled(10_000, 0.2).frames == 2000
+    with pytest.raises(StudyError, match=r"a delay of 0.2001 s is 2001 frames; give at most 2000"):
+        st.BangBang().sampled(10_000, 0.2001)

@@ -6,13 +6,17 @@ import numpy as np
 import pytest
 
 from stabctl._util.errors import StudyError
-from stabctl.clearing import screen
+from stabctl.clearing import Search, screen
 from stabctl.controllers import BangBang, StorageLaw
 from stabctl.design import LawLimits, law
-from stabctl.design.law import no_stable_limit_cycle, spread, training_contingencies
+from stabctl.design.law import LawSearch, no_stable_limit_cycle, spread, training_contingencies
+from stabctl.design.law_measurement import LAW, Bench, Measurement, measured, measurement_task
 from stabctl.design.law_result import parameters
 from stabctl.io.control_files import load
+from stabctl.jobs import Runner
+from stabctl.jobs.task import Base
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.simulation import Simulation
 
 FAULT = Contingency("7-8@0.4")
 QUICK = {"resolution": "0.5cyc", "scan": 0.0, "observe": "5s", "limit": "40cyc"}
@@ -37,9 +41,9 @@ def test_the_designed_law_is_better_than_the_papers(fleet, found):
     assert only.training
     assert design.kept
     assert only.designed.duty.switchings <= 2
-    for control, measured in ((None, only.none), (BangBang(), only.reference), (design.law, only.designed)):
+    for control, reached in ((None, only.none), (BangBang(), only.reference), (design.law, only.designed)):
         again = fleet.clearing_time(FAULT, control=control, **QUICK)
-        assert again.cycles == measured.reach
+        assert again.cycles == reached.reach
 
 
 def test_a_law_with_a_large_delay_is_not_quiet(fleet, found):
@@ -168,3 +172,28 @@ def test_clearing_times_of_the_designed_law(cases, case, fault, trip, storage, l
     assert only.designed.later.left_kwh <= 0.05 * only.designed.later.energy_kwh
     found = cases(case).clearing_time(contingency, storage=storage, control=design.law, observe="10s")
     assert found.cycles == only.designed.reach
+
+
+def test_every_simulation_of_a_measurement_is_counted(fleet, monkeypatch):
+    """Those of the search, of its first guess, of the duty, and a long one of a law that returns the energy."""
+    made, whole = [], Simulation.__init__
+    monkeypatch.setattr(Simulation, "__init__", lambda self, *a, **k: (made.append(1), whole(self, *a, **k))[1])
+    search = Search(resolution_cycles=1.0, limit_cycles=40.0, observed_s=2.0, scan_cycles=0.0)
+    with Runner(LAW, workers=1) as runner:
+        bench = Bench(fleet, search, runner, within_s=2.0)
+        returns = StorageLaw(arm_at=0.2, return_time=1.0)
+        for case, near in (((None, FAULT), None), ((returns, FAULT), None), ((returns, FAULT), 20.0)):
+            made.clear()
+            task = measurement_task(Measurement(*case, search, near, 2.0), Base(fleet), False)
+            assert measured(LAW.run(task).values).runs == len(made) > 3
+        made.clear()
+        bench.measured([(None, FAULT)], bench.coarse)
+        assert bench.simulations == len(made)
+
+
+def test_every_simulation_of_a_design_is_counted(fleet, monkeypatch):
+    made, whole = [], Simulation.__init__
+    monkeypatch.setattr(Simulation, "__init__", lambda self, *a, **k: (made.append(1), whole(self, *a, **k))[1])
+    monkeypatch.setattr(LawSearch, "best", lambda self, start, groups: [start])
+    coarse = {"resolution": "2cyc", "scan": 0.0, "observe": "2s", "limit": "40cyc", "workers": 1}
+    assert law(fleet, FAULT, limits=LawLimits(return_within=0), **coarse).simulations == len(made)

@@ -79,9 +79,9 @@ def test_the_command_ranks(stabctl):
     [
         ({"mode": 5.0}, "no electromechanical mode near 5 Hz"),
         ({"availability": {"flow": -1}}, "flow = -1 is not allowed"),
-        ({"availability": {"flwo": 0.9}}, "availability names 'flwo', which is not among the signals: "),
-        ({"delay": {"flwo": "100ms"}}, "delay names 'flwo', which is not among the signals: "),
-        ({"delay": {"storage:5": "100ms"}}, "delay names 'storage:5'"),
+        ({"availability": {"flwo": 0.9}}, "availability names 'flwo', which is not among the signals; did you mean"),
+        ({"delay": {"flwo": "0.1s"}}, "delay names 'flwo', which is not among the signals; did you mean flow"),
+        ({"delay": {"order": "0.1s"}}, "delay names 'order'"),
         ({"ranges": {"deviation:1": 0.9}}, "ranges names 'deviation:1'"),
         ({"inputs": "speeds"}, "is not an output"),
     ],

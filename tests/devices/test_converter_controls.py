@@ -235,6 +235,9 @@ def test_curves_of_current_over_voltage_limit_it():
         [(0.0, 0.0), (0.6, 0.7)],
         [(0.0, 0.4)],
         [(0.1, 0.0), (0.5, 0.9), (0.8, 1.2), (1.2, 0.6)],
+        [(0.2, 0.9), (0.5, 1.1), (0.9, 0.0)],  # no current above 0.9 pu: a point, although its current is zero
+        [(0.2, 0.9), (0.9, 0.0)],
+        [(0.6, 0.4), (0.0, 0.9)],  # a current at zero voltage, given last
     ],
 )
 def test_unused_points_of_a_curve_are_not_part_of_it(model, curve, points):
@@ -247,7 +250,7 @@ def test_unused_points_of_a_curve_are_not_part_of_it(model, curve, points):
     p = device.prepare(device.Par(**(known | {n: f.default for n, f in fields(device.Par).items()} | given)))
     volts, limits = ([getattr(p, f"{n}{curve}{k}") for k in range(1, 5)] for n in "VI")
     for v in np.linspace(0, 2, 21):
-        assert lookup(v, volts, limits) == pytest.approx(np.interp(v, *zip(*points, strict=True)))
+        assert lookup(v, volts, limits) == pytest.approx(np.interp(v, *zip(*sorted(points), strict=True)))
 
 
 def test_points_of_a_curve_that_do_not_ascend_are_left_out():
@@ -255,6 +258,7 @@ def test_points_of_a_curve_that_do_not_ascend_are_left_out():
     p = reec_a.prepare(reec_a.Par(0, Vq1=0.5, Iq1=0.4, Vq2=0.5, Iq2=0.9, Vq3=0.0, Iq3=0.0, Vq4=0.0, Iq4=0.0))
     volts = [p.Vq1, p.Vq2, p.Vq3, p.Vq4]
     assert volts == sorted(set(volts))
+    assert lookup(0.5, volts, [p.Iq1, p.Iq2, p.Iq3, p.Iq4]) == 0.4  # the first at that voltage
     none = reec_a.prepare(reec_a.Par(0, **{f"{n}{k}": 0.0 for n in ("Vq", "Iq") for k in range(1, 5)}))
     assert none.Iq1 == none.Iq4 == 99.0
 

@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from records import csvgn1
 from systems import kind, small
 
 from stabctl._util.errors import EquilibriumError
 from stabctl.dynamics import family, operating_point
-from stabctl.model.tables import Branch, Bus
+from stabctl.model.tables import Branch, Bus, Machine
 from stabctl.simulation.events import LoadStep, Open
 from stabctl.simulation.simulation import run
 
@@ -96,6 +97,15 @@ class TestElsewhere:
         with kind("signals from elsewhere") as models, pytest.raises(EquilibriumError) as caught:
             operating_point.solve(small({**models, "wide_area": models["wide_area"]._replace(**change)}))
         assert str(caught.value) == says
+
+    def test_a_machine_without_the_signal_is_called_by_its_name(self):
+        with kind("signals from elsewhere") as models:
+            case = small({**models, "wide_area": models["wide_area"]._replace(machine=3)})
+            machines = (*case.machines, Machine(3, 2, 100.0, 0.0, 2, name="2/S"))
+            svc = {3: csvgn1.Par(0, 0, 0, K=20.0, T1=0.0, T2=1.0, T3=0.15, T4=1.0, T5=0.01, Cbase=60.0)}
+            case = replace(case, machines=machines, devices={**case.devices, "csvgn1": svc})
+            with pytest.raises(EquilibriumError, match=r"^Machine 2/S of small has no signal omega"):
+                operating_point.solve(case)
 
     def test_a_bus_that_dies_gives_zero_and_spoils_nothing(self):
         """The stabilizer reads a bus behind a line that opens."""

@@ -64,3 +64,11 @@ def test_records_do_not_change(study):
     with pytest.raises(ValueError, match="read-only"):
         found.slip[0] = 0
     assert "kalman estimator" in str(found)
+
+
+def test_a_run_that_ends_before_clearing_says_when_both_are(blank):
+    """Such as a clearing time of 6, in seconds, that was meant in cycles."""
+    late = replace(blank[0], cleared_s=7.0)
+    with pytest.raises(StudyError, match=r"end at 4.983 s, .* last event, at 7 s \(420 cycles\)"):
+        _ = late.accuracy
+    assert replace(blank[0], cleared_s=4.0).accuracy.rmse_mhz == 0

@@ -60,6 +60,35 @@ def test_blanks_and_commas_mix_in_a_record(tmp_path, text):
     assert buses(tmp_path, text) == buses(tmp_path, BUS)
 
 
+@pytest.mark.parametrize("end", ["0", "0 /", "0,", "0 0 0", "0,0, 0 /", "'0',", "0 0 / END OF BUS DATA"])
+def test_a_section_ends_at_a_record_of_zeros(tmp_path, end):
+    """A transformer of this shape is no end: its impedances may be a line of zeros."""
+    load = "5,'1',1,1,1,180.0,40.0\n"
+    (tmp_path / "y.raw").write_text(f"{HEAD}{BUS}\n{end}\n{load}{end}\n{end}\n")
+    found = raw.read(tmp_path / "y.raw")
+    assert [len(found.of(section)) for section in ("bus", "load", "shunt", "generator")] == [1, 1, 0, 0]
+    assert found.of("load")[0][0].PL == 180.0
+
+
+def test_a_line_of_zeros_within_a_record_belongs_to_it(tmp_path):
+    sections = f"{HEAD}{BUS}\n6,'B',138.0,1\n" + "0\n" * 5
+    windings = "5,6,0,'1',1,1,1,0,0,2,'T',1\n0,0,0\n1.0\n1.0\n0,\n"
+    (tmp_path / "z.raw").write_text(sections + windings)
+    ((transformer, _),) = raw.read(tmp_path / "z.raw").of("transformer")
+    assert transformer.z.X12 == 0
+
+
+@pytest.mark.parametrize("second", ["2,'GENCLS',1,4.0,0.0/", "  2 gencls 1 4.0 0.0 /"])
+def test_a_record_without_a_slash_does_not_swallow_the_next(tmp_path, second):
+    first = "1,'GENCLS',1,\n3.0,0.0"
+    says = r"x\.dyr line 2: the record has no slash at its end, and line {line} begins another\."
+    with pytest.raises(CaseError, match=says.format(line=4)):
+        records(tmp_path, f"/ a comment\n{first}\n{second}")
+    assert len(records(tmp_path, f"{first} /\n{second}")) == 2
+    broken = "1,'USRMDL'\n1,'MODEL',1,1,0,2,0,0,3.0,\n4 5 / "  # no other record begins on its second line
+    assert [r[2] for r in records(tmp_path, broken)] == ["MODEL"]
+
+
 DOUBTFUL = "may be one field or two; put quotes around texts, or a comma between them."
 
 
@@ -176,19 +205,3 @@ def test_a_raw_file_in_any_free_format_has_the_same_records_or_is_refused(tmp_pa
     default = raw.Bus(I=0)
     assert [(b.I, b.NAME) for b in found] == [(i, name or default.NAME) for i, (_, name) in enumerate(names, 1)]
     assert {(b.BASKV, b.IDE, b.AREA, b.ZONE, b.OWNER, b.VM, b.VA) for b in found} == {(138.0, 2, 3, 4, 5, 1.02, -3.5)}
-
-
-@pytest.mark.parametrize("end", ["0 /", "0", "0,", "0 0 0", "'0' / END", "0,0,0 / END OF BUS DATA", " 0 , 'x'"])
-def test_a_section_ends_with_a_record_of_zero(tmp_path, end):
-    """Whatever follows the zero: no bus, area or owner has this number."""
-    path = tmp_path / "x.raw"
-    path.write_text(f"{HEAD}{BUS}\n{end}\n5,'1',1,1,1,100.0,50.0,0,0,0,0,1,1\n{end}\nQ\n")
-    found = raw.read(path)
-    assert len(list(found.of("bus"))) == 1
-    assert len(list(found.of("load"))) == 1
-
-
-@pytest.mark.parametrize("next_", ["2,'GENCLS',1,4.0,0.0/", '2 "GENCLS" 1 4.0 0.0 /', "  2 , 'GENCLS ' , 1 , 4.0 /"])
-def test_a_record_without_a_slash_does_not_take_the_next_one(tmp_path, next_):
-    with pytest.raises(CaseError, match="dyr line 1: the record has no slash at its end; line 2 begins another"):
-        records(tmp_path, f"1,'GENCLS',1,3.0,0.0\n{next_}\n")

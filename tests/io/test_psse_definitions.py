@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import stabctl as st
+from stabctl.io._lexer import Place
 from stabctl.io.psse import dyr
 from stabctl.model import network, powerflow
 
@@ -367,3 +368,12 @@ def test_the_constants_of_every_record_are_in_the_order_of_the_library():
     for name in {kind[:-2] for kind in scoped}:
         assert {kind[-2:] for kind in scoped if kind[:-2] == name} == {"BL", "OW", "ZN", "AR", "AL"}
         assert len({found[kind] for kind in scoped if kind[:-2] == name}) == 1
+
+
+@pytest.mark.parametrize(("TE", "short"), [(0.0, False), (2e-4, True), (9.99e-4, True), (1e-3, False), (0.05, False)])
+def test_a_time_constant_that_is_bypassed_is_said(TE, short):
+    model, order = dyr.kinds()["SEXS"]
+    record = dyr.Record(Place(Path("x.dyr"), 3), 1, "SEXS", "1", ("0.1", "10.0", "100.0", str(TE), "-5.0", "5.0"))
+    par, said = dyr.parameters(record, model, order, None)
+    assert par.TA == TE
+    assert said == [f"TA = {TE:g} s is below 1 ms, where a lag is bypassed."] * short

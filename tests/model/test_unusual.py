@@ -242,3 +242,19 @@ def test_nine_of_ten_faults_that_change_a_clearing_time_are_named():
     assert len(named) > 0.88 * FAULTS  # 273
     assert exact > 0.6 * len(named)  # 174; the others are named by what they do to the power flow
     assert told / (told + missed) >= SHARE  # 89 of 93
+
+
+@pytest.mark.parametrize(("path", "value", "quantity"), [("genrou.1.H", 1500, "H"), ("genrou.1.x1d", 30, "x1d")])
+def test_a_value_outside_by_itself_is_named_once(cases, path, value, quantity):
+    """And not again in every product and ratio in which it is."""
+    found = cases("two_area").set(path, value).check(balance=False).findings
+    rules = {rule.quantity for rule in unusual.usual() if quantity in rule.columns}
+    assert len(rules) > 1
+    assert [f.quantity for f in found if f.quantity in rules] == [quantity]
+
+
+def test_the_power_of_the_swing_machine_is_what_is_left():
+    """Its dispatch is not used, and says nothing about the solution."""
+    case = st.load("wscc9")
+    swing = next(m for m in case.machines if {b.bus: b.kind for b in case.buses}[m.bus] == "swing")
+    assert case.set(f"machines.{swing.machine}.p", swing.p + 50).check().findings == ()

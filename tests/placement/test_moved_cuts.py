@@ -158,3 +158,21 @@ def test_what_the_solver_says_is_in_the_plan(monkeypatch, sites):
     monkeypatch.setattr(cp.Problem, "solve", stuck)
     with pytest.raises(Unsolved, match="failed"):
         master.solve([AT_LEAST_20])
+
+
+def test_a_fleet_that_survives_is_kept_once():
+    found = planes((30.0, 5.0))
+    found.trials.fleet = lambda mw: mw
+    for mw, best in (((20.0, 5.0), (20.0, 5.0)), ((40.0, 5.0), (20.0, 5.0)), ((10.0, 6.0), (10.0, 6.0))):
+        count = len(found.survivors)
+        found.accept(np.array(mw))
+        assert len(found.survivors) == count + 1
+        assert found.best.tolist() == list(best)
+
+
+@pytest.mark.parametrize("mw", [(10.0, 20.0), (10.0, 0.0)])
+def test_a_multiple_that_is_affordable_costs_all_there_is(mw):
+    prices, mw = Prices(np.array([1.0, 2.0]), np.zeros(2), np.array([7.0, 11.0])), np.array(mw)
+    for cost in (40.0, 90.0):
+        assert prices.cost(prices.affordable(mw, cost) * mw, np.zeros(2)) == pytest.approx(cost)
+    assert prices.affordable(mw, 5.0) == 0  # less than the sites alone

@@ -2,15 +2,19 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from stabctl._util.errors import StudyError
+from stabctl.cli.place import _record
 from stabctl.controllers import BangBang
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.pmu import Pmu
 from stabctl.placement import evidence
+from stabctl.placement._simulated import CriticalTime
+from stabctl.placement.contingencies import Scenario
 from stabctl.placement.place import place
 from stabctl.placement.siting import Costs, Evidence
 from stabctl.simulation.contingency import Contingency
@@ -75,6 +79,8 @@ def test_what_no_fleet_cures_is_left_out_and_said(case):
     assert "Not survived: 29 trip 26-29 at 30.00 cycles: none of" in str(found)
     assert "29 trip 26-29               30.000      lost  with every fleet tried" in str(found)
     assert found.clearing_times.stable.tolist() == [True, False]
+    (lost,) = _record(found)["lost"]
+    assert (lost["fault"], lost["fleets_tried"]) == ("29", out.tried)
     assert found.clearing_times.target_cycles.tolist() == pytest.approx([4.75, 30.0])
 
 
@@ -93,6 +99,42 @@ def test_a_fleet_lessened_by_caps_has_its_true_multiple():
     mw = np.array([180.0, 20.0])
     assert evidence._multiple(np.minimum(1.1 * mw, 180.0), mw, 1.1) == pytest.approx(1.01)
     assert evidence._multiple(1.1 * mw, mw, 1.1) == 1.1
+
+
+@pytest.mark.parametrize(("cap", "scales"), [(20.0, [1.0]), (np.inf, [1.0, 1.1]), (20.6, [1.0, 1.03])])
+def test_a_fleet_at_its_caps_is_no_larger_fleet(cap, scales):
+    """A fleet that is lost with half the step, or under a controller, is shown once if caps allow no larger one."""
+
+    class Lost(SimpleNamespace):
+        def fleet(self, mw):
+            return np.minimum(mw, cap)
+
+        def refined(self):
+            return self
+
+        def all_survived(self, mw):
+            return False
+
+        def lost(self, mw):
+            return [0]
+
+        def each(self, ask):
+            return [ask(0)]
+
+        def among(self, scenarios):
+            return self
+
+        def critical_time(self, mw, k, control=None):
+            return CriticalTime(1.0, False, None)
+
+        def site(self, i):
+            return "1@2"
+
+    trials = Lost(existing=np.zeros(0), scenarios=(Scenario(NEAR_9),), cap=np.array([cap]))
+    rows = evidence.table(trials, np.array([20.0]), [CriticalTime(1.0, True, None)], {"Kalman": None}, 0.1)
+    for found in ([row for row in rows if row.refined], [row for row in rows if row.control]):
+        assert [row.scale for row in found] == pytest.approx(scales)
+        assert [row.mw for row in found] == pytest.approx([20 * scale for scale in scales])
 
 
 def test_a_fleet_that_is_lost_with_half_the_step_says_so(both):

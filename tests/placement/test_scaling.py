@@ -130,3 +130,9 @@ def test_a_contingency_lost_again_with_more_is_survived_beyond():
 def test_it_is_the_same_for_the_same_question():
     trials = Planes([[float(Fraction(1, 3)), 0.2]], [50, 50])
     assert least_scaling(trials, np.ones(2)) == least_scaling(trials, np.ones(2))
+
+
+def test_the_least_multiple_near_one_is_not_that_of_an_island_far_below():
+    """The only contingency is survived from 0.15 to 0.25 times the fleet, and from 0.3 times on."""
+    trials = Planes([[1 / 0.15]], [100.0], gaps=[(0, 0.25 / 0.15, 0.3 / 0.15)])
+    assert least_scaling(trials, np.ones(1)).scaling == pytest.approx(0.3, rel=2 * FINE)

@@ -3,6 +3,7 @@
 import json
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from stabctl._util.errors import StudyError
 from stabctl.controllers import BangBang
 from stabctl.placement.contingencies import Scenario, scaled
-from stabctl.placement.place import place
+from stabctl.placement.place import lost, place
 from stabctl.simulation.contingency import Contingency
 
 AT_25 = Contingency("25", 8.25 / 60, "2-25")
@@ -139,3 +140,25 @@ def test_the_command(stabctl, tmp_path):
     code, out, err = stabctl(*words, "--tolerance", "150%")
     assert (code, out) == (2, "")
     assert "The tolerance 1.5 is not allowed" in err
+
+
+def test_every_built_site_must_hold_smaller_and_larger():
+    """With the row of the existing device before those of the candidates; sites without a device are not tried."""
+
+    class Asked(SimpleNamespace):
+        def among(self, scenarios):
+            return Asked(existing=self.existing, scenarios=tuple(scenarios))
+
+        def lost(self, mw):
+            return [k for k, one in enumerate(self.scenarios) if one.scaled in losing]
+
+        def only(self, kept):
+            return self.among(self.scenarios[k] for k in kept)
+
+    changed = [(row, multiple) for row in (1, 3) for multiple in (0.9, 1.1)]
+    for losing in (changed, changed[:1], changed[1:2], changed[2:]):
+        given = Asked(existing=np.ones(1), scenarios=(Scenario(AT_16), Scenario(AT_25)))
+        found = lost(given, np.array([20.0, 0.0, 30.0]), 0.1).scenarios
+        wanted = {(one, size) for one in (AT_16, AT_25) for size in losing}
+        assert {(one.contingency, one.scaled) for one in found} == wanted
+        assert len(found) == len(wanted)

@@ -69,6 +69,8 @@ def test_what_does_not_act_continuously_closes_no_loop(points):
         assert loop_of(point, law) == 0
     relay = st.Controller(("deviation:2",), ("order:2",), *NONE, [[900.0]], relay=True, limits=0.7)
     assert loop_of(point, relay) < 1.01 * point.fastest
+    two = ("flow:7-8", "speed:1"), ("order:2",), NONE[0], np.zeros((0, 2)), NONE[2], [[900.0, 1e5]]
+    assert loop_of(point, st.Controller(*two, relay=True, limits=0.7)) < 1.01 * point.fastest
 
 
 def test_a_large_system_needs_only_its_fastest_eigenvalue(points, monkeypatch):
@@ -179,6 +181,19 @@ def test_a_loop_that_grows_is_said(points):
     said = r"the closed loop is unstable at rest: an oscillation at 9\.\d Hz grows by 2\d 1/s; reduce the gain"
     assert re.search(said, str(ran))
     assert "unstable at rest" not in str(late.simulate(None, "0.1s", control=st.Feedback(0.5, min_voltage=0.0)))
+
+
+@pytest.mark.parametrize("gain", [-3.0, -0.5, 0.5, 3.0, 12.5])
+def test_the_eigenvalue_that_grows_is_the_rightmost(points, gain):
+    """None of a stable loop, oscillating or not."""
+    point, law = stored(points, "two_area", "70MW"), st.Feedback(gain, min_voltage=0.0)
+    last = np.linalg.eigvals(point.closed_loop(*law.controllers(point.case)).A)
+    last = last[last.real.argmax()]
+    _, growing = Simulation(point, None, law)._closed
+    assert (growing is not None) == (last.real > closed.GROWING) == (gain < 0)
+    if growing is not None:
+        assert growing.real == pytest.approx(last.real, rel=1e-8)
+        assert abs(growing.imag) == pytest.approx(abs(last.imag), rel=1e-8)
 
 
 def test_a_stable_loop_decays_after_a_small_step(points):

@@ -115,6 +115,24 @@ class TestNewtonFallback:
                 assert np.abs(found[0] - found[1]).max() < 1e-7
         assert 1 < made_again < 8
 
+    @pytest.mark.parametrize("many", [0, 200])
+    def test_singular_slopes_are_no_solution(self, cases, monkeypatch, many):
+        """Of the dense and of the sparse method: the voltages are unchanged, and a bus with a load is named."""
+        point = operating_point.solve(self.heavy(cases))
+        made, net = wired(point, None), stage(point, UNSWITCHED).net
+        q, p = buffers(made.start, made.layout, made.places), program(made.families, complex)
+        q.solve.source[:], q.notes[NOTE.bus] = 0.9 * self.sources(point)(point.s), -1
+        before = q.volt.copy()
+
+        def singular(*_, **__):
+            raise np.linalg.LinAlgError if not many else RuntimeError
+
+        monkeypatch.setattr(_newton, "MANY", 0 if many else 200)
+        monkeypatch.setattr(*((_newton.spl, "splu") if many else (_newton._voltages, "newton_from")), singular)
+        kept = _newton.Slopes().of(net)
+        assert not _newton.newton(p.current, p, made.places, net, q, newton_space(q), kept=kept)
+        assert np.array_equal(q.volt, before)
+
     @pytest.mark.parametrize("slow", [False, True])
     @pytest.mark.parametrize("scale", [1.0, 0.97, 0.96, 0.955, 0.95, 0.945, 0.94, 0.93, 0.92, 0.9, 0.8, 0.6, 0.3, 0.1])
     def test_it_agrees_with_scipy_on_the_same_equations(self, cases, scale, slow):

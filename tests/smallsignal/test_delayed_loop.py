@@ -8,7 +8,9 @@ import pytest
 from scipy.special import lambertw
 
 import stabctl as st
+from stabctl.dynamics.named import named
 from stabctl.smallsignal.delayed_loop import DelayedLoop
+from stabctl.smallsignal.interconnection import plant_of
 
 S = control.tf("s")
 WASHOUT = 40 * 3 * S / (1 + 3 * S) / (1 + 0.05 * S)
@@ -113,3 +115,25 @@ def test_the_delay_margin_of_a_continuous_controller_is_exact(base):
     margin = base.margins(one).delay
     found = base.closed_loop(one.delayed(margin)).modes().eigenvalues
     assert abs(found[1:].real.max()) < 1e-4
+
+
+def test_a_delayed_controller_that_gives_nothing_adds_no_roots(base):
+    """Within a deadband, also where its input follows its output at once."""
+    one = st.Controller(
+        ("flow:7-8",),
+        ("order:1@5",),
+        np.zeros((0, 0)),
+        np.zeros((0, 1)),
+        np.zeros((1, 0)),
+        [[400.0]],
+        delay="100ms",
+        deadband=0.1,
+    )
+    own = [named(base, one)]
+    plant = plant_of(base, own)
+    assert abs(plant.model.D[0, 0]) > 1e-3
+    loop = DelayedLoop.of(plant, own)
+    assert not loop.D.any()
+    half = DelayedLoop.of(plant, [replace(own[0], equivalent=(0.5,))])
+    assert half.D[0, 0] == pytest.approx(200 * plant.model.D[0, 0])
+    assert half.C == pytest.approx(200 * plant.model.C[:1])

@@ -26,13 +26,14 @@ from .raw import Raw
 
 USER = "USRMDL"  # a record of a user-written model: its name, six numbers that describe it, then its constants
 HEAD = 7
+WHERE = 3  # fields of a record before its constants: bus, kind, ID
 _QUOTED = r"""(?:'[^'/]*'|"[^"/]*")"""
 _NEXT = re.compile(  # another record after a slash
     rf"""[\s,]*+(?=\d+[\s,]+['"][^\s,]*+[\s,]+\S
     | (?:\d+|{_QUOTED})[\s,]+(?:{_QUOTED}|[A-Z][A-Z0-9_]{{2,}})(?:[\s,]++[^\s,/]++){{2}}[^/]*/)""",
     re.VERBOSE,
 )
-_BEGIN = re.compile(r"""\s*\d+[\s,]+(['"])[A-Z][A-Z0-9_]{2,}\s*\1[\s,]+\S""")  # a record at the beginning of a line
+_BEGINS = re.compile(r"""\s*\d+[\s,]+(['"]?)[A-Z]\w{2,}\s*\1[\s,]+\S""", re.IGNORECASE)  # a line with a record's begin
 SCOPES = ("AL", "AR", "ZN", "OW", "BL")  # endings of the kinds of loads, from the widest to the narrowest
 OF_LOADS = "BL", "OW", "ZN", "AR", "AL"  # endings of the kinds of loads: at a bus, of an owner, a zone, an area, all
 ANY = "*"  # identifier for all loads of a scope
@@ -63,9 +64,9 @@ def read(path: Path) -> list[Record]:
     for i, text in enumerate(lines(path), 1):
         if not text.strip() or (not fields and text.lstrip().startswith(("@!", "//"))):
             continue
+        if start and len(fields) >= WHERE and _BEGINS.match(text):
+            raise start.error(f"the record has no slash at its end, and line {i} begins another.")
         place, at = Place(path, i), 0
-        if fields and start and _BEGIN.match(text):
-            raise start.error(f"the record has no slash at its end; line {i} begins another one.")
         while True:
             line = split(text, place, at, filled)
             start = start if fields else place
@@ -90,7 +91,7 @@ def _record(place: Place, fields: list[str]) -> Record:
     if not numeric:  # such as the name of a DC line
         kind = next((f for f in fields[1:2]), fields[0])
         return Record(place, None, kind.upper(), "", tuple(fields[2:]))
-    if len(fields) < 3:
+    if len(fields) < WHERE:
         raise CaseError(f"{place}: a record needs a bus number, the name of a model and an ID.")
     kind, constants = fields[1].upper(), fields[3:]
     if kind == USER and len(constants) >= HEAD:

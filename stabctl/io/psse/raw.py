@@ -29,7 +29,7 @@ from .records import (
 
 NEWEST = 35  # version that is read
 _END = re.compile(r"""\s*(['"]?)0\1\s*(?:/|$|[A-Za-z])""")
-_ZERO = re.compile(r"""\s*(['"]?)0\1(?:[\s,/]|$|[A-Za-z])""")  # no record of a section begins with it
+_ZEROS = re.compile(r"""\s*(['"]?)0\1(?:[\s,]+0)*[\s,]*(?:/|$)""")  # the same with further fields, empty or 0
 _QUIT = re.compile(r"\s*[Qq]\s*$")
 _FIRST = "bus load {}generator branch {}transformer area dc vsc "
 _LAST = "impedance_correction multiterminal_dc multisection_line zone transfer owner facts"
@@ -121,8 +121,9 @@ def _section(raw: Raw, section: str, texts: Iterator[tuple[Place, str]], before:
     A copy of the record `before` that ended the section before, with its titles, is passed over.
     """
     found = raw.sections.setdefault(section, [])
+    tables = section == "impedance_correction"  # whose records may continue with a line of zeros
     for place, text in texts:
-        if _ZERO.match(text):
+        if _END.match(text) or (_ZEROS.match(text) and not tables):
             if text.strip() == before and "END" in before.upper():
                 continue
             return text.strip()
