@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from stabctl.model import naming
+from stabctl.model.tables import Branch, Bus, Load, Machine
 
 SHIFT = 1000  # of the numbers of the second case
 
@@ -21,3 +22,17 @@ def joined(one, other):
     both = {name: (*getattr(one, name), *map(moved, getattr(other, name))) for name in tables}
     assert not one.links + other.links
     return replace(one, name=f"{one.name}_and_{other.name}", devices=devices, **both)
+
+
+def single(case, power):
+    """Machine 1 of a case with its controls, alone with a load (MW)."""
+    devices = {model: {1: rows[1]} for model, rows in case.devices.items() if 1 in rows}
+    return replace(
+        case,
+        name="single",
+        buses=(Bus(1, "swing"), Bus(2, "pq")),
+        branches=(Branch(1, 2, 0.0, 0.05),),
+        machines=(Machine(1, 1, 3 * power, power, 1),),
+        loads=(Load(2, power, power / 6),),
+        devices=devices,
+    )

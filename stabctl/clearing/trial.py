@@ -22,7 +22,7 @@ from stabctl.simulation.events import Event, Fault
 from stabctl.simulation.outcome import Kind
 from stabctl.simulation.recording import Recorded
 from stabctl.simulation.simulation import run
-from stabctl.simulation.swings import Swings, ahead
+from stabctl.simulation.swings import Swings, group
 from stabctl.simulation.trajectory import Trajectory
 
 LONGEST_SCAN = 600.0  # cycles
@@ -244,6 +244,8 @@ def margin(trajectory: Trajectory, cleared_s: float) -> Margin | None:
     if trajectory.outcome.kind is Kind.FREQUENCY_INSTABILITY or after.sum() < 3 or trajectory.arrays.angle.shape[1] < 2:
         return None
     w, M = _equivalent(trajectory)
+    if not M:
+        return None
     w = w[after]
     falling = np.flatnonzero(np.diff(w) <= 0)
     if not len(falling):
@@ -257,11 +259,15 @@ def margin(trajectory: Trajectory, cleared_s: float) -> Margin | None:
 
 
 def _equivalent(trajectory: Trajectory) -> tuple[np.ndarray, float]:
-    """Speed (rows, pu) of the group of machines that is lost against the others, and inertia (s) of the equivalent."""
-    H, numbers = trajectory.point.inertia, trajectory.point.rotor_names
-    end = trajectory.arrays.angle[-1] - trajectory.arrays.angle[0]
-    first = ahead(end)
-    lost = next((i for i, number in enumerate(numbers) if number == trajectory.outcome.machine), np.argmax(end))
-    share = np.where(first, H / H[first].sum(), -H / H[~first].sum())
-    w = trajectory.arrays.speed @ share
-    return (w if first[lost] else -w), float(2 * H[first].sum() * H[~first].sum() / H.sum())
+    """Speed (rows, pu) of the machines that are lost against the others of their island, and inertia (s) of the two.
+
+    The inertia is 0 if there are no others.
+    """
+    point, end = trajectory.point, trajectory.arrays.swing[-1]
+    numbers, machine = point.rotor_names, trajectory.outcome.machine
+    lost = numbers.index(machine) if machine in numbers else int(end.argmax())
+    mine = point.rotor_island == point.rotor_island[lost]
+    side = group(end, lost, mine)
+    S, N = (np.where(of, point.inertia, 0.0) for of in (side, mine & ~side))
+    w = trajectory.arrays.speed @ (S / S.sum() - N / (N.sum() or 1.0))
+    return w, float(2 * S.sum() * N.sum() / (S + N).sum())

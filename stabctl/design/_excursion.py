@@ -173,10 +173,9 @@ def slopes(scheduled: Scheduled, plan: Plan, run: Trajectory, seen: Window) -> S
     """Derivatives of the excursion by the orders that act; those of a device that is idle at low voltage are 0."""
     point = run.point
     rows, rotors = _followed(seen)
-    nx, angle, H = point.layout.nx, point.rotors.angle, point.inertia
-    from_coi = np.zeros((len(H), nx))
-    from_coi[:, angle] -= H / H.sum()
-    from_coi[np.arange(len(H)), angle] += 1.0
+    H = point.inertia
+    from_coi = np.zeros((len(H), point.layout.nx))
+    from_coi[:, point.rotors.angle] = point.from_center(np.eye(len(H)), H).T
     sign = np.sign(seen.moves[rows, rotors])
     shown = [Shown(np.array([q]), s * from_coi[[i]]) for q, i, s in zip(rows, rotors, sign, strict=True)]
     every = np.arange(len(seen.time))

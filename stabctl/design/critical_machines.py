@@ -63,8 +63,9 @@ class Group:
 
 def slow_areas(modes: Modes) -> Areas:
     """The coherent areas that groups are checked against: about a third as many as machines."""
-    count = len(modes.linear.point.case.machines) // PER_AREA
-    return areas(modes, min(max(2, count), len(modes.swings()) + 1))
+    point = modes.linear.point
+    count, islands = len(point.case.machines) // PER_AREA, point.members.shape[1]
+    return areas(modes, min(max(islands + 1, count), len(modes.swings()) + islands))
 
 
 def critical_machines(trial: Trial, coherent: Areas, cycles: float | None = None) -> Group | None:
@@ -89,12 +90,11 @@ def critical_machines(trial: Trial, coherent: Areas, cycles: float | None = None
         return None
     k = round(cycles / trial.search.resolution_cycles)
     run = trial.simulate(k, record=True)
-    first, names, H = run.outcome.machine, run.point.rotor_names, run.point.inertia
+    first, names = run.outcome.machine, run.point.rotor_names
     if first not in names:
         return None
     at = min(int(np.searchsorted(run.time, trial.cleared(k) - 1e-9)), len(run.time) - 1)
-    w = run.arrays.speed[at] - run.arrays.speed[0]
-    w = w - w @ H / H.sum()
+    w = run.point.from_center(run.arrays.speed[at] - run.arrays.speed[0], run.point.inertia)
     lead = w[names.index(first)]
     area = coherent.groups[coherent.of(first)]
     candidates = {first, *run.unstable_machines, *area}

@@ -154,7 +154,7 @@ def _reduced(
     weights: Weights,
     order: int | None,
 ) -> Reduced:
-    """The plant with scaled inputs [u, load changes] and outputs [y, cost], without the rotation of all angles."""
+    """The plant with scaled inputs [u, load changes] and outputs [y, cost], without the rotations of all angles."""
     loads = chosen(point.case, list(dict.fromkeys(f"storage:{m.storage_bus}" for m in point.case.machines)), INPUTS)
     swings, sizes = weighed(point, weights)
     seen = tuple(dict.fromkeys([*reads, *swings]))
@@ -173,7 +173,8 @@ def _reduced(
         left = hankel.sum() - np.cumsum(hankel)
         order = loose + int(np.argmax(left <= DROPPED * hankel.sum())) + 1
     small = balanced(modes, order)
-    return replace(small, A=small.A[1:, 1:], B=small.B[1:], C=small.C[:, 1:], states=small.states[1:])
+    m = modes.references
+    return replace(small, A=small.A[m:, m:], B=small.B[m:], C=small.C[:, m:], states=small.states[m:])
 
 
 def compensator(

@@ -8,7 +8,7 @@ import numpy as np
 
 from stabctl import devices
 from stabctl.model.case import Case
-from stabctl.model.network import Network
+from stabctl.model.network import Network, islands
 from stabctl.model.powerflow import PowerFlow
 
 from . import family, rows
@@ -76,6 +76,7 @@ class System:
     limits: Limits
     rotors: Rotors
     unit_bus: np.ndarray  # (units) rows of the buses
+    island: np.ndarray  # (buses) island before any switching
     forming: np.ndarray  # (units) whether it is a voltage source
     fixed: np.ndarray  # (buses) admittances included in the network matrix, pu
     draw_bus: np.ndarray  # rows of the buses with voltage-dependent currents
@@ -154,6 +155,7 @@ def system(case: Case, flow: PowerFlow, net: Network) -> System:
         limits(families, wired.step + 2),
         _rotors(families, unit),
         net.machine_bus.astype(np.int64),
+        islands(net).astype(np.int64),
         forming,
         fixed,
         draw_bus.astype(np.int64),

@@ -56,7 +56,7 @@ class Equations:
         self.rows, self.columns = self.pattern.rows, self.pattern.columns
         self.injections, self.injecting = self.pattern.injections, self.pattern.injecting
         self.small = self.pattern.total * system.layout.size <= SMALL
-        self._on = np.zeros(max(len(system.unit_bus), 1), np.int64)
+        self._on = system.island[system.unit_bus] if len(system.unit_bus) else np.zeros(1, np.int64)
 
     def at(self, s: np.ndarray, k: np.ndarray | None = None) -> Derivatives:
         """Values and derivatives at s (real; its outputs are brought up to date).

@@ -89,10 +89,25 @@ class OperatingPoint:
         """The units with a rotor: rows of the units, places of their angles, inertias."""
         return self.system.rotors
 
-    @cached_property
+    @property
     def island(self) -> np.ndarray:
         """Island of every bus (buses), before any switching."""
-        return network.islands(self.net)
+        return self.system.island
+
+    @property
+    def rotor_island(self) -> np.ndarray:
+        """Island of every rotor (rotor units), before any switching."""
+        return self.island[self.system.unit_bus[self.rotors.unit]]
+
+    @property
+    def members(self) -> np.ndarray:
+        """Which rotors are in each island that has any (rotor units, islands), before any switching."""
+        return self.rotor_island[:, None] == np.unique(self.rotor_island)
+
+    def from_center(self, of_rotors: np.ndarray, weight: np.ndarray) -> np.ndarray:
+        """Values less their weighted mean over the island of each rotor, both (..., rotor units)."""
+        mean = (weight * of_rotors) @ self.members / np.maximum(weight @ self.members, 1e-9)
+        return of_rotors - mean @ self.members.T
 
     @property
     def V(self) -> np.ndarray:
@@ -282,7 +297,7 @@ def unlimited(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
     flow = flow or powerflow.solve(case)
     net = network.build(case)
     made = system(case, flow, net)
-    _check_islands(case, net, made)
+    _check_islands(case, made)
     V = flow.V[net.machine_bus]
     current = (flow.S / V).conj()
     _check_ratings(case, V, current, source_admittances(made))
@@ -292,10 +307,9 @@ def unlimited(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
     return point
 
 
-def _check_islands(case: Case, net: Network, made: System) -> None:
+def _check_islands(case: Case, made: System) -> None:
     """Check that every island has a voltage source: current sources alone have no common frequency."""
-    where = network.islands(net)
-    of_unit = where[made.unit_bus]
+    where, of_unit = made.island, made.island[made.unit_bus]
     for k in np.setdiff1d(of_unit, of_unit[made.forming]):
         names = [str(m.called) for m, island in zip(case.machines, of_unit, strict=True) if island == k]
         buses = [str(b.bus) for b, island in zip(case.buses, where, strict=True) if island == k]

@@ -100,7 +100,7 @@ def reading(point: OperatingPoint, signal: Signal) -> Reading | None:
 
 def against_rest(point: OperatingPoint, group: np.ndarray) -> np.ndarray:
     """Weights (rotor units) of a mean over a group (mask) less that of the others in its island; 0 without others."""
-    inertia = _of_island(point, point.rotors.unit[group][0])
+    inertia = _inertia_with(point, int(group.argmax()))
     own, rest = np.where(group, inertia, 0.0), np.where(group, 0.0, inertia)
     return own / own.sum() - rest / rest.sum() if rest.any() else 0 * own
 
@@ -108,17 +108,20 @@ def against_rest(point: OperatingPoint, group: np.ndarray) -> np.ndarray:
 def _inertia(point: OperatingPoint, signal: Signal) -> np.ndarray:
     """Inertia (rotor units, s), 0 outside the island of the machine or bus that a signal is of."""
     if signal.kind == "bus_angle":
-        return _of_island(point, bus=point.net.place[signal.number])
+        return np.where(near(point, signal.number), point.inertia, 0.0)
     if signal.kind in OF_ROTOR:
-        return _of_island(point, point.rotors.unit[np.isin(point.rotor_numbers, machines(signal))][0])
+        return _inertia_with(point, int(np.isin(point.rotor_numbers, machines(signal)).argmax()))
     return point.inertia
 
 
-def _of_island(point: OperatingPoint, unit: int = -1, bus: int = -1) -> np.ndarray:
-    """Inertia (rotor units, s), 0 outside the island of a unit or bus (rows)."""
-    of_unit = point.island[point.system.unit_bus]
-    own = of_unit[unit] if unit >= 0 else point.island[bus]
-    return np.where(of_unit[point.rotors.unit] == own, point.inertia, 0.0)
+def _inertia_with(point: OperatingPoint, rotor: int) -> np.ndarray:
+    """Inertia (rotor units, s), 0 outside the island of a rotor (row)."""
+    return np.where(point.rotor_island == point.rotor_island[rotor], point.inertia, 0.0)
+
+
+def near(point: OperatingPoint, bus: int) -> np.ndarray:
+    """Which rotors (rotor units) are in the island of a bus, before any switching."""
+    return point.rotor_island == point.island[point.net.place[bus]]
 
 
 def angle_rate(point: OperatingPoint, bus: int) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:

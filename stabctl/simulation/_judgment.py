@@ -39,7 +39,7 @@ def measure_excess(places, net, run, rules):
     """Store how far frequencies and voltages are beyond their limits at the first step after an event."""
     coi(places.weight, places, net, run)
     for i in range(len(places.rotor)):
-        run.watch.off[2, i] = beyond_range(net.island[places.unit[i]], run, rules)
+        run.watch.off[2, i] = beyond_range(net.island[places.unit[i]] if places.judged[i] else -1, run, rules)
     for j in range(len(places.watch_bus)):
         v = run.volt[places.watch_bus[j]]
         run.watch.low[1, j] = places.watch_low[j] - magnitude(v.real, v.imag)
@@ -89,7 +89,7 @@ def judge(places, net, run, rules, h):
             verdict, worst, notes[NOTE.rotor] = SLIPPED, move, i
         if verdict == DONE and not rules.slowest < speed < rules.fastest:
             verdict, notes[NOTE.rotor] = RUNAWAY, i
-        now = beyond_range(k, run, rules)
+        now = beyond_range(k if places.judged[i] else -1, run, rules)
         watch.off[0, i], longest = time_beyond(watch.off[0, i], watch.off[2, i], now, h)
         watch.off[1, i], watch.off[2, i] = max(watch.off[1, i], longest), now
         if verdict == DONE and 0 < rules.frequency_delay_s < longest:

@@ -56,6 +56,7 @@ class Places(NamedTuple):
     unit: np.ndarray  # (rotor units) rows of their units
     inertia: np.ndarray  # (rotor units) s
     weight: np.ndarray  # (rotor units) s   in the center of inertia that the criterion judges against
+    judged: np.ndarray  # (rotor units) whether the frequency of its island is
     other: np.ndarray  # (angles without weight) of phase-locked loops, and of grid-forming storage
     other_unit: np.ndarray  # (angles without weight) rows of their units, -1: storage
     other_bus: np.ndarray  # (angles without weight) rows of their buses
@@ -143,6 +144,7 @@ def places(
     return Places(
         layout.nx, layout.step, Relative(*map(int, seen)),
         rotors.angle, rotors.speed, rotors.unit, rotors.inertia, rotors.inertia,
+        np.ones(len(rotors.unit), bool),
         others.column("place"), others.column("unit"), others.column("bus"), first, member, owner,
         limits.state, limits.low, limits.high, limits.scale,
         system.draw_bus, system.near_bus, system.watch_bus, system.watch_low, held.astype(np.int64), order,

@@ -252,23 +252,24 @@ class _Sensors:
         if kind == "voltage":
             self._more.add("bus_voltage", bus_voltage, [0, at, at, -1, out], [], f"bus {signal.place}")
         else:
-            island = base.island[base.system.unit_bus[base.rotors.unit]] == base.island[base.net.place[signal.number]]
-            mean = self._center(Signal("coi_angle", None, "", ""), 0.0, int(base.rotors.unit[island.argmax()]))
+            mean = self._center(signal._replace(kind="coi_angle"), 0.0)
             self._more.add("bus_angle", bus_angle, [0, at, at, -1, mean, out], [], f"bus {signal.place}")
         return out
 
-    def _center(self, signal: Signal, rest: float, unit: int = -1) -> int:
-        """A mean of angles or speeds; see `center`. `unit` is one of the island meant, if the signal has no machine."""
+    def _center(self, signal: Signal, rest: float) -> int:
+        """A mean of angles or speeds; see `center`. That of the island of a bus has the rotors that it had at rest."""
         rotors, kind = self._base.rotors, signal.kind
         group: np.ndarray = np.zeros(len(rotors.unit))
-        if signal.place is not None:
+        if kind == "coi_angle":
+            group = outputs.near(self._base, signal.number) * 1.0
+        elif signal.place is not None:
             group = np.isin(self._base.rotor_numbers, machines(signal)) * 1.0
         own, mean, others = {
             "deviation": (1.0, -1.0, 1), "angle_deviation": (1.0, -1.0, 1), "angle": (1.0, -1.0, 0),
             "rest_speed": (0.0, 1.0, 1),
-            "coi_speed": (0.0, 1.0, 0), "coi_angle": (0.0, 1.0, 0),
+            "coi_speed": (0.0, 1.0, 0), "coi_angle": (1.0, 0.0, 0),
         }[kind]  # fmt: skip
-        unit = int(rotors.unit[np.flatnonzero(group)[0]]) if group.any() else unit
+        unit = -1 if kind in ("coi_speed", "coi_angle") else int(rotors.unit[group.argmax()])
         places = rotors.angle if kind in ("angle", "angle_deviation", "coi_angle") else rotors.speed
         out = self._more.outputs([rest])
         k = [len(group), own, mean, others, *group, *rotors.inertia, *rotors.unit]

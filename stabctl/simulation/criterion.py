@@ -6,8 +6,11 @@ Every study uses the same one.
 from numbers import Real
 from typing import Any, Literal, NamedTuple, get_args
 
+import numpy as np
+
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.units import hertz, quantity
+from stabctl.dynamics import family
 from stabctl.dynamics.assembly import System
 
 Coi = Literal["all", "machines"]
@@ -97,11 +100,15 @@ def checked(criterion: object, frequency_hz: float) -> Criterion:
     return made
 
 
-def for_system(criterion: Criterion, system: System) -> Criterion:
-    """The criterion for a system: a frequency that nothing governs is judged only if limits or delay were changed."""
-    by_default = criterion[4:7] == DEFAULT[4:7]
-    governed = system.rotors.virtual.any() or any(f.device.role == "governor" for f in system.families)
-    return criterion._replace(frequency_delay_s=0.0) if by_default and not governed else criterion
+def with_frequency(criterion: Criterion, system: System) -> np.ndarray:
+    """Whether the frequency of the island of every rotor is judged (rotor units).
+
+    One that nothing governs is judged only if limits or delay were changed.
+    """
+    rotors, island = system.rotors, system.island[system.unit_bus]
+    governors = [f.w[:, family.UNIT] for f in system.families if f.device.role == "governor"]
+    governed = island[np.concatenate([rotors.unit[rotors.virtual], *governors])]
+    return np.isin(island[rotors.unit], governed) | (criterion[4:7] != DEFAULT[4:7])
 
 
 def numbers(criterion: Criterion) -> Any:

@@ -19,7 +19,7 @@ from ._newton import NO_ROWS, Slopes, advance
 from .attached import attached
 from .contingency import Disturbance, timed_events
 from .control import Control, Frames, Pilot, acting, carry
-from .criterion import DEFAULT, Criterion, for_system, frequency_range, numbers
+from .criterion import DEFAULT, Criterion, frequency_range, numbers, with_frequency
 from .outcome import ControlLoop, End, Outcome, outcome, stalled
 from .recording import Recorded, Recording
 from .stages import constants
@@ -87,7 +87,7 @@ class Simulation:
         self.progress = progress
         self.attached = attached(point, controllers, measured)
         point = self.attached.point
-        self.point, self.criterion = point, for_system(criterion, point.system)
+        self.point, self.criterion = point, criterion
         self.changes = timeline(point.case, timed_events(point.case, events))
         self.time, self.wall_s, self.steps = start, 0.0, 0
         self.outcome: Outcome | None = None
@@ -105,7 +105,7 @@ class Simulation:
         self.step = steps.checked(point, step, self.loop, control.step if control else steps.STEP)
         signals = self.wired.layout.first_memory
         self._record = Recording(point, record, signals, every=every, span=swings.SPAN)
-        self._rules = numbers(self.criterion)
+        self._rules, self._judged = numbers(criterion), with_frequency(criterion, point.system)
         self._run = buffers(self.wired.start, self.wired.layout, self.wired.places)
         self._enter()
         self._clock = self.wired.places.seen.time
@@ -236,7 +236,7 @@ class Simulation:
         self._record.enter(self._stage.net)
         self._off[(self._stage.net.island < 0) & np.isinf(self._off)] = self.time
         self._program = self.wired.program
-        self._places = self.wired.places
+        self._places = self.wired.places._replace(judged=self._judged)
         if self.criterion.coi == "machines":
             self._places = self._places._replace(weight=self.point.rotors.of_machines(self._stage.net.island))
         if self._stage.constants:
@@ -305,9 +305,9 @@ class Simulation:
         return float(self._run.s[found]) if found >= 0 else 1.0
 
     def _alone(self) -> bool:
-        """Whether the runaway machine is alone in its island, while others are running elsewhere."""
-        island = self._stage.net.island[self.point.rotors.unit]
-        return (island == island[self._run.notes[NOTE.rotor]]).sum() == 1 and (island >= 0).sum() > 1
+        """Whether the runaway machine is alone in its island, while others that were there before are running."""
+        row, island, before = self._run.notes[NOTE.rotor], self.island[self.point.rotors.unit], self.point.rotor_island
+        return (island == island[row]).sum() == 1 and ((island >= 0) & (before == before[row])).sum() > 1
 
     def _trip(self, verdict: int) -> None:
         """Trip the machine that ran away or left the frequency range, as its protection would."""

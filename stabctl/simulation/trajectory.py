@@ -71,6 +71,12 @@ class Trajectory:
         return self.time[:, None] < self.happened.off_s[self.point.rotors.unit] - 1e-9
 
     @cached_property
+    def angle_from_coi_deg(self) -> np.ndarray:
+        """Angles (rows, rotor units) relative to the COI of the rotors of the same island that are on; nan if off."""
+        angle = self.point.from_center(self.arrays.angle, self.point.inertia * self.on)
+        return np.where(self.on, np.rad2deg(angle), np.nan)
+
+    @cached_property
     def unstable_machines(self) -> tuple[int | str, ...]:
         """Machines that lost synchronism with the rest of their island: those on one side of the widest angle gap."""
         numbers, first = self.point.rotor_names, self.outcome.machine
@@ -293,9 +299,8 @@ class Arrays:
 
     @cached_property
     def swing(self) -> np.ndarray:
-        """Changes of the angles relative to the center of inertia (rows, rotor units), rad; valid as `coi_speed`."""
-        H, change = self._point.rotors.inertia, self.angle - self.angle[0]
-        return _fixed(change - (change @ H / H.sum())[:, None])
+        """Changes of the angles relative to the COI of the island (rows, rotor units), rad; valid without switching."""
+        return _fixed(self._point.from_center(self.angle - self.angle[0], self._point.inertia))
 
     @cached_property
     def V(self) -> np.ndarray:

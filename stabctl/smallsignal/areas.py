@@ -61,8 +61,9 @@ def areas(modes: Modes, count: int | None = None) -> Areas:
     modes : Modes
         All modes of the system.
     count : int, optional
-        Number of areas, found from the `count - 1` slowest swing modes. By default, counts from 2 to a third of the
-        machines are tried, and the one with the best agreement is kept.
+        Number of areas, found from the `count - 1` slowest swing modes; in a network of n islands, from the `count - n`
+        slowest, and there are n areas at least. By default, counts from n + 1 to a third of the machines are tried, and
+        the one with the best agreement is kept.
 
     Returns
     -------
@@ -71,7 +72,7 @@ def areas(modes: Modes, count: int | None = None) -> Areas:
     Raises
     ------
     StudyError
-        If the system has no rotor, or fewer than `count - 1` swing modes.
+        If the system has no rotor, or fewer swing modes than that.
 
     References
     ----------
@@ -80,22 +81,23 @@ def areas(modes: Modes, count: int | None = None) -> Areas:
     name = modes.linear.point.case.name
     if not len(modes.linear.point.rotors.unit):
         raise StudyError(f"{name} has no machine or grid-forming converter, so it has no coherent areas.")
-    swings, machines = modes.swings(), len(modes.linear.point.rotors.unit)
+    swings, (machines, islands) = modes.swings(), modes.linear.point.members.shape
+    most = len(swings) + islands
     if count is None:
-        tried = range(min(2, len(swings) + 1), max(2, min(machines // 3, len(swings))) + 1)
-        return max((_split(modes, swings[: k - 1]) for k in tried), key=lambda found: found.agreement)
-    if not 1 <= count <= len(swings) + 1:
+        tried = range(min(islands + 1, most), max(islands + 1, min(machines // 3, most - 1)) + 1)
+        return max((_split(modes, swings[: k - islands]) for k in tried), key=lambda found: found.agreement)
+    if not islands <= count <= most:
         raise StudyError(
             f"{name} cannot be divided into {counted(count, 'area')}: it has {counted(len(swings), 'swing mode')}; "
-            f"choose 1 to {len(swings) + 1} areas."
+            f"choose {islands} to {most} areas."
         )
-    return _split(modes, swings[: count - 1])
+    return _split(modes, swings[: count - islands])
 
 
 def _split(modes: Modes, slow: list[int]) -> Areas:
-    """The machines grouped by the common motion and these swing modes."""
-    point, count = modes.linear.point, len(slow) + 1
-    rows = _rows(modes, slow)
+    """The machines grouped by the common motion of each island and these swing modes."""
+    point, rows = modes.linear.point, _rows(modes, slow)
+    count = rows.shape[1]
     references = _references(rows)
     along = rows @ np.linalg.inv(rows[references])
     member = along.argmax(axis=1)
@@ -112,10 +114,10 @@ def _split(modes: Modes, slow: list[int]) -> Areas:
 
 
 def _rows(modes: Modes, slow: list[int]) -> np.ndarray:
-    """Angles of the machines in the common motion and the slow modes (machines, count), real, columns of norm 1."""
+    """Angles of the machines in the common motions and the slow modes (machines, count), real, columns of norm 1."""
     angles = modes.right[modes.linear.angles()][:, slow]
     turn = np.exp(-0.5j * np.angle((angles**2).sum(axis=0)))
-    columns = np.column_stack([np.ones(len(angles)), (angles * turn).real])
+    columns = np.column_stack([modes.linear.point.members, (angles * turn).real])
     return columns / np.linalg.norm(columns, axis=0)
 
 

@@ -20,7 +20,7 @@ from stabctl._util.errors import StudyError, shown
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted, listed
 from stabctl.dynamics.assembly import INFINITE
-from stabctl.dynamics.operating_point import loops
+from stabctl.dynamics.operating_point import OperatingPoint, loops
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, chosen
 
 from .descriptor import Descriptor
@@ -156,18 +156,18 @@ class Modes:
     def electromechanical(self) -> np.ndarray:
         """Which modes are electromechanical: machines, or converters with a virtual rotor, swing against each other."""
         rotor = np.r_[self.linear.angles(), self.linear.speeds()]
-        return swings(self.eigenvalues, self.shares, self.shapes, rotor, self.linear.point.inertia)
+        return swings(self.eigenvalues, self.shares, self.shapes, rotor, self.linear.point)
 
     def label(self, k: int) -> str:
         """Name of mode k: the machines and converters that swing against each other, or the dominant state."""
-        linear, H = self.linear, self.linear.point.inertia
+        linear = self.linear
         if self.eigenvalues[k] == 0:
             return zero(linear, self.right[:, k], self.left[:, k], k if k < self.references else None)
         if self.electromechanical[k]:
             rotors, weight = linear.point.rotors, self.shares[linear.angles(), k]
             weight[rotors.speed < linear.point.layout.nx] = self.shares[linear.speeds(), k]
             return against(self.shapes[:, k], weight, linear.point.rotor_names, rotors.virtual)
-        return leader(linear, self.shares[:, k], self.shapes[:, k], H, self.eigenvalues[k].imag != 0)
+        return leader(linear, self.shares[:, k], self.shapes[:, k], self.eigenvalues[k].imag != 0)
 
     def mode(self, k: int) -> Mode:
         """Mode k as a record; k is an index of `eigenvalues`, as returned by `swings()`."""
@@ -259,20 +259,24 @@ class Modes:
         return f"<p>{escape(str(self))}</p>{self.df.to_html(index=False, float_format='{:.4f}'.format)}"
 
 
-def swings(values: np.ndarray, shares: np.ndarray, speeds: np.ndarray, rotor: np.ndarray, H: np.ndarray) -> np.ndarray:
+def swings(
+    values: np.ndarray, shares: np.ndarray, speeds: np.ndarray, rotor: np.ndarray, point: OperatingPoint
+) -> np.ndarray:
     """Which modes are electromechanical: oscillatory, with rotor angles and speeds, machines against each other.
 
     `speeds` (machines, modes) are the speed parts of the right eigenvectors, `rotor` the indices of angles and speeds.
     """
-    return (values.imag != 0) & (shares[rotor].sum(axis=0) > SWING) & (_together(speeds, H) < TOGETHER)
+    return (values.imag != 0) & (shares[rotor].sum(axis=0) > SWING) & (_together(speeds, point) < TOGETHER)
 
 
-def _together(speeds: np.ndarray, H: np.ndarray) -> np.ndarray:
-    """|sum H s| / sum H |s| (modes); 0 with an infinite bus, which stands still while the others move."""
-    if H.max(initial=0.0) >= STANDING:
+def _together(speeds: np.ndarray, point: OperatingPoint) -> np.ndarray:
+    """|sum H s| / sum H |s| (modes) in the island that moves most; 0 with an infinite bus there, which stands still."""
+    if not len(speeds):
         return np.zeros(speeds.shape[1])
-    whole = H @ np.abs(speeds)
-    return np.divide(np.abs(H @ speeds), whole, out=np.zeros(speeds.shape[1]), where=whole > 0)
+    H = point.inertia[:, None] * (point.rotor_island[:, None] == point.rotor_island[np.abs(speeds).argmax(axis=0)])
+    whole = (H * np.abs(speeds)).sum(axis=0)
+    moves = (whole > 0) & (H.max(axis=0) < STANDING)
+    return np.divide(np.abs((H * speeds).sum(axis=0)), whole, out=np.zeros(speeds.shape[1]), where=moves)
 
 
 def zero(linear: Linear, right: np.ndarray, left: np.ndarray, reference: int | None) -> str:
@@ -311,10 +315,10 @@ def sides(shape: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return strong[ahead], strong[~ahead]
 
 
-def leader(linear: Linear, share: np.ndarray, speeds: np.ndarray, H: np.ndarray, oscillates: bool) -> str:
+def leader(linear: Linear, share: np.ndarray, speeds: np.ndarray, oscillates: bool) -> str:
     """Name of a mode that is not a swing mode: the common frequency, a loop of converters, or its dominant state."""
     rotor = np.r_[linear.speeds(), linear.angles()]
-    if oscillates and share[rotor].sum() > SWING and _together(speeds[:, None], H)[0] >= TOGETHER:
+    if oscillates and share[rotor].sum() > SWING and _together(speeds[:, None], linear.point)[0] >= TOGETHER:
         return "common frequency: all machines together"
     return converter_loop(linear, share) or linear.states[int(share.argmax())]
 

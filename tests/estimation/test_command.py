@@ -63,7 +63,7 @@ def test_simulate_and_clearing_time_take_an_estimator(stabctl):
         (("estimate", *FAULT, "--clear", "6cyc", "--latency-ms", "nan"), "--latency-ms"),
         (("estimate", *FAULT, "--clear", "6cyc", "--plot", "x.pdf"), "must end in"),
         (("estimate", *FAULT, "--clear", "6cyc", "--observe", 0), "--observe"),
-        (("estimate", *FAULT, "--clear", "120cyc", "--observe", 5), "in synchronism"),
+        (("estimate", *FAULT, "--clear", "120cyc", "--observe", 5), "but they are judged after the last event"),
     ],
 )
 def test_a_mistake_is_one_line(stabctl, words, says):

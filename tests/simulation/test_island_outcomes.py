@@ -1,10 +1,13 @@
 """Islands that a network had from the beginning are no event; each keeps its own center of inertia and frequency."""
 
+from operator import attrgetter
+
 import numpy as np
 import pytest
-from islands import SHIFT, joined
+from islands import SHIFT, joined, single
 
 import stabctl as st
+from stabctl.clearing.trial import _equivalent
 
 FAULT = st.Contingency("7-8@0.4", clear="6cyc")
 LAWS = [None, st.BangBang(), st.Feedback(0.05), st.Feedback(0.05, 0.01, min_voltage=0.0)]
@@ -62,3 +65,63 @@ def test_an_island_that_loses_its_machines_is_blacked_out(both):
     assert end.kind == "islanded"
     assert "without a machine or grid-forming converter: blacked out, its load lost" in str(end)
     assert f"bus {SHIFT + 1}" in str(end) or f"buses {SHIFT + 1}" in str(end)
+
+
+def test_a_bus_angle_is_that_against_the_machines_that_are_left(alone):
+    """Whichever machine is tripped; of the first one of its island, too."""
+    gain = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[0.5]]
+    control = st.Controller(("bus_angle:5",), ("order:2",), *gain)
+    run = alone.simulate([st.TripMachine(1, 0.2)], "1s", control=control)
+    H = alone.inertia * run.on
+    angle = np.angle(run.arrays.V[:, 4]) - (H * run.arrays.angle).sum(axis=1) / H.sum(axis=1)
+    assert np.abs(run.arrays.order[:, 1] - 0.5 * (angle - angle[0])).max() < 1e-9  # 1e-16
+    assert run.arrays.order[-1, 1] < -0.4
+
+
+@pytest.mark.parametrize("gain", [20.0, -200.0])
+@pytest.mark.parametrize("signal", ["angle:1", "bus_angle:5"])
+def test_the_loop_of_controllers_at_rest_is_that_of_its_island(both, alone, signal, gain):
+    """An angle against the center of inertia of both islands grew by 0.017 1/s, or by that instead of 8.2 1/s."""
+    empty = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0))
+    control = st.Controller((signal,), ("order:1",), *empty, [[gain]])
+    ends = [str(point.simulate("7:+0.001MW@0.01s", "0.05s", control=control).outcome) for point in (both, alone)]
+    said = [end.partition("Where the control acts")[2] for end in ends]
+    assert said[0] == said[1]
+    assert bool(said[0]) == (signal == "angle:1" and gain < 0)
+
+
+def test_a_machine_that_was_alone_before_is_judged_as_any_other():
+    """One that a switching leaves alone is tripped; one that was alone is the system of its own that it always was."""
+    lone, two = single(st.load("two_area"), 300.0), st.load("wscc9")
+    ends = [
+        case.simulate(f"{bus}:-290MW@0.5s", "10s").outcome for case, bus in ((lone, 2), (joined(two, lone), 2 + SHIFT))
+    ]
+    assert [end.kind for end in ends] == ["frequency_instability"] * 2
+    assert ends[0].time_s == pytest.approx(ends[1].time_s, abs=1e-6)
+    assert f"of the island of machine {SHIFT + 1} " in str(ends[1])
+
+
+def test_the_frequency_of_an_island_without_a_governor_is_not_judged_beside_one_with_governors():
+    """Nothing restores the frequency of wscc9: 73 Hz 10 s after a load of 150 MW is lost, alone or beside two_area."""
+    two, nine = st.load("two_area"), st.load("wscc9")
+    ends = [
+        case.simulate(f"{bus}:-150MW@0.5s", "10s").outcome for case, bus in ((nine, 5), (joined(two, nine), 5 + SHIFT))
+    ]
+    assert [end.kind for end in ends] == ["stable"] * 2
+    assert "73.06 Hz in the island of machine 1001" in str(ends[1])
+
+
+def test_swings_and_angles_are_those_against_the_center_of_the_own_island(both, alone):
+    run, one = (point.simulate(FAULT, "2s") for point in (both, alone))
+    for name in ("arrays.swing", "angle_from_coi_deg"):
+        of_both, of_one = (attrgetter(name)(r) for r in (run, one))
+        assert np.abs(of_both[:, :4] - of_one).max() < 1e-5  # 2e-7
+        assert np.ptp(of_both[:, 4:], axis=0).max() < 1e-6
+
+
+def test_the_margin_of_a_lost_run_is_that_of_its_island(both, alone):
+    """The others are those of the island, not the machines that the widest gap parts off: both rotate apart."""
+    lost = st.Contingency("7-8@0.4", clear="30cyc")
+    speeds = [_equivalent(point.simulate(lost, "4s")) for point in (both, alone)]
+    assert speeds[0][1] == pytest.approx(speeds[1][1], rel=1e-12)
+    assert speeds[0][0] == pytest.approx(speeds[1][0], abs=1e-7)

@@ -1,5 +1,7 @@
 """A network of two islands from the beginning has the modes of both, and each has its own angle reference."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from islands import joined
@@ -7,6 +9,9 @@ from scipy.optimize import linear_sum_assignment
 
 import stabctl as st
 from stabctl._util.errors import StabctlError
+from stabctl.design.lqg import _reduced, _Scales
+from stabctl.design.quadratic import Weights
+from stabctl.dynamics.signals import INPUTS, OUTPUTS, chosen
 from stabctl.simulation.simulation import Simulation
 from stabctl.smallsignal import descriptor
 from stabctl.smallsignal.analysis import analyze
@@ -116,3 +121,32 @@ def test_a_controller_reads_what_the_linear_model_shows(points, signal):
         )
         < 1e-8
     )
+
+
+def test_an_infinite_bus_stands_still_in_its_island_alone():
+    """Beside it the machines of the other island still move together in the mode of their frequency: no swing mode."""
+    one, other = st.load("two_area"), st.load("wscc9").classical()
+    rows = other.devices["gencls"]
+    infinite = replace(other, devices={"gencls": {**rows, 1: rows[1]._replace(H=0.0)}})
+    whole, *parts = (case.modes() for case in (joined(one, infinite), one, infinite))
+    assert len(whole.swings()) == sum(len(p.swings()) for p in parts) == 5
+    named = [
+        [m.label(k) for k in range(len(m)) if m.label(k).startswith("common frequency")] for m in (whole, parts[0])
+    ]
+    assert named[0] == named[1]
+    assert named[0]
+
+
+def test_areas_are_in_one_island_each():
+    whole = st.smallsignal.areas(joined(st.load("two_area"), st.load("wscc9")).modes())
+    assert sorted(sorted(group) for group in whole.groups) == [[1, 2], [3, 4], [1001, 1002, 1003]]
+    with pytest.raises(StabctlError, match="choose 2 to 7 areas"):
+        st.smallsignal.areas(joined(st.load("two_area"), st.load("wscc9")).modes(), 1)
+
+
+def test_an_estimator_has_no_state_of_an_angle_reference(points):
+    """No signal sees it, so its covariance would grow without end."""
+    weights, scales = Weights(), _Scales(1.0, 0.1, np.ones(len(points[0].rotors.unit)))
+    reads = chosen(points[0].case, "deviation", OUTPUTS)
+    small = _reduced(points[0], chosen(points[0].case, "order", INPUTS), reads, scales, weights, 16)
+    assert not [name for name in small.states if name.startswith("angle reference")]

@@ -189,7 +189,7 @@ def _signal(run: Trajectory, signal: str, machines: Sequence[int | str] | None) 
         column_of = {b.bus: k for k, b in enumerate(case.buses)}
         values = {
             "speed": lambda: np.where(run.on, run.arrays.speed * case.frequency_hz, np.nan),
-            "angle": lambda: np.where(run.on, np.rad2deg(run.arrays.angle - _coi_angle(run)[:, None]), np.nan),
+            "angle": lambda: run.angle_from_coi_deg,
             "voltage": lambda: np.abs(run.arrays.V[:, [column_of[m.storage_bus] for m in case.machines]]),
             "power": lambda: run.arrays.P,
         }[signal]()
@@ -200,10 +200,3 @@ def _signal(run: Trajectory, signal: str, machines: Sequence[int | str] | None) 
     shown = [one for one in owners if machines is None or one[0] in machines]
     columns = np.array([column for _, _, column in shown]).reshape(len(shown), len(run.time)).T
     return Signal(columns, [name for _, name, _ in shown], [machine for machine, _, _ in shown])
-
-
-def _coi_angle(run: Trajectory) -> np.ndarray:
-    """Angle of the center of inertia of the machines that are on (rows), rad."""
-    H = run.point.inertia * run.on
-    total = H.sum(axis=1)
-    return np.divide((H * run.arrays.angle).sum(axis=1), total, out=np.zeros(len(total)), where=total > 0)

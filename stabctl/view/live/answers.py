@@ -75,9 +75,7 @@ def _outcome(run: Trajectory) -> dict[str, Any]:
 
 def _arrays(run: Trajectory, signals: tuple[str, ...]) -> Arrays:
     """Instants and curves, and the frames of the diagram."""
-    a, case, H = run.arrays, run.point.case, run.point.inertia * run.on
-    total = np.maximum(H.sum(axis=1), 1e-9)
-    angle = np.where(run.on, np.rad2deg(a.angle - ((H * a.angle).sum(axis=1) / total)[:, None]), np.nan)
+    a, case, angle = run.arrays, run.point.case, run.angle_from_coi_deg
     size = np.abs(a.V)
     found: Arrays = {"time": run.time}
     for name in signals:
