@@ -129,9 +129,8 @@ def _critical_time(one: Simulated, shared: Shared, target: float) -> Found:
     count = max(1, round(target / GRID))
     tried = trial(one, shared, target / count)
     found = last_stable(tried.attempt, tried.search.last, count, 2, **tried.search.shorter())
-    runs = found.runs if count in found.runs else {**found.runs, count: tried.attempt(count)}
     cycles = None if found.status == "unstable_at_zero" else found.critical * target / count
-    return _found(runs[count].stable, found.machine, len(runs), cycles=cycles)
+    return _found(found.runs[count].stable, found.machine, len(found.runs), cycles=cycles)
 
 
 def _energies(ran: Trajectory) -> np.ndarray:

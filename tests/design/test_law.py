@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from stabctl._util.errors import StudyError
-from stabctl.clearing import Search, screen
+from stabctl.clearing import Search, Trial, screen
 from stabctl.controllers import BangBang, StorageLaw
 from stabctl.design import LawLimits, law
 from stabctl.design.law import LawSearch, no_stable_limit_cycle, spread, training_contingencies
-from stabctl.design.law_measurement import LAW, Bench, Measurement, measured, measurement_task
+from stabctl.design.law_measurement import LAW, Bench, Measurement, later, measured, measurement_task
 from stabctl.design.law_result import parameters
 from stabctl.io.control_files import load
 from stabctl.jobs import Runner
@@ -197,3 +197,13 @@ def test_every_simulation_of_a_design_is_counted(fleet, monkeypatch):
     monkeypatch.setattr(LawSearch, "best", lambda self, start, groups: [start])
     coarse = {"resolution": "2cyc", "scan": 0.0, "observe": "2s", "limit": "40cyc", "workers": 1}
     assert law(fleet, FAULT, limits=LawLimits(return_within=0), **coarse).simulations == len(made)
+
+
+def test_what_is_left_is_summed_over_devices_that_gave_and_took(fleet):
+    """As in a recorded run that ends then; devices above and below their energy do not cancel."""
+    search = Search(resolution_cycles=1.0, observed_s=3.0, longest_s=0.0)
+    trial = Trial(fleet, FAULT, StorageLaw(slope=0.5, deadband=0.0), search)
+    energy = 1e3 * trial.simulate(8, record=True).arrays.energy
+    left = energy[-1] - energy[0]
+    assert later(trial, 8, 3.0).left_kwh == pytest.approx(np.abs(left).sum(), rel=0.02)
+    assert abs(left.sum()) < 0.9 * np.abs(left).sum()
