@@ -154,7 +154,7 @@ class Optimum(Tabular):
 
     def __str__(self) -> str:
         c, p = self.contingency, self.peak
-        what = f"{self.case}, fault {c.fault}" + (f", trip {', '.join(c.trip)}" if c.trip else "")
+        what = f"{self.case}, fault {c.fault}" + (f", trip {', '.join(map(str, c.trip))}" if c.trip else "")
         seen = watched(self.search, self.proof.observed_s)
         gate = self.schedule.min_voltage
         idle = f", idle below {gate:g} pu" if gate else ""
@@ -245,6 +245,7 @@ def optimum(
     search = Search.of(
         case, resolution=resolution, limit=limit, observe=observe, step=step, criterion=criterion, longest=longest
     )
+    contingency = contingency.placed(case)
     trial = Trial(point, contingency, law, search)
     first = critical(trial)
     if first.status != "found" or not first.cycles:

@@ -174,7 +174,7 @@ def chosen(case: Case, wanted: str | Iterable[str | Signal], kinds: Mapping[str,
     A signal may also be named by its label. Raises `StudyError` if a name is not a signal of the case.
     """
     found: list[Signal] = []
-    names = [part for part in wanted.split(",") if part.strip()] if isinstance(wanted, str) else wanted
+    names = [part for part in naming.listed(wanted) if part] if isinstance(wanted, str) else wanted
     if isinstance(names, Signal) or not isinstance(names, Iterable):
         raise StudyError(f"{wanted!r} is not a list of signals; write 'speed:2' or ['speed:2', 'voltage:7'].")
     for text in names:

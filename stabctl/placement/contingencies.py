@@ -16,6 +16,7 @@ from stabctl._util.errors import StudyError, shown
 from stabctl._util.units import seconds
 from stabctl.clearing import Screen
 from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.model import naming
 from stabctl.model.case import Case, as_case
 from stabctl.simulation import events
 from stabctl.simulation.contingency import Contingency
@@ -151,18 +152,19 @@ def _impedance(text: str) -> complex:
 
 def _machine_trip(text: str, clear: str | None, case: Case) -> Event:
     """The trip of a machine: `9` when the fault is cleared, `9@0.5s` so long after the instant of the fault."""
-    number, _, after = text.partition("@")
-    delay = seconds(after or clear or 0.0, case.frequency_hz)
-    return events.event(f"{number.strip()}@{AT + delay!r}s", case.frequency_hz)
+    if naming.machine_number(case, text) is not None or "@" not in text:
+        text = f"{text}@{seconds(clear or 0.0, case.frequency_hz)!r}s"
+    trip = events.machine_trip(text, case.frequency_hz)
+    return replace(trip, at=AT + trip.at)
 
 
 def checked(case: Case, given: Iterable[Contingency]) -> tuple[Contingency, ...]:
     """The contingencies, each with a fault and its clearing time or other events, possible, and each different."""
-    out = tuple(given)
-    if not out:
+    listed, out = tuple(given), list[Contingency]()
+    if not listed:
         raise StudyError("There are no contingencies to survive; give at least one.")
     met: dict[Any, int] = {}
-    for i, one in enumerate(out, start=1):
+    for i, one in enumerate(listed, start=1):
         if not isinstance(one, Contingency):
             raise StudyError(f"Contingency {i} is {one!r}; write Contingency('16', clear='6cyc', trip='16-21').")
         where = f"Contingency {i} ({one.label})"
@@ -177,12 +179,13 @@ def checked(case: Case, given: Iterable[Contingency]) -> tuple[Contingency, ...]
             )
         try:
             one.check(case)
+            out.append(one := one.placed(case))
         except StudyError as error:
             raise StudyError(f"{where}: {error}") from None
         first = met.setdefault((one.fault, one.trip, clear, one.impedance, one.events), i)
         if first != i:
             raise StudyError(f"{where} is the same as contingency {first}; remove one of them.")
-    return out
+    return tuple(out)
 
 
 def clearing_s(one: Contingency, case: Case) -> float:

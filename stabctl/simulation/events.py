@@ -10,10 +10,11 @@ from typing import Literal
 
 from stabctl._util.errors import StudyError
 from stabctl._util.units import megavars, megawatts, seconds
+from stabctl.model.location import Place, written
+from stabctl.model.naming import Circuit, parse_circuit
 
 SHOWN = "7-8@1s (a line opens), 14@2s (a machine trips) or 7:+50MW@1s (a load changes)"
-NUMBERS = re.compile(r"\d{1,18}-\d{1,18}(?:#\d{1,18})?", re.ASCII)  # a circuit by the numbers of its buses
-_MACHINE = re.compile(r"\d{1,18}|[^:]+/[^:/]+", re.ASCII)
+_MACHINE = re.compile(r"\d{1,18}|.+/.+", re.ASCII)
 _POWER = r"[+-]\d+(?:\.\d*)?(?:[eE][+-]?\d+)?"
 _LOAD = re.compile(rf"([^:]+):(?:({_POWER})\s*MW)?\s*(?:({_POWER})\s*Mvar)?", re.ASCII | re.IGNORECASE)
 
@@ -24,6 +25,9 @@ class _Timed:
     at: float  # s, or text
 
     def __post_init__(self) -> None:
+        for name in {"place", "branch"} & vars(self).keys():
+            if isinstance(given := getattr(self, name), str):
+                object.__setattr__(self, name, written(given))
         if not isinstance(self.at, Real) or isinstance(self.at, bool):
             seconds(self.at, 60.0)
 
@@ -34,7 +38,7 @@ class Fault(_Timed):
 
     Parameters
     ----------
-    place : str
+    place : str or Circuit
         A bus "83", or a point on a circuit "7-8@0.4" ("7-8" is its middle).
     at : float or str, s
         Instant; text such as "1s" or "60cyc".
@@ -42,7 +46,7 @@ class Fault(_Timed):
         Fault impedance on the system base; 0 is a bolted fault.
     """
 
-    place: str
+    place: Place
     at: float
     impedance: complex = 0j
 
@@ -53,13 +57,13 @@ class Clear(_Timed):
 
     Parameters
     ----------
-    place : str
+    place : str or Circuit
         Location of the fault.
     at : float or str, s
         Instant; text such as "1.1s".
     """
 
-    place: str
+    place: Place
     at: float
 
 
@@ -69,7 +73,7 @@ class Open(_Timed):
 
     Parameters
     ----------
-    branch : str
+    branch : str or Circuit
         The circuit, "7-8" or "7-8#2".
     at : float or str, s
         Instant; text such as "1s".
@@ -77,7 +81,7 @@ class Open(_Timed):
         Both ends, or the number of the bus whose breaker opens.
     """
 
-    branch: str
+    branch: str | Circuit
     at: float
     end: Literal["both"] | int = "both"
 
@@ -178,9 +182,11 @@ def event(text: str | Event, frequency_hz: float) -> Event:
     if not isinstance(text, str):
         return replace(text, at=seconds(text.at, frequency_hz)) if isinstance(text.at, str) else text
     what, _ = _split(text, frequency_hz)
-    for is_one, read in ((_LOAD.fullmatch, load_step), (_MACHINE.fullmatch, machine_trip), (_circuit, opening)):
-        if is_one(what):
+    for is_one, read in ((_LOAD.fullmatch, load_step), (_MACHINE.fullmatch, machine_trip)):
+        if is_one(what) and not parse_circuit(None, what):
             return read(text, frequency_hz)
+    if _circuit(what):
+        return opening(text, frequency_hz)
     raise StudyError(f"{text!r} is not an event; write {SHOWN}.")
 
 
@@ -213,15 +219,15 @@ def opening(text: str, frequency_hz: float) -> Open:
 
 
 def _circuit(what: str) -> bool:
-    """Whether it has the form of a circuit: two numbers, or the names of two buses; or an identifier."""
-    return bool(NUMBERS.fullmatch(what)) or ("-" in what and any(c.isalpha() for c in what))
+    """Whether it has the form of a circuit by the numbers or the names of its buses."""
+    return bool(parse_circuit(None, what)) or ("-" in what and any(c.isalpha() for c in what))
 
 
 def _split(text: str, frequency_hz: float) -> tuple[str, float]:
     """What happens, and when (s)."""
     what, at, when = text.rpartition("@")
     what, when = what.strip(), when.replace(" ", "")
-    if not any(c.isalpha() for c in what.rpartition(":")[0] or what):
+    if not any(c.isalpha() or c in "/'" for c in what.rpartition(":")[0] or what):
         what = what.replace(" ", "")
     if not at:
         raise StudyError(f"{text!r} has no time; write {SHOWN}.")
