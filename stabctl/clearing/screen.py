@@ -20,7 +20,6 @@ from stabctl.jobs.task import Base, sha256, text
 from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
-from stabctl.model.location import written
 from stabctl.model.naming import Circuit
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control
@@ -121,10 +120,8 @@ def screen(
                 each(of_bus)
             if progress:
                 progress(len(pairs), size)
-    order: dict[Any, int] = {
-        pair: k for k, pair in enumerate((bus, (circuit,)) for bus in by_bus for circuit in by_bus[bus])
-    }
-    pairs.sort(key=lambda p: (_rank(p), order[p.contingency.fault, p.contingency.trip]))
+    order = {pair: k for k, pair in enumerate((bus, str(line)) for bus in by_bus for line in by_bus[bus])}
+    pairs.sort(key=lambda p: (_rank(p), order[p.fault, p.trip[0]]))
     wall = time.perf_counter() - began
     whole = Screen(point.case.name, tuple(pairs), found, search, point.case.frequency_hz, size, simulations, wall)
     return whole if below is None else whole.below(below)
@@ -253,7 +250,7 @@ def pairs_of(row: dict[str, Any], search: Search) -> list[ClearingTime]:
 
 def from_plain(plain: dict[str, Any], search: Search) -> ClearingTime:
     """The clearing time that was found by a search, from its plain values."""
-    contingency = Contingency(written(plain["fault"]), trip=map(written, plain["trip"]))
+    contingency = Contingency(plain["fault"], trip=plain["trip"])
     runs = tuple(map(_run_from_plain, plain["runs"]))
     answer = {name: plain[name] for name in ("case", "status", "cycles", "seconds", "machine", "wall_s")}
     return ClearingTime(contingency=contingency, search=search, runs=runs, **answer)

@@ -214,8 +214,7 @@ class Trial:
         """Point of the grid near the answer: a share of the time to loss of synchronism, fault uncleared."""
         hz, search = self.point.case.frequency_hz, self.search
         longest = min(search.limit_cycles / SUSTAINED / hz, search.observed_s)
-        assert self.contingency.fault is not None
-        fault = Fault(self.contingency.fault, self.at, self.contingency.impedance)
+        fault = Fault(self.contingency.fault or "", self.at, self.contingency.impedance)
         end = self._run([fault], self.at + longest, record=False).outcome
         cycles = search.limit_cycles / SUSTAINED if end.stable else (end.time_s - self.at) * hz
         return int(SUSTAINED * cycles / search.resolution_cycles)

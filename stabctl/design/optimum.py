@@ -236,7 +236,7 @@ def optimum(
         raise StudyError(f"iterations = {shown(iterations)} is not a number of convex programs; give at least 1.")
     if not case.storage:
         raise StudyError(f"{case.name} has no storage to schedule; give storage='50MW', for example.")
-    contingency = contingency if isinstance(contingency, Contingency) else Contingency(contingency)
+    contingency = (contingency if isinstance(contingency, Contingency) else Contingency(contingency)).placed(case)
     length = seconds(window, case.frequency_hz)
     if isinstance(rate, bool) or not isinstance(rate, int) or not 1 <= rate <= 1000:
         raise StudyError(f"rate = {rate!r} orders per second is not allowed; give 1 to 1000.")
@@ -245,7 +245,6 @@ def optimum(
     search = Search.of(
         case, resolution=resolution, limit=limit, observe=observe, step=step, criterion=criterion, longest=longest
     )
-    contingency = contingency.placed(case)
     trial = Trial(point, contingency, law, search)
     first = critical(trial)
     if first.status != "found" or not first.cycles:

@@ -229,7 +229,7 @@ def _everywhere(case: Case, name: str, kind: Kind) -> Sequence[int | str | None]
     if kind.place == "bus":
         return [b.bus for b in case.buses]
     if kind.place == "line":
-        return list(naming.circuit_names(case.branches))
+        return naming.keys(case, "branches")
     if kind.place == "":
         return [None]
     numbers = [m.machine for m in case.machines]

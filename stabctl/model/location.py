@@ -4,7 +4,7 @@ Text is read here, and is then the number of a bus or a `Circuit`, whose text is
 """
 
 import re
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from stabctl._util.errors import StudyError, shown
 
@@ -56,9 +56,9 @@ def read(case: Case, text: str) -> Place:
     return found
 
 
-def written(text: str) -> Place:
-    """The location that a text names without names of buses; the text itself if it is not a circuit."""
-    return _circuit(None, text.strip()) or text
+def written(place: Any) -> Any:
+    """The circuit or the point that a text names by numbers of buses; anything else as it is."""
+    return (_circuit(None, place.strip()) if isinstance(place, str) else None) or place
 
 
 def _circuit(case: Case | None, text: str) -> Circuit | None:
@@ -107,11 +107,11 @@ def _circuit_row(case: Case, wanted: Circuit) -> int:
     if wanted.id is None:
         count = f"{len(among)} circuit{'s' * (len(among) > 1)}"
         raise StudyError(f"Branch {a}-{b} of {case.name} has {count}, but no circuit {wanted.place}.")
-    known = ", ".join(case.branches[i].circuit or "none" for i in among)
+    known = ", ".join(naming.quoted(case.branches[i].circuit) for i in among)
     raise StudyError(f"Branch {a}-{b} of {case.name} has no circuit {wanted.id}; its identifiers are {known}.")
 
 
-def circuit(case: Case, place: str | Circuit) -> tuple[int, bool]:
+def circuit(case: Case, place: Place) -> tuple[int, bool]:
     """Row of the circuit named `7-8` or `7-8#2`, and whether the first bus named is its from end."""
     found = read(case, place) if isinstance(place, str) else place
     if isinstance(found, str) or found.at is not None:

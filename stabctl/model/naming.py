@@ -43,14 +43,14 @@ class Circuit(NamedTuple):
     at: float | None = None  # of its length from bus a, if it is a point
 
     def __str__(self) -> str:
-        told = f"#{self.place}" if self.place else "" if self.id is None else f" ckt {_quoted(self.id)}"
+        told = f"#{self.place}" if self.place else "" if self.id is None else f" ckt {quoted(self.id)}"
         return f"{self.a}-{self.b}{told}" + ("" if self.at is None else f"@{self.at}")
 
     def __repr__(self) -> str:
         return repr(str(self))
 
 
-def _quoted(id: str) -> str:
+def quoted(id: str) -> str:
     """An identifier as it is written, in quotes if it holds blanks or signs that have a meaning elsewhere."""
     return id if _PLAIN.fullmatch(id) else "'" + id.replace("'", "''") + "'"
 
@@ -120,7 +120,7 @@ def keys(case: Tables, table: str) -> list[Key]:
     rows = getattr(case, table)
     match table:
         case "branches":
-            return list(circuit_names(rows))
+            return list(map(str, circuits(rows)))
         case "storage":
             return numbered(f"{s.machine}@{s.bus}" for s in rows)
         case _:
@@ -155,15 +155,9 @@ def circuits(branches: Iterable[Branch]) -> list[Circuit]:
     return list(found)
 
 
-def circuit_names(branches: Iterable[Branch]) -> list[str]:
-    """Names of the branches, in order."""
-    return list(map(str, circuits(branches)))
-
-
 def circuit(case: Tables, row: int) -> Circuit:
     """The branch in a row, as `circuits` has it."""
-    k = case.branches[row]
-    among = circuit_rows(case, Circuit(k.from_bus, k.to_bus))
+    among = circuit_rows(case, Circuit(*case.branches[row][:2]))
     return circuits(case.branches[i] for i in among)[among.index(row)]
 
 
@@ -209,12 +203,11 @@ def machine_number(case: Tables, name: object) -> int | None:
     text = _plain(name)
     if text.isdecimal():
         return next((m.machine for m in case.machines if str(m.machine) == text), None)
-    forms = [str(name)]
-    for slash in re.finditer("/", forms[0]):
-        bus, id = bus_number(case, forms[0][: slash.start()]), forms[0][slash.end() :].strip()
-        forms += [f"{bus}/{_unquoted(id)}", f"{bus}/{id}"]
+    called = str(name)
+    ends = [(bus_number(case, called[: k.start()]), called[k.end() :].strip()) for k in re.finditer("/", called)]
+    forms = [called, *(f"{bus}/{_unquoted(id)}" for bus, id in ends)]
     known = {m.name: m.machine for m in case.machines if m.name}
-    alike = {_plain(called): number for called, number in known.items()}
+    alike = {_plain(name): number for name, number in known.items()}
     found = [known[form] for form in forms if form in known] + [alike[f] for f in map(_plain, forms) if f in alike]
     return found[0] if found else None
 

@@ -154,17 +154,17 @@ def _machine_trip(text: str, clear: str | None, case: Case) -> Event:
     """The trip of a machine: `9` when the fault is cleared, `9@0.5s` so long after the instant of the fault."""
     if naming.machine_number(case, text) is not None or "@" not in text:
         text = f"{text}@{seconds(clear or 0.0, case.frequency_hz)!r}s"
-    trip = events.machine_trip(text, case.frequency_hz)
+    trip = events.event(text, case.frequency_hz, events.TripMachine)
     return replace(trip, at=AT + trip.at)
 
 
 def checked(case: Case, given: Iterable[Contingency]) -> tuple[Contingency, ...]:
     """The contingencies, each with a fault and its clearing time or other events, possible, and each different."""
-    listed, out = tuple(given), list[Contingency]()
-    if not listed:
+    out = tuple(given)
+    if not out:
         raise StudyError("There are no contingencies to survive; give at least one.")
     met: dict[Any, int] = {}
-    for i, one in enumerate(listed, start=1):
+    for i, one in enumerate(out, start=1):
         if not isinstance(one, Contingency):
             raise StudyError(f"Contingency {i} is {one!r}; write Contingency('16', clear='6cyc', trip='16-21').")
         where = f"Contingency {i} ({one.label})"
@@ -179,13 +179,13 @@ def checked(case: Case, given: Iterable[Contingency]) -> tuple[Contingency, ...]
             )
         try:
             one.check(case)
-            out.append(one := one.placed(case))
+            one = one.placed(case)
         except StudyError as error:
             raise StudyError(f"{where}: {error}") from None
         first = met.setdefault((one.fault, one.trip, clear, one.impedance, one.events), i)
         if first != i:
             raise StudyError(f"{where} is the same as contingency {first}; remove one of them.")
-    return tuple(out)
+    return tuple(one.placed(case) for one in out)
 
 
 def clearing_s(one: Contingency, case: Case) -> float:

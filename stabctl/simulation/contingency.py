@@ -10,8 +10,7 @@ from stabctl._util.errors import StudyError, shown
 from stabctl._util.units import seconds
 from stabctl.model import naming
 from stabctl.model.case import Case
-from stabctl.model.location import Place, circuit, placed, written
-from stabctl.model.naming import Circuit
+from stabctl.model.location import Circuit, Place, circuit, placed, written
 
 from .events import SHOWN, Clear, Event, Fault, Open, described, event
 from .timeline import timeline
@@ -50,7 +49,7 @@ class Contingency:
 
     fault: Place | None = None
     clear: str | float | None = None
-    trip: tuple[str | Circuit, ...] = ()
+    trip: tuple[Place, ...] = ()
     _: KW_ONLY
     at: str | float = "1s"
     impedance: complex = 0j
@@ -63,7 +62,7 @@ class Contingency:
             self,
             fault: Place | int | None = None,
             clear: str | float | None = None,
-            trip: str | Circuit | Iterable[str | Circuit] = (),
+            trip: Place | Iterable[Place] = (),
             *,
             at: str | float = "1s",
             impedance: complex = 0j,
@@ -82,7 +81,7 @@ class Contingency:
         for name, time in (("clear", self.clear), ("at", self.at)):
             if not (name == "clear" and time is None) and seconds(time, 60.0) < 0:
                 raise StudyError(f"{name} = {time:g} s is negative; give a time of at least 0.")
-        object.__setattr__(self, "fault", written(fault) if isinstance(fault, str) else fault)
+        object.__setattr__(self, "fault", written(fault))
         object.__setattr__(self, "trip", _circuits(self.trip))
         object.__setattr__(self, "events", _events(self.events))
 
@@ -107,7 +106,7 @@ class Contingency:
         return replace(self, fault=fault, trip=tuple(naming.circuit(case, circuit(case, k)[0]) for k in self.trip))
 
     @property
-    def opened(self) -> tuple[str | Circuit, ...]:
+    def opened(self) -> tuple[Place, ...]:
         """The circuits opened at clearing: the faulted one first."""
         own = (self.fault._replace(at=None),) if isinstance(self.fault, Circuit) else ()
         return tuple(dict.fromkeys((*own, *self.trip)))
@@ -307,12 +306,12 @@ def _not_an_event(item: object) -> StudyError:
     )
 
 
-def _circuits(trip: str | Circuit | Iterable[str | Circuit]) -> tuple[str | Circuit, ...]:
+def _circuits(trip: Place | Iterable[Place]) -> tuple[Place, ...]:
     given = [name for part in naming.listed(trip) for name in _names(part)] if isinstance(trip, str) else trip
     given = (given,) if isinstance(given, Circuit) or not isinstance(given, Iterable) else tuple(given)
-    if not all(isinstance(one, str | Circuit) for one in given):
+    if not all(isinstance(one, Place) for one in given):
         raise StudyError(f"trip = {trip!r} does not name circuits; write trip='7-8' or trip=['7-8', '8-9#2'].")
-    return tuple(written(one) if isinstance(one, str) else one for one in given)
+    return tuple(map(written, given))
 
 
 def _names(part: str) -> list[str]:

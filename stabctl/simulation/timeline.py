@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from stabctl._util.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.model.location import Place, circuit, locate
-from stabctl.model.naming import Circuit
 from stabctl.model.network import BOLTED, BranchState, Switching
 
 from .events import Clear, Event, Fault, LoadStep, Open, SwitchShunt, TripMachine, described
@@ -112,7 +111,7 @@ class _State:
         else:
             raise StudyError(f"There is no fault at {text} to clear at that time.")
 
-    def _open(self, name: str | Circuit, end: str | int) -> None:
+    def _open(self, name: Place, end: str | int) -> None:
         row, _ = circuit(self.case, name)
         k, before = self.case.branches[row], self.branches.get(row, BranchState())
         if end != "both" and end not in (k.from_bus, k.to_bus):

@@ -182,7 +182,7 @@ class TestNames:
         (tmp_path / "x.raw").write_text(text)
         case = st.load(tmp_path / "x.raw")
         assert [k.circuit for k in case.branches[:2]] == list(ids)
-        for row, name in enumerate(naming.circuit_names(case.branches)):
+        for row, name in enumerate(naming.keys(case, "branches")):
             assert location.circuit(case, name) == (row, True)
             assert location.locate(case, f"{name}@0.25") == (None, row, 0.25)
             assert [*map(str, st.Contingency(f"{name}@0.25", "6cyc").placed(case).opened)] == [name]
