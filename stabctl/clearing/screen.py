@@ -34,6 +34,7 @@ from .screen_result import Lines, Screen, lines
 from .trial import Margin, Run, Search, Trial
 
 FORMAT = 1
+ANSWER = "case", "status", "cycles", "seconds", "machine", "wall_s"
 NEAR = 0.5  # cycles   first stride from the answer of another line at the same bus
 
 
@@ -224,16 +225,8 @@ def _pairs(trials: list[Trial]) -> list[ClearingTime]:
 
 def as_plain(found: ClearingTime) -> dict[str, Any]:
     """The clearing time of a fault and the lines opened, without its search."""
-    return {
-        "case": found.case,
-        "fault": found.fault,
-        "trip": list(found.trip),
-        "status": found.status,
-        "cycles": found.cycles,
-        "seconds": found.seconds,
-        "machine": found.machine,
-        "runs": [_run_as_plain(run) for run in found.runs],
-        "wall_s": found.wall_s,
+    return {name: getattr(found, name) for name in (*ANSWER, "fault", "trip")} | {
+        "runs": [_run_as_plain(run) for run in found.runs]
     }
 
 
@@ -252,8 +245,7 @@ def from_plain(plain: dict[str, Any], search: Search) -> ClearingTime:
     """The clearing time that was found by a search, from its plain values."""
     contingency = Contingency(plain["fault"], trip=plain["trip"])
     runs = tuple(map(_run_from_plain, plain["runs"]))
-    answer = {name: plain[name] for name in ("case", "status", "cycles", "seconds", "machine", "wall_s")}
-    return ClearingTime(contingency=contingency, search=search, runs=runs, **answer)
+    return ClearingTime(contingency=contingency, search=search, runs=runs, **{name: plain[name] for name in ANSWER})
 
 
 def _run_from_plain(plain: list[Any]) -> Run:

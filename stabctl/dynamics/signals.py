@@ -298,14 +298,10 @@ def _group(case: Case, name: str, text: str) -> int | str:
 
 def _device(case: Case, text: str) -> str:
     """A storage device, machine@bus; the machine alone is enough if it has only one."""
-    names = [f"{s.machine}@{s.bus}" for s in case.storage]
-    matching = [n for n in names if n == text or n.partition("@")[0] == text]
-    if not names:
+    if not case.storage:
         raise StudyError(f"{case.name} has no storage devices; give storage='50MW', for example.")
-    if len(matching) != 1:
-        known = ", ".join(names)
-        raise StudyError(f"{shown(text)} is not one of the storage devices of {case.name}; they are {known}.")
-    return matching[0]
+    device = case.storage[naming.row(case, "storage", text)]
+    return f"{device.machine}@{device.bus}"
 
 
 def _belongs(case: Case, name: str, number: int) -> None:

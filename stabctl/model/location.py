@@ -13,7 +13,7 @@ from .case import Case
 from .naming import Circuit
 
 _NUMBER = re.compile(r"[0-9]{1,18}")
-_POINT = re.compile(r"(.+)@([+-]?[0-9]*\.?[0-9]+(?:[eE][+-]?[0-9]+)?)")
+_POINT = re.compile(r"(.+)@([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)")
 Place = str | Circuit  # a bus by its number
 
 
@@ -47,8 +47,7 @@ def read(case: Case, text: str) -> Place:
         return str(number)
     if _NUMBER.fullmatch(text):
         raise StudyError(f"There is no bus {text} in {case.name}; {_near(case, text)}")
-    found = _circuit(case, text)
-    if found is None:
+    if (found := _circuit(case, text)) is None:
         raise StudyError(
             f"{shown(text)} is not a location; write 83 for a bus, 7-8, 7-8#2 or 7-8 ckt 'A B' for a circuit, 7-8@0.4 "
             "for a point on it."

@@ -43,7 +43,7 @@ class Circuit(NamedTuple):
     at: float | None = None  # of its length from bus a, if it is a point
 
     def __str__(self) -> str:
-        told = f"#{self.place}" if self.place else "" if self.id is None else f" ckt {quoted(self.id)}"
+        told = f"#{self.place}" if self.place is not None else "" if self.id is None else f" ckt {quoted(self.id)}"
         return f"{self.a}-{self.b}{told}" + ("" if self.at is None else f"@{self.at}")
 
     def __repr__(self) -> str:
@@ -162,10 +162,7 @@ def circuit(case: Tables, row: int) -> Circuit:
 
 
 def parse_circuit(case: Tables | None, text: str) -> Circuit | None:
-    """The circuit that a text names, whether or not the case has it; None if it is not of that form.
-
-    Without a case, buses have no names.
-    """
+    """The circuit that a text names, whether or not the case has it, or None; without a case, buses have no names."""
     match = _CIRCUIT.fullmatch(text.strip())
     if match is None:
         return None
@@ -190,9 +187,8 @@ def circuit_rows(case: Tables, wanted: Circuit) -> list[int]:
     """Rows of the branches between the buses of a circuit; only its own if it is told from the others."""
     between = [i for i, k in enumerate(case.branches) if {k.from_bus, k.to_bus} == {wanted.a, wanted.b}]
     if wanted.id is not None:
-        id = wanted.id
-        same = [i for i in between if case.branches[i].circuit == id]
-        return same or [i for i in between if case.branches[i].circuit.upper() == id.upper()]
+        same = [i for i in between if case.branches[i].circuit == wanted.id]
+        return same or [i for i in between if case.branches[i].circuit.upper() == wanted.id.upper()]
     if wanted.place is not None:
         return between[wanted.place - 1 : wanted.place] if wanted.place else []
     return between

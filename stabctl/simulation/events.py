@@ -14,7 +14,7 @@ from stabctl.model.location import Place, written
 from stabctl.model.naming import parse_circuit
 
 SHOWN = "7-8@1s (a line opens), 14@2s (a machine trips) or 7:+50MW@1s (a load changes)"
-_MACHINE = re.compile(r"\d{1,18}|(?!\d+\s*-\s*\d).+/.+", re.ASCII)
+_MACHINE = re.compile(r"\d{1,18}|(?!\d+\s*-\s*\d).+/.*", re.ASCII)
 _POWER = r"[+-]\d+(?:\.\d*)?(?:[eE][+-]?\d+)?"
 _LOAD = re.compile(rf"([^:]+):(?:({_POWER})\s*MW)?\s*(?:({_POWER})\s*Mvar)?", re.ASCII | re.IGNORECASE)
 
