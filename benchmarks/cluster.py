@@ -28,6 +28,7 @@ from stabctl.dynamics import operating_point
 from stabctl.jobs import Kind, store
 from stabctl.jobs.cluster import Cluster
 from stabctl.jobs.task import Base
+from stabctl.model.naming import Circuit
 from stabctl.placement._simulated import FLEET
 from stabctl.placement.contingencies import packaged, read
 from stabctl.placement.place import place
@@ -79,7 +80,7 @@ def overhead(client: Client, count: int = 1000) -> float:
     """Processor time (ms) of the scheduler and of the study for a job, from many very short ones."""
     point = operating_point.solve(io.load("two_area").classical())
     shared = Shared(Base(point), Search(limit_cycles=0.125, observed_s=0.1), None)
-    (one,) = tasks({"7": ["7-8"]}, shared, True)
+    (one,) = tasks({"7": [Circuit(7, 8)]}, shared, True)
     with closing(Cluster(client.scheduler.address)) as cluster:
         began = time.process_time()
         done = sum(row.about.status == "ok" for row in cluster.rows(one._replace(key=str(k)) for k in range(count)))

@@ -24,7 +24,7 @@ from rich.table import Table
 import stabctl as st
 from stabctl.clearing.screen_result import lines
 from stabctl.dynamics import operating_point
-from stabctl.model import naming, powerflow
+from stabctl.model import powerflow
 
 GIVEN = Path(__file__).parents[1] / "tests" / "reference" / "import" / "matpower" / "case_ACTIVSg200.m"
 FAULTS = 50
@@ -64,8 +64,7 @@ def matpower_file(case: st.Case, folder: Path) -> Path:
 
 def faulted(case: st.Case, among: Iterable[int]) -> list[int]:
     """Buses with about 50 line faults at them."""
-    ends = [naming.parse_circuit(case, name) for name in lines(case).screened]
-    count = Counter(bus for end in ends for bus in (end.a, end.b))
+    count = Counter(bus for circuit in lines(case).screened for bus in (circuit.a, circuit.b))
     chosen: list[int] = []
     for bus in among:
         if count[bus] and sum(count[b] for b in chosen) < FAULTS:

@@ -359,7 +359,7 @@ def test_every_signal_that_can_be_read(flow):
 
     V = s[point.layout.voltages].view(complex)
     speed, angle, inertia = s[point.rotors.speed], s[point.rotors.angle], H * MVA
-    names = naming.circuit_names(CASE.branches)
+    names = naming.keys(CASE, "branches")
     for name, k in zip(names, CASE.branches, strict=True):
         both = ends(k, V[ROW[k.from_bus]], V[ROW[k.to_bus]])
         turned = re.sub(r"(\d+)-(\d+)", r"\2-\1", name)

@@ -96,7 +96,7 @@ def clearing_time(
         longest=longest,
     )
     search = replace(search, above_cycles=ABOVE if search.scan_cycles is None else search.scan_cycles)
-    trial = Trial(point, _one(contingency), checked_control(control, point.case), search)
+    trial = Trial(point, _one(contingency).placed(point.case), checked_control(control, point.case), search)
     return critical(trial, progress=progress)
 
 

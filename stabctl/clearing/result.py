@@ -70,13 +70,13 @@ class ClearingTime:
 
     @property
     def fault(self) -> str:
-        """Fault location."""
-        return self.contingency.fault or ""
+        """Fault location, as text."""
+        return str(self.contingency.fault)
 
     @property
     def trip(self) -> tuple[str, ...]:
-        """Circuits opened to clear it, in addition to the faulted one."""
-        return self.contingency.trip
+        """Circuits opened to clear it, in addition to the faulted one, as text."""
+        return tuple(map(str, self.contingency.trip))
 
     @property
     def lowest_unstable(self) -> float | None:

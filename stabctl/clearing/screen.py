@@ -20,6 +20,7 @@ from stabctl.jobs.task import Base, sha256, text
 from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
+from stabctl.model.naming import Circuit
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control
 from stabctl.simulation.criterion import DEFAULT, Criterion
@@ -33,6 +34,7 @@ from .screen_result import Lines, Screen, lines
 from .trial import Margin, Run, Search, Trial
 
 FORMAT = 1
+ANSWER = "case", "status", "cycles", "seconds", "machine", "wall_s"
 NEAR = 0.5  # cycles   first stride from the answer of another line at the same bus
 
 
@@ -119,7 +121,7 @@ def screen(
                 each(of_bus)
             if progress:
                 progress(len(pairs), size)
-    order = {(bus, name): k for k, (bus, name) in enumerate((bus, name) for bus in by_bus for name in by_bus[bus])}
+    order = {pair: k for k, pair in enumerate((bus, str(line)) for bus in by_bus for line in by_bus[bus])}
     pairs.sort(key=lambda p: (_rank(p), order[p.fault, p.trip[0]]))
     wall = time.perf_counter() - began
     whole = Screen(point.case.name, tuple(pairs), found, search, point.case.frequency_hz, size, simulations, wall)
@@ -134,15 +136,14 @@ def _next(below: str | float, search: Search, case: Case) -> float:
     return math.ceil(longest / search.resolution_cycles - 1e-9) * search.resolution_cycles
 
 
-def _by_bus(case: Case, found: Lines, buses: int | str | Iterable[int] | None) -> dict[str, list[str]]:
+def _by_bus(case: Case, found: Lines, buses: int | str | Iterable[int] | None) -> dict[str, list[Circuit]]:
     """Faulted bus -> the lines that are opened."""
     wanted = _wanted(case, buses)
-    branch = dict(zip(naming.circuit_names(case.branches), case.branches, strict=True))
-    by_bus: dict[str, list[str]] = {}
-    for name in found.screened:
-        for bus in (str(branch[name].from_bus), str(branch[name].to_bus)):
+    by_bus: dict[str, list[Circuit]] = {}
+    for circuit in found.screened:
+        for bus in (str(circuit.a), str(circuit.b)):
             if wanted is None or bus in wanted:
-                by_bus.setdefault(bus, []).append(name)
+                by_bus.setdefault(bus, []).append(circuit)
     if not by_bus:
         where = "" if wanted is None else f" at bus {', '.join(sorted(wanted))}"
         raise StudyError(f"{case.name} has no line{where} that can be opened without splitting the network.")
@@ -176,16 +177,16 @@ class FaultedBus(NamedTuple):
 
     case: str
     fault: str
-    trip: tuple[str, ...]
+    trip: tuple[Circuit, ...]
     study: str  # search and control, as text
 
     def given(self) -> dict[str, Any]:
         """Column -> value."""
-        return self._asdict() | {"trip": " ".join(self.trip)}
+        return self._asdict() | {"trip": ", ".join(map(str, self.trip))}
 
 
-def tasks(by_bus: dict[str, list[str]], shared: Shared, identified: bool) -> list[Task]:
-    """A task for every faulted bus, from the names of the lines that are opened there.
+def tasks(by_bus: dict[str, list[Circuit]], shared: Shared, identified: bool) -> list[Task]:
+    """A task for every faulted bus, from the lines that are opened there.
 
     Unless `identified`, its key says nothing about case, search and control. Raises StudyError if a control cannot be
     identified.
@@ -193,8 +194,8 @@ def tasks(by_bus: dict[str, list[str]], shared: Shared, identified: bool) -> lis
     case, found = shared.base.point.case, []
     study = text([shared.search, shared.control]) if identified else ""
     content = shared.base.fingerprint if identified else ""
-    for bus, names in by_bus.items():
-        job = FaultedBus(case.name, bus, tuple(names), study)
+    for bus, circuits in by_bus.items():
+        job = FaultedBus(case.name, bus, tuple(circuits), study)
         found.append(Task(sha256({"format": FORMAT, "job": job.given(), "case": content}), job, shared, BUS))
     return found
 
@@ -202,7 +203,7 @@ def tasks(by_bus: dict[str, list[str]], shared: Shared, identified: bool) -> lis
 def run(task: Task) -> Found:
     """The clearing times of a faulted bus."""
     job, (base, search, control) = task.job, task.shared
-    pairs = _pairs([Trial(base.point, Contingency(job.fault, trip=(name,)), control, search) for name in job.trip])
+    pairs = _pairs([Trial(base.point, Contingency(job.fault, trip=one), control, search) for one in job.trip])
     shortest = min((p.cycles for p in pairs if p.cycles is not None), default=None)
     simulations = sum(len(p.runs) for p in pairs) + 1
     found = json.dumps([as_plain(pair) for pair in pairs])
@@ -224,16 +225,8 @@ def _pairs(trials: list[Trial]) -> list[ClearingTime]:
 
 def as_plain(found: ClearingTime) -> dict[str, Any]:
     """The clearing time of a fault and the lines opened, without its search."""
-    return {
-        "case": found.case,
-        "fault": found.fault,
-        "trip": list(found.trip),
-        "status": found.status,
-        "cycles": found.cycles,
-        "seconds": found.seconds,
-        "machine": found.machine,
-        "runs": [_run_as_plain(run) for run in found.runs],
-        "wall_s": found.wall_s,
+    return {name: getattr(found, name) for name in (*ANSWER, "fault", "trip")} | {
+        "runs": [_run_as_plain(run) for run in found.runs]
     }
 
 
@@ -252,8 +245,7 @@ def from_plain(plain: dict[str, Any], search: Search) -> ClearingTime:
     """The clearing time that was found by a search, from its plain values."""
     contingency = Contingency(plain["fault"], trip=plain["trip"])
     runs = tuple(map(_run_from_plain, plain["runs"]))
-    answer = {name: plain[name] for name in ("case", "status", "cycles", "seconds", "machine", "wall_s")}
-    return ClearingTime(contingency=contingency, search=search, runs=runs, **answer)
+    return ClearingTime(contingency=contingency, search=search, runs=runs, **{name: plain[name] for name in ANSWER})
 
 
 def _run_from_plain(plain: list[Any]) -> Run:

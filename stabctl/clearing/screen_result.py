@@ -15,6 +15,7 @@ from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.model import naming, network
 from stabctl.model.case import Case
+from stabctl.model.naming import Circuit
 from stabctl.model.network import Switching
 from stabctl.model.tables import Branch
 
@@ -29,11 +30,11 @@ COLUMNS = "fault", "trip", "cycles", "status", "machine", "limited_by"  # of a t
 
 
 class Lines(NamedTuple):
-    """The lines of a case by their names (`7-8`, `7-8#2`)."""
+    """The lines of a case."""
 
-    screened: tuple[str, ...]
-    bridges: tuple[str, ...]  # whose opening splits the network
-    twins: tuple[str, ...]  # left out for an equal circuit that is screened
+    screened: tuple[Circuit, ...]
+    bridges: tuple[Circuit, ...]  # whose opening splits the network
+    twins: tuple[Circuit, ...]  # left out for an equal circuit that is screened
 
 
 @dataclass(frozen=True, repr=False)
@@ -102,7 +103,7 @@ class Screen:
 
     def rows(self) -> list[tuple[str, str, float | None, str, int | str | None, str | None]]:
         """A row of `COLUMNS` for every pair."""
-        return [(p.fault, " ".join(p.trip), p.cycles, p.status, p.machine, p.limited_by) for p in self.pairs]
+        return [(p.fault, ", ".join(p.trip), p.cycles, p.status, p.machine, p.limited_by) for p in self.pairs]
 
     @property
     def df(self) -> "pd.DataFrame":
@@ -162,9 +163,9 @@ class Screen:
             opened = dict.fromkeys(name for p in lost for name in p.trip)
             said.append(f"Unstable after opening the line, even without a fault: {', '.join(opened)}.")
         if self.lines.bridges:
-            said.append(f"Left out because opening them splits the network: {', '.join(self.lines.bridges)}.")
+            said.append(f"Left out because opening them splits the network: {', '.join(map(str, self.lines.bridges))}.")
         if self.lines.twins:
-            said.append(f"Left out because a parallel circuit is identical: {', '.join(self.lines.twins)}.")
+            said.append(f"Left out because a parallel circuit is identical: {', '.join(map(str, self.lines.twins))}.")
         return tuple(said)
 
     def __str__(self) -> str:
@@ -191,17 +192,17 @@ def lines(case: Case) -> Lines:
     whole = network.islands(net).max()
     screened, bridges, twins = [], [], []
     beside: dict[frozenset[int], list[Branch]] = {}
-    for row, (k, name) in enumerate(zip(case.branches, naming.circuit_names(case.branches), strict=True)):
+    for row, (k, circuit) in enumerate(zip(case.branches, naming.circuits(case.branches), strict=True)):
         parallel = beside.setdefault(frozenset((k.from_bus, k.to_bus)), [])
         parallel.append(k)
         if not _is_line(k, rated, stepped_up):
             continue
         if network.islands(net, Switching(branches=((row, OPEN),))).max() > whole:
-            bridges.append(name)
+            bridges.append(circuit)
         elif any(_same(k, other) for other in parallel[:-1]):
-            twins.append(name)
+            twins.append(circuit)
         else:
-            screened.append(name)
+            screened.append(circuit)
     return Lines(tuple(screened), tuple(bridges), tuple(twins))
 
 

@@ -182,8 +182,8 @@ def _show_screen(found: "Screen", as_json: bool) -> None:
             {
                 "case": found.case,
                 "pairs": [dict(zip(COLUMNS, row, strict=True)) for row in found.rows()],
-                "bridges": found.lines.bridges,
-                "twins": found.lines.twins,
+                "bridges": list(map(str, found.lines.bridges)),
+                "twins": list(map(str, found.lines.twins)),
                 "screened": found.screened,
                 "simulations": found.simulations,
                 "wall_s": found.wall_s,
@@ -201,7 +201,7 @@ def _show_screen(found: "Screen", as_json: bool) -> None:
         longest = f"{found.search.limit_cycles:g} or more"
         shown = {"unstable_at_zero": "unstable at any", "stable_at_limit": longest}
         cycles = shown.get(p.status) or f"{p.cycles:g}"
-        table.add_row(p.fault, " ".join(p.trip), cycles, p.limit)
+        table.add_row(p.fault, ", ".join(p.trip), cycles, p.limit)
     if found.pairs:
         shared.console().print(table)
     for sentence in found.remarks():

@@ -197,8 +197,8 @@ def _record(found: "Siting") -> dict[str, Any]:
         "lower_bound_mw": found.lower_bound_mw,
         "contingencies": [
             {
-                "fault": c.contingency.fault,
-                "trip": list(c.contingency.trip),
+                "fault": c.contingency.fault and str(c.contingency.fault),
+                "trip": list(map(str, c.contingency.trip)),
                 "operating_point": c.operating_point,
                 "out": c.out,
                 "target_cycles": c.target_cycles,
@@ -211,8 +211,8 @@ def _record(found: "Siting") -> dict[str, Any]:
         ],
         "lost": [
             {
-                "fault": c.contingency.fault,
-                "trip": list(c.contingency.trip),
+                "fault": c.contingency.fault and str(c.contingency.fault),
+                "trip": list(map(str, c.contingency.trip)),
                 "operating_point": c.operating_point,
                 "out": c.out,
                 "target_cycles": c.target_cycles,

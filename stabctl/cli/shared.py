@@ -63,14 +63,10 @@ def events(
     case: "Case", opened: Iterable[str] | None, machines: Iterable[str] | None, loads: Iterable[str] | None
 ) -> "tuple[Event, ...]":
     """What --open, --trip-machine and --load-step describe."""
-    from stabctl.simulation.events import load_step, machine_trip, opening
+    from stabctl.simulation.events import LoadStep, Open, TripMachine, event
 
-    hz = case.frequency_hz
-    return (
-        *(opening(text, hz) for text in opened or ()),
-        *(machine_trip(text, hz) for text in machines or ()),
-        *(load_step(text, hz) for text in loads or ()),
-    )
+    kinds = (Open, opened), (TripMachine, machines), (LoadStep, loads)
+    return tuple(event(text, case.frequency_hz, kind) for kind, texts in kinds for text in texts or ())
 
 
 def file(path: Path | None, *endings: str) -> None:

@@ -149,13 +149,13 @@ def checked_contingencies(point: OperatingPoint, given: Any) -> tuple[Contingenc
     several = [given] if isinstance(given, Contingency | str) else given
     if not isinstance(several, Iterable):
         raise StudyError(f"{shown(given)} is not a list of contingencies; give [Contingency('16', trip='16-21'), ...].")
-    found = list(dict.fromkeys(Contingency(c) if isinstance(c, str) else c for c in several))
+    found = [Contingency(c) if isinstance(c, str) else c for c in several]
     if not found:
         raise StudyError("There is no contingency to design the law for; give at least one.")
     for c in found:
         if not isinstance(c, Contingency) or c.fault is None:
             raise StudyError(f"{shown(c)} is not a contingency with a fault; give Contingency('16', trip='16-21').")
-    return tuple(found)
+    return tuple(dict.fromkeys(c.placed(point.case) for c in found))
 
 
 def spread(found: Screen, count: int) -> tuple[Contingency, ...]:

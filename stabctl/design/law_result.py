@@ -325,8 +325,8 @@ def _gain(judged: Sequence[Judged]) -> Gain:
 
 def _row(c: Judged) -> dict[str, Any]:
     row: dict[str, Any] = {
-        "fault": c.contingency.fault,
-        "trip": " ".join(c.contingency.trip),
+        "fault": str(c.contingency.fault),
+        "trip": ", ".join(map(str, c.contingency.trip)),
         "training": c.training,
         "group": "" if c.group is None else "+".join(map(str, c.group.machines)),
     }

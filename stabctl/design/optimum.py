@@ -154,7 +154,7 @@ class Optimum(Tabular):
 
     def __str__(self) -> str:
         c, p = self.contingency, self.peak
-        what = f"{self.case}, fault {c.fault}" + (f", trip {', '.join(c.trip)}" if c.trip else "")
+        what = f"{self.case}, fault {c.fault}" + (f", trip {', '.join(map(str, c.trip))}" if c.trip else "")
         seen = watched(self.search, self.proof.observed_s)
         gate = self.schedule.min_voltage
         idle = f", idle below {gate:g} pu" if gate else ""
@@ -236,7 +236,7 @@ def optimum(
         raise StudyError(f"iterations = {shown(iterations)} is not a number of convex programs; give at least 1.")
     if not case.storage:
         raise StudyError(f"{case.name} has no storage to schedule; give storage='50MW', for example.")
-    contingency = contingency if isinstance(contingency, Contingency) else Contingency(contingency)
+    contingency = (contingency if isinstance(contingency, Contingency) else Contingency(contingency)).placed(case)
     length = seconds(window, case.frequency_hz)
     if isinstance(rate, bool) or not isinstance(rate, int) or not 1 <= rate <= 1000:
         raise StudyError(f"rate = {rate!r} orders per second is not allowed; give 1 to 1000.")

@@ -83,7 +83,7 @@ def outages(base: Case | OperatingPoint, *, storage: "Fleet | None" = None) -> O
     net = network.build(case)
     whole = network.islands(net).max()
     points, names, left_out, seen = [intact], [""], [], set()
-    for row, (branch, name) in enumerate(zip(case.branches, naming.circuit_names(case.branches), strict=True)):
+    for row, (branch, name) in enumerate(zip(case.branches, map(str, naming.circuits(case.branches)), strict=True)):
         alike = branch._replace(circuit="")
         if alike in seen:
             continue

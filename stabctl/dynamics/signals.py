@@ -174,7 +174,7 @@ def chosen(case: Case, wanted: str | Iterable[str | Signal], kinds: Mapping[str,
     A signal may also be named by its label. Raises `StudyError` if a name is not a signal of the case.
     """
     found: list[Signal] = []
-    names = [part for part in wanted.split(",") if part.strip()] if isinstance(wanted, str) else wanted
+    names = [part for part in naming.listed(wanted) if part] if isinstance(wanted, str) else wanted
     if isinstance(names, Signal) or not isinstance(names, Iterable):
         raise StudyError(f"{wanted!r} is not a list of signals; write 'speed:2' or ['speed:2', 'voltage:7'].")
     for text in names:
@@ -229,7 +229,7 @@ def _everywhere(case: Case, name: str, kind: Kind) -> Sequence[int | str | None]
     if kind.place == "bus":
         return [b.bus for b in case.buses]
     if kind.place == "line":
-        return list(naming.circuit_names(case.branches))
+        return naming.keys(case, "branches")
     if kind.place == "":
         return [None]
     numbers = [m.machine for m in case.machines]
@@ -298,14 +298,10 @@ def _group(case: Case, name: str, text: str) -> int | str:
 
 def _device(case: Case, text: str) -> str:
     """A storage device, machine@bus; the machine alone is enough if it has only one."""
-    names = [f"{s.machine}@{s.bus}" for s in case.storage]
-    matching = [n for n in names if n == text or n.partition("@")[0] == text]
-    if not names:
+    if not case.storage:
         raise StudyError(f"{case.name} has no storage devices; give storage='50MW', for example.")
-    if len(matching) != 1:
-        known = ", ".join(names)
-        raise StudyError(f"{shown(text)} is not one of the storage devices of {case.name}; they are {known}.")
-    return matching[0]
+    device = case.storage[naming.row(case, "storage", text)]
+    return f"{device.machine}@{device.bus}"
 
 
 def _belongs(case: Case, name: str, number: int) -> None:

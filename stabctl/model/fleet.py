@@ -16,7 +16,7 @@ from .case import Case
 from .powerflow import PowerFlow
 from .tables import Machine, Storage
 
-_PLACE = re.compile(r"\s*([0-9]{1,18}(?:/\s*[^\s@]+)?)(?:@([0-9]{1,18}))?\s*")
+_PLACE = re.compile(r"\s*([0-9]{1,18}(?:/.+?)?)\s*(?:@([0-9]{1,18}))?\s*")
 
 LARGEST = 1e6  # MW   of one device
 Fleet = str | float | Mapping[int | str, str | float] | Iterable[Storage] | Storage
@@ -99,7 +99,7 @@ def chosen(
     """Devices at the machines named, `14=50MW,13@33=20MW`: machine, bus where it is not the storage bus, size."""
     given = _options(options)
     found: list[Storage] = []
-    for place, size in sizes.items() if isinstance(sizes, Mapping) else map(_split, sizes.split(",")):
+    for place, size in sizes.items() if isinstance(sizes, Mapping) else map(_split, naming.listed(sizes)):
         match = _PLACE.fullmatch(str(place))
         if not match:
             raise StudyError(
@@ -132,7 +132,7 @@ def megawatts(case: Case, machine: Machine, size: str | float, flow: PowerFlow |
 
 
 def _split(part: str) -> tuple[str, str]:
-    place, equals, size = part.partition("=")
+    place, equals, size = part.rpartition("=")
     if not equals:
         raise StudyError(f"{shown(part)} does not describe a storage device; write it as 14=50MW or 14@33=50MW.")
     return place, size

@@ -1,15 +1,20 @@
-"""Locations in the network: a bus `83`, a circuit `7-8`, `7-8#2` or `7-8 ckt 2`, a point on a circuit `7-8@0.4`."""
+"""Locations in the network: a bus `83`, a circuit `7-8`, `7-8#2` or `7-8 ckt 2`, a point on a circuit `7-8@0.4`.
+
+Text is read here, and is then the number of a bus or a `Circuit`, whose text is read back as the same.
+"""
 
 import re
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from stabctl._util.errors import StudyError, shown
 
 from . import naming
 from .case import Case
+from .naming import Circuit
 
 _NUMBER = re.compile(r"[0-9]{1,18}")
-_POINT = re.compile(r"(.+)@([0-9.eE+-]+)")
+_POINT = re.compile(r"(.+)@([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)")
+Place = str | Circuit  # a bus by its number
 
 
 class Location(NamedTuple):
@@ -20,77 +25,77 @@ class Location(NamedTuple):
     fraction: float | None = None
 
 
-def _no_bus(case: Case, bus: int) -> str:
-    return f"There is no bus {bus} in {case.name}; {_near(case, bus)}."
-
-
-def _near(case: Case, bus: int) -> str:
-    numbers = sorted((b.bus for b in case.buses), key=lambda other: abs(other - bus))[:3]
-    return f"the nearest numbers are {', '.join(map(str, sorted(numbers)))}"
-
-
 def _no_branch(case: Case, a: int, b: int) -> str:
     missing = {a, b} - {k.bus for k in case.buses}
     if missing:
         bus = min(missing)
-        return f"There is no branch {a}-{b} in {case.name}, because there is no bus {bus}; {_near(case, bus)}."
+        return f"There is no branch {a}-{b} in {case.name}, because there is no bus {bus}; {_near(case, bus)}"
     ends = {k.from_bus + k.to_bus - a for k in case.branches if a in (k.from_bus, k.to_bus)}
     others = ", ".join(f"{a}-{other}" for other in sorted(ends))
     verb = "branch at bus {a} is" if len(ends) == 1 else "branches at bus {a} are"
     return f"There is no branch {a}-{b} in {case.name}; the {verb.format(a=a)} {others}."
 
 
-def locate(case: Case, text: str) -> Location:
-    """The location that a text names in the case.
+def _near(case: Case, bus: object) -> str:
+    return naming.near(str(bus), [str(b.bus) for b in case.buses])
+
+
+def read(case: Case, text: str) -> Place:
+    """The location that a text names, from the end named first; whether the case has such a circuit is not checked."""
+    text = text.strip()
+    if (number := naming.bus_number(case, text)) is not None:
+        return str(number)
+    if _NUMBER.fullmatch(text):
+        raise StudyError(f"There is no bus {text} in {case.name}; {_near(case, text)}")
+    if (found := _circuit(case, text)) is None:
+        raise StudyError(
+            f"{shown(text)} is not a location; write 83 for a bus, 7-8, 7-8#2 or 7-8 ckt 'A B' for a circuit, 7-8@0.4 "
+            "for a point on it."
+        )
+    return found
+
+
+def written(place: Any) -> Any:
+    """The circuit or the point that a text names by numbers of buses; anything else as it is."""
+    return (_circuit(None, place.strip()) if isinstance(place, str) else None) or place
+
+
+def _circuit(case: Case | None, text: str) -> Circuit | None:
+    """A point on a circuit, or a circuit; its identifier may begin with `@`."""
+    point = _POINT.fullmatch(text)
+    if point and (on := naming.parse_circuit(case, point[1])):
+        return on._replace(at=float(point[2]))
+    return naming.parse_circuit(case, text)
+
+
+def locate(case: Case, place: Place) -> Location:
+    """The rows of a location.
 
     Raises
     ------
     StudyError
-        If the case has no such bus or circuit, or the text is not a location.
+        If the case has no such bus or circuit, or a text is not a location.
     """
-    text = str(text)
-    if (number := naming.bus_number(case, text)) is not None:
-        return Location(next(i for i, bus in enumerate(case.buses) if bus.bus == number))
-    if _NUMBER.fullmatch(text.strip()):
-        raise StudyError(_no_bus(case, int(text)))
-    name, position = _parts(case, text)
-    wanted = naming.parse_circuit(case, name)
-    if wanted is None:
+    found = read(case, place) if isinstance(place, str) else place
+    if isinstance(found, str):
+        return Location(next(i for i, bus in enumerate(case.buses) if str(bus.bus) == found))
+    row, (a, b, *_, along) = _circuit_row(case, found), found
+    if along is not None and not 0 <= along <= 1:
         raise StudyError(
-            f"{shown(text)} is not a location; write 83 for a bus, 7-8 or 7-8#2 for a circuit, 7-8@0.4 for a point on "
-            "it."
+            f"The position {along:g} along {a}-{b} is not allowed; it must be from 0 (bus {a}) to 1 (bus {b})."
         )
-    a, b = wanted.a, wanted.b
-    row = _circuit_row(case, wanted)
-    if position is None:
-        return Location(None, row)
-    try:
-        along = float(position)
-    except ValueError:
-        along = -1.0
-    if not 0 <= along <= 1:
-        raise StudyError(
-            f"The position {position} along {a}-{b} is not allowed; it must be from 0 (bus {a}) to 1 (bus {b})."
-        )
-    return Location(None, row, along if case.branches[row].from_bus == a else 1 - along)
+    return Location(None, row, along if along is None or case.branches[row].from_bus == a else 1 - along)
 
 
-def _parts(case: Case, text: str) -> tuple[str, str | None]:
-    """The circuit and the position along it; the identifier of a circuit may itself begin with `@`."""
-    wanted = naming.parse_circuit(case, text)
-    point = None if wanted and naming.circuit_rows(case, wanted) else _POINT.fullmatch(text.rstrip())
-    return (point[1], point[2]) if point else (text, None)
+def placed(case: Case, place: Place) -> Place:
+    """The same location by the number of the bus, or by the circuit as the case has it, from its from end."""
+    bus, row, along = locate(case, place)
+    if row is None:
+        return str(case.buses[bus or 0].bus)
+    return naming.circuit(case, row)._replace(at=None if along is None else round(along, 12))
 
 
-def faulted(case: Case, text: str) -> str | None:
-    """Name of the circuit of a location, without the position along it; None if it is a bus."""
-    if locate(case, text).branch is None:
-        return None
-    name, _ = _parts(case, str(text))
-    return name if name in naming.circuit_names(case.branches) else name.strip()
-
-
-def _circuit_row(case: Case, wanted: naming.Circuit) -> int:
+def _circuit_row(case: Case, wanted: Circuit) -> int:
     """Row of a circuit; the first of those between its buses if it is not told from the others."""
     a, b = wanted.a, wanted.b
     if rows := naming.circuit_rows(case, wanted):
@@ -101,14 +106,14 @@ def _circuit_row(case: Case, wanted: naming.Circuit) -> int:
     if wanted.id is None:
         count = f"{len(among)} circuit{'s' * (len(among) > 1)}"
         raise StudyError(f"Branch {a}-{b} of {case.name} has {count}, but no circuit {wanted.place}.")
-    known = ", ".join(case.branches[i].circuit or "none" for i in among)
+    known = ", ".join(naming.quoted(case.branches[i].circuit) for i in among)
     raise StudyError(f"Branch {a}-{b} of {case.name} has no circuit {wanted.id}; its identifiers are {known}.")
 
 
-def circuit(case: Case, text: str) -> tuple[int, bool]:
+def circuit(case: Case, place: Place) -> tuple[int, bool]:
     """Row of the circuit named `7-8` or `7-8#2`, and whether the first bus named is its from end."""
-    where = locate(case, text)
-    if where.branch is None or where.fraction is not None:
-        raise StudyError(f"{text!r} is not a circuit; write 7-8, or 7-8#2 for the second circuit.")
-    wanted = naming.parse_circuit(case, str(text))
-    return where.branch, wanted is not None and case.branches[where.branch].from_bus == wanted.a
+    found = read(case, place) if isinstance(place, str) else place
+    if isinstance(found, str) or found.at is not None:
+        raise StudyError(f"{place!r} is not a circuit; write 7-8, or 7-8#2 for the second circuit.")
+    row = _circuit_row(case, found)
+    return row, case.branches[row].from_bus == found.a

@@ -1,8 +1,8 @@
 """Names and keys of rows: bus 7, machine 30/1, circuit 7-8#2, storage 14@33; `#2` is the second with the same name.
 
 Machine 30/1 is the one with identifier 1 at bus 30; a bus may have a name. A circuit may also be given by its
-identifier: `7-8 ckt 2`. Devices are keyed by machine number, load models by bus number: the first of a model at machine
-2 has the key 2 (int), the second "2#2" (str).
+identifier: `7-8 ckt 2`, or with blanks and signs in quotes, `7-8 ckt 'A B'`. Devices are keyed by machine number, load
+models by bus number: the first of a model at machine 2 has the key 2 (int), the second "2#2" (str).
 """
 
 import difflib
@@ -26,17 +26,42 @@ _NOUNS = {
     "storage": "storage device",
 }
 REPEATED = re.compile(r"([1-9][0-9]{0,17})#([2-9]|[1-9][0-9]{1,8})")
-_CIRCUIT = re.compile(r"(.+?)\s*(?:#\s*([0-9]{1,9})|(?<![^\s0-9])ckt\s*(\S+))?", re.IGNORECASE)
+_CIRCUIT = re.compile(r"(.+?)\s*(?:#\s*([0-9]{1,9})|(?<![^\s0-9])ckt\s*(\S.*))?", re.IGNORECASE)
+_QUOTED = r"'(?:[^']|'')*'"
+_LISTED = re.compile(rf"(?:^|,)((?:{_QUOTED}|[^,])*)")
+_PLAIN = re.compile(r"@?[\w&*+.-]+")
 _NUMBERS = re.compile(r"([0-9]{1,18})\s*-\s*([0-9]{1,18})")
 
 
 class Circuit(NamedTuple):
-    """A circuit by its buses, and by its place among those between them (from 1) or by its identifier."""
+    """A circuit by its buses, and by its place among those between them (from 1) or its identifier; a point on it."""
 
     a: int
     b: int
-    place: int | None
-    id: str | None
+    place: int | None = None
+    id: str | None = None
+    at: float | None = None  # of its length from bus a, if it is a point
+
+    def __str__(self) -> str:
+        told = f"#{self.place}" if self.place is not None else "" if self.id is None else f" ckt {quoted(self.id)}"
+        return f"{self.a}-{self.b}{told}" + ("" if self.at is None else f"@{self.at}")
+
+    def __repr__(self) -> str:
+        return repr(str(self))
+
+
+def quoted(id: str) -> str:
+    """An identifier as it is written, in quotes if it holds blanks or signs that have a meaning elsewhere."""
+    return id if _PLAIN.fullmatch(id) else "'" + id.replace("'", "''") + "'"
+
+
+def _unquoted(text: str) -> str:
+    return text[1:-1].replace("''", "'") if re.fullmatch(_QUOTED, text) else text
+
+
+def listed(text: str) -> list[str]:
+    """The names in a text, separated by commas; a comma in quotes is part of a name."""
+    return [name.strip() for name in _LISTED.findall(text)]
 
 
 def row(case: Tables, table: str, key: Key) -> int:
@@ -48,7 +73,7 @@ def row(case: Tables, table: str, key: Key) -> int:
         If the case has no such table or row; it names similar ones.
     """
     known = {str(k): i for i, k in enumerate(keys(case, known_table(case, table)))}
-    wanted = key if key in known else key.strip() if isinstance(key, str) else shown(key)
+    wanted = key.strip() if isinstance(key, str) else shown(key)
     if wanted in known:
         return known[wanted]
     if table == "branches" and (circuit := parse_circuit(case, wanted)) and (rows := circuit_rows(case, circuit)):
@@ -58,7 +83,7 @@ def row(case: Tables, table: str, key: Key) -> int:
     if number is not None and str(number) in known:
         return known[str(number)]
     if table == "storage":
-        of_machine = [i for k, i in known.items() if k.partition("@")[0] == wanted]
+        of_machine = [i for i, s in enumerate(case.storage) if str(s.machine) == wanted]
         if len(of_machine) == 1:
             return of_machine[0]
     name = wanted if len(wanted) <= 40 else f"{wanted[:36]}..."
@@ -95,7 +120,7 @@ def keys(case: Tables, table: str) -> list[Key]:
     rows = getattr(case, table)
     match table:
         case "branches":
-            return list(circuit_names(rows))
+            return list(map(str, circuits(rows)))
         case "storage":
             return numbered(f"{s.machine}@{s.bus}" for s in rows)
         case _:
@@ -112,45 +137,45 @@ def numbered(names: Iterable[Key]) -> list[Key]:
     return found
 
 
-def circuit_names(branches: Iterable[Branch]) -> list[str]:
-    """Names of the branches, in order; the identifier is left out if it is 1 and there is no other circuit."""
+def circuits(branches: Iterable[Branch]) -> list[Circuit]:
+    """The branches, in order; the identifier is left out if it is 1 and there is no other circuit."""
     branches = tuple(branches)
     together = Counter(frozenset((k.from_bus, k.to_bus)) for k in branches)
     count: Counter[frozenset[int]] = Counter()
-    found: dict[str, None] = {}
+    found: dict[Circuit, None] = {}
     for k in branches:
-        ends, name = frozenset((k.from_bus, k.to_bus)), f"{k.from_bus}-{k.to_bus}"
+        ends, circuit = frozenset((k.from_bus, k.to_bus)), Circuit(k.from_bus, k.to_bus)
         count[ends] += 1
-        identified = f"{name} ckt {k.circuit}"
+        identified = circuit._replace(id=k.circuit)
         if k.circuit and identified not in found and (together[ends] > 1 or k.circuit != "1"):
-            name = identified
+            circuit = identified
         elif count[ends] > 1:
-            name = f"{name}#{count[ends]}"
-        found[name] = None
+            circuit = circuit._replace(place=count[ends])
+        found[circuit] = None
     return list(found)
 
 
-def parse_circuit(case: Tables, text: str) -> Circuit | None:
-    """The circuit that a text names, whether or not the case has it; None if the text is not of that form.
+def circuit(case: Tables, row: int) -> Circuit:
+    """The branch in a row, as `circuits` has it."""
+    among = circuit_rows(case, Circuit(*case.branches[row][:2]))
+    return circuits(case.branches[i] for i in among)[among.index(row)]
 
-    What `circuit_names` calls a circuit names that one, whatever its identifier holds.
-    """
-    if " ckt " in text and text in (names := circuit_names(case.branches)):
-        row = names.index(text)
-        own = case.branches[row]
-        between = [i for i, k in enumerate(case.branches) if {k.from_bus, k.to_bus} == {own.from_bus, own.to_bus}]
-        return Circuit(own.from_bus, own.to_bus, between.index(row) + 1, None)
+
+def parse_circuit(case: Tables | None, text: str) -> Circuit | None:
+    """The circuit that a text names, whether or not the case has it, or None; without a case, buses have no names."""
     match = _CIRCUIT.fullmatch(text.strip())
     if match is None:
         return None
     ends = _ends(case, match[1])
-    return Circuit(*ends, int(match[2]) if match[2] else None, match[3]) if ends else None
+    return Circuit(*ends, int(match[2]) if match[2] else None, match[3] and _unquoted(match[3])) if ends else None
 
 
-def _ends(case: Tables, text: str) -> tuple[int, int] | None:
+def _ends(case: Tables | None, text: str) -> tuple[int, int] | None:
     """Bus numbers on both sides of a dash; a bus may be given by its name, which may hold dashes."""
     if match := _NUMBERS.fullmatch(text):
         return int(match[1]), int(match[2])
+    if case is None:
+        return None
     for dash in re.finditer("-", text):
         sides = bus_number(case, text[: dash.start()]), bus_number(case, text[dash.end() :])
         if None not in sides:
@@ -162,7 +187,8 @@ def circuit_rows(case: Tables, wanted: Circuit) -> list[int]:
     """Rows of the branches between the buses of a circuit; only its own if it is told from the others."""
     between = [i for i, k in enumerate(case.branches) if {k.from_bus, k.to_bus} == {wanted.a, wanted.b}]
     if wanted.id is not None:
-        return [i for i in between if case.branches[i].circuit.upper() == wanted.id.upper()]
+        same = [i for i in between if case.branches[i].circuit == wanted.id]
+        return same or [i for i in between if case.branches[i].circuit.upper() == wanted.id.upper()]
     if wanted.place is not None:
         return between[wanted.place - 1 : wanted.place] if wanted.place else []
     return between
@@ -173,10 +199,13 @@ def machine_number(case: Tables, name: object) -> int | None:
     text = _plain(name)
     if text.isdecimal():
         return next((m.machine for m in case.machines if str(m.machine) == text), None)
-    where, slash, id = text.rpartition("/")
-    bus = bus_number(case, where) if slash else None
-    wanted = text if bus is None else f"{bus}/{id.strip()}"
-    return next((m.machine for m in case.machines if m.name and _plain(m.name) == wanted), None)
+    called = str(name)
+    ends = [(bus_number(case, called[: k.start()]), called[k.end() :].strip()) for k in re.finditer("/", called)]
+    forms = [called, *(f"{bus}/{_unquoted(id)}" for bus, id in ends)]
+    known = {m.name: m.machine for m in case.machines if m.name}
+    alike = {_plain(name): number for name, number in known.items()}
+    found = [known[form] for form in forms if form in known] + [alike[f] for f in map(_plain, forms) if f in alike]
+    return found[0] if found else None
 
 
 def bus_number(case: Tables, name: object) -> int | None:

@@ -14,7 +14,7 @@ from stabctl._util.errors import StudyError
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 
-from . import network
+from . import naming, network
 from .case import Case, as_case
 from .location import circuit
 
@@ -240,7 +240,7 @@ def impedances(case: Case, trip: str | None = None, buses: np.ndarray | None = N
     from scipy.sparse.linalg import splu
 
     open_ = network.BranchState(from_closed=False, to_closed=False)
-    names = [name for name in (trip or "").split(",") if name.strip()]
+    names = [name for name in naming.listed(trip or "") if name]
     net = network.build(case)
     switching = network.Switching(branches=tuple((circuit(case, name)[0], open_) for name in names))
     sources = source_admittances(case, net)

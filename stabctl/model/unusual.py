@@ -222,7 +222,7 @@ def _network(case: Case) -> dict[str, Rows]:
     found: dict[str, Rows] = {"buses": {f"bus {b.bus}": {"v": b.v, "solved voltage": v} for b, v in voltages}}
     across = np.abs(np.angle(V[net.frm] / net.ratio * V[net.to].conj(), deg=True)).tolist()
     found["branches"], at = {}, defaultdict(list)
-    for name, k, angle in zip(naming.circuit_names(case.branches), case.branches, across, strict=True):
+    for name, k, angle in zip(naming.circuits(case.branches), case.branches, across, strict=True):
         of_star = {"r": math.nan, "x": math.nan} if {k.from_bus, k.to_bus} & star else {}
         row = {"r": k.r, "x": abs(k.x), "b": k.b, "tap": k.tap, "angle across it": angle} | of_star
         found["branches"][f"branch {name}"] = row
@@ -250,7 +250,7 @@ def _unlike(case: Case) -> Iterator[Finding]:
                 yield from _alone(model, f.name, f.unit, {object: row[f.name] for object, row in rows.items()}, ALONE)
     rated = {b.bus: b.rated for b in case.buses}
     lines: dict[float, dict[str, float]] = defaultdict(dict)
-    for name, k in zip(naming.circuit_names(case.branches), case.branches, strict=True):
+    for name, k in zip(naming.circuits(case.branches), case.branches, strict=True):
         if k.x > 0 and k.b > 0 and rated[k.from_bus] == rated[k.to_bus]:
             lines[rated[k.from_bus]][f"branch {name}"] = math.sqrt(k.x / k.b)
     for values in lines.values():

@@ -16,6 +16,7 @@ from stabctl._util.errors import StudyError, shown
 from stabctl._util.units import seconds
 from stabctl.clearing import Screen
 from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.model import naming
 from stabctl.model.case import Case, as_case
 from stabctl.simulation import events
 from stabctl.simulation.contingency import Contingency
@@ -151,9 +152,10 @@ def _impedance(text: str) -> complex:
 
 def _machine_trip(text: str, clear: str | None, case: Case) -> Event:
     """The trip of a machine: `9` when the fault is cleared, `9@0.5s` so long after the instant of the fault."""
-    number, _, after = text.partition("@")
-    delay = seconds(after or clear or 0.0, case.frequency_hz)
-    return events.event(f"{number.strip()}@{AT + delay!r}s", case.frequency_hz)
+    if naming.machine_number(case, text) is not None or "@" not in text:
+        text = f"{text}@{seconds(clear or 0.0, case.frequency_hz)!r}s"
+    trip = events.event(text, case.frequency_hz, events.TripMachine)
+    return replace(trip, at=AT + trip.at)
 
 
 def checked(case: Case, given: Iterable[Contingency]) -> tuple[Contingency, ...]:
@@ -177,12 +179,13 @@ def checked(case: Case, given: Iterable[Contingency]) -> tuple[Contingency, ...]
             )
         try:
             one.check(case)
+            one = one.placed(case)
         except StudyError as error:
             raise StudyError(f"{where}: {error}") from None
         first = met.setdefault((one.fault, one.trip, clear, one.impedance, one.events), i)
         if first != i:
             raise StudyError(f"{where} is the same as contingency {first}; remove one of them.")
-    return out
+    return tuple(one.placed(case) for one in out)
 
 
 def clearing_s(one: Contingency, case: Case) -> float:

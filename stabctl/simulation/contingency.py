@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.units import seconds
+from stabctl.model import naming
 from stabctl.model.case import Case
-from stabctl.model.location import faulted
+from stabctl.model.location import Circuit, Place, circuit, placed, written
 
-from .events import NUMBERS, SHOWN, Clear, Event, Fault, Open, described, event
+from .events import SHOWN, Clear, Event, Fault, Open, described, event
 from .timeline import timeline
 
 SHORTEST = 1e-6  # s   of a run after its last event
@@ -46,9 +47,9 @@ class Contingency:
         For text that cannot be parsed. Names are checked against the case by `check` and by every study.
     """
 
-    fault: str | None = None
+    fault: Place | None = None
     clear: str | float | None = None
-    trip: tuple[str, ...] = ()
+    trip: tuple[Place, ...] = ()
     _: KW_ONLY
     at: str | float = "1s"
     impedance: complex = 0j
@@ -59,9 +60,9 @@ class Contingency:
 
         def __init__(
             self,
-            fault: str | int | None = None,
+            fault: Place | int | None = None,
             clear: str | float | None = None,
-            trip: str | Iterable[str] = (),
+            trip: Place | Iterable[Place] = (),
             *,
             at: str | float = "1s",
             impedance: complex = 0j,
@@ -71,7 +72,7 @@ class Contingency:
 
     def __post_init__(self) -> None:
         fault = str(self.fault) if isinstance(self.fault, int) and not isinstance(self.fault, bool) else self.fault
-        if fault is not None and not isinstance(fault, str):
+        if fault is not None and not isinstance(fault, Place):
             raise StudyError(f"{fault!r} is not a fault location; write 83 for a bus, 7-8 or 7-8@0.4 for a line.")
         if isinstance(self.impedance, bool) or not isinstance(self.impedance, Complex):
             raise StudyError(
@@ -80,12 +81,12 @@ class Contingency:
         for name, time in (("clear", self.clear), ("at", self.at)):
             if not (name == "clear" and time is None) and seconds(time, 60.0) < 0:
                 raise StudyError(f"{name} = {time:g} s is negative; give a time of at least 0.")
-        object.__setattr__(self, "fault", fault)
+        object.__setattr__(self, "fault", written(fault))
         object.__setattr__(self, "trip", _circuits(self.trip))
         object.__setattr__(self, "events", _events(self.events))
 
-    def opened(self, case: Case) -> tuple[str, ...]:
-        """The circuits opened at clearing: the faulted one first.
+    def placed(self, case: Case) -> "Contingency":
+        """The same with records of the case's buses and circuits instead of text.
 
         Parameters
         ----------
@@ -94,21 +95,27 @@ class Contingency:
 
         Returns
         -------
-        tuple of str
+        Contingency
 
         Raises
         ------
         StudyError
-            If the case has no such fault location.
+            If the case has no such fault location or circuit.
         """
-        own = None if self.fault is None else faulted(case, self.fault)
-        return tuple(dict.fromkeys((*([own] if own else ()), *self.trip)))
+        fault = None if self.fault is None else placed(case, self.fault)
+        return replace(self, fault=fault, trip=tuple(naming.circuit(case, circuit(case, k)[0]) for k in self.trip))
+
+    @property
+    def opened(self) -> tuple[Place, ...]:
+        """The circuits opened at clearing: the faulted one first."""
+        own = (self.fault._replace(at=None),) if isinstance(self.fault, Circuit) else ()
+        return tuple(dict.fromkeys((*own, *self.trip)))
 
     @property
     def label(self) -> str:
         """Its name, or its fault and trip: `16 trip 16-21`."""
-        trip = f"trip {', '.join(self.trip)}" if self.trip else ""
-        return self.name or " ".join(part for part in (self.fault, trip) if part) or str(self)
+        trip = f"trip {', '.join(map(str, self.trip))}" if self.trip else ""
+        return self.name or " ".join(str(part) for part in (self.fault, trip) if part) or str(self)
 
     def starts(self, case: Case) -> float:
         """Instant of the fault.
@@ -176,12 +183,12 @@ class Contingency:
         events = list(self.others(case))
         if self.fault is None and not self.trip:
             return tuple(events)
-        at, off = self.starts(case), self.cleared(case)
-        if self.fault is not None and seconds(self.clear or 0.0, case.frequency_hz) > 0:
-            events.append(Fault(self.fault, at, self.impedance))
-            if faulted(case, self.fault) is None:
-                events.append(Clear(self.fault, off))
-        return tuple(events) + tuple(Open(name, off) for name in self.opened(case))
+        at, off, of_case = self.starts(case), self.cleared(case), self.placed(case)
+        if of_case.fault is not None and seconds(self.clear or 0.0, case.frequency_hz) > 0:
+            events.append(Fault(of_case.fault, at, self.impedance))
+            if isinstance(of_case.fault, str):
+                events.append(Clear(of_case.fault, off))
+        return tuple(events) + tuple(Open(k, off) for k in of_case.opened)
 
     def check(self, case: Case, until: float | None = None) -> None:
         """Check the contingency against a case.
@@ -228,17 +235,16 @@ class Contingency:
         -------
         str
         """
-        return self._in_words(case)
+        return self.placed(case)._in_words(case.frequency_hz)
 
     def __str__(self) -> str:
         return self._in_words()
 
-    def _in_words(self, case: Case | None = None) -> str:
-        parts, frequency_hz = [], case.frequency_hz if case else None
+    def _in_words(self, frequency_hz: float | None = None) -> str:
+        parts = []
         if self.fault is not None:
             parts.append(f"fault {self.fault}" + (f" through {self.impedance} pu" if self.impedance else ""))
-        names = dict.fromkeys((*_line(self.fault or ""), *self.trip)) if case is None else self.opened(case)
-        opened = f"opening {', '.join(names)}" if names else ""
+        opened = f"opening {', '.join(map(str, self.opened))}" if self.opened else ""
         if self.clear is not None and self.fault is not None:
             parts.append(f"cleared after {_said(self.clear, frequency_hz)}" + (f" by {opened}" if opened else ""))
         elif opened:
@@ -300,17 +306,17 @@ def _not_an_event(item: object) -> StudyError:
     )
 
 
-def _circuits(trip: str | Iterable[str]) -> tuple[str, ...]:
-    names = [name for part in trip.split(",") for name in _names(part)] if isinstance(trip, str) else trip
-    names = tuple(names) if isinstance(names, Iterable) else (None,)
-    if not all(isinstance(name, str) for name in names):
+def _circuits(trip: Place | Iterable[Place]) -> tuple[Place, ...]:
+    given = [name for part in naming.listed(trip) for name in _names(part)] if isinstance(trip, str) else trip
+    given = (given,) if isinstance(given, Circuit) or not isinstance(given, Iterable) else tuple(given)
+    if not all(isinstance(one, Place) for one in given):
         raise StudyError(f"trip = {trip!r} does not name circuits; write trip='7-8' or trip=['7-8', '8-9#2'].")
-    return names
+    return tuple(map(written, given))
 
 
 def _names(part: str) -> list[str]:
     """Circuits separated by blanks; one with a letter, such as 7-8 ckt 2, may hold blanks itself."""
-    return [part.strip()] if any(c.isalpha() for c in part) else part.split()
+    return [part] if any(c.isalpha() for c in part) else part.split()
 
 
 def _events(events: Event | str | Iterable[Event | str]) -> tuple[Event | str, ...]:
@@ -323,12 +329,6 @@ def _events(events: Event | str | Iterable[Event | str]) -> tuple[Event | str, .
         elif not isinstance(item, Event):
             raise StudyError(f"{item!r} is not an event; write {SHOWN}, or give a record such as LoadStep.")
     return items
-
-
-def _line(fault: str) -> tuple[str, ...]:
-    """The circuit of a fault that is on one whatever the case: `7-8`, `7-8@0.4`."""
-    name, at, _ = fault.rpartition("@")
-    return (name or fault,) if at or NUMBERS.fullmatch(fault) else ()
 
 
 def _said(time: str | float, frequency_hz: float | None = None) -> str:

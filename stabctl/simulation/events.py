@@ -6,14 +6,15 @@ As text, `7-8@1s` opens a circuit, `14@2s` trips a machine, and `7:+50MW@1s` add
 import re
 from dataclasses import dataclass, replace
 from numbers import Real
-from typing import Literal
+from typing import Any, Literal
 
 from stabctl._util.errors import StudyError
 from stabctl._util.units import megavars, megawatts, seconds
+from stabctl.model.location import Place, written
+from stabctl.model.naming import parse_circuit
 
 SHOWN = "7-8@1s (a line opens), 14@2s (a machine trips) or 7:+50MW@1s (a load changes)"
-NUMBERS = re.compile(r"\d{1,18}-\d{1,18}(?:#\d{1,18})?", re.ASCII)  # a circuit by the numbers of its buses
-_MACHINE = re.compile(r"\d{1,18}|[^:]+/[^:/]+", re.ASCII)
+_MACHINE = re.compile(r"\d{1,18}|(?!\d+\s*-\s*\d).+/.*", re.ASCII)
 _POWER = r"[+-]\d+(?:\.\d*)?(?:[eE][+-]?\d+)?"
 _LOAD = re.compile(rf"([^:]+):(?:({_POWER})\s*MW)?\s*(?:({_POWER})\s*Mvar)?", re.ASCII | re.IGNORECASE)
 
@@ -24,6 +25,8 @@ class _Timed:
     at: float  # s, or text
 
     def __post_init__(self) -> None:
+        for name in {"place", "branch"} & vars(self).keys():
+            object.__setattr__(self, name, written(getattr(self, name)))
         if not isinstance(self.at, Real) or isinstance(self.at, bool):
             seconds(self.at, 60.0)
 
@@ -34,7 +37,7 @@ class Fault(_Timed):
 
     Parameters
     ----------
-    place : str
+    place : str or Circuit
         A bus "83", or a point on a circuit "7-8@0.4" ("7-8" is its middle).
     at : float or str, s
         Instant; text such as "1s" or "60cyc".
@@ -42,7 +45,7 @@ class Fault(_Timed):
         Fault impedance on the system base; 0 is a bolted fault.
     """
 
-    place: str
+    place: Place
     at: float
     impedance: complex = 0j
 
@@ -53,13 +56,13 @@ class Clear(_Timed):
 
     Parameters
     ----------
-    place : str
+    place : str or Circuit
         Location of the fault.
     at : float or str, s
         Instant; text such as "1.1s".
     """
 
-    place: str
+    place: Place
     at: float
 
 
@@ -69,7 +72,7 @@ class Open(_Timed):
 
     Parameters
     ----------
-    branch : str
+    branch : str or Circuit
         The circuit, "7-8" or "7-8#2".
     at : float or str, s
         Instant; text such as "1s".
@@ -77,7 +80,7 @@ class Open(_Timed):
         Both ends, or the number of the bus whose breaker opens.
     """
 
-    branch: str
+    branch: Place
     at: float
     end: Literal["both"] | int = "both"
 
@@ -173,55 +176,43 @@ def described(event: Event) -> str:
             return f"shunt switching at bus {bus}"
 
 
-def event(text: str | Event, frequency_hz: float) -> Event:
-    """The event that a text describes, or a record with its instant in seconds. `StudyError` if it is not one."""
+_FORMS = {
+    Open: "a line trip; write it as 7-8@1s, or 7-8#2@1s for the second circuit",
+    TripMachine: "a machine trip; write it as 14@2s",
+    LoadStep: "a load step; write what is added, with its sign, as 7:+50MW@1s or 7:-50MW-10Mvar@1s",
+}
+
+
+def event(text: str | Event, frequency_hz: float, kind: Any = None) -> Event:
+    """The event, of that kind, that a text describes, or a record with its instant in seconds.
+
+    Raises `StudyError` if it is not one.
+    """
     if not isinstance(text, str):
         return replace(text, at=seconds(text.at, frequency_hz)) if isinstance(text.at, str) else text
-    what, _ = _split(text, frequency_hz)
-    for is_one, read in ((_LOAD.fullmatch, load_step), (_MACHINE.fullmatch, machine_trip), (_circuit, opening)):
-        if is_one(what):
-            return read(text, frequency_hz)
-    raise StudyError(f"{text!r} is not an event; write {SHOWN}.")
+    found = _event(*_split(text, frequency_hz))
+    if not isinstance(found, kind or Event):
+        raise StudyError(f"{text!r} is not {_FORMS.get(kind, f'an event; write {SHOWN}')}.")
+    return found
 
 
-def load_step(text: str, frequency_hz: float) -> LoadStep:
-    """A change of load at a bus: `7:+50MW@1s`, `7:-50MW-10Mvar@1s`."""
-    what, at = _split(text, frequency_hz)
-    match = _LOAD.fullmatch(what)
-    if match and (match[2] or match[3]):
-        bus = int(match[1]) if match[1].isdecimal() and len(match[1]) < 19 else match[1]
-        return LoadStep(bus, at, float(match[2] or 0), float(match[3] or 0))
-    raise StudyError(
-        f"{text!r} is not a load step; write what is added, with its sign, as 7:+50MW@1s or 7:-50MW-10Mvar@1s."
-    )
-
-
-def machine_trip(text: str, frequency_hz: float) -> TripMachine:
-    """The trip of a machine: `14@2s`, `30/1@2s`."""
-    what, at = _split(text, frequency_hz)
+def _event(what: str, at: float) -> Event | None:
+    """`7:-50MW-10Mvar` changes a load, `14` and `30/1` trip a machine, `7-8#2` and `7-8 ckt 2` open a circuit."""
+    load = _LOAD.fullmatch(what)
+    if load and (load[2] or load[3]):
+        bus = int(load[1]) if load[1].isdecimal() and len(load[1]) < 19 else load[1]
+        return LoadStep(bus, at, float(load[2] or 0), float(load[3] or 0))
     if _MACHINE.fullmatch(what):
         return TripMachine(int(what) if what.isdecimal() else what, at)
-    raise StudyError(f"{text!r} is not a machine trip; write it as 14@2s.")
-
-
-def opening(text: str, frequency_hz: float) -> Open:
-    """The opening of a circuit at both ends: `7-8@1s`, `7-8#2@60cyc`, `7-8 ckt 2@1s`."""
-    what, at = _split(text, frequency_hz)
-    if _circuit(what):
-        return Open(what, at)
-    raise StudyError(f"{text!r} is not a line trip; write it as 7-8@1s, or 7-8#2@1s for the second circuit.")
-
-
-def _circuit(what: str) -> bool:
-    """Whether it has the form of a circuit: two numbers, or the names of two buses; or an identifier."""
-    return bool(NUMBERS.fullmatch(what)) or ("-" in what and any(c.isalpha() for c in what))
+    named = "-" in what and any(c.isalpha() for c in what)
+    return Open(what, at) if named or parse_circuit(None, what) else None
 
 
 def _split(text: str, frequency_hz: float) -> tuple[str, float]:
     """What happens, and when (s)."""
     what, at, when = text.rpartition("@")
     what, when = what.strip(), when.replace(" ", "")
-    if not any(c.isalpha() for c in what.rpartition(":")[0] or what):
+    if not any(c.isalpha() or c in "/'" for c in what.rpartition(":")[0] or what):
         what = what.replace(" ", "")
     if not at:
         raise StudyError(f"{text!r} has no time; write {SHOWN}.")

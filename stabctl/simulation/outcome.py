@@ -254,7 +254,7 @@ def _still_faulted(point: OperatingPoint, end: End) -> str:
     """A sentence on faults that are still on; empty if there are none."""
     if not end.switching.faulted:
         return ""
-    names, buses = naming.circuit_names(point.case.branches), point.case.buses
+    names, buses = naming.circuits(point.case.branches), point.case.buses
     places = [f"at bus {buses[row].bus}" for row, _ in end.switching.faults]
     places += [f"on circuit {names[row]}" for row, state in end.switching.branches if state.faulted]
     one = len(places) == 1

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from stabctl._util.errors import StudyError
 from stabctl.model.case import Case
-from stabctl.model.location import circuit, locate
+from stabctl.model.location import Place, circuit, locate
 from stabctl.model.network import BOLTED, BranchState, Switching
 
 from .events import Clear, Event, Fault, LoadStep, Open, SwitchShunt, TripMachine, described
@@ -88,7 +88,7 @@ class _State:
             raise StudyError(f"{number!r} is not a bus of {self.case.name}; give a bus number.")
         return place.bus
 
-    def _fault(self, text: str, admittance: complex) -> None:
+    def _fault(self, text: Place, admittance: complex) -> None:
         place = locate(self.case, text)
         if place.bus is not None:
             if place.bus in self.faults:
@@ -102,7 +102,7 @@ class _State:
         along = 0.5 if place.fraction is None else place.fraction
         self.branches[place.branch] = before._replace(fault_at=along, fault_admittance=admittance)
 
-    def _clear(self, text: str) -> None:
+    def _clear(self, text: Place) -> None:
         place = locate(self.case, text)
         if place.bus is not None and place.bus in self.faults:
             del self.faults[place.bus]
@@ -111,7 +111,7 @@ class _State:
         else:
             raise StudyError(f"There is no fault at {text} to clear at that time.")
 
-    def _open(self, name: str, end: str | int) -> None:
+    def _open(self, name: Place, end: str | int) -> None:
         row, _ = circuit(self.case, name)
         k, before = self.case.branches[row], self.branches.get(row, BranchState())
         if end != "both" and end not in (k.from_bus, k.to_bus):

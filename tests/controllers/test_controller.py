@@ -189,7 +189,7 @@ def test_mistakes_in_a_controller(make, says):
     [
         ("speeed:1", "vs:1", "'speeed' is not an output; did you mean speed"),
         ("speed:1", "orderq:1@5", "'orderq' is not an input; did you mean order_q or order"),
-        ("speed:1", "order:1@7", "'1@7' is not one of the storage devices of two_area; they are 1@5"),
+        ("speed:1", "order:1@7", "two_area has no storage device 1@7; did you mean 1@5"),
         ("flow:7-80", "vs:1", "There is no branch 7-80"),
         ("speed:9", "vs:1", "There is no machine 9"),
         ("speed:1", "field:1", "has an exciter; use vref:1"),

@@ -182,10 +182,10 @@ class TestNames:
         (tmp_path / "x.raw").write_text(text)
         case = st.load(tmp_path / "x.raw")
         assert [k.circuit for k in case.branches[:2]] == list(ids)
-        for row, name in enumerate(naming.circuit_names(case.branches)):
+        for row, name in enumerate(naming.keys(case, "branches")):
             assert location.circuit(case, name) == (row, True)
             assert location.locate(case, f"{name}@0.25") == (None, row, 0.25)
-            assert st.Contingency(f"{name}@0.25", "6cyc").opened(case) == (name,)
+            assert [*map(str, st.Contingency(f"{name}@0.25", "6cyc").placed(case).opened)] == [name]
             k = case.branches[row]
             other = name.replace(f"{k.from_bus}-{k.to_bus}", f"{k.to_bus}-{k.from_bus}")
             assert location.locate(case, f"{other}@0.25") == (None, row, 0.75)
@@ -195,7 +195,7 @@ class TestNames:
         (tmp_path / "x.raw").write_text(TVC.read_text().replace("'BUS4        '", "'NORTH-4'"))
         case = st.load(tmp_path / "x.raw")
         fault = st.Contingency("NORTH-4", 0.1, "1-4 ckt 2")
-        assert fault.timed(case) == (Fault("NORTH-4", 1.0), Clear("NORTH-4", 1.1), Open("1-4 ckt 2", 1.1))
+        assert fault.timed(case) == (Fault("4", 1.0), Clear("4", 1.1), Open("1-4 ckt 2", 1.1))
         assert str(fault) == "fault NORTH-4, cleared after 0.1 s by opening 1-4 ckt 2"
 
     def test_of_machines_and_buses(self, case):

@@ -170,7 +170,7 @@ def candidates(case):
                     found[kind].append((f"{model}.{key}.{f.name}", getattr(par, f.name), base if on_base else 1))
     ends = Counter(end for k in case.branches for end in (k.from_bus, k.to_bus))
     machines = {m.bus: m for m in case.machines}
-    for name, k in zip(naming.circuit_names(case.branches), case.branches, strict=True):
+    for name, k in zip(naming.circuits(case.branches), case.branches, strict=True):
         unit = [machines[end] for end in (k.from_bus, k.to_bus) if ends[end] == 1 and end in machines]
         base = unit[0].base / case.base_mva if unit else 1
         found["transformer x" if unit else "branch x"].append((f"branches.{name}.x", k.x, base))
@@ -202,7 +202,7 @@ def clearing_times(case):
     found = []
     for fault, trip in contingencies(case):
         a, b = map(int, trip.split("-"))
-        circuit = naming.circuit_names(case.branches)[naming.circuit_rows(case, naming.Circuit(a, b, None, None))[0]]
+        circuit = naming.circuits(case.branches)[naming.circuit_rows(case, naming.Circuit(a, b, None, None))[0]]
         one = st.Contingency(fault, clear="1cyc", trip=circuit)
         time = point.clearing_time(one, resolution="0.25cyc", observe="3s", longest="3s", scan=0)
         found.append({"found": time.cycles, "unstable_at_zero": 0.0}.get(time.status, 60.0))

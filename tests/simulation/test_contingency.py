@@ -5,7 +5,7 @@ import pytest
 from stabctl._util.errors import StudyError
 from stabctl.simulation.contingency import Contingency, timed_events
 from stabctl.simulation.criterion import DEFAULT, Criterion, checked
-from stabctl.simulation.events import Clear, Fault, LoadStep, Open, TripMachine, event, load_step, machine_trip, opening
+from stabctl.simulation.events import Clear, Fault, LoadStep, Open, TripMachine, event
 
 
 @pytest.fixture
@@ -70,18 +70,18 @@ def test_other_events_are_records_or_text(two_area):
 
 
 @pytest.mark.parametrize(
-    ("read", "text", "made"),
+    ("kind", "text", "made"),
     [
-        (opening, "7-8@1s", Open("7-8", 1.0)),
-        (opening, " 7-8#2 @ 30cyc", Open("7-8#2", 0.5)),
-        (machine_trip, "14@2s", TripMachine(14, 2.0)),
-        (load_step, "7:+50MW@1s", LoadStep(7, 1.0, 50.0)),
-        (load_step, "7:-5e1mw@1s", LoadStep(7, 1.0, -50.0)),
-        (load_step, "7:+10Mvar@100ms", LoadStep(7, 0.1, 0.0, 10.0)),
+        (Open, "7-8@1s", Open("7-8", 1.0)),
+        (Open, " 7-8#2 @ 30cyc", Open("7-8#2", 0.5)),
+        (TripMachine, "14@2s", TripMachine(14, 2.0)),
+        (LoadStep, "7:+50MW@1s", LoadStep(7, 1.0, 50.0)),
+        (LoadStep, "7:-5e1mw@1s", LoadStep(7, 1.0, -50.0)),
+        (LoadStep, "7:+10Mvar@100ms", LoadStep(7, 0.1, 0.0, 10.0)),
     ],
 )
-def test_text_of_events(read, text, made):
-    assert read(text, 60.0) == event(text, 60.0) == made
+def test_text_of_events(kind, text, made):
+    assert event(text, 60.0, kind) == event(text, 60.0) == made
 
 
 @pytest.mark.parametrize(

@@ -206,10 +206,7 @@ class TestImpossibleEvents:
                 [Fault("7-8@1.5", 1.0)],
                 "The position 1.5 along 7-8 is not allowed; it must be from 0 (bus 7) to 1 (bus 8).",
             ),
-            (
-                [Fault("7-8@1e", 1.0)],
-                "The position 1e along 7-8 is not allowed; it must be from 0 (bus 7) to 1 (bus 8).",
-            ),
+            ([Fault("7-8@1e", 1.0)], "'7-8@1e' is not a location; write 83 for a bus, "),
             ([Fault("somewhere", 1.0)], "'somewhere' is not a location; write 83 for a bus, "),
             ([Fault("", 1.0)], "'' is not a location; write 83 for a bus, "),
             ([Fault("9" * 5000, 1.0)], "'9999"),

@@ -113,7 +113,7 @@ def one_line(base: "Case | OperatingPoint", flow: PowerFlow | None = None) -> On
         machines,
         storage(case, buses, machines, (unit[s.machine] for s in case.storage)),
         _ends(buses, net.frm, net.to),
-        tuple(naming.circuit_names(case.branches)),
+        tuple(map(str, naming.circuits(case.branches))),
         transformer,
         np.abs(flow.V),
         np.abs(flow.branch_power).max(axis=1, initial=0.0) * case.base_mva,

@@ -54,7 +54,7 @@ def plot_law_design(design: LawDesign, *, ax: "Axes | None" = None) -> "Axes":
 
 def named(c: Judged) -> str:
     """A contingency in a table or figure."""
-    trip = f", trip {', '.join(c.contingency.trip)}" if c.contingency.trip else ""
+    trip = f", trip {', '.join(map(str, c.contingency.trip))}" if c.contingency.trip else ""
     return f"{c.contingency.fault}{trip}{' (training)' if c.training else ''}"
 
 

@@ -59,7 +59,7 @@ def run_answer(points: Points, state: State, load: commands.Source) -> bytes:
         "at": AT,
         "cleared": state.contingency.cleared(points.case),
         "until": UNTIL,
-        "opened": state.contingency.opened(points.case),
+        "opened": list(map(str, state.contingency.placed(points.case).opened)),
         "copy": commands.lines(load, points.case, state),
         "simulated_ms": 1e3 * (ran - begun),
     }

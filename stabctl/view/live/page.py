@@ -76,7 +76,7 @@ def about(points: Points) -> dict[str, Any]:
         ],
         "machines": [[str(m.called), row[m.bus], m.base, m.machine, row[m.storage_bus]] for m in case.machines],
         "rotors": [unit[number] for number in start.rotor_numbers],
-        "lines": found.screened,
+        "lines": list(map(str, found.screened)),
         "states": start.layout.nx,
         "gains": answers.gains(case),
         "laws": LAWS,
