@@ -225,9 +225,8 @@ def _pairs(trials: list[Trial]) -> list[ClearingTime]:
 
 def as_plain(found: ClearingTime) -> dict[str, Any]:
     """The clearing time of a fault and the lines opened, without its search."""
-    return {name: getattr(found, name) for name in (*ANSWER, "fault", "trip")} | {
-        "runs": [_run_as_plain(run) for run in found.runs]
-    }
+    answer = {name: getattr(found, name) for name in (*ANSWER, "fault", "trip")}
+    return answer | {"runs": [_run_as_plain(run) for run in found.runs]}
 
 
 def _run_as_plain(run: Run) -> list[Any]:

@@ -7,6 +7,7 @@ change. While an extension is being built, new places are counted from virtual o
 from collections.abc import Sequence
 from dataclasses import replace
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -63,7 +64,7 @@ class Extension:
         self._memory += count
         return MEMORY + self._memory - count
 
-    def add(self, name: str, module: ModuleType, w: Sequence[int], k: Sequence[float], key: str) -> None:
+    def add(self, name: str, module: ModuleType, w: Sequence[int], k: Sequence[float], key: Any) -> None:
         """Add one device with its places and constants, to its family if there is one of the same size."""
         device = of(module)
         row = np.array([w], np.int64), np.array([k], float).reshape(1, -1)

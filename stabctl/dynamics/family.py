@@ -5,7 +5,7 @@ A family is evaluated by one compiled loop, `family(op, n, w, k, s, f, on)`; see
 
 from collections.abc import Iterable, Sequence
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,7 +24,7 @@ class Family(NamedTuple):
     device: Device
     w: np.ndarray  # (devices, width) i64   places of the columns above
     k: np.ndarray  # (devices, constants)
-    keys: tuple[str, ...]  # name of each, such as "machine 3"
+    keys: tuple[Any, ...]  # name of each, such as "machine 3", or its circuit
 
 
 def width(device: Device) -> int:

@@ -2,7 +2,7 @@
 
 import difflib
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -145,7 +145,7 @@ def _angle(q: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 def _flow(point: OperatingPoint, signal: Signal, states: int) -> Reading:
     """Power or current into a circuit from the first bus named."""
-    places, par = line(point, str(signal.place))
+    places, par = line(point, signal.place)
 
     def measured(q: np.ndarray) -> np.ndarray:
         V1, V2 = (q[0], q[1]), (q[2], q[3])
@@ -158,7 +158,7 @@ def _flow(point: OperatingPoint, signal: Signal, states: int) -> Reading:
 
 
 def line(
-    point: OperatingPoint, name: str, state: network.BranchState = network.INTACT
+    point: OperatingPoint, name: Any, state: network.BranchState = network.INTACT
 ) -> tuple[np.ndarray, line_power.Par]:
     """Components (4) of the voltages at the ends of a circuit, the first one named first, and its admittances."""
     row, forward = circuit(point.case, name)

@@ -17,7 +17,7 @@ from stabctl import devices
 from stabctl._util.errors import StudyError, shown
 from stabctl.model import naming
 from stabctl.model.case import Case
-from stabctl.model.location import circuit
+from stabctl.model.location import Place, circuit, read
 
 
 class Kind(NamedTuple):
@@ -151,7 +151,7 @@ class Signal(NamedTuple):
     """One input or output of a linear model."""
 
     kind: str
-    place: int | str | None
+    place: int | Place | None
     label: str
     unit: str
 
@@ -248,7 +248,7 @@ def _everywhere(case: Case, name: str, kind: Kind) -> Sequence[int | str | None]
     return numbers
 
 
-def _signal(case: Case, name: str, kind: Kind, place: int | str | None) -> Signal:
+def _signal(case: Case, name: str, kind: Kind, place: int | Place | None) -> Signal:
     """The signal of one machine, bus, circuit or device, checked."""
     if kind.place in ("machine", "bus"):
         by_name = naming.machine_number if kind.place == "machine" else naming.bus_number
@@ -265,7 +265,7 @@ def _signal(case: Case, name: str, kind: Kind, place: int | str | None) -> Signa
     if kind.place == "bus" and place not in {b.bus for b in case.buses}:
         raise StudyError(f"There is no bus {place} in {case.name}.")
     elif kind.place == "line":
-        circuit(case, str(place))
+        circuit(case, place := read(case, str(place)))
     elif kind.place == "device":
         place = _device(case, str(place))
         if name == "charge" and not next(s for s in case.storage if f"{s.machine}@{s.bus}" == place).energy:

@@ -34,7 +34,7 @@ import numpy as np
 from stabctl.dynamics import outputs
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import OUTPUTS, Signal, machines
-from stabctl.model.location import circuit
+from stabctl.model.location import Place, circuit
 from stabctl.model.network import INTACT, Switching
 from stabctl.simulation.simulation import Simulation
 
@@ -318,8 +318,9 @@ class PhasorSignals:
         place = self._point.net.place
         for i, signal in enumerate(self._signals):
             if signal.kind in ("flow", "flow_q"):
-                row, _ = circuit(self._point.case, str(signal.place))
-                at, p = outputs.line(self._point, str(signal.place), states.get(row, INTACT))
+                assert isinstance(signal.place, Place)
+                row, _ = circuit(self._point.case, signal.place)
+                at, p = outputs.line(self._point, signal.place, states.get(row, INTACT))
                 buses[i], Y[i] = at[::2] // 2, (complex(p.g, p.b), complex(p.gm, p.bm))
             elif signal.kind not in OF_MACHINE:
                 buses[i] = place[signal.number]

@@ -28,16 +28,12 @@ class Location(NamedTuple):
 def _no_branch(case: Case, a: int, b: int) -> str:
     missing = {a, b} - {k.bus for k in case.buses}
     if missing:
-        bus = min(missing)
-        return f"There is no branch {a}-{b} in {case.name}, because there is no bus {bus}; {_near(case, bus)}"
+        bus, near = min(missing), naming.near(str(min(missing)), (str(k.bus) for k in case.buses))
+        return f"There is no branch {a}-{b} in {case.name}, because there is no bus {bus}; {near}"
     ends = {k.from_bus + k.to_bus - a for k in case.branches if a in (k.from_bus, k.to_bus)}
     others = ", ".join(f"{a}-{other}" for other in sorted(ends))
     verb = "branch at bus {a} is" if len(ends) == 1 else "branches at bus {a} are"
     return f"There is no branch {a}-{b} in {case.name}; the {verb.format(a=a)} {others}."
-
-
-def _near(case: Case, bus: object) -> str:
-    return naming.near(str(bus), [str(b.bus) for b in case.buses])
 
 
 def read(case: Case, text: str) -> Place:
@@ -46,7 +42,9 @@ def read(case: Case, text: str) -> Place:
     if (number := naming.bus_number(case, text)) is not None:
         return str(number)
     if _NUMBER.fullmatch(text):
-        raise StudyError(f"There is no bus {text} in {case.name}; {_near(case, text)}")
+        raise StudyError(
+            f"There is no bus {text} in {case.name}; {naming.near(text, (str(b.bus) for b in case.buses))}"
+        )
     if (found := _circuit(case, text)) is None:
         raise StudyError(
             f"{shown(text)} is not a location; write 83 for a bus, 7-8, 7-8#2 or 7-8 ckt 'A B' for a circuit, 7-8@0.4 "

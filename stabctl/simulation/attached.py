@@ -241,11 +241,11 @@ class _Sensors:
         if kind in ("angle", "rest_speed", "coi_speed", "deviation", "angle_deviation"):
             return self._center(signal, rest)
         if kind in outputs.OF_LINE:
-            ends, par = outputs.line(base, str(signal.place))
+            ends, par = outputs.line(base, signal.place)
             first, second = (int(base.layout.nx + k) for k in ends[[0, 2]])
             table, device = ("line_current", line_current) if kind == "current" else ("line_power", line_power)
             out = self._more.outputs([rest] if kind == "current" else [0.0, 0.0])
-            self._more.add(table, device, [0, first, second, -1, out], par, str(signal.place))
+            self._more.add(table, device, [0, first, second, -1, out], par, signal.place)
             return out + (kind == "flow_q")
         out = self._more.outputs([rest])
         at = base.layout.nx + 2 * base.net.place[signal.number]

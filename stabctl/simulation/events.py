@@ -184,10 +184,7 @@ _FORMS = {
 
 
 def event(text: str | Event, frequency_hz: float, kind: Any = None) -> Event:
-    """The event, of that kind, that a text describes, or a record with its instant in seconds.
-
-    Raises `StudyError` if it is not one.
-    """
+    """The event, of that kind, that a text describes, or a record with its instant in s. `StudyError` if it is none."""
     if not isinstance(text, str):
         return replace(text, at=seconds(text.at, frequency_hz)) if isinstance(text.at, str) else text
     found = _event(*_split(text, frequency_hz))

@@ -4,6 +4,7 @@ import csv
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import stabctl as st
@@ -91,6 +92,15 @@ def test_a_machine_is_told_by_its_name(case):
         if id:
             assert case.with_storage({quoted: "50MW"}).storage == case.with_storage(f"{quoted}=50MW").storage
             assert case.with_storage(f"{quoted}=50MW").storage[0].machine == case.machines[row].machine
+
+
+def test_a_flow_is_read_from_its_own_circuit(plain, case):
+    first, second = naming.circuits(case.branches)[8:10]
+    found = case.initialize().linearize("load_p:7", f"flow:{second}, flow:{first}")
+    same = plain.initialize().linearize("load_p:7", "flow:7-8#2, flow:7-8")
+    assert (found.C == same.C).all()
+    assert not np.allclose(found.C[0], found.C[1])
+    assert list(found.outputs) == [f"P line {second}", f"P line {first}"]
 
 
 def test_machines_whose_names_differ_in_a_blank_or_capitals(plain):
