@@ -73,9 +73,7 @@ class Places(NamedTuple):
     watch_low: np.ndarray  # (loads) pu   voltages below which they count as lost
     held: np.ndarray  # (held) what laws and gates write: orders, then whether a gate is open; constant over a part
     order: np.ndarray  # (storage devices) what they read their orders from, in the order of the case's table
-    begun: (
-        int  # the first order at the beginning of the step, or of its part that is being made; then those wanted there
-    )
+    begun: int  # the first order at the beginning of the step, or of its part; then come those wanted there
     wanted: np.ndarray  # (storage devices) orders that the law wants
     own: np.ndarray  # (storage devices) rotor units whose signals their orders follow, -1: none
     stops: np.ndarray  # (stops) rows of `limited` at whose limits a power jumps

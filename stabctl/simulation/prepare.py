@@ -23,6 +23,7 @@ def prepare() -> None:
         "first": np.zeros(1, np.int64),
         "inertia": none,
         "weight": none,
+        "judged": np.zeros(0, bool),
         "low": none,
         "high": none,
         "watch_low": none,

@@ -119,8 +119,12 @@ def combination(rng, kind):
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["speed", "both", "braking", "surface"])
 def test_what_depends_on_the_step_has_a_word(kind):
-    """50 random combinations for each kind of law, against 1/4000 s: beyond 1 % of the rating, a word is said."""
-    rng, silent, said = np.random.default_rng(4600), [], 0
+    """50 random combinations for each kind of law, against 1/4000 s: beyond 1 % of the rating, a word is said.
+
+    An order far behind what is wanted may run from ramp limit to ramp limit as slowly as machines swing, and depend on
+    rounding: runs at 1/4000 and 1/16000 s do not agree either. Such runs are counted.
+    """
+    rng, silent, sensitive, said = np.random.default_rng(4600), [], 0, 0
     for _ in range(50):
         point, law, event = combination(rng, kind)
         ran = point.simulate(event, "1.7s", control=law)
@@ -128,6 +132,10 @@ def test_what_depends_on_the_step_has_a_word(kind):
         word, apart = bool(WORDS.search(str(ran))), difference(ran, fine)[0]
         said += word
         if apart > 0.01 and not word:
-            silent.append((round(apart, 3), point.case.name, str(law), event))
+            if difference(fine, point.simulate(event, "1.7s", control=law, step=1 / 16000))[0] > 0.01:
+                sensitive += 1
+            else:
+                silent.append((round(apart, 3), point.case.name, str(law), event))
     assert not silent
+    assert sensitive <= 1  # 0, 1, 0, 0
     assert said <= 15  # 9, 12, 7, 2
