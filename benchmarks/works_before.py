@@ -53,7 +53,7 @@ def sited(classical: bool) -> float:
     case = CASES["ieee39"]
     listed = load(packaged("ieee39", classical), case)
     base = case.classical() if classical else case
-    fault = contingency(listed[0].fault, listed[0].clear, list(listed[0].trip))
+    fault = contingency(str(listed[0].fault), listed[0].clear, list(map(str, listed[0].trip)))
     Simulation(equilibrium.solve(base), fault, record=False).advance(0.1)
     return cpu(partial(place, base, listed, workers=1))
 
