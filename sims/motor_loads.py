@@ -31,8 +31,8 @@ SIZE = "5%mva"
 BUS, DURATION, CLEARED, RECOVERED = 20, "4cyc", 4 / 60, 0.9  # bus, duration of the fault, s, pu
 TEXT = (
     f"Motors (CIM, default parameters) draw 0 to 60 % of every load of {CASE}; the rest is a constant admittance. A "
-    f"fault at bus {FAULT.fault} is cleared by opening {', '.join(map(str, FAULT.trip))}. Storage is {SIZE} at every machine "
-    "with the paper's law, ideal or behind converters of as many MVA.",
+    f"fault at bus {FAULT.fault} is cleared by opening {', '.join(map(str, FAULT.trip))}. Storage is {SIZE} at every "
+    "machine with the paper's law, ideal or behind converters of as many MVA.",
 )
 HEADS = ("storage", *(f"{share} % motors" for share in SHARES))
 
