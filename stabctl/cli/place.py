@@ -196,31 +196,11 @@ def _record(found: "Siting") -> dict[str, Any]:
         "lower_bound": found.lower_bound,
         "lower_bound_mw": found.lower_bound_mw,
         "contingencies": [
-            {
-                "fault": c.contingency.fault and str(c.contingency.fault),
-                "trip": list(map(str, c.contingency.trip)),
-                "operating_point": c.operating_point,
-                "out": c.out,
-                "target_cycles": c.target_cycles,
-                "critical_cycles": c.critical_cycles,
-                "machine": c.machine,
-                "stable": c.stable,
-                "binding": c.binding,
-            }
+            _asked(c)
+            | {"critical_cycles": c.critical_cycles, "machine": c.machine, "stable": c.stable, "binding": c.binding}
             for c in found.contingencies
         ],
-        "lost": [
-            {
-                "fault": c.contingency.fault and str(c.contingency.fault),
-                "trip": list(map(str, c.contingency.trip)),
-                "operating_point": c.operating_point,
-                "out": c.out,
-                "target_cycles": c.target_cycles,
-                "alone_cycles": c.alone_cycles,
-                "fleets_tried": c.tried,
-            }
-            for c in found.infeasible
-        ],
+        "lost": [_asked(c) | {"alone_cycles": c.alone_cycles, "fleets_tried": c.tried} for c in found.infeasible],
         "existing": [s._asdict() for s in found.existing],
         "controllers": list(found.controllers),
         "law": found.law,
@@ -231,6 +211,13 @@ def _record(found: "Siting") -> dict[str, Any]:
         "simulations": found.simulations,
         "wall_s": found.wall_s,
     }
+
+
+def _asked(c: Any) -> dict[str, Any]:
+    """A contingency and the clearing time asked for."""
+    fault, trip = c.contingency.fault, list(map(str, c.contingency.trip))
+    what = {"fault": fault and str(fault), "trip": trip, "operating_point": c.operating_point}
+    return what | {"out": c.out, "target_cycles": c.target_cycles}
 
 
 def _evidence(row: "Evidence") -> dict[str, Any]:
