@@ -1,36 +1,35 @@
-"""Decorators of compiled code, and the folder that keeps the machine code.
+"""Decorators of compiled code, and its entry points.
 
 `inline` marks a device equation or a part of one: plain Python when called from Python, inlined when called from
 compiled code. `noinline` does the same for code that is called rarely: it is compiled once per caller. `entry` marks an
-entry point, compiled at its first call; `start` compiles one in a second process, while this one compiles other
-functions. Numba is imported only when something is compiled, so that data can be read without it. With
-NUMBA_DISABLE_JIT=1 everything runs as plain Python.
+entry point, loaded or compiled at its first call; `start` compiles one in a second process, while this one compiles
+other functions. Numba is imported only when something is compiled. With NUMBA_DISABLE_JIT=1 everything runs as plain
+Python.
 """
 
 import atexit
 import hashlib
 import inspect
 import os
-import shutil
-import signal
-import stat
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
 from importlib import import_module
-from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
-from threading import RLock, get_ident, main_thread
-from types import FrameType, ModuleType
+from threading import RLock
+from types import ModuleType
 from typing import Any
 
+from . import object_code
 from .process import available
+from .words import Function, taken
 
 _PACKAGE = Path(__file__).parent.parent
-_pending: list[tuple[Callable[..., Any], bool]] = []
+_pending: list[tuple[Callable[..., Any], bool]] = []  # functions that numba does not know yet; whether they are inlined
+_definitions: list[Callable[[], None]] = []  # what tells numba how to compile something, before it compiles anything
 lock = RLock()  # one thread compiles at a time
 awaited: dict[str, Callable[[], object]] = {}  # module of an entry that another process compiles -> waits for it
 _told: list[bool] = []
@@ -50,79 +49,24 @@ def noinline(function: Callable[..., Any]) -> Callable[..., Any]:
     return function
 
 
-class Entry:
-    """An entry point: compiled, or loaded from disk, at its first call."""
-
-    def __init__(self, function: Callable[..., Any], allocates: bool) -> None:
-        self.function, self.name, self.allocates = function, function.__name__, allocates
-        self._compiled: Callable[..., Any] | None = None
-
-    def __call__(self, *arguments: Any) -> Any:
-        """Call the compiled function."""
-        if self._compiled is not None:
-            return _uninterrupted(self._compiled, arguments)
-        with lock, compiling([] if self.on_disk() else [self.name]) as done:
-            awaited.pop(self.function.__module__, bool)()
-            found = self._compiled or self._compile(arguments)
-            done()
-        self._compiled = found
-        return _uninterrupted(found, arguments)
-
-    def signatures(self) -> list[Any]:
-        """Types that it has been compiled for."""
-        return list(getattr(self._compiled, "signatures", ()))
-
-    def _stem(self) -> str:
-        module = self.function.__module__
-        return f"{module.rpartition('.')[2]}.{self.name}-{digest(sources(sys.modules[module]))}"
-
-    def on_disk(self) -> bool:
-        """Whether its machine code is on disk, or not needed."""
-        return disabled() or self._compiled is not None or kept(self._stem())
-
-    def _compile(self, arguments: Sequence[Any]) -> Callable[..., Any]:
-        """The function, compiled for the types of the arguments."""
-        if disabled():
-            return self.function
-        from . import machine_code
-
-        ready()
-        found = machine_code.function(self.function, folder() / self._stem(), self.allocates)
-        found.compile(tuple(map(found.typeof_pyval, arguments)))
-        return found  # type: ignore[no-any-return]
+def lowered(define: Callable[[], None]) -> Callable[[], None]:
+    """Mark a function that tells numba how to compile something."""
+    _definitions.append(define)
+    return define
 
 
-def _uninterrupted(compiled: Callable[..., Any], arguments: Sequence[Any]) -> Any:
-    """Call compiled code. Ctrl-C acts once it has returned: numba crashes if it is raised while a result is boxed."""
-    act = signal.getsignal(signal.SIGINT)
-    if not callable(act) or get_ident() != main_thread().ident:
-        return compiled(*arguments)
-    came: list[tuple[int, FrameType | None]] = []
-    signal.signal(signal.SIGINT, lambda number, frame: came.append((number, frame)))
-    try:
-        return compiled(*arguments)
-    finally:
-        signal.signal(signal.SIGINT, act)
-        if came:
-            act(*came[0])
+def ready() -> None:
+    """Tell numba of every function marked so far."""
+    from numba.extending import register_jitable
 
-
-def entry(function: Callable[..., Any]) -> Entry:
-    """Make `function` an entry point, which runs without the interpreter lock; its machine code is kept on disk.
-
-    It must not allocate memory; this makes calls faster.
-    """
-    return Entry(function, allocates=False)
-
-
-def allocating_entry(function: Callable[..., Any]) -> Entry:
-    """The same for a function that allocates memory."""
-    return Entry(function, allocates=True)
-
-
-def kept(stem: str) -> bool:
-    """Whether machine code of this name is on disk."""
-    return any(name.startswith(f"{stem}-") and name.endswith(".nbc") for name in os.listdir(folder()))
+    with lock:
+        while _definitions:
+            _definitions.pop()()
+        while _pending:
+            function, inlined = _pending.pop()
+            register_jitable(
+                forceinline=inlined, error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True, _nrt=False
+            )(function)
 
 
 def disabled() -> bool:
@@ -130,16 +74,61 @@ def disabled() -> bool:
     return os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
 
 
-def ready() -> None:
-    """Register every function marked so far with numba."""
-    from numba.extending import register_jitable
+_DISABLED = disabled()
 
-    with lock:
-        while _pending:
-            function, inlined = _pending.pop()
-            register_jitable(
-                forceinline=inlined, error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True, _nrt=False
-            )(function)
+
+class Entry:
+    """An entry point: loaded, or compiled, at its first call with arguments of some kinds."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self.function, self.name = function, function.__name__
+        self._functions: dict[tuple[Any, ...], Function] = {}
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the compiled function."""
+        if _DISABLED:
+            return self.function(*arguments)
+        words, kinds, _held = taken(arguments)
+        found = self._functions.get(kinds)
+        if found is None:
+            with lock, compiling([] if self.on_disk() else [self.name]) as done:
+                awaited.pop(self.function.__module__, bool)()
+                found = self._functions.get(kinds) or self._load(kinds)
+                self._functions[kinds] = found
+                done()
+        return found(words)
+
+    def signatures(self) -> list[Any]:
+        """Kinds of arguments that it has been called with."""
+        return list(self._functions)
+
+    def _stem(self) -> str:
+        module = self.function.__module__
+        return f"{module.rpartition('.')[2]}.{self.name}-{digest(sources(sys.modules[module]))}"
+
+    def on_disk(self) -> bool:
+        """Whether its object code is on disk, or not needed."""
+        return _DISABLED or bool(self._functions) or object_code.here(self._stem())
+
+    def _load(self, kinds: tuple[Any, ...]) -> Function:
+        """The function for arguments of these kinds."""
+
+        def compiled(symbol: str) -> object_code.Code:
+            from . import compiler
+
+            ready()
+            return compiler.function(self.function, kinds, symbol)
+
+        found = object_code.found(self._stem(), ", ".join(map(str, kinds)), compiled, numba_version)
+        return Function(found, kinds)
+
+
+def entry(function: Callable[..., Any]) -> Entry:
+    """Make `function` an entry point, which runs without the interpreter lock; its object code is kept on disk.
+
+    It must not allocate memory. Records among its arguments should be of classes marked with `words.record`.
+    """
+    return Entry(function)
 
 
 @contextmanager
@@ -186,70 +175,53 @@ def compiling(labels: Sequence[str]) -> Iterator[Callable[[], None]]:
 
 
 def digest(*texts: str) -> str:
-    """Name of machine code: a hash of the numba version and the source texts it is made from."""
-    found = hashlib.sha256(_numba().encode())
+    """Name of object code: a hash of the source texts it is made from."""
+    found = hashlib.sha256(_makers().encode())
     for text in texts:
         found.update(text.encode())
     return found.hexdigest()[:16]
 
 
 @cache
-def _numba() -> str:
-    """Version of numba, found without importing it."""
-    return version("numba")
+def _makers() -> str:
+    """Source texts of what makes object code."""
+    return "".join(Path(__file__).with_name(name).read_text(encoding="utf-8") for name in ("compiler.py", "words.py"))
+
+
+@cache
+def numba_version() -> str:
+    """What tells the version of numba, found without importing it."""
+    found = find_spec("numba")
+    return Path(found.origin).with_name("_version.py").read_text() if found and found.origin else ""
 
 
 @cache
 def sources(module: ModuleType) -> str:
-    """Source text and constants of a module and of all modules that it takes functions from."""
+    """Source text and constants of a module and of all modules that it takes functions from, but those of `_util`."""
     seen: dict[str, str] = {}
     todo, beside = [module], Path(module.__file__ or "").parent
     while todo:
         found = todo.pop()
         file = getattr(found, "__file__", None) or ""
-        inside = Path(file).is_relative_to(_PACKAGE) or Path(file).parent == beside
-        if not file or found.__name__ in seen or not inside:
-            continue
-        constants = {k: v for k, v in vars(found).items() if isinstance(v, int | float | complex)}
-        seen[found.__name__] = f"{Path(file).read_text(encoding='utf-8')}{constants}"
-        for value in vars(found).values():
-            if inspect.ismodule(value) and hasattr(found, "__path__"):
-                continue  # a submodule, which is present only if something has imported it
-            owner = value if inspect.ismodule(value) else sys.modules.get(getattr(value, "__module__", None) or "")
-            if owner is not None:
-                todo.append(owner)
+        inside = file.startswith(f"{_PACKAGE}{os.sep}") and not file.startswith(f"{_PACKAGE / '_util'}{os.sep}")
+        if file and found.__name__ not in seen and (inside or Path(file).parent == beside):
+            seen[found.__name__], used = _source(found)
+            todo += used
     return "".join(seen[name] for name in sorted(seen))
 
 
 @cache
-def folder() -> Path:
-    """Folder of the machine code: in the user's cache, or the temporary folder, or a folder for this run only."""
-    import platformdirs
-
-    user = os.getuid() if hasattr(os, "getuid") else "user"
-    for path in (Path(platformdirs.user_cache_dir("stabctl")), Path(tempfile.gettempdir()) / f"stabctl-{user}"):
-        if _made(path) and _ours(path):
-            return path
-    path = Path(tempfile.mkdtemp(prefix="stabctl-"))
-    atexit.register(shutil.rmtree, path, ignore_errors=True)
-    return path
-
-
-def _made(path: Path) -> bool:
-    """Whether the folder exists, or can be created, and is writable."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.mkdir(mode=0o700, exist_ok=True)
-        return os.access(path, os.W_OK | os.X_OK)
-    except OSError:
-        return False
-
-
-def _ours(path: Path) -> bool:
-    """Whether nobody else can write there; another user could plant machine code."""
-    found = path.lstat()
-    mine = not hasattr(os, "getuid") or found.st_uid == os.getuid()
-    return mine and stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o022
+def _source(module: ModuleType) -> tuple[str, list[ModuleType]]:
+    """Source text and constants of a module, and the modules that it takes functions from."""
+    constants = {k: v for k, v in vars(module).items() if isinstance(v, int | float | complex)}
+    used = {}
+    for value in vars(module).values():
+        if inspect.ismodule(value) and hasattr(module, "__path__"):
+            continue  # a submodule, which is present only if something has imported it
+        owner = value if inspect.ismodule(value) else sys.modules.get(getattr(value, "__module__", None) or "")
+        if owner is not None:
+            used[owner.__name__] = owner
+    return f"{Path(module.__file__ or '').read_text(encoding='utf-8')}{constants}", list(used.values())
 
 
 def start(where: str, script: str) -> None:

@@ -13,20 +13,20 @@ x state, u inputs, v bus voltage (v1, v2 of a link), y own output, p parameters,
 generated once for real numbers (simulation) and once for complex numbers (derivatives by complex step, h = 1e-30).
 """
 
-import inspect
 import sys
 from collections.abc import Callable
 from functools import cache
 from types import ModuleType
 from typing import Any
 
-from stabctl._util import jit
+from stabctl._util import jit, object_code
+from stabctl._util.words import Loaded
 from stabctl.devices.device import Device
 
 from .family import BUS, BUS2, CURRENT, INPUTS, LOCAL, OUTPUT, SOURCE, STATE, TINY, UNIT, equations, fused, shape, width
 
 plain: list[Any] = []  # with NUMBA_DISABLE_JIT=1 an "address" is a row of this list
-_compiled: dict[tuple[Device, type], Any] = {}
+_compiled: dict[tuple[Device, type], int | Loaded] = {}
 
 
 def address(name: str, device: Device, scalar: type) -> int:
@@ -39,31 +39,26 @@ def address(name: str, device: Device, scalar: type) -> int:
                 plain.append(function)
                 _compiled[key] = len(plain) - 1
             else:
-                _compiled[key] = _compile(function, scalar)
+                _compiled[key] = _load(function, scalar)
     found = _compiled[key]
     return found if isinstance(found, int) else found.address
 
 
-def _compile(function: Callable[..., None], scalar: type) -> Any:
-    from numba import types
+def _load(function: Callable[..., None], scalar: type) -> Loaded:
+    def compiled(symbol: str) -> object_code.Code:
+        from stabctl._util import compiler
 
-    from stabctl._util import machine_code
+        jit.ready()
+        return compiler.callback(function, scalar, symbol)
 
-    jit.ready()
-    number = types.complex128 if scalar is complex else types.float64
-    pointer = types.CPointer
-    signature = types.void(
-        types.int64, types.int64, pointer(types.int64), pointer(types.float64), pointer(number), pointer(number),
-        pointer(types.int64),
-    )  # fmt: skip
-    return machine_code.callback(function, signature, jit.folder() / function.__module__)
+    return object_code.found(function.__module__, "", compiled, jit.numba_version)
 
 
 def on_disk(name: str, device: Device, scalar: type) -> bool:
-    """Whether the machine code of a family is on disk, loaded, or not needed."""
+    """Whether the object code of a family is on disk, loaded, or not needed."""
     if jit.disabled() or (device, scalar) in _compiled:
         return True
-    return jit.kept(_module(name, device, scalar).__module__)
+    return object_code.here(_module(name, device, scalar).__module__)
 
 
 @cache
@@ -75,7 +70,7 @@ def _module(name: str, device: Device, scalar: type) -> Callable[..., None]:
     if not inside:
         text += f"device = sys.modules[{device.module.__name__!r}]\n"
     text += f"\n\n{write(device, name, scalar)}"
-    stem = f"{name}_{kind}_{jit.digest(text, inspect.getsource(_compile), jit.sources(device.module))}"
+    stem = f"{name}_{kind}_{jit.digest(text, jit.sources(device.module))}"
     module = sys.modules[stem] = ModuleType(stem)
     exec(compile(text, f"<{stem}>", "exec"), vars(module))  # text generated above
     return getattr(module, name)  # type: ignore[no-any-return]

@@ -5,9 +5,36 @@ A family is called through its address, so that the machine code of the caller d
 
 from typing import Any
 
-from stabctl._util.jit import disabled, entry, inline
+from stabctl._util.jit import disabled, entry, inline, lowered
 
 from . import _codegen
+
+
+def call(address: int, *words: int) -> None:
+    """void (*address)(words ...): whole numbers, and pointers given as such (array.ctypes.data); only compiled."""
+    raise NotImplementedError
+
+
+@lowered
+def _define() -> None:
+    from llvmlite import ir
+    from numba import types
+    from numba.core.typing.templates import AbstractTemplate, infer_global
+    from numba.extending import lower_builtin
+
+    @infer_global(call)
+    class Call(AbstractTemplate):  # type: ignore[misc]
+        def generic(self, args: Any, kws: Any) -> Any:
+            return types.void(*args)
+
+    @lower_builtin(call, types.VarArg(types.Any))
+    def lower(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        word = ir.IntType(64)
+        kind = ir.FunctionType(ir.VoidType(), [word] * (len(args) - 1))
+        words = [context.cast(builder, a, t, types.int64) for a, t in zip(args, signature.args, strict=True)]
+        builder.call(builder.inttoptr(words[0], kind.as_pointer()), words[1:])
+        return context.get_dummy_value()
+
 
 if disabled():
 
@@ -26,22 +53,6 @@ if disabled():
         perform(calls[(bits & due) != 0], w, k, s, f, on)
 
 else:
-    from llvmlite import ir
-    from numba import types
-    from numba.extending import intrinsic
-
-    @intrinsic
-    def call(typingctx: Any, address: Any, op: Any, n: Any, w: Any, k: Any, s: Any, f: Any, on: Any) -> Any:
-        """void (*address)(op, n, w, k, s, f, on); pointers are given as integers (array.ctypes.data)."""
-
-        def build(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            word, byte = ir.IntType(64), ir.IntType(8).as_pointer()
-            kind = ir.FunctionType(ir.VoidType(), [word, word, byte, byte, byte, byte, byte])
-            function = builder.inttoptr(args[0], kind.as_pointer())
-            builder.call(function, [*args[1:3], *(builder.inttoptr(a, byte) for a in args[3:])])
-            return context.get_dummy_value()
-
-        return types.void(*[types.int64] * 8), build
 
     @inline
     def perform(calls, w, k, s, f, on):  # type: ignore[misc]

@@ -13,6 +13,7 @@ import numpy as np
 
 from stabctl._util import jit
 from stabctl._util.errors import EquilibriumError
+from stabctl._util.words import record
 
 from . import _codegen, family
 from .family import BOTH, CURRENT, FRAME, INPUTS, LOCAL, OUTPUT, RATES, SOURCE, STEP, Family
@@ -20,6 +21,7 @@ from .family import BOTH, CURRENT, FRAME, INPUTS, LOCAL, OUTPUT, RATES, SOURCE, 
 Node = tuple[int, int, tuple[int, ...]]  # family, operation, rows
 
 
+@record
 class Program(NamedTuple):
     """What compiled code needs to call all devices. The type is the same for every system."""
 

@@ -10,10 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from stabctl._util.jit import entry, inline
+from stabctl._util.words import record
 
 from ._swing import angle_variance, current_variance, power_variance, process_covariance
 
 
+@record
 class Constants(NamedTuple):
     """Constants of the machines, arrays (machines, ...): fields of `RotorUnits`, `Swing` and `QAxis`."""
 
@@ -35,6 +37,7 @@ class Constants(NamedTuple):
     ramp: np.ndarray  # (frames + 1, machines, 2)
 
 
+@record
 class Kept(NamedTuple):
     """What is kept of the last report of every machine."""
 

@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from stabctl._util.words import record
+from stabctl.dynamics import lapack
+
 from .method import STAGES
 
 if TYPE_CHECKING:
@@ -69,6 +72,7 @@ class Loop(NamedTuple):
     known: np.ndarray  # (1), int   whether `response` is that of the present network
 
 
+@record
 class Run(NamedTuple):
     """Everything that changes in a run. The same for every system, so that compiled code has one signature."""
 
@@ -85,6 +89,7 @@ class Run(NamedTuple):
     notes: np.ndarray  # (5), int   see `Note`
 
 
+@record
 class NewtonSpace(NamedTuple):
     """Work space of Newton's method."""
 
@@ -114,3 +119,27 @@ def buffers(s: np.ndarray, layout: "Layout", places: "Places") -> Run:
 def newton_space(run: Run) -> NewtonSpace:
     """Work space of Newton's method for the buffers of a run."""
     return NewtonSpace(run.s.astype(complex), run.f.astype(complex), np.zeros_like(run.volt))
+
+
+@record
+class Dense(NamedTuple):
+    """Work space of Newton's method with a dense matrix, for n buses whose devices draw currents."""
+
+    open: np.ndarray  # (n), complex, pu   voltages without these currents
+    Z: np.ndarray  # (n, n), complex, pu   impedances between the buses
+    v: np.ndarray  # (n, 2), complex, pu   voltages, with a complex step
+    tried: np.ndarray  # (n, 2), complex, pu
+    drawn: np.ndarray  # (3, n, 2), complex, pu   currents
+    F: np.ndarray  # (2 n), pu   residual, then the step
+    J: np.ndarray  # (2 n, 2 n)   its slopes
+    places: np.ndarray  # (3 + 2 n, i32)   see `lapack.solve`
+    solver: int  # address of LAPACK's solver
+
+
+def dense(n: int) -> Dense:
+    """Work space for n buses."""
+    pairs, sizes = np.zeros((5, n, 2), complex), (np.zeros(2 * n), np.zeros((2 * n, 2 * n)))
+    places = np.zeros(lapack.HEAD + 2 * n, np.int32)
+    return Dense(
+        np.zeros(n, complex), np.zeros((n, n), complex), pairs[0], pairs[1], pairs[2:], *sizes, places, lapack.address()
+    )

@@ -17,10 +17,10 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spl
 
 from . import _judgment, _voltages, stepper
-from ._buffers import NOTE, newton_space
+from ._buffers import NOTE, dense, newton_space
 from ._substitution import OPTIONS, matrix
 from ._voltages import HALVINGS, STEPS, TINY, TOLERANCE, currents, solved
-from .stepper import Plan
+from .stepper import Cursor, Plan
 from .wired import Wired
 
 NO_ROWS = np.empty((0, 0))
@@ -57,6 +57,7 @@ def advance(
     at, kept = stepper.START, kept or Slopes()
     while True:
         verdict, at = stepper.advance(program, places, net, run, rules, plan, at, history)
+        at = Cursor(*at)
         if verdict != _judgment.NEWTON:
             return verdict, at.step
         if not of_wired(wired, program, places, net, run, kept):
@@ -91,13 +92,14 @@ def newton(calls: Any, program: Any, places: Any, net: Any, run: Any, z: Any, *,
     """
     before, open_ = run.volt.copy(), np.empty_like(run.volt)
     solved(net.factors, run.solve.source, run.solve.work, open_)
+    small = dense(len(places.draw_bus) if len(places.draw_bus) <= MANY else 0)
     for begin, slow in ((before, False), (open_, False), (before, True), (0.0, True)):
         run.volt[:] = begin
         with suppress(np.linalg.LinAlgError):  # singular slopes
             if len(places.draw_bus) > MANY:
                 found = sparse(calls, program, places, net, run, z, slow, kept.of(net))
             else:
-                found = _voltages.newton_from(calls, program, places, net, run, z, slow)
+                found = _voltages.newton_from(calls, program, places, net, run, z, small, slow)
             if found:
                 return True
     run.volt[:] = before

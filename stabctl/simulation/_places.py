@@ -8,12 +8,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from stabctl._util.words import record
 from stabctl.dynamics.assembly import System
 from stabctl.dynamics.layout import Layout
 
 from ._substitution import Factors
 
 
+@record
 class Net(NamedTuple):
     """The network between two events."""
 
@@ -45,6 +47,7 @@ class Relative(NamedTuple):
         return self.time + 2
 
 
+@record
 class Places(NamedTuple):
     """Places and constants that the stepper itself reads. The type is the same for every system."""
 

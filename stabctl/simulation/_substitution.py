@@ -13,10 +13,12 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spl
 
 from stabctl._util.jit import inline, noinline
+from stabctl._util.words import record
 
 OPTIONS: Any = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.1, "options": {"SymmetricMode": True}}
 
 
+@record
 class Factors(NamedTuple):
     """P_r Y P_c = L D U; L and U have unit diagonals, which are not stored.
 

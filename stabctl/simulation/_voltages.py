@@ -7,8 +7,9 @@ load whose voltage collapses has a solution below its threshold.
 
 import numpy as np
 
-from stabctl._util.jit import allocating_entry, entry, inline, noinline
+from stabctl._util.jit import entry, inline, noinline
 from stabctl.devices.blocks import copy
+from stabctl.dynamics.lapack import solve
 from stabctl.dynamics.perform import perform
 
 from ._buffers import NOTE
@@ -61,8 +62,8 @@ def settle(program, places, net, run):
     return False
 
 
-@allocating_entry
-def newton_from(calls, program, places, net, run, z, slow):
+@entry
+def newton_from(calls, program, places, net, run, z, dense, slow):
     """Solve v - a - Z i(v) = 0 at the buses with voltage-dependent currents; returns whether a solution was found.
 
     a (`open_`) are the voltages without these currents, Z the impedances between the buses. Steps are halved until the
@@ -71,7 +72,7 @@ def newton_from(calls, program, places, net, run, z, slow):
     bus, factors, new = places.draw_bus, net.factors, z.new
     source, work, volt, current = run.solve.source, run.solve.work, run.volt, run.current
     n = len(bus)
-    open_, Z = np.zeros(n, np.complex128), np.zeros((n, n), np.complex128)
+    open_, Z, v, tried, i_v, F, J = dense.open, dense.Z, dense.v, dense.tried, dense.drawn, dense.F, dense.J
     solve_apart(factors, source, work, new)
     for i in range(n):
         open_[i] = new[bus[i]]
@@ -82,9 +83,9 @@ def newton_from(calls, program, places, net, run, z, slow):
         solve_apart(factors, current, work, new)
         for i in range(n):
             Z[i, j] = new[bus[i]]
-    v, tried, i_v = np.zeros((n, 2), np.complex128), np.zeros((n, 2), np.complex128), np.zeros((3, n, 2), np.complex128)
-    F, J, before, worst = np.zeros(2 * n), np.zeros((2 * n, 2 * n)), np.inf, 0
+    before, worst = np.inf, 0
     for i in range(n):
+        F[2 * i] = F[2 * i + 1] = 0
         v[i, 0], v[i, 1] = volt[bus[i]].real, volt[bus[i]].imag
     pace = 0.3
     for _ in range(3 * STEPS if slow else STEPS):
@@ -123,7 +124,8 @@ def newton_from(calls, program, places, net, run, z, slow):
         slopes(Z, i_v, J)
         for i in range(2 * n if slow else 0):
             J[i, i] += 1 / pace
-        F = np.linalg.solve(J, F)
+        if not solve(J, F, dense.places, dense.solver):
+            break
     return False
 
 
@@ -169,12 +171,15 @@ def residual(v, a, Z, drawn, F):
 
 @noinline
 def slopes(Z, bent, J):
-    """Jacobian 1 - Z di/dv of the residual, in pairs; `bent[1 + k]` are the currents with component k + j TINY."""
+    """Jacobian 1 - Z di/dv of the residual, in pairs; `bent[1 + k]` are the currents with component k + j TINY.
+
+    Its columns are the rows of J, as LAPACK has it.
+    """
     n = len(Z)
     for i in range(n):
         for j in range(n):
             for k in range(2):
                 here = 1.0 if i == j else 0.0
                 g, h = bent[1 + k, j, 0].imag / TINY, bent[1 + k, j, 1].imag / TINY
-                J[2 * i, 2 * j + k] = here * (1 - k) - Z[i, j].real * g + Z[i, j].imag * h
-                J[2 * i + 1, 2 * j + k] = here * k - Z[i, j].imag * g - Z[i, j].real * h
+                J[2 * j + k, 2 * i] = here * (1 - k) - Z[i, j].real * g + Z[i, j].imag * h
+                J[2 * j + k, 2 * i + 1] = here * k - Z[i, j].imag * g - Z[i, j].real * h

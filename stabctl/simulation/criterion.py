@@ -10,12 +10,14 @@ import numpy as np
 
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.units import hertz, quantity
+from stabctl._util.words import record
 from stabctl.dynamics import family
 from stabctl.dynamics.assembly import System
 
 Coi = Literal["all", "machines"]
 
 
+@record
 class Criterion(NamedTuple):
     """When a run counts as unstable. Values are numbers, or text with a unit ("200deg", "57Hz", "500ms").
 

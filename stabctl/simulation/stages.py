@@ -9,7 +9,7 @@ from stabctl._util.errors import StudyError
 from ._buffers import Run, buffers
 from ._newton import Slopes, of_wired
 from .method import STAGES
-from .stepper import START, replay
+from .stepper import START, Cursor, replay
 from .topology import Stage, stage
 from .trajectory import Trajectory
 from .wired import Wired, wired
@@ -74,6 +74,8 @@ def _replay(system: Wired, network: Stage, run: Run, rows: np.ndarray, made: Sta
     p = system.program._replace(k=constants(system, network, system.program.k))
     places, net, at, kept = system.places, network.net, START, Slopes()
     of_made = made.sizes, np.ascontiguousarray(rows)
-    while (at := replay(p, places, net, run, *of_made, at, made.signals, made.held, made.clipped)).step < len(rows):
+    while (at := Cursor(*replay(p, places, net, run, *of_made, at, made.signals, made.held, made.clipped))).step < len(
+        rows
+    ):
         if not of_wired(system, p, places, net, run, kept):
             raise StudyError("The voltages of a stage were not found, so the run has no derivatives there.")

@@ -8,24 +8,24 @@ import platformdirs
 import pytest
 
 import stabctl
-from stabctl._util import jit
+from stabctl._util import object_code
 
 PACKAGE = Path(stabctl.__file__).parent
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """`jit.folder` as in a new process whose cache folder and temporary files lie in tmp_path; what it leaves."""
+    """The folder as in a new process whose cache folder and temporary files lie in tmp_path; what it leaves."""
     monkeypatch.setattr(platformdirs, "user_cache_dir", lambda name: str(tmp_path / "cache" / name))
-    monkeypatch.setattr(jit.tempfile, "gettempdir", lambda: str(tmp_path / "tmp"))
-    monkeypatch.setattr(jit.tempfile, "tempdir", str(tmp_path / "tmp"))
+    monkeypatch.setattr(object_code.tempfile, "gettempdir", lambda: str(tmp_path / "tmp"))
+    monkeypatch.setattr(object_code.tempfile, "tempdir", str(tmp_path / "tmp"))
     (tmp_path / "tmp").mkdir()
-    return jit.folder.__wrapped__
+    return object_code.folder.__wrapped__
 
 
 def test_it_lies_outside_the_package():
-    assert PACKAGE not in jit.folder().parents
-    assert not list(PACKAGE.rglob("*.nb?"))
+    assert PACKAGE not in object_code.folder().parents
+    assert not list(PACKAGE.rglob("*.obj"))
 
 
 @pytest.mark.parametrize("umask", [0o000, 0o022, 0o077])
@@ -64,10 +64,10 @@ def test_a_planted_folder_is_not_used(folder, tmp_path, monkeypatch, planted):
             place.chmod(0o777)
     if planted == "folder of another":
         stranger = os.getuid() + 1
-        monkeypatch.setattr(jit.os, "getuid", lambda: stranger)
+        monkeypatch.setattr(object_code.os, "getuid", lambda: stranger)
         (tmp_path / "tmp" / f"stabctl-{os.getuid()}").mkdir(mode=0o700)
     ends = []
-    monkeypatch.setattr(jit.atexit, "register", lambda f, *a, **k: ends.append((f, a, k)))
+    monkeypatch.setattr(object_code.atexit, "register", lambda f, *a, **k: ends.append((f, a, k)))
     found = folder()
     assert found not in places
     assert found.parent == tmp_path / "tmp"

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from stabctl import devices
-from stabctl._util import files, jit
+from stabctl._util import files, object_code
 from stabctl.dynamics import _codegen
 from stabctl.view.diagram._layout import cached_layout
 
@@ -43,7 +43,7 @@ DAMAGE = {
 def folder(tmp_path, monkeypatch):
     """An empty folder for machine code."""
     (tmp_path / "kept").mkdir(mode=0o700)
-    monkeypatch.setattr(jit, "folder", lambda: tmp_path / "kept")
+    monkeypatch.setattr(object_code, "folder", lambda: tmp_path / "kept")
     return tmp_path / "kept"
 
 
@@ -67,7 +67,7 @@ def compiled(tmp_path, folder):
 
 def contents(folder):
     """File -> time and content, of the machine code."""
-    return {file: (file.stat().st_mtime_ns, file.read_bytes()) for file in folder.rglob("*.nb?") if file.is_file()}
+    return {file: (file.stat().st_mtime_ns, file.read_bytes()) for file in folder.rglob("*.obj") if file.is_file()}
 
 
 @pytest.mark.parametrize("damage", DAMAGE)
@@ -96,7 +96,7 @@ def test_a_folder_in_the_place_of_a_file_costs_only_time(compiled, folder):
         file.unlink()
         file.mkdir()
     assert not compiled()
-    assert all(file.is_dir() for file in folder.rglob("*.nbc"))
+    assert all(file.is_dir() for file in folder.rglob("*.obj"))
 
 
 def test_a_full_disk_costs_only_time(compiled, folder, monkeypatch):

@@ -71,6 +71,8 @@ EDITS = {
     "simulation/_substitution.py": STEPPER,
     "model/powerflow.py": set(),
     "dynamics/newton.py": set(),
+    "_util/jit.py": set(),
+    "_util/object_code.py": set(),
 }
 SHARED = tuple(
     f"devices/{name}.py"
@@ -83,7 +85,7 @@ SHARED = tuple(
         "blocks/phasors",
     )
 )
-WRITER = {"dynamics/family.py": ("TINY = 1e-30", "TINY = 1e-31")}
+WRITERS = {"dynamics/family.py": ("TINY = 1e-30", "TINY = 1e-31"), "_util/compiler.py": ("", "\n# edited\n")}
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +94,7 @@ def changed(tmp_path_factory):
     root = tmp_path_factory.mktemp("edited")
     shutil.copytree(PACKAGE, root / "stabctl", ignore=shutil.ignore_patterns("__pycache__"))
     where = os.environ | {"PYTHONPATH": str(root), "XDG_CACHE_HOME": str(root / "cache")}
-    edits = dict.fromkeys((*EDITS, *SHARED), ("", "\n# edited\n")) | WRITER
+    edits = dict.fromkeys((*EDITS, *SHARED), ("", "\n# edited\n")) | WRITERS
     command, told = [sys.executable, "-c", NAMES], json.dumps(edits)
     done = subprocess.run(command, input=told, capture_output=True, text=True, check=True, env=where, cwd=root)
     found = json.loads(done.stdout)
@@ -122,8 +124,8 @@ def _home(value):
 
 
 @pytest.mark.slow
-def test_an_edit_of_how_loops_are_written_reaches_every_device(changed):
-    (writer,) = WRITER
+@pytest.mark.parametrize("writer", WRITERS)
+def test_an_edit_of_how_code_is_written_reaches_every_device(changed, writer):
     assert {*devices.every(), *ENTRIES} <= changed[writer]
 
 
@@ -165,7 +167,8 @@ def test_every_file_that_machine_code_is_made_from_is_in_its_name(module):
     used = {n.id for f in functions for n in ast.walk(f) if isinstance(n, ast.Name)}
     for node in (n for n in tree.body if isinstance(n, ast.ImportFrom)):
         home = resolve_name("." * node.level + (node.module or ""), package)
-        for name in {alias.name for alias in node.names} & used if home.startswith("stabctl") else ():
+        inside = home.startswith("stabctl") and not home.startswith("stabctl._util")
+        for name in {alias.name for alias in node.names} & used if inside else ():
             assert any(text in jit.sources(module) for text in _defining(home, name)), (home, name)
 
 

@@ -52,6 +52,61 @@ def test_a_case_runs_from_the_wheel(installed, tmp_path):
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["outcome"] == "stable"
     assert "compiling" in done.stderr
-    assert list((tmp_path / "cache").rglob("*.nbc"))
+    assert list((tmp_path / "cache").rglob("*.obj"))
     again = subprocess.run([program, *words], **told)
     assert "compiling" not in again.stderr
+
+
+WITHOUT_NUMBA = """
+import sys
+sys.modules["numba"] = sys.modules["llvmlite"] = None  # an import of them is an error
+from stabctl.__main__ import main
+main()
+"""
+
+
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory):
+    """A folder with the files of a wheel that has the machine code of the lowest level, of what the studies need."""
+    folder = tmp_path_factory.mktemp("compiled")
+    where = ALONE | {"STABCTL_LEVELS": "x86-64-v2", "STABCTL_DEVICES": "gencls", "STABCTL_PYTHON": sys.executable}
+    command = [sys.executable, "-m", "build", "--wheel", "--outdir", folder, ROOT]
+    subprocess.run(command, check=True, capture_output=True, env=where)
+    (wheel,) = folder.glob("*-py3-none-linux_x86_64.whl")
+    zipfile.ZipFile(wheel).extractall(folder / "files")
+    return folder / "files"
+
+
+@pytest.fixture
+def simulated(compiled, tmp_path):
+    """What a command prints without numba and without a cache."""
+
+    def run(code=WITHOUT_NUMBA):
+        words = ["simulate", "two_area", "--fault", "7-8@0.4", "--clear", "21cyc", "--storage", "50MW", "--json"]
+        where = ALONE | {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": str(compiled)}
+        command = [sys.executable, "-c", code, *words]
+        return subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=where)
+
+    return run
+
+
+def test_a_wheel_with_machine_code_runs_without_numba(simulated, tmp_path):
+    done = simulated()
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["outcome"] == "stable"
+    assert "compiling" not in done.stderr
+    assert not list((tmp_path / "cache").rglob("*.obj"))
+
+
+def test_a_library_that_is_cut_is_not_opened(compiled, simulated):
+    """Its pages would be read beyond the end of the file, which no error tells; the code is compiled instead."""
+    library = compiled / "stabctl" / "_machine_code" / "x86-64-v2.so"
+    whole = library.read_bytes()
+    library.write_bytes(whole[: len(whole) // 2])
+    try:
+        done = simulated(WITHOUT_NUMBA.partition("sys.modules")[0] + "from stabctl.__main__ import main\nmain()")
+    finally:
+        library.write_bytes(whole)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["outcome"] == "stable"
+    assert "compiling" in done.stderr

@@ -22,7 +22,7 @@ def cold(tmp_path):
 
 def codes(folder: Path) -> set[Path]:
     """Machine code of the stepper."""
-    return set(folder.rglob("*.advance-*.nbc"))
+    return set(folder.rglob("*.advance-*.obj"))
 
 
 def test_the_stepper_compiled_apart_serves_a_system_with_devices(cold, tmp_path):

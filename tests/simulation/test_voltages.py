@@ -12,7 +12,7 @@ from stabctl.dynamics import _codegen, family, operating_point
 from stabctl.dynamics.program import program
 from stabctl.model.network import UNSWITCHED
 from stabctl.simulation import _newton, _voltages, center, frame, line, lti
-from stabctl.simulation._buffers import NOTE, buffers, newton_space
+from stabctl.simulation._buffers import NOTE, buffers, dense, newton_space
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run
 from stabctl.simulation.timeline import timeline
@@ -152,7 +152,9 @@ class TestNewtonFallback:
         q = buffers(made.start, made.layout, made.places)
         q.solve.source[:] = source
         p, net = program(made.families, complex), stage(point, UNSWITCHED).net
-        found = _voltages.newton_from(p.current, p, made.places, net, q, newton_space(q), slow)
+        found = _voltages.newton_from(
+            p.current, p, made.places, net, q, newton_space(q), dense(len(made.places.draw_bus)), slow
+        )
         assert found or not slow
         other = buffers(made.start, made.layout, made.places)
         other.solve.source[:] = source

@@ -10,7 +10,7 @@ from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE
-from stabctl.devices.blocks import at_least, magnitude
+from stabctl.devices.blocks import at_least, magnitude, power
 
 NAME = "exponential load"
 ROLE = "load"
@@ -31,5 +31,5 @@ class Par(NamedTuple):
 def current(v, p):
     """Current into the network (pu), real and imaginary part."""
     m = at_least(magnitude(v[0], v[1]), p.vlow)
-    g, b = p.P0 / (m * m) * (m / p.V0) ** p.a, p.Q0 / (m * m) * (m / p.V0) ** p.b
+    g, b = p.P0 / (m * m) * power(m / p.V0, p.a), p.Q0 / (m * m) * power(m / p.V0, p.b)
     return -(g * v[0] + b * v[1]), b * v[0] - g * v[1]

@@ -18,7 +18,7 @@ from scipy.sparse.linalg import LinearOperator, cg, eigsh, spsolve
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from stabctl._util import files, jit
+from stabctl._util import files, jit, object_code
 from stabctl.model import network
 from stabctl.model.case import Case
 
@@ -33,7 +33,7 @@ PRECISE = 1e-2  # relative residual of each solution
 
 def cached_layout(case: Case) -> np.ndarray:
     """The layout of a case (buses and machines, 2), calculated once."""
-    path, shape = jit.folder() / f"diagram-{_name(case)}", (len(case.buses) + len(case.machines), 2)
+    path, shape = object_code.folder() / f"diagram-{_name(case)}", (len(case.buses) + len(case.machines), 2)
     content = files.kept(path)
     if content is not None:
         return np.frombuffer(content).reshape(shape)
