@@ -29,7 +29,7 @@ def closed():
 
 @pytest.fixture
 def own_cache(tmp_path, monkeypatch):
-    monkeypatch.setattr("stabctl._util.jit.folder", lambda: tmp_path)
+    monkeypatch.setattr("stabctl._util.object_code.folder", lambda: tmp_path)
     return tmp_path
 
 
