@@ -46,7 +46,7 @@ def compiled(folder: Path, names: list[str]) -> dict[str, str]:
     compiler.also.append(emit)
     jit.start = lambda *_: None  # no second process
     modules = {"adder": adder, "drawn": drawn, "center": center, "frame": frame, "gate": gate, "line": line, "lti": lti}
-    for name, device in (devices.every() | {name: of(module) for name, module in modules.items()}).items():
+    for name, device in {**devices.every(), **{name: of(module) for name, module in modules.items()}}.items():
         for scalar in (float, complex) if name in names or not names else ():
             _codegen.address(name, device, scalar)
     studies()

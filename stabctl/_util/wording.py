@@ -25,3 +25,8 @@ def enumerated(noun: str, names: Iterable[object]) -> str:
     """The noun with the first names: bus 7, buses 7, 8."""
     given = list(map(str, names))
     return f"{named(len(given), noun)} {listed(given)}"
+
+
+def number(value: float, digits: int) -> str:
+    """Format a number with so many decimals; zero has no sign."""
+    return f"{round(value, digits) + 0.0:.{digits}f}"

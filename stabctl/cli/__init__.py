@@ -5,60 +5,66 @@ import os
 import sys
 import warnings
 from contextlib import suppress
-from typing import Annotated, Any, TextIO
+from typing import Any, TextIO
 
-import typer
+import click
 
 from stabctl._util.errors import StabctlError, one_line, sentence
 
-from . import clearing, design, estimate, linear, listings, live, place, powerflow, simulate, sweep, swing
+from .parameters import Commands
 
 CLOSED_PIPE = 141  # exit code; what a shell reports for a program ended by SIGPIPE
 
-app = typer.Typer(
-    add_completion=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    no_args_is_help=True,
-    help="Controller design and linear analysis for transient stability with energy storage.",
+COMMANDS: dict[str, str | click.Command] = {
+    "cases": "listings.cases",
+    "tables": "listings.tables",
+    "models": "listings.models",
+    "import": "listings.importing",
+    "check": "listings.check",
+    "powerflow": "powerflow.powerflow",
+    "scr": "powerflow.scr",
+    "simulate": "simulate.simulate",
+    "clearing-time": "clearing.clearing_time",
+    "screen": "clearing.screen",
+    "place": "place.place",
+    "estimate": "estimate.estimate",
+    "modes": "linear.modes",
+    "weak-grid": "linear.weak_grid",
+    "design": Commands(
+        "Design controllers: stabilizers, oscillation dampers, regulators, storage laws.",
+        {
+            "optimum": "design_optimum.optimum",
+            "law": "design_law.law",
+            "pss": "design.pss",
+            "pod": "design.pod",
+            "lqr": "design.lqr",
+            "lqg": "design.lqg",
+        },
+    ),
+    "live": "live.live",
+    "linearize": "linear.linearize",
+    "swing": Commands(
+        "Theory of one and two machines: equal area, feedback laws, minimum time.",
+        {
+            "table1": "swing.table1",
+            "equal-area": "swing.equal_area",
+            "feedback": "swing.feedback",
+            "minimum-time": "swing.minimum_time",
+        },
+    ),
+    "sweep": Commands(
+        "Run many simulations from one study file, on all cores or a Dask cluster.",
+        {"run": "sweep.run", "show": "sweep.show"},
+    ),
+}
+version = click.version_option(package_name="stabctl", message="stabctl %(version)s", help="Print the version.")
+app = version(
+    Commands(
+        "Controller design and linear analysis for transient stability with energy storage.",
+        COMMANDS,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
 )
-app.command("cases")(listings.cases)
-app.command("tables")(listings.tables)
-app.command("models")(listings.models)
-app.command("import")(listings.importing)
-app.command("check")(listings.check)
-app.command("powerflow")(powerflow.powerflow)
-app.command("scr")(powerflow.scr)
-app.command("simulate")(simulate.simulate)
-app.command("clearing-time")(clearing.clearing_time)
-app.command("screen")(clearing.screen)
-app.command("place")(place.place)
-app.command("estimate")(estimate.estimate)
-app.command("modes")(linear.modes)
-app.command("weak-grid")(linear.weak_grid)
-app.add_typer(design.app, name="design")
-app.command("live")(live.live)
-app.command("linearize")(linear.linearize)
-app.add_typer(swing.app, name="swing")
-app.add_typer(sweep.app, name="sweep")
-
-
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        from importlib.metadata import version
-
-        print(f"stabctl {version('stabctl')}")
-        raise typer.Exit
-
-
-@app.callback()
-def _options(
-    version: Annotated[
-        bool, typer.Option("--version", help="Print the version.", is_eager=True, callback=_print_version)
-    ] = False,
-) -> None:
-    pass
 
 
 def main() -> None:
@@ -86,7 +92,7 @@ def main() -> None:
 def _run(words: list[str]) -> int:
     """The exit code of a command."""
     try:
-        with typer.main.get_command(app).make_context("stabctl", words) as context:
+        with app.make_context("stabctl", words) as context:
             code: Any = context.command.invoke(context)
     except StabctlError as error:
         return _complain(sentence(error))
@@ -98,7 +104,7 @@ def _run(words: list[str]) -> int:
         return _complain(f"The output cannot be written: {error.strerror or error}.")
     except KeyboardInterrupt as error:
         return _complain(" ".join(["interrupted.", *getattr(error, "__notes__", ())]), 130)
-    except typer.Exit as end:
+    except click.exceptions.Exit as end:
         return end.exit_code
     except Exception as error:
         if _interrupted(error):

@@ -4,22 +4,19 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from . import groups, options, shared
-from .shared import grouped
+from .parameters import Option
 
 if TYPE_CHECKING:
     from stabctl.clearing import ClearingTime, Screen
 
 
 AFTER = "times count from the fault. Repeatable."
-Open = Annotated[list[str] | None, typer.Option("--open", help=f"Another line trip: 7-8@0.5s; {AFTER}")]
-TripMachine = Annotated[list[str] | None, typer.Option("--trip-machine", help=f"Machine trip: 14@0.1s; {AFTER}")]
-LoadStep = Annotated[list[str] | None, typer.Option("--load-step", help=f"Load step: 7:+50MW@0.1s; {AFTER}")]
+Open = Annotated[list[str] | None, Option("--open", help=f"Another line trip: 7-8@0.5s; {AFTER}")]
+TripMachine = Annotated[list[str] | None, Option("--trip-machine", help=f"Machine trip: 14@0.1s; {AFTER}")]
+LoadStep = Annotated[list[str] | None, Option("--load-step", help=f"Load step: 7:+50MW@0.1s; {AFTER}")]
 
 
-@grouped
 def clearing_time(
     *,
     fault: options.Fault,
@@ -116,14 +113,13 @@ def _span(values: list[float], form: str) -> str:
 
 Below = Annotated[
     str | None,
-    typer.Option(
+    Option(
         "--below", metavar="TIME", parser=options.time, help="List only pairs with shorter clearing times, s or 8cyc."
     ),
 ]
-Out = Annotated[Path | None, typer.Option("--out", help="Write the pairs to FILE.csv.")]
+Out = Annotated[Path | None, Option("--out", help="Write the pairs to FILE.csv.")]
 
 
-@grouped
 def screen(
     *,
     below: Below = None,

@@ -4,12 +4,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
-import typer
-
 from . import groups, options, shared
-from .design_law import law
-from .design_optimum import optimum
-from .shared import grouped
+from .parameters import Option
 
 if TYPE_CHECKING:
     from stabctl.design import Design, Outages, Pairs
@@ -17,26 +13,21 @@ if TYPE_CHECKING:
 
 SHOWN = 8  # modes in the table without and with the controllers: those with the least damping
 ROWS = 20  # pairs in the table
-app = typer.Typer(
-    no_args_is_help=True, help="Design controllers: stabilizers, oscillation dampers, regulators, storage laws."
-)
-app.command("optimum")(optimum)
-app.command("law")(law)
 Out = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         "--out",
         help="Write the controller to FILE.toml, or several to FILE-1.toml and so on, to be given with --controller.",
     ),
 ]
-Report = Annotated[Path | None, typer.Option("--report", help="Write an HTML page on the design to this folder.")]
+Report = Annotated[Path | None, Option("--report", help="Write an HTML page on the design to this folder.")]
 Faults = Annotated[
-    list[str] | None, typer.Option("--fault", help="Fault for the clearing times in the report: 7-8@0.4. Repeatable.")
+    list[str] | None, Option("--fault", help="Fault for the clearing times in the report: 7-8@0.4. Repeatable.")
 ]
-Damping = Annotated[float, typer.Option("--damping", min=0.0, max=0.9, help="Damping ratio to reach.")]
+Damping = Annotated[float, Option("--damping", min=0.0, max=0.9, help="Damping ratio to reach.")]
 Delay = Annotated[
     str,
-    typer.Option("--delay", metavar="TIME", parser=options.in_unit("s"), help="Time from measurement to output, s."),
+    Option("--delay", metavar="TIME", parser=options.in_unit("s"), help="Time from measurement to output, s."),
 ]
 
 
@@ -62,25 +53,23 @@ class Files(NamedTuple):
         return (*written, found.report(self.report, self.fault or ())) if self.report else written
 
 
-Machine = Annotated[list[int] | None, typer.Option("--machine", help="Machine that gets a stabilizer. Repeatable.")]
+Machine = Annotated[list[int] | None, Option("--machine", help="Machine that gets a stabilizer. Repeatable.")]
 MaxGain = Annotated[
     float,
-    typer.Option("--max-gain", help="Largest gain of a stabilizer at any frequency, pu of voltage per pu of speed."),
+    Option("--max-gain", help="Largest gain of a stabilizer at any frequency, pu of voltage per pu of speed."),
 ]
 NoiseFilter = Annotated[
     str,
-    typer.Option(
+    Option(
         "--noise-filter",
         metavar="TIME",
         parser=options.in_unit("s"),
         help="Time constant of the lag that filters the speed, s; 0: none.",
     ),
 ]
-OutagesOption = Annotated[bool, typer.Option("--n-1", help="Also design for the outage of each branch.")]
+OutagesOption = Annotated[bool, Option("--n-1", help="Also design for the outage of each branch.")]
 
 
-@app.command("pss")
-@grouped
 def pss(
     *,
     machine: Machine = None,
@@ -105,18 +94,16 @@ def pss(
 
 Input = Annotated[
     str | None,
-    typer.Option("--input", help="Signals that the damper reads: deviation:1, flow:7-8 (default: the best one)."),
+    Option("--input", help="Signals that the damper reads: deviation:1, flow:7-8 (default: the best one)."),
 ]
 Output = Annotated[
     str | None,
-    typer.Option(
-        "--output", help="Input of the system that the damper drives: order:1@5, vs:2 (default: the best one)."
-    ),
+    Option("--output", help="Input of the system that the damper drives: order:1@5, vs:2 (default: the best one)."),
 ]
-Rank = Annotated[bool, typer.Option("--rank", help="Only rank the pairs of a signal and an input.")]
+Rank = Annotated[bool, Option("--rank", help="Only rank the pairs of a signal and an input.")]
 Spread = Annotated[
     float,
-    typer.Option(
+    Option(
         "--spread",
         metavar="SHARE",
         parser=options.in_unit("-"),
@@ -125,19 +112,17 @@ Spread = Annotated[
 ]
 Mode = Annotated[
     float | None,
-    typer.Option(
+    Option(
         "--mode",
         metavar="FREQUENCY",
         parser=options.in_unit("Hz"),
         help="Frequency of the mode to damp, Hz (default: the least damped).",
     ),
 ]
-Order = Annotated[int | None, typer.Option("--order", min=1, max=8, help="Lags in the tuned filter of every input.")]
-Rate = Annotated[int | None, typer.Option("--rate", min=1, help="Frames per second (default: continuous).")]
+Order = Annotated[int | None, Option("--order", min=1, max=8, help="Lags in the tuned filter of every input.")]
+Rate = Annotated[int | None, Option("--rate", min=1, help="Frames per second (default: continuous).")]
 
 
-@app.command("pod")
-@grouped
 def pod(
     *,
     read: Input = None,
@@ -185,17 +170,17 @@ def _rank(found: "Pairs", as_json: bool) -> None:
 
 Speed = Annotated[
     float,
-    typer.Option(
+    Option(
         "--speed",
         metavar="FREQUENCY",
         parser=options.in_unit("Hz"),
         help="Speed deviation that weighs as much as one --effort.",
     ),
 ]
-Effort = Annotated[float, typer.Option("--effort", help="Size of an output, in the unit of the input that it drives.")]
+Effort = Annotated[float, Option("--effort", help="Size of an output, in the unit of the input that it drives.")]
 Angle = Annotated[
     float | None,
-    typer.Option(
+    Option(
         "--angle",
         metavar="ANGLE",
         parser=options.in_unit("rad"),
@@ -203,13 +188,11 @@ Angle = Annotated[
     ),
 ]
 Reads = Annotated[
-    str | None, typer.Option("--input", help="Signals that the regulator reads: 'angle, speed' (LQR: all states).")
+    str | None, Option("--input", help="Signals that the regulator reads: 'angle, speed' (LQR: all states).")
 ]
-Driven = Annotated[str, typer.Option("--output", help="Inputs of the system that the regulator drives: order, vref.")]
+Driven = Annotated[str, Option("--output", help="Inputs of the system that the regulator drives: order, vref.")]
 
 
-@app.command("lqr")
-@grouped
 def lqr(
     *,
     driven: Driven = "order",
@@ -230,19 +213,15 @@ def lqr(
     show(lqr(point, driven, read, speed=speed, angle=angle, effort=effort), files, as_json)
 
 
-FrameRate = Annotated[int, typer.Option("--rate", min=1, help="Frames per second.")]
+FrameRate = Annotated[int, Option("--rate", min=1, help="Frames per second.")]
 Disturbance = Annotated[
     float,
-    typer.Option(
-        "--disturbance", metavar="POWER", parser=options.in_unit("MW"), help="Load change within one second, MW."
-    ),
+    Option("--disturbance", metavar="POWER", parser=options.in_unit("MW"), help="Load change within one second, MW."),
 ]
-Noise = Annotated[float, typer.Option("--noise", min=1e-6, help="Noise of the measurements, of 5 mHz and 2 mrad.")]
-States = Annotated[int | None, typer.Option("--order", min=1, help="Number of states of the reduced plant model.")]
+Noise = Annotated[float, Option("--noise", min=1e-6, help="Noise of the measurements, of 5 mHz and 2 mrad.")]
+States = Annotated[int | None, Option("--order", min=1, help="Number of states of the reduced plant model.")]
 
 
-@app.command("lqg")
-@grouped
 def lqg(
     *,
     driven: Driven = "order",

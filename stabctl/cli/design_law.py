@@ -4,10 +4,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
-from typer import Option
-
 from . import groups, options, shared
-from .shared import grouped
+from .parameters import Option
 
 if TYPE_CHECKING:
     from stabctl.design import LawDesign, LawLimits
@@ -72,7 +70,6 @@ class LimitOptions(NamedTuple):
         return LawLimits(*self)
 
 
-@grouped
 def law(
     *,
     fault: OneFault = None,

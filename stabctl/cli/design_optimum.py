@@ -3,27 +3,24 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from . import groups, options, shared
-from .shared import grouped
+from .parameters import Option
 
 if TYPE_CHECKING:
     from stabctl.design.optimum import Optimum
 
 Window = Annotated[
-    str, typer.Option("--window", metavar="TIME", parser=options.time, help="Length of the schedule after clearing, s.")
+    str, Option("--window", metavar="TIME", parser=options.time, help="Length of the schedule after clearing, s.")
 ]
-Rate = Annotated[int, typer.Option("--rate", min=1, max=1000, help="Orders per second and device.")]
+Rate = Annotated[int, Option("--rate", min=1, max=1000, help="Orders per second and device.")]
 Energy = Annotated[
-    str | None, typer.Option("--energy", help="Largest energy absorbed or injected by a device: 50kWh, or MWh.")
+    str | None, Option("--energy", help="Largest energy absorbed or injected by a device: 50kWh, or MWh.")
 ]
-Iterations = Annotated[int, typer.Option("--iterations", min=1, help="Maximum number of convex programs.")]
-Plot = Annotated[Path | None, typer.Option("--plot", help="Write a figure of the run (png, svg or pdf).")]
-Out = Annotated[Path | None, typer.Option("--out", help="Write the schedule to FILE.csv.")]
+Iterations = Annotated[int, Option("--iterations", min=1, help="Maximum number of convex programs.")]
+Plot = Annotated[Path | None, Option("--plot", help="Write a figure of the run (png, svg or pdf).")]
+Out = Annotated[Path | None, Option("--out", help="Write the schedule to FILE.csv.")]
 
 
-@grouped
 def optimum(
     *,
     fault: options.Fault,

@@ -3,27 +3,22 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import typer
-
 from . import groups, options, shared
-from .shared import grouped
+from .parameters import Option
 
 if TYPE_CHECKING:
     from stabctl.estimation.estimates import Accuracy, Estimates
 
-Clear = Annotated[
-    str, typer.Option("--clear", metavar="TIME", parser=options.time, help="Duration of the fault, s or 6cyc.")
-]
+Clear = Annotated[str, Option("--clear", metavar="TIME", parser=options.time, help="Duration of the fault, s or 6cyc.")]
 EngineOption = Annotated[
     Literal["batched", "filterpy"],
-    typer.Option(
+    Option(
         "--engine", help="All Kalman filters together (compiled), or one filterpy filter per machine (the reference)."
     ),
 ]
-Plot = Annotated[Path | None, typer.Option("--plot", help="Plot true and estimated speeds to FILE.png or .svg.")]
+Plot = Annotated[Path | None, Option("--plot", help="Plot true and estimated speeds to FILE.png or .svg.")]
 
 
-@grouped
 def estimate(
     *,
     fault: options.Fault,

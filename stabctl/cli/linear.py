@@ -1,23 +1,23 @@
 """stabctl linearize, modes, weak-grid: linear models, eigenvalues, strength of the grid."""
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING, Annotated, Any
 
 from . import groups, options, shared
-from .shared import grouped
+from .parameters import Option
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from stabctl.smallsignal import Areas, Modes
 
 
-Inputs = Annotated[str, typer.Option("--inputs", help="storage:33,vref:14,load_p:8; pref alone means all governors.")]
-Outputs = Annotated[str, typer.Option("--outputs", help="speed,angle:14,coi_speed,voltage:33,frequency:33,flow:7-8.")]
-Out = Annotated[Path, typer.Option("--out", help="File to write, FILE.npz or FILE.mat.")]
+Inputs = Annotated[str, Option("--inputs", help="storage:33,vref:14,load_p:8; pref alone means all governors.")]
+Outputs = Annotated[str, Option("--outputs", help="speed,angle:14,coi_speed,voltage:33,frequency:33,flow:7-8.")]
+Out = Annotated[Path, Option("--out", help="File to write, FILE.npz or FILE.mat.")]
 
 
-@grouped
 def linearize(
     *,
     out: Out,
@@ -41,22 +41,19 @@ def linearize(
     shared.console().print(f"{model}; written to {path}")
 
 
-Band = Annotated[
-    tuple[float, float], typer.Option("--band", metavar="LOW HIGH", help="Frequency range of the table, Hz.")
-]
-Report = Annotated[Path | None, typer.Option("--report", help="Write an HTML page to this folder.")]
-Count = Annotated[int | None, typer.Option("--areas", help="Number of coherent areas (default: the best fit).")]
+Band = Annotated[tuple[float, float], Option("--band", metavar="LOW HIGH", help="Frequency range of the table, Hz.")]
+Report = Annotated[Path | None, Option("--report", help="Write an HTML page to this folder.")]
+Count = Annotated[int | None, Option("--areas", help="Number of coherent areas (default: the best fit).")]
 Sparse = Annotated[
     bool | None,
-    typer.Option(
+    Option(
         "--sparse/--all",
         help="Only modes of the band with damping ratio -0.1 to 0.3, or all (default: all, up to 2000 states).",
     ),
 ]
-Opened = Annotated[list[str] | None, typer.Option("--open", help="Circuit out of service: 7-8#2. Repeatable.")]
+Opened = Annotated[list[str] | None, Option("--open", help="Circuit out of service: 7-8#2. Repeatable.")]
 
 
-@grouped
 def modes(
     *,
     band: Band = (0.1, 2.5),
@@ -75,7 +72,6 @@ def modes(
     from stabctl.smallsignal import analyze, areas, descriptor, linearize, opened
     from stabctl.smallsignal.analysis import LARGE
     from stabctl.smallsignal.closed_loop import closed_loop
-    from stabctl.view.pages import modes_page
 
     shared.folder(report)
     units.band(band)
@@ -93,20 +89,20 @@ def modes(
             found = analyze(model, band if few else None, said=said)
     groups = areas(found, area_count) if found.swings() or area_count else None
     if as_json:
-        shared.print_json({"case": point.case.name} | modes_page.record(found))
+        shared.print_json({"case": point.case.name} | _record(found))
     else:
         _show(found, band, groups)
     if report:
+        from stabctl.view.pages import modes_page
+
         path = modes_page.write(report, found, groups, band)
         if not as_json:
             shared.console().print(f"written: {path}")
 
 
 def _show(found: "Modes", band: tuple[float, float], groups: "Areas | None") -> None:
-    from stabctl.view.pages import modes_page
-
     out = shared.console()
-    out.print(modes_page.table(found, found.within(*band)))
+    out.print(_table(found, found.within(*band)))
     for k in range(len(found)):
         if found.eigenvalues[k] == 0:
             out.print(f"Zero eigenvalue: {found.label(k)}; not an instability.")
@@ -115,19 +111,60 @@ def _show(found: "Modes", band: tuple[float, float], groups: "Areas | None") -> 
         out.print(f"{groups}.")
 
 
-Converter = Annotated[str, typer.Option("--converter", help="Number or name of the unit with the converter.")]
-Ratios = Annotated[
-    str | None, typer.Option("--scr", help="Short-circuit ratios of the map: 1.5,2,3 (default: 1.05 to 6).")
-]
+def _record(modes: "Modes") -> dict[str, Any]:
+    """Return the eigenvalues with frequency, damping, label, ten largest participation factors and mode shape."""
+    from stabctl.smallsignal import Selected
+
+    rows = []
+    for k in range(len(modes)):
+        m = modes.mode(k)
+        rows.append(
+            {
+                "real": m.eigenvalue.real,
+                "imag": m.eigenvalue.imag,
+                "frequency_hz": m.frequency_hz,
+                "damping_ratio": m.damping_ratio,
+                "electromechanical": m.electromechanical,
+                "label": m.label,
+                "participation": [{"state": p.state, "share": p.share} for p in m.participation],
+                "shape": [{"machine": p.machine, "magnitude": p.magnitude, "angle_deg": p.angle_deg} for p in m.shape],
+            }
+        )
+    record = {"states": len(modes.linear.states), "modes": rows}
+    if isinstance(modes, Selected):
+        record |= {"certified": modes.certified, "counted": modes.counted, "proof": modes.proof()}
+    return record
+
+
+def _table(modes: "Modes", chosen: Iterable[int]) -> "Table":
+    """Return a table with a row for each of the chosen modes."""
+    from rich.table import Table
+
+    from stabctl._util.wording import number
+
+    out = Table("Hz", "damping ratio", "real (1/s)", "imag (rad/s)", "swing", "mode")
+    for column in out.columns[:5]:
+        column.no_wrap = True
+        column.justify = "right"
+    for k in chosen:
+        m = modes.mode(k)
+        swing = "yes" if m.electromechanical else ""
+        s = m.eigenvalue
+        ratio, real = number(m.damping_ratio, 4), number(s.real, 4)
+        out.add_row(f"{m.frequency_hz:.4f}", ratio, real, f"{s.imag:.4f}", swing, m.label)
+    return out
+
+
+Converter = Annotated[str, Option("--converter", help="Number or name of the unit with the converter.")]
+Ratios = Annotated[str | None, Option("--scr", help="Short-circuit ratios of the map: 1.5,2,3 (default: 1.05 to 6).")]
 Gains = Annotated[
     str | None,
-    typer.Option("--gain", help="Gains of the phase-locked loop, relative to the case: 0.5,1,2 (default: 0.25 to 8)."),
+    Option("--gain", help="Gains of the phase-locked loop, relative to the case: 0.5,1,2 (default: 0.25 to 8)."),
 ]
-Ratio = Annotated[float, typer.Option("--x-over-r", help="Reactance over resistance of the grid.")]
-Plot = Annotated[Path | None, typer.Option("--plot", help="Plot the map to FILE.png or .svg.")]
+Ratio = Annotated[float, Option("--x-over-r", help="Reactance over resistance of the grid.")]
+Plot = Annotated[Path | None, Option("--plot", help="Plot the map to FILE.png or .svg.")]
 
 
-@grouped
 def weak_grid(
     *,
     converter: Converter,

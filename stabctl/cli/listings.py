@@ -3,28 +3,25 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from . import options, shared
 from .groups import CaseOptions
+from .parameters import Argument, Option
 
 if TYPE_CHECKING:
     from stabctl.devices.describe import Description
 
 TableName = Annotated[
     str | None,
-    typer.Argument(metavar="[TABLE|CASE]", help="Only this table, such as buses or genrou, or those of a case."),
+    Argument(metavar="[TABLE|CASE]", help="Only this table, such as buses or genrou, or those of a case."),
 ]
-ModelName = Annotated[str | None, typer.Argument(metavar="[NAME]", help="Only this model, in full, such as genrou.")]
-Raw = Annotated[str, typer.Argument(metavar="X.raw", help="PSS/E RAW file, version 30 to 35, or MATPOWER file x.m.")]
+ModelName = Annotated[str | None, Argument(metavar="[NAME]", help="Only this model, in full, such as genrou.")]
+Raw = Annotated[str, Argument(metavar="X.raw", help="PSS/E RAW file, version 30 to 35, or MATPOWER file x.m.")]
 DyrFile = Annotated[
     Path | None,
-    typer.Argument(metavar="X.dyr", help="DYR file (default: the one with the same name in the same folder)."),
+    Argument(metavar="X.dyr", help="DYR file (default: the one with the same name in the same folder)."),
 ]
-Out = Annotated[Path | None, typer.Option("--out", help="Write the case to a folder, which every command accepts.")]
-Check = Annotated[
-    bool, typer.Option("--check/--no-check", help="Compare with the stored voltages, start, and simulate 2 s.")
-]
+Out = Annotated[Path | None, Option("--out", help="Write the case to a folder, which every command accepts.")]
+Check = Annotated[bool, Option("--check/--no-check", help="Compare with the stored voltages, start, and simulate 2 s.")]
 INCOMPLETE = 1  # exit code
 
 
@@ -121,7 +118,7 @@ def importing(
     missing: options.Missing = "refuse",
     missing_controls: options.MissingControls = "refuse",
     as_json: options.Json = False,
-) -> None:
+) -> int:
     """Import a PSS/E or MATPOWER system and report what is represented; the exit code is 0 only if everything is."""
     from stabctl._util.errors import StudyError
     from stabctl.io.import_report import import_report
@@ -143,11 +140,9 @@ def importing(
         io.write(case, out)
         if not as_json:
             print(f"\nwritten: {out}")
-    if not report.complete:
-        raise typer.Exit(INCOMPLETE)
+    return 0 if report.complete else INCOMPLETE
 
 
-@shared.grouped
 def check(*, case: CaseOptions, as_json: options.Json = False) -> None:
     """List unusual data: values that may be in another unit or on another base."""
     found = case.check(case.read())

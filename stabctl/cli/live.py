@@ -3,20 +3,17 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from . import groups, shared
-from .shared import grouped
+from .parameters import Option
 
 if TYPE_CHECKING:
     from stabctl.view.live.commands import Source
 
-Port = Annotated[int, typer.Option("--port", min=0, max=65535, help="Port of the page (0: any free port).")]
-Browser = Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the default browser.")]
+Port = Annotated[int, Option("--port", min=0, max=65535, help="Port of the page (0: any free port).")]
+Browser = Annotated[bool, Option("--browser/--no-browser", help="Open the page in the default browser.")]
 READ = "dyr", "loads", "machines", "frequency", "missing", "missing_controls"  # arguments of `st.load`
 
 
-@grouped
 def live(*, port: Port = 0, browser: Browser = True, case: groups.CaseOptions) -> None:
     """Open a page that simulates while you move the fault, its clearing time, the storage and its control."""
     from stabctl.view.live.serve import serve

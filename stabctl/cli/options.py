@@ -4,7 +4,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Literal
 
-import typer
+import click
+
+from .parameters import Argument, Option
 
 
 def in_unit(unit: str) -> Callable[[str | float], float]:
@@ -17,7 +19,7 @@ def in_unit(unit: str) -> Callable[[str | float], float]:
         try:
             return quantity(text, unit)
         except StudyError as error:
-            raise typer.BadParameter(str(error)) from None
+            raise click.BadParameter(str(error)) from None
 
     return read
 
@@ -35,7 +37,7 @@ def time(text: str | float) -> str | float:
     try:
         return quantity(text, "s")
     except StudyError:
-        raise typer.BadParameter(wrong) from None
+        raise click.BadParameter(wrong) from None
 
 
 def register(files: list[str] | None) -> list[str] | None:
@@ -48,18 +50,16 @@ def register(files: list[str] | None) -> list[str] | None:
 
 
 CaseName = Annotated[
-    str, typer.Argument(metavar="CASE", help="A packaged case, a folder, a PSS/E file x.raw, or a MATPOWER file x.m.")
+    str, Argument(metavar="CASE", help="A packaged case, a folder, a PSS/E file x.raw, or a MATPOWER file x.m.")
 ]
-Dyr = Annotated[Path | None, typer.Option("--dyr", help="DYR file of x.raw (default: x.dyr in the same folder).")]
+Dyr = Annotated[Path | None, Option("--dyr", help="DYR file of x.raw (default: x.dyr in the same folder).")]
 Loads = Annotated[
     Literal["impedance", "current", "power"] | None,
-    typer.Option(
-        "--loads", help="What remains constant in every load when the voltage changes (default: as in the case)."
-    ),
+    Option("--loads", help="What remains constant in every load when the voltage changes (default: as in the case)."),
 ]
 MotorShare = Annotated[
     float | None,
-    typer.Option(
+    Option(
         "--motor-share",
         metavar="SHARE",
         parser=in_unit("-"),
@@ -68,78 +68,74 @@ MotorShare = Annotated[
 ]
 Machines = Annotated[
     Literal["typical"] | None,
-    typer.Option("--machines", help="Typical machines, exciters and governors for a case without dynamic data."),
+    Option("--machines", help="Typical machines, exciters and governors for a case without dynamic data."),
 ]
 Frequency = Annotated[
     float | None,
-    typer.Option("--frequency", metavar="FREQUENCY", parser=in_unit("Hz"), help="Rated frequency of x.m (60 Hz)."),
+    Option("--frequency", metavar="FREQUENCY", parser=in_unit("Hz"), help="Rated frequency of x.m (60 Hz)."),
 ]
 Missing = Annotated[
     Literal["refuse", "injection"],
-    typer.Option("--missing", help="Machines of x.raw without a model: an error, or constant-power injections."),
+    Option("--missing", help="Machines of x.raw without a model: an error, or constant-power injections."),
 ]
 MissingControls = Annotated[
     Literal["refuse", "fixed"],
-    typer.Option(
-        "--missing-controls", help="Controls without a model: an error, or left out with their outputs constant."
-    ),
+    Option("--missing-controls", help="Controls without a model: an error, or left out with their outputs constant."),
 ]
-Classical = Annotated[bool, typer.Option("--classical", help="Classical machines, without controls.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Classical = Annotated[bool, Option("--classical", help="Classical machines, without controls.")]
+Json = Annotated[bool, Option("--json", help="Print one JSON object and nothing else.")]
 Set = Annotated[
-    list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="Change the case: pss.1.K=10. Repeatable.")
+    list[str] | None, Option("--set", metavar="PATH=VALUE", help="Change the case: pss.1.K=10. Repeatable.")
 ]
 Device = Annotated[
     list[str] | None,
-    typer.Option(
+    Option(
         "--device",
         metavar="FILE",
         callback=register,
         help="Your own device model, my_exciter.py; the file is executed, with your rights. Repeatable.",
     ),
 ]
-Verbose = Annotated[bool, typer.Option("--verbose", help="Print every warning, not only the first.")]
-Report = Annotated[Path | None, typer.Option("--report", help="Write a page with figures to this folder.")]
-Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Threads (default: one per core).")]
+Verbose = Annotated[bool, Option("--verbose", help="Print every warning, not only the first.")]
+Report = Annotated[Path | None, Option("--report", help="Write a page with figures to this folder.")]
+Workers = Annotated[int | None, Option("--workers", min=1, help="Threads (default: one per core).")]
 Store = Annotated[
     Path | None,
-    typer.Option(
-        "--store", help="Store finished jobs in this folder; the same command continues an interrupted study."
-    ),
+    Option("--store", help="Store finished jobs in this folder; the same command continues an interrupted study."),
 ]
 Scheduler = Annotated[
-    str | None, typer.Option("--scheduler", help="Scheduler of a Dask cluster, instead of threads: tcp://host:8786.")
+    str | None, Option("--scheduler", help="Scheduler of a Dask cluster, instead of threads: tcp://host:8786.")
 ]
 
 FAULT = "Fault location: 83 (a bus), 7-8@0.4 (on a line, measured from the first bus), 7-8 (its middle)."
-Fault = Annotated[str, typer.Option("--fault", help=FAULT)]
+Fault = Annotated[str, Option("--fault", help=FAULT)]
 Trip = Annotated[
     list[str] | None,
-    typer.Option("--trip", help="Line opened at clearing, or at --at without a fault: 83-33, 7-8#2. Repeatable."),
+    Option("--trip", help="Line opened at clearing, or at --at without a fault: 83-33, 7-8#2. Repeatable."),
 ]
 TripAtClearing = Annotated[
-    list[str] | None, typer.Option("--trip", help="Line opened at clearing: 83-33, 7-8#2. Repeatable.")
+    list[str] | None, Option("--trip", help="Line opened at clearing: 83-33, 7-8#2. Repeatable.")
 ]
-FaultImpedance = Annotated[str, typer.Option("--fault-impedance", help="R,X of the fault, pu (0,0: bolted).")]
-At = Annotated[str, typer.Option("--at", metavar="TIME", parser=time, help="Time of the fault, s or 60cyc.")]
-Open = Annotated[list[str] | None, typer.Option("--open", help="Line trip without a fault: 7-8@1s. Repeatable.")]
-TripMachine = Annotated[list[str] | None, typer.Option("--trip-machine", help="Machine trip: 14@2s. Repeatable.")]
-LoadStep = Annotated[list[str] | None, typer.Option("--load-step", help="Load step at a bus: 7:+50MW@1s. Repeatable.")]
+FaultImpedance = Annotated[str, Option("--fault-impedance", help="R,X of the fault, pu (0,0: bolted).")]
+At = Annotated[str, Option("--at", metavar="TIME", parser=time, help="Time of the fault, s or 60cyc.")]
+Open = Annotated[list[str] | None, Option("--open", help="Line trip without a fault: 7-8@1s. Repeatable.")]
+TripMachine = Annotated[list[str] | None, Option("--trip-machine", help="Machine trip: 14@2s. Repeatable.")]
+LoadStep = Annotated[list[str] | None, Option("--load-step", help="Load step at a bus: 7:+50MW@1s. Repeatable.")]
 
 Size = Annotated[
     str | None,
-    typer.Option(
+    Option(
         "--storage", help="A storage device at every machine, instead of those of the case: 5%mva, 5%dispatch, 50MW."
     ),
 ]
-SizeAt = Annotated[str | None, typer.Option("--storage-at", help="Storage devices at machines: 14=50MW,13@33=20MW.")]
+SizeAt = Annotated[str | None, Option("--storage-at", help="Storage devices at machines: 14=50MW,13@33=20MW.")]
 Characteristic = Annotated[
     Literal["power", "current", "conductance"],
-    typer.Option("--characteristic", help="What remains constant when the voltage changes."),
+    Option("--characteristic", help="What remains constant when the voltage changes."),
 ]
 StorageModel = Annotated[
     Literal["ideal", "regc", "regc_b", "regc_c", "regc_repc", "regc_b_repc", "regc_c_repc", "regfm", "regfm_b1"],
-    typer.Option(
+    Option(
         "--storage-model",
         help="Ideal devices, or behind a converter: grid-following (regc, regc_b; regc_c with PLL; with plant "
         "controller regc_repc, regc_b_repc, regc_c_repc) or grid-forming (regfm, regfm_b1).",
@@ -147,42 +143,42 @@ StorageModel = Annotated[
 ]
 Mva = Annotated[
     str | None,
-    typer.Option(
+    Option(
         "--storage-mva",
         help="MVA of every device: 60MVA, 120% of its power rating (default 100%), or for its power at 0.8pu.",
     ),
 ]
 Converter = Annotated[
-    str, typer.Option("--converter", help="Parameters of the converters that are not the default: 'Imax=1.3 Lvplsw=0'.")
+    str, Option("--converter", help="Parameters of the converters that are not the default: 'Imax=1.3 Lvplsw=0'.")
 ]
 Lag = Annotated[
-    str, typer.Option("--lag", metavar="TIME", parser=time, help="Time constant from order to power, s or 100ms.")
+    str, Option("--lag", metavar="TIME", parser=time, help="Time constant from order to power, s or 100ms.")
 ]
 Control = Annotated[
     Literal["none", "bang-bang"] | None,
-    typer.Option(
+    Option(
         "--control", help="Storage control law (default: bang-bang, if there is storage that no --controller drives)."
     ),
 ]
 Controllers = Annotated[
-    list[str] | None, typer.Option("--controller", metavar="FILE", help="A saved controller (TOML). Repeatable.")
+    list[str] | None, Option("--controller", metavar="FILE", help="A saved controller (TOML). Repeatable.")
 ]
 Deadband = Annotated[
     float,
-    typer.Option("--deadband", metavar="FREQUENCY", parser=in_unit("Hz"), help="Deadband of speed, Hz or 100mHz."),
+    Option("--deadband", metavar="FREQUENCY", parser=in_unit("Hz"), help="Deadband of speed, Hz or 100mHz."),
 ]
-MinVoltage = Annotated[float, typer.Option("--min-voltage", help="Voltage below which a device is idle, pu.")]
+MinVoltage = Annotated[float, Option("--min-voltage", help="Voltage below which a device is idle, pu.")]
 
 Step = Annotated[
     str | None,
-    typer.Option("--step", metavar="TIME", parser=time, help="Time step, s or 2ms (default: at most 1/120 s)."),
+    Option("--step", metavar="TIME", parser=time, help="Time step, s or 2ms (default: at most 1/120 s)."),
 ]
 Observe = Annotated[
-    str, typer.Option("--observe", metavar="TIME", parser=time, help="Time simulated after clearing, s or 300cyc.")
+    str, Option("--observe", metavar="TIME", parser=time, help="Time simulated after clearing, s or 300cyc.")
 ]
 Longest = Annotated[
     str,
-    typer.Option(
+    Option(
         "--longest",
         metavar="TIME",
         parser=time,
@@ -191,13 +187,13 @@ Longest = Annotated[
 ]
 Resolution = Annotated[
     str,
-    typer.Option(
+    Option(
         "--resolution", metavar="TIME", parser=time, help="Spacing of the clearing times that are tried, s or 0.5cyc."
     ),
 ]
 Scan = Annotated[
     str,
-    typer.Option(
+    Option(
         "--scan",
         metavar="TIME",
         parser=lambda text: text if text == "auto" else time(text),
@@ -206,11 +202,11 @@ Scan = Annotated[
     ),
 ]
 Limit = Annotated[
-    str, typer.Option("--limit", metavar="TIME", parser=time, help="Longest clearing time that is tried, s or 60cyc.")
+    str, Option("--limit", metavar="TIME", parser=time, help="Longest clearing time that is tried, s or 60cyc.")
 ]
 Angle = Annotated[
     float,
-    typer.Option(
+    Option(
         "--max-angle",
         metavar="ANGLE",
         parser=in_unit("rad"),
@@ -219,7 +215,7 @@ Angle = Annotated[
 ]
 MinFrequency = Annotated[
     float | None,
-    typer.Option(
+    Option(
         "--min-frequency",
         metavar="FREQUENCY",
         parser=in_unit("Hz"),
@@ -228,7 +224,7 @@ MinFrequency = Annotated[
 ]
 MaxFrequency = Annotated[
     float | None,
-    typer.Option(
+    Option(
         "--max-frequency",
         metavar="FREQUENCY",
         parser=in_unit("Hz"),
@@ -237,7 +233,7 @@ MaxFrequency = Annotated[
 ]
 FrequencyDelay = Annotated[
     str,
-    typer.Option(
+    Option(
         "--frequency-delay",
         metavar="TIME",
         parser=time,
@@ -246,20 +242,20 @@ FrequencyDelay = Annotated[
 ]
 CenterOfInertia = Annotated[
     Literal["all", "machines"],
-    typer.Option("--coi", help="Center of inertia of machines and grid-forming converters, or of machines alone."),
+    Option("--coi", help="Center of inertia of machines and grid-forming converters, or of machines alone."),
 ]
 
 Estimator = Annotated[
     Literal["ideal", "frequency", "kinematic", "kalman"],
-    typer.Option("--estimator", help="Signals of law and controllers: the true ones, or estimates from PMU reports."),
+    Option("--estimator", help="Signals of law and controllers: the true ones, or estimates from PMU reports."),
 ]
-PmuRate = Annotated[int, typer.Option("--pmu-rate", help="PMU reports per second.")]
+PmuRate = Annotated[int, Option("--pmu-rate", help="PMU reports per second.")]
 PmuNoise = Annotated[
     float,
-    typer.Option("--pmu-noise-mrad", parser=in_unit("mrad"), metavar="ANGLE", help="Noise of the phasor angles, mrad."),
+    Option("--pmu-noise-mrad", parser=in_unit("mrad"), metavar="ANGLE", help="Noise of the phasor angles, mrad."),
 ]
 Latency = Annotated[
-    float, typer.Option("--latency-ms", parser=in_unit("ms"), metavar="TIME", help="Latency of remote reports, ms.")
+    float, Option("--latency-ms", parser=in_unit("ms"), metavar="TIME", help="Latency of remote reports, ms.")
 ]
-Loss = Annotated[float, typer.Option("--loss", help="Fraction of the reports that are lost.")]
-Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of noise and losses.")]
+Loss = Annotated[float, Option("--loss", help="Fraction of the reports that are lost.")]
+Seed = Annotated[int, Option("--seed", min=0, help="Seed of noise and losses.")]

@@ -4,10 +4,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import typer
-
 from . import groups, options, shared
-from .shared import grouped
+from .parameters import Option
 
 if TYPE_CHECKING:
     from stabctl.model.case import Case
@@ -16,33 +14,33 @@ if TYPE_CHECKING:
 
 File = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         "--contingencies",
         help="FILE.toml with [[contingency]] fault, trip, clear (default: the packaged file, or a screen).",
     ),
 ]
-Sites = Annotated[int | None, typer.Option("--sites", help="Maximum number of sites.")]
-Cap = Annotated[str, typer.Option("--cap", help="Maximum size of a device: 30%mva, 100%dispatch or 500MW.")]
+Sites = Annotated[int | None, Option("--sites", help="Maximum number of sites.")]
+Cap = Annotated[str, Option("--cap", help="Maximum size of a device: 30%mva, 100%dispatch or 500MW.")]
 Candidates = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         "--candidates",
         help="FILE.csv with the buses where devices may be built: bus, machine, cap_mw, module_mw, cost_per_mw, "
         "cost_per_mwh, cost_per_site (default: every machine's storage bus).",
     ),
 ]
-Also = Annotated[list[str] | None, typer.Option("--also", help="Another operating point: a case. Repeatable.")]
+Also = Annotated[list[str] | None, Option("--also", help="Another operating point: a case. Repeatable.")]
 Levels = Annotated[
     list[float] | None,
-    typer.Option(
+    Option(
         "--load-level",
         help="Operating point with all loads and the dispatch multiplied by this factor: 0.9. Repeatable.",
     ),
 ]
-Outages = Annotated[bool, typer.Option("--outages", help="Also survive the outage of any one storage device.")]
+Outages = Annotated[bool, Option("--outages", help="Also survive the outage of any one storage device.")]
 Tolerance = Annotated[
     float | None,
-    typer.Option(
+    Option(
         "--tolerance",
         metavar="SHARE",
         parser=options.in_unit("-"),
@@ -50,18 +48,17 @@ Tolerance = Annotated[
     ),
 ]
 Existing = Annotated[
-    str | None, typer.Option("--storage-at", help="Existing devices, instead of those of the case: 14=50MW,13@33=20MW.")
+    str | None, Option("--storage-at", help="Existing devices, instead of those of the case: 14=50MW,13@33=20MW.")
 ]
-CostMw = Annotated[float, typer.Option("--cost-mw", help="Cost per MW.")]
-CostSite = Annotated[float, typer.Option("--cost-site", help="Cost per site.")]
-CostMwh = Annotated[float, typer.Option("--cost-mwh", help="Cost per MWh.")]
+CostMw = Annotated[float, Option("--cost-mw", help="Cost per MW.")]
+CostSite = Annotated[float, Option("--cost-site", help="Cost per site.")]
+CostMwh = Annotated[float, Option("--cost-mwh", help="Cost per MWh.")]
 Validate = Annotated[
     Literal["frequency", "kinematic", "kalman"] | None,
-    typer.Option("--validate", help="Also simulate the fleet with estimated speeds."),
+    Option("--validate", help="Also simulate the fleet with estimated speeds."),
 ]
 
 
-@grouped
 def place(
     *,
     contingencies: File = None,
@@ -95,7 +92,7 @@ def place(
     report: options.Report = None,
     case: groups.CaseOptions,
     as_json: options.Json = False,
-) -> None:
+) -> int:
     """Search for the cheapest storage fleet that survives every contingency in simulation."""
     from stabctl.estimation.estimator_control import EstimatorControl
     from stabctl.placement.place import place
@@ -147,8 +144,7 @@ def place(
             shared.console().print(f"The contingencies and their clearing times {chosen_by} {source}.")
     if report:
         print(found.report(report, base=next(iter(points.values()))), file=sys.stderr if as_json else sys.stdout)
-    if found.infeasible:
-        raise typer.Exit(1)
+    return 1 if found.infeasible else 0
 
 
 def _operating_points(cases: "list[Case]", levels: list[float] | None) -> "dict[str, Case]":

@@ -4,18 +4,16 @@ import cmath
 import math
 from typing import Annotated, Any
 
-import typer
-
 from .groups import CaseOptions
 from .options import Json
-from .shared import console, grouped, print_json
+from .parameters import Option
+from .shared import console, print_json
 
 MOST = 1000  # rows of a table on the screen
-Branches = Annotated[bool, typer.Option("--branches", help="Also print the branch flows.")]
-Trip = Annotated[str | None, typer.Option("--trip", help="Circuits out of service, such as 7-8 or '7-8#2, 8-9'.")]
+Branches = Annotated[bool, Option("--branches", help="Also print the branch flows.")]
+Trip = Annotated[str | None, Option("--trip", help="Circuits out of service, such as 7-8 or '7-8#2, 8-9'.")]
 
 
-@grouped
 def powerflow(*, branches: Branches = False, case: CaseOptions, as_json: Json = False) -> None:
     """Solve the power flow."""
     from stabctl.model import powerflow
@@ -95,7 +93,6 @@ def _rest(count: int, what: str) -> None:
         console().print(f"and {count - MOST} more {what}; --json prints all of them.")
 
 
-@grouped
 def scr(*, trip: Trip = None, case: CaseOptions, as_json: Json = False) -> None:
     """Compute the short-circuit power of every bus, and the short-circuit ratios of converters."""
     from stabctl.model.short_circuit import installed, short_circuit, short_circuit_ratio

@@ -1,7 +1,5 @@
 """Common parts of several commands: the case and its storage, events, control, output."""
 
-import functools
-import inspect
 import json
 import math
 import os
@@ -9,10 +7,10 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_type_hints
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -222,33 +220,3 @@ def progress(text: str, total: float | None) -> Iterator[Any]:
     with Progress(*columns, console=console(stderr=True), transient=True) as bar:
         task = bar.add_task(text, total=total)
         yield lambda done, said="": bar.update(task, completed=done, description=f"{text} {said}".rstrip())
-
-
-def grouped(command: Callable[..., None]) -> Callable[..., None]:
-    """The command for typer: a parameter that is a record of options becomes one option per field of the record.
-
-    Parameters
-    ----------
-    command
-        A function; a record is a NamedTuple whose fields are `Annotated` with their `typer.Option`. Their defaults are
-        those of the record, or of the record that is the default of the parameter.
-    """
-    hints, records, parameters = get_type_hints(command, include_extras=True), {}, []
-    for name, parameter in inspect.signature(command).parameters.items():
-        if not hasattr(hints[name], "_fields"):
-            parameters.append(parameter.replace(kind=parameter.KEYWORD_ONLY, annotation=hints[name]))
-            continue
-        record = records[name] = hints[name]
-        defaults = record._field_defaults if parameter.default is parameter.empty else parameter.default._asdict()
-        for field, hint in get_type_hints(record, include_extras=True).items():
-            default = defaults.get(field, parameter.empty)
-            parameters.append(inspect.Parameter(field, parameter.KEYWORD_ONLY, default=default, annotation=hint))
-
-    @functools.wraps(command)
-    def flat(**given: Any) -> None:
-        made = {name: record(*(given.pop(field) for field in record._fields)) for name, record in records.items()}
-        command(**given, **made)
-
-    flat.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    flat.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-    return flat

@@ -3,38 +3,31 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from . import groups, options, shared
-from .shared import grouped
+from .parameters import Option
 
 if TYPE_CHECKING:
     from stabctl.simulation.trajectory import Trajectory
 
-FaultOrNone = Annotated[str | None, typer.Option("--fault", help=options.FAULT)]
+FaultOrNone = Annotated[str | None, Option("--fault", help=options.FAULT)]
 Clear = Annotated[
-    str | None, typer.Option("--clear", metavar="TIME", parser=options.time, help="Duration of the fault, s or 6cyc.")
+    str | None, Option("--clear", metavar="TIME", parser=options.time, help="Duration of the fault, s or 6cyc.")
 ]
 Until = Annotated[
-    str, typer.Option("--until", metavar="TIME", parser=options.time, help="End of the simulation, s or 500ms.")
+    str, Option("--until", metavar="TIME", parser=options.time, help="End of the simulation, s or 500ms.")
 ]
 Every = Annotated[
     str,
-    typer.Option(
-        "--every", metavar="TIME", parser=options.time, help="Shortest time between two rows of the output: 50ms."
-    ),
+    Option("--every", metavar="TIME", parser=options.time, help="Shortest time between two rows of the output: 50ms."),
 ]
-Out = Annotated[Path | None, typer.Option("--out", help="Write the trajectory to FILE.nc or FILE.csv.")]
-Plot = Annotated[
-    Path | None, typer.Option("--plot", help="Plot speeds, angles, voltages, storage to FILE.png or .svg.")
-]
+Out = Annotated[Path | None, Option("--out", help="Write the trajectory to FILE.nc or FILE.csv.")]
+Plot = Annotated[Path | None, Option("--plot", help="Plot speeds, angles, voltages, storage to FILE.png or .svg.")]
 AngleReference = Annotated[
     str | None,
-    typer.Option("--angle-reference", metavar="MACHINE", help="Machine that the angles in FILE.csv are relative to."),
+    Option("--angle-reference", metavar="MACHINE", help="Machine that the angles in FILE.csv are relative to."),
 ]
 
 
-@grouped
 def simulate(
     *,
     fault: FaultOrNone = None,

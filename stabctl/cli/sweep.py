@@ -7,27 +7,22 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from . import options, shared
+from .parameters import Argument, Option
 
 if TYPE_CHECKING:
     from stabctl.sweep.results import Results as SweepResults
 
-app = typer.Typer(
-    no_args_is_help=True, help="Run many simulations from one study file, on all cores or a Dask cluster."
-)
 
-Study = Annotated[Path, typer.Argument(metavar="STUDY", help="A study file, TOML.")]
-Out = Annotated[Path, typer.Option("--out", help="Results file (SQLite); jobs that it already has are not run again.")]
-Workers = Annotated[int | None, typer.Option("--workers", help="Processes on this computer (default: one per core).")]
-Retry = Annotated[bool, typer.Option("--retry", help="Rerun jobs that ended in an error.")]
-Results = Annotated[Path, typer.Argument(metavar="RESULTS", help="A results file.")]
-Csv = Annotated[Path | None, typer.Option("--csv", help="Write every column of every row to FILE.csv.")]
+Study = Annotated[Path, Argument(metavar="STUDY", help="A study file, TOML.")]
+Out = Annotated[Path, Option("--out", help="Results file (SQLite); jobs that it already has are not run again.")]
+Workers = Annotated[int | None, Option("--workers", help="Processes on this computer (default: one per core).")]
+Retry = Annotated[bool, Option("--retry", help="Rerun jobs that ended in an error.")]
+Results = Annotated[Path, Argument(metavar="RESULTS", help="A results file.")]
+Csv = Annotated[Path | None, Option("--csv", help="Write every column of every row to FILE.csv.")]
 
 
-@app.command("run")
-def run_command(
+def run(
     study: Study,
     out: Out,
     workers: Workers = None,
@@ -82,8 +77,7 @@ def _progress() -> Iterator[Callable[[int, int], None]]:
         yield tell
 
 
-@app.command("show")
-def show_command(results: Results, table: Csv = None, as_json: options.Json = False) -> None:
+def show(results: Results, table: Csv = None, as_json: options.Json = False) -> None:
     """Print the results of a sweep as a table."""
     from stabctl.sweep import results as file
 

@@ -5,30 +5,24 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
 from .options import Json
+from .parameters import Option
 from .shared import console, file, print_json
 
-app = typer.Typer(no_args_is_help=True, help="Theory of one and two machines: equal area, feedback laws, minimum time.")
-
-Plot = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Write the figure to FILE.png or .svg.")]
-Inertia = Annotated[float, typer.Option("--H", help="Inertia constant, s.")]
-Mechanical = Annotated[float, typer.Option("--Pm", help="Mechanical power, pu.")]
-Reactance = Annotated[float, typer.Option("--X", help="Reactance between the two voltages, pu.")]
-Cycles = Annotated[float, typer.Option("--cycles", help="Duration of the fault, cycles.")]
-FaultShown = Annotated[float | None, typer.Option("--cycles", help="Fault to show, cycles (default: critical).")]
-SmallestPower = Annotated[float | None, typer.Option("--Pc-min", help="Smallest absorbed power, pu (default: -Pc).")]
+Plot = Annotated[Path | None, Option("--plot", metavar="FILE", help="Write the figure to FILE.png or .svg.")]
+Inertia = Annotated[float, Option("--H", help="Inertia constant, s.")]
+Mechanical = Annotated[float, Option("--Pm", help="Mechanical power, pu.")]
+Reactance = Annotated[float, Option("--X", help="Reactance between the two voltages, pu.")]
+Cycles = Annotated[float, Option("--cycles", help="Duration of the fault, cycles.")]
+FaultShown = Annotated[float | None, Option("--cycles", help="Fault to show, cycles (default: critical).")]
+SmallestPower = Annotated[float | None, Option("--Pc-min", help="Smallest absorbed power, pu (default: -Pc).")]
 
 
-@app.command("table1")
-def table1_command(
+def table1(
     H: Inertia = 3.0,
     Pm: Mechanical = 0.5,
     X: Reactance = 0.95,
-    cycles: Annotated[
-        list[float] | None, typer.Option("--cycles", help="Duration of the fault, cycles. Repeatable.")
-    ] = None,
+    cycles: Annotated[list[float] | None, Option("--cycles", help="Duration of the fault, cycles. Repeatable.")] = None,
     as_json: Json = False,
     plot: Plot = None,
 ) -> None:
@@ -48,12 +42,11 @@ def table1_command(
     _print_table(f"State at clearing, from {m.start:.4f} rad", ("cycles", "angle (rad)", "speed (rad/s)"), lines)
 
 
-@app.command("equal-area")
-def equal_area_command(
+def equal_area(
     H: Inertia = 3.0,
     Pm: Mechanical = 0.5,
     X: Reactance = 0.95,
-    Pc: Annotated[float, typer.Option("--Pc", help="Power absorbed after clearing, pu.")] = 0.0,
+    Pc: Annotated[float, Option("--Pc", help="Power absorbed after clearing, pu.")] = 0.0,
     cycles: FaultShown = None,
     as_json: Json = False,
     plot: Plot = None,
@@ -83,15 +76,14 @@ def equal_area_command(
     _print_table("Equal area", ("", ""), lines)
 
 
-@app.command("feedback")
-def feedback_command(
+def feedback(
     H: Inertia = 3.0,
     Pm: Mechanical = 0.5,
     X: Reactance = 0.95,
     cycles: Cycles = 15,
-    Kv: Annotated[float, typer.Option("--Kv", help="Speed gain in (13), pu/(rad/s).")] = 0.02,
-    Ka: Annotated[float, typer.Option("--Ka", help="Acceleration gain in (13), pu/(rad/s^2).")] = -0.004,
-    Ka_size: Annotated[float, typer.Option("--Ka-size", help="Gain of law (14), pu/(rad/s^2).")] = 0.007,
+    Kv: Annotated[float, Option("--Kv", help="Speed gain in (13), pu/(rad/s).")] = 0.02,
+    Ka: Annotated[float, Option("--Ka", help="Acceleration gain in (13), pu/(rad/s^2).")] = -0.004,
+    Ka_size: Annotated[float, Option("--Ka-size", help="Gain of law (14), pu/(rad/s^2).")] = 0.007,
     as_json: Json = False,
     plot: Plot = None,
 ) -> None:
@@ -131,14 +123,13 @@ def feedback_command(
     _print_table(f"Feedback laws after a fault of {cycles:g} cycles", heads, lines)
 
 
-@app.command("minimum-time")
-def minimum_time_command(
-    H1: Annotated[float, typer.Option("--H1", help="Inertia constant of machine 1, s.")] = 1.0,
-    HCOI: Annotated[float, typer.Option("--HCOI", help="Inertia constant of all others, s.")] = 6.0,
+def minimum_time(
+    H1: Annotated[float, Option("--H1", help="Inertia constant of machine 1, s.")] = 1.0,
+    HCOI: Annotated[float, Option("--HCOI", help="Inertia constant of all others, s.")] = 6.0,
     Pm: Mechanical = 0.5,
     X: Reactance = 1.0,
     cycles: Cycles = 6,
-    Pc: Annotated[float, typer.Option("--Pc", help="Largest absorbed power, pu.")] = 0.5,
+    Pc: Annotated[float, Option("--Pc", help="Largest absorbed power, pu.")] = 0.5,
     Pc_min: SmallestPower = None,
     as_json: Json = False,
     plot: Plot = None,
@@ -165,7 +156,7 @@ def minimum_time_command(
         print_json(record)
         return
     if not found.feasible:
-        typer.echo(found.outcome)
+        print(found.outcome)
         return
     try:
         difference = f"{by_collocation(problem).duration - found.duration:.1e} s"

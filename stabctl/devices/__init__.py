@@ -6,15 +6,16 @@
 import copyreg
 import importlib
 import importlib.util
-import pkgutil
+import re
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any
 
 from stabctl._util.errors import StudyError, shown
+from stabctl._util.schema import fields
 
 from .device import ROLES, Device, misspelt, of
 
@@ -37,30 +38,64 @@ BUILT_IN = (
 _registered: dict[str, Device] = {}
 
 
-@cache
-def _found() -> Mapping[str, Device]:
-    names = []
-    for package in pkgutil.iter_modules(__path__):
-        if package.ispkg:
-            inside = Path(__path__[0]) / package.name
-            names += [f"{__name__}.{package.name}.{file.name}" for file in pkgutil.iter_modules([str(inside)])]
-    modules = [importlib.import_module(name) for name in sorted(names)]
-    devices = {m.__name__.rpartition(".")[2]: of(m) for m in modules if "ROLE" in vars(m)}
-    order = {role: k for k, role in enumerate(ROLES)}
-    return MappingProxyType(dict(sorted(devices.items(), key=lambda item: order[item[1].role])))
+class Devices(Mapping[str, Device]):
+    """Devices by the names of their files, ordered by role; a file is imported when its device is asked for."""
+
+    def __init__(self, roles: Mapping[str, str]) -> None:
+        self.roles = MappingProxyType(dict(roles))  # of each device, known without importing it
+
+    def __getitem__(self, name: str) -> Device:
+        if name not in self.roles:
+            raise KeyError(name)
+        return _registered[name] if name in _registered else _packaged(name)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.roles
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.roles)
+
+    def __len__(self) -> int:
+        return len(self.roles)
+
+    def of_role(self, *roles: str) -> list[str]:
+        """Names of the devices with one of these roles."""
+        return [name for name, role in self.roles.items() if role in roles]
+
+    def among(self, names: Container[str]) -> Iterator[tuple[str, Device]]:
+        """Those among these names, in order."""
+        return ((name, self[name]) for name in self.roles if name in names)
 
 
 @cache
-def every() -> Mapping[str, Device]:
+def _files() -> Mapping[str, tuple[str, str]]:
+    """Role and module of every device of the package."""
+    found = {}
+    for path in sorted(Path(__path__[0]).glob("*/*.py")):
+        if role := re.search('^ROLE = "(.+)"$', path.read_text(encoding="utf-8"), re.MULTILINE):
+            found[path.stem] = role[1], f"{__name__}.{path.parent.name}.{path.stem}"
+    order = list(ROLES)
+    return dict(sorted(found.items(), key=lambda item: order.index(item[1][0])))
+
+
+@cache
+def _packaged(name: str) -> Device:
+    return of(importlib.import_module(_files()[name][1]))
+
+
+@cache
+def every() -> Devices:
     """Every device by the name of its file: those of the package, then those registered."""
-    return MappingProxyType({**_found(), **_registered})
+    packaged = {name: role for name, (role, _) in _files().items()}
+    return Devices(packaged | {name: device.role for name, device in _registered.items()})
 
 
 @cache
-def models() -> Mapping[str, Device]:
+def models() -> Devices:
     """The devices with a table of their own in a case, by name."""
-    apart = ("sensor", "controller")
-    return MappingProxyType({k: m for k, m in every().items() if m.role not in apart and k not in BUILT_IN})
+    apart = {*BUILT_IN, *every().of_role("sensor", "controller")}
+    apart |= {name for name, device in _registered.items() if not fields(device.Par)}
+    return Devices({name: role for name, role in every().roles.items() if name not in apart})
 
 
 def register(path: str | Path) -> str:
@@ -96,7 +131,7 @@ def register(path: str | Path) -> str:
             f"{path}: {name!r} is not a table name; name the file with letters, digits and "
             "underscores, such as my_exciter.py."
         )
-    if name in _found():
+    if name in _files():
         raise StudyError(f"{path}: {name!r} is the name of a packaged device; rename the file.")
     spec: Any = importlib.util.spec_from_file_location(f"stabctl_device_{name}", path)
     module = importlib.util.module_from_spec(spec)

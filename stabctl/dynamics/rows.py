@@ -34,11 +34,11 @@ def tables(case: Case, flow: PowerFlow, net: Network) -> tuple[dict[str, list[Ro
     """Table -> devices, and the admittance (buses, pu) of loads that is part of the network matrix."""
     numbers = {m.machine: i for i, m in enumerate(case.machines)}
     found: dict[str, list[Row]] = {}
-    for name, device in devices.models().items():
-        rows = case.devices.get(name, {})
+    for name, device in devices.models().among(case.devices):
+        rows = case.devices[name]
         if device.role == "shunt":
             found[name] = [_bus_row(case, device, key, par, net) for key, par in rows.items()]
-        elif device.role != "load" and rows:
+        elif device.role != "load":
             found[name] = [
                 _unit_row(case, device, numbers[naming.number(key)], key, par, net, flow) for key, par in rows.items()
             ]

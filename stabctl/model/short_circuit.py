@@ -217,9 +217,9 @@ def installed(case: Case) -> list[tuple[str, int, float]]:
     """Name, bus and MVA of every converter and storage device of a case."""
     found = [
         (f"{device.name} {m.called}", m.bus, m.base)
-        for model, device in devices.models().items()
+        for model, device in devices.models().among(case.devices)
         for m in case.machines
-        if device.role == "converter" and model != "csvgn1" and m.machine in case.devices.get(model, {})
+        if device.role == "converter" and model != "csvgn1" and m.machine in case.devices[model]
     ]
     return found + [(f"ESD {s.machine}@{s.bus}", s.bus, s.mva or s.rating) for s in case.storage if s.rating > 0]
 

@@ -11,17 +11,16 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from annotated_types import Ge, Interval
 
-from stabctl import devices
 from stabctl._util.schema import NOT_NEGATIVE, POSITIVE, RATIO, SHARE, Field, fields
-from stabctl.devices.device import Device
+from stabctl.devices import OF_CONVERTER, models
 from stabctl.devices.storage import StorageModel
 
 Key = int | str
 LoadKind = Literal["load", "injection"]
 Characteristic = Literal["power", "current", "conductance"]
-LEFT_BY = {"converter": ("exciter", "governor", "stabilizer"), "machine": devices.OF_CONVERTER}  # role -> controls
+LEFT_BY = {"converter": ("exciter", "governor", "stabilizer"), "machine": OF_CONVERTER}  # role -> controls
 UNIT_ROLES = ("machine", "converter")  # every row of machines.csv has exactly one model with one of these
-SINGLE_ROLES = *UNIT_ROLES, "exciter", "governor", *devices.OF_CONVERTER  # a machine has at most one model with each
+SINGLE_ROLES = *UNIT_ROLES, "exciter", "governor", *OF_CONVERTER  # a machine has at most one model with each
 _OWNERS = {"load": ("loads", "bus"), "shunt": ("buses", "bus")}  # role -> table and column of the key
 
 
@@ -168,19 +167,14 @@ class Tables:
         return next((model for model in of_role(role) if number in self.devices.get(model, ())), None)
 
 
-def models() -> Mapping[str, Device]:
-    """Device models by name, without those that use a table of the case."""
-    return {name: device for name, device in devices.models().items() if fields(device.Par)}
-
-
 def role(model: str) -> str:
     """Role of a model: machine, converter, exciter, governor, stabilizer, load ..."""
-    return models()[model].role
+    return models().roles[model]
 
 
 def of_role(*roles: str) -> list[str]:
     """Names of the models with one of these roles."""
-    return [name for name, device in models().items() if device.role in roles]
+    return models().of_role(*roles)
 
 
 def takes(model: str, control: str) -> bool:

@@ -222,6 +222,11 @@ def test_a_short_time_step_names_its_cause(stabctl):
 def test_every_value_that_is_read_in_its_own_way_has_a_name_in_the_help():
     from stabctl.cli import options
 
-    read = {name: option for name, alias in vars(options).items() for option in get_args(alias)[1:] if option.parser}
+    read = {
+        name: option
+        for name, alias in vars(options).items()
+        for option in get_args(alias)[1:]
+        if getattr(option, "parser", None)
+    }
     assert {"Observe"} <= read.keys()
     assert not [name for name, option in read.items() if not option.metavar]

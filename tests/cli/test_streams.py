@@ -61,7 +61,7 @@ def test_what_the_encoding_lacks_is_escaped(tmp_path):
     assert err.startswith("stabctl: There is no table or case '\\xe9\\x1b'; the tables are buses")
 
 
-@pytest.mark.parametrize("module", ["typer", "numpy"])
+@pytest.mark.parametrize("module", ["click", "numpy"])
 def test_ctrl_c_while_the_program_loads_is_a_sentence(module):
     run = subprocess.run([sys.executable, "-c", INTERRUPT.format(module=module)], capture_output=True, text=True)
     assert run.returncode in (130, -2)  # a shell shows 130 for both

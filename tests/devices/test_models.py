@@ -3,8 +3,8 @@
 import json
 
 import pytest
+from click.testing import CliRunner
 from systems import OWN, registered
-from typer.testing import CliRunner
 
 from stabctl import devices, io
 from stabctl._util.errors import StudyError

@@ -63,7 +63,7 @@ def test_devices_of_ones_own_are_known_where_a_pickle_is_read(tmp_path, wide, ki
     file.write_bytes(pickle.dumps({"case": case, "point": point, "system": point.system}[kind]))
     code = (
         "import pickle; from stabctl import devices; "
-        f"pickle.load(open({str(file)!r}, 'rb')); print(devices.every().keys())"
+        f"pickle.load(open({str(file)!r}, 'rb')); print(list(devices.every()))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "wide_area" in done.stdout

@@ -6,7 +6,6 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-import typer.main
 from psse_replay import DATA, replays
 
 from stabctl.cli import app
@@ -216,11 +215,11 @@ def _options() -> dict[tuple[str, ...], list[Any]]:
     found: dict[tuple[str, ...], list[Any]] = {}
 
     def walk(command: Any, path: tuple[str, ...]) -> None:
-        for name, inner in getattr(command, "commands", {}).items():
-            walk(inner, (*path, name))
+        for name in getattr(command, "where", ()):
+            walk(command.get_command(None, name), (*path, name))
         found[path] = [p for p in command.params if p.opts[0].startswith("--") and p.opts[0] not in LEFT_OUT]
 
-    walk(typer.main.get_command(app), ())
+    walk(app, ())
     return found
 
 

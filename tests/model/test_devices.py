@@ -7,15 +7,13 @@ from typing import Annotated, NamedTuple
 import pytest
 from systems import CLASSICAL, PSS, ROUND, SEXS, small
 
-from stabctl import io
+from stabctl import devices, io
 from stabctl._util.errors import CaseError, StudyError
 from stabctl._util.schema import FROM_CASE, POSITIVE
 from stabctl.devices.device import Device
 from stabctl.model import naming, tables
 from stabctl.model.replicate import replicate
 from stabctl.model.tables import Load
-
-PACKAGED_MODELS = tables.models
 
 
 class Exponential(NamedTuple):
@@ -52,7 +50,6 @@ class Gensal(NamedTuple):
 @pytest.fixture(autouse=True)
 def more_models(monkeypatch):
     """Models that the package does not have, found by their roles alone."""
-    known = tables.models()
     parts = {
         "exponential": ("load", Exponential),
         "other_load": ("load", Exponential),
@@ -60,8 +57,23 @@ def more_models(monkeypatch):
         "regc": ("converter", Converter),
         "starting": ("machine", Gensal),
     }
-    more = {name: Device(ModuleType(name), name, name, role, Par=Par) for name, (role, Par) in parts.items()}
-    monkeypatch.setattr(tables, "models", lambda: {**known, **more})
+    for name, (role, Par) in parts.items():
+        added(monkeypatch, name, role, Par)
+    yield
+    monkeypatch.undo()
+    forget()
+
+
+def added(monkeypatch, name, role, Par):
+    """Register a device that has parameters alone."""
+    monkeypatch.setitem(devices._registered, name, Device(ModuleType(name), name, name, role, Par=Par))
+    forget()
+
+
+def forget():
+    """Look at the devices again."""
+    devices.every.cache_clear()
+    devices.models.cache_clear()
 
 
 A, B = Exponential(0.0, 1.5), Exponential(0.0, 0.5, 1.0)
@@ -80,11 +92,10 @@ def loads():
 
 
 def test_a_model_without_columns_of_its_own_has_no_table(monkeypatch):
-    from stabctl import devices
-
-    more = {**devices.models(), "filled": Device(ModuleType("filled"), "filled", "filled", "load", Par=Filled)}
-    monkeypatch.setattr(devices, "models", lambda: more)
-    assert set(PACKAGED_MODELS()) == set(devices.models()) - {"filled"}
+    known = set(devices.models())
+    added(monkeypatch, "filled", "load", Filled)
+    assert "filled" in devices.every()
+    assert set(devices.models()) == known
 
 
 def test_columns_follow_from_the_role():

@@ -5,7 +5,6 @@ import subprocess
 from pathlib import Path
 
 import pytest
-import typer
 
 from stabctl import cli
 
@@ -59,7 +58,7 @@ def test_the_objects_of_kubernetes_belong_together(objects):
 def test_the_commands_of_kubernetes_have_these_options(objects):
     scheduler = pytest.importorskip("distributed.cli.dask_scheduler").main
     worker = pytest.importorskip("distributed.cli.dask_worker").main
-    screen = typer.main.get_command(cli.app).commands["screen"]
+    screen = cli.app.get_command(None, "screen")
     known = {("dask", "scheduler"): scheduler, ("dask", "worker"): worker, ("stabctl", "screen"): screen}
     met = set()
     for one in containers(objects):

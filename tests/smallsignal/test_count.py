@@ -4,13 +4,11 @@ import json
 
 import numpy as np
 import pytest
-import typer
+from click.testing import CliRunner
 from systems import KINDS, small
-from typer.testing import CliRunner
 
 from stabctl import io
-from stabctl.cli.linear import linearize as other
-from stabctl.cli.linear import modes as command
+from stabctl.cli import app
 from stabctl.dynamics import operating_point
 from stabctl.model.replicate import replicate
 from stabctl.smallsignal import analyze, descriptor, eigen, linearize
@@ -27,10 +25,6 @@ from stabctl.smallsignal._argument_principle import (
     series,
 )
 from stabctl.smallsignal._dissection import network
-
-app = typer.Typer()
-app.command("modes")(command)
-app.command("linearize")(other)
 
 BANDS = [((0.1, 2.5), (-0.1, 0.3)), ((0.05, 1.2), (-0.5, 0.9)), ((1.0, 1.7), (0.05, 0.5)), ((20.0, 25.0), (-0.1, 0.3))]
 

@@ -6,19 +6,14 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-import typer
+from click.testing import CliRunner
 from systems import one_of
-from typer.testing import CliRunner
 
 from stabctl._util.errors import StabctlError
-from stabctl.cli.linear import linearize
-from stabctl.cli.linear import modes as modes_command
+from stabctl._util.wording import number
+from stabctl.cli import app
 from stabctl.smallsignal import areas
 from stabctl.view.pages import modes_page
-
-app = typer.Typer()
-app.command("modes")(modes_command)
-app.command("linearize")(linearize)
 
 
 def run(*words):
@@ -94,7 +89,7 @@ def test_report_open_and_classical(tmp_path):
 
 
 def test_table_shows_no_negative_zero(modes):
-    assert modes_page.number(-1e-9, 4) == "0.0000"
+    assert number(-1e-9, 4) == "0.0000"
 
 
 def test_linearize_exports_named_matrices(tmp_path):

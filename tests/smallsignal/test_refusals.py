@@ -1,7 +1,7 @@
 """What linear models and modes refuse, and what they leave on the disk."""
 
 import pytest
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 import stabctl as st
 from stabctl.cli import app

@@ -3,16 +3,16 @@ import subprocess
 import sys
 
 import pytest
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 from stabctl._util.errors import StudyError
-from stabctl.cli.swing import app
+from stabctl.cli import app
 
 COMMANDS = ("table1", "equal-area", "feedback", "minimum-time")
 
 
 def run(*words):
-    return CliRunner().invoke(app, words)
+    return CliRunner().invoke(app, ["swing", *words])
 
 
 def record(*words):

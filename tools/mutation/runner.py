@@ -21,7 +21,7 @@ import pytest
 
 LIBRARIES = (
     "numpy scipy.linalg scipy.sparse.linalg scipy.optimize scipy.integrate numba pandas xarray matplotlib.pyplot "
-    "control cvxpy rich.console typer pydantic jinja2 hypothesis pytest filterpy.kalman coverage"
+    "control cvxpy rich.console click pydantic jinja2 hypothesis pytest filterpy.kalman coverage"
 )
 ENDLESS = None, -signal.SIGXCPU, -signal.SIGKILL
 
