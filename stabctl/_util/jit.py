@@ -24,6 +24,7 @@ from types import ModuleType
 from typing import Any
 
 from . import object_code
+from .errors import StudyError
 from .process import available
 from .words import Function, taken
 
@@ -67,6 +68,18 @@ def ready() -> None:
             register_jitable(
                 forceinline=inlined, error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True, _nrt=False
             )(function)
+
+
+def compiler() -> ModuleType:
+    """The module that compiles, with every function marked so far. Raises `StudyError` without numba."""
+    try:
+        module = import_module("stabctl._util.compiler")
+    except ImportError as error:
+        raise StudyError(
+            f"The equations must be compiled for this computer, which needs numba ({error}): pip install numba."
+        ) from None
+    ready()
+    return module
 
 
 def disabled() -> bool:
@@ -114,10 +127,7 @@ class Entry:
         """The function for arguments of these kinds."""
 
         def compiled(symbol: str) -> object_code.Code:
-            from . import compiler
-
-            ready()
-            return compiler.function(self.function, kinds, symbol)
+            return compiler().function(self.function, kinds, symbol)
 
         found = object_code.found(self._stem(), ", ".join(map(str, kinds)), compiled, numba_version)
         return Function(found, kinds)

@@ -46,10 +46,7 @@ def address(name: str, device: Device, scalar: type) -> int:
 
 def _load(function: Callable[..., None], scalar: type) -> Loaded:
     def compiled(symbol: str) -> object_code.Code:
-        from stabctl._util import compiler
-
-        jit.ready()
-        return compiler.callback(function, scalar, symbol)
+        return jit.compiler().callback(function, scalar, symbol)
 
     return object_code.found(function.__module__, "", compiled, jit.numba_version)
 

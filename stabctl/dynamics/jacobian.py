@@ -18,6 +18,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+from stabctl._util.errors import StudyError
+
 from . import family
 from .assembly import System
 from .family import Family, Limits
@@ -117,11 +119,27 @@ class Equations:
         layout, pattern = self.system.layout, self.pattern
         z, f = s.astype(complex), np.zeros(pattern.starts[-1], complex)
         p = self.program if k is None else self.program._replace(k=k)
-        evaluate(p, pattern.starts, z, f, self._on)
+        output, rate = evaluate(p, pattern.starts, z, f, self._on)
+        if output >= 0 or rate >= 0:
+            raise StudyError(self._divided(p.sweep[output] if output >= 0 else p.step[rate], p, z, f))
         s[layout.first_output : layout.first_memory] = z.real[layout.first_output : layout.first_memory]
         values = np.zeros(pattern.total)
         values[pattern.answers] = f.real[pattern.values]
         return f.imag[pattern.slopes] / family.TINY, values
+
+    def _divided(self, call: np.ndarray, p: Program, z: np.ndarray, f: np.ndarray) -> str:
+        """Which device of a call divides by zero, in words."""
+        address, op, count, w, k = call.tolist()
+        ends = np.cumsum([one.w.size for one in self.families])
+        one = self.families[int(np.searchsorted(ends, w, side="right"))]
+        row = (w - int(ends[self.families.index(one)]) + one.w.size) // one.w.shape[1]
+        nothing = np.zeros(1, np.int64)
+        for j in range(count):
+            alone = np.array([[address, op, 1, w + j * one.w.shape[1], k + j * one.k.shape[1]]])
+            if evaluate(p._replace(sweep=alone, step=alone[:0]), nothing, z, f, self._on)[0] == 0:
+                row += j
+                break
+        return f"{one.device.name} of {one.keys[row]} divides by zero; check its equations and its parameters."
 
     def held(self, s: np.ndarray, rates: np.ndarray, limits: Limits) -> np.ndarray:
         """States (mask) that are at a limit and driven beyond it."""

@@ -10,8 +10,11 @@ from stabctl._util.jit import disabled, entry, inline, lowered
 from . import _codegen
 
 
-def call(address: int, *words: int) -> None:
-    """void (*address)(words ...): whole numbers, and pointers given as such (array.ctypes.data); only compiled."""
+def call(address: int, *words: int) -> int:
+    """int (*address)(words ...): whole numbers, and pointers given as such (array.ctypes.data); only compiled.
+
+    What a family returns is 0, or its status where a complex number is divided by zero: the rest is not evaluated then.
+    """
     raise NotImplementedError
 
 
@@ -25,15 +28,14 @@ def _define() -> None:
     @infer_global(call)
     class Call(AbstractTemplate):  # type: ignore[misc]
         def generic(self, args: Any, kws: Any) -> Any:
-            return types.void(*args)
+            return types.int32(*args)
 
     @lower_builtin(call, types.VarArg(types.Any))
     def lower(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         word = ir.IntType(64)
-        kind = ir.FunctionType(ir.VoidType(), [word] * (len(args) - 1))
+        kind = ir.FunctionType(ir.IntType(32), [word] * (len(args) - 1))
         words = [context.cast(builder, a, t, types.int64) for a, t in zip(args, signature.args, strict=True)]
-        builder.call(builder.inttoptr(words[0], kind.as_pointer()), words[1:])
-        return context.get_dummy_value()
+        return builder.call(builder.inttoptr(words[0], kind.as_pointer()), words[1:])
 
 
 if disabled():
@@ -43,10 +45,14 @@ if disabled():
         for address, op, n, i, j in calls:
             _codegen.plain[address](op, n, w[i:], k[j:], s, f, on)
 
-    def perform_local(calls: Any, starts: Any, w: Any, k: Any, s: Any, f: Any, on: Any) -> None:
-        """Call families one after the other, each with its own part of f, as plain Python."""
-        for (address, op, n, i, j), start in zip(calls, starts, strict=False):
-            _codegen.plain[address](op, n, w[i:], k[j:], s, f[start:], on)
+    def fails(c: int, calls: Any, p: Any, s: Any, f: Any, at: int, on: Any) -> bool:
+        """Make call c of a program, as plain Python; returns whether it divides by zero."""
+        address, op, n, i, j = calls[c]
+        try:
+            _codegen.plain[address](op, n, p.w[i:], p.k[j:], s, f[at:], on)
+        except ZeroDivisionError:
+            return True
+        return False
 
     def perform_due(calls: Any, bits: Any, due: int, w: Any, k: Any, s: Any, f: Any, on: Any) -> None:
         """Call the families whose bit is in `due`, as plain Python."""
@@ -64,13 +70,12 @@ else:
             )  # fmt: skip
 
     @inline
-    def perform_local(calls, starts, w, k, s, f, on):  # type: ignore[misc]
-        """Call families one after the other, each with its own part of f (complex)."""
-        for c in range(len(calls)):
-            call(
-                calls[c, 0], calls[c, 1], calls[c, 2], w.ctypes.data + 8 * calls[c, 3],
-                k.ctypes.data + 8 * calls[c, 4], s.ctypes.data, f.ctypes.data + 16 * starts[c], on.ctypes.data,
-            )  # fmt: skip
+    def fails(c, calls, p, s, f, at, on):  # type: ignore[misc]
+        """Make call c of a program (complex); returns whether it divides by zero."""
+        return call(
+            calls[c, 0], calls[c, 1], calls[c, 2], p.w.ctypes.data + 8 * calls[c, 3],
+            p.k.ctypes.data + 8 * calls[c, 4], s.ctypes.data, f.ctypes.data + 16 * at, on.ctypes.data,
+        ) != 0  # fmt: skip
 
     @inline
     def perform_due(calls, bits, due, w, k, s, f, on):  # type: ignore[misc]
@@ -85,6 +90,15 @@ else:
 
 @entry
 def evaluate(p, starts, s, f, on):
-    """Update the outputs in s (complex) and write the derivative blocks of all devices to f."""
-    perform(p.sweep, p.w, p.k, s, f, on)
-    perform_local(p.step, starts, p.w, p.k, s, f, on)
+    """Update the outputs in s (complex) and write the derivative blocks of all devices to f.
+
+    Returns the row of the call of `p.sweep`, and that of `p.step`, in which a complex number is divided by zero; those
+    after it are not made. -1 if there is none.
+    """
+    for c in range(len(p.sweep)):
+        if fails(c, p.sweep, p, s, f, 0, on):
+            return c, -1
+    for c in range(len(p.step)):
+        if fails(c, p.step, p, s, f, starts[c], on):
+            return -1, c
+    return -1, -1

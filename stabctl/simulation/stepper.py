@@ -245,8 +245,9 @@ def evaluate(stage, undivided, may_jump, program, places, net, run):
             moves[1, stage, i] = moves[0, stage, i]
             moves[0, stage, i] = run.volt[b] - run.solve.before[b]
     rates(program, places, net, run)
-    if may_jump and stage == 0:
+    if stage == 0:
         copy(run.f, run.part.rate)
+    if may_jump and stage == 0:
         copy(run.volt, run.part.volts[0])
     if may_jump and stage == RK4.middle:
         copy(run.volt, run.part.volts[1])

@@ -1,5 +1,6 @@
 """What is loaded when the program starts: the libraries and the device files that a command needs, and no others."""
 
+import os
 import subprocess
 import sys
 
@@ -54,3 +55,12 @@ def test_a_command_loads_what_it_needs(words, libraries, devices):
     found = loaded(*words)
     assert found[0] <= libraries
     assert found[1] == devices
+
+
+def test_without_numba_and_machine_code_it_says_what_is_missing(tmp_path):
+    code = "import sys; sys.modules['numba'] = None; from stabctl.__main__ import main; main()"
+    where = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code, "modes", "two_area"], capture_output=True, text=True, env=where)
+    assert done.returncode == 2
+    assert "stabctl: The equations must be compiled for this computer, which needs numba" in done.stderr
+    assert done.stderr.endswith("pip install numba.\n")
