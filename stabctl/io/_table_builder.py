@@ -96,6 +96,15 @@ class TableBuilder:
                 if bus.bus not in self.stepped_up():
                     self.corrections.append(f"{place}: bus {bus.bus} has no machine in service and holds no voltage.")
 
+    def reference(self) -> None:
+        """Make the first bus with a voltage set-point the swing bus if there is none."""
+        held = [k for k, bus in enumerate(self.rows["buses"]) if bus.kind != "pq"]
+        if held and all(self.rows["buses"][k].kind == "pv" for k in held):
+            number, place = self.rows["buses"][held[0]].bus, self.places["buses"][held[0]]
+            self.change(number, kind="swing")
+            text = f"there is no reference bus with a generator; bus {number} becomes it."
+            self.corrections.append(f"{place}: {text}")
+
     def stepped_up(self) -> set[int]:
         """Buses whose machines are behind step-up transformers that the reader added."""
         return set()

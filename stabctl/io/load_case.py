@@ -1,4 +1,4 @@
-"""Loading a case by its name: a packaged case, a folder, a PSS/E RAW file, a MATPOWER file."""
+"""Loading a case by its name: a packaged case, a folder, a PSS/E RAW file, a MATPOWER or PST file."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -7,6 +7,7 @@ from stabctl._util.errors import StudyError, shown
 from stabctl.model.case import Case
 
 from . import folder
+from ._matlab import assigns
 
 if TYPE_CHECKING:
     from stabctl.model.loads import Loads
@@ -29,7 +30,8 @@ def load(
     Parameters
     ----------
     name : str or Path
-        A packaged case by its name, a folder, a PSS/E file ending in .raw, or a MATPOWER file ending in .m.
+        A packaged case by its name, a folder, a PSS/E file ending in .raw, or a file of MATPOWER or of the Power
+        System Toolbox (PST, PSTess) ending in .m.
     dyr : str or Path, optional
         The DYR file of a RAW file; by default the one with the same name in the same folder.
     loads : {"impedance", "current", "power"}, optional
@@ -37,7 +39,7 @@ def load(
     machines : {"typical"}, optional
         Typical machines, exciters and governors for a case without dynamic data.
     frequency : float or str, Hz, optional
-        Rated frequency of a MATPOWER file, which does not hold it: 50 or "50Hz"; 60 Hz by default.
+        Rated frequency of a file ending in .m, which may not hold it: 50 or "50Hz"; 60 Hz by default.
     missing, missing_controls : str
         What to do with machines and controls without a model; see `read_psse`.
 
@@ -57,21 +59,26 @@ def load(
     given |= {"missing": missing if missing != "refuse" else None}
     given |= {"missing_controls": missing_controls if missing_controls != "refuse" else None}
     if ending == ".m":
-        from . import matpower
-
         _refuse(name, given, "a PSS/E file ending in .raw")
-        case = matpower.read_matpower(
-            name, frequency=matpower.FREQUENCY if frequency is None else frequency, machines=machines
-        )
+        if assigns(Path(name), "mac_con"):
+            from . import pst
+
+            case = pst.read_pst(name, frequency=frequency)
+        else:
+            from . import matpower
+
+            case = matpower.read_matpower(
+                name, frequency=matpower.FREQUENCY if frequency is None else frequency, machines=machines
+            )
     elif ending == ".raw":
         from . import psse
 
-        _refuse(name, {"frequency": frequency}, "a MATPOWER file ending in .m")
+        _refuse(name, {"frequency": frequency}, "a file ending in .m")
         dynamic = matching_dyr(Path(name)) if dyr is None else dyr
         case = psse.read_psse(name, dynamic, missing=missing, missing_controls=missing_controls)
     else:
         _refuse(name, given, "a PSS/E file ending in .raw")
-        _refuse(name, {"frequency": frequency}, "a MATPOWER file ending in .m")
+        _refuse(name, {"frequency": frequency}, "a file ending in .m")
         case = folder.load(name)
     if machines not in (None, "typical"):
         raise StudyError(f"machines = {shown(machines)} is not allowed; the only choice is typical.")

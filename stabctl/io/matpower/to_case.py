@@ -155,7 +155,7 @@ def read_network(file: Mpc) -> Network:
     _dc_lines(net)
     _generators(net)
     net.idle()
-    _reference(net)
+    net.reference()
     net.storage_buses()
     return net
 
@@ -230,15 +230,6 @@ def _voltage(net: Network, bus: int, units: list[mpc.Gen], place: Place) -> None
         net.corrections.append(
             f"{place}: the generators at bus {bus} have different VG; that of the last is used, {held:g} pu."
         )
-
-
-def _reference(net: Network) -> None:
-    """Make the first bus with a voltage set-point the swing bus if there is none, as MATPOWER does."""
-    kinds = [bus.kind for bus in net.rows["buses"]]
-    if "swing" not in kinds and "pv" in kinds:
-        bus, place = net.rows["buses"][kinds.index("pv")], net.places["buses"][kinds.index("pv")]
-        net.change(bus.bus, kind="swing")
-        net.corrections.append(f"{place}: there is no reference bus with a generator; bus {bus.bus} becomes it.")
 
 
 # Kinds of generators by the fuel and type that some files give (genfuels and gentypes of MATPOWER).
