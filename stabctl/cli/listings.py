@@ -15,7 +15,7 @@ TableName = Annotated[
     Argument(metavar="[TABLE|CASE]", help="Only this table, such as buses or genrou, or those of a case."),
 ]
 ModelName = Annotated[str | None, Argument(metavar="[NAME]", help="Only this model, in full, such as genrou.")]
-Raw = Annotated[str, Argument(metavar="X.raw", help="PSS/E RAW file, version 30 to 35, or MATPOWER file x.m.")]
+Raw = Annotated[str, Argument(metavar="X.raw", help="PSS/E RAW file, version 30 to 35; MATPOWER or PST file x.m.")]
 DyrFile = Annotated[
     Path | None,
     Argument(metavar="X.dyr", help="DYR file (default: the one with the same name in the same folder)."),
@@ -119,7 +119,7 @@ def importing(
     missing_controls: options.MissingControls = "refuse",
     as_json: options.Json = False,
 ) -> int:
-    """Import a PSS/E or MATPOWER system and report what is represented; the exit code is 0 only if everything is."""
+    """Import a PSS/E, PST or MATPOWER system and report what is represented; the exit code is 0 if everything is."""
     from stabctl._util.errors import StudyError
     from stabctl.io.import_report import import_report
 

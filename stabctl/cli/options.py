@@ -50,7 +50,7 @@ def register(files: list[str] | None) -> list[str] | None:
 
 
 CaseName = Annotated[
-    str, Argument(metavar="CASE", help="A packaged case, a folder, a PSS/E file x.raw, or a MATPOWER file x.m.")
+    str, Argument(metavar="CASE", help="A packaged case, a folder, a PSS/E file x.raw, or a MATPOWER or PST file x.m.")
 ]
 Dyr = Annotated[Path | None, Option("--dyr", help="DYR file of x.raw (default: x.dyr in the same folder).")]
 Loads = Annotated[

@@ -4,7 +4,7 @@ Nothing is run. What is no assignment of data is handed over as text, for the ca
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -37,13 +37,13 @@ def assigns(path: Path, name: str) -> bool:
 
 
 class Code(NamedTuple):
-    """The rest of a line that is no assignment of data."""
+    """A statement, or what of it is on a line, that is no assignment of data."""
 
     text: str
     place: Place
 
 
-def statements(path: Path, prefix: str) -> Iterator[Assignment | Code]:
+def statements(path: Path, prefix: str, wanted: Container[str] | None = None) -> Iterator[Assignment | Code]:
     """The statements of a file in order.
 
     Parameters
@@ -52,6 +52,8 @@ def statements(path: Path, prefix: str) -> Iterator[Assignment | Code]:
         The file.
     prefix
         What the names of data begin with, "mpc." or nothing. It is no part of `Assignment.name`.
+    wanted
+        Names of the matrices that are read, by default all. Others may hold anything.
 
     Raises
     ------
@@ -62,18 +64,21 @@ def statements(path: Path, prefix: str) -> Iterator[Assignment | Code]:
     code = _code(path)
     for place, text in code:
         rest = text
-        while rest.strip(" \t;,"):
+        while rest := rest.lstrip(" \t;,"):
             match = begins.match(rest)
             scalar = _SCALAR.match(rest, match.end()) if match else None
             if match and rest[match.end() : match.end() + 1] in CLOSING:
-                made, rest, place = _matrix(prefix, match[1], place, rest[match.end() :], code, begins)
+                made, rest, place = _matrix(
+                    prefix, match[1], place, rest[match.end() :], code, begins, wanted is None or match[1] in wanted
+                )
                 yield made
             elif match and scalar:
                 yield Assignment(match[1], place, "", [Row(scalar[1], place)])
                 rest = rest[scalar.end() :]
             else:
-                yield Code(rest.strip(), place)
-                break
+                end = _end(rest)
+                yield Code(rest[:end].strip(), place)
+                rest = rest[end:]
 
 
 def _code(path: Path) -> Iterator[tuple[Place, str]]:
@@ -101,16 +106,24 @@ def _without_comment(line: str) -> str:
 
 
 def _matrix(
-    prefix: str, name: str, place: Place, rest: str, code: Iterator[tuple[Place, str]], begins: re.Pattern[str]
+    prefix: str,
+    name: str,
+    place: Place,
+    rest: str,
+    code: Iterator[tuple[Place, str]],
+    begins: re.Pattern[str],
+    wanted: bool,
 ) -> tuple[Assignment, str, Place]:
     """The matrix or cell array that begins with the text, what follows on its last line, and this line."""
     opening, rest = rest[0], rest[1:]
     made = Assignment(name, place, opening, [])
-    begun, at, here = "", place, place
+    begun, at, here, depth = "", place, place, 0  # brackets that are open within it
     while True:
         for piece in _PIECE.finditer(rest):
             c = piece[0]
-            if c in (CLOSING[opening], ";"):
+            if not wanted and (c in "[{" or (c in "]}" and depth)):
+                depth += 1 if c in "[{" else -1
+            elif c in (CLOSING[opening], ";"):
                 if begun.strip():
                     made.rows.append(Row(begun, at))
                 begun = ""
@@ -119,7 +132,7 @@ def _matrix(
             elif c == "...":
                 begun += " "
                 break
-            elif c in "[]{}=()":
+            elif c in "[]{}=()" and wanted:
                 raise here.error(f"{c!r} is not allowed within {prefix}{name}; it must contain data only.")
             else:
                 at = at if begun.strip() else here
@@ -134,6 +147,19 @@ def _matrix(
         here, rest = following
         if begins.match(rest):
             raise place.error(f"{prefix}{name} is not closed by {CLOSING[opening]!r} before line {here.line}.")
+
+
+def _end(text: str) -> int:
+    """Where the statement that begins with the text ends, after its semicolon."""
+    depth = 0
+    for piece in _PIECE.finditer(text):
+        if piece[0] in "([{":
+            depth += 1
+        elif piece[0] in ")]}":
+            depth -= 1
+        elif piece[0] == ";" and depth <= 0:
+            return piece.end()
+    return len(text)
 
 
 def _plain(piece: str) -> str:

@@ -1,4 +1,4 @@
-"""The import report of a PSS/E or MATPOWER system, as a record and as text to be pasted into a study."""
+"""The import report of a PSS/E, PST or MATPOWER system, as a record and as text to be pasted into a study."""
 
 import textwrap
 from collections import defaultdict
@@ -16,8 +16,9 @@ from stabctl.dynamics.violations import Violation
 from stabctl.model.case import Case
 from stabctl.model.unusual import UnusualData
 
-from . import _import_checks, matpower, psse
+from . import _import_checks, matpower, psse, pst
 from ._import_checks import DRIFT_S, FlowDifference, InitialState, Kind, Stored, by_kind
+from ._matlab import assigns
 from .load_case import matching_dyr
 from .psse.dyr import Unsupported
 
@@ -132,12 +133,12 @@ def import_report(
     check: bool = True,
     loads: "Loads | None" = None,
 ) -> ImportReport:
-    """Read a PSS/E or MATPOWER system and report what is represented.
+    """Read a PSS/E, PST or MATPOWER system and report what is represented.
 
     Parameters
     ----------
     raw : str or Path
-        The RAW file, or a MATPOWER file ending in .m.
+        The RAW file, or a file of PST or MATPOWER ending in .m.
     dyr : str or Path, optional
         The DYR file of a RAW file; by default the one with the same name in the same folder.
     check : bool
@@ -154,9 +155,9 @@ def import_report(
     CaseError
         For the first mistake in a file, with line and field.
     StudyError
-        If the first file ends in neither .raw nor .m, or if a DYR file is given with a MATPOWER file.
+        If the first file ends in neither .raw nor .m, or if a DYR file is given with the latter.
     """
-    read: psse.Import | matpower.Import
+    read: psse.Import | pst.Import | matpower.Import
     kinds: tuple[Kind, ...] = ()
     ending = Path(raw).suffix.lower()
     if ending not in (".raw", ".m"):
@@ -164,7 +165,11 @@ def import_report(
     if ending == ".m":
         if dyr is not None:
             raise StudyError(f"{dyr} cannot be used: a DYR file belongs to a PSS/E file ending in .raw.")
-        read = matpower.read(raw)
+        if assigns(Path(raw), "mac_con"):
+            read = pst.read(raw)
+            kinds = tuple(Kind(*kind, mva=0.0) for kind in read.kinds)
+        else:
+            read = matpower.read(raw)
     else:
         dyr = matching_dyr(Path(raw)) if dyr is None else dyr
         read = psse.read(raw, dyr, missing="injection", missing_controls="fixed")
@@ -232,14 +237,14 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int) -> Iter
 def _complete(report: ImportReport) -> Iterator[str]:
     if report.kinds:
         yield f"{report.supported} of {counted(report.records, 'record')} supported."
-    if len(report.files) == 1:
+    if not report.case.devices:
         missed = ": no DYR file was given or found" if report.files[0].suffix.lower() == ".raw" else ""
         yield f"There are no dynamic models, only power-flow data{missed}."
     if report.complete:
         yield "The import is complete: all data of the files are represented."
     else:
         yield "The import is incomplete: some data of the files are not represented."
-    if report.stored and not report.complete:
+    if report.stored and not report.complete and report.files[0].suffix.lower() == ".raw":
         yield "For the checks below, machines without a model are constant-power injections, and the outputs"
         yield "of controls without a model are constant."
 

@@ -83,7 +83,7 @@ def test_ratio_and_shift_are_those_of_the_manual(tmp_path):
 def test_the_frequency_is_an_option(tmp_path):
     assert st.read_matpower(small(tmp_path), frequency="50Hz").frequency_hz == 50
     assert st.load(small(tmp_path), frequency=50).frequency_hz == 50
-    with pytest.raises(StudyError, match="frequency applies only to a MATPOWER file"):
+    with pytest.raises(StudyError, match="frequency applies only to a file ending in"):
         st.load("two_area", frequency=50)
     with pytest.raises(StudyError, match="dyr applies only to a PSS/E file"):
         st.load(small(tmp_path), dyr="x.dyr")

@@ -3,6 +3,7 @@
     bus = [ ... ];   lmon_con = [1:14]';            numbers, products and quotients of numbers, ranges
     bus(:,4:7) = bus(:,4:7)/100;                    columns: the same columns times or over a number, other columns, a
     mac_con(:,20:21) = zeros(16,2);                 number, zeros or ones
+    mac_con([1,3],:) = [];                          rows that are removed
     ibus_con = zeros(10,1);   ibus_con(10) = 1;     zeros or ones, as long as mac_con if that is named; an element
     gov_flag = true;   if ~gov_flag ... end         a number, and what is left out because of it
 
@@ -27,12 +28,13 @@ _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?"
 _CELL = re.compile(rf"{_NUMBER}(?:[*/]{_NUMBER})*", re.ASCII)
 _RANGE = re.compile(rf"({_NUMBER}):({_NUMBER})", re.ASCII)
 _FACTOR = rf"(?:\s*([*/])\s*({_NUMBER}))?"
-_TARGET = re.compile(r"([A-Za-z]\w*)\s*(?:\([^=]*\))?\s*=(?!=)\s*(.*?)[;,\s]*", re.ASCII | re.DOTALL)
+_TARGET = re.compile(r"([A-Za-z]\w*)\s*(?:[({][^=]*[)}])?\s*=(?!=)\s*(.*?)[;,\s]*", re.ASCII | re.DOTALL)
 _COLUMNS = re.compile(r"([A-Za-z]\w*)\s*\(\s*:\s*,\s*(\d+)\s*(?::\s*(\d+)\s*)?\)", re.ASCII)
 _ELEMENT = re.compile(r"([A-Za-z]\w*)\s*\(\s*(\d+)\s*(?:,\s*(\d+)\s*)?\)", re.ASCII)
+_ROWS = re.compile(r"([A-Za-z]\w*)\s*\(\s*(?:(\d+)|\[([\d\s,]+)\])\s*,\s*:\s*\)", re.ASCII)
 _FILLED = re.compile(rf"(zeros|ones)\s*\((.*)\){_FACTOR}", re.ASCII)
 _FLAG = re.compile(r"if\s*\(?\s*([~!]?)\s*([A-Za-z]\w*)\s*\)?\s*[;,]?", re.ASCII)
-_HARMLESS = re.compile(r"(?:disp|fprintf|warning|clear|close|clc|format|global|return)\b.*", re.DOTALL)
+_HARMLESS = re.compile(r"(?:disp|fprintf|warning|clear|close|clc|format|global|return|cd|cdps|addpath)\b.*", re.DOTALL)
 
 
 class Row(NamedTuple):
@@ -60,7 +62,7 @@ def read(path: Path) -> Pst:
     found = Pst(path, {}, {}, {})
     inside: list[bool] = []  # of the `if` around a line: whether it applies
     last = ""  # name of the matrix before
-    for one in statements(path, ""):
+    for one in statements(path, "", LEAST):
         if isinstance(one, Code) and _branch(one, found, inside):
             continue
         if not all(inside):
@@ -156,6 +158,9 @@ def _evaluate(one: Code, found: Pst) -> None:
     """Change columns or an element of a matrix. Raises `CaseError` for what is not understood, if it may matter."""
     match = _TARGET.fullmatch(one.text)
     if match is None:
+        if re.match(r"load\b", one.text):
+            found.unread.setdefault(one.text.rstrip("; "), one.place)
+            return
         raise _refused(one)
     name, value = match.groups()
     target = one.text[: match.start(2)].rstrip("= \t")
@@ -163,6 +168,11 @@ def _evaluate(one: Code, found: Pst) -> None:
         found.unread.setdefault(name, one.place)
     elif target == name and (filled := _FILLED.fullmatch(value)):
         found.tables[name] = [Row([_fill(filled, one)], one.place) for _ in range(_count(filled[2], found, one))]
+    elif (removed := _ROWS.fullmatch(target)) and value == "[]" and name in found.tables:
+        gone = {int(number) for number in re.findall(r"\d+", removed[2] or removed[3])}
+        if not all(1 <= number <= len(found.tables[name]) for number in gone):
+            raise one.place.error(f"{shown(target)} are not rows of {name}.")
+        found.tables[name] = [row for k, row in enumerate(found.tables[name], 1) if k not in gone]
     elif (columns := _COLUMNS.fullmatch(target)) and name in found.tables:
         _set_columns(_span(columns, one), _columns_of(value, found, one), found.tables[name], one)
     elif (element := _ELEMENT.fullmatch(target)) and _CELL.fullmatch(value) and name in found.tables:

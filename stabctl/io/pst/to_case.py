@@ -11,6 +11,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from stabctl._util.errors import CaseError, shown
 from stabctl._util.units import quantity
 from stabctl.model import tables as model_tables
@@ -25,17 +27,20 @@ from .tables import Pst, Row
 
 BASE, FREQUENCY = 100.0, 60.0  # MVA, Hz   unless the file assigns basmva, sys_freq
 KINDS = {1: "swing", 2: "pv", 3: "pq"}
+HELD = 2
 LOW = 0.1  # pu   voltage below which a load is an impedance; PST has no such limit
 MODELS = ("ind_con", "mld_con", "igen_con", "svc_con", "tcsc_con", "ess_con", "dcsp_con", "dcl_con", "dcc_con")
+ROLES = {"mac_con": "machine", "exc_con": "exciter", "pss_con": "stabilizer", "tg_con": "governor", "load_con": "load"}
 WIDEST = 30  # columns, filled with zeros
 
 
 class Import(NamedTuple):
-    """What was read from a PST file: the case, what was changed or replaced, and what is not modeled."""
+    """What was read from a PST file: the case, what was changed or replaced, what is not modeled, and its rows."""
 
     case: Case
     corrections: tuple[str, ...]
     unsupported: tuple[Unsupported, ...]
+    kinds: tuple[tuple[str, str, int, int], ...]  # matrix, role, rows, and those of them that the case holds
 
 
 def read_pst(path: str | Path, *, frequency: float | str | None = None) -> Case:
@@ -81,6 +86,7 @@ class _Reader:
         ]
         self.machines: dict[int, Row] = {}
         self.infinite: set[int] = set()
+        self.alone: dict[int, complex] = {}  # MVA   generation at buses without a machine
 
     def _positive(self, name: str, usual: float) -> float:
         value = self.file.scalars.get(name, usual)
@@ -91,12 +97,15 @@ class _Reader:
     def found(self) -> Import:
         """The case and what was said on the way."""
         self._buses()
+        for row in self.file.of("load_con"):
+            self._bus(row.values[0], row.place, "load_con")
         self._branches()
         self._machines()
         for table, controls in (("exc_con", _exciter), ("pss_con", _stabilizer), ("tg_con", _governor)):
             self._controls(table, controls)
-        self.net.idle()
         self.net.reference()
+        self._generation()
+        self.net.idle()
         apart = self.net.settle_islands(str(self.file.path))
         self.net.storage_buses()
         left = [name for name in self.file.unread if name not in MODELS]
@@ -112,7 +121,10 @@ class _Reader:
             source=f"PST {self.file.path.name}",
             notes=(*corrections, *map(str, self.unsupported)),
         )
-        return Import(case, corrections, tuple(self.unsupported))
+        lost = Counter(one.kind for one in self.unsupported)
+        rows = {table: len(self.file.of(table)) for table in ROLES}
+        kinds = [(table, ROLES[table], n, n - lost[table]) for table, n in rows.items() if n]
+        return Import(case, corrections, tuple(self.unsupported), tuple(kinds))
 
     def _bus(self, number: float, place: Place, table: str) -> int:
         """The number of a bus in the file."""
@@ -138,11 +150,8 @@ class _Reader:
             self.net.add("buses", Bus(number, KINDS[kind], *values), row.place)  # type: ignore[arg-type]
             if p or q:
                 self._load(row, number, shares.get(number, [0.0] * 4))
-            if number not in at and (pg or qg):
-                load = Load(number, -self.base * pg, -self.base * qg, v_low=LOW, id="G", kind="injection")
-                self.net.add("loads", load, row.place)
-                text = f"generation of {self.base * pg:.4g} MW at bus {number}, which has no machine, is an impedance."
-                self.net.corrections.append(f"{row.place}: {text}")
+            if number not in at and (pg or qg or kind == HELD):
+                self.alone[number] = complex(pg, qg) * self.base
 
     def _load(self, row: Row, number: int, shares: list[float]) -> None:
         p, q = (self.base * value for value in row.values[5:7])
@@ -210,6 +219,27 @@ class _Reader:
             )  # fmt: skip
         if m[17]:
             self._said(place, f"machine {number}: damping relative to the mean speed (column 18) is left out.")
+
+    def _generation(self) -> None:
+        """Generation at buses without a machine, as impedances; where they hold a voltage, after a power flow."""
+        held = [bus for bus in self.alone if self.net.bus(bus).kind == "pv"]
+        if held:
+            machines, places = list(self.net.rows["machines"]), list(self.net.places["machines"])
+            for bus in held:
+                self.net.add("machines", Machine(self.net.new_number(), bus, self.base, self.alone[bus].real, bus), "")
+            flow = self.net.case(self.file.path, devices={}, base_mva=self.base, frequency_hz=self.hertz).power_flow()
+            self.alone |= dict(zip(held, flow.S[-len(held) :] * self.base, strict=True))
+            for bus in held:
+                v, angle = abs(flow.V[self.net.at[bus]]), np.angle(flow.V[self.net.at[bus]], deg=True)
+                self.net.change(bus, kind="pq", v=float(v), angle=float(angle))
+            self.net.rows["machines"], self.net.places["machines"] = machines, places
+        for bus, power in self.alone.items():
+            place = self.net.places["buses"][self.net.at[bus]]
+            if power:
+                load = Load(bus, -power.real, -power.imag, v_low=LOW, id="G", kind="injection")
+                self.net.add("loads", load, place)
+            what = f"generation of {power.real:.4g} MW and {power.imag:.4g} Mvar"
+            self._said(place, f"bus {bus} has no machine; its {what} is an impedance, as in PST.")
 
     def _controls(self, table: str, made: Callable[[list[float]], "Control | str"]) -> None:
         """Exciters, stabilizers or governors; those of classical machines are left out."""
