@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from stabctl.io.import_report import ImportReport, import_report
     from stabctl.io.matpower import read_matpower
     from stabctl.io.psse import read_psse
+    from stabctl.io.pst import read_pst
     from stabctl.model.case import Case
     from stabctl.model.powerflow import PowerFlow
     from stabctl.model.powerflow import solve as power_flow
@@ -111,6 +112,7 @@ _WHERE = {
     "place": "placement.place:place",
     "power_flow": "model.powerflow:solve",
     "read_matpower": "io.matpower:read_matpower",
+    "read_pst": "io.pst:read_pst",
     "read_psse": "io.psse:read_psse",
     "read_sweep": "sweep.results:read",
     "register": "devices:register",
