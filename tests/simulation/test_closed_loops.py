@@ -1,6 +1,7 @@
 """The step of a run in which a law or controller makes the loop faster; limit cycles at full power are named."""
 
 import re
+from dataclasses import replace
 
 import control
 import numpy as np
@@ -71,6 +72,13 @@ def test_what_does_not_act_continuously_closes_no_loop(points):
     assert loop_of(point, relay) < 1.01 * point.fastest
     two = ("flow:7-8", "speed:1"), ("order:2",), NONE[0], np.zeros((0, 2)), NONE[2], [[900.0, 1e5]]
     assert loop_of(point, st.Controller(*two, relay=True, limits=0.7)) < 1.01 * point.fastest
+
+
+@pytest.mark.parametrize("where", [{"deadband": 1e-3}, {"limits": 1e-3}, {"deadband": 1e-3, "limits": (-0.2, 0.5)}])
+def test_deadband_and_limits_of_a_controller_are_left_out(points, where):
+    """The loop is that where the controller acts, beyond its deadband and within its limits."""
+    point = stored(points, "wscc9")
+    assert loop_of(point, replace(lead(3, 1000), **where)) == pytest.approx(fastest(point, lead(3, 1000)), rel=1e-9)
 
 
 def test_a_large_system_needs_only_its_fastest_eigenvalue(points, monkeypatch):
