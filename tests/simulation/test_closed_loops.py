@@ -236,6 +236,16 @@ def test_at_rest_a_fast_controller_moves_nothing(points):
     assert ran.step < 1.3 / fastest(point, lead(3, 1000))
 
 
+def test_the_step_follows_a_controller_at_its_limit_too(points):
+    """An integral controller, x' = y, is slow; beyond its limit, x' = y - (x - limit) / Tt is as fast as its tracking."""
+    point, integral = stored(points, "wscc9"), control.tf([1], [1, 0])
+    for seconds in (1.0, 0.001):
+        slow = st.Controller.from_control(integral, "deviation:2", "order:2", limits=1e-5, tracking=seconds)
+        ran = point.simulate("5:+10MW@0.1s", "1s", control=slow)
+        assert np.abs(ran.arrays.order).max() == pytest.approx(1e-5)
+        assert ran.step == pytest.approx(min(1 / 120, 1.3 * seconds), rel=0.3)
+
+
 def test_a_step_that_is_too_long_for_the_loop_is_refused(points):
     point = stored(points, "wscc9")
     with pytest.raises(StudyError, match=r"too long for wscc9, .* \(that of the loop closed by the control; reduce"):
