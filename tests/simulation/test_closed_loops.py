@@ -237,7 +237,7 @@ def test_at_rest_a_fast_controller_moves_nothing(points):
 
 
 def test_the_step_follows_a_controller_at_its_limit_too(points):
-    """An integral controller, x' = y, is slow; beyond its limit, x' = y - (x - limit) / Tt is as fast as its tracking."""
+    """An integral, x' = y, is slow; beyond its limit, x' = y - (x - limit) / Tt is as fast as its tracking."""
     point, integral = stored(points, "wscc9"), control.tf([1], [1, 0])
     for seconds in (1.0, 0.001):
         slow = st.Controller.from_control(integral, "deviation:2", "order:2", limits=1e-5, tracking=seconds)
