@@ -74,9 +74,19 @@ def test_what_does_not_act_continuously_closes_no_loop(points):
     assert loop_of(point, st.Controller(*two, relay=True, limits=0.7)) < 1.01 * point.fastest
 
 
-@pytest.mark.parametrize("where", [{"deadband": 1e-3}, {"limits": 1e-3}, {"deadband": 1e-3, "limits": (-0.2, 0.5)}])
-def test_deadband_and_limits_of_a_controller_are_left_out(points, where):
-    """The loop is that where the controller acts, beyond its deadband and within its limits."""
+@pytest.mark.parametrize(
+    "where",
+    [
+        {"deadband": 1e-3},
+        {"limits": 1e-3},
+        {"deadband": 1e-3, "limits": (-0.2, 0.5)},
+        {"gate": st.Gate(start=0.5, end=0.9)},
+        {"gate": st.Gate("voltage:7", high=0.9)},
+        {"gate": st.Gate("voltage:7", high=0.9, start=0.5), "deadband": 1e-3},
+    ],
+)
+def test_deadband_limits_and_gate_of_a_controller_are_left_out(points, where):
+    """The loop is that where the controller acts: beyond its deadband, within its limits, while its gate is open."""
     point = stored(points, "wscc9")
     assert loop_of(point, replace(lead(3, 1000), **where)) == pytest.approx(fastest(point, lead(3, 1000)), rel=1e-9)
 
