@@ -10,7 +10,7 @@ import pytest
 
 import stabctl as st
 from stabctl._util.errors import StudyError
-from stabctl.clearing import Run, Trial, clearing_time, lines, screen
+from stabctl.clearing import Run, Trial, clearing_time, lines, screen, trial
 from stabctl.clearing.critical_time import last_stable
 from stabctl.clearing.trial import Margin, Scan
 from stabctl.controllers import BangBang
@@ -214,6 +214,15 @@ def test_threads_change_nothing(points):
     alone, several = (screen(points("ieee39"), below="6cyc", workers=n) for n in (1, 3))
     assert alone.rows() == several.rows()
     assert alone.simulations == several.simulations
+
+
+def test_every_simulation_is_counted(points, monkeypatch):
+    """Those of every search, and one with a lasting fault at every bus, from which the first search begins."""
+    simulated, made = trial.run, []
+    monkeypatch.setattr(trial, "run", lambda *what, **how: made.append(what) or simulated(*what, **how))
+    found = screen(points("two_area"), resolution="2cyc", longest="0s")
+    assert {p.fault for p in found.pairs} == {"7", "8", "9"}
+    assert found.simulations == len(made) == sum(len(p.runs) for p in found.pairs) + 3
 
 
 def test_storage_lengthens_what_is_screened(cases, screens):

@@ -124,6 +124,18 @@ def test_orders_follow_the_surface_of_each_group(base, groups):
     assert np.abs(run.arrays.order).max() == 1
 
 
+def test_a_group_that_a_switching_divides_acts_in_each_island_with_the_machines_there(base):
+    law = st.StorageLaw(groups=("1+3",), angle_gain=1.0, slope="200mHz", deadband=0, min_voltage=0)
+    run = base.simulate([st.Open("7-8", 0.5), st.Open("7-8#2", 0.5)], 2, control=law)
+    change, divided = run.arrays.angle - run.arrays.angle[0], run.time > 0.5
+    for one, other in ((0, 1), (2, 3)):
+        w, d = (x[:, one] - x[:, other] for x in (run.arrays.speed, change))
+        want = np.clip((60 * w + d / (2 * np.pi)) / 0.2, -1, 1)
+        assert np.abs(run.arrays.order[:, one] - want)[divided].max() < 1e-9
+        assert np.abs(run.arrays.order[:, other] + want)[divided].max() < 1e-9
+        assert np.ptp(want[divided]) > 0.1
+
+
 def test_a_group_has_one_order(base):
     run = base.simulate(FAULT, 3, control=st.StorageLaw(groups=("1+2",), min_voltage=0))
     assert np.array_equal(run.arrays.order[:, 0], run.arrays.order[:, 1])

@@ -80,6 +80,22 @@ def test_rows_are_named_as_a_user_names_them(case):
     assert case.set("pss.1.K", 10).devices["pss"][1].K == 10
 
 
+def test_a_name_that_two_buses_have_is_none(case):
+    names = {7: "North", 8: "SOUTH", 9: "south"}
+    named = replace(case, buses=tuple(b._replace(name=names.get(b.bus, "")) for b in case.buses))
+    assert naming.bus_number(named, " north ") == 7
+    assert naming.bus_number(named, "South") is None
+    with pytest.raises(StudyError, match="two_area has no bus South"):
+        named.set("buses.South.v", 1.02)
+
+
+@pytest.mark.parametrize("count", [1, 8, 9, 12])
+def test_all_names_that_could_be_meant_are_listed_or_counted(count):
+    said = naming.near("?", [f"n{i}" for i in range(count)]).removeprefix("it has ")
+    listed, _, more = said.partition(" and ")
+    assert len(listed.split(", ")) + int(more.partition(" more.")[0] or 0) == count
+
+
 def test_nothing_else_changes(case):
     changed = case.set("sexs.2.KA", 100)
     assert {model: dict(rows) for model, rows in changed.devices.items()} == {

@@ -123,6 +123,14 @@ def test_the_odd_one_of_several_devices_is_named():
     assert "the others of this case have" in finding.likely
 
 
+@pytest.mark.parametrize("odd", [0.1, 70.0])
+def test_the_range_named_is_that_of_all_others(odd):
+    values = {f"machine {i}": value for i, value in enumerate((2.0, 4.0, odd, 1.0, 3.0))}
+    (found,) = unusual._alone("exst3", "KA", "-", values, unusual.ALONE)
+    assert (found.object, found.value, found.low, found.high) == ("machine 2", odd, 1.0, 4.0)
+    assert found.likely.endswith("have 1 to 4")
+
+
 def test_power_left_at_the_stored_voltages_is_named_unless_they_are_no_solution():
     case = st.load("wscc9")
     wrong = case.set("loads.5.p", 12.5)
@@ -130,6 +138,15 @@ def test_power_left_at_the_stored_voltages_is_named_unless_they_are_no_solution(
     assert wrong.check(balance=False).findings == ()
     flat = [b._replace(angle=0.0) for b in case.buses]
     assert replace(wrong, buses=tuple(flat)).check().findings == ()
+
+
+@pytest.mark.parametrize(("share", "named"), [(0.94, True), (0.96, False), (1.04, False), (1.06, True)])
+def test_power_left_at_a_bus_is_named_from_a_twentieth_of_what_passes_through(share, named):
+    """Through a bus without a machine passes what comes in by its lines, and leaves by them and as load."""
+    case = st.load("wscc9")
+    found = case.set("loads.5.p", share * case.loads[0].p).check().findings
+    assert [f.object for f in found] == ["bus 5"] * named
+    assert [f.value for f in found] == [pytest.approx((share - 1) * case.loads[0].p, abs=0.6)] * named  # 0.5
 
 
 def test_a_power_flow_without_a_solution_hides_nothing_else():

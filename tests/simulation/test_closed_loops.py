@@ -1,6 +1,7 @@
 """The step of a run in which a law or controller makes the loop faster; limit cycles at full power are named."""
 
 import re
+from dataclasses import replace
 
 import control
 import numpy as np
@@ -71,6 +72,23 @@ def test_what_does_not_act_continuously_closes_no_loop(points):
     assert loop_of(point, relay) < 1.01 * point.fastest
     two = ("flow:7-8", "speed:1"), ("order:2",), NONE[0], np.zeros((0, 2)), NONE[2], [[900.0, 1e5]]
     assert loop_of(point, st.Controller(*two, relay=True, limits=0.7)) < 1.01 * point.fastest
+
+
+@pytest.mark.parametrize(
+    "where",
+    [
+        {"deadband": 1e-3},
+        {"limits": 1e-3},
+        {"deadband": 1e-3, "limits": (-0.2, 0.5)},
+        {"gate": st.Gate(start=0.5, end=0.9)},
+        {"gate": st.Gate("voltage:7", high=0.9)},
+        {"gate": st.Gate("voltage:7", high=0.9, start=0.5), "deadband": 1e-3},
+    ],
+)
+def test_deadband_limits_and_gate_of_a_controller_are_left_out(points, where):
+    """The loop is that where the controller acts: beyond its deadband, within its limits, while its gate is open."""
+    point = stored(points, "wscc9")
+    assert loop_of(point, replace(lead(3, 1000), **where)) == pytest.approx(fastest(point, lead(3, 1000)), rel=1e-9)
 
 
 def test_a_large_system_needs_only_its_fastest_eigenvalue(points, monkeypatch):
@@ -226,6 +244,16 @@ def test_at_rest_a_fast_controller_moves_nothing(points):
     assert ran.outcome.stable
     assert np.abs(ran.arrays.speed - 1).max() < 1e-8
     assert ran.step < 1.3 / fastest(point, lead(3, 1000))
+
+
+def test_the_step_follows_a_controller_at_its_limit_too(points):
+    """An integral, x' = y, is slow; beyond its limit, x' = y - (x - limit) / Tt is as fast as its tracking."""
+    point, integral = stored(points, "wscc9"), control.tf([1], [1, 0])
+    for seconds in (1.0, 0.001):
+        slow = st.Controller.from_control(integral, "deviation:2", "order:2", limits=1e-5, tracking=seconds)
+        ran = point.simulate("5:+10MW@0.1s", "1s", control=slow)
+        assert np.abs(ran.arrays.order).max() == pytest.approx(1e-5)
+        assert ran.step == pytest.approx(min(1 / 120, 1.3 * seconds), rel=0.3)
 
 
 def test_a_step_that_is_too_long_for_the_loop_is_refused(points):

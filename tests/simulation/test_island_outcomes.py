@@ -8,6 +8,7 @@ from islands import SHIFT, joined, single
 
 import stabctl as st
 from stabctl.clearing.trial import _equivalent
+from stabctl.simulation.criterion import Criterion
 
 FAULT = st.Contingency("7-8@0.4", clear="6cyc")
 LAWS = [None, st.BangBang(), st.Feedback(0.05), st.Feedback(0.05, 0.01, min_voltage=0.0)]
@@ -88,6 +89,15 @@ def test_the_loop_of_controllers_at_rest_is_that_of_its_island(both, alone, sign
     said = [end.partition("Where the control acts")[2] for end in ends]
     assert said[0] == said[1]
     assert bool(said[0]) == (signal == "angle:1" and gain < 0)
+
+
+def test_a_tripped_machine_is_no_island_whose_frequency_is_judged(both, alone):
+    """The island is named only beside others with machines."""
+    narrow = Criterion(min_frequency="59.95Hz", frequency_delay_s=0.1)
+    for point, island in ((alone, ""), (both, " of the island of machines 2, 3, 4")):
+        end = point.simulate([st.TripMachine(1, 0.5)], "8s", criterion=narrow).outcome
+        assert end.kind == "frequency_instability"
+        assert str(end).startswith(f"The frequency{island} was outside 59.95 to 62 Hz for 0.1 s at ")
 
 
 def test_a_machine_that_was_alone_before_is_judged_as_any_other():

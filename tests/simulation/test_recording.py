@@ -46,6 +46,20 @@ def test_without_a_record_only_the_last_angles_are_held(points):
     assert record.kept(3)[1].shape == (0, 3)
 
 
+@pytest.mark.parametrize("rows", [1, 7, 30, 400, 2000])
+def test_all_angles_of_the_last_seconds_are_held_however_many_rows_come_at_once(points, rows):
+    point = points("two_area")
+    record = recording.Recording(point, False, 10**6, every=0.0, span=swings.SPAN)
+    times = np.arange(1200) / 100
+    signals = np.random.default_rng(0).normal(size=(len(times), record.width))
+    for start in range(0, len(times), rows):
+        record.add(times[start : start + rows], signals[start : start + rows])
+    begin = times[-1] - swings.SPAN
+    angles, middle = record.angles(begin, times[-1] - 1.0)
+    assert np.array_equal(angles, signals[times > begin - 1e-9][:, point.rotors.angle])
+    assert len(angles) - middle == 101
+
+
 def test_an_interval_that_is_not_one_is_refused(points):
     with pytest.raises(StudyError, match="every = -1 s is not allowed"):
         points("two_area").simulate(FAULT, 5, every=-1)

@@ -75,6 +75,28 @@ def test_a_device_that_fills_or_empties_within_a_step_stops_there(order):
     assert stopped.finish().arrays.storage[-1] == 0
 
 
+@pytest.mark.parametrize("later", [0.4, -0.2])
+def test_two_devices_that_stop_within_a_step_stop_one_after_the_other(later):
+    """The second one `later` (steps) than the first one of the case, or before it."""
+    case, lasts = small(KINDS["bare"]), (0.45, 0.45 + later / 120)  # s
+    sites = [Storage(1, 2, 40.0), Storage(2, 3, 20.0)]
+    small_stores = [s._replace(energy=2 * s.rating * t / 3600, charge=0.5) for s, t in zip(sites, lasts, strict=True)]
+    limited, free = (operating_point.solve(case.with_storage(s)) for s in (small_stores, sites))
+
+    def run(point):
+        made = Simulation(point, [Fault("2", 0.05), Clear("2", 0.08)], criterion=KEEP_ON)
+        begin = 0.1 + 0.3 / 120
+        made.advance(begin)
+        made.orders[:] = -1.0
+        for j in np.argsort(lasts) if point is free else ():
+            made.advance(begin + lasts[j])
+            made.orders[j] = 0.0
+        made.advance(0.7)
+        return made
+
+    assert run(limited).angle == pytest.approx(run(free).angle, abs=5e-9)
+
+
 def test_chattering_orders_are_left_to_the_ends_of_the_steps(cases):
     """Without a deadband orders switch all the time; the run ends, and every order is allowed."""
     run = simulation.run(fleet(cases("two_area")), Contingency("7", "5cyc", "7-8"), 6.0, control=BangBang(0.0))

@@ -148,6 +148,21 @@ def test_a_common_period_of_several_rates(thyristor):
     assert thyristor.closed_loop(damper().sampled(60), stabilizers()[0].sampled(50)).period == pytest.approx(1 / 10)
 
 
+@pytest.mark.parametrize("rates", [(60,), (60, 30), (50, 10), (30, 20)])
+def test_modes_of_the_system_stay_however_many_frames_there_are_in_a_period(thyristor, rates):
+    """What decays to less than a fifth within one frame of the fastest controller counts as an emptying delay line."""
+    gain = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[1e-9]]
+    outputs = "order:1@5", "order:2@6"
+    loop = thyristor.closed_loop(
+        *(st.Controller(("deviation:1",), (y,), *gain, rate=r) for y, r in zip(outputs, rates, strict=False))
+    )
+    s = thyristor.modes().eigenvalues
+    there = s[(s.real > 0.99 * max(rates) * np.log(0.2)) & (np.abs(s.imag) < 0.99 * np.pi / loop.period)]
+    assert len(there) > 20
+    for found, wanted in ((loop.modes().eigenvalues, there), (loop.eigenvalues(), there[1:])):
+        assert np.abs(found[:, None] - wanted).min(axis=0).max() < 1e-4
+
+
 def test_labels_and_export(thyristor):
     loop = thyristor.closed_loop(damper(), inputs="vref:2", outputs="speed:2")
     system = loop.to_control()
