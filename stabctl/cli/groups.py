@@ -41,7 +41,7 @@ class CaseOptions(NamedTuple):
 
     def check(self, case: "Case") -> "UnusualData":
         """Its unusual data; loads or a dispatch that were set do not balance at the stored voltages."""
-        return case.check(balance=not (self.settings or self.motor_share))
+        return case.check(balance=not self.settings)
 
     @property
     def words(self) -> str:

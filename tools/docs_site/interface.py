@@ -5,7 +5,7 @@ import stabctl
 PAGES = {
     "systems": (
         "Systems and operating points",
-        "load cases Case Storage write read_psse read_matpower import_report ImportReport check UnusualData "
+        "load cases Case Storage write read_psse read_matpower read_pst import_report ImportReport check UnusualData "
         "replicate register "
         "power_flow PowerFlow short_circuit ShortCircuit short_circuit_ratio ShortCircuitRatio "
         "initialize OperatingPoint StabctlError",
