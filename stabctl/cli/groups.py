@@ -31,6 +31,7 @@ class CaseOptions(NamedTuple):
     missing: options.Missing = "refuse"
     missing_controls: options.MissingControls = "refuse"
     motor_share: options.MotorShare = None
+    conventions: options.Conventions = None
 
     def load(self) -> "Case":
         """The case with its settings (`pss.1.K=10`) applied; what is noted or unusual goes to stderr."""
@@ -61,7 +62,7 @@ class CaseOptions(NamedTuple):
         from stabctl import io
         from stabctl._util.errors import StudyError
 
-        names = ("dyr", "loads", "machines", "frequency", "missing", "missing_controls")
+        names = ("dyr", "loads", "machines", "frequency", "conventions", "missing", "missing_controls")
         case = io.load(self.case, **{name: getattr(self, name) for name in names})
         values = {}
         for text in self.settings or ():

@@ -74,6 +74,13 @@ Frequency = Annotated[
     float | None,
     Option("--frequency", metavar="FREQUENCY", parser=in_unit("Hz"), help="Rated frequency of x.m (60 Hz)."),
 ]
+Conventions = Annotated[
+    Literal["pst", "psse", "andes", "book"] | None,
+    Option(
+        "--conventions",
+        help="Machine equations as in PST, PSS/E, ANDES or textbooks (default: as in the case).",
+    ),
+]
 Missing = Annotated[
     Literal["refuse", "injection"],
     Option("--missing", help="Machines of x.raw without a model: an error, or constant-power injections."),

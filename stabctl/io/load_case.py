@@ -10,6 +10,7 @@ from . import folder
 from ._matlab import assigns
 
 if TYPE_CHECKING:
+    from stabctl.model.conventions import Conventions
     from stabctl.model.loads import Loads
 
     from .psse.to_case import Missing, MissingControls
@@ -22,6 +23,7 @@ def load(
     loads: "Loads | None" = None,
     machines: Literal["typical"] | None = None,
     frequency: float | str | None = None,
+    conventions: "Conventions | None" = None,
     missing: "Missing" = "refuse",
     missing_controls: "MissingControls" = "refuse",
 ) -> Case:
@@ -40,6 +42,8 @@ def load(
         Typical machines, exciters and governors for a case without dynamic data.
     frequency : float or str, Hz, optional
         Rated frequency of a file ending in .m, which may not hold it: 50 or "50Hz"; 60 Hz by default.
+    conventions : {"pst", "psse", "andes", "book"}, optional
+        Equations of the machines, as of a program or of textbooks; by default what the case says, for PST files "pst".
     missing, missing_controls : str
         What to do with machines and controls without a model; see `read_psse`.
 
@@ -84,6 +88,7 @@ def load(
         raise StudyError(f"machines = {shown(machines)} is not allowed; the only choice is typical.")
     if machines is not None and ending != ".m":
         case = case.with_typical_machines()
+    case = case.with_conventions(conventions) if conventions is not None else case
     return case.with_loads(loads) if loads is not None else case
 
 

@@ -82,6 +82,7 @@ class Case(Tables):
     with_load_level = verb("stabctl.model.loads:with_load_level")
     with_motors = verb("stabctl.model.loads:with_motors")
     with_loads = verb("stabctl.model.loads:with_loads")
+    with_conventions = verb("stabctl.model.conventions:with_conventions")
     with_storage = verb("stabctl.model.fleet:with_storage")
     with_device = verb("stabctl.model.edit:with_device")
     without_device = verb("stabctl.model.edit:without_device")

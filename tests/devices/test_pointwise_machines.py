@@ -32,8 +32,9 @@ def stator(p, x, E, V, id_iq, w=1.0):
 
 
 def rotor(p, x, u, Te):
-    """The swing equation; the governor gives a power, the stator a torque."""
-    return {"delta": p.wb * (x.omega - 1), "omega": (u.Pm / x.omega - Te - p.D * (x.omega - 1)) / (2 * p.H)}
+    """The swing equation; the governor gives a power or a torque, the stator a torque."""
+    Tm = u.Pm * (1 if p.torque else 1 / x.omega)
+    return {"delta": p.wb * (x.omega - 1), "omega": (Tm - Te - p.D * (x.omega - 1)) / (2 * p.H)}
 
 
 def subtransient(p, x, psi, V, w=1.0):
@@ -135,7 +136,7 @@ def esd(p, x, u, V):
 MACHINE = {"ra": (0.002, 0.02), "xl": (0.05, 0.1), "x2": (0.12, 0.2), "x1d": (0.22, 0.4), "x1q": (0.42, 0.7)}
 MACHINE |= {"xd": (1.4, 2.0), "xq": (0.8, 1.3), "S10": (0.05, 0.15), "S12": (0.3, 0.5), "mva": (0.3, 3.0)}
 MACHINE |= {"wb": (314.0, 377.0), "D": (0.1, 2.0), "H": (1.0, 6.0), "x.omega": (0.9, 1.1), "x.delta": (-3, 3)}
-MACHINE |= {"speed_factor": [0, 1], "x.eq": (0.4, 1.6)}
+MACHINE |= {"speed_factor": [0, 1], "torque": [0, 1], "x.eq": (0.4, 1.6)}
 STORE = {"floor": (0.05, 0.2), "capacity": (0.6, 0.9), "x.energy": (-0.1, 1.1), "Smax": (0.6, 1.3), "vlow": (0.3, 0.6)}
 STORE |= {f"{where}.{n}": (-1.5, 1.5) for where, n in (("x", "share"), ("x", "reactive"), ("u", "order"))}
 STORE |= {"u.order_q": (-1.5, 1.5), "efficiency": (0.7, 0.95)}

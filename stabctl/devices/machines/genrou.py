@@ -1,6 +1,6 @@
 """GENROU: round-rotor synchronous machine with a field winding and three damper windings, x''q = x''d.
 
-Pm/omega -> (+) -> [1/(2Hs)] -> omega - 1 -> [wb/s] -> delta
+Tm -> (+) -> [1/(2Hs)] -> omega - 1 -> [wb/s] -> delta
             (-) Te + D (omega - 1)
 Efd -> (+) -> [1/(s T'd0)] -> E'q            E'q -> (+) -> [1/(s T''d0)] -> psi_kd
        (-) <- Xad Ifd                               (-) <- psi_kd + (x'd - xl) id
@@ -11,7 +11,7 @@ psi''d = E'q (x''-xl)/(x'd-xl) + psi_kd (x'd-x'')/(x'd-xl);  psi''q likewise fro
 The source behind ra + j x'' is (psi''d + j psi''q) exp(j delta), times omega with speed_factor = 1 (PST). Saturation
 depends on the magnitude of psi'' and acts on both axes, B (|psi''| - A)^2 through S10 and S12 (one of them 0: none).
 With x'q = xq it is a salient-pole machine. Per unit on the machine's own MVA; `mva` converts currents to the system
-base.
+base. Tm is Pm/omega, or Pm with torque = 1 (textbooks).
 Source: Kundur, Power System Stability and Control, ch. 3-5; PSS/E Model Library, GENROU; Power System Toolbox (PST).
 """
 
@@ -26,7 +26,7 @@ from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import circuit_rate, magnitude, quadratic
 
 from .saturation import along, mistakes, points
-from .stator import Input, Internal, Output, admittance, source, stator
+from .stator import Input, Internal, Output, admittance, source, stator, torque
 
 NAME = "GENROU"
 ROLE = "machine"
@@ -60,6 +60,7 @@ class Par(NamedTuple):
     S10: Annotated[float, "pu", "saturation at flux 1.0 (0: unsaturated)", NOT_NEGATIVE] = 0.0
     S12: Annotated[float, "pu", "saturation at flux 1.2 (0: unsaturated)", NOT_NEGATIVE] = 0.0
     speed_factor: Annotated[int, "-", "1: stator voltage omega psi'' (PST), 0: psi'' (PSS/E)", Interval(ge=0, le=1)] = 0
+    torque: Annotated[int, "-", "1: Pm is a torque (textbooks), 0: a power, Pm/omega (PSS/E)", Interval(ge=0, le=1)] = 0
     SA: Annotated[float, "pu", "flux at which saturation begins, from S10 and S12", FROM_CASE] = 0.0
     SB: Annotated[float, "1/pu", "slope of saturation, from S10 and S12", FROM_CASE] = 0.0
 
@@ -139,7 +140,7 @@ def derivatives(x, u, y, p):
     damp_d, damp_q = damping(x, y.id, y.iq, p)
     return State(
         p.wb * (x.omega - 1),
-        (u.Pm / x.omega - y.Te - p.D * (x.omega - 1)) / (2 * p.H),
+        (torque(x, u, p) - y.Te - p.D * (x.omega - 1)) / (2 * p.H),
         circuit_rate(p.T1d, u.Efd - y.Ifd, x.eq),
         circuit_rate(p.T2d, damp_d, x.kd),
         circuit_rate(p.T1q, -y.Ilq, x.ed),

@@ -7,8 +7,8 @@ psi''q = [1/(1 + s T''q0)] <- -(xq - x'') iq
 Xad Ifd = E'q + S(E'q) + (xd - x'd) (id + (x'd-x'')/(x'd-xl)^2 (E'q - psi_kd - (x'd-xl) id))
 
 S is the saturation of E'q alone, B (E'q - A)^2 through S10 and S12 (one of them 0: none). The q axis has no field and
-is unsaturated. The source behind ra + j x'' is psi'', the mechanical torque is Pm/omega. Per unit on the machine's own
-MVA; `mva` converts currents to the system base.
+is unsaturated. The source behind ra + j x'' is psi''. The mechanical torque is Pm/omega, or Pm with torque = 1. Per
+unit on the machine's own MVA; `mva` converts currents to the system base.
 Source: PSS/E Model Library, GENSAL; Kundur, Power System Stability and Control, sections 3.4-3.6 and 5.3.
 """
 
@@ -16,14 +16,14 @@ from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from annotated_types import Ge
+from annotated_types import Ge, Interval
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import circuit_rate, quadratic
 
 from .saturation import mistakes, points
-from .stator import Input, Internal, Output, admittance, source, stator
+from .stator import Input, Internal, Output, admittance, source, stator, torque
 
 NAME = "GENSAL"
 ROLE = "machine"
@@ -54,6 +54,7 @@ class Par(NamedTuple):
     T2q: Annotated[float, "s", "subtransient open-circuit time constant, q axis (0: circuit open)", NOT_NEGATIVE]
     S10: Annotated[float, "pu", "saturation at E'q = 1.0 (0: unsaturated)", NOT_NEGATIVE] = 0.0
     S12: Annotated[float, "pu", "saturation at E'q = 1.2 (0: unsaturated)", NOT_NEGATIVE] = 0.0
+    torque: Annotated[int, "-", "1: Pm is a torque (textbooks), 0: a power, Pm/omega (PSS/E)", Interval(ge=0, le=1)] = 0
     SA: Annotated[float, "pu", "E'q at which saturation begins, from S10 and S12", FROM_CASE] = 0.0
     SB: Annotated[float, "1/pu", "slope of saturation, from S10 and S12", FROM_CASE] = 0.0
 
@@ -119,7 +120,7 @@ def rates(x, u, y, p, iron):
     """The same for an extra excitation of the q axis."""
     return State(
         p.wb * (x.omega - 1),
-        (u.Pm / x.omega - y.Te - p.D * (x.omega - 1)) / (2 * p.H),
+        (torque(x, u, p) - y.Te - p.D * (x.omega - 1)) / (2 * p.H),
         circuit_rate(p.T1d, u.Efd - y.Ifd, x.eq),
         circuit_rate(p.T2d, damping(x, y.id, p), x.kd),
         circuit_rate(p.T2q, -x.kq - (p.xq - p.x2) * y.iq - iron, x.kq),

@@ -7,8 +7,8 @@ vq = psi''d - ra iq - (xl + (x''d - xl)/Sd) id,    vd = -psi''q - ra id + (xl + 
 Sd = 1 + S(m),  Sq = 1 + xq/xd S(m),  m = |V + (ra + j xl) I| + Kis |I|,  S(m) = B (m - A)^2 / m
 
 S passes through S10 and S12 (one of them 0: none). Its argument depends on the current, which depends on it: the two
-are solved by Newton's method. The source has no speed factor, the mechanical torque is Pm/omega. Per unit on the
-machine's own MVA; `mva` converts currents to the system base.
+are solved by Newton's method. The source has no speed factor; the mechanical torque is Pm/omega, or Pm with torque = 1.
+Per unit on the machine's own MVA; `mva` converts currents to the system base.
 Source: J. Undrill, The gentpj model, WECC, 2007 (updated 2012), eq. (1)-(20).
 """
 
@@ -16,14 +16,14 @@ from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from annotated_types import Ge
+from annotated_types import Ge, Interval
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import at_least, circuit_rate, magnitude
 
 from .saturation import mistakes, points
-from .stator import Input, Internal, Output, mean, norton, rest, solved, terminal
+from .stator import Input, Internal, Output, mean, norton, rest, solved, terminal, torque
 
 NAME = "GENTPJ1"
 ROLE = "machine"
@@ -62,6 +62,7 @@ class Par(NamedTuple):
     S10: Annotated[float, "pu", "saturation at 1.0 (0: unsaturated)", NOT_NEGATIVE] = 0.0
     S12: Annotated[float, "pu", "saturation at 1.2 (0: unsaturated)", NOT_NEGATIVE] = 0.0
     Kis: Annotated[float, "pu", "flux equivalent of the stator current (0: GENTPF)", NOT_NEGATIVE] = 0.0
+    torque: Annotated[int, "-", "1: Pm is a torque (textbooks), 0: a power, Pm/omega (PSS/E)", Interval(ge=0, le=1)] = 0
     SA: Annotated[float, "pu", "flux at which saturation begins, from S10 and S12", FROM_CASE] = 0.0
     SB: Annotated[float, "1/pu", "slope of saturation, from S10 and S12", FROM_CASE] = 0.0
 
@@ -164,7 +165,7 @@ def derivatives(x, u, i, v, y, p):
     S, iq, id_ = stator(i, vr, vi, p)
     return State(
         p.wb * (x.omega - 1),
-        (u.Pm / x.omega - y.Te - p.D * (x.omega - 1)) / (2 * p.H),
+        (torque(x, u, p) - y.Te - p.D * (x.omega - 1)) / (2 * p.H),
         circuit_rate(p.T1d, u.Efd - y.Ifd, x.eq),
         circuit_rate(p.T2d, (1 + S) * (x.eq - x.kd) - (p.x1d - p.x2d) * y.id, x.kd),
         circuit_rate(p.T1q, -y.Ilq, x.ed),

@@ -107,6 +107,12 @@ def mean(ra, xd, xq):
 
 
 @inline
+def torque(x, u, p):
+    """Mechanical torque (pu machine): the power Pm over the speed, or Pm itself with the parameter `torque`."""
+    return u.Pm / x.omega if p.torque < 1 else u.Pm
+
+
+@inline
 def norton(i, p, xd, xq):
     """Short-circuit current of the source behind ra + j x (pu system), real and imaginary part."""
     g, b = mean(p.ra, xd, xq)

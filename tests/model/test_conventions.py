@@ -1,0 +1,49 @@
+"""Conventions of machine equations: what they change, and by how much."""
+
+import numpy as np
+import pytest
+from systems import CLASSICAL, POLES, ROUND, SEXS, TYPE_J, small
+
+import stabctl as st
+from stabctl._util.errors import StudyError
+from stabctl.model.conventions import KNOWN
+
+MACHINES = {"genrou": ROUND, "genroe": ROUND, "gensal": POLES, "gensae": POLES, "gentpj1": TYPE_J}
+
+
+@pytest.mark.parametrize("model", MACHINES)
+def test_a_torque_damps_less_by_the_power(model):
+    """d(Pm/omega) = dPm - Pm domega: a torque Pm with a damping D is a power Pm with D - Pm, at the operating point."""
+    case = small({model: MACHINES[model], "sexs": SEXS}, p=240.0, base=400.0)
+    own = case.devices[model][1]
+    Pm = case.power_flow().S[0].real * case.base_mva / 400.0
+    resistance = own.ra * abs(case.power_flow().S[0] * case.base_mva / 400.0 / 1.02) ** 2
+    torque = case.set({f"{model}.1.torque": 1}).modes().eigenvalues
+    power = case.set({f"{model}.1.D": own.D - Pm - resistance}).modes().eigenvalues
+    assert max(np.abs(torque - one).min() for one in power) < 1e-6  # 2e-9
+    assert max(np.abs(case.modes().eigenvalues - one).min() for one in power) > 1e-3
+
+
+def test_conventions_change_the_machines_that_have_them_and_nothing_else():
+    case = small({"genrou": ROUND, "sexs": SEXS})
+    for name, values in KNOWN.items():
+        changed = case.with_conventions(name)
+        par = changed.devices["genrou"][1]
+        assert (par.speed_factor, par.torque) == values
+        assert par._replace(speed_factor=ROUND.speed_factor, torque=ROUND.torque) == case.devices["genrou"][1]
+        assert {k: v for k, v in changed.devices.items() if k != "genrou"} == {
+            k: v for k, v in case.devices.items() if k != "genrou"
+        }
+        assert changed.with_conventions(name) == changed
+    classical = small({"gencls": CLASSICAL})
+    assert classical.with_conventions("pst") == classical
+
+
+def test_every_way_to_load_a_case_takes_conventions(stabctl):
+    assert st.load("two_area", conventions="book") == st.load("two_area").with_conventions("book")
+    own, book = (stabctl("modes", "two_area", "--classical", *more)[1] for more in ((), ("--conventions", "book")))
+    assert own == book
+    own, book = (stabctl("modes", "two_area", "--conventions", name)[1] for name in ("pst", "book"))
+    assert own != book
+    with pytest.raises(StudyError, match="The conventions 'kundur' are not known; choose one of pst, psse"):
+        st.load("two_area", conventions="kundur")
