@@ -104,9 +104,9 @@ class _Reader:
         for table, controls in (("exc_con", _exciter), ("pss_con", _stabilizer), ("tg_con", _governor)):
             self._controls(table, controls)
         self.net.reference()
+        apart = self.net.settle_islands(str(self.file.path))
         self._generation()
         self.net.idle()
-        apart = self.net.settle_islands(str(self.file.path))
         self.net.storage_buses()
         left = [name for name in self.file.unread if name not in MODELS]
         said = [f"{self.file.path}: not represented: {', '.join(left)}."] if left else []
@@ -222,6 +222,7 @@ class _Reader:
 
     def _generation(self) -> None:
         """Generation at buses without a machine, as impedances; where they hold a voltage, after a power flow."""
+        self.alone = {bus: power for bus, power in self.alone.items() if bus in self.net.at}
         held = [bus for bus in self.alone if self.net.bus(bus).kind == "pv"]
         if held:
             machines, places = list(self.net.rows["machines"]), list(self.net.places["machines"])
@@ -279,7 +280,8 @@ class _Reader:
         if kind != 0:
             return [f"{place}: sw_con describes another disturbance than a three-phase fault, which is not read."]
         clear, remote = (rows[k].values[0] if k < len(rows) else rows[2].values[0] for k in (2, 3))
-        text = f"{place}: sw_con is --fault {bus:g} --trip {bus:g}-{far:g} --at {at:g}s --clear {clear - at:.4g}s"
+        trip = f" --trip {bus:g}-{far:g}" if far else ""
+        text = f"{place}: sw_con is --fault {bus:g}{trip} --at {at:g}s --clear {clear - at:.4g}s"
         later = f"; its far end opens {remote - clear:.4g} s later, here with the near end" if remote > clear else ""
         return [f"{text}{later}."]
 
