@@ -73,6 +73,21 @@ def test_a_bus_without_a_machine_holds_its_voltage_and_is_an_impedance(written):
     assert case.buses[2].kind == "pq"
 
 
+def test_a_swing_bus_without_a_machine_is_an_impedance_too(written):
+    """PST solves the power flow with it; then the first machine that holds a voltage has the angle found."""
+    text = SMALL.replace("2 1.00  0 0   0   0 0 0 0 1", "2 1.00  0 0   0   0 0 0 0 2").replace(
+        "0.05 3 0 0 230", "0.05 1 0 0 230"
+    )
+    case = st.load(written(text))
+    assert [bus.kind for bus in case.buses] == ["swing", "pv", "pq"]
+    (held,) = (load for load in case.loads if load.id == "G")
+    V, S = case.power_flow().V, case.power_flow().S
+    assert V[2] == pytest.approx(np.exp(1j * np.deg2rad(5)), abs=1e-9)  # as in the file
+    assert S[0].real == pytest.approx(0.9, abs=1e-9)
+    assert held.p == pytest.approx(100 * (0.9 - 0.2), rel=0.05)  # what the machine gives and the load does not draw
+    assert case.initialize().modes().eigenvalues.real.max() < 1
+
+
 def test_an_infinite_bus_is_a_voltage_behind_a_reactance(written):
     """w = sqrt(wb K / 2H), K = E V cos(angle) / X, of a classical machine at an infinite bus without anything else."""
     text = SMALL.replace("0.2 0.1 0 0.05 3", "0 0 0 0 3").replace("0.2 0.04 1 0", "0.2 0 1 0")

@@ -27,7 +27,7 @@ from .tables import Pst, Row
 
 BASE, FREQUENCY = 100.0, 60.0  # MVA, Hz   unless the file assigns basmva, sys_freq
 KINDS = {1: "swing", 2: "pv", 3: "pq"}
-HELD = 2
+HELD = (1, 2)
 LOW = 0.1  # pu   voltage below which a load is an impedance; PST has no such limit
 MODELS = ("ind_con", "mld_con", "igen_con", "svc_con", "tcsc_con", "ess_con", "dcsp_con", "dcl_con", "dcc_con")
 ROLES = {"mac_con": "machine", "exc_con": "exciter", "pss_con": "stabilizer", "tg_con": "governor", "load_con": "load"}
@@ -107,6 +107,7 @@ class _Reader:
         apart = self.net.settle_islands(str(self.file.path))
         self._generation()
         self.net.idle()
+        self.net.reference()
         self.net.storage_buses()
         left = [name for name in self.file.unread if name not in MODELS]
         said = [f"{self.file.path}: not represented: {', '.join(left)}."] if left else []
@@ -150,7 +151,7 @@ class _Reader:
             self.net.add("buses", Bus(number, KINDS[kind], *values), row.place)  # type: ignore[arg-type]
             if p or q:
                 self._load(row, number, shares.get(number, [0.0] * 4))
-            if number not in at and (pg or qg or kind == HELD):
+            if number not in at and (pg or qg or kind in HELD):
                 self.alone[number] = complex(pg, qg) * self.base
 
     def _load(self, row: Row, number: int, shares: list[float]) -> None:
@@ -223,16 +224,20 @@ class _Reader:
     def _generation(self) -> None:
         """Generation at buses without a machine, as impedances; where they hold a voltage, after a power flow."""
         self.alone = {bus: power for bus, power in self.alone.items() if bus in self.net.at}
-        held = [bus for bus in self.alone if self.net.bus(bus).kind == "pv"]
+        held = [bus for bus in self.alone if self.net.bus(bus).kind != "pq"]
         if held:
             machines, places = list(self.net.rows["machines"]), list(self.net.places["machines"])
             for bus in held:
                 self.net.add("machines", Machine(self.net.new_number(), bus, self.base, self.alone[bus].real, bus), "")
             flow = self.net.case(self.file.path, devices={}, base_mva=self.base, frequency_hz=self.hertz).power_flow()
             self.alone |= dict(zip(held, flow.S[-len(held) :] * self.base, strict=True))
-            for bus in held:
-                v, angle = abs(flow.V[self.net.at[bus]]), np.angle(flow.V[self.net.at[bus]], deg=True)
-                self.net.change(bus, kind="pq", v=float(v), angle=float(angle))
+            for bus, row in self.net.at.items():
+                if bus in held:
+                    self.net.change(
+                        bus, kind="pq", v=float(abs(flow.V[row])), angle=float(np.angle(flow.V[row], deg=True))
+                    )
+                elif self.net.bus(bus).kind == "pv":  # it may become the swing bus
+                    self.net.change(bus, angle=float(np.angle(flow.V[row], deg=True)))
             self.net.rows["machines"], self.net.places["machines"] = machines, places
         for bus, power in self.alone.items():
             place = self.net.places["buses"][self.net.at[bus]]
